@@ -10,7 +10,7 @@ at fixed displacement. They are closer near folds and at the top of a resonance.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -21,7 +21,7 @@ from asperity.arrays import Array
 from asperity.dynamics.continuation import Point, hermite, value
 from asperity.dynamics.harmonic_balance import Balance
 from asperity.dynamics.law.law import EXTRAPOLATE
-from asperity.dynamics.stability import Floquet, extrema, floquet, stack, state_at_phase_zero, unstack
+from asperity.dynamics.stability import Floquet, extrema, floquet, stack, state_at_phase_zero
 from asperity.runtime.display import short_repr
 
 _ROUND_OFF = 1e-15  # relative round-off of the contact force
@@ -67,11 +67,9 @@ class Branch:
         radius: largest modulus of a Floquet multiplier
         error: estimate of the truncation error, or of the round-off error if larger, relative to the amplitude
         det_error: deviation of the monodromy determinant from Liouville's; 1 where the stability is unreliable
-        harmonics: number of harmonics at each point
         coefficients: complex Fourier coefficients (points, K + 1) in the angle Omega tau / order
-        tangent: derivative of the coefficients along the branch (points, K + 1)
-        tangent_omega: derivative of Omega along the branch; with `tangent` it has length 1
         valid: False where the law is unphysical (a Taylor law with u_min < -1)
+        points: points of the continuation, with their tangents
         end: reason why the branch ends
     """
 
@@ -85,23 +83,15 @@ class Branch:
     radius: Array
     error: Array
     det_error: Array
-    harmonics: Array
     coefficients: Array
-    tangent: Array
-    tangent_omega: Array
     valid: Array
+    points: tuple[Point, ...]
     end: str
 
     __repr__ = short_repr
 
     def __len__(self) -> int:
         return self.Omega.size
-
-    def points(self) -> Iterator[Point]:
-        """Points of the continuation."""
-        for i, count in enumerate(self.harmonics):
-            x, t = (unstack(c[i], int(count)) for c in (self.coefficients, self.tangent))
-            yield Point(x, float(self.Omega[i]), t, float(self.tangent_omega[i]), float(self.error[i]))
 
     @property
     def contact_loss(self) -> Array:
@@ -141,8 +131,7 @@ def measure(balance: Balance, points: Sequence[Point], kind: str, end: str, f: F
     valid = np.ones(omega.size, bool) if balance.restoring.contact else u_min >= -1.0
     return Branch(
         kind, balance.order, omega, u_max, u_min, np.abs(c[:, balance.order]), f.stable, f.radius,
-        np.maximum([p.error for p in points], round_off), f.error, np.array([p.x.size // 2 for p in points]),
-        c, stack([p.t for p in points]), np.array([p.t_parameter for p in points]), valid, end,
+        np.maximum([p.error for p in points], round_off), f.error, c, valid, tuple(points), end,
     )  # fmt: skip
 
 
@@ -166,9 +155,9 @@ def within_law(
                 f"{high:.6g}); compute the curve further, or {EXTRAPOLATE}"
             )
             edges = np.flatnonzero(np.diff(np.concatenate([[False], inside, [False]]).astype(int)))
-            columns: dict[str, Any] = {name: x for name, x in vars(b).items() if isinstance(x, np.ndarray)}
+            columns: dict[str, Any] = {n: x for n, x in vars(b).items() if isinstance(x, (np.ndarray, tuple))}
             pieces = [
-                replace(b, **{name: column[first:last] for name, column in columns.items()}, end="range of the law")
+                replace(b, **{n: x[first:last] for n, x in columns.items()}, end="range of the law")
                 for first, last in edges.reshape(-1, 2)
                 if last - first > 1
             ]
@@ -203,7 +192,7 @@ def on_cubic(branch: Branch, place: Array) -> tuple[Array, Array]:
     """
     i = np.minimum(place.astype(int), len(branch) - 2)
     y = np.column_stack([branch.Omega, branch.coefficients])
-    t = np.column_stack([branch.tangent_omega, branch.tangent])
+    t = np.column_stack([[p.t_parameter for p in branch.points], stack([p.t for p in branch.points])])
     chord = y[i + 1] - y[i]
     length = np.linalg.norm(chord, axis=1)[:, None]
     found = value(hermite(y[i], chord, length * t[i], length * t[i + 1]), (place - i)[:, None])

@@ -16,6 +16,7 @@ from functools import lru_cache
 from typing import Any
 
 import numpy as np
+from numpy.polynomial import legendre
 from numpy.typing import ArrayLike
 from scipy.optimize import brentq
 
@@ -29,7 +30,6 @@ from asperity.runtime.display import short_repr
 
 _ORDERS = (24, 48, 96, 192, 384)
 _RTOL = 2e-13
-_TINY = 1e-9
 _ROUGH = 16  # harmonics of starting values
 
 
@@ -40,7 +40,7 @@ class FreeOrbit:
     Attributes:
         u0, u_min: turning points (u > 0 is compression)
         omega: frequency over omega_s
-        a1: amplitude of the first harmonic of u
+        a1, a2: amplitudes of the first and second harmonic of u, cosines
         v_s: speed at separation (0 if contact is kept)
         flight: share of the period out of contact
         dissipation: INT g u'^2 over a period, for the requested damping model
@@ -51,6 +51,7 @@ class FreeOrbit:
     u_min: float
     omega: float
     a1: float
+    a2: float
     v_s: float
     flight: float
     dissipation: float
@@ -147,34 +148,33 @@ def free_orbit(restoring: Restoring, u0: float, damping: Damping = "always") -> 
         RangeError: the orbit leaves a table, or passes the rim of a Taylor well
         ConvergenceError: the quadrature does not converge (the law is too rough between its knots)
     """
-    u0 = positive("u0", u0)
-    half = _half_period(restoring, u0)
-    restoring.check_range(half.u_min, u0)
-    if not half.error < 1e-6:
-        if u0 < _TINY:
-            raise ConvergenceError(
-                f"u0 = {u0:g} is lost in round-off next to the static deflection: the frequency is that of small motion"
-            )
+    orbit = _orbit(restoring, positive("u0", u0), damping, _ORDERS)
+    restoring.check_range(orbit.u_min, u0)
+    if not orbit.error < 1e-6:
         raise ConvergenceError(
-            f"the period at u0 = {u0:g} converges only to {half.error:.1e}: the law is too rough; fit a power law to it"
+            f"the period at u0 = {u0:g} converges only to {orbit.error:.1e}: the amplitude is lost in round-off, or "
+            "the law is too rough; fit a power law to it"
         )
-    a1 = float(_harmonics(half, np.array([1]))[0])
+    return orbit
+
+
+def rough_orbit(restoring: Restoring, u0: float, damping: Damping) -> FreeOrbit:
+    """Orbit to about 1e-4, for starting values."""
+    return _orbit(restoring, u0, damping, _ORDERS[:1])
+
+
+def _orbit(restoring: Restoring, u0: float, damping: Damping, orders: tuple[int, ...]) -> FreeOrbit:
+    half = _half_period(restoring, u0, orders)
+    a1, a2 = (float(a) for a in _harmonics(half, np.array([1, 2])))
     return FreeOrbit(
-        u0, half.u_min, 2.0 * np.pi / half.period, a1, half.v_s, 2.0 * half.flight / half.period,
+        u0, half.u_min, 2.0 * np.pi / half.period, a1, a2, half.v_s, 2.0 * half.flight / half.period,
         _dissipation(restoring, half, damping), max(half.error, 1e-15),
     )  # fmt: skip
 
 
-def rough_orbit(restoring: Restoring, u0: float, damping: Damping) -> tuple[float, float, float]:
-    """Frequency, `FreeOrbit.drive` and second harmonic over the first to about 1e-4, for starting values."""
-    half = _half_period(restoring, u0, orders=_ORDERS[:1])
-    a1, a2 = _harmonics(half, np.array([1, 2]))
-    return 2.0 * np.pi / half.period, _dissipation(restoring, half, damping) / (np.pi * float(a1)), float(a2 / a1)
-
-
 def rough_states(restoring: Restoring, u0: float, phase: Array) -> tuple[float, Array, Array]:
     """Frequency, and displacements and speeds at angles `phase` after the release, for starting values."""
-    half, k = _half_period(restoring, u0, orders=_ORDERS[1:2]), np.arange(_ROUGH + 1)
+    half, k = _half_period(restoring, u0, _ORDERS[1:2]), np.arange(_ROUGH + 1)
     omega, a = 2.0 * np.pi / half.period, _harmonics(half, k)
     return omega, np.cos(np.multiply.outer(phase, k)) @ a, -omega * (np.sin(np.multiply.outer(phase, k)) @ (k * a))
 
@@ -198,7 +198,7 @@ class _HalfPeriod:
         return 2.0 * (float(self.dt.sum()) + self.flight)
 
 
-def _half_period(restoring: Restoring, u0: float, least: int = 0, orders: tuple[int, ...] = _ORDERS) -> _HalfPeriod:
+def _half_period(restoring: Restoring, u0: float, orders: tuple[int, ...]) -> _HalfPeriod:
     u_min, v_s = _turning_point(restoring, u0)
     mid, half = 0.5 * (u0 + u_min), 0.5 * (u0 - u_min)
     low = -1.0 if v_s > 0 else u_min
@@ -214,7 +214,7 @@ def _half_period(restoring: Restoring, u0: float, least: int = 0, orders: tuple[
         u, dt, t, speed = _contact_part(restoring, theta, u_min, u0, v0, order)
         time = float(dt.sum())
         error = abs(time - previous) / time
-        if error < _RTOL and order >= least:
+        if error < _RTOL:
             break
         previous = time
     n = restoring.n_loc
@@ -333,17 +333,13 @@ def _mean_force(restoring: Restoring, start: Array, length: Array) -> Array:
 
 @lru_cache(maxsize=16)
 def _gauss(order: int) -> tuple[Array, Array]:
-    return np.polynomial.legendre.leggauss(order)
+    return legendre.leggauss(order)
 
 
 @lru_cache(maxsize=16)
 def _integration(order: int) -> Array:
     """Matrix that integrates values at the Gauss points from -1 to each of them."""
     x, w = _gauss(order)
-    basis = np.polynomial.legendre.legvander(x, order)
     k = np.arange(order)
-    coefficients = (basis[:, :order] * w[:, None]).T * (k + 0.5)[:, None]
-    integral = np.empty((order, order))
-    integral[:, 0] = x + 1.0
-    integral[:, 1:] = (basis[:, 2:] - basis[:, : order - 1]) / (2.0 * k[1:] + 1.0)
-    return integral @ coefficients
+    coefficients = (k + 0.5)[:, None] * (legendre.legvander(x, order - 1) * w[:, None]).T
+    return np.asarray(legendre.legvander(x, order) @ legendre.legint(np.eye(order), lbnd=-1) @ coefficients)

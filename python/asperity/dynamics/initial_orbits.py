@@ -100,7 +100,7 @@ def backbone_chart(equation: Equation, forcing: float) -> Chart:
         return Chart(none, none, none, 0.0, 1.0)
 
     def surplus(log: float) -> float:
-        return 2.0 * zeta * rough_orbit(r, float(np.exp(log)), damping)[1] - forcing
+        return 2.0 * zeta * rough_orbit(r, float(np.exp(log)), damping).drive - forcing
 
     low, top = np.log([_AMPLITUDES[0], min(_AMPLITUDES[1], r.u_range[1])])
     high = low
@@ -114,7 +114,8 @@ def backbone_chart(equation: Equation, forcing: float) -> Chart:
     except ConvergenceError:  # the law is too stiff at amplitudes far beyond any resonance
         high = low
     amplitude = np.geomspace(min(_SMALLEST, 0.1 * np.exp(high)), np.exp(high), _POINTS)
-    frequency, drive, second = np.array([rough_orbit(r, float(u), damping) for u in amplitude]).T
+    orbits = [rough_orbit(r, float(u), damping) for u in amplitude]
+    frequency, drive, second = np.array([(o.omega, o.drive, o.a2 / o.a1) for o in orbits]).T
     lost = np.divide(zeta * drive, forcing * second, out=np.full(_POINTS, np.inf), where=second != 0)
     return Chart(amplitude, frequency, lost, float(min(1.0, *frequency)), float(max(1.0, *frequency)))
 

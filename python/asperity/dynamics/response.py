@@ -87,7 +87,7 @@ class FrequencyResponse:
         for number, branch in enumerate(self.branches):
             balance = replace(self.balance, order=branch.order)
             try:
-                points = list(crossings(in_omega(balance, self.setting.F_hat), branch.points(), omega))
+                points = list(crossings(in_omega(balance, self.setting.F_hat), branch.points, omega))
             except ConvergenceError as error:
                 raise ConvergenceError(
                     f"an orbit at Omega = {omega:g} on branch {number} ({branch.kind}) could not be corrected: "

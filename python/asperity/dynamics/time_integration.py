@@ -169,7 +169,7 @@ def path_of(
     def loss(u: Any) -> Any:
         return twice * (u if damping == "always" else primitive(r, damping, u))
 
-    if u.size > _FEW or not r.law.scalar or damping != "always":
+    if u.size > _FEW or damping != "always":
         with np.errstate(over="ignore", invalid="ignore"):
             drive = list(wave[:, None] * forcing + 1.0 / r.n_loc)
             us, vs = _runge_kutta(u, w, h, drive, lambda x: r.law.push(r.z_s * (1.0 + x)) / r.scale, loss)

@@ -38,7 +38,6 @@ class Law(ABC):
     Attributes:
         contact: whether the force vanishes for ``z <= 0`` (False for a truncated series)
         extrapolate: whether approaches outside `z_range` are allowed
-        scalar: whether `at` works on plain floats, many times faster than `both` on an array of one element
 
     Examples:
         A linear spring of 2 N/m that pushes only:
@@ -66,7 +65,6 @@ class Law(ABC):
 
     contact = True
     extrapolate = True
-    scalar = False
 
     @abstractmethod
     def both(self, z: Array) -> tuple[Array, Array]:

@@ -51,8 +51,6 @@ class PowerLaw(Law):
     correlation: float = 0.0
     fitted_to: float = np.inf
 
-    scalar = True
-
     __repr__ = short_repr
 
     def __post_init__(self) -> None:

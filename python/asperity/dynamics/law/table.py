@@ -75,8 +75,6 @@ class TableLaw(Law):
     noise: float = field(default=0.0, init=False)
     _measured: Array = field(init=False, repr=False)  # the forces given, in contact
 
-    scalar = True
-
     __repr__ = short_repr
 
     def __post_init__(self) -> None:

@@ -39,7 +39,6 @@ class TaylorLaw(Law):
     p: tuple[float, float, float]
 
     contact = False
-    scalar = True
 
     @classmethod
     def about(cls, law: Law, load: float) -> TaylorLaw:
