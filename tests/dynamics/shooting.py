@@ -1,15 +1,17 @@
 # SPDX-FileCopyrightText: The asperity developers
 # SPDX-License-Identifier: LGPL-3.0-or-later
 
-"""Periodic orbits by Newton's method on the motion with located separations and landings."""
+"""Periodic orbits by Newton's method on the motion with located separations and landings; shared responses."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 from scipy.interpolate import CubicHermiteSpline
 
+from asperity.dynamics import ContactOscillator, FrequencyResponse, PowerLaw
 from asperity.dynamics.equation import Equation
 from asperity.dynamics.time_integration import integrate
 from asperity.errors import ConvergenceError
@@ -53,3 +55,11 @@ def shoot(equation: Equation, omega: float, forcing: float, u: float, v: float, 
     a1 = 2.0 * abs(np.fft.rfft(even)[1]) / 4096
     first, second = np.linalg.eigvals(flow(y))  # of the orbit, not of the start
     return Shot(float(path.u.max()), float(path.u.min()), float(a1), (complex(first), complex(second)))
+
+
+@lru_cache
+def computed(
+    n: float = 1.5, zeta: float = 0.01, forcing: float = 0.05, window: tuple[float, float] = (0.5, 1.3)
+) -> FrequencyResponse:
+    """Response of a power law, computed once for all tests."""
+    return ContactOscillator(PowerLaw(n), zeta=zeta).response(forcing, window)

@@ -13,9 +13,10 @@ from typing import Any
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
+from shooting import computed
 from test_response import one_period
 
-from asperity.dynamics import ContactOscillator, FrequencyResponse, PowerLaw, TableLaw, continuation
+from asperity.dynamics import ContactOscillator, PowerLaw, TableLaw, continuation
 from asperity.errors import ConvergenceError
 from asperity.plot import vibration
 
@@ -35,13 +36,14 @@ def case(n: float, zeta: float, forcing: float) -> Any:
         (0.7, 0.02, 0.05, (0.6, 1.3), (1.02,), 1, 1.5),
         (1.5, 0.0005, 0.1, (0.3, 0.55), (0.4955, 0.33), 1, 2.5),  # superharmonic folds
         (2.4, 0.005, 0.2, (0.28, 1.5), (0.35, 0.4), 1, 2.5),  # pieces that connect outside the window
+        (3.267, 0.00273, 0.122, (0.265, 0.751), (0.326,), 1, 2.0),  # a loop that few states lead to
         (1.76, 0.019, 0.2514, (1.5, 2.5), (1.8431,), 2, 1.5),  # a loop of period 2 below the onset
         (1.5, 0.01, 0.3, (1.5, 2.5), (1.7, 2.0), 2, 2.0),
     ],
 )
 def test_no_orbit_is_missing(n, zeta, forcing, window, omega, order, radius) -> None:
     """Against Newton's method on an independent period map, from 80 states."""
-    r = ContactOscillator(PowerLaw(n), zeta=zeta).response(forcing, window)
+    r = computed(n, zeta, forcing, window)
     i = np.arange(80)
     grid = radius * (i / 79) * np.array([np.cos(2.4 * i), np.sin(2.4 * i)])
     for w in omega:
@@ -70,12 +72,6 @@ def test_a_window_that_cuts_a_resonance(n, zeta, forcing, window, wide, omega) -
     assert not own.notes
 
 
-def test_the_stable_orbit_of_the_resonance_is_in_the_window() -> None:
-    o = ContactOscillator(PowerLaw(1.5), zeta=0.005)
-    found = o.response(0.04, (0.6, 0.8)).at(0.75)
-    assert [(round(s.u_max, 3), s.stable) for s in found] == [(0.091, True), (1.513, False), (1.571, True)]
-
-
 @pytest.mark.parametrize("window", [(0.3, 0.5), (0.8, 1.2), (1.5, 2.5)])
 def test_strong_forcing(window: tuple[float, float]) -> None:
     """Orbits mostly in flight: they add up at both ends of the window."""
@@ -86,21 +82,21 @@ def test_strong_forcing(window: tuple[float, float]) -> None:
 def test_random_windows() -> None:
     """The benchmark on a few cases: nothing is off that a wide window has, or that random starts come to."""
     random = np.random.default_rng(5)
-    for one in BENCHMARK["random_windows"](6, 7):
+    for one in BENCHMARK["random_windows"](3, 7):
         counts, words = BENCHMARK["compare"](one, BENCHMARK["response"](one, one.omega), 6, random)
         assert counts and not words, words
 
 
 def test_what_is_not_searched_is_in_the_result() -> None:
-    o = ContactOscillator(PowerLaw(1.5), zeta=0.01)
-    assert "240 starts of period 1 and 2; not searched: other periods" in o.response(0.5, (1.5, 2.0)).searched
-    assert "from rest and the backbone; not" in o.response(0.05, (0.5, 1.3)).searched
+    searched = computed(1.5, 0.01, 0.3, (1.5, 2.5)).searched
+    assert "starts of period 1 and 2; not searched: other periods" in searched
+    assert "from rest; not searched" in computed().searched
 
 
 @pytest.mark.parametrize("omega", [0.45, 0.5])
 def test_orbits_on_a_long_narrow_resonance(omega: float) -> None:
     """Small, large unstable and large stable orbit: each closes under integration of u'' and has its stability."""
-    found = ContactOscillator(PowerLaw(3.0), zeta=0.005).response(0.02, (0.3, 1.3)).at(omega)
+    found = computed(3.0, 0.005, 0.02, (0.3, 1.3)).at(omega)
     assert [s.stable for s in found] == [True, False, True]
     for s in found:
         end, high, low = one_period(3.0, 0.005, 0.02, omega, *s.start)
@@ -110,7 +106,7 @@ def test_orbits_on_a_long_narrow_resonance(omega: float) -> None:
 
 @pytest.mark.parametrize(("n", "zeta", "forcing"), [(1.5, 0.01, 0.05), (3.0, 0.005, 0.02), (0.7, 0.02, 0.05)])
 def test_two_orbits_on_one_side_of_a_fold(n: float, zeta: float, forcing: float) -> None:
-    r = ContactOscillator(PowerLaw(n), zeta=zeta).response(forcing, (0.3, 1.3))
+    r = computed(n, zeta, forcing, (0.3, 1.3))
     assert len(r["fold"]) >= 2
     for e in r["fold"]:
         for d in (1e-3, 1e-5, 1e-7):
@@ -124,7 +120,7 @@ def test_two_orbits_on_one_side_of_a_fold(n: float, zeta: float, forcing: float)
 
 
 def test_a_point_of_a_branch_is_one_orbit() -> None:
-    r = ContactOscillator(PowerLaw(1.5), zeta=0.01).response(0.05)
+    r = computed()
     (b,) = r.branches
     for i in (0, 5, len(b) - 1):
         found = r.at(float(b.Omega[i]))
@@ -133,7 +129,7 @@ def test_a_point_of_a_branch_is_one_orbit() -> None:
 
 
 def test_a_crossing_that_cannot_be_corrected_is_an_error(monkeypatch: pytest.MonkeyPatch) -> None:
-    r = ContactOscillator(PowerLaw(1.5), zeta=0.01).response(0.05)
+    r = computed()
 
     def fails(*args: Any, **options: Any) -> None:
         raise ConvergenceError("no convergence in the corrector")
@@ -146,7 +142,7 @@ def test_a_crossing_that_cannot_be_corrected_is_an_error(monkeypatch: pytest.Mon
 def test_start_from_rest_ends_on_a_branch() -> None:
     """Strong forcing and light damping cut the branch from rest into pieces."""
     n, zeta, forcing = 2.4, 0.005, 0.2
-    r = ContactOscillator(PowerLaw(n), zeta=zeta).response(forcing, (0.28, 1.5))
+    r = computed(n, zeta, forcing, (0.28, 1.5))
     assert len(r.branches) > 1
     frequencies = (0.34, 0.38)
     for omega in frequencies:
@@ -155,7 +151,9 @@ def test_start_from_rest_ends_on_a_branch() -> None:
 
 
 def test_period_2_branch_ends_at_a_period_doubling() -> None:
-    r = ContactOscillator(PowerLaw(2.0), zeta=0.05).response(0.9, (0.3, 2.4))
+    r = computed(2.0, 0.05, 0.9, (0.3, 2.4))
+    births = [e for e in r["period doubling"] if r.branches[e.branch].order == 1]
+    assert len(births) == 4 and sum(b.kind == "sub2" for b in r.branches) == 3
     (b,) = (b for b in r.branches if b.order == 2 and b.end == "period doubling")
     flips = [e for e in r["period doubling"] if e.branch == 0]
     for end in (0, -1):
@@ -169,7 +167,7 @@ def test_period_2_branch_ends_at_a_period_doubling() -> None:
 def test_period_4_branches_are_orbits_of_period_4() -> None:
     """Orbits of the branch, by an independent integration: they close after four periods and not after two."""
     n, zeta, forcing = 2.0, 0.05, 0.9
-    r = ContactOscillator(PowerLaw(n), zeta=zeta).response(forcing, (0.3, 2.4))
+    r = computed(n, zeta, forcing, (0.3, 2.4))
     branches = [b for b in r.branches if b.kind == "sub4"]
     assert branches and all(b.order == 4 for b in branches)
 
@@ -194,7 +192,7 @@ def test_period_4_branches_are_orbits_of_period_4() -> None:
 def test_stability_changes_at_points_of_a_branch() -> None:
     """Also on period-2 branches, and without damping."""
     for zeta, forcing, n, window in ((0.05, 0.9, 2.0, (0.3, 2.4)), (0.0, 0.05, 1.5, (0.5, 1.3))):
-        for b in ContactOscillator(PowerLaw(n), zeta=zeta).response(forcing, window).branches:
+        for b in computed(n, zeta, forcing, window).branches:
             for i in np.flatnonzero(b.stable[:-1] != b.stable[1:]):
                 assert np.abs(b.radius[i : i + 2] - 1).min() < 1e-3
 
@@ -218,7 +216,7 @@ ROWS = [
 @pytest.mark.parametrize(("n", "zeta", "forcing", "window"), ROWS)
 def test_straight_lines_between_rows(n, zeta, forcing, window) -> None:
     """Against corrected orbits, at random frequencies and near folds: u_max at Omega and Omega at u_max."""
-    r = ContactOscillator(PowerLaw(n), zeta=zeta).response(forcing, window)
+    r = computed(n, zeta, forcing, window)
     rows = [row for row in r.rows() if row["branch"] == "main"]
     assert 50 < len(rows) < 3000
     omega, u = (np.array([row[name] for row in rows]) for name in ("Omega", "u_max"))
@@ -241,7 +239,7 @@ def test_straight_lines_between_rows(n, zeta, forcing, window) -> None:
 
 
 def test_stability_of_rows_changes_at_events() -> None:
-    r: FrequencyResponse = ContactOscillator(PowerLaw(1.5), zeta=0.01).response(0.05)
+    r = computed()
     (line,) = r.lines()
     changes = np.flatnonzero(line.stable[:-1] != line.stable[1:])
     assert len(changes) == len(r["fold"]) == 2
@@ -251,7 +249,7 @@ def test_stability_of_rows_changes_at_events() -> None:
 
 def test_a_branch_is_drawn_without_gaps() -> None:
     """Stable, unstable, stable: three lines that share their ends, for any distance of the rows."""
-    r = ContactOscillator(PowerLaw(3.0), zeta=0.005).response(0.02, (0.3, 1.3))
+    r = computed(3.0, 0.005, 0.02, (0.3, 1.3))
     figure = vibration.amplitude_frequency([r])
     lines = [line for line in figure.axes[0].lines if line.get_marker() == "None"]
     ends = [(np.asarray(line.get_xdata())[[0, -1]], np.asarray(line.get_ydata())[[0, -1]]) for line in lines]

@@ -18,7 +18,7 @@ from hypothesis import strategies as st
 
 import asperity as asp
 from asperity.case import Case
-from asperity.dynamics import ContactOscillator, PowerLaw, TableLaw, response_band, run_dynamics
+from asperity.dynamics import ContactOscillator, DynamicsSettings, PowerLaw, TableLaw, response_band, run_dynamics
 from asperity.dynamics.settings import forcings, window
 from asperity.errors import AsperityError, InputError, RangeError
 
@@ -118,11 +118,6 @@ def test_hardening_needs_n_below_one() -> None:
     assert len(turns) == 1 and turns[0][1] > 1  # contact loss softens in the end
 
 
-def test_backbone_stays_inside_the_taylor_rim() -> None:
-    b = ContactOscillator(PowerLaw(1.5)).taylor().backbone(10.0)
-    assert b.u0[-1] < 1.7 and np.isfinite(b.omega_ratio).all()
-
-
 def test_run_writes_its_files(tmp_path) -> None:
     law = PowerLaw(1.5, 2.0, (1.45, 1.55), (1.9, 2.2), -0.3)
     out = tmp_path / "out"
@@ -181,28 +176,18 @@ def test_gravity_belongs_to_the_units(tmp_path: Path) -> None:
     assert written["exact"]["responses"][0]["peak"] == pytest.approx(first["exact"]["responses"][0]["peak"], rel=1e-6)
 
 
-def test_gravity_of_the_case_is_the_default(tmp_path: Path) -> None:
-    """From the folder or its curve.csv; an argument has priority."""
-    folder = _curve_in(tmp_path / "run", 1e6, 1e3, 'units = "other"\n[dynamics]\ngravity = 9.80665e6\n')
+def test_the_settings_of_the_case_are_the_default(tmp_path: Path) -> None:
+    """From the folder or its curve.csv; arguments have priority; without a case the damping ratio is 0.01."""
+    text = 'units = "other"\n[dynamics]\ngravity = 9.80665e6\nzeta = 0.03\ndamping = "contact"\n'
+    folder, bare = _curve_in(tmp_path / "run", 1e6, 1e3, text), _curve_in(tmp_path / "bare", 1.0, 1.0)
     for source in (folder, folder / "curve.csv"):
-        assert run_dynamics(source, **QUICK).gravity == 9.80665e6
-    assert run_dynamics(folder, gravity=1.0, **QUICK).gravity == 1.0
+        found = DynamicsSettings.of_source(source)
+        assert (found.gravity, found.zeta, found.damping) == (9.80665e6, 0.03, "contact")
+    result = run_dynamics(folder, gravity=1.0, zeta=0.05, damping="always", **QUICK)
+    assert (result.gravity, result.first.zeta, result.first.damping) == (1.0, 0.05, "always")
+    assert DynamicsSettings.of_source(bare) == DynamicsSettings()
     with pytest.raises(InputError, match=r"gravity = 0.* is not legal"):
         run_dynamics(folder, gravity=0.0, **QUICK)
-
-
-def test_damping_of_the_case_is_the_default(tmp_path: Path) -> None:
-    """An argument has priority; without a case the ratio is 0.01."""
-    text = 'units = "SI"\n[dynamics]\nzeta = 0.03\ndamping = "contact"\n'
-    folder, bare = _curve_in(tmp_path / "run", 1.0, 1.0, text), _curve_in(tmp_path / "bare", 1.0, 1.0)
-
-    def damping_of(source: Path, **options: Any) -> tuple[float, str]:
-        oscillator = run_dynamics(source, **options, **QUICK).oscillators["exact"]
-        return oscillator.zeta, str(oscillator.damping)
-
-    assert damping_of(folder) == damping_of(folder / "curve.csv") == (0.03, "contact")
-    assert damping_of(folder, zeta=0.05, damping="always") == (0.05, "always")
-    assert damping_of(bare) == (0.01, "always")
 
 
 def test_the_case_of_a_run_gives_what_is_not_given(tmp_path: Path) -> None:
@@ -243,13 +228,11 @@ def test_an_overload_of_the_case_goes_with_its_preload(tmp_path: Path) -> None:
     text = 'units = "SI"\n[dynamics]\npreload = 0.2\noverload = 0.3\nmodel = ["exact"]\nomega = [0.9, 0.91]\n'
     (tmp_path / "case.toml").write_text(text, encoding="utf-8")
 
-    def reached(**options: Any) -> float | None:
-        laws = run_dynamics(tmp_path, bands=False, **options).laws
-        assert laws is not None
-        return laws.choice.reached
-
-    assert reached() == pytest.approx(0.3) and reached(overload=0.25) == pytest.approx(0.25)
-    assert reached(preload=0.1) == pytest.approx(0.1) and reached(law="paper") is None
+    given = DynamicsSettings.of_source(tmp_path)
+    assert given.overload == 0.3 and given.replaced(overload=0.25).preload == 0.2
+    assert given.replaced(preload=0.1).overload is None and given.replaced(law="paper").overload is None
+    laws = run_dynamics(tmp_path, given, bands=False).laws
+    assert laws is not None and laws.choice.reached == pytest.approx(0.3)
 
 
 def test_an_analysis_without_bands_keeps_no_old_ones(tmp_path: Path) -> None:
@@ -309,20 +292,6 @@ def test_bad_arguments_write_nothing(tmp_path, options, words) -> None:
     assert not (tmp_path / "out").exists()
 
 
-@pytest.mark.parametrize(
-    ("force", "load", "error", "words"),
-    [
-        ([1, 2, 4, 6, 9], 10.0, RangeError, "outside the curve, which ends at force 9"),
-        ([1, 5, 3, 6, 9], None, InputError, "falls from 5 to 3"),
-        ([], None, InputError, "empty"),
-    ],
-)
-def test_bad_curves_are_refused_as_a_paper_law(force, load, error, words) -> None:
-    curve = {"delta": [float(k + 1) for k in range(len(force))], "force": force}
-    with pytest.raises(error, match=words):
-        run_dynamics(curve, preload=load, law="paper")
-
-
 def test_response_beyond_the_fitted_curve_is_reported() -> None:
     z = np.linspace(0.1, 1.0, 10)
     result = run_dynamics({"delta": z, "force": z**1.5}, zeta=0.05, forcing=0.15, model=["exact"], sweeps=False)
@@ -337,6 +306,17 @@ def test_response_beyond_the_fitted_curve_is_reported() -> None:
         (lambda o: o.simulate(1.0, 0.1, u=np.nan), "u = nan"),
         (lambda o: o.backbone(points=0), "points = 0"),
         (lambda o: o.free("far"), "u0 = 'far'"),
+        (lambda o: o.free(np.nan), "u0 = nan"),
+        (lambda o: o.free([]), "u0 is empty"),
+        (lambda o: o.response(np.inf), "forcing = inf"),
+        (lambda o: o.response(-0.1), "forcing = -0.1"),
+        (lambda o: o.response(0.1, (1.3, 0.5)), "omega"),
+        (lambda o: o.response(0.1, (0.5,)), "omega"),
+        (lambda o: o.response(0.1, (0.0, 1.0)), "omega"),
+        (lambda o: o.response(0.05, (0.9, 0.91)).at(2.0), "outside the computed window"),
+        (lambda o: o.sweep([]), "forcing"),
+        (lambda o: o.sweep(0.1, directions=("left",)), "left"),
+        (lambda o: o.sweep(0.1, points=1), "points"),
         (lambda o: o.simulate(1e-9, 0.1), "omega = 1e-09"),
         (lambda o: o.simulate(1.0, 1e300), r"forcing = 1e\+300"),
         (lambda o: replace(o, zeta=1e-6).sweep(0.1), "zeta = 1e-06 is not legal for motion that must settle"),
@@ -353,14 +333,14 @@ def test_a_sweep_left_out_for_light_damping_is_reported() -> None:
 
 
 def test_band_reaches_the_ends_of_the_legal_frequencies() -> None:
-    band = response_band(ContactOscillator(PowerLaw(1.5), zeta=0.5), 1e-9, (0.01, 0.02), members=[PowerLaw(1.4)])
+    band = response_band(ContactOscillator(PowerLaw(1.5), zeta=0.5), 1e-9, (0.01, 0.012), members=[PowerLaw(1.4)])
     assert np.isfinite(band.upper).all()
 
 
 TEN_TO = st.floats(-320, 308).map(lambda e: 10.0**e)
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=30, deadline=None)
 @given(
     st.one_of(st.floats(0.25, 100), TEN_TO),
     st.one_of(st.just(1.0), TEN_TO),
@@ -371,7 +351,7 @@ TEN_TO = st.floats(-320, 308).map(lambda e: 10.0**e)
 )
 def test_any_input_gives_finite_results_or_an_error_message(n: float, K: float, options: dict[str, Any]) -> None:
     try:
-        result = run_dynamics(PowerLaw(n, K), sweeps=False, omega=(0.9, 1.1), **options)
+        result = run_dynamics(PowerLaw(n, K), bands=False, omega=(0.95, 1.05), **options)
     except AsperityError as error:
         assert "\n" not in str(error)
     else:
@@ -435,25 +415,14 @@ def test_band_contains_the_central_response() -> None:
     assert (band.upper[1] - band.upper[0] > 1e-4).all()
 
 
-def test_bad_sweeps() -> None:
-    o = ContactOscillator(PowerLaw(1.5))
-    for options, words in (
-        ({"forcing": []}, "forcing"),
-        ({"forcing": 0.1, "directions": ("left",)}, "left"),
-        ({"forcing": 0.1, "points": 1}, "points"),
-    ):
-        with pytest.raises(InputError, match=words):
-            o.sweep(**options)
-
-
 def test_figures_of_a_run(tmp_path) -> None:
     from asperity.plot import oscillator as plots
 
     law = PowerLaw(1.5, 1.0, (1.45, 1.55), (0.97, 1.03))
-    result = run_dynamics(law, zeta=0.05, forcing=0.12, omega=(0.8, 1.1), sweeps=False)
+    result = run_dynamics(law, zeta=0.2, forcing=0.3, omega=(0.9, 1.1), model="exact")
     names = {path.name for path in plots.plot_dynamics(result, tmp_path)}
     figures = ("frequency", "response", "receptance", "operating-point", "backbone", "phase", "stability")
     assert names == {f"{figure}.{form}" for figure in figures for form in ("png", "svg")}
     assert all((tmp_path / name).stat().st_size > 10_000 for name in names)
-    chart = plots.stability_chart(result.oscillators["exact"], [0.05, 0.2], (0.8, 1.1))
+    chart = plots.stability_chart(result.oscillators["exact"], [0.05, 0.2], (0.9, 1.1))
     assert chart.axes[0].get_yscale() == "log"

@@ -119,7 +119,7 @@ class Search:
         """Sentence `FrequencyResponse.searched`."""
         periods = "period 1 and 2, with period 4 from period doublings" if self.subharmonics else "period 1"
         tried = " and ".join(str(order) for order in self._searched_orders())
-        origins = f"rest, the backbone and {self.starts} starts of period {tried}" if tried else "rest and the backbone"
+        origins = f"rest and up to {2 * self.starts} starts of period {tried}" if tried else "rest"
         left = "that start from none of these states" if tried else "that so weak a forcing is not expected to sustain"
         return f"searched: orbits of {periods}, from {origins}; not searched: other periods, and loops {left}"
 
