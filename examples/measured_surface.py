@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: The asperity developers
 # SPDX-License-Identifier: LGPL-3.0-or-later
 
-"""From a scan to its fractal equivalent and to the contact of the patch itself.
+"""From a scan to its Hurst exponent and to the contact of the patch itself.
 
 The scan is made up here; HeightField.read("scan.sur") reads the files of instruments (pip install SurfaceTopography).
 """
@@ -15,8 +15,9 @@ import numpy as np
 
 import asperity as asp
 from asperity.surface import WeierstrassMandelbrot
-from asperity.surface.fractal_fit import fit_fractal
 from asperity.surface.measured import HeightField
+from asperity.surface.self_affine_fit import fit_self_affine
+from asperity.surface.statistics import psd
 
 
 def made_up_scan() -> HeightField:
@@ -30,11 +31,10 @@ def made_up_scan() -> HeightField:
 
 
 def main() -> tuple[float, float]:
-    """Return the fractal dimension found and the greatest load P* of the patch."""
+    """Return the Hurst exponent found and the greatest load P* of the patch."""
     scan = made_up_scan().filled().levelled("curvature")
-    fit = fit_fractal(scan, trend="curvature", realisations=60)
-    print(f"D = {fit.D:.3f} ({fit.ci_D[0]:.3f} to {fit.ci_D[1]:.3f}), "
-          f"G = {fit.G:.2g} m ({fit.ci_G[0]:.1g} to {fit.ci_G[1]:.1g})")  # fmt: skip
+    fit = fit_self_affine(psd(scan.z, len(scan.z) * scan.dx), shortest=4 * scan.dx)
+    print(f"H = {fit.H:.2f} ± {fit.error_H:.2f}")
     with tempfile.TemporaryDirectory() as folder:
         patch = scan.filtered(8e-6).window(12e-6, 10e-6, 20e-6).save(Path(folder) / "patch.npz")
         surface = asp.Surface.from_spec(kind="file", path=patch)
@@ -42,7 +42,7 @@ def main() -> tuple[float, float]:
     result = asp.solve_contact(surface, asp.Material(200e9, 0.3), delta_max=0.2e-6, steps=4, size=size)
     load = float(result.curve.P_star[-1])
     print(f"P* = {load:.4g} at delta* = {result.curve.delta_star[-1]:g}")
-    return fit.D, load
+    return fit.H, load
 
 
 if __name__ == "__main__":

@@ -5,7 +5,6 @@
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -20,11 +19,6 @@ FRACTAL = WeierstrassMandelbrot(L=1.0, D=2.5, G=1e-4, M=5, f_max=6)
 WAVE = Sinusoid(L=1.0, amplitude=0.01, wavelength=0.25, dims=2)
 RNG = np.random.default_rng(0)
 X, Y = RNG.uniform(0, 1, (2, 200))
-
-
-def height_map(folder: Path, z: np.ndarray) -> HeightMap:
-    np.savez(folder / "map.npz", z=z, L=1.0)
-    return HeightMap(path=folder / "map.npz")
 
 
 def convolved(surface: Surface, x: float, y: float, s: float) -> float:
@@ -71,11 +65,11 @@ def test_two_surfaces_are_smoothed_alike() -> None:
 
 
 @pytest.mark.parametrize("shape", [(129, 129), (120, 151)])
-def test_maps_against_a_direct_convolution(tmp_path: Path, shape: tuple[int, int]) -> None:
+def test_maps_against_a_direct_convolution(shape: tuple[int, int]) -> None:
     """Mirrored at the edges; points at the nodes, edges and corners included."""
     ny, nx = shape
     z = 0.01 * (np.random.default_rng(1).normal(size=shape) + 3 * np.sin(np.arange(nx) / 9)) + 500.0
-    surface = height_map(tmp_path, z)
+    surface = HeightMap.of(z, 1.0)
     iy, ix = (np.append(np.random.default_rng(2).integers(0, n, 300), [0, n - 1, 0]) for n in shape)
     for width in (1.0, 1.5, 3.1, 8.0, 25.0):  # a sampled Gaussian of less is not a Gaussian
         s = width / (min(shape) - 1)
@@ -86,17 +80,17 @@ def test_maps_against_a_direct_convolution(tmp_path: Path, shape: tuple[int, int
     np.testing.assert_allclose(nodes, z[iy, ix], rtol=1e-14)
 
 
-def test_each_point_has_its_own_width(tmp_path: Path) -> None:
-    surface = height_map(tmp_path, RNG.normal(size=(65, 65)))
+def test_each_point_has_its_own_width() -> None:
+    surface = HeightMap.of(RNG.normal(size=(65, 65)), 1.0)
     widths = np.where(X > 0.5, 0.0, np.geomspace(1e-4, 1.0, X.size))
     alone = [float(surface.smoothed(*point)) for point in zip(X, Y, widths, strict=True)]
     np.testing.assert_allclose(surface.smoothed(X, Y, widths), alone, rtol=0, atol=1e-12)
 
 
-def test_a_constant_map_stays_and_the_mean_is_kept(tmp_path: Path) -> None:
-    constant = height_map(tmp_path, np.full((33, 40), 7.0))
+def test_a_constant_map_stays_and_the_mean_is_kept() -> None:
+    constant = HeightMap.of(np.full((33, 40), 7.0), 1.0)
     np.testing.assert_allclose(constant.smoothed(X, Y, RNG.uniform(0, 0.5, X.size)), 7.0, rtol=1e-14)
-    rough = height_map(tmp_path, RNG.normal(size=(200, 200)) + 1e4)
+    rough = HeightMap.of(RNG.normal(size=(200, 200)) + 1e4, 1.0)
     s = np.linspace(0, 1, 100)
     for width in (0.01, 0.1, 1.0, 50.0):
         smooth = rough.smoothed(s[None, :], s[:, None], width)
@@ -107,10 +101,10 @@ def test_a_constant_map_stays_and_the_mean_is_kept(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("wavelength", [4, 16, 64])
-def test_the_amplitude_of_a_wave_falls_steadily_as_a_gaussian(tmp_path: Path, wavelength: int) -> None:
+def test_the_amplitude_of_a_wave_falls_steadily_as_a_gaussian(wavelength: int) -> None:
     """Within 0.006, through all levels; smoothly, so that meshes of similar sizes have similar heights."""
     n, k = 257, 2 * np.pi * 256 / wavelength
-    surface = height_map(tmp_path, np.tile(np.cos(k * np.linspace(0, 1, n)), (n, 1)))
+    surface = HeightMap.of(np.tile(np.cos(k * np.linspace(0, 1, n)), (n, 1)), 1.0)
     s = np.linspace(0, 5 / k, 400)
     found = surface.smoothed(0.5, 0.5, s)
     np.testing.assert_allclose(found, np.exp(-((k * s) ** 2) / 2), rtol=0, atol=0.006)

@@ -54,12 +54,6 @@ def equation_1(surface: WeierstrassMandelbrot, x: float, y: float) -> float:
     return float(s.L * (s.G / s.L) ** (s.D - 2) * np.sqrt(np.log(s.gamma) / s.M) * total)
 
 
-def height_map(folder: Path, z: np.ndarray) -> HeightMap:
-    """Write heights on a unit square and return the surface through them."""
-    np.savez(folder / "map.npz", z=z, L=1.0)
-    return HeightMap(path=folder / "map.npz")
-
-
 SURFACES = {
     "fractal": fractal(),
     "ridges": fractal(ridges="1..M", M=7, gamma=1.7, D=2.6, seed=3),
@@ -270,27 +264,27 @@ def test_a_summit_on_an_edge_is_found_with_its_slope(seed):
         assert slope == pytest.approx((z.max() - inner) * 1024 / L, rel=0.1)
 
 
-def test_a_symmetric_surface_has_no_slope_across_its_edge(tmp_path):
+def test_a_symmetric_surface_has_no_slope_across_its_edge():
     """Spheres in a corner and a crest on an edge, exact and sampled; a tilted plane descends from a corner."""
     corner = Sphere(L=1.0, radius=0.7, centre=(0.0, 0.0))
     assert corner.edges_of_summit() == {"x = 0": 0.0, "y = 0": 0.0}
     assert Sinusoid(L=1.0, amplitude=0.01, centre=(0.0, 0.3)).edges_of_summit() == {"x = 0": 0.0}
-    sampled = height_map(tmp_path, corner.grid(65))
+    sampled = HeightMap.of(corner.grid(65), 1.0)
     assert len(sampled.edges_of_summit()) == 2 and max(sampled.edges_of_summit().values()) < 1e-3 * sampled.rms_slope()
     s = np.linspace(0, 1, 9)
-    tilted = height_map(tmp_path, 0.1 * s[None, :] - 0.05 * s[:, None])
+    tilted = HeightMap.of(0.1 * s[None, :] - 0.05 * s[:, None], 1.0)
     assert tilted.edges_of_summit() == {"x = L": pytest.approx(0.1), "y = 0": pytest.approx(0.05)}
 
 
-def test_short_waves_of_a_map_are_those_of_the_surface_it_samples(tmp_path):
+def test_short_waves_of_a_map_are_those_of_the_surface_it_samples():
     surface = fractal(L=1.0, G=1e-6, f_max=8)
-    sampled = height_map(tmp_path, surface.grid(401))
+    sampled = HeightMap.of(surface.grid(401), 1.0)
     for wavelength in (0.1, 0.05, 0.03):
         assert sampled.short_waves(wavelength, 0.01) == pytest.approx(surface.short_waves(wavelength, 0.01), rel=0.25)
     assert surface.short_waves(0.01, 0.01) < 1e-3 * surface.short_waves(0.05, 0.01) < 1e-3 * surface.exact_rms()[0]
 
 
-def test_short_waves_are_judged_where_the_flat_touches(tmp_path):
+def test_short_waves_are_judged_where_the_flat_touches():
     """The grid of a smooth map and waves of zero height do not count; a rough summit of a smooth map and noise do."""
     s, depth, wavelength = np.linspace(0, 1, 513), 0.02, 0.1
     smooth = Sphere(L=1.0, radius=1.5).grid(513)
@@ -300,7 +294,7 @@ def test_short_waves_are_judged_where_the_flat_touches(tmp_path):
     noise = np.random.default_rng(0).normal(size=smooth.shape)
 
     def rms(z):
-        return height_map(tmp_path, z).short_waves(wavelength, depth)
+        return HeightMap.of(z, 1.0).short_waves(wavelength, depth)
 
     assert rms(smooth) < 1e-7 * depth
     assert rms(Sphere(L=1.0, radius=2.0, centre=(0.0, 0.0)).grid(257)) < 1e-6 * depth
@@ -385,13 +379,11 @@ def test_maximum_in_a_corner():
     assert Slope(L=1.0).maximum() == (0.0, 1.0, 2.0)
 
 
-@pytest.mark.parametrize("order", [3, 4, 5])
 @pytest.mark.parametrize("shape", [(40, 40), (33, 52)])
-def test_the_summit_of_a_noisy_map_is_that_of_the_search_with_one_bound(tmp_path, order, shape):
+def test_the_summit_of_a_noisy_map_is_that_of_the_search_with_one_bound(shape):
     """Between the samples of noise the spline rises far above them; at the edges it has wider cells."""
     for seed in range(4):
-        np.savez(tmp_path / "map.npz", z=0.01 * np.random.default_rng(seed).normal(size=shape), L=1.0)
-        surface = HeightMap(path=tmp_path / "map.npz", order=order)
+        surface = HeightMap.of(0.01 * np.random.default_rng(seed).normal(size=shape), 1.0)
         slow = global_maximum(surface)
         assert surface.maximum()[2] == pytest.approx(slow[2], rel=1e-13)
         assert surface.maximum()[:2] == pytest.approx(slow[:2], abs=1e-7)
@@ -409,12 +401,11 @@ GRATINGS = {
 
 
 @pytest.mark.parametrize("name", GRATINGS)
-def test_the_summit_of_ridges_and_equal_peaks_is_found_at_once(tmp_path, monkeypatch, name):
+def test_the_summit_of_ridges_and_equal_peaks_is_found_at_once(monkeypatch, name):
     """Against the spline at ten points per sample; cells along ridges are not followed to the last digit."""
     n = 193
     x = np.linspace(0, 1, n)
-    np.savez(tmp_path / "map.npz", z=GRATINGS[name](x, x[:, None]) * np.ones((n, 1)), L=1.0)
-    surface, points = HeightMap(path=tmp_path / "map.npz"), []
+    surface, points = HeightMap.of(GRATINGS[name](x, x[:, None]) * np.ones((n, 1)), 1.0), []
     at = HeightMap._at
 
     def counted(self, x, y, *derivative):
@@ -686,11 +677,9 @@ def test_height_maps_from_every_format(tmp_path, smooth_map, name):
     assert surface.mean() == pytest.approx(integral, rel=1e-6)
 
 
-def test_a_sampled_fractal_has_the_same_summit(tmp_path):
+def test_a_sampled_fractal_has_the_same_summit():
     surface = fractal(D=2.5)
-    path = tmp_path / "map.npy"
-    np.save(path, surface.grid(257))
-    copy = HeightMap(path=path, L=L)
+    copy = HeightMap.of(surface.grid(257), L)
     for a, b in zip(copy.maximum(), surface.maximum(), strict=True):
         assert a == pytest.approx(b, rel=1e-5)
     s = np.linspace(0, L, 33)
@@ -718,12 +707,13 @@ def bent(x: np.ndarray) -> np.ndarray:
         (lambda x, y, z: {"h": z}, {}, "no array 'z'; it has h"),
         (lambda x, y, z: {"z": z[:3], "L": 1.0}, {}, "at least 4 points"),
         (lambda x, y, z: {"z": z[0], "L": 1.0}, {}, "two dimensions"),
-        (lambda x, y, z: {"z": np.where(z > 0.099, np.nan, z), "L": 1.0}, {}, "not finite"),
-        (lambda x, y, z: {"z": z, "x": bent(x), "y": y}, {}, "x is not regularly spaced"),
+        (lambda x, y, z: {"z": np.where(z > 0.099, np.nan, z), "x": x, "y": y}, {}, "not finite"),
+        (lambda x, y, z: {"z": z, "x": bent(x), "y": y}, {}, "x is not a regular grid"),
         (lambda x, y, z: {"z": z, "x": x, "y": 2 * y}, {}, "patch must be square"),
         (lambda x, y, z: {"z": z.T, "x": x, "y": y}, {}, r"expected \(len\(y\), len\(x\)\)"),
+        (lambda x, y, z: {"z": z, "L": 1.0}, {}, "patch must be square"),
         (lambda x, y, z: {"z": z, "x": x[::-1], "y": y}, {}, "rising sequence"),
-        (lambda x, y, z: {"z": z, "L": 1.0}, {"order": 1}, "surface.order = 1"),
+        (lambda x, y, z: {"z": np.where(z == z.min(), -9999.0, z), "x": x, "y": y}, {}, "1 height.s. are not finite"),
     ],
 )
 def test_bad_height_maps_are_refused(tmp_path, smooth_map, arrays, options, message):
@@ -738,12 +728,9 @@ def test_unreadable_height_maps_are_refused(tmp_path):
         HeightMap(path=None, L=1.0)  # type: ignore[arg-type]
     with pytest.raises(InputError, match="there is no such file"):
         HeightMap(path=tmp_path / "none.npy", L=1.0)
-    with pytest.raises(InputError, match=r"legal: \.npz, \.npy, \.csv"):
+    (tmp_path / "map.tif").touch()
+    with pytest.raises(InputError, match=r"none of \.npz, \.npy, \.csv"):
         HeightMap(path=tmp_path / "map.tif", L=1.0)
-    for name in ("map.csv", "map.npy", "map.npz"):
-        (tmp_path / name).write_text("1,2,three\n")
-        with pytest.raises(InputError, match="cannot be read as a height map"):
-            HeightMap(path=tmp_path / name, L=1.0)
     points = [f"{x},{y},1" for x in range(8) for y in range(8)]
     (tmp_path / "points.csv").write_text("\n".join(["x,y,z", *points[:-1]]))
     with pytest.raises(InputError, match="not finite"):
@@ -753,13 +740,13 @@ def test_unreadable_height_maps_are_refused(tmp_path):
         HeightMap(path=tmp_path / "points.csv")
 
 
-def test_a_map_is_periodic_if_its_edges_agree_and_are_smooth(tmp_path: Path) -> None:
+def test_a_map_is_periodic_if_its_edges_agree_and_are_smooth() -> None:
     """Samples of a periodic surface are; a map with other edges is not, nor one with equal edges and a ridge there."""
     rough = SelfAffine(L=1.0, H=0.8, slope=0.1, lambda_short=0.05, seed=1).grid(129)
     s = np.linspace(0.0, 1.0, 129)
-    assert height_map(tmp_path, rough).periodic
-    assert not height_map(tmp_path, rough[:, :100][:100]).periodic
+    assert HeightMap.of(rough, 1.0).periodic
+    assert not HeightMap.of(rough[:, :100][:100], 1.0).periodic
     ridge = np.sin(np.pi * s)[:, None] * np.sin(np.pi * s)
-    assert not height_map(tmp_path, ridge).periodic
-    assert not height_map(tmp_path, np.cos(2 * np.pi * s)[:, None] + 0.01 * s).periodic
-    assert height_map(tmp_path, np.cos(2 * np.pi * s)[:, None] + np.zeros(129)).periodic
+    assert not HeightMap.of(ridge, 1.0).periodic
+    assert not HeightMap.of(np.cos(2 * np.pi * s)[:, None] + 0.01 * s, 1.0).periodic
+    assert HeightMap.of(np.cos(2 * np.pi * s)[:, None] + np.zeros(129), 1.0).periodic

@@ -121,7 +121,6 @@ class FileSection(_Patch):
 
     kind: Literal["file"]
     path: Text = _key("file .npz, .npy or .csv", hint="a path relative to the case file")
-    order: Whole = _key("order of the interpolating spline", 3, ge=3, le=5)
 
 
 SURFACES = (

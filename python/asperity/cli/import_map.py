@@ -20,7 +20,6 @@ from asperity.units import LENGTHS
 
 if TYPE_CHECKING:
     from asperity.surface import HeightMap, Spectrum, SurfaceStatistics
-    from asperity.surface.fractal_fit import FractalFit
     from asperity.surface.measured import HeightField
     from asperity.surface.self_affine_fit import SelfAffineFit
     from asperity.surface.texture import Wave
@@ -66,9 +65,8 @@ SMOOTHEST = 1e-4  # rms slope; below it, heights and distances may have differen
 @click.option("--window", type=float, nargs=3, metavar="X Y SIDE", help="Square to cut; default the largest.")
 @click.option("--despike", is_flag=True, help="Remove spikes and streaks, and fill them as gaps.")
 @click.option("--cutoff", type=float, metavar="LENGTH", help="Wavelength of a Gaussian low-pass filter; default none.")
-@click.option("--fit", "fitted", is_flag=True, help="Fit D and G of the fractal surface as well.")
 @click.option("--shortest", type=float, metavar="LENGTH",
-              help="Shortest wavelength for the Hurst exponent, D and G; default 4 pixels.")  # fmt: skip
+              help="Shortest wavelength for the Hurst exponent; default 4 pixels.")  # fmt: skip
 @options.as_json
 @options.serial
 def command(
@@ -81,7 +79,6 @@ def command(
     window: tuple[float, float, float] | None,
     despike: bool,
     cutoff: float | None,
-    fitted: bool,
     shortest: float | None,
     as_json: bool,
 ) -> None:
@@ -139,19 +136,15 @@ def command(
         spectrum = psd(bare.z, len(bare.z) * bare.dx)
         wave = repeating_wave(bare.z, side)
         affine = _self_affine(spectrum, shortest) if wave is None else None
-        fit = None
-        if fitted:
-            progress.stage("fit of D and G")
-            fit = _fractal(bare, shortest, level)
         progress.stage("figures")
-        _draw(aside, surface, summit, spectrum, affine, fit)
+        _draw(aside, surface, summit, spectrum, affine)
         progress.stage("cut-offs")
         cutoffs = _over_cutoff(filtered, side, bare.dx)
         about = {"file": map_file, "side": surface.L, "nodes": len(patch.z), "level": level, "cutoff": cutoff}
         about |= {"despike": despike}
         about |= {"statistics": asdict(statistics), "self_affine": None if affine is None else asdict(affine)}
         about |= {"repeating_wave": None if wave is None else asdict(wave)}
-        about |= {"over_cutoff": cutoffs, "fit": None if fit is None else fit.to_dict()}
+        about |= {"over_cutoff": cutoffs}
         (aside / "measured.json").write_text(f"{json.dumps(about, indent=2)}\n", encoding="utf-8")
         (aside / "case.toml").write_text(_case(surface), encoding="utf-8")
         try:
@@ -164,7 +157,7 @@ def command(
     if as_json:
         options.print_json(about)
         return
-    _show(map_file, surface.L, len(patch.z), statistics, affine, fit, cutoffs, cutoff)
+    _show(map_file, surface.L, len(patch.z), statistics, affine, cutoffs, cutoff)
     _doubts(statistics, surface.L, bare, affine, wave, zeros)
     if not _spike(whole, cut, bare, wave, statistics) and cost:
         options.say(cost)
@@ -189,16 +182,6 @@ def _self_affine(spectrum: Spectrum, shortest: float) -> SelfAffineFit | None:
         return None
 
 
-def _fractal(patch: Any, shortest: float, level: str) -> FractalFit | None:
-    from asperity.surface.fractal_fit import fit_fractal
-
-    try:
-        return fit_fractal(patch, shortest=shortest, trend=level)  # type: ignore[arg-type]
-    except InputError as error:
-        click.echo(f"no D and G: {error}", err=True)
-        return None
-
-
 def _over_cutoff(filtered: Callable[[float], HeightField], side: float, pixel: float) -> list[dict[str, float]]:
     """Rms height [m] and slope of the patch that --cutoff makes, for cut-offs an octave apart, down to two pixels."""
     import numpy as np
@@ -213,19 +196,17 @@ def _over_cutoff(filtered: Callable[[float], HeightField], side: float, pixel: f
     return rows
 
 
-def _draw(
-    folder: Path, surface: Any, summit: Any, spectrum: Spectrum, affine: SelfAffineFit | None, fit: FractalFit | None
-) -> None:
+def _draw(folder: Path, surface: Any, summit: Any, spectrum: Spectrum, affine: SelfAffineFit | None) -> None:
     from asperity.plot import save, surface_map
     from asperity.plot.measured import spectrum_figure
 
     save(surface_map(surface.grid(401), surface.L, summit, unit="m"), folder / "surface.png")
-    save(spectrum_figure(spectrum, fit, "m", affine), folder / "spectrum.png")
+    save(spectrum_figure(spectrum, "m", affine), folder / "spectrum.png")
 
 
 def _show(
     title: str, side: float, nodes: int, statistics: SurfaceStatistics, affine: SelfAffineFit | None,
-    fit: FractalFit | None, cutoffs: list[dict[str, float]], cutoff: float | None,
+    cutoffs: list[dict[str, float]], cutoff: float | None,
 ) -> None:  # fmt: skip
     """Print the statistics, rms height and slope over the cut-off; the last row is the patch itself."""
     rows = [("side", f"{side:.4g} m"), ("nodes", f"{nodes}"), ("Sq", f"{statistics.Sq:.4g} m"),
@@ -233,10 +214,6 @@ def _show(
     if affine is not None:
         roll = "none on the patch" if affine.lambda_roll is None else f"{affine.lambda_roll:.3g} m"
         rows += [("Hurst exponent", f"{affine.H:.2f} ± {affine.error_H:.2f}"), ("roll-off wavelength", roll)]
-    if fit is not None:
-        rows += [("D", f"{fit.D:.3f} ({fit.ci_D[0]:.3f} to {fit.ci_D[1]:.3f})"),
-                 ("G", f"{fit.G:.3g} m ({fit.ci_G[0]:.2g} to {fit.ci_G[1]:.2g})"),
-                 ("chance of this misfit", f"{fit.p_value:.2g}")]  # fmt: skip
     options.table(title, rows)
     lines = [(f"{c['wavelength']:.3g} m", f"{c['rms_height']:.4g} m", f"{c['rms_slope']:.4g}") for c in cutoffs]
     patch = "this patch" if cutoff is None else f"this patch, {cutoff:.3g} m"

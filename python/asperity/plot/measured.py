@@ -10,27 +10,23 @@ from matplotlib.figure import Figure
 
 from asperity.plot import style
 from asperity.surface import Spectrum
-from asperity.surface.fractal_fit import FractalFit
 from asperity.surface.self_affine_fit import SelfAffineFit
 
 
 @style.styled
 def spectrum_figure(
-    spectrum: Spectrum, fit: FractalFit | None = None, unit: str = "", affine: SelfAffineFit | None = None, *,
-    ax: style.Place | None = None,
+    spectrum: Spectrum, unit: str = "", affine: SelfAffineFit | None = None, *, ax: style.Place | None = None
 ) -> Figure:  # fmt: skip
-    """Draw the power spectral density, and the band variances with those of the Weierstrass-Mandelbrot equivalent.
+    """Draw the power spectral density.
 
     Args:
         spectrum: radial spectrum of the patch
-        fit: its Weierstrass-Mandelbrot equivalent
         unit: unit of length
         affine: the self-affine equivalent, drawn over the spectrum
-        ax: axes to draw on, one for each panel; they are returned
+        ax: axes to draw on
     """
-    columns = 1 if fit is None else 2
-    figure, axes = style.figure(style.SINGLE if fit is None else style.DOUBLE, 3.4, columns=columns, ax=ax)
-    style.titles(axes, ("power spectral density", "Weierstrass-Mandelbrot equivalent"))
+    figure, axes = style.figure(style.SINGLE, 3.4, ax=ax)
+    style.titles(axes, ("power spectral density",))
     left = axes[0]
     there = spectrum.density > 0
     left.loglog(spectrum.q[there], spectrum.density[there], color=style.BLUE)
@@ -44,13 +40,4 @@ def spectrum_figure(
     left.set_xlabel(style.label("wave number $q$", f"1/{unit}" if unit else ""))
     left.set_ylabel(style.label("density $C(q)$", f"{unit}$^4$" if unit else ""))
     style.grid(left)
-    if fit is not None and len(axes) > 1:
-        right = axes[1]
-        right.loglog(fit.wavelength, fit.variance, "o", color=style.BLUE, mfc="white", label="patch")
-        text = f"$D$ = {fit.D:.3f} ({fit.ci_D[0]:.3f} to {fit.ci_D[1]:.3f})\n$G$ = {fit.G:.3g} {unit}".rstrip()
-        right.loglog(fit.wavelength, fit.model, "-", color=style.VERMILION, label=text)
-        right.set_xlabel(style.label("wavelength", unit))
-        right.set_ylabel(style.label("variance in the band", f"{unit}$^2$" if unit else ""))
-        right.legend(loc="upper left")
-        style.grid(right)
     return figure

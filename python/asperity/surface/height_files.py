@@ -1,90 +1,176 @@
 # SPDX-FileCopyrightText: The asperity developers
 # SPDX-License-Identifier: LGPL-3.0-or-later
 
-"""Files of height maps on regular grids."""
+"""Files of height maps on regular grids: arrays of NumPy, text, and the formats of instruments."""
 
 from __future__ import annotations
 
+import math
+import warnings
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from asperity.arrays import Array
-from asperity.errors import InputError
+from asperity.errors import CompatError, InputError
 from asperity.runtime.files import UNREADABLE, one_line, read_npy, read_npz, real
-from asperity.surface.base import check_positive
 from asperity.surface.text_map import read_text_map
+from asperity.units import LENGTHS
+
+TEXT = (".csv", ".txt", ".dat", ".tsv", ".asc", ".xyz")
+PLAIN = (".npz", ".npy", *TEXT)
+MARKS = (-32768.0, -2147483648.0, -9999.0, -99999.0)  # usual ones of missing heights
+OUTSIDE = 0.1  # distance of a mark from the nearest of the other heights, over their range
+REGULAR = 1e-6  # relative difference of steps that were rounded
+MOST_READ = 400_000_000  # heights of a file, 3.2 GB; the largest instruments have 1e8
+
+Heights = tuple[Array, float | None, float | None]
 
 
-def read_heights(path: Path) -> tuple[Array, float | None]:
-    """Heights (ny, nx) and side of the patch, None if the file does not contain it [length].
+def read_heights(path: Path, unit: float = 1.0, missing: float | None = None) -> Heights:
+    """Heights (ny, nx), NaN where they are missing, and their distances along x and y, None without one [m].
+
+    Args:
+        path: .npz with z and with x and y, dx, or L, the extent along x; .npy with z; or text, see `text_map`
+        unit: of the lengths whose unit the file does not name [m]
+        missing: value in the file that stands for a missing height, besides those of MARKS
 
     Raises:
-        InputError: the file is missing, of another type, damaged, or not a regular map of a square patch
+        InputError: the file is missing, of another type, damaged, or no regular map
     """
-    readers = {".npz": _read_npz, ".npy": _read_npy, ".csv": _read_csv}
-    if path.suffix not in readers:
-        raise InputError(f"surface.path = {str(path)!r}: unknown type {path.suffix!r}; legal: .npz, .npy, .csv.")
     if not path.is_file():
-        raise InputError(f"surface.path = {str(path)!r}: there is no such file.")
+        raise InputError(f"{path}: there is no such file")
+    if path.suffix.lower() not in PLAIN:
+        raise InputError(
+            f"{path}: files of type {path.suffix!r} are none of {', '.join(PLAIN)}; asperity import-map makes a "
+            "surface of the files of instruments"
+        )
     try:
-        return readers[path.suffix](path)
+        if path.suffix.lower() in TEXT:
+            return read_text_map(path, unit, lambda z: _without_marks(z, missing))
+        z, *steps = _read_arrays(path)
     except UNREADABLE as error:
-        raise InputError(f"{path}: cannot be read as a height map ({one_line(error)}).") from error
+        raise InputError(f"{path}: cannot be read as a height map ({one_line(error)})") from None
+    dx, dy = (None if step is None else unit * step for step in steps)
+    return unit * _without_marks(z, missing), dx, dy
 
 
-def _read_npy(path: Path) -> tuple[Array, None]:
-    return real(read_npy(path)), None
+def _without_marks(z: Array, missing: float | None) -> Array:
+    """Heights with NaN in place of values that mark missing ones (unit of the file).
+
+    A mark of `MARKS` counts only if it lies outside all other heights.
+    """
+    for mark in MARKS if missing is None else (*MARKS, missing):
+        at = z == mark
+        if mark != missing and at.any() and not at.all():
+            rest = z[np.isfinite(z) & ~at]
+            at &= bool(rest.size) and float(rest.min()) - mark > OUTSIDE * float(np.ptp(rest))
+        z = np.where(at, np.nan, z)
+    return z
 
 
-def _read_npz(path: Path) -> tuple[Array, float | None]:
+def _read_arrays(path: Path) -> Heights:
+    """Heights (ny, nx) and spacings of a file of NumPy (unit of the file)."""
+    if path.suffix.lower() == ".npy":
+        return real(read_npy(path)), None, None
     data = read_npz(path)
     if "z" not in data:
-        raise InputError(f"{path}: no array 'z'; it has {', '.join(data) or 'none'}.")
+        raise ValueError(f"no array 'z'; it has {', '.join(data) or 'none'}")
     z = real(data["z"])
     if "x" in data and "y" in data:
-        x, y = (real(data[key]) for key in ("x", "y"))
+        x, y = real(data["x"]), real(data["y"])
         if x.ndim == y.ndim == 2:
-            if x.shape != z.shape or y.shape != z.shape:
-                raise InputError(f"{path}: x {x.shape}, y {y.shape}, z {z.shape} must agree.")
             if not (np.allclose(x, x[0]) and np.allclose(y, y[:, :1])):
-                raise InputError(f"{path}: x must vary along columns only, y along rows only.")
+                raise ValueError("x must vary along columns only, y along rows only")
             x, y = x[0], y[:, 0]
         if z.shape != (y.size, x.size):
-            raise InputError(f"{path}: z has shape {z.shape}, expected (len(y), len(x)) = ({y.size}, {x.size}).")
-        return z, _side(x, y, path)
+            raise ValueError(f"z has shape {z.shape}, expected (len(y), len(x)) = ({y.size}, {x.size})")
+        return z, _step("x", x), _step("y", y)
+    if "dx" in data:
+        return z, float(data["dx"]), float(data["dy"] if "dy" in data else data["dx"])
     if "L" in data:
-        side = float(real(data["L"]))
-        check_positive("L", side)
-        return z, side
-    return z, None
+        step = float(data["L"]) / max(z.shape[-1] - 1, 1)
+        return z, step, step
+    return z, None, None
 
 
-def _read_csv(path: Path) -> tuple[Array, float | None]:
-    z, dx, dy = read_text_map(path, 1.0, np.asarray)
-    if dx is None or dy is None:
-        return z, None
-    ny, nx = z.shape
-    return z, _side(dx * np.arange(nx), dy * np.arange(ny), path)
+def _step(name: str, values: Array) -> float:
+    """Distance of rising values (n,) in equal steps."""
+    steps = np.diff(values)
+    if values.ndim != 1 or not steps.size or not np.all(steps > 0):
+        raise ValueError(f"{name} must be a rising sequence of at least two values")
+    if np.ptp(steps) > REGULAR * steps.mean():
+        raise ValueError(
+            f"{name} is not a regular grid, with steps from {steps.min():g} to {steps.max():g}; resample the map"
+        )
+    return float(np.mean(steps))
 
 
-def _side(x: Array, y: Array, path: Path) -> float:
-    """Side of the patch (length).
+def read_instrument(path: Path, pixel: float | None, unit: str | None) -> tuple[Array, float, float]:
+    """Heights and their distances in metres by SurfaceTopography, whose first index is x.
+
+    Args:
+        path: the file
+        pixel: distance between heights, for a file that does not contain it [m]
+        unit: of its lengths, where it does not name it
 
     Raises:
-        InputError: the spacing is irregular, or the patch is not square
+        InputError: the file cannot be read as a map, or lacks pixel or unit
+        CompatError: SurfaceTopography is not installed
     """
-    for name, values in (("x", x), ("y", y)):
-        steps = np.diff(values)
-        if values.ndim != 1 or values.size < 2 or not np.all(steps > 0):
-            raise InputError(f"{path}: {name} must be a rising sequence of at least two values.")
-        if np.ptp(steps) > 1e-6 * steps.mean():
-            raise InputError(
-                f"{path}: {name} is not regularly spaced (steps {steps.min():g} to {steps.max():g}); resample the map."
-            )
-    sides = float(np.ptp(x)), float(np.ptp(y))
-    if not np.isclose(*sides, rtol=1e-6):
+    try:
+        import SurfaceTopography  # type: ignore[import-not-found, import-untyped, unused-ignore]
+    except ImportError:
+        raise CompatError(
+            f"{path}: files of type {path.suffix!r} need the package SurfaceTopography: pip install SurfaceTopography"
+        ) from None
+    from SurfaceTopography.Exceptions import (  # type: ignore[import-not-found, import-untyped, unused-ignore]
+        CannotDetectFileFormat,
+        ReadFileError,
+    )
+
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            channel = (reader := SurfaceTopography.open_topography(str(path))).default_channel
+            _check_plausible(path, reader, channel)
+            sizes: dict[str, Any] = {}
+            if channel.physical_sizes is None:
+                if pixel is None:
+                    raise InputError(
+                        f"{path} contains heights without lengths, as {_seen_as(reader, channel)}; if they are a map, "
+                        "give the distance between heights (--pixel)"
+                    )
+                sizes = {"physical_sizes": tuple(n * pixel for n in channel.nb_grid_pts), "unit": "m"}
+            topography = reader.topography(**sizes)
+    except CannotDetectFileFormat:
+        raise InputError(f"{path} is in none of the formats that SurfaceTopography reads, or damaged") from None
+    except (ReadFileError, ValueError, OSError) as error:
+        raise InputError(f"{path}: cannot be read as a height map ({one_line(error)})") from None
+    if topography.dim != 2 or not topography.is_uniform:
+        raise InputError(f"{path} holds a line scan; contact needs a map of heights")
+    if topography.unit is None and unit is None:
+        raise InputError(f"{path} does not give the unit of its lengths: give it (--unit)")
+    in_metres, factor = (
+        (topography, LENGTHS[unit]) if topography.unit is None and unit else (topography.to_unit("m"), 1.0)
+    )
+    dx, dy = (factor * float(p) for p in in_metres.pixel_size)
+    z = np.ma.filled(np.ma.masked_invalid(np.ma.asarray(in_metres.heights(), dtype=float)), np.nan)
+    return factor * np.asarray(z).T, dx, dy
+
+
+def _check_plausible(path: Path, reader: Any, channel: Any) -> None:
+    """Refuse what a reader sees in a file that it mistakes for one of its own, before memory for it is allocated."""
+    if math.prod(map(int, channel.nb_grid_pts)) > MOST_READ:
         raise InputError(
-            f"{path}: the patch must be square, but x spans {sides[0]:g} and y {sides[1]:g}; crop the map."
+            f"{path} is read as {_seen_as(reader, channel)}, more than {MOST_READ:.0e} heights: probably a file of "
+            "another format; export the map as .npz or .gwy"
         )
-    return sides[0]
+
+
+def _seen_as(reader: Any, channel: Any) -> str:
+    """Format, channel and grid that SurfaceTopography found, for messages."""
+    grid = " x ".join(str(int(n)) for n in channel.nb_grid_pts)
+    name = "".join(c for c in str(channel.name) if c.isprintable())
+    return f"channel {name!r} of {grid} heights by {type(reader).__name__} of SurfaceTopography"

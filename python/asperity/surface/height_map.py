@@ -17,12 +17,12 @@ from numpy.typing import ArrayLike
 
 from asperity.arrays import Array
 from asperity.errors import InputError
-from asperity.surface.base import Surface, check, check_positive, is_integer, nodes, short_wave_share
+from asperity.surface.base import Surface, check, check_positive, nodes, short_wave_share
 from asperity.surface.height_files import read_heights
 from asperity.surface.limited_spline import MATTERS, limited_spline
 from asperity.surface.maximum import climb, refine
 from asperity.surface.scale_space import Heights, ScaleSpace, gaussian_filtered, spline_gain, spline_heights
-from asperity.surface.spline_moments import spline_rms
+from asperity.surface.spline_moments import DEGREE, spline_rms
 from asperity.surface.statistics import SurfaceStatistics
 
 if TYPE_CHECKING:
@@ -33,6 +33,7 @@ _FIRST = 0.225  # width that the levels of smoothed maps start from, over the di
 _SPACING = 0.5  # distance of the heights of a smoothed map over its width
 _RINGS = 0.75  # width below which the spline of smoothed heights overshoots at steps, over the distance of the heights
 _TREND = 8  # degree of the polynomial trend removed before the waves are separated by length
+_ROUNDED = 1e-6  # relative difference of sides that were rounded
 _SAME = 1e-6  # greatest difference of opposite edges of a periodic map, over the range of heights
 _ROWS = 256  # halves of rows of cells in which the highest point is sought at once
 MOST = 6000  # heights along a side: beyond it the spline and its derivatives need more than 6 GiB
@@ -43,12 +44,11 @@ DEEPEST, FARTHEST = 10.0, 1e6  # greatest plausible peak-to-valley height and di
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class HeightMap(Surface):
-    """Heights on a regular grid over a square patch, interpolated by a tensor-product spline.
+    """Heights on a regular grid over a square patch, interpolated by a bicubic spline.
 
-    Files: .npz with z and either x, y or L; .npy with z; .csv with rows of z, or with one point
-    x, y, z per line, see `text_map`. z has the index order [iy, ix]; its first and last rows and
-    columns lie on the edges of the patch. Spacings in x and y may differ, but the patch must be
-    square; the origin is shifted to (0, 0). All lengths in metres.
+    Files: see `height_files.read_heights`. z has the index order [iy, ix]; its first and last rows and columns lie on
+    the edges of the patch. Spacings in x and y may differ, but the patch must be square; the origin is shifted to
+    (0, 0). All lengths in metres.
 
     >>> import tempfile
     >>> from pathlib import Path
@@ -64,12 +64,10 @@ class HeightMap(Surface):
     Attributes:
         path: the file
         L: side of the patch (length); required if the file has no coordinates, checked against them otherwise
-        order: degree of the spline, 3 (default) to 5
     """
 
     path: str | Path
     L: float = None  # type: ignore[assignment]  # from the file, see __post_init__
-    order: int = 3
 
     kind: ClassVar[str] = "file"
     rough: ClassVar[bool] = True
@@ -78,17 +76,21 @@ class HeightMap(Surface):
 
     def __post_init__(self) -> None:
         check(isinstance(self.path, (str, Path)), "path", self.path, "the name of a file")
-        check(is_integer(self.order) and 3 <= self.order <= 5, "order", self.order, "3, 4 or 5")
         if self.L is not None:
             check_positive("L", self.L)
-        z, side = read_heights(Path(self.path))
-        _check_heights(z, self.order, self.path)
-        if side is not None and self.L is not None and not np.isclose(side, self.L, rtol=1e-6):
-            raise InputError(
-                f"surface.L = {self.L:g} disagrees with the side {side:g} found in {self.path}; "
-                "leave surface.L out or correct it."
-            )
-        L = side if side is not None else self.L
+        z, dx, dy = read_heights(Path(self.path))
+        _check_heights(z, self.path)
+        L = self.L
+        if dx is not None and dy is not None:
+            L, depth = dx * (z.shape[1] - 1), dy * (z.shape[0] - 1)
+            check_positive("L", L)
+            if not np.isclose(L, depth, rtol=_ROUNDED):
+                raise InputError(f"{self.path}: the patch must be square, not {L:g} x {depth:g}; crop the map.")
+            if self.L is not None and not np.isclose(L, self.L, rtol=_ROUNDED):
+                raise InputError(
+                    f"surface.L = {self.L:g} disagrees with the side {L:g} found in {self.path}; leave surface.L out "
+                    "or correct it."
+                )
         if L is None:
             raise InputError(f"surface.L is missing: {self.path} holds heights without lengths.")
         depth, level = float(z.max() / L - z.min() / L), float(np.abs(z).max() / L)
@@ -102,16 +104,15 @@ class HeightMap(Surface):
         object.__setattr__(self, "_z", z)
 
     @classmethod
-    def of(cls, z: Array, L: float, order: int = 3) -> HeightMap:
+    def of(cls, z: Array, L: float) -> HeightMap:
         """Map of heights that are in no file.
 
         Args:
             z: finite heights (ny, nx), index [iy, ix] (length)
             L: side of the patch (length)
-            order: degree of the spline
         """
         surface = object.__new__(cls)
-        for name, value in {"path": "", "L": float(L), "order": order, "_z": z}.items():
+        for name, value in {"path": "", "L": float(L), "_z": z}.items():
             object.__setattr__(surface, name, value)
         return surface
 
@@ -132,9 +133,7 @@ class HeightMap(Surface):
         ny, nx = self.heights.shape
         x, y = np.linspace(0, self.L, nx), np.linspace(0, self.L, ny)
         # the first axis of the spline is x
-        spline = RectBivariateSpline(x, y, self.heights.T, kx=self.order, ky=self.order, s=0)
-        if self.order != 3:
-            return spline, 0.0
+        spline = RectBivariateSpline(x, y, self.heights.T, s=0)
         zx, zy, zxy = (spline(x, y, *orders).T for orders in ((1, 0), (0, 1), (1, 1)))
         depth = light_depth(self.heights)
         found = limited_spline(self.heights, zx, zy, zxy, (x[1], y[1]), depth)
@@ -366,7 +365,7 @@ class HeightMap(Surface):
 
     @cached_property
     def _exact_rms(self) -> tuple[float, float, float]:
-        return spline_rms(self._spline.tck[:2], self.order, self._coefficients)
+        return spline_rms(self._spline.tck[:2], self._coefficients)
 
     def rms_slope(self) -> float:
         """sqrt(<|grad z|^2>) of the spline over the patch (dimensionless)."""
@@ -379,7 +378,7 @@ class HeightMap(Surface):
 
     def cut_off(self, wavelength: float) -> HeightMap:
         """Map after a Gaussian filter with 50 % transmission at a wavelength (length)."""
-        return self.of(gaussian_filtered(self.heights, (self.L, self.L), wavelength), self.L, self.order)
+        return self.of(gaussian_filtered(self.heights, (self.L, self.L), wavelength), self.L)
 
     def curvature_bound(self) -> float:
         """Bound of the Hessian (1/length) from the convex hull of the spline coefficients."""
@@ -393,7 +392,7 @@ class HeightMap(Surface):
     def _coefficients(self, dx: int, dy: int) -> Array:
         """B-spline coefficients of a derivative, index [iy, ix]; degree and number are less by its order."""
         c = self._derivative(dx, dy).tck[2]
-        nx, ny = (len(t) - self.order - 1 for t in self._spline.get_knots())
+        nx, ny = (len(t) - DEGREE - 1 for t in self._spline.get_knots())
         return np.asarray(c).reshape(nx - dx, ny - dy).T
 
     def _in_cells(self, dx: int, dy: int) -> tuple[Array, Array]:
@@ -401,8 +400,8 @@ class HeightMap(Surface):
         c = self._coefficients(dx, dy)
         bounds = []
         for extreme in (np.minimum, np.maximum):
-            rows = _moving(extreme, c, self.order - dy + 1)
-            bounds.append(_moving(extreme, rows.T, self.order - dx + 1).T)
+            rows = _moving(extreme, c, DEGREE - dy + 1)
+            bounds.append(_moving(extreme, rows.T, DEGREE - dx + 1).T)
         if self.limited:  # double knots
             return bounds[0][::2, ::2], bounds[1][::2, ::2]
         return bounds[0], bounds[1]
@@ -475,11 +474,10 @@ def _moving(extreme: np.ufunc, c: Array, width: int) -> Array:
     return out
 
 
-def _check_heights(z: Array, order: int, path: str | Path) -> None:
-    if z.ndim != 2 or min(z.shape) < order + 1:
+def _check_heights(z: Array, path: str | Path) -> None:
+    if z.ndim != 2 or min(z.shape) <= DEGREE:
         raise InputError(
-            f"{path}: heights have shape {z.shape}; a map needs two dimensions of at least "
-            f"{order + 1} points (spline order {order})."
+            f"{path}: heights have shape {z.shape}; a map needs two dimensions of at least {DEGREE + 1} points"
         )
     if max(z.shape) > MOST:
         raise InputError(

@@ -10,39 +10,26 @@ field.window(5e-6, 5e-6, 20e-6).save("patch.npz")          # kind = "file", path
 from __future__ import annotations
 
 import math
-import warnings
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from importlib.util import find_spec
 from pathlib import Path
-from typing import Any, Literal
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
 from asperity.arrays import Array
-from asperity.errors import CompatError, InputError
-from asperity.runtime.files import (
-    UNREADABLE,
-    npz_bytes,
-    one_line,
-    read_npy,
-    read_npz,
-    real,
-    replace_file,
-)
+from asperity.errors import InputError
+from asperity.runtime.files import UNREADABLE, npz_bytes, replace_file
+from asperity.surface.height_files import PLAIN, TEXT, read_heights, read_instrument
 from asperity.surface.height_map import DEEPEST
 from asperity.surface.scale_space import gaussian_filtered
 from asperity.surface.spikes import without_spikes
-from asperity.surface.text_map import read_text_map
 from asperity.units import LENGTHS
 
 Trend = Literal["mean", "plane", "curvature"]
 
-TEXT = (".csv", ".txt", ".dat", ".tsv", ".asc", ".xyz")
-PLAIN = (".npz", ".npy", *TEXT)
-MARKS = (-32768.0, -2147483648.0, -9999.0, -99999.0)  # usual ones of missing heights
-OUTSIDE = 0.1  # distance of a mark from the nearest of the other heights, over their range
 FEW_ZEROS, ODD = 5e-4, 10.0  # share of zeros that is noticed, and over that of the most frequent other height
 SAME_PIXEL = 1e-3  # relative difference of lengths that were rounded
 MOST_MISSING = 0.2  # share of heights that may be filled; more would be guesswork
@@ -50,7 +37,6 @@ MOST_MISSING = 0.2  # share of heights that may be filled; more would be guesswo
 FLAT = 1e-12  # depth over the side below which a map is flat: that of round-off
 MOST_FACTORED = 400_000  # missing heights that are filled by a factorisation, others by iteration
 PASSES = 3  # of the search for spikes: what is left of a broad one stands out of what the last pass has filled
-MOST_READ = 400_000_000  # heights of a file, 3.2 GB; the largest instruments have 1e8
 STEEPEST = 30.0  # greatest plausible rms slope
 LIKELY = {"mm": 1e-3, "µm": 1e-6, "nm": 1e-9, "pm": 1e-12}  # of heights that were read as metres
 USUAL = 0.1  # rms slope of rough surfaces, within a factor of ten
@@ -127,35 +113,34 @@ class HeightField:
     ) -> HeightField:
         """Read a file of heights.
 
-        NumPy reads .npz (z with x and y, with dx, or with L, the extent along x) and .npy; text is read by
-        `text_map.read_text_map`; other files, and text that it does not understand, by SurfaceTopography, which reads
-        the formats of some forty instruments.
+        Arrays of NumPy and text as in `height_files.read_heights`; other files, and text that it does not understand,
+        by SurfaceTopography, which reads the formats of some forty instruments.
 
         Args:
             path: the file
             pixel: distance between heights (m), for files that do not contain it
             unit: of lengths whose unit the file does not name, a key of `units.LENGTHS`; default metres
-            missing: value in the file that stands for a missing height, besides the usual ones (`MARKS`)
+            missing: value in the file that stands for a missing height, besides the usual ones
 
         Raises:
             InputError: the file cannot be read, it has no lengths and `pixel` is missing, or others than `pixel`
             CompatError: the file requires SurfaceTopography, which is not installed
         """
         path = Path(path)
-        if not path.is_file():
-            raise InputError(f"{path}: there is no such file")
         if unit is not None and unit not in LENGTHS:
             raise InputError(f"unit = {unit!r} is unknown; choose {', '.join(LENGTHS)}")
-        if path.suffix.lower() not in PLAIN:
-            return _read_instrument(path, pixel, unit)
-        factor = 1.0 if unit is None else LENGTHS[unit]
-        try:
-            z, dx, dy = _read_plain(path, factor, missing)
-        except UNREADABLE as error:
-            if path.suffix.lower() in TEXT and find_spec("SurfaceTopography") is not None:  # perhaps of an instrument
-                with suppress(InputError, *UNREADABLE):
-                    return _read_instrument(path, pixel, unit)
-            raise InputError(f"{path}: cannot be read as a height map ({one_line(error)})") from None
+        kind = path.suffix.lower()
+        if kind not in PLAIN and path.is_file():
+            z, dx, dy = read_instrument(path, pixel, unit)
+        else:
+            try:
+                z, dx, dy = read_heights(path, 1.0 if unit is None else LENGTHS[unit], missing)
+            except InputError:
+                if kind not in TEXT or find_spec("SurfaceTopography") is None:
+                    raise
+                with suppress(InputError, *UNREADABLE):  # perhaps of an instrument
+                    return HeightField(*read_instrument(path, pixel, unit))
+                raise
         if pixel is not None:
             _check_pixel(path, pixel, dx, dy)
             dx, dy = (pixel, pixel) if dx is None or dy is None else (dx, dy)
@@ -296,118 +281,6 @@ def _check_pixel(path: Path, pixel: float, dx: float | None, dy: float | None) -
                 f"{path} has lengths of its own, {name} = {own:.6g} between heights, not {pixel:g}: leave out --pixel, "
                 "or correct the file"
             )
-
-
-def _without_marks(z: Array, missing: float | None) -> Array:
-    """Heights with NaN in place of values that mark missing ones (unit of the file).
-
-    A mark of `MARKS` counts only if it lies outside all other heights.
-    """
-    for mark in MARKS if missing is None else (*MARKS, missing):
-        at = z == mark
-        if mark != missing and at.any() and not at.all():
-            rest = z[np.isfinite(z) & ~at]
-            at &= bool(rest.size) and float(rest.min()) - mark > OUTSIDE * float(np.ptp(rest))
-        z = np.where(at, np.nan, z)
-    return z
-
-
-def _read_plain(path: Path, unit: float, missing: float | None) -> tuple[Array, float | None, float | None]:
-    """Heights (ny, nx) and spacings [m]; None for a spacing that the file does not contain.
-
-    Args:
-        path: of an array of NumPy, or of text
-        unit: of lengths without one [m]
-        missing: value of missing heights (unit of the file)
-    """
-    if path.suffix.lower() in TEXT:
-        return read_text_map(path, unit, lambda z: _without_marks(z, missing))
-    z, *steps = _read_arrays(path)
-    dx, dy = (None if step is None else unit * step for step in steps)
-    return unit * _without_marks(z, missing), dx, dy
-
-
-def _read_arrays(path: Path) -> tuple[Array, float | None, float | None]:
-    """Heights (ny, nx) and spacings of a file of NumPy (unit of the file)."""
-    if path.suffix.lower() == ".npy":
-        return real(read_npy(path)), None, None
-    data = read_npz(path)
-    if "z" not in data:
-        raise ValueError(f"no array 'z'; it has {', '.join(data) or 'none'}")
-    z = real(data["z"])
-    if "x" in data and "y" in data:
-        x, y = (np.unique(data[name]) for name in ("x", "y"))
-        if z.shape != (y.size, x.size) or any(np.ptp(np.diff(v)) > 1e-6 * v[-1] for v in (x, y)):
-            raise ValueError(f"x and y are not a regular grid for z of shape {z.shape}")
-        return z, float(np.ptp(x)) / (x.size - 1), float(np.ptp(y)) / (y.size - 1)
-    if "dx" in data:
-        return z, float(data["dx"]), float(data["dy"] if "dy" in data else data["dx"])
-    if "L" in data:
-        step = float(data["L"]) / max(z.shape[-1] - 1, 1)
-        return z, step, step
-    return z, None, None
-
-
-def _read_instrument(path: Path, pixel: float | None, unit: str | None) -> HeightField:
-    """Heights in metres by SurfaceTopography, whose first index is x."""
-    try:
-        import SurfaceTopography  # type: ignore[import-not-found, import-untyped, unused-ignore]
-    except ImportError:
-        raise CompatError(
-            f"{path}: files of type {path.suffix!r} need the package SurfaceTopography: pip install SurfaceTopography"
-        ) from None
-    from SurfaceTopography.Exceptions import (  # type: ignore[import-not-found, import-untyped, unused-ignore]
-        CannotDetectFileFormat,
-        ReadFileError,
-    )
-
-    try:
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore")
-            channel = (reader := SurfaceTopography.open_topography(str(path))).default_channel
-            _check_plausible(path, reader, channel)
-            sizes: dict[str, Any] = {}
-            if channel.physical_sizes is None:
-                if pixel is None:
-                    raise InputError(
-                        f"{path} contains heights without lengths, as {_seen_as(reader, channel)}; if they are a map, "
-                        "give the distance between heights (--pixel)"
-                    )
-                sizes = {"physical_sizes": tuple(n * pixel for n in channel.nb_grid_pts), "unit": "m"}
-            topography = reader.topography(**sizes)
-    except CannotDetectFileFormat:
-        raise InputError(f"{path} is in none of the formats that SurfaceTopography reads, or damaged") from None
-    except (ReadFileError, ValueError, OSError) as error:
-        reason = " ".join(str(error).split())[:200]
-        raise InputError(f"{path}: cannot be read as a height map ({reason})") from None
-    if topography.dim != 2 or not topography.is_uniform:
-        raise InputError(f"{path} holds a line scan; contact needs a map of heights")
-    if topography.unit is None and unit is None:
-        raise InputError(f"{path} does not give the unit of its lengths: give it (--unit)")
-    in_metres, factor = (
-        (topography, LENGTHS[unit]) if topography.unit is None and unit else (topography.to_unit("m"), 1.0)
-    )
-    dx, dy = (factor * float(p) for p in in_metres.pixel_size)
-    if pixel is not None:
-        _check_pixel(path, pixel, dx, dy)
-    z = np.ma.filled(np.ma.masked_invalid(np.ma.asarray(in_metres.heights(), dtype=float)), np.nan)
-    return HeightField(factor * np.asarray(z).T, dx, dy)
-
-
-def _check_plausible(path: Path, reader: Any, channel: Any) -> None:
-    """Refuse what a reader sees in a file that it mistakes for one of its own, before memory for it is allocated."""
-    if math.prod(map(int, channel.nb_grid_pts)) > MOST_READ:
-        raise InputError(
-            f"{path} is read as {_seen_as(reader, channel)}, more than {MOST_READ:.0e} heights: probably a file of "
-            "another format; export the map as .npz or .gwy"
-        )
-
-
-def _seen_as(reader: Any, channel: Any) -> str:
-    """Format, channel and grid that SurfaceTopography found, for messages."""
-    grid = " x ".join(str(int(n)) for n in channel.nb_grid_pts)
-    name = "".join(c for c in str(channel.name) if c.isprintable())
-    return f"channel {name!r} of {grid} heights by {type(reader).__name__} of SurfaceTopography"
 
 
 def _trend(z: Array, trend: str) -> Array:

@@ -15,20 +15,19 @@ from asperity.arrays import Array
 
 Order = tuple[int, int]
 
+DEGREE = 3  # of the spline
 
-def spline_rms(
-    knots: tuple[Array, Array], degree: int, coefficients: Callable[[int, int], Array]
-) -> tuple[float, float, float]:
+
+def spline_rms(knots: tuple[Array, Array], coefficients: Callable[[int, int], Array]) -> tuple[float, float, float]:
     """(Sq, rms slope, rms curvature) (length, 1, 1/length); curvature is half the Laplacian.
 
     A grid of the same or of half the spacing of the knots would favour some places between them.
 
     Args:
         knots: of the spline along x and along y (length)
-        degree: of the spline
         coefficients: of its derivative of orders (dx, dy), index [iy, ix]
     """
-    across = [_products(t, degree) for t in knots]
+    across = [_products(t) for t in knots]
     area = math.prod(float(t[-1] - t[0]) for t in knots)
 
     def mean(first: Order, second: Order) -> float:
@@ -46,16 +45,16 @@ def spline_rms(
     return math.sqrt(max(square, 0.0)), math.sqrt(slope2), math.sqrt(max(laplacian2, 0.0)) / 2
 
 
-def _products(knots: Array, degree: int) -> Callable[[int, int], Any]:
+def _products(knots: Array) -> Callable[[int, int], Any]:
     """Integrals (n, m) of products of B-splines of the a-th and of the b-th derivative, for orders a, b."""
     from scipy.interpolate import BSpline
     from scipy.sparse import diags_array
 
     ends = np.unique(knots)
-    at, weight = np.polynomial.legendre.leggauss(degree + 1)
+    at, weight = np.polynomial.legendre.leggauss(DEGREE + 1)
     half = np.diff(ends)[:, None] / 2
     points = (ends[:-1, None] + half * (1 + at)).ravel()
     weights = diags_array((half * weight).ravel())
     inner = [knots[k : len(knots) - k] for k in range(3)]
-    values = [BSpline.design_matrix(points, t, degree - k) for k, t in enumerate(inner)]
+    values = [BSpline.design_matrix(points, t, DEGREE - k) for k, t in enumerate(inner)]
     return lambda a, b: (values[a].T @ weights @ values[b]).tocsr()
