@@ -9,13 +9,15 @@ from typing import TYPE_CHECKING
 
 from asperity.adaptive.estimate import Estimate, estimate
 from asperity.errors import InputError
-from asperity.surface.cutoff import overshoot, shortest_cutoff
+from asperity.surface.cutoff import shortest_cutoff
 
 if TYPE_CHECKING:
     from asperity.case import Case
     from asperity.surface import Surface
 
 ROOM = 0.7  # part of accuracy.max_dofs for the filtered surface, whose edges and approach a new case may change
+
+APPROACHES = 4  # of the half-space; a tenth of the dofs depends on the others, and the search takes a third of the time
 
 
 def filter_advice(case: Case, found: Estimate, surface: Surface) -> str:
@@ -26,25 +28,16 @@ def filter_advice(case: Case, found: Estimate, surface: Surface) -> str:
         found: its estimate
         surface: of the case
     """
-    rise, reasons, others = overshoot(surface), [], ""
-    if rise:
-        reasons.append(
-            f"between the heights the surface rises {rise:.2g} above the highest of them, at an edge or noise that "
-            "pixels do not resolve"
-        )
-    if not found.enough:
-        others = "raise one of them, or "
-        reasons.append(
-            f"a run would need more than the {case.accuracy.max_dofs} dofs of accuracy.max_dofs for the "
-            f"{case.accuracy.tolerance:.2g} of accuracy.tolerance"
-        )
-    if not reasons:
+    if found.enough:
         return ""
-    cutoff, text = recommended_cutoff(case, surface, found.approach), "; ".join(reasons)
-    if cutoff is not None:
-        return f"{text}: {others}cut off what is shorter than {cutoff:g} ({surface.cutoff_key})"
-    other = f": {others.removesuffix(', or ')}" if others else ""
-    return f"{text}{other}; a cut-off that helps would take more than a quarter of the rms height"
+    cutoff = recommended_cutoff(case, surface, found.approach)
+    text = (
+        f"a run would need more than the {case.accuracy.max_dofs} dofs of accuracy.max_dofs for the "
+        f"{case.accuracy.tolerance:.2g} of accuracy.tolerance: raise one of them"
+    )
+    if cutoff is None:
+        return f"{text}; a cut-off that helps would take more than a quarter of the rms height"
+    return f"{text}, or cut off what is shorter than {cutoff:g} ({surface.cutoff_key})"
 
 
 def note_on_steps(surface: Surface, approach: float) -> str:
@@ -76,7 +69,8 @@ def recommended_cutoff(case: Case, surface: Surface, approach: float) -> float |
     def accepts(filtered: Surface, delta: float) -> bool:
         loading = case.loading.model_copy(update={"delta_max": delta, "force_max": None, "pressure_max": None})
         try:
-            return estimate(case.model_copy(update={"loading": loading, "accuracy": accuracy}), surface=filtered).enough
+            changed = case.model_copy(update={"loading": loading, "accuracy": accuracy})
+            return estimate(changed, surface=filtered, approaches=APPROACHES).enough
         except InputError:  # its first mesh is too large
             return False
 

@@ -3,7 +3,7 @@
 
 """The shortest cut-off that makes a surface acceptable and leaves it nearly as high as before.
 
-A cut-off is tried before it is recommended, so the filtered surface needs no second one, and its dimples are there.
+A cut-off is tried before it is recommended, so the filtered surface needs no second one.
 """
 
 from __future__ import annotations
@@ -19,19 +19,7 @@ from asperity.surface.height_map import LIGHT, light_depth
 
 KEPT = 0.75  # least rms height of the filtered surface over that of the surface
 RUNGS = 4  # cut-offs tried per octave
-OVERSHOOT = 0.05  # rise of the interpolation above all heights, over their range, that is no roughness
 _SAMPLES = 513  # nodes per side for shares of the heights
-
-
-def overshoot(surface: Surface) -> float:
-    """Rise of the interpolation of a map above all its heights (length), 0 where it is roughness.
-
-    Args:
-        surface: any; only a map is interpolated
-    """
-    z = _heights(surface)
-    rise = surface.maximum()[2] - float(z.max()) if hasattr(surface, "heights") else 0.0
-    return rise if rise > OVERSHOOT * float(np.ptp(z)) else 0.0
 
 
 def approach_of_share(surface: Surface, share: float = LIGHT) -> float:
@@ -65,7 +53,7 @@ def shortest_cutoff(surface: Surface, delta: float, accepts: Callable[[Surface, 
 
     def acceptable(cutoff: float) -> bool:
         filtered = surface.cut_off(cutoff)
-        return not overshoot(filtered) and accepts(filtered, approach_of_share(filtered, share))
+        return accepts(filtered, approach_of_share(filtered, share))
 
     rungs = _rungs(surface.feature_size, surface.L / 2)
     rungs = rungs[: _first(rungs, lambda cutoff: _rms(surface.cut_off(cutoff)) < KEPT * height)]
