@@ -12,13 +12,15 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from mpi4py import MPI
 
 import asperity as asp
-from asperity.adaptive.dof_count import integral
+from asperity.adaptive.dof_count import NODES, NODES_OF_SURFACE, nodes_of
 from asperity.adaptive.estimate import ELASTIC, PLASTIC, estimate, further_meshes
 from asperity.case import Case
 from asperity.cli import main
 from asperity.errors import ConvergenceError
+from asperity.quasistatic.make import make_block
 from asperity.run_case import run
 
 ROOT = Path(__file__).parents[2]
@@ -49,11 +51,11 @@ def test_a_surface_rough_down_to_the_pixel_takes_more_than_it_may(tmp_path: Path
     case |= {
         "material": {"E": 1.0, "nu": 0.3},
         "loading": {"delta_max": 2e-3},
-        "accuracy": {"tolerance": 0.05, "max_dofs": 200_000},
+        "accuracy": {"tolerance": 0.05, "max_dofs": 100_000},
     }
     found = estimate(Case.from_dict(case))
     assert not found.enough and found.bar is not None and found.bar > 0.05
-    assert found.dofs <= 200_000 and found.levels[-1].h_contact < 0.05
+    assert found.dofs <= 100_000 and found.levels[-1].h_contact < 0.05
 
 
 def test_dofs_steps_and_memory_are_those_of_the_run() -> None:
@@ -82,18 +84,29 @@ def test_periodic_sides_take_more_dofs() -> None:
     assert estimate(found).dofs == pytest.approx(run(found).summary["dofs"], rel=0.25)
 
 
-def test_the_integral_of_a_graded_field() -> None:
-    # h = 0.01 + 0.2 depth: integral of h^-3 over depth in closed form
-    exact = (0.01**-2 - (0.01 + 0.2 * 1.5) ** -2) / (2 * 0.2)
-    assert integral(lambda x, y, depth: 0.01 + 0.2 * depth, 1.5) == pytest.approx(exact, rel=0.25)
-    assert integral(lambda x, y, depth: 0.1, 2.0) == pytest.approx(2.0 / 0.1**3, rel=1e-12)
+def test_the_nodes_of_a_graded_field() -> None:
+    """h = 0.01 + 0.2 depth: integrals of h^-3 and h^-2 over depth in closed form."""
+    a, b = 0.01, 0.01 + 0.2 * 1.5
+    volume, sides = (a**-2 - b**-2) / (2 * 0.2), 4 * (1 / a - 1 / b) / 0.2
+    exact = NODES * volume + NODES_OF_SURFACE * (a**-2 + b**-2 + sides)
+    assert nodes_of(lambda x, y, depth: 0.01 + 0.2 * depth, 1.5) == pytest.approx(exact, rel=0.25)
+    exact = NODES * 2.0 / 0.1**3 + NODES_OF_SURFACE * 10.0 / 0.1**2
+    assert nodes_of(lambda x, y, depth: 0.1, 2.0) == pytest.approx(exact, rel=1e-12)
+
+
+@pytest.mark.parametrize(("h", "growth", "load"), [(1.0, 0.25, 0.01), (0.25, 0.6, 0.01), (0.05, 0.6, 2e-3)])
+def test_few_elements_have_most_of_their_nodes_on_the_surface(h: float, growth: float, load: float) -> None:
+    case = {"units": "other", "surface": {"kind": "sphere", "L": 1.0, "radius": 5.0}, "material": {"E": 1.0, "nu": 0.3}}
+    case |= {"mesh": {"h_contact": h, "growth": growth, "h_max": 1.0}, "loading": {"delta_max": load, "steps": 1}}
+    given = Case.from_dict(case)
+    block = make_block(MPI.COMM_SELF, given.build_surface(), 1.0, load, given.problem().size)
+    assert block is not None and estimate(given).dofs == pytest.approx(3 * block.counts()[0], rel=0.3)
 
 
 def test_what_costs_more_is_estimated_higher() -> None:
     def of(*changes: str) -> float:
-        return estimate(
-            Case.load(ROOT / "cases/single.toml", [*QUICK, 'material.kinematics="small"', *changes])
-        ).seconds
+        keys = [*QUICK, 'material.kinematics="small"', *changes]
+        return estimate(Case.load(ROOT / "cases/single.toml", keys)).levels[0].seconds
 
     assert of("mesh.h_contact=0.1e-6") > 1.3 * of()
     assert of("loading.steps=6") > 1.3 * of()

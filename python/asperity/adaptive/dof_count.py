@@ -6,15 +6,18 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from math import inf
+from itertools import product
+from math import inf, prod
+from operator import add
 
 from asperity.mesh.size_field import SizeField
 
 Size = Callable[[float, float, float], float]
 
-# Nodes in a volume h^3: the first for equal elements, the second times mesh.growth, because a mesh cannot be graded as
-# fast as a field may ask; from 15 meshes, within 15 %
-NODES, NODES_OF_GROWTH = 4.5, 19.0
+# Nodes in a volume h^3 and on a part h^2 of the surface: within 13 % (rms, at most 23 %) of 29 meshes of 60 to 17,000
+# nodes, whose growth is from 0.1 to 1.2
+NODES, NODES_OF_SURFACE = 3.1, 7.9
+LARGEST = 0.125  # greatest edge of a box [L]: a larger one would miss small spots
 
 
 def dofs_of(field: SizeField, refinements: int, height: float, most: float = inf) -> int:
@@ -26,30 +29,35 @@ def dofs_of(field: SizeField, refinements: int, height: float, most: float = inf
         height: of the block [L]
         most: number beyond which they are not counted
     """
-    field = field.coarser(refinements)
-    nodes = 8**refinements * (NODES + NODES_OF_GROWTH * field.growth)
-    return round(3 * nodes * integral(field.compiled().at, height, most / (3 * nodes)))
+    size = field.coarser(refinements).compiled().at
+    return round(3 * nodes_of(size, height, most / 3, 2**refinements, field.periodic))
 
 
-def integral(size: Size, height: float, most: float = inf) -> float:
-    """Integral of 1/h^3 over the block, by cubes of at most 2 h.
+def nodes_of(size: Size, height: float, most: float = inf, split: int = 1, joined: bool = False) -> float:
+    """Nodes of the block: integrals of 1/h^3 over it and of 1/h^2 over its surface, by boxes of at most 2 h.
 
     Args:
         size: h at (x, y, depth), in units of L
         height: of the block [L]
         most: value beyond which it is given up
+        split: parts of each edge
+        joined: whether opposite sides are, which have their nodes in common
     """
+    solid = (1.0, 1.0, height)
+    boxes = [((0.5, 0.5, 0.5 * height), solid)]
+    for k, edge in enumerate(solid):  # the faces have no thickness
+        across = tuple(0.0 if i == k else e for i, e in enumerate(solid))
+        ends = (0.0,) if joined and k < 2 else (0.0, edge)
+        boxes += [(tuple(end if i == k else 0.5 * e for i, e in enumerate(solid)), across) for end in ends]
     total = 0.0
-    layers = max(round(8 * height), 1)
-    edges = (1 / 8, 1 / 8, height / layers)
-    todo = [((i + 0.5) / 8, (j + 0.5) / 8, (k + 0.5) * edges[2], edges)
-            for i in range(8) for j in range(8) for k in range(layers)]  # fmt: skip
-    while todo and total <= most:
-        x, y, z, (a, b, c) = todo.pop()
-        h = size(x, y, z)
-        if max(a, b, c) <= 2.0 * h:
-            total += a * b * c / h**3
+    while boxes and total <= most:
+        centre, edges = boxes.pop()
+        h = size(*centre)
+        if max(edges) <= min(2.0 * h, LARGEST):
+            along = [edge * split / h for edge in edges if edge]
+            total += (NODES if len(along) == 3 else NODES_OF_SURFACE) * prod(along)
             continue
-        todo += [(x + sx * a / 4, y + sy * b / 4, z + sz * c / 4, (a / 2, b / 2, c / 2))
-                 for sx in (-1, 1) for sy in (-1, 1) for sz in (-1, 1)]  # fmt: skip
+        halves = tuple(0.5 * edge for edge in edges)
+        steps = product(*((-0.5 * half, 0.5 * half) if half else (0.0,) for half in halves))
+        boxes += [(tuple(map(add, centre, step)), halves) for step in steps]
     return total

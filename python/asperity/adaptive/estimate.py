@@ -3,8 +3,8 @@
 
 """Degrees of freedom (dofs), memory and time of a case before it is run.
 
-The size field of the mesh says how many nodes there will be; how many seconds and bytes a dof costs was fitted to
-runs of 14,000 to 78,000 dofs on one core of a small shared machine, to a factor of two.
+The size field of the mesh says how many nodes there will be. The rates, seconds and bytes of a dof, were fitted to runs
+of 14,000 to 78,000 dofs on one core of a small shared machine; benchmarks/check.py compares cases with their runs.
 """
 
 from __future__ import annotations
@@ -18,11 +18,13 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from asperity.adaptive.dof_count import dofs_of
-from asperity.adaptive.guide import Guide
+from asperity.adaptive.guide import MOST_STEPS, Guide
 from asperity.adaptive.mesh_plan import (
     COARSE_GROWTH,
     DOFS_ORDER,
+    LEAST_RATIO,
     LEAST_STEP,
+    MESH_ORDER,
     MOST_SCALE,
     RATIO,
     STEP_ORDERS,
@@ -55,6 +57,8 @@ CELLS = 128  # along a side of the half-space that gives the approach of a force
 PARTS = 24  # of its approaches, each a third beyond the one before
 RESOLVED = 20  # cells in contact, from which on its force counts
 MOST_DOFS = 1e8  # that are counted
+START = 1.3  # seconds of a run besides meshes and steps: libraries, results
+HALF_SPACE = 5e-7  # seconds of a half-space with the surface, or with the top of a mesh, per cell and approach
 
 
 @dataclass(frozen=True)
@@ -82,7 +86,7 @@ class Rates:
     finite: float
 
 
-ELASTIC = Rates(3.6e-5, 6.6e-6, 1.03, 246e6, 1.02e3, 2.17)
+ELASTIC = Rates(2.4e-5, 5.5e-6, 1.03, 246e6, 1.02e3, 2.17)
 PLASTIC = Rates(2.4e-5, 1.0e-5, 1.08, 245e6, 1.39e3, 1.45)
 
 
@@ -119,6 +123,8 @@ class Estimate:
         bar: relative error bar of the force expected of the last mesh, None without a tolerance
         tolerance: relative, of the force; None without one
         strain: the coarse mesh that compares small and finite strain, in both; empty where nothing is compared
+        others: time of one core for all that is no mesh [s]
+        max_dofs: accuracy.max_dofs
 
     Examples:
         >>> meshes = MeshEstimate(8e-8, 5_000, 10, 2.0), MeshEstimate(4e-8, 20_000, 10, 8.0)
@@ -134,6 +140,8 @@ class Estimate:
     bar: float | None = None
     tolerance: float | None = None
     strain: tuple[MeshEstimate, ...] = ()
+    others: float = 0.0
+    max_dofs: int | None = None
 
     __repr__ = short_repr
 
@@ -143,6 +151,13 @@ class Estimate:
         return self.bar is None or self.tolerance is None or self.bar <= self.tolerance
 
     @property
+    def least_bar(self) -> float | None:
+        """Relative error bar that a mesh of `max_dofs` is expected to give."""
+        if self.bar is None or self.max_dofs is None:
+            return None
+        return self.bar * min(self.dofs / self.max_dofs, 1.0) ** (MESH_ORDER / DOFS_ORDER)
+
+    @property
     def dofs(self) -> int:
         """Dofs of the finest mesh."""
         return self.levels[-1].dofs
@@ -150,10 +165,10 @@ class Estimate:
     @property
     def seconds(self) -> float:
         """Time of one core for everything."""
-        return sum(level.seconds for level in self.strain + self.levels)
+        return self.others + sum(level.seconds for level in self.strain + self.levels)
 
 
-def estimate(case: Case, ranks: int = 1, surface: Surface | None = None) -> Estimate:
+def estimate(case: Case, ranks: int = 1, surface: Surface | None = None, approaches: int = MOST_STEPS) -> Estimate:
     """Estimate the cost of a case, without meshing or solving it.
 
     The approach of a load path that gives a force is that of a half-space, see `approach_of_force`.
@@ -164,9 +179,10 @@ def estimate(case: Case, ranks: int = 1, surface: Surface | None = None) -> Esti
         case: the input
         ranks: that share the work
         surface: in place of that of the case
+        approaches: at which the half-space is pressed at most
 
     Raises:
-        InputError: the case has more than MOST_DOFS
+        InputError: the case has more than MOST_DOFS, or a run would refuse it for its accuracy.max_dofs
 
     Examples:
         >>> case = asp.Case.from_dict({
@@ -185,18 +201,20 @@ def estimate(case: Case, ranks: int = 1, surface: Surface | None = None) -> Esti
         delta = approach_of_force(case, surface)
         given = {"delta_max": delta, "force_max": None, "pressure_max": None}
         case = case.model_copy(update={"loading": case.loading.model_copy(update=given)})
-    bar = None
+    bar, others = None, START
     if tolerance is None:
         dofs = _given_dofs(case) or count_dofs(surface, case, case.mesh.h_contact, MOST_DOFS)
         if dofs > MOST_DOFS:
             raise InputError(f"the mesh has more than {MOST_DOFS:g} dofs: raise mesh.h_contact")
         plan = [(case.mesh.h_contact, dofs, _steps(case, case.loading.steps))]
     else:
-        plan, bar = _plan(case, surface, delta, tolerance)
+        plan, bar, solved = _plan(case, surface, delta, tolerance, approaches)
+        others += HALF_SPACE * solved
     finite = case.material.kinematics == "finite"
     levels = tuple(MeshEstimate(h, dofs, steps, _seconds(rates, dofs, steps, finite)) for h, dofs, steps in plan)
     memory = ranks * rates.base + rates.per_dof * levels[-1].dofs
-    return Estimate(levels, ranks, memory, delta, bar, tolerance, _strain(case, surface, rates))
+    strain, most = _strain(case, surface, rates), None if tolerance is None else case.accuracy.max_dofs
+    return Estimate(levels, ranks, memory, delta, bar, tolerance, strain, others, most)
 
 
 def further_meshes(case: Case, found: Estimate) -> list[MeshEstimate]:
@@ -277,8 +295,15 @@ def approach_of_force(case: Case, surface: Surface) -> float:
     return L * float(np.exp(np.interp(np.log(wanted), P, delta) + lighter))
 
 
-def _plan(case: Case, surface: Surface, depth: float, tolerance: float) -> tuple[list[tuple[float, int, int]], float]:
-    """Greatest size in the contact [length], dofs and load steps of each mesh of a run, and the bar expected of it."""
+def _plan(
+    case: Case, surface: Surface, depth: float, tolerance: float, approaches: int
+) -> tuple[list[tuple[float, int, int]], float, float]:
+    """Meshes that a run plans, see `mesh_levels.LevelSolver`.
+
+    Returns:
+        of each mesh the greatest size in the contact [length], dofs and load steps; the error bar expected of them; and
+        cells times approaches of all half-spaces
+    """
     loading, plastic = case.loading, case.material.yield_strength is not None
     sides, most = case.block.sides, min(case.accuracy.max_dofs, MOST_DOFS)
     integrator, sticks = loading.integrator if plastic else BACKWARD_EULER, case.contact.formulation.sticks
@@ -288,21 +313,32 @@ def _plan(case: Case, surface: Surface, depth: float, tolerance: float) -> tuple
         problem = Problem.of(
             surface, case.material.solid, height=case.block.height, sides=sides, delta_max=depth, steps=planned
         )
-    sizes = Guide(problem, depth, planned).sizes
+    sizes = Guide(problem, depth, min(planned, approaches)).sizes
     unit = float(sizes[np.isfinite(sizes)].max())
 
-    def count(scale: float) -> int:
+    def count(scale: float, most: float) -> int:
         field = SizeField.on_cells(scale * sizes, growth(scale), periodic=sides == "periodic")
         return dofs_of(field, case.mesh.refinements, case.block.height / surface.L, most)
 
-    finer = first_scale(tolerance)
-    dofs = count(finer)
-    while dofs > most:
-        finer *= LEAST_STEP
-        if finer > MOST_SCALE:
-            raise InputError(f"the first mesh has more than {most:g} dofs: raise accuracy.max_dofs")
-        dofs = count(finer)
-    coarse, steps = count(RATIO * finer), partial(_steps, case, planned)
+    def allowed(scale: float, most: float) -> tuple[float, int]:
+        while (dofs := count(scale, 4.0 * most)) > most and scale < MOST_SCALE:
+            scale *= 1.02 * (dofs / most) ** (1.0 / DOFS_ORDER)
+        return scale, dofs
+
+    wanted = first_scale(tolerance)
+    first, dofs = allowed(RATIO * wanted, most / LEAST_RATIO**DOFS_ORDER)  # room for the second mesh
+    if dofs > most:
+        raise InputError(
+            f"accuracy.max_dofs = {most:g} is too small, a coarse mesh of this block has about {dofs} dofs: raise it, "
+            "or choose the mesh by mesh.h_contact"
+        )
+    coarse, (second, fine) = dofs, allowed(min(wanted, first / RATIO), most)
+    if second > first / LEAST_STEP:
+        raise InputError(
+            f"accuracy.max_dofs = {most:g} is too small: the force would have no error bar, for meshes of about "
+            f"{coarse} and {fine} dofs are nearly the same; raise it, or choose the mesh by mesh.h_contact"
+        )
+    steps = partial(_steps, case, planned)
     if plastic or sticks:
         rule = step_rule(plastic, sticks, integrator)
         bars = {1: np.array([TYPICAL_STEP_BAR[rule]])}
@@ -310,8 +346,9 @@ def _plan(case: Case, surface: Surface, depth: float, tolerance: float) -> tuple
         parts = [2**k for k in range(max(int(log2(substeps)), 1) + 1)]  # the first mesh measures the error of the steps
     else:
         parts, substeps = [1], 1
-    h_coarse, h = (min(scale * unit, H_MAX) * surface.L for scale in (RATIO * finer, finer))
-    return [*((h_coarse, coarse, steps(n)) for n in parts), (h, dofs, steps(substeps))], expected_bar(finer)
+    h_coarse, h = (min(scale * unit, H_MAX) * surface.L for scale in (first, second))
+    plan = [*((h_coarse, coarse, steps(n)) for n in parts), (h, fine, steps(substeps))]
+    return plan, expected_bar(second, first / second), 3.0 * sizes.size * min(planned, MOST_STEPS)
 
 
 def _given_dofs(case: Case) -> int:

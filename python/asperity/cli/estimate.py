@@ -94,10 +94,11 @@ def show_estimate(title: str, case: Case, ranks: int) -> None:
     if case.accuracy.tolerance is not None:
         if advice := filter_advice(case, found, surface):
             options.say(advice)
-        if found.bar is not None and not found.enough:
-            options.say(f"accuracy.max_dofs = {case.accuracy.max_dofs} gives about {per_cent(found.bar)} of the force")
-        else:
+        if found.enough:
             options.say("finer meshes follow where the error bar of the last one is above the tolerance")
+        if found.least_bar is not None:
+            least = per_cent(found.least_bar)
+            options.say(f"accuracy.max_dofs = {case.accuracy.max_dofs} gives about {least} of the force at best")
         options.say(_range_of_time(case, found))
     if case.accuracy.area_tolerance is not None:
         options.say("accuracy.area_tolerance is not in this estimate: it often takes finer meshes")
