@@ -15,7 +15,6 @@ from mpi4py import MPI
 import asperity as asp
 from asperity.adaptive.extrapolation import SCATTER, Along, correct, without_omission
 from asperity.adaptive.guide import Guide, Omission
-from asperity.adaptive.mesh_plan import weight
 from asperity.adaptive.solve_contact import solve_contact
 from asperity.adaptive.solve_to_tolerance import refine
 from asperity.adaptive.spots import sizes_of_spots
@@ -122,8 +121,7 @@ def test_few_elements_in_the_spots_have_a_wider_bar() -> None:
     coarse, fine = rows(1.0, 0.004), rows(1.0, 0.002)
     steps, nothing = Along(np.array([0.0]), np.zeros(1)), Omission(fine.delta_star, np.zeros(3), np.zeros(3))
     _, budget = correct(fine, coarse, 2.0, np.ones(3, dtype=bool), steps, 0.0, (nothing, nothing))
-    part = weight(2.0)
-    assert budget.mesh / fine.P_star == pytest.approx(np.full(3, SCATTER * np.hypot((1.0 + part) * 0.2, part * 0.4)))
+    assert budget.mesh / fine.P_star == pytest.approx(np.full(3, SCATTER * 0.2))
 
 
 def test_two_errors_of_opposite_sign_that_cancel_are_told_apart() -> None:

@@ -11,8 +11,6 @@ from math import inf, nan
 import numpy as np
 
 from asperity.adaptive.extrapolation import (
-    SCATTER,
-    YIELDED,
     Budget,
     correct,
     judged_rows,
@@ -103,8 +101,7 @@ class MeshErrorEstimate:
         unresolved = "no node is touched" if curve.untouched() or coarse.untouched() else path.unknown
         if not unresolved:
             missed = self._missed[-1], self._missed[place]
-            by_chance = YIELDED if run.plastic else SCATTER
-            curve, budget = correct(curve, coarse, ratio, judged, path.bar[substeps], algebraic, missed, by_chance)
+            curve, budget = correct(curve, coarse, ratio, judged, path.bar[substeps], algebraic, missed)
             curve = with_measures(curve, coarse, ratio, budget, run.compliance)
             unresolved = curve.unresolved() or coarse.unresolved()
 

@@ -186,7 +186,7 @@ class LevelSolver:
         if dofs > goal.max_dofs:
             return f"the next mesh has about {dofs} dofs, accuracy.max_dofs = {goal.max_dofs} allows no more"
         elapsed = max(perf_counter() - self._start, sum(level.seconds for level in self.levels))
-        needed = last.seconds * substeps / last.substeps * refinement ** (1.2 * order)
+        needed = last.seconds * substeps / last.substeps * refinement**order
         if goal.max_seconds is not None and elapsed + needed > goal.max_seconds:
             return (
                 f"the next mesh takes about {needed:.0f} s after the {elapsed:.0f} s so far, accuracy.max_seconds = "

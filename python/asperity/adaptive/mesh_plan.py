@@ -18,7 +18,7 @@ from asperity.arrays import Floats
 from asperity.model.load_path import BACKWARD_EULER, MIDPOINT
 
 MESH_ORDERS = (1.6, 2.4)  # range of the order of the force in the scale (docs/accuracy.md)
-MESH_ORDER = 2.0  # typical one, to plan with
+MESH_ORDER = sum(MESH_ORDERS) / 2.0  # typical one, to plan with
 AREA_ORDER = 1.5  # of the bar of the contact area, that of the edges of spots (docs/contact.md)
 RATIO, LEAST_RATIO = 2.0, 1.6  # of the first two scales, and least one: below it scatter hides the order
 LEAST_STEP, GREATEST_STEP = 1.25, 3.0  # from one scale to the next
@@ -28,13 +28,13 @@ FINEST, COARSEST = 0.3, 1.06
 GROWTH = 0.5  # growth of the element size around the contact at scale 1; it goes with the root of the scale
 MOST_SCALE = 8.0  # of a first mesh: its elements are larger than the spots, and few are left to save
 MARGIN = 0.9  # part of the tolerance that is planned for
-COST_ORDER, DOFS_ORDER = 2.6, 2.0  # time and dofs grow as scale^-order: refinement is nearly confined to the contact
+DOFS_ORDER = 2.0  # time and dofs grow as scale^-order: refinement is nearly confined to the contact
 COARSE, COARSER = 0.1, 2.5  # size of the mesh that compares small and finite strain [L], at most so much of the run's
 COARSE_GROWTH = 0.25 * 2.5**0.5  # of that mesh
 STICK = "stick"  # where nodes are touched within a step (docs/contact.md)
 STEP_ORDERS = {MIDPOINT: 2.0, STICK: 1.5, BACKWARD_EULER: 1.0}  # of the force in the load step
 MOST_SUBSTEPS = 32
-LEAST_STEPS = 5  # planned ones, for the difference of two meshes at one or two approaches may vanish by chance
+REACH = 2  # steps to either side that support the bar of a step: two meshes agree by chance at one approach
 
 
 def step_rule(plastic: bool, sticks: bool, integrator: str) -> str:
@@ -53,7 +53,7 @@ def step_rule(plastic: bool, sticks: bool, integrator: str) -> str:
 
 def planned_steps(steps: int) -> int:
     """Planned load steps of a run with a tolerance: the smallest multiple of those requested that gives a sound bar."""
-    return steps * -(-LEAST_STEPS // steps)
+    return steps * -(-(2 * REACH + 1) // steps)
 
 
 def growth(scale: float) -> float:
@@ -92,28 +92,13 @@ def extrapolate(coarse: Floats, fine: Floats, ratio: float, order: float) -> tup
     return fine - error, error
 
 
-def extrapolate_mesh(coarse: Floats, fine: Floats, ratio: float) -> tuple[Floats, Floats, Floats]:
-    """Limit of the force with the scale when the order is only known to lie in MESH_ORDERS.
-
-    Args:
-        coarse, fine: forces on two meshes (n,)
-        ratio: coarse over fine scale, above 1
-
-    Returns:
-        limit (n,), fine - limit (n,), and the error bar of the limit (n,)
-    """
-    low, high = (extrapolate(coarse, fine, ratio, p)[0] for p in MESH_ORDERS)
-    limit = 0.5 * (low + high)
-    return limit, fine - limit, 0.5 * np.abs(low - high)
-
-
 def weight(ratio: float) -> float:
-    """Weight of the coarse force in the limit of `extrapolate_mesh`, with the sign changed."""
+    """Error of the finer of two meshes over their difference; its mean for the range of orders."""
     return float(np.mean([1.0 / (ratio**p - 1.0) for p in MESH_ORDERS]))
 
 
 def bar_share(ratio: float) -> float:
-    """Error bar of `extrapolate_mesh` over the difference of the two forces."""
+    """Error bar of the limit of two meshes over their difference; half of what the range of orders leaves open."""
     low, high = (1.0 / (ratio**p - 1.0) for p in MESH_ORDERS)
     return 0.5 * (low - high)
 
@@ -191,5 +176,5 @@ def cheapest_substeps(bars: Mapping[int, Floats], mesh: Floats, tolerance: float
     for n, bar in known.items():
         if np.all(bar < 0.9 * tolerance):
             finer = max(float(np.max(mesh / (tolerance - bar))), 1.0)
-            costs[n] = n * finer ** (COST_ORDER / MESH_ORDER)
+            costs[n] = n * finer ** (DOFS_ORDER / MESH_ORDER)
     return min(costs, key=lambda n: costs[n], default=last)
