@@ -30,7 +30,7 @@ if TYPE_CHECKING:
 UNRESOLVED = 0.5  # error of the contact area over the area, reached when the contact has fewer than about six facets
 
 #: Stiffnesses of the contact [force/length]; the elastic ones each take a solve, k_n is the slope of the curve.
-ELASTIC_STIFFNESSES = ("k_n_elastic", "k_t", "k_n_interface", "k_t_interface")
+ELASTIC_STIFFNESSES = ("k_n_elastic", "k_t", "k_t_x", "k_n_interface", "k_t_interface")
 STIFFNESSES = ("k_n", *ELASTIC_STIFFNESSES)
 #: Columns with error bars in runs with a tolerance, in addition to P_star and area_fraction.
 WITH_ERRORS = ("mean_gap", *STIFFNESSES, "conductance")
@@ -103,6 +103,7 @@ class Curve:
         k_n: slope dF/d(delta) of the curve, see `slope.slopes` (force/length)
         k_n_elastic: normal stiffness of unloading and small vibration (force/length)
         k_t: tangential stiffness without slip, mean of x and y, elastic (force/length)
+        k_t_x: that along x (force/length)
         k_n_interface, k_t_interface: k_n_elastic and k_t without the compliance of the block (force/length)
         conductance: constriction conductance over the conductivity (length)
         error_mean_gap, error_k_n, ..., error_conductance: error bars of these columns in their units, known for runs
@@ -138,6 +139,7 @@ class Curve:
     k_n: Array
     k_n_elastic: Array
     k_t: Array
+    k_t_x: Array
     k_n_interface: Array
     k_t_interface: Array
     conductance: Array
@@ -145,6 +147,7 @@ class Curve:
     error_k_n: Array
     error_k_n_elastic: Array
     error_k_t: Array
+    error_k_t_x: Array
     error_k_n_interface: Array
     error_k_t_interface: Array
     error_conductance: Array

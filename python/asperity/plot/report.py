@@ -35,6 +35,7 @@ STIFFNESS_WORDS = {
     "k_n": "slope of the force",
     "k_n_elastic": "elastic normal stiffness",
     "k_t": "tangential stiffness",
+    "k_t_x": "tangential stiffness along x",
     "k_n_interface": "elastic normal stiffness without the block",
     "k_t_interface": "tangential stiffness without the block",
 }

@@ -64,6 +64,7 @@ class Stiffness:
                 k_n_elastic: of unloading and small vibration, with the elastic stiffness
                 k_t: tangential, nodes in contact stick to a plate that moves along x and along y; mean of the two,
                     elastic
+                k_t_x: that along x
                 k_n_interface: k_n_elastic without the compliance h_b/(A M) of the block; absent where that is all
                     there is
                 k_t_interface: k_t without the compliance h_b/(A G), likewise
@@ -85,15 +86,16 @@ class Stiffness:
         self._elastic.update()
         if not contact.stiff:
             found["k_n_elastic"], w = self._along_z.force(self._elastic, normal, nodes, normal.start(), None)
-        found["k_t"] = self._tangential(solver, nodes, w)
+        k_x, k_y = self._tangential(solver, nodes, w)
+        found["k_t"], found["k_t_x"] = 0.5 * (k_x + k_y), k_x
         self._height = height = self._height or solver.contact_surface.mean(solid.points[:, 2])
         modulus, shear_modulus = solid.material.block_modulus(solid.sides), solid.material.lame[1]
         found["k_n_interface"] = without_block(found["k_n_elastic"], modulus / height)  # elastic like k_t and the block
         found["k_t_interface"] = without_block(found["k_t"], shear_modulus / height)
         return {name: value for name, value in found.items() if value == value}
 
-    def _tangential(self, solver: ContactSolver, nodes: Integers, w: Floats) -> float:
-        """Mean stiffness against motions along x and y [E L], from the displacement along z (owned, 3); collective.
+    def _tangential(self, solver: ContactSolver, nodes: Integers, w: Floats) -> tuple[float, float]:
+        """Stiffness against motions along x and along y [E L], from the displacement along z (owned, 3); collective.
 
         The vertical motion decays from the contact as the tangential one does, and that along y as that along x. So do
         their changes since the step before.
@@ -109,7 +111,7 @@ class Stiffness:
         k_x, w = along_x.force(elastic, x, nodes, w[:, 2:] * x.unit, change)
         change = None if along_x.change is None else along_x.change[:, (1, 0, 2)]
         k_y, _ = along_y.force(elastic, y, nodes, w[:, (1, 0, 2)], change)
-        return 0.5 * (k_x + k_y)
+        return k_x, k_y
 
     def drop_matrices(self) -> None:
         """Free the matrices; the next step makes them again."""
