@@ -24,12 +24,9 @@ from asperity.errors import (
     OutputError,
     ResolutionWarning,
 )
-from asperity.model.kinds import refuse
 from asperity.model.problem import Problem
-from asperity.model.settings import wrong_friction
 from asperity.output.assumption import DOUBTFUL, Assumption
 from asperity.output.assumptions import ledger
-from asperity.output.friction_bounds import FRICTION_BOUNDS
 from asperity.output.run_files import RunFiles
 from asperity.power_law import PowerLawFit, with_misfit
 from asperity.runtime import run_folder
@@ -97,7 +94,6 @@ def run(
     resume: bool = False,
     force: bool = False,
     block: BlockMesh | None = None,
-    bounds: bool = False,
     comm: MPI.Comm | None = None,
 ) -> RunResult:
     """Run a case and write its results, as `asperity run` does; collective over `comm`.
@@ -117,13 +113,10 @@ def run(
         resume: continue the run of this case in `folder`
         force: replace the run in `folder`; files that no run has written stay
         block: mesh that was made before for this surface, block, element sizes and approach (on rank 0); None makes it
-        bounds: solve the case with the other `contact.friction` too, on the same mesh: the section friction_bounds of
-            the summary has what both differ by
         comm: communicator; default all ranks
 
     Raises:
-        InputError: the case is wrong, its load leaves no gap, its contact has no bounds of friction, or `folder` holds
-            something that would be written over
+        InputError: the case is wrong, its load leaves no gap, or `folder` holds something that would be written over
         CheckpointError: the run in `folder` is of another case, or its checkpoint is damaged
         ConvergenceError: the path could not be followed, the files hold the part before; or the tolerance was not met,
             what was found is kept like a finished run
@@ -149,14 +142,12 @@ def run(
     comm = MPI.COMM_WORLD if comm is None else comm
     out = None if folder is None else Path(folder)
     with noting(comm) as notices:
-        whole, problem = agree(
-            comm, partial(prepare, case, out, resume=resume, force=force, block=block, bounds=bounds)
-        )
+        whole, problem = agree(comm, partial(prepare, case, out, resume=resume, force=force, block=block))
         files = RunFiles(whole, out, comm)
         if out is not None:
             on_root_bcast(comm, partial(run_folder.check, out, resume=resume, force=force))
             done = files.finished() if resume else None
-            if done is not None and (not bounds or FRICTION_BOUNDS in done[1]):
+            if done is not None:
                 return RunResult(done[0], done[0].fit_or_none(), done[1], None)
         continues = files.open(resume, force)
         with (
@@ -165,7 +156,7 @@ def run(
         ):
             notices.log()
             stop = None if request is None else request.agreed
-            return _run(whole, problem, files, notices, progress or Progress(), stop, block, bounds, comm)
+            return _run(whole, problem, files, notices, progress or Progress(), stop, block, comm)
 
 
 def prepare(
@@ -175,7 +166,6 @@ def prepare(
     resume: bool = False,
     force: bool = False,
     block: BlockMesh | None = None,
-    bounds: bool = False,
 ) -> tuple[Case, Problem]:
     """A case that may be run, and its problem; warns of what is doubtful.
 
@@ -189,8 +179,6 @@ def prepare(
     case = case if isinstance(case, Case) else Case.load(case)
     if block is not None and not (case.mesh.file is None and case.accuracy.tolerance is None):
         raise InputError("block is the mesh of the run: leave out mesh.file and accuracy.tolerance, which name another")
-    if bounds:
-        refuse(wrong_friction(case.contact.method, "stick"))
     return case, case.problem()
 
 
@@ -202,7 +190,6 @@ def _run(
     progress: Progress,
     stop: Callable[[], str] | None,
     block: BlockMesh | None,
-    bounds: bool,
     comm: MPI.Comm,
 ) -> RunResult:
     """Solve, vibrate, judge, write; collective."""
@@ -210,7 +197,7 @@ def _run(
     from asperity.vibrate_case import VibratedCase, vibrate_case
 
     try:
-        solved = solve_case(case, problem, files, progress, stop, comm, block=block, bounds=bounds)
+        solved = solve_case(case, problem, files, progress, stop, comm, block)
     except InputError:
         files.withdraw()
         raise
@@ -237,7 +224,7 @@ def _run(
         summary |= found.sections
         failure = found.failure or failure
 
-    evidence = solved.evidence(case, summary.get(FRICTION_BOUNDS), found.numbers)
+    evidence = solved.evidence(case, found.numbers)
     lines = on_root_bcast(comm, partial(ledger, evidence))
     summary["assumptions"] = [line.to_dict() for line in lines]
     if evidence.radiated:

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: The asperity developers
 # SPDX-License-Identifier: LGPL-3.0-or-later
 
-"""The static part of a case: kinematics, one mesh or those of a tolerance, the other friction."""
+"""The static part of a case: kinematics, one mesh or those of a tolerance."""
 
 from __future__ import annotations
 
@@ -10,7 +10,6 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
-from asperity.adaptive.other_friction import solve_other_friction
 from asperity.adaptive.small_strain import SmallStrain, choose_kinematics
 from asperity.adaptive.solve_to_tolerance import AccurateResult, refine
 from asperity.case import Case
@@ -21,7 +20,6 @@ from asperity.model.material import AUTO
 from asperity.model.problem import Problem
 from asperity.model.settings import AccuracyTarget
 from asperity.output.assumptions import Evidence
-from asperity.output.friction_bounds import FRICTION_BOUNDS, friction_bounds
 from asperity.output.run_files import RunFiles
 from asperity.output.summary import summarise
 from asperity.quasistatic.contact_result import ContactResult, PartialResult
@@ -43,7 +41,6 @@ class SolvedCase:
         problem: that was solved, with the kinematics of the run
         contact: its result
         accurate: the same of a run with a tolerance
-        other: curve with the other friction, when requested
         strain: what small strain changes, where known
         failure: what stopped the run, or is wrong with its result
     """
@@ -51,13 +48,12 @@ class SolvedCase:
     problem: Problem
     contact: ContactResult
     accurate: AccurateResult | None
-    other: Curve | None
     strain: SmallStrain | None
     failure: ConvergenceError | None
 
     @property
     def complete(self) -> bool:
-        """Whether the curve is whole, though perhaps not as accurate as requested, or without bounds of friction."""
+        """Whether the curve is whole, though perhaps not as accurate as requested."""
         stopped = isinstance(self.failure, Interrupted) or self.contact.checks.violated or not self.contact.complete
         return self.failure is None or not stopped
 
@@ -68,18 +64,13 @@ class SolvedCase:
         found["model"] = {"kinematics": self.problem.material.kinematics, "small_strain": strain}
         if self.accurate is not None:
             found |= self.accurate.to_dict()
-        if self.other is not None:
-            computed = self.contact.curve if self.accurate is None else self.accurate.raw
-            sticks = self.problem.formulation.sticks
-            found[FRICTION_BOUNDS] = friction_bounds(*((self.other, computed) if sticks else (computed, self.other)))
         return found
 
-    def evidence(self, case: Case, bounds: Mapping[str, Any] | None, vibration: Numbers | None) -> Evidence:
+    def evidence(self, case: Case, vibration: Numbers | None) -> Evidence:
         """What the ledger of the run is made of.
 
         Args:
             case: the input
-            bounds: section friction_bounds of the summary, if there is one
             vibration: stiffness, frequency and damping of small vibration; None where there is none
         """
         accurate, tolerance = self.accurate, case.accuracy.tolerance
@@ -93,8 +84,7 @@ class SolvedCase:
             change = self.strain.greatest, self.strain.limit
         return Evidence(
             self.contact.curve, self.problem, si=case.units == "SI", tolerance=tolerance, h=h, roughness=roughness,
-            small_strain=change, friction=bounds["at_greatest_load"]["force"] if bounds else None,
-            density=case.material.density, vibration=vibration, side=case.nominal_side,
+            small_strain=change, density=case.material.density, vibration=vibration, side=case.nominal_side,
         )  # fmt: skip
 
 
@@ -105,9 +95,7 @@ def solve_case(
     progress: Progress,
     stop: Callable[[], str] | None,
     comm: MPI.Comm,
-    *,
     block: BlockMesh | None = None,
-    bounds: bool = False,
 ) -> SolvedCase:
     """Solve the static part of a case, and write its curve step by step; collective.
 
@@ -119,7 +107,6 @@ def solve_case(
         stop: gives the reason to stop, empty for none; collective; None never stops
         comm: communicator
         block: mesh made before, on rank 0; None makes it
-        bounds: whether the case is solved with the other friction too
 
     Raises:
         InputError: another mesh of a run with a tolerance cannot be made
@@ -130,7 +117,7 @@ def solve_case(
     if problem.material.kinematics == AUTO and hooks.checkpoint is not None:
         # another choice, as of a continued run with more cycles, starts the path again
         hooks = replace(hooks, checkpoint=hooks.checkpoint.part(chosen.material.kinematics))
-    accurate = other = failure = None
+    accurate = failure = None
     try:
         wanted = case.accuracy
         if wanted.tolerance is None:
@@ -140,11 +127,6 @@ def solve_case(
             accurate = refine(chosen, target, comm, hooks, files.curve)
             contact = replace(accurate.contact, curve=accurate.curve, reason=accurate.reason)
             failure = None if accurate.met else ConvergenceError(accurate.reason)
-        if bounds and failure is not None:
-            logging.getLogger(__name__).info("--bounds is left out: %s", failure)
-        elif bounds:
-            shown = replace(hooks, on_step=lambda rows, fraction: progress.step(rows[-1], fraction))
-            other, failure = solve_other_friction(chosen, contact, accurate, comm, shown)
     except PartialResult as e:
         stopped = isinstance(e.__cause__, Interrupted)
         failure = Interrupted(str(e)) if stopped else ConvergenceError(str(e))
@@ -154,7 +136,7 @@ def solve_case(
     too_coarse = accurate is not None and failure is not None and violated.keys() == {"touch"}
     if violated and not too_coarse and not isinstance(failure, Interrupted):
         failure = CheckError(f"the result is wrong, do not use it: {'; '.join(violated.values())}")
-    return SolvedCase(chosen, contact, accurate=accurate, other=other, strain=strain, failure=failure)
+    return SolvedCase(chosen, contact, accurate=accurate, strain=strain, failure=failure)
 
 
 def _hooks(case: Case, files: RunFiles, progress: Progress, stop: Callable[[], str] | None) -> Hooks:

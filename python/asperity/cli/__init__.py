@@ -3,7 +3,7 @@
 
 """The command line: `asperity COMMAND ...`, one module a command, its function named `command`.
 
-The module `import_map` is the command `import-map`. Old names of commands work with a warning, and no help lists them.
+The module `import_map` is the command `import-map`.
 
 Exit codes: 0 done; 1 compared curves differ, or an internal error; 2 bad input; 3 not converged,
 partial curve saved; 4 environment. An error is one line on stderr, from one rank.

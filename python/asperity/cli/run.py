@@ -22,7 +22,6 @@ if TYPE_CHECKING:
 @options.output("OUT", "Run directory; default out/<name of the case>.")
 @click.option("--resume", is_flag=True, help="Continue the run in OUT, or start it where there is none.")
 @click.option("--force", is_flag=True, help="Replace the run in OUT.")
-@click.option("--bounds", is_flag=True, help="Bracket friction: solve without friction and with stick, on one mesh.")
 @options.job_ranks
 @click.option("-q", "--quiet", is_flag=True, help="Show no progress.")
 @options.overrides
@@ -32,7 +31,6 @@ def command(
     resume: bool,
     force: bool,
     ranks: int | None,
-    bounds: bool,
     quiet: bool,
     overrides: tuple[str, ...],
 ) -> int | None:
@@ -51,14 +49,13 @@ def command(
     options.start_ranks(ranks, quiet)
     from asperity import run_case
     from asperity.output.assumption import doubtful
-    from asperity.output.friction_bounds import bounds_line
     from asperity.output.results import Results
     from asperity.output.verdict import count_of_doubts, verdict
     from asperity.runtime.run_folder import REPORT
 
     progress = make_progress(quiet)
     try:
-        result = run_case.run(case, folder, progress=progress, resume=resume, force=force, bounds=bounds)
+        result = run_case.run(case, folder, progress=progress, resume=resume, force=force)
     finally:
         progress.done()
     if not quiet and world_rank() == 0:
@@ -70,8 +67,6 @@ def command(
             found = Results(folder, result.curve, case.to_dict(), result.summary, thresholds=vibration)
             for sentence in verdict(found):  # without reading meshes and fields again
                 options.say(sentence)
-        if result.summary.get("friction_bounds"):
-            options.say(bounds_line(result.summary["friction_bounds"]))
         records = result.summary.get("assumptions", [])
         for line in doubtful(records):
             if not line.warned or result.contact is None:  # this command has shown the warning

@@ -11,8 +11,6 @@ from typing import TYPE_CHECKING
 import click
 
 from asperity.cli import options
-from asperity.runtime import compat
-from asperity.runtime.launch import started_ranks
 from asperity.runtime.parallel import on_root_bcast
 from asperity.runtime.progress import world_rank
 
@@ -82,8 +80,6 @@ def command(
     folder = Path(output) if output else Path("out") / Path(study_file).stem
     say = None if quiet else lambda line: click.echo(line)
     if collect:
-        if started_ranks() is not None:
-            compat.start()  # as rank 0 may need PETSc
         counts = on_root_bcast(None, lambda: collect_study(study, folder))
     else:
         counts = run_study(study, folder, only=only, ranks_per_case=ranks_per_case, retry=retry, say=say)
@@ -102,7 +98,7 @@ def command(
 
 def _describe(study: Study, only: tuple[int, int] | None) -> None:
     """Print how many cases and meshes a study or its part has."""
-    from asperity.study.portions import part
+    from asperity.study.run import part
     from asperity.study.shared_mesh import mesh_key
 
     entries = study.entries if only is None else [study.entries[i] for i in part(study.entries, *only)]

@@ -51,6 +51,7 @@ SHORT_RANGE = 0.1  # greatest range of the attraction over the gaps next to cont
 POINTS = 257  # per side, for slope and curvature
 SLOW = 0.1  # frequency over the first one of the block: its stiffness is 0.8 % lower than that of a static block
 NEGLIGIBLE = 0.1  # part of the damping ratio that may be left out
+ON_EDGE = "summit on edge"  # begins the name of a line
 
 
 @dataclass(frozen=True)
@@ -65,7 +66,6 @@ class Evidence:
         h: size of the finest elements in the contact [length]; None where unknown
         roughness: greatest part of the bar, over the force, of waves that the finest mesh leaves out; None on one mesh
         small_strain: greatest change of the force by small strain and its limit [per cent]; None where unknown
-        friction: change of the force by stick at the greatest load, over that without friction; None where unknown
         density: of the solid [mass/length^3]; None where unknown
         vibration: stiffness, frequency and damping of the small vibration; None where there is none
         side: of the nominal area of what vibrates [length]; None takes that of the patch
@@ -85,7 +85,6 @@ class Evidence:
     h: float | None = None
     roughness: float | None = None
     small_strain: tuple[float, float] | None = None
-    friction: float | None = None
     density: float | None = None
     vibration: Numbers | None = None
     side: float | None = None
@@ -192,16 +191,6 @@ def elastic(run: Evidence) -> Assumption | None:
     )  # fmt: skip
 
 
-def friction(run: Evidence) -> Assumption | None:
-    """What any friction could change, where both bounds were computed."""
-    if run.friction is None:
-        return None
-    return Assumption(
-        "friction: difference of no friction and stick", 100 * abs(run.friction), 100 * (run.tolerance or ONE_MESH),
-        "% of the force", "both were computed (friction_bounds)", "quote both: real friction is expected between them",
-    )  # fmt: skip
-
-
 def resolution(run: Evidence) -> Assumption | None:
     """Waves too short for the elements; the warning of one mesh comes before the run."""
     surface = run.problem.surface
@@ -245,7 +234,7 @@ def summit_on_edge(run: Evidence) -> Assumption | None:
         "a ridge where rollers mirror the surface" if run.problem.sides == "rollers" else "no solid beyond the side"
     )
     return Assumption(
-        f"summit on edge: {edge.name}", edge.value, edge.limit, "", source,
+        f"{ON_EDGE}: {edge.name}", edge.value, edge.limit, "", source,
         "another surface.seed, or another window of a map", least=run.problem.sides == "free", warned=True,
     )  # fmt: skip
 
@@ -393,7 +382,6 @@ def radiation(run: Evidence) -> Assumption | None:
 LINES: tuple[Callable[[Evidence], Assumption | None], ...] = (
     small_strain,
     elastic,
-    friction,
     resolution,
     facets,
     summit_on_edge,

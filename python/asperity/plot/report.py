@@ -16,7 +16,6 @@ from typing import Any
 import asperity
 from asperity.curve import COLUMNS, WITH_ERRORS, Curve
 from asperity.dynamics.laws import WORDS
-from asperity.output.friction_bounds import bounds_line
 from asperity.output.gap_conductance import gap_conductance
 from asperity.output.results import Results
 from asperity.output.verdict import doubts, verdict
@@ -62,9 +61,6 @@ def write_report(folder: str | Path, finished: bool | None = None) -> Path:
 
     results = Results.read(folder)
     summary = dict(results.summary) | ({} if finished is None else {"finished": finished})
-    if bounds := summary.pop("friction_bounds", None):
-        at_greatest_load = bounds_line(bounds).partition(": ")[2]
-        summary["difference of stick from no friction"] = {"at the greatest load": at_greatest_load}
     warnings = [*_missed_tolerance(summary), *summary.pop("warnings", [])]
     summary.pop("dynamics", None)  # as in thresholds.json
     assumptions = [_assumption(record) for record in summary.pop("assumptions", [])]
