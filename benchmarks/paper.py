@@ -279,11 +279,11 @@ def fits(results: StudyResults) -> Table:
             reach = level.column("delta_star_max")
             rows.append((
                 name, plain(text), f"{np.nanmean(reach):.3g}", spread(level, "k", ".3g"), spread(level, "n"),
-                spread(level, "n_log"), spread(level, "n_interface"), f"{np.nanmean(level.column('r2')):.4f}",
+                spread(level, "n_log"), f"{np.nanmean(level.column('r2')):.4f}",
                 spread(level, "kappa"), spread(level, "omega_loss"), spread(level, "area_fraction", ".2f"),
                 spread(level, "block_load", ".2f"),
             ))  # fmt: skip
-    header = ("family", "level", "δ*max", "k", "n", "n, log fit", "n, interface", "R²", "κ", "ω_loss/ω_s", "A/A₀",
+    header = ("family", "level", "δ*max", "k", "n", "n, log fit", "R²", "κ", "ω_loss/ω_s", "A/A₀",
               "p / block yield")  # fmt: skip
     return [header, *rows]
 

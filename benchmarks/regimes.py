@@ -8,6 +8,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 import numpy as np
+from interface import FULL
 from matplotlib.axes import Axes
 from matplotlib.collections import QuadMesh
 from matplotlib.colors import TwoSlopeNorm
@@ -17,7 +18,6 @@ from asperity.case import Case
 from asperity.dynamics import ContactOscillator, PowerLaw
 from asperity.plot import style
 from asperity.study import Study, StudyResults
-from asperity.study.interface import FULL
 
 SIDES = {"rollers": "rollers", "free": "free sides"}
 COLUMNS = ("n", "n_log", "area_fraction", "block_load")

@@ -10,12 +10,12 @@ from collections.abc import Callable, Iterable, Sequence
 from dataclasses import asdict, dataclass
 
 import numpy as np
+from interface import FULL, Block
 from trend import CONDITIONS, Condition, Trend, trend, verdict
 
 from asperity.case import Case
 from asperity.curve import Curve
 from asperity.study import StudyLevel, StudyResults
-from asperity.study.interface import FULL, Block
 from asperity.study.results import Row
 from asperity.surface import Surface, WeierstrassMandelbrot
 

@@ -11,13 +11,13 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
+from interface import Block
 
 from asperity.arrays import Array
 from asperity.curve import Curve
 from asperity.errors import InputError
 from asperity.power_law import fit_or_none
 from asperity.study.definition import ENSEMBLE
-from asperity.study.interface import Block
 from asperity.study.results import Row, StudyLevel, mean_interval
 
 HOLDS, CONDITIONAL, FAILS = "holds", "holds under conditions", "does not hold"

@@ -22,8 +22,8 @@ from asperity.cli import main
 from asperity.curve import Curve
 from asperity.errors import InputError
 from asperity.study import Study, collect_study, run_study
-from asperity.study.portions import part
 from asperity.study.results import DONE, TABLE, case_folder
+from asperity.study.run import part
 from asperity.study.shared_mesh import mesh_key
 
 BASE: dict[str, Any] = {

@@ -24,9 +24,8 @@ from asperity.errors import AsperityWarning, InputError, OutputError
 from asperity.run_case import run
 from asperity.runtime.files import is_aside
 from asperity.study import Study, StudyResults, ensemble_curve, run_study, summarise_case
-from asperity.study.portions import portions
 from asperity.study.results import case_folder, mean_interval
-from asperity.study.shared_mesh import mesh_key, shared_mesh
+from asperity.study.shared_mesh import mesh_key, meshes_first, shared_mesh, side_by_side
 from asperity.surface import SurfaceWarning
 
 ROOT = Path(__file__).parents[2]
@@ -150,12 +149,13 @@ def test_the_studies_of_the_paper_are_legal(name: str, fewest: int) -> None:
         assert len(seeds) >= fewest
 
 
-def test_materials_share_a_mesh_and_portions_keep_groups_busy() -> None:
+def test_materials_share_a_mesh_and_groups_make_the_meshes_side_by_side() -> None:
     made = study(grid={"block.height": [1.0, 2.0], "material.tangent_modulus": [0.01, 0.02, 0.03, 0.04]})
     assert len({mesh_key(e.case) for e in made.entries}) == 2
-    todo = list(range(8))
-    assert portions(made.entries, todo, 1) == [[0, 1, 2, 3], [4, 5, 6, 7]]
-    assert portions(made.entries, todo, 2) == [[i] for i in todo]
+    turned = (made.entries[0], made.entries[4], *made.entries[1:4], *made.entries[5:])
+    assert side_by_side(turned) == [0, 2, 3, 4, 1, 5, 6, 7]
+    assert meshes_first(made.entries, range(8)) == [0, 4, 1, 2, 3, 5, 6, 7]
+    assert meshes_first(made.entries, [3, 2, 5]) == [3, 5, 2]
     free = Case.from_dict(BASE | {"loading": {"force_max": 1e-3}})
     other = Case.from_dict(BASE | {"loading": {"force_max": 1e-3}, "material": {"E": 1.0, "nu": 0.3}})
     assert mesh_key(free) != mesh_key(other)
@@ -327,7 +327,6 @@ def test_two_ranks_share_the_cases(tmp_path: Path, ranks_per_case: int) -> None:
 
 
 def test_two_ranks_continue_and_collect_a_study_with_free_sides(tmp_path: Path) -> None:
-    """The tables of cases that are there need the stiffness of the block, which rank 0 computes."""
     path, out = tmp_path / "s.toml", tmp_path / "out"
     base = BASE | {"block": {"sides": "free"}}
     path.write_text(tomli_w.dumps({"base": base, "grid": {"material.tangent_modulus": [0.01, 0.05, 0.1]}}))

@@ -20,22 +20,22 @@ from asperity.case import Case
 from asperity.curve import Curve
 from asperity.errors import AsperityError, InputError
 from asperity.output.assumption import doubtful
-from asperity.power_law import PowerLawFit, fit_or_none
+from asperity.output.assumptions import ON_EDGE
+from asperity.power_law import PowerLawFit
 from asperity.runtime.display import short_repr
 from asperity.runtime.files import read_csv, replace_file, write_csv
 from asperity.runtime.run_folder import CASE, CURVE, SUMMARY
 from asperity.study.definition import ENSEMBLE, Family, Study
-from asperity.study.interface import Block
 
 Row = Mapping[str, Any]
 
 TABLE, ABOUT = "results.csv", "study.json"
 DONE = "done.json"  # exit reason and time of a case
-TEXTS = ("case", "families", "exit_reason", "norm", "interface_void", "doubtful")
+TEXTS = ("case", "families", "exit_reason", "norm", "doubtful")
 #: Columns of results.csv after "case", "families" and the keys that vary.
 RESULT_COLUMNS = (
     "exit_reason", "summit_on_edge", "delta_star_max", "P_star_max", "k", "n", "n_low", "n_high", "norm", "range_low",
-    "range_high", "points", "r2", "n_log", "n_interface", "interface_void", "stiffness", "preload", "slope", "n_loc",
+    "range_high", "points", "r2", "n_log", "stiffness", "preload", "slope", "n_loc",
     "n_loc_low", "n_loc_high", "kappa_loc", "kappa", "u_loss", "omega_loss", "drive_loss", "slope_unload", "n_unload",
     "kappa_unload", "omega_loss_unload", "area_fraction", "plastic_fraction", "max_plastic_strain", "block_load",
     "doubtful", "dofs", "cells", "newton", "seconds",
@@ -65,9 +65,7 @@ def summarise_case(case: Case, curve: Curve, summary: Mapping[str, Any]) -> dict
 
     Returns:
         k, n, ...: linear-scale power law of the loading branch, with norm, range and interval;
-        n_log: exponent of the log-log fit; n_interface: linear-scale exponent of the interface alone (the elastic
-        compression of the flat block is subtracted from the approach), or interface_void: why it is meaningless
-        (the block has yielded, or the contact is nearly full);
+        n_log: exponent of the log-log fit;
         stiffness: K of F = K delta^n (force/length^n);
         preload: half of the greatest P*; slope: dP*/d(delta*) there; n_loc, kappa_loc: local exponent and backbone
         curvature there, from the points of the loading branch, with n_loc without every other of them;
@@ -82,6 +80,7 @@ def summarise_case(case: Case, curve: Curve, summary: Mapping[str, Any]) -> dict
     if not len(load):
         return {}
     side, solid = case.surface.L, case.material
+    doubts = [line.name for line in doubtful(summary.get("assumptions", []))]
     row: dict[str, Any] = {
         "delta_star_max": float(load.delta_star.max()),
         "P_star_max": float(load.P_star.max()),
@@ -89,12 +88,12 @@ def summarise_case(case: Case, curve: Curve, summary: Mapping[str, Any]) -> dict
         "plastic_fraction": float(load.plastic_fraction[-1]),
         "max_plastic_strain": float(load.max_plastic_strain[-1]),
         "seconds": sum((summary.get("seconds") or {}).values()) or None,
-        "doubtful": "; ".join(line.name for line in doubtful(summary.get("assumptions", []))) or None,
+        "doubtful": "; ".join(doubts) or None,
+        "summit_on_edge": int(any(name.startswith(ON_EDGE) for name in doubts)),
         **{name: summary.get(name) for name in ("dofs", "cells", "newton")},
     }
-    block = Block.of(case)
     if solid.yield_strength is not None:
-        row["block_load"] = float(load.force[-1]) / (side**2 * block.yields_at)
+        row["block_load"] = float(load.force[-1]) / (side**2 * solid.solid.yield_pressure(case.block.sides))
     fit = curve.fit_or_none()
     if fit is not None:
         row |= {
@@ -102,10 +101,6 @@ def summarise_case(case: Case, curve: Curve, summary: Mapping[str, Any]) -> dict
             "range_low": fit.range[0], "range_high": fit.range[1], "points": fit.points, "r2": fit.r2,
             "n_log": curve.fit("log").n, "stiffness": fit.stiffness(solid.E_prime, side),
         }  # fmt: skip
-        points = curve.planned()
-        row["interface_void"] = block.void(load)
-        own = None if row["interface_void"] else fit_or_none(block.interface(points), points.P_star)
-        row["n_interface"] = None if own is None else own.n
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")  # n_loc_low and n_loc_high give the uncertainty of the local slope
             row |= _vibration(curve, fit, solid.E_prime * side**2, side)
@@ -152,7 +147,7 @@ def tabulate(study: Study, folder: Path) -> list[dict[str, Any]]:
         if done is None:
             continue
         row = {"case": entry.key, "families": " ".join(entry.families), **{k: entry.value(k) for k in study.keys}}
-        row |= {name: done.get(name) for name in ("exit_reason", "seconds", "summit_on_edge")}
+        row |= {name: done.get(name) for name in ("exit_reason", "seconds")}
         place = case_folder(folder, entry.key)
         if (place / CURVE).is_file():
             summary_file = place / SUMMARY

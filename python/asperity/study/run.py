@@ -9,7 +9,7 @@ import gc
 import json
 import traceback
 import warnings
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass
 from functools import partial
@@ -18,17 +18,13 @@ from time import perf_counter
 from typing import TYPE_CHECKING, Any
 
 from asperity.errors import AsperityError, AssumptionWarning, CheckpointError, InputError, Interrupted
-from asperity.model.edges import doubt_of_edge
-from asperity.runtime import compat
-from asperity.runtime.counters import Counters
 from asperity.runtime.files import is_aside, remove_asides, replace_file
 from asperity.runtime.parallel import on_root, on_root_bcast
 from asperity.runtime.progress import duration
 from asperity.study.definition import Entry, Study
 from asperity.study.locks import LOCK_FILES, FolderLock, claimed
-from asperity.study.portions import part, portions
 from asperity.study.results import ABOUT, DONE, case_folder, case_state, write_about, write_tables
-from asperity.study.shared_mesh import MESHES, shared_mesh, shares_mesh
+from asperity.study.shared_mesh import MESHES, meshes_first, shared_mesh, shares_mesh, side_by_side
 
 if TYPE_CHECKING:
     from mpi4py import MPI
@@ -74,10 +70,10 @@ def run_study(
 ) -> StudyCounts:
     """Run the missing cases of a study and write its tables; collective over `comm`.
 
-    The ranks are split into groups; the first rank of each group pulls the next cases from a common counter. A case
-    whose results are in the folder is not repeated; cases are identified by the hash of the completed input. An error
-    of the solver is recorded with its case, and the next case starts. An unexpected error is recorded too if a group is
-    a single rank; otherwise it ends the job, which can be started again. A case that was stopped by a signal continues
+    The ranks are split into groups, and the first rank of each takes the next case by a common counter. A case whose
+    results are in the folder is not repeated; cases are identified by the hash of the completed input. An error of the
+    solver is recorded with its case, and the next case starts. An unexpected error is recorded too if a group is a
+    single rank; otherwise it ends the job, which can be started again. A case that was stopped by a signal continues
     from its last saved step when the job is started again.
 
     Parts (`only`) may run side by side, in jobs of their own, also on several machines that see the folder. A case that
@@ -113,6 +109,7 @@ def run_study(
         StudyCounts(cases=2, done=2, failed=0, run=2)
     """
     from mpi4py import MPI
+    from mpi4py.util.sync import Counter
 
     comm = MPI.COMM_WORLD if comm is None else comm
     folder = Path(folder)
@@ -123,39 +120,52 @@ def run_study(
         )
     chosen = range(len(study.entries)) if only is None else part(study.entries, *only)
     lock = FolderLock(folder, shared=only is not None)
-    if comm.size > 1:
-        compat.start()  # of PETSc: rank 0 presses blocks with free sides on its own, for the tables
-    plan = _prepare(study, folder, lock, chosen, retry, comm.size // ranks_per_case) if comm.rank == 0 else None
-    batches = comm.bcast(plan)
-    if isinstance(batches, AsperityError):
-        lock.release()
-        raise batches
+    todo = on_root_bcast(comm, partial(_prepare, study, folder, lock, chosen, retry))
     group = comm.Split(comm.rank // ranks_per_case, comm.rank)
-    counters = Counters(comm, 2)
-    taken, ended = 0, 1  # portions, cases
-    todo, run = sum(len(batch) for batch in batches), 0
-    start = perf_counter()
+    turns, ended = Counter(comm=comm), Counter(comm=comm)
+    run, start = 0, perf_counter()
     try:
-        while (turn := group.bcast(counters.advance(taken) if group.rank == 0 else None)) < len(batches):
-            entries = [study.entries[i] for i in batches[turn]]
-            for entry, state in run_portion(entries, folder, group, retry):
-                run += group.rank == 0
-                if group.rank == 0 and say is not None:
-                    finished = counters.advance(ended) + 1
-                    left = (perf_counter() - start) * (todo / finished - 1)
-                    say(_line(entry, state, study.keys, len(chosen) - todo + finished, len(chosen), left))
+        while (turn := group.bcast(next(turns) if group.rank == 0 else None)) < len(todo):
+            entry = study.entries[todo[turn]]
+            state = run_entry(entry, folder, group, retry)
+            if state is None or group.rank > 0:
+                continue
+            run += 1
+            finished = next(ended) + 1
+            if say is not None:
+                left = (perf_counter() - start) * (len(todo) / finished - 1)
+                say(_line(entry, state, study.keys, len(chosen) - len(todo) + finished, len(chosen), left))
     except BaseException:
         if comm.rank == 0 and only is None:
             write_tables(study, folder)  # the tables of a stopped study contain its finished cases
         lock.release()
         raise
-    counters.close()  # waits for all ranks
+    turns.free()  # waits for all ranks
+    ended.free()
     group.Free()
     if comm.rank == 0 and only is None:
         write_tables(study, folder)
     lock.release()
     run = comm.allreduce(run)
     return comm.bcast(_count(study, folder, chosen, run) if comm.rank == 0 else None)
+
+
+def part(entries: Sequence[Entry], number: int, parts: int) -> list[int]:
+    """Case numbers of a part of a study, from `number` = 1; all parts together are the study.
+
+    The parts differ by one case at most, and depend on the study alone, not on what is finished. Few of them have the
+    same mesh.
+
+    Raises:
+        InputError: there is no part of that number
+    """
+    if not 1 <= number <= parts:
+        raise InputError(
+            f"--only {number}/{parts} is no part: the first is 1/{max(parts, 1)}, the last {parts}/{parts}"
+        )
+    ordered = side_by_side(entries)
+    first, last = ((n * len(ordered)) // parts for n in (number - 1, number))
+    return ordered[first:last]
 
 
 def collect_study(study: Study, folder: str | Path) -> StudyCounts:
@@ -194,28 +204,20 @@ def _count(study: Study, folder: Path, chosen: Sequence[int], run: int) -> Study
     return StudyCounts(len(chosen), done, len(states) - done, run)
 
 
-def run_portion(
-    entries: Sequence[Entry], folder: Path, comm: MPI.Comm, retry: bool = False
-) -> Iterator[tuple[Entry, dict[str, Any]]]:
-    """Run cases that share a mesh; yields each case with its exit state; collective.
-
-    A case is left out that another job computes, or has ended since the portions were made.
-    """
-    mesh: Path | AsperityError | None = None
-    for entry in entries:
-        with ExitStack() as claim:
-            mine, before = on_root_bcast(comm, partial(_claim, claim, folder, entry.key))
-            if not mine or not _is_due(before, retry):
-                continue
-            start = perf_counter()
-            if mesh is None and shares_mesh(entry.case):
-                mesh = shared_mesh(entry.case, folder, comm)
-            found = _attempt(entry.case, case_folder(folder, entry.key), mesh, before is not None, comm)
-            gc.collect()
-            found |= {"seconds": round(perf_counter() - start, 3)}
-            if comm.rank == 0:
-                _write(case_folder(folder, entry.key) / DONE, json.dumps(found, indent=2) + "\n")
-            yield entry, found
+def run_entry(entry: Entry, folder: Path, comm: MPI.Comm, retry: bool = False) -> dict[str, Any] | None:
+    """Run a case, and return its exit state; None for one that another job computes, or has ended; collective."""
+    with ExitStack() as claim:
+        mine, before = on_root_bcast(comm, partial(_claim, claim, folder, entry.key))
+        if not mine or not _is_due(before, retry):
+            return None
+        start = perf_counter()
+        mesh = shared_mesh(entry.case, folder, comm) if shares_mesh(entry.case) else None
+        reason = _attempt(entry.case, case_folder(folder, entry.key), mesh, before is not None, comm)
+        gc.collect()
+        found = {"exit_reason": reason, "seconds": round(perf_counter() - start, 3)}
+        if comm.rank == 0:
+            _write(case_folder(folder, entry.key) / DONE, json.dumps(found, indent=2) + "\n")
+        return found
 
 
 def _claim(claim: ExitStack, folder: Path, key: str) -> tuple[bool, dict[str, Any] | None]:
@@ -228,8 +230,8 @@ def _is_due(state: dict[str, Any] | None, retry: bool) -> bool:
     return state is None or (retry and state["exit_reason"] != "done")
 
 
-def _attempt(case: Case, place: Path, mesh: Path | AsperityError | None, again: bool, comm: MPI.Comm) -> dict[str, Any]:
-    """Run a case; return its exit state; collective.
+def _attempt(case: Case, place: Path, mesh: Path | AsperityError | None, again: bool, comm: MPI.Comm) -> str:
+    """Run a case; return its exit reason; collective.
 
     Args:
         case: the input
@@ -241,26 +243,21 @@ def _attempt(case: Case, place: Path, mesh: Path | AsperityError | None, again: 
     Raises:
         Interrupted: a signal requested the end
     """
-    found: dict[str, Any] = {}
     try:
         if isinstance(mesh, AsperityError):
             raise mesh
         on_root(comm, partial(remove_outcome, place))
-        surface = case.build_surface()
-        found["summit_on_edge"] = int(bool(doubt_of_edge(case.block.sides, surface)))
         _run(case, place, mesh, again, comm)
-        reason = "done"
     except Interrupted:
         raise  # the case has not ended
     except AsperityError as error:
-        reason = f"{type(error).__name__}: {error}"
+        return f"{type(error).__name__}: {error}"
     except Exception as error:
         if comm.size > 1:
             raise
-        place.mkdir(parents=True, exist_ok=True)
         _write(place / ERROR, traceback.format_exc())
-        reason = f"{type(error).__name__}: {error}"
-    return {"exit_reason": reason} | found
+        return f"{type(error).__name__}: {error}"
+    return "done"
 
 
 def remove_outcome(place: Path) -> None:
@@ -284,10 +281,12 @@ def _run(case: Case, place: Path, mesh: Path | None, again: bool, comm: MPI.Comm
             run(case, place, force=True, block=block, comm=comm)
 
 
-def _prepare(
-    study: Study, folder: Path, lock: FolderLock, chosen: Sequence[int], retry: bool, groups: int
-) -> list[list[int]] | AsperityError:
-    """Portions of the numbers of the cases to run, or why none can be run."""
+def _prepare(study: Study, folder: Path, lock: FolderLock, chosen: Sequence[int], retry: bool) -> list[int]:
+    """Numbers of the cases to run, in their order; locks the folder.
+
+    Raises:
+        InputError: the folder cannot be used
+    """
     try:
         if folder.exists() and not folder.is_dir():
             raise InputError(f"{folder} is a file; give a folder to -o")
@@ -302,12 +301,13 @@ def _prepare(
             for place in (folder, folder / MESHES):
                 remove_asides(place)
             write_tables(study, folder)
-    except AsperityError as error:
-        return error
+    except AsperityError:
+        lock.release()
+        raise
     except OSError as error:
-        return InputError(f"{folder} cannot be written: {error.strerror}")
-    todo = [i for i in chosen if _is_due(case_state(folder, study.entries[i].key), retry)]
-    return portions(study.entries, todo, groups)
+        lock.release()
+        raise InputError(f"{folder} cannot be written: {error.strerror}") from None
+    return meshes_first(study.entries, (i for i in chosen if _is_due(case_state(folder, study.entries[i].key), retry)))
 
 
 def _line(entry: Entry, state: dict[str, Any], keys: Sequence[str], done: int, total: int, left: float) -> str:

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -17,6 +18,7 @@ if TYPE_CHECKING:
     from mpi4py import MPI
 
     from asperity.case import Case
+    from asperity.study.definition import Entry
 
 MESHES = "meshes"  # folder of the meshes that cases share
 
@@ -35,6 +37,20 @@ def mesh_key(case: Case) -> str:
     if not shares_mesh(case):
         parts.append(case.hash())
     return hashlib.sha256(json.dumps(parts, sort_keys=True).encode()).hexdigest()[:16]
+
+
+def side_by_side(entries: Sequence[Entry]) -> list[int]:
+    """Numbers of all cases, those with one mesh next to each other."""
+    first: dict[str, int] = {}
+    of_mesh = [first.setdefault(mesh_key(entry.case), i) for i, entry in enumerate(entries)]
+    return sorted(range(len(entries)), key=lambda i: of_mesh[i])
+
+
+def meshes_first(entries: Sequence[Entry], numbers: Iterable[int]) -> list[int]:
+    """Case numbers, one of each mesh before the others: groups of ranks make the meshes at the same time."""
+    first: dict[str, int] = {}
+    later = [i for i in numbers if first.setdefault(mesh_key(entries[i].case), i) != i]
+    return [*first.values(), *later]
 
 
 def shared_mesh(case: Case, folder: Path, comm: MPI.Comm) -> Path | AsperityError:
