@@ -6,17 +6,20 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import cache
 from math import inf
-from typing import Any
 
-import numpy as np
-from numpy.typing import NDArray
+from mpi4py import MPI
 
 from asperity.adaptive.mesh_plan import extrapolate
+from asperity.adaptive.solve_contact import solve_contact
+from asperity.arrays import Array
 from asperity.case import Case
 from asperity.curve import Curve
+from asperity.model.material import Material
+from asperity.model.settings import MeshSize
 from asperity.power_law import interface_approach
+from asperity.surface import Flat
 
 FULL = 0.9  # contact area over the patch beyond which the interface is practically closed
 BULK = 0.5  # plastic part of the volume that is exceeded only when the block as a whole yields
@@ -29,8 +32,7 @@ class Block:
     """The block as an elastic spring below the interface.
 
     Attributes:
-        side: L (length)
-        height: h_b (length)
+        side, height: L and h_b (length)
         modulus: mean pressure over mean strain of the flat block (force/length^2)
         yields_at: mean pressure at which the block yields (force/length^2), inf if it is elastic
     """
@@ -44,53 +46,34 @@ class Block:
     def of(case: Case) -> Block:
         """Block of a case; with free sides, solves a flat block of the same shape, once per process."""
         solid, side, height = case.material.solid, case.surface.L, case.block.height
-        yields_at = solid.yield_pressure(case.block.sides)
-        if case.block.sides != "free":
-            return Block(side, height, solid.confined_modulus, yields_at)
-        return Block(side, height, solid.E * free_block_modulus(solid.nu, height / side), yields_at)
+        free = case.block.sides == "free"
+        modulus = solid.E * free_block_modulus(solid.nu, height / side) if free else solid.confined_modulus
+        return Block(side, height, modulus, solid.yield_pressure(case.block.sides))
 
-    def interface(self, curve: Curve) -> NDArray[Any]:
+    def interface(self, curve: Curve) -> Array:
         """Approach of the interface alone over L, for each step of the curve (n,)."""
         of_block = dict(height=self.height, area=self.side**2, modulus=self.modulus)
         return interface_approach(curve.delta, curve.force, **of_block) / self.side
 
-    def void(self, curve: Curve) -> str:
-        """Why the approach of the interface alone is meaningless for a loading; empty if it is meaningful."""
-        if not len(curve):
-            return ""
-        load = float(np.max(curve.force)) / (self.side**2 * self.yields_at)
-        if load >= 1:
-            return f"the block has yielded: the mean pressure is {load:.2g} times its yield pressure"
-        if (plastic := float(np.max(curve.plastic_fraction))) > BULK:
-            return f"the block has yielded: {plastic:.0%} of it is plastic"
-        if (area := float(np.max(curve.area_fraction))) > FULL:
-            return f"contact is nearly full: A/A0 = {area:.2f}"
-        return ""
+    def void(self, curve: Curve) -> bool:
+        """Whether the approach of the interface alone is void: the block has yielded, or contact is nearly full."""
+        pressure = curve.force.max(initial=0.0) / self.side**2
+        full, plastic = curve.area_fraction.max(initial=0.0) > FULL, curve.plastic_fraction.max(initial=0.0) > BULK
+        return bool(pressure >= self.yields_at or full or plastic)
 
 
-@lru_cache(maxsize=64)
+@cache
 def free_block_modulus(nu: float, height: float) -> float:
-    """Mean pressure over mean strain of a flat block with free sides on a clamped base, over E: greater than 1.
+    """Mean pressure over mean strain of a flat block of a height [L] with free sides on a clamped base, over E.
 
-    The base prevents lateral expansion; there is no closed form. Computed by finite elements in this process, with an
-    error of about 0.1 % if the height is at least half the side.
-
-    Args:
-        nu: Poisson's ratio
-        height: of the block [L]
+    The base prevents lateral expansion: it is greater than 1, and there is no closed form. Computed by finite elements,
+    with an error of about 0.1 % if the height is at least half the side.
     """
-    from mpi4py import MPI
 
-    from asperity.adaptive.solve_contact import solve_contact
-    from asperity.model.material import Material
-    from asperity.model.settings import MeshSize
-    from asperity.surface import Flat
-
-    def pressed(h: float) -> Any:
-        size = MeshSize(h, h_max=h if height <= 2.0 else None)
+    def pressed(h: float) -> Array:
         return solve_contact(
-            Flat(L=1.0), Material(1.0, nu), height=height, sides="free", delta_max=1e-3 * height, steps=1, size=size,
-            comm=MPI.COMM_SELF,
+            Flat(L=1.0), Material(1.0, nu), height=height, sides="free", delta_max=1e-3 * height, steps=1,
+            size=MeshSize(h, h_max=h if height <= 2.0 else None), comm=MPI.COMM_SELF,
         ).curve.force / 1e-3  # fmt: skip
 
     h = min(max(0.3 * height, FINEST), COARSEST)

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: The asperity developers
 # SPDX-License-Identifier: LGPL-3.0-or-later
 
-"""Run the paper's studies and write docs/paper.md, its figures and its tables.
+"""Run the paper's studies, write figures and tables of docs/paper.md, and print its other numbers.
 
     ./run mpirun -n 2 python3 benchmarks/paper.py out/paper
 
@@ -12,11 +12,9 @@ What the folder holds already is not repeated. A study of the page is in its fol
 from __future__ import annotations
 
 import argparse
-import json
 import warnings
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from matplotlib.figure import Figure
@@ -26,7 +24,6 @@ from regimes import cubic, regime_map
 from regimes import table as map_table
 from statements import WHOLE, Finding, Statement, all_statements, smoother_surfaces, turning, verdict_of
 from tables import csv_text, versions
-from trend import CONDITIONS
 
 from asperity.case.schema import WeierstrassMandelbrotSection
 from asperity.dynamics import ContactOscillator, PowerLaw
@@ -51,7 +48,7 @@ CURVES = ("D", "G", "E_t_free", "sigma_y")  # families of the figures
 
 
 def main() -> None:
-    """Run the study, on all ranks, and write the page."""
+    """Run the studies, on all ranks."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("folder", type=Path, help="of the study")
     parser.add_argument("--study", type=Path, default=ROOT / "cases/paper/study.toml", help="study file")
@@ -74,25 +71,17 @@ def write_map(study: Study, results: StudyResults, docs: Path) -> None:
 
 
 def write(results: StudyResults, docs: Path) -> None:
-    """Write the page and its figures into the folder of the documentation.
-
-    Args:
-        results: of the study.
-        docs: the folder.
-    """
+    """Write the figures and tables of the page into the folder of the documentation, and print its other numbers."""
     pictures = docs / "paper"
     for folder in (pictures, docs / "tables"):
         folder.mkdir(parents=True, exist_ok=True)
     for name, figure in figures(results):
         style.save(figure, pictures / f"{name}.png")
     found = all_statements(results)
-    (docs / "paper.md").write_text(page(results, found), encoding="utf-8")
     made = {"paper_fits": fits(results), "paper_conditions": conditions(found), "paper_unloading": physical(results)}
     for name, rows in made.items():
         (docs / "tables" / f"{name}.csv").write_text(csv_text(COMMAND, versions(), rows), encoding="utf-8")
-    for row in verdicts(found):
-        print(" | ".join(row))
-    print(f"written {docs / 'paper.md'}")
+    print(*numbers(results, found), sep="\n\n")
 
 
 def labels(name: str, levels: Sequence[StudyLevel]) -> list[str]:
@@ -386,199 +375,30 @@ def smallest_step(found: Iterable[Statement]) -> float:
     return min(steps, default=float("nan"))
 
 
-def failures(results: StudyResults) -> str:
-    """Why cases failed, in brackets."""
-    found = [
-        f"seed {row['surface.seed']:.0f} of {row['families']}: {str(row['exit_reason']).partition(': ')[2]}"
-        for row in results.rows
-        if row["exit_reason"] != "done"
-    ]
-    return f" ({'; '.join(found)})" if found else ""
-
-
-def software_of(results: StudyResults) -> dict[str, Any]:
-    """Versions that ran the study."""
-    path = results.folder / "cases" / str(results.rows[0]["case"]) / "summary.json"
-    found: dict[str, Any] = json.loads(path.read_text(encoding="utf-8"))["versions"]
-    return found
-
-
-def page(results: StudyResults, found: Sequence[Statement]) -> str:
-    """Text of docs/paper.md."""
+def numbers(results: StudyResults, found: Sequence[Statement]) -> Iterator[str]:
+    """Tables and sentences with the numbers of docs/paper.md that are in none of its stored tables."""
     cost = sum(float(row["seconds"] or 0) for row in results.rows)
-    shown = ("asperity", "dolfinx", "petsc4py")
+    failed = [f"seed {row['surface.seed']:.0f} of {row['families']}: {row['exit_reason']}"
+              for row in results.rows if row["exit_reason"] != "done"]  # fmt: skip
+    yield f"{len(results.rows)} cases, {len(failed)} failed; {cost / 60:.0f} minutes"
+    yield from failed
+    yield table(("", "the source says", "test"), [(s.name, s.text, s.criterion) for s in found])
+    yield table(("", "sides, regime", "verdict", "families: n by level (yes/no/open)"), verdicts(found))
+    dense = smoother_surfaces()[1]
+    yield f"slope over Sq/L {dense[0]:.1f} to {dense[-1]:.1f}"
+    yield table(("n", "Ω of the peak, power law", "Ω of the peak, cubic", "least u, cubic"), cubic())
+    yield f"greatest n {max(float(row['n']) for row in results.rows if row['n']):.2f}"
+    yield half_space(results)
     law = mean_law(base_level(results))
     limits = ContactOscillator(law, zeta=ZETA).thresholds(FORCING)
     peaks = ", ".join(f"{p['u_max']:.3f} at Ω = {p['Omega']:.3f}" for p in limits.peaks if p["u_max"] is not None)
+    yield (
+        f"n = {law.n:.3f}: κ = {limits.kappa:.4f}, u₀ = {limits.u_max or 0:.3f}, ω/ω_s = {limits.omega_loss or 0:.4f}, "
+        f"hysteresis {limits.hysteresis or 0:.2e}, contact loss {limits.contact_loss or 0:.4f}, peaks {peaks}"
+    )
     changes, most = resolution(results)
-    dense = smoother_surfaces()[1]
-    return TEMPLATE.format(
-        cases=len(results.rows), failed=sum(row["exit_reason"] != "done" for row in results.rows),
-        reasons=failures(results), cost=f"{cost / 60:.0f}",
-        software=", ".join(f"{k} {v}" for k, v in software_of(results).items() if k in shown),
-        statements=table(("", "the source says", "test"), [(s.name, s.text, s.criterion) for s in found]),
-        verdicts=table(("", "sides, regime", "verdict", "families: n by level (yes/no/open)"), verdicts(found)),
-        half_space=half_space(results), resolution=changes, most=f"{most:.3f}",
-        cubic=table(("n", "Ω of the peak, power law", "Ω of the peak, cubic", "least u, cubic"), cubic()),
-        smallest=f"{smallest_step(found):.3f}",
-        steepest=f"{max(float(row['n']) for row in results.rows if row['n']):.2f}",
-        dense=f"{dense[0]:.1f} to {dense[-1]:.1f}",
-        n=f"{law.n:.3f}", u_loss=f"{limits.u_max or 0:.3f}",
-        omega_loss=f"{limits.omega_loss or 0:.4f}", kappa=f"{limits.kappa:.4f}", peaks=peaks,
-        onset=f"{limits.contact_loss or 0:.4f}", hysteresis=f"{limits.hysteresis or 0:.2e}",
-        zeta=ZETA, family_forcing=FAMILY_FORCING, forcing=", ".join(map(str, FORCING)), ways=len(CONDITIONS),
-    )  # fmt: skip
-
-
-TEMPLATE = """# The paper's studies
-
-Jana, Mitra and Sahoo, *Dynamic contact interactions of fractal surfaces*, Appl. Surf. Sci. 392 (2017) 872-882,
-state in their abstract how surface and material change the vibration of a mass on a rough contact. This page tests
-each statement, with sides and height of the block, hardening and kinematics as factors. A script writes it; every
-figure and number comes from
-
-    ./run mpirun -n 2 python3 benchmarks/paper.py out/paper
-
-which runs `cases/paper/study.toml` and `cases/paper/map.toml` and repeats nothing that is there already.
-
-The paper's own D, G, material and block are not given in the part of it that we have, so the values here are ours
-(`cases/paper/base.toml`): Eq. (1) with L = 1 µm, M = 10, γ = 1.5, f_max = 5, D = 2.4, G = 1.36e-11 m
-(the source contradicts itself: its L_s = 1.5e-7 m gives f_max = 4 by its Eq. (2), and it uses 5); a block as
-high as wide, fixed below; E = 200 GPa, ν = 0.3, bilinear hardening; a rigid flat without friction. P* = P/(A₀E'),
-δ* = δ/L from first touch. Only seeds whose summit lies inside the patch are used. {cases} cases, {failed} refused
-or failed{reasons}; {cost} minutes, one processor each ({software}).
-
-## What is tested
-
-n is the exponent of P* = k (δ*)ⁿ. As a spring, the law softens when n > 1 and hardens when n < 1 (κ =
--(n-1)(2n+1)/48 is the curvature of its backbone).
-
-{statements}
-
-Each test is repeated under up to {ways} conditions: least squares on linear and on logarithmic scales, over the
-whole range and over its first half, for the whole block and for the interface alone (the elastic compression of the
-block subtracted; left out where it means nothing, because the block has yielded or contact is nearly full). A test
-is passed (yes) or failed (no: a step has the other sign, or n lies on the other side of 1) with 95 % confidence,
-paired by seed and on three surfaces at least, or when all of at least five single steps agree (3 % by chance if
-they were independent, which the steps of one surface are not); steps of less than 0.005 do not count. Else the few
-surfaces leave it open. The rule of single steps, the least step and "open" were added after first results, which 95
-% alone left undecided nearly everywhere: T3 at light load rests in part on single steps. Of the tests decided, a
-statement **holds** in a regime when all are passed, **holds under conditions** when some are, **does not hold**
-when none is; **the opposite holds** when every step has the other sign in all of them; it is **open** unless
-more than half are decided.
-
-## Three regimes
-
-What n measures depends on what carries the load at the end of the range, because surface and block act in series:
-
-- **surface alone**: mean pressure below the yield pressure p_Y of the block (σ_y(1-ν)/(1-2ν) between rollers, σ_y
-  with free sides), contact far from full. More summits come into contact, n is well above 1.
-- **contact nearly full** (A/A₀ > 0.9): the block is most of the curve, n falls towards its own exponent, 1.
-- **block yields**: with free sides its stiffness falls to E_t, the curve bends over, and n can fall below 1.
-  Between rollers only its shape yields, not its volume: stiffness falls by a third at most.
-
-![Exponent over depth of the mean plane and yield ratio of the block](paper/regimes.png)
-
-The map: D = 2.4 at heights by G, E_t = 2 GPa, mean of two surfaces (of one where the other is in full contact).
-Abscissa: depth of the mean plane below the summit over the range of approach; ordinate: pressure of the elastic
-block at the end of the range over p_Y. y: the block has yielded; c: contact nearly full; full: no gap is left, and
-the load is refused. Blue is hardening, n < 1: with free sides only, where the range passes the mean plane and the
-block yields. All points: [paper_map.csv](tables/paper_map.csv).
-
-## Verdicts
-
-The means of n are those of the linear fit over the whole range, from level to level: D, G, E_t and σ_y upwards, an
-elastic solid last. Of T4 also the number of single surfaces with n > 1 at some level and n < 1 at a later one.
-
-{verdicts}
-
-**T1 holds** for all elastic surfaces, sides and fits.
-
-**T2 is open; it is passed for a fixed range of approach only**, least squares on linear scales over the whole of it
-(family `D`; the four surfaces of `G` are too few). It is an effect of the block: a smoother surface is flattened
-earlier, the block makes up more of the curve, and n falls towards 1. When the range is scaled with the heights, the
-elastic problem is similar and n does not change; for the interface alone the opposite holds.
-
-**T3 holds where theory expects it, with free sides and a block that yields**: over the whole range n rises with E_t
-at every step (95 %, ten surfaces; three with kinematic hardening, in finite strain and in a lower block), because E_t
-is then the stiffness of the block. Over the first half of the range, where the block has hardly yielded, it is open
-for the ten, and in a block of twice the height the first step is. Between rollers beyond yield the opposite holds.
-For the surface alone, at light loads, it is open: the fits on logarithmic scales pass (4 of 8), those on linear scales
-do not, and their means in the table fall.
-
-**T4 does not hold for a surface**: at light loads n stays above 1 on every surface for any strength, and on all ten
-between rollers too. With free sides and a block that yields, most surfaces turn from n > 1 to n < 1 and, at greater
-strength, back again (the blue part of the map, on linear scales), the mean not with 95 % confidence: the knee of the
-bilinear block.
-
-**T5 holds** for heights and slopes. At equal heights a larger D is the rougher one: its slope over Sq/L rises from
-{dense} (D = 2.3 to 2.7).
-
-All means: [paper_conditions.csv](tables/paper_conditions.csv); fits: [paper_fits.csv](tables/paper_fits.csv).
-
-![Exponents of families](paper/exponents.png)
-
-### Another reading of T4
-
-**The cubic law.** The paper expands the power law to third order. At ζ = 0.01 and F̂ = 0.03 the peak of that cubic
-lies above Ω = 1, as that of a hardening spring, from n between 3.3 and 3.4 on; the power law itself softens:
-
-{cubic}
-
-All of these motions leave the contact (u < -1), where the cubic pulls: the hardening is false. The greatest
-exponent of a single surface on this page is {steepest}.
-
-## Force against approach
-
-![Force against approach over D, G, tangent modulus (free sides) and yield strength (rollers)](paper/curves.png)
-
-Mean and standard deviation over the seeds.
-
-The exponents of the elastic families agree with an independent solver, boundary elements on a half-space with the
-compliance of the block (`asperity.reference`), which shares no code with this one:
-
-{half_space}
-
-## Vibration with the paper's law
-
-The fitted loading curve as a reversible spring. For the base surface, elastic, n = {n}: κ = {kappa}; a free release
-keeps contact up to u₀ = {u_loss}, where ω/ω_s = {omega_loss}. With ζ = {zeta} (damping always acting) the resonance
-bends over (hysteresis) above F̂ = {hysteresis} and loses contact above F̂ = {onset}. F̂ = F/(n m g); the forcings
-F̂ = {forcing} give peaks u_max = {peaks}.
-
-![Natural frequency against amplitude](paper/frequency.png)
-
-Lines: exact law with the mean exponent of a level; band: one standard deviation of n; dashed: third-order Taylor
-law, as far as it keeps contact.
-
-![Frequency response, exact and Taylor](paper/response.png)
-
-Solid: stable, dashed: unstable; triangles: Runge-Kutta sweeps, as in the paper.
-
-![Frequency response of all families](paper/response_families.png)
-
-Exact law with the mean exponent of a level at F̂ = {family_forcing} (dotted white where unstable) and its Taylor
-law (thin).
-
-A plastic contact does not unload along its loading curve. Its vibration about a preload follows the unload-reload
-branch, here from the greatest load, about half of it ([paper_unloading.csv](tables/paper_unloading.csv)):
-
-![Local exponents of the loading curve and of the unload-reload branch](paper/physical.png)
-
-## What the meshes cost in accuracy
-
-{resolution}
-
-Seed 0; light: up to half the depth of the mean plane. Mesh and steps change n by up to {most}; the smallest step of
-n between levels in T2 and T3, where they hold, is {smallest}. Much of an error of the mesh is common to the levels
-of a family.
-
-## Limits
-
-The base surface has an rms slope of 0.13, and the block is compressed by up to 5 %: the families with finite strain
-show what small strain changes. Frictionless. Only the seeds vary within a level; the intervals are of the mean. A
-verdict is about the values studied here; those of the paper are unknown to us.
-"""
+    yield changes
+    yield f"mesh and steps change n by up to {most:.3f}, the smallest step of n is {smallest_step(found):.3f}"
 
 
 if __name__ == "__main__":

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import functools
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 
 import numpy as np
 from interface import FULL, Block
@@ -101,7 +101,7 @@ class Exponents:
     def of(self, row: Row, condition: Condition) -> float:
         """Exponent of a row."""
         curve, case = self._loaded(str(row["case"]))
-        return condition.exponent(curve, **asdict(Block.of(case)))
+        return condition.exponent(curve, Block.of(case))
 
     def trends(self, levels: Sequence[StudyLevel]) -> list[Trend]:
         """Trend of the exponent under each condition."""

