@@ -416,13 +416,11 @@ def test_band_contains_the_central_response() -> None:
 
 
 def test_figures_of_a_run(tmp_path) -> None:
-    from asperity.plot import oscillator as plots
+    from asperity.plot import plot_dynamics
 
     law = PowerLaw(1.5, 1.0, (1.45, 1.55), (0.97, 1.03))
-    result = run_dynamics(law, zeta=0.2, forcing=0.3, omega=(0.9, 1.1), model="exact")
-    names = {path.name for path in plots.plot_dynamics(result, tmp_path)}
-    figures = ("frequency", "response", "receptance", "operating-point", "backbone", "phase", "stability")
+    result = run_dynamics(law, zeta=0.2, forcing=0.3, omega=(0.9, 1.1), sweeps=False)
+    names = {path.name for path in plot_dynamics(result, tmp_path)}
+    figures = ("frequency", "response", "receptance")
     assert names == {f"{figure}.{form}" for figure in figures for form in ("png", "svg")}
     assert all((tmp_path / name).stat().st_size > 10_000 for name in names)
-    chart = plots.stability_chart(result.oscillators["exact"], [0.05, 0.2], (0.9, 1.1))
-    assert chart.axes[0].get_yscale() == "log"

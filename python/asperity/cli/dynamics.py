@@ -106,7 +106,7 @@ def command(
         return
     result = run_dynamics(law, preload=preload, joint=joint, out_dir=output, **settings)
     if output:
-        from asperity.plot.oscillator import plot_dynamics
+        from asperity.plot import plot_dynamics
 
         plot_dynamics(result, output)
     if as_json:

@@ -47,7 +47,7 @@ def run_dynamics(
         source: a `Law`, a `Curve`, a mapping or CSV file with columns delta and force, or a run directory
         settings: default those of the case of a run directory, else the defaults of `DynamicsSettings`
         out_dir: directory for free.csv, response.csv, thresholds.json and band.csv; None writes nothing. For figures
-            see `asperity.plot.oscillator.plot_dynamics`.
+            see `asperity.plot.plot_dynamics`.
         **changes: attributes of `DynamicsSettings` with other values
 
     Returns:

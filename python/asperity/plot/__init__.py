@@ -1,7 +1,10 @@
 # SPDX-FileCopyrightText: The asperity developers
 # SPDX-License-Identifier: LGPL-3.0-or-later
 
-"""Figures of a run, from the files in its folder; most functions return a matplotlib Figure."""
+"""Figures of a run, drawn from the files in its folder.
+
+Most functions return a matplotlib Figure, or the axes `ax` of the caller, one for each panel, on which they have drawn.
+"""
 
 from __future__ import annotations
 
@@ -15,17 +18,18 @@ from matplotlib.figure import Figure
 from asperity.output.gap_conductance import gap_conductance
 from asperity.output.results import Results
 from asperity.plot.conductance import conductance
-from asperity.plot.contact import contact_area, pressure_histogram, pressure_maps
+from asperity.plot.contact import contact_area, pressure_maps
 from asperity.plot.curves import force_curve, plasticity
 from asperity.plot.fields import mesh_cut, surface_map
 from asperity.plot.slip import slip
-from asperity.plot.spectra import receptance
+from asperity.plot.spectra import receptance, receptance_of
 from asperity.plot.stiffness import stiffness
 from asperity.plot.style import save, save_in
-from asperity.plot.vibration import frequency, response
+from asperity.plot.vibration import Scale, amplitude_frequency, frequency, natural_frequency, response
 from asperity.runtime.run_folder import FIGURES
 
 if TYPE_CHECKING:
+    from asperity.dynamics import Dynamics
     from asperity.surface import Surface
 
 __all__ = [
@@ -36,8 +40,8 @@ __all__ = [
     "frequency",
     "mesh_cut",
     "plasticity",
+    "plot_dynamics",
     "plot_run",
-    "pressure_histogram",
     "pressure_maps",
     "receptance",
     "response",
@@ -78,17 +82,14 @@ OF_VIBRATION = ("frequency", "response", "receptance")
 
 
 def plot_run(folder: str | Path, surface: Surface | None = None, names: Sequence[str] = tuple(CAPTIONS)) -> list[Path]:
-    """Draw the figures that the files of a run allow, into its folder figures/.
+    """Draw the figures that the files of a run allow, into its folder figures/, and return the files.
 
     All are PNG files; those that consist of lines are SVG files too.
 
     Args:
-        folder: the run directory
-        surface: surface of the case, if already built
+        folder: of the run
+        surface: of the case, if already built
         names: of the figures, keys of CAPTIONS
-
-    Returns:
-        The files written
 
     Raises:
         InputError: the folder contains no run
@@ -98,6 +99,19 @@ def plot_run(folder: str | Path, surface: Surface | None = None, names: Sequence
     target.mkdir(exist_ok=True)
     possible = figures_of(results)
     return [path for name in names if name in possible for path in save_in(target, name, possible[name](results))]
+
+
+def plot_dynamics(result: Dynamics, folder: str | Path) -> list[Path]:
+    """Draw the figures of a result of `run_dynamics` into a folder, and return the files written."""
+    responses = [r for group in result.responses.values() for r in group]
+    sweeps = [s for group in result.sweeps.values() for s in group]
+    scale = Scale.of(result.to_dict())
+    figures = {
+        "frequency": natural_frequency(list(result.oscillators.values()), scale),
+        "response": amplitude_frequency(responses, sweeps, result.bands, scale),
+        "receptance": receptance_of(result),
+    }
+    return [path for name, figure in figures.items() for path in save_in(Path(folder), name, figure)]
 
 
 def figures_of(results: Results) -> dict[str, Callable[[Results], Figure]]:

@@ -38,11 +38,7 @@ _DYNAMICS = (
 
 
 def publications(case: Mapping[str, Any]) -> list[str]:
-    """What to cite for a case: this package, then the models and programs that the case uses.
-
-    Args:
-        case: the completed input as nested tables, for example `Case.to_dict()`
-    """
+    """What to cite for a completed case: this package, then the models and programs that the case uses."""
     found = [_ITSELF]
     if case.get("surface", {}).get("kind") == "weierstrass-mandelbrot":
         found.append(_SURFACE)

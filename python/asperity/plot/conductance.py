@@ -23,12 +23,7 @@ from asperity.units import prefix
 
 @style.styled
 def conductance(results: Results, *, ax: style.Place | None = None) -> Figure:
-    """Draw the conductance over the pressure with the law of the literature for summits of the kind.
-
-    Args:
-        results: files of the run
-        ax: axes to draw on; they are returned
-    """
+    """Draw the conductance over the pressure with the law of the literature for summits of the kind."""
     figure, axes = style.figure(style.SINGLE, 3.4, ax=ax)
     axis = axes[0]
     p, h, error = gap_conductance(results.case, results.curve)

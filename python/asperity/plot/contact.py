@@ -33,10 +33,7 @@ BINS = 40  # of the histogram, up to the greatest pressure
 def pressure_maps(results: Results, count: int = 4, *, ax: style.Place | None = None) -> Figure:
     """Draw the contact pressure at up to `count` load levels, with one colour scale, and its distribution.
 
-    Args:
-        results: files of the run
-        count: greatest number of levels
-        ax: axes to draw maps on, a level each and the greatest load last, without the distribution; they are returned
+    Axes of the caller take maps alone, a level each and the greatest load last.
     """
     if ax is None:
         chosen = _levels(results.top, count)
@@ -51,20 +48,6 @@ def pressure_maps(results: Results, count: int = 4, *, ax: style.Place | None = 
     bar.set_label(style.label("contact pressure", unit))
     if rest is not None:
         _histogram(rest, results, chosen)
-    return figure
-
-
-@style.styled
-def pressure_histogram(results: Results, count: int = 4, *, ax: style.Place | None = None) -> Figure:
-    """Draw the distribution of the pressure over the contact area at up to `count` load levels.
-
-    Args:
-        results: files of the run
-        count: greatest number of levels
-        ax: axes to draw on; they are returned
-    """
-    figure, axes = style.figure(style.SINGLE, 3.6, ax=ax)
-    _histogram(axes[0], results, _levels(results.top, count))
     return figure
 
 
@@ -183,13 +166,7 @@ def touching(on_grid: Raster, top: Any, i: int) -> NDArray[np.bool_]:
 
 @style.styled
 def contact_area(results: Results, count: int = 6, *, ax: style.Place | None = None) -> Figure:
-    """Draw the regions in contact at selected load levels, and contact area and number of spots over the load.
-
-    Args:
-        results: files of the run
-        count: greatest number of levels
-        ax: axes to draw on, one for each of the three panels or fewer; they are returned
-    """
+    """Draw the regions in contact at up to `count` load levels, and contact area and number of spots over the load."""
     figure, axes = style.figure(style.WIDE, 3.9, columns=3, ax=ax, width_ratios=(1.25, 1, 1))
     style.titles(axes, ("regions in contact", "contact area", "contact spots"))
     if results.snapshots:

@@ -29,10 +29,6 @@ def force_curve(results: Results, *, ax: style.Place | None = None) -> Figure:
     """Draw P* over delta* with the fit over its range, on linear and on logarithmic axes, and the local exponent.
 
     The band is the error bar of each step, if the run computed one. The second axes are in physical units.
-
-    Args:
-        results: files of the run
-        ax: axes to draw on, one for each of the three panels or fewer; they are returned
     """
     figure, axes = style.figure(style.WIDE, 3.7, columns=3, ax=ax)
     style.titles(axes, ("load and approach", "logarithmic", "local exponent"))
@@ -117,12 +113,6 @@ def local_exponent(curve: Curve) -> tuple[Array, Array]:
     """Delta* (n,) and d(ln P)/d(ln delta) (n,) at the steps of the first loading that a fit uses.
 
     It is k_n delta/P, with the slope k_n of the curve.
-
-    Examples:
-        >>> from asperity.plot.curves import local_exponent
-        >>> rows = [{"delta": d, "force": d**1.5, "delta_star": d} for d in (0.1, 0.2, 0.3, 0.4)]
-        >>> local_exponent(asp.Curve.from_rows(rows))[1].round(6).tolist()
-        [1.5, 1.5, 1.5, 1.5]
     """
     load = curve.loading()
     rows = load.where(fitted_rows(load.delta, load.force))
@@ -171,12 +161,7 @@ def draw_branches(axis: Any, results: Results, x: str, y: str, factor: float = 1
 
 @style.styled
 def plasticity(results: Results, *, ax: style.Place | None = None) -> Figure:
-    """Draw the yielded share of the volume and the largest plastic strain over the approach.
-
-    Args:
-        results: files of the run
-        ax: axes to draw on, one for each panel; they are returned
-    """
+    """Draw the yielded share of the volume and the largest plastic strain over the approach."""
     figure, axes = style.figure(style.DOUBLE, 3.4, columns=2, ax=ax)
     style.titles(axes, ("yielded volume", "plastic strain"))
     panels = (

@@ -27,11 +27,10 @@ def surface_map(
     """Draw the heights of a surface and the point of first touch.
 
     Args:
-        heights: heights at the nodes of a regular grid over the patch (length), shape (n, n), index [iy, ix]
-        side: side of the patch (length)
-        touch: x, y, z of the highest point (length)
-        unit: unit of length, "" if unknown
-        ax: axes to draw on; they are returned
+        heights: at the nodes of a regular grid over the patch [length], shape (n, n), index [iy, ix]
+        side: of the patch [length]
+        touch: x, y, z of the highest point [length]
+        unit: of length, "" if unknown
     """
     figure, (axis, *_) = style.figure(style.SINGLE + 0.6, 4.3, ax=ax)
     across, across_unit = prefix(side / 2, unit)
@@ -58,12 +57,7 @@ def surface_map(
 
 @style.styled
 def mesh_cut(results: Results, *, ax: style.Place | None = None) -> Figure:
-    """Draw a vertical section of the mesh through the highest point, as a whole and at the contact.
-
-    Args:
-        results: files of the run
-        ax: axes to draw on, one for each panel; they are returned
-    """
+    """Draw a vertical section of the mesh through the highest point, as a whole and at the contact."""
     mesh = results.mesh
     x0, y0, top = _summit(results)
     polygons, sizes = cut(mesh["points"], mesh["tets"], y0)

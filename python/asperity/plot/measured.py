@@ -19,11 +19,7 @@ def spectrum_figure(
 ) -> Figure:  # fmt: skip
     """Draw the power spectral density.
 
-    Args:
-        spectrum: radial spectrum of the patch
-        unit: unit of length
-        affine: the self-affine equivalent, drawn over the spectrum
-        ax: axes to draw on
+    The self-affine equivalent is drawn over the spectrum; `unit` is that of length.
     """
     figure, axes = style.figure(style.SINGLE, 3.4, ax=ax)
     style.titles(axes, ("power spectral density",))

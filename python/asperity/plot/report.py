@@ -41,18 +41,15 @@ STIFFNESS_WORDS = {
 
 
 def write_report(folder: str | Path, finished: bool | None = None) -> Path:
-    """Write report.html into a run directory, from its files.
+    """Write report.html into the folder of a run, from its files; return it.
 
     A figure is drawn first if it is missing or older than the curve or the vibration that it shows. All text from the
     input is escaped.
 
     Args:
-        folder: the run directory
+        folder: of the run
         finished: whether the page reports a finished run; default as in summary.json, which a run updates only after
             it has written its report
-
-    Returns:
-        The file written
 
     Raises:
         InputError: the folder contains no run

@@ -31,11 +31,8 @@ def scene(folder: str | Path, path: str | Path | None = None) -> Path:
     """Draw the block at its last saved step: stress inside, with a quarter cut away, and contact pressure.
 
     Args:
-        folder: folder of a run with `output.fields = true`
-        path: file of the picture; default figures/scene.png in the folder
-
-    Returns:
-        The file written
+        folder: of a run with `output.fields = true`
+        path: of the picture; default figures/scene.png in the folder
 
     Raises:
         InputError: the run contains no fields

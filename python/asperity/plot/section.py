@@ -15,18 +15,17 @@ from asperity.mesh.element import FACES, face_functions
 def cut(points: Array, tets: NDArray[np.integer], y: float, parts: int = 3) -> tuple[list[Array], Array]:
     """Cut curved tetrahedra by the plane of constant y.
 
-    Each curved face is divided into parts^2 plane triangles. Their intersections with the plane are
-    collected for each cell and sorted around their centre.
+    Each curved face is divided into parts^2 plane triangles. Their intersections with the plane are collected for each
+    cell and sorted around their centre.
 
     Args:
-        points: nodes (length), shape (N, 3)
-        tets: elements in gmsh's node order, shape (M, 10)
-        y: position of the plane (length)
+        points: nodes (N, 3) [length]
+        tets: elements in gmsh's node order (M, 10)
+        y: position of the plane [length]
         parts: divisions of each edge
 
     Returns:
-        Polygons, each (k, 2) in x and z; and the size of each element, the edge of a regular
-        tetrahedron of the same volume
+        polygons, each (k, 2) in x and z; the size of each element, the edge of a regular tetrahedron of its volume
     """
     # shifted slightly inwards, so that the plane neither touches a side nor contains whole faces
     y += 1e-7 * (points[:, 1].max() + points[:, 1].min() - 2 * y + 0.1 * np.ptp(points[:, 1]))

@@ -20,12 +20,7 @@ _COLOURS = (style.BLUE, style.VERMILION, style.GREEN, style.PURPLE, style.ORANGE
 
 @style.styled
 def slip(results: Results, *, ax: style.Place | None = None) -> Figure:
-    """Draw the loops of slip.csv, and loss factor and secant stiffness of slip_loops.csv over the amplitude.
-
-    Args:
-        results: files of the run
-        ax: axes to draw on, one for each panel; they are returned
-    """
+    """Draw the loops of slip.csv, and loss factor and secant stiffness of slip_loops.csv over the amplitude."""
     figure, axes = style.figure(style.WIDE, 3.4, columns=3, ax=ax)
     style.titles(axes, ("loops", "loss factor", "secant stiffness"))
     for draw, axis in zip((_loops, _loss, _stiffness), axes, strict=False):
@@ -36,12 +31,7 @@ def slip(results: Results, *, ax: style.Place | None = None) -> Figure:
 
 @style.styled
 def response(found: TangentialVibration, *, ax: style.Place | None = None) -> Figure:
-    """Draw the amplitude of the tangential vibration over frequency, one curve per force.
-
-    Args:
-        found: vibration of a joint
-        ax: axes to draw on; they are returned
-    """
+    """Draw the amplitude of the tangential vibration over frequency, one curve per force."""
     figure, axes = style.figure(style.SINGLE, 3.4, ax=ax)
     axis, si = axes[0], found.units == "SI"
     of_a, unit_a = prefix(max(float(a.max()) for _, a in found.responses.values()), "m" if si else "")

@@ -29,12 +29,12 @@ _FLOOR = 1.5  # the axis of the receptance begins at its smallest value over thi
 
 
 def receptance(results: Results, *, ax: style.Place | None = None) -> Figure:
-    """Draw amplitude over force with the backbone, from the folder of a run, on `ax` if given."""
+    """Draw amplitude over force with the backbone, from the folder of a run."""
     return _receptance(results.response, results.free, results.thresholds, ax=ax)
 
 
 def receptance_of(result: Dynamics, *, ax: style.Place | None = None) -> Figure:
-    """Draw the frequency response function of a result of `run_dynamics`, on `ax` if given."""
+    """Draw the frequency response function of a result of `run_dynamics`."""
     rows = columns_of(row for many in result.responses.values() for r in many for row in r.rows())
     free = columns_of(row for f in result.free.values() for row in f.rows())
     return _receptance(rows, free, result.to_dict(), ax=ax)

@@ -24,12 +24,7 @@ LOOKS = {
 
 @style.styled
 def stiffness(results: Results, *, ax: style.Place | None = None) -> Figure:
-    """Draw the stiffnesses of the first loading over the load, and the mean gap of all branches.
-
-    Args:
-        results: files of the run
-        ax: axes to draw on, one for each panel; they are returned
-    """
+    """Draw the stiffnesses of the first loading over the load, and the mean gap of all branches."""
     figure, axes = style.figure(style.DOUBLE, 3.5, columns=2, ax=ax)
     style.titles(axes, ("stiffness", "mean gap"))
     for draw, axis in zip((_stiffness, _gap), axes, strict=False):

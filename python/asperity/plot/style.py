@@ -79,13 +79,9 @@ def styled(draw: Callable[P, Figure]) -> Callable[P, Any]:
 def figure(
     width: float, height: float, columns: int = 1, rows: int = 1, *, ax: Place | None = None, **grid: Any
 ) -> tuple[Figure, list[Any]]:
-    """New figure and its panels, or those of `ax`.
+    """New figure of a size in inches and its panels, or those of `ax`.
 
-    Args:
-        width, height: size of a new figure (inches)
-        columns, rows: panels of a new figure
-        ax: axes to draw on instead; where there are fewer than panels, the first panels are drawn
-        grid: see `Figure.subplots`
+    Where `ax` has fewer axes than panels, the first panels are drawn. `grid`: see `Figure.subplots`.
     """
     if ax is not None:
         axes = [ax] if isinstance(ax, Axes) else list(np.ravel(np.asarray(ax, dtype=object)))
@@ -182,12 +178,7 @@ def second_axis(axis: Any, side: str, factor: float, text: str) -> None:
 def physical_axis(axis: Any, side: str, quantity: str, scale: float, unit: str) -> None:
     """Draw a second axis of a physical quantity at a side, "top" or "right", after the limits of the axis are set.
 
-    Args:
-        axis: axes of the dimensionless values
-        side: where the second axis is
-        quantity: its name and symbol
-        scale: physical value of 1
-        unit: unit of that value, "" if unknown
+    `scale` is the physical value of 1 in `unit`, which is "" if unknown.
     """
     _, high = axis.get_xlim() if side == "top" else axis.get_ylim()
     factor, name = prefix(high * scale, unit)

@@ -55,14 +55,9 @@ class Scale:
     """Physical units of the second axes of a figure.
 
     Attributes:
-        length: static approach z_s (length)
-        frequency: natural frequency of small vibration (1/time), NaN if unknown
+        length: static approach z_s [length]
+        frequency: natural frequency of small vibration [1/time], NaN if unknown
         si: whether these are metres and hertz
-
-    Examples:
-        >>> from asperity.plot.vibration import Scale
-        >>> Scale.of({"laws": {}, "z_s": 5e-9, "numbers": {"f": 100.0}, "units": "SI"})
-        Scale(length=5e-09, frequency=100.0, si=True)
     """
 
     length: float
@@ -93,7 +88,7 @@ class Scale:
 
 
 def frequency(results: Results, *, ax: style.Place | None = None) -> Figure:
-    """Draw the natural frequency over the release amplitude, from the folder of a run, on `ax` if given."""
+    """Draw the natural frequency over the release amplitude, from the folder of a run."""
     present = [model for model in MODELS if (results.free["model"] == model).any()]
     curves = [(*MODELS[m], m, where(results.free, results.free["model"] == m)) for m in present]
     return _frequency(curves, Scale.of(results.thresholds), ax=ax)
@@ -104,10 +99,7 @@ def natural_frequency(
 ) -> Figure:
     """Draw the natural frequency over the release amplitude, for the models of one law or for a family of laws.
 
-    Args:
-        oscillators: the models of one law, or a family
-        scale: physical units of second axes, None without
-        ax: axes to draw on; they are returned
+    With a scale the figure has second axes in its units.
     """
     family = len(oscillators) > 2
     curves = []
@@ -168,12 +160,7 @@ class _Event:
 
 
 def response(results: Results, *, ax: style.Place | None = None) -> Figure:
-    """Draw the largest displacement over the excitation frequency, from the folder of a run.
-
-    Args:
-        results: files of the run
-        ax: axes to draw on, one for each model; they are returned
-    """
+    """Draw the largest displacement over the excitation frequency, a panel for each model, from the folder of a run."""
     t = results.thresholds
     events = [
         _Event(model, r["F_hat"], e["kind"], e["Omega"], e["u_max"], e.get("u_min", np.nan))
@@ -197,12 +184,8 @@ def amplitude_frequency(
 ) -> Figure:
     """Draw the largest displacement over the excitation frequency: one panel per model, one colour per forcing.
 
-    Args:
-        responses: of any models and forcings
-        sweeps: shown as triangles
-        bands: of exact responses, by the error bar of the force and the spread of the laws
-        scale: physical units of second axes, None without
-        ax: axes to draw on, one for each model; they are returned
+    Sweeps are triangles, bands those of exact responses, by the error bar of the force and the spread of the laws. With
+    a scale the figure has second axes in its units.
     """
     events = [
         _Event(r.setting.model, r.setting.F_hat, e.kind, e.Omega, e.u_max, e.u_min) for r in responses for e in r.events
