@@ -105,9 +105,6 @@ def test_similarity_law_against_computation():
     b = ref.half_space_contact(high, 64, P_star=s * 1e-4)
     assert b.delta_star == pytest.approx(s * a.delta_star, rel=1e-6)
     assert b.area_fraction == pytest.approx(a.area_fraction)
-    k, n = 3.0, 1.7
-    k_new = ref.similar_coefficient(k, n, 1e-12, 4e-12, 2.5)
-    assert k_new * (s * 0.01) ** n == pytest.approx(s * k * 0.01**n)
 
 
 def test_area_coefficients():
@@ -243,15 +240,6 @@ def test_jackson_green_numbers():
     for model in (ref.jackson_green, ref.kogut_etsion):
         assert model(small, R, **STEEL)[0] == pytest.approx(float(hertz.force(small)))
     assert np.isnan(ref.kogut_etsion(200 * critical_approach(R), R, **STEEL)[0])
-
-
-def test_fits_of_the_released_sphere_agree_until_full_plasticity():
-    """Two groups, with and without hardening; they part beyond w = 20."""
-    w = np.array([2.0, 5.0, 10.0, 20.0])
-    residual, exponent = ref.unloaded_sphere(w)
-    np.testing.assert_allclose(ref.residual_of_perfect_sphere(w), residual, atol=0.03)
-    assert ref.unloaded_sphere(1.0)[0] == ref.residual_of_perfect_sphere(1.0) == 0.0
-    assert ref.unloaded_sphere(1.0)[1] == 1.5 and (np.diff(exponent) < 0.0).all()
 
 
 def test_ghaednia_numbers():

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: The asperity developers
 # SPDX-License-Identifier: LGPL-3.0-or-later
 
-"""References of the rows of motion against textbook values, and that the cheap rows pass."""
+"""References of the rows of motion against textbook values."""
 
 from __future__ import annotations
 
@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 from scipy.special import gamma
 
-from asperity.verification import verify
 from asperity.verification.hertz import HERTZ
 from asperity.verification.motion import DEEPEST, MASS, impact_time, potential
 
@@ -29,8 +28,3 @@ def test_the_greatest_approach_is_that_of_johnson() -> None:
     speed = np.sqrt(2.0 * float(potential(HERTZ_LAW, DEEPEST)) / MASS)
     deepest = (15.0 * 4.0 * MASS * speed**2 / (16.0 * np.sqrt(HERTZ.R) * HERTZ.E_prime)) ** 0.4
     assert deepest == pytest.approx(DEEPEST, rel=1e-12)
-
-
-def test_the_rows_of_vibration_pass() -> None:
-    rows = verify(["vibration"], "full")
-    assert len(rows) >= 10 and [row for row in rows if not row.passed] == []

@@ -24,7 +24,6 @@ from asperity.reference.elastic import (
     first_yield,
     patch_test_slope,
     reduced_modulus,
-    similar_coefficient,
 )
 from asperity.reference.halfspace import HalfSpaceContact, half_space_contact
 from asperity.reference.inertia import first_frequency
@@ -36,9 +35,7 @@ from asperity.reference.plastic import (
     j2_path,
     jackson_green,
     kogut_etsion,
-    residual_of_perfect_sphere,
     uniaxial_stress,
-    unloaded_sphere,
 )
 from asperity.reference.radiation import LONG_WAVES, radiation_compliance, radiation_loss
 from asperity.reference.rough_halfspace import RoughCurve, RoughHalfSpace
@@ -82,11 +79,8 @@ __all__ = [
     "radiation_loss",
     "range_of_stickiness",
     "reduced_modulus",
-    "residual_of_perfect_sphere",
     "rough_elastic_surface",
-    "similar_coefficient",
     "stickiness",
     "tabor_parameter",
     "uniaxial_stress",
-    "unloaded_sphere",
 ]

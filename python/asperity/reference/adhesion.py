@@ -1,7 +1,11 @@
 # SPDX-FileCopyrightText: The asperity developers
 # SPDX-License-Identifier: LGPL-3.0-or-later
 
-"""Adhesion that a contact without adhesion leaves out: Tabor's parameter, pull-off of a sphere, stickiness."""
+"""Adhesion that a contact without adhesion leaves out: Tabor's parameter, pull-off of a sphere, stickiness.
+
+R is the radius of a sphere [m], w the work of adhesion [J/m^2], E_prime the contact modulus [Pa], z0 the range of the
+attraction [m]. A rough surface has the rms slope h' and the rms curvature h'', half of its rms Laplacian [1/m].
+"""
 
 from __future__ import annotations
 
@@ -12,33 +16,15 @@ KAPPA = 2.0  # of the contact area of a rough surface, A p^-1 E' h'
 
 
 def tabor_parameter(R: float, w: float, E_prime: float, z0: float = RANGE) -> float:
-    """Mu = (R w^2/(E'^2 z0^3))^(1/3): large for JKR, small for DMT.
-
-    Tabor, J. Colloid Interface Sci. 58 (1977) 2.
-
-    Args:
-        R: radius of the sphere (m)
-        w: work of adhesion (J/m^2)
-        E_prime: contact modulus (Pa)
-        z0: range of the attraction (m)
-
-    Examples:
-        >>> round(asp.reference.tabor_parameter(R=1e-6, w=0.1, E_prime=1e9, z0=1e-9), 3)
-        2.154
-    """
+    """(R w^2/(E'^2 z0^3))^(1/3): large for JKR, small for DMT. Tabor, J. Colloid Interface Sci. 58 (1977) 2."""
     return float((R * w**2 / (E_prime**2 * z0**3)) ** (1.0 / 3.0))
 
 
 def pull_off(R: float, w: float, tabor: float) -> float:
-    """Force that pulls an elastic sphere off a flat (N), between 3/2 pi w R (JKR) and 2 pi w R (DMT).
+    """Force that pulls an elastic sphere off a flat [N], between 3/2 pi w R (JKR) and 2 pi w R (DMT).
 
     Carpick, Ogletree & Salmeron, J. Colloid Interface Sci. 211 (1999) 395, with lambda = 1.157 mu (Johnson & Greenwood,
     ibid. 192 (1997) 326); within 2 % of the equations of Maugis.
-
-    Args:
-        R: radius of the sphere (m)
-        w: work of adhesion (J/m^2)
-        tabor: see `tabor_parameter`
 
     Examples:
         >>> from math import pi
@@ -56,34 +42,14 @@ def stickiness(slope: float, curvature: float, w: float, E_prime: float, z0: flo
     pi (3/16)^(2/3) = 1.03 as 1: so the program of that group has it (ContactEngineering/Adhesion,
     examples/adhesive_simulation_rough.py). It needs an attraction of short range, see `range_of_stickiness`. A plastic
     surface is less sticky.
-
-    Args:
-        slope: rms slope h'
-        curvature: rms curvature h'', half of the rms Laplacian (1/m)
-        w: work of adhesion (J/m^2)
-        E_prime: contact modulus (Pa)
-        z0: range of the attraction (m)
-
-    Examples:
-        >>> round(asp.reference.stickiness(slope=0.1, curvature=1e7, w=0.05, E_prime=1e11), 1)
-        66.9
     """
     return float(slope * E_prime * z0 / (KAPPA * w) * (slope**2 / (curvature * z0)) ** (2.0 / 3.0))
 
 
 def range_of_stickiness(slope: float, curvature: float, z0: float = RANGE) -> float:
-    """Z0 over the gaps next to contacts, 16 h'^2/(3 h''): below about 0.1 the stickiness applies.
+    """z0 over the gaps next to contacts, 16 h'^2/(3 h''): below about 0.1 the stickiness applies.
 
     Monti, Sanner & Pastewka, Tribol. Lett. 69 (2021), doi:10.1007/s11249-021-01454-6; the limit is that of the program
     named in `stickiness`.
-
-    Args:
-        slope: rms slope h'
-        curvature: rms curvature h'', half of the rms Laplacian (1/m)
-        z0: range of the attraction (m)
-
-    Examples:
-        >>> round(asp.reference.range_of_stickiness(slope=0.1, curvature=1e7), 3)
-        0.056
     """
     return 3.0 * z0 * curvature / (16.0 * slope**2)

@@ -20,34 +20,17 @@ TABOR = 2.8  # hardness over yield strength of a perfectly plastic solid (Tabor 
 
 
 def cooper_mikic_yovanovich(pressure: ArrayLike, hardness: float) -> Array:
-    """h sigma/(k_s m) = 1.25 (p/H)^0.95 of summits that flow.
+    """h sigma/(k_s m) = 1.25 (p/H)^0.95 of summits that flow, H the hardness of the softer body.
 
     M. G. Cooper, B. B. Mikic, M. M. Yovanovich, Int. J. Heat Mass Transfer 12 (1969) 279, in the form of Yovanovich,
     AIAA Progr. Astronaut. Aeronaut. 83 (1982) 83.
-
-    Args:
-        pressure: nominal [force/length^2]
-        hardness: of the softer body [force/length^2]
-
-    Examples:
-        >>> f"{asp.reference.cooper_mikic_yovanovich(1e7, 1e9):.5f}"
-        '0.01574'
     """
     return np.asarray(1.25 * (np.asarray(pressure, float) / hardness) ** 0.95)
 
 
 def mikic_elastic(pressure: ArrayLike, modulus: float, slope: float) -> Array:
-    """h sigma/(k_s m) = 1.55 (p sqrt(2)/(E' m))^0.95 of elastic summits.
+    """h sigma/(k_s m) = 1.55 (p sqrt(2)/(E' m))^0.95 of elastic summits, E' and m of both bodies together.
 
-    B. B. Mikic, Int. J. Heat Mass Transfer 17 (1974) 205.
-
-    Args:
-        pressure: nominal [force/length^2]
-        modulus: E' of both bodies together [force/length^2]
-        slope: m of both faces together; one body on its mirror has E' m of one body on a rigid flat
-
-    Examples:
-        >>> f"{asp.reference.mikic_elastic(1e7, 1e11, 0.1):.5f}"
-        '0.00304'
+    One body on its mirror has E' m of one body on a rigid flat. B. B. Mikic, Int. J. Heat Mass Transfer 17 (1974) 205.
     """
     return np.asarray(1.55 * (math.sqrt(2.0) * np.asarray(pressure, float) / (modulus * slope)) ** 0.95)

@@ -34,11 +34,6 @@ class HalfSpaceContact:
         area_fraction: true over nominal contact area, corrected for the perimeter
         pressure: pressure over E' at the cell centres ((i + 1/2) L/n), shape (n, n), [iy, ix]
         iterations: conjugate gradient steps
-
-    Examples:
-        >>> contact = asp.reference.half_space_contact(asp.reference.rough_elastic_surface(), 32, P_star=0.01)
-        >>> contact.pressure.shape, round(contact.P_star, 6)
-        ((32, 32), 0.01)
     """
 
     P_star: float
@@ -74,7 +69,7 @@ def half_space_contact(
         P_star: mean pressure over E' (either this or delta_star)
         delta_star: approach over L; requires `height`, because the approach of a half-space to a mean pressure is
             infinite
-        height: thickness h_b of the layer on a fixed base (length); None for a half-space
+        height: thickness h_b of the layer on a fixed base [length]; None for a half-space
         nu: Poisson's ratio, only used with height
         tolerance: largest gap in contact and penetration elsewhere, over the range of heights
         max_iterations: largest number of iterations
@@ -150,16 +145,7 @@ def _check_load(P_star: float | None, delta_star: float | None, height: float | 
 def displacement(p: Array, compliance: Array, sides: str = "rollers") -> Array:
     """Displacement (n, n) [L] under a pressure over E' (n, n), both at the centres of the cells.
 
-    Args:
-        p: the pressure
-        compliance: of `compliance_of_waves` for the same sides
-        sides: of the patch
-
-    Examples:
-        >>> p = np.cos(2 * np.pi * (np.arange(8) + 0.5) / 8) * np.ones((8, 1))
-        >>> u = displacement(p, compliance_of_waves(8, None, 0.3, "periodic"), "periodic")
-        >>> np.allclose(u, 2 * p / (2 * np.pi))
-        True
+    The compliance is that of `compliance_of_waves` for the same sides.
     """
     from scipy.fft import dctn, idctn, irfft2, rfft2
 
@@ -176,10 +162,6 @@ def compliance_of_waves(n: int, height: float | None, nu: float, sides: str = "r
     Half-space: 2/q, and 0 for the mean. Layer bonded to a rigid base, frictionless top (Carbone
     and Mangialardi, J. Mech. Phys. Solids 56 (2008) 684): times S(q h), which tends to the
     confined compression h E'/M as q -> 0. Free sides change the mean only, M is then E.
-
-    Examples:
-        >>> compliance_of_waves(4, None, 0.3)[0, 1:].round(3)
-        array([0.637, 0.318, 0.212])
     """
     along = 2 * math.pi * n * np.fft.fftfreq(n) if sides == "periodic" else math.pi * np.arange(n)
     q = np.hypot(*np.meshgrid(along, along))
@@ -221,22 +203,11 @@ def _start(
 
 
 def corrected_area(contact: Array, sides: str = "rollers") -> float:
-    """Contact fraction corrected for the perimeter.
+    """Contact fraction of cells (n, n) that touch, corrected for the perimeter.
 
-    Yastrebov, Anciaux and Molinari, Tribol. Int. 114 (2017) 161: a cell counts when its centre
-    touches, which overestimates the area by (pi - 1 + ln 2)/24 of a cell per face of the boundary.
-
-    Args:
-        contact: whether each cell is in contact (n, n)
-        sides: of the patch; with periodic ones the faces between opposite sides count too
-
-    Examples:
-        >>> spot = np.zeros((8, 8), dtype=bool)
-        >>> spot[3:5, 3:5] = True
-        >>> round(corrected_area(spot), 4), float(spot.mean())
-        (0.0477, 0.0625)
-        >>> corrected_area(np.roll(spot, 4, axis=0), "periodic") == corrected_area(spot, "periodic")
-        True
+    Yastrebov, Anciaux and Molinari, Tribol. Int. 114 (2017) 161: a cell counts when its centre touches, which
+    overestimates the area by (pi - 1 + ln 2)/24 of a cell per face of the boundary. With periodic sides the faces
+    between opposite sides count too.
     """
     faces = sum(np.count_nonzero(np.diff(contact, axis=axis)) for axis in (0, 1))
     if sides == "periodic":

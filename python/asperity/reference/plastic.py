@@ -21,14 +21,10 @@ from asperity.reference.elastic import Hertz, reduced_modulus
 
 
 def hardening_modulus(E: float, E_t: float) -> float:
-    """Plastic modulus H = E E_t/(E - E_t) (force/length^2).
+    """Plastic modulus H = E E_t/(E - E_t), the slope of stress over plastic strain.
 
     Raises:
-        InputError: unless 0 <= E_t < E
-
-    Examples:
-        >>> asp.reference.hardening_modulus(200.0, 100.0)
-        200.0
+        InputError: E_t is out of range
     """
     if not 0 <= E_t < E:
         raise InputError(f"tangent modulus {E_t:g} must lie between 0 and E = {E:g}.")
@@ -57,19 +53,9 @@ def _piecewise(
 
 
 def uniaxial_stress(strain: ArrayLike, E: float, Y: float, E_t: float, share: float = 0.0) -> tuple[Array, Array]:
-    """(stress, accumulated plastic strain) of a bar along a history of axial strains.
+    """(stress, accumulated plastic strain) of a bar along axial strains (m,) that start from zero.
 
-    Args:
-        strain: axial strain, starting from zero; monotonic between entries, shape (m,)
-        E: Young's modulus (force/length^2)
-        Y: yield strength (force/length^2)
-        E_t: tangent modulus (force/length^2)
-        share: of the hardening that is kinematic
-
-    Examples:
-        >>> stress, p = asp.reference.uniaxial_stress([0.001, 0.003, 0.0], E=200.0, Y=0.2, E_t=0.0)
-        >>> stress.round(6), p.round(6)
-        (array([ 0.2,  0.2, -0.2]), array([0.   , 0.002, 0.003]))
+    The strain is monotonic between entries; `share` of the hardening is kinematic.
     """
     return _piecewise(strain, E, E, Y, hardening_modulus(E, E_t), share)
 
@@ -77,23 +63,10 @@ def uniaxial_stress(strain: ArrayLike, E: float, Y: float, E_t: float, share: fl
 def confined_stress(
     strain: ArrayLike, E: float, nu: float, Y: float, E_t: float, share: float = 0.0
 ) -> tuple[Array, Array, Array]:
-    """(axial stress, lateral stress, accumulated plastic strain) without lateral strain.
+    """(axial stress, lateral stress, accumulated plastic strain) without lateral strain, see `uniaxial_stress`.
 
     The stress difference is q = 2 mu e - 3 mu e_p, the mean stress K e: yield at |e| = Y/(2 mu),
     and p = (2 mu |e| - Y)/(3 mu + H) on the first loading.
-
-    Args:
-        strain: axial strain, starting from zero; monotonic between entries, shape (m,)
-        E: Young's modulus (force/length^2)
-        nu: Poisson's ratio
-        Y: yield strength (force/length^2)
-        E_t: tangent modulus (force/length^2)
-        share: of the hardening that is kinematic
-
-    Examples:
-        >>> axial, lateral, p = asp.reference.confined_stress([-0.01], E=200.0, nu=0.3, Y=0.2, E_t=0.0)
-        >>> print(f"{axial[0]:.4f}, {lateral[0]:.4f}, {p[0]:.6f}")
-        -1.8000, -1.6000, 0.005800
     """
     mu, bulk = E / (2 * (1 + nu)), E / (3 * (1 - 2 * nu))
     q, p = _piecewise(strain, 2 * mu, 3 * mu, Y, hardening_modulus(E, E_t), share)
@@ -104,30 +77,13 @@ def confined_stress(
 def j2_path(
     strain: ArrayLike, E: float, nu: float, Y: float, E_t: float, rtol: float = 1e-11, share: float = 0.0
 ) -> tuple[Array, Array]:
-    """Integrate the J2 rate equations along straight segments of strain, without a return map.
+    """Stress (m, 3, 3) and accumulated plastic strain (m,) at the corners of a path of strains (m, 3, 3) from zero.
 
+    The J2 rate equations are integrated along straight segments of strain, without a return map:
     s' = 2 mu (e' - lambda' n), x' = 2/3 beta H lambda' n, n = (s - x)/|s - x|, lambda' = n:e' 2 mu/(2 mu + 2H/3) once
-    |s - x| = sqrt(2/3)(Y + (1 - beta) H p). On a straight segment n turns towards e', so flow continues once it has
-    begun. The point where it begins solves a quadratic equation; the rest is an ODE (Dormand-Prince 8(5,3)).
-
-    Args:
-        strain: symmetric strains at the corners of the path, starting from zero, (m, 3, 3)
-        E: Young's modulus (force/length^2)
-        nu: Poisson's ratio
-        Y: yield strength (force/length^2)
-        E_t: tangent modulus (force/length^2)
-        rtol: relative tolerance of the ODE solver
-        share: of the hardening that is kinematic, beta
-
-    Returns:
-        stress (m, 3, 3) (force/length^2) and accumulated plastic strain (m,)
-
-    Examples:
-        >>> shear = np.zeros((1, 3, 3))
-        >>> shear[0, 0, 1] = shear[0, 1, 0] = 0.01
-        >>> stress, p = asp.reference.j2_path(shear, E=200.0, nu=0.3, Y=0.3, E_t=0.0)
-        >>> print(f"{stress[0, 0, 1]:.6f}")  # Y/sqrt(3)
-        0.173205
+    |s - x| = sqrt(2/3)(Y + (1 - beta) H p), with beta = `share`. On a straight segment n turns towards e', so flow
+    continues once it has begun. The point where it begins solves a quadratic equation; the rest is an ODE
+    (Dormand-Prince 8(5,3)) to `rtol`.
     """
     from scipy.integrate import solve_ivp
 
@@ -171,19 +127,11 @@ def _elastic_share(s: Array, ds: Array, radius: float) -> float:
 
 @dataclass(frozen=True)
 class PressurisedSphere:
-    """Thick sphere under internal pressure: Hill, Plasticity (1950), chapter V.2.
+    """Thick sphere of radii a and b under internal pressure: Hill, Plasticity (1950), chapter V.2.
 
     Linear hardening is added: compatibility, equilibrium and elastic volume change give
     3 (1-nu) S/E + 3/2 e_p = 3 (1-nu) (Y/E) c^3/r^3 for the stress difference S, so that
     S = Y (1 + h (c^3/r^3 - 1)) in the plastic zone a <= r <= c, h = t/(1+t), t = 2 (1-nu) H/E.
-
-    Attributes:
-        a: inner radius (length)
-        b: outer radius (length)
-        E: Young's modulus (force/length^2)
-        nu: Poisson's ratio
-        Y: yield strength (force/length^2)
-        E_t: tangent modulus (force/length^2)
 
     Examples:
         >>> sphere = asp.reference.PressurisedSphere(a=1.0, b=2.0, E=200.0, nu=0.3, Y=0.2)
@@ -204,7 +152,7 @@ class PressurisedSphere:
         return t / (1 + t)
 
     def pressure(self, c: float) -> float:
-        """Pressure (force/length^2) at which the plastic zone has the outer radius c.
+        """Pressure [force/length^2] at which the plastic zone has the outer radius c.
 
         Raises:
             InputError: c does not lie between a and b
@@ -214,7 +162,7 @@ class PressurisedSphere:
         return -float(self.radial_stress(self.a, c))
 
     def radial_stress(self, r: ArrayLike, c: float) -> Array:
-        """sigma_r (force/length^2) at radius r for a plastic zone up to c."""
+        """sigma_r [force/length^2] at radius r for a plastic zone up to c."""
         r, h, Y = np.asarray(r, float), self._h, self.Y
         inner = np.minimum(r, c)  # plastic part of the integral of 2 S/r
         outer = np.maximum(r, c)
@@ -222,14 +170,14 @@ class PressurisedSphere:
         return -plastic - 2 / 3 * Y * c**3 * (outer**-3 - self.b**-3)
 
     def hoop_stress(self, r: ArrayLike, c: float) -> Array:
-        """sigma_theta (force/length^2) at radius r for a plastic zone up to c."""
+        """sigma_theta [force/length^2] at radius r for a plastic zone up to c."""
         r = np.asarray(r, float)
         ratio = (c / r) ** 3
         difference = np.where(r < c, 1 + self._h * (ratio - 1), ratio)
         return self.radial_stress(r, c) + self.Y * difference
 
     def displacement(self, r: ArrayLike, c: float) -> Array:
-        """u_r (length) at radius r; the formula is the same on both sides of c."""
+        """u_r [length] at radius r; the formula is the same on both sides of c."""
         r = np.asarray(r, float)
         deviator = (1 - self.nu) * self.Y * c**3 / (self.E * r**2)
         return deviator + (1 - 2 * self.nu) / self.E * r * self.radial_stress(r, c)
@@ -272,17 +220,10 @@ class _Yield:
 
 
 def jackson_green(delta: ArrayLike, R: float, E: float, nu: float, Y: float) -> tuple[Array, Array]:
-    """(force, contact area) of an elastic-perfectly plastic sphere pressed by a rigid flat.
+    """(force, contact area) of an elastic-perfectly plastic sphere of radius R pressed by a rigid flat.
 
     Jackson and Green, J. Tribol. 127 (2005) 343; a fit to finite elements with errors of a few per
     cent. Hertz below 1.9 delta_c.
-
-    Args:
-        delta: approach (length)
-        R: radius (length)
-        E: Young's modulus (force/length^2)
-        nu: Poisson's ratio
-        Y: yield strength (force/length^2)
 
     Examples:
         >>> force, area = asp.reference.jackson_green(1e-5, R=1e-3, E=200e9, nu=0.3, Y=1e9)
@@ -305,12 +246,7 @@ def kogut_etsion(delta: ArrayLike, R: float, E: float, nu: float, Y: float) -> t
     """(force, contact area) of an elastic-perfectly plastic sphere pressed by a rigid flat.
 
     Kogut and Etsion, J. Appl. Mech. 69 (2002) 657, hardness 2.8 Y; fits for delta up to
-    110 delta_c, NaN beyond. Arguments as for `jackson_green`.
-
-    Examples:
-        >>> force, area = asp.reference.kogut_etsion(1e-5, R=1e-3, E=200e9, nu=0.3, Y=1e9)
-        >>> print(f"{force:.2f} N, {1e6 * area:.4f} mm^2")
-        147.46 N, 0.0555 mm^2
+    110 delta_c, NaN beyond.
     """
     delta = np.asarray(delta, float)
     E_prime = reduced_modulus(E, nu)
@@ -327,15 +263,9 @@ def ghaednia(delta: ArrayLike, R: float, E: float, nu: float, Y: float, E_t: flo
 
     Ghaednia, Brake, Berryhill and Jackson, J. Tribol. 141 (2019) 031402, eqs. 21-30, eq. 26 as
     corrected in the authors' own implementation; a fit to finite elements with errors of 5 to 8 %.
-    Arguments as for `jackson_green`, and the tangent modulus E_t (force/length^2), 0 <= E_t < E.
 
     Raises:
         InputError: E_t is out of range
-
-    Examples:
-        >>> force, area = asp.reference.ghaednia(1e-5, R=1e-3, E=200e9, nu=0.3, Y=1e9, E_t=20e9)
-        >>> print(f"{force:.2f} N, {1e6 * area:.4f} mm^2")
-        188.53 N, 0.0410 mm^2
     """
     hardening_modulus(E, E_t)
     delta = np.asarray(delta, float)
@@ -358,37 +288,3 @@ def ghaednia(delta: ArrayLike, R: float, E: float, nu: float, Y: float, E_t: flo
         np.where(small, elastic, force),
         np.where(small, math.pi * R * delta, math.pi * a**2),
     )
-
-
-def unloaded_sphere(w: ArrayLike) -> tuple[Array, Array]:
-    """(residual approach over the greatest one, exponent) of a flattened elastic-plastic sphere after release.
-
-    Etsion, Kligerman and Kadin, Int. J. Solids Struct. 42 (2005) 3716; a fit to finite elements of a sphere with linear
-    hardening. The unloading is F = F_max ((delta - residual)/(delta_max - residual))^exponent.
-
-    Args:
-        w: greatest approach over that at the onset of yield, from 1 on
-
-    Examples:
-        >>> residual, exponent = asp.reference.unloaded_sphere([1.0, 10.0, 100.0])
-        >>> residual.round(3), exponent.round(3)
-        (array([0.   , 0.378, 0.694]), array([1.5  , 1.39 , 1.288]))
-    """
-    w = np.asarray(w, float)
-    return (1.0 - w**-0.28) * (1.0 - w**-0.69), 1.5 * w**-0.0331
-
-
-def residual_of_perfect_sphere(w: ArrayLike) -> Array:
-    """Residual approach over the greatest one of an elastic-perfectly plastic sphere after release.
-
-    Jackson, Chusoipin and Green, J. Tribol. 127 (2005) 484; a fit to finite elements.
-
-    Args:
-        w: greatest approach over that at the onset of yield, from 1 on
-
-    Examples:
-        >>> asp.reference.residual_of_perfect_sphere([1.0, 10.0, 100.0]).round(3)
-        array([0.   , 0.37 , 0.787])
-    """
-    residual: Array = 1.02 * (1.0 - ((np.asarray(w, float) + 5.9) / 6.9) ** -0.54)
-    return residual

@@ -11,19 +11,13 @@ LONG_WAVES = 0.3  # greatest side of a patch over the length of shear waves for 
 
 
 def radiation_compliance(nu: float) -> tuple[float, float]:
-    """Imaginary part of the compliance of a half-space under a normal force of low frequency, times G c_s/omega.
+    """(imaginary part of u/F times G c_s/omega, share of Rayleigh's wave in the power) of a half-space.
 
-    A harmonic force on a patch far smaller than the waves moves it with a part in quadrature that is that of a point
-    force, whatever the pressure: the integral of Lamb's problem over the waves that travel, and the residue of
-    Rayleigh's. Miller & Pursey, Proc. R. Soc. Lond. A 223 (1954) 521 and 233 (1955) 55. Lysmer's analogue of a disc
-    (Lysmer & Richart, J. Soil Mech. Found. Div. ASCE 92 (1966) 65), damping 0.85 K a/c_s, means 0.2125 (1 - nu).
-
-    Args:
-        nu: Poisson's ratio
-
-    Returns:
-        imaginary part of u/F, positive for waves that leave, times G c_s/omega, c_s the speed of shear waves; share of
-        Rayleigh's wave in the power
+    A harmonic normal force of low frequency on a patch far smaller than the waves moves it with a part in quadrature
+    that is that of a point force, whatever the pressure: the integral of Lamb's problem over the waves that travel, and
+    the residue of Rayleigh's. It is positive for waves that leave; c_s is the speed of shear waves. Miller & Pursey,
+    Proc. R. Soc. Lond. A 223 (1954) 521 and 233 (1955) 55. Lysmer's analogue of a disc (Lysmer & Richart, J. Soil Mech.
+    Found. Div. ASCE 92 (1966) 65), damping 0.85 K a/c_s, means 0.2125 (1 - nu).
 
     Examples:
         >>> value, rayleigh = asp.reference.radiation_compliance(0.25)
@@ -55,20 +49,9 @@ def radiation_compliance(nu: float) -> tuple[float, float]:
 
 
 def radiation_loss(k: float, omega: float, *, E: float, nu: float, density: float) -> float:
-    """Loss factor of a contact of stiffness `k` by radiation into a half-space, twice the damping ratio at resonance.
+    """Loss factor of a contact of stiffness k by radiation into a half-space, twice the damping ratio at resonance.
 
-    Valid while the waves are far longer than the patch.
-
-    Args:
-        k: normal stiffness of the contact [force/length]
-        omega: angular frequency [1/time]
-        E, nu: of the half-space [force/length^2]
-        density: of the half-space [mass/length^3]
-
-    Examples:
-        >>> eta = asp.reference.radiation_loss(2e5, 1e6, E=200e9, nu=0.3, density=7800.0)  # a patch of a micrometre
-        >>> print(f"{eta:.2e}")
-        1.14e-04
+    Valid while the waves at the angular frequency omega are far longer than the patch.
     """
     shear_modulus = 0.5 * E / (1.0 + nu)
     speed = math.sqrt(shear_modulus / density)

@@ -28,12 +28,7 @@ _STRIDE = 256  # cosine transforms of multiples of it take up to twice as long: 
 
 
 def cells_per_side(least: float) -> int:
-    """Number of cells per side of a `RoughHalfSpace` with a fast transform, no fewer than `least`.
-
-    Examples:
-        >>> cells_per_side(598.0), cells_per_side(1000.0), cells_per_side(512.0)
-        (600, 1000, 540)
-    """
+    """Number of cells per side of a `RoughHalfSpace` with a fast transform, no fewer than `least`."""
     from scipy.fft import next_fast_len
 
     n = next_fast_len(ceil(least), real=True)  # no factors above 5, which the cosine transform wants too
@@ -137,19 +132,10 @@ class RoughHalfSpace:
 
 @dataclass(frozen=True)
 class RoughCurve:
-    """Curve of a `RoughHalfSpace`.
+    """Curve of a `RoughHalfSpace`: approach over L, mean pressure over E' and corrected area fraction, each (k,).
 
     Attributes:
-        delta_star: approach over L (k,)
-        P_star: mean pressure over E' (k,)
-        area_fraction: true over nominal area of contact, corrected for the perimeter (k,)
         touched_at: first of the approaches at which each cell is in contact, inf for never (n, n) [L]
-
-    Examples:
-        >>> layer = RoughHalfSpace(n=8, height=1.0, nu=0.3)
-        >>> curve = layer.curve(np.zeros((8, 8)), 0.0, [0.01])
-        >>> print(curve.P_star.round(4), curve.area_fraction)
-        [0.0122] [1.]
     """
 
     delta_star: Floats
@@ -163,13 +149,8 @@ class RoughCurve:
 def _press(start: Array, penetration: Array, compliance: Array, sides: str, hardness: float, tolerance: float) -> Array:
     """Pressure over E' (n, n) under a flat that the undeformed surface penetrates by `penetration` (n, n) [L].
 
-    Args:
-        start: pressure to start from (n, n)
-        penetration: of the undeformed surface [L]
-        compliance: of each wave (n, n) [L]
-        sides: of the layer
-        hardness: greatest pressure over E'
-        tolerance: largest gap in contact and penetration elsewhere [L]
+    It begins with `start` (n, n); `compliance` is that of each wave (n, n) [L], `hardness` the greatest pressure over
+    E', `tolerance` the largest gap in contact and penetration elsewhere [L].
     """
     p, within = start, np.zeros(penetration.shape, dtype=bool)
     outside = penetration > 0.0

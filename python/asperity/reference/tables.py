@@ -14,18 +14,7 @@ from asperity.surface import WeierstrassMandelbrot
 
 @dataclass(frozen=True)
 class RoughPoint:
-    """One load of the reference surface, interface part only.
-
-    Attributes:
-        P_star: P/(A_0 E')
-        delta_star: approach of the interface over L; the block adds P* (h_b/L) E'/M
-        area_fraction: true over nominal contact area
-
-    Examples:
-        >>> light = ROUGH_ELASTIC[0]
-        >>> round(light.area_fraction / light.P_star, 1)
-        19.5
-    """
+    """One load of the reference surface, interface part only: the approach of the block adds P* (h_b/L) E'/M."""
 
     P_star: float
     delta_star: float
@@ -54,13 +43,7 @@ ROUGH_ELASTIC_FITS = {
 
 
 def rough_elastic_surface(D: float = 2.4, G: float = 1.36e-11, seed: int = 0) -> WeierstrassMandelbrot:
-    """Surface of the tables, L = 1 um; the layout of its random phases is fixed.
-
-    Examples:
-        >>> surface = asp.reference.rough_elastic_surface()
-        >>> surface.L, surface.D
-        (1e-06, 2.4)
-    """
+    """Surface of the tables, L = 1 um; the layout of its random phases is fixed."""
     phases = np.random.default_rng(seed).uniform(0, 2 * np.pi, size=(64, 11)).T[:, :6]
     return WeierstrassMandelbrot(L=1e-6, D=D, G=G, phases=phases)
 

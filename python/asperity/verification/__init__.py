@@ -33,7 +33,6 @@ _CASES = {
     "flattened-sphere": "flattening.flattened_sphere",
     "rough": "rough.rough",
     "impact": "motion.impact",
-    "vibration": "motion.vibration",
     "rates": "rates.rates",
 }
 NAMES = tuple(_CASES)
@@ -42,15 +41,12 @@ NAMES = tuple(_CASES)
 def verify(
     names: Iterable[str] = (), level: str = "quick", on_case: Callable[[str, list[Row]], None] | None = None
 ) -> list[Row]:
-    """Compute cases and compare them with their references.
+    """Compute cases and compare them with their references; returns the rows of all.
 
     Args:
         names: of NAMES; all when empty
         level: "quick" (under two minutes) or "full" (finer meshes, all loads, materials and formulations)
         on_case: called after each case with its name and rows
-
-    Returns:
-        The rows of all cases
 
     Raises:
         InputError: unknown name or level

@@ -15,9 +15,7 @@ from asperity.adaptive.mesh_plan import extrapolate
 from asperity.arrays import Floats
 from asperity.contact import ActiveSet
 from asperity.contact.contact_surface import ContactSurface
-from asperity.curve import Curve
 from asperity.fem.solid import Solid
-from asperity.mesh.block import BlockMesh
 from asperity.mesh.distribute import distribute
 from asperity.model.load_path import Schedule
 from asperity.model.material import Material
@@ -68,34 +66,19 @@ def flattened_sphere(level: VerificationLevel) -> Iterator[Row]:
 
 
 def _force(refinement: float, material: Material, steps: int, delta: Floats) -> Floats:
-    """Force of the whole sphere at the approaches delta (n,): (n,); R = E = 1."""
+    """Force of the whole sphere at the approaches delta (n,), four times that of an eighth: (n,); R = E = 1."""
+    from mpi4py import MPI
 
     def size(x: float, y: float, z: float) -> float:
         """Proportional to the distance from the pole, so that all contact radii have the same number of elements."""
         return min(max(0.004, 0.3 * hypot(x, y, z - 1.0)), 0.3) / refinement
 
-    curve = flatten(eighth_sphere(1.0, 0.0, size), material, Schedule(delta_max=LAST * ONSET, steps=steps))[1]
-    return np.exp(np.interp(np.log(delta), np.log(curve.delta), np.log(4.0 * curve.force)))
-
-
-def flatten(block: BlockMesh, material: Material, schedule: Schedule) -> tuple[ContactSolver, Curve]:
-    """Press an eighth of a sphere, on planes of symmetry, along a load path; R = E = 1.
-
-    Args:
-        block: its mesh, see `eighth_sphere`
-        material: with E = 1
-        schedule: load path
-
-    Returns:
-        The solver in its last state, and the curve: force and area of the eighth are a quarter of those of the sphere
-    """
-    from mpi4py import MPI
-
-    mesh, tags = distribute(MPI.COMM_SELF, block, 1.0)
+    mesh, tags = distribute(MPI.COMM_SELF, eighth_sphere(1.0, 0.0, size), 1.0)
     solid = Solid(mesh, tags, material)
     solid.fixed = planes_of_symmetry(solid)
     top = ContactSurface(solid)
-    it = ContactSolver(solid, top, ActiveSet(solid, top), 1.0, SolverOptions())
     record = Record(1.0, 1.0, material.reduced_modulus)
-    follow(it, schedule, record)
-    return it, record.curve()
+    solver = ContactSolver(solid, top, ActiveSet(solid, top), 1.0, SolverOptions())
+    follow(solver, Schedule(delta_max=LAST * ONSET, steps=steps), record)
+    curve = record.curve()
+    return np.exp(np.interp(np.log(delta), np.log(curve.delta), np.log(4.0 * curve.force)))

@@ -49,11 +49,7 @@ def layer_force(delta: npt.ArrayLike, n: int) -> tuple[Floats, Floats]:
     """P* of small-slope theory for the whole block, whose base and sides stiffen it, and its relative error, each (m,).
 
     Hertz theory neglects base and sides; the force is greater by about 0.9 a/L. The error is of second order in the
-    cell size.
-
-    Args:
-        delta: approach (m,) [L]
-        n: cells per side
+    cell size, `n` cells per side; delta is (m,) [L].
     """
     coarse, fine = (
         np.array([

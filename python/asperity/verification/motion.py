@@ -1,18 +1,16 @@
 # SPDX-FileCopyrightText: The asperity developers
 # SPDX-License-Identifier: LGPL-3.0-or-later
 
-"""Motion: the impact of a mass on the full solid in time, and the vibration of the one-degree model."""
+"""Motion: the impact of a mass on the full solid in time."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
 
 import numpy as np
-from scipy.special import beta
 
 from asperity import reference
 from asperity.arrays import Floats
-from asperity.dynamics import ContactOscillator, PowerLaw
 from asperity.mesh.generate import build_block
 from asperity.quasistatic.contact_solver import ContactSolver
 from asperity.quasistatic.make import make_block, make_contact_solver
@@ -130,35 +128,3 @@ def impact_time(law: Floats, deepest: float = DEEPEST) -> float:
     s = 0.5 * (1.0 + x)  # z = deepest (1 - s^2): the integrand is smooth where the mass turns
     left = potential(law, deepest) - potential(law, deepest * (1.0 - s**2))
     return 2.0 * float(weight @ (deepest * s / np.sqrt(2.0 / MASS * left)))
-
-
-def vibration(level: VerificationLevel) -> Iterator[Row]:
-    """Natural frequency, backbone and resonance of the one-degree model in closed form; docs/theory.md.
-
-    The period at the limit of contact is sqrt(2 s/n) B(1/(2n), 1/2) with s^n = n + 1, of the balance of energy.
-    """
-    source, small = "closed form", 1e-3
-    for n in (1.5, 2.2, 3.0) if level.full else (1.5, 3.0):
-        oscillator = ContactOscillator(PowerLaw(n))
-        top = (n + 1.0) ** (1.0 / n)
-        period = np.sqrt(2.0 * top / n) * beta(0.5 / n, 0.5)
-        found = oscillator.free(oscillator.u_max).omega_ratio[0]
-        yield Row("vibration", f"frequency at the limit of contact, n = {n:g}", source, 2 * np.pi / period, found, 1e-9)
-        yield Row("vibration", f"release at the limit of contact, n = {n:g}", source, top - 1.0, oscillator.u_max, 1e-9)
-        bend = (oscillator.free(small).omega_ratio[0] - 1.0) / small**2
-        yield Row(
-            "vibration", f"curvature of the backbone, n = {n:g}", source, -(n - 1.0) * (2.0 * n + 1.0) / 48.0, bend,
-            1e-4, 2.0 * small,
-        )  # fmt: skip
-    linear = ContactOscillator(PowerLaw(1.0))
-    flight = 2.0 * np.pi / (2.0 * np.arccos(-0.5) + 2.0 * np.sqrt(3.0))  # half a cosine, then a parabola
-    yield Row(
-        "vibration", "frequency with flight, n = 1, u0 = 2", source, flight, linear.free(2.0).omega_ratio[0], 1e-9
-    )
-    for zeta in (0.01, 0.1) if level.full else (0.05,):
-        tol, forcing = 1e-6, 0.01
-        peak = ContactOscillator(PowerLaw(1.0), zeta=zeta).response(forcing, (0.8, 1.2), tol=tol).peak
-        yield Row(
-            "vibration", f"resonance peak in contact, n = 1, zeta = {zeta:g}", source,
-            forcing / (2.0 * zeta * np.sqrt(1.0 - zeta**2)), float(peak[1]), 10.0 * tol,
-        )  # fmt: skip

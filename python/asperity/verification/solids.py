@@ -26,12 +26,8 @@ from asperity.runtime import compat
 def eighth_sphere(outer: float, inner: float, size: Callable[[float, float, float], float]) -> BlockMesh:
     """Second-order mesh of the part of a sphere or shell with x, y, z >= 0.
 
-    `mesh.distribute` tags its curved faces as the top and its plane faces as sides and base.
-
-    Args:
-        outer: outer radius [length]
-        inner: radius of the hole, 0 for none [length]
-        size: element size at (x, y, z) [length]
+    `mesh.distribute` tags its curved faces as the top and its plane faces as sides and base. The inner radius is 0 for
+    a solid sphere; `size` gives the element size at (x, y, z) [length].
     """
     compat.require("gmsh", "python3-gmsh")
     import gmsh
@@ -82,12 +78,7 @@ class CellRule:
 
 
 class Loaded:
-    """A contact formulation with additional dead loads on the nodes.
-
-    Args:
-        contact: the contact formulation
-        load: on the owned nodes (owned, 3) [force]
-    """
+    """A contact formulation with additional dead loads on the owned nodes (owned, 3) [force]."""
 
     def __init__(self, contact: Contact, load: Floats) -> None:
         self._contact, self._load = contact, load
@@ -105,18 +96,9 @@ class Loaded:
 
 
 def equilibrium(solid: Solid, contact: Contact, load: Floats, z: float, start: Floats, rtol: float = 1e-8) -> Floats:
-    """Solve for the equilibrium under dead loads and a flat at height z, and commit it.
+    """Solve for the displacement (nodes, 3) under dead loads and a flat at height z, inf for none, and commit it.
 
-    Args:
-        solid: the loaded solid
-        contact: formulation of its contact with the flat
-        load: on the owned nodes (owned, 3) [force]
-        z: height of the flat, inf for none [length]
-        start: displacement to start from (owned, 3) [length]
-        rtol: see `newton.SolverOptions`
-
-    Returns:
-        Displacement (nodes, 3) [length]
+    The load is on the owned nodes (owned, 3) [force], as the displacement to start from; rtol: see `SolverOptions`.
 
     Raises:
         ConvergenceError: Newton's method fails

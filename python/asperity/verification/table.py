@@ -105,14 +105,9 @@ def write_table(rows: Iterable[Row], path: Path) -> None:
 
 
 def sizes(h: float, refinement: float, L: float = 1.0) -> MeshSize:
-    """Element sizes of a case, all divided by the same factor.
+    """Element sizes of a case, h in the contact at refinement 1 [length], all divided by the same factor.
 
     Growth and greatest size are divided too; otherwise the error of the elements around the contact would remain.
-
-    Args:
-        h: size in the contact at refinement 1 [length]
-        refinement: factor
-        L: side of the block [length]
     """
     return MeshSize(h / refinement, growth=0.6 / refinement, h_max=0.25 * L / refinement)
 
