@@ -13,6 +13,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from html_page import Page
 
 import asperity
 from asperity.adaptive.mesh_levels import LevelSolver
@@ -67,25 +68,10 @@ def full(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, RunResult]:
 def test_files_of_a_run(full: tuple[Path, RunResult]) -> None:
     folder, _ = full
     files = {str(p.relative_to(folder)) for p in folder.rglob("*") if p.is_file()}
-    promised = {
-        "case.toml",
-        "curve.csv",
-        "summary.json",
-        "run.log",
-        "free.csv",
-        "response.csv",
-        "thresholds.json",
-        "loops.csv",
-        "report.html",
-        "fields/top.npz",
-        "fields/mesh.npz",
-        "fields/contact.vtkhdf",
-        "fields/view.py",
-        "fields/distributions.csv",
-    }
-    assert promised <= files
-    assert not [name for name in files if Path(name).name.startswith(".")]
-    assert any(name.endswith(".png") for name in files)
+    promised = ("case.toml curve.csv summary.json run.log free.csv response.csv thresholds.json loops.csv report.html "
+                "fields/top.npz fields/mesh.npz fields/contact.vtkhdf fields/view.py fields/distributions.csv")  # fmt: skip
+    assert files >= {*promised.split()} and any(name.endswith(".png") for name in files)
+    assert {name for name in files if not name.startswith("checkpoint/")} <= set(PRODUCTS)  # which --force removes
 
 
 def test_stored_curve_is_the_one_returned(full: tuple[Path, RunResult]) -> None:
@@ -135,19 +121,14 @@ def test_loops_that_do_not_converge_end_a_run_that_needs_them(tmp_path: Path, mo
 
     monkeypatch.setattr("asperity.quasistatic.force_loops.force_loops", fail)
     dynamics = {"law": "paper", "model": ["exact"], "damping": "loops"}
-    case = case_of(dynamics=dynamics, loops={"amplitudes": [0.3]}, output={"figures": False, "report": True})
+    plane: dict[str, Any] = {"surface": {"kind": "flat", "L": 1e-6}, "loading": {"delta_max": 0.01e-6, "steps": 4}}
+    case = case_of(**plane, dynamics=dynamics, loops={"amplitudes": [0.3]}, output={"report": True})
     with pytest.raises(ConvergenceError, match="the loops did not reach the force"):
         run(case, tmp_path / "out")
     summary = json.loads((tmp_path / "out" / "summary.json").read_text(encoding="utf-8"))
     assert summary["finished"] is False and summary["exit_reason"] == "the loops did not reach the force"
     assert (tmp_path / "out" / "report.html").is_file() and "dynamics" not in summary
     assert not (tmp_path / "out" / "response.csv").exists()
-
-
-def test_sweeps_of_a_case_are_computed(tmp_path: Path) -> None:
-    dynamics = {"law": "paper", "model": ["exact"], "zeta": 0.2, "omega": [0.9, 0.95], "sweeps": True}
-    run(case_of(dynamics=dynamics, output={"figures": False}), tmp_path)
-    assert "sweep" in (tmp_path / "response.csv").read_text(encoding="utf-8")
 
 
 QUIET: dict[str, Any] = {
@@ -222,15 +203,7 @@ def test_small_vibration_of_a_joint_with_a_preload() -> None:
     assert numbers.stiffness == pytest.approx(1.5 * 0.05 ** (1 / 3), rel=1e-3)
 
 
-def test_force_knows_all_files_of_a_run(full: tuple[Path, RunResult]) -> None:
-    folder, _ = full
-    files = {str(p.relative_to(folder)) for p in folder.rglob("*") if p.is_file()}
-    assert {name for name in files if not name.startswith("checkpoint/")} <= set(PRODUCTS)
-
-
-@pytest.mark.parametrize(
-    "summary", ["[1]", "null", "1", '"finished"', "{}", '{"finished": true}', '{"finished": true, "case_hash": 1}', "["]
-)
+@pytest.mark.parametrize("summary", ["[1]", "{}", '{"finished": true, "case_hash": 1}', "["])
 def test_a_summary_of_anything_is_written_again(tmp_path: Path, summary: str) -> None:
     """Of a finished run that is resumed."""
     case = case_of(loading={"delta_max": 0.01e-6, "steps": 1}, material={"E": 200e9, "nu": 0.3})
@@ -316,12 +289,6 @@ def test_one_power_law_in_all_that_a_run_leaves(full: tuple[Path, RunResult], tm
     assert f"{with_misfit(fit)[1]} (misfit of the fit)" in (folder / "report.html").read_text(encoding="utf-8")
 
 
-def test_the_completed_case_runs_to_the_same_curve(full: tuple[Path, RunResult]) -> None:
-    folder, result = full
-    again = run(Case.load(folder / "case.toml", ["output.figures=false", "output.report=false"]))
-    np.testing.assert_array_equal(again.curve.force, result.curve.force)
-
-
 def test_fields(full: tuple[Path, RunResult]) -> None:
     folder, result = full
     L = SURFACE["L"]
@@ -345,13 +312,6 @@ def test_fields(full: tuple[Path, RunResult]) -> None:
         assert mesh["points"][:, :2].max() == pytest.approx(L)
 
 
-def test_results_are_read_back(full: tuple[Path, RunResult]) -> None:
-    """By the module that figures and report are drawn from."""
-    folder, result = full
-    stored = Results.read(folder)
-    np.testing.assert_array_equal(stored.curve.force, result.curve.force)
-
-
 def test_nothing_is_written_without_a_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
     result = run(case_of(loading={"delta_max": 0.01e-6, "steps": 1}, material={"E": 200e9, "nu": 0.3}))
@@ -371,13 +331,10 @@ def test_a_saved_mesh_is_used(tmp_path: Path, full: tuple[Path, RunResult]) -> N
         run(case_of(mesh={**MESH, "file": str(tmp_path / "block.npz")}, surface={**SURFACE, "seed": 1}))
 
 
-def test_a_mesh_made_before_is_used_and_is_no_key_of_the_case(full: tuple[Path, RunResult]) -> None:
+def test_a_mesh_made_before_is_that_of_the_case(full: tuple[Path, RunResult]) -> None:
     _, result = full
     assert result.contact is not None
     block = result.contact.block
-    again = run(case_of(), block=block)
-    assert again.summary["warnings"] == [text for text in result.summary["warnings"] if "loops" not in text]
-    np.testing.assert_array_equal(again.curve.force, result.curve.force)
     with pytest.raises(InputError, match=r"leave out mesh\.file and accuracy\.tolerance"):
         run(case_of(accuracy={"tolerance": 0.1}), block=block)
     with pytest.raises(MeshError, match="the top of the mesh is not this surface"):
@@ -476,7 +433,9 @@ def test_a_tolerance_that_is_not_met_leaves_all_that_was_found(tmp_path: Path) -
     bars = results.curve.error_P_star / results.curve.P_star
     assert results.summary["accuracy"]["met"] is False and results.summary["finished"] is False
     assert results.summary["accuracy"]["worst_relative_bar"] == pytest.approx(bars.max()) and bars.max() > 1e-4
-    assert (tmp_path / "report.html").is_file() and list((tmp_path / "figures").glob("*.png"))
+    assert list((tmp_path / "figures").glob("*.png"))
+    text = Page(tmp_path / "report.html").text
+    assert "finished no" in text and "met no" in text and "allows no more" in text and "finished yes" not in text
 
 
 def test_resumed_with_more_dofs_the_meshes_are_those_of_a_fresh_run(tmp_path: Path) -> None:
@@ -518,8 +477,9 @@ def test_too_few_newton_steps_end_in_a_partial_curve(tmp_path: Path) -> None:
     assert log.count("step cut to") == cutbacks - 1  # the last one ends the run
 
 
-@pytest.mark.parametrize("trouble", ["steep", "deep", "another surface"])
-@pytest.mark.parametrize("older", [True, False], ids=["older", "new"])
+@pytest.mark.parametrize(
+    ("trouble", "older"), [("steep", False), ("deep", True), ("another surface", True), ("another surface", False)]
+)
 def test_a_surface_that_cannot_be_meshed_leaves_the_folder_as_it_is(tmp_path: Path, trouble: str, older: bool) -> None:
     """Exit code 2: nothing has been written, and --force has removed nothing."""
     out = tmp_path / "out"

@@ -171,26 +171,19 @@ MISTAKES = {
     "output.stiffness_matrix=true": ("output.stiffness_matrix", "loading.unload"),
     "surface.gama=1.5": ("surface.gama", '"gamma"'),
     "surface.kind=sphre": ("surface.kind", '"sphere"'),
-    "surface.kind=7": ("surface.kind", "7", "flat"),
     "surface.kind=": ("surface.kind", "missing"),
     "surface.D=3": ("surface.D = 3", "(2, 3)"),
-    "surface.D=2": ("surface.D = 2", "(2, 3)"),
     "surface.D=": ("surface.D", "missing"),
     "surface.G=13.6": ("surface.G", "surface.L", "same unit"),
-    "surface.seed=-1": ("surface.seed = -1",),
     "surface=3": ("surface", "section"),
     "materials.E=1": ("materials", '"material"'),
     "material.delta_max=1": ("material.delta_max", "[loading]"),
     "material.E=-1": ("material.E = -1", "[1e-20, 1e+40]"),
-    "material.E=0": ("material.E = 0", "[1e-20, 1e+40]"),
     "material.E=200": ("yield_strength", "E = 200", "same unit"),
     'material.E="200e9"': ('"200e9"', "must be a number"),
     "material.E=true": ("material.E = true", "must be a number"),
     "material.E=nan": ("material.E = nan", "finite"),
-    "material.E=-inf": ("material.E = -inf", "finite"),
     "material.nu=0.5": ("material.nu = 0.5", "[-0.99, 0.4999]"),
-    "material.nu=-1": ("material.nu = -1", "[-0.99, 0.4999]"),
-    "material.nu=0,3": ("material.nu", "must be a number"),
     "material.yield_strength=1": ("yield_strength = 1", "same unit"),
     "material.yield_strength=": ("tangent_modulus", "yield_strength"),
     "material.tangent_modulus=200e9": ("tangent_modulus = 2e+11", "below material.E"),
@@ -201,7 +194,6 @@ MISTAKES = {
     "block.height=1": ("block.height", "same unit"),
     "contact.method=glue": ("contact.method", '"penalty"'),
     "contact.penalty=0": ("contact.penalty = 0",),
-    "contact.gamma=true": ("contact.gamma = true",),
     "mesh.file=nothing.npz": ("mesh.file", "nothing.npz", "no such file"),
     "mesh.h_contact=0.5e-6": ("mesh.h_contact", "mesh.h_max"),
     "loading.delta_max=": ("loading.delta_max", "missing"),
@@ -209,14 +201,10 @@ MISTAKES = {
     "loading.pressure_max=1e8": ("loading.delta_max and loading.pressure_max are both given", "exactly one"),
     "loading.delta_max=30": ("loading.delta_max", "same unit"),
     "loading.delta_max=2e-6": ("loading.delta_max", "exceeds the block"),
-    "loading.delta_max=30e-15": ("loading.delta_max", "same unit"),
     "loading.steps=0": ("loading.steps = 0", "[1, 100000]"),
     "loading.steps=2.5": ("loading.steps = 2.5", "whole number"),
     "loading.unload=1": ("loading.unload = 1", "true or false"),
     "accuracy.tolerance=0": ("accuracy.tolerance = 0", "[1e-06, 1)"),
-    "accuracy.tolerance=-0.01": ("accuracy.tolerance = -0.01", "[1e-06, 1)"),
-    "accuracy.tolerance=1.5": ("accuracy.tolerance = 1.5", "[1e-06, 1)"),
-    "dynamics.forcing=[]": ("dynamics.forcing = []",),
     "dynamics.forcing=[0]": ("dynamics.forcing", "[1e-09, 1e+06]"),
     "dynamics.forcing=0.1": ("dynamics.forcing", "list"),
     "dynamics.omega=[1.3, 0.5]": ("dynamics.omega", "rise"),
@@ -456,7 +444,7 @@ VALUES = st.one_of(
 KEYS = [(section.split()[0], key) for section, key, *_ in input_reference()]
 
 
-@settings(max_examples=400, deadline=None)
+@settings(max_examples=150, deadline=None)
 @given(st.lists(st.tuples(st.sampled_from(KEYS), VALUES), min_size=1, max_size=4))
 def test_any_values_give_a_case_or_a_sentence(
     changes: list[tuple[tuple[str, str], object]],
@@ -472,7 +460,7 @@ def test_any_values_give_a_case_or_a_sentence(
         assert Case.from_dict(case.to_dict()) == case
 
 
-@settings(max_examples=300, deadline=None)
+@settings(max_examples=100, deadline=None)
 @given(st.dictionaries(st.text(max_size=8), st.recursive(VALUES, lambda v: st.lists(v), max_leaves=4)))
 def test_any_table_is_refused_with_a_sentence(data: dict[str, object]) -> None:
     with pytest.raises(InputError) as caught:
@@ -480,7 +468,7 @@ def test_any_table_is_refused_with_a_sentence(data: dict[str, object]) -> None:
     assert "\n" not in str(caught.value)
 
 
-@settings(max_examples=300, deadline=None)
+@settings(max_examples=100, deadline=None)
 @given(st.text(max_size=30))
 def test_any_override_gives_a_case_or_a_sentence(text: str) -> None:
     try:
