@@ -10,17 +10,16 @@ import difflib
 import json
 import math
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field, fields, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
 from asperity.arrays import Array
-from asperity.errors import InputError
+from asperity.errors import CompatError, InputError
 from asperity.runtime.display import html_table
 from asperity.runtime.files import write_csv
-from asperity.runtime.optional import optional_module
 from asperity.slope import slopes
 
 if TYPE_CHECKING:
@@ -34,32 +33,6 @@ ELASTIC_STIFFNESSES = ("k_n_elastic", "k_t", "k_t_x", "k_n_interface", "k_t_inte
 STIFFNESSES = ("k_n", *ELASTIC_STIFFNESSES)
 #: Columns with error bars in runs with a tolerance, in addition to P_star and area_fraction.
 WITH_ERRORS = ("mean_gap", *STIFFNESSES, "conductance")
-COLUMNS = (
-    "step",
-    "branch",
-    "delta",
-    "delta_star",
-    "force",
-    "P_star",
-    "area_fraction",
-    "max_pressure",
-    "plastic_fraction",
-    "max_plastic_strain",
-    "error_P_star",
-    "error_area_fraction",
-    "newton",
-    "krylov",
-    "seconds",
-    "mean_gap",
-    "mean_pressure",
-    "spots",
-    "largest_spot",
-    *STIFFNESSES,
-    "conductance",
-    *(f"error_{name}" for name in WITH_ERRORS),
-    "max_strain",
-    "strained_fraction",
-)
 BRANCHES = ("load", "unload", "reload")
 _COUNTS = ("step", "newton", "krylov", "spots")
 _REQUIRED = ("delta", "force")
@@ -73,39 +46,32 @@ class Curve:
 
     Unknown values are NaN (0 for counts). `header` is free metadata, stored in the file.
 
-    >>> import asperity as asp
-    >>> curve = asp.Curve.from_rows([{"delta": d, "force": 2.0 * d, "delta_star": d, "P_star": d} for d in (1, 2, 3)])
-    >>> len(curve), curve.force.tolist()
-    (3, [2.0, 4.0, 6.0])
-    >>> round(curve.fit().n, 6)
-    1.0
-
     Attributes:
         step: number of the step (int)
         branch: "load", "unload" or "reload" (str)
-        delta: approach of the flat from first contact (length)
+        delta: approach of the flat from first contact [length]
         delta_star: delta/L
-        force: normal force (force)
+        force: normal force [force]
         P_star: force/(A_0 E')
         area_fraction: true over nominal contact area, A/A_0
-        max_pressure: largest contact pressure (force/length^2)
+        max_pressure: largest contact pressure [force/length^2]
         plastic_fraction: volume that has yielded over the volume of the block
         max_plastic_strain: largest accumulated plastic strain
         error_P_star: error bar of P_star, known for runs with a tolerance
         error_area_fraction: error bar of area_fraction, from the facets cut by the edge of the contact
         newton: Newton iterations of the step (int)
         krylov: Krylov iterations of the step (int)
-        seconds: wall-clock time of the step (s)
-        mean_gap: distance between the flat and the mean plane of the deformed surface (length)
-        mean_pressure: force over the true contact area; NaN without an area (force/length^2)
+        seconds: wall-clock time of the step [s]
+        mean_gap: distance between the flat and the mean plane of the deformed surface [length]
+        mean_pressure: force over the true contact area; NaN without an area [force/length^2]
         spots: number of contact spots, connected patches of touched thirds of facets (int)
-        largest_spot: contact area of the largest one (length^2)
-        k_n: slope dF/d(delta) of the curve, see `slope.slopes` (force/length)
-        k_n_elastic: normal stiffness of unloading and small vibration (force/length)
-        k_t: tangential stiffness without slip, mean of x and y, elastic (force/length)
-        k_t_x: that along x (force/length)
-        k_n_interface, k_t_interface: k_n_elastic and k_t without the compliance of the block (force/length)
-        conductance: constriction conductance over the conductivity (length)
+        largest_spot: contact area of the largest one [length^2]
+        k_n: slope dF/d(delta) of the curve, see `slope.slopes` [force/length]
+        k_n_elastic: normal stiffness of unloading and small vibration [force/length]
+        k_t: tangential stiffness without slip, mean of x and y, elastic [force/length]
+        k_t_x: that along x [force/length]
+        k_n_interface, k_t_interface: k_n_elastic and k_t without the compliance of the block [force/length]
+        conductance: constriction conductance over the conductivity [length]
         error_mean_gap, error_k_n, ..., error_conductance: error bars of these columns in their units, known for runs
             with a tolerance; `WITH_ERRORS` lists the columns that have one
         max_strain: largest equivalent strain, sqrt(2/3 e:e) of its deviator; logarithmic in finite strain
@@ -113,8 +79,12 @@ class Curve:
         header: metadata, stored as JSON in the first line of the file
 
     Raises:
-        InputError: columns of different length, unknown branch, infinite or missing approach
-            or force
+        InputError: columns of different length, unknown branch, infinite or missing approach or force
+
+    Examples:
+        >>> curve = asp.Curve.from_rows([{"delta": d, "force": 2 * d, "delta_star": d, "P_star": d} for d in (1, 2, 3)])
+        >>> len(curve), curve.force.tolist(), round(curve.fit().n, 6)
+        (3, [2.0, 4.0, 6.0], 1.0)
     """
 
     step: Array
@@ -227,21 +197,13 @@ class Curve:
         Raises:
             CompatError: pandas is not installed
         """
-        pandas = optional_module("pandas", "data")
+        try:
+            import pandas
+        except ModuleNotFoundError:
+            raise CompatError("this needs the package pandas: ./run pip install pandas, or asperity[data]") from None
         frame = pandas.DataFrame({name: getattr(self, name) for name in COLUMNS})
         frame.attrs = dict(self.header)
         return frame
-
-    def to_xarray(self) -> Any:
-        """Xarray Dataset over the dimension "row", with the approach and the branch as coordinates.
-
-        Raises:
-            CompatError: xarray is not installed
-        """
-        xarray = optional_module("xarray", "data")
-        columns = {name: ("row", getattr(self, name)) for name in COLUMNS}
-        coordinates = {name: columns.pop(name) for name in ("step", "branch", "delta")}
-        return xarray.Dataset(columns, coordinates, dict(self.header))
 
     def rows(self) -> Iterator[dict[str, Any]]:
         """Steps as dictionaries of Python numbers."""
@@ -274,20 +236,14 @@ class Curve:
         )
 
     def area_error(self, row: int) -> float:
-        """Error bar of the area fraction in a row, no greater than a share of the patch can be wrong.
-
-        Args:
-            row: position
-        """
+        """Error bar of the area fraction in a row, no greater than a share of the patch can be wrong."""
         area, error = float(self.area_fraction[row]), float(self.error_area_fraction[row])
         return error if math.isnan(error) else min(error, max(area, 1.0 - area))
 
     def bar(self, name: str, row: int) -> float:
-        """Error bar of a column over its value in a row; NaN where either is unknown, or the value is 0.
+        """Error bar over the value of a column in a row; NaN where either is unknown, or the value is 0.
 
-        Args:
-            name: of a column with an error bar: "P_star" (that of the force too), "area_fraction" or one of WITH_ERRORS
-            row: position
+        The columns are "P_star" (that of the force too), "area_fraction" and those of WITH_ERRORS.
         """
         value, error = float(getattr(self, name)[row]), float(getattr(self, f"error_{name}")[row])
         return abs(error / value) if value else math.nan
@@ -377,6 +333,10 @@ class Curve:
         return Curve.from_rows(rows, header)
 
 
+#: Names of the columns of curve.csv, in their order.
+COLUMNS = tuple(column.name for column in fields(Curve) if column.name != "header")
+
+
 def planned_rows(delta: Array) -> Array:
     """Indices (m,) of the steps at equal increments of the approach delta (n,), see `Curve.planned`."""
     every = np.arange(len(delta))
@@ -396,11 +356,7 @@ def planned_rows(delta: Array) -> Array:
 def fitted_rows(delta: Array, force: Array) -> Array:
     """Indices (m,) of the steps to which the power law of a loading is fitted: the planned ones in contact.
 
-    Every power law of a curve uses these steps.
-
-    Args:
-        delta: approach (n,), in any unit
-        force: (n,), in any unit
+    Every power law of a curve uses these steps; approach and force (n,) in any unit.
     """
     rows = planned_rows(delta)
     return rows[(delta[rows] > 0) & (force[rows] > 0)]

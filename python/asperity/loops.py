@@ -30,11 +30,11 @@ class Loop:
     Attributes:
         amplitude: of the force over the preload
         loop: its number; the first begins at the state of the preload
-        preload: mean force (force)
-        delta_low, delta_high: approach at the least and at the greatest force (length)
-        work: of the flat along the loop, trapezoidal rule (force length)
-        dissipated: by plastic flow (force length)
-        gained: energy of elastic strain and back stress at its end less that at its beginning (force length)
+        preload: mean force [force]
+        delta_low, delta_high: approach at the least and at the greatest force [length]
+        work: of the flat along the loop, trapezoidal rule [force length]
+        dissipated: by plastic flow [force length]
+        gained: energy of elastic strain and back stress at its end less that at its beginning [force length]
 
     Examples:
         >>> loop = Loop(0.5, 2, preload=4.0, delta_low=1.0, delta_high=1.5, work=0.1, dissipated=0.1, gained=0.0)
@@ -53,17 +53,17 @@ class Loop:
 
     @property
     def deflection(self) -> float:
-        """Amplitude of the approach, half of its range (length)."""
+        """Amplitude of the approach, half of its range [length]."""
         return 0.5 * (self.delta_high - self.delta_low)
 
     @property
     def k(self) -> float:
-        """Stiffness of the loop, the range of the force over that of the approach (force/length)."""
+        """Stiffness of the loop, the range of the force over that of the approach [force/length]."""
         return self.amplitude * self.preload / self.deflection
 
     @property
     def energy(self) -> float:
-        """Energy of a spring of this stiffness at this amplitude (force length)."""
+        """Energy of a spring of this stiffness at this amplitude [force length]."""
         return 0.5 * self.amplitude * self.preload * self.deflection
 
     @property
@@ -93,18 +93,6 @@ class LoopTable:
 
     Attributes:
         loops: in the order of amplitudes and numbers
-
-    Examples:
-        A contact that yields in its first loop only, and one that dissipates in each:
-
-        >>> first = Loop(0.2, 1, preload=1.0, delta_low=0.9, delta_high=1.1, work=0.002, dissipated=0.001, gained=0.001)
-        >>> from dataclasses import replace
-        >>> second = replace(first, loop=2, work=0.0, dissipated=0.0, gained=0.0)
-        >>> print(LoopTable((first, second)).sentence())
-        force 0.2 of the preload: loss factor 0.016 in the first loop, shaken down in loop 2
-        >>> steady = replace(first, loop=2, work=0.001, gained=0.0)
-        >>> print(LoopTable((first, steady)).sentence())
-        force 0.2 of the preload: loss factor 0.016 in the first loop, 0.016 in loop 2
     """
 
     loops: tuple[Loop, ...]
@@ -127,7 +115,7 @@ class LoopTable:
         """Sentences on loops that are not steady, or that load the contact further than its curve.
 
         Args:
-            top: greatest force of the curve (force)
+            top: greatest force of the curve [force]
         """
         if unsettled := self.unsettled():
             amplitudes = ", ".join(f"{a:g}" for a in unsettled)

@@ -62,7 +62,7 @@ class PowerLawFit:
         return self.k * np.maximum(np.asarray(delta_star, dtype=float), 0.0) ** self.n
 
     def stiffness(self, E_prime: float, L: float) -> float:
-        """K = k A_0 E'/L^n (force/length^n) of F = K delta^n, with A_0 = L^2."""
+        """K = k A_0 E'/L^n [force/length^n] of F = K delta^n, with A_0 = L^2."""
         return self.k * L**2 * E_prime / L**self.n
 
     def to_dict(self) -> dict[str, Any]:
@@ -200,19 +200,7 @@ def _exp(x: float) -> float:
 def fit_or_none(
     delta_star: ArrayLike, P_star: ArrayLike, norm: Literal["linear", "log"] = "linear"
 ) -> PowerLawFit | None:
-    """Fit as `fit_power_law` to the points in contact; None where they do not determine a power law.
-
-    Args:
-        delta_star: delta/L, shape (m,); points that are not positive are left out
-        P_star: P/(A_0 E'), shape (m,); likewise
-        norm: "linear" or "log"
-
-    Examples:
-        >>> fit_or_none([0.0, 0.01, 0.02, 0.04], [0.0, 0.001, 0.002, 0.004]).points
-        3
-        >>> fit_or_none([0.0, 0.01], [0.0, 0.001]) is None
-        True
-    """
+    """Fit as `fit_power_law` to the points in contact; None where they do not determine a power law."""
     d, p = np.asarray(delta_star, dtype=float), np.asarray(P_star, dtype=float)
     used = (d > 0) & (p > 0)
     try:
@@ -251,20 +239,9 @@ def _fit_data(delta_star: ArrayLike, P_star: ArrayLike) -> tuple[Array, Array]:
 
 
 def interface_approach(delta: ArrayLike, force: ArrayLike, *, height: float, area: float, modulus: float) -> Array:
-    """Approach of the rough interface alone, delta - P h_b/(A_0 M) (length).
+    """Approach of the rough interface alone, delta - P h_b/(A_0 M) [length].
 
-    The approach of flat and base contains the elastic compression of the whole block.
-
-    Args:
-        delta: approach of flat and base (length)
-        force: P (force), same shape
-        height: h_b of the block (length)
-        area: A_0 (length^2)
-        modulus: M (force/length^2): E (1-nu)/((1+nu)(1-2 nu)) with sides u.n = 0, E with free
-            sides
-
-    Examples:
-        >>> interface_approach([2e-8, 4e-8], [1e-3, 4e-3], height=1e-6, area=1e-12, modulus=2e11).round(11)
-        array([1.5e-08, 2.0e-08])
+    The approach of flat and base contains the elastic compression of the whole block, of height h_b on the area A_0;
+    its modulus M is E (1-nu)/((1+nu)(1-2 nu)) with sides u.n = 0, E with free sides.
     """
     return np.asarray(delta, float) - np.asarray(force, float) * height / (area * modulus)

@@ -56,16 +56,6 @@ class RunResult:
         summary: what summary.json holds
         contact: the solved contact, with mesh and last state; None when a resumed run had nothing left to do
         dynamics: what `dynamics.run_dynamics` returned, None when not requested
-
-    Examples:
-        >>> case = asp.Case.from_dict({
-        ...     "units": "other", "surface": {"kind": "flat", "L": 1.0}, "material": {"E": 1.0, "nu": 0.3},
-        ...     "mesh": {"h_contact": 1.0, "h_max": 1.0}, "loading": {"delta_max": 0.01, "steps": 3},
-        ...     "output": {"figures": False, "report": False},
-        ... })
-        >>> result = asp.run(case)
-        >>> len(result.curve), result.summary["exit_reason"], result.dynamics
-        (3, 'done', None)
     """
 
     curve: Curve

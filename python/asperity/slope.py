@@ -52,10 +52,7 @@ def slopes(delta: ArrayLike, force: ArrayLike, branch: ArrayLike) -> tuple[Array
 def _of_branch(x: Array, F: Array, touch: float | None) -> tuple[Array, Array]:
     """Slopes and relative changes of one branch, see `slopes`.
 
-    Args:
-        x: approach (n,) [length]
-        F: force (n,) [force]
-        touch: approach at which the force begins if it is zero at no step [length]; None if it is unknown
+    Where the force is zero at no step it begins at the approach `touch`; None if that is unknown.
     """
     if x.size > 1 and x[0] > x[-1]:
         slope, change = _of_branch(x[::-1], F[::-1], touch)

@@ -67,12 +67,7 @@ class SolvedCase:
         return found
 
     def evidence(self, case: Case, vibration: Numbers | None) -> Evidence:
-        """What the ledger of the run is made of.
-
-        Args:
-            case: the input
-            vibration: stiffness, frequency and damping of small vibration; None where there is none
-        """
+        """What the ledger of the run is made of; `vibration` has the numbers of small vibration, if there is one."""
         accurate, tolerance = self.accurate, case.accuracy.tolerance
         h = roughness = None
         if accurate is not None:

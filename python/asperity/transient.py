@@ -115,11 +115,6 @@ class TimeSeries:
         energy: kinetic of plate and block, stored and dissipated in the block [E L^3]
         supplied: work of load, forcing and dashpot on the plate since the start, in `energy` at the start [E L^3]
         newton: number of Newton iterations
-
-    Examples:
-        >>> zero = np.zeros(2)
-        >>> TimeSeries(np.array([0.0, 0.1]), zero, zero, zero, zero, zero, newton=3).time[-1].item()
-        0.1
     """
 
     time: Floats

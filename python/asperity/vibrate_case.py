@@ -137,11 +137,7 @@ def _loops(case: Case, problem: Problem, contact: ContactResult, stop: Stop) -> 
 def _slip(
     case: Case, problem: Problem, contact: ContactResult, folder: Path | None, numbers: Numbers | None, stop: Stop
 ) -> dict[str, Any]:
-    """Section "slip" of summary.json, and its files; collective.
-
-    Args:
-        numbers: of the normal vibration, whose mass vibrates on the joint
-    """
+    """Section "slip" of summary.json, and its files; the mass of the normal vibration is on the joint; collective."""
     assert case.slip is not None
     preload, joint = _preload(case, contact.curve, "slip", case.slip.preload), _settings(case).joint
     settings = SlipSettings(**case.slip.model_dump() | {"preload": preload})

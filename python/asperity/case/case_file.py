@@ -61,12 +61,11 @@ class Case(Input):
 
     @classmethod
     def load(cls, path: str | Path, overrides: Iterable[str] = ()) -> Case:
-        """Read a case file.
+        """Read a case file; relative paths inside it are taken from its folder.
 
         Args:
-            path: TOML file; relative paths inside it are taken from its folder
-            overrides: texts "section.key=value" that replace keys of the file; an empty value
-                removes the key
+            path: TOML file
+            overrides: texts "section.key=value" that replace keys of the file; an empty value removes the key
 
         Raises:
             InputError: anything wrong, in one sentence
@@ -121,11 +120,7 @@ class Case(Input):
         return tomli_w.dumps(self.to_dict())
 
     def hash(self, without: Iterable[str] = ("output",)) -> str:
-        """SHA-256 of the input, files counted by their content.
-
-        Args:
-            without: sections that do not matter
-        """
+        """SHA-256 of the input without some sections, files counted by their content."""
         data = {name: table for name, table in self.content().items() if name not in set(without)}
         return hashlib.sha256(json.dumps(data, sort_keys=True).encode()).hexdigest()
 

@@ -52,11 +52,7 @@ def differences(saved: Mapping[str, Any], now: Mapping[str, Any]) -> list[str]:
 
 
 def refuse_another(path: Path, saved: Mapping[str, Any], now: Mapping[str, Any]) -> None:
-    """Refuse to continue a run under another case.
-
-    Args:
-        path: of the file with the case of the saved run
-        saved, now: identities of that case and of the current one, see `identity`
+    """Refuse to continue the run of a file under another case, by the identities of both.
 
     Raises:
         CheckpointError: they differ in a key that changes the result

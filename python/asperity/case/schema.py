@@ -179,7 +179,7 @@ class MaterialSection(Section):
 
     @property
     def E_prime(self) -> float:
-        """Contact modulus against a rigid flat, E/(1 - nu^2) (force/length^2)."""
+        """Contact modulus against a rigid flat, E/(1 - nu^2) [force/length^2]."""
         return self.solid.reduced_modulus
 
 
@@ -411,5 +411,5 @@ class Input(BaseModel):
 
     @property
     def greatest_force(self) -> float | None:
-        """Force at the end of the loading (force); None when it is driven by the approach."""
+        """Force at the end of the loading [force]; None when it is driven by the approach."""
         return greatest_force(self.loading.force_max, self.loading.pressure_max, self.surface.L)

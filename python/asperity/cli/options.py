@@ -68,12 +68,9 @@ job_ranks = click.option(
 
 
 def start_ranks(ranks: int | None, quiet: bool, multiple: int = 1) -> None:
-    """Replace this process by the ranks that are requested, unless it is one of them or alone.
+    """Replace this process by the ranks that are requested, 0 for auto, unless it is one of them or alone.
 
-    Args:
-        ranks: requested, 0 for auto; None for none
-        quiet: say nothing
-        multiple: of which auto is one
+    Auto is a multiple of `multiple`.
     """
     from asperity.runtime import launch
 

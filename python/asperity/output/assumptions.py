@@ -69,13 +69,6 @@ class Evidence:
         density: of the solid [mass/length^3]; None where unknown
         vibration: stiffness, frequency and damping of the small vibration; None where there is none
         side: of the nominal area of what vibrates [length]; None takes that of the patch
-
-    Examples:
-        >>> from asperity.surface import Flat
-        >>> block = asp.Problem.of(Flat(L=1.0), asp.Material(E=1.0, nu=0.3), delta_max=0.01)
-        >>> curve = asp.Curve.from_rows([{"delta": 0.01, "force": 0.0135}])
-        >>> [line.verdict for line in ledger(Evidence(curve, block))]
-        ['fine']
     """
 
     curve: Curve

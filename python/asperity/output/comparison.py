@@ -38,28 +38,12 @@ def store_curve(
 
     Args:
         case_file: case of the run; the header contains its path relative to `file`
-        folder: folder of the run
+        folder: of the run
         file: CSV file to write
         tolerances: relative, by column; default TOLERANCES
 
-    Returns:
-        The curve as written
-
     Raises:
         InputError: the folder contains no finished run of this case, or a tolerance is illegal
-
-    Examples:
-        >>> case = asp.Case.from_dict({
-        ...     "units": "other", "surface": {"kind": "flat", "L": 1.0}, "material": {"E": 1.0, "nu": 0.3},
-        ...     "mesh": {"h_contact": 1.0, "h_max": 1.0}, "loading": {"delta_max": 0.01, "steps": 3},
-        ...     "output": {"figures": False, "report": False},
-        ... })
-
-        >>> _ = Path("flat.toml").write_text(case.to_toml())
-        >>> result = asp.run("flat.toml", "out")
-        >>> curve = store_curve("flat.toml", "out", "flat.csv")
-        >>> compare_curves(result.curve, curve)
-        []
     """
     case, folder, file = Case.load(case_file), Path(folder), Path(file)
     results = Results.read(folder)
@@ -98,12 +82,6 @@ class Difference:
         b: value of the second curve there
         error: |a - b| over the largest magnitude of the column in the second curve
         tolerance: of the column
-
-    Examples:
-        >>> a, b = (asp.Curve.from_rows([{"delta": 1.0, "force": force}]) for force in (2.0, 2.1))
-
-        >>> print(compare_curves(a, b)[0])
-        force: 2.0 against 2.1 at row 0, relative difference 0.0476 > 1e-06
     """
 
     column: str

@@ -36,10 +36,6 @@ def distributions(top: TopStates, side: float) -> Iterator[tuple[int, str, Float
     The quantity "pressure" [force/length^2] has the points in contact, "gap" [length] the others. The shares of the
     pressure add up to about the area fraction; the pressure of a facet that the edge of the contact cuts is spread over
     the facet. The order of the facets makes the shares independent of the number of ranks.
-
-    Args:
-        top: the states
-        side: L of the patch [length]
     """
     shape, weights = _facet_rule()
     a, b, c = np.moveaxis(top.points[top.faces[:, :3]], 1, 0)

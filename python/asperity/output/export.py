@@ -54,23 +54,17 @@ class Interface:
     """The rough interface per nominal area, at rising pressure; arrays of shape (m,), NaN where unknown.
 
     Attributes:
-        approach: of the mean planes from first touch, or from where an unloading separates (length)
-        pressure: nominal (force/length^2)
-        slope: dp/dz of the table (force/length^3)
+        approach: of the mean planes from first touch, or from where an unloading separates [length]
+        pressure: nominal [force/length^2]
+        slope: dp/dz of the table [force/length^3]
         k_n, k_n_elastic, k_t: normal stiffness of the loading and of small vibration, tangential stiffness, over the
-            nominal area and without the block (force/length^3), from the columns of the curve
-        area: nominal area of the joint, or of the patch (length^2)
+            nominal area and without the block [force/length^3], from the columns of the curve
+        area: nominal area of the joint, or of the patch [length^2]
         about: what the numbers are, one line each
         slip: of the interface of the patch, None for a case without [slip]
-        patch: nominal area of the patch (length^2)
+        patch: nominal area of the patch [length^2]
         conduction: nominal pressure, conductance per nominal area h and its error bar at the steps with contact, at
             rising pressure, (rows, 3); no rows where unknown
-
-    Examples:
-        >>> z, unknown = np.array([1e-9, 2e-9]), np.full(2, np.nan)
-        >>> table = Interface(z, 1e18 * z, np.full(2, 1e18), unknown, unknown, unknown, 1e-4, ("a test",))
-        >>> print(_csv(table).splitlines()[1])
-        approach,pressure,slope,k_n,k_n_elastic,k_t,h
     """
 
     approach: Array
@@ -87,7 +81,7 @@ class Interface:
 
     @property
     def h(self) -> Array:
-        """Conductance per nominal area at `pressure` (power/(length^2 temperature)), NaN where unknown."""
+        """Conductance per nominal area at `pressure` [power/(length^2 temperature)], NaN where unknown."""
         p, h, _ = self.conduction.T
         return _over(self.pressure, h, p, np.arange(p.size))
 
@@ -99,19 +93,11 @@ def interface(folder: str | Path, law: str = "table", load: float | None = None)
         folder: of the run, with curve.csv and case.toml
         law: "table" (first loading), "unload-reload" (branch through the preload), or "auto": after yield
             "unload-reload" where the curve has it, else "table"
-        load: preload on the patch (force), for the branch; default that of the joint, or half of the greatest force
+        load: preload on the patch [force], for the branch; default that of the joint, or half of the greatest force
 
     Raises:
         InputError: the folder has no curve or no case, or the curve does not contain the branch
         RangeError: the branch does not reach the preload
-
-    Examples:
-        That of a run is in `export`; a folder without a run is refused:
-
-        >>> interface("nowhere")
-        Traceback (most recent call last):
-            ...
-        asperity.errors.InputError: nowhere holds no curve.csv; give the folder of a run
     """
     if law not in LAWS:
         raise InputError(f'law = "{law}" is not for an export: choose one of {", ".join(LAWS)}')
@@ -216,7 +202,7 @@ def _block_modulus(case: Case) -> float:
 
 
 def _approach(curve: Curve, case: Case) -> tuple[Array, str]:
-    """Approach of the mean planes at each step (length), and how it was found."""
+    """Approach of the mean planes at each step [length], and how it was found."""
     block = {"height": case.block.height, "area": case.surface.L**2, "modulus": _block_modulus(case)}
     without = interface_approach(curve.delta, curve.force, **block)
     if np.isnan(curve.mean_gap).any() or not len(curve):

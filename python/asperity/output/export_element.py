@@ -80,19 +80,11 @@ def python_module(z: Array, p: Array, d: Array, area: float, about: Sequence[str
     """Source of the module.
 
     Args:
-        z: approaches from 0, rising, shape (m,) (length)
-        p: nominal pressures from 0, shape (m,) (force/length^2)
-        d: slopes dp/dz of the monotone cubic (force/length^3), shape (m,)
-        area: nominal area (length^2)
+        z: approaches from 0, rising, shape (m,) [length]
+        p: nominal pressures from 0, shape (m,) [force/length^2]
+        d: slopes dp/dz of the monotone cubic [force/length^3], shape (m,)
+        area: nominal area [length^2]
         about: lines of its docstring
-
-    Examples:
-        >>> text = python_module(np.array([0.0, 1.0]), np.array([0.0, 2.0]), np.array([0.0, 3.0]), 2.0, ["a test"])
-        >>> names = {}
-        >>> exec(text, names)
-        >>> force, stiffness = names["Contact"]()([-1.0, 0.5, 1.0, 2.0])
-        >>> force.round(6), stiffness.round(6)
-        (array([ 0.  ,  1.25,  4.  , 10.  ]), array([0. , 4.5, 6. , 6. ]))
     """
 
     def listed(values: Array) -> str:

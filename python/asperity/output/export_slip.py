@@ -61,7 +61,7 @@ def interface_slip(case: Case, curve: Curve, load: float | None) -> SlipLaw:
     Args:
         case: with a section [slip]
         curve: of the run
-        load: preload on the patch (force), where the section gives none
+        load: preload on the patch [force], where the section gives none
 
     Raises:
         InputError: the curve does not contain what it needs
@@ -76,7 +76,7 @@ def sliders_table(law: SlipLaw, patch: float, about: tuple[str, ...]) -> str:
 
     Args:
         law: of the patch
-        patch: its nominal area (length^2)
+        patch: its nominal area [length^2]
         about: further comments
     """
     array = law.array(SLIDERS, _LIGHTEST)
@@ -89,7 +89,7 @@ def sliders_module(law: SlipLaw, patch: float, area: float, about: tuple[str, ..
 
     Args:
         law, patch, about: see `sliders_table`
-        area: nominal area of the joint (length^2)
+        area: nominal area of the joint [length^2]
     """
     pairs = list(_pairs(law.array(SLIDERS, _LIGHTEST)))
     return _MODULE.format(

@@ -38,11 +38,6 @@ class State:
         gap: distance of the nodes of the top from the flat (N,) [length]
         stress: mean over each cell, xx yy zz xy xz yz (M, 6) [force/length^2]
         plastic_strain: mean accumulated plastic strain of each cell (M,); empty for an elastic material
-
-    Examples:
-        >>> scalar, vector, tensor = np.zeros(10), np.zeros((10, 3)), np.zeros((1, 6))
-        >>> State(1, "load", 0.01, vector, pressure=scalar, gap=scalar, stress=tensor, plastic_strain=scalar[:1]).step
-        1
     """
 
     step: int
@@ -60,20 +55,7 @@ class State:
 def gather_states(result: ContactResult, side: float, E: float) -> list[State]:
     """Gather the snapshots of all ranks on rank 0, an empty list elsewhere; collective.
 
-    Args:
-        result: result with snapshots
-        side: side L of the patch [length]
-        E: elastic modulus, the solver's unit of stress [force/length^2]
-
-    Examples:
-        >>> from asperity.surface import Flat
-        >>> size = asp.MeshSize(h_contact=1.0, h_max=1.0)
-
-        >>> path, elastic = {"delta_max": 0.01, "steps": 1}, asp.Material(E=1.0, nu=0.3)
-        >>> result = asp.solve_contact(Flat(L=1.0), elastic, **path, size=size, snapshots=1)
-        >>> (state,) = gather_states(result, side=1.0, E=1.0)
-        >>> print(f"{state.stress[:, 2].mean():.6f}")  # a block in uniaxial strain
-        -0.013462
+    `side` is the side L of the patch [length], `E` the modulus, the solver's unit of stress [force/length^2].
     """
     solid, top = result.solver.solid, result.solver.contact_surface
     states = []
@@ -173,23 +155,11 @@ def von_mises(stress: Array) -> Array:
 def write_vtkhdf(path: Path, result: ContactResult, E: float) -> None:
     """Write the snapshots for ParaView (VTKHDF 2.0 unstructured grid, time = step of the curve); collective.
 
-    Lengths are in units of L, because viewers have problems with coordinates of 1e-6; stresses are physical.
-
-    Args:
-        path: of the file
-        result: result with snapshots
-        E: elastic modulus, the solver's unit of stress [force/length^2]
+    Lengths are in units of L, because viewers have problems with coordinates of 1e-6; stresses are physical, by the
+    modulus `E`, the solver's unit of stress [force/length^2].
 
     Raises:
         OutputError: it cannot be written
-
-    Examples:
-        >>> from asperity.surface import Flat
-        >>> size = asp.MeshSize(h_contact=1.0, h_max=1.0)
-
-        >>> path, elastic = {"delta_max": 0.01, "steps": 1}, asp.Material(E=1.0, nu=0.3)
-        >>> result = asp.solve_contact(Flat(L=1.0), elastic, **path, size=size, snapshots=1)
-        >>> write_vtkhdf(Path("fields.vtkhdf"), result, E=1.0)
     """
     streams = vtkhdf_streams(result, E)
     times = [s.step for s in result.snapshots]

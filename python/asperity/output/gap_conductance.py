@@ -19,15 +19,7 @@ from asperity.curve import Curve
 
 
 def harmonic_mean(material: Mapping[str, Any]) -> float:
-    """k_s = 2 k1 k2/(k1 + k2) of both bodies [power/(length temperature)]; NaN without a conductivity.
-
-    Args:
-        material: section of a case
-
-    Examples:
-        >>> harmonic_mean({"conductivity": 50.0, "conductivity_other": 200.0})
-        80.0
-    """
+    """k_s = 2 k1 k2/(k1 + k2) of both bodies [power/(length temperature)]; NaN without a conductivity."""
     first = material.get("conductivity")
     if first is None:
         return np.nan
@@ -36,15 +28,10 @@ def harmonic_mean(material: Mapping[str, Any]) -> float:
 
 
 def gap_conductance(case: Mapping[str, Any], curve: Curve) -> tuple[Array, Array, Array]:
-    """Nominal pressure, conductance per nominal area and its error bar at each step, each (n,).
+    """Nominal pressure [force/length^2], conductance per nominal area and its error bar at each step, each (n,).
 
-    Args:
-        case: nested tables of a case
-        curve: of the run
-
-    Returns:
-        p [force/length^2], h and error_h [power/(length^2 temperature)], NaN where the curve has no conductance, the
-        bodies have no conductivity, or the case has no surface, error_h also without bars
+    The conductances [power/(length^2 temperature)] are NaN where the curve has none, the bodies have no conductivity,
+    or the case has no surface.
 
     Examples:
         One round spot of the radius a = 0.1 between two bodies of conductivity 50 on an area of 4: 2 k a/A0.

@@ -46,18 +46,9 @@ class Results:
     """Contents of the folder of a run; files that the run did not write give empty values.
 
     Attributes:
-        folder: folder of the run
-        curve: the accepted steps
         case: completed input, as nested tables
-        summary: contents of summary.json
-        free: columns of free.csv
-        response: columns of response.csv
-        thresholds: contents of thresholds.json
-        band: columns of band.csv
-        slip: columns of slip.csv
-        slip_loops: columns of slip_loops.csv
-        top: arrays of fields/top.npz
-        mesh: arrays of fields/mesh.npz
+        free, response, band, slip, slip_loops: columns of the files of these names
+        top, mesh: arrays of fields/top.npz and fields/mesh.npz
         built: the surface of the case if it was passed to `read`, else None
 
     Examples:
@@ -86,11 +77,7 @@ class Results:
 
     @classmethod
     def read(cls, folder: str | Path, surface: Surface | None = None) -> Results:
-        """Read the folder of a run.
-
-        Args:
-            folder: folder of the run
-            surface: surface of the case, if it exists already; avoids a second search for its summit
+        """Read the folder of a run; a surface that exists already avoids a second search for its summit.
 
         Raises:
             InputError: curve.csv is missing, or a file cannot be read
@@ -137,11 +124,7 @@ class Results:
         return len(self.top.get("pressure", ()))
 
     def branches(self, *names: str) -> list[Curve]:
-        """Parts of the curve with one branch each, in order; each starts at the end of the previous one.
-
-        Args:
-            names: branches to return ("load", "unload", "reload")
-        """
+        """Parts of the curve with one of these branches each, in order; each starts at the end of the previous one."""
         branch = self.curve.branch
         starts = [0, *(np.flatnonzero(branch[1:] != branch[:-1]) + 1)]
         stops = [*starts[1:], len(branch)]

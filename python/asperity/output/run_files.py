@@ -93,11 +93,9 @@ class RunFiles:
         return self._on_root(read)
 
     def open(self, resume: bool, force: bool) -> bool:
-        """Whether there is a state to continue from; writes nothing.
+        """Whether there is a state to continue from, where `resume` looks for one; writes nothing.
 
-        Args:
-            resume: whether to look for one
-            force: whether `begin` removes the files of another run
+        With `force`, `begin` will remove the files of another run.
 
         Raises:
             CheckpointError: of a run that cannot be continued

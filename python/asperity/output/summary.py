@@ -41,17 +41,7 @@ def summarise(case: Case, contact: ContactResult, ranks: int) -> dict[str, Any]:
 
 
 def stiffness_per_area(curve: Curve, side: float) -> dict[str, dict[str, float]]:
-    """Stiffness at the greatest force over the nominal area [force/length^3] as a section; empty where not computed.
-
-    Args:
-        curve: of the run
-        side: of the patch [length]
-
-    Examples:
-        >>> curve = Curve.from_rows([{"delta": 1.0, "force": 2.0, "k_n": 8.0}])
-        >>> stiffness_per_area(curve, side=2.0)
-        {'stiffness_per_area': {'force': 2.0, 'k_n': 2.0}}
-    """
+    """Stiffness at the greatest force over the nominal area [force/length^3] as a section; empty where not computed."""
     if not len(curve):
         return {}
     top = int(curve.force.argmax())

@@ -17,9 +17,6 @@ from asperity.units import plus_minus, quantity
 def verdict(results: Results) -> list[str]:
     """Result with its error bar, and the vibration: a sentence each, only what is known.
 
-    Args:
-        results: files of a finished or partial run
-
     Examples:
         >>> rows = [{"delta": 1e-9, "force": 2e-6, "P_star": 4e-5, "error_P_star": 8e-7, "area_fraction": 0.01}]
         >>> verdict(Results("out", asp.Curve.from_rows(rows), case={"units": "SI"}))
@@ -94,11 +91,7 @@ def doubts(results: Results) -> list[str]:
 
 
 def count_of_doubts(records: Sequence[Mapping[str, Any]]) -> str:
-    """How many assumptions are doubtful, a clause.
-
-    Args:
-        records: lines of the ledger in summary.json
-    """
+    """How many records of the ledger in summary.json are doubtful, a clause."""
     number = sum(record["verdict"] == DOUBTFUL for record in records)
     if not number:
         return f"All {len(records)} assumptions that were checked are fine"

@@ -20,12 +20,8 @@ from asperity.errors import CompatError
 def require(module: str, package: str) -> None:
     """Check that a module can be imported.
 
-    Args:
-        module: its name
-        package: Debian package that contains it, for the message
-
     Raises:
-        CompatError: it cannot be imported
+        CompatError: it cannot be imported; the message names its Debian package
     """
     if importlib.util.find_spec(module) is None:
         raise CompatError(f"the Python module {module} is missing: install {package} or asperity[solve]")

@@ -21,9 +21,6 @@ def short_repr(thing: Any) -> str:
 
     Classes take it as their `__repr__`.
 
-    Args:
-        thing: of a dataclass
-
     Examples:
         >>> from asperity.reference import Hertz
         >>> short_repr(Hertz(R=1.0 / 3.0, E_prime=2e11))
@@ -57,15 +54,7 @@ def brief(value: Any) -> str:
 
 
 def html_table(caption: str, header: Sequence[str], rows: Iterable[Sequence[Any]]) -> str:
-    """Table for a notebook.
-    Args:
-        caption: above it
-        header: names of the columns
-        rows: their values
-    Examples:
-        >>> html_table("a law", ["k", "n"], [[1.0, 1.5]])[:38]
-        '<table><caption>a law</caption><thead>'
-    """
+    """Table for a notebook, with a caption above it."""
 
     def row(cells: Iterable[str], tag: str) -> str:
         return "<tr>" + "".join(f"<{tag}>{html.escape(cell)}</{tag}>" for cell in cells) + "</tr>"

@@ -62,11 +62,7 @@ def replacing(path: Path) -> Iterator[IO[bytes]]:
 
 
 def replace_file(path: Path, data: bytes) -> None:
-    """Write a file so that `path` always has either its old content or the new one, even after a crash.
-
-    Raises:
-        OSError: see `replacing`
-    """
+    """Write a file so that `path` always has either its old content or the new one, see `replacing`."""
     with replacing(path) as file:
         file.write(data)
 
@@ -152,16 +148,7 @@ def read_csv(path: Path) -> dict[str, tuple[str, ...]]:
 
 
 def write_npz(path: Path, arrays: Iterable[tuple[str, Stream]], compress: bool = False) -> None:
-    """Write a .npz file in pieces, complete or not at all.
-
-    Args:
-        path: of the file
-        arrays: with their names
-        compress: whether to compress them
-
-    Raises:
-        OSError: see `replacing`
-    """
+    """Write a .npz file in pieces, complete or not at all; see `replacing`."""
     with replacing(path) as file, ZipFile(file, "w", ZIP_DEFLATED if compress else ZIP_STORED) as archive:
         for name, array in arrays:
             with archive.open(f"{name}.npy", "w", force_zip64=True) as member:
@@ -173,12 +160,7 @@ def write_npz(path: Path, arrays: Iterable[tuple[str, Stream]], compress: bool =
 
 @dataclass(frozen=True)
 class Stored:
-    """Array in a .npz file.
-
-    Attributes:
-        name, dtype, shape: of the array, whose shape has one dimension at least
-        file: at the next element
-    """
+    """Array in a .npz file, which is at its next element; the shape has one dimension at least."""
 
     name: str
     dtype: np.dtype[Any]
@@ -214,35 +196,21 @@ def stored_arrays(path: Path) -> Iterator[Stored]:
 
 
 def read_npz(path: str | Path) -> dict[str, npt.NDArray[Any]]:
-    """Arrays of a .npz file.
-
-    Raises:
-        OSError: the file cannot be read
-        ValueError: it is damaged, of another kind, or contains Python objects
-    """
+    """Arrays of a .npz file; errors as for `stored_arrays`."""
     data = io.BytesIO(Path(path).read_bytes())
     with _readable(NPZ), np.load(data, allow_pickle=False) as file:
         return {name: np.asarray(file[name]) for name in file.files}
 
 
 def read_npy(path: str | Path) -> npt.NDArray[Any]:
-    """Array of a .npy file.
-
-    Raises:
-        OSError: the file cannot be read
-        ValueError: it is damaged, of another kind, or contains Python objects
-    """
+    """Array of a .npy file; errors as for `stored_arrays`."""
     data = io.BytesIO(Path(path).read_bytes())
     with _readable(".npy"):
         return np.asarray(np.lib.format.read_array(data, allow_pickle=False))
 
 
 def real(values: npt.ArrayLike) -> npt.NDArray[np.float64]:
-    """Values as real numbers.
-
-    Raises:
-        ValueError: they are complex or not numbers
-    """
+    """Values as real numbers; ValueError if they are complex or not numbers."""
     if np.iscomplexobj(values):
         raise ValueError("its numbers are complex")
     return np.array(values, dtype=float)

@@ -22,9 +22,6 @@ class StopRequest:
     """Context in which the first SIGTERM, SIGINT or SIGUSR1 is only recorded; the next one ends the process at once.
 
     It has no effect outside the main thread, where Python cannot handle signals.
-
-    Args:
-        comm: ranks that stop together
     """
 
     def __init__(self, comm: MPI.Comm) -> None:

@@ -39,12 +39,8 @@ def available_cores() -> int:
 def start(arguments: Sequence[str], ranks: int) -> NoReturn:
     """Replace this process by mpirun with a command of asperity on new ranks, of one thread each.
 
-    Variables of the environment tell mpirun what to do, because the options of Open MPI and MPICH differ. Ranks are
-    not bound to cores: two jobs on one machine that both bind would share the first cores and leave the others idle.
-
-    Args:
-        arguments: of the command line
-        ranks: their number
+    Variables of the environment tell mpirun what to do, because the options of Open MPI and MPICH differ. Ranks are not
+    bound to cores: two jobs on one machine that both bind would share the first cores and leave the others idle.
 
     Raises:
         CompatError: there is no mpirun

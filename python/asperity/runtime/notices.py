@@ -50,9 +50,6 @@ def noting(comm: MPI.Comm) -> Iterator[Notices]:
     """Record and log each `AsperityWarning`, regardless of the warning filters of the caller.
 
     The filters still decide whether a warning is shown, ignored or raised as an error. Rank 0 shows it.
-
-    Args:
-        comm: ranks of the run
     """
     filters, show = warnings.filters, warnings.showwarning
     display: Callable[..., None] = show if comm.rank == 0 else _silent

@@ -40,12 +40,8 @@ class Ranks:
     def leave(self, code: int, message: str = "") -> int:
         """Wait for all ranks and return the exit code of the job, the greatest of all ranks; collective.
 
-        The lowest failed rank prints its message. If the other ranks do not arrive, because they wait for
-        a failed rank inside the solver, that rank aborts the job with its code.
-
-        Args:
-            code: exit code of this rank
-            message: of its error, empty for none
+        The lowest failed rank prints its message. If the other ranks do not arrive, because they wait for a failed rank
+        inside the solver, that rank aborts the job with its code.
         """
         if self._comm is None:
             _print_error(message)
@@ -75,14 +71,7 @@ class Ranks:
 
 
 def on_root(comm: MPI.Comm, work: Callable[[], T]) -> T | None:
-    """Do work on rank 0 and keep its result there; collective.
-
-    Args:
-        comm: communicator
-        work: called on rank 0 only
-
-    Returns:
-        The result of `work` on rank 0, None elsewhere
+    """Do work on rank 0 and keep its result there, None elsewhere; collective.
 
     Raises:
         AsperityError: what `work` raised, on every rank
@@ -95,18 +84,9 @@ def on_root(comm: MPI.Comm, work: Callable[[], T]) -> T | None:
 
 
 def on_root_bcast(comm: MPI.Comm | None, work: Callable[[], T]) -> T:
-    """Do work on rank 0 and broadcast its result; collective.
+    """Do work on rank 0 and broadcast its result, which is pickled; collective, errors as for `on_root`.
 
-    Args:
-        comm: communicator; None for all ranks of the job, without starting MPI in a process that runs alone
-        work: called on rank 0 only; its result is pickled
-
-    Returns:
-        The result of `work`, on every rank
-
-    Raises:
-        AsperityError: what `work` raised, on every rank
-        OutputError: for an OSError of `work`, on every rank
+    Without a communicator all ranks of the job take part, and MPI is not started in a process that runs alone.
     """
     if comm is None and started_ranks() is not None:
         from mpi4py import MPI
@@ -121,13 +101,6 @@ def on_root_bcast(comm: MPI.Comm | None, work: Callable[[], T]) -> T:
 
 def agree(comm: MPI.Comm, work: Callable[[], T]) -> T:
     """Do the same work on every rank; if it fails on one rank, it fails on all; collective.
-
-    Args:
-        comm: communicator
-        work: called on every rank
-
-    Returns:
-        The result of `work` on this rank
 
     Raises:
         AsperityError: what `work` raised on the lowest rank where it failed

@@ -68,12 +68,7 @@ class Progress:
         """Show how much of a phase without load steps is done, 0 to 1."""
 
     def step(self, row: Mapping[str, Any], fraction_done: float) -> None:
-        """Show an accepted load step.
-
-        Args:
-            row: values of the columns of curve.csv
-            fraction_done: completed fraction of the load path, 0 to 1
-        """
+        """Show an accepted load step by its row of curve.csv, and the fraction of the load path done, 0 to 1."""
 
     def done(self) -> None:
         """End the display."""

@@ -74,15 +74,10 @@ _PARTS = {
 
 
 def check(folder: Path, *, resume: bool = False, force: bool = False) -> None:
-    """Refuse a folder with files that a new run would overwrite.
+    """Refuse a folder with files that a new run would overwrite, unless the run continues or replaces that in it.
 
     A missing or empty folder is always accepted, and so is one in which a process was killed before it had completed
     its first file.
-
-    Args:
-        folder: of the new run
-        resume: whether to continue the run in the folder
-        force: whether to replace the run in the folder
 
     Raises:
         InputError: the folder is a file, contains files but no run, or contains a run (without `resume` or `force`)
@@ -139,14 +134,10 @@ def holds_run(folder: Path) -> bool:
 
 
 def clear(folder: Path, names: Iterable[str] = PRODUCTS) -> None:
-    """Remove the files of an earlier run, and nothing else.
+    """Remove the files of an earlier run, of PRODUCTS and in its order, and nothing else.
 
     The new run replaces the checkpoint and case.toml itself: without case.toml, a folder left by a kill would no longer
     count as a run.
-
-    Args:
-        folder: of the run
-        names: of PRODUCTS, files before their folders
     """
     for name in names:
         path = folder / name
@@ -158,11 +149,7 @@ def clear(folder: Path, names: Iterable[str] = PRODUCTS) -> None:
 
 
 def dropped(before: Mapping[str, Any], now: Mapping[str, Any]) -> tuple[str, ...]:
-    """Files that one completed case requests and another does not.
-
-    Args:
-        before, now: the cases as nested tables
-    """
+    """Files that one completed case requests and another does not."""
     gone = _parts(before) - _parts(now)
     return tuple(name for part, names in _PARTS.items() if part in gone for name in names)
 

@@ -90,13 +90,7 @@ def look_up(array: DistributedArray, wanted: Indices) -> Array:
 
 
 def share_some(comm: MPI.Comm, numbers: Indices, values: Array) -> tuple[DistributedArray, DistributedArray]:
-    """Numbers of some rows in ascending order, each once, and the rows; collective.
-
-    Args:
-        comm: communicator
-        numbers: of rows (n,)
-        values: of these rows (n, ...)
-    """
+    """Numbers (n,) of some rows in ascending order, each once, and the rows (n, ...); collective."""
     at, total = places(comm, numbers)
     return share(comm, at, numbers, total), share(comm, at, values, total)
 
@@ -112,12 +106,7 @@ def look_up_some(numbers: DistributedArray, rows: DistributedArray, wanted: Indi
 
 
 def places(comm: MPI.Comm, numbers: Indices) -> tuple[Indices, int]:
-    """Place of each number (n,) among the distinct ones of all ranks in ascending order, and their count; collective.
-
-    Args:
-        comm: communicator
-        numbers: not negative (n,)
-    """
+    """Place of each number (n,) among the distinct ones of all ranks, ascending, and their count; collective."""
     total = 0
 
     def place(asked: Indices) -> Indices:
@@ -164,12 +153,9 @@ def stream(array: DistributedArray) -> Stream:
 
 
 def on_root_of(comm: MPI.Comm, streams: Iterable[Stream], work: Callable[[], T]) -> T:
-    """Do work on rank 0 that takes streams, and broadcast its result, see `on_root_bcast`; collective.
+    """Do work on rank 0 that takes streams in their order, and broadcast its result, see `on_root_bcast`; collective.
 
-    Args:
-        comm: communicator
-        streams: in the order in which `work` takes them; where it fails, the other ranks send all the same
-        work: called on rank 0 only
+    Where the work fails, the other ranks send all the same.
     """
     rows = [stream.rows for stream in streams]
 
@@ -190,13 +176,9 @@ def on_root_of(comm: MPI.Comm, streams: Iterable[Stream], work: Callable[[], T])
 def deal(
     comm: MPI.Comm, shape: tuple[int, ...], dtype: np.dtype[Any], read: Callable[[int], Array] | None
 ) -> DistributedArray:
-    """Array that rank 0 reads in pieces of at most PIECE bytes; collective.
+    """Array of a shape that rank 0 reads in pieces of at most PIECE bytes; collective.
 
-    Args:
-        comm: communicator
-        shape: of the whole array
-        dtype: of the array
-        read: returns the next rows, called with their number; on rank 0
+    On rank 0 `read` returns the next rows, called with their number.
     """
     start, stop = _bounds(comm, shape[0], comm.rank)
     values = np.empty((stop - start, *shape[1:]), dtype=dtype)

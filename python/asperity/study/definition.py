@@ -59,10 +59,6 @@ _FAMILY_KEYS = ("title", "grid", "points")
 class Family:
     """A part of a study with its own title.
 
-    >>> from asperity.study import Family
-    >>> Family("hardening", "Hardening", ("surface.seed", "material.tangent_modulus")).keys[0]
-    'surface.seed'
-
     Attributes:
         name: as in the file; "study" if the file has no families
         title: for figures
@@ -77,15 +73,6 @@ class Family:
 @dataclass(frozen=True)
 class Entry:
     """One case of a study.
-
-    >>> from asperity.study import Study
-    >>> base = {
-    ...     "surface": {"kind": "sphere", "L": 1e-6, "radius": 1e-5}, "material": {"E": 200e9, "nu": 0.3},
-    ...     "loading": {"delta_max": 1e-9},
-    ... }
-    >>> study = Study.from_dict({"base": base, "grid": {"material.nu": [0.2, 0.3]}})
-    >>> study.entries[0].value("material.nu"), len(study.entries[0].key)
-    (0.2, 16)
 
     Attributes:
         key: "c" (so that table readers do not take it for a number) and 15 digits of the hash of the completed
@@ -110,20 +97,19 @@ class Entry:
 class Study:
     """All cases of a study file, validated.
 
-    >>> from asperity.study import Study
-    >>> base = {
-    ...     "surface": {"kind": "sphere", "L": 1e-6, "radius": 1e-5}, "material": {"E": 200e9, "nu": 0.3},
-    ...     "loading": {"delta_max": 1e-9},
-    ... }
-    >>> study = Study.from_dict({"base": base, "grid": {"loading.delta_max": [1e-9, 2e-9], "material.nu": [0.2, 0.3]}})
-    >>> len(study.entries), study.keys
-    (4, ('loading.delta_max', 'material.nu'))
-
     Attributes:
         title: for figures
         families: parts of the study
         entries: different cases in the order of the file
         keys: all dotted keys that vary in some family
+
+    Examples:
+        >>> base = {"surface": {"kind": "sphere", "L": 1e-6, "radius": 1e-5}, "loading": {"delta_max": 1e-9}}
+        >>> base["material"] = {"E": 200e9, "nu": 0.3}
+        >>> grid = {"loading.delta_max": [1e-9, 2e-9], "material.nu": [0.2, 0.3]}
+        >>> study = Study.from_dict({"base": base, "grid": grid})
+        >>> len(study.entries), study.keys
+        (4, ('loading.delta_max', 'material.nu'))
     """
 
     title: str
@@ -135,15 +121,7 @@ class Study:
 
     @staticmethod
     def load(path: str | Path, overrides: Iterable[str] = ()) -> Study:
-        """Read a study file; relative paths in it start from its folder.
-
-        Args:
-            path: TOML file
-            overrides: strings "section.key=value" that replace keys of the base case
-
-        Raises:
-            InputError: the study is illegal; the message is one sentence
-        """
+        """Read a study file; relative paths in it start from its folder, see `from_dict`."""
         path = Path(path)
         return Study.from_dict(_read_toml(path), folder=path.parent, source=str(path), overrides=overrides)
 

@@ -37,12 +37,7 @@ def name_of(key: str) -> str:
 
 
 def label_of(parameters: Mapping[str, Any], scale: Mapping[str, tuple[float, str]] | None = None) -> str:
-    """Text of the values of a level for a legend.
-
-    Args:
-        parameters: dotted keys and values
-        scale: key -> (unit of the value, text after the number)
-    """
+    """Text of the values of a level for a legend; `scale`: key -> (unit of the value, text after the number)."""
     parts = []
     for key, value in parameters.items():
         factor, unit = (scale or {}).get(key, (1.0, ""))
@@ -60,11 +55,7 @@ def draw_curves(
 ) -> None:
     """Draw the mean load of each level with a band of one standard deviation.
 
-    Args:
-        axis: target axes
-        results: results of the study
-        levels, labels: levels to draw, and their labels
-        over_greatest: whether to divide the curve of each level by its last mean value
+    With `over_greatest` the curve of each level is divided by its last mean value.
     """
     for level, text, colour in zip(levels, labels, colours(len(levels)), strict=True):
         x, mean, spread = ensemble_curve(results.curve(row) for row in level.rows)
@@ -102,7 +93,7 @@ def draw_column(
 
 @style.styled
 def family_figure(results: StudyResults, name: str, *, ax: style.Place | None = None) -> Figure:
-    """Draw the curves of a family and the exponents of its cases, on two axes `ax` if given."""
+    """Draw the mean curves of a family and the exponents of its cases."""
     levels = results.levels(name)
     labels = [label_of(level.parameters) for level in levels]
     figure, axes = style.figure(style.DOUBLE, 3.9, columns=2, ax=ax)

@@ -18,12 +18,7 @@ LOCK_FILES = (FOLDER, CASES)
 
 
 class FolderLock:
-    """Lock of the folder: a whole study alone, or any number of parts of it side by side.
-
-    Args:
-        folder: of the study, which exists
-        shared: whether other parts may hold the lock too
-    """
+    """Lock of the folder of a study: a whole study alone, or any number of parts (`shared`) side by side."""
 
     def __init__(self, folder: Path, shared: bool) -> None:
         self.shared = shared
@@ -56,12 +51,8 @@ class FolderLock:
 def claimed(folder: Path, key: str) -> Iterator[bool]:
     """Claim a case for this process while it is computed; yields False where another process has it.
 
-    One byte of a file is locked for each case, at the place that its key names, so that no files are left over and
-    jobs on several machines see each other wherever the file system has POSIX locks.
-
-    Args:
-        folder: of the study
-        key: of the case, a letter and hexadecimal digits, see `Entry`
+    One byte of a file is locked for each case, at the place that its key names, so that no files are left over and jobs
+    on several machines see each other wherever the file system has POSIX locks.
     """
     with (folder / CASES).open("ab") as file:
         try:

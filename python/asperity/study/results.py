@@ -47,17 +47,6 @@ def summarise_case(case: Case, curve: Curve, summary: Mapping[str, Any]) -> dict
 
     Fits use the planned steps only, see `Curve.planned`.
 
-    >>> import asperity as asp
-    >>> from asperity.study import summarise_case
-    >>> case = asp.Case.from_dict({
-    ...     "surface": {"kind": "sphere", "L": 1e-6, "radius": 1e-5}, "material": {"E": 200e9, "nu": 0.3},
-    ...     "loading": {"delta_max": 1e-9},
-    ... })
-    >>> force = case.material.E / (1 - 0.3**2) * 1e-12
-    >>> rows = [{"delta": d * 1e-6, "delta_star": d, "force": d * force, "P_star": d} for d in (0.1, 0.2, 0.3)]
-    >>> round(summarise_case(case, asp.Curve.from_rows(rows), {})["n"], 6)
-    1.0
-
     Args:
         case: as it was run
         curve: its curve
@@ -66,7 +55,7 @@ def summarise_case(case: Case, curve: Curve, summary: Mapping[str, Any]) -> dict
     Returns:
         k, n, ...: linear-scale power law of the loading branch, with norm, range and interval;
         n_log: exponent of the log-log fit;
-        stiffness: K of F = K delta^n (force/length^n);
+        stiffness: K of F = K delta^n [force/length^n];
         preload: half of the greatest P*; slope: dP*/d(delta*) there; n_loc, kappa_loc: local exponent and backbone
         curvature there, from the points of the loading branch, with n_loc without every other of them;
         kappa, u_loss, omega_loss, drive_loss: of the fitted law as a spring: backbone curvature, amplitude and
@@ -191,11 +180,6 @@ def case_state(folder: Path, key: str) -> dict[str, Any] | None:
 class StudyLevel:
     """Cases of a family that differ only in the seed.
 
-    >>> from asperity.study import StudyLevel
-    >>> level = StudyLevel({"surface.D": 2.4}, ({"surface.seed": 0.0, "n": 1.2}, {"surface.seed": 1.0, "n": None}))
-    >>> level.column("n").tolist()
-    [1.2, nan]
-
     Attributes:
         parameters: values of the keys that vary in the family, without the seed
         rows: their rows of the table
@@ -215,19 +199,17 @@ class StudyLevel:
 class StudyResults:
     """Contents of the folder of a study.
 
+    Attributes:
+        folder: of the study
+        title: of the study
+        families: its parts
+        rows: the table, numbers as floats, missing values None
+
     Examples:
-        >>> from pathlib import Path
-        >>> from asperity.study import Family, StudyResults
         >>> row = {"case": "c0", "families": "study", "exit_reason": "done", "surface.D": 2.4, "n": 1.2}
         >>> results = StudyResults(Path("out"), "Title", (Family("study", "Title", ("surface.D",)),), (row,))
         >>> [level.column("n").tolist() for level in results.levels("study")]
         [[1.2]]
-
-    Attributes:
-        folder: folder of the study
-        title: of the study
-        families: its parts
-        rows: the table, numbers as floats, missing values None
     """
 
     folder: Path
@@ -290,21 +272,8 @@ class StudyResults:
 def ensemble_curve(curves: Iterable[Curve], points: int = 60) -> tuple[Array, Array, Array]:
     """Mean and standard deviation of P* over the loading branches of curves, on their common range.
 
-    >>> import asperity as asp
-    >>> from asperity.study import ensemble_curve
-    >>> curves = [
-    ...     asp.Curve.from_rows([{"delta": 1.0, "force": p, "delta_star": 1.0, "P_star": p}]) for p in (1.0, 3.0)
-    ... ]
-    >>> x, mean, deviation = ensemble_curve(curves, points=3)
-    >>> mean.tolist()
-    [0.0, 1.0, 2.0]
-
-    Args:
-        curves: at least one with a loading branch
-        points: number of values of delta*
-
     Returns:
-        (delta*, mean, standard deviation), each (points,); the deviation of one curve is 0
+        delta*, mean and standard deviation, each (points,); the deviation of one curve is 0
 
     Raises:
         InputError: no curve has a loading branch

@@ -45,11 +45,6 @@ class StudyCounts:
         done: finished, in this run or before
         failed: with a recorded failure
         run: run now
-
-    Examples:
-        >>> counts = StudyCounts(cases=10, done=9, failed=1, run=4)
-        >>> counts.cases - counts.done - counts.failed  # to be run
-        0
     """
 
     cases: int
@@ -89,9 +84,6 @@ def run_study(
         comm: communicator; default all ranks
         say: called with a line for each case, on the first rank of each group
 
-    Returns:
-        Numbers of cases, the same on all ranks
-
     Raises:
         InputError: the folder contains other files, another job works on the whole study, there is no such part, or the
             ranks cannot be divided into groups
@@ -102,9 +94,7 @@ def run_study(
         >>> base = {
         ...     "units": "other", "surface": {"kind": "flat", "L": 1.0}, "material": {"E": 1.0, "nu": 0.3},
         ...     "mesh": {"h_contact": 1.0, "h_max": 1.0}, "loading": {"delta_max": 0.01, "steps": 3},
-        ...     "output": {"figures": False, "report": False},
         ... }
-
         >>> run_study(Study.from_dict({"base": base, "grid": {"material.nu": [0.2, 0.3]}}), "out/study")
         StudyCounts(cases=2, done=2, failed=0, run=2)
     """
@@ -171,25 +161,8 @@ def part(entries: Sequence[Entry], number: int, parts: int) -> list[int]:
 def collect_study(study: Study, folder: str | Path) -> StudyCounts:
     """Write the tables of the cases that have ended, and run nothing; for parts, also while they run.
 
-    Args:
-        study: the study
-        folder: where its parts were run
-
     Raises:
         InputError: the folder contains no study
-
-    Examples:
-        >>> from asperity.study import Study, collect_study, run_study
-        >>> base = {
-        ...     "units": "other", "surface": {"kind": "flat", "L": 1.0}, "material": {"E": 1.0, "nu": 0.3},
-        ...     "mesh": {"h_contact": 1.0, "h_max": 1.0}, "loading": {"delta_max": 0.01, "steps": 3},
-        ...     "output": {"figures": False, "report": False},
-        ... }
-        >>> study = Study.from_dict({"base": base, "grid": {"material.nu": [0.2, 0.3]}})
-        >>> run_study(study, "out/parts", only=(1, 2)).run, run_study(study, "out/parts", only=(2, 2)).run
-        (1, 1)
-        >>> collect_study(study, "out/parts")
-        StudyCounts(cases=2, done=2, failed=0, run=0)
     """
     folder = Path(folder)
     if not (folder / ABOUT).is_file():
@@ -231,14 +204,11 @@ def _is_due(state: dict[str, Any] | None, retry: bool) -> bool:
 
 
 def _attempt(case: Case, place: Path, mesh: Path | AsperityError | None, again: bool, comm: MPI.Comm) -> str:
-    """Run a case; return its exit reason; collective.
+    """Run a case in its folder and return its exit reason; collective.
 
     Args:
-        case: the input
-        place: its folder
         mesh: the file of its mesh, None for one of its own, or why there is none
         again: whether it has ended before, so that it starts from the beginning
-        comm: the ranks
 
     Raises:
         Interrupted: a signal requested the end
