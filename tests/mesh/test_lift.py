@@ -166,7 +166,7 @@ def test_steep_summits_keep_their_heights(slope: float, seed: int) -> None:
     curve = layer.curve(layer.heights(surface), surface.maximum()[2], np.array([0.5, 1.0]) * delta)
     sizes = 0.015 * np.maximum(curve.touched_at / delta, 0.15)  # inf where nothing is touched
     field = SizeField.on_cells(sizes, growth=0.15)
-    block = build_block(surface, 1.0, field.compiled().at)
+    block = build_block(surface, 1.0, field.at)
     assert block.smoothing is not None and jacobians(block).min() > 0.0
     block.check(surface)
     gap = block.points[:, 2].max() - 1.0 - (surface.maximum()[2] - surface.mean())

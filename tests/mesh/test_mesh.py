@@ -166,7 +166,7 @@ def edge_lengths(block: BlockMesh, facets: Array) -> tuple[Array, Array]:
 def test_size_field_is_fine_at_the_summit_and_grows_away() -> None:
     surface = Sphere(L=1.0, radius=5.0, shape="paraboloid")
     delta, h, growth, h_max = 0.004, 0.05, 0.4, 0.3  # reached up to r = 0.2
-    field = SizeField.of(surface, delta, h, h_min=0.3 * h, growth=growth, h_max=h_max)
+    field = SizeField.of(surface, delta, h, grading=(0.5, 0.3), growth=growth, h_max=h_max)
     assert field.at(0.5, 0.5, 0.0) == pytest.approx(0.3 * h, rel=0.05)
     for r in (0.08, 0.14, 0.19):
         size = h * np.sqrt((r * r / 10) / delta)
@@ -189,7 +189,7 @@ def test_mesh_follows_the_size_field(rough: Surface, coarse: BlockMesh) -> None:
 def test_a_tiny_contact_is_resolved() -> None:
     """The grid of the field shrinks to the points that touch, here a hundred-thousandth of the area."""
     surface = Sphere(L=1.0, radius=100.0, centre=(0.3, 0.6), shape="paraboloid")
-    field = SizeField.of(surface, 2e-8, 5e-4, h_min=1e-4, growth=0.4)  # reached up to r = 2e-3
+    field = SizeField.of(surface, 2e-8, 5e-4, grading=(0.5, 0.2), growth=0.4)  # reached up to r = 2e-3
     assert field.at(0.3, 0.6, 0.0) == pytest.approx(1e-4, rel=0.01)
     assert field.at(0.3019, 0.6, 0.0) == pytest.approx(5e-4, rel=0.2)
     assert field.at(0.35, 0.6, 0.0) == pytest.approx(5e-4 + 0.4 * 0.048, rel=0.05)

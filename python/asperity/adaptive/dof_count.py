@@ -29,7 +29,7 @@ def dofs_of(field: SizeField, refinements: int, height: float, most: float = inf
         height: of the block [L]
         most: number beyond which they are not counted
     """
-    size = field.coarser(refinements).compiled().at
+    size = field.coarser(refinements).at
     return round(3 * nodes_of(size, height, most / 3, 2**refinements, field.periodic))
 
 

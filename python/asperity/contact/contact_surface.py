@@ -6,6 +6,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 import numpy.typing as npt
@@ -35,7 +36,7 @@ class Area:
 
 
 class FacetRule:
-    """Quadrature points on the facets, one Gauss rule on each of 4^splits equal parts of a facet.
+    """Quadrature points of Gauss' rule of a degree on the facets.
 
     Attributes:
         facets: data of the facets for the compiled kernels
@@ -43,10 +44,11 @@ class FacetRule:
         height: of the surface at the points (F, Q) [length]
         nearest: number of the node of the facet next to each point (Q,)
         edge: number of the edge next to each point, that of the corner opposite to it (Q,)
+        of_nodes: shape functions of the nodes of a facet at the points (Q, 6)
     """
 
-    def __init__(self, surface: ContactSurface, degree: int, splits: int = 0) -> None:
-        points, weights = element.facet_quadrature(degree, splits)
+    def __init__(self, surface: ContactSurface, degree: int) -> None:
+        points, weights = element.facet_quadrature(degree)
         solid = surface.solid
         at_facets = [element.at_facet(k, points) for k in range(4)]
         gradients = np.stack([element.shape_gradients(p) for p in at_facets])
@@ -60,16 +62,12 @@ class FacetRule:
         _solver.facet_weights(self.facets, self.weights)
         self.nearest = np.linalg.norm(points[:, None] - element.FACET_POINTS, axis=2).argmin(axis=1)
         self.edge = np.column_stack([1.0 - points.sum(axis=1), points]).argmin(axis=1)
-        self._of_nodes = shape[0][:, element.facet_nodes()[0]]
+        self.of_nodes = shape[0][:, element.facet_nodes()[0]]
         self.height = self.at_points(solid.points[surface.nodes, 2])
 
     def at_points(self, values: Floats) -> Floats:
         """Values at the quadrature points (F, Q) from those at the nodes of the facets (F, 6)."""
-        return values @ self._of_nodes.T
-
-    def of_shape_functions(self) -> Floats:
-        """Integrals of the shape functions over the projected facets (F, 6) [length^2]."""
-        return self.weights @ self._of_nodes
+        return values @ self.of_nodes.T
 
 
 class ContactSurface:
@@ -177,7 +175,6 @@ class ContactSurface:
         count too.
 
         Args:
-            touched: whether the flat touches a point (F, Q)
             weights: area of each point before deformation (F, Q) [length^2]
         """
         cut, ratio = touched.any(axis=1) & ~touched.all(axis=1), self.area_ratio()
@@ -187,19 +184,20 @@ class ContactSurface:
 
     def mean(self, values: Floats) -> float:
         """Mean over the patch of values at the local nodes (nodes,), projected on the plane of the flat; collective."""
-        if not hasattr(self, "_nodal_area"):
-            rule = FacetRule(self, 4)  # exact for the product of shape function and projected area
-            self._nodal_area = rule.of_shape_functions()
         sums = np.array([np.sum(self._nodal_area * values[self.nodes]), self._nodal_area.sum()])
         total, area = self.solid.comm.allreduce(sums)
         return float(total / area)
 
-    @property
+    @cached_property
+    def _nodal_area(self) -> Floats:
+        """Integrals of the shape functions over the projected facets (F, 6) [length^2]."""
+        rule = FacetRule(self, 4)  # exact for the product of shape function and projected area
+        return rule.weights @ rule.of_nodes
+
+    @cached_property
     def valence(self) -> Floats:
         """Number of facets of the contact surface, over all ranks, that meet at a node (nodes,)."""
-        if not hasattr(self, "_valence"):
-            self._valence = self.assemble(self.nodes, np.ones(self.nodes.shape))
-        return self._valence
+        return self.assemble(self.nodes, np.ones(self.nodes.shape))
 
 
 def facet_numbers(surface: ContactSurface) -> Indices:
@@ -211,7 +209,6 @@ def gather_top(surface: ContactSurface, height: float) -> Top | None:
     """Gather the facets of the top on rank 0, in an order independent of the ranks; None elsewhere; collective.
 
     Args:
-        surface: with the facets of each rank
         height: of the mean plane above the base [L]
     """
     faces, points = gather_faces(surface), gather_at_top(surface, surface.solid.mesh.geometry.x)
@@ -228,12 +225,7 @@ def gather_faces(surface: ContactSurface) -> Indices | None:
 
 
 def gather_at_top(surface: ContactSurface, values: Floats) -> Floats | None:
-    """Values at the points of `gather_top` on rank 0, None elsewhere; collective.
-
-    Args:
-        surface: with the facets of each rank
-        values: at the local nodes of the geometry (n, ...)
-    """
+    """Values at the points of `gather_top` from those at the local nodes of the geometry; on rank 0; collective."""
     used = np.unique(_x_nodes(surface))
     numbers = np.asarray(surface.solid.mesh.geometry.input_global_indices)[used]
     return collect(share_some(surface.solid.comm, numbers, values[used])[1])

@@ -100,12 +100,7 @@ class Contact(ABC):
         return 0.0
 
     def tangential_work(self, force: Floats, move: Floats) -> float:
-        """Work of the tangential forces of the flat along a displacement [E L^3]; part of this rank.
-
-        Args:
-            force: internal force (owned, 3) [E L^2]
-            move: displacement (owned, 3) [L]
-        """
+        """Work of the tangential forces of the flat along a displacement (owned, 3) [E L^3]; part of this rank."""
         return 0.0
 
     def commit(self) -> None:  # noqa: B027

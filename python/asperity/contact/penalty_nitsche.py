@@ -38,10 +38,8 @@ class PressureContact(Contact):
     lowers the stiffness along the normal, so the elastic one is sufficient there too.
 
     Args:
-        solid, surface: block and its contact surface
         factor: dimensionless beta (penalty) or gamma (Nitsche)
         traction: k
-        rule: quadrature on the facets
 
     Raises:
         InputError: gamma is too small
@@ -54,12 +52,11 @@ class PressureContact(Contact):
         factor: float,
         *,
         traction: bool,
-        rule: FacetRule | None = None,
     ) -> None:
         if traction:
             refuse(gamma_too_small(factor))
         self._solid, self._surface = solid, surface
-        self._rule = FacetRule(surface, FACET_DEGREE) if rule is None else rule
+        self._rule = FacetRule(surface, FACET_DEGREE)
         self.symmetric, self.stiff = not traction, True
         points = self._rule.weights.shape
         if traction:

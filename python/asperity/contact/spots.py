@@ -29,7 +29,6 @@ def spots_of(surface: ContactSurface, edges: Flags, areas: Floats) -> Spots:
     belong to one spot, and so do those that meet at a corner. A map of these thirds shows as many patches.
 
     Args:
-        surface: contact surface
         edges: see `Contact.touched_edges` (nodes,)
         areas: touched area of each facet (F,) [length^2]
     """

@@ -14,13 +14,9 @@ from asperity.model.material import PAIRS
 
 
 def energies(solid: Solid, force: Floats) -> tuple[float, float]:
-    """Stored and dissipated energy over the committed history [E L^3]; part of this rank.
+    """Stored and dissipated energy over the committed history, of an internal force (owned, 3) [E L^3]; this rank's.
 
     Elastic strain and back stress store energy.
-
-    Args:
-        solid: in the state to measure
-        force: its internal force on the owned nodes (owned, 3) [E L^2]
     """
     u = solid.u.x.array.reshape(-1, 3)
     kernels, material = solid.kernels, solid.material
@@ -39,10 +35,6 @@ def dissipation(solid: Solid, before: History) -> tuple[float, float]:
     decrease of the accumulated plastic strain.
 
     Part of this rank; zero for an elastic solid.
-
-    Args:
-        solid: after the step, its history committed
-        before: history before the step
     """
     after = solid.kernels.history()
     if not after.rows:

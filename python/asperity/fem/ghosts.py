@@ -18,9 +18,6 @@ class Ghosts:
 
     Results are views of buffers, which the next exchange of the same width and precision overwrites. On a single rank
     the result is the argument.
-
-    Args:
-        index_map: of the nodes
     """
 
     def __init__(self, index_map: Any) -> None:

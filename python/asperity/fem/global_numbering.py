@@ -28,12 +28,7 @@ def node_numbers(solid: Solid) -> Indices:
 
 
 def at_built_nodes(solid: Solid, values: Array) -> tuple[Indices, Array]:
-    """Numbers in the built mesh of all nodes of this rank's cells (n,), and the values there (n, ...).
-
-    Args:
-        solid: on the mesh
-        values: at the displacement nodes, ghosts included (nodes, ...)
-    """
+    """Numbers in the built mesh of all nodes of this rank's cells (n,), and the values (nodes, ...) there (n, ...)."""
     numbers = np.asarray(solid.mesh.geometry.input_global_indices)
     node = np.empty(len(numbers), dtype=np.int64)
     node[compat.geometry_dofmap(solid.mesh).ravel()] = solid.V.dofmap.list.ravel()

@@ -24,14 +24,6 @@ class History:
     Attributes:
         plastic_strain: xx, yy, zz, xy, xz, yz (rows, points, 6)
         accumulated: accumulated plastic strain (rows, points)
-
-    Examples:
-        >>> history = History.zeros(rows=2, points=4)
-        >>> {name: values.shape for name, values in history.arrays().items()}
-        {'plastic_strain': (2, 4, 6), 'accumulated': (2, 4)}
-        >>> history.accumulated[1] = 0.01
-        >>> history.changed()
-        array([1])
     """
 
     # the shape is that of the components at one quadrature point

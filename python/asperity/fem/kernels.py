@@ -27,12 +27,7 @@ def law_of(material: Material, flows: bool = True) -> _solver.Elastic | _solver.
     """The material as the compiled kernels receive it.
 
     Args:
-        material: elastic or elastic-plastic
         flows: False keeps the plastic strain as it is, for the stiffness against small vibration
-
-    Example:
-        >>> law_of(Material(E=1.0, nu=0.0)).mu
-        0.5
     """
     name, parameters = material.law
     if material.plastic and not flows:

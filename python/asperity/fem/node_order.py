@@ -42,7 +42,6 @@ def cuthill_mckee(cell_nodes: Integers, nodes: int) -> Indices:
 
     Args:
         cell_nodes: nodes of each cell in the order of dolfinx (cells, 10)
-        nodes: number of nodes
     """
     from scipy import sparse
     from scipy.sparse.csgraph import reverse_cuthill_mckee

@@ -18,9 +18,6 @@ class SharedNodes:
 
     Every rank that holds a node gets the sum, and the same to the last bit, in one message to each of the other ranks.
     The ghost updates of `Ghosts` take two in succession, to the owner and back.
-
-    Args:
-        index_map: of the nodes
     """
 
     def __init__(self, index_map: Any) -> None:

@@ -204,19 +204,11 @@ class Solid:
         self.kernels.drop_matrices()
 
     def assemble_tangent(self, add: Callable[[], None] | None = None) -> None:
-        """Write the tangent at the state of the last internal force, without boundary conditions.
-
-        Args:
-            add: adds the stiffness of the contact to `values`
-        """
+        """Write the tangent at the state of the last internal force; `add` adds that of the contact to `values`."""
         self._assemble(self.kernels.tangent, add)
 
     def assemble_elastic(self, add: Callable[[], None] | None = None) -> None:
-        """Write the stiffness without plastic flow, without boundary conditions.
-
-        Args:
-            add: adds the stiffness of the contact to `values`
-        """
+        """Write the stiffness without plastic flow; `add` adds that of the contact to `values`."""
         self._assemble(self.kernels.elastic_tangent, add)
 
     def _assemble(self, write: Write, add: Callable[[], None] | None) -> None:

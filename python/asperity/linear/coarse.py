@@ -65,8 +65,6 @@ def make_coarse(dofmap: Any, points: Floats, comm: Any, symmetric: bool) -> Coar
     Args:
         dofmap: of first-order displacements
         points: coordinates of the corners, ghosts last (corners, 3)
-        comm: of the ranks
-        symmetric: whether the matrix is symmetric and positive definite
     """
     from petsc4py import PETSc
 
@@ -86,11 +84,7 @@ def make_coarse(dofmap: Any, points: Floats, comm: Any, symmetric: bool) -> Coar
 
 
 class Replicated:
-    """Each rank sums the parts of the matrix of all ranks and factorises it, in single precision.
-
-    Args:
-        dofmap, comm: see `make_coarse`
-    """
+    """Each rank sums the parts of the matrix of all ranks and factorises it, in single precision."""
 
     def __init__(self, dofmap: Any, comm: Any) -> None:
         index_map, self._comm = dofmap.index_map, comm
@@ -135,12 +129,7 @@ class Replicated:
 
 
 class Distributed:
-    """The ranks share the matrix; algebraic multigrid, or a factorisation.
-
-    Args:
-        dofmap, points, comm, symmetric: see `make_coarse`
-        factorised: whether to factorise
-    """
+    """The ranks share the matrix; algebraic multigrid, or a factorisation."""
 
     def __init__(self, dofmap: Any, points: Floats, comm: Any, symmetric: bool, factorised: bool) -> None:
         from petsc4py import PETSc

@@ -33,9 +33,6 @@ class EnergySolver:
     The coarse matrix may be that of other prescribed dofs: the cycle masks those of today. The contraction shows when
     it is stale.
 
-    Args:
-        tangent: operator with the matrix, symmetric and positive definite
-
     Attributes:
         contraction: second amount by which the energy fell over the first, in the last call with two
     """

@@ -38,7 +38,6 @@ class PMultigrid:
     them; corners that are not free get a unit row in the coarse matrix.
 
     Args:
-        tangent: operator to precondition
         symmetric: whether it is symmetric; the smoother treats any operator as if it were
 
     Attributes:

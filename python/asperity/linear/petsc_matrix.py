@@ -17,11 +17,6 @@ from asperity.fem.sparsity import SparsityPattern
 class NodeMatrix:
     """PETSc matrix of the local CSR matrices: it shares the values on one rank, and is their sum on several ranks.
 
-    Args:
-        sparsity: of this rank's part
-        index_map: of the nodes
-        comm: of the ranks
-
     Attributes:
         values: of this rank's part, in the order of `sparsity.columns`
         A: the matrix; on one rank it shares `values`, and an elimination changes them

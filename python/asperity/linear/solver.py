@@ -125,10 +125,6 @@ class Krylov:
 
     The energy norm of the residual would cost CG a V-cycle at the end of each solution. It is predicted instead: the
     energy falls from one iteration to the next as the square of the residual does.
-
-    Args:
-        tangent: of the solid
-        symmetric: see `LinearSolver`
     """
 
     def __init__(self, tangent: TangentOperator, symmetric: bool) -> None:
@@ -216,13 +212,7 @@ class Krylov:
 
 
 class Assembled:
-    """A matrix of PETSc, prescribed dofs eliminated in place: structure and near-null space stay as they are.
-
-    Args:
-        solid, symmetric: see `LinearSolver`
-        kind: "lu" or "gamg"
-        prefix: of the options
-    """
+    """A matrix of PETSc, prescribed dofs eliminated in place: structure and near-null space stay as they are."""
 
     def __init__(self, solid: Solid, kind: str, symmetric: bool, prefix: str = "") -> None:
         from petsc4py import PETSc

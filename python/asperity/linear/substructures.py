@@ -46,13 +46,7 @@ def interface_of(index_map: Any, comm: Any) -> Interface:
 
 
 class Substructures:
-    """See `coarse.Coarse`: symmetric and positive definite, in single precision.
-
-    Args:
-        dofmap: of first-order displacements
-        comm: of the ranks
-        interface: between the ranks
-    """
+    """See `coarse.Coarse`: symmetric and positive definite, in single precision."""
 
     def __init__(self, dofmap: Any, comm: Any, interface: Interface) -> None:
         index_map, self._comm = dofmap.index_map, comm

@@ -28,13 +28,7 @@ NEAR = 1e-9  # points closer than this coincide [L]
 
 
 def heights_at(surface: Surface, x: Floats, y: Floats, width: Floats) -> Floats:
-    """Heights of a surface, smoothed at each point by a Gaussian of its own width; exact where that is 0 (n,) [length].
-
-    Args:
-        surface: the surface
-        x, y: points (n,) [length]
-        width: standard deviations (n,) [length]
-    """
+    """Heights of a surface at points (n,), each smoothed by a Gaussian of a width; exact where that is 0 [length]."""
     z = np.array(surface.height(x, y))
     blurred = width > 0.0
     z[blurred] = surface.smoothed(x[blurred], y[blurred], width[blurred])
@@ -94,15 +88,7 @@ class BlockMesh:
         return np.asarray(self.height + z - surface.mean())
 
     def counts(self) -> tuple[int, int]:
-        """Numbers of nodes and elements after the refinements.
-
-        Examples:
-            >>> from asperity.mesh.generate import build_block
-            >>> from asperity.surface import Flat
-            >>> coarse = build_block(Flat(L=1.0), 1.0, lambda x, y, depth: 1.0, refinements=1)
-            >>> len(coarse.tets), coarse.counts()[1] // 8 == len(coarse.tets)
-            (24, True)
-        """
+        """Numbers of nodes and elements after the refinements."""
         cells = len(self.tets)
         if not self.refinements:
             return len(self.points), cells

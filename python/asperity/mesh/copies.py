@@ -16,11 +16,7 @@ if TYPE_CHECKING:
 
 
 class Exchange:
-    """Sum or maximum of the values that several ranks have at a node, with the result on all of them.
-
-    Args:
-        index_map: of the nodes
-    """
+    """Sum or maximum of the values that several ranks have at a node, with the result on all of them."""
 
     def __init__(self, index_map: Any) -> None:
         from mpi4py import MPI
@@ -50,11 +46,6 @@ class Copies:
     Args:
         same: number that the copies of a node on this rank have in common (n,); None where no node has one
         exchange: between the ranks, at nodes with these numbers; None in a single process
-
-    Examples:
-        >>> joined = Copies(np.array([0, 1, 0]))
-        >>> joined.total(np.array([1.0, 2.0, 3.0])), joined.greatest(np.array([1.0, 2.0, 3.0]))
-        (array([4., 2., 4.]), array([3., 2., 3.]))
     """
 
     def __init__(self, same: Indices | None = None, exchange: Exchange | None = None) -> None:

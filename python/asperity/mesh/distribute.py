@@ -32,7 +32,6 @@ def distribute(
     """Partition the mesh of a block over the ranks of `comm`, and refine it there; collective.
 
     Args:
-        comm: communicator
         block: the mesh on rank 0, ignored elsewhere
         scale: factor on the coordinates, 1/L for a block of unit side
         periodic: whether to join opposite sides: their nodes are the same in the topology of the mesh, and so have the
@@ -79,7 +78,6 @@ def _with_geometry(mesh: Any, cells: Indices, points: Floats) -> Any:
     """Give the cells of a mesh their own coordinates; collective.
 
     Args:
-        mesh: dolfinx mesh
         cells: node numbers of all cells in the order of dolfinx, on rank 0 (M, NODES)
         points: node coordinates, on rank 0 (N, 3)
     """

@@ -56,7 +56,6 @@ def build_block(
     """Mesh the block under `surface` with gmsh, in one process.
 
     Args:
-        surface: top of the block
         height: height of the mean plane above the base [length]
         size: element size at (x, y, depth below the top), all in units of L
         periodic: whether opposite sides have the same nodes and faces

@@ -54,7 +54,6 @@ def lift(
     Args:
         points: nodes of the block with a flat top at z = height (N, 3) [length]
         tets: their numbers in the tetrahedra, in the order of gmsh (M, 10)
-        surface: top of the block
         height: height of the mean plane above the base [length]
         copies: of nodes on several ranks or on joined sides
 
@@ -99,7 +98,6 @@ def _rise(points: Floats, width: Floats, surface: Surface, height: float, copies
     Args:
         points: some of the nodes (n, 3) [length]
         width: standard deviations of the Gaussians there (n,) [length]
-        surface, height, copies: see `lift`
 
     Raises:
         MeshError: a valley reaches the base
@@ -137,10 +135,6 @@ def _relax(rise: Floats, points: Floats, tets: Indices, gradients: Floats, heigh
 
     Args:
         rise: of the nodes, changed in place (N,) [length]
-        points, tets: the flat block
-        gradients: see `_vertical_gradients`
-        height: of the flat block [length]
-        copies: see `lift`
 
     Returns:
         Which nodes have moved (N,)

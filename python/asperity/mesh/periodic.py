@@ -18,16 +18,8 @@ WIDEST = 0.5  # least side over the width of an element: in wider ones, two edge
 def same_nodes(points: Floats, side: float) -> Indices:
     """Number of the node at x < L and y < L that each node is the same as, often itself (N,).
 
-    Args:
-        points: nodes of a block (N, 3) [length]
-        side: L [length]
-
     Raises:
         MeshError: a node at x = L or y = L has no partner on the opposite side
-
-    Examples:
-        >>> same_nodes(np.array([[0.0, 0.5, 0.2], [0.3, 0.5, 0.2], [1.0, 0.5, 0.2]]), side=1.0)
-        array([0, 1, 0])
     """
     from scipy.spatial import cKDTree
 

@@ -40,8 +40,6 @@ def refined(mesh: Any, times: int, surface: Surface, height: float) -> tuple[Any
     Args:
         mesh: dolfinx mesh of second-order tetrahedra with straight edges, its sides joined or not [length]
         times: number of times each tetrahedron is split into eight
-        surface: top of the block
-        height: height of its mean plane above the base [length]
 
     Returns:
         Mesh of second-order tetrahedra [length], whose nodes have the numbers of the module's text, and the numbers of
@@ -139,8 +137,6 @@ def _ranked(keys: Floats, owned: int, exchange: Exchange) -> Indices:
 
     Args:
         keys: whole numbers or -inf, each of a node's copies that this rank knows (nodes, SIDES)
-        owned: number of nodes that this rank owns
-        exchange: between the ranks
     """
     from mpi4py import MPI
 

@@ -33,13 +33,7 @@ _CLOSE = 1.02  # ratio below which two sizes count as equal
 
 
 def unresolved_height(surface: Surface, h: float, delta: float) -> float:
-    """Rms height of the waves too short for elements of a size, over the approach.
-
-    Args:
-        surface: top of the block
-        h: element size in the contact [length]
-        delta: greatest approach [length]
-    """
+    """Rms height of the waves too short for elements of size h, over the approach."""
     return surface.short_waves(ELEMENTS * h, delta) / delta
 
 
@@ -47,8 +41,6 @@ def resolving_size(surface: Surface, delta: float, tolerance: float, largest: fl
     """Largest element size in the contact whose unresolved waves are compatible with a tolerance of the force [length].
 
     Args:
-        surface: top of the block
-        delta: greatest approach [length]
         tolerance: relative error allowed for the force
         largest: upper limit of the search [length]
 
@@ -69,13 +61,7 @@ def resolving_size(surface: Surface, delta: float, tolerance: float, largest: fl
 
 
 def doubt_of_waves(surface: Surface, h: float, delta: float) -> str:
-    """Text of a warning that the mesh does not resolve the shortest waves of the surface; empty if it does.
-
-    Args:
-        surface: top of the block
-        h: element size in the contact [length]
-        delta: greatest approach [length]
-    """
+    """Text of a warning that elements of size h do not resolve the shortest waves of the surface; empty if they do."""
     part = unresolved_height(surface, h, delta)
     if part <= SHARE * ONE_MESH:
         return ""
@@ -99,10 +85,6 @@ def lowered_height(top: Floats, surface: Surface, height: float, delta: float, c
 
     Args:
         top: nodes of the top that this rank owns (n, 3) [length]
-        surface: top of the block
-        height: height of its mean plane above the base [length]
-        delta: greatest approach [length]
-        comm: communicator; the call is collective
     """
     exact = np.asarray(surface.height(top[:, 0], top[:, 1]))
     off = exact - surface.mean() + height - top[:, 2]
@@ -112,10 +94,7 @@ def lowered_height(top: Floats, surface: Surface, height: float, delta: float, c
 
 
 def judge_smoothing(off: float) -> None:
-    """Warn of a mesh whose smoothed heights lie off the surface that the flat meets; refuse it where little is left.
-
-    Args:
-        off: see `lowered_height`
+    """Warn of a mesh off its surface, see `lowered_height`; refuse it where little of what the flat meets is left.
 
     Raises:
         MeshError: the change of height is not small compared with the approach

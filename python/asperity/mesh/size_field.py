@@ -5,8 +5,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
-from math import hypot
+from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -26,6 +27,7 @@ FLAT = 1e-12  # difference of depths below which a surface touches the flat ever
 GRADING, GUIDED = (0.5, 0.2), (0.75, 0.15)
 GRID = 257  # nodes per side of the grid on which the region of each size is found
 WIDEST, STEEPEST = 0.5, 0.5  # greatest size of an element that is to be split [L], and growth of it
+GRADED = 8  # different sizes of a grading
 LEVELS = 10  # different sizes on cells: with geometric steps each is within a few per cent of what a cell wants
 NEIGHBOURS = 6  # nodes of a facet: adds a margin of one element around the nodes that were touched
 
@@ -72,8 +74,7 @@ class SizeField:
 
     On that part the size is h_contact (gap/delta_max)^p, gap being the depth below the summit. A contact spot that
     has just formed is small, so the summit needs the finest elements, and the points that touch last need h_contact.
-    The size is limited to between `h_min` and h_contact there. Elsewhere it grows by `growth` per unit of distance,
-    up to h_max.
+    It has a lower limit, see `grading`. Elsewhere the size grows by `growth` per unit of distance, up to h_max.
 
     All lengths are in units of L and rounded: gmsh generates a different mesh if a size differs in the last digit, and
     the curve of a case must not depend on whether its lengths are in metres or micrometres.
@@ -106,33 +107,25 @@ class SizeField:
         surface: Surface,
         delta_max: float,
         h_contact: float,
-        h_min: float | None = None,
         growth: float = 0.25,
         h_max: float | None = None,
         first_contact: ApproachMap | None = None,
         grading: tuple[float, float] | None = None,
-        levels: int = 8,
-        grid: int | None = None,
         periodic: bool = False,
     ) -> SizeField:
         """Build the field for a flat that moves by `delta_max` from first contact.
 
         Args:
-            surface: top of the block
             delta_max: greatest approach [length]
             h_contact: size at the points that touch last [length]
-            h_min: least size [length]; default from the grading
-            growth: increase of size per unit of distance
             h_max: greatest size [length]; default H_MAX, and WIDEST_JOINED at most with periodic sides
             first_contact: approach of first contact, used instead of the depth below the summit, which is only a
                 lower bound of it
             grading: power p, and least size over h_contact; default GRADING, or GUIDED with a first-contact map
-            levels: number of different sizes on the surface, K
-            grid: nodes per side of the regular grid, n; default GRID, or what the first-contact map resolves
             periodic: whether the sides of the block are
         """
         L = surface.L
-        grid = grid or (GRID if first_contact is None else first_contact.resolution)
+        grid, levels = GRID if first_contact is None else first_contact.resolution, GRADED
         delta_max, h_contact = rounded(delta_max / L), rounded(h_contact / L)
         x0, y0, side, gap = _contact_window(surface, delta_max, grid)
         if first_contact is not None:
@@ -140,10 +133,8 @@ class SizeField:
             gap = np.maximum(gap, first_contact.depth(*np.meshgrid((x0 + t) * L, (y0 + t) * L)) / L)
         at_once = float(gap.max() - gap.min()) <= FLAT  # no small contact spot
         power, least = grading or (GRADING if first_contact is None else GUIDED)
-        if h_min is None:  # the map does not resolve spots smaller than those of the first step of its solution
-            h_min = h_contact * (1.0 if at_once else min(max(least, (float(gap.min()) / delta_max) ** power), 1.0))
-        else:
-            h_min = min(rounded(h_min / L), h_contact)
+        # the map does not resolve spots smaller than those of the first step of its solution
+        h_min = h_contact * (1.0 if at_once else min(max(least, (float(gap.min()) / delta_max) ** power), 1.0))
         sizes = np.linspace(h_min ** (1.0 / power), h_contact ** (1.0 / power), levels) ** power
         spacing = side / (grid - 1)
         distances = np.empty((grid, grid, levels))
@@ -161,7 +152,6 @@ class SizeField:
 
         Args:
             sizes: of each cell, inf where none is wanted (n, n), index [iy, ix] [L]
-            growth: increase of size per unit of distance
             h_max: greatest size [L]; default H_MAX, and WIDEST_JOINED at most with periodic sides
             periodic: whether the sides of the block are
 
@@ -196,22 +186,11 @@ class SizeField:
         growth = min(ratio * self.growth, max(self.growth, STEEPEST))
         return replace(self, sizes=ratio * self.sizes, growth=growth, h_max=greatest)
 
-    def compiled(self) -> _solver.SizeField:
-        """Compiled field, whose method `at` gives the same bits as that of this one in less time."""
-        return _solver.SizeField(self.sizes, self.distances, self.window, self.growth, self.h_max, self.periodic)
-
-    def at(self, x: float, y: float, depth: float) -> float:
-        """Size [L] at a point `depth` below the mean plane of the top, x, y and depth in units of L."""
-        x0, y0, side = self.window
-        if self.periodic:  # the image next to the window
-            x, y = (c - round(c - low - 0.5 * side) for c, low in ((x, x0), (y, y0)))
-        inside_x = min(max(x, x0), x0 + side)
-        inside_y = min(max(y, y0), y0 + side)
-        scale = (self.distances.shape[0] - 1) / side
-        d = self.distances[round((inside_y - y0) * scale), round((inside_x - x0) * scale)]
-        d = d + hypot(x - inside_x, y - inside_y)
-        size = float(np.min(self.sizes + self.growth * np.sqrt(d * d + depth * depth)))
-        return min(size, self.h_max)
+    @cached_property
+    def at(self) -> Callable[[float, float, float], float]:
+        """Size [L] at (x, y) and a depth below the mean plane of the top [L]; compiled, since gmsh calls it often."""
+        arrays = self.sizes, self.distances, self.window
+        return _solver.SizeField(*arrays, self.growth, self.h_max, self.periodic).at
 
 
 def _distances(reached: Flags, periodic: bool) -> Floats:

@@ -46,9 +46,6 @@ def heights_of_top(top: Top, surface: Surface, n: int, nodal: bool = False) -> F
     """Heights of the curved facets of the top, on the scale of the surface, at the centres of n x n cells.
 
     Args:
-        top: of the mesh
-        surface: it was made for
-        n: cells per side
         nodal: no point is higher than the nodes of its facet: the contact, which nodes meet, does not feel it
 
     Returns:

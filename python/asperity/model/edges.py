@@ -30,10 +30,6 @@ def edge_of_summit(sides: str, surface: Surface) -> Edge | None:
     Between rollers the value is the slope across the edge that the summit lies on, over the rms slope, 0 inside; with
     free sides the distance of the summit from the nearest one, over the shortest wavelength. A periodic surface has no
     edge.
-
-    Args:
-        sides: "rollers", "free" or "periodic"
-        surface: the top
     """
     if sides == "periodic":
         return None
@@ -57,10 +53,6 @@ def doubt_of_edge(sides: str, surface: Surface) -> str:
     Rollers mirror the surface: where it falls away from the edge that the summit lies on, a ridge arises, sharper than
     any summit. A surface that is symmetric about the edge has none. A free side has no solid beyond it to carry a
     summit near by. A periodic surface has no edge.
-
-    Args:
-        sides: "rollers", "free" or "periodic"
-        surface: the top
     """
     edge = edge_of_summit(sides, surface)
     if edge is None or not edge.edges:

@@ -35,14 +35,6 @@ def refuse(judgement: Judgement) -> None:
 
     Raises:
         InputError: there is a reason to refuse
-
-    Examples:
-        >>> from asperity.model.kinds import refuse
-        >>> refuse(None)
-        >>> refuse(("surface.L", "= -1 must be positive"))
-        Traceback (most recent call last):
-            ...
-        asperity.errors.InputError: surface.L = -1 must be positive
     """
     if judgement is not None:
         raise InputError(" ".join(judgement))
@@ -52,8 +44,6 @@ def check_kind(name: str, value: Any, declared: str) -> None:
     """Refuse a value of another type than declared; types that are not in `FORMS` are not checked.
 
     Args:
-        name: of the argument, for the message
-        value: of the argument
         declared: its annotation, for example "float | None"
 
     Raises:

@@ -36,13 +36,7 @@ _MARGIN = 1.2  # on the compression of the block, whose surface answers a little
 
 
 def wrong_length(key: str, value: float | None, side: float) -> Judgement:
-    """A length far from the side of the patch.
-
-    Args:
-        key: of `FRACTIONS`
-        value: None where it is not given [length]
-        side: of the patch [length]
-    """
+    """A length, None where it is not given, far from the side of the patch; key is one of `FRACTIONS`."""
     low, high = FRACTIONS[key]
     if value is None or low * side <= value <= high * side:
         return None
@@ -53,12 +47,7 @@ def wrong_length(key: str, value: float | None, side: float) -> Judgement:
 
 
 def improbable(key: str, value: float | None) -> str:
-    """Sentence about a value that SI makes improbable but that another system of units makes natural; empty for none.
-
-    Args:
-        key: of `PROBABLE`
-        value: None where it is not given
-    """
+    """Sentence about a value that SI makes improbable but another system of units natural; empty for none."""
     low, high, unit = PROBABLE[key]
     if value is None or low <= value <= high:
         return ""
@@ -85,13 +74,7 @@ def wrong_preload(key: str, value: float, greatest: float | None, full: float) -
 
 
 def wrong_sizes(size: float, h_max: float | None, default: float) -> Judgement:
-    """A size at the contact above the greatest one.
-
-    Args:
-        size: at the contact [length]
-        h_max: greatest one, None for the default [length]
-        default: of it [length]
-    """
+    """A size at the contact above the greatest one h_max, or its default where that is None."""
     if size <= (h_max or default):
         return None
     given = "" if h_max else ", its default: give that as well"
@@ -99,12 +82,7 @@ def wrong_sizes(size: float, h_max: float | None, default: float) -> Judgement:
 
 
 def too_deep(delta: float | None, height: float) -> Judgement:
-    """An approach that leaves nothing of the block.
-
-    Args:
-        delta: greatest approach, None where a force is given [length]
-        height: of the block [length]
-    """
+    """An approach, None where a force is given, that leaves nothing of the block."""
     if delta is None or delta < height:
         return None
     return "loading.delta_max", f"= {delta:g} exceeds the block: block.height = {height:g}; about 0.03 L is usual"
@@ -114,8 +92,6 @@ def wrong_force(key: str, value: float | None, full: float) -> Judgement:
     """A force or pressure that no contact of this material has.
 
     Args:
-        key: "force_max" or "pressure_max"
-        value: None where it is not given [its unit]
         full: the nominal area times E', or E' [the same unit]
     """
     if value is None or LEAST_FORCE * full <= value <= full:
@@ -133,11 +109,7 @@ def no_gap_left(
     There the top is flat: the flat has come down to the mean plane, and the block is compressed by the mean pressure.
 
     Args:
-        delta: greatest approach [length]
         z: heights at the nodes of a regular grid over the patch (n, n) [length]
-        summit: greatest height [length]
-        side: of the patch [length]
-        material, height, sides: of the block
     """
     pressure = full_contact_pressure(z, side, material, height, sides)
     limit = summit - float(z.mean()) + _MARGIN * height * _strain(material, pressure, sides)
@@ -165,9 +137,6 @@ def full_contact_pressure(z: np.ndarray[Any, Any], side: float, material: Materi
     eq. 13.5), and of a thin block M z(q)/h at least; contact is full when the mean makes up for the lowest. Rollers
     mirror the surface, hence the cosine transform. Plastic flow bounds it by twice the hardness: 6 times the flow
     stress at a strain of the rms slope.
-
-    Args:
-        z, side, material, height, sides: see `no_gap_left`
     """
     from scipy.fft import dctn, fft2, fftfreq, idctn, ifft2
 

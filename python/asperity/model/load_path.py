@@ -17,19 +17,10 @@ FIRST_PIECES = (4, 4, 3, 2, 2, 2)  # into which the midpoint rule and stick divi
 
 
 def greatest_force(force_max: float | None, pressure_max: float | None, side: float) -> float | None:
-    """Greatest force of a loading, given as such or as a nominal pressure [force]; None for neither.
-
-    Args:
-        force_max: force [force]
-        pressure_max: force over the nominal area side^2 [force/length^2]
-        side: of the patch [length]
+    """Greatest force of a loading, given as such or as a pressure on the nominal area side^2; None for neither.
 
     Raises:
         InputError: pressure_max is not positive and finite
-
-    Examples:
-        >>> greatest_force(None, 3.0, side=2.0)
-        12.0
     """
     check_kind("loading.pressure_max", pressure_max, "float | None")
     if pressure_max is None:

@@ -25,12 +25,7 @@ PAIRS = np.array([1.0, 1.0, 1.0, 2.0, 2.0, 2.0])  # in products of tensors (...,
 
 
 def wrong_yield(E: float, strength: float | None) -> Judgement:
-    """Reason why a yield strength is refused.
-
-    Args:
-        E: elastic modulus [force/length^2]
-        strength: None for an elastic material [force/length^2]
-    """
+    """Reason why a yield strength, None for an elastic material, is refused."""
     low, high = YIELD_STRAINS
     if strength is None or low <= strength / E < high:
         return None
@@ -41,12 +36,7 @@ def wrong_yield(E: float, strength: float | None) -> Judgement:
 
 
 def wrong_slope(E: float, slope: float | None) -> Judgement:
-    """Reason why a tangent modulus is refused.
-
-    Args:
-        E: elastic modulus [force/length^2]
-        slope: tangent modulus [force/length^2]
-    """
+    """Reason why a tangent modulus is refused."""
     if slope is None or 0.0 <= slope < E:
         return None
     return "material.tangent_modulus", f"= {slope:g} must be below material.E = {E:g}; 0 is perfectly plastic"
@@ -148,11 +138,7 @@ class Material:
         return self.E * (1.0 - self.nu) / ((1.0 + self.nu) * (1.0 - 2.0 * self.nu))
 
     def block_modulus(self, sides: str) -> float:
-        """Mean pressure over strain of a uniformly compressed block [force/length^2].
-
-        Args:
-            sides: "rollers" or "periodic" (uniaxial strain) or "free" (uniaxial stress)
-        """
+        """Mean pressure over strain of a uniformly compressed block [force/length^2]."""
         return self.E if sides == "free" else self.confined_modulus
 
     def yield_pressure(self, sides: str) -> float:
@@ -161,9 +147,6 @@ class Material:
         Between rollers and with periodic sides the block is in uniaxial strain: under the pressure p the lateral stress
         is p nu/(1 - nu) and the equivalent stress p (1 - 2 nu)/(1 - nu). With free sides it is in uniaxial stress. The
         criterion is that of von Mises (Johnson, Contact Mechanics, 1985, eq. 6.1).
-
-        Args:
-            sides: "rollers" or "periodic" (uniaxial strain) or "free" (uniaxial stress)
         """
         if self.yield_strength is None:
             return inf
@@ -212,28 +195,16 @@ class Material:
         return energy
 
     def back_stress(self, plastic_strain: Floats) -> Floats:
-        """Centre of the yield surface after Prager, 2/3 beta H eps_p (..., 6) [force/length^2].
-
-        Args:
-            plastic_strain: eps_p (..., 6)
-        """
+        """Centre of the yield surface after Prager, 2/3 beta H eps_p, both tensors (..., 6) [force/length^2]."""
         return 2.0 / 3.0 * self.kinematic_share * self.plastic_modulus * plastic_strain
 
     def hardening_energy(self, plastic_strain: Floats) -> Floats:
-        """Energy per volume that the back stress stores, beta H eps_p:eps_p/3 (...) [force/length^2].
-
-        Args:
-            plastic_strain: eps_p (..., 6)
-        """
+        """Energy per volume that the back stress stores, beta H eps_p:eps_p/3, of eps_p (..., 6) [force/length^2]."""
         energy: Floats = 0.5 * np.einsum("...i,...i,i->...", self.back_stress(plastic_strain), plastic_strain, PAIRS)
         return energy
 
     def dissipated_energy(self, accumulated: Floats) -> Floats:
-        """Energy per volume dissipated by plastic flow, sigma_y a + (1 - beta) H a^2/2 (...) [force/length^2].
-
-        Args:
-            accumulated: accumulated plastic strain a (...)
-        """
+        """Energy per volume dissipated, sigma_y a + (1 - beta) H a^2/2, a the accumulated strain [force/length^2]."""
         if self.yield_strength is None:
             return np.zeros_like(accumulated)
         isotropic = (1.0 - self.kinematic_share) * self.plastic_modulus

@@ -72,12 +72,7 @@ class Formulation:
 
 
 def wrong_friction(method: str, friction: str) -> Judgement:
-    """Reason why a friction is refused.
-
-    Args:
-        method: of the formulation
-        friction: of the formulation
-    """
+    """Reason why a friction is refused with a method of the contact."""
     if friction not in ("none", "stick"):
         return "contact.friction", f'= "{friction}" is not one of none, stick'
     if friction == "none" or method == "active-set":
@@ -101,11 +96,7 @@ def wrong_dilatation(dilatation: str | None, method: str) -> Judgement:
 
 
 def no_rotations(sides: str) -> Judgement:
-    """Reason why a block has no stiffness against all motions of the flat.
-
-    Args:
-        sides: of the block
-    """
+    """Reason why a block has no stiffness against all motions of the flat."""
     if sides != "periodic":
         return None
     return "output.stiffness_matrix", (
@@ -114,12 +105,7 @@ def no_rotations(sides: str) -> Judgement:
 
 
 def penalty_too_soft(method: str, penalty: float) -> Judgement:
-    """Reason why a formulation has no error bar: a penalty so soft that its error dominates.
-
-    Args:
-        method: of the formulation
-        penalty: factor of E p^2/h
-    """
+    """Reason why a formulation has no error bar: a penalty so soft that its error dominates."""
     if method != "penalty" or penalty >= LEAST_PENALTY:
         return None
     return "contact.penalty", (

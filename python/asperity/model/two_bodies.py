@@ -52,10 +52,6 @@ class EquivalentBlock:
     Attributes:
         material: elastic, with the composite modulus
         height: of the block, so that its uniform compression is that of both (length)
-
-    Examples:
-        >>> EquivalentBlock(asp.Material(E=100e9, nu=0.3), height=2e-6).material.nu
-        0.3
     """
 
     material: Material

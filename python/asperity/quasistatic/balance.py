@@ -88,12 +88,7 @@ class Checks:
         return Checks(**{**values, "peak": (energy, work)})
 
     def physical(self, L: float, E: float) -> dict[str, Any]:
-        """Section "checks" of summary.json: the figures in the units of a case, with the names of these units.
-
-        Args:
-            L: side of the patch (length)
-            E: Young's modulus (force/length^2)
-        """
+        """Section "checks" of summary.json: the figures in the units of a case with this side and modulus."""
         scales = {"length": L, "force": E * L**2, "force*length": E * L**3}
         out = asdict(self) | {"energy_ratio": self.energy_ratio, "units": dict(UNITS)}
         for name, unit in UNITS.items():

@@ -195,6 +195,8 @@ class Checkpoint:
         Raises:
             OutputError: it cannot be written; the earlier state is untouched
         """
+        from asperity import __version__
+
         if not self.interval:
             return
         with solver.solid.phases.phase("checkpoint"):
@@ -203,7 +205,7 @@ class Checkpoint:
                 self._snapshots.append(write_shares(self._comm, self.folder / SNAPSHOT.format(k), fields))
             meta: dict[str, Any] = {
                 "format": FORMAT,
-                "version": _version(),
+                "version": __version__,
                 "identity": self._identity,
                 "mesh": self._mesh,
                 "position": asdict(position),
@@ -224,9 +226,3 @@ def _read_block(path: Path, digest: str) -> BlockMesh:
     arrays = read_arrays(path, digest)
     with refusing(path):
         return BlockMesh.from_arrays(arrays)
-
-
-def _version() -> str:
-    from asperity import __version__
-
-    return __version__

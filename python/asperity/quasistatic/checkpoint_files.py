@@ -48,9 +48,6 @@ def write_shares(comm: MPI.Comm, path: Path, shares: Mapping[str, DistributedArr
     """Replace a file; collective.
 
     Args:
-        comm: communicator
-        path: of the file
-        shares: arrays
         meta: text for rank 0 to write with the arrays and their digest
 
     Returns:

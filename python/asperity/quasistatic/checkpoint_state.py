@@ -53,14 +53,9 @@ class Saved:
     block: BlockMesh | None
 
     def restore(self, solver: ContactSolver, record: Record) -> Position:
-        """Restore the saved state; collective.
+        """Restore the saved state to a solver in its initial state on the same mesh, and to the record; collective.
 
-        Args:
-            solver: on the same mesh, in its initial state
-            record: receives rows, snapshots and map of first contact
-
-        Returns:
-            position on the load path
+        Returns the position on the load path.
         """
         solid, arrays = solver.solid, self.arrays
         nodes, cells = node_numbers(solid), cell_numbers(solid)
@@ -140,12 +135,7 @@ def _with_memory(solver: ContactSolver) -> list[Stiffness]:
 
 
 def _nodal(solver: ContactSolver, values: Floats) -> Floats:
-    """Values at the local nodes (nodes, 3), inf where none is given; collective.
-
-    Args:
-        solver: on the mesh
-        values: at the owned nodes of the top (n, 3 at most); none before the first step
-    """
+    """Values at all local nodes (nodes, 3), inf but at the owned nodes of the top where they are given; collective."""
     solid = solver.solid
     out = np.full((solid.owned, 3), np.inf)
     out[solver.contact_surface.owned_nodes[: len(values)], : values.shape[1]] = values

@@ -28,9 +28,6 @@ class Conductance:
 
     The potential is 1 at the nodes in contact and 0 on the base; nothing flows through the sides and the rest of the
     top. The resistance h_b/A of the block is subtracted. The undeformed mesh conducts.
-
-    Args:
-        solid: that conducts
     """
 
     def __init__(self, solid: Solid) -> None:

@@ -131,20 +131,7 @@ class ContactResult:
 
 
 class PartialResult(ConvergenceError):
-    """The load path ended early; `result` holds what was reached.
-
-    Examples:
-        >>> from asperity.quasistatic.hooks import Hooks
-        >>> from asperity.surface import Flat
-        >>> size = asp.MeshSize(h_contact=1.0, h_max=1.0)
-
-        >>> block = asp.Problem.of(Flat(L=1.0), asp.Material(E=1.0, nu=0.3), delta_max=0.01, steps=2, size=size)
-        >>> try:
-        ...     asp.solve_problem(block, hooks=Hooks(stop=lambda: "the first step"))
-        ... except PartialResult as stopped:
-        ...     print(len(stopped.result.curve), stopped.result.complete)
-        0 False
-    """
+    """The load path ended early; `result` holds what was reached."""
 
     def __init__(self, message: str, result: ContactResult) -> None:
         super().__init__(message)

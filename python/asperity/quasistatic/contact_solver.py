@@ -13,6 +13,7 @@ from dataclasses import dataclass
 from typing import Any, Protocol
 
 import numpy as np
+from mpi4py import MPI
 
 from asperity.arrays import Floats
 from asperity.contact import Contact
@@ -31,11 +32,7 @@ class Probe(Protocol):
     """Measurement of the state of a converged solve, whose results become columns of the curve."""
 
     def __call__(self, solver: ContactSolver) -> Mapping[str, float]:
-        """Values by the name of the column, in units of L and E; collective.
-
-        Args:
-            solver: whose last solve converged
-        """
+        """Values at the last solve, which converged, by the name of the column, in units of L and E; collective."""
 
     def drop_matrices(self) -> None:
         """Free large matrices; they are made again when they are needed."""
@@ -93,11 +90,7 @@ class ContactSolver:
     displacement of `solid` and its committed history; a failed step leaves both as they were.
 
     Args:
-        solid: deformable block
-        contact_surface: of the solid
-        contact: formulation of the contact
         summit: height of the highest point of the surface [L]
-        options: of Newton's method
 
     Attributes:
         delta, force: of the last accepted step [L], [E L^2]
@@ -301,8 +294,6 @@ class ContactSolver:
 
     def _highest(self) -> float:
         """Height of the highest node of the deformed contact surface above the base [L]; collective."""
-        from mpi4py import MPI
-
         nodes = self.contact_surface.owned_nodes
         z = self.solid.points[nodes, 2] + self.solid.u.x.array.reshape(-1, 3)[nodes, 2]
         return float(self.solid.comm.allreduce(np.max(z, initial=-np.inf), op=MPI.MAX))

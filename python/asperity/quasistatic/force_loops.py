@@ -172,7 +172,6 @@ class Leg:
     """Ways to given forces, in about equal steps of the force.
 
     Args:
-        solver: of the contact
         close: tolerance of the force at the end of a way [E L^2]
         stop: gives the reason to stop, empty for none; collective
     """

@@ -34,11 +34,8 @@ def make_block(
     """Mesh of the block on rank 0, None elsewhere; collective.
 
     Args:
-        comm: communicator
-        surface: the top
         height: mean height of the block [length]
         delta_max: approach the mesh is made for [length]
-        size: element sizes
         sides: "periodic" makes opposite sides fit
 
     Raises:
@@ -54,7 +51,7 @@ def make_block(
 
     def build() -> BlockMesh:
         field = size_field(surface, delta_max, size, sides)
-        coarse = field.coarser(size.refinements).compiled()
+        coarse = field.coarser(size.refinements)
         return build_block(surface, height, coarse.at, field.periodic, size.refinements)
 
     return on_root(comm, build)
@@ -88,15 +85,10 @@ def make_contact_solver(
     """Distribute a block over the ranks and put it under the flat; collective.
 
     Args:
-        comm: communicator
         surface: the top the block was built for
         block: mesh on rank 0, None elsewhere
         material: in physical units
-        sides: "rollers", "free" or "periodic"
-        formulation: contact formulation
         dilatation: see `Problem`
-        options: of the nonlinear solver
-        phases: collects where the time goes
 
     Raises:
         InputError: the kinematics of the material is not chosen yet

@@ -10,6 +10,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
+from mpi4py import MPI
 
 from asperity.arrays import Floats
 from asperity.contact.spots import spots_of
@@ -47,8 +48,6 @@ class Snapshot:
 
 def row(solver: ContactSolver) -> dict[str, Any]:
     """Columns of the curve that describe the state, dimensionless (E = L = 1), unknown ones left out; collective."""
-    from mpi4py import MPI
-
     solid, comm = solver.solid, solver.solid.comm
     strain = solver.history.accumulated
     volumes = solid.kernels.volumes

@@ -28,10 +28,6 @@ def extrapolation(history: float | None, here: float, after: float | None) -> tu
 
     Returns:
         part of the flow, in [0, GREATEST_LEAD]; approach of the extrapolated history [L], None after the last step
-
-    Examples:
-        >>> extrapolation(1.0, 2.0, 3.0)  # equal steps
-        (0.5, 2.5)
     """
     if after is None:
         return 0.0, None
@@ -43,18 +39,11 @@ def extrapolation(history: float | None, here: float, after: float | None) -> tu
 
 
 def extrapolate(before: History, after: History, extrapolation: float) -> History:
-    """Extrapolate the plastic history beyond the step.
+    """Extrapolate the plastic history beyond a step by a part of its flow; the arguments are unchanged.
 
     Where the plastic strain is large compared with that of yield, the midpoint rule does not damp: an error of the
     direction of flow changes sign with every step and persists, and its work accumulates. So the part is multiplied by
     the cosine of the angle between the flow and the plastic strain, which is one to second order where flow is steady.
-
-    Args:
-        before, after: history at the beginning and at the end of the step
-        extrapolation: part of the flow
-
-    Returns:
-        new history; the arguments are unchanged
     """
     strain = before.plastic_strain
     flow = after.plastic_strain - strain

@@ -12,6 +12,7 @@ from dataclasses import dataclass
 from typing import Any, Protocol, runtime_checkable
 
 import numpy as np
+from mpi4py import MPI
 
 from asperity.arrays import Floats, Integers
 from asperity.fem.solid import Solid
@@ -49,11 +50,7 @@ class FrictionEquations(ContactEquations, Protocol):
     """The same of nodes that stick or slip, where a full step may not bring the solution nearer."""
 
     def imbalance(self, force: Floats) -> Floats:
-        """Forces out of balance at the current displacement (owned, 3) [E L^2]; zero at the solution only.
-
-        Args:
-            force: internal force on the owned nodes (owned, 3)
-        """
+        """Forces out of balance for an internal force, both (owned, 3) [E L^2]; zero at the solution only."""
 
 
 @dataclass(frozen=True)
@@ -89,9 +86,6 @@ class NewtonSolver:
     be CG.
 
     Args:
-        solid: block in contact
-        contact: formulation of the contact
-        options: tolerances and limits
         fixed: owned dofs without displacement increment; default those of the solid
     """
 
@@ -173,11 +167,11 @@ class NewtonSolver:
     def _is_inverted(self) -> bool:
         """Whether the last internal force is that of a solid turned inside out somewhere; collective."""
         solid = self.solid
-        return solid.material.finite and bool(solid.comm.allreduce(solid.kernels.inverted_points > 0, op=_or()))
+        return solid.material.finite and bool(solid.comm.allreduce(solid.kernels.inverted_points > 0, op=MPI.LOR))
 
     def _greatest_lack(self) -> float:
         """Greatest displacement increment that a prescribed dof still lacks [L]; collective."""
-        return float(self.solid.comm.allreduce(np.max(np.abs(self._lacking), initial=0.0), op=_max()))
+        return float(self.solid.comm.allreduce(np.max(np.abs(self._lacking), initial=0.0), op=MPI.MAX))
 
     def _gap_tolerance(self) -> float:
         """Displacement increment that a prescribed dof may lack at convergence [L]."""
@@ -187,11 +181,13 @@ class NewtonSolver:
 
     def apply(self, pc: Any, r: Any, y: Any) -> None:
         """Solve J y = r for the Newton step -y, prescribed increments included, and scale it; called by PETSc."""
+        from petsc4py import PETSc
+
         rows = np.concatenate([self._fixed, self.rows])
         iterations, solved = self.linear.solve(r, rows, -self._lacking, y, self._krylov_rtol())
         self._krylov += iterations
         if not solved:
-            pc.setFailedReason(_pc_failed())
+            pc.setFailedReason(PETSc.PC.FailedReason.SUBPC_ERROR)
         elif isinstance(self.contact, FrictionEquations):
             y.scale(self._damped_length(self.contact, y))
         elif not self.solid.material.linear:
@@ -294,7 +290,7 @@ class NewtonSolver:
             scale: of the displacements of the step [L]
             stiffness: greatest of a node, times which the rounding error of a displacement is a force [E L]
         """
-        largest = max(scale, self.solid.comm.allreduce(float(np.max(np.abs(start), initial=0.0)), op=_max()))
+        largest = max(scale, self.solid.comm.allreduce(float(np.max(np.abs(start), initial=0.0)), op=MPI.MAX))
         self._scale, self._rounding = max(scale, 1e-6), ROUNDING * largest * stiffness
         self._version = -1  # no tangent of this solve yet
         self.rows = NOT_YET  # a step of a resumed run is the same to the last bit
@@ -316,7 +312,7 @@ class NewtonSolver:
 
 
 class _Preconditioner:
-    """Python preconditioner of the outer KSP: calls `apply` of a solver, to which it holds a weak reference."""
+    """Calls `apply` of a solver that may be gone when PETSc looks for other methods."""
 
     def __init__(self, solver: Any) -> None:
         self._solver = solver
@@ -338,24 +334,6 @@ def _own_errors() -> Iterator[None]:
         if error.ierr == OUT_OF_MEMORY:
             raise MemoryError(str(error)) from None
         raise
-
-
-def _or() -> Any:
-    from mpi4py import MPI
-
-    return MPI.LOR
-
-
-def _max() -> Any:
-    from mpi4py import MPI
-
-    return MPI.MAX
-
-
-def _pc_failed() -> Any:
-    from petsc4py import PETSc
-
-    return PETSc.PC.FailedReason.SUBPC_ERROR
 
 
 def _reason_name(reason: int) -> str:

@@ -41,11 +41,9 @@ def solve_problem(
     """Press the block of a problem with a rigid frictionless flat; collective over `comm`.
 
     Args:
-        problem: what to solve
         block: a mesh to use instead of making one (on rank 0)
         judged: whether a given mesh needs no judgement, see `resolution.judge_mesh`, like one that is made here
         comm: communicator; default all ranks
-        hooks: progress, checkpoint, snapshots
 
     Raises:
         InputError: the kinematics of the material is not chosen yet

@@ -127,7 +127,6 @@ def follow(
 
     Args:
         solver: in its initial state, or in that of `position`
-        schedule: load path
         record: receives a row per accepted step, also when the run stops early
         snapshots: number of states to keep of each loading, evenly spread, the last one included
         on_step: called after each accepted step
@@ -190,15 +189,7 @@ def _part_done(solver: ContactSolver, schedule: Schedule, at: Position, branch: 
 def _is_kept(
     solver: ContactSolver, schedule: Schedule, snapshots: int, at: Position, after: Position, before: float
 ) -> bool:
-    """Whether a step of a loading ended at a requested snapshot; to a given force, the first at or beyond it.
-
-    Args:
-        solver: after the step
-        schedule: load path
-        snapshots: number of states to keep of each loading
-        at, after: positions before and after the step
-        before: force before the step [E L^2]
-    """
+    """Whether a step of a loading ended at a requested snapshot; to a given force, the first at or beyond it."""
     if schedule.delta_max is None:
         goal = _goal(solver, schedule)
         done = snapshots if after.leg > at.leg else int(snapshots * solver.force / goal)
@@ -215,8 +206,6 @@ def _approach(
     """Make one accepted step towards the goal, cut where it does not converge and longer where the last one did.
 
     Args:
-        solver: at the position `at`
-        at: position
         following: for the midpoint rule; returns the approach of the solve after one at a given approach, for steps of
             a given length
 

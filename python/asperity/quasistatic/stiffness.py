@@ -41,9 +41,6 @@ class Stiffness:
 
     The elastic systems start from their solutions at the step before, and their coarse matrices last until they are
     stale. Both belong to the state of a run, see `memory`.
-
-    Args:
-        solid: in contact
     """
 
     def __init__(self, solid: Solid) -> None:
@@ -55,9 +52,6 @@ class Stiffness:
 
     def __call__(self, solver: ContactSolver) -> dict[str, float]:
         """Elastic stiffness at the last solve, before its history is committed.
-
-        Args:
-            solver: contact solver whose last solve converged
 
         Returns:
             by name, in units of E L; what the linear solver does not find is left out
@@ -130,11 +124,7 @@ class Stiffness:
 
 
 class _ElasticStiffness:
-    """Elastic stiffness of a solid, kept next to the tangent of the solver.
-
-    Args:
-        solid: in contact
-    """
+    """Elastic stiffness of a solid, kept next to the tangent of the solver."""
 
     def __init__(self, solid: Solid) -> None:
         self._solid = solid
@@ -159,7 +149,6 @@ class _Motion:
     """Systems of a motion of the flat on the elastic solid, from step to step.
 
     Args:
-        solid: in contact
         fixed: dofs that are prescribed in addition to those of the flat
         components: of the nodes in contact that the coarse matrix holds
 
@@ -256,12 +245,7 @@ def _dofs(nodes: Integers, components: tuple[int, ...]) -> Integers:
 
 
 def without_block(whole: float, block: float) -> float:
-    """Stiffness or conductance of two in series without that of the block; NaN where the block is practically all.
-
-    Examples:
-        >>> without_block(whole=1.0, block=2.0)
-        2.0
-    """
+    """Stiffness or conductance of two in series without that of the block; NaN where the block is practically all."""
     left = 1.0 - whole / block
     return whole / left if left > FULL else nan
 
@@ -270,8 +254,6 @@ class _Translation:
     """Motion of the flat by one along an axis.
 
     Args:
-        solver: of the contact
-        axis: of the translation
         rows: owned dofs that are prescribed
         held: those of them that the flat holds
         symmetric: whether the tangent is
@@ -303,9 +285,6 @@ class _Translation:
 
         The iterates of CG minimise the energy: it falls by the work of the residual on the correction, and has still to
         fall by what the linear solver predicts. Each pass is as loose as the accuracy admits. Collective.
-
-        Args:
-            w: the start
         """
         solid, symmetric = self._solid, self._symmetric
         r, y = solid.vector(), solid.vector()

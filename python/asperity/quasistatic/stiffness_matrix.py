@@ -33,12 +33,6 @@ class StiffnessMatrix:
         whole: matrix (6, 6), translations [force/length], rotations [force length], coupling [force]
         interface: the same without the block, whose compliance is that of its whole top stuck to the flat; None where
             that is all there is
-
-    Examples:
-        >>> from asperity.quasistatic.stiffness_matrix import StiffnessMatrix
-        >>> unit = StiffnessMatrix(np.array([0.5, 0.5, 1.0]), np.eye(6), None)
-        >>> unit.scaled(E=2e11, side=1e-6).whole.diagonal()[[2, 5]]  # N/m, N m
-        array([2.e+05, 2.e-07])
     """
 
     point: Floats
@@ -73,9 +67,6 @@ def stiffness_matrix(solver: ContactSolver) -> StiffnessMatrix | None:
 
     The base is clamped and the sides are free: rollers would hold a block that shears or tilts, and mirror images would
     move otherwise. None without contact. Collective.
-
-    Args:
-        solver: in an accepted state
 
     Raises:
         InputError: the sides are periodic, which no rotation is
@@ -118,7 +109,8 @@ def _of_plate(solver: ContactSolver, nodes: Integers, point: Floats) -> Floats:
     free[rows] = False
     moved, images = [], []
     r, y = solid.vector(), solid.vector()
-    for motion in _rigid(solid.points[nodes] + _displacement(solver)[nodes] - point):
+    displacement = solid.u.x.array.reshape(-1, 3)
+    for motion in _rigid(solid.points[nodes] + displacement[nodes] - point):
         w = np.zeros((solid.owned, 3))
         w[nodes] = motion
         r.array = -tangent_product(solid, w)
@@ -128,12 +120,6 @@ def _of_plate(solver: ContactSolver, nodes: Integers, point: Floats) -> Floats:
         images.append(tangent_product(solid, moved[-1]))
     stiffness: Floats = solid.comm.allreduce(np.array(moved) @ np.array(images).T)
     return stiffness
-
-
-def _displacement(solver: ContactSolver) -> Floats:
-    """Displacement of the local nodes (nodes, 3)."""
-    found: Floats = solver.solid.u.x.array.reshape(-1, 3)
-    return found
 
 
 def _rigid(x: Floats) -> Floats:
