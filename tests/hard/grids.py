@@ -135,7 +135,6 @@ def tolerances() -> list[Scene]:
             "3 %, one planned step",
             plain | one,
             twin=Twin("1 %", 0.04, {"accuracy.tolerance": 0.01}),
-            fast=True,
         ),
         Scene(
             "tolerance/plastic",

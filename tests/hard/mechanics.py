@@ -38,7 +38,6 @@ def finite() -> list[Scene]:
                 | FINITE
                 | {"loading.delta_max": 0.05 * L, "loading.unload": True, "mesh.h_max": 0.15 * L},
                 twin=DIRECT,
-                fast=slope == 1.0 and material == "plastic",
             )
             for slope in (0.5, 1.0, 1.5)
             for material, keys in (("elastic", ELASTIC), ("plastic", {}))

@@ -49,7 +49,7 @@ def test_mean_gap_of_westergaard(formulation: Formulation) -> None:
     surface = Sinusoid(L=1.0, amplitude=amplitude, wavelength=2.0, dims=1, centre=(0.0, 0.0))
     wave = ref.Westergaard(amplitude, 2.0, ref.reduced_modulus(1.0, NU))
     curve = solve_contact(
-        surface, ELASTIC, height=2.0, delta_max=1.5 * amplitude, steps=4, formulation=formulation, comm=here(),
+        surface, ELASTIC, height=2.0, delta_max=1.5 * amplitude, steps=2, formulation=formulation, comm=here(),
         size=MeshSize(0.06, growth=0.5, h_max=0.5),
     ).curve  # fmt: skip
     np.testing.assert_allclose(curve.mean_gap, wave.mean_gap(curve.force), atol=0.004 * amplitude)
@@ -92,7 +92,7 @@ def test_the_map_shows_the_spots_that_count(formulation: Formulation, monkeypatc
     monkeypatch.setattr(contact, "PIXELS", 1200)
     rough = SelfAffine(L=1.0, H=0.8, slope=0.05, lambda_roll=0.4, lambda_short=0.15, seed=3)
     result = solve_contact(
-        rough, ELASTIC, delta_max=0.01, steps=5, snapshots=5, formulation=formulation, size=MeshSize(0.04),
+        rough, ELASTIC, delta_max=0.01, steps=3, snapshots=3, formulation=formulation, size=MeshSize(0.04),
         comm=here(),
     )  # fmt: skip
     curve, top = result.curve, gather_top_states(result, 1.0, 1.0)
@@ -100,7 +100,7 @@ def test_the_map_shows_the_spots_that_count(formulation: Formulation, monkeypatc
     triangles = np.concatenate([top.faces[:, nodes] for nodes in FACE_TRIANGLES])
     fields = {"points": top.points, "triangles": triangles, "touched": top.touched}
     on_grid, shown = contact.Raster(fields), []
-    for i in range(5):
+    for i in range(3):
         drawn = contact.touching(on_grid, fields, i)
         shown.append(ndimage.label(ndimage.binary_dilation(drawn, iterations=3))[1])
         if formulation.method == "active-set":

@@ -27,18 +27,11 @@ class NodeMatrix:
 
         self.sparsity, self._comm = sparsity, comm
         self.values = np.zeros(sparsity.size)
-        sizes = (3 * index_map.size_local, 3 * index_map.size_global)
-        if comm.size == 1:
-            self.A = local_matrix(sparsity, self.values, comm)
+        if comm.size > 1:
+            self.A = empty_matrix(index_map, 3)
             return
-        self.A = PETSc.Mat().create(comm)
-        self.A.setSizes((sizes, sizes), bsize=3)
-        self.A.setType("aij")
-        self.A.setUp()
-        nodes = np.arange(len(sparsity.indptr) - 1, dtype=np.int32)
-        numbers = index_map.local_to_global(nodes).astype(PETSc.IntType)
-        lgmap = PETSc.LGMap().create(numbers, bsize=3, comm=comm)
-        self.A.setLGMap(lgmap, lgmap)
+        csr, size = (sparsity.rows, sparsity.columns, self.values), len(sparsity.rows) - 1
+        self.A = PETSc.Mat().createAIJWithArrays((size, size), csr, bsize=3, comm=comm)
 
     def assemble(self) -> None:
         """Assemble the matrix from `values`; collective."""
@@ -50,13 +43,20 @@ class NodeMatrix:
         self.A.assemble()
 
 
-def local_matrix(sparsity: SparsityPattern, values: Floats, comm: Any) -> Any:
-    """PETSc matrix of one rank, on a communicator of size one, that shares `values`, in the order of the pattern."""
+def empty_matrix(index_map: Any, width: int) -> Any:
+    """PETSc matrix of the nodes of an index map with some dofs each, to be filled by local numbers; collective."""
     from petsc4py import PETSc
 
-    csr = sparsity.rows, sparsity.columns, values
-    size = len(sparsity.rows) - 1
-    return PETSc.Mat().createAIJWithArrays((size, size), csr, bsize=3, comm=comm)
+    comm, sizes = index_map.comm, (width * index_map.size_local, width * index_map.size_global)
+    A = PETSc.Mat().create(comm)
+    A.setSizes((sizes, sizes), bsize=width)
+    A.setType("aij")
+    A.setUp()
+    nodes = np.arange(index_map.size_local + index_map.num_ghosts, dtype=np.int32)
+    numbers = index_map.local_to_global(nodes).astype(PETSc.IntType)
+    lgmap = PETSc.LGMap().create(numbers, bsize=width, comm=comm)
+    A.setLGMap(lgmap, lgmap)
+    return A
 
 
 def assembled(solid: Solid) -> Any:

@@ -56,7 +56,6 @@ class Checks:
         greatest_force: so far [E L^2]
         mean_penetration: weighted by the pressure, over the approach, at the greatest force
         strain_decrease: greatest decrease of the accumulated plastic strain, negative when there is none
-        softened: 1 where cells have taken their mean volumetric strain since the step before, else 0
         least_dissipation: least sum (sigma - X) : d eps_p of a step, X the back stress, at most 0
         work: done by the flat, trapezoidal rule
         stored: energy of elastic strain and back stress
@@ -105,44 +104,27 @@ class Checks:
 
 @dataclass(frozen=True)
 class StepBalance:
-    """Numbers of an accepted step, summed or the greatest over all ranks; lengths in L, stresses in E.
-
-    Attributes:
-        delta, delta_before: approach at the end and at the beginning of the step
-        force, force_before: of the flat
-        reaction: of the base
-        residual: sum of the magnitudes of the residual forces
-        stored: energy of elastic strain and back stress at the end
-        dissipated: by plastic flow so far
-        dissipation: of the step, sum (sigma - X) : d eps_p with the back stress X
-        penetration_work: force times penetration of a compliant contact
-        work_low, work_high: work of the internal force at the beginning and at the end of the step along it
-        tangential_low, tangential_high: the same of the tangential forces of the flat, for nodes that stick
-        penetration: greatest, of a node into the flat
-        suction: greatest tension
-        pressure: greatest
-        strain_decrease: greatest decrease of the accumulated plastic strain, negative when there is none
-    """
+    """Numbers of an accepted step, summed or the greatest over all ranks; lengths in L, stresses in E."""
 
     delta: float
     delta_before: float
-    force: float
+    force: float  # of the flat, at the end
     force_before: float
-    reaction: float
-    residual: float
-    stored: float
-    dissipated: float
-    dissipation: float
-    penetration_work: float
-    work_low: float
-    work_high: float
-    tangential_low: float
+    reaction: float  # of the base
+    residual: float  # sum of the magnitudes of the residual forces
+    stored: float  # energy of elastic strain and back stress at the end
+    dissipated: float  # by plastic flow so far
+    dissipation: float  # of the step, sum (sigma - X) : d eps_p with the back stress X
+    penetration_work: float  # force times penetration of a compliant contact
+    work_low: float  # of the internal force at the beginning of the step along it
+    work_high: float  # of that at its end
+    tangential_low: float  # the same of the tangential forces of the flat, for nodes that stick
     tangential_high: float
-    penetration: float
-    suction: float
-    pressure: float
-    strain_decrease: float
-    softened: float
+    penetration: float  # greatest, of a node into the flat
+    suction: float  # greatest tension
+    pressure: float  # greatest
+    strain_decrease: float  # greatest, of the accumulated plastic strain; negative when there is none
+    softened: float  # 1 where cells have taken their mean volumetric strain since the step before, else 0
 
 
 def audit(checks: Checks, step: StepBalance, *, dofs: int, rtol: float, compliant: bool, exact: bool) -> None:

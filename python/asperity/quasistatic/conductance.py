@@ -11,6 +11,7 @@ import numpy as np
 
 from asperity.arrays import Floats
 from asperity.fem.solid import Solid
+from asperity.linear.petsc_matrix import empty_matrix
 from asperity.linear.petsc_options import GAMG, set_defaults
 from asperity.mesh.element import NODES, QUADRATURE_DEGREE, quadrature, shape_gradients
 from asperity.quasistatic.stiffness import without_block
@@ -34,26 +35,13 @@ class Conductance:
         from petsc4py import PETSc
         from scipy import sparse
 
-        n, cells = solid.nodes, len(solid.cell_nodes)
+        n = solid.nodes
         rows = np.repeat(solid.cell_nodes, NODES, axis=1).ravel()
         columns = np.tile(solid.cell_nodes, (1, NODES)).ravel()
         local = sparse.coo_array((_laplace(solid).ravel(), (rows, columns)), shape=(n, n)).tocsr()
-        index_map = solid.V.dofmap.index_map
-        sizes = index_map.size_local, index_map.size_global
-        self._A = A = PETSc.Mat().create(solid.comm)
-        A.setSizes((sizes, sizes))
-        A.setType("aij")
-        A.setUp()
-        A.setOption(PETSc.Mat.Option.NEW_NONZERO_ALLOCATION_ERR, False)
-        numbers = PETSc.LGMap().create(
-            index_map.local_to_global(np.arange(n, dtype=np.int32)).astype(PETSc.IntType), comm=solid.comm
-        )
-        A.setLGMap(numbers, numbers)
-        if cells:
-            A.setValuesLocalCSR(
-                local.indptr.astype(PETSc.IntType), local.indices.astype(PETSc.IntType), local.data,
-                PETSc.InsertMode.ADD,
-            )  # fmt: skip
+        self._A = A = empty_matrix(solid.V.dofmap.index_map, 1)
+        indptr, indices = (part.astype(PETSc.IntType) for part in (local.indptr, local.indices))
+        A.setValuesLocalCSR(indptr, indices, local.data, PETSc.InsertMode.ADD)
         A.assemble()
         self._ksp = PETSc.KSP().create(solid.comm)
         self._ksp.setOptionsPrefix(PREFIX)

@@ -45,7 +45,7 @@ class Stiffness:
 
     def __init__(self, solid: Solid) -> None:
         self._solid = solid
-        self._elastic: _ElasticStiffness | None = None
+        self._elastic: TangentOperator | None = None  # with the elastic stiffness, beside the tangent of the solver
         self._height = 0.0  # of the undeformed block
         self._along_x, self._along_y = (_Motion(solid, mirrored(solid, k), (0, 1, 2)) for k in (0, 1))
         self._along_z = _Motion(solid, solid.fixed, (2,))
@@ -71,13 +71,15 @@ class Stiffness:
             return dict.fromkeys(ELASTIC_STIFFNESSES, 0.0)
         held = solver.newton.rows
         normal = _Translation(solver, 2, np.concatenate([solid.fixed, held]), held, contact.symmetric, contact.stiff)
-        self._elastic = self._elastic or _ElasticStiffness(solid)
+        self._elastic = self._elastic or TangentOperator(solid, symmetric=True, single=True, keeps=True)
         found = {}
         if contact.stiff:
             solid.assemble_elastic(contact.add_elastic_tangent)
             found["k_n_elastic"], w = normal.force(normal.start(self._along_z.before))
             self._along_z.take(w)
-        self._elastic.update()
+        if solid.material.finite or not self._elastic.version:  # in small strain it never changes
+            solid.assemble_elastic()
+            self._elastic.update()
         if not contact.stiff:
             found["k_n_elastic"], w = self._along_z.force(self._elastic, normal, nodes, normal.start(), None)
         k_x, k_y = self._tangential(solver, nodes, w)
@@ -123,28 +125,6 @@ class Stiffness:
             motion.recall(memory[:, 4 * k : 4 * k + 4])
 
 
-class _ElasticStiffness:
-    """Elastic stiffness of a solid, kept next to the tangent of the solver."""
-
-    def __init__(self, solid: Solid) -> None:
-        self._solid = solid
-        self._operator = TangentOperator(solid, symmetric=True, single=True, keeps=True)
-
-    def update(self) -> None:
-        """Write the present one, which in small strain never changes."""
-        if self._solid.material.finite or not self._operator.version:
-            self.write()
-            self._operator.update()
-
-    def write(self) -> None:
-        """Make it the matrix of the solid."""
-        self._solid.assemble_elastic()
-
-    def system(self) -> EnergySolver:
-        """A system with it."""
-        return EnergySolver(self._operator)
-
-
 class _Motion:
     """Systems of a motion of the flat on the elastic solid, from step to step.
 
@@ -167,7 +147,7 @@ class _Motion:
         self._system: EnergySolver | None = None
 
     def force(
-        self, elastic: _ElasticStiffness, motion: _Translation, nodes: Integers, guess: Floats, change: Floats | None
+        self, elastic: TangentOperator, motion: _Translation, nodes: Integers, guess: Floats, change: Floats | None
     ) -> tuple[float, Floats]:
         """Stiffness [E L], and displacement relative to the flat (owned, 3); collective.
 
@@ -184,7 +164,7 @@ class _Motion:
         force, w = system.minimise(start, motion.unit, motion.rows)
         self._contraction = system.contraction
         if force != force:
-            elastic.write()
+            self._solid.assemble_elastic()
             force, w = motion.force(motion.start(guess))
         self.take(w)
         self.change = None if before is None else w - before
@@ -202,7 +182,7 @@ class _Motion:
         """Free the system; the next step makes it again."""
         self._system = None
 
-    def _prepare(self, elastic: _ElasticStiffness, nodes: Integers) -> EnergySolver:
+    def _prepare(self, elastic: TangentOperator, nodes: Integers) -> EnergySolver:
         """The system, with a new coarse matrix where it is stale or belongs to another process; collective."""
         now = np.zeros(self._solid.owned, dtype=bool)
         now[nodes] = True
@@ -210,7 +190,7 @@ class _Motion:
         if worn_out or self._marked is None:
             self._marked, self._contraction = now, UNKNOWN
         if worn_out or self._system is None:
-            self._system = self._system or elastic.system()
+            self._system = self._system or EnergySolver(elastic)
             held = _dofs(np.flatnonzero(self._marked).astype(np.int32), self._components)
             self._system.renew(np.union1d(self.fixed, held).astype(np.int32))
         self._system.contraction = self._contraction
