@@ -21,17 +21,11 @@ from asperity.runtime.compiled import solver as _solver
 
 
 class Interface(NamedTuple):
-    """Corners that several ranks hold.
+    """Corners that several ranks hold."""
 
-    Attributes:
-        nodes: those of this rank (n,)
-        at: place of each dof of theirs among those of all ranks (3n,)
-        dofs: number of these
-    """
-
-    nodes: Indices
-    at: Indices
-    dofs: int
+    nodes: Indices  # those of this rank (n,)
+    at: Indices  # place of each dof of theirs among those of all ranks (3n,)
+    dofs: int  # number of these
 
 
 def interface_of(index_map: Any, comm: Any) -> Interface:

@@ -46,39 +46,22 @@ UNITS = {
 
 @dataclass
 class Checks:
-    """Worst figures of a run so far; energies in units of E L^3.
+    """Worst figures of a run so far; energies in units of E L^3."""
 
-    Attributes:
-        force_balance: |force on the flat - reaction of the base| over the force
-        unsolved: sum of the magnitudes of the residual forces over the greatest force so far
-        tension: greatest suction over the greatest pressure of a step
-        penetration: of a node into the flat [L]
-        greatest_force: so far [E L^2]
-        mean_penetration: weighted by the pressure, over the approach, at the greatest force
-        strain_decrease: greatest decrease of the accumulated plastic strain, negative when there is none
-        least_dissipation: least sum (sigma - X) : d eps_p of a step, X the back stress, at most 0
-        work: done by the flat, trapezoidal rule
-        stored: energy of elastic strain and back stress
-        dissipated: by plastic flow
-        peak: greatest energy stored and dissipated, and the work done until then
-        energy_excess: greatest violation of the energy bounds of a step, over the energy so far
-        violated: sentences, the first of each kind
-    """
-
-    force_balance: float = 0.0
-    unsolved: float = 0.0
-    tension: float = 0.0
-    penetration: float = 0.0
-    greatest_force: float = 0.0
-    mean_penetration: float = 0.0
-    strain_decrease: float = 0.0
-    least_dissipation: float = 0.0
-    work: float = 0.0
-    stored: float = 0.0
-    dissipated: float = 0.0
-    peak: tuple[float, float] = (0.0, 0.0)
-    energy_excess: float = 0.0
-    violated: dict[str, str] = field(default_factory=dict)
+    force_balance: float = 0.0  # |force on the flat - reaction of the base| over the force
+    unsolved: float = 0.0  # sum of the magnitudes of the residual forces over the greatest force so far
+    tension: float = 0.0  # greatest suction over the greatest pressure of a step
+    penetration: float = 0.0  # of a node into the flat [L]
+    greatest_force: float = 0.0  # so far [E L^2]
+    mean_penetration: float = 0.0  # weighted by the pressure, over the approach, at the greatest force
+    strain_decrease: float = 0.0  # greatest decrease of the accumulated plastic strain, negative when there is none
+    least_dissipation: float = 0.0  # least sum (sigma - X) : d eps_p of a step, X the back stress, at most 0
+    work: float = 0.0  # done by the flat, trapezoidal rule
+    stored: float = 0.0  # energy of elastic strain and back stress
+    dissipated: float = 0.0  # by plastic flow
+    peak: tuple[float, float] = (0.0, 0.0)  # greatest energy stored and dissipated, and the work done until then
+    energy_excess: float = 0.0  # greatest violation of the energy bounds of a step, over the energy so far
+    violated: dict[str, str] = field(default_factory=dict)  # sentences, the first of each kind
 
     @staticmethod
     def from_dict(values: Mapping[str, Any]) -> Checks:

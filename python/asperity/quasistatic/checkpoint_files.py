@@ -29,19 +29,12 @@ Headers = dict[str, tuple[str, tuple[int, ...]]]  # type and shape of arrays by 
 
 @dataclass(frozen=True)
 class Content:
-    """What a file holds, read once from beginning to end.
+    """What a file holds, read once from beginning to end."""
 
-    Attributes:
-        headers: of the arrays
-        meta: text of its numbers; empty where it has none
-        digest: of arrays and text
-        signed: digest that it was written with; empty where it has none
-    """
-
-    headers: Headers
-    meta: bytes
-    digest: str
-    signed: str
+    headers: Headers  # of the arrays
+    meta: bytes  # text of its numbers; empty where it has none
+    digest: str  # of arrays and text
+    signed: str  # digest that it was written with; empty where it has none
 
 
 def write_shares(comm: MPI.Comm, path: Path, shares: Mapping[str, DistributedArray], meta: str = "") -> str:

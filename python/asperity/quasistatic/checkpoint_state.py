@@ -36,21 +36,13 @@ STIFFNESS = "stiffness"  # start of the systems of the stiffness columns; in sta
 
 @dataclass(frozen=True)
 class Saved:
-    """Content of a checkpoint; this rank's share of the arrays, and the mesh on rank 0 only.
+    """Content of a checkpoint; this rank's share of the arrays, and the mesh on rank 0 only."""
 
-    Attributes:
-        folder: from which it was read
-        meta: position, rows, counts and all other numbers
-        arrays: fields by name
-        snapshots: fields of each snapshot
-        block: the mesh
-    """
-
-    folder: Path
-    meta: Mapping[str, Any]
-    arrays: Mapping[str, DistributedArray]
-    snapshots: tuple[Mapping[str, DistributedArray], ...]
-    block: BlockMesh | None
+    folder: Path  # from which it was read
+    meta: Mapping[str, Any]  # position, rows, counts and all other numbers
+    arrays: Mapping[str, DistributedArray]  # fields by name
+    snapshots: tuple[Mapping[str, DistributedArray], ...]  # fields of each snapshot
+    block: BlockMesh | None  # the mesh
 
     def restore(self, solver: ContactSolver, record: Record) -> Position:
         """Restore the saved state to a solver in its initial state on the same mesh, and to the record; collective.

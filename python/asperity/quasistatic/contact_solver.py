@@ -40,22 +40,14 @@ class Probe(Protocol):
 
 @dataclass
 class Counts:
-    """Totals of a run; the means of convergence in the order in which they are tried.
+    """Totals of a run; the means of convergence in the order in which they are tried."""
 
-    Attributes:
-        steps: accepted steps
-        newton, krylov: iterations
-        shortened: Newton steps that the line search shortened
-        direct: linear systems factorised because the iterative solver failed
-        cutbacks: failed solves, repeated with half the step
-    """
-
-    steps: int = 0
-    newton: int = 0
-    krylov: int = 0
-    shortened: int = 0
-    direct: int = 0
-    cutbacks: int = 0
+    steps: int = 0  # accepted steps
+    newton: int = 0  # iterations
+    krylov: int = 0  # iterations
+    shortened: int = 0  # Newton steps that the line search shortened
+    direct: int = 0  # linear systems factorised because the iterative solver failed
+    cutbacks: int = 0  # failed solves, repeated with half the step
 
 
 @dataclass(frozen=True)
@@ -63,24 +55,16 @@ class SolverState:
     """State between two steps. Together with the histories of solid and contact it determines all later steps.
 
     The numbers are the same on all ranks; the displacements are those of the owned nodes of this rank.
-
-    Attributes:
-        delta, force: of the last accepted step [L], [E L^2]
-        before: approach of the step before [L]; None when the next step is not predicted from two
-        extrapolated: whether the committed history is extrapolated beyond the displacement
-        counts, checks: over all steps so far
-        displacement: of the last step (owned, 3) [L]
-        previous: displacement of the step before (owned, 3) [L]; None without `before`
     """
 
-    delta: float
-    force: float
-    before: float | None
-    extrapolated: bool
+    delta: float  # of the last accepted step [L]
+    force: float  # of the last accepted step [E L^2]
+    before: float | None  # approach of the step before [L]; None when the next step is not predicted from two
+    extrapolated: bool  # whether the committed history is extrapolated beyond the displacement
     counts: Counts
     checks: Checks
-    displacement: Floats
-    previous: Floats | None
+    displacement: Floats  # of the last step (owned, 3) [L]
+    previous: Floats | None  # displacement of the step before (owned, 3) [L]; None without `before`
 
 
 class ContactSolver:

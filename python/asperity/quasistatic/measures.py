@@ -23,27 +23,17 @@ STRAINED = 0.05  # equivalent strain above which the volume is counted
 
 @dataclass(frozen=True)
 class Snapshot:
-    """Fields of a solid after a step, part of this rank.
+    """Fields of a solid after a step, part of this rank."""
 
-    Attributes:
-        step, branch, delta: as in the curve, delta in units of L
-        pressure: at the local nodes [E]
-        gap: at the local nodes [L]
-        touched: 1 at the local nodes whose thirds of facets are in contact, else 0, see `Contact.touched_edges`
-        displacement: (nodes, 3) [L]
-        stress: mean over each owned cell, xx yy zz xy xz yz (cells, 6) [E]
-        plastic_strain: accumulated, at the quadrature points of the owned cells (cells, points); empty when elastic
-    """
-
-    step: int
+    step: int  # as in the curve
     branch: str
-    delta: float
-    pressure: Floats
-    gap: Floats
-    touched: Floats
-    displacement: Floats
-    stress: Floats
-    plastic_strain: Floats
+    delta: float  # [L]
+    pressure: Floats  # at the local nodes [E]
+    gap: Floats  # at the local nodes [L]
+    touched: Floats  # 1 at the local nodes whose thirds of facets are in contact, else 0, see `Contact.touched_edges`
+    displacement: Floats  # (nodes, 3) [L]
+    stress: Floats  # mean over each owned cell, xx yy zz xy xz yz (cells, 6) [E]
+    plastic_strain: Floats  # accumulated, at the quadrature points of the owned cells (cells, points); or empty
 
 
 def row(solver: ContactSolver) -> dict[str, Any]:

@@ -55,22 +55,14 @@ class FrictionEquations(ContactEquations, Protocol):
 
 @dataclass(frozen=True)
 class StepStats:
-    """Outcome and iterations of a solve.
+    """Outcome and iterations of a solve."""
 
-    Attributes:
-        converged: whether the equations are solved
-        reason: name of the SNES reason, in lower case
-        newton, krylov: iterations
-        shortened: Newton steps that the line search shortened
-        direct: linear systems factorised because the iterative solver failed
-    """
-
-    converged: bool
-    reason: str
-    newton: int
-    krylov: int
-    shortened: int = 0
-    direct: int = 0
+    converged: bool  # whether the equations are solved
+    reason: str  # name of the SNES reason, in lower case
+    newton: int  # iterations
+    krylov: int  # iterations
+    shortened: int = 0  # Newton steps that the line search shortened
+    direct: int = 0  # linear systems factorised because the iterative solver failed
 
     def __add__(self, later: StepStats) -> StepStats:
         """This solve and a later one of the same step, whose outcome counts."""

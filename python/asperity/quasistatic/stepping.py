@@ -33,27 +33,17 @@ class Position:
     """Position on the load path between two accepted steps.
 
     Together with the state of the solver it determines all later steps, so a resumed run is the same as one without
-    interruption.
-
-    Attributes:
-        leg: number of finished loadings and unloadings
-        start: approach [L] and force [E L^2] at the beginning of this leg; None when it has not begun
-        target: number of the current planned step in this leg, from 1
-        origin: approach and force at the beginning of the way to the target
-        goal: approach of the target [L]
-        planned: greatest step on this way; of a loading to a force, the smallest step planned so far [L]
-        step: length of the next step [L]
-        history: approach of the committed history where the midpoint rule extrapolates it [L]
+    interruption. Approaches in L, forces in E L^2.
     """
 
-    leg: int = 0
-    start: tuple[float, float] | None = None
-    target: int = 0
-    origin: tuple[float, float] = (0.0, 0.0)
-    goal: float = 0.0
-    planned: float = 0.0
-    step: float = 0.0
-    history: float | None = None
+    leg: int = 0  # number of finished loadings and unloadings
+    start: tuple[float, float] | None = None  # approach and force at the beginning of this leg; None before
+    target: int = 0  # number of the current planned step in this leg, from 1
+    origin: tuple[float, float] = (0.0, 0.0)  # approach and force at the beginning of the way to the target
+    goal: float = 0.0  # approach of the target
+    planned: float = 0.0  # greatest step on this way; of a loading to a force, the smallest step planned so far
+    step: float = 0.0  # length of the next step
+    history: float | None = None  # approach of the committed history where the midpoint rule extrapolates it
 
     @staticmethod
     def from_dict(values: Mapping[str, Any]) -> Position:
