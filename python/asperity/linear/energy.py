@@ -13,13 +13,12 @@ import numpy as np
 
 from asperity.arrays import Floats, Integers
 from asperity.linear.matrix_free import TangentOperator
-from asperity.linear.multigrid import PMultigrid
+from asperity.linear.multigrid import ITERATIONS, PMultigrid
 
 LEFT = 1e-3  # estimate of the relative error of the energy at which the iteration ends; the estimate is subtracted
 UNKNOWN = 1.0  # contraction before one was observed
 LATER = 2.0  # contraction of the third iteration over that of the second, 1.5 to 2 where the coarse matrix is new
 SLOWEST = 0.9  # contraction from which on an iteration tells nothing of what is left
-ITERATIONS = 1000  # at most
 
 
 class EnergySolver:

@@ -22,6 +22,7 @@ from asperity.linear.matrix_free import TangentOperator
 from asperity.mesh.element import node_ends
 from asperity.runtime.compiled import solver as _solver
 
+ITERATIONS = 1000  # of a Krylov method with it, at most
 SWEEPS = 3  # of the smoother, before and after the coarse correction
 LANCZOS, UPDATE = 20, 4  # steps of an estimate of the greatest eigenvalue: from the start, and for the next matrix
 RENEWAL = 1.5  # increase of the iterations at which the coarse matrix is renewed

@@ -15,7 +15,7 @@ import numpy as np
 from asperity.arrays import Floats, Integers
 from asperity.errors import AsperityWarning
 from asperity.linear.matrix_free import TangentOperator, tangent_product
-from asperity.linear.multigrid import PMultigrid
+from asperity.linear.multigrid import ITERATIONS, PMultigrid
 from asperity.linear.petsc_matrix import NodeMatrix, set_rigid_modes
 from asperity.linear.petsc_options import GAMG, set_defaults
 
@@ -23,7 +23,6 @@ if TYPE_CHECKING:
     from asperity.fem.solid import Solid
 
 
-ITERATIONS = 1000  # of a Krylov method, at most
 SINGLE_RTOL = 1e-5  # smallest tolerance for which a product in single precision is exact enough
 LU_LIMIT = 1_000  # dofs below which a factorisation beats CG with multigrid (benchmarks/linear.py)
 GENERAL_LU_LIMIT = 6_000  # the same of a tangent that is not symmetric

@@ -168,18 +168,11 @@ class Problem:
         """Make a problem of flat arguments, as scripts write them.
 
         Args:
-            surface: the rough top
-            material: elastic or elastic-plastic
             height: mean height of the block [length]; default L
-            sides: "rollers", "free" or "periodic"
             delta_max: greatest approach from first touch [length]
             force_max: greatest force instead [force]
             pressure_max: greatest nominal pressure instead, the force over L^2 [force/length^2]
-            steps, unload_steps, cycles, integrator, substeps: see `load_path.Schedule`
-            size: element sizes
-            formulation: of the contact
-            dilatation: "point" or "mean"
-            options: of the solver
+            steps, unload_steps, cycles, integrator, substeps: see `load_path.Schedule`; the others see `Problem`
 
         Warns (ResolutionWarning) of a greatest size that periodic sides do not allow, and (CaseWarning) of a load that
         is doubtful, see `check_load`.

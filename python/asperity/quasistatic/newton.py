@@ -17,11 +17,10 @@ from mpi4py import MPI
 from asperity.arrays import Floats, Integers
 from asperity.fem.solid import Solid
 from asperity.linear.petsc_options import set_defaults
-from asperity.linear.solver import LinearSolver
+from asperity.linear.solver import SINGLE_RTOL, LinearSolver
 from asperity.model.settings import SolverOptions
 
 OUT_OF_MEMORY = 55  # PETSC_ERR_MEM
-TIGHTEST = 1e-5  # smallest tolerance of the linear solver
 CURVATURE = 10.0  # error after a Newton iteration over the square of that before it, measured on a fractal surface
 ROUNDING = 1e-13  # rounding error of the residual, relative to displacements (E = L = 1)
 FEW = 0.01  # part of the active dofs; when fewer change, the set is practically found
@@ -94,7 +93,7 @@ class NewtonSolver:
         # in nearly incompressible solids the error is larger than the residual indicates
         usual = 3e-2 if solid.material.linear and not contact.stiff else 1e-2
         self._loosest = options.krylov_rtol or (usual if solid.material.nu <= 0.45 else 1e-3)
-        self.linear = LinearSolver(solid, options.linear, contact.symmetric, min(self._loosest, TIGHTEST))
+        self.linear = LinearSolver(solid, options.linear, contact.symmetric, min(self._loosest, SINGLE_RTOL))
         snes = PETSc.SNES().create(solid.comm)
         snes.setOptionsPrefix("asperity_")
         snes.setType("newtonls")
@@ -202,7 +201,7 @@ class NewtonSolver:
         useful = 0.3 * self.options.rtol / max(self.balance, 1e-15)
         if not exact:
             useful = max(useful, CURVATURE * self.balance)
-        return float(min(max(useful, TIGHTEST), self._loosest))
+        return float(min(max(useful, SINGLE_RTOL), self._loosest))
 
     def _damped_length(self, contact: FrictionEquations, y: Any) -> float:
         """Length of the step -y with which the forces out of balance fall, those of stick and slip included.

@@ -19,15 +19,13 @@ import numpy as np
 from asperity.arrays import Flags, Floats, Integers, Singles
 from asperity.curve import ELASTIC_STIFFNESSES
 from asperity.fem.solid import Solid
-from asperity.linear.energy import UNKNOWN, EnergySolver
+from asperity.linear.energy import LEFT, UNKNOWN, EnergySolver
 from asperity.linear.matrix_free import TangentOperator, tangent_product
 from asperity.mesh.distribute import SIDE_X, SIDE_Y
 
 if TYPE_CHECKING:
     from asperity.quasistatic.contact_solver import ContactSolver
 
-LEFT = 1e-3  # estimate of the relative error that the linear solver may leave; the estimate is subtracted
-ACCURACY = 1e-3  # the same of GMRES, which has no such estimate
 NEAR = 0.8  # stiffness over that of its start from the step before, and tangential over normal stiffness, roughly
 PASSES = 5  # of the linear solver at most
 TIGHTEST = 1e-8  # relative tolerance where an absolute one counts
@@ -272,7 +270,7 @@ class _Translation:
         guess = NEAR * force
         for _ in range(PASSES):
             r.array = -image
-            rtol, atol = (TIGHTEST, np.sqrt(LEFT * abs(guess))) if symmetric else (ACCURACY, 0.0)
+            rtol, atol = (TIGHTEST, np.sqrt(LEFT * abs(guess))) if symmetric else (LEFT, 0.0)
             if not self._linear.solve(r, self.rows, np.empty(0), y, rtol, atol)[1]:
                 break
             w, before = w + y.array_r.reshape(-1, 3), force
@@ -282,7 +280,7 @@ class _Translation:
                     return force, w
             force, image = self._work(w)
             # the norm of GMRES is not that of the energy: the error that is left is the correction itself
-            if not symmetric and abs(before - force) <= ACCURACY * abs(force):
+            if not symmetric and abs(before - force) <= LEFT * abs(force):
                 return force, w
         return nan, w
 
