@@ -185,12 +185,6 @@ def projected_area(points: Floats) -> Floats:
 
     Args:
         points: of the nodes of each facet, in the order of FACET_POINTS (F, nodes of a facet, 3) [length]
-
-    Examples:
-        >>> corners = np.array([[0.0, 0, 0], [1, 0, 0], [0, 1, 0]])
-        >>> middles = 0.5 * (np.roll(corners, -1, axis=0) + np.roll(corners, 1, axis=0))
-        >>> projected_area(np.concatenate([corners, middles])[None])
-        array([0.5])
     """
     corners, middles = points[:, :3, :2], points[:, 3:, :2]
     first, last = np.roll(corners, -1, axis=1), np.roll(corners, -2, axis=1)  # ends of the edges, in order around

@@ -42,12 +42,6 @@ class FirstContactMap:
         xy: positions of the top nodes (N, 2) [length]
         touched_at: approach at which each of them first touched the flat, inf for never (N,) [length]
         period: of the surface along x and y, whose sides are joined; None without one [length]
-
-    Examples:
-        >>> x, y = (a.ravel() for a in np.meshgrid(np.linspace(0.0, 1.0, 9), np.linspace(0.0, 1.0, 9)))
-        >>> touched = FirstContactMap(np.column_stack([x, y]), (x - 0.5) ** 2 + (y - 0.5) ** 2)
-        >>> touched.depth(np.array([0.5, 1.0]), np.array([0.5, 0.5])).round(3)
-        array([0.   , 0.141])
     """
 
     xy: Floats
@@ -154,13 +148,6 @@ class SizeField:
             sizes: of each cell, inf where none is wanted (n, n), index [iy, ix] [L]
             h_max: greatest size [L]; default H_MAX, and WIDEST_JOINED at most with periodic sides
             periodic: whether the sides of the block are
-
-        Examples:
-            >>> sizes = np.full((4, 4), np.inf)
-            >>> sizes[1, 1] = 0.02
-            >>> field = SizeField.on_cells(sizes, growth=0.25)
-            >>> round(field.at(0.375, 0.375, 0.0), 4), round(field.at(0.375, 0.375, 0.2), 4)
-            (0.02, 0.07)
         """
         n = len(sizes)
         greatest = min(H_MAX if h_max is None else h_max, WIDEST_JOINED if periodic else np.inf)

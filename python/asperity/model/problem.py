@@ -58,7 +58,7 @@ class ProblemArguments(TypedDict, total=False):
 class Problem:
     """A block with a rough top, its material, the load path, and how it is discretised and solved.
 
-    Example:
+    Examples:
         >>> from asperity.surface import Flat
         >>> problem = Problem(Flat(L=2.0), Material(E=1.0, nu=0.3), Schedule(delta_max=0.01))
         >>> problem.height, problem.schedule.delta_max

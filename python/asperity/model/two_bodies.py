@@ -33,12 +33,7 @@ from asperity.surface import Surface
 
 
 def composite_modulus(E1: float, nu1: float, E2: float, nu2: float) -> float:
-    """E' of 1/E' = (1 - nu1^2)/E1 + (1 - nu2^2)/E2 (force/length^2).
-
-    Examples:
-        >>> round(composite_modulus(200e9, 0.3, 200e9, 0.3) / 1e9, 3)  # half of that of one body
-        109.89
-    """
+    """E' of 1/E' = (1 - nu1^2)/E1 + (1 - nu2^2)/E2 [force/length^2]."""
     for name, E, nu in (("first", E1, nu1), ("second", E2, nu2)):
         if not (E > 0 and -1 < nu <= 0.5):
             raise InputError(f"the {name} body has E = {E:g}, nu = {nu:g}; legal are E > 0 and -1 < nu <= 0.5")
@@ -51,7 +46,7 @@ class EquivalentBlock:
 
     Attributes:
         material: elastic, with the composite modulus
-        height: of the block, so that its uniform compression is that of both (length)
+        height: of the block, so that its uniform compression is that of both [length]
     """
 
     material: Material
@@ -65,7 +60,7 @@ def equivalent_block(
 
     Args:
         first, second: the bodies; elastic
-        heights: of their blocks (length)
+        heights: of their blocks [length]
         sides: of all blocks, "rollers" or "free"
         nu: Poisson's ratio to give the equivalent one; free to choose, because only E' enters the contact
 
@@ -99,7 +94,7 @@ class SumSurface(Surface):
     """z1(x, y) + z2(L - x, y): two surfaces that face each other, each seen from its own outside.
 
     Attributes:
-        L: side of the patch (length); that of both
+        L: side of the patch [length]; that of both
         first: the lower surface, heights upwards
         second: the upper surface as it lies on a table, heights upwards; turned over about the y direction to face
             the first
@@ -152,7 +147,7 @@ class SumSurface(Surface):
 
     @property
     def feature_size(self) -> float:
-        """The smaller feature of the two (length)."""
+        """The smaller feature of the two [length]."""
         return min(self.first.feature_size, self.second.feature_size)
 
     @property

@@ -106,17 +106,7 @@ class ContactResult:
         return stress
 
     def whole_mesh(self) -> BlockMesh | None:
-        """Mesh with its refinements, gathered on rank 0; None elsewhere; collective.
-
-        Examples:
-            >>> from asperity.surface import Flat
-            >>> size = asp.MeshSize(h_contact=0.5, h_max=0.5, refinements=1)
-
-            >>> result = asp.solve_contact(Flat(L=1.0), asp.Material(E=1.0, nu=0.3), delta_max=0.01, steps=1, size=size)
-
-            >>> len(result.whole_mesh().tets) == 8 * len(result.block.tets) == result.cells
-            True
-        """
+        """Mesh with its refinements, gathered on rank 0; None elsewhere; collective."""
         solid, block = self.solver.solid, self.block
         if not solid.comm.bcast(block is not None and block.refinements > 0, root=0):
             return block

@@ -90,17 +90,6 @@ def force_loops(
         ConvergenceError: a step does not converge
         Interrupted: `stop` has ended the loops
         CheckError: a step violates a balance
-
-    Examples:
-        >>> from asperity.quasistatic.force_loops import force_loops
-        >>> from asperity.surface import Flat
-        >>> column = asp.Material(E=1.0, nu=0.3, yield_strength=0.001, tangent_modulus=0.05, hardening="kinematic")
-        >>> size = asp.MeshSize(h_contact=1.0, h_max=1.0)
-        >>> solver = asp.solve_contact(Flat(L=1.0), column, delta_max=0.01, steps=4, size=size).solver
-        >>> for loop in force_loops(solver, 0.6 * solver.force, [0.6], cycles=2, steps=6):
-        ...     print(f"{loop.loop}: loss factor {loop.eta:.3f}")
-        1: loss factor 0.075
-        2: loss factor 0.143
     """
     if not (isfinite(preload) and preload > 0.0):
         raise InputError(f"preload = {preload:g} of the loops is not legal: it must be positive")

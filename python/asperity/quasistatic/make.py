@@ -40,13 +40,6 @@ def make_block(
 
     Raises:
         MeshError: the surface cannot be meshed
-
-    Examples:
-        >>> from mpi4py import MPI
-        >>> from asperity.surface import Flat
-        >>> block = make_block(MPI.COMM_SELF, Flat(L=2.0), 1.0, 0.01, asp.MeshSize(h_contact=2.0, h_max=2.0))
-        >>> block.side, block.height
-        (2.0, 1.0)
     """
 
     def build() -> BlockMesh:
