@@ -40,8 +40,10 @@ def response(found: TangentialVibration, *, ax: style.Place | None = None) -> Fi
         axis.plot(of_f * f, of_a * a, "-", color=_COLOURS[number % len(_COLOURS)], label=f"{share:g}")
         axis.plot(of_f * f[a.argmax()], of_a * a.max(), "o", color=style.BLACK, markersize=3)
     middle = [float(f[a.argmax()]) for f, a in found.responses.values()]
-    axis.set_xlim(0.8 * of_f * min(middle), 1.15 * of_f * max(middle))
+    low, high = 0.8 * min(middle), 1.15 * max(middle)
+    axis.set_xlim(of_f * low, of_f * high)
     axis.set_yscale("log")
+    axis.set_ylim(bottom=0.8 * of_a * min(float(a[(low < f) & (f < high)].min()) for f, a in found.responses.values()))
     axis.set_xlabel(style.label("frequency", unit_f))
     axis.set_ylabel(style.label("amplitude of $u$", unit_a))
     axis.legend(title=r"$F/(\mu P)$", loc="best")
