@@ -31,6 +31,7 @@ def test_the_version_is_in_one_place() -> None:
     assert "version" not in PROJECT and PROJECT["dynamic"] == ["version"]
     assert importlib.metadata.version("asperity") == asperity.__version__
     assert f"\nversion: {asperity.__version__}\n" in (ROOT / "CITATION.cff").read_text()
+    assert f'version: "{asperity.__version__}"\n' in (ROOT / "packaging/recipe.yaml").read_text()
 
 
 def test_the_changelog_begins_with_the_version_and_its_day() -> None:
