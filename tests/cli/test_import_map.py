@@ -6,11 +6,13 @@
 from __future__ import annotations
 
 import json
+import math
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
+from scipy.ndimage import grey_dilation
 
 from asperity.case import Case
 from asperity.cli import main
@@ -375,6 +377,47 @@ def test_what_is_improbable_is_questioned(
     said = capsys.readouterr().out
     questions = ("the rms slope of", "is long for roughness", "are exactly 0", "form of second order")
     assert [question for question in questions if question in said] == [q for q in questions if words and q in words]
+
+
+def scanned(z: np.ndarray, step: float, radius: float) -> np.ndarray:
+    """Heights of a sphere that rolls over a map."""
+    s = np.arange(-math.ceil(radius / step), math.ceil(radius / step) + 1) * step
+    cap = radius**2 - s[:, None] ** 2 - s**2
+    return np.asarray(
+        grey_dilation(z, footprint=cap >= 0.0, structure=np.sqrt(np.maximum(cap, 0.0)) - radius, mode="nearest")
+    )
+
+
+@pytest.mark.parametrize("radius", [20e-9, 50e-9])
+def test_waves_of_the_tip_are_filtered_and_named(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], radius: float
+) -> None:
+    """Scanned by a sphere the map loses slope; without the waves that are named it has nearly that of the true one."""
+    step = SIDE / 255
+    scan = write(tmp_path, scanned(SCAN, step, radius))
+    assert import_map(scan, "-o", tmp_path / "out", "--tip-radius", radius) == 0
+    said = capsys.readouterr().out
+    wavelength, force, area = json.loads((tmp_path / "out/measured.json").read_text())["instrument"]
+    assert f"waves shorter than {wavelength:.3g} m, which the instrument does not resolve" in said
+    found = HeightMap(path=tmp_path / "out/patch.npz")
+    assert found.left_out == (wavelength, force, area) and 2 * step < wavelength < SIDE and force != 0.0
+    slopes = [
+        HeightField(z, step, step).levelled().filtered(cutoff).levelled().z
+        for z, cutoff in ((SCAN, 2 * step), (scanned(SCAN, step, radius), 2 * step), (SCAN, wavelength))
+    ]
+    true, shown, true_filtered = (HeightMap.of(z, SIDE).rms_slope() for z in slopes)
+    assert abs(found.rms_slope() / true_filtered - 1.0) < 0.5 * abs(shown / true - 1.0)
+    assert import_map(scan, "-o", tmp_path / "own", "--tip-radius", radius, "--cutoff", 3 * step) == 0
+    assert "--cutoff is below that" in capsys.readouterr().out
+    assert HeightMap(path=tmp_path / "own/patch.npz").left_out is None
+
+
+def test_a_map_smoother_than_its_tip_is_not_filtered(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert import_map(write(tmp_path, rough(1), L=S[-1]), "-o", tmp_path / "out", "--tip-radius", 1e-7) == 0
+    assert "instrument" not in capsys.readouterr().out
+    assert json.loads((tmp_path / "out/measured.json").read_text())["instrument"] is None
+    assert import_map(write(tmp_path, SCAN), "-o", tmp_path / "out", "--tip-radius", 1.0) == 2
+    assert "leaves no reliable wavelength" in capsys.readouterr().err
 
 
 def test_units_zeros_and_form_are_treated_as_advised(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

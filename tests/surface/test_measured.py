@@ -111,6 +111,7 @@ def test_instrument_files_are_read_by_surfacetopography(tmp_path: Path, monkeypa
     class Topography:
         dim, is_uniform, unit, physical_sizes = 2, True, "um", (5.0, 8.0)
         pixel_size = (0.5e-6, 1e-6)
+        info = types.MappingProxyType({"instrument": {"parameters": {"tip_radius": {"value": 40.0, "unit": "nm"}}}})
 
         def to_unit(self, unit: str) -> Topography:
             assert unit == "m"
@@ -129,6 +130,7 @@ def test_instrument_files_are_read_by_surfacetopography(tmp_path: Path, monkeypa
     (tmp_path / "scan.sur").write_bytes(b"x")
     read = HeightField.read(tmp_path / "scan.sur")
     assert read.z.shape == (8, 10) and (read.dx, read.dy) == (0.5e-6, 1e-6)
+    assert (read.tip_radius, read.resolution) == (pytest.approx(40e-9), 0.0)
     assert read.z[3, 5] == pytest.approx((5 * 8 + 3) * 1e-6)
     assert np.isnan(read.z[7, 9]) and read.missing == pytest.approx(1 / 80)
     channel.physical_sizes = None

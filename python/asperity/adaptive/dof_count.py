@@ -44,7 +44,7 @@ def nodes_of(size: Size, height: float, most: float = inf, split: int = 1, joine
         joined: whether opposite sides are, which have their nodes in common
     """
     solid = (1.0, 1.0, height)
-    boxes = [((0.5, 0.5, 0.5 * height), solid)]
+    boxes: list[tuple[tuple[float, ...], tuple[float, ...]]] = [((0.5, 0.5, 0.5 * height), solid)]
     for k, edge in enumerate(solid):  # the faces have no thickness
         across = tuple(0.0 if i == k else e for i, e in enumerate(solid))
         ends = (0.0,) if joined and k < 2 else (0.0, edge)

@@ -41,6 +41,7 @@ steps = 10
 [accuracy]
 tolerance = 0.05                 # of the force; without it, one mesh of mesh.h_contact
 """
+CELLS = 500  # most per side of the half-space that shows what the instrument leaves out
 KEPT = 5  # heights per wavelength of the filter that a patch keeps which has too many of them
 HIGH = 8.0  # height of the summit above the mean plane over the rms height that no Gaussian surface reaches
 FORM = 2.5  # Sq of a second-order form over that of the rest; random surfaces without roll-off reach 2
@@ -65,6 +66,8 @@ SMOOTHEST = 1e-4  # rms slope; below it, heights and distances may have differen
 @click.option("--window", type=float, nargs=3, metavar="X Y SIDE", help="Square to cut; default the largest.")
 @click.option("--despike", is_flag=True, help="Remove spikes and streaks, and fill them as gaps.")
 @click.option("--cutoff", type=float, metavar="LENGTH", help="Wavelength of a Gaussian low-pass filter; default none.")
+@click.option("--tip-radius", type=float, metavar="LENGTH",
+              help="Of the instrument in metres; waves that it does not resolve are filtered.")  # fmt: skip
 @click.option("--shortest", type=float, metavar="LENGTH",
               help="Shortest wavelength for the Hurst exponent; default 4 pixels.")  # fmt: skip
 @options.as_json
@@ -79,6 +82,7 @@ def command(
     window: tuple[float, float, float] | None,
     despike: bool,
     cutoff: float | None,
+    tip_radius: float | None,
     shortest: float | None,
     as_json: bool,
 ) -> None:
@@ -111,6 +115,12 @@ def command(
         progress.stage("remove spikes")
         whole = whole.despiked()
 
+    if tip_radius is not None and not tip_radius > 0:
+        raise InputError(f"tip-radius = {tip_radius:g} is not a positive length")
+    reliable = whole.reliable(tip_radius)
+    limited = cutoff is None and reliable > 2 * min(whole.dx, whole.dy)
+    cutoff = reliable if limited else cutoff
+
     def cut(field: HeightField) -> HeightField:
         return (field.square() if window is None else field.window(*window)).levelled(level)  # type: ignore[arg-type]
 
@@ -131,7 +141,8 @@ def command(
     folder = Path(output) if output else Path("out") / Path(map_file).stem
     progress.stage("statistics")
     with files_into(folder) as aside:  # whole, or not at all
-        surface = HeightMap(path=patch.save(aside / "patch.npz"))
+        left_out = [reliable, *_left_out(bare, patch)] if limited else None
+        surface = HeightMap(path=patch.save(aside / "patch.npz", left_out=left_out))
         statistics, summit = surface.statistics(min(len(patch.z), 1025)), surface.maximum()
         spectrum = psd(bare.z, len(bare.z) * bare.dx)
         wave = repeating_wave(bare.z, side)
@@ -141,7 +152,7 @@ def command(
         progress.stage("cut-offs")
         cutoffs = _over_cutoff(filtered, side, bare.dx)
         about = {"file": map_file, "side": surface.L, "nodes": len(patch.z), "level": level, "cutoff": cutoff}
-        about |= {"despike": despike}
+        about |= {"despike": despike, "instrument": left_out}
         about |= {"statistics": asdict(statistics), "self_affine": None if affine is None else asdict(affine)}
         about |= {"repeating_wave": None if wave is None else asdict(wave)}
         about |= {"over_cutoff": cutoffs}
@@ -158,10 +169,36 @@ def command(
         options.print_json(about)
         return
     _show(map_file, surface.L, len(patch.z), statistics, affine, cutoffs, cutoff)
+    if left_out is not None:
+        options.say(
+            f"waves shorter than {reliable:.3g} m, which the instrument does not resolve, are filtered: what it shows "
+            f"of them would change the force at the approach of the case by {left_out[1]:+.1%} and the area by "
+            f"{left_out[2]:+.1%}; --cutoff filters at another wavelength"
+        )
+    elif cutoff is not None and cutoff < reliable:
+        options.say(f"waves shorter than {reliable:.3g} m are not resolved by the instrument: --cutoff is below that")
     _doubts(statistics, surface.L, bare, affine, wave, zeros)
     if not _spike(whole, cut, bare, wave, statistics) and cost:
         options.say(cost)
     options.say(f"written to {folder}; next: asperity check {folder / 'case.toml'}")
+
+
+def _left_out(bare: HeightField, patch: HeightField) -> tuple[float, float]:
+    """Relative change of force and area of a light contact by the waves that a filter has taken from a patch."""
+    from asperity.reference.rough_halfspace import RoughHalfSpace, cells_per_side
+    from asperity.surface import HeightMap
+    from asperity.surface.cutoff import approach_of_share
+
+    layer = RoughHalfSpace(cells_per_side(min(len(patch.z), CELLS)), height=1.0, nu=0.3)
+    smooth, rough = (HeightMap.of(field.z, field.size[0]) for field in (patch, bare))
+    plane = smooth.maximum()[2] - approach_of_share(smooth)  # of the flat, the same for both
+    found = []
+    for surface in (smooth, rough):
+        summit, side = surface.maximum()[2], surface.L
+        curve = layer.curve(layer.heights(surface), summit / side, [(summit - plane) / side])
+        found.append((float(curve.P_star[0]), float(curve.area_fraction[0])))
+    (force, area), (more, larger) = found
+    return more / force - 1.0, larger / area - 1.0
 
 
 def _case(surface: HeightMap) -> str:

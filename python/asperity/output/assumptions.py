@@ -206,6 +206,19 @@ def resolution(run: Evidence) -> Assumption | None:
     )  # fmt: skip
 
 
+def instrument(run: Evidence) -> Assumption | None:
+    """Waves of a scan that its instrument does not resolve, see `HeightMap.left_out`."""
+    left_out = getattr(run.problem.surface, "left_out", None)
+    if left_out is None:
+        return None
+    wavelength, force, area = left_out
+    return Assumption(
+        "instrument: force by the waves that it does not resolve", 100 * abs(force), 100 * (run.tolerance or ONE_MESH),
+        "% of the force", "half-space with and without what the scan shows of them", "a sharper tip or a finer scan",
+        f"shorter than {wavelength:.3g}; they would change the force by {force:+.1%} and the area by {area:+.1%}",
+    )  # fmt: skip
+
+
 def facets(run: Evidence) -> Assumption | None:
     """Error of the contact area at the end of the first loading; the run warns of it by `Curve.unresolved`."""
     load = run.curve.loading()
@@ -376,6 +389,7 @@ LINES: tuple[Callable[[Evidence], Assumption | None], ...] = (
     small_strain,
     elastic,
     resolution,
+    instrument,
     facets,
     summit_on_edge,
     bulk_yield,

@@ -107,8 +107,8 @@ def _step(name: str, values: Array) -> float:
     return float(np.mean(steps))
 
 
-def read_instrument(path: Path, pixel: float | None, unit: str | None) -> tuple[Array, float, float]:
-    """Heights and their distances in metres by SurfaceTopography, whose first index is x.
+def read_instrument(path: Path, pixel: float | None, unit: str | None) -> tuple[Array, float, float, float, float]:
+    """Heights, their distances, tip radius and resolution, 0 where unknown, by SurfaceTopography [m].
 
     Args:
         path: the file
@@ -157,7 +157,12 @@ def read_instrument(path: Path, pixel: float | None, unit: str | None) -> tuple[
     )
     dx, dy = (factor * float(p) for p in in_metres.pixel_size)
     z = np.ma.filled(np.ma.masked_invalid(np.ma.asarray(in_metres.heights(), dtype=float)), np.nan)
-    return factor * np.asarray(z).T, dx, dy
+    limits = (topography.info.get("instrument") or {}).get("parameters") or {}
+    tip, resolution = (
+        float(given["value"]) * LENGTHS[given["unit"]] if (given := limits.get(name)) else 0.0
+        for name in ("tip_radius", "resolution")
+    )
+    return factor * np.asarray(z).T, dx, dy, tip, resolution  # its first index is x
 
 
 def _check_plausible(path: Path, reader: Any, channel: Any) -> None:

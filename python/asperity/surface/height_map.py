@@ -17,6 +17,7 @@ from numpy.typing import ArrayLike
 
 from asperity.arrays import Array
 from asperity.errors import InputError
+from asperity.runtime.files import read_npz
 from asperity.surface.base import Surface, check, check_positive, nodes, short_wave_share
 from asperity.surface.height_files import read_heights
 from asperity.surface.limited_spline import MATTERS, limited_spline
@@ -115,6 +116,18 @@ class HeightMap(Surface):
         for name, value in {"path": "", "L": float(L), "_z": z}.items():
             object.__setattr__(surface, name, value)
         return surface
+
+    @cached_property
+    def left_out(self) -> tuple[float, float, float] | None:
+        """Waves left out because of the instrument, as `asperity import-map` has written them into the file.
+
+        Their greatest wavelength (length), and the change of force and area of a light contact by what the instrument
+        shows of them.
+        """
+        if Path(self.path).suffix != ".npz":
+            return None
+        found = read_npz(self.path).get("left_out")
+        return None if found is None else (float(found[0]), float(found[1]), float(found[2]))
 
     @property
     def heights(self) -> Array:

@@ -10,6 +10,7 @@ field.window(5e-6, 5e-6, 20e-6).save("patch.npz")          # kind = "file", path
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from importlib.util import find_spec
@@ -24,6 +25,7 @@ from asperity.errors import InputError
 from asperity.runtime.files import UNREADABLE, npz_bytes, replace_file
 from asperity.surface.height_files import PLAIN, TEXT, read_heights, read_instrument
 from asperity.surface.height_map import DEEPEST
+from asperity.surface.instrument import reliable_wavelength
 from asperity.surface.scale_space import gaussian_filtered
 from asperity.surface.spikes import without_spikes
 from asperity.units import LENGTHS
@@ -63,11 +65,14 @@ class HeightField:
     Attributes:
         z: heights (ny, nx), index [iy, ix] (length); NaN where the instrument measured nothing
         dx, dy: distance between neighbouring nodes (length)
+        tip_radius, resolution: of the instrument (length), 0 where unknown
     """
 
     z: Array
     dx: float
     dy: float
+    tip_radius: float = 0.0
+    resolution: float = 0.0
 
     def __post_init__(self) -> None:
         z = np.array(self.z, dtype=float)
@@ -129,24 +134,31 @@ class HeightField:
         path = Path(path)
         if unit is not None and unit not in LENGTHS:
             raise InputError(f"unit = {unit!r} is unknown; choose {', '.join(LENGTHS)}")
-        kind = path.suffix.lower()
-        if kind not in PLAIN and path.is_file():
-            z, dx, dy = read_instrument(path, pixel, unit)
-        else:
-            try:
-                z, dx, dy = read_heights(path, 1.0 if unit is None else LENGTHS[unit], missing)
-            except InputError:
-                if kind not in TEXT or find_spec("SurfaceTopography") is None:
-                    raise
-                with suppress(InputError, *UNREADABLE):  # perhaps of an instrument
-                    return HeightField(*read_instrument(path, pixel, unit))
-                raise
+        z, dx, dy, *limits = _read(path, pixel, unit, missing)
         if pixel is not None:
             _check_pixel(path, pixel, dx, dy)
             dx, dy = (pixel, pixel) if dx is None or dy is None else (dx, dy)
         if dx is None or dy is None:
             raise InputError(f"{path} contains heights without lengths; give the distance between heights (--pixel)")
-        return HeightField(z, dx, dy)
+        return HeightField(z, dx, dy, *limits)
+
+    def reliable(self, tip_radius: float | None = None) -> float:
+        """Wavelength (length) below which the map shows its instrument, 0 where all waves are reliable.
+
+        Args:
+            tip_radius: in place of that of the file (length)
+
+        Raises:
+            InputError: heights are missing, or all of them are curved as the tip
+        """
+        radius = self.tip_radius if tip_radius is None else tip_radius
+        if not radius:
+            return self.resolution
+        self._require_complete("compared with the tip")
+        found = reliable_wavelength(self.z, self.dx, self.dy, radius)
+        if found > min(self.size):
+            raise InputError(f"a tip radius of {radius:g} leaves no reliable wavelength on a map of {min(self.size):g}")
+        return max(found, self.resolution)
 
     def filled(self) -> HeightField:
         """Fill missing heights by the harmonic function through their neighbours.
@@ -254,8 +266,12 @@ class HeightField:
             f"{slope:.2g}, are not plausible: {guess}give all lengths in one unit"
         )
 
-    def save(self, path: str | Path) -> Path:
+    def save(self, path: str | Path, left_out: Sequence[float] | None = None) -> Path:
         """Write the square patch as .npz with z and L, for kind = "file" in a case; return the path.
+
+        Args:
+            path: the file
+            left_out: see `HeightMap.left_out`
 
         Raises:
             InputError: the patch is not square, or heights are missing
@@ -265,12 +281,29 @@ class HeightField:
         if not math.isclose(width, depth, rel_tol=1e-9):
             raise InputError(f"the map of {width:g} x {depth:g} is not square; cut a window first")
         path = Path(path).with_suffix(".npz")
-        replace_file(path, npz_bytes({"z": self.z, "L": np.array(width)}, compress=True))
+        arrays = {"z": self.z, "L": np.array(width)} | ({} if left_out is None else {"left_out": np.array(left_out)})
+        replace_file(path, npz_bytes(arrays, compress=True))
         return path
 
     def _require_complete(self, what: str) -> None:
         if self.missing:
             raise InputError(f"{self.missing:.2%} of the heights are missing; fill them before the map is {what}")
+
+
+def _read(
+    path: Path, pixel: float | None, unit: str | None, missing: float | None
+) -> tuple[Array, float | None, float | None, float, float]:
+    """Heights, their distances, tip radius and resolution; see `HeightField.read` and `read_instrument`."""
+    kind = path.suffix.lower()
+    if path.is_file() and kind not in PLAIN:
+        return read_instrument(path, pixel, unit)
+    try:
+        return *read_heights(path, 1.0 if unit is None else LENGTHS[unit], missing), 0.0, 0.0
+    except InputError:
+        if kind in TEXT and find_spec("SurfaceTopography") is not None:  # perhaps of an instrument
+            with suppress(InputError, *UNREADABLE):
+                return read_instrument(path, pixel, unit)
+        raise
 
 
 def _check_pixel(path: Path, pixel: float, dx: float | None, dy: float | None) -> None:
