@@ -345,5 +345,5 @@ def test_the_command_makes_a_case(tmp_path: Path, capsys: pytest.CaptureFixture[
     case = Case.load(tmp_path / "out/case.toml")
     assert case.surface.L == pytest.approx(L)
     assert case.build_surface().statistics(129).Sq == pytest.approx(np.std(scan.levelled().z), rel=0.05)
-    assert (tmp_path / "out/spectrum.png").is_file()
+    assert (tmp_path / "out/surface.png").is_file() and (tmp_path / "out/spectrum.png").is_file()
     assert "rms slope" in capsys.readouterr().out
