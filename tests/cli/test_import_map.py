@@ -203,6 +203,7 @@ def test_a_high_bump_is_no_spike(tmp_path: Path, capsys: pytest.CaptureFixture[s
     assert "if it does not belong to the surface" in capsys.readouterr().out
 
 
+@pytest.mark.usefixtures("few_dofs")
 def test_the_filter_named_for_a_noisy_map_makes_a_case_that_may_be_met(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -17,8 +17,6 @@ if TYPE_CHECKING:
 
 ROOM = 0.7  # part of accuracy.max_dofs for the filtered surface, whose edges and approach a new case may change
 
-APPROACHES = 4  # of the half-space; a tenth of the dofs depends on the others, and the search takes a third of the time
-
 
 def filter_advice(case: Case, found: Estimate, surface: Surface) -> str:
     """Sentence on a surface that probably no mesh of the case resolves, with the cut-off to apply; empty for others.
@@ -69,8 +67,7 @@ def recommended_cutoff(case: Case, surface: Surface, approach: float) -> float |
     def accepts(filtered: Surface, delta: float) -> bool:
         loading = case.loading.model_copy(update={"delta_max": delta, "force_max": None, "pressure_max": None})
         try:
-            changed = case.model_copy(update={"loading": loading, "accuracy": accuracy})
-            return estimate(changed, surface=filtered, approaches=APPROACHES).enough
+            return estimate(case.model_copy(update={"loading": loading, "accuracy": accuracy}), surface=filtered).enough
         except InputError:  # its first mesh is too large
             return False
 

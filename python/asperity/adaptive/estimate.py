@@ -168,7 +168,7 @@ class Estimate:
         return self.others + sum(level.seconds for level in self.strain + self.levels)
 
 
-def estimate(case: Case, ranks: int = 1, surface: Surface | None = None, approaches: int = MOST_STEPS) -> Estimate:
+def estimate(case: Case, ranks: int = 1, surface: Surface | None = None) -> Estimate:
     """Estimate the cost of a case, without meshing or solving it.
 
     The approach of a load path that gives a force is that of a half-space, see `approach_of_force`.
@@ -179,7 +179,6 @@ def estimate(case: Case, ranks: int = 1, surface: Surface | None = None, approac
         case: the input
         ranks: that share the work
         surface: in place of that of the case
-        approaches: at which the half-space is pressed at most
 
     Raises:
         InputError: the case has more than MOST_DOFS, or a run would refuse it for its accuracy.max_dofs
@@ -208,7 +207,7 @@ def estimate(case: Case, ranks: int = 1, surface: Surface | None = None, approac
             raise InputError(f"the mesh has more than {MOST_DOFS:g} dofs: raise mesh.h_contact")
         plan = [(case.mesh.h_contact, dofs, _steps(case, case.loading.steps))]
     else:
-        plan, bar, solved = _plan(case, surface, delta, tolerance, approaches)
+        plan, bar, solved = _plan(case, surface, delta, tolerance)
         others += HALF_SPACE * solved
     finite = case.material.kinematics == "finite"
     levels = tuple(MeshEstimate(h, dofs, steps, _seconds(rates, dofs, steps, finite)) for h, dofs, steps in plan)
@@ -296,7 +295,7 @@ def approach_of_force(case: Case, surface: Surface) -> float:
 
 
 def _plan(
-    case: Case, surface: Surface, depth: float, tolerance: float, approaches: int
+    case: Case, surface: Surface, depth: float, tolerance: float
 ) -> tuple[list[tuple[float, int, int]], float, float]:
     """Meshes that a run plans, see `mesh_levels.LevelSolver`.
 
@@ -313,7 +312,7 @@ def _plan(
         problem = Problem.of(
             surface, case.material.solid, height=case.block.height, sides=sides, delta_max=depth, steps=planned
         )
-    sizes = Guide(problem, depth, min(planned, approaches)).sizes
+    sizes = Guide(problem, depth, planned).sizes
     unit = float(sizes[np.isfinite(sizes)].max())
 
     def count(scale: float, most: float) -> int:
@@ -348,7 +347,7 @@ def _plan(
         parts, substeps = [1], 1
     h_coarse, h = (min(scale * unit, H_MAX) * surface.L for scale in (first, second))
     plan = [*((h_coarse, coarse, steps(n)) for n in parts), (h, fine, steps(substeps))]
-    return plan, expected_bar(second, first / second), 3.0 * sizes.size * min(planned, MOST_STEPS)
+    return plan, expected_bar(second), 3.0 * sizes.size * min(planned, MOST_STEPS)
 
 
 def _given_dofs(case: Case) -> int:

@@ -108,9 +108,9 @@ def first_scale(tolerance: float) -> float:
     return float(np.clip((MARGIN * tolerance / TYPICAL_BAR) ** (1.0 / MESH_ORDER), FINEST, COARSEST))
 
 
-def expected_bar(scale: float, ratio: float = RATIO) -> float:
-    """Relative error bar of the force that `first_scale` expects of a scale and of one coarser by a ratio."""
-    return TYPICAL_BAR * scale**MESH_ORDER * _bar_of_error(ratio) / _bar_of_error(RATIO)
+def expected_bar(scale: float) -> float:
+    """Relative error bar of the force that `first_scale` expects of a scale."""
+    return TYPICAL_BAR * scale**MESH_ORDER
 
 
 def next_scale(scales: Sequence[float], excess: float) -> float:
