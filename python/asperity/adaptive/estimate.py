@@ -72,10 +72,6 @@ class Rates:
         base: memory of a rank without a mesh [bytes]
         per_dof: memory per dof [bytes]
         finite: time of a step in finite strain over that in small strain
-
-    Examples:
-        >>> PLASTIC.step > ELASTIC.step
-        True
     """
 
     mesh: float
@@ -99,10 +95,6 @@ class MeshEstimate:
         dofs: degrees of freedom
         steps: load steps, those of unloadings too
         seconds: of one core
-
-    Examples:
-        >>> MeshEstimate(h_contact=4e-8, dofs=20_000, steps=10, seconds=8.0).dofs
-        20000
     """
 
     h_contact: float
@@ -125,12 +117,6 @@ class Estimate:
         strain: the coarse mesh that compares small and finite strain, in both; empty where nothing is compared
         others: time of one core for all that is no mesh [s]
         max_dofs: accuracy.max_dofs
-
-    Examples:
-        >>> meshes = MeshEstimate(8e-8, 5_000, 10, 2.0), MeshEstimate(4e-8, 20_000, 10, 8.0)
-        >>> found = Estimate(meshes, ranks=1, memory=3e8, approach=1e-8)
-        >>> found.dofs, found.seconds
-        (20000, 10.0)
     """
 
     levels: tuple[MeshEstimate, ...]

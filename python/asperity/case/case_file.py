@@ -140,10 +140,8 @@ class Case(Input):
         return self.surface.L if area is None else math.sqrt(area)
 
     def build_surface(self) -> Surface:
-        """The surface that [surface] describes."""
-        from asperity.surface import Surface
-
-        return Surface.from_spec(**self.surface.parameters())
+        """The surface that [surface] describes, made once."""
+        return self.surface.built
 
     def problem(self) -> Problem:
         """The contact problem of the case: here a case is judged, for commands, scripts, studies and tests alike.

@@ -5,7 +5,8 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Any, Literal
+from functools import cached_property
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from pydantic import BaseModel, ConfigDict, Field, Strict
 
@@ -25,6 +26,9 @@ from asperity.model.settings import (
     SolverOptions,
 )
 from asperity.slip.settings import LARGEST, SMALLEST, SlipSettings
+
+if TYPE_CHECKING:
+    from asperity.surface import Surface
 
 Real = Annotated[float, Strict(), Field(allow_inf_nan=False)]
 Whole = Annotated[int, Strict()]
@@ -52,6 +56,13 @@ class Section(BaseModel):
 
 class _Patch(Section):
     L: Real = _key("side of the square patch", unit=LENGTH, ge=1e-20, le=1e20, hint="1e-6 is 1 um in SI")
+
+    @cached_property
+    def built(self) -> Surface:
+        """The surface of these keys, made once: its spline and its summit take longer than its file."""
+        from asperity.surface import Surface
+
+        return Surface.from_spec(**self.parameters())
 
 
 class WeierstrassMandelbrotSection(_Patch):

@@ -25,7 +25,6 @@ from asperity.surface.statistics import (
     SMALL_SLOPE,
     Spectrum,
     SurfaceStatistics,
-    bearing_curve,
     psd,
     surface_statistics,
 )
@@ -39,16 +38,7 @@ _LONG = 1e6  # ratio of lengths beyond which the share is zero
 
 
 class SurfaceWarning(AsperityWarning):
-    """A surface is legal, but probably not the intended one, or its slopes exceed small-slope theory.
-
-    >>> import warnings
-    >>> from asperity.surface import Sinusoid, SurfaceWarning
-    >>> with warnings.catch_warnings(record=True) as caught:
-    ...     warnings.simplefilter("always")
-    ...     Sinusoid(L=1.0, amplitude=0.1).check_small_slope()
-    >>> issubclass(caught[0].category, SurfaceWarning)
-    True
-    """
+    """A surface is legal, but probably not the intended one, or its slopes exceed small-slope theory."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -243,22 +233,9 @@ class Surface(ABC):
         """Roughness parameters of an n x n grid; see :class:`SurfaceStatistics`."""
         return surface_statistics(self.grid(n), self.grid_gradient(n), self.grid_hessian(n))
 
-    def bearing_curve(self, n: int = 1025, points: int = 201) -> tuple[Array, Array]:
-        """Bearing (Abbott-Firestone) curve.
-
-        Args:
-            n: nodes per side of the sampling grid
-            points: number of points on the curve
-
-        Returns:
-            (fraction, height), each (points,): the share of the area above `height` (length), from 0
-            at the highest node to 1 at the lowest
-        """
-        return bearing_curve(self.grid(n), points)
-
-    def psd(self, n: int = 1024, direction: str = "radial", window: str = "hann") -> Spectrum:
-        """Power spectral density of the heights; see :func:`statistics.psd`."""
-        return psd(self.grid(n + 1)[:-1, :-1], self.L, direction, window)
+    def psd(self, n: int = 1024, window: str = "hann") -> Spectrum:
+        """Radial power spectral density of the heights; see :func:`statistics.psd`."""
+        return psd(self.grid(n + 1)[:-1, :-1], self.L, window)
 
     def rms_slope(self) -> float:
         """sqrt(<|grad z|^2>) over the patch (dimensionless)."""

@@ -21,12 +21,6 @@ def reliable_wavelength(z: Array, dx: float, dy: float, tip_radius: float) -> fl
         z: heights (ny, nx) without gaps [length]
         dx, dy: distances between them [length]
         tip_radius: of the instrument [length]
-
-    Examples:
-        >>> x = np.arange(64.0)
-        >>> wave = np.tile(np.cos(2 * np.pi * x / 16), (64, 1))
-        >>> reliable_wavelength(wave, 1.0, 1.0, 2.0), reliable_wavelength(wave, 1.0, 1.0, 20.0)
-        (0.0, 22.0)
     """
     found = 0.0
     for rows, step in ((z.T, dx), (z, dy)):

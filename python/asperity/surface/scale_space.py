@@ -24,13 +24,6 @@ class ScaleSpace:
     heights are cubic in ln(1 + (s/first)^2) with continuous slope. Of a wave of wave number k with k first < 0.7 the
     amplitude differs from exp(-(k s)^2/2) of its own by less than 0.006; for s = 0 it is exact.
 
-    >>> import numpy as np
-    >>> from asperity.surface.scale_space import ScaleSpace
-    >>> wave = ScaleSpace(0.5, 100.0, lambda s: lambda x, y: np.exp(-(s**2) / 2) * np.cos(x))
-    >>> place = np.zeros(3)
-    >>> [round(float(z), 2) for z in wave.heights(place, place, np.array([0.0, 1.0, 2.0]))]
-    [1.0, 0.61, 0.14]
-
     Args:
         first: width that the spacing of the levels is related to (length)
         last: width beyond which the heights no longer change (length)

@@ -38,10 +38,6 @@ class SelfAffineFit:
         lambda_short: shortest wavelength used (length)
         lambda_long: longest wavelength used (length)
         C0: density at the roll-off, or at the longest wavelength used without one (length^4)
-
-    >>> fit = SelfAffineFit(H=0.8, error_H=0.05, lambda_roll=0.3, lambda_short=0.01, lambda_long=0.5, C0=1e-6)
-    >>> fit.H, fit.lambda_roll
-    (0.8, 0.3)
     """
 
     H: float
@@ -59,13 +55,6 @@ class SelfAffineFit:
 
 def fit_self_affine(spectrum: Spectrum, shortest: float) -> SelfAffineFit:
     """Fit Hurst exponent and roll-off to a radial spectrum, in bands of equal ratio of wave numbers.
-
-    >>> from asperity.surface import SelfAffine
-    >>> from asperity.surface.self_affine_fit import fit_self_affine
-    >>> surface = SelfAffine(L=1.0, H=0.8, rms_height=0.01, lambda_roll=0.2, lambda_short=0.01)
-    >>> fit = fit_self_affine(surface.psd(512), shortest=0.01)
-    >>> round(fit.H, 1), round(fit.lambda_roll, 1)
-    (0.8, 0.2)
 
     Args:
         spectrum: radial, with one density for each multiple of 2 pi over the period

@@ -25,12 +25,6 @@ def prominence(z: Array) -> Array:
 
     Args:
         z: heights (ny, nx) (length)
-
-    Examples:
-        >>> z = np.random.default_rng(0).normal(size=(50, 50))
-        >>> z[20, 30] += 30.0
-        >>> bool(prominence(z)[20, 30] > 20.0), int((prominence(z) > 6.0).sum())
-        (True, 1)
     """
     return np.asarray(_above(z) / _usual(z))
 
@@ -40,11 +34,6 @@ def prominence_of_summit(z: Array) -> float:
 
     Args:
         z: heights (ny, nx) (length)
-
-    Examples:
-        >>> z = np.random.default_rng(0).normal(size=(50, 50))
-        >>> bool(prominence_of_summit(z) == prominence(z).flat[z.argmax()])
-        True
     """
     row, column = np.unravel_index(int(z.argmax()), z.shape)
     part = np.pad(z, WINDOW // 2, mode="symmetric")[row : row + WINDOW, column : column + WINDOW]
@@ -59,12 +48,6 @@ def without_spikes(z: Array) -> Array:
 
     Raises:
         InputError: more than a twentieth of the heights stand out
-
-    Examples:
-        >>> z = np.random.default_rng(0).normal(size=(50, 50))
-        >>> z[20, 30] += 30.0
-        >>> int(np.isnan(without_spikes(z)).sum())
-        9
     """
     from scipy.ndimage import binary_dilation
 

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: The asperity developers
 # SPDX-License-Identifier: LGPL-3.0-or-later
 
-"""Roughness parameters, bearing curve and power spectra of a sampled surface."""
+"""Roughness parameters and power spectra of a sampled surface."""
 
 from __future__ import annotations
 
@@ -20,11 +20,6 @@ SMALL_SLOPE = 0.1
 @dataclass(frozen=True)
 class SurfaceStatistics:
     """Roughness parameters of the patch from a regular grid; heights are taken about their mean.
-
-    >>> from asperity.surface import Sinusoid, SurfaceStatistics
-    >>> found = Sinusoid(L=1.0, amplitude=0.01).statistics(n=257)
-    >>> isinstance(found, SurfaceStatistics), round(found.Sz, 6), found.small_slope
-    (True, 0.02, True)
 
     Attributes:
         n: nodes per side of the grid
@@ -60,23 +55,16 @@ class SurfaceStatistics:
 
 @dataclass(frozen=True)
 class Spectrum:
-    """A power spectral density.
-
-    >>> from asperity.surface import Sinusoid
-    >>> spectrum = Sinusoid(L=1.0, amplitude=0.01, wavelength=0.1).psd(n=128, direction="x", window="none")
-    >>> round(float(spectrum.q[spectrum.density.argmax()] / 6.283185), 6)
-    10.0
+    """A radial power spectral density.
 
     Attributes:
         q: angular wave number 2 pi/wavelength (1/length), rising, without 0, (m,)
-        density: at q, (m,) (length^4 for radial, length^3 for x or y)
-        direction: "radial", "x" or "y"
+        density: at q, (m,) (length^4)
         window: the taper, "hann" or "none"
     """
 
     q: Array
     density: Array
-    direction: str
     window: str
 
     __repr__ = short_repr
@@ -115,55 +103,31 @@ def surface_statistics(
     )
 
 
-def bearing_curve(z: Array, points: int = 201) -> tuple[Array, Array]:
-    """(fraction of the area above, height); see :meth:`Surface.bearing_curve`."""
-    if points < 2:
-        raise InputError(f"A bearing curve needs at least 2 points, not {points}.")
-    fraction = np.linspace(0.0, 1.0, points)
-    return fraction, np.quantile(z, 1.0 - fraction)
+def psd(z: Array, L: float, window: str = "hann") -> Spectrum:
+    """Radial power spectral density, in the conventions of Jacobs, Junge and Pastewka (2017).
 
-
-def psd(z: Array, L: float, direction: str = "radial", window: str = "hann") -> Spectrum:
-    """Power spectral density, in the conventions of Jacobs, Junge and Pastewka (2017).
-
-    Surf. Topogr.: Metrol. Prop. 5 013001. The discrete transform includes the factor dx dy, so that
-    <z^2> = sum of C(q)/L^2 over all wave vectors (2D), or of C(q)/L over positive and negative
-    q (1D). The windowed heights are rescaled to the power of the unwindowed ones.
+    Surf. Topogr.: Metrol. Prop. 5 013001. The discrete transform includes the factor dx dy, so that <z^2> = sum of
+    C(q)/L^2 over all wave vectors. The windowed heights are rescaled to the power of the unwindowed ones.
 
     Args:
         z: heights (n, n) at i L/n (length); the period of the transform is L; the mean is subtracted
         L: side of the patch (length)
-        direction: "radial" (mean over rings of width 2 pi/L of the 2D density, length^4) or
-            "x", "y" (mean over profiles along that direction, length^3)
         window: "hann" (suppresses the jump at the edges of a patch that is not periodic) or "none"
 
-    Raises:
-        InputError: unknown direction or window
+    Returns:
+        Mean of the density over rings of width 2 pi/L
 
-    Examples:
-        >>> x = np.arange(64) / 64
-        >>> wave = np.tile(0.01 * np.cos(2 * np.pi * 8 * x), (64, 1))
-        >>> spectrum = psd(wave, L=1.0, direction="x", window="none")
-        >>> round(float(spectrum.q[spectrum.density.argmax()] / (2 * np.pi)), 6)
-        8.0
+    Raises:
+        InputError: unknown window
     """
-    if direction not in ("radial", "x", "y"):
-        raise InputError(f'psd direction must be "radial", "x" or "y", not {direction!r}.')
     if window not in ("hann", "none"):
         raise InputError(f'psd window must be "hann" or "none", not {window!r}.')
     n, z = len(z), z - z.mean()
     taper = np.sin(np.pi * (np.arange(n) + 0.5) / n) ** 2 if window == "hann" else np.ones(n)
     taper = taper / np.sqrt(np.mean(taper**2))
-    dx = L / n
+    power = np.abs(np.fft.fft2(z * taper * taper[:, None])) ** 2 * (L / n) ** 4 / L**2
+    k = np.fft.fftfreq(n, 1 / n)
+    ring = np.rint(np.hypot(k[:, None], k)).astype(int).ravel()
+    density = np.bincount(ring, power.ravel()) / np.bincount(ring)
     index = np.arange(1, n // 2)
-    q = 2 * np.pi * index / L
-    if direction == "radial":
-        power = np.abs(np.fft.fft2(z * taper * taper[:, None])) ** 2 * dx**4 / L**2
-        k = np.fft.fftfreq(n, 1 / n)
-        ring = np.rint(np.hypot(k[:, None], k)).astype(int).ravel()
-        density = np.bincount(ring, power.ravel()) / np.bincount(ring)
-    else:
-        profiles = z if direction == "x" else z.T
-        density = np.mean(np.abs(np.fft.fft(profiles * taper, axis=1)) ** 2, axis=0)
-        density *= dx**2 / L
-    return Spectrum(q, density[index], direction, window)
+    return Spectrum(2 * np.pi * index / L, density[index], window)

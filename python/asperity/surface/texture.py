@@ -40,14 +40,6 @@ def repeating_wave(z: Array, L: float) -> Wave | None:
     Args:
         z: heights (n, n) (length)
         L: side of the map (length)
-
-    Examples:
-        >>> x = np.arange(64) / 64
-        >>> noise = np.random.default_rng(0).normal(size=(64, 64))
-        >>> round(repeating_wave(np.cos(2 * np.pi * 8 * x) + 0.1 * noise, 1.0).length, 3)
-        0.125
-        >>> repeating_wave(noise, 1.0) is None
-        True
     """
     n = len(z)
     taper = np.sin(np.pi * (np.arange(n) + 0.5) / n) ** 2

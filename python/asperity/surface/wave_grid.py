@@ -29,12 +29,6 @@ class WaveGrid:
     At scattered points the error is below 1e-11 of the sum of the amplitudes of the waves; that of the first and second
     derivatives is below 1e-8 and 1e-6 of those of the shortest wave with this amplitude.
 
-    >>> import numpy as np
-    >>> from asperity.surface.wave_grid import WaveGrid
-    >>> wave = WaveGrid(np.array([[0, 0], [0, 1], [0, 0]]), period=2.0)  # cos(pi x)
-    >>> round(float(wave.at(np.array([0.5]), np.array([0.3]), [(0, 1)])[0][0]), 6)
-    -3.141593
-
     Args:
         waves: complex amplitudes (2 S + 1, S + 1) (length): rows m = -S to S along y, columns n = 0 to S along x; zero
             where n = 0 and m <= 0
