@@ -6,7 +6,8 @@
     python3 benchmarks/check.py [NAME]...
 
 Each case is estimated and run in a process of its own, on one rank. Prints one line a case: meshes, dofs of the last
-one, memory (MiB) and CPU seconds, as expected / as found; and the greatest of the last three ratios, either way.
+one, memory (MiB) and CPU seconds, as expected / as found, and the greatest of the last three ratios, either way; at
+the end how many cases are within a factor of two.
 """
 
 from __future__ import annotations
@@ -96,13 +97,16 @@ def main(names: list[str]) -> None:
     if names[:1] == ["--one"]:
         print(json.dumps(one(names[1])))
         return
-    for name in names or CASES:
+    within = 0
+    for name in (chosen := names or list(CASES)):
         done = subprocess.run([sys.executable, __file__, "--one", name], stdout=subprocess.PIPE, check=True)
         expected, found = json.loads(done.stdout.splitlines()[-1])
         worst = max(max(a / b, b / a) for a, b in zip(expected[1:], found[1:], strict=True))
+        within += worst <= 2.0
         expected[2], found[2] = expected[2] / 2**20, found[2] / 2**20
         cells = "".join(f"{f'{a:.4g} / {b:.4g}':>20s}" for a, b in zip(expected, found, strict=True))
         print(f"{name:32s}{cells}{worst:8.2f}", flush=True)
+    print(f"within a factor of two: {within} of {len(chosen)}")
 
 
 if __name__ == "__main__":

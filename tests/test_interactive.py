@@ -215,6 +215,7 @@ def test_commands_print_json(tmp_path: Path, result: Any, call: Callable[..., An
     np.save(tmp_path / "map.npy", 1e-8 * np.random.default_rng(0).standard_normal((65, 65)))
     about = call("import-map", tmp_path / "map.npy", "--pixel", "1e-8", "-o", tmp_path / "map", "--json")
     assert about == json.loads((tmp_path / "map/measured.json").read_text()) and about["statistics"]["Sq"] > 0
+    assert (tmp_path / "map/surface.png").is_file() and (tmp_path / "map/spectrum.png").is_file()
     a, b = tmp_path / "a.csv", tmp_path / "b.csv"
     result.curve.write(a)
     asp.Curve.from_rows([row | {"force": 1.1 * row["force"]} for row in result.curve.rows()]).write(b)

@@ -26,7 +26,7 @@ SCAN = SelfAffine(L=SIDE, H=0.8, slope=0.4, lambda_roll=0.1e-6, lambda_short=8e-
 
 @pytest.fixture(autouse=True)
 def without_figures(monkeypatch: pytest.MonkeyPatch) -> None:
-    """They take half of the time; tests/surface/test_measured.py looks at them."""
+    """They take half of the time; tests/test_interactive.py makes them."""
     monkeypatch.setattr("asperity.cli.import_map._draw", lambda *_: None)
 
 

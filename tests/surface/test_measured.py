@@ -26,12 +26,6 @@ from asperity.surface.statistics import psd
 L = 1e-6
 
 
-def field(n: int = 65, **parameters: Any) -> HeightField:
-    """A fractal surface as sampled by an instrument."""
-    surface = WeierstrassMandelbrot(L=L, **parameters)
-    return HeightField(surface.grid(n), L / (n - 1), L / (n - 1))
-
-
 # ---------------------------------------------------------------------------------------- reading
 
 
@@ -327,23 +321,3 @@ def test_the_sum_faces_the_turned_surface(tmp_path: Path) -> None:
     assert saved.maximum()[2] == pytest.approx(both.maximum()[2], rel=1e-4)
     with pytest.raises(InputError, match="no sum"):
         SumSurface(L=L, first=a, second=WeierstrassMandelbrot(L=2 * L))
-
-
-# ---------------------------------------------------------------------------------------- command
-
-
-def test_the_command_makes_a_case(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    from asperity.case import Case
-    from asperity.cli import main
-
-    y, x = np.mgrid[0:65, 0:65] / 64
-    scan = field(65, f_max=6, seed=8)
-    np.savez(tmp_path / "scan.npz", z=scan.z + 1e-7 * x + 3e-7 * y, L=L)
-    with pytest.raises(SystemExit) as left:
-        main(["import-map", str(tmp_path / "scan.npz"), "-o", str(tmp_path / "out")])
-    assert not left.value.code
-    case = Case.load(tmp_path / "out/case.toml")
-    assert case.surface.L == pytest.approx(L)
-    assert case.build_surface().statistics(129).Sq == pytest.approx(np.std(scan.levelled().z), rel=0.05)
-    assert (tmp_path / "out/surface.png").is_file() and (tmp_path / "out/spectrum.png").is_file()
-    assert "rms slope" in capsys.readouterr().out

@@ -8,7 +8,6 @@ from __future__ import annotations
 import itertools
 import tracemalloc
 import warnings
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -196,12 +195,6 @@ def test_nested_phases_do_not_depend_on_f_max_and_M_and_are_independent():
     assert len(np.unique(columns)) == columns.size
     phases = np.concatenate([phases_of(M=200, f_max=9, seed=s, drawing="nested").ravel() for s in range(5)])
     assert abs(np.exp(1j * phases).mean()) < 4 / np.sqrt(phases.size)
-
-
-def test_drawing_as_one_array_is_that_of_stored_curves():
-    phases = np.random.default_rng(5).uniform(0, 2 * np.pi, size=(11, 6))
-    for surface in (fractal(seed=5), fractal(seed=5, drawing="array")):
-        np.testing.assert_array_equal(surface.phases, phases)
 
 
 @pytest.mark.parametrize("name", SURFACES)
@@ -508,10 +501,8 @@ def test_steep_surfaces_warn():
     [
         ({"kind": "spheer"}, r"surface.kind = 'spheer' is unknown \(did you mean 'sphere'\?\)"),
         ({"kind": "flat"}, "surface.L is missing"),
-        ({"kind": "flat", "L": 0.0}, "surface.L = 0.0 is not legal"),
         ({"kind": "flat", "L": "1"}, "surface.L = '1' is not legal"),
         ({"kind": "flat", "L": True}, "surface.L = True"),
-        ({"kind": "flat", "L": float("nan")}, "surface.L = nan"),
         ({"kind": "sphere", "L": 1.0}, "surface.radius is missing"),
         ({"kind": "sphere", "L": 1.0, "radius": -1.0}, "surface.radius = -1.0"),
         ({"kind": "sphere", "L": 1.0, "radus": 1.0}, r"did you mean 'radius'\?"),
@@ -520,17 +511,11 @@ def test_steep_surfaces_warn():
         ({"kind": "sinusoid", "L": 1.0, "amplitude": 0.1, "dims": 3}, "surface.dims = 3"),
         ({"kind": "sinusoid", "L": 1.0, "amplitude": 0.1, "wavelength": 0}, "surface.wavelength"),
         ({"D": 3.0}, "surface.D = 3.0 is not legal: it must be a number between 2 and 3"),
-        ({"D": 2}, "surface.D = 2"),
         ({"G": 13.6}, "both in metres"),
-        ({"G": 0.0}, "surface.G = 0.0"),
         ({"M": 0}, "surface.M = 0 is not legal: it must be an integer >= 1"),
-        ({"M": 2.5}, "surface.M = 2.5"),
-        ({"gamma": 1.0}, "surface.gamma = 1.0"),
         ({"f_max": -1}, "surface.f_max = -1"),
-        ({"L_s": 1e-3}, "surface.L_s = 0.001"),
         ({"L_s": 1e-18}, "surface.L_s = 1e-18 is not legal: it must be a length from 1e-15 to L = 1e-06"),
         ({"gamma": 100.0, "f_max": 100}, "surface.f_max = 100 is not legal: it must be at most 4 with gamma = 100"),
-        ({"gamma": 1e300}, "surface.f_max = 5 is not legal: it must be at most 0"),
         (
             {"M": 1000, "f_max": 100, "gamma": 1.1},
             "surface.f_max = 100 is not legal: it must be at most 23 with M = 1000",
@@ -579,39 +564,14 @@ def exact(x, y):
     return 0.1 * np.sin(3 * x + 0.3) * np.cos(2 * y)
 
 
-def write(path: Path, x: np.ndarray, y: np.ndarray, z: np.ndarray) -> Path:
-    """Store a map with lengths in the format of the suffix."""
-    if path.suffix == ".npz":
-        np.savez(path, x=x + 5, y=y - 2, z=z)
-    elif path.suffix == ".npy":
-        np.save(path, z)
-    elif path.stem == "points":
-        yy, xx = np.meshgrid(y, x, indexing="ij")
-        table = np.stack([xx.ravel(), yy.ravel(), z.ravel()], axis=1)
-        table = np.random.default_rng(0).permutation(table)
-        np.savetxt(path, table, delimiter=",", header="x,y,z", comments="", fmt="%.17g")
-    else:
-        np.savetxt(path, z, delimiter=",", fmt="%.17g")
-    return path
-
-
-@pytest.mark.parametrize("name", ["map.npz", "map.npy", "points.csv", "map.csv"])
-def test_height_maps_from_every_format(tmp_path, smooth_map, name):
-    path = write(tmp_path / name, *smooth_map)
-    given = {} if name in ("map.npz", "points.csv") else {"L": 1.0}
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", SurfaceWarning)
-        surface = Surface.from_spec("file", path=str(path), **given)
-    assert surface.L == pytest.approx(1.0)
+def test_a_map_is_the_function_that_it_samples(smooth_map):
+    surface = HeightMap.of(smooth_map[2], 1.0)
     px, py = np.random.default_rng(3).uniform(0, 1, size=(2, 300))
     np.testing.assert_allclose(surface.height(px, py), exact(px, py), atol=1e-6)
     zx, zy = surface.gradient(px, py)
     np.testing.assert_allclose(zx, 0.3 * np.cos(3 * px + 0.3) * np.cos(2 * py), atol=1e-4)
     np.testing.assert_allclose(zy, -0.2 * np.sin(3 * px + 0.3) * np.sin(2 * py), atol=1e-4)
-    top = surface.maximum()
-    assert top[0] == pytest.approx((np.pi / 2 - 0.3) / 3, abs=1e-4)
-    assert top[1] == pytest.approx(0.0, abs=1e-4)
-    assert top[2] == pytest.approx(0.1, rel=1e-6)
+    assert surface.maximum() == pytest.approx(((np.pi / 2 - 0.3) / 3, 0.0, 0.1), abs=1e-4, rel=1e-6)
     integral = (np.cos(0.3) - np.cos(3.3)) / 3 * np.sin(2) / 2 * 0.1
     assert surface.mean() == pytest.approx(integral, rel=1e-6)
 
@@ -670,13 +630,6 @@ def test_unreadable_height_maps_are_refused(tmp_path):
     (tmp_path / "map.tif").touch()
     with pytest.raises(InputError, match=r"none of \.npz, \.npy, \.csv"):
         HeightMap(path=tmp_path / "map.tif", L=1.0)
-    points = [f"{x},{y},1" for x in range(8) for y in range(8)]
-    (tmp_path / "points.csv").write_text("\n".join(["x,y,z", *points[:-1]]))
-    with pytest.raises(InputError, match="not finite"):
-        HeightMap(path=tmp_path / "points.csv")
-    (tmp_path / "points.csv").write_text("\n".join(["x,y,z", *points[:-8]]))
-    with pytest.raises(InputError, match="patch must be square"):
-        HeightMap(path=tmp_path / "points.csv")
 
 
 def test_a_map_is_periodic_if_its_edges_agree_and_are_smooth() -> None:
