@@ -250,7 +250,7 @@ def test_load_steps_are_extrapolated_by_the_order_of_the_integrator() -> None:
     (P, step, bar), (other, other_step, other_bar) = last
     assert other_step > 2.0 * step
     assert abs(P - other) <= bar + other_bar
-    assert abs(P - other) < abs(P - euler.raw.P_star[-1])
+    assert abs(P - other) < other_step  # the whole of what is corrected
 
 
 def test_unloading_follows_an_extrapolated_elastic_plastic_loading() -> None:
@@ -302,12 +302,12 @@ def test_one_step_has_the_bar_of_five() -> None:
 def test_limit_ends_the_refinement_with_what_is_known() -> None:
     """No mesh is larger than allowed, not even by little; the last one uses what is left."""
     sphere = asp.Surface.from_spec(kind="sphere", L=1.0, radius=3.0, centre=(0.3, 0.4))
-    result = solve_to_tolerance(sphere, ELASTIC, AccuracyTarget(1e-4, max_dofs=60_000), delta_max=0.01, steps=2)
+    result = solve_to_tolerance(sphere, ELASTIC, AccuracyTarget(1e-4, max_dofs=80_000), delta_max=0.01, steps=2)
     assert not result.met
-    assert "accuracy.max_dofs = 60000" in result.reason
+    assert "accuracy.max_dofs = 80000" in result.reason
     assert np.all(np.isfinite(result.curve.error_P_star))
     sizes = [level.dofs for level in result.levels]
-    assert 45_000 < sizes[-1] <= 60_000 and len(sizes) >= 3
+    assert 80_000 / LEAST_STEP**DOFS_ORDER < sizes[-1] <= 80_000 and len(sizes) >= 3
 
 
 def test_a_mesh_that_does_not_converge_leaves_the_curve_of_the_one_before(monkeypatch: pytest.MonkeyPatch) -> None:

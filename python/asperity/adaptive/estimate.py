@@ -36,13 +36,13 @@ from asperity.adaptive.mesh_plan import (
     planned_steps,
     size_for_strain,
     step_rule,
+    widest,
 )
 from asperity.errors import InputError
 from asperity.mesh.block import BlockMesh
 from asperity.mesh.size_field import SizeField
 from asperity.model.load_path import BACKWARD_EULER, MIDPOINT, Schedule, greatest_force
 from asperity.model.problem import Problem
-from asperity.model.settings import H_MAX
 from asperity.reference import RoughHalfSpace
 from asperity.reference.rough_halfspace import HARDNESS
 from asperity.runtime.display import short_repr
@@ -302,7 +302,7 @@ def _plan(
     unit = float(sizes[np.isfinite(sizes)].max())
 
     def count(scale: float, most: float) -> int:
-        field = SizeField.on_cells(scale * sizes, growth(scale), periodic=sides == "periodic")
+        field = SizeField.on_cells(scale * sizes, growth(scale), widest(scale), periodic=sides == "periodic")
         return dofs_of(field, case.mesh.refinements, case.block.height / surface.L, most)
 
     def allowed(scale: float, most: float) -> tuple[float, int]:
@@ -331,7 +331,7 @@ def _plan(
         parts = [2**k for k in range(max(int(log2(substeps)), 1) + 1)]  # the first mesh measures the error of the steps
     else:
         parts, substeps = [1], 1
-    h_coarse, h = (min(scale * unit, H_MAX) * surface.L for scale in (first, second))
+    h_coarse, h = (min(scale * unit, widest(scale)) * surface.L for scale in (first, second))
     plan = [*((h_coarse, coarse, steps(n)) for n in parts), (h, fine, steps(substeps))]
     return plan, expected_bar(second), 3.0 * sizes.size * min(planned, MOST_STEPS)
 

@@ -28,7 +28,7 @@ if TYPE_CHECKING:
     from asperity.model.problem import Problem
 
 CELLS = 256, 720  # fewest and most per side
-PER_WAVE, PER_SIZE = 4, 1.5  # cells per shortest wave, and per element of scale 1
+PER_WAVE, PER_SIZE = 4.0, 1.5  # cells per shortest wave, and per element of scale 1
 NEGLIGIBLE = 0.004  # tolerance that the waves too short for that number of cells do not affect
 MOST_STEPS = 10  # at which the half-space is pressed
 EARLY = 0.25  # power of the approach in the sizes: the first spots are the least of a mesh and have its largest errors

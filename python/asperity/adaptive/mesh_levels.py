@@ -13,13 +13,13 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from asperity.adaptive.dof_count import dofs_of
-from asperity.adaptive.mesh_plan import DOFS_ORDER, LEAST_RATIO, LEAST_STEP, MOST_SCALE, growth
+from asperity.adaptive.mesh_plan import DOFS_ORDER, LEAST_RATIO, LEAST_STEP, MOST_SCALE, growth, widest
 from asperity.arrays import Floats
 from asperity.errors import InputError
 from asperity.mesh.block import BlockMesh
 from asperity.mesh.resolution import SHARE, unresolved_height
 from asperity.model.problem import Problem
-from asperity.model.settings import H_MAX, MEAN, POINT, AccuracyTarget, MeshSize, wrong_dilatation
+from asperity.model.settings import MEAN, POINT, AccuracyTarget, MeshSize, wrong_dilatation
 from asperity.quasistatic.contact_result import ContactResult, PartialResult
 from asperity.quasistatic.hooks import Hooks
 from asperity.quasistatic.make import make_block, size_field
@@ -126,8 +126,9 @@ class LevelSolver:
 
     def _size(self, scale: float) -> MeshSize:
         cells = None if self._sizes is None else scale * self._sizes
-        h = min(scale * self._unit, H_MAX * self.side)
-        return MeshSize(h, growth(scale), cells=cells, refinements=self._problem.size.refinements)
+        most = widest(scale) * self.side
+        h = min(scale * self._unit, most)
+        return MeshSize(h, growth(scale), most, cells=cells, refinements=self._problem.size.refinements)
 
     def __call__(self, scale: float, substeps: int = 1) -> ContactResult:
         """Curve on a mesh of this scale, or of the smallest allowed, and load steps in so many parts."""

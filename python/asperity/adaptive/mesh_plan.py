@@ -16,6 +16,7 @@ import numpy as np
 
 from asperity.arrays import Floats
 from asperity.model.load_path import BACKWARD_EULER, MIDPOINT
+from asperity.model.settings import H_MAX
 
 MESH_ORDERS = (1.6, 2.4)  # range of the order of the force in the scale (docs/accuracy.md)
 MESH_ORDER = sum(MESH_ORDERS) / 2.0  # typical one, to plan with
@@ -63,6 +64,11 @@ def growth(scale: float) -> float:
     refinement of the contact shows.
     """
     return float(GROWTH * scale**0.5)
+
+
+def widest(scale: float) -> float:
+    """Greatest element size of a mesh [L], which goes with the growth and is H_MAX on the coarsest first mesh."""
+    return float(H_MAX * min(1.0, growth(scale) / growth(RATIO * COARSEST)))
 
 
 def size_for_strain(h: float | None, tolerance: float | None) -> float:

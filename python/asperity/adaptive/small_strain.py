@@ -14,12 +14,12 @@ from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from functools import partial
 from itertools import islice, pairwise
-from math import ceil, log2
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from asperity.adaptive.extrapolation import judged_rows, loading_force
+from asperity.adaptive.guide import CELLS, PER_WAVE
 from asperity.adaptive.mesh_plan import COARSE_GROWTH, COARSER, size_for_strain
 from asperity.arrays import Floats
 from asperity.curve import Curve
@@ -44,8 +44,6 @@ SHARE = 1.0 / 3.0  # of the tolerance that small strain may change
 ONE_MESH = 0.01  # change of the force accepted without a tolerance
 ATTEMPTS, MOST_DOFS = 4, 30_000  # coarse meshes tried where one shows nothing, and their greatest size
 DIGITS = 4  # of the per cent, so that ranks, which sum in another order, do not change the choice
-CELLS = 256, 1024  # fewest and most per side, on which slopes are compared
-PER_WAVE = 4  # cells per shortest wave
 
 
 @dataclass(frozen=True, eq=False)
@@ -287,7 +285,7 @@ def slope_seen(block: BlockMesh | None, surface: Surface, depth: float) -> float
         True
     """
     assert block is not None
-    n = int(np.clip(2 ** ceil(log2(PER_WAVE * surface.L / surface.feature_size)), *CELLS))
+    n = int(np.clip(PER_WAVE * surface.L / surface.feature_size, *CELLS))
     centres = (np.arange(n) + 0.5) * surface.L / n
     heights = surface.height(centres[None, :], centres[:, None]) / surface.L
     reached = heights >= surface.maximum()[2] / surface.L - depth / surface.L
