@@ -12,7 +12,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,7 +19,6 @@ from numpy.typing import NDArray
 from asperity.arrays import Array
 from asperity.dynamics.continuation import Point, hermite, value
 from asperity.dynamics.harmonic_balance import Balance
-from asperity.dynamics.law.law import EXTRAPOLATE
 from asperity.dynamics.stability import Floquet, extrema, floquet, stack, state_at_phase_zero
 from asperity.runtime.display import short_repr
 
@@ -133,41 +131,6 @@ def measure(balance: Balance, points: Sequence[Point], kind: str, end: str, f: F
         kind, balance.order, omega, u_max, u_min, np.abs(c[:, balance.order]), f.stable, f.radius,
         np.maximum([p.error for p in points], round_off), f.error, c, valid, tuple(points), end,
     )  # fmt: skip
-
-
-def within_law(
-    balance: Balance, branches: list[Branch], events: list[Event]
-) -> tuple[list[Branch], list[Event], list[str]]:
-    """Branches cut where the orbit leaves the range of the law, their events, and notes; refused if nothing is left."""
-    low, high = balance.restoring.u_range
-    if np.isinf(low) and np.isinf(high):
-        return branches, events, []
-    kept: list[Branch] = []
-    moved: list[Event] = []
-    notes = []
-    for number, b in enumerate(branches):
-        inside = (b.u_max <= high) & (b.u_min >= low)
-        if inside.all():
-            pieces = [b]
-        else:
-            notes.append(
-                f"branch {number} ({b.kind}) is cut where it leaves the law (known up to u = "
-                f"{high:.6g}); compute the curve further, or {EXTRAPOLATE}"
-            )
-            edges = np.flatnonzero(np.diff(np.concatenate([[False], inside, [False]]).astype(int)))
-            columns: dict[str, Any] = {n: x for n, x in vars(b).items() if isinstance(x, (np.ndarray, tuple))}
-            pieces = [
-                replace(b, **{n: x[first:last] for n, x in columns.items()}, end="range of the law")
-                for first, last in edges.reshape(-1, 2)
-                if last - first > 1
-            ]
-        own = [e for e in events if e.branch == number and low <= e.u_min and e.u_max <= high]
-        for piece in pieces:
-            moved += [replace(e, branch=len(kept)) for e in own if np.isclose(piece.Omega, e.Omega, rtol=1e-12).any()]
-            kept.append(piece)
-    if not kept:
-        balance.restoring.check_range(min(b.u_min.min() for b in branches), max(b.u_max.max() for b in branches))
-    return kept, moved, notes
 
 
 @dataclass(frozen=True)

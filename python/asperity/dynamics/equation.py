@@ -13,7 +13,6 @@ every damping model.
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -39,7 +38,7 @@ class Restoring:
         n_loc: local exponent, scale / W
         a2, a3: coefficients of f = u + a2 u^2 + a3 u^3 + ...
         kappa: backbone curvature, omega/omega_s = 1 + kappa a^2
-        u_range: smallest and largest displacement u at which the law is known
+        u_end: largest displacement u at which the law is known, inf if it is extrapolated
 
     Raises:
         InputError: load or static deflection beyond floating-point range, or stiffness not positive
@@ -54,7 +53,7 @@ class Restoring:
     a2: float = field(init=False)
     a3: float = field(init=False)
     kappa: float = field(init=False)
-    u_range: tuple[float, float] = field(init=False)
+    u_end: float = field(init=False)
 
     __repr__ = short_repr
 
@@ -68,20 +67,17 @@ class Restoring:
         p1, p2, p3 = self.law.derivatives(z)
         if not p1 > 0:
             raise InputError(f"the law has stiffness {p1:g} at the operating point; it must be positive")
-        low, high = self.law.z_range
-        if self.law.contact:
-            low = -np.inf
-        values: dict[str, Any] = {
+        values = {
             "z_s": z,
             "scale": z * p1,
             "n_loc": z * p1 / self.load,
             "a2": z * p2 / (2 * p1),
             "a3": z * z * p3 / (6 * p1),
             "kappa": self.law.kappa(z),
-            "u_range": (-np.inf, np.inf) if self.law.extrapolate else (low / z - 1.0, high / z - 1.0),
+            "u_end": np.inf if self.law.extrapolate else self.law.known_to / z - 1.0,
         }
         for name, value in values.items():
-            object.__setattr__(self, name, value if isinstance(value, tuple) else float(value))
+            object.__setattr__(self, name, float(value))
 
     @property
     def singular(self) -> bool:
@@ -125,14 +121,12 @@ class Restoring:
         z = self.z_s * (1.0 + np.asarray(u, float))
         return self.law.potential(z) / (self.scale * self.z_s)
 
-    def check_range(self, u_min: float, u_max: float) -> None:
+    def check_range(self, u_max: float) -> None:
         """Raise `RangeError` if an orbit leaves the range of the law."""
-        low, high = self.u_range
-        if u_max > high * (1 + 1e-9) or u_min < low:
-            worst = u_max if u_max > high else u_min
+        if u_max > self.u_end * (1 + 1e-9):
             raise RangeError(
-                f"the orbit reaches u = {worst:.6g}, outside the law, known for u from {low:g} to "
-                f"{high:.6g}; choose a smaller preload or amplitude, or {EXTRAPOLATE}"
+                f"the motion reaches u = {u_max:.6g}, outside the law, known up to u = {self.u_end:.6g}; choose a "
+                f"smaller preload or amplitude, compute the curve further, or {EXTRAPOLATE}"
             )
 
 

@@ -20,6 +20,7 @@ from asperity.dynamics.stability import NEGLIGIBLE, Floquet, extrema, floquet, r
 from asperity.errors import ConvergenceError
 
 _TOP, _LIMIT, _CHANGE = "largest u_max", "limit of the law", "change of stability"  # points, but not events
+LEAVES = "range of the law"  # end of a branch
 _INSIDE = 1e-7  # relative distance of the last point from the limit of the law
 _STEEP = 0.03  # smallest rate of the parameter along the branch used in errors, which would diverge at a fold
 _TRIALS = 14  # orbits at which a period-doubling tongue between two points is searched
@@ -31,8 +32,11 @@ _Test = tuple[str, Array, Callable[[Point], float]]  # event, quantity that vani
 
 def locate_events(
     balance: Balance, equations: Equations, path: Path, kind: str, number: int, tol: float
-) -> tuple[Branch, list[Event], list[Point]]:
-    """Branch `number` of a response: a path with its events and maxima of u_max; its events, and period doublings."""
+) -> tuple[list[Branch], list[Event], list[Point]]:
+    """Branches of a path, the first one `number` of a response, with their events; and the period doublings.
+
+    The path has more than one branch where it leaves the range of the law and returns.
+    """
     rtol = newton_rtol(tol, not balance.restoring.singular)
     points = _refined(equations, path.points, tol, rtol)
     multipliers = _multipliers(balance, points)
@@ -41,12 +45,22 @@ def locate_events(
         points, multipliers = _inserted(balance, points, multipliers, tongues)
     found = _located(balance, equations, points, _tests(balance, points, multipliers), tol)
     points, multipliers = _inserted(balance, points, multipliers, [(i, p) for i, _, p in found])
-    b = measure(balance, points, kind, path.end, multipliers)
-    rows = [(name, i + 1 + shift) for shift, (i, name, _) in enumerate(found) if name not in (_TOP, _LIMIT, _CHANGE)]
-    events = [
-        Event(name, number, *(float(column[row]) for column in (b.Omega, b.u_max, b.u_min, b.a1))) for name, row in rows
-    ]
-    return b, events, [p for _, name, p in found if name == "period doubling"]
+    names = {i + 1 + shift: name for shift, (i, name, _) in enumerate(found) if name not in (_TOP, _LIMIT, _CHANGE)}
+    inside = extrema(stack([p.x for p in points]))[1] <= balance.restoring.u_end
+    branches, events = list[Branch](), list[Event]()
+    for first, last in np.flatnonzero(np.diff(inside, prepend=False, append=False)).reshape(-1, 2):
+        if inside.all():
+            b = measure(balance, points, kind, path.end, multipliers)
+        elif last - first > 1:
+            b = measure(balance, points[first:last], kind, LEAVES, _multipliers(balance, points[first:last]))
+        else:
+            continue
+        for row in range(first, last):
+            if row in names:
+                values = (float(column[row - first]) for column in (b.Omega, b.u_max, b.u_min, b.a1))
+                events.append(Event(names[row], number + len(branches), *values))
+        branches.append(b)
+    return branches, events, [p for _, name, p in found if name == "period doubling"]
 
 
 def _inserted(
@@ -63,14 +77,11 @@ def _inserted(
 
 def _tests(balance: Balance, points: list[Point], multipliers: Floquet) -> list[_Test]:
     """Quantities whose zeros are events, or the maxima of u_max."""
-    low, high = balance.restoring.u_range
+    end = balance.restoring.u_end
     u_min, u_max = extrema(stack([p.x for p in points]))
     fold = np.array([p.t_parameter for p in points])
     if len(points) > 1:  # it also vanishes at the ends of a period-2 branch, which are not folds
         fold[0], fold[-1] = fold[0] or fold[1], fold[-1] or fold[-2]
-
-    def room(lowest: Array, highest: Array) -> Array:
-        return np.minimum(high - highest - _INSIDE * abs(high), lowest - low - _INSIDE)
 
     def top(some: list[Point]) -> Array:
         return rise(stack([p.x for p in some]), stack([p.t for p in some]))
@@ -82,8 +93,9 @@ def _tests(balance: Balance, points: list[Point], multipliers: Floquet) -> list[
         (doubling, multipliers.flip, lambda p: float(_multipliers(balance, [p]).flip[0])),
         (_TOP, top(points), lambda p: float(top([p])[0])),
     ]
-    if np.isfinite([low, high]).any():
-        tests.append((_LIMIT, room(u_min, u_max), lambda p: float(room(*extrema(stack([p.x])))[0])))
+    if np.isfinite(end):
+        room = end - _INSIDE * abs(end)
+        tests.append((_LIMIT, room - u_max, lambda p: room - float(extrema(stack([p.x]))[1][0])))
     return tests
 
 

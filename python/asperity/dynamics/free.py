@@ -149,7 +149,7 @@ def free_orbit(restoring: Restoring, u0: float, damping: Damping = "always") -> 
         ConvergenceError: the quadrature does not converge (the law is too rough between its knots)
     """
     orbit = _orbit(restoring, positive("u0", u0), damping, _ORDERS)
-    restoring.check_range(orbit.u_min, u0)
+    restoring.check_range(u0)
     if not orbit.error < 1e-6:
         raise ConvergenceError(
             f"the period at u0 = {u0:g} converges only to {orbit.error:.1e}: the amplitude is lost in round-off, or "
@@ -256,7 +256,7 @@ def largest_amplitude(restoring: Restoring) -> float:
     """Largest release amplitude: inf, the end of a table, or just inside a Taylor rim."""
     law = restoring.law
     if not isinstance(law, TaylorLaw):
-        return restoring.u_range[1]
+        return restoring.u_end
     low, high = law.rim(), law.rim_above()
     edges = [high] if np.isfinite(high) else []
     if np.isfinite(low):

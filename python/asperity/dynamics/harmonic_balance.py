@@ -195,7 +195,9 @@ def tail(x: Array) -> float:
 def _edges(x: Array, s: Array, near: float) -> Array:
     """Angles at which 1 + u (samples s) vanishes along an orbit, and those of its positive minima near zero."""
     h = 2.0 * np.pi / s.size
-    angle, value, marks = h * np.arange(s.size + 1), np.append(s, s[0]), np.empty(0)
+    angle: Array = h * np.arange(s.size + 1)
+    value: Array = np.append(s, s[0])
+    marks: Array = np.empty(0)
     low = np.flatnonzero(np.abs(s) < 4.0 * near)
     dips = low[(s[low] <= s[low - 1]) & (s[low] < value[low + 1])]
     if dips.size:  # a short grazing arc may lie between samples: locate the minima themselves

@@ -44,8 +44,6 @@ _ROWS = 8  # of a branch between two points
 _CYCLES = 5  # of free orbits in a forcing period
 _GOLDEN = {2: 1.3247179572447460, 3: 1.2207440846057596}  # roots of x^(d + 1) = x + 1
 
-Starts = tuple[Array, Array, Array]  # Omega, u and Lienard's w, shape (starts,) each
-
 
 def orbit_from_rest(balance: Balance, omega: float, forcing: float, tol: float) -> Array:
     """Coefficients (2 K + 1) of the orbit reached at fixed Omega by raising the forcing from zero."""
@@ -102,7 +100,7 @@ def backbone_chart(equation: Equation, forcing: float) -> Chart:
     def surplus(log: float) -> float:
         return 2.0 * zeta * rough_orbit(r, float(np.exp(log)), damping).drive - forcing
 
-    low, top = np.log([_AMPLITUDES[0], min(_AMPLITUDES[1], r.u_range[1])])
+    low, top = np.log([_AMPLITUDES[0], min(_AMPLITUDES[1], r.u_end)])
     high = low
     try:
         if only_in_contact(damping):
@@ -131,8 +129,8 @@ def has_one_resonance(equation: Equation, forcing: float) -> bool:
     return bool(r.contact and 0.9 * abs(r.a2) * forcing**2 < 0.5 * onset)
 
 
-def random_starts(equation: Equation, forcing: float, window: tuple[float, float], count: int) -> Starts:
-    """States at periods of even spacing: half of them in contact, half in flight."""
+def random_starts(equation: Equation, forcing: float, window: tuple[float, float], count: int) -> Array:
+    """Omega, u and w (3, starts) at periods of even spacing: half of them in contact, half in flight."""
     a, b, c = _even(count, 3)
     omega = 1.0 / (1.0 / window[1] + a * (1.0 / window[0] - 1.0 / window[1]))
     n = equation.restoring.n_loc
@@ -147,8 +145,8 @@ def random_starts(equation: Equation, forcing: float, window: tuple[float, float
     return _lienard(equation, omega, u, v)
 
 
-def free_starts(equation: Equation, chart: Chart, window: tuple[float, float], order: int, count: int) -> Starts:
-    """States on free orbits of 1 to 5 cycles in a forcing period, or of odd numbers in two.
+def free_starts(equation: Equation, chart: Chart, window: tuple[float, float], order: int, count: int) -> Array:
+    """Omega, u and w (3, starts) on free orbits of 1 to 5 cycles in a forcing period, or of odd numbers in two.
 
     Superharmonic and subharmonic resonances follow these orbits, at a phase that balances the loss.
     """
@@ -159,27 +157,26 @@ def free_starts(equation: Equation, chart: Chart, window: tuple[float, float], o
         share = order / (1.0 + order * (np.arange(count) % _CYCLES))  # of the frequency of the free orbit
         rough = share * np.interp(np.log(amplitude), size, chart.frequency)
         for i in np.flatnonzero((rough > window[0]) & (rough < window[1])):
-            omega, u, v = rough_states(equation.restoring, float(amplitude[i]), 2.0 * np.pi * phase[i])
-            found.append((share[i] * omega, u, v))
-    omega, u, v = np.array(found).reshape(-1, 3).T
-    inside = (omega > window[0]) & (omega < window[1])
-    return _lienard(equation, omega[inside], u[inside], v[inside])
+            state = rough_states(equation.restoring, float(amplitude[i]), 2.0 * np.pi * phase[i])
+            found.append((share[i] * state[0], *state[1:]))
+    lanes = _lienard(equation, *np.array(found).reshape(-1, 3).T)
+    return lanes[:, (lanes[0] > window[0]) & (lanes[0] < window[1])]
 
 
 def _even(count: int, dimensions: int) -> Array:
     """Numbers from 0 to 1 that fill the cube evenly (dimensions, count)."""
-    ratio = _GOLDEN[dimensions] ** -np.arange(1.0, dimensions + 1.0)
+    ratio: Array = np.power(_GOLDEN[dimensions], -np.arange(1.0, dimensions + 1.0))
     return (0.5 + np.multiply.outer(ratio, np.arange(1.0, count + 1.0))) % 1.0
 
 
-def _lienard(equation: Equation, omega: Array, u: Array, v: Array) -> Starts:
-    return omega, u, v + 2.0 * equation.zeta * primitive(equation.restoring, equation.damping, u)
+def _lienard(equation: Equation, omega: Array, u: Array, v: Array) -> Array:
+    return np.array([omega, u, v + 2.0 * equation.zeta * primitive(equation.restoring, equation.damping, u)])
 
 
 def periodic_orbits(
-    equation: Equation, forcing: float, lanes: Starts, order: int, known: Sequence[Array]
+    equation: Equation, forcing: float, lanes: Array, order: int, known: Sequence[Array]
 ) -> Iterator[tuple[float, Array]]:
-    """Omega and rough coefficients of the orbits of `order` forcing periods near the starts (`lanes`).
+    """Omega and rough coefficients of the orbits of `order` forcing periods near the starts (`lanes`: Omega, u, w).
 
     Orbits of shorter periods are left out, and the known ones (see `states`), which may grow in the meantime.
     """

@@ -91,7 +91,7 @@ class ContactOscillator:
         load = self.load if self.load is not None else self.law.default_load
         object.__setattr__(self, "load", positive("load", load))
         object.__setattr__(self, "restoring", Restoring(self.law, float(load)))
-        if self.restoring.u_range[1] < 1e-9:
+        if self.restoring.u_end < 1e-9:
             raise RangeError(
                 f"load = {load:g} lies at the end of the law, where no vibration is possible; lower the load, "
                 "or compute the curve further"
@@ -255,7 +255,7 @@ class ContactOscillator:
             rtol=positive("rtol", rtol), samples=samples / period
         )  # fmt: skip
         low = float(path.u.min())
-        self.restoring.check_range(low, float(path.u.max()))
+        self.restoring.check_range(float(path.u.max()))
         return replace(path, setting=self.setting(f), tolerance=rtol, valid=self.restoring.contact or low >= -1.0)
 
     def balance(self) -> Balance:

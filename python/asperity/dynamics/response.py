@@ -11,14 +11,16 @@ from typing import Any
 
 import numpy as np
 
-from asperity.dynamics.branch import Branch, Event, Line, Solution, dense, measure, within_law
+from asperity.dynamics.branch import Branch, Event, Line, Solution, dense, measure
 from asperity.dynamics.branch_switching import distance
 from asperity.dynamics.continuation import Tracing, crossings, in_omega
+from asperity.dynamics.events import LEAVES
 from asperity.dynamics.harmonic_balance import Balance
+from asperity.dynamics.law.law import EXTRAPOLATE
 from asperity.dynamics.search import Search
 from asperity.dynamics.settings import Setting
 from asperity.dynamics.stability import floquet, stack
-from asperity.errors import ConvergenceError, InputError
+from asperity.errors import ConvergenceError, InputError, RangeError
 from asperity.runtime.display import short_repr
 
 _SAME = 1e-6  # relative distance, in addition to their errors, within which two orbits may be identical
@@ -150,18 +152,25 @@ def frequency_response(
     )
     search = Search(balance, setting.F_hat, how, subharmonics, starts)
     search.run()
-    branches, events, limits = within_law(balance, search.branches, search.events)
+    branches, end = search.branches, balance.restoring.u_end
+    if not branches:
+        raise RangeError(f"every orbit leaves the law, known up to u = {end:.6g}: lower the forcing, or {EXTRAPOLATE}")
     return FrequencyResponse(
-        setting, omega, tuple(branches), tuple(events), max(float(b.error.max()) for b in branches),
+        setting, omega, tuple(branches), tuple(search.events), max(float(b.error.max()) for b in branches),
         max(float(b.det_error.max()) for b in branches), all(bool(b.valid.all()) for b in branches),
-        (*search.notes, *limits, *_limitations(branches)), search.describe(), balance,
+        (*search.notes, *_limitations(branches, end)), search.describe(), balance,
     )  # fmt: skip
 
 
-def _limitations(branches: Sequence[Branch]) -> Iterator[str]:
+def _limitations(branches: Sequence[Branch], u_end: float) -> Iterator[str]:
     """Notes on branches that end early, on unreliable stability and on unphysical orbits."""
     for number, b in enumerate(branches):
-        if b.end not in ("window", "closed", "period doubling"):
+        if b.end == LEAVES:
+            yield (
+                f"branch {number} ({b.kind}) is cut where it leaves the law (known up to u = {u_end:.6g}); compute the "
+                f"curve further, or {EXTRAPOLATE}"
+            )
+        elif b.end not in ("window", "closed", "period doubling"):
             yield f"branch {number} ({b.kind}) ends early: {b.end}"
     unreliable = sum(int((b.det_error > _UNRELIABLE).sum()) for b in branches)
     if unreliable:

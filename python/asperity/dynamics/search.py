@@ -67,6 +67,7 @@ class Search:
         self.events: list[Event] = []
         self.notes: list[str] = []
         self._paths: list[tuple[str, int, Path]] = []  # kind, order and path of each piece in the window
+        self._measured = 0  # number of them that are branches
         self._ends: list[tuple[str, int, Point]] = []  # of pieces at the edges, headed outwards
         self._lowest = np.inf  # frequency to which a branch of order 1 was followed
         self._states: list[Array] = []  # of the branches, see `initial_orbits.states`
@@ -86,7 +87,7 @@ class Search:
         for order in self._searched_orders():
             random = random_starts(self.balance, self.forcing, self.how.window, self.starts)
             free = free_starts(self.balance, self.chart, self.how.window, order, self.starts)
-            lanes = tuple(np.concatenate(pair) for pair in zip(free, random, strict=True))
+            lanes = np.concatenate([free, random], axis=1)
             for omega, x in periodic_orbits(self.balance, self.forcing, lanes, order, self._states):
                 self._through(order, x, omega)
         if not self._paths:
@@ -207,8 +208,9 @@ class Search:
         while True:
             if self._ends:
                 self._follow(*self._ends.pop(0))
-            elif len(self.branches) < len(self._paths):
-                self._measure(*self._paths[len(self.branches)])
+            elif self._measured < len(self._paths):
+                self._measured += 1
+                self._measure(*self._paths[self._measured - 1])
             elif self._doublings:
                 self._switch(*self._doublings.pop(0))
             else:
@@ -218,9 +220,9 @@ class Search:
         """Make a branch of a path, with its events and period doublings."""
         balance = replace(self.balance, order=order)
         equations = in_omega(balance, self.forcing)
-        branch, events, flips = locate_events(balance, equations, path, kind, len(self.branches), self.how.tol)
-        self.branches.append(branch)
-        self._states.append(states(branch))
+        branches, events, flips = locate_events(balance, equations, path, kind, len(self.branches), self.how.tol)
+        self.branches.extend(branches)
+        self._states.extend(states(branch) for branch in branches)
         self.events.extend(events)
         if self.subharmonics and 2 * order <= _LONGEST:
             self._doublings.extend((order, flip) for flip in flips)

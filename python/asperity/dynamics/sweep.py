@@ -18,10 +18,8 @@ import numpy as np
 
 from asperity.arrays import Array
 from asperity.dynamics.equation import Equation
-from asperity.dynamics.law.law import EXTRAPOLATE
 from asperity.dynamics.settings import Setting
 from asperity.dynamics.time_integration import advance, has_escaped, steps_for
-from asperity.errors import RangeError
 from asperity.runtime.display import short_repr
 
 SETTLED, NOT_SETTLED, ESCAPED = "settled", "not settled", "escaped"
@@ -89,12 +87,7 @@ def sweep(
         state, found = _settle(equation, state, path[:, j], forcing, tol, limit)
         columns.append(found)
     u_max, u_min, a1, residual, kind, periods = np.moveaxis(np.array(columns), 0, -1)
-    low, high = equation.restoring.u_range
-    if (u_max > high).any() or (u_min < low).any():
-        raise RangeError(
-            f"the sweep reaches u = {np.nanmax(u_max):.6g}, beyond the law (known up to {high:.6g}): lower the "
-            f"forcing, compute the curve further, or {EXTRAPOLATE}"
-        )
+    equation.restoring.check_range(float(np.nanmax(u_max, initial=-np.inf)))
     settled = kind > 0
     valid = np.ones_like(settled) if equation.restoring.contact else u_min >= -1.0
     names = {-1: ESCAPED, 0: NOT_SETTLED, 1: SETTLED}

@@ -102,7 +102,7 @@ def thresholds(equation: Equation, forcing: tuple[float, ...] = ()) -> Threshold
     """Compute the onsets of `Thresholds` and the resonance peak of each F^ in `forcing`."""
     restoring, zeta, damping = equation.restoring, equation.zeta, equation.damping
     limit = contact_limit(restoring)
-    inside = np.isfinite(limit) and limit <= restoring.u_range[1]
+    inside = np.isfinite(limit) and limit <= restoring.u_end
     orbit = free_orbit(restoring, limit, damping) if inside else None
     kappa, bar = restoring.kappa, restoring.law.kappa_bar(restoring.z_s)
     peaks: list[dict[str, float | None]] = []
@@ -137,7 +137,7 @@ def thresholds(equation: Equation, forcing: tuple[float, ...] = ()) -> Threshold
 
 def _closing(restoring: Restoring, zeta: float, damping: Damping) -> float | None:
     """Largest F^ whose resonance damping in contact alone still limits."""
-    if not only_in_contact(damping) or not restoring.contact or np.isfinite(restoring.u_range[1]) or zeta == 0:
+    if not only_in_contact(damping) or not restoring.contact or np.isfinite(restoring.u_end) or zeta == 0:
         return None
     grid = np.geomspace(0.1, 1e4, 26)
     drive = np.array([free_orbit(restoring, u, damping).drive for u in grid])

@@ -25,6 +25,7 @@ from asperity.dynamics.law.checks import positive
 from asperity.errors import RangeError
 
 EXTRAPOLATE = "extrapolate the law (extrapolate=True, asperity dynamics --extrapolate)"  # advice of messages
+_FARTHEST = 1e100  # approach beyond which no load is sought (length)
 _SMALL = 0.05  # below this |u| the potential is integrated: differences of potentials cancel
 _GAUSS_X, _GAUSS_W = np.polynomial.legendre.leggauss(16)
 
@@ -32,19 +33,16 @@ _GAUSS_X, _GAUSS_W = np.polynomial.legendre.leggauss(16)
 class Law(ABC):
     """Force over approach of a contact; subclasses are immutable.
 
-    A subclass defines `both`, `potential`, `derivatives` and `describe`, and a finite `z_range` unless it also
-    defines `deflection`.
+    A subclass defines `both`, `potential`, `derivatives` and `describe`.
 
     Attributes:
         contact: whether the force vanishes for ``z <= 0`` (False for a truncated series)
-        extrapolate: whether approaches outside `z_range` are allowed
+        extrapolate: whether approaches beyond `known_to` are allowed
 
     Examples:
         A linear spring of 2 N/m that pushes only:
 
         >>> class Spring(Law):
-        ...     z_range = (0.0, 1e3)
-        ...
         ...     def both(self, z):
         ...         return 2.0 * np.maximum(z, 0.0), np.where(np.asarray(z) > 0, 2.0, 0.0)
         ...
@@ -92,11 +90,6 @@ class Law(ABC):
         """One line that names the law and its parameters."""
 
     @property
-    def z_range(self) -> tuple[float, float]:
-        """Smallest and largest approach at which the law is known (length)."""
-        return (0.0, np.inf)
-
-    @property
     def known_to(self) -> float:
         """Largest approach of the points behind the law (length); results beyond it are extrapolated."""
         return np.inf
@@ -115,7 +108,7 @@ class Law(ABC):
         """Force at `z` (length, any shape).
 
         Raises:
-            RangeError: an approach lies outside `z_range` of a law that does not extrapolate
+            RangeError: an approach lies beyond `known_to` of a law that does not extrapolate
         """
         return self.both(self._checked(z))[0]
 
@@ -133,19 +126,19 @@ class Law(ABC):
         Raises:
             RangeError: the law does not reach the load
         """
-        load = positive("load", load)
-        low, high = self.z_range
-        top = float(self.both(np.array([high]))[0][0])
-        if load > top * (1 + 1e-12):
+        load, high = positive("load", load), min(self.known_to, 1.0)
+
+        def short(z: float) -> float:
+            return float(self.both(np.array([z]))[0][0]) - load
+
+        while short(high) < 0.0 and high < min(_FARTHEST, np.inf if self.extrapolate else self.known_to):
+            high = 2.0 * high if self.extrapolate else min(2.0 * high, self.known_to)
+        if short(high) < -1e-12 * load:
             raise RangeError(
-                f"load = {load:g} lies outside the law, which ends at force {top:g}; lower the load, "
+                f"load = {load:g} lies outside the law, which ends at force {load + short(high):g}; lower the load, "
                 "or compute the curve further"
             )
-        if load >= top:
-            return float(high)
-        return float(
-            brentq(lambda z: float(self.both(np.array([z]))[0][0]) - load, low, high, xtol=1e-15 * high, rtol=1e-14)
-        )
+        return float(brentq(short, 0.0, high, xtol=1e-15 * high, rtol=1e-14)) if short(high) > 0.0 else high
 
     def doubts(self, load: float) -> tuple[str, ...]:
         """Reasons to doubt the law near a load (force), one sentence each."""
@@ -183,11 +176,10 @@ class Law(ABC):
 
     def _checked(self, z: ArrayLike) -> Array:
         z = np.asarray(z, float)
-        low, high = self.z_range
-        if z.size and not self.extrapolate and z.max() > high * (1 + 1e-12):
+        if z.size and not self.extrapolate and z.max() > self.known_to * (1 + 1e-12):
             raise RangeError(
-                f"approach {z.max():g} lies outside the law, known from {low:g} to {high:g}; "
-                f"compute the curve further, or {EXTRAPOLATE}"
+                f"approach {z.max():g} lies outside the law, known up to {self.known_to:g}; compute the curve further, "
+                f"or {EXTRAPOLATE}"
             )
         return z
 

@@ -58,8 +58,8 @@ class TableLaw(Law):
     Examples:
         >>> z = np.linspace(0.1, 2.0, 20)
         >>> law = asp.TableLaw(z, z**1.5)
-        >>> law.describe(), law.z_range
-        ('table, 20 points, interpolated', (0.0, 2.0))
+        >>> law.describe(), law.known_to
+        ('table, 20 points, interpolated', 2.0)
         >>> f"{law.n_loc(1.0):.4f}, {law.kappa(1.0):.5f}, {law.force(1.05):.4f}"
         '1.5000, -0.04167, 1.0759'
     """
@@ -218,11 +218,6 @@ class TableLaw(Law):
                 F, k = smoothed(self.z[kept], self._measured[kept])
             laws.append(replace(self, z=self.z[kept], F=F, k=k, origin=0.0))
         return tuple(laws)
-
-    @property
-    def z_range(self) -> tuple[float, float]:
-        """Approach from first contact to the last point (length), 1e6 times as far if extrapolated."""
-        return (0.0, 1e6 * self.known_to if self.extrapolate else self.known_to)
 
     @property
     def known_to(self) -> float:

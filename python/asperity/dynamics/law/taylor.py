@@ -46,10 +46,6 @@ class TaylorLaw(Law):
         z_s = law.deflection(load)
         return cls(z_s, float(load), law.derivatives(z_s))
 
-    @property
-    def z_range(self) -> tuple[float, float]:
-        return (-np.inf, np.inf)
-
     def both(self, z: Array) -> tuple[Array, Array]:
         x = np.asarray(z, float) - self.z_s
         p1, p2, p3 = self.p
