@@ -24,25 +24,15 @@ _CLOSED = 1e-3  # a reloading closes its loop if it ends within this share below
 
 @dataclass(frozen=True, eq=False)
 class CurveColumns:
-    """Columns of a curve in the order of its steps, shape (n,); NaN where unknown.
+    """Columns of a curve in the order of its steps, shape (n,); NaN where unknown."""
 
-    Attributes:
-        delta: approach (length)
-        force: force
-        branch: "load", "unload" or "reload"; all "load" where the curve has no such column
-        plastic: greatest accumulated plastic strain, or the share of the volume that has yielded
-        elastic: stiffness of unloading and small vibration (force/length), column k_n_elastic
-        bar: error bar of the force over the force
-        elastic_bar: error bar of the elastic stiffness over that stiffness, column error_k_n_elastic
-    """
-
-    delta: Array
+    delta: Array  # approach (length)
     force: Array
-    branch: Array
-    plastic: Array
-    elastic: Array
-    bar: Array
-    elastic_bar: Array
+    branch: Array  # "load", "unload" or "reload"; all "load" where the curve has no such column
+    plastic: Array  # greatest accumulated plastic strain, or the share of the volume that has yielded
+    elastic: Array  # stiffness of unloading and small vibration (force/length), column k_n_elastic
+    bar: Array  # error bar of the force over the force
+    elastic_bar: Array  # error bar of the elastic stiffness over that stiffness, column error_k_n_elastic
 
     @classmethod
     def of(cls, source: Any, factor: float = 1.0) -> CurveColumns:

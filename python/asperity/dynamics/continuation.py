@@ -33,21 +33,13 @@ _NEAR = 1e-4  # largest relative change of an orbit there by the last correction
 
 @dataclass(frozen=True)
 class Point:
-    """One periodic orbit on a branch.
+    """One periodic orbit on a branch, with the unit tangent of the branch."""
 
-    Attributes:
-        x: Fourier coefficients (2 K + 1)
-        parameter: Omega (or F^ while the forcing is raised)
-        t: unit tangent in x
-        t_parameter: tangent in the parameter; it changes sign at a fold
-        error: relative truncation estimate, see `harmonic_balance.tail`
-    """
-
-    x: Array
-    parameter: float
-    t: Array
-    t_parameter: float
-    error: float
+    x: Array  # Fourier coefficients (2 K + 1)
+    parameter: float  # Omega (or F^ while the forcing is raised)
+    t: Array  # tangent in x
+    t_parameter: float  # tangent in the parameter; it changes sign at a fold
+    error: float  # relative truncation estimate, see `harmonic_balance.tail`
 
     def resized(self, count: int) -> Point:
         """Same point with `count` harmonics."""

@@ -91,9 +91,6 @@ class FreeVibration:
         >>> free = asp.ContactOscillator(asp.PowerLaw(1.5)).free([0.2, 0.5])
         >>> free.omega_ratio.round(6), free.valid
         (array([0.998259, 0.987785]), (True, True))
-        >>> free = asp.ContactOscillator(asp.PowerLaw(0.7)).backbone(u_max=4.0, points=40)
-        >>> [(round(u, 2), round(omega, 3)) for u, omega in free.turns]  # hardening turns to softening
-        [(1.2, 1.031)]
     """
 
     model: str
@@ -111,13 +108,6 @@ class FreeVibration:
     omega_ratio = _column("omega", "Frequencies over omega_s")
     u_min = _column("u_min", "Lower turning points")
     a1 = _column("a1", "Amplitudes of the first harmonic")
-
-    @property
-    def turns(self) -> tuple[tuple[float, float], ...]:
-        """Points (u0, omega/omega_s) at which softening turns to hardening or back, for rising amplitudes."""
-        w, u = self.omega_ratio, self.u0
-        i = np.flatnonzero((np.diff(w)[:-1] > 0) != (np.diff(w)[1:] > 0)) + 1
-        return tuple((float(u[j]), float(w[j])) for j in i if abs(w[j] - 1.0) > 1e-12)
 
     def rows(self) -> Iterator[dict[str, Any]]:
         """Rows of free.csv."""

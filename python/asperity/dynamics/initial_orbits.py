@@ -66,19 +66,12 @@ def orbit_from_rest(balance: Balance, omega: float, forcing: float, tol: float) 
 
 @dataclass(frozen=True)
 class Chart:
-    """Free orbits up to the amplitude that the forcing sustains; the arrays are empty where there is no backbone.
+    """Free orbits up to the amplitude that the forcing sustains; the arrays are empty where there is no backbone."""
 
-    Attributes:
-        amplitude, frequency: release amplitude and frequency over omega_s (orbits,)
-        lost: at twice the frequency, share of the work of the forcing on the second harmonic that the damping takes;
-            1 is the least forcing of an orbit of period 2 near the free one (orbits,)
-        lowest, highest: frequencies between which the resonance lies
-    """
-
-    amplitude: Array
-    frequency: Array
-    lost: Array
-    lowest: float
+    amplitude: Array  # of release (orbits,)
+    frequency: Array  # over omega_s (orbits,)
+    lost: Array  # at twice the frequency, share of the work on the second harmonic that the damping takes (orbits,)
+    lowest: float  # frequencies between which the resonance lies
     highest: float
 
     def may_double(self, window: tuple[float, float]) -> bool:

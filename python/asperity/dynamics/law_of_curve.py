@@ -35,28 +35,16 @@ _SAME = 1e-9  # relative difference of forces that are equal
 
 @dataclass(frozen=True, eq=False)
 class Choice:
-    """A law of a curve as the spring of a vibration.
+    """A law of a curve as the spring of a vibration."""
 
-    Attributes:
-        name: of the law, one of `NAMES`
-        law: the law
-        load: preload (force)
-        reached: greatest force before the vibration (force); an amplitude that passes it yields again. None where
-            nothing has yielded, or where this is not known.
-        yielded: whether the solid has yielded; None if the curve does not show it
-        reason: why it is this law, a part of a sentence
-        note: sentence on a law to be doubted, or ""
-        bounds: other laws that bound this one
-    """
-
-    name: str
+    name: str  # of the law, one of `NAMES`
     law: Law
-    load: float
-    reached: float | None
-    yielded: bool | None
-    reason: str
-    note: str = ""
-    bounds: tuple[Law, ...] = ()
+    load: float  # preload (force)
+    reached: float | None  # greatest force before the vibration, above which it yields again; None without yield
+    yielded: bool | None  # whether the solid has yielded; None if the curve does not show it
+    reason: str  # why it is this law, a part of a sentence
+    note: str = ""  # sentence on a law to be doubted
+    bounds: tuple[Law, ...] = ()  # other laws that bound this one
 
     @property
     def yields_at(self) -> float | None:

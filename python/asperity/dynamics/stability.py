@@ -33,18 +33,12 @@ _HUGE = 300.0  # logarithm of a multiplier beyond which only its sign is kept
 
 @dataclass(frozen=True)
 class Floquet:
-    """Floquet data of a batch of orbits (arrays of shape (orbits,)).
+    """Floquet data of a batch of orbits (arrays of shape (orbits,))."""
 
-    Attributes:
-        trace, determinant: of the monodromy matrix over one period of the orbit
-        radius: largest modulus of a multiplier
-        error: relative deviation of the computed determinant from Liouville's; 1 where the steps are too long
-    """
-
-    trace: Array
+    trace: Array  # of the monodromy matrix over one period of the orbit
     determinant: Array
-    radius: Array
-    error: Array
+    radius: Array  # largest modulus of a multiplier
+    error: Array  # relative deviation of the computed determinant from Liouville's; 1 where the steps are too long
 
     def insert(self, at: list[int], other: Floquet) -> Floquet:
         """Batch with the orbits of another one inserted before the positions `at`."""

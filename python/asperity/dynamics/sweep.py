@@ -106,15 +106,12 @@ def sweep(
 def _settle(
     equation: Equation, state: Array, omega: Array, forcing: Array, tol: float, limit: int
 ) -> tuple[Array, Array]:
-    """Integrate every lane to its steady state, from the states (u, w) of shape (2, lanes); NaN after an escape.
+    """Steady state (u, w) of every lane from a state (2, lanes); NaN after an escape.
 
     The change of the Poincare map over a period, divided by ``1 - exp(-2 pi zeta / Omega)``, estimates the remaining
     distance from the steady state. Slow convergence is accelerated by extrapolating the map, which is nearly affine
-    there (Aitken), if the extrapolated state is close to the motion.
-
-    Returns:
-        States at the end; and u_max, u_min, a1, residual, kind (period, 0 not settled, -1 escaped) and periods, shape
-        (6, lanes)
+    there (Aitken), if the extrapolated state is close to the motion. The second result (6, lanes) is u_max, u_min, a1,
+    residual, kind (period, 0 not settled, -1 escaped) and periods.
     """
     lanes = omega.size
     shrink = 1.0 - np.exp(-2.0 * np.pi * equation.zeta / omega)
