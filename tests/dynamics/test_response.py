@@ -99,7 +99,7 @@ def test_harmonic_balance_agrees_with_shooting_to_1e_9() -> None:
     o = ContactOscillator(PowerLaw(1.5), zeta=0.01)
     r = o.response(0.05, (0.8, 1.1), tol=1e-9)
     b = max(r.branches, key=lambda b: float(b.u_max.max()))
-    for i in np.flatnonzero(b.contact_loss)[3::12]:
+    for i in np.flatnonzero(b.u_min < -1.0)[3::12]:
         u, v = state_at_phase_zero(b.coefficients[i], b.Omega[i])
         shot = shoot(r.balance, b.Omega[i], 0.05, u, v)
         assert b.u_max[i] == pytest.approx(shot.u_max, rel=2e-9)
@@ -128,9 +128,9 @@ def test_branches_pass_the_force_at_which_the_contact_yields_again(load: float, 
 def test_every_damping_agrees_with_shooting(damping: str) -> None:
     r = ContactOscillator(PowerLaw(1.5), zeta=0.03, damping=damping).response(0.08, (0.7, 1.2), tol=1e-7)
     b = r.branches[0]
-    assert b.contact_loss.any()
+    assert (b.u_min < -1.0).any()
     steep = np.abs([p.t_parameter for p in b.points]) > 1e-6  # shooting is singular at a fold
-    for i in np.flatnonzero(b.contact_loss & steep)[::14]:
+    for i in np.flatnonzero((b.u_min < -1.0) & steep)[::14]:
         u, v = state_at_phase_zero(b.coefficients[i], b.Omega[i])
         shot = shoot(r.balance, b.Omega[i], 0.08, u, v)
         assert b.u_max[i] == pytest.approx(shot.u_max, rel=1e-6)

@@ -114,7 +114,7 @@ def test_hardening_needs_n_below_one() -> None:
     assert ContactOscillator(PowerLaw(0.9)).thresholds().softening == "hardening"
     assert ContactOscillator(PowerLaw(1.1)).thresholds().softening == "softening"
     assert ContactOscillator(PowerLaw(1.0)).thresholds().softening == "linear"
-    omega = ContactOscillator(PowerLaw(0.8)).backbone(3.0, points=200).omega_ratio
+    omega = ContactOscillator(PowerLaw(0.8)).free(np.linspace(0.015, 3.0, 200)).omega_ratio
     assert np.sum(np.diff(np.sign(np.diff(omega))) != 0) == 1 and omega.max() > 1  # contact loss softens in the end
 
 
@@ -304,7 +304,6 @@ def test_response_beyond_the_fitted_curve_is_reported() -> None:
         (lambda o: o.response("much"), "forcing = 'much'"),
         (lambda o: o.response(0.1, tol=0.0), "tol = 0"),
         (lambda o: o.simulate(1.0, 0.1, u=np.nan), "u = nan"),
-        (lambda o: o.backbone(points=0), "points = 0"),
         (lambda o: o.free("far"), "u0 = 'far'"),
         (lambda o: o.free(np.nan), "u0 = nan"),
         (lambda o: o.free([]), "u0 is empty"),
@@ -398,7 +397,7 @@ def test_every_result_contains_its_setting() -> None:
         assert s is not None and s.F_over_mg == pytest.approx(1.5 * s.F_hat) == pytest.approx(0.045)
         assert (s.zeta, s.damping, s.model) == (0.05, "always", "taylor") and s.law
         assert 0 < result.tolerance < 1e-2 and np.all(result.valid)
-    for result in (o.free(0.5), o.backbone(0.5), o.thresholds(0.03)):
+    for result in (o.free(0.5), o.thresholds(0.03)):
         assert result.law and result.model == "taylor" and result.n_loc == pytest.approx(1.5)
         assert 0 <= result.tolerance < 1e-2 and np.all(result.valid)
     assert not o.thresholds(0.1).valid

@@ -91,11 +91,6 @@ class Branch:
     def __len__(self) -> int:
         return self.Omega.size
 
-    @property
-    def contact_loss(self) -> Array:
-        """Whether each orbit leaves contact (for a Taylor law: passes u = -1)."""
-        return self.u_min < -1.0
-
 
 @dataclass(frozen=True)
 class Solution:

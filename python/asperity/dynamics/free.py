@@ -60,11 +60,6 @@ class FreeOrbit:
     __repr__ = short_repr
 
     @property
-    def contact_loss(self) -> bool:
-        """Whether the orbit leaves contact."""
-        return self.v_s > 0
-
-    @property
     def drive(self) -> float:
         """Forcing F^/(2 zeta) that sustains this orbit at phase resonance, by energy balance."""
         return self.dissipation / (np.pi * self.a1)

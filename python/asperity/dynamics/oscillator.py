@@ -134,19 +134,6 @@ class ContactOscillator:
             u0 = np.linspace(top / 120, top, 120)
         return free_vibration(self.balance(), u0, self.omega_s)
 
-    def backbone(self, u_max: float | None = None, points: int = 60) -> FreeVibration:
-        """Free vibration at equal steps of amplitude up to u_max, or to the end of the law, and at contact loss.
-
-        By default u_max is 3 times the largest that keeps contact.
-        """
-        if points < 1:
-            raise InputError(f"points = {points} is not legal: a backbone needs at least 1")
-        limit = self.u_max
-        top = positive("u_max", u_max) if u_max is not None else (3 * limit if np.isfinite(limit) else 2.0)
-        top = min(top, largest_amplitude(self.restoring))
-        amplitudes = np.linspace(top / points, top, points)
-        return self.free(np.union1d(amplitudes, limit) if limit < top else amplitudes)
-
     def thresholds(self, forcing: float | Iterable[float] = ()) -> Thresholds:
         """Onsets of contact loss, hysteresis and period doubling, and the peak for each F^ in `forcing`."""
         values = () if isinstance(forcing, Sequence) and not forcing else forcings(forcing)
