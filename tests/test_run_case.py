@@ -535,10 +535,11 @@ def test_slip_by_the_curve_has_the_bars_of_the_curve(tmp_path: Path) -> None:
 
     z = np.linspace(0.0, 1e-8, 41)
     curve = {"delta": z, "force": 2e9 * z**1.5, "P_star": z**1.5, "error_P_star": 0.05 * z**1.5}
+    curve |= {"k_n_elastic": 3e9 * z**0.5, "k_t": 2.2e9 * z**0.5, "k_t_x": 2.2e9 * z**0.5}
     settings, steel = SlipSettings(friction=0.3, preload=1e-3), Material(200e9, 0.3)
     slip = slip_of_curve(curve, settings, steel, patch=1e-12, height=1e-6)
     for row in slip.loops():
-        assert steel.nu < row["error_energy"] / row["energy"] < steel.nu + 0.1  # W ~ P^(-1/3) of the law's factor
+        assert 0.03 < row["error_energy"] / row["energy"] < 0.3  # W ~ P^(-1/3) of the law's factor
         assert 0.0 < row["error_k_secant"] / row["k_secant"] < 0.2
     assert slip.loops()[0]["error_k_secant"] < slip.loops()[-1]["error_k_secant"]
     softer = tuple(path.scaled(1.0, 1.1) for path in slip.paths)

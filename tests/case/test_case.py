@@ -232,7 +232,6 @@ def test_each_mistake_gives_one_sentence_with_key_value_and_range(override: str)
         ("slip.amplitudes=[0.3, 0.1]", ("0.3, 0.1", "must rise")),
         ("slip.amplitudes=[0.5, 1.0]", ("slip.amplitudes", "0.99")),
         ("slip.preload=1.0", ("slip.preload", "must lie between")),
-        ("slip.direction=20", ("slip.direction", 'slip.method = "solid"')),
     ],
 )
 def test_mistakes_of_the_slip(override: str, parts: tuple[str, ...]) -> None:

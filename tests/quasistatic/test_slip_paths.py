@@ -23,7 +23,6 @@ from asperity.quasistatic.contact_solver import ContactSolver
 from asperity.quasistatic.make import make_contact_solver
 from asperity.quasistatic.slip_paths import Sliding, slip_paths
 from asperity.quasistatic.stiffness import Stiffness
-from asperity.slip.joint_slip import STEEP
 from asperity.slip.path import SlipPath
 from asperity.surface import Flat, Surface
 
@@ -115,7 +114,7 @@ def test_slopes_soften_a_spot_in_shear(amplitude: float) -> None:
     normal, shear = Stiffness(solver.solid)(solver)["k_n_elastic"], Sliding(solver, MU, 0.0, None).k_rest
     softer = (1.0 / shear - 2.0) / (1.0 / normal - 1.0) - 1.0
     pressure = solver.force / solver.contact_surface.area_of(*solver.contact.touched()).value
-    assert 1.5 * pressure < softer < STEEP[0] * pressure
+    assert 1.5 * pressure < softer < 4.0 * pressure
 
 
 # --- balances and symmetry ------------------------------------------------------------------------------------

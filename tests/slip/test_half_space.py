@@ -9,6 +9,7 @@ import importlib
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
 ROOT = Path(__file__).parents[2]
@@ -20,36 +21,31 @@ def slip(monkeypatch: pytest.MonkeyPatch) -> Any:
     return importlib.import_module("slip")
 
 
-def errors(slip: Any, surface: Any, nu: float, amplitudes: tuple[float, ...]) -> list[tuple[float, float]]:
-    """Errors of the force over mu P at the displacement of the law, and of the energy at the same force."""
-    curve = slip.NormalCurve(surface, 48, nu)
-    space, found = slip.HalfSpace(curve.pressure, nu), []
-    for t in amplitudes:
-        force, energy = space.loop(curve.move(t))
-        found.append((force - t, curve.energy(force) / energy - 1.0))
-    return found
+def errors_and_bars(pressed: Any, rows: int) -> np.ndarray:
+    """Relative error and bar of displacement and energy, shape (amplitudes, 2, 2)."""
+    slip = pressed.slip(rows)
+    return np.array(
+        [
+            [(path.displacement / u - 1.0, bar["u"] / u), (path.energy / W - 1.0, bar["energy"] / W)]
+            for path, bar, (u, W) in zip(slip.by_curve, slip.errors, pressed.loops, strict=True)
+        ]
+    )
 
 
 def test_the_law_is_exact_without_lateral_contraction(slip: Any) -> None:
     for name in ("H 0.7, seed 2", "sphere"):
-        for force, energy in errors(slip, slip.SURFACES[name], 0.0, (0.3, 0.9)):
-            assert force == pytest.approx(0.0, abs=1e-5)
-            assert energy == pytest.approx(0.0, abs=0.01)
+        found = errors_and_bars(slip.Pressed(slip.SURFACES[name], 48, 0.0), 20)
+        assert np.all(np.abs(found[1:, 0, 0]) < 1e-3)
+        assert np.all(np.abs(found[1:, 1, 0]) < 0.01)  # at 0.1 mu P the ring that slips is narrower than a cell
 
 
-def test_the_law_is_near_on_isotropic_surfaces(slip: Any) -> None:
-    for surface in slip.SURFACES.values():
-        for force, energy in errors(slip, surface, 0.3, (0.3, 0.6, 0.9)):
-            assert abs(force) < 0.01
-            assert abs(energy) < 0.15
-
-
-@pytest.mark.parametrize(("aspect", "sign"), [("6", -1), ("0.166667", 1)])
-def test_grooves_along_and_across_the_motion_are_inside_the_bar(slip: Any, aspect: str, sign: int) -> None:
-    """Long spots have the compliance of waves along or across the motion, 1 - nu/2 over 1 or over 1 - nu."""
-    nu = 0.3
-    for t, (force, energy) in zip((0.3, 0.6), errors(slip, slip.OTHERS[f"H 0.8, seed 14, aspect {aspect}"], nu,
-                                                     (0.3, 0.6)), strict=True):  # fmt: skip
-        assert sign * force > 0.01
-        assert abs(1.0 / (1.0 + energy) - 1.0) < nu
-        assert abs(force) / t < 1.2 * nu / (2 - nu)
+@pytest.mark.parametrize("aspect", ["1", "6", "0.166667"])
+def test_bars_hold_on_isotropic_surfaces_and_on_grooves(slip: Any, aspect: str) -> None:
+    """With many rows and with few; a half-space that ignores the lay would be 15 % off along and across the motion."""
+    name = "H 0.8, seed 12, aspect 1" if aspect == "1" else f"H 0.8, seed 14, aspect {aspect}"
+    pressed = slip.Pressed(slip.OTHERS[name], 48, 0.3)
+    for rows in slip.ROWS:
+        found = errors_and_bars(pressed, rows)
+        assert np.count_nonzero(np.abs(found[1:, :, 0]) > found[1:, :, 1]) == 0
+    assert np.all(np.abs(found[:, 0, 0]) < 0.02)
+    assert np.all(np.abs(found[1:, 1, 0]) < 0.07)

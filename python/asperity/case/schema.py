@@ -351,9 +351,7 @@ class SlipSection(Section):
         "by the normal curve, without a solve; or a flat that moves on the solid (active-set, frictionless load path)",
         SlipSettings.method,
     )
-    direction: Real = _key(
-        "of the motion with method = solid, from x towards y, in degrees", SlipSettings.direction, ge=-360, le=360
-    )
+    direction: Real = _key("of the motion, from x towards y, in degrees", SlipSettings.direction, ge=-360, le=360)
     steps: Whole = _key(
         "steps from rest to an amplitude; a loop has four times as many", SlipSettings.steps, ge=1, le=1000
     )
@@ -384,7 +382,8 @@ class OutputSection(Section):
     report: Flag = _key("report.html", False)
     distributions: Flag = _key("fields/distributions.csv: shares of the patch by pressure and by gap", False)
     stiffness: Flag = _key(
-        "columns k_n_elastic to k_t_interface of the curve; load steps take a third to a half longer", False
+        "columns k_n_elastic to k_t_interface, always with [slip]; load steps take a third to a half longer",
+        False,
     )
     stiffness_matrix: Flag = _key(
         "stiffness against all six motions of the flat at the end of the load path, in summary.json; not of periodic "
@@ -424,3 +423,8 @@ class Input(BaseModel):
     def greatest_force(self) -> float | None:
         """Force at the end of the loading [force]; None when it is driven by the approach."""
         return greatest_force(self.loading.force_max, self.loading.pressure_max, self.surface.L)
+
+    @property
+    def has_stiffness(self) -> bool:
+        """Whether load steps compute the elastic stiffnesses: requested, or the slip needs them."""
+        return self.output.stiffness or self.slip is not None

@@ -151,8 +151,6 @@ def _check_slip(case: Input, slip: SlipSection) -> None:
     contact = case.contact.formulation
     if slip.method == "solid" and (contact.method != "active-set" or contact.sticks):
         _refuse("slip.method", '= "solid" needs contact.method = "active-set" and contact.friction = "none"')
-    if slip.method == "curve" and slip.direction != 0.0:
-        _refuse("slip.direction", f'= {slip.direction:g} needs slip.method = "solid": a curve has no direction')
     if case.block.sides == "rollers" and slip.direction % 90.0 != 0.0:
         _refuse(
             "slip.direction",
@@ -248,13 +246,13 @@ def unused(case: Input) -> Iterator[str]:
             value = getattr(section, entry)
             if value != defaults.get(key, type(section).model_fields[entry].default):
                 yield f"{key} = {show(value)} is not used: {why}"
-    loading, least = case.loading, MIN_ROWS[case.output.stiffness]
+    loading, least = case.loading, MIN_ROWS[case.has_stiffness]
     if case.dynamics is not None and case.material.yield_strength is not None and loading.unload:
         if loading.unload_steps < least:
             yield (
                 f"loading.unload_steps = {loading.unload_steps} gives the law of the vibration {loading.unload_steps} "
                 f"rows in contact, and at least {least} show its curvature: raise it"
-                f"{'' if case.output.stiffness else ', or set output.stiffness = true'}"
+                f"{'' if case.has_stiffness else ', or set output.stiffness = true'}"
             )
     if case.loops is not None and case.material.yield_strength is None:
         yield "[loops] finds loss factors of zero only: the material is elastic; leave it out, or give a yield_strength"

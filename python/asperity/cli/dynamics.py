@@ -42,7 +42,8 @@ if TYPE_CHECKING:
 @click.option("--frequency", type=float, metavar="F", help="Frequency of small vibration instead of the mass.")
 @click.option("--gravity", type=float, metavar="G", help="In the units of the curve, for mass and omega_s; default "
               "9.80665 with SI units.")  # fmt: skip
-@click.option("--zeta", type=float, help="Damping ratio; default that of the case of OUT, or 0.01.")
+@click.option("--zeta", type=float, help="Damping ratio; default that of the case of OUT, or 0.01. Tangential: in "
+              "addition to that of slip, default 0.")  # fmt: skip
 @click.option("--damping", type=click.Choice((*DAMPING, LOOPS)),
               help="When the damping acts, or that of the loops of OUT in addition; default that of the case of OUT, "
               "or always.")  # fmt: skip
@@ -55,7 +56,7 @@ if TYPE_CHECKING:
               "case of OUT, or 0.5 1.3.")  # fmt: skip
 @click.option("--direction", type=click.Choice(("normal", "tangential")), default="normal", show_default=True,
               help="tangential: micro-slip of OUT, whose case has [slip]; --forcing is then over the friction limit, "
-              "default 0.01, and --zeta adds to the damping of slip, default 0.")  # fmt: skip
+              "default 0.01.")  # fmt: skip
 @click.option("--sweeps/--no-sweeps", default=None,
               help="Also integrate sweeps up and down; default that of the case of OUT, or no.")  # fmt: skip
 @click.option("--detached", is_flag=True, help="Also search for detached loops.")

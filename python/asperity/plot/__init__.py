@@ -70,9 +70,9 @@ CAPTIONS = {
     "dotted line mark the onset of contact loss.",
     "receptance": "Frequency response function: amplitude at the forcing frequency over the force. A linear contact "
     "has one curve for all forces; the peak of each force lies on its backbone.",
-    "slip": "(a) Tangential force over displacement: from rest to an amplitude and around one loop; dashed, where the "
-    "loops are those of the solid: by the normal curve. (b) Loss factor, twice the damping ratio. (c) Amplitude of the "
-    "force over that of the displacement.",
+    "slip": "(a) Tangential force over displacement: from rest to an amplitude and around one loop, by the normal "
+    "curve; dots, where the solid was moved: its states. (b) Loss factor, twice the damping ratio. (c) Amplitude of "
+    "the force over that of the displacement.",
     "surface": "Heights of the surface; the ring marks the first touch.",
     "mesh": "Vertical section of the mesh (a) through the highest point and (b) at the summit; colour is the element "
     "size.",

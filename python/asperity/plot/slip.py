@@ -12,15 +12,21 @@ from matplotlib.figure import Figure
 
 from asperity.output.results import Results
 from asperity.plot import style
+from asperity.slip.joint_slip import slip_of_case
+from asperity.slip.path import path_of_law
 from asperity.slip.tangential import TangentialVibration
 from asperity.units import prefix
 
 _COLOURS = (style.BLUE, style.VERMILION, style.GREEN, style.PURPLE, style.ORANGE, style.SKY)
+_SMOOTH = 40  # steps from rest to an amplitude
 
 
 @style.styled
 def slip(results: Results, *, ax: style.Place | None = None) -> Figure:
-    """Draw the loops of slip.csv, and loss factor and secant stiffness of slip_loops.csv over the amplitude."""
+    """Draw the loops, and loss factor and secant stiffness of slip_loops.csv over the amplitude.
+
+    Loops are those of the law, by Masing's rule; points are those of slip.csv where the solid was moved.
+    """
     figure, axes = style.figure(style.WIDE, 3.4, columns=3, ax=ax)
     style.titles(axes, ("loops", "loss factor", "secant stiffness"))
     for draw, axis in zip((_loops, _loss, _stiffness), axes, strict=False):
@@ -55,12 +61,16 @@ def _loops(axis: Any, results: Results) -> None:
     rows = results.slip
     factor, unit = prefix(float(np.abs(rows["u"]).max()), results.unit("length"))
     force, of_force = prefix(float(np.abs(rows["T"]).max()), results.unit("force"))
+    loops = results.slip_loops
+    preload = float(loops["T"][-1] / (loops["amplitude"][-1] * results.case["slip"]["friction"]))
+    law = slip_of_case(results.case, results.curve, min(preload, float(results.curve.force.max()))).law
     for number, amplitude in enumerate(np.unique(rows["amplitude"])[::-1]):
-        of = rows["amplitude"] == amplitude
         colour = _COLOURS[number % len(_COLOURS)]
+        smooth = path_of_law(law, float(amplitude), steps=_SMOOTH)
+        axis.plot(factor * smooth.u, force * smooth.T, "-", color=colour, label=f"{amplitude:g}")
         if "T_curve" in rows:
-            axis.plot(factor * rows["u"][of], force * rows["T_curve"][of], "--", color=colour, linewidth=0.9)
-        axis.plot(factor * rows["u"][of], force * rows["T"][of], "-", color=colour, label=f"{amplitude:g}")
+            of = rows["amplitude"] == amplitude
+            axis.plot(factor * rows["u"][of], force * rows["T"][of], "o", color=colour, markersize=3)
     axis.set_xlabel(style.label("tangential displacement $u$", unit))
     axis.set_ylabel(style.label("tangential force $T$", of_force))
     axis.legend(title=r"$T/(\mu P)$", loc="best")

@@ -45,7 +45,7 @@ class Stiffness:
         self._solid = solid
         self._elastic: TangentOperator | None = None  # with the elastic stiffness, beside the tangent of the solver
         self._height = 0.0  # of the undeformed block
-        self._along_x, self._along_y = (_Motion(solid, mirrored(solid, k), (0, 1, 2)) for k in (0, 1))
+        self._along_x, self._along_y = (_Motion(solid, mirrored(solid, k), (0, 1)) for k in (0, 1))
         self._along_z = _Motion(solid, solid.fixed, (2,))
 
     def __call__(self, solver: ContactSolver) -> dict[str, float]:
@@ -54,8 +54,8 @@ class Stiffness:
         Returns:
             by name, in units of E L; what the linear solver does not find is left out
                 k_n_elastic: of unloading and small vibration, with the elastic stiffness
-                k_t: tangential, nodes in contact stick to a plate that moves along x and along y; mean of the two,
-                    elastic
+                k_t: tangential, nodes in contact stick to a plate that moves along x and along y and are free along z,
+                    as on a like body; mean of the two, elastic
                 k_t_x: that along x
                 k_n_interface: k_n_elastic without the compliance h_b/(A M) of the block; absent where that is all
                     there is
@@ -96,7 +96,7 @@ class Stiffness:
         """
         elastic, along_x, along_y, along_z = self._elastic, self._along_x, self._along_y, self._along_z
         assert elastic is not None
-        plate = _dofs(nodes, (0, 1, 2))
+        plate = _dofs(nodes, (0, 1))
         x, y = (
             _Translation(solver, k, np.union1d(motion.fixed, plate), plate, True, False)
             for k, motion in enumerate((along_x, along_y))

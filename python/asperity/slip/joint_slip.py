@@ -7,7 +7,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass, replace
+from contextlib import suppress
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -24,6 +25,7 @@ from asperity.model.material import Material
 from asperity.runtime.display import short_repr
 from asperity.runtime.files import write_csv
 from asperity.runtime.run_folder import SLIP, SLIP_LOOPS
+from asperity.slip.branch import branch_rows, column_of, down_to_zero, left_out, measured_ratio, stuck_law, with_slopes
 from asperity.slip.law import SlipLaw
 from asperity.slip.path import SlipPath, path_of_law
 from asperity.slip.settings import SlipSettings
@@ -32,8 +34,8 @@ from asperity.units import quantity
 #: Columns of slip_loops.csv, and those of them with an error bar.
 LOOP_COLUMNS = ("amplitude", "T", "u", "k_secant", "energy", "eta", "slip_share")
 WITH_ERRORS = ("u", "k_secant", "energy", "eta")
-#: Bars of displacement and energy for slopes, over the mean pressure in contact over E', see docs/slip.md.
-STEEP = (4.0, 6.0)
+#: Bars of Jaeger's law, of the displacement of the interface and of the energy, over nu times them, see docs/slip.md.
+METHOD = (0.07, 0.35)
 FLOWS = 0.1  # plastic dissipation of a loop over that of friction, above which a loop is not steady
 
 
@@ -187,26 +189,40 @@ def slip_of_curve(
     """
     columns = CurveColumns.of(curve)
     choice = choose(columns, "auto", settings.preload)
+    rows = branch_rows(columns, choice)
+    choice = with_slopes(choice, columns, rows)
     block = height / (patch * material.block_modulus(sides)), height / (patch * material.lame[1])
+    ratio = measured_ratio(curve, columns, rows, block, settings.direction)
 
-    def law_on(normal: Law) -> SlipLaw:
-        return SlipLaw(_down_to_zero(normal), choice.load, settings.friction, material.nu, block)
+    def law_on(law: Law) -> SlipLaw:
+        if isinstance(law, TableLaw):
+            law = down_to_zero(law)
+        if ratio is None or not isinstance(law, TableLaw):
+            return SlipLaw(law, choice.load, settings.friction, material.nu, block)
+        stuck = stuck_law(law, *ratio, block[0], choice.load)
+        return SlipLaw(stuck, choice.load, settings.friction, 0.0, (0.0, block[1]))
 
     law = law_on(choice.law)
-    area = _area_of(curve, columns, choice)
-    paths = tuple(path_of_law(law, t, steps=settings.steps, area=area) for t in settings.amplitudes)
+    paths = tuple(
+        path_of_law(law, t, steps=settings.steps, area=_area_of(curve, columns, rows)) for t in settings.amplitudes
+    )
     laws = tabulate(columns, choice)
     errors: tuple[Mapping[str, float], ...] = ()
-    if math.isfinite(laws.bar):
-        pressed = material.reduced_modulus * patch * (math.inf if area is None else area(np.array([law.preload]))[0])
-        steep = float(law.preload / pressed)
-        errors = _errors(law, laws.members(), law_on, settings.amplitudes, None if computed else steep)
+    if math.isfinite(laws.bar) and (ratio is not None or computed):
+        errors = _errors(law, (*laws.chosen.sides(), *choice.bounds), law_on, settings.amplitudes)
+        if not computed and isinstance(choice.law, TableLaw):
+            oblique = abs(math.sin(2.0 * math.radians(settings.direction)))
+            of_method = METHOD[0] * material.nu + oblique * material.nu / (2.0 - material.nu), METHOD[1] * material.nu
+            errors = tuple(
+                _with_method(row, law, t, of_method, left_out(choice.law), law_on)
+                for row, t in zip(errors, settings.amplitudes, strict=False)
+            )
     if computed and errors:  # the mesh of the solid, of which only the curve gives an estimate
         pairs = [(_loop_of(a), _loop_of(b)) for a, b in zip(computed, paths, strict=True)]
         errors = tuple(
             {k: bar + abs(a[k] - b[k]) for k, bar in row.items()} for row, (a, b) in zip(errors, pairs, strict=True)
         )
-    return JointSlip(law, paths, computed, errors, tuple(_doubts(choice, paths, computed)))
+    return JointSlip(law, paths, computed, errors, tuple(_doubts(choice, ratio is not None, paths, computed)))
 
 
 def slip_of_case(
@@ -228,52 +244,51 @@ def slip_of_case(
     )
 
 
-def _down_to_zero(law: Law) -> Law:
-    """Law whose stiffness does not rise as the force falls to zero, which slips at last.
-
-    Where few facets touch, the first points of a table may have a power below one; below them the force is then
-    proportional to the approach.
-    """
-    if not isinstance(law, TableLaw) or law.slopes[0] * law.z[0] >= law.F[0]:
-        return law
-    k = np.full(law.z.size, np.nan) if law.k is None else law.k.copy()
-    k[0] = law.F[0] / law.z[0]
-    return replace(law, k=k, origin=0.0)
-
-
 def _errors(
-    law: SlipLaw,
-    members: tuple[Law, ...],
-    law_on: Callable[[Law], SlipLaw],
-    amplitudes: tuple[float, ...],
-    steep: float | None,
+    law: SlipLaw, members: tuple[Law, ...], law_on: Callable[[Law], SlipLaw], amplitudes: tuple[float, ...]
 ) -> tuple[Mapping[str, float], ...]:
-    """Bars at each amplitude: what the ends of the bar of the normal curve change, and of the curve the method.
-
-    The law takes the mean of the tangential compliance over all directions. Along the motion that of a wave is 1 to
-    1/(1 - nu) times the normal one, so for spots of any shape the compliance of the interface lies within nu/(2 - nu)
-    of it. The energy follows from it and from the slip that turns; nu is the bar of it, see docs/slip.md.
-
-    A half-space has no slopes. A spot stands above its surroundings, and what is missing there makes it softer in
-    shear in proportion to its slope, which is about the mean pressure in contact over E' (`steep`; None leaves the
-    method out).
-    """
+    """What the ends of the bar of the normal curve change, at each amplitude."""
     try:
         others = [law_on(member) for member in members]
     except AsperityError:  # at the end of its bar the curve does not reach the preload
         return ()
-    found = []
-    for t in amplitudes:
-        values = _numbers(law, t)
-        changes = {k: max((abs(_numbers(x, t)[k] - v) for x in others), default=0.0) for k, v in values.items()}
-        if steep is not None:
-            interface = 1.0 - law.block[1] * law.limit * t / values["u"]
-            of_u = (law.nu / (2.0 - law.nu) + STEEP[0] * steep) * interface
-            of_energy = law.nu + STEEP[1] * steep
-            method = {"u": of_u, "k_secant": of_u, "energy": of_energy, "eta": of_energy + of_u}
-            changes = {k: change + method[k] * values[k] for k, change in changes.items()}
-        found.append(changes)
-    return tuple(found)
+    return tuple(
+        {k: max((abs(_numbers(x, t)[k] - v) for x in others), default=0.0) for k, v in _numbers(law, t).items()}
+        for t in amplitudes
+    )
+
+
+def _with_method(
+    bars: Mapping[str, float],
+    law: SlipLaw,
+    t: float,
+    of_method: tuple[float, float],
+    groups: list[list[TableLaw]],
+    law_on: Callable[[Law], SlipLaw],
+) -> Mapping[str, float]:
+    """Bars with those of the method: of Jaeger's law, and of what lies between the rows.
+
+    Args:
+        bars: what else they consist of
+        law: of the joint
+        t: amplitude
+        of_method: of the displacement of the interface and of the energy, over them
+        groups: see `left_out`; each adds the greatest change, all of the value where its laws do not exist
+        law_on: law of slip on a normal one
+    """
+    values = _numbers(law, t)
+    interface = 1.0 - law.block[1] * law.limit * t / values["u"]
+    of_u, of_energy = of_method[0] * interface, of_method[1]
+    method = {"u": of_u, "k_secant": of_u, "energy": of_energy, "eta": of_energy + of_u}
+    found = {k: bars[k] + method[k] * v for k, v in values.items()}
+    for group in groups:
+        others = []
+        for other in group:
+            with suppress(AsperityError):
+                others.append(_numbers(law_on(other), t))
+        for k, v in values.items():
+            found[k] += max((abs(other[k] - v) for other in others), default=abs(v))
+    return found
 
 
 def _numbers(law: SlipLaw, t: float) -> dict[str, float]:
@@ -286,17 +301,10 @@ def _loop_of(path: SlipPath) -> dict[str, float]:
     return dict(zip(LOOP_COLUMNS, values, strict=True))
 
 
-def _area_of(curve: Any, columns: CurveColumns, choice: Choice) -> Callable[[Array], Array] | None:
+def _area_of(curve: Any, columns: CurveColumns, rows: Array) -> Callable[[Array], Array] | None:
     """Area of contact over the normal force on the branch of a law, None where the curve has none."""
-    given = curve.get("area_fraction") if isinstance(curve, Mapping) else getattr(curve, "area_fraction", None)
-    if given is None:
-        return None
-    area = np.asarray(given, float)
-    among = columns.loading
-    if choice.name == "unload-reload":
-        last = next(leg for leg in columns.unloadings() if columns.branch[leg[-1]] == "unload")
-        among = np.isin(np.arange(area.size), last)
-    rows = columns.rising(among & (columns.force > 0.0) & (area > 0.0))
+    area = column_of(curve, "area_fraction", columns.delta.size)
+    rows = rows[area[rows] > 0.0]
     if rows.size < 2:
         return None
     x, y = np.log(columns.force[rows]), np.log(area[rows])
@@ -308,13 +316,20 @@ def _area_of(curve: Any, columns: CurveColumns, choice: Choice) -> Callable[[Arr
     return at
 
 
-def _doubts(choice: Choice, paths: tuple[SlipPath, ...], computed: tuple[SlipPath, ...]) -> Iterator[str]:
+def _doubts(
+    choice: Choice, measured: bool, paths: tuple[SlipPath, ...], computed: tuple[SlipPath, ...]
+) -> Iterator[str]:
     if choice.note:
         yield choice.note
     elif choice.yielded and choice.name != "unload-reload":
         yield (
             "the contact has yielded, and the curve does not unload through the preload: slip follows from the elastic "
             "stiffness of the loading, which is too low at lighter forces; compute it with loading.unload = true"
+        )
+    if not measured:
+        yield (
+            "the curve has no tangential stiffness (columns k_t and k_t_x): that of an isotropic half-space is taken, "
+            "which long spots and steep slopes do not have; compute it with output.stiffness = true"
         )
     if flowing := [f"{path.amplitude:g}" for path in computed if path.plastic > FLOWS * path.energy]:
         yield (

@@ -30,7 +30,7 @@ from asperity.errors import InputError
 from asperity.runtime.display import short_repr
 from asperity.slip.jenkins import JenkinsArray
 
-_LEAST = 1e-3  # share of the compliance that the interface must have: less is lost in the error of the block's
+LEAST = 1e-3  # share of the compliance that the interface must have: less is lost in the error of the block's
 
 
 def compliance_ratio(nu: float) -> float:
@@ -85,7 +85,7 @@ class SlipLaw:
         if not -1.0 < self.nu <= 0.5:
             raise InputError(f"nu = {self.nu:g} is not legal: it must lie in (-1, 0.5]")
         slope = self.normal.at(self._approach(0.0))[1]
-        if 1.0 - self.block[0] * slope < _LEAST:
+        if 1.0 - self.block[0] * slope < LEAST:
             raise InputError(
                 "the normal curve is as stiff as the block: its contact is complete, or nearly, and no slip follows "
                 "from it; take a smaller preload"

@@ -25,7 +25,7 @@ class SlipSettings:
         preload: normal force P (force); default that of the vibration, or half of the greatest force of the curve
         steps: of the first loading; a loop has four times as many
         method: "curve" follows from the normal curve, "solid" moves the flat on the solid
-        direction: of the motion, from the x axis towards the y axis (degrees); the curve has none
+        direction: of the motion, from the x axis towards the y axis (degrees)
 
     Raises:
         InputError: a value is not legal

@@ -1,0 +1,138 @@
+# SPDX-FileCopyrightText: The asperity developers
+# SPDX-License-Identifier: LGPL-3.0-or-later
+
+"""Branch of a curve on which a joint slips: its normal law with known slopes, and that of the contact without slip."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from contextlib import suppress
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from asperity.arrays import Array
+from asperity.dynamics.columns import CurveColumns
+from asperity.dynamics.law.table import TableLaw
+from asperity.dynamics.law_of_curve import Choice
+from asperity.errors import AsperityError, InputError
+from asperity.slip.law import LEAST
+
+
+def branch_rows(columns: CurveColumns, choice: Choice) -> Array:
+    """Rows of the branch of a law, in the order of their force."""
+    among = columns.loading
+    if choice.name == "unload-reload":
+        last = next(leg for leg in columns.unloadings() if columns.branch[leg[-1]] == "unload")
+        among = np.isin(np.arange(columns.delta.size), last)
+    return columns.rising(among & (columns.force > 0.0))
+
+
+def column_of(curve: Any, name: str, size: int) -> Array:
+    """Column of a `Curve` or a mapping, NaN where unknown (size,)."""
+    values = curve.get(name) if isinstance(curve, Mapping) else getattr(curve, name, None)
+    return np.full(size, np.nan) if values is None else np.asarray(values, float)
+
+
+def with_slopes(choice: Choice, columns: CurveColumns, rows: Array) -> Choice:
+    """Choice with the law through the rows of an elastic loading, their elastic stiffness its slopes, where known."""
+    rows = rows[(columns.elastic[rows] > 0.0) & (columns.delta[rows] > 0.0)]
+    if choice.name not in ("table", "paper") or choice.yielded or not rows.size:
+        return choice
+    law = TableLaw(columns.delta[rows], columns.force[rows], k=columns.elastic[rows], extrapolate=True)
+    return replace(choice, name="table", law=law)
+
+
+def measured_ratio(
+    curve: Any, columns: CurveColumns, rows: Array, block: tuple[float, float], direction: float
+) -> tuple[Array, Array] | None:
+    """Tangential over normal compliance of the interface, without slip, over the normal force.
+
+    Args:
+        curve: with the columns k_n_elastic, k_t and k_t_x; None is returned without them
+        columns: of the curve
+        rows: of the branch
+        block: normal and tangential compliance of the block (length/force)
+        direction: of the motion, from x towards y (degrees)
+
+    Returns:
+        forces and ratios, each of shape (n,)
+    """
+    mean, along_x = (column_of(curve, name, columns.delta.size)[rows] for name in ("k_t", "k_t_x"))
+    k_t = mean + (along_x - mean) * math.cos(2.0 * math.radians(direction))
+    with np.errstate(divide="ignore", invalid="ignore"):
+        normal, tangential = 1.0 / columns.elastic[rows] - block[0], 1.0 / k_t - block[1]
+        ratio = tangential / normal
+    known = (normal > 0.0) & (tangential > 0.0) & np.isfinite(ratio)
+    return (columns.force[rows][known], ratio[known]) if known.any() else None
+
+
+def stuck_law(law: TableLaw, forces: Array, ratios: Array, block: float, load: float) -> TableLaw:
+    """Normal force over the displacement w with dP/dw = k_t, the tangential stiffness of the interface without slip.
+
+    Args:
+        law: of the normal force over the approach
+        forces, ratios: see `measured_ratio`
+        block: normal compliance of the block (length/force)
+        load: force to which it is needed (force)
+
+    Raises:
+        InputError: the curve is as stiff as the block
+    """
+    law = elastic_part(law)
+    z, softness = law.z - block * law.F, 1.0 / law.slopes - block
+    known = np.minimum.accumulate((softness > LEAST * block) & (np.diff(z, prepend=0.0) > 0.0))
+    if not known[-1] and (not known.any() or law.F[known][-1] < load):
+        raise InputError(
+            "the normal curve is as stiff as the block: its contact is complete, or nearly, and no slip follows from "
+            "it; take a smaller preload"
+        )
+    z, force = z[known], law.F[known]
+    ratio = np.interp(force, forces, ratios)
+    steps = 0.5 * (ratio[1:] + ratio[:-1]) * np.diff(z)
+    w = ratio[0] * z[0] + np.append(0.0, np.cumsum(steps))
+    return TableLaw(w, force, k=1.0 / (ratio * softness[known]), name="contact without slip", extrapolate=True)
+
+
+def left_out(law: TableLaw) -> list[list[TableLaw]]:
+    """Laws without the forces, without the slopes, and without every second row; a group each, empty where none exists.
+
+    Between rows the law is a guess, and what a part of them changes shows how good it is.
+    """
+    law = elastic_part(law)
+    z, force, unknown = law.z, law.F, np.full(law.z.size, np.nan)
+    last = z.size - 1
+
+    def made(rows: Array, k: Array) -> list[TableLaw]:
+        with suppress(AsperityError):
+            return [TableLaw(z[rows], force[rows], k=k[rows], extrapolate=True)]
+        return []
+
+    halves = [np.setdiff1d(np.arange(last + 1), np.arange(last - 1 - i, -1, -2)) for i in (0, 1)]
+    known = unknown if law.k is None else law.k
+    thinned = [made(rows, known) for rows in halves if rows.size <= last]
+    if np.isnan(known).any():
+        return [*thinned, []] if len(thinned) < 2 else thinned
+    slopes_alone = [TableLaw.of_stiffness(force, known, extrapolate=True)] if last else []
+    return [slopes_alone, made(np.arange(last + 1), unknown), [law for part in thinned for law in part]]
+
+
+def elastic_part(law: TableLaw) -> TableLaw:
+    """Law up to where it yields."""
+    below = law.z <= law.yields_at
+    return TableLaw(law.z[below], law.F[below], k=None if law.k is None else law.k[below], extrapolate=True)
+
+
+def down_to_zero(law: TableLaw) -> TableLaw:
+    """Law whose stiffness does not rise as the force falls to zero, which slips at last.
+
+    Where few facets touch, the first points of a table may have a power below one; below them the force is then
+    proportional to the approach.
+    """
+    if law.slopes[0] * law.z[0] >= law.F[0]:
+        return law
+    k = np.full(law.z.size, np.nan) if law.k is None else law.k.copy()
+    k[0] = law.F[0] / law.z[0]
+    return replace(law, k=k, origin=0.0)

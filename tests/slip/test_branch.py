@@ -1,0 +1,79 @@
+# SPDX-FileCopyrightText: The asperity developers
+# SPDX-License-Identifier: LGPL-3.0-or-later
+
+"""Slip of a curve with its stiffnesses: Mindlin's sphere through few rows, direction, what is left out."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from asperity.dynamics.law.table import TableLaw
+from asperity.model.material import Material
+from asperity.slip import SlipSettings, slip_of_curve
+from asperity.slip.branch import left_out
+
+STEEL, SIDE, HEIGHT = Material(200e9, 0.3), 1e-6, 1e-6
+MU, AMPLITUDES = 0.3, (0.1, 0.3, 0.6, 0.9)
+
+
+def sphere(rows: int, softer: float = 1.0) -> dict[str, np.ndarray]:
+    """Curve of a sphere on a block, its tangential stiffness along x and y, that along y of a `softer` interface."""
+    z = np.linspace(0.0, 1e-8, rows + 1)[1:]
+    force, k = 2e9 * z**1.5, 3e9 * z**0.5
+    c_n, c_t = (HEIGHT / (SIDE**2 * modulus) for modulus in (STEEL.confined_modulus, STEEL.lame[1]))
+    ratio = (1.0 - 0.5 * STEEL.nu) / (1.0 - STEEL.nu)
+    k_x, k_y = (1.0 / (part * ratio / k + c_t) for part in (1.0, softer))
+    columns = {"delta": z + c_n * force, "force": force, "k_n_elastic": 1.0 / (1.0 / k + c_n)}
+    return columns | {"k_t": 0.5 * (k_x + k_y), "k_t_x": k_x, "P_star": force, "error_P_star": 1e-6 * force}
+
+
+def slip(curve: dict[str, np.ndarray], direction: float = 0.0):
+    settings = SlipSettings(MU, AMPLITUDES, float(curve["force"][-1]), direction=direction)
+    return slip_of_curve(curve, settings, STEEL, patch=SIDE**2, height=HEIGHT)
+
+
+@pytest.mark.parametrize("rows", [3, 5, 20])
+def test_few_rows_with_their_stiffness_give_mindlins_sphere(rows: int) -> None:
+    law, P, a = slip(sphere(rows)).law, 2e9 * 1e-12, 1e-8
+    t = np.array(AMPLITUDES)
+    ratio, c_t = (1.0 - 0.5 * STEEL.nu) / (1.0 - STEEL.nu), HEIGHT / (SIDE**2 * STEEL.lame[1])
+    c = MU * ratio * a
+    np.testing.assert_allclose(law.displacement(t), c * (1 - (1 - t) ** (2 / 3)) + c_t * MU * P * t, rtol=1e-5)
+    energy = 4.8 * MU * P * c * (1 - (1 - t) ** (5 / 3) - 5 * t / 6 * (1 + (1 - t) ** (2 / 3)))
+    np.testing.assert_allclose(law.energy(t), energy, rtol=1e-3)
+    assert law.k_tangent(0.0) == pytest.approx(sphere(rows)["k_t"][-1], rel=1e-12)
+
+
+def test_each_direction_has_its_stiffness() -> None:
+    curve = sphere(10, softer=1.2)
+    along_x, along_y, aslant = (slip(curve, direction).law for direction in (0.0, 90.0, 45.0))
+    assert along_x.k_tangent(0.0) == pytest.approx(curve["k_t_x"][-1], rel=1e-12)
+    assert along_y.energy(0.5) == pytest.approx(1.2 * along_x.energy(0.5), rel=1e-6)
+    assert aslant.k_tangent(0.0) == pytest.approx(curve["k_t"][-1], rel=1e-12)
+    bars = [slip(curve, direction).loops()[1]["error_u"] for direction in (0.0, 45.0)]
+    assert bars[1] > 2.0 * bars[0]  # the stiffness between both axes is not known
+
+
+def test_bars_of_few_rows_are_wider() -> None:
+    bars = [[row["error_energy"] / row["energy"] for row in slip(sphere(rows)).loops()] for rows in (3, 5, 20)]
+    assert np.all(np.diff(bars, axis=0) < 0.0)
+    assert min(bars[-1]) > 0.3 * STEEL.nu
+
+
+def test_a_curve_without_tangential_stiffness_has_no_bars_and_says_so() -> None:
+    curve = {name: column for name, column in sphere(20).items() if not name.startswith("k_")}
+    found = slip(curve)
+    assert "error_u" not in found.loops()[0]
+    assert any("output.stiffness = true" in note for note in found.notes)
+    assert found.law.energy(0.6) == pytest.approx(slip(sphere(20)).law.energy(0.6), rel=0.03)
+
+
+def test_groups_that_are_left_out() -> None:
+    z = np.linspace(0.0, 1.0, 8)[1:]
+    full = TableLaw(z, z**2, k=2.0 * z)
+    slopes, forces, thinned = left_out(full)
+    assert slopes[0].deflection(0.5) == pytest.approx(full.deflection(0.5), rel=1e-9)  # of a power law
+    assert forces[0].k is not None and np.isnan(forces[0].k).all()
+    assert [law.z.size for law in thinned] == [4, 4] and all(law.z[-1] == 1.0 for law in thinned)
+    assert left_out(TableLaw(z[-1:], z[-1:] ** 2, k=2.0 * z[-1:])) == [[], [], []]
