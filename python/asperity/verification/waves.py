@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: The asperity developers
 # SPDX-License-Identifier: LGPL-3.0-or-later
 
-"""Sinusoidal surfaces on a block of half a wavelength, from light to full contact."""
+"""Sinusoidal surfaces on a block of half a wavelength, from light to nearly full contact."""
 
 from __future__ import annotations
 
@@ -83,10 +83,10 @@ def _pressure_error(result: ContactResult, theory: reference.Westergaard, mean: 
 
 
 def double_sinusoid(level: VerificationLevel) -> Iterator[Row]:
-    """Force and area from light to full contact; Johnson, Greenwood & Higginson (1985)."""
+    """Force and area from light to nearly full contact; Johnson, Greenwood & Higginson (1985)."""
     theory = reference.DoubleSinusoid(AMPLITUDE, WAVELENGTH, MATERIAL.reduced_modulus)
     slope = 2.0 * np.pi * AMPLITUDE / WAVELENGTH
-    for share in (0.01, 0.05, 0.1, 0.3, 0.5, 0.8, 0.99, 1.5) if level.full else (0.05, 0.5, 1.5):
+    for share in (0.01, 0.05, 0.1, 0.3, 0.5, 0.8, 0.99) if level.full else (0.05, 0.5):
         mean = share * theory.full_pressure
         delta = float(theory.approach(mean)) + mean / STIFFNESS
         results = on_meshes(level, partial(press_wave, 2, delta))
