@@ -45,6 +45,22 @@ def make_curve(**header: object) -> Curve:
     return Curve.from_rows(rows, header)
 
 
+def leave_figures_blank(patch: pytest.MonkeyPatch) -> None:
+    """Write figures without a picture: drawing would take most of the time of a small run."""
+
+    def save(figure: object, path: Path) -> Path:
+        path.write_bytes(b"\x89PNG" + bytes(24))
+        return path
+
+    patch.setattr("asperity.plot.style.save", save)
+
+
+@pytest.fixture
+def blank_figures(monkeypatch: pytest.MonkeyPatch) -> None:
+    """See `leave_figures_blank`."""
+    leave_figures_blank(monkeypatch)
+
+
 RANKS, FAILURE = pytest.StashKey[Ranks](), pytest.StashKey[str]()
 
 

@@ -13,6 +13,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from conftest import leave_figures_blank
 from html_page import Page
 
 import asperity
@@ -32,6 +33,8 @@ from asperity.quasistatic.newton import NewtonSolver
 from asperity.run_case import RunResult, run
 from asperity.runtime.run_folder import PRODUCTS
 from asperity.study.results import summarise_case
+
+pytestmark = pytest.mark.usefixtures("blank_figures")
 
 SURFACE: dict[str, Any] = {"kind": "weierstrass-mandelbrot", "L": 1e-6, "D": 2.4, "G": 1.36e-11}
 STEEL: dict[str, Any] = {"E": 200e9, "nu": 0.3, "yield_strength": 1e9, "tangent_modulus": 10e9}
@@ -59,7 +62,9 @@ def full(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, RunResult]:
     loops = {"amplitudes": [0.3, 0.6], "cycles": 2, "steps": 1}
     material = CASE["material"] | {"density": 7800.0}
     case = case_of(material=material, output=everything, dynamics=dynamics, loops=loops)
-    return folder, run(case, folder)
+    with pytest.MonkeyPatch.context() as patch:
+        leave_figures_blank(patch)
+        return folder, run(case, folder)
 
 
 # --- files ----------------------------------------------------------------------------------------------------

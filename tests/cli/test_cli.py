@@ -279,13 +279,6 @@ def parallel(code: str) -> subprocess.CompletedProcess[str]:
     return subprocess.run(command, capture_output=True, text=True, timeout=100)
 
 
-def test_ranks_end_with_one_message_and_one_code(tmp_path: Path) -> None:
-    arguments = ["run", DEMO, "-o", str(tmp_path / "out"), "--set", "material.nu=0.7"]
-    done = parallel(f"from asperity.cli import main; main({arguments!r})")
-    assert done.returncode == 2
-    assert done.stderr.count("error: ") == 1 and "material.nu = 0.7" in done.stderr
-
-
 def test_one_failed_rank_ends_a_job_that_waits_for_it() -> None:
     done = parallel(
         "import sys; from asperity.runtime import parallel; parallel.PATIENCE = 0.5; job = parallel.Ranks()\n"
@@ -294,20 +287,6 @@ def test_one_failed_rank_ends_a_job_that_waits_for_it() -> None:
         "MPI.COMM_WORLD.Barrier()"
     )
     assert done.returncode == 3 and "lost at step 4 (rank 1" in done.stderr
-
-
-def test_an_error_of_the_first_rank_reaches_all() -> None:
-    done = parallel(
-        "from asperity.runtime.parallel import on_root_bcast\n"
-        "from asperity.errors import InputError\n"
-        "from mpi4py import MPI\n"
-        "def work(): raise InputError('no')\n"
-        "caught = 0\n"
-        "try: on_root_bcast(None, work)\n"
-        "except InputError as error: caught = str(error) == 'no'\n"
-        "assert MPI.COMM_WORLD.allreduce(int(caught)) == 2"
-    )
-    assert done.returncode == 0, done.stderr
 
 
 def test_progress_shows_time_left(capsys: pytest.CaptureFixture[str]) -> None:

@@ -14,6 +14,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from conftest import leave_figures_blank
 from html_page import Page
 
 from asperity.adaptive.solve_contact import solve_contact
@@ -47,6 +48,8 @@ from asperity.run_case import run
 from asperity.runtime.notices import noting
 from asperity.surface import Flat, Sinusoid, Sphere, Surface
 from asperity.surface import fractal as fractal_module
+
+pytestmark = pytest.mark.usefixtures("blank_figures")
 
 STEEL = Material(200e9, 0.3, 1e9, 10e9)
 WAVE = Sinusoid(L=1e-6, amplitude=1e-8)
@@ -389,7 +392,8 @@ def test_a_case_with_a_density_has_the_lines_of_inertia(tmp_path: Path) -> None:
 def warned(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, list[str]]:
     """A run beyond two limits, with an unused key; and its warnings."""
     folder = tmp_path_factory.mktemp("warned") / "out"
-    with warnings.catch_warnings(record=True) as caught:
+    with warnings.catch_warnings(record=True) as caught, pytest.MonkeyPatch.context() as patch:
+        leave_figures_blank(patch)
         warnings.simplefilter("always")
         run(Case.from_dict({**YIELDING, "output": {"report": True}}), folder)
     return folder, [str(w.message) for w in caught if issubclass(w.category, AsperityWarning)]

@@ -22,8 +22,9 @@ from asperity.errors import CaseWarning, CheckpointError, InputError
 from asperity.plot import CAPTIONS
 from asperity.run_case import run
 from asperity.runtime.files import replace_file
-from asperity.runtime.parallel import agree
 from asperity.runtime.run_folder import PICTURES, PRODUCTS, check, holds_run, is_empty
+
+pytestmark = pytest.mark.usefixtures("blank_figures")
 
 # a plane: the whole run takes half a second
 PLANE: dict[str, Any] = {
@@ -406,20 +407,6 @@ def world() -> Any:
     from mpi4py import MPI
 
     return MPI.COMM_WORLD
-
-
-@pytest.mark.mpi
-def test_what_fails_on_one_rank_fails_on_all() -> None:
-    comm = world()
-
-    def work() -> int:
-        if comm.rank == comm.size - 1:
-            raise InputError(f"rank {comm.rank} cannot read it")
-        return comm.rank
-
-    with pytest.raises(InputError, match=f"rank {comm.size - 1} cannot read it"):
-        agree(comm, work)
-    assert agree(comm, lambda: comm.rank) == comm.rank
 
 
 @pytest.mark.mpi

@@ -317,7 +317,8 @@ def on_two_ranks(path: Path, out: Path, *options: str) -> str:
 @pytest.mark.parametrize("ranks_per_case", [1, 2])
 def test_two_ranks_share_the_cases(tmp_path: Path, ranks_per_case: int) -> None:
     path = tmp_path / "s.toml"
-    path.write_text(tomli_w.dumps({"base": BASE, "grid": {"material.tangent_modulus": [0.01, 0.05, 0.1]}}))
+    base = BASE | {"loading": {"delta_max": 0.02, "steps": 2}}
+    path.write_text(tomli_w.dumps({"base": base, "grid": {"material.tangent_modulus": [0.01, 0.05, 0.1]}}))
     printed = on_two_ranks(path, tmp_path / "out", "--ranks-per-case", str(ranks_per_case))
     assert "3 of 3 cases done, 0 failed" in printed
     with (tmp_path / "out/results.csv").open() as file:
@@ -328,7 +329,7 @@ def test_two_ranks_share_the_cases(tmp_path: Path, ranks_per_case: int) -> None:
 
 def test_two_ranks_continue_and_collect_a_study_with_free_sides(tmp_path: Path) -> None:
     path, out = tmp_path / "s.toml", tmp_path / "out"
-    base = BASE | {"block": {"sides": "free"}}
+    base = BASE | {"block": {"sides": "free"}, "loading": {"delta_max": 0.02, "steps": 2}}
     path.write_text(tomli_w.dumps({"base": base, "grid": {"material.tangent_modulus": [0.01, 0.05, 0.1]}}))
     made = Study.load(path)
     assert run_study(made, out, only=(1, 3)).done == 1
