@@ -22,7 +22,7 @@ from asperity.units import prefix
 
 SIZE = (2400, 1060)  # pixels
 DEPTH = 0.35  # share of the height that is shown
-HIGH = 0.9  # stress at which a block may be cut open, over that which a thousandth of it exceeds
+HIGH = 0.8  # stress at which a block may be cut open, over that which a thousandth of it exceeds
 FIELD_FILE = f"{FIELDS}/{VTKHDF}"
 ABOVE = 1e-4  # of the touched thirds above the surface that they lie on [L]
 
