@@ -267,7 +267,7 @@ def test_wheels_of_pypi_need_no_root(clone: Clone, compiles: bool, installed: st
     (tools / "python3.14").write_text(python)
     (tools / "python3.14").chmod(0o755)
     script = clone.path / "run"
-    script.write_text(script.read_text().replace("c++ -E -", str(compiles).lower()))
+    script.write_text(script.read_text().replace("c++ -std", f"{str(compiles).lower()} -std"))
     clone.environment["ASPERITY_SUITE"] = "pypi"
     for _ in range(2):
         output, errors = clone.start().communicate(timeout=60)
