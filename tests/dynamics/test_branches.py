@@ -16,7 +16,7 @@ from scipy.integrate import solve_ivp
 from shooting import computed
 from test_response import one_period
 
-from asperity.dynamics import ContactOscillator, PowerLaw, TableLaw, continuation
+from asperity.dynamics import ContactOscillator, PowerLaw, TableLaw, continuation, search
 from asperity.errors import ConvergenceError
 from asperity.plot import vibration
 
@@ -187,6 +187,13 @@ def test_period_4_branches_are_orbits_of_period_4() -> None:
         ).y.T  # fmt: skip
         size = orbit.u_max - orbit.u_min
         assert np.abs(y[2] - y[0]).max() < 2e-4 * size and np.abs(y[1] - y[0]).max() > 1e-3 * size
+
+
+def test_period_4_with_too_many_harmonics_is_left_out(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(search, "_MOST_HARMONICS", 8)
+    r = ContactOscillator(PowerLaw(2.0), zeta=0.05).response(0.9, (0.3, 2.4))
+    assert {b.order for b in r.branches} == {1, 2}
+    assert any("period doublings are not followed: they need more than 8 harmonics" in note for note in r.notes)
 
 
 def test_stability_changes_at_points_of_a_branch() -> None:
