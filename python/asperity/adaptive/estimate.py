@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from asperity.adaptive.dof_count import dofs_of
-from asperity.adaptive.guide import MOST_STEPS, Guide
+from asperity.adaptive.guide import MOST_STEPS, PASSES, Guide
 from asperity.adaptive.mesh_plan import (
     COARSE_GROWTH,
     DOFS_ORDER,
@@ -154,7 +154,7 @@ class Estimate:
         return self.others + sum(level.seconds for level in self.strain + self.levels)
 
 
-def estimate(case: Case, ranks: int = 1, surface: Surface | None = None) -> Estimate:
+def estimate(case: Case, ranks: int = 1, surface: Surface | None = None, passes: int = PASSES) -> Estimate:
     """Estimate the cost of a case, without meshing or solving it.
 
     The approach of a load path that gives a force is that of a half-space, see `approach_of_force`.
@@ -165,6 +165,7 @@ def estimate(case: Case, ranks: int = 1, surface: Surface | None = None) -> Esti
         case: the input
         ranks: that share the work
         surface: in place of that of the case
+        passes: see `Guide`
 
     Raises:
         InputError: the case has more than MOST_DOFS, or a run would refuse it for its accuracy.max_dofs
@@ -193,7 +194,7 @@ def estimate(case: Case, ranks: int = 1, surface: Surface | None = None) -> Esti
             raise InputError(f"the mesh has more than {MOST_DOFS:g} dofs: raise mesh.h_contact")
         plan = [(case.mesh.h_contact, dofs, _steps(case, case.loading.steps))]
     else:
-        plan, bar, solved = _plan(case, surface, delta, tolerance)
+        plan, bar, solved = _plan(case, surface, delta, tolerance, passes)
         others += HALF_SPACE * solved
     finite = case.material.kinematics == "finite"
     levels = tuple(MeshEstimate(h, dofs, steps, _seconds(rates, dofs, steps, finite)) for h, dofs, steps in plan)
@@ -281,7 +282,7 @@ def approach_of_force(case: Case, surface: Surface) -> float:
 
 
 def _plan(
-    case: Case, surface: Surface, depth: float, tolerance: float
+    case: Case, surface: Surface, depth: float, tolerance: float, passes: int
 ) -> tuple[list[tuple[float, int, int]], float, float]:
     """Meshes that a run plans, see `mesh_levels.LevelSolver`.
 
@@ -298,7 +299,7 @@ def _plan(
         problem = Problem.of(
             surface, case.material.solid, height=case.block.height, sides=sides, delta_max=depth, steps=planned
         )
-    sizes = Guide(problem, depth, planned).sizes
+    sizes = Guide(problem, depth, planned, passes=passes).sizes
     unit = float(sizes[np.isfinite(sizes)].max())
 
     def count(scale: float, most: float) -> int:

@@ -30,6 +30,7 @@ if TYPE_CHECKING:
 CELLS = 256, 720  # fewest and most per side
 PER_WAVE, PER_SIZE = 4.0, 1.5  # cells per shortest wave, and per element of scale 1
 NEGLIGIBLE = 0.004  # tolerance that the waves too short for that number of cells do not affect
+PASSES = 2  # of the half-space: the first shows how fine the second must be
 MOST_STEPS = 10  # at which the half-space is pressed
 EARLY = 0.25  # power of the approach in the sizes: the first spots are the least of a mesh and have its largest errors
 MOST = 10.0  # change beyond which nothing is known
@@ -62,14 +63,16 @@ class Guide:
         depth: greatest approach [length]
         steps: planned load steps
         on_part: called with the part of a half-space that is done
+        passes: at most
 
     Attributes:
         sizes: of elements of scale 1 at the cells of a grid, inf where the surface is not touched (n, n) [L]
     """
 
     def __init__(
-        self, problem: Problem, depth: float, steps: int, on_part: Callable[[float], None] | None = None
-    ) -> None:
+        self, problem: Problem, depth: float, steps: int, on_part: Callable[[float], None] | None = None,
+        passes: int = PASSES,
+    ) -> None:  # fmt: skip
         self._surface, material = problem.surface, problem.material
         L = self._surface.L
         # of a filtered map the pixels are shorter than the waves
@@ -81,7 +84,7 @@ class Guide:
         self._summit = self._surface.maximum()[2] / L
         self._delta_star = depth / L * np.linspace(1.0 / steps, 1.0, min(steps, MOST_STEPS))
         cells = PER_WAVE * L / max(self._surface.feature_size, shortest)
-        for _ in range(2):  # the first shows the least size
+        for _ in range(passes):
             n = cells_per_side(float(np.clip(cells, *CELLS)))
             self._layer = RoughHalfSpace(n, problem.height / L, material.nu, problem.sides, hardness)
             self._press_surface()
