@@ -391,13 +391,13 @@ def test_closed_form_maxima():
 
 
 def test_statistics_of_a_sinusoid():
-    stats = Sinusoid(L=1.0, amplitude=0.01).statistics(2049)
-    assert stats.Sq == pytest.approx(0.01 / np.sqrt(2), rel=2e-3)
-    assert stats.Sa == pytest.approx(0.02 / np.pi, rel=2e-3)
+    stats = Sinusoid(L=1.0, amplitude=0.01).statistics(513)
+    assert stats.Sq == pytest.approx(0.01 / np.sqrt(2), rel=4e-3)
+    assert stats.Sa == pytest.approx(0.02 / np.pi, rel=4e-3)
     assert stats.Sz == pytest.approx(0.02, rel=1e-12)
-    assert stats.kurtosis == pytest.approx(1.5, rel=2e-3)
-    assert stats.rms_slope == pytest.approx(2 * np.pi * 0.01 / np.sqrt(2), rel=2e-3)
-    assert stats.rms_curvature == pytest.approx((2 * np.pi) ** 2 * 0.01 / np.sqrt(8), rel=2e-3)
+    assert stats.kurtosis == pytest.approx(1.5, rel=4e-3)
+    assert stats.rms_slope == pytest.approx(2 * np.pi * 0.01 / np.sqrt(2), rel=4e-3)
+    assert stats.rms_curvature == pytest.approx((2 * np.pi) ** 2 * 0.01 / np.sqrt(8), rel=4e-3)
     assert stats.small_slope
     assert Flat(L=1.0).statistics(9).kurtosis == 0.0
 
@@ -408,9 +408,6 @@ def test_exact_rms_of_many_waves_needs_little_memory(monkeypatch):
     exact = surface.exact_rms()
     assert tracemalloc.get_traced_memory()[1] < 200e6  # a number for each pair of waves would take 72 MB
     tracemalloc.stop()
-    stats = surface.statistics(513)
-    for value, grid in zip(exact, (stats.Sq, stats.rms_slope, stats.rms_curvature), strict=True):
-        assert value == pytest.approx(grid, rel=2e-2)
     monkeypatch.setattr(plane_waves, "_BLOCK", 5000)
     np.testing.assert_allclose(fractal(M=300, f_max=9).exact_rms(), exact, rtol=1e-12)
     np.testing.assert_allclose(
