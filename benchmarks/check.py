@@ -104,7 +104,7 @@ def main(names: list[str]) -> None:
         worst = max(max(a / b, b / a) for a, b in zip(expected[1:], found[1:], strict=True))
         within += worst <= 2.0
         expected[2], found[2] = expected[2] / 2**20, found[2] / 2**20
-        cells = "".join(f"{f'{a:.4g} / {b:.4g}':>20s}" for a, b in zip(expected, found, strict=True))
+        cells = "".join(f"{f'{round(a, 1):g} / {round(b, 1):g}':>20s}" for a, b in zip(expected, found, strict=True))
         print(f"{name:32s}{cells}{worst:8.2f}", flush=True)
     print(f"within a factor of two: {within} of {len(chosen)}")
 
