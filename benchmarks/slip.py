@@ -7,6 +7,7 @@
                                              then the same with fewer rows of the curve, and how its bars hold
     python3 benchmarks/slip.py solid --h 25  solid and its curve against the half-space, elements of 0.025 L
     python3 benchmarks/slip.py solid --slope 0.005 0.1   the same on these rms slopes; a half-space has none
+    python3 benchmarks/slip.py yielded       curve against solid after yield
 
 Each prints a table.
 """
@@ -195,8 +196,8 @@ def law(n: int, ratios: tuple[float, ...]) -> None:
             ]))  # fmt: skip
         errors = found[ROWS[-1]][-1][:, :, 0]
         print(f"| {name} | {nu:g} | {pressed.area:.3f} | {columns(errors)} |", flush=True)
-    print("\n| rows | greatest error of u, % | inside | bar over error | of the energy, % | inside | bar over error |")
-    print("|---|---|---|---|---|---|---|")
+    print("\n| rows | greatest error of u, % | inside u | bar over error u | energy, % | inside energy | ", end="")
+    print("bar over error energy |\n|---|---|---|---|---|---|---|", flush=True)
     for rows, of_rows in found.items():
         error, bar = np.moveaxis(np.abs(np.array(of_rows)), -1, 0)  # (surfaces, amplitudes, 2)
         cells = [
@@ -246,6 +247,36 @@ def solid(n: int, h: float, slopes: list[float]) -> None:
                 print(f"| {scene} | {method} | {columns(errors)} | {seconds:.0f} |", flush=True)
 
 
+def yielded(h: float) -> None:
+    """Curve over solid after yield, at the greatest load, before and after an unloading, and under it.
+
+    The plastic flow is that of the first loop of the solid over what its friction loses.
+    """
+    print(
+        "| surface | Y/E | yielded, % | preload over the greatest load | unloaded | u of the curve, % | energy, % | ",
+        end="",
+    )
+    print("plastic over friction |\n|---|---|---|---|---|---|---|---|")
+    for name, strength in product(("H 0.8, seed 1", "H 0.7, seed 2"), (0.01, 0.005)):
+        material = asp.Material(1.0, 0.3, strength, 0.05)
+        for unload_steps, part in ((0, 1.0), (8, 1.0), (8, 0.5)):
+            problem = asp.Problem.of(
+                maps(SLOPE)[name], material, sides="periodic", delta_max=0.01, steps=8, unload_steps=unload_steps,
+                size=asp.MeshSize(h_contact=h),
+            )  # fmt: skip
+            result = asp.solve_problem(problem, hooks=Hooks(stiffness=True))
+            settings = SlipSettings(MU, AMPLITUDES, part * float(result.curve.force.max()), steps=1, method="solid")
+            paths = solve_slip(problem, result, settings)
+            slip = slip_of_curve(
+                result.curve, settings, material, patch=1.0, height=1.0, sides="periodic", computed=paths
+            )
+            pairs = list(zip(slip.by_curve, paths, strict=True))
+            errors = [(a.displacement / b.displacement - 1.0, a.energy / b.energy - 1.0) for a, b in pairs]
+            flow = ", ".join(f"{path.plastic / path.energy:.2g}" for path in paths)
+            scene = f"{name} | {strength:g} | {100 * result.curve.plastic_fraction.max():.2g} | {part:g}"
+            print(f"| {scene} | {'yes' if unload_steps else 'no'} | {columns(errors)} | {flow} |", flush=True)
+
+
 def columns(errors: ArrayLike) -> str:
     """Columns of an array, in per cent."""
     return " | ".join(", ".join(f"{100 * x:+.1f}" for x in column) for column in np.transpose(errors))
@@ -253,12 +284,14 @@ def columns(errors: ArrayLike) -> str:
 
 if __name__ == "__main__":
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("what", choices=("law", "solid"))
+    parser.add_argument("what", choices=("law", "solid", "yielded"))
     parser.add_argument("--h", type=float, default=25.0, help="size of the elements [L/1000]")
     parser.add_argument("--slope", type=float, nargs="+", default=[SLOPE], help="rms slopes of the maps of solid")
     parser.add_argument("-n", type=int, default=192, help="cells per side of the half-space")
     options = parser.parse_args()
     if options.what == "law":
         law(options.n, (0.0, 0.3, 0.45))
+    elif options.what == "yielded":
+        yielded(1e-3 * options.h)
     else:
         solid(options.n, 1e-3 * options.h, options.slope)

@@ -281,15 +281,34 @@ def test_the_steps_inside_the_bars_are_those_of_the_table(name: str) -> None:
         assert f"the area is inside at {inside} of {steps}" in (ROOT / "docs/accuracy.md").read_text(encoding="utf-8")
 
 
-def test_the_page_of_slip_gives_the_ranges_of_its_table() -> None:
-    with (ROOT / "docs/tables/slip_solid.csv").open(encoding="utf-8", newline="") as file:
-        rows = [row for row in csv.DictReader(line for line in file if not line.startswith("#"))]
-    page = (ROOT / "docs/slip.md").read_text(encoding="utf-8")
-    for slope in ("0.005", "0.025", "0.05", "0.1"):
-        of = [row for row in rows if row["slope"] == slope and row["method"] == "solid"]
-        u, energy = (
-            np.array([[float(x) for x in row[name].split(",")] for row in of])
-            for name in ("u at 0.1, 0.3, 0.6, 0.9 mu P, %", "energy, %")
-        )
-        cells = (f"{values.min():.1f} to {values.max():.1f}" for values in (u, energy[:, 1:]))
-        assert f"| {slope} | {' | '.join(cells)} |" in page
+def slip_table(name: str) -> list[dict[str, str]]:
+    with (ROOT / f"docs/tables/slip_{name}.csv").open(encoding="utf-8", newline="") as file:
+        return list(csv.DictReader(line for line in file if not line.startswith("#")))
+
+
+def numbers(rows: list[dict[str, str]], column: str) -> np.ndarray:
+    return np.array([[float(x) for x in row[column].split(",")] for row in rows])
+
+
+def test_the_page_of_slip_gives_the_numbers_of_its_tables() -> None:
+    page, u, energy = (
+        (ROOT / "docs/slip.md").read_text(encoding="utf-8"),
+        "u at 0.1, 0.3, 0.6, 0.9 mu P, %",
+        "energy, %",
+    )
+    of = [[row for row in slip_table("law") if row["nu"] == nu] for nu in ("0.3", "0.45")]
+    most_u = " and ".join(f"{np.abs(numbers(rows, u)).max():.1f}" for rows in of)
+    most_energy = " and ".join(f"{np.abs(numbers(rows, energy)[:, 1:]).max():.1f}" for rows in of)
+    assert f"up to {most_u} % off" in page and f"up to {most_energy} %" in page.replace("\n", " ")
+    for row in slip_table("rows"):
+        cells = (row[k].replace("+", "") for k in (list(row)[1], "inside u", "energy, %", "inside energy"))
+        assert f"| {row['rows']} | {' | '.join(cells)} |" in page
+    rows = slip_table("solid")
+    for slope in dict.fromkeys(row["slope"] for row in rows):
+        for method in ("solid", "its curve"):
+            some = [row for row in rows if (row["slope"], row["method"]) == (slope, method)]
+            ends = (
+                f"{values.min():.1f} to {values.max():.1f}"
+                for values in (numbers(some, u), numbers(some, energy)[:, 1:])
+            )
+            assert f"| {slope} | {method} | {' | '.join(ends)} |" in page

@@ -140,6 +140,16 @@ class FrozenFriction:
     def nodal_force(self, force: Floats) -> Floats:
         return self._normal
 
+    def slips(self, displacement: Floats, rest: Floats, move: Floats) -> Floats:
+        """Nodes in contact: x, y, area of bearing and slip since rest (n, 4) [L, L^2]; part of this rank.
+
+        Args:
+            displacement, rest: of the owned nodes, now and before any slip (owned, 3) [L]
+            move: of the flat in between (2,) [L]
+        """
+        slip = (self.positions(displacement) - self.positions(rest) - move) * self._free
+        return np.column_stack([self._solid.points[self._nodes, :2], self._weights, np.linalg.norm(slip, axis=1)])
+
     def dissipated(self) -> float:
         """Work of friction in the step [E L^3]; part of this rank."""
         loose = ~self._stuck

@@ -30,6 +30,7 @@ from asperity.runtime.run_folder import (
     RESPONSE,
     SLIP,
     SLIP_LOOPS,
+    SLIP_NODES,
     SUMMARY,
     THRESHOLDS,
     TOP,
@@ -47,7 +48,7 @@ class Results:
 
     Attributes:
         case: completed input, as nested tables
-        free, response, band, slip, slip_loops: columns of the files of these names
+        free, response, band, slip, slip_loops, slip_nodes: columns of the files of these names
         top, mesh: arrays of fields/top.npz and fields/mesh.npz
         built: the surface of the case if it was passed to `read`, else None
 
@@ -69,6 +70,7 @@ class Results:
     band: Columns = field(default_factory=dict)
     slip: Columns = field(default_factory=dict)
     slip_loops: Columns = field(default_factory=dict)
+    slip_nodes: Columns = field(default_factory=dict)
     top: Columns = field(default_factory=dict)
     mesh: Columns = field(default_factory=dict)
     built: Surface | None = None
@@ -95,6 +97,7 @@ class Results:
             "band": (BAND, _read_columns),
             "slip": (SLIP, _read_columns),
             "slip_loops": (SLIP_LOOPS, _read_columns),
+            "slip_nodes": (SLIP_NODES, _read_columns),
             "top": (f"{FIELDS}/{TOP}", read_npz),
             "mesh": (f"{FIELDS}/{BLOCK}", read_npz),
         }

@@ -21,7 +21,7 @@ from asperity.plot.conductance import conductance
 from asperity.plot.contact import contact_area, pressure_maps
 from asperity.plot.curves import force_curve, plasticity
 from asperity.plot.fields import mesh_cut, surface_map
-from asperity.plot.slip import slip
+from asperity.plot.slip import slip, slip_map
 from asperity.plot.spectra import receptance, receptance_of
 from asperity.plot.stiffness import stiffness
 from asperity.plot.style import save, save_in
@@ -47,6 +47,7 @@ __all__ = [
     "response",
     "save",
     "slip",
+    "slip_map",
     "stiffness",
     "surface_map",
 ]
@@ -73,6 +74,7 @@ CAPTIONS = {
     "slip": "(a) Tangential force over displacement: from rest to an amplitude and around one loop, by the normal "
     "curve; dots, where the solid was moved: its states. (b) Loss factor, twice the damping ratio. (c) Amplitude of "
     "the force over that of the displacement.",
+    "slip_map": "Slip of the nodes in contact from rest to an amplitude, by the solid; grey nodes stick.",
     "surface": "Heights of the surface; the ring marks the first touch.",
     "mesh": "Vertical section of the mesh (a) through the highest point and (b) at the summit; colour is the element "
     "size.",
@@ -128,6 +130,7 @@ def figures_of(results: Results) -> dict[str, Callable[[Results], Figure]]:
         "conductance": (bool(np.any(gap_conductance(results.case, results.curve)[1] > 0)), conductance),
         "plasticity": (bool(plastic), plasticity),
         "slip": (len(results.slip_loops.get("u", ())) > 0, slip),
+        "slip_map": (len(results.slip_nodes.get("slip", ())) > 0, slip_map),
         "frequency": (len(results.free.get("u0", ())) > 0, frequency),
         "response": (len(results.response.get("Omega", ())) > 0, response),
         "receptance": (len(results.response.get("a1", ())) > 0 and "F_hat" in results.response, receptance),

@@ -8,6 +8,9 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
+from matplotlib import colormaps
+from matplotlib.collections import EllipseCollection
+from matplotlib.colors import Normalize
 from matplotlib.figure import Figure
 
 from asperity.output.results import Results
@@ -18,6 +21,7 @@ from asperity.slip.tangential import TangentialVibration
 from asperity.units import prefix
 
 _COLOURS = (style.BLUE, style.VERMILION, style.GREEN, style.PURPLE, style.ORANGE, style.SKY)
+STICK = 1e-6  # slip over the greatest one, below which a node sticks
 _SMOOTH = 40  # steps from rest to an amplitude
 
 
@@ -32,6 +36,38 @@ def slip(results: Results, *, ax: style.Place | None = None) -> Figure:
     for draw, axis in zip((_loops, _loss, _stiffness), axes, strict=False):
         draw(axis, results)
         style.grid(axis)
+    return figure
+
+
+@style.styled
+def slip_map(results: Results, count: int = 4, *, ax: style.Place | None = None) -> Figure:
+    """Draw the slip of each node in contact at up to `count` amplitudes, each node a disc of its area."""
+    nodes = results.slip_nodes
+    amplitudes = np.unique(nodes["amplitude"])[-count:]
+    figure, axes = style.figure(0.5 + 2.6 * len(amplitudes), 2.8, columns=len(amplitudes), ax=ax)
+    style.titles(axes, [rf"$T/(\mu P)$ = {amplitude:g}" for amplitude in amplitudes])
+    box = np.array([(nodes[name].min(), nodes[name].max()) for name in ("x", "y")])
+    across, unit = prefix(float(box.max()), results.unit("length"))
+    middle, half = across * box.mean(axis=1), 0.6 * across * np.ptp(box, axis=1).max() * np.array([-1.0, 1.0])
+    most = float(nodes["slip"].max())
+    scale, unit_of_slip = prefix(most, results.unit("length"))
+    discs: Any = None
+    for axis, amplitude in zip(axes, amplitudes, strict=False):
+        of = (nodes["amplitude"] == amplitude) & (nodes["area"] > 0.0)
+        size = 2.0 * across * np.sqrt(nodes["area"][of] / np.pi)
+        slips = np.ma.masked_less(scale * nodes["slip"][of], STICK * scale * most)
+        at = across * np.column_stack([nodes["x"][of], nodes["y"][of]])
+        discs = EllipseCollection(
+            size, size, np.zeros(size.size), units="xy", offsets=at,
+            transOffset=axis.transData, array=slips, cmap=colormaps["viridis_r"].with_extremes(bad=style.GREY), lw=0,
+            norm=Normalize(0.0, scale * most),
+        )  # fmt: skip
+        axis.add_collection(discs)
+        axis.set(xlim=middle[0] + half, ylim=middle[1] + half, aspect="equal", facecolor=style.PALE)
+        axis.set_xlabel(style.label("$x$", unit))
+        axis.set_ylabel(style.label("$y$", unit))
+        axis.label_outer()
+    figure.colorbar(discs, ax=axes, shrink=0.8).set_label(style.label("slip", unit_of_slip))
     return figure
 
 

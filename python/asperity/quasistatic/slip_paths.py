@@ -178,18 +178,25 @@ class Sliding:
 
     def path(self, amplitude: float, steps: int) -> SlipPath:
         """Move from the present state to an amplitude and around a loop; collective."""
-        rows = [(FIRST, self._accepted)]
-        for leg, sign, count in ((FIRST, 1.0, steps), (DOWN, -1.0, 2 * steps), (UP, 1.0, 2 * steps)):
-            rows += [(leg, state) for state in self._follow(sign * amplitude * self.limit, count)]
+        rows = [(FIRST, state) for state in (self._accepted, *self._follow(amplitude * self.limit, steps))]
+        nodes = self._nodes()
+        for leg, sign in ((DOWN, -1.0), (UP, 1.0)):
+            rows += [(leg, state) for state in self._follow(sign * amplitude * self.limit, 2 * steps)]
         columns = np.array([(leg, s.at, s.force, s.slipping, s.dissipated) for leg, s in rows]).T
         at_amplitude = next(state.plastic for leg, state in reversed(rows) if leg == FIRST)
         u, T, share, loss = columns[1:]
-        path = SlipPath(amplitude, columns[0].astype(int), u, T, share, loss, rows[-1][1].plastic - at_amplitude)
+        path = SlipPath(amplitude, columns[0].astype(int), u, T, share, loss, rows[-1][1].plastic - at_amplitude, nodes)
         logging.getLogger(__name__).info(
             "slip at %g mu P: k = %.5g E L, eta = %.4g; %d steps, %d Newton and %d Krylov iterations so far",
             amplitude, path.k_secant, path.eta, path.u.size - 1, self.newton, self.krylov,
         )  # fmt: skip
         return path
+
+    def _nodes(self) -> Floats:
+        """Nodes in contact of all ranks, see `FrozenFriction.slips`; collective."""
+        here = self._accepted
+        own = self._contact.slips(here.displacement, self._rest.displacement, here.at * self._axis)
+        return np.concatenate(self._solid.comm.allgather(own))
 
     def _follow(self, goal: float, steps: int) -> list[_State]:
         """Move to a force in about equal steps of it; collective."""

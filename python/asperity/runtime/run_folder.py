@@ -23,16 +23,16 @@ from asperity.runtime.files import is_aside
 CASE, CURVE, SUMMARY, LOG = "case.toml", "curve.csv", "summary.json", "run.log"
 FREE, RESPONSE, BAND, THRESHOLDS = "free.csv", "response.csv", "band.csv", "thresholds.json"
 LOOPS = "loops.csv"
-SLIP, SLIP_LOOPS = "slip.csv", "slip_loops.csv"
+SLIP, SLIP_LOOPS, SLIP_NODES = "slip.csv", "slip_loops.csv", "slip_nodes.csv"
 REPORT = "report.html"
 FIELDS, FIGURES, CHECKPOINT = "fields", "figures", "checkpoint"  # folders
 TOP, BLOCK, VTKHDF, VIEW = "top.npz", "mesh.npz", "contact.vtkhdf", "view.py"  # in fields
 DISTRIBUTIONS = "distributions.csv"  # in fields
 PICTURES = (
     "surface", "mesh", "curve", "area", "pressure", "stiffness", "plasticity", "frequency", "response", "receptance",
-    "slip", "conductance", "scene",
+    "slip", "slip_map", "conductance", "scene",
 )  # in figures # fmt: skip
-FIELD_PICTURES = ("surface", "mesh", "pressure", "scene")  # the others consist of lines and are in .svg too
+FIELD_PICTURES = ("surface", "mesh", "pressure", "slip_map", "scene")  # the others consist of lines and are in .svg too
 _FIGURES = {name: [f"{FIGURES}/{name}.{form}" for form in ("png", "svg") if form == "png" or name not in FIELD_PICTURES]
             for name in PICTURES}  # fmt: skip
 #: Files of `asperity export` in the folder of a run, by program or kind of file.
@@ -49,7 +49,7 @@ MESH, STATE, SNAPSHOT = "mesh.npz", "state.npz", "snapshot-{}.npz"  # in checkpo
 
 #: All files and folders that a run writes, folders after their files; without those of the checkpoint.
 PRODUCTS = (
-    CURVE, SUMMARY, LOG, LOOPS, SLIP, SLIP_LOOPS, FREE, RESPONSE, BAND, THRESHOLDS, REPORT,
+    CURVE, SUMMARY, LOG, LOOPS, SLIP, SLIP_LOOPS, SLIP_NODES, FREE, RESPONSE, BAND, THRESHOLDS, REPORT,
     *(f"{FIELDS}/{name}" for name in (BLOCK, TOP, VTKHDF, VIEW, DISTRIBUTIONS)), FIELDS,
     *(path for paths in _FIGURES.values() for path in paths), FIGURES,
     CASE,
@@ -66,7 +66,7 @@ _PARTS = {
         *(path for name in ("frequency", "response", "receptance") for path in _FIGURES[name]),
     ),
     "loops": (LOOPS,),
-    "slip": (SLIP, SLIP_LOOPS, *_FIGURES["slip"]),
+    "slip": (SLIP, SLIP_LOOPS, SLIP_NODES, *_FIGURES["slip"], *_FIGURES["slip_map"]),
     "fields": (f"{FIELDS}/{VTKHDF}", f"{FIELDS}/{VIEW}"),
     "figures": (*(path for name, paths in _FIGURES.items() if name != "scene" for path in paths), FIGURES),
     "report": (REPORT,),

@@ -24,18 +24,21 @@ from asperity.errors import AsperityError
 from asperity.model.material import Material
 from asperity.runtime.display import short_repr
 from asperity.runtime.files import write_csv
-from asperity.runtime.run_folder import SLIP, SLIP_LOOPS
+from asperity.runtime.run_folder import SLIP, SLIP_LOOPS, SLIP_NODES
 from asperity.slip.branch import branch_rows, column_of, down_to_zero, left_out, measured_ratio, stuck_law, with_slopes
 from asperity.slip.law import SlipLaw
 from asperity.slip.path import SlipPath, path_of_law
 from asperity.slip.settings import SlipSettings
 from asperity.units import quantity
 
+NODE_COLUMNS = ("amplitude", "x", "y", "area", "slip")
 #: Columns of slip_loops.csv, and those of them with an error bar.
 LOOP_COLUMNS = ("amplitude", "T", "u", "k_secant", "energy", "eta", "slip_share")
 WITH_ERRORS = ("u", "k_secant", "energy", "eta")
 #: Bars of Jaeger's law, of the displacement of the interface and of the energy, over nu times them, see docs/slip.md.
 METHOD = (0.07, 0.35)
+#: The same for slopes, over the mean pressure in contact over E'.
+STEEP = (2.0, 4.0)
 FLOWS = 0.1  # plastic dissipation of a loop over that of friction, above which a loop is not steady
 
 
@@ -148,10 +151,16 @@ class JointSlip:
         return found
 
     def write(self, folder: Path) -> None:
-        """Write slip.csv and slip_loops.csv."""
-        for name, rows in ((SLIP, list(self.steps())), (SLIP_LOOPS, self.loops())):
-            known = ({k: v if math.isfinite(v) else None for k, v in row.items()} for row in rows)
-            write_csv(folder / name, tuple(rows[0]), known)
+        """Write slip.csv, slip_loops.csv, and for a solid slip_nodes.csv."""
+        nodes = [
+            dict(zip(NODE_COLUMNS, (path.amplitude, *node), strict=True))
+            for path in self.computed
+            for node in path.nodes.tolist()
+        ]
+        for name, rows in ((SLIP, list(self.steps())), (SLIP_LOOPS, self.loops()), (SLIP_NODES, nodes)):
+            if rows:
+                known = ({k: v if math.isfinite(v) else None for k, v in row.items()} for row in rows)
+                write_csv(folder / name, tuple(rows[0]), known)
 
 
 def slip_of_curve(
@@ -203,16 +212,20 @@ def slip_of_curve(
         return SlipLaw(stuck, choice.load, settings.friction, 0.0, (0.0, block[1]))
 
     law = law_on(choice.law)
-    paths = tuple(
-        path_of_law(law, t, steps=settings.steps, area=_area_of(curve, columns, rows)) for t in settings.amplitudes
-    )
+    area = _area_of(curve, columns, rows)
+    paths = tuple(path_of_law(law, t, steps=settings.steps, area=area) for t in settings.amplitudes)
     laws = tabulate(columns, choice)
     errors: tuple[Mapping[str, float], ...] = ()
     if math.isfinite(laws.bar) and (ratio is not None or computed):
         errors = _errors(law, (*laws.chosen.sides(), *choice.bounds), law_on, settings.amplitudes)
         if not computed and isinstance(choice.law, TableLaw):
-            oblique = abs(math.sin(2.0 * math.radians(settings.direction)))
-            of_method = METHOD[0] * material.nu + oblique * material.nu / (2.0 - material.nu), METHOD[1] * material.nu
+            nu, oblique = material.nu, abs(math.sin(2.0 * math.radians(settings.direction)))
+            steep = (
+                0.0
+                if area is None
+                else law.preload / (patch * material.reduced_modulus * float(area(np.array([law.preload]))[0]))
+            )
+            of_method = METHOD[0] * nu + STEEP[0] * steep + oblique * nu / (2.0 - nu), METHOD[1] * nu + STEEP[1] * steep
             errors = tuple(
                 _with_method(row, law, t, of_method, left_out(choice.law), law_on)
                 for row, t in zip(errors, settings.amplitudes, strict=False)

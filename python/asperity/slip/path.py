@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -31,6 +31,8 @@ class SlipPath:
         dissipated: by friction, since rest (force length)
         plastic: dissipated by plastic flow in the loop (force length). It falls from loop to loop, and the preload that
             sinks does most of its work.
+        nodes: in contact, at the end of the first loading: x, y, area, slip since rest (length, length^2), shape
+            (m, 4); none by a curve
 
     Examples:
         >>> from asperity.slip import SlipLaw
@@ -48,6 +50,7 @@ class SlipPath:
     slip_share: Array
     dissipated: Array
     plastic: float = 0.0
+    nodes: Array = field(default_factory=lambda: np.zeros((0, 4)))
 
     __repr__ = short_repr
 
@@ -88,8 +91,9 @@ class SlipPath:
     def scaled(self, force: float, length: float) -> SlipPath:
         """Path in other units: forces times `force`, lengths times `length`."""
         T, u, energy = self.T * force, self.u * length, force * length
+        nodes = self.nodes * [length, length, length**2, length]
         return SlipPath(
-            self.amplitude, self.leg, u, T, self.slip_share, self.dissipated * energy, self.plastic * energy
+            self.amplitude, self.leg, u, T, self.slip_share, self.dissipated * energy, self.plastic * energy, nodes
         )
 
 
