@@ -20,7 +20,7 @@ def verdict(results: Results) -> list[str]:
     Examples:
         >>> rows = [{"delta": 1e-9, "force": 2e-6, "P_star": 4e-5, "error_P_star": 8e-7, "area_fraction": 0.01}]
         >>> verdict(Results("out", asp.Curve.from_rows(rows), case={"units": "SI"}))
-        ['The force on the patch is 2 µN ± 2 % at an approach of 1 nm; 1 % of the nominal area is in contact.']
+        ['The force on the patch is 2.00 µN ± 2 % at an approach of 1 nm; 1 % of the nominal area is in contact.']
     """
     return [*_contact(results), *_stiffness(results), *_vibration(results), *_slip(results)]
 
