@@ -57,6 +57,8 @@ def quantity(value: float, unit: str, digits: int = 4, *, bar: float = math.nan)
         ('36.1 GN/m ± 8 %', '36.06 GN/m ± 0.12 %', '2.0 N ± 70 %')
         >>> quantity(123.4, "N", bar=0.1), quantity(1.0, "N", bar=0.013)
         ('120 N ± 10 %', '1.00 N ± 1.3 %')
+        >>> quantity(0.0045, "", bar=1.5)
+        '0.004 (0 to 0.01)'
     """
     factor, name = prefix(value, unit)
     known = math.isfinite(bar) and bar >= 0.0
@@ -67,6 +69,8 @@ def quantity(value: float, unit: str, digits: int = 4, *, bar: float = math.nan)
     if known and bar > 0.0 and "e" not in shown:
         shown = f"{Decimal(f'{value:.{digits - 1}e}'):f}"  # with its zeros: 1.00 ± 1.3 %
     text = f"{shown} {name}".rstrip()
+    if known and bar >= 1.0:  # a positive quantity of which no more is known
+        return f"{text} (0 to {quantity((1.0 + bar) * (value / factor), unit, 2)})"
     return f"{text} ± {per_cent(bar)}" if known else text
 
 
