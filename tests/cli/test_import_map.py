@@ -130,8 +130,13 @@ def test_the_case_names_the_share_of_the_heights_that_is_pressed(tmp_path: Path,
     ],
     ids=["spikes", "infinite", "islands", "integers", "single", "oblong", "pixels", "offset", "tiny"],
 )
-def test_odd_maps_give_a_result(tmp_path: Path, z: np.ndarray, lengths: dict[str, float]) -> None:
+def test_odd_maps_give_a_result(
+    tmp_path: Path, z: np.ndarray, lengths: dict[str, float], capsys: pytest.CaptureFixture[str]
+) -> None:
     assert import_map(write(tmp_path, z, **lengths), "-o", tmp_path / "out") == 0
+    gaps = np.mean(~np.isfinite(z))
+    assert json.loads((tmp_path / "out/measured.json").read_text())["filled"] == gaps
+    assert ("gaps that were filled" in capsys.readouterr().out) == (gaps > 0.0)
     surface = Case.load(tmp_path / "out/case.toml").build_surface()
     assert np.isfinite([*surface.maximum(), *surface.grid(5).ravel()]).all()
 

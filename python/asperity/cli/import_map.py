@@ -102,7 +102,7 @@ def command(
     progress = Progress() if as_json else StepLines()
     progress.stage(f"read {map_file}")
     whole = HeightField.read(map_file, pixel=pixel, unit=unit, missing=missing)
-    zeros = whole.odd_zeros()
+    zeros, gaps = whole.odd_zeros(), whole.missing
     ny, nx = whole.z.shape
     if min(nx, ny) > MOST and window is None and cutoff is None:
         raise InputError(
@@ -152,7 +152,7 @@ def command(
         progress.stage("cut-offs")
         cutoffs = _over_cutoff(filtered, side, bare.dx)
         about = {"file": map_file, "side": surface.L, "nodes": len(patch.z), "level": level, "cutoff": cutoff}
-        about |= {"despike": despike, "instrument": left_out}
+        about |= {"filled": gaps, "despike": despike, "instrument": left_out}
         about |= {"statistics": asdict(statistics), "self_affine": None if affine is None else asdict(affine)}
         about |= {"repeating_wave": None if wave is None else asdict(wave)}
         about |= {"over_cutoff": cutoffs}
@@ -168,7 +168,7 @@ def command(
     if as_json:
         options.print_json(about)
         return
-    _show(map_file, surface.L, len(patch.z), statistics, affine, cutoffs, cutoff)
+    _show(map_file, surface.L, len(patch.z), gaps, statistics, affine, cutoffs, cutoff)
     if left_out is not None:
         options.say(
             f"waves shorter than {reliable:.3g} m, which the instrument does not resolve, are filtered: what it shows "
@@ -242,12 +242,14 @@ def _draw(folder: Path, surface: Any, summit: Any, spectrum: Spectrum, affine: S
 
 
 def _show(
-    title: str, side: float, nodes: int, statistics: SurfaceStatistics, affine: SelfAffineFit | None,
+    title: str, side: float, nodes: int, gaps: float, statistics: SurfaceStatistics, affine: SelfAffineFit | None,
     cutoffs: list[dict[str, float]], cutoff: float | None,
 ) -> None:  # fmt: skip
     """Print the statistics, rms height and slope over the cut-off; the last row is the patch itself."""
     rows = [("side", f"{side:.4g} m"), ("nodes", f"{nodes}"), ("Sq", f"{statistics.Sq:.4g} m"),
             ("Sz", f"{statistics.Sz:.4g} m"), ("rms slope", f"{statistics.rms_slope:.4g}")]  # fmt: skip
+    if gaps:
+        rows.insert(2, ("gaps that were filled", f"{100 * gaps:.2g} %"))
     if affine is not None:
         roll = "none on the patch" if affine.lambda_roll is None else f"{affine.lambda_roll:.3g} m"
         rows += [("Hurst exponent", f"{affine.H:.2f} ± {affine.error_H:.2f}"), ("roll-off wavelength", roll)]

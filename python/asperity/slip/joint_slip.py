@@ -39,6 +39,8 @@ WITH_ERRORS = ("u", "k_secant", "energy", "eta")
 METHOD = (0.07, 0.35)
 #: The same for slopes, over the mean pressure in contact over E'.
 STEEP = (2.0, 4.0)
+#: The same after yield, over the values: what the solid was off the curve, docs/tables/slip_yielded.csv
+YIELDED = (0.1, 1.0)
 FLOWS = 0.1  # plastic dissipation of a loop over that of friction, above which a loop is not steady
 
 
@@ -225,7 +227,9 @@ def slip_of_curve(
                 if area is None
                 else law.preload / (patch * material.reduced_modulus * float(area(np.array([law.preload]))[0]))
             )
-            of_method = METHOD[0] * nu + STEEP[0] * steep + oblique * nu / (2.0 - nu), METHOD[1] * nu + STEEP[1] * steep
+            flowed = YIELDED if choice.yielded else (0.0, 0.0)
+            of_u = METHOD[0] * nu + STEEP[0] * steep + flowed[0] + oblique * nu / (2.0 - nu)
+            of_method = of_u, METHOD[1] * nu + STEEP[1] * steep + flowed[1]
             errors = tuple(
                 _with_method(row, law, t, of_method, left_out(choice.law), law_on)
                 for row, t in zip(errors, settings.amplitudes, strict=False)
