@@ -312,3 +312,7 @@ def test_the_page_of_slip_gives_the_numbers_of_its_tables() -> None:
                 for values in (numbers(some, u), numbers(some, energy)[:, 1:])
             )
             assert f"| {slope} | {method} | {' | '.join(ends)} |" in page
+    for part in ("0.5", "1"):
+        some = [row for row in slip_table("yielded") if row["preload over the greatest load"] == part]
+        most = (np.abs(numbers(some, k)).max() for k in ("u of the curve, %", "energy, %"))
+        assert "{:.0f} % of the displacement and {:.0f} % of the energy".format(*most) in " ".join(page.split())

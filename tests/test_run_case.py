@@ -459,10 +459,10 @@ def test_resumed_with_more_dofs_the_meshes_are_those_of_a_fresh_run(tmp_path: Pa
             run(case, tmp_path / name, resume=resume)
         return [level["dofs"] for level in Results.read(tmp_path / name).summary["accuracy"]["levels"]]
 
-    few = attempt(45_000, "limited")
-    more = attempt(60_000, "limited", resume=True)
-    assert max(few) <= 45_000 < more[-1]
-    assert more == attempt(60_000, "fresh")
+    few = attempt(20_000, "limited")
+    more = attempt(30_000, "limited", resume=True)
+    assert max(few) <= 20_000 < more[-1]
+    assert more == attempt(30_000, "fresh")
 
 
 def test_a_run_that_never_converges_says_so(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -40,7 +40,7 @@ METHOD = (0.07, 0.35)
 #: The same for slopes, over the mean pressure in contact over E'.
 STEEP = (2.0, 4.0)
 #: The same after yield, over the values: what the solid was off the curve, docs/tables/slip_yielded.csv
-YIELDED = (0.1, 1.0)
+YIELDED = (0.1, 1.5)
 FLOWS = 0.1  # plastic dissipation of a loop over that of friction, above which a loop is not steady
 
 
