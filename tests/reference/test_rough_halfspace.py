@@ -85,5 +85,6 @@ def test_the_area_of_a_period_does_not_depend_on_where_it_begins() -> None:
     x = 2.0 * np.pi * (np.arange(32) + 0.5) / 32
     heights = 0.01 * np.cos(x) * np.cos(x)[:, None]
     layer = RoughHalfSpace(n=32, height=1.0, nu=0.3, sides="periodic")
+    assert layer.curve(np.asfortranarray(heights), 0.01, [0.004]).P_star == layer.curve(heights, 0.01, [0.004]).P_star
     areas = [layer.curve(np.roll(heights, shift, (0, 1)), 0.01, [0.004]).area_fraction[0] for shift in (0, 5, 11)]
     assert areas == pytest.approx([areas[0]] * 3, rel=1e-9) and 0.05 < areas[0] < 0.5

@@ -169,7 +169,7 @@ def _press_within(
     Few cells touch a rough surface: what is done besides the transforms is done for them.
     """
     cells = np.flatnonzero(within)
-    grid = np.zeros_like(penetration)
+    grid = np.zeros(penetration.shape, penetration.dtype)  # in rows, for ravel to be a view
 
     def displaced(values: Array) -> Array:
         grid.ravel()[cells] = values
