@@ -163,14 +163,14 @@ def test_linear_resonance() -> None:
 
 
 @pytest.mark.parametrize(
-    ("zeta", "threshold", "event", "window"),
-    [(0.002, "hysteresis", "fold", (0.97, 1.02)), (0.005, "contact_loss", "grazing", (0.9, 1.05))],
+    ("zeta", "threshold", "event", "window", "margin"),
+    [(0.002, "hysteresis", "fold", (0.97, 1.02), 0.03), (0.005, "contact_loss", "grazing", (0.9, 1.05), 0.005)],
 )
-def test_onsets(zeta: float, threshold: str, event: str, window: tuple[float, float]) -> None:
+def test_onsets(zeta: float, threshold: str, event: str, window: tuple[float, float], margin: float) -> None:
     o = ContactOscillator(PowerLaw(1.5), zeta=zeta)
     onset = getattr(o.thresholds(), threshold)
-    assert not o.response(0.97 * onset, window)[event]
-    assert len(o.response(1.03 * onset, window)[event]) == 2
+    assert not o.response((1.0 - margin) * onset, window)[event]
+    assert len(o.response((1.0 + margin) * onset, window)[event]) == 2
 
 
 def test_period_doubling_onset_and_branches() -> None:
