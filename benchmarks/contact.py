@@ -36,8 +36,8 @@ FORMULATIONS = {
     "penalty, beta 1": Formulation("penalty", 1.0),
     "penalty, beta 10": Formulation("penalty", 10.0),
     "penalty, beta 100": Formulation("penalty", 100.0),
-    "Nitsche 0, gamma 1": Formulation("nitsche", gamma=1.0),
-    "Nitsche 0, gamma 10": Formulation("nitsche", gamma=10.0),
+    "Nitsche, gamma 1": Formulation("nitsche", gamma=1.0),
+    "Nitsche, gamma 10": Formulation("nitsche", gamma=10.0),
 }
 
 

@@ -201,9 +201,9 @@ def test_least_gamma_keeps_full_contact_coercive(rough: Surface, coarse: BlockMe
 
 
 @pytest.mark.parametrize("gamma", [0.7, 0.0, -1.0, float("nan")])
-def test_factor_too_small_to_be_stable_is_refused(rough: Surface, coarse: BlockMesh, gamma: float) -> None:
+def test_factor_too_small_to_be_stable_is_refused(gamma: float) -> None:
     with pytest.raises(InputError, match=rf"contact\.gamma = {gamma:g} is below .* is stable"):
-        make_contact_solver(here(), rough, coarse, ELASTIC, formulation=Formulation("nitsche", gamma=gamma))
+        Formulation("nitsche", gamma=gamma)
 
 
 def test_active_set_solves_the_variational_inequality(wave: Surface, coarse_wave: BlockMesh) -> None:

@@ -21,6 +21,8 @@ from asperity.linear.substructures import Substructures, interface_of
 from asperity.mesh.block import BlockMesh
 from asperity.mesh.distribute import distribute
 
+pytestmark = pytest.mark.skipif(not hasattr(_solver, "Cholesky"), reason="built without CHOLMOD")
+
 PIECES = {  # pairs of neighbouring nodes, nodes of the interface
     "no interface": ([[k, k + 1] for k in range(11)], []),
     "one piece": ([[k, (k + 1) % 12] for k in range(12)] + [[k, (k + 5) % 12] for k in range(12)], [7, 2, 11]),
@@ -43,9 +45,6 @@ def matrix(pairs: list[list[int]], nodes: int = 12) -> tuple[SparsityPattern, Fl
 def whole(pattern: SparsityPattern, values: Floats) -> Floats:
     """Dense matrix."""
     return np.asarray(sparse.csr_array((values, pattern.columns, pattern.rows)).todense())
-
-
-pytestmark = pytest.mark.skipif(not hasattr(_solver, "Cholesky"), reason="built without CHOLMOD")
 
 
 @pytest.mark.parametrize("name", PIECES)

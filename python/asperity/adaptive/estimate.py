@@ -334,7 +334,7 @@ def _plan(
         parts, substeps = [1], 1
     h_coarse, h = (min(scale * unit, widest(scale)) * surface.L for scale in (first, second))
     plan = [*((h_coarse, coarse, steps(n)) for n in parts), (h, fine, steps(substeps))]
-    return plan, expected_bar(second), 3.0 * sizes.size * min(planned, MOST_STEPS)
+    return plan, expected_bar(second), (passes + 1.0) * sizes.size * min(planned, MOST_STEPS)
 
 
 def _given_dofs(case: Case) -> int:

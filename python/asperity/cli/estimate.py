@@ -47,8 +47,7 @@ def estimated(case: Case, ranks: int) -> dict[str, Any]:
     """
     from asperity.adaptive.estimate import estimate, further_meshes
 
-    surface = case.build_surface()
-    found = estimate(case, ranks, surface)
+    found = estimate(case, ranks)
     totals = {"dofs": found.dofs, "seconds": found.seconds}
     if case.accuracy.tolerance is not None:
         totals["most_seconds"] = found.seconds + sum(m.seconds for m in further_meshes(case, found))

@@ -99,6 +99,8 @@ def command(
     from asperity.surface.statistics import psd
     from asperity.surface.texture import repeating_wave
 
+    if tip_radius is not None and not tip_radius > 0:
+        raise InputError(f"tip-radius = {tip_radius:g} is not a positive length")
     progress = Progress() if as_json else StepLines()
     progress.stage(f"read {map_file}")
     whole = HeightField.read(map_file, pixel=pixel, unit=unit, missing=missing)
@@ -115,8 +117,6 @@ def command(
         progress.stage("remove spikes")
         whole = whole.despiked()
 
-    if tip_radius is not None and not tip_radius > 0:
-        raise InputError(f"tip-radius = {tip_radius:g} is not a positive length")
     reliable = whole.reliable(tip_radius)
     limited = cutoff is None and reliable > 2 * min(whole.dx, whole.dy)
     cutoff = reliable if limited else cutoff
@@ -292,8 +292,8 @@ def _doubts(
         )
     if affine is not None and not -affine.error_H <= affine.H <= 1.0 + affine.error_H:
         options.say(f"H = {affine.H:.2f} is outside 0 to 1: the spectrum is not that of a self-affine surface")
-    rest = float(np.std(bare.levelled("curvature").z))
-    form = float(np.std(bare.z - bare.levelled("curvature").z))
+    without = bare.levelled("curvature").z
+    rest, form = float(np.std(without)), float(np.std(bare.z - without))
     if form > FORM * rest:
         options.say(
             f"the map has a form of second order, as of a sphere, with Sq = {form:.3g} m, and {rest:.3g} m without it: "

@@ -15,8 +15,6 @@ from asperity.fem.history import History
 from asperity.fem.kernels import compiled, law_of
 from asperity.fem.solid import Solid
 from asperity.mesh.element import BEARING, DEGREE, FACET_POINTS
-from asperity.model.kinds import refuse
-from asperity.model.settings import gamma_too_small
 from asperity.runtime.compiled import solver as _solver
 
 
@@ -40,9 +38,6 @@ class PressureContact(Contact):
     Args:
         factor: dimensionless beta (penalty) or gamma (Nitsche)
         traction: k
-
-    Raises:
-        InputError: gamma is too small
     """
 
     def __init__(
@@ -53,8 +48,6 @@ class PressureContact(Contact):
         *,
         traction: bool,
     ) -> None:
-        if traction:
-            refuse(gamma_too_small(factor))
         self._solid, self._surface = solid, surface
         self._rule = FacetRule(surface, FACET_DEGREE)
         self.symmetric, self.stiff = not traction, True

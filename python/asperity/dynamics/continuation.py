@@ -173,7 +173,7 @@ def trace(
 
     After each step `stop` is called with the points so far; a non-empty string ends the path for that reason.
     """
-    (low, high), max_step, least = how.window, how.max_step, how.min_harmonics
+    (low, high), max_step = how.window, how.max_step
     points = [first]
     h, work = 0.25 * max_step, 0.0
     while True:
@@ -193,7 +193,7 @@ def trace(
                 break
             h *= factor
         try:
-            point = adapt(equations, point, here.t, here.t_parameter, how.tol, least)
+            point = adapt(equations, point, here.t, here.t_parameter, how.tol, how.min_harmonics)
         except ConvergenceError:
             if h > 1e-6:
                 h *= _CUT

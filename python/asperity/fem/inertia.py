@@ -50,7 +50,8 @@ class Inertia:
 
     def add_force(self, u: Floats, b: Floats) -> None:
         """See `fem.solid.BodyForce`."""
-        b += self.shift * (self.mass @ (u - self.anchor))
+        if self.shift:
+            b += self.shift * (self.mass @ (u - self.anchor))
 
     def add_stiffness(self, values: Floats) -> None:
         """See `fem.solid.BodyForce`."""

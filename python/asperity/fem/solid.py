@@ -203,6 +203,11 @@ class Solid:
         self._written, self._halved_version = False, 0
         self.kernels.drop_matrices()
 
+    @property
+    def constant(self) -> bool:
+        """Whether the tangent never changes, but for that of the contact."""
+        return self.kernels.linear and self.body_force is None
+
     def assemble_tangent(self, add: Callable[[], None] | None = None) -> None:
         """Write the tangent at the state of the last internal force; `add` adds that of the contact to `values`."""
         self._assemble(self.kernels.tangent, add)
@@ -212,8 +217,7 @@ class Solid:
         self._assemble(self.kernels.elastic_tangent, add)
 
     def _assemble(self, write: Write, add: Callable[[], None] | None) -> None:
-        constant = self.kernels.linear and add is None and self.body_force is None
-        if self._written and constant and not self._with_contact:
+        if self._written and self.constant and add is None and not self._with_contact:
             return
         half = self.halved and add is None and self.body_force is None
         with self.phases.phase("tangent"):

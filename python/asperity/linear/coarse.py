@@ -32,8 +32,8 @@ REPLICATED_LIMIT = 15_000  # coarse dofs up to which else each of several ranks 
 SWEEPS = 4  # of algebraic multigrid: a tenth fewer iterations on the fine level than with two
 PREFIX = "asperity_coarse_"
 WITHOUT = (
-    "asperity was built without CHOLMOD 5.1 or newer (SuiteSparse 7.4): MUMPS factorises the coarse problem, in more "
-    "time and memory; the results are the same"
+    "there is no CHOLMOD 5.1 or newer (SuiteSparse 7.4), here or where asperity was built: MUMPS factorises the "
+    "coarse problem, in more time and memory; the results are the same"
 )
 
 

@@ -21,19 +21,18 @@ def spectrum_figure(
 
     The self-affine equivalent is drawn over the spectrum; `unit` is that of length.
     """
-    figure, axes = style.figure(style.SINGLE, 3.4, ax=ax)
-    style.titles(axes, ("power spectral density",))
-    left = axes[0]
+    figure, (axis, *_) = style.figure(style.SINGLE, 3.4, ax=ax)
+    style.titles([axis], ("power spectral density",))
     there = spectrum.density > 0
-    left.loglog(spectrum.q[there], spectrum.density[there], color=style.BLUE)
+    axis.loglog(spectrum.q[there], spectrum.density[there], color=style.BLUE)
     if affine is not None:
         wavelengths = [affine.lambda_long, affine.lambda_roll or affine.lambda_long, affine.lambda_short]
         q = 2 * np.pi / np.array(wavelengths)
         label = f"$H$ = {affine.H:.2f} ± {affine.error_H:.2f}"
-        left.loglog(q, affine.density(q), color=style.VERMILION, label=label)
-        left.set_ylim(bottom=affine.density(q).min() / 100)  # what lies below is rounding
-        left.legend(loc="lower left")
-    left.set_xlabel(style.label("wave number $q$", f"1/{unit}" if unit else ""))
-    left.set_ylabel(style.label("density $C(q)$", f"{unit}$^4$" if unit else ""))
-    style.grid(left)
+        axis.loglog(q, affine.density(q), color=style.VERMILION, label=label)
+        axis.set_ylim(bottom=affine.density(q).min() / 100)  # what lies below is rounding
+        axis.legend(loc="lower left")
+    axis.set_xlabel(style.label("wave number $q$", f"1/{unit}" if unit else ""))
+    axis.set_ylabel(style.label("density $C(q)$", f"{unit}$^4$" if unit else ""))
+    style.grid(axis)
     return figure

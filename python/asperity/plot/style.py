@@ -27,7 +27,7 @@ P = ParamSpec("P")
 
 # Okabe and Ito's colours, distinguishable for colour-blind readers
 BLACK, ORANGE, SKY, GREEN = "#000000", "#E69F00", "#56B4E9", "#009E73"
-YELLOW, BLUE, VERMILION, PURPLE = "#F0E442", "#0072B2", "#D55E00", "#CC79A7"
+BLUE, VERMILION, PURPLE = "#0072B2", "#D55E00", "#CC79A7"
 GREY, PALE = "#7F7F7F", "#EDEDED"
 
 SINGLE, DOUBLE, WIDE = 4.6, 8.0, 10.5  # widths, inches

@@ -18,7 +18,7 @@ from asperity.dynamics.columns import CurveColumns
 from asperity.dynamics.law.table import TableLaw
 from asperity.dynamics.law_of_curve import Choice
 from asperity.errors import AsperityError, InputError
-from asperity.slip.law import LEAST
+from asperity.slip.law import AS_STIFF, LEAST
 
 
 def branch_rows(columns: CurveColumns, choice: Choice) -> Array:
@@ -85,10 +85,7 @@ def stuck_law(law: TableLaw, forces: Array, ratios: Array, block: float, load: f
     z, softness = law.z - block * law.F, 1.0 / law.slopes - block
     known = np.minimum.accumulate((softness > LEAST * block) & (np.diff(z, prepend=0.0) > 0.0))
     if not known[-1] and (not known.any() or law.F[known][-1] < load):
-        raise InputError(
-            "the normal curve is as stiff as the block: its contact is complete, or nearly, and no slip follows from "
-            "it; take a smaller preload"
-        )
+        raise InputError(AS_STIFF)
     z, force = z[known], law.F[known]
     ratio = np.interp(force, forces, ratios)
     steps = 0.5 * (ratio[1:] + ratio[:-1]) * np.diff(z)

@@ -30,6 +30,10 @@ from asperity.errors import InputError
 from asperity.runtime.display import short_repr
 from asperity.slip.jenkins import JenkinsArray
 
+AS_STIFF = (
+    "the normal curve is as stiff as the block: its contact is complete, or nearly, and no slip follows from it; "
+    "take a smaller preload"
+)
 LEAST = 1e-3  # share of the compliance that the interface must have: less is lost in the error of the block's
 
 
@@ -86,10 +90,7 @@ class SlipLaw:
             raise InputError(f"nu = {self.nu:g} is not legal: it must lie in (-1, 0.5]")
         slope = self.normal.at(self._approach(0.0))[1]
         if 1.0 - self.block[0] * slope < LEAST:
-            raise InputError(
-                "the normal curve is as stiff as the block: its contact is complete, or nearly, and no slip follows "
-                "from it; take a smaller preload"
-            )
+            raise InputError(AS_STIFF)
 
     @property
     def limit(self) -> float:

@@ -63,7 +63,9 @@ def _without_marks(z: Array, missing: float | None) -> Array:
     """
     for mark in MARKS if missing is None else (*MARKS, missing):
         at = z == mark
-        if mark != missing and at.any() and not at.all():
+        if not at.any():
+            continue
+        if mark != missing and not at.all():
             rest = z[np.isfinite(z) & ~at]
             at &= bool(rest.size) and float(rest.min()) - mark > OUTSIDE * float(np.ptp(rest))
         z = np.where(at, np.nan, z)

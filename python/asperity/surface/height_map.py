@@ -83,10 +83,10 @@ class HeightMap(Surface):
         _check_heights(z, self.path)
         L = self.L
         if dx is not None and dy is not None:
-            L, depth = dx * (z.shape[1] - 1), dy * (z.shape[0] - 1)
+            L, other = dx * (z.shape[1] - 1), dy * (z.shape[0] - 1)
             check_positive("L", L)
-            if not np.isclose(L, depth, rtol=_ROUNDED):
-                raise InputError(f"{self.path}: the patch must be square, not {L:g} x {depth:g}; crop the map.")
+            if not np.isclose(L, other, rtol=_ROUNDED):
+                raise InputError(f"{self.path}: the patch must be square, not {L:g} x {other:g}; crop the map.")
             if self.L is not None and not np.isclose(L, self.L, rtol=_ROUNDED):
                 raise InputError(
                     f"surface.L = {self.L:g} disagrees with the side {L:g} found in {self.path}; leave surface.L out "
@@ -124,7 +124,7 @@ class HeightMap(Surface):
         Their greatest wavelength (length), and the change of force and area of a light contact by what the instrument
         shows of them.
         """
-        if Path(self.path).suffix != ".npz":
+        if Path(self.path).suffix.lower() != ".npz":
             return None
         found = read_npz(self.path).get("left_out")
         return None if found is None else (float(found[0]), float(found[1]), float(found[2]))
