@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: The asperity developers
-# SPDX-License-Identifier: LGPL-3.0-or-later
-
 """Print what each contact formulation costs and how far off it is, as Markdown tables.
 
 Cases: Hertz and Westergaard against their closed forms, a fractal surface, elastic and elastic-plastic, against exact

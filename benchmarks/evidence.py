@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: The asperity developers
-# SPDX-License-Identifier: LGPL-3.0-or-later
-
 """Make the tables and pictures of the documentation again, by the command that each table names.
 
     ./run python3 benchmarks/evidence.py [NAME]...      all, or the tables of these names and `pictures`

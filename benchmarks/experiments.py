@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: The asperity developers
-# SPDX-License-Identifier: LGPL-3.0-or-later
-
 """Numbers and pictures of docs/experiments.md: Hertzian vibration, stiffness of a rough joint, impact of a cap.
 
     ./run python3 benchmarks/experiments.py FOLDER [--pictures docs/experiments]

@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: The asperity developers
-# SPDX-License-Identifier: LGPL-3.0-or-later
-
 """Approach of the rough interface alone: the compression of the block below it is subtracted."""
 
 from __future__ import annotations

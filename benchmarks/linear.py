@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: The asperity developers
-# SPDX-License-Identifier: LGPL-3.0-or-later
-
 """Linear solvers on the elastic-plastic surface of cases/single.toml: direct, p-multigrid, algebraic multigrid.
 
     ./run python3 benchmarks/linear.py [H ...]            element sizes in the contact, in units of L

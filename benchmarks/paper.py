@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: The asperity developers
-# SPDX-License-Identifier: LGPL-3.0-or-later
-
 """Run the paper's studies, write figures and tables of docs/paper.md, and print its other numbers.
 
     ./run mpirun -n 2 python3 benchmarks/paper.py out/paper

@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: The asperity developers
-# SPDX-License-Identifier: LGPL-3.0-or-later
-
 """Make the pictures of the documentation, docs/pictures/*.
 
     ./run python3 benchmarks/pictures.py [-o out/pictures] [NAME]...

@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: The asperity developers
-# SPDX-License-Identifier: LGPL-3.0-or-later
-
 """Map of the regimes of cases/paper/map.toml, and the resonance of the paper's cubic law, for benchmarks/paper.py."""
 
 from __future__ import annotations

@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: The asperity developers
-# SPDX-License-Identifier: LGPL-3.0-or-later
-
 """Where the time of a run goes, how it grows with size, and what a second rank brings.
 
     ./run python3 benchmarks/speed.py profile [H ...]      phases of elastic-plastic runs, one process

@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: The asperity developers
-# SPDX-License-Identifier: LGPL-3.0-or-later
-
 """The five statements of the paper's abstract, tested on a finished study of cases/paper."""
 
 from __future__ import annotations

@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: The asperity developers
-# SPDX-License-Identifier: LGPL-3.0-or-later
-
 """Stiffness columns: what they cost, and the error of their loose linear systems, docs/stiffness.md.
 
     python3 benchmarks/stiffness.py cost      share of the columns in the time of a run, and in its iterations

@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: The asperity developers
-# SPDX-License-Identifier: LGPL-3.0-or-later
-
 """Store the tables that a command prints as CSV files, each with the command and the versions in its first lines.
 
     ./run python3 benchmarks/tables.py FILE.csv [FILE.csv]... -- COMMAND...

@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: The asperity developers
-# SPDX-License-Identifier: LGPL-3.0-or-later
-
 """Test whether a quantity rises or falls between the levels of a study, paired by seed, under several conditions."""
 
 from __future__ import annotations

@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: The asperity developers
-# SPDX-License-Identifier: LGPL-3.0-or-later
-
 """How much there is to read: lines, files, words, pages, tables and tuned constants, as Markdown tables.
 
     python3 benchmarks/weight.py [FOLDER]     of this clone or another one, for example a worktree of an old commit

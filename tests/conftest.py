@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: The asperity developers
-# SPDX-License-Identifier: LGPL-3.0-or-later
-
 """Order between tests on several ranks, and small surfaces, materials and meshes."""
 
 from __future__ import annotations

@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: The asperity developers
-# SPDX-License-Identifier: LGPL-3.0-or-later
-
 """A small mesh under given nodal displacements, for the tests of the element kernels."""
 
 from __future__ import annotations

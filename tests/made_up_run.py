@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: The asperity developers
-# SPDX-License-Identifier: LGPL-3.0-or-later
-
 """A run directory with made-up numbers of the right shape, for figures and the report."""
 
 from __future__ import annotations

@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: The asperity developers
-# SPDX-License-Identifier: LGPL-3.0-or-later
-
 """The order of the packages: a lower one never imports a higher one, not even lazily or for type hints."""
 
 from __future__ import annotations

@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: The asperity developers
-# SPDX-License-Identifier: LGPL-3.0-or-later
-
 """The compiled module: which versions of nanobind and which compilers it builds with."""
 
 from __future__ import annotations

@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: The asperity developers
-# SPDX-License-Identifier: LGPL-3.0-or-later
-
 """Counts of work on small fixed scenes against stored ones: a slow-down shows without a clock.
 
     ./run python3 tests/test_counts.py      computes the counts again and stores them in tests/counts.json

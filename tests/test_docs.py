@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: The asperity developers
-# SPDX-License-Identifier: LGPL-3.0-or-later
-
 """The documentation: its Python runs, its commands and case files are legal."""
 
 from __future__ import annotations

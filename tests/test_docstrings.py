@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: The asperity developers
-# SPDX-License-Identifier: LGPL-3.0-or-later
-
 """The examples in the docstrings of the package are executed and print what they show."""
 
 from __future__ import annotations

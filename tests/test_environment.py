@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: The asperity developers
-# SPDX-License-Identifier: LGPL-3.0-or-later
-
 """The environment that ./run makes: what it holds, and how it is made.
 
 The making is tested with stand-ins for mmdebstrap and bubblewrap, on a copy of the script that takes

@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: The asperity developers
-# SPDX-License-Identifier: LGPL-3.0-or-later
-
 """Each script of examples/ runs and gives its numbers; another version of gmsh makes another mesh."""
 
 from __future__ import annotations

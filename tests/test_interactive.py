@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: The asperity developers
-# SPDX-License-Identifier: LGPL-3.0-or-later
-
 """The package at a prompt and in a notebook: representations, tables, data frames, functions of dolfinx."""
 
 from __future__ import annotations

@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: The asperity developers
-# SPDX-License-Identifier: LGPL-3.0-or-later
-
 """The notebooks of examples/ run from top to bottom, and their numbers are right; they are stored without outputs."""
 
 from __future__ import annotations

@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: The asperity developers
-# SPDX-License-Identifier: LGPL-3.0-or-later
-
 """The draft of the paper: what it cites and quotes exists."""
 
 from __future__ import annotations

@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: The asperity developers
-# SPDX-License-Identifier: LGPL-3.0-or-later
-
 """The same curve on one rank and on all of them: formulations, materials, solvers, and ranks without contact.
 
 Each case is solved by every rank alone (COMM_SELF) and by all together (COMM_WORLD).

@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: The asperity developers
-# SPDX-License-Identifier: LGPL-3.0-or-later
-
 """Stored curves: what a change of the code must not change, and how curves are stored."""
 
 from __future__ import annotations

@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: The asperity developers
-# SPDX-License-Identifier: LGPL-3.0-or-later
-
 """What a release consists of: one version, its citation, recipes of environments, sdist and wheel."""
 
 from __future__ import annotations
@@ -152,13 +149,3 @@ def test_the_wheel_works_in_a_bare_environment(tmp_path: Path) -> None:
     call(bin / "asperity", "verify", "patch")
     call(bin / "asperity", "run", ROOT / "cases/quick.toml", "-o", "quick", "--ranks", "2")
     assert '"ranks": 2' in (tmp_path / "quick/summary.json").read_text()
-
-
-@in_a_clone
-def test_every_source_file_names_its_licence() -> None:
-    folders = ("benchmarks", "docs", "examples", "meshes", "python", "solver", "tests")
-    found = [path for name in folders for path in (ROOT / name).rglob("*")]
-    sources = [path for path in found if path.suffix in (".py", ".hpp", ".cpp")]
-    assert len(sources) > 100
-    heads = {path: path.read_text(encoding="utf-8")[:250] for path in sources}
-    assert [path for path, head in heads.items() if "SPDX-License-Identifier: LGPL-3.0-or-later\n" not in head] == []

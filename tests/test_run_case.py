@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: The asperity developers
-# SPDX-License-Identifier: LGPL-3.0-or-later
-
 """A case from its file to its results: what is written, what is left alone, exit codes, units."""
 
 from __future__ import annotations

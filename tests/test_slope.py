@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: The asperity developers
-# SPDX-License-Identifier: LGPL-3.0-or-later
-
 """Slope of a curve: closed forms on each branch, and what it is of few or odd steps."""
 
 from __future__ import annotations

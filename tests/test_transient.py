@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: The asperity developers
-# SPDX-License-Identifier: LGPL-3.0-or-later
-
 """A mass on the solid block in time: a bar in closed form, order, energy, the static limit."""
 
 from __future__ import annotations

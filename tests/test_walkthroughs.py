@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: The asperity developers
-# SPDX-License-Identifier: LGPL-3.0-or-later
-
 """Tutorials and how-to pages: what a reader types is run in order, and the output is compared with what is shown."""
 
 from __future__ import annotations

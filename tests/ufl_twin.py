@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: The asperity developers
-# SPDX-License-Identifier: LGPL-3.0-or-later
-
 """The element kernels once more, as UFL forms that are differentiated automatically: what the compiled ones are
 compared with.
 

@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: The asperity developers
-# SPDX-License-Identifier: LGPL-3.0-or-later
-
 """From a rough surface to its contact force and to the vibration of a mass on it.
 
 Importing the package is light: dolfinx, gmsh and matplotlib are loaded by the stage that needs them.

@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: The asperity developers
-# SPDX-License-Identifier: LGPL-3.0-or-later
-
 """Exceptions and warnings, one per kind of failure; each exception has the exit code of the command line."""
 
 from __future__ import annotations

@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: The asperity developers
-# SPDX-License-Identifier: LGPL-3.0-or-later
-
 """Loops of the force about a preload: what plastic flow dissipates in each, and their file."""
 
 from __future__ import annotations

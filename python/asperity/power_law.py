@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: The asperity developers
-# SPDX-License-Identifier: LGPL-3.0-or-later
-
 """Power law P* = k (delta*)^n of a curve, with the intervals of the regression: the misfit of the fit."""
 
 from __future__ import annotations

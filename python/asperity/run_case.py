@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: The asperity developers
-# SPDX-License-Identifier: LGPL-3.0-or-later
-
 """The whole job of a case: curve, law, dynamics, and the files of the run in its folder."""
 
 from __future__ import annotations

@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: The asperity developers
-# SPDX-License-Identifier: LGPL-3.0-or-later
-
 """Slope of a curve of force over approach at its steps, branch by branch."""
 
 from __future__ import annotations

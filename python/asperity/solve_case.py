@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: The asperity developers
-# SPDX-License-Identifier: LGPL-3.0-or-later
-
 """The static part of a case: kinematics, one mesh or those of a tolerance."""
 
 from __future__ import annotations

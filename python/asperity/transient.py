@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: The asperity developers
-# SPDX-License-Identifier: LGPL-3.0-or-later
-
 """Rigid mass vibrating on the full block: the dynamic solution with which the one-degree model is compared.
 
 The flat carries a mass and has one degree of freedom; the block has inertia. Both advance by the

@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: The asperity developers
-# SPDX-License-Identifier: LGPL-3.0-or-later
-
 """Units of length in files, and numbers with SI prefixes and the digits that their error bar allows."""
 
 from __future__ import annotations

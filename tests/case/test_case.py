@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: The asperity developers
-# SPDX-License-Identifier: LGPL-3.0-or-later
-
 """The case file: completion, round trips, and one sentence for every mistake."""
 
 from __future__ import annotations

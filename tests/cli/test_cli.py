@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: The asperity developers
-# SPDX-License-Identifier: LGPL-3.0-or-later
-
 """The command line: exit codes, messages, what is written and what is left alone."""
 
 from __future__ import annotations

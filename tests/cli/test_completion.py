@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: The asperity developers
-# SPDX-License-Identifier: LGPL-3.0-or-later
-
 """Tab completion, as docs/install.md sets it up."""
 
 from __future__ import annotations

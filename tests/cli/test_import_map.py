@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: The asperity developers
-# SPDX-License-Identifier: LGPL-3.0-or-later
-
 """`asperity import-map`: what it writes of good maps, and one sentence for each bad one."""
 
 from __future__ import annotations

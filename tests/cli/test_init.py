@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: The asperity developers
-# SPDX-License-Identifier: LGPL-3.0-or-later
-
 """`asperity init`: the case it writes is legal, complete, and runs."""
 
 from __future__ import annotations

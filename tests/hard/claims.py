@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: The asperity developers
-# SPDX-License-Identifier: LGPL-3.0-or-later
-
 """Theoretical properties of the curve of a scene.
 
 Each claim takes the case and its curve, and returns whether the property holds and a sentence with the measured value.

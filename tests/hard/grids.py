@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: The asperity developers
-# SPDX-License-Identifier: LGPL-3.0-or-later
-
 """Hard cases that vary one or two parameters over a range."""
 
 from __future__ import annotations

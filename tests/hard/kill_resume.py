@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: The asperity developers
-# SPDX-License-Identifier: LGPL-3.0-or-later
-
 """Kill a run at random moments and repeat its command, with --resume, until it is complete, again and again.
 
 After each SIGKILL every file must be whole: the old content or the new one. Each completed run must have the curve of

@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: The asperity developers
-# SPDX-License-Identifier: LGPL-3.0-or-later
-
 """Hard cases of finite strain and of kinematic hardening."""
 
 from __future__ import annotations

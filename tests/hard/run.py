@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: The asperity developers
-# SPDX-License-Identifier: LGPL-3.0-or-later
-
 """Run the hard cases and print a table: `./run python3 tests/hard/run.py [OPTIONS] [NAME]...`."""
 
 from __future__ import annotations

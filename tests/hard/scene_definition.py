@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: The asperity developers
-# SPDX-License-Identifier: LGPL-3.0-or-later
-
 """Definition of a hard case: its changes to a base case, the end expected of it, and its comparisons."""
 
 from __future__ import annotations

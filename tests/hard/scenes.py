@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: The asperity developers
-# SPDX-License-Identifier: LGPL-3.0-or-later
-
 """Hard cases: scenes where a contact solver is likely to fail, each run to its end or refused with a reason.
 
 Each scene is run as `asperity run` would, in its own folder, and judged (`outcome`): it ends as expected, passes the

@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: The asperity developers
-# SPDX-License-Identifier: LGPL-3.0-or-later
-
 """Runs that are killed, stopped, out of disk space, or fail on one rank; each in separate processes."""
 
 from __future__ import annotations

@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: The asperity developers
-# SPDX-License-Identifier: LGPL-3.0-or-later
-
 """Thousands of inputs: each runs or is refused with one sentence and exit code 2; never a traceback.
 
 `./run pytest tests/hard/test_fuzz.py -m slow --hypothesis-show-statistics` counts how many of each there were.

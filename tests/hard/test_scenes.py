@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: The asperity developers
-# SPDX-License-Identifier: LGPL-3.0-or-later
-
 """The hard cases (the quick ones in the short suite, all in the long one), and the detection of wrong results."""
 
 from __future__ import annotations

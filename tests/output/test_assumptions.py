@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: The asperity developers
-# SPDX-License-Identifier: LGPL-3.0-or-later
-
 """Warnings of a run about the limits of its model: limits in closed form, each warning once in every file."""
 
 from __future__ import annotations

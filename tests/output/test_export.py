@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: The asperity developers
-# SPDX-License-Identifier: LGPL-3.0-or-later
-
 """The contact of a run in other programs: CalculiX finds the curve, and so does a module that needs NumPy only."""
 
 from __future__ import annotations

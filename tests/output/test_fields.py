@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: The asperity developers
-# SPDX-License-Identifier: LGPL-3.0-or-later
-
 """Fields of a run: contents of the file for ParaView, read by h5py and by VTK, and its rendering."""
 
 from __future__ import annotations

@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: The asperity developers
-# SPDX-License-Identifier: LGPL-3.0-or-later
-
 """Conductance of a joint per area: a round spot in closed form, the tables for other programs, the figure."""
 
 from __future__ import annotations

@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: The asperity developers
-# SPDX-License-Identifier: LGPL-3.0-or-later
-
 """Figures of a run: which are drawn, their content, and the geometry of the section of the mesh."""
 
 from __future__ import annotations

@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: The asperity developers
-# SPDX-License-Identifier: LGPL-3.0-or-later
-
 """The report: self-contained, complete, and safe for any input."""
 
 from __future__ import annotations

@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: The asperity developers
-# SPDX-License-Identifier: LGPL-3.0-or-later
-
 """Files are complete or absent: if a process is killed while it writes a file, the old content remains."""
 
 from __future__ import annotations

@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: The asperity developers
-# SPDX-License-Identifier: LGPL-3.0-or-later
-
 """Ranks that the command line starts itself: their number, curve, exit codes and signals."""
 
 from __future__ import annotations

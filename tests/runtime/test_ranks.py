@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: The asperity developers
-# SPDX-License-Identifier: LGPL-3.0-or-later
-
 """Work on rank 0: where its result is, and that its errors reach every rank."""
 
 from __future__ import annotations

@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: The asperity developers
-# SPDX-License-Identifier: LGPL-3.0-or-later
-
 """Runs in existing folders: refused, continued or started again; `asp.run` behaves like the command."""
 
 from __future__ import annotations

@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: The asperity developers
-# SPDX-License-Identifier: LGPL-3.0-or-later
-
 """Arrays in equal blocks over the ranks: whoever gives the rows, the array is the one that NumPy assembles."""
 
 from __future__ import annotations

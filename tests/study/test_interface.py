@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: The asperity developers
-# SPDX-License-Identifier: LGPL-3.0-or-later
-
 """The block below the interfaces of docs/paper.md: its stiffness with free sides."""
 
 from __future__ import annotations

@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: The asperity developers
-# SPDX-License-Identifier: LGPL-3.0-or-later
-
 """Parts of a study in jobs of their own: every case once, one table, also after signals and kills."""
 
 from __future__ import annotations

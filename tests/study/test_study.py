@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: The asperity developers
-# SPDX-License-Identifier: LGPL-3.0-or-later
-
 """Studies: contents of a file, running and continuing its cases, and their evaluation."""
 
 from __future__ import annotations

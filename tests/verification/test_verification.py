@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: The asperity developers
-# SPDX-License-Identifier: LGPL-3.0-or-later
-
 """The verification suite: its error bars, its table, and that the cheap cases pass."""
 
 from __future__ import annotations

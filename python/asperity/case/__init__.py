@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: The asperity developers
-# SPDX-License-Identifier: LGPL-3.0-or-later
-
 """Input of a run: sections and keys, the case file, its validation and messages."""
 
 from __future__ import annotations

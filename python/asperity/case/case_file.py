@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: The asperity developers
-# SPDX-License-Identifier: LGPL-3.0-or-later
-
 """The case file read, completed and validated: one clear sentence for each mistake.
 
 A `Case` is immutable and complete: defaults that follow from other keys (block height, mesh sizes)

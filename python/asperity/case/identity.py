@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: The asperity developers
-# SPDX-License-Identifier: LGPL-3.0-or-later
-
 """Identity of a run: the keys of the case that its state depends on, compared when a run is resumed."""
 
 from __future__ import annotations

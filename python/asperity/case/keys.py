@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: The asperity developers
-# SPDX-License-Identifier: LGPL-3.0-or-later
-
 """The keys of the case file in words and as a JSON schema, for commands, messages, editors and documentation."""
 
 from __future__ import annotations

@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: The asperity developers
-# SPDX-License-Identifier: LGPL-3.0-or-later
-
 """One clear sentence for each of pydantic's validation errors."""
 
 from __future__ import annotations

@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: The asperity developers
-# SPDX-License-Identifier: LGPL-3.0-or-later
-
 """The sections and keys of the case file: type, default, legal range, unit and meaning of each."""
 
 from __future__ import annotations

@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: The asperity developers
-# SPDX-License-Identifier: LGPL-3.0-or-later
-
 """Checks of a case that need more than one key; the ranges are those of the classes of the model."""
 
 from __future__ import annotations

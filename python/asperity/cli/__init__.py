@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: The asperity developers
-# SPDX-License-Identifier: LGPL-3.0-or-later
-
 """The command line: `asperity COMMAND ...`, one module a command, its function named `command`.
 
 The module `import_map` is the command `import-map`.

@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: The asperity developers
-# SPDX-License-Identifier: LGPL-3.0-or-later
-
 """`asperity baseline`: write the curve of a run as the reference of later runs."""
 
 from __future__ import annotations

@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: The asperity developers
-# SPDX-License-Identifier: LGPL-3.0-or-later
-
 """`asperity estimate`: degrees of freedom, memory and time of a case before it is run."""
 
 from __future__ import annotations

@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: The asperity developers
-# SPDX-License-Identifier: LGPL-3.0-or-later
-
 """`asperity import-map`: from the height map of an instrument to a surface and a case."""
 
 from __future__ import annotations

@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: The asperity developers
-# SPDX-License-Identifier: LGPL-3.0-or-later
-
 """`asperity init`: a case file to start from, with every key explained."""
 
 from __future__ import annotations

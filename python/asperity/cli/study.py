@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: The asperity developers
-# SPDX-License-Identifier: LGPL-3.0-or-later
-
 """`asperity study`: one case with some keys varied, over the ranks of a job."""
 
 from __future__ import annotations

@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: The asperity developers
-# SPDX-License-Identifier: LGPL-3.0-or-later
-
 """`asperity surface`: roughness parameters and a picture of a case's surface."""
 
 from __future__ import annotations

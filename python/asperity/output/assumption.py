@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: The asperity developers
-# SPDX-License-Identifier: LGPL-3.0-or-later
-
 """A line of the ledger of a run: an assumption of the model, its value, its limit and the verdict."""
 
 from __future__ import annotations

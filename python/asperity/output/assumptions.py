@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: The asperity developers
-# SPDX-License-Identifier: LGPL-3.0-or-later
-
 """The ledger of a run: each assumption of the model with its value in this run, its limit and a verdict.
 
 A line is computed by a function of its own from the evidence, or is missing where it does not apply. A warning of a run

@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: The asperity developers
-# SPDX-License-Identifier: LGPL-3.0-or-later
-
 """Reference curves: stored with case, mesh and versions, and compared with a tolerance per column."""
 
 from __future__ import annotations

@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: The asperity developers
-# SPDX-License-Identifier: LGPL-3.0-or-later
-
 """Distributions of the contact pressure and of the gap over the patch, at the load levels kept."""
 
 from __future__ import annotations

@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: The asperity developers
-# SPDX-License-Identifier: LGPL-3.0-or-later
-
 """The contact of a run for other programs: nominal pressure over the approach of the mean planes.
 
 In a model of the joint's bodies their own compliance must not count twice: the approach is that of the mean planes of

@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: The asperity developers
-# SPDX-License-Identifier: LGPL-3.0-or-later
-
 """Text of a Python module with the contact as an element for other programs; it needs NumPy alone."""
 
 from __future__ import annotations

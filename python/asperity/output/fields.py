@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: The asperity developers
-# SPDX-License-Identifier: LGPL-3.0-or-later
-
 """Write fields of a run for figures (NumPy files) and for ParaView (VTKHDF with one time step per snapshot)."""
 
 from __future__ import annotations

@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: The asperity developers
-# SPDX-License-Identifier: LGPL-3.0-or-later
-
 """Conductance of the joint per nominal area, of heat or current, from the column conductance of a curve.
 
 A body of the conductivity k1 has k1 C between its base and the spots, without the block. The other body is its mirror:

@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: The asperity developers
-# SPDX-License-Identifier: LGPL-3.0-or-later
-
 """Read the files of a finished or partial run for figures and the report."""
 
 from __future__ import annotations

@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: The asperity developers
-# SPDX-License-Identifier: LGPL-3.0-or-later
-
 """Folder of a run: its checkpoint, and input, curve and summary, written as it proceeds."""
 
 from __future__ import annotations

@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: The asperity developers
-# SPDX-License-Identifier: LGPL-3.0-or-later
-
 """Figures of a run, drawn from the files in its folder.
 
 Most functions return a matplotlib Figure, or the axes `ax` of the caller, one for each panel, on which they have drawn.

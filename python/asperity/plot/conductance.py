@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: The asperity developers
-# SPDX-License-Identifier: LGPL-3.0-or-later
-
 """Figure of the conductance of the joint per area over the pressure."""
 
 from __future__ import annotations

@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: The asperity developers
-# SPDX-License-Identifier: LGPL-3.0-or-later
-
 """Figures of the contact: pressure with its distribution, regions in contact, area and spots over the load."""
 
 from __future__ import annotations

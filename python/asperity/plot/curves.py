@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: The asperity developers
-# SPDX-License-Identifier: LGPL-3.0-or-later
-
 """Figures of load over approach with its power law and local exponent, and of plasticity."""
 
 from __future__ import annotations

@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: The asperity developers
-# SPDX-License-Identifier: LGPL-3.0-or-later
-
 """Self-contained HTML page of a run: figures are embedded, nothing is loaded from elsewhere."""
 
 from __future__ import annotations

@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: The asperity developers
-# SPDX-License-Identifier: LGPL-3.0-or-later
-
 """Three-dimensional picture of the loaded block by PyVista, off screen."""
 
 from __future__ import annotations

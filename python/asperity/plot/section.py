@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: The asperity developers
-# SPDX-License-Identifier: LGPL-3.0-or-later
-
 """Section of a tetrahedral mesh by a vertical plane."""
 
 from __future__ import annotations

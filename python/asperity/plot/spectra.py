@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: The asperity developers
-# SPDX-License-Identifier: LGPL-3.0-or-later
-
 """Figure of the frequency response function (receptance).
 
 It is drawn from rows as in response.csv and free.csv, from the folder of a run or from memory. Axes are in

@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: The asperity developers
-# SPDX-License-Identifier: LGPL-3.0-or-later
-
 """Figure of the stiffness and the mean gap over the load."""
 
 from __future__ import annotations

@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: The asperity developers
-# SPDX-License-Identifier: LGPL-3.0-or-later
-
 """All code that depends on the dolfinx version, detected by probing; docs/install.md lists the tested versions."""
 
 from __future__ import annotations

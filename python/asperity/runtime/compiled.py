@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: The asperity developers
-# SPDX-License-Identifier: LGPL-3.0-or-later
-
 """The compiled module of solver/, loaded after the libraries that it shares with dolfinx."""
 
 from __future__ import annotations

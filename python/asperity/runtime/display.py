@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: The asperity developers
-# SPDX-License-Identifier: LGPL-3.0-or-later
-
 """Objects in one line for a prompt, and as a table for a notebook."""
 
 from __future__ import annotations

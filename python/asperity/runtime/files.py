@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: The asperity developers
-# SPDX-License-Identifier: LGPL-3.0-or-later
-
 """Read files, and write them completely or not at all: to a temporary file, flushed to the disk, renamed."""
 
 from __future__ import annotations

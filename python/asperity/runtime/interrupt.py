@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: The asperity developers
-# SPDX-License-Identifier: LGPL-3.0-or-later
-
 """Signals that end a run: it finishes its step, saves its state, and stops on all ranks together."""
 
 from __future__ import annotations

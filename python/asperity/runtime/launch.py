@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: The asperity developers
-# SPDX-License-Identifier: LGPL-3.0-or-later
-
 """The ranks of a job: whether they are there, and their start by mpirun."""
 
 from __future__ import annotations

@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: The asperity developers
-# SPDX-License-Identifier: LGPL-3.0-or-later
-
 """Warnings of a run: each is shown once, on whichever rank it was issued, and recorded for the files of the run."""
 
 from __future__ import annotations

@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: The asperity developers
-# SPDX-License-Identifier: LGPL-3.0-or-later
-
 """Work on rank 0, agreement between ranks, and a common end of all ranks with one message and one exit code."""
 
 from __future__ import annotations

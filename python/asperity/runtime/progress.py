@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: The asperity developers
-# SPDX-License-Identifier: LGPL-3.0-or-later
-
 """Progress display of a run: nothing, one line per step, or a live bar.
 
 The solver calls `stage` at the start of a phase, `step` after each accepted load step and `done` at

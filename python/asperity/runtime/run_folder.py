@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: The asperity developers
-# SPDX-License-Identifier: LGPL-3.0-or-later
-
 """The folder of a run: the list of its files, and the rules for starting a run in an existing folder.
 
 A run never overwrites files of other origin. A folder contains a run if it has a checkpoint, or a `case.toml` that was

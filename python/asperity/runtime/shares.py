@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: The asperity developers
-# SPDX-License-Identifier: LGPL-3.0-or-later
-
 """Arrays whose rows are spread over the ranks in equal blocks: filled from any ranks, looked up, passed to rank 0.
 
 No rank holds more than its block, the rows that it gives or wants, and a buffer. Rows travel as they are in memory,

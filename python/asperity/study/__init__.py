@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: The asperity developers
-# SPDX-License-Identifier: LGPL-3.0-or-later
-
 """Studies: one case with some keys varied, run as independent cases distributed over the ranks of a job.
 
 study = Study.load("study.toml")

@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: The asperity developers
-# SPDX-License-Identifier: LGPL-3.0-or-later
-
 """The study file: a base case, the keys that vary, and the complete cases that follow.
 
     title = "..."

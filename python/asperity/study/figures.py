@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: The asperity developers
-# SPDX-License-Identifier: LGPL-3.0-or-later
-
 """Figures of a study: families of curves and their exponents, with ensemble mean and band."""
 
 from __future__ import annotations

@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: The asperity developers
-# SPDX-License-Identifier: LGPL-3.0-or-later
-
 """Locks in the folder of a study, against other jobs; the system releases them when a process ends."""
 
 from __future__ import annotations

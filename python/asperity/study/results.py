@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: The asperity developers
-# SPDX-License-Identifier: LGPL-3.0-or-later
-
 """Results of a study: a table with one row per case, its levels, and ensembles of curves."""
 
 from __future__ import annotations

@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: The asperity developers
-# SPDX-License-Identifier: LGPL-3.0-or-later
-
 """Run the cases of a study: groups of ranks take them in turn, and failures are recorded."""
 
 from __future__ import annotations

@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: The asperity developers
-# SPDX-License-Identifier: LGPL-3.0-or-later
-
 """contact.vtkhdf in ParaView: the deformed solid coloured by stress, under the flat.
 
 paraview --script=view.py     in this folder: opens a window

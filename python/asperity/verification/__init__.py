@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: The asperity developers
-# SPDX-License-Identifier: LGPL-3.0-or-later
-
 """Verification: computed cases against the references of `asperity.reference`, each row with an error bar.
 
 A row passes if its error is within its bar. The bar is computed: it is the error of the discretisation, estimated from

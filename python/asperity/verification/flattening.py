@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: The asperity developers
-# SPDX-License-Identifier: LGPL-3.0-or-later
-
 """An elastic-plastic hemisphere flattened far beyond yield, against fits of finite elements from the literature."""
 
 from __future__ import annotations

@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: The asperity developers
-# SPDX-License-Identifier: LGPL-3.0-or-later
-
 """A quarter of a sphere with its centre in a corner of the block, pressed by the flat, against Hertz theory."""
 
 from __future__ import annotations

@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: The asperity developers
-# SPDX-License-Identifier: LGPL-3.0-or-later
-
 """Motion: the impact of a mass on the full solid in time."""
 
 from __future__ import annotations

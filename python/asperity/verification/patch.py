@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: The asperity developers
-# SPDX-License-Identifier: LGPL-3.0-or-later
-
 """Uniform states of a flat block, which every mesh must reproduce to the tolerance of the solver."""
 
 from __future__ import annotations

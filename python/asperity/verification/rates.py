@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: The asperity developers
-# SPDX-License-Identifier: LGPL-3.0-or-later
-
 """Observed orders of convergence, for each formulation of contact."""
 
 from __future__ import annotations

@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: The asperity developers
-# SPDX-License-Identifier: LGPL-3.0-or-later
-
 """Rough elastic surfaces against small-slope theory for the whole block: force, area, similarity."""
 
 from __future__ import annotations

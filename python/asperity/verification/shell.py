@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: The asperity developers
-# SPDX-License-Identifier: LGPL-3.0-or-later
-
 """An eighth of a thick hollow sphere under internal pressure, against the solution of Hill."""
 
 from __future__ import annotations

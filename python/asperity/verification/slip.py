@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: The asperity developers
-# SPDX-License-Identifier: LGPL-3.0-or-later
-
 """Micro-slip of a spot far smaller than the block under a constant load, by the solid: Cattaneo and Mindlin."""
 
 from __future__ import annotations

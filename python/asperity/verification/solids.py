@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: The asperity developers
-# SPDX-License-Identifier: LGPL-3.0-or-later
-
 """Tools for solids other than the block: mesh of a sphere, planes of symmetry, quadrature over cells, dead loads."""
 
 from __future__ import annotations

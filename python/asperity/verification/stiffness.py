@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: The asperity developers
-# SPDX-License-Identifier: LGPL-3.0-or-later
-
 """Stiffness and conductance of a spot far smaller than the block, with a tolerance and without: closed forms."""
 
 from __future__ import annotations

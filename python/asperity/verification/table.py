@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: The asperity developers
-# SPDX-License-Identifier: LGPL-3.0-or-later
-
 """Rows of the verification table, and their error bars from meshes of three sizes."""
 
 from __future__ import annotations

@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: The asperity developers
-# SPDX-License-Identifier: LGPL-3.0-or-later
-
 """Sinusoidal surfaces on a block of half a wavelength, from light to nearly full contact."""
 
 from __future__ import annotations
