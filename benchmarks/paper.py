@@ -14,6 +14,7 @@ from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 
 import numpy as np
+from families import colours, draw_column, draw_curves, label_of
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 from mpi4py import MPI
@@ -28,7 +29,6 @@ from asperity.plot import style
 from asperity.plot.vibration import amplitude_frequency
 from asperity.reference.tables import ROUGH_ELASTIC_FITS
 from asperity.study import Study, StudyLevel, StudyResults, run_study
-from asperity.study.figures import colours, draw_column, draw_curves, label_of
 
 ROOT = Path(__file__).parent.parent
 COMMAND = "./run mpirun -n 2 python3 benchmarks/paper.py out/paper"

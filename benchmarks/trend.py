@@ -9,15 +9,25 @@ from typing import Literal
 
 import numpy as np
 from interface import Block
+from scipy.stats import ttest_1samp
 
 from asperity.arrays import Array
 from asperity.curve import Curve
 from asperity.errors import InputError
 from asperity.power_law import fit_or_none
 from asperity.study.definition import ENSEMBLE
-from asperity.study.results import Row, StudyLevel, mean_interval
+from asperity.study.results import Row, StudyLevel
 
 HOLDS, CONDITIONAL, FAILS = "holds", "holds under conditions", "does not hold"
+
+
+def mean_interval(values: Array) -> tuple[float, float, float]:
+    """Mean of a sample (n,) with its 95 % interval: (mean, low, high); NaNs are ignored."""
+    sample = values[np.isfinite(values)]
+    if sample.size < 2:
+        return float(sample.mean()) if sample.size else math.nan, -math.inf, math.inf
+    low, high = ttest_1samp(sample, 0.0).confidence_interval()
+    return float(sample.mean()), float(low), float(high)
 
 
 @dataclass(frozen=True)

@@ -39,7 +39,6 @@ class _Part(click.ParamType):
 @click.option("--ranks-per-case", default=1, show_default=True, metavar="N", help="Ranks that work on one case.")
 @click.option("--retry", is_flag=True, help="Repeat the cases that failed.")
 @click.option("--dry-run", is_flag=True, help="Check the file, count the cases and meshes, run nothing.")
-@click.option("--no-figures", is_flag=True, help="Write the table only.")
 @click.option("-q", "--quiet", is_flag=True, help="Show no progress.")
 @options.overrides
 def command(
@@ -51,14 +50,13 @@ def command(
     ranks_per_case: int,
     retry: bool,
     dry_run: bool,
-    no_figures: bool,
     quiet: bool,
     overrides: tuple[str, ...],
 ) -> int | None:
     """Run a case over a grid of parameters.
 
-    As many cases at a time as there are ranks (--ranks, or mpirun). OUT receives results.csv (one row a case), cases/,
-    meshes/ and figures/. Cases that are in OUT already are not repeated, so the same command continues a study that was
+    As many cases at a time as there are ranks (--ranks, or mpirun). OUT receives results.csv (one row a case), cases/
+    and meshes/. Cases that are in OUT already are not repeated, so the same command continues a study that was
     stopped. A case that fails is recorded in the table and does not stop the others.
 
     With --only any number of jobs share the cases; once they have ended, the command without it writes the table.
@@ -82,10 +80,6 @@ def command(
         counts = run_study(study, folder, only=only, ranks_per_case=ranks_per_case, retry=retry, say=say)
     if world_rank() != 0:
         return None
-    if not no_figures and counts.done and only is None:
-        from asperity.study.figures import plot_study
-
-        plot_study(folder)
     if not quiet:
         which = "" if only is None else f"part {only[0]} of {only[1]}: "
         click.echo(f"{which}{counts.done} of {counts.cases} cases done, {counts.failed} failed, {counts.run} run now")

@@ -6,7 +6,7 @@ results = StudyResults.read("out/study")
 """
 
 from asperity.study.definition import Entry, Family, Study
-from asperity.study.results import StudyLevel, StudyResults, ensemble_curve, summarise_case
+from asperity.study.results import StudyLevel, StudyResults, summarise_case
 from asperity.study.run import collect_study, run_study
 
 __all__ = [
@@ -16,7 +16,6 @@ __all__ = [
     "StudyLevel",
     "StudyResults",
     "collect_study",
-    "ensemble_curve",
     "run_study",
     "summarise_case",
 ]

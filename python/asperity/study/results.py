@@ -1,11 +1,11 @@
-"""Results of a study: a table with one row per case, its levels, and ensembles of curves."""
+"""Results of a study: a table with one row per case, and its levels."""
 
 from __future__ import annotations
 
 import json
 import math
 import warnings
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -266,24 +266,6 @@ class StudyResults:
         return Case.load(case_folder(self.folder, str(row["case"])) / CASE)
 
 
-def ensemble_curve(curves: Iterable[Curve], points: int = 60) -> tuple[Array, Array, Array]:
-    """Mean and standard deviation of P* over the loading branches of curves, on their common range.
-
-    Returns:
-        delta*, mean and standard deviation, each (points,); the deviation of one curve is 0
-
-    Raises:
-        InputError: no curve has a loading branch
-    """
-    loads = [c.loading() for c in curves]
-    loads = [c for c in loads if len(c)]
-    if not loads:
-        raise InputError("an ensemble needs at least one curve with a loading branch")
-    x = np.linspace(0.0, min(float(c.delta_star.max()) for c in loads), points)
-    y = np.array([np.interp(x, np.r_[0.0, c.delta_star], np.r_[0.0, c.P_star]) for c in loads])
-    return x, y.mean(axis=0), y.std(axis=0, ddof=1) if len(y) > 1 else np.zeros(points)
-
-
 def _rank(value: Any) -> tuple[int, float, str]:
     """Sorting key: numbers, then strings, then missing values."""
     if value is None:
@@ -298,17 +280,3 @@ def _number(text: str) -> Any:
         return float(text)
     except ValueError:
         return text
-
-
-def mean_interval(values: Sequence[float] | Array, confidence: float = 0.95) -> tuple[float, float, float]:
-    """(mean, low, high) of a sample (n,) with its confidence interval by Student's t; NaNs are ignored."""
-    from scipy.special import stdtrit
-
-    sample = np.asarray(values, float)
-    sample = sample[np.isfinite(sample)]
-    if sample.size < 2:
-        centre = float(sample.mean()) if sample.size else math.nan
-        return centre, -math.inf, math.inf
-    half = float(stdtrit(sample.size - 1, (1 + confidence) / 2) * sample.std(ddof=1) / math.sqrt(sample.size))
-    centre = float(sample.mean())
-    return centre, centre - half, centre + half
