@@ -20,8 +20,8 @@ from asperity.curve import Curve
 from asperity.errors import AsperityWarning, InputError, OutputError
 from asperity.run_case import run
 from asperity.runtime.files import is_aside
-from asperity.study import Study, StudyResults, ensemble_curve, run_study, summarise_case
-from asperity.study.results import case_folder, mean_interval
+from asperity.study import Study, StudyResults, run_study, summarise_case
+from asperity.study.results import case_folder
 from asperity.study.shared_mesh import mesh_key, meshes_first, shared_mesh, side_by_side
 from asperity.surface import SurfaceWarning
 
@@ -222,14 +222,22 @@ def test_a_case_warns_in_a_study_as_it_does_alone(tmp_path: Path) -> None:
     assert (place / "case.toml").read_text() == (tmp_path / "alone/case.toml").read_text()
 
 
-def test_a_mesh_too_coarse_for_the_slopes_is_refused_in_a_study_as_alone(tmp_path: Path) -> None:
+@pytest.mark.filterwarnings("ignore")
+def test_a_mesh_too_coarse_for_the_slopes_is_tried_once_and_refused_for_all_cases(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    tried: list[Case] = []
+
+    def once(case: Case, *arguments: Any) -> Any:
+        tried.append(case)
+        return shared_mesh(case, *arguments)
+
+    monkeypatch.setattr("asperity.study.run.shared_mesh", once)
     steep = BASE | {"surface": ROUGH | {"G": 2e-3, "f_max": 8}, "loading": {"delta_max": 0.001, "steps": 1}}
-    made = study(base=steep, grid={"material.tangent_modulus": [0.01]})
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore")
-        assert run_study(made, tmp_path).failed == 1
-    (row,) = StudyResults.read(tmp_path).rows
-    assert row["exit_reason"].startswith("MeshError: the elements are too large for the slopes")
+    made = study(base=steep, grid={"material.tangent_modulus": [0.01, 0.1]})
+    assert run_study(made, tmp_path).failed == 2 and len(tried) == 1
+    for row in StudyResults.read(tmp_path).rows:
+        assert row["exit_reason"].startswith("MeshError: the elements are too large for the slopes")
 
 
 def test_the_table_marks_a_first_contact_on_an_edge(tmp_path: Path) -> None:
@@ -312,26 +320,16 @@ def on_two_ranks(path: Path, out: Path, *options: str) -> str:
 
 
 @pytest.mark.parametrize("ranks_per_case", [1, 2])
-def test_two_ranks_share_the_cases(tmp_path: Path, ranks_per_case: int) -> None:
-    path = tmp_path / "s.toml"
-    base = BASE | {"loading": {"delta_max": 0.02, "steps": 2}}
+def test_two_ranks_continue_a_study_of_one_rank(tmp_path: Path, ranks_per_case: int) -> None:
+    path, out = tmp_path / "s.toml", tmp_path / "out"
+    base = BASE | {"block": {"sides": "free"}, "loading": {"delta_max": 0.01, "steps": 1}}
     path.write_text(tomli_w.dumps({"base": base, "grid": {"material.tangent_modulus": [0.01, 0.05, 0.1]}}))
-    printed = on_two_ranks(path, tmp_path / "out", "--ranks-per-case", str(ranks_per_case))
-    assert "3 of 3 cases done, 0 failed" in printed
-    with (tmp_path / "out/results.csv").open() as file:
+    assert run_study(Study.load(path), out, only=(1, 3)).done == 1
+    printed = on_two_ranks(path, out, "--ranks-per-case", str(ranks_per_case))
+    assert "3 of 3 cases done, 0 failed, 2 run now" in printed
+    with (out / "results.csv").open() as file:
         loads = [float(row["P_star_max"]) for row in csv.DictReader(file)]
     assert loads == sorted(loads) and len(loads) == 3
-    assert (tmp_path / "out/figures/family_study.png").is_file()
-
-
-def test_two_ranks_continue_and_collect_a_study_with_free_sides(tmp_path: Path) -> None:
-    path, out = tmp_path / "s.toml", tmp_path / "out"
-    base = BASE | {"block": {"sides": "free"}, "loading": {"delta_max": 0.02, "steps": 2}}
-    path.write_text(tomli_w.dumps({"base": base, "grid": {"material.tangent_modulus": [0.01, 0.05, 0.1]}}))
-    made = Study.load(path)
-    assert run_study(made, out, only=(1, 3)).done == 1
-    assert "3 of 3 cases done, 0 failed, 2 run now" in on_two_ranks(path, out)
-    assert "3 of 3 cases done, 0 failed, 0 run now" in on_two_ranks(path, out, "--collect")
 
 
 def power_law_curve(k: float, n: float, steps: int = 12, unload: float = 0.0) -> Curve:
@@ -361,19 +359,3 @@ def test_the_results_of_an_exact_power_law() -> None:
     # between rollers the block yields at sigma_y (1 - nu)/(1 - 2 nu)
     assert row["block_load"] == pytest.approx(2.0 * 0.03**2.2 / 0.91 / (0.01 * 0.7 / 0.4))
     assert row["dofs"] == 7
-
-
-def test_the_ensemble_is_the_mean_on_the_common_range() -> None:
-    curves = [power_law_curve(k, 1.0) for k in (1.0, 2.0, 3.0)]
-    x, mean, spread = ensemble_curve(curves, points=5)
-    assert x[-1] == 0.03
-    np.testing.assert_allclose(mean, 2 * x)
-    np.testing.assert_allclose(spread, x)
-    with pytest.raises(InputError):
-        ensemble_curve([])
-
-
-def test_the_interval_of_a_mean_is_students() -> None:
-    # textbook: t(0.975, 4) = 2.776, sd/sqrt(n) of 1..5 = 0.7071
-    assert mean_interval([1, 2, 3, 4, 5]) == pytest.approx((3, 3 - 1.9633, 3 + 1.9633), rel=1e-4)
-    assert mean_interval([1.0])[1:] == (-np.inf, np.inf)

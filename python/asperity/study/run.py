@@ -21,7 +21,7 @@ from asperity.runtime.progress import duration
 from asperity.study.definition import Entry, Study
 from asperity.study.locks import LOCK_FILES, FolderLock, claimed
 from asperity.study.results import ABOUT, DONE, case_folder, case_state, write_about, write_tables
-from asperity.study.shared_mesh import MESHES, meshes_first, shared_mesh, shares_mesh, side_by_side
+from asperity.study.shared_mesh import MESHES, mesh_key, meshes_first, shared_mesh, shares_mesh, side_by_side
 
 if TYPE_CHECKING:
     from mpi4py import MPI
@@ -31,6 +31,7 @@ if TYPE_CHECKING:
 ERROR = "error.txt"  # traceback of a case that ended with an unexpected error
 
 Say = Callable[[str], None]
+Meshes = dict[str, Path | AsperityError]  # of the cases of a job, by `mesh_key`
 
 
 @dataclass(frozen=True)
@@ -110,11 +111,12 @@ def run_study(
     todo = on_root_bcast(comm, partial(_prepare, study, folder, lock, chosen, retry))
     group = comm.Split(comm.rank // ranks_per_case, comm.rank)
     turns, ended = Counter(comm=comm), Counter(comm=comm)
+    meshes: Meshes = {}
     run, start = 0, perf_counter()
     try:
         while (turn := group.bcast(next(turns) if group.rank == 0 else None)) < len(todo):
             entry = study.entries[todo[turn]]
-            state = run_entry(entry, folder, group, retry)
+            state = run_entry(entry, folder, group, meshes, retry)
             if state is None or group.rank > 0:
                 continue
             run += 1
@@ -174,14 +176,22 @@ def _count(study: Study, folder: Path, chosen: Sequence[int], run: int) -> Study
     return StudyCounts(len(chosen), done, len(states) - done, run)
 
 
-def run_entry(entry: Entry, folder: Path, comm: MPI.Comm, retry: bool = False) -> dict[str, Any] | None:
-    """Run a case, and return its exit state; None for one that another job computes, or has ended; collective."""
+def run_entry(entry: Entry, folder: Path, comm: MPI.Comm, meshes: Meshes, retry: bool = False) -> dict[str, Any] | None:
+    """Run a case, and return its exit state; None for one that another job computes, or has ended; collective.
+
+    `meshes` receives its mesh, or why there is none, so that a surface that cannot be meshed is tried once.
+    """
     with ExitStack() as claim:
         mine, before = on_root_bcast(comm, partial(_claim, claim, folder, entry.key))
         if not mine or not _is_due(before, retry):
             return None
         start = perf_counter()
-        mesh = shared_mesh(entry.case, folder, comm) if shares_mesh(entry.case) else None
+        mesh = None
+        if shares_mesh(entry.case):
+            key = mesh_key(entry.case)
+            if key not in meshes:
+                meshes[key] = shared_mesh(entry.case, folder, comm)
+            mesh = meshes[key]
         reason = _attempt(entry.case, case_folder(folder, entry.key), mesh, before is not None, comm)
         gc.collect()
         found = {"exit_reason": reason, "seconds": round(perf_counter() - start, 3)}
