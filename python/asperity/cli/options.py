@@ -6,15 +6,12 @@ import functools
 import json
 import math
 from collections.abc import Callable, Iterable
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import click
 from click.shell_completion import CompletionItem
 
 from asperity.runtime.progress import is_terminal, world_rank
-
-if TYPE_CHECKING:
-    from asperity.case import Case
 
 
 def _complete_files(*_: Any) -> list[CompletionItem]:
@@ -39,9 +36,6 @@ overrides = click.option(
     metavar="SECTION.KEY=VALUE",
     shell_complete=_complete_keys,
     help="Replace a key of the case file; an empty value removes it. Repeatable.",
-)
-ranks = click.option(
-    "--ranks", type=click.IntRange(min=1), default=1, show_default=True, help="Ranks that share the work."
 )
 
 
@@ -138,23 +132,6 @@ def serial(function: Callable[..., Any]) -> Callable[..., Any]:
         return function(*args, **kwargs) if world_rank() == 0 else 0
 
     return on_root
-
-
-def case_and_ranks(function: Callable[[str, Case, int, bool], int | None]) -> Callable[..., Any]:
-    """Arguments of a command that reads a case and the ranks it would use, and --json; on the first rank only."""
-
-    @case_file
-    @ranks
-    @as_json
-    @overrides
-    @serial
-    @functools.wraps(function)
-    def command(case_file: str, ranks: int, as_json: bool, overrides: tuple[str, ...]) -> int | None:
-        from asperity.case import Case
-
-        return function(case_file, Case.load(case_file, overrides), ranks, as_json)
-
-    return command
 
 
 def say(text: str = "") -> None:
