@@ -1,4 +1,4 @@
-"""The package at a prompt and in a notebook: representations, tables, data frames, functions of dolfinx."""
+"""The package at a prompt and in a notebook: representations, data frames, functions of dolfinx."""
 
 from __future__ import annotations
 
@@ -70,15 +70,6 @@ def test_a_representation_has_the_numbers_of_its_object(result: Any) -> None:
     assert repr(result.curve) == "Curve(3 load, 1 unload; delta up to 0.01, force up to 0.134615)"
     assert repr(asp.Case.from_dict(FLAT)) == "Case(flat of side 2, elastic, delta_max = 0.01)"
     assert "n=1.5" in repr(asp.PowerLaw(1.5)) and "dofs=" in repr(result.contact) and "'done'" in repr(result)
-
-
-def test_tables_of_a_notebook_are_escaped_and_have_the_known_columns(result: Any) -> None:
-    page = result.curve._repr_html_()
-    assert page.count("<tr>") == 1 + len(result.curve) and "<th>force</th>" in page
-    assert "<th>k_n_elastic</th>" not in page  # not computed
-    assert "&lt;" not in page and "exit_reason" in result._repr_html_()
-    long = make_curve().where(np.zeros(70, dtype=int))
-    assert long._repr_html_().count("<tr>") == 51 and "the first 50 steps" in long._repr_html_()
 
 
 def test_a_curve_becomes_a_data_frame() -> None:

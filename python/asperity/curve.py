@@ -15,7 +15,6 @@ import numpy as np
 
 from asperity.arrays import Array
 from asperity.errors import CompatError, InputError
-from asperity.runtime.display import html_table
 from asperity.runtime.files import write_csv
 from asperity.slope import slopes
 
@@ -33,8 +32,6 @@ WITH_ERRORS = ("mean_gap", *STIFFNESSES, "conductance")
 BRANCHES = ("load", "unload", "reload")
 _COUNTS = ("step", "newton", "krylov", "spots")
 _REQUIRED = ("delta", "force")
-_KEYS = ("step", "branch", *_REQUIRED)
-SHOWN = 50  # steps in the table of a notebook
 
 
 @dataclass(frozen=True, eq=False)
@@ -175,18 +172,6 @@ class Curve:
         if not len(self):
             return "Curve(no steps)"
         return f"Curve({parts}; delta up to {self.delta.max():.6g}, force up to {self.force.max():.6g})"
-
-    def _repr_html_(self) -> str:
-        """Table of the known columns in a notebook, at most SHOWN steps."""
-        names = [name for name in COLUMNS if name in _KEYS or self._known(name)]
-        rows = [[row[name] for name in names] for row in self.where(np.arange(len(self))[:SHOWN]).rows()]
-        more = f"; the first {SHOWN} steps" if len(self) > SHOWN else ""
-        return html_table(f"{self!r}{more}", names, rows)
-
-    def _known(self, name: str) -> bool:
-        """Whether a column has a value."""
-        column = getattr(self, name)
-        return bool(np.any(column != 0) if name in _COUNTS else not np.all(np.isnan(column)))
 
     def to_pandas(self) -> Any:
         """Pandas DataFrame with the columns of the file; `header` is in its `attrs`.

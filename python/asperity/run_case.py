@@ -27,7 +27,7 @@ from asperity.output.assumptions import ledger
 from asperity.output.run_files import RunFiles
 from asperity.power_law import PowerLawFit, with_misfit
 from asperity.runtime import run_folder
-from asperity.runtime.display import brief, html_table
+from asperity.runtime.display import brief
 from asperity.runtime.notices import Notices, noting
 from asperity.runtime.parallel import agree, on_root, on_root_bcast
 from asperity.runtime.progress import Progress, log_file
@@ -64,13 +64,6 @@ class RunResult:
     def __repr__(self) -> str:
         law = "no fit" if self.fit is None else "k = {}, n = {}".format(*with_misfit(self.fit.to_dict()))
         return f"RunResult({self.curve!r}, {law}, {brief(self.summary.get('exit_reason'))})"
-
-    def _repr_html_(self) -> str:
-        """Table of the main numbers in a notebook."""
-        names = ("dofs", "cells", "steps", "newton", "krylov", "ranks", "exit_reason")
-        rows = [(name, self.summary[name]) for name in names if name in self.summary]
-        law = [] if self.fit is None else [("k", self.fit.k), ("n", self.fit.n), ("r2", self.fit.r2)]
-        return html_table(repr(self), ("", "value"), [*law, *rows])
 
 
 def run(

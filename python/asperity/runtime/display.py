@@ -1,10 +1,9 @@
-"""Objects in one line for a prompt, and as a table for a notebook."""
+"""Objects and values in one line, for a prompt and for messages."""
 
 from __future__ import annotations
 
-import html
 import json
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import fields, is_dataclass
 from typing import Any
 
@@ -48,17 +47,6 @@ def brief(value: Any) -> str:
         return text if len(text) <= LONGEST else f"<{len(value)}>"
     text = repr(value)
     return text if len(text) <= LONGEST and "\n" not in text else f"{type(value).__name__}(…)"
-
-
-def html_table(caption: str, header: Sequence[str], rows: Iterable[Sequence[Any]]) -> str:
-    """Table for a notebook, with a caption above it."""
-
-    def row(cells: Iterable[str], tag: str) -> str:
-        return "<tr>" + "".join(f"<{tag}>{html.escape(cell)}</{tag}>" for cell in cells) + "</tr>"
-
-    body = "".join(row((text if isinstance(text, str) else brief(text) for text in cells), "td") for cells in rows)
-    head = row(header, "th")
-    return f"<table><caption>{html.escape(caption)}</caption><thead>{head}</thead><tbody>{body}</tbody></table>"
 
 
 def show(value: Any) -> str:
