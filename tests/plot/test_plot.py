@@ -247,7 +247,7 @@ def test_figures_are_drawn_on_axes_of_the_caller(results: Results, name: str) ->
 
 def test_every_figure_function_takes_axes() -> None:
     found: list[Any] = []
-    for name in ("contact", "curves", "fields", "measured", "slip", "spectra", "stiffness", "vibration"):
+    for name in ("contact", "curves", "fields", "slip", "spectra", "stiffness", "vibration"):
         module = importlib.import_module(f"asperity.plot.{name}")
         found += [f for f in vars(module).values() if inspect.isfunction(f) and f.__module__ == module.__name__]
     drawing = [f for f in found if inspect.signature(f).return_annotation == "Figure" and f.__name__[0] != "_"]

@@ -232,7 +232,7 @@ def _over_cutoff(filtered: Callable[[float], HeightField], side: float, pixel: f
 
 def _draw(folder: Path, surface: Any, summit: Any, spectrum: Spectrum, affine: SelfAffineFit | None) -> None:
     from asperity.plot import save, surface_map
-    from asperity.plot.measured import spectrum_figure
+    from asperity.plot.fields import spectrum_figure
 
     save(surface_map(surface.grid(401), surface.L, summit, unit="m"), folder / "surface.png")
     save(spectrum_figure(spectrum, "m", affine), folder / "spectrum.png")

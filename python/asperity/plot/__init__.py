@@ -14,13 +14,12 @@ from matplotlib.figure import Figure
 
 from asperity.output.gap_conductance import gap_conductance
 from asperity.output.results import Results
-from asperity.plot.conductance import conductance
 from asperity.plot.contact import contact_area, pressure_maps
 from asperity.plot.curves import force_curve, plasticity
 from asperity.plot.fields import mesh_cut, surface_map
 from asperity.plot.slip import slip, slip_map
 from asperity.plot.spectra import receptance, receptance_of
-from asperity.plot.stiffness import stiffness
+from asperity.plot.stiffness import conductance, stiffness
 from asperity.plot.style import save, save_in
 from asperity.plot.vibration import Scale, amplitude_frequency, frequency, natural_frequency, response
 from asperity.runtime.run_folder import FIGURES

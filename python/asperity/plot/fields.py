@@ -1,4 +1,4 @@
-"""Figures of geometry: surface and section of the mesh."""
+"""Figures of geometry: surface, its spectrum, and section of the mesh."""
 
 from __future__ import annotations
 
@@ -14,6 +14,8 @@ from asperity.arrays import Array
 from asperity.output.results import Results
 from asperity.plot import style
 from asperity.plot.section import cut
+from asperity.surface import Spectrum
+from asperity.surface.self_affine_fit import SelfAffineFit
 from asperity.units import prefix
 
 
@@ -49,6 +51,31 @@ def surface_map(
     axis.annotate(rough, (1.0, 1.0), (0, 5), xycoords="axes fraction", textcoords="offset points", ha="right")
     bar = figure.colorbar(image, ax=axis, shrink=0.9)
     bar.set_label(style.label("height above the mean plane", up_unit))
+    return figure
+
+
+@style.styled
+def spectrum_figure(
+    spectrum: Spectrum, unit: str = "", affine: SelfAffineFit | None = None, *, ax: style.Place | None = None
+) -> Figure:  # fmt: skip
+    """Draw the power spectral density.
+
+    The self-affine equivalent is drawn over the spectrum; `unit` is that of length.
+    """
+    figure, (axis, *_) = style.figure(style.SINGLE, 3.4, ax=ax)
+    style.titles([axis], ("power spectral density",))
+    there = spectrum.density > 0
+    axis.loglog(spectrum.q[there], spectrum.density[there], color=style.BLUE)
+    if affine is not None:
+        wavelengths = [affine.lambda_long, affine.lambda_roll or affine.lambda_long, affine.lambda_short]
+        q = 2 * np.pi / np.array(wavelengths)
+        label = f"$H$ = {affine.H:.2f} ± {affine.error_H:.2f}"
+        axis.loglog(q, affine.density(q), color=style.VERMILION, label=label)
+        axis.set_ylim(bottom=affine.density(q).min() / 100)  # what lies below is rounding
+        axis.legend(loc="lower left")
+    axis.set_xlabel(style.label("wave number $q$", f"1/{unit}" if unit else ""))
+    axis.set_ylabel(style.label("density $C(q)$", f"{unit}$^4$" if unit else ""))
+    style.grid(axis)
     return figure
 
 
