@@ -24,8 +24,7 @@ from asperity.curve import Curve
 from asperity.errors import ConvergenceError
 from asperity.plot import CAPTIONS
 from asperity.power_law import PowerLawFit
-from asperity.runtime.launch import TERMINAL
-from asperity.runtime.progress import COLUMNS, Progress, StepLines, duration, is_terminal, make_progress
+from asperity.runtime.progress import COLUMNS, Progress, StepLines, duration, make_progress
 
 ROOT = Path(__file__).parents[2]
 DEMO = str(ROOT / "cases/single.toml")
@@ -397,21 +396,6 @@ def test_export_writes_a_file(cli: Cli, tmp_path: Path) -> None:
 def test_dynamics_refuses_bad_input(cli: Cli, arguments: tuple[str, ...], part: str) -> None:
     code, _, err = cli("dynamics", *arguments)
     assert code == 2 and part in err and len(err.splitlines()) == 1
-
-
-def test_a_rank_of_mpirun_has_no_terminal(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Open MPI gives it a pseudo-terminal, also where mpirun writes to a file; ranks of --ranks know better."""
-    monkeypatch.setattr(sys.stdout, "isatty", lambda: True)
-    monkeypatch.setenv("TERM", "xterm")
-    for name in ("OMPI_COMM_WORLD_SIZE", "PMI_SIZE", "PMIX_RANK", "PMI_RANK", "SLURM_STEP_NUM_TASKS", TERMINAL):
-        monkeypatch.delenv(name, raising=False)
-    assert is_terminal()
-    monkeypatch.setenv("OMPI_COMM_WORLD_SIZE", "2")
-    assert not is_terminal()
-    monkeypatch.setenv(TERMINAL, "2")
-    assert is_terminal()
-    monkeypatch.setenv("TERM", "dumb")
-    assert not is_terminal()
 
 
 DOUBTED = """units = "other"

@@ -5,13 +5,14 @@ from __future__ import annotations
 import functools
 import json
 import math
+import sys
 from collections.abc import Callable, Iterable
 from typing import Any
 
 import click
 from click.shell_completion import CompletionItem
 
-from asperity.runtime.progress import is_terminal, world_rank
+from asperity.runtime.progress import world_rank
 
 
 def _complete_files(*_: Any) -> list[CompletionItem]:
@@ -150,6 +151,5 @@ def table(title: str, rows: Iterable[tuple[str, ...]], header: tuple[str, ...] =
         grid.add_column(name, justify="right" if i else "left", overflow="fold")
     for row in rows:
         grid.add_row(*row)
-    plain = not is_terminal()  # a file or a pipe has no width to fold to
-    console = Console(highlight=False, markup=False, force_terminal=not plain, width=200 if plain else None)
-    console.print(grid)
+    width = None if sys.stdout.isatty() else 200  # a file or a pipe has no width to fold to
+    Console(highlight=False, markup=False, force_terminal=False, width=width).print(grid)

@@ -10,7 +10,6 @@ from typing import NoReturn
 
 from asperity.errors import CompatError
 
-TERMINAL = "ASPERITY_TERMINAL"  # set for ranks that `start` starts on a terminal
 THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "BLIS_NUM_THREADS")
 
 
@@ -53,9 +52,6 @@ def start(arguments: Sequence[str], ranks: int) -> NoReturn:
         "PRTE_MCA_rmaps_default_mapping_policy": ":oversubscribe",
         "PRTE_MCA_hwloc_default_binding_policy": "none",
     }
-    chosen = dict.fromkeys(THREADS, "1")
-    # mpirun gives the ranks a terminal even where it writes to a file
-    chosen |= {TERMINAL: "1"} if sys.stdout.isatty() else {"TERM": "dumb"}
     command = [mpirun, "-n", str(ranks), sys.executable, "-P", "-m", "asperity", *arguments]  # -P: no local modules
     sys.stdout.flush()
-    os.execve(mpirun, command, defaults | dict(os.environ) | chosen)
+    os.execve(mpirun, command, defaults | dict(os.environ) | dict.fromkeys(THREADS, "1"))
