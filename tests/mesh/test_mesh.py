@@ -22,7 +22,7 @@ from asperity.mesh.block import BlockMesh
 from asperity.mesh.distribute import BASE, SIDE_X, SIDE_Y, TOP, check_distortion, distribute
 from asperity.mesh.element import outer_faces
 from asperity.mesh.generate import build_block
-from asperity.mesh.size_field import FirstContactMap, SizeField
+from asperity.mesh.size_field import SizeField
 from asperity.model.material import Material
 from asperity.model.settings import MeshSize
 from asperity.quasistatic.make import make_block, make_contact_solver
@@ -166,14 +166,14 @@ def edge_lengths(block: BlockMesh, facets: Array) -> tuple[Array, Array]:
 def test_size_field_is_fine_at_the_summit_and_grows_away() -> None:
     surface = Sphere(L=1.0, radius=5.0, shape="paraboloid")
     delta, h, growth, h_max = 0.004, 0.05, 0.4, 0.3  # reached up to r = 0.2
-    field = SizeField.of(surface, delta, h, grading=(0.5, 0.3), growth=growth, h_max=h_max)
-    assert field.at(0.5, 0.5, 0.0) == pytest.approx(0.3 * h, rel=0.05)
+    field = SizeField.of(surface, delta, h, growth=growth, h_max=h_max)
+    assert field.at(0.5, 0.5, 0.0) == pytest.approx(0.2 * h, rel=0.05)
     for r in (0.08, 0.14, 0.19):
         size = h * np.sqrt((r * r / 10) / delta)
         assert size * 0.9 < field.at(0.5 + r, 0.5, 0.0) < 1.25 * size
     assert field.at(0.5 + 0.19, 0.5, 0.0) == pytest.approx(h, rel=0.15)
     for depth in (0.05, 0.1, 0.3):
-        assert field.at(0.5, 0.5, depth) == pytest.approx(min(0.3 * h + growth * depth, h_max), rel=0.05)
+        assert field.at(0.5, 0.5, depth) == pytest.approx(min(0.2 * h + growth * depth, h_max), rel=0.05)
     assert field.at(0.0, 0.0, 0.0) == pytest.approx(h + growth * (0.5 * 2**0.5 - 0.2), rel=0.05)
     assert field.at(0.5, 0.5, 1.0) == h_max
 
@@ -189,24 +189,10 @@ def test_mesh_follows_the_size_field(rough: Surface, coarse: BlockMesh) -> None:
 def test_a_tiny_contact_is_resolved() -> None:
     """The grid of the field shrinks to the points that touch, here a hundred-thousandth of the area."""
     surface = Sphere(L=1.0, radius=100.0, centre=(0.3, 0.6), shape="paraboloid")
-    field = SizeField.of(surface, 2e-8, 5e-4, grading=(0.5, 0.2), growth=0.4)  # reached up to r = 2e-3
+    field = SizeField.of(surface, 2e-8, 5e-4, growth=0.4)  # reached up to r = 2e-3
     assert field.at(0.3, 0.6, 0.0) == pytest.approx(1e-4, rel=0.01)
     assert field.at(0.3019, 0.6, 0.0) == pytest.approx(5e-4, rel=0.2)
     assert field.at(0.35, 0.6, 0.0) == pytest.approx(5e-4 + 0.4 * 0.048, rel=0.05)
-
-
-def test_a_first_contact_map_replaces_the_geometry() -> None:
-    """By its geometry a flat surface touches everywhere at once; the map restricts the contact to a corner."""
-    surface = Flat(L=2.0)
-    xy = np.stack(np.meshgrid(np.linspace(0, 2, 41), np.linspace(0, 2, 41)), axis=-1).reshape(-1, 2)
-    r = np.hypot(*xy.T)
-    touched = FirstContactMap(xy, np.where(r < 0.6, 0.02 * (r / 0.6) ** 2, np.inf))
-    geometry = SizeField.of(surface, 0.02, 0.04, h_max=0.4)
-    solution = SizeField.of(surface, 0.02, 0.04, h_max=0.4, first_contact=touched)
-    assert geometry.at(0.9, 0.9, 0.0) == geometry.at(0.0, 0.0, 0.0) == 0.02  # no small spot anywhere
-    assert solution.at(0.0, 0.0, 0.0) == pytest.approx(0.15 * geometry.at(0.0, 0.0, 0.0), rel=0.01)
-    assert solution.at(0.0, 0.27, 0.0) == pytest.approx(0.02 * 0.81**0.75, rel=0.2)
-    assert solution.at(0.9, 0.9, 0.0) == 0.2
 
 
 # --- refusals -------------------------------------------------------------------------------------------------

@@ -140,8 +140,6 @@ def test_a_run_in_pieces_gives_the_same_curve(
         np.testing.assert_allclose(a.displacement, b.displacement, atol=1e-11)
         np.testing.assert_allclose(a.plastic_strain, b.plastic_strain, atol=1e-11)
         np.testing.assert_allclose(a.stress, b.stress, atol=1e-9)
-    touched, touched_again = (np.sort(result.first_contact.gather(result.solver)[1]) for result in (straight, pieces))
-    np.testing.assert_allclose(touched_again, touched, rtol=1e-9)
 
 
 @pytest.mark.mpi

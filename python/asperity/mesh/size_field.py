@@ -12,63 +12,29 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 from scipy.ndimage import distance_transform_edt, minimum_filter
-from scipy.spatial import cKDTree
 
 from asperity.arrays import Flags, Floats
-from asperity.model.settings import H_MAX, WIDEST_JOINED, ApproachMap
+from asperity.model.settings import H_MAX, WIDEST_JOINED
 from asperity.runtime.compiled import solver as _solver
 
 if TYPE_CHECKING:
     from asperity.surface import Surface
 
 FLAT = 1e-12  # difference of depths below which a surface touches the flat everywhere at once [L]
-#: Exponent of the size in the depth, and least size over h_contact. A spot grows with the root of the depth. With a
-#: first-contact map, a larger exponent equalises the errors of the load steps of a rough surface (docs/accuracy.md).
-GRADING, GUIDED = (0.5, 0.2), (0.75, 0.15)
+POWER, LEAST = 0.5, 0.2  # of the size in the depth, for a spot grows with its root; least size over h_contact
 GRID = 257  # nodes per side of the grid on which the region of each size is found
 WIDEST, STEEPEST = 0.5, 0.5  # greatest size of an element that is to be split [L], and growth of it
-GRADED = 8  # different sizes of a grading
+GRADED = 8  # different sizes around a summit
 LEVELS = 10  # different sizes on cells: with geometric steps each is within a few per cent of what a cell wants
-NEIGHBOURS = 6  # nodes of a facet: adds a margin of one element around the nodes that were touched
-
-
-@dataclass(frozen=True)
-class FirstContactMap:
-    """Approach of first contact at the top nodes of a coarse solution.
-
-    It determines where a fine mesh needs small elements better than the geometry does.
-
-    Attributes:
-        xy: positions of the top nodes (N, 2) [length]
-        touched_at: approach at which each of them first touched the flat, inf for never (N,) [length]
-        period: of the surface along x and y, whose sides are joined; None without one [length]
-    """
-
-    xy: Floats
-    touched_at: Floats
-    period: float | None = None
-
-    @property
-    def resolution(self) -> int:
-        """See `ApproachMap`."""
-        return GRID
-
-    def depth(self, x: Floats, y: Floats) -> Floats:
-        """Approach of first contact at points x, y, any shape: the least of the NEIGHBOURS nearest nodes [length]."""
-        nodes, points = self.xy, np.stack([x.ravel(), y.ravel()], axis=1)
-        if self.period is not None:  # a point that rounding leaves on the far side is on the near one
-            nodes, points = (np.mod(np.mod(p, self.period), self.period) for p in (nodes, points))
-        _, nearest = cKDTree(nodes, boxsize=self.period).query(points, k=NEIGHBOURS)
-        return self.touched_at[nearest].min(axis=1).reshape(x.shape)
 
 
 @dataclass(frozen=True)
 class SizeField:
     """Element size around the part of a surface that touches the flat.
 
-    On that part the size is h_contact (gap/delta_max)^p, gap being the depth below the summit. A contact spot that
+    On that part the size is h_contact (gap/delta_max)^(1/2), gap being the depth below the summit. A contact spot that
     has just formed is small, so the summit needs the finest elements, and the points that touch last need h_contact.
-    It has a lower limit, see `grading`. Elsewhere the size grows by `growth` per unit of distance, up to h_max.
+    It has a lower limit. Elsewhere the size grows by `growth` per unit of distance, up to h_max.
 
     All lengths are in units of L and rounded: gmsh generates a different mesh if a size differs in the last digit, and
     the curve of a case must not depend on whether its lengths are in metres or micrometres.
@@ -103,8 +69,6 @@ class SizeField:
         h_contact: float,
         growth: float = 0.25,
         h_max: float | None = None,
-        first_contact: ApproachMap | None = None,
-        grading: tuple[float, float] | None = None,
         periodic: bool = False,
     ) -> SizeField:
         """Build the field for a flat that moves by `delta_max` from first contact.
@@ -113,27 +77,18 @@ class SizeField:
             delta_max: greatest approach [length]
             h_contact: size at the points that touch last [length]
             h_max: greatest size [length]; default H_MAX, and WIDEST_JOINED at most with periodic sides
-            first_contact: approach of first contact, used instead of the depth below the summit, which is only a
-                lower bound of it
-            grading: power p, and least size over h_contact; default GRADING, or GUIDED with a first-contact map
             periodic: whether the sides of the block are
         """
         L = surface.L
-        grid, levels = GRID if first_contact is None else first_contact.resolution, GRADED
         delta_max, h_contact = rounded(delta_max / L), rounded(h_contact / L)
-        x0, y0, side, gap = _contact_window(surface, delta_max, grid)
-        if first_contact is not None:
-            t = np.linspace(0.0, side, grid)
-            gap = np.maximum(gap, first_contact.depth(*np.meshgrid((x0 + t) * L, (y0 + t) * L)) / L)
+        x0, y0, side, gap = _contact_window(surface, delta_max)
         at_once = float(gap.max() - gap.min()) <= FLAT  # no small contact spot
-        power, least = grading or (GRADING if first_contact is None else GUIDED)
-        # the map does not resolve spots smaller than those of the first step of its solution
-        h_min = h_contact * (1.0 if at_once else min(max(least, (float(gap.min()) / delta_max) ** power), 1.0))
-        sizes = np.linspace(h_min ** (1.0 / power), h_contact ** (1.0 / power), levels) ** power
-        spacing = side / (grid - 1)
-        distances = np.empty((grid, grid, levels))
+        h_min = h_contact * (1.0 if at_once else min(max(LEAST, (float(gap.min()) / delta_max) ** POWER), 1.0))
+        sizes = np.linspace(h_min ** (1.0 / POWER), h_contact ** (1.0 / POWER), GRADED) ** POWER
+        spacing = side / (GRID - 1)
+        distances = np.empty((GRID, GRID, GRADED))
         for k, size in enumerate(sizes):
-            reached = gap <= _just_above(max((size / h_contact) ** (1.0 / power) * delta_max, float(gap.min())))
+            reached = gap <= _just_above(max((size / h_contact) ** (1.0 / POWER) * delta_max, float(gap.min())))
             distances[:, :, k] = _distances(reached, periodic and side == 1.0) * spacing
         greatest = H_MAX if h_max is None else rounded(h_max / L)
         if periodic:
@@ -194,8 +149,8 @@ def _distances(reached: Flags, periodic: bool) -> Floats:
     return np.asarray(distance_transform_edt(~reached)[margin : margin + n, margin : margin + n])
 
 
-def _contact_window(surface: Surface, delta_max: float, grid: int) -> tuple[float, float, float, Floats]:
-    """Square (x0, y0, side) around all points less than delta_max below the summit, and gaps (grid, grid) on its grid.
+def _contact_window(surface: Surface, delta_max: float) -> tuple[float, float, float, Floats]:
+    """Square (x0, y0, side) around all points less than delta_max below the summit, and gaps (n, n) on its grid.
 
     The square shrinks until these points span more than a quarter of it, so that a small spot is resolved too. All
     lengths are in units of L.
@@ -203,17 +158,17 @@ def _contact_window(surface: Surface, delta_max: float, grid: int) -> tuple[floa
     L, summit = surface.L, surface.maximum()[2]
     x0, y0, side = 0.0, 0.0, 1.0
     while True:
-        t = np.linspace(0.0, side, grid)
+        t = np.linspace(0.0, side, GRID)
         height = surface.height((x0 + t[None, :]) * L, (y0 + t[:, None]) * L)
         gap: Floats = np.asarray((summit - height) / L, dtype=np.float64)
         rows, columns = np.nonzero(gap <= _just_above(max(delta_max, float(gap.min()))))
         low = np.maximum(np.array([columns.min(), rows.min()]) - 2, 0)
-        high = np.minimum(np.array([columns.max(), rows.max()]) + 2, grid - 1)
+        high = np.minimum(np.array([columns.max(), rows.max()]) + 2, GRID - 1)
         width = int(np.max(high - low))
-        if width > grid // 4:
+        if width > GRID // 4:
             return x0, y0, side, gap
-        spacing = side / (grid - 1)
-        low = np.minimum(low, grid - 1 - width)
+        spacing = side / (GRID - 1)
+        low = np.minimum(low, GRID - 1 - width)
         x0, y0, side = x0 + low[0] * spacing, y0 + low[1] * spacing, width * spacing
 
 

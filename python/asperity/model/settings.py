@@ -7,7 +7,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from math import inf
-from typing import Protocol
 
 from asperity.arrays import Floats
 from asperity.errors import InputError
@@ -124,17 +123,6 @@ def gamma_too_small(gamma: float) -> Judgement:
     )
 
 
-class ApproachMap(Protocol):
-    """Approach at which each point of a surface is touched first."""
-
-    @property
-    def resolution(self) -> int:
-        """Points per side of a grid that shows it."""
-
-    def depth(self, x: Floats, y: Floats) -> Floats:
-        """Approach that touches the points (x, y), in their shape [length]."""
-
-
 @dataclass(frozen=True)
 class MeshSize:
     """Element sizes of the block [length], see `mesh.size_field.SizeField`.
@@ -143,10 +131,8 @@ class MeshSize:
         h_contact: where the surface is touched; None takes H_CONTACT of the side
         growth: of the size per unit of distance from there
         h_max: greatest size; None takes H_MAX of the side; WIDEST_JOINED of it at most with periodic sides
-        reach: what a coarse solution has touched; None judges by the heights
-        grading: power of the size in the depth and least size over h_contact; None takes the default
         cells: sizes at the cells of a regular grid on the patch, inf where none is wanted (n, n), index [iy, ix]; None
-            takes one size, h_contact, and the grading
+            takes h_contact, and less at the summit
         refinements: number n of times the ranks split each element of a mesh of 2^n times these sizes into eight, at
             most MOST_REFINEMENTS
 
@@ -162,8 +148,6 @@ class MeshSize:
     h_contact: float | None = None
     growth: float = 0.25
     h_max: float | None = None
-    reach: ApproachMap | None = None
-    grading: tuple[float, float] | None = None
     cells: Floats | None = field(default=None, compare=False)
     refinements: int = 0
 

@@ -218,7 +218,7 @@ class Checkpoint:
                 "seconds": solver.solid.phases.seconds,
                 "calls": solver.solid.phases.calls,
             }
-            fields = solver_fields(solver, record.first_contact)
+            fields = solver_fields(solver)
             write_shares(self._comm, self.folder / STATE, fields, json.dumps(meta, default=float))
 
 

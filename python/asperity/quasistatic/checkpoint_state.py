@@ -23,7 +23,7 @@ from asperity.fem.history import History
 from asperity.mesh.block import BlockMesh
 from asperity.quasistatic.balance import Checks
 from asperity.quasistatic.contact_solver import ContactSolver, Counts, SolverState
-from asperity.quasistatic.measures import FirstContact, Snapshot
+from asperity.quasistatic.measures import Snapshot
 from asperity.quasistatic.stepping import Position, Record
 from asperity.quasistatic.stiffness import Stiffness
 from asperity.runtime.shares import DistributedArray, look_up, look_up_some, share_some
@@ -71,7 +71,6 @@ class Saved:
             for probe in _with_memory(solver):
                 probe.recall(memory)
         solver.restore(_state(self.meta["solver"], displacements))
-        record.first_contact.delta = some("touched_at", top, np.inf)
         record.rows[:] = self.meta["rows"]
         for about, saved in zip(self.meta["snapshots"], self.snapshots, strict=True):
             fields = {name: look_up(values, cells if name in OF_CELLS else nodes) for name, values in saved.items()}
@@ -87,7 +86,7 @@ class Saved:
         return ("last",) if self.meta["solver"]["before"] is None else ("last", "previous")
 
 
-def solver_fields(solver: ContactSolver, first_contact: FirstContact) -> dict[str, DistributedArray]:
+def solver_fields(solver: ContactSolver) -> dict[str, DistributedArray]:
     """Fields of a state in the numbering of the mesh as built; collective."""
     solid, comm = solver.solid, solver.solid.comm
     cells = cell_numbers(solid)
@@ -100,9 +99,6 @@ def solver_fields(solver: ContactSolver, first_contact: FirstContact) -> dict[st
         out[f"displacement.{name}"] = share_nodes(solid, solid.scatter_forward(u.ravel()))
     for probe in _with_memory(solver):
         out[STIFFNESS] = share_nodes(solid, solid.ghosts.scatter_forward(probe.memory()))
-    numbers, touched_at = at_built_nodes(solid, _nodal(solver, first_contact.delta[:, None])[:, 0])
-    touched = np.isfinite(touched_at)
-    keep_some("touched_at", numbers[touched], touched_at[touched])
     if solid.material.plastic:
         history = solid.kernels.history()
         changed = history.changed()

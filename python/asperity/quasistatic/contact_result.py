@@ -8,14 +8,13 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any
 
-from asperity.arrays import Floats
 from asperity.curve import Curve
 from asperity.errors import ConvergenceError
 from asperity.fem.global_numbering import share_mesh
 from asperity.mesh.block import BlockMesh
 from asperity.quasistatic.balance import Checks
 from asperity.quasistatic.contact_solver import ContactSolver, Counts
-from asperity.quasistatic.measures import FirstContact, Snapshot, mean_stress
+from asperity.quasistatic.measures import Snapshot, mean_stress
 from asperity.runtime.display import brief
 from asperity.runtime.shares import collect
 from asperity.runtime.timing import Phases
@@ -34,7 +33,6 @@ class ContactResult:
         snapshots: states of the top kept, this rank's part
         block: the mesh as built on rank 0, None elsewhere; with refinements that the ranks make, see `whole_mesh`
         solver: with the solid in its last state
-        first_contact: approach at which each node of the top was touched first, this rank's part
         complete: whether the path was followed to its end
         reason: why it ended
 
@@ -57,7 +55,6 @@ class ContactResult:
     snapshots: tuple[Snapshot, ...]
     block: BlockMesh | None
     solver: ContactSolver
-    first_contact: FirstContact
     complete: bool
     reason: str
 
@@ -114,10 +111,6 @@ class ContactResult:
         if block is None or points is None or tets is None:
             return None
         return BlockMesh(points * block.side, tets, block.side, block.height)
-
-    def touched_at(self) -> tuple[Floats, Floats]:
-        """Position of each node of the top and the approach that first touched it [L], see `FirstContact.gather`."""
-        return self.first_contact.gather(self.solver)
 
 
 class PartialResult(ConvergenceError):

@@ -57,10 +57,7 @@ def size_field(surface: Surface, delta_max: float, size: MeshSize, sides: str) -
         most = None if size.h_max is None else size.h_max / surface.L
         return SizeField.on_cells(np.asarray(size.cells / surface.L), size.growth, most, periodic)
     h = H_CONTACT * surface.L if size.h_contact is None else size.h_contact
-    return SizeField.of(
-        surface, delta_max, h, growth=size.growth, h_max=size.h_max, first_contact=size.reach, grading=size.grading,
-        periodic=periodic,
-    )  # fmt: skip
+    return SizeField.of(surface, delta_max, h, size.growth, size.h_max, periodic)
 
 
 def make_contact_solver(

@@ -1,12 +1,12 @@
 # SPDX-FileCopyrightText: The asperity developers
 # SPDX-License-Identifier: LGPL-3.0-or-later
 
-"""Measurements after a step: row of the curve, fields for figures, map of first contact."""
+"""Measurements after a step: row of the curve, fields for figures."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -17,7 +17,6 @@ from asperity.contact.spots import spots_of
 from asperity.model.material import PAIRS
 from asperity.quasistatic.contact_solver import ContactSolver
 
-TOUCHED = 1e-9  # gap below which a node counts as touched [L]
 STRAINED = 0.05  # equivalent strain above which the volume is counted
 
 
@@ -108,33 +107,3 @@ def _with_history(solver: ContactSolver, stress: Callable[[Floats], Floats], u: 
     found = stress(u)
     kernels.restore(committed)
     return found
-
-
-@dataclass
-class FirstContact:
-    """Approach at which each node of the contact surface was touched first.
-
-    Attributes:
-        delta: of the owned nodes of the contact surface, inf for never (nodes,) [L]; empty before the first step
-    """
-
-    delta: Floats = field(default_factory=lambda: np.empty(0))
-
-    def update(self, solver: ContactSolver) -> None:
-        """Note the nodes touched for the first time in the step just committed."""
-        nodes = solver.contact_surface.owned_nodes
-        if len(self.delta) != len(nodes):
-            self.delta = np.full(len(nodes), np.inf)
-        touched = (solver.gap()[nodes] <= TOUCHED) & np.isinf(self.delta)
-        self.delta[touched] = solver.delta  # unloading does not change it
-
-    def gather(self, solver: ContactSolver) -> tuple[Floats, Floats]:
-        """Gather positions (N, 2) [L] of the nodes of the contact surface and their approach of first contact (N,) [L].
-
-        On rank 0, after the first step; empty on other ranks; collective.
-        """
-        solid, nodes = solver.solid, solver.contact_surface.owned_nodes
-        parts = solid.comm.gather((solid.points[nodes, :2], self.delta), root=0) or []
-        empty = (np.empty((0, 2)), np.empty(0))
-        xy, delta = zip(*[empty, *parts], strict=True)
-        return np.concatenate(xy), np.concatenate(delta)

@@ -108,7 +108,6 @@ def solve_problem(
         snapshots=tuple(record.snapshots),
         block=block,
         solver=solver,
-        first_contact=record.first_contact,
         complete=failure is None,
         reason="done" if failure is None else str(failure),
     )

@@ -18,7 +18,7 @@ from asperity.errors import ConvergenceError
 from asperity.model.load_path import MIDPOINT, Schedule
 from asperity.quasistatic import measures, midpoint
 from asperity.quasistatic.contact_solver import ContactSolver
-from asperity.quasistatic.measures import FirstContact, Snapshot
+from asperity.quasistatic.measures import Snapshot
 from asperity.quasistatic.newton import StepStats
 
 DEEP, FAR = 0.1, 100.0  # beyond this approach [L], a force more than so many L ahead counts as unreachable
@@ -54,14 +54,13 @@ class Position:
 
 @dataclass
 class Record:
-    """Rows of the curve in physical units, requested snapshots, and map of first contact."""
+    """Rows of the curve in physical units, and requested snapshots."""
 
     side: float  # L [length]
     E: float  # unit of stress [force/length^2]
     reduced_modulus: float  # E' [force/length^2]
     rows: list[dict[str, Any]] = field(default_factory=list)
     snapshots: list[Snapshot] = field(default_factory=list)
-    first_contact: FirstContact = field(default_factory=FirstContact)
 
     def add(self, solver: ContactSolver, branch: str, stats: StepStats, seconds: float) -> None:
         """Append the state of `solver` as a row; collective."""
@@ -81,7 +80,6 @@ class Record:
             "seconds": seconds,
         }
         self.rows.append(row)
-        self.first_contact.update(solver)
 
     def _units(self) -> dict[str, float]:
         """Units of the columns that have a dimension."""
