@@ -26,18 +26,16 @@ from asperity.reference.elastic import (
     reduced_modulus,
 )
 from asperity.reference.halfspace import HalfSpaceContact, half_space_contact
-from asperity.reference.inertia import first_frequency
+from asperity.reference.inertia import LONG_WAVES, first_frequency, radiation_compliance, radiation_loss
 from asperity.reference.plastic import (
     PressurisedSphere,
     confined_stress,
     ghaednia,
     hardening_modulus,
-    j2_path,
     jackson_green,
     kogut_etsion,
     uniaxial_stress,
 )
-from asperity.reference.radiation import LONG_WAVES, radiation_compliance, radiation_loss
 from asperity.reference.rough_halfspace import RoughCurve, RoughHalfSpace
 from asperity.reference.tables import (
     FLATTENED_DEPTHS,
@@ -69,7 +67,6 @@ __all__ = [
     "ghaednia",
     "half_space_contact",
     "hardening_modulus",
-    "j2_path",
     "jackson_green",
     "kogut_etsion",
     "mikic_elastic",
