@@ -15,7 +15,7 @@ import numpy as np
 
 from asperity.arrays import Array
 from asperity.surface.base import Surface
-from asperity.surface.height_map import LIGHT, light_depth
+from asperity.surface.spline import LIGHT, light_depth
 
 KEPT = 0.75  # least rms height of the filtered surface over that of the surface
 RUNGS = 4  # cut-offs tried per octave

@@ -17,13 +17,11 @@ from numpy.typing import ArrayLike
 
 from asperity.arrays import Array
 from asperity.errors import InputError
-from asperity.runtime.files import read_npz
 from asperity.surface.base import Surface, check, check_positive, nodes, short_wave_share
 from asperity.surface.height_files import read_heights
-from asperity.surface.limited_spline import MATTERS, limited_spline
 from asperity.surface.maximum import climb, refine
 from asperity.surface.scale_space import Heights, ScaleSpace, gaussian_filtered, spline_gain, spline_heights
-from asperity.surface.spline_moments import DEGREE, spline_rms
+from asperity.surface.spline import DEGREE, interpolate, spline_rms, with_middles
 from asperity.surface.statistics import SurfaceStatistics
 
 if TYPE_CHECKING:
@@ -38,8 +36,6 @@ _ROUNDED = 1e-6  # relative difference of sides that were rounded
 _SAME = 1e-6  # greatest difference of opposite edges of a periodic map, over the range of heights
 _ROWS = 256  # halves of rows of cells in which the highest point is sought at once
 MOST = 6000  # heights along a side: beyond it the spline and its derivatives need more than 6 GiB
-LIGHT = 0.02  # share of the heights above the flat at a light load
-LEAST = 0.02  # that depth over the range of heights, where more of them are equally high
 DEEPEST, FARTHEST = 10.0, 1e6  # greatest plausible peak-to-valley height and distance of heights from zero [L]
 
 
@@ -126,7 +122,8 @@ class HeightMap(Surface):
         """
         if Path(self.path).suffix.lower() != ".npz":
             return None
-        found = read_npz(self.path).get("left_out")
+        with np.load(self.path) as file:  # reads this array only
+            found = file["left_out"] if "left_out" in file else None
         return None if found is None else (float(found[0]), float(found[1]), float(found[2]))
 
     @property
@@ -137,26 +134,7 @@ class HeightMap(Surface):
 
     @cached_property
     def _interpolation(self) -> tuple[BivariateSpline, float]:
-        """Spline through the heights, and its rise above them (length) where limited slopes have removed that, else 0.
-
-        Slopes are limited where a spline would rise above plateaus, see `limited_spline`.
-        """
-        from scipy.interpolate import BivariateSpline, RectBivariateSpline
-
-        ny, nx = self.heights.shape
-        x, y = np.linspace(0, self.L, nx), np.linspace(0, self.L, ny)
-        # the first axis of the spline is x
-        spline = RectBivariateSpline(x, y, self.heights.T, s=0)
-        zx, zy, zxy = (spline(x, y, *orders).T for orders in ((1, 0), (0, 1), (1, 1)))
-        depth = light_depth(self.heights)
-        found = limited_spline(self.heights, zx, zy, zxy, (x[1], y[1]), depth)
-        if found is None:
-            return spline, 0.0
-        limited, fine = BivariateSpline._from_tck((*found, 3, 3)), (_with_middles(x), _with_middles(y))
-        highest = float(spline(*fine).max())
-        if highest - limited(*fine).max() <= MATTERS * depth:
-            return spline, 0.0
-        return limited, highest - float(self.heights.max())
+        return interpolate(self.heights, self.L)
 
     @property
     def _spline(self) -> BivariateSpline:
@@ -427,7 +405,7 @@ class HeightMap(Surface):
         In a rectangle of sides a, b no height exceeds the highest corner by more than (a^2 max(-z_xx) + b^2
         max(-z_yy))/8. Works by rows of cells, so that only what may hold the maximum is kept in memory.
         """
-        x, y = (_with_middles(np.unique(t)) for t in self._spline.get_knots())
+        x, y = (with_middles(np.unique(t)) for t in self._spline.get_knots())
         a, b = np.diff(x), np.diff(y)
         (xx_low, xx_high), (xy_low, xy_high), (yy_low, yy_high) = (
             self._in_cells(*order) for order in ((2, 0), (1, 1), (0, 2))
@@ -459,24 +437,6 @@ class HeightMap(Surface):
         ny, nx = self.heights.shape
         iy, ix = np.unravel_index(int(self.heights.argmax()), self.heights.shape)
         return self.L * float(ix) / (nx - 1), self.L * float(iy) / (ny - 1)
-
-
-def light_depth(z: Array, share: float = LIGHT, summit: float | None = None) -> float:
-    """Depth below the summit, or the highest height, with a share of the heights above it (length).
-
-    >>> from asperity.surface.height_map import light_depth
-    >>> round(float(light_depth(np.linspace(0.0, 1.0, 101), share=0.1)), 9)
-    0.1
-    """
-    highest = float(z.max()) if summit is None else summit
-    return max(highest - float(np.quantile(z, 1.0 - share)), LEAST * float(np.ptp(z)))
-
-
-def _with_middles(t: Array) -> Array:
-    """Ascending values and those halfway between them (2n - 1,)."""
-    out = np.empty(2 * t.size - 1)
-    out[::2], out[1::2] = t, 0.5 * (t[1:] + t[:-1])
-    return out
 
 
 def _moving(extreme: np.ufunc, c: Array, width: int) -> Array:

@@ -37,16 +37,16 @@ class SmoothSurface(Protocol):
 
     def hessian(self, x: ArrayLike, y: ArrayLike) -> tuple[Array, Array, Array]: ...
 
-    def product(self, x: Array, y: Array) -> tuple[Array, Array, Array]: ...
-
 
 def global_maximum(surface: SmoothSurface) -> tuple[float, float, float]:
     """(x, y, z) of the highest point of the closed patch, by branch and bound from square cells."""
     L, K = surface.L, surface.curvature_bound()
-    n = int(np.clip(np.ceil(8 * L / surface.feature_size), 64, 4096))
-    x, y, z, best = _first_cells(surface, n, K)
-    half = np.full(x.size, L / (2 * n))
-    return refine(surface, x, y, z, half, half, np.full(x.size, K), best)
+    n = int(np.clip(np.ceil(8 * L / surface.feature_size), 64, 1024))
+    half: Array = np.full(n * n, L / (2 * n))
+    x, y = (c.ravel() for c in np.meshgrid(*2 * [(np.arange(n) + 0.5) * (L / n)]))
+    z = surface.height(x, y)
+    best = max((climb(surface, cx, cy) for cx in (0.0, L) for cy in (0.0, L)), key=lambda p: p[2])
+    return refine(surface, x, y, z, half, half, np.full(n * n, K), _improve(surface, x, y, z, best, 0.0))
 
 
 def refine(
@@ -96,32 +96,6 @@ def refine(
         z = surface.height(x, y)
         best = _improve(surface, x, y, z, best, slack)
     return best
-
-
-def _first_cells(surface: SmoothSurface, n: int, K: float) -> tuple[Array, Array, Array, tuple[float, float, float]]:
-    """n x n cell centres that may hold the maximum, and the best point known.
-
-    Works row by row, so that only promising cells are kept in memory.
-    """
-    L = surface.L
-    centres = (np.arange(n) + 0.5) * (L / n)
-    r = L / n / np.sqrt(2)
-    corner = max(
-        ((cx, cy) for cx in (0.0, L) for cy in (0.0, L)),
-        key=lambda c: float(surface.height(c[0], c[1])),
-    )
-    best = climb(surface, *corner)
-    kept: list[Array] = []
-    rows = max(1, 2**17 // n)
-    for i in range(0, n, rows):
-        x, y = (c.ravel() for c in np.meshgrid(centres, centres[i : i + rows]))
-        z, zx, zy = (f.ravel() for f in surface.product(centres, centres[i : i + rows]))
-        best = _improve(surface, x, y, z, best, 0.0)
-        bound = z + np.hypot(zx, zy) * r + 0.5 * K * r**2
-        kept.append(np.stack([x, y, z, bound])[:, bound > best[2]])
-    x, y, z, bound = np.concatenate(kept, axis=1)
-    keep = bound > best[2]
-    return x[keep], y[keep], z[keep], best
 
 
 def _improve(

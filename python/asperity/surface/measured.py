@@ -25,7 +25,6 @@ from asperity.errors import InputError
 from asperity.runtime.files import UNREADABLE, npz_bytes, replace_file
 from asperity.surface.height_files import PLAIN, TEXT, read_heights, read_instrument
 from asperity.surface.height_map import DEEPEST
-from asperity.surface.instrument import reliable_wavelength
 from asperity.surface.scale_space import gaussian_filtered
 from asperity.surface.spikes import without_spikes
 from asperity.units import LENGTHS
@@ -39,6 +38,7 @@ MOST_MISSING = 0.2  # share of heights that may be filled; more would be guesswo
 FLAT = 1e-12  # depth over the side below which a map is flat: that of round-off
 MOST_FACTORED = 400_000  # missing heights that are filled by a factorisation, others by iteration
 PASSES = 3  # of the search for spikes: what is left of a broad one stands out of what the last pass has filled
+SHARPEST = 0.5  # curvature of a summit times the tip radius from which the tip shows (Sanner et al.)
 STEEPEST = 30.0  # greatest plausible rms slope
 LIKELY = {"mm": 1e-3, "µm": 1e-6, "nm": 1e-9, "pm": 1e-12}  # of heights that were read as metres
 USUAL = 0.1  # rms slope of rough surfaces, within a factor of ten
@@ -155,7 +155,7 @@ class HeightField:
         if not radius:
             return self.resolution
         self._require_complete("compared with the tip")
-        found = reliable_wavelength(self.z, self.dx, self.dy, radius)
+        found = _reliable_wavelength(self.z, self.dx, self.dy, radius)
         if found > min(self.size):
             raise InputError(f"a tip radius of {radius:g} leaves no reliable wavelength on a map of {min(self.size):g}")
         return max(found, self.resolution)
@@ -314,6 +314,30 @@ def _check_pixel(path: Path, pixel: float, dx: float | None, dy: float | None) -
                 f"{path} has lengths of its own, {name} = {own:.6g} between heights, not {pixel:g}: leave out --pixel, "
                 "or correct the file"
             )
+
+
+def _reliable_wavelength(z: Array, dx: float, dy: float, tip_radius: float) -> float:
+    """Shortest wavelength of which the heights are not those of the tip, 0 where all are reliable; inf where none is.
+
+    A tip rounds summits and sharpens valleys, for heights scanned by a sphere are at most as curved as the sphere. The
+    second difference over a distance is compared with half of that curvature, as in Sanner, Nöhring, Thimons, Jacobs &
+    Pastewka, Appl. Surf. Sci. Adv. 7 (2022) 100190; the wavelength is the length of its stencil.
+
+    Args:
+        z: heights (ny, nx) without gaps [length]
+        dx, dy: distances between them [length]
+        tip_radius: of the instrument [length]
+    """
+    found = 0.0
+    for rows, step in ((z.T, dx), (z, dy)):
+        for m in range(1, (len(rows) + 1) // 2):
+            bend = rows[2 * m :] - 2.0 * rows[m:-m] + rows[: -2 * m]
+            if float(bend.min()) >= -SHARPEST / tip_radius * (m * step) ** 2:
+                break
+        else:
+            return float("inf")
+        found = max(found, 2 * m * step if m > 1 else 0.0)
+    return found
 
 
 def _trend(z: Array, trend: str) -> Array:
