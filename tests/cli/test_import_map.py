@@ -24,9 +24,11 @@ SCAN = SelfAffine(L=SIDE, H=0.8, slope=0.4, lambda_roll=0.1e-6, lambda_short=8e-
 
 
 @pytest.fixture(autouse=True)
-def without_figures(monkeypatch: pytest.MonkeyPatch) -> None:
-    """They take half of the time; tests/test_interactive.py makes them."""
+def without_the_rest(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Figures, which tests/test_interactive.py makes, and the estimate of the cost, where no test is about it."""
     monkeypatch.setattr("asperity.cli.import_map._draw", lambda *_: None)
+    if "few_dofs" not in request.fixturenames:
+        monkeypatch.setattr("asperity.cli.import_map._cost", lambda *_: "")
 
 
 def import_map(*arguments: Any) -> int:
@@ -74,6 +76,7 @@ def test_a_case_is_made_with_statistics_over_the_cutoff(tmp_path: Path, capsys: 
     assert 0.01 < cut < 0.03
 
 
+@pytest.mark.usefixtures("few_dofs")
 def test_edges_that_pixels_do_not_resolve_are_named(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     edge = SCAN + np.where(np.arange(256) > 100, 100e-9, 0.0)
     assert import_map(write(tmp_path, edge), "-o", tmp_path / "out") == 0
@@ -234,6 +237,7 @@ def test_a_huge_map_is_cut_or_filtered(
         height_map.HeightMap(path=scan)
 
 
+@pytest.mark.usefixtures("few_dofs")
 def test_a_refused_map_leaves_nothing(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -137,9 +137,10 @@ def command(
         raise InputError(f"shortest = {shortest:g} must lie between two pixels, {2 * bare.dx:g}, and the side {side:g}")
     folder = Path(output) if output else Path("out") / Path(map_file).stem
     progress.stage("statistics")
+    surface = HeightMap.of(patch.z, patch.size[0])
+    left_out = [reliable, *_left_out(surface, bare)] if limited else None
     with files_into(folder) as aside:  # whole, or not at all
-        left_out = [reliable, *_left_out(bare, patch)] if limited else None
-        surface = HeightMap(path=patch.save(aside / "patch.npz", left_out=left_out))
+        patch.save(aside / "patch.npz", left_out=left_out)
         statistics, summit = surface.statistics(min(len(patch.z), 1025)), surface.maximum()
         spectrum = psd(bare.z, len(bare.z) * bare.dx)
         wave = repeating_wave(bare.z, side)
@@ -180,17 +181,16 @@ def command(
     options.say(f"written to {folder}; next: asperity check {folder / 'case.toml'}")
 
 
-def _left_out(bare: HeightField, patch: HeightField) -> tuple[float, float]:
+def _left_out(smooth: HeightMap, bare: HeightField) -> tuple[float, float]:
     """Relative change of force and area of a light contact by the waves that a filter has taken from a patch."""
     from asperity.reference.rough_halfspace import RoughHalfSpace, cells_per_side
     from asperity.surface import HeightMap
     from asperity.surface.cutoff import approach_of_share
 
-    layer = RoughHalfSpace(cells_per_side(min(len(patch.z), CELLS)), height=1.0, nu=0.3)
-    smooth, rough = (HeightMap.of(field.z, field.size[0]) for field in (patch, bare))
+    layer = RoughHalfSpace(cells_per_side(min(len(smooth.heights), CELLS)), height=1.0, nu=0.3)
     plane = smooth.maximum()[2] - approach_of_share(smooth)  # of the flat, the same for both
     found = []
-    for surface in (smooth, rough):
+    for surface in (smooth, HeightMap.of(bare.z, bare.size[0])):
         summit, side = surface.maximum()[2], surface.L
         curve = layer.curve(layer.heights(surface), summit / side, [(summit - plane) / side])
         found.append((float(curve.P_star[0]), float(curve.area_fraction[0])))
