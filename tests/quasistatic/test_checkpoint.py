@@ -98,16 +98,20 @@ def test_a_resumed_run_warns_of_the_waves_that_its_mesh_misses(tmp_path: Path) -
     ("material", "method", "settings"),
     [
         (PLASTIC, "active-set", {"unload_steps": 2, "cycles": 2}),
-        (PLASTIC, "active-set", {"steps": 2, "integrator": "midpoint"}),
+        (PLASTIC, "active-set", {"integrator": "midpoint"}),
         (PLASTIC, "nitsche", {"unload_steps": 2}),
-        (dataclasses.replace(PLASTIC, hardening="kinematic"), "active-set", {"steps": 3, "integrator": "midpoint"}),
-        (dataclasses.replace(PLASTIC, kinematics="finite"), "nitsche", {"steps": 3, "integrator": "midpoint"}),
+        (dataclasses.replace(PLASTIC, hardening="kinematic"), "active-set", {"steps": 1, "integrator": "midpoint"}),
+        (dataclasses.replace(PLASTIC, kinematics="finite"), "nitsche", {"steps": 1, "integrator": "midpoint"}),
         (PLASTIC, "penalty", {"unload_steps": 2}),
-        (PLASTIC, "active-set", {"delta_max": None, "force_max": 1e-3, "steps": 2}),
-        (ELASTIC, "active-set", {}),
-        (ELASTIC, "active-set", {"formulation": Formulation(friction="stick"), "unload_steps": 2, "cycles": 2}),
-        (PLASTIC, "active-set", {"formulation": Formulation(friction="stick"), "steps": 2, "integrator": "midpoint"}),
-        (PLASTIC, "active-set", {"dilatation": MEAN, "integrator": "midpoint", "unload_steps": 2}),
+        (PLASTIC, "active-set", {"delta_max": None, "force_max": 1e-3}),
+        (ELASTIC, "active-set", {"steps": 3}),
+        (
+            ELASTIC,
+            "active-set",
+            {"formulation": Formulation(friction="stick"), "steps": 1, "unload_steps": 2, "cycles": 2},
+        ),
+        (PLASTIC, "active-set", {"formulation": Formulation(friction="stick"), "steps": 1, "integrator": "midpoint"}),
+        (PLASTIC, "active-set", {"dilatation": MEAN, "steps": 1, "integrator": "midpoint", "unload_steps": 2}),
         (PLASTIC, "nitsche", {"unload_steps": 1, "block": None, "size": MeshSize(0.2, h_max=0.4, refinements=1)}),
     ],
 )
@@ -121,7 +125,7 @@ def test_a_run_in_pieces_gives_the_same_curve(
 ) -> None:
     settings = {
         "delta_max": 0.02,
-        "steps": 4,
+        "steps": 2,
         "integrator": "backward-euler",
         "block": coarse_wave,
         "formulation": Formulation(method),
@@ -129,7 +133,7 @@ def test_a_run_in_pieces_gives_the_same_curve(
         **settings,
     }
     straight = solve_contact(wave, material, **settings)
-    pieces = in_pieces(wave, material, shared_path / "checkpoint", (2, 0), **settings)
+    pieces = in_pieces(wave, material, shared_path / "checkpoint", (1, 0), **settings)
     # on several ranks, contributions are added in the order of their arrival: then to the tolerance of the equations
     assert_same(straight, pieces, 1e-10 if comm().size == 1 else 1e-8)
     one, two = (gather_states(result, 1.0, 1.0) for result in (straight, pieces))

@@ -17,6 +17,7 @@ from asperity.contact.spots import spots_of
 from asperity.model.material import PAIRS
 from asperity.quasistatic.contact_solver import ContactSolver
 
+TOUCHED = 1e-9  # gap below which a node counts as touched [L]
 STRAINED = 0.05  # equivalent strain above which the volume is counted
 
 
