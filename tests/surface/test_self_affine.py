@@ -209,7 +209,7 @@ EXTREME = st.one_of(st.floats(-330, 310).map(lambda e: 10.0**e if e < 308 else n
 SMALL = st.floats(0.01, 2.5)
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=25, deadline=None)
 @given(
     st.fixed_dictionaries(
         {
