@@ -31,6 +31,20 @@ PLASTIC = Material(1.0, 0.3, 0.005, 0.05)
 MPIRUN = ("mpirun", "--oversubscribe", "--bind-to", "none", "-n")
 
 
+def world() -> Any:
+    """All ranks."""
+    from mpi4py import MPI
+
+    return MPI.COMM_WORLD
+
+
+def here() -> Any:
+    """This rank alone."""
+    from mpi4py import MPI
+
+    return MPI.COMM_SELF
+
+
 def make_curve(**header: object) -> Curve:
     """Return two loading steps, one unloading and one reloading step with awkward numbers."""
     rng = np.random.default_rng(5)
@@ -98,9 +112,7 @@ def pytest_runtest_teardown(item: pytest.Item) -> Iterator[None]:
 @pytest.fixture
 def shared_path() -> Iterator[Path]:
     """An empty directory that all ranks see; it is removed after the test."""
-    from mpi4py import MPI
-
-    comm = MPI.COMM_WORLD
+    comm = world()
     path = comm.bcast(Path(tempfile.mkdtemp(prefix="asperity-")) if comm.rank == 0 else None)
     yield path
     comm.Barrier()
@@ -143,6 +155,4 @@ def coarse_wave(wave: Surface) -> BlockMesh | None:
 
 
 def _on_root(build: Callable[[], Any]) -> Any:
-    from mpi4py import MPI
-
-    return on_root(MPI.COMM_WORLD, build)
+    return on_root(world(), build)

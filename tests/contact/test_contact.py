@@ -5,11 +5,10 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 import numpy.typing as npt
 import pytest
+from conftest import ELASTIC, PLASTIC, here
 from scipy import sparse
 from scipy.optimize import brentq
 
@@ -33,18 +32,10 @@ from asperity.surface import Flat, Sinusoid, Surface, WeierstrassMandelbrot
 Array = npt.NDArray[np.float64]
 
 NU = 0.3
-ELASTIC = Material(1.0, NU)
-PLASTIC = Material(1.0, NU, 0.005, 0.05)
 EXACT = Formulation()
 PENALTY = Formulation("penalty", 10.0)
 NITSCHE = Formulation("nitsche")
 EACH = pytest.mark.parametrize("formulation", [EXACT, PENALTY, NITSCHE], ids=lambda f: f.method)
-
-
-def here() -> Any:
-    from mpi4py import MPI
-
-    return MPI.COMM_SELF
 
 
 def press_of(

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 import pytest
+from conftest import ELASTIC, PLASTIC, here
 from scipy import sparse
 from scipy.sparse.linalg import splu
 
@@ -18,7 +19,7 @@ from asperity.adaptive.solve_contact import solve_contact
 from asperity.contact import PressureContact
 from asperity.contact.contact_surface import ContactSurface, FacetRule
 from asperity.errors import InputError
-from asperity.linear.petsc_matrix import assembled
+from asperity.linear.petsc import assembled
 from asperity.mesh.block import BlockMesh
 from asperity.mesh.generate import build_block
 from asperity.mesh.size_field import SizeField
@@ -29,16 +30,8 @@ from asperity.surface import Flat, Sinusoid, Surface
 
 Array = npt.NDArray[np.float64]
 
-ELASTIC = Material(1.0, 0.3)
-PLASTIC = Material(1.0, 0.3, 0.005, 0.05)
 EXACT = Formulation()
 NITSCHE = Formulation("nitsche")
-
-
-def here() -> Any:
-    from mpi4py import MPI
-
-    return MPI.COMM_SELF
 
 
 def test_rule_integrates_areas_and_heights(coarse: BlockMesh, rough: Surface) -> None:

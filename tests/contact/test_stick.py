@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from conftest import world
 from scipy.integrate import quad
 
 from asperity.adaptive.solve_contact import solve_contact
@@ -27,12 +28,6 @@ from asperity.transient import Transient
 
 ELASTIC, PLASTIC = Material(1.0, 0.0), Material(1.0, 0.3, 0.005, 0.05)
 STICK = Formulation(friction="stick")
-
-
-def world() -> Any:
-    from mpi4py import MPI
-
-    return MPI.COMM_WORLD
 
 
 def press(surface: Surface, material: Material, block: BlockMesh | None = None, **settings: Any) -> ContactResult:

@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 import pytest
+from conftest import here
 from scipy.sparse.linalg import spsolve
 from scipy.spatial.transform import Rotation
 from ufl_twin import UflTwin
@@ -42,12 +43,6 @@ EACH = pytest.mark.parametrize("material", [ELASTIC, PLASTIC, MIXED], ids=["elas
 METHODS = pytest.mark.parametrize("method", ["active-set", "penalty", "nitsche"])
 PAIRS = [[0, 3, 4], [3, 1, 5], [4, 5, 2]]  # of the components (xx, yy, zz, xy, xz, yz)
 SQUEEZED = np.log([0.9, 0.7, 0.5])
-
-
-def here() -> Any:
-    from mpi4py import MPI
-
-    return MPI.COMM_SELF
 
 
 @pytest.fixture(scope="module")

@@ -17,6 +17,8 @@ from asperity.arrays import Flags
 from asperity.errors import InputError
 from asperity.fem.kernels import FLOWED
 from asperity.mesh.block import BlockMesh
+from asperity.mesh.generate import build_block
+from asperity.mesh.size_field import SizeField
 from asperity.model.material import Material
 from asperity.model.settings import MEAN, POINT
 from asperity.surface import Flat, Surface
@@ -124,14 +126,23 @@ def test_a_uniform_strain_is_that_of_the_points(coarse: BlockMesh, material: Mat
     assert ours.kernels.plastic_points == usual.kernels.plastic_points > 0
 
 
+SPHERE = Surface.from_spec("sphere", L=1.0, radius=1.0)
+
+
+def even(h: float, growth: float = 0.25) -> BlockMesh:
+    """Block with elements of the same size all over the contact at an approach of 0.003."""
+    x = np.linspace(-0.5, 0.5, 257)
+    away = np.maximum(np.hypot(x, x[:, None]) - np.sqrt(0.006), 0.0)
+    return build_block(SPHERE, 1.0, SizeField(np.array([h]), away[:, :, None], (0.0, 0.0, 1.0), growth, 0.25).at)
+
+
 def test_a_spot_as_small_as_an_element_does_not_lock() -> None:
     """A sphere pressed in far beyond yield: the limit is that of the usual elements on much finer meshes."""
-    sphere = Surface.from_spec("sphere", L=1.0, radius=1.0)
     material = Material(E, NU, 0.002)
 
     def pressed(h: float, dilatation: str, growth: float = 0.25) -> float:
-        size = asp.MeshSize(h, growth, grading=(1.0, 1.0))
-        result = asp.solve_contact(sphere, material, delta_max=0.003, steps=3, size=size, dilatation=dilatation)
+        block = even(h, growth)
+        result = asp.solve_contact(SPHERE, material, delta_max=0.003, steps=3, block=block, dilatation=dilatation)
         return float(result.curve.P_star[-1])
 
     limit = pressed(0.028, POINT, growth=0.125)
@@ -142,11 +153,9 @@ def test_a_spot_as_small_as_an_element_does_not_lock() -> None:
 
 def test_energy_that_becomes_free_is_no_violation() -> None:
     """Many small steps, whose energy bounds are narrow; without the means both bounds hold."""
-    sphere = Surface.from_spec("sphere", L=1.0, radius=1.0)
     steps: dict[str, Any] = {"delta_max": 0.003, "steps": 40, "unload_steps": 5, "integrator": "backward-euler"}
     for dilatation in (POINT, MEAN):
-        size = asp.MeshSize(0.06, grading=(1.0, 1.0))
-        result = asp.solve_contact(sphere, Material(E, NU, 0.002), size=size, dilatation=dilatation, **steps)
+        result = asp.solve_contact(SPHERE, Material(E, NU, 0.002), block=even(0.06), dilatation=dilatation, **steps)
         assert result.complete and not result.checks.violated and result.checks.energy_excess < 1e-8
 
 

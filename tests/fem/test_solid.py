@@ -11,6 +11,7 @@ from unittest.mock import Mock
 import numpy as np
 import numpy.typing as npt
 import pytest
+from conftest import ELASTIC, here, world
 from scipy import sparse
 
 from asperity import reference as ref
@@ -19,7 +20,7 @@ from asperity.fem.solid import Solid
 from asperity.linear import coarse as coarse_problem
 from asperity.linear.matrix_free import TangentOperator
 from asperity.linear.multigrid import PMultigrid
-from asperity.linear.petsc_matrix import assembled, set_rigid_modes
+from asperity.linear.petsc import assembled, set_rigid_modes
 from asperity.linear.solver import LinearSolver
 from asperity.mesh.block import BlockMesh
 from asperity.mesh.distribute import distribute
@@ -38,19 +39,6 @@ from asperity.surface import Flat, Sinusoid, Surface
 Array = npt.NDArray[np.float64]
 
 NU = 0.3
-ELASTIC = Material(1.0, NU)
-
-
-def here() -> Any:
-    from mpi4py import MPI
-
-    return MPI.COMM_SELF
-
-
-def world() -> Any:
-    from mpi4py import MPI
-
-    return MPI.COMM_WORLD
 
 
 def block_of(comm: Any, surface: Surface, height: float, size: float) -> BlockMesh | None:

@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 import pytest
+from conftest import here, world
 
 from asperity.arrays import Indices
 from asperity.contact.contact_surface import ContactSurface
@@ -30,18 +31,6 @@ from asperity.runtime.parallel import on_root
 from asperity.surface import Flat, Sinusoid, Sphere, Surface, WeierstrassMandelbrot
 
 Array = npt.NDArray[Any]
-
-
-def here() -> Any:
-    from mpi4py import MPI
-
-    return MPI.COMM_SELF
-
-
-def world() -> Any:
-    from mpi4py import MPI
-
-    return MPI.COMM_WORLD
 
 
 def uniform(surface: Surface, size: float, height: float = 1.0) -> BlockMesh:

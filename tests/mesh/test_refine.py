@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 import pytest
+from conftest import ELASTIC
 
 import asperity as asp
 from asperity.adaptive.solve_contact import solve_contact
@@ -36,7 +37,6 @@ from asperity.surface import Flat, SelfAffine, Sinusoid, Surface
 from asperity.verification.hertz import CONTACT, RADIUS, SPHERE, layer_force
 
 Array = npt.NDArray[Any]
-ELASTIC = Material(1.0, 0.3)
 FLAT = Flat(L=2.0)
 WAVE = Sinusoid(L=2.0, amplitude=0.02, dims=2)
 ROUGH = SelfAffine(L=2.0, H=0.8, slope=0.46, lambda_roll=1.0, lambda_short=0.1, seed=5)

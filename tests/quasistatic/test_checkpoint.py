@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from conftest import ELASTIC, PLASTIC
+from conftest import ELASTIC, PLASTIC, world
 
 from asperity.adaptive.solve_contact import solve_contact
 from asperity.case import Case
@@ -45,12 +45,6 @@ CASE = {
 }
 
 
-def comm() -> Any:
-    from mpi4py import MPI
-
-    return MPI.COMM_WORLD
-
-
 def stop_after(times: int) -> Callable[[], str]:
     """Polled by `solve_contact` at the beginning of a path and after each step; lets it continue so many times."""
     left = iter(range(times, -1, -1))
@@ -63,15 +57,15 @@ def in_pieces(
     """A run that stops after some of its steps and continues from its checkpoint each time."""
     for steps in stops:
         with pytest.raises(PartialResult, match="stopped by the test") as stopped:
-            checkpoint = Checkpoint(folder, {}, comm())
+            checkpoint = Checkpoint(folder, {}, world())
             solve_contact(surface, material, stop=stop_after(steps), checkpoint=checkpoint, **settings)
         assert isinstance(stopped.value.__cause__, Interrupted)
-    return solve_contact(surface, material, checkpoint=Checkpoint(folder, {}, comm()), **settings)
+    return solve_contact(surface, material, checkpoint=Checkpoint(folder, {}, world()), **settings)
 
 
 def assert_same(one: ContactResult, two: ContactResult, rtol: float) -> None:
     """Curves, counts and checks agree; to the last bit where one process does the same sums."""
-    exact = comm().size == 1
+    exact = world().size == 1
     assert len(one.curve) == len(two.curve)
     for name in ("delta", "force", "max_pressure", "area_fraction", "max_plastic_strain"):
         a, b = getattr(one.curve, name), getattr(two.curve, name)
@@ -135,9 +129,9 @@ def test_a_run_in_pieces_gives_the_same_curve(
     straight = solve_contact(wave, material, **settings)
     pieces = in_pieces(wave, material, shared_path / "checkpoint", (1, 0), **settings)
     # on several ranks, contributions are added in the order of their arrival: then to the tolerance of the equations
-    assert_same(straight, pieces, 1e-10 if comm().size == 1 else 1e-8)
+    assert_same(straight, pieces, 1e-10 if world().size == 1 else 1e-8)
     one, two = (gather_states(result, 1.0, 1.0) for result in (straight, pieces))
-    assert len(one) == len(two) and (one or comm().rank > 0)
+    assert len(one) == len(two) and (one or world().rank > 0)
     for a, b in zip(one, two, strict=True):
         assert (a.step, a.branch) == (b.step, b.branch)
         np.testing.assert_allclose(a.pressure, b.pressure, atol=1e-9)
@@ -159,11 +153,11 @@ def test_a_run_in_pieces_has_the_same_stiffness(
     straight = solve_contact(wave, PLASTIC, stiffness=True, **settings).curve
     pieces = in_pieces(wave, PLASTIC, shared_path / "checkpoint", (2,), stiffness=True, **settings).curve
     with pytest.raises(PartialResult):
-        checkpoint = Checkpoint(shared_path / "without", {}, comm())
+        checkpoint = Checkpoint(shared_path / "without", {}, world())
         solve_contact(wave, PLASTIC, stop=stop_after(2), checkpoint=checkpoint, **settings)
-    checkpoint = Checkpoint(shared_path / "without", {}, comm())
+    checkpoint = Checkpoint(shared_path / "without", {}, world())
     mixed = solve_contact(wave, PLASTIC, stiffness=True, checkpoint=checkpoint, **settings).curve
-    same = 1e-10 if comm().size == 1 else 1e-4  # several ranks add in the order of arrival
+    same = 1e-10 if world().size == 1 else 1e-4  # several ranks add in the order of arrival
     for name in (*STIFFNESSES, "mean_gap", "spots"):
         np.testing.assert_allclose(getattr(pieces, name), getattr(straight, name), rtol=same)
     for name in ELASTIC_STIFFNESSES:
@@ -187,13 +181,13 @@ def test_a_run_goes_on_on_another_number_of_ranks(
         "block": coarse_wave,
     }
     straight = solve_contact(wave, PLASTIC, **settings)
-    if comm().rank == 0:
+    if world().rank == 0:
         alone = MPI.COMM_SELF
         with pytest.raises(PartialResult):
             checkpoint = Checkpoint(shared_path, {}, alone)
             solve_contact(wave, PLASTIC, stop=stop_after(1), checkpoint=checkpoint, comm=alone, **settings)
-    comm().Barrier()
-    together = solve_contact(wave, PLASTIC, checkpoint=Checkpoint(shared_path, {}, comm()), **settings)
+    world().Barrier()
+    together = solve_contact(wave, PLASTIC, checkpoint=Checkpoint(shared_path, {}, world()), **settings)
     assert_same(straight, together, 1e-8)
 
 
@@ -213,8 +207,8 @@ def test_nodes_on_joined_sides_stick_on_another_number_of_ranks(shared_path: Pat
         assert isinstance(contact, Stick)
         return int(ranks.allreduce(np.isfinite(contact.held[:, 0]).sum()))
 
-    alone = comm().bcast(stuck(MPI.COMM_SELF) if comm().rank == 0 else None)
-    assert stuck(comm()) == alone > 20  # the path is at its end: these are the nodes restored
+    alone = world().bcast(stuck(MPI.COMM_SELF) if world().rank == 0 else None)
+    assert stuck(world()) == alone > 20  # the path is at its end: these are the nodes restored
 
 
 def test_the_position_survives_json() -> None:
@@ -232,7 +226,7 @@ def test_legs_of_a_schedule() -> None:
 @pytest.fixture
 def saved(wave: Surface, coarse_wave: BlockMesh | None, tmp_path: Path) -> Path:
     """Folder of a checkpoint after two steps."""
-    checkpoint = Checkpoint(tmp_path, identity(Case.from_dict(CASE)), comm())
+    checkpoint = Checkpoint(tmp_path, identity(Case.from_dict(CASE)), world())
     with pytest.raises(PartialResult):
         solve_contact(
             wave,
@@ -273,14 +267,14 @@ def test_a_damaged_checkpoint_is_refused_and_left_alone(
     damage(saved / name, change)
     before = {path: path.read_bytes() for path in saved.iterdir()}
     with pytest.raises(CheckpointError, match=name):
-        Checkpoint(saved, identity(Case.from_dict(CASE)), comm()).load()
+        Checkpoint(saved, identity(Case.from_dict(CASE)), world()).load()
     assert {path: path.read_bytes() for path in saved.iterdir()} == before
 
 
 def test_every_flipped_byte_is_noticed(saved: Path) -> None:
     """Flips that np.load cannot see, in the padding of the zip format, leave what is read unchanged."""
     good = (saved / STATE).read_bytes()
-    checkpoint = Checkpoint(saved, identity(Case.from_dict(CASE)), comm())
+    checkpoint = Checkpoint(saved, identity(Case.from_dict(CASE)), world())
     whole = checkpoint.load()
     assert whole is not None
     random = np.random.default_rng(1)
@@ -303,7 +297,7 @@ def test_files_of_another_run_are_refused(plastic_state: Path, tmp_path: Path) -
         shutil.copytree(plastic_state, folder)
         (folder / name).write_bytes(npz_bytes(read_npz(folder / name) | {RUN: np.zeros(32, dtype=np.uint8)}))
         with pytest.raises(CheckpointError, match=f"{name} does not belong to the state"):
-            Checkpoint(folder, {}, comm()).load()
+            Checkpoint(folder, {}, world()).load()
 
 
 @pytest.mark.parametrize("other", [FORMAT - 1, FORMAT + 1])
@@ -314,7 +308,7 @@ def test_a_checkpoint_of_another_version_is_refused(saved: Path, other: int) -> 
     arrays["meta"] = np.frombuffer(json.dumps(meta).encode(), dtype=np.uint8)
     (saved / STATE).write_bytes(npz_bytes(arrays))
     with pytest.raises(CheckpointError, match=r"written by asperity 9\.1"):
-        Checkpoint(saved, identity(Case.from_dict(CASE)), comm()).load()
+        Checkpoint(saved, identity(Case.from_dict(CASE)), world()).load()
 
 
 NITSCHE: dict[str, Any] = {
@@ -330,32 +324,32 @@ NITSCHE: dict[str, Any] = {
 @pytest.fixture(scope="module")
 def plastic_state(wave: Surface, coarse_wave: BlockMesh | None) -> Iterator[Path]:
     """Folder of a checkpoint in the middle of an unloading, with every kind of array."""
-    path = Path(comm().bcast(tempfile.mkdtemp(prefix="asperity-") if comm().rank == 0 else None))
+    path = Path(world().bcast(tempfile.mkdtemp(prefix="asperity-") if world().rank == 0 else None))
     with pytest.raises(PartialResult):
-        checkpoint = Checkpoint(path, {}, comm())
+        checkpoint = Checkpoint(path, {}, world())
         solve_contact(wave, PLASTIC, block=coarse_wave, checkpoint=checkpoint, stop=stop_after(3), **NITSCHE)
     yield path
-    comm().Barrier()
-    if comm().rank == 0:
+    world().Barrier()
+    if world().rank == 0:
         shutil.rmtree(path)
 
 
 def test_a_checkpoint_of_another_case_names_the_keys(saved: Path) -> None:
     other = Case.from_dict({**CASE, "material": {"E": 2.0, "nu": 0.3}})
     with pytest.raises(CheckpointError, match=r"material\.E = 1 there, 2 here"):
-        Checkpoint(saved, identity(other), comm(), refuse=refuse_another).found()
+        Checkpoint(saved, identity(other), world(), refuse=refuse_another).found()
 
 
 def test_a_checkpoint_of_another_identity_is_refused(saved: Path) -> None:
     with pytest.raises(CheckpointError, match=r"state\.npz belongs to another run"):
-        Checkpoint(saved, {}, comm()).load()
+        Checkpoint(saved, {}, world()).load()
 
 
 def test_where_nothing_was_saved_nothing_is_found(tmp_path: Path) -> None:
-    assert Checkpoint(tmp_path, {}, comm()).load() is None
+    assert Checkpoint(tmp_path, {}, world()).load() is None
     (tmp_path / MESH).write_bytes(b"written before the first state")
-    assert not Checkpoint(tmp_path, {}, comm()).found()
-    assert not Checkpoint(tmp_path / "none", {}, comm()).found()
+    assert not Checkpoint(tmp_path, {}, world()).found()
+    assert not Checkpoint(tmp_path / "none", {}, world()).found()
     assert not (tmp_path / "none").exists()
 
 
@@ -420,7 +414,7 @@ def test_clear_removes_only_checkpoints(saved: Path) -> None:
         (saved / name / STATE).write_text("old")
         (saved / name / f".{STATE}.12.asperity").write_text("half")
     (saved / "level-2" / "notes").write_text("mine")
-    Checkpoint(saved, {}, comm()).clear()
+    Checkpoint(saved, {}, world()).clear()
     left = sorted(str(path.relative_to(saved)) for path in saved.rglob("*"))
     assert left == ["level-2", "level-2/notes", "notes.npz"]
 
@@ -462,12 +456,12 @@ def test_a_folder_that_vanishes_is_a_clear_error(wave: Surface, coarse_wave: Blo
             ELASTIC,
             delta_max=0.02,
             block=coarse_wave,
-            checkpoint=Checkpoint(folder, {}, comm()),
+            checkpoint=Checkpoint(folder, {}, world()),
             on_step=vanish,
         )
 
 
 def test_the_interval_says_when_to_save(tmp_path: Path) -> None:
-    every = Checkpoint(tmp_path, {}, comm(), 3)
+    every = Checkpoint(tmp_path, {}, world(), 3)
     assert [n for n in range(7) if every.due(n)] == [0, 3, 6]
-    assert not any(Checkpoint(tmp_path, {}, comm(), 0).due(n) for n in range(5))
+    assert not any(Checkpoint(tmp_path, {}, world(), 0).due(n) for n in range(5))

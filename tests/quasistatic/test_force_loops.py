@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from conftest import here, world
 
 from asperity.adaptive.solve_contact import solve_contact
 from asperity.errors import InputError, Interrupted
@@ -24,18 +25,6 @@ from asperity.surface import Flat, Surface
 
 Y, TANGENT = 0.001, 0.05
 DEPTH = 0.01
-
-
-def here() -> Any:
-    from mpi4py import MPI
-
-    return MPI.COMM_SELF
-
-
-def world() -> Any:
-    from mpi4py import MPI
-
-    return MPI.COMM_WORLD
 
 
 class Column:

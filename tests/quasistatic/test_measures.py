@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from conftest import ELASTIC, here, world
 
 from asperity import reference as ref
 from asperity.adaptive.solve_contact import solve_contact
@@ -24,22 +25,9 @@ from asperity.quasistatic.contact_result import ContactResult
 from asperity.surface import Sinusoid, Surface
 
 NU = 0.3
-ELASTIC = Material(1.0, NU)
 EACH = pytest.mark.parametrize(
     "formulation", [Formulation(), Formulation("penalty"), Formulation("nitsche")], ids=lambda f: f.method
 )
-
-
-def here() -> Any:
-    from mpi4py import MPI
-
-    return MPI.COMM_SELF
-
-
-def world() -> Any:
-    from mpi4py import MPI
-
-    return MPI.COMM_WORLD
 
 
 @EACH

@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from conftest import ELASTIC, PLASTIC, world
 
 from asperity import reference
 from asperity.adaptive.solve_contact import solve_contact
@@ -34,17 +35,9 @@ from asperity.runtime import compat
 from asperity.runtime.shares import collect
 from asperity.surface import Flat, HeightMap, SelfAffine, Sinusoid, Sphere, Surface
 
-ELASTIC = Material(E=1.0, nu=0.3)
-PLASTIC = Material(E=1.0, nu=0.3, yield_strength=0.005, tangent_modulus=0.05)
 FINITE = Material(E=1.0, nu=0.3, yield_strength=0.005, tangent_modulus=0.05, kinematics="finite")
 COARSE = MeshSize(h_contact=0.12)
 HERE: dict[str, Any] = dict(sides="periodic", delta_max=0.02, steps=2, size=COARSE)
-
-
-def world() -> Any:
-    from mpi4py import MPI
-
-    return MPI.COMM_WORLD
 
 
 def wave(x: float = 0.5, y: float = 0.5, waves: int = 1) -> Sinusoid:

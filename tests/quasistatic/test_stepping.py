@@ -18,6 +18,7 @@ from typing import Any, cast
 import numpy as np
 import numpy.typing as npt
 import pytest
+from conftest import ELASTIC, PLASTIC, world
 from scipy.optimize import brentq
 
 from asperity import _solver
@@ -42,16 +43,8 @@ from asperity.surface import Flat, Surface
 Array = npt.NDArray[np.float64]
 
 NU = 0.3
-ELASTIC = Material(1.0, NU)
-PLASTIC = Material(1.0, NU, 0.005, 0.05)
 DELTA = 0.03
 EACH = pytest.mark.parametrize("material", [ELASTIC, PLASTIC], ids=["elastic", "plastic"])
-
-
-def world() -> Any:
-    from mpi4py import MPI
-
-    return MPI.COMM_WORLD
 
 
 @pytest.fixture

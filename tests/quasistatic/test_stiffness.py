@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from conftest import ELASTIC, PLASTIC, here, world
 
 from asperity.adaptive.solve_contact import solve_contact
 from asperity.curve import ELASTIC_STIFFNESSES, STIFFNESSES
@@ -25,23 +26,9 @@ from asperity.quasistatic.stiffness import Stiffness, without_block
 from asperity.surface import Flat, Sphere, Surface
 
 NU = 0.3
-ELASTIC = Material(1.0, NU)
-PLASTIC = Material(1.0, NU, 0.005, 0.05)
 FORMULATIONS = [Formulation(), Formulation("penalty"), Formulation("nitsche")]
 EACH = pytest.mark.parametrize("formulation", FORMULATIONS, ids=lambda f: f.method)
 SOLVERS = pytest.mark.parametrize("linear", ["lu", "cg"])
-
-
-def here() -> Any:
-    from mpi4py import MPI
-
-    return MPI.COMM_SELF
-
-
-def world() -> Any:
-    from mpi4py import MPI
-
-    return MPI.COMM_WORLD
 
 
 @pytest.fixture

@@ -5,10 +5,9 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 import pytest
+from conftest import ELASTIC, here, world
 
 from asperity.adaptive.solve_contact import solve_contact
 from asperity.errors import InputError
@@ -21,19 +20,6 @@ from asperity.surface import Flat, Sphere, Surface
 
 NU = 0.3
 G = 0.5 / (1.0 + NU)
-ELASTIC = Material(1.0, NU)
-
-
-def here() -> Any:
-    from mpi4py import MPI
-
-    return MPI.COMM_SELF
-
-
-def world() -> Any:
-    from mpi4py import MPI
-
-    return MPI.COMM_WORLD
 
 
 def of_spot(centre: tuple[float, float]) -> tuple[StiffnessMatrix, float]:

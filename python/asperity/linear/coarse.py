@@ -19,8 +19,7 @@ from asperity.arrays import Floats, Integers, Singles
 from asperity.errors import AsperityWarning
 from asperity.fem.ghosts import Ghosts
 from asperity.fem.sparsity import SparsityPattern
-from asperity.linear.petsc_matrix import NodeMatrix, set_rigid_modes
-from asperity.linear.petsc_options import GAMG, set_defaults
+from asperity.linear.petsc import GAMG, NodeMatrix, set_defaults, set_rigid_modes
 from asperity.linear.substructures import Substructures, interface_of
 from asperity.runtime.compiled import solver as _solver
 

@@ -16,8 +16,7 @@ from asperity.arrays import Floats, Integers
 from asperity.errors import AsperityWarning
 from asperity.linear.matrix_free import TangentOperator, tangent_product
 from asperity.linear.multigrid import ITERATIONS, PMultigrid
-from asperity.linear.petsc_matrix import NodeMatrix, set_rigid_modes
-from asperity.linear.petsc_options import GAMG, set_defaults
+from asperity.linear.petsc import GAMG, NodeMatrix, set_defaults, set_rigid_modes
 
 if TYPE_CHECKING:
     from asperity.fem.solid import Solid

@@ -11,8 +11,7 @@ import numpy as np
 
 from asperity.arrays import Floats
 from asperity.fem.solid import Solid
-from asperity.linear.petsc_matrix import empty_matrix
-from asperity.linear.petsc_options import GAMG, set_defaults
+from asperity.linear.petsc import GAMG, empty_matrix, set_defaults
 from asperity.mesh.element import NODES, QUADRATURE_DEGREE, quadrature, shape_gradients
 from asperity.quasistatic.stiffness import without_block
 from asperity.runtime import compat

@@ -16,7 +16,7 @@ from mpi4py import MPI
 
 from asperity.arrays import Floats, Integers
 from asperity.fem.solid import Solid
-from asperity.linear.petsc_options import set_defaults
+from asperity.linear.petsc import set_defaults
 from asperity.linear.solver import SINGLE_RTOL, LinearSolver
 from asperity.model.settings import SolverOptions
 

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: The asperity developers
 # SPDX-License-Identifier: LGPL-3.0-or-later
 
-"""Assembled tangent: the sum of the parts of all ranks as a PETSc matrix, and its rigid-body modes."""
+"""PETSc: the assembled tangent, the sum of the parts of all ranks, its rigid-body modes; defaults of options."""
 
 from __future__ import annotations
 
@@ -12,6 +12,14 @@ import numpy as np
 from asperity.arrays import Floats
 from asperity.fem.solid import Solid
 from asperity.fem.sparsity import SparsityPattern
+
+GAMG = {
+    "pc_gamg_coarse_eq_limit": 1000,
+    "pc_gamg_esteig_ksp_type": "cg",
+    "pc_gamg_esteig_ksp_max_it": 10,
+    "mg_levels_ksp_type": "chebyshev",
+    "mg_levels_pc_type": "jacobi",
+}
 
 
 class NodeMatrix:
@@ -91,3 +99,16 @@ def rigid_modes(points: Floats) -> Floats:
         i, j = (k + 1) % 3, (k + 2) % 3
         modes[3 + k, :, i], modes[3 + k, :, j] = -x[:, j], x[:, i]
     return modes
+
+
+def set_defaults(prefix: str, options: dict[str, Any]) -> None:
+    """Put options in PETSc's database where the user has not set them.
+
+    They stay there: PETSc reads those of multigrid levels only when the levels are built.
+    """
+    from petsc4py import PETSc
+
+    database = PETSc.Options(prefix)
+    for key, value in options.items():
+        if not database.hasName(key):
+            database[key] = value
