@@ -76,7 +76,7 @@ def test_a_case_is_made_with_statistics_over_the_cutoff(tmp_path: Path, capsys: 
     assert 0.01 < cut < 0.03
 
 
-@pytest.mark.usefixtures("few_dofs")
+@pytest.mark.usefixtures("few_dofs", "coarse_guide")
 def test_edges_that_pixels_do_not_resolve_are_named(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     edge = SCAN + np.where(np.arange(256) > 100, 100e-9, 0.0)
     assert import_map(write(tmp_path, edge), "-o", tmp_path / "out") == 0
@@ -237,7 +237,7 @@ def test_a_huge_map_is_cut_or_filtered(
         height_map.HeightMap(path=scan)
 
 
-@pytest.mark.usefixtures("few_dofs")
+@pytest.mark.usefixtures("few_dofs", "coarse_guide")
 def test_a_refused_map_leaves_nothing(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -293,12 +293,20 @@ def few_dofs(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("asperity.adaptive.estimate.MOST_DOFS", 200_000)
 
 
+@pytest.fixture
+def coarse_guide(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The estimate on a coarse half-space, where its numbers do not count."""
+    monkeypatch.setattr("asperity.adaptive.guide.CELLS", (128, 180))
+
+
 @pytest.mark.usefixtures("few_dofs")
 @pytest.mark.parametrize("kind", MAPS)
 def test_one_cutoff_is_recommended_and_it_is_the_last(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str], kind: str
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], request: pytest.FixtureRequest, kind: str
 ) -> None:
     """The same in `check`; after the filter none is recommended, and most of the height is left."""
+    if kind != "turned":
+        request.getfixturevalue("coarse_guide")
     z = MAPS[kind]()
     scan = write(tmp_path, z, L=S[-1])
     assert import_map(scan, "-o", tmp_path / "out") == 0

@@ -398,7 +398,6 @@ def test_statistics_of_a_sinusoid():
     assert stats.kurtosis == pytest.approx(1.5, rel=4e-3)
     assert stats.rms_slope == pytest.approx(2 * np.pi * 0.01 / np.sqrt(2), rel=4e-3)
     assert stats.rms_curvature == pytest.approx((2 * np.pi) ** 2 * 0.01 / np.sqrt(8), rel=4e-3)
-    assert stats.small_slope
     assert Flat(L=1.0).statistics(9).kurtosis == 0.0
 
 

@@ -151,7 +151,7 @@ class Checkpoint:
         meta, self._run, files = found
         state, *snapshots = (read_arrays(self._comm, self.folder / name, headers) for name, headers in files.items())
         self._snapshots = len(snapshots)
-        return Saved(self.folder, meta, state, tuple(snapshots), blocks[0] if blocks else None)
+        return Saved(meta, state, tuple(snapshots), blocks[0] if blocks else None)
 
     def _read_state(self, path: Path) -> tuple[dict[str, Any], str, Headers]:
         """Numbers, name of the run, and headers of the arrays."""

@@ -11,7 +11,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, replace
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -38,7 +37,6 @@ STIFFNESS = "stiffness"  # start of the systems of the stiffness columns; in sta
 class Saved:
     """Content of a checkpoint; this rank's share of the arrays, and the mesh on rank 0 only."""
 
-    folder: Path  # from which it was read
     meta: Mapping[str, Any]  # position, rows, counts and all other numbers
     arrays: Mapping[str, DistributedArray]  # fields by name
     snapshots: tuple[Mapping[str, DistributedArray], ...]  # fields of each snapshot

@@ -47,11 +47,6 @@ class SurfaceStatistics:
 
     __repr__ = short_repr
 
-    @property
-    def small_slope(self) -> bool:
-        """Whether the rms slope is within the range of small-slope theory (0.1)."""
-        return self.rms_slope <= SMALL_SLOPE
-
 
 @dataclass(frozen=True)
 class Spectrum:
