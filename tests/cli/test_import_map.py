@@ -210,18 +210,6 @@ def test_a_high_bump_is_no_spike(tmp_path: Path, capsys: pytest.CaptureFixture[s
     assert "if it does not belong to the surface" in capsys.readouterr().out
 
 
-@pytest.mark.usefixtures("few_dofs")
-def test_the_filter_named_for_a_noisy_map_makes_a_case_that_may_be_met(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    noisy = write(tmp_path, SCAN + 3e-9 * np.random.default_rng(0).normal(size=SCAN.shape))
-    assert import_map(noisy, "-o", tmp_path / "out") == 0
-    said = capsys.readouterr().out
-    assert "more than the 1000000 dofs of accuracy.max_dofs" in said
-    assert import_map(noisy, "-o", tmp_path / "out", "--cutoff", recommended(said)) == 0
-    assert "accuracy.max_dofs" not in capsys.readouterr().out
-
-
 def test_a_huge_map_is_cut_or_filtered(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -317,9 +305,11 @@ def test_one_cutoff_is_recommended_and_it_is_the_last(
     if "cut off what is shorter" not in said:
         assert kind != "turned" and "accuracy.max_dofs" not in said
         return
+    assert "more than the 1000000 dofs of accuracy.max_dofs" in said
     assert said.count("--cutoff)") == 1 and recommended(said) == recommended(checked)
     assert import_map(scan, "-o", tmp_path / "filtered", "--cutoff", recommended(said)) == 0
-    assert "cut off" not in capsys.readouterr().out
+    said = capsys.readouterr().out
+    assert "cut off" not in said and "accuracy.max_dofs" not in said
     check(tmp_path / "filtered/case.toml")
     assert "cut off" not in capsys.readouterr().out
     patch = HeightMap(path=tmp_path / "filtered/patch.npz")
