@@ -15,6 +15,8 @@ from mpi4py import MPI
 import asperity as asp
 from asperity.adaptive.extrapolation import SCATTER, Along, correct, without_omission
 from asperity.adaptive.guide import Guide, Omission
+from asperity.adaptive.mesh_levels import LevelSolver
+from asperity.adaptive.mesh_plan import weight
 from asperity.adaptive.solve_contact import solve_contact
 from asperity.adaptive.solve_to_tolerance import refine
 from asperity.adaptive.spots import sizes_of_spots
@@ -121,7 +123,24 @@ def test_few_elements_in_the_spots_have_a_wider_bar() -> None:
     coarse, fine = rows(1.0, 0.004), rows(1.0, 0.002)
     steps, nothing = Along(np.array([0.0]), np.zeros(1)), Omission(fine.delta_star, np.zeros(3), np.zeros(3))
     _, budget = correct(fine, coarse, 2.0, np.ones(3, dtype=bool), steps, 0.0, (nothing, nothing))
-    assert budget.mesh / fine.P_star == pytest.approx(np.full(3, SCATTER * 0.2))
+    both = np.hypot(
+        (1.0 + weight(2.0)) * 0.2, weight(2.0) * 0.4
+    )  # the limit is that of the fine one and of their change
+    assert budget.mesh / fine.P_star == pytest.approx(np.full(3, SCATTER * both))
+
+
+def test_the_force_of_a_spot_scatters_with_its_place_by_a_part_of_what_its_area_does() -> None:
+    """The ratio of the forces on two meshes has their scatter alone; the bar of the area is twice its deviation."""
+    change, left_open = [], []
+    for x, y in np.random.default_rng(5).uniform(0.4, 0.6, (6, 2)):
+        sphere = asp.Surface.from_spec("sphere", L=1.0, radius=20.0, centre=(float(x), float(y)), shape="paraboloid")
+        problem = Problem.of(sphere, ELASTIC, delta_max=2.8e-3, steps=5)
+        run = LevelSolver(problem, 2.8e-3, Guide(problem, 2.8e-3, 5).sizes, 10**6, MPI.COMM_SELF, Hooks())
+        coarse, fine = (run(scale).curve.loading() for scale in (2.0, 1.0))
+        change.append(np.log(coarse.P_star / fine.P_star))
+        left_open.append(np.hypot(*(0.5 * c.error_area_fraction / c.area_fraction for c in (coarse, fine))))
+    part = np.std(change, axis=0, ddof=1) / np.mean(left_open, axis=0)
+    assert 0.5 * SCATTER < np.sqrt(np.mean(part**2)) < 1.7 * SCATTER
 
 
 def test_two_errors_of_opposite_sign_that_cancel_are_told_apart() -> None:

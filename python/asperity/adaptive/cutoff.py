@@ -9,14 +9,13 @@ from typing import TYPE_CHECKING
 
 from asperity.adaptive.estimate import Estimate, estimate
 from asperity.adaptive.guide import PASSES
+from asperity.adaptive.mesh_plan import MARGIN
 from asperity.errors import InputError
 from asperity.surface.cutoff import shortest_cutoff
 
 if TYPE_CHECKING:
     from asperity.case import Case
     from asperity.surface import Surface
-
-ROOM = 0.7  # part of accuracy.max_dofs for the filtered surface, whose edges and approach a new case may change
 
 
 def filter_advice(case: Case, found: Estimate, surface: Surface) -> str:
@@ -63,7 +62,7 @@ def recommended_cutoff(case: Case, surface: Surface, approach: float) -> float |
         surface: of the case
         approach: greatest one of the case [length]
     """
-    accuracy = case.accuracy.model_copy(update={"max_dofs": int(ROOM * case.accuracy.max_dofs)})
+    accuracy = case.accuracy.model_copy(update={"max_dofs": int(MARGIN * case.accuracy.max_dofs)})
 
     def accepts(filtered: Surface, delta: float) -> bool:
         loading = case.loading.model_copy(update={"delta_max": delta, "force_max": None, "pressure_max": None})

@@ -18,17 +18,17 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from asperity.adaptive.dof_count import dofs_of
-from asperity.adaptive.guide import MOST_STEPS, PASSES, Guide
+from asperity.adaptive.guide import CELLS, MOST_STEPS, PASSES, Guide
 from asperity.adaptive.mesh_plan import (
-    COARSE_GROWTH,
     DOFS_ORDER,
+    GROWTH,
     LEAST_RATIO,
     LEAST_STEP,
     MESH_ORDER,
     MOST_SCALE,
+    PATH_TRANSFER,
     RATIO,
     STEP_ORDERS,
-    STICK,
     cheapest_substeps,
     expected_bar,
     first_scale,
@@ -41,7 +41,7 @@ from asperity.adaptive.mesh_plan import (
 from asperity.errors import InputError
 from asperity.mesh.block import BlockMesh
 from asperity.mesh.size_field import SizeField
-from asperity.model.load_path import BACKWARD_EULER, MIDPOINT, Schedule, greatest_force
+from asperity.model.load_path import BACKWARD_EULER, Schedule, greatest_force
 from asperity.model.problem import Problem
 from asperity.reference import RoughHalfSpace
 from asperity.reference.rough_halfspace import HARDNESS
@@ -52,8 +52,6 @@ if TYPE_CHECKING:
     from asperity.case import Case
     from asperity.surface import Surface
 
-TYPICAL_STEP_BAR = {MIDPOINT: 0.005, STICK: 0.01, BACKWARD_EULER: 0.1}  # relative, of whole load steps
-CELLS = 128  # along a side of the half-space that gives the approach of a force
 PARTS = 24  # of its approaches, each a third beyond the one before
 RESOLVED = 20  # cells in contact, from which on its force counts
 MOST_DOFS = 1e8  # that are counted
@@ -264,7 +262,7 @@ def approach_of_force(case: Case, surface: Surface) -> float:
     assert force is not None
     wanted = force / (L**2 * solid.reduced_modulus)
     hardness = inf if solid.yield_strength is None else HARDNESS * solid.yield_strength / solid.reduced_modulus
-    layer = RoughHalfSpace(CELLS, case.block.height / L, solid.nu, case.block.sides, hardness)
+    layer = RoughHalfSpace(CELLS[0], case.block.height / L, solid.nu, case.block.sides, hardness)
     heights, summit = layer.heights(surface), surface.maximum()[2] / L
     # all of the surface in contact, and the block below compressed
     deepest = summit - float(heights.min()) + wanted * case.block.height / L * solid.reduced_modulus / solid.E
@@ -272,7 +270,7 @@ def approach_of_force(case: Case, surface: Surface) -> float:
     delta: list[float] = []
     for d in deepest * 0.75 ** np.arange(PARTS - 1, -1, -1):
         state = layer.curve(heights, summit, [d], tolerance=1e-2)
-        if state.area_fraction[0] * CELLS**2 >= RESOLVED:
+        if state.area_fraction[0] * layer.n**2 >= RESOLVED:
             P.append(float(np.log(state.P_star[0])))
             delta.append(float(np.log(d)))
             if P[-1] >= np.log(wanted):
@@ -327,7 +325,7 @@ def _plan(
     steps = partial(_steps, case, planned)
     if plastic or sticks:
         rule = step_rule(plastic, sticks, integrator)
-        bars = {1: np.array([TYPICAL_STEP_BAR[rule]])}
+        bars = {1: np.array([PATH_TRANSFER[rule] * planned ** -STEP_ORDERS[rule]])}
         substeps = cheapest_substeps(bars, np.array([0.5 * tolerance]), tolerance, STEP_ORDERS[rule])
         parts = [2**k for k in range(max(int(log2(substeps)), 1) + 1)]  # the first mesh measures the error of the steps
     else:
@@ -353,7 +351,7 @@ def count_dofs(surface: Surface, case: Case, h_contact: float, most: float = inf
     """
     assert case.loading.delta_max is not None
     mesh = case.mesh
-    rate, h_max, refinements = (COARSE_GROWTH, None, 0) if for_strain else (mesh.growth, mesh.h_max, mesh.refinements)
+    rate, h_max, refinements = (GROWTH, None, 0) if for_strain else (mesh.growth, mesh.h_max, mesh.refinements)
     field = SizeField.of(
         surface, case.loading.delta_max, h_contact, growth=rate, h_max=h_max, periodic=case.block.sides == "periodic"
     )

@@ -19,6 +19,7 @@ from asperity.adaptive.extrapolation import Along, judged_rows, loading_force, s
 from asperity.adaptive.mesh_levels import LevelSolver
 from asperity.adaptive.mesh_plan import (
     GREATEST_STEP,
+    PATH_TRANSFER,
     STEP_ORDERS,
     STICK,
     cheapest_substeps,
@@ -26,12 +27,9 @@ from asperity.adaptive.mesh_plan import (
 )
 from asperity.arrays import Floats
 from asperity.curve import Curve
-from asperity.model.load_path import BACKWARD_EULER, MIDPOINT
 from asperity.model.settings import AccuracyTarget
 from asperity.quasistatic.contact_result import ContactResult
 
-# Part of the load-step correction taken for its bar; of the rule of first order much more is corrected
-PATH_TRANSFER = {MIDPOINT: 0.5, STICK: 1.0, BACKWARD_EULER: 1.0}
 # With other steps other nodes are touched first, so that the order of stick is seen as low as this between two runs,
 # and a correction may even have the wrong sign: the error by this order adds to its bar
 LEAST_ORDERS = {STICK: 0.5}

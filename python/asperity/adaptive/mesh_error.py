@@ -116,8 +116,9 @@ class MeshErrorEstimate:
             worst, area = worst_error(curve, self._steps), worst_area_error(curve, self._steps)
             known = self._known(worst, area)
             of_steps = path.bar[path.substeps].at(curve.delta_star[judged])
-            mesh = relative((budget.mesh + budget.roughness)[judged], curve.P_star[judged])
-            left = np.maximum(goal.tolerance - algebraic - of_steps, 0.1 * goal.tolerance)  # for the mesh
+            mesh = relative(np.hypot(budget.mesh, budget.roughness)[judged], curve.P_star[judged])
+            wanted_bar = max(goal.tolerance - algebraic, 0.0)
+            left = np.sqrt(np.maximum(wanted_bar**2 - of_steps**2, (0.1 * goal.tolerance) ** 2))  # for the mesh
             wanted = next_scale(scales, float(np.max(mesh / left)))
             limit = "" if worst <= goal.tolerance else self._limit(algebraic, float(of_steps.max()))
             if goal.area_tolerance is not None:

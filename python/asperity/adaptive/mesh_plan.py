@@ -18,22 +18,23 @@ from asperity.arrays import Floats
 from asperity.model.load_path import BACKWARD_EULER, MIDPOINT
 from asperity.model.settings import H_MAX
 
-MESH_ORDERS = (1.6, 2.4)  # range of the order of the force in the scale (docs/accuracy.md)
+MESH_ORDERS = (1.7, 2.1)  # range of the order of the force in the scale (docs/accuracy.md)
 MESH_ORDER = sum(MESH_ORDERS) / 2.0  # typical one, to plan with
 AREA_ORDER = 1.5  # of the bar of the contact area, that of the edges of spots (docs/contact.md)
-RATIO, LEAST_RATIO = 2.0, 1.6  # of the first two scales, and least one: below it scatter hides the order
+RATIO = 2.0  # of the first two scales
 LEAST_STEP, GREATEST_STEP = 1.25, 3.0  # from one scale to the next
-TYPICAL_BAR = 0.025  # relative, that two meshes of the scales RATIO and 1 give at the worst step
-# Scale of the second mesh: with more, spots of single elements agree by chance; what less takes, the bar shows first
-FINEST, COARSEST = 0.3, 1.06
+LEAST_RATIO = RATIO / LEAST_STEP  # of two scales: below it scatter hides the order
+TYPICAL_BAR = 0.018  # relative, that two meshes of the scales RATIO and 1 give at the worst step
+FINEST = 0.3  # scale of a second mesh: what takes less, the bar of a coarser one shows first
 GROWTH = 0.5  # growth of the element size around the contact at scale 1; it goes with the root of the scale
 MOST_SCALE = 8.0  # of a first mesh: its elements are larger than the spots, and few are left to save
-MARGIN = 0.9  # part of the tolerance that is planned for
+MARGIN = 0.9  # part of a limit, such as the tolerance, that is planned for
 DOFS_ORDER = 2.0  # time and dofs grow as scale^-order: refinement is nearly confined to the contact
 COARSE, COARSER = 0.1, 2.5  # size of the mesh that compares small and finite strain [L], at most so much of the run's
-COARSE_GROWTH = 0.25 * 2.5**0.5  # of that mesh
 STICK = "stick"  # where nodes are touched within a step (docs/contact.md)
 STEP_ORDERS = {MIDPOINT: 2.0, STICK: 1.5, BACKWARD_EULER: 1.0}  # of the force in the load step
+# Part of the load-step correction taken for its bar; of the rule of first order much more is corrected
+PATH_TRANSFER = {MIDPOINT: 0.5, STICK: 1.0, BACKWARD_EULER: 1.0}
 MOST_SUBSTEPS = 32
 REACH = 2  # steps to either side that support the bar of a step: two meshes agree by chance at one approach
 
@@ -68,7 +69,7 @@ def growth(scale: float) -> float:
 
 def widest(scale: float) -> float:
     """Greatest element size of a mesh [L], which goes with the growth and is H_MAX on the coarsest first mesh."""
-    return float(H_MAX * min(1.0, growth(scale) / growth(RATIO * COARSEST)))
+    return float(H_MAX * min(1.0, growth(scale) / growth(RATIO)))
 
 
 def size_for_strain(h: float | None, tolerance: float | None) -> float:
@@ -110,8 +111,11 @@ def bar_share(ratio: float) -> float:
 
 
 def first_scale(tolerance: float) -> float:
-    """Scale of the second mesh, which usually meets a tolerance of the force with the first, RATIO times coarser."""
-    return float(np.clip((MARGIN * tolerance / TYPICAL_BAR) ** (1.0 / MESH_ORDER), FINEST, COARSEST))
+    """Scale of the second mesh, which usually meets a tolerance of the force with the first, RATIO times coarser.
+
+    At most 1: where elements are larger than the spots, those of single elements agree by chance.
+    """
+    return float(np.clip((MARGIN * tolerance / TYPICAL_BAR) ** (1.0 / MESH_ORDER), FINEST, 1.0))
 
 
 def expected_bar(scale: float) -> float:
@@ -181,6 +185,6 @@ def cheapest_substeps(bars: Mapping[int, Floats], mesh: Floats, tolerance: float
     costs = {}
     for n, bar in known.items():
         if np.all(bar < 0.9 * tolerance):
-            finer = max(float(np.max(mesh / (tolerance - bar))), 1.0)
+            finer = max(float(np.max(mesh / np.sqrt(tolerance**2 - bar**2))), 1.0)
             costs[n] = n * finer ** (DOFS_ORDER / MESH_ORDER)
     return min(costs, key=lambda n: costs[n], default=last)

@@ -20,7 +20,7 @@ import numpy as np
 
 from asperity.adaptive.extrapolation import judged_rows, loading_force
 from asperity.adaptive.guide import CELLS, PER_WAVE
-from asperity.adaptive.mesh_plan import COARSE_GROWTH, COARSER, size_for_strain
+from asperity.adaptive.mesh_plan import COARSER, GROWTH, size_for_strain
 from asperity.arrays import Floats
 from asperity.curve import Curve
 from asperity.errors import Interrupted, MeshError
@@ -43,7 +43,6 @@ if TYPE_CHECKING:
 SHARE = 1.0 / 3.0  # of the tolerance that small strain may change
 ONE_MESH = 0.01  # change of the force accepted without a tolerance
 ATTEMPTS, MOST_DOFS = 4, 30_000  # coarse meshes tried where one shows nothing, and their greatest size
-DIGITS = 4  # of the per cent, so that ranks, which sum in another order, do not change the choice
 
 
 @dataclass(frozen=True, eq=False)
@@ -83,7 +82,7 @@ class SmallStrain:
         """Estimate of the greatest difference, over the share of the slopes seen [per cent]; None where unknown."""
         if not len(self.percent):
             return None
-        return round(float(np.abs(self.percent).max()) / self.slope_seen, DIGITS)
+        return float(np.abs(self.percent).max()) / self.slope_seen
 
     @property
     def enough(self) -> bool:
@@ -169,7 +168,7 @@ def _comparisons(
     while True:
         nothing = SmallStrain("", limit, (), np.empty(0), np.empty(0), 1.0, h, 0, "")
         try:
-            block = make_block(comm, surface, problem.height, depth, MeshSize(h, COARSE_GROWTH), problem.sides)
+            block = make_block(comm, surface, problem.height, depth, MeshSize(h, GROWTH), problem.sides)
         except MeshError as error:
             yield replace(nothing, reason=str(error))
             h /= COARSER
@@ -258,7 +257,7 @@ def differences(small: Curve, finite: Curve, steps: int) -> tuple[tuple[str, ...
         branches.append(here.branch[1:])
         deltas.append(here.delta[1:])
         percents.append(np.asarray(100.0 * (here.force - force)[1:] / greatest, dtype=float))
-    percent = np.asarray(np.round(np.concatenate(percents), DIGITS), dtype=float)
+    percent = np.concatenate(percents)
     return tuple(map(str, np.concatenate(branches))), np.concatenate(deltas), percent
 
 

@@ -8,7 +8,7 @@ It sees every spot of a surface in seconds, where a finite element mesh needs el
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from math import ceil
 
@@ -79,11 +79,12 @@ class RoughHalfSpace:
         delta_star: ArrayLike,
         tolerance: float = 1e-3,
         on_part: Callable[[float], None] | None = None,
+        starts: Sequence[Array] = (),
     ) -> RoughCurve:
         """Press the layer to ascending approaches.
 
         Args:
-            heights, summit, delta_star, tolerance: see `pressures`
+            heights, summit, delta_star, tolerance, starts: see `pressures`
             on_part: called after each approach with the part of them that is done
 
         Raises:
@@ -92,7 +93,7 @@ class RoughHalfSpace:
         delta = np.asarray(delta_star, dtype=float)
         touched_at = np.full(heights.shape, np.inf)
         force, area = [], []
-        for k, p in enumerate(self.pressures(heights, summit, delta, tolerance)):
+        for k, p in enumerate(self.pressures(heights, summit, delta, tolerance, starts)):
             touched_at[(p > 0.0) & np.isinf(touched_at)] = delta[k]
             force.append(float(p.mean()))
             area.append(self.area(p))
@@ -105,7 +106,12 @@ class RoughHalfSpace:
         return max(corrected_area(pressure > 0.0, self.sides), 0.0)
 
     def pressures(
-        self, heights: Floats, summit: float, delta_star: ArrayLike, tolerance: float = 1e-3
+        self,
+        heights: Floats,
+        summit: float,
+        delta_star: ArrayLike,
+        tolerance: float = 1e-3,
+        starts: Sequence[Array] = (),
     ) -> Iterator[Floats]:
         """Pressures over E' (n, n) at ascending approaches, one after the other.
 
@@ -114,6 +120,8 @@ class RoughHalfSpace:
             summit: height that the flat touches first [L]
             delta_star: ascending approaches from there (k,) [L]
             tolerance: largest gap in contact and penetration elsewhere, over the greatest approach
+            starts: pressures over E' to begin with, as of a similar surface (k, n, n); default those of the approach
+                before
 
         Raises:
             InputError: the approaches do not ascend from above zero
@@ -124,8 +132,9 @@ class RoughHalfSpace:
         precision = np.single if tolerance >= SINGLE else np.double
         compliance = compliance_of_waves(self.n, self.height, self.nu, self.sides).astype(precision)
         p = np.zeros(heights.shape, dtype=precision)
-        for d in delta:
+        for k, d in enumerate(delta):
             penetration = (heights - (summit - d)).astype(precision)
+            p = starts[k].astype(precision) if len(starts) else p
             p = _press(p, penetration, compliance, self.sides, self.hardness, tolerance * delta[-1])
             yield p.astype(float)
 
