@@ -7,9 +7,10 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from itertools import product
-from math import inf, prod
+from math import inf, log, prod
 from operator import add
 
+from asperity.adaptive.mesh_plan import DOFS_ORDER
 from asperity.mesh.size_field import SizeField
 
 Size = Callable[[float, float, float], float]
@@ -31,6 +32,25 @@ def dofs_of(field: SizeField, refinements: int, height: float, most: float = inf
     """
     size = field.coarser(refinements).at
     return round(3 * nodes_of(size, height, most / 3, 2**refinements, field.periodic))
+
+
+def finest_within(scale: float, most: float, coarsest: float, dofs_at: Callable[[float], int]) -> tuple[float, int]:
+    """Scale and dofs of the finest mesh of a family that is no larger than allowed, or of the coarsest one tried.
+
+    Args:
+        scale: of the mesh that is wanted
+        most: dofs that are allowed
+        coarsest: scale from which on no coarser one is tried
+        dofs_at: dofs of a mesh by its scale
+    """
+    dofs, order = dofs_at(scale), DOFS_ORDER
+    while dofs > most and scale < coarsest:
+        finer, before = scale, dofs
+        scale *= 1.02 * (dofs / most) ** (1.0 / order)
+        dofs = dofs_at(scale)
+        if dofs < before:  # of a coarse mesh most elements are elsewhere than in the contact
+            order = min(max(log(before / dofs) / log(scale / finer), 1.0), DOFS_ORDER)
+    return scale, dofs
 
 
 def nodes_of(size: Size, height: float, most: float = inf, split: int = 1, joined: bool = False) -> float:

@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from asperity.adaptive.dof_count import dofs_of
+from asperity.adaptive.dof_count import dofs_of, finest_within
 from asperity.adaptive.guide import CELLS, MOST_STEPS, PASSES, Guide
 from asperity.adaptive.mesh_plan import (
     DOFS_ORDER,
@@ -305,9 +305,7 @@ def _plan(
         return dofs_of(field, case.mesh.refinements, case.block.height / surface.L, most)
 
     def allowed(scale: float, most: float) -> tuple[float, int]:
-        while (dofs := count(scale, 4.0 * most)) > most and scale < MOST_SCALE:
-            scale *= 1.02 * (dofs / most) ** (1.0 / DOFS_ORDER)
-        return scale, dofs
+        return finest_within(scale, most, MOST_SCALE, lambda scale: count(scale, 4.0 * most))
 
     wanted = first_scale(tolerance)
     first, dofs = allowed(RATIO * wanted, most / LEAST_RATIO**DOFS_ORDER)  # room for the second mesh

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from asperity.adaptive.dof_count import dofs_of
+from asperity.adaptive.dof_count import dofs_of, finest_within
 from asperity.adaptive.mesh_plan import DOFS_ORDER, LEAST_RATIO, LEAST_STEP, MOST_SCALE, growth, widest
 from asperity.arrays import Floats
 from asperity.errors import InputError
@@ -92,28 +92,29 @@ class LevelSolver:
         """
         if self._made is not None and self._made[0] == scale:  # once more, in other steps
             return self._made[1], scale
-        comm, problem = self.comm, self._problem
-        while True:
-            most = float(self._max_dofs)
-            if not self.levels and scale < MOST_SCALE:  # leave room for the second mesh
-                most /= LEAST_RATIO**DOFS_ORDER
-            if (expected := self._expected_dofs(scale, 2.0 * most)) > 1.5 * most and scale < MOST_SCALE:
-                scale *= (expected / most) ** (0.5 / DOFS_ORDER)
-                continue  # no mesh is made that is much too large
+        comm, problem, most = self.comm, self._problem, float(self._max_dofs)
+        coarsest = self.scales[0] if self.scales else MOST_SCALE
+        if not self.levels and scale < MOST_SCALE:  # leave room for the second mesh
+            most /= LEAST_RATIO**DOFS_ORDER
+
+        def made(scale: float) -> int:
             block = make_block(comm, problem.surface, problem.height, self._depth, self._size(scale), problem.sides)
-            dofs = comm.bcast(None if block is None else 3 * block.counts()[0], root=0)
-            small = (
-                f"accuracy.max_dofs = {self._max_dofs} is too small, a coarse mesh of this block has {dofs} dofs: "
-                "raise it, or choose the mesh by mesh.h_contact"
-            )
-            if self._last is not None and scale > self.scales[0] / LEAST_STEP:
-                raise PartialResult(f"the force has no error bar: {small}", self._last)
-            if dofs <= most:
-                self._made = scale, block
-                return block, scale
-            if not self.levels and scale >= MOST_SCALE:
-                raise InputError(small)
-            scale *= 1.02 * (dofs / most) ** (1.0 / DOFS_ORDER)
+            self._made = scale, block
+            return int(comm.bcast(None if block is None else 3 * block.counts()[0], root=0))
+
+        # no mesh is made that is much too large
+        scale, _ = finest_within(scale, 1.5 * most, coarsest, lambda scale: self._expected_dofs(scale, 3.0 * most))
+        scale, dofs = finest_within(scale, most, coarsest, made)
+        small = (
+            f"accuracy.max_dofs = {self._max_dofs} is too small, a coarse mesh of this block has {dofs} dofs: "
+            "raise it, or choose the mesh by mesh.h_contact"
+        )
+        if self._last is not None and scale > self.scales[0] / LEAST_STEP:
+            raise PartialResult(f"the force has no error bar: {small}", self._last)
+        if dofs > self._max_dofs:
+            raise InputError(small)
+        assert self._made is not None
+        return self._made[1], scale
 
     def _expected_dofs(self, scale: float, most: float) -> int:
         problem = self._problem
