@@ -180,10 +180,10 @@ def tolerances() -> list[Scene]:
         ),
         Scene(
             "tolerance/max-dofs",
-            "0.01 % with 30000 dofs",
-            plain | five | {"accuracy.tolerance": 1e-4, "accuracy.max_dofs": 30_000},
+            "0.01 % with 12000 dofs",
+            plain | five | {"accuracy.tolerance": 1e-4, "accuracy.max_dofs": 12_000},
             ends="stopped",
-            reason="accuracy.max_dofs = 30000 allows no more",
+            reason="accuracy.max_dofs = 12000 allows no more",
             fast=True,
         ),
         Scene(
@@ -192,7 +192,6 @@ def tolerances() -> list[Scene]:
             plain | five | {"accuracy.tolerance": 1e-3, "solver.rtol": 1e-2},
             ends="stopped",
             reason="is left by the equations",
-            fast=True,
         ),
         Scene(
             "tolerance/loose-equations-plastic",

@@ -8,7 +8,6 @@ import warnings
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from time import process_time
 from typing import Any
 
 import bad_inputs
@@ -37,27 +36,21 @@ class Outcome:
             other error)
         reason: message of the refusal or stop, or the warning that the contact is not resolved
         summary: contents of summary.json; empty after a refusal
-        notes: results of the comparisons
         faults: deviations from the expected result; empty when the scene passes
-        seconds: processor time of the scene without its twin [s]
     """
 
     scene: Scene
     ends: str
     reason: str = ""
     summary: Mapping[str, Any] = field(default_factory=dict)
-    notes: tuple[str, ...] = ()
     faults: tuple[str, ...] = ()
-    seconds: float = 0.0
 
 
 def run_scene(scene: Scene) -> Outcome:
     """Run a scene and its twin in a temporary folder and judge them."""
     with tempfile.TemporaryDirectory(prefix="asperity-") as place, warnings.catch_warnings():
         warnings.simplefilter("ignore")
-        start = process_time()
         one = _run(scene, scene.keys, scene.map, Path(place) / "scene")
-        seconds = process_time() - start
         found = []
         if scene.claim is not None and one.case is not None and one.curve is not None:
             found.append(scene.claim(one.case, one.curve))
@@ -67,8 +60,7 @@ def run_scene(scene: Scene) -> Outcome:
     faults = [text for holds, text in found if not holds] + one.faults
     if one.ends != scene.ends or scene.reason not in one.reason:
         faults.append(f"expected: {scene.ends} {scene.reason}".strip())
-    notes = tuple(text for _, text in found)
-    return Outcome(scene, one.ends, one.reason, one.summary, notes, tuple(faults), seconds)
+    return Outcome(scene, one.ends, one.reason, one.summary, tuple(faults))
 
 
 @dataclass

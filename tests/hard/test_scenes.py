@@ -1,4 +1,7 @@
-"""The hard cases (the quick ones in the short suite, all in the long one), and the detection of wrong results."""
+"""The hard cases, and the detection of wrong results.
+
+The quick ones are in the short suite; all of them: `./run pytest tests/hard/test_scenes.py -m "slow or not slow"`.
+"""
 
 from __future__ import annotations
 
@@ -6,9 +9,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-import run
 from bad_inputs import SLIVER, with_slivers, with_turned_element
-from click.testing import CliRunner
 from scene_definition import Scene, Twin
 from scene_outcome import run_scene
 from scenes import SCENES
@@ -69,22 +70,3 @@ def test_slivers_are_flat_and_not_turned() -> None:
     after = least_jacobians(with_slivers(block, count=2).points, cells).min()
     assert 0.0 < after < 10.0 * SLIVER * before
     assert least_jacobians(with_turned_element(block).points, cells).min() < 0.0
-
-
-def test_the_table_is_printed_and_unknown_scenes_are_refused() -> None:
-    out = CliRunner().invoke(run.command, ["file/nan", "full/beyond", "--markdown"])
-    assert out.exit_code == 0
-    rows = [line for line in out.output.splitlines() if line.startswith("| f")]
-    assert [row.split(" | ")[0] for row in rows] == ["| full/beyond", "| file/nan"]
-    assert all("refused" in row and row.endswith("| yes |") for row in rows)
-    out = CliRunner().invoke(run.command, ["nowhere"])
-    assert out.exit_code == 2 and 'no scene is named "nowhere"' in out.output
-
-
-def test_a_failed_scene_ends_with_exit_code_3(monkeypatch: pytest.MonkeyPatch) -> None:
-    refused = next(scene for scene in SCENES if scene.name == "file/nan")
-    monkeypatch.setattr(run, "SCENES", (refused, replace(refused, name="file/other", reason="of another kind")))
-    out = CliRunner().invoke(run.command, ["--fast"])
-    assert out.exit_code == 3
-    assert "FAILED: expected: refused of another kind" in out.output
-    assert "1 of 2 scenes failed (file/other)" in out.output
