@@ -23,7 +23,7 @@ from regimes import table as map_table
 from statements import WHOLE, Finding, Statement, all_statements, smoother_surfaces, turning, verdict_of
 from tables import csv_text, versions
 
-from asperity.case.schema import WeierstrassMandelbrotSection
+from asperity.case.surfaces import WeierstrassMandelbrotSection
 from asperity.dynamics import ContactOscillator, PowerLaw
 from asperity.plot import style
 from asperity.plot.vibration import amplitude_frequency

@@ -21,7 +21,7 @@ import numpy as np
 
 import asperity as asp
 from asperity.case import Case
-from asperity.case.schema import WeierstrassMandelbrotSection
+from asperity.case.surfaces import WeierstrassMandelbrotSection
 from asperity.linear import energy
 from asperity.linear.multigrid import PMultigrid
 from asperity.quasistatic import stiffness

@@ -16,8 +16,8 @@ import pytest
 import asperity as asp
 from asperity.case import Case
 from asperity.case.keys import kind_of, properties, sections
-from asperity.case.schema import SURFACES as MODELS
 from asperity.case.schema import Input
+from asperity.case.surfaces import SURFACES as MODELS
 from asperity.cli import main
 from asperity.cli.check import judge
 from asperity.cli.init import SOLIDS, SURFACES, starting_case

@@ -8,7 +8,9 @@ from typing import Any, get_args
 
 from pydantic import BaseModel
 
-from asperity.case.schema import SURFACES, FileSection, Input, Section
+from asperity.case.schema import Input
+from asperity.case.section import Section
+from asperity.case.surfaces import SURFACES, FileSection
 from asperity.runtime.display import show
 
 

@@ -8,7 +8,8 @@ from typing import Any
 from pydantic import BaseModel
 
 from asperity.case.keys import kind_of, legal, properties, sections
-from asperity.case.schema import SURFACES, Input
+from asperity.case.schema import Input
+from asperity.case.surfaces import SURFACES
 from asperity.runtime.display import show
 
 _PROBLEMS = {

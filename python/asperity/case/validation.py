@@ -12,9 +12,9 @@ from asperity.case.schema import (
     Input,
     JointSection,
     LoopsSection,
-    SelfAffineSection,
     SlipSection,
 )
+from asperity.case.surfaces import SelfAffineSection
 from asperity.dynamics.settings import MIN_ROWS
 from asperity.model.kinds import Judgement
 from asperity.model.limits import FRACTIONS, improbable, too_deep, wrong_force, wrong_length, wrong_preload, wrong_sizes
