@@ -47,7 +47,7 @@ def curve_of(seed: int, unload_steps: int | None, size: float, folder: Path) -> 
 def numbers(curve: asp.Curve) -> tuple[np.ndarray, np.ndarray]:
     """Return the values of `NAMES` about half of the greatest force, and their bars."""
     load = 0.5 * float(curve.force.max())
-    law = asp.unload_reload(curve, load, extrapolate=True)
+    law = asp.unload_reload(curve, load)
 
     def values(one: asp.TableLaw) -> np.ndarray:
         oscillator = asp.ContactOscillator(one, load=load, gravity=load)  # of unit mass

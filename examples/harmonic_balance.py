@@ -130,7 +130,7 @@ def main(picture: str | None = None) -> float:
         contact = runpy.run_path(str(asp.export(folder, "python")))
     element, load = contact["Contact"](), CASE["joint"]["preload"]
     z = np.geomspace(contact["Z"][1], contact["Z"][-1], 300)
-    oscillator = asp.ContactOscillator(asp.TableLaw(z, element.force(z), extrapolate=True), load=load, zeta=ZETA)
+    oscillator = asp.ContactOscillator(asp.TableLaw(z, element.force(z)), load=load, zeta=ZETA)
     normal = oscillator.restoring  # of lengths z_s and forces z_s k_n
 
     def spring(u: Any) -> tuple[Any, Any]:

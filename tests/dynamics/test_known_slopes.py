@@ -64,7 +64,7 @@ def test_the_law_after_yield_does_not_depend_on_the_rows(rows: int) -> None:
         "k_n_elastic": np.append(np.append(np.full(28, 9.0), k[0]), k[1:]),
         "branch": ["load"] * 29 + ["unload"] * rows,
     }  # fmt: skip
-    law = unload_reload(curve, 1.5, extrapolate=True)
+    law = unload_reload(curve, 1.5)
     assert law.origin == pytest.approx(0.4, abs=1e-12)
     o, fine = asp.ContactOscillator(law, load=1.5), np.linspace(0.0, 1.2, 4001)[1:]
     exact = asp.ContactOscillator(TableLaw(fine, rough(fine)[0], k=rough(fine)[1]), load=1.5)
@@ -107,22 +107,15 @@ def test_check_warns_of_an_unloading_of_few_rows() -> None:
         Case.from_dict({**case, "output": {"stiffness": True}}).problem()
 
 
+@pytest.mark.parametrize("unload", [True, False])
 @pytest.mark.parametrize("met", [0.4, 0.6, 0.9])
-def test_an_overload_below_the_end_of_the_curve_has_its_own_branch(met: float) -> None:
-    """Its stiffness is neither that of the loading at the preload nor that of the unloading from the end."""
-    exact = float(elastic(0.3, met))
-    result = run_dynamics(joint(10), preload=0.3, overload=met, **QUICK)
-    assert result.numbers.stiffness == pytest.approx(exact, rel=0.06)
-    assert result.uncertainty is not None
-    ratio = math.sqrt(exact / result.numbers.stiffness) * result.first.omega_s
-    assert result.uncertainty.omega_s.low <= ratio <= result.uncertainty.omega_s.high
-    assert any("does not unload from the overload" in note for note in result.notes)
-    alone = run_dynamics(joint(10, unload=False), preload=0.3, overload=met, **QUICK)
-    assert any("k_n lies between" in note and "loading.unload = true" in note for note in alone.notes)
-    f, spread = alone.numbers.frequency, alone.uncertainty
-    assert spread is not None and alone.numbers.frequency_bar > 0
-    true = f * math.sqrt(exact / alone.numbers.stiffness)
-    assert f < true <= spread.omega_s.high / (2 * math.pi)
+def test_an_overload_from_which_the_curve_does_not_unload_is_doubted(met: float, unload: bool) -> None:
+    """Its stiffness lies between that of the loading and that at the overload, within the bar; what to do is said."""
+    result = run_dynamics(joint(10, unload=unload), preload=0.3, overload=met, **QUICK)
+    assert any("k_n lies between" in note and "loading.unload = true" in note for note in result.notes)
+    spread, ratio = result.uncertainty, float(elastic(0.3, met)) / result.numbers.stiffness
+    assert spread is not None and result.numbers.frequency_bar > 0
+    assert 1.0 < ratio and result.first.omega_s * math.sqrt(ratio) <= spread.omega_s.high
 
 
 def test_a_kink_above_the_preload_does_not_change_small_motion() -> None:
@@ -170,7 +163,7 @@ def test_the_band_holds_every_law_and_has_no_needles(zeta: float) -> None:
     force = 0.02
     o = asp.ContactOscillator(PowerLaw(1.5), load=1.0, zeta=zeta)
     members = [PowerLaw(1.5, K) for K in (0.9, 1.1)]
-    band = asp.response_band(o, force, (0.8, 1.2), members=members, points=31)
+    band = asp.response_band(o, force, asp.uncertainty(o, members), (0.8, 1.2), points=31)
     slopes = np.sign(np.diff(band.upper[1]))
     assert np.count_nonzero(np.diff(slopes[slopes != 0])) <= 1
     highest = np.zeros(31)
@@ -203,7 +196,7 @@ def test_the_band_of_a_branch_ends_at_its_folds() -> None:
     force, zeta, window = 0.02, 0.01, (0.8, 1.1)
     o = asp.ContactOscillator(PowerLaw(1.5), load=1.0, zeta=zeta)
     members = [PowerLaw(1.5, K) for K in (0.95, 1.05)]
-    band = asp.response_band(o, force, window, members=members, points=61)
+    band = asp.response_band(o, force, asp.uncertainty(o, members), window, points=61)
     folds = []
     for K in (0.95, 1.05):
         one = asp.ContactOscillator(PowerLaw(1.5, K), load=1.0, zeta=zeta)

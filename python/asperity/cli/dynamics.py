@@ -29,7 +29,6 @@ if TYPE_CHECKING:
               help="Law taken from a curve: computed unloading branch, elastic tangent, points of the loading, or "
               "the paper's power law of the loading. auto: the first that the curve has after yield, the points of "
               "the loading before. Default that of the case of OUT, or auto.")  # fmt: skip
-@click.option("--extrapolate", is_flag=True, help="Continue laws by name beyond their last point; auto always does.")
 @click.option("--preload", type=float, metavar="W", help="Static force; default that of the joint or the case of "
               "OUT, or half of the greatest force.")  # fmt: skip
 @click.option("--overload", type=float, metavar="F", help="Greatest force before the vibration; default that of the "
@@ -59,7 +58,6 @@ if TYPE_CHECKING:
               "default 0.01.")  # fmt: skip
 @click.option("--sweeps/--no-sweeps", default=None,
               help="Also integrate sweeps up and down; default that of the case of OUT, or no.")  # fmt: skip
-@click.option("--detached", is_flag=True, help="Also search for detached loops.")
 @click.option("--bands/--no-bands", default=True, show_default=True,
               help="Carry the error bar of the force and the spread of the laws to the response.")  # fmt: skip
 @options.output("DIR", "Folder for free.csv, response.csv, "

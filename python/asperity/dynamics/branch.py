@@ -56,7 +56,7 @@ class Branch:
     """Periodic orbits in order along a branch (arrays of shape (points,)).
 
     Attributes:
-        kind: "main", "sub2" or "sub4" (of period 2 or 4, from a period doubling) or "detached"
+        kind: "main", "sub2" (of period 2, from a period doubling) or "detached"
         order: forcing periods per period of the orbit
         Omega: forcing frequency over omega_s
         u_max, u_min: extreme displacements; contact is lost where u_min < -1

@@ -134,11 +134,8 @@ class CurveColumns:
 
 
 def _read(path: Path) -> dict[str, tuple[str, ...]]:
-    path = path / "curve.csv" if path.is_dir() else path
-    if not path.is_file():
-        raise InputError(f"there is no curve at {path}")
     try:
-        return read_csv(path)
+        return read_csv(path / "curve.csv" if path.is_dir() else path)
     except OSError as error:
         raise InputError(f"cannot read the curve {path}: {error.strerror}") from error
     except (ValueError, csv.Error) as error:

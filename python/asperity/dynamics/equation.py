@@ -19,8 +19,8 @@ from numpy.typing import ArrayLike
 
 from asperity.arrays import Array
 from asperity.dynamics.law.damping import Damping, LoopDamping
-from asperity.dynamics.law.law import EXTRAPOLATE, Law
-from asperity.errors import InputError, RangeError
+from asperity.dynamics.law.law import Law
+from asperity.errors import InputError
 from asperity.runtime.display import short_repr
 
 _SMALLEST = 1e-75  # its cube must not underflow
@@ -38,7 +38,6 @@ class Restoring:
         n_loc: local exponent, scale / W
         a2, a3: coefficients of f = u + a2 u^2 + a3 u^3 + ...
         kappa: backbone curvature, omega/omega_s = 1 + kappa a^2
-        u_end: largest displacement u at which the law is known, inf if it is extrapolated
 
     Raises:
         InputError: load or static deflection beyond floating-point range, or stiffness not positive
@@ -53,7 +52,6 @@ class Restoring:
     a2: float = field(init=False)
     a3: float = field(init=False)
     kappa: float = field(init=False)
-    u_end: float = field(init=False)
 
     __repr__ = short_repr
 
@@ -74,7 +72,6 @@ class Restoring:
             "a2": z * p2 / (2 * p1),
             "a3": z * z * p3 / (6 * p1),
             "kappa": self.law.kappa(z),
-            "u_end": np.inf if self.law.extrapolate else self.law.known_to / z - 1.0,
         }
         for name, value in values.items():
             object.__setattr__(self, name, float(value))
@@ -88,6 +85,11 @@ class Restoring:
     def contact(self) -> bool:
         """Whether contact is lost at u = -1."""
         return self.law.contact
+
+    @property
+    def known_to(self) -> float:
+        """Displacement up to which the law is known; motion beyond it is on a continuation."""
+        return self.law.known_to / self.z_s - 1.0
 
     @property
     def kink(self) -> float:
@@ -120,14 +122,6 @@ class Restoring:
         """Energy stored in the contact, the integral of `pull` from u = -1."""
         z = self.z_s * (1.0 + np.asarray(u, float))
         return self.law.potential(z) / (self.scale * self.z_s)
-
-    def check_range(self, u_max: float) -> None:
-        """Raise `RangeError` if an orbit leaves the range of the law."""
-        if u_max > self.u_end * (1 + 1e-9):
-            raise RangeError(
-                f"the motion reaches u = {u_max:.6g}, outside the law, known up to u = {self.u_end:.6g}; choose a "
-                f"smaller preload or amplitude, compute the curve further, or {EXTRAPOLATE}"
-            )
 
 
 @dataclass(frozen=True)

@@ -19,9 +19,7 @@ from asperity.dynamics.harmonic_balance import Balance, resize
 from asperity.dynamics.stability import NEGLIGIBLE, Floquet, extrema, floquet, rise, stack
 from asperity.errors import ConvergenceError
 
-_TOP, _LIMIT, _CHANGE = "largest u_max", "limit of the law", "change of stability"  # points, but not events
-LEAVES = "range of the law"  # end of a branch
-_INSIDE = 1e-7  # relative distance of the last point from the limit of the law
+_TOP, _CHANGE = "largest u_max", "change of stability"  # points, but not events
 _STEEP = 0.03  # smallest rate of the parameter along the branch used in errors, which would diverge at a fold
 _TRIALS = 14  # orbits at which a period-doubling tongue between two points is searched
 _CUBIC = 1e-4  # allowed error of the cubic between neighbours, relative to the orbit
@@ -32,11 +30,8 @@ _Test = tuple[str, Array, Callable[[Point], float]]  # event, quantity that vani
 
 def locate_events(
     balance: Balance, equations: Equations, path: Path, kind: str, number: int, tol: float
-) -> tuple[list[Branch], list[Event], list[Point]]:
-    """Branches of a path, the first one `number` of a response, with their events; and the period doublings.
-
-    The path has more than one branch where it leaves the range of the law and returns.
-    """
+) -> tuple[Branch, list[Event], list[Point]]:
+    """Branch of a path, `number` of a response, with its events; and the period doublings."""
     rtol = newton_rtol(tol, not balance.restoring.singular)
     points = _refined(equations, path.points, tol, rtol)
     multipliers = _multipliers(balance, points)
@@ -45,22 +40,13 @@ def locate_events(
         points, multipliers = _inserted(balance, points, multipliers, tongues)
     found = _located(balance, equations, points, _tests(balance, points, multipliers), tol)
     points, multipliers = _inserted(balance, points, multipliers, [(i, p) for i, _, p in found])
-    names = {i + 1 + shift: name for shift, (i, name, _) in enumerate(found) if name not in (_TOP, _LIMIT, _CHANGE)}
-    inside = extrema(stack([p.x for p in points]))[1] <= balance.restoring.u_end
-    branches, events = list[Branch](), list[Event]()
-    for first, last in np.flatnonzero(np.diff(inside, prepend=False, append=False)).reshape(-1, 2):
-        if inside.all():
-            b = measure(balance, points, kind, path.end, multipliers)
-        elif last - first > 1:
-            b = measure(balance, points[first:last], kind, LEAVES, _multipliers(balance, points[first:last]))
-        else:
-            continue
-        for row in range(first, last):
-            if row in names:
-                values = (float(column[row - first]) for column in (b.Omega, b.u_max, b.u_min, b.a1))
-                events.append(Event(names[row], number + len(branches), *values))
-        branches.append(b)
-    return branches, events, [p for _, name, p in found if name == "period doubling"]
+    b = measure(balance, points, kind, path.end, multipliers)
+    events = [
+        Event(name, number, *(float(column[i + 1 + shift]) for column in (b.Omega, b.u_max, b.u_min, b.a1)))
+        for shift, (i, name, _) in enumerate(found)
+        if name not in (_TOP, _CHANGE)
+    ]
+    return b, events, [p for _, name, p in found if name == "period doubling"]
 
 
 def _inserted(
@@ -77,8 +63,7 @@ def _inserted(
 
 def _tests(balance: Balance, points: list[Point], multipliers: Floquet) -> list[_Test]:
     """Quantities whose zeros are events, or the maxima of u_max."""
-    end = balance.restoring.u_end
-    u_min, u_max = extrema(stack([p.x for p in points]))
+    u_min, _ = extrema(stack([p.x for p in points]))
     fold = np.array([p.t_parameter for p in points])
     if len(points) > 1:  # it also vanishes at the ends of a period-2 branch, which are not folds
         fold[0], fold[-1] = fold[0] or fold[1], fold[-1] or fold[-2]
@@ -87,16 +72,12 @@ def _tests(balance: Balance, points: list[Point], multipliers: Floquet) -> list[
         return rise(stack([p.x for p in some]), stack([p.t for p in some]))
 
     doubling = "period doubling" if balance.zeta > 0 else _CHANGE
-    tests: list[_Test] = [
+    return [
         ("fold", fold, lambda p: p.t_parameter),
         ("grazing", u_min + 1.0, lambda p: float(extrema(stack([p.x]))[0][0]) + 1.0),
         (doubling, multipliers.flip, lambda p: float(_multipliers(balance, [p]).flip[0])),
         (_TOP, top(points), lambda p: float(top([p])[0])),
     ]
-    if np.isfinite(end):
-        room = end - _INSIDE * abs(end)
-        tests.append((_LIMIT, room - u_max, lambda p: room - float(extrema(stack([p.x]))[1][0])))
-    return tests
 
 
 def _located(

@@ -93,7 +93,7 @@ def backbone_chart(equation: Equation, forcing: float) -> Chart:
     def surplus(log: float) -> float:
         return 2.0 * zeta * rough_orbit(r, float(np.exp(log)), damping).drive - forcing
 
-    low, top = np.log([_AMPLITUDES[0], min(_AMPLITUDES[1], r.u_end)])
+    low, top = np.log(_AMPLITUDES)
     high = low
     try:
         if only_in_contact(damping):

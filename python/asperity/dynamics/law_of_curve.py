@@ -55,12 +55,7 @@ class Choice:
 
 
 def law_from(
-    source: Any,
-    law: str = "auto",
-    load: float | None = None,
-    *,
-    overload: float | None = None,
-    extrapolate: bool = False,
+    source: Any, law: str = "auto", load: float | None = None, *, overload: float | None = None
 ) -> tuple[Law, float]:
     """Static law and the preload (force) of a curve.
 
@@ -73,7 +68,6 @@ def law_from(
         load: preload (force); default half of the largest force of the curve
         overload: for "auto", greatest force before the vibration (force); default that of the unloading through the
             preload, if there is one, else the preload. Equal to the preload, it is the weight itself.
-        extrapolate: whether the laws by name continue beyond their last point; "auto" and "paper" always do
 
     Raises:
         InputError: the law is unknown, or the curve does not contain what it needs
@@ -90,25 +84,25 @@ def law_from(
     """
     if isinstance(source, Law):
         return source, source.default_load if load is None else load
-    choice = choose(CurveColumns.of(source), law, load, overload=overload, extrapolate=extrapolate)
+    choice = choose(CurveColumns.of(source), law, load, overload=overload)
     if choice.note:
         warnings.warn(choice.note, AsperityWarning, stacklevel=2)
     return choice.law, choice.load
 
 
 def choose(
-    columns: CurveColumns,
-    law: str = "auto",
-    load: float | None = None,
-    *,
-    overload: float | None = None,
-    extrapolate: bool = False,
+    columns: CurveColumns, law: str = "auto", load: float | None = None, *, overload: float | None = None
 ) -> Choice:
     """Choose the law of a curve for the vibration about a preload; for arguments and errors see `law_from`."""
     if law not in LAWS:
         raise InputError(f'law = "{law}" is unknown: choose one of {", ".join(LAWS)}')
     top = float(np.max(columns.force))
     load = 0.5 * top if load is None else positive("load", load)
+    if not 0.0 < load <= top * (1 + _SAME):
+        raise RangeError(
+            f"load = {load:g} lies outside the curve, which ends at force {top:g}; lower the load, or compute the "
+            "curve further"
+        )
     if overload is not None:
         if law != "auto":
             raise InputError(f'overload = {overload:g} cannot go with law = "{law}": it is for law = "auto"')
@@ -117,11 +111,11 @@ def choose(
                 f"overload = {overload:g} must lie between the preload {load:g} and {top:g}, the greatest force of the "
                 "curve; compute the curve further"
             )
+        overload = min(overload, top)
+    load = min(load, top)
     if law == "auto":
-        if not 0 < load <= top * (1 + _SAME):
-            raise _beyond(load, top)
-        return _automatic(columns, min(load, top), None if overload is None else min(overload, top))
-    found = law_named(columns, law, load, extrapolate=extrapolate)
+        return _automatic(columns, load, overload)
+    found = law_named(columns, law, load)
     yielded = columns.yielded(top if law == "unload-reload" else load)
     reached = load if law == "elastic" else None
     if law == "unload-reload" and isinstance(found, TableLaw):
@@ -129,26 +123,24 @@ def choose(
     return Choice(law, found, load, reached if yielded else None, yielded, "named")
 
 
-def law_named(columns: CurveColumns, name: str, load: float, *, extrapolate: bool = False) -> Law:
+def law_named(columns: CurveColumns, name: str, load: float) -> Law:
     """Law of `NAMES` about a preload (force); errors as of `law_from`."""
     if name == "unload-reload":
-        return unload_reload(columns, load, extrapolate=extrapolate)
+        return unload_reload(columns, load)
     if name == "table":
-        return TableLaw.from_curve(columns, extrapolate=extrapolate)
+        return TableLaw.from_curve(columns)
     if name == "elastic":
-        return elastic_tangent(columns, load, extrapolate=extrapolate)
+        return elastic_tangent(columns, load)
     delta, force = columns.delta[columns.loading], columns.force[columns.loading]
     length, unit = float(delta.max(initial=0.0)), float(force.max(initial=0.0))
     if not (length > 0 and unit > 0):
         raise InputError("the loading branch of the curve never makes contact: no power law can be fitted")
     _check_rising(delta, force)
-    if load > unit * (1 + _SAME):
-        raise _beyond(load, unit)
     rows = fitted_rows(delta, force)
     return PowerLaw.from_fit(fit_power_law(delta[rows] / length, force[rows] / unit), length, unit)
 
 
-def unload_reload(curve: Any, load: float | None = None, **options: Any) -> TableLaw:
+def unload_reload(curve: Any, load: float | None = None) -> TableLaw:
     """Physical law of a plastic contact about a preload: the last unload-reload loop of a curve.
 
     The law is the reloading of the last closed loop, up to the point where its unloading began. Without a closed
@@ -159,7 +151,6 @@ def unload_reload(curve: Any, load: float | None = None, **options: Any) -> Tabl
     Args:
         curve: a `Curve`, CSV file or mapping with delta, force and branch
         load: preload that the loop must reach (force), or None
-        **options: see `TableLaw`
 
     Raises:
         InputError: the curve has no unloading rows, or no branch with enough of them in contact
@@ -199,14 +190,14 @@ def unload_reload(curve: Any, load: float | None = None, **options: Any) -> Tabl
     else:
         origin = fit_origin(columns.delta[rows], force[rows])  # measured rows: none lies at the separation
     known = bool(np.any(k > 0)) or touching.size < MIN_POINTS
-    return TableLaw(z, F, origin=origin, k=k if known else None, name="unload-reload branch", **options)
+    return TableLaw(z, F, origin=origin, k=k if known else None, name="unload-reload branch")
 
 
 def _touching(force: Array, rows: Array) -> Array:
     return rows[force[rows] > TOUCH * force[rows].max()]
 
 
-def elastic_tangent(columns: CurveColumns, load: float, *, extrapolate: bool = False) -> TableLaw:
+def elastic_tangent(columns: CurveColumns, load: float) -> TableLaw:
     """Law of a contact that was never overloaded: the elastic stiffness of the states on the loading."""
     rows = columns.rising(columns.loading & (columns.force > 0) & (columns.elastic > 0))
     if rows.size < 2:
@@ -219,9 +210,7 @@ def elastic_tangent(columns: CurveColumns, load: float, *, extrapolate: bool = F
         raise RangeError(
             f"load = {load:g} lies outside the rows with an elastic stiffness, which end at force {force[-1]:g}"
         )
-    return TableLaw.of_stiffness(
-        force, columns.elastic[rows], name="elastic tangent of the loading", extrapolate=extrapolate
-    )
+    return TableLaw.of_stiffness(force, columns.elastic[rows], name="elastic tangent of the loading")
 
 
 def _automatic(columns: CurveColumns, load: float, overload: float | None) -> Choice:
@@ -231,18 +220,18 @@ def _automatic(columns: CurveColumns, load: float, overload: float | None) -> Ch
     if not yielded:
         why = "nothing has yielded up to the preload" if yielded is False else "the curve does not show that it yields"
         try:
-            return Choice("table", law_named(columns, "table", load, extrapolate=True), load, None, yielded, why)
+            return Choice("table", law_named(columns, "table", load), load, None, yielded, why)
         except InputError:
             found = law_named(columns, "paper", load)
             return Choice("paper", found, load, None, yielded, "the points of the loading do not rise")
     above = None
     with suppress(InputError):
-        above = TableLaw.from_curve(columns, extrapolate=True)
+        above = TableLaw.from_curve(columns)
     if leg is not None and met >= leg.top * (1 - 1e-6):
         whole = leg if above is None else leg.yielding(above, min(leg.top, above.top))
         return Choice("unload-reload", whole, load, leg.top, True, "yielded, and unloaded through the preload", lack)
     try:
-        tangent = elastic_tangent(columns, met, extrapolate=True)
+        tangent = elastic_tangent(columns, met)
     except AsperityError as error:
         if overload is not None:
             raise InputError(
@@ -256,39 +245,18 @@ def _automatic(columns: CurveColumns, load: float, overload: float | None) -> Ch
         return Choice("elastic", tangent, load, load, True, "yielded, and the elastic stiffness is known", lack)
     if above is None:
         raise InputError("the points of the loading do not rise, so nothing is known above the overload: smooth them")
-    reason, note = "yielded up to the overload, with the elastic stiffness", ""
     bounds: tuple[Law, ...] = ()
     if met > load * (1 + 1e-6):
-        tangent, bounds, note = _between(tangent, leg, load, met)
-    return Choice("elastic", tangent.yielding(above, met), load, met, True, reason, note, bounds)
-
-
-def _between(loading: TableLaw, leg: TableLaw | None, load: float, met: float) -> tuple[TableLaw, tuple[Law, ...], str]:
-    """Branch of an overload from which the curve does not unload, other laws that bound it, and a note.
-
-    The stiffness is known on the loading (`loading`), where the branch begins, and on the unloading from the end of the
-    curve (`leg`). The branch goes from the shape of that unloading, over forces and stiffnesses of its own beginning,
-    to that unloading itself at light forces, where the overload hardly matters.
-    """
-    k_met, k_load = (float(loading.stiffness(loading.deflection(force))) for force in (met, load))
-    if leg is not None and leg.F.size > 1:
-        shape = leg.scaled(met / leg.top, k_met / float(leg.slopes[-1]))
-        share, end = shape.F / met, leg.both(np.array([leg.deflection(force) for force in shape.F]))[1]
-        k = shape.slopes**share * end ** (1.0 - share)
-        branch = TableLaw.of_stiffness(shape.F, k, name="branch of the overload", extrapolate=True)
-        ends = (float(law.stiffness(law.deflection(load))) for law in (shape, leg))
-        return (
-            branch,
-            (shape, leg),
-            f"the curve does not unload from the overload {met:.5g}: its branch is interpolated between that of the "
-            f"end of the curve and the loading, and k_n is about {' to '.join(f'{x:.5g}' for x in sorted(ends))}",
+        # the state at the overload has more spots than that at the preload, and unloading closes them one by one
+        k_load, k_met = (float(tangent.stiffness(tangent.deflection(force))) for force in (load, met))
+        bounds = (tangent.scaled(1.0, k_met / k_load),)
+        lack = (
+            f"the curve does not unload from the overload {met:.5g}: k_n lies between {k_load:.5g}, that of the "
+            f"loading at the preload, which is taken, and {k_met:.5g}, that at the overload; load the curve to the "
+            "overload, with loading.unload = true"
         )
-    return (
-        loading,
-        (loading.scaled(1.0, k_met / k_load),),
-        f"the curve does not unload from the overload {met:.5g}: k_n lies between {k_load:.5g}, that of the loading at "
-        f"the preload, which is taken, and {k_met:.5g}, that at the overload; compute it with loading.unload = true",
-    )
+    reason = "yielded up to the overload, with the elastic stiffness"
+    return Choice("elastic", tangent.yielding(above, met), load, met, True, reason, lack, bounds)
 
 
 def _leg(columns: CurveColumns, load: float) -> tuple[TableLaw | None, str]:
@@ -306,13 +274,6 @@ def _leg(columns: CurveColumns, load: float) -> tuple[TableLaw | None, str]:
         return leg, ""
     rows = f"{leg.z.size} rows in contact, and at least {least} show its curvature"
     return leg, f"the unloading through the preload has {rows}; {more}"
-
-
-def _beyond(load: float, top: float) -> RangeError:
-    return RangeError(
-        f"load = {load:g} lies outside the curve, which ends at force {top:g}; lower the load, or compute the curve "
-        "further"
-    )
 
 
 def _check_rising(delta: Array, force: Array) -> None:

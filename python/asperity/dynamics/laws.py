@@ -6,12 +6,13 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, field, replace
+from collections.abc import Iterator
+from contextlib import suppress
+from dataclasses import dataclass, replace
 from typing import Any
 
 from asperity.dynamics.columns import CurveColumns
-from asperity.dynamics.intervals import Interval, ensemble, law_intervals
+from asperity.dynamics.intervals import Uncertainty, intervals
 from asperity.dynamics.law.law import Law
 from asperity.dynamics.law.power import PowerLaw
 from asperity.dynamics.law.table import TableLaw
@@ -36,8 +37,7 @@ class LawAtLoad:
     Attributes:
         name: of the law, see `law_from`
         law: the law; None where the curve does not have it
-        known: its "n_loc", "kappa", "z_s" (length) and "k_n" (force/length), see `law_intervals`; empty without a law
-        mass: of what vibrates (mass), NaN if unknown
+        known: its intervals at the preload; None without a law
         applies: whether the law describes small vibration about this preload. After yield only the chosen one does,
             unless it is one of the loading.
         chosen: whether it is the law of the vibration
@@ -48,9 +48,8 @@ class LawAtLoad:
     """
 
     name: str
-    law: Law | None
-    known: Mapping[str, Interval] = field(default_factory=dict)
-    mass: float = math.nan
+    law: Law | None = None
+    known: Uncertainty | None = None
     applies: bool = False
     chosen: bool = False
     missing: str = ""
@@ -59,35 +58,30 @@ class LawAtLoad:
 
     @property
     def stiffness(self) -> float:
-        """Stiffness k_n at the preload (force/length)."""
-        return self.known["k_n"].value
+        """Stiffness k_n at the preload (force/length), NaN without a law."""
+        return math.nan if self.known is None else self.known.k_n.value
 
     @property
     def stiffness_bar(self) -> float:
         """Error bar of the stiffness over it, by error bar, other laws and points; NaN if nothing bounds it."""
-        return self.known["k_n"].half / self.stiffness or math.nan
+        return math.nan if self.known is None else self.known.k_n.half / self.stiffness or math.nan
 
     @property
     def frequency(self) -> float:
         """Frequency of small vibration, sqrt(k_n/m)/(2 pi) (1/time); NaN without a mass."""
-        return math.sqrt(self.stiffness / self.mass) / (2 * math.pi)
+        return math.nan if self.known is None else self.known.omega_s.value / (2 * math.pi)
 
     def sides(self) -> tuple[Law, ...]:
-        """Law at both ends of its error bar; without a bar the laws within the misfit of a fit, or none."""
-        law, factors = self.law, (1.0 - self.bar, 1.0 + self.bar)
-        if not self.bar > 0:
-            return ensemble(law) if isinstance(law, PowerLaw) and law.ci_n and law.ci_K else ()
-        if isinstance(law, TableLaw) and self.bar_of == "k_n_elastic":
-            return tuple(law.scaled(1.0, factor) for factor in factors)
-        return tuple(law.scaled(factor) for factor in factors) if isinstance(law, (TableLaw, PowerLaw)) else ()
+        """Law at both ends of its error bar, none without a bar."""
+        return _sides(self.law, self.bar, self.bar_of)
 
     def to_dict(self) -> dict[str, Any]:
         """Row as plain values, None where unknown; `*_bar` is half the width of an interval."""
         out: dict[str, float] = dict.fromkeys(("n", "kappa", "z_s", "k_n", "f"), math.nan)
-        for name, interval in self.known.items():
-            key = name.removesuffix("_loc")
-            out |= {key: interval.value, f"{key}_bar": interval.half}
-        if self.known:
+        if self.known is not None:
+            for key, name in (("n", "n_loc"), ("kappa", "kappa"), ("z_s", "z_s"), ("k_n", "k_n")):
+                interval = getattr(self.known, name)
+                out |= {key: interval.value, f"{key}_bar": interval.half}
             out |= {"f": self.frequency, "f_bar": 0.5 * self.stiffness_bar * self.frequency}
         known = {n: v if math.isfinite(v) else None for n, v in (out | {"bar": self.bar}).items()}
         last = {"bar_of": self.bar_of, "applies": self.applies, "chosen": self.chosen, "missing": self.missing}
@@ -119,27 +113,6 @@ class LawTable:
         known = [row.stiffness for row in self.rows if row.applies]
         return (max(known) - min(known)) / self.chosen.stiffness
 
-    def members(self) -> tuple[Law, ...]:
-        """Laws whose extremes bound the results: the chosen one and the others that apply, at the ends of their bars.
-
-        Empty where there is no error bar and no other law.
-        """
-        own = self.chosen.sides() if self.chosen.bar > 0 else ()
-        others = [row for row in self.rows if row.applies and not row.chosen and row.law is not None]
-        sides = [law for row in others for law in (row.sides() if row.bar > 0 else (row.law,)) if law is not None]
-        return (*own, *self.choice.bounds, *sides)
-
-    def describe_members(self) -> str:
-        """In words what the members are made of."""
-        bars = {
-            f"error bar of the {row.bar_of}, {100 * row.bar:.2g} %" for row in self.rows if row.applies and row.bar > 0
-        }
-        parts = sorted(bars)
-        parts += ["unknown branch of the overload"] if self.choice.bounds else []
-        others = [row.name for row in self.rows if row.applies and not row.chosen]
-        parts += [f"spread of the laws {', '.join([self.choice.name, *others])}"] if others else []
-        return " and ".join(parts)
-
     def to_dict(self) -> dict[str, Any]:
         """Section "laws" of thresholds.json."""
         choice, bar = self.choice, self.chosen.stiffness_bar
@@ -160,43 +133,63 @@ class LawTable:
         """Rows of the printed table: law, n, kappa, stiffness, frequency, remark."""
         for row in self.rows:
             words, other = WORDS[row.name]
-            if row.law is None:
+            if row.known is None:
                 yield (words, "-", "-", "-", "-", row.missing)
                 continue
             remark = "chosen" if row.chosen else "" if row.applies else other
-            n, kappa = (plus_minus(row.known[name].value, row.known[name].half) for name in ("n_loc", "kappa"))
+            n, kappa = (plus_minus(one.value, one.half) for one in (row.known.n_loc, row.known.kappa))
             hertz = quantity(row.frequency, "", 5, bar=0.5 * row.stiffness_bar)
             stiffness = quantity(row.stiffness, "", 5, bar=row.stiffness_bar)
             yield (words, n, kappa, stiffness, hertz if math.isfinite(row.frequency) else "-", remark)
 
 
-def tabulate(columns: CurveColumns, choice: Choice, mass: float = math.nan, *, extrapolate: bool = False) -> LawTable:
-    """All laws of a curve at the preload of the chosen one; `extrapolate` continues them beyond their last point."""
-    rows, load = [], choice.load
+def tabulate(columns: CurveColumns, choice: Choice, mass: float = math.nan) -> LawTable:
+    """All laws of a curve at the preload of the chosen one, for a mass on them (NaN if unknown)."""
+    rows, load, of_force = [], choice.load, columns.bar_at(choice.load)
     for name in NAMES:
         chosen = name == choice.name
         try:
-            law = choice.law if chosen else law_named(columns, name, load, extrapolate=extrapolate)
-            row = LawAtLoad(name, law, law_intervals(law, load), mass, chosen=chosen)
+            law = choice.law if chosen else law_named(columns, name, load)
+            intervals(law, load)
         except AsperityError as error:
-            rows.append(LawAtLoad(name, None, missing=str(error).split(":")[0].split(";")[0]))
+            rows.append(LawAtLoad(name, missing=str(error).split(":")[0].split(";")[0]))
             continue
         # after yield the other laws are of another history
         applies = chosen or not (choice.yielded and choice.name in ("unload-reload", "elastic"))
         bar, bar_of = columns.bar_at(load, elastic=True), "k_n_elastic"
         if math.isnan(bar) or not (isinstance(law, TableLaw) and law.k is not None and not law.noise):
-            bar, bar_of = columns.bar_at(load), "force"
-        rows.append(replace(row, applies=applies, bar=bar, bar_of=bar_of))
+            bar, bar_of = of_force, "force"
+        rows.append(LawAtLoad(name, law, None, applies, chosen, "", bar, bar_of))
     rows.sort(key=lambda row: (row.law is None, not row.chosen))
-    table = LawTable(tuple(rows), choice, columns.bar_at(load))
-    return replace(table, rows=tuple(_bounded(row, load, table.members() if row.chosen else ()) for row in rows))
+    applying = [row for row in rows if row.applies]
+
+    def bounded(row: LawAtLoad) -> LawAtLoad:
+        if row.law is None:
+            return row
+        members, origin = row.sides(), f"error bar of the {row.bar_of}, {100 * row.bar:.2g} %"
+        if row.chosen:
+            others = [law for other in applying[1:] for law in other.sides() or (other.law,) if law is not None]
+            members = (*members, *choice.bounds, *others)
+            parts = sorted({f"error bar of the {one.bar_of}, {100 * one.bar:.2g} %" for one in applying if one.bar > 0})
+            parts += ["unknown branch of the overload"] if choice.bounds else []
+            names = [one.name for one in applying]
+            origin = " and ".join(parts + ([f"spread of the laws {', '.join(names)}"] if names[1:] else []))
+        known = intervals(row.law, load, members, origin, mass)
+        alone = not row.chosen or len(applying) == 1
+        # the points of an unloading know its stiffness too, independently of that column
+        if alone and row.name == "unload-reload" and row.bar_of == "k_n_elastic" and isinstance(row.law, TableLaw):
+            with suppress(AsperityError):
+                points = row.law.without_slopes()
+                if sides := _sides(points, of_force, "force"):
+                    known = known.within(intervals(points, load, sides, mass=mass))
+        return replace(row, known=known)
+
+    return LawTable(tuple(bounded(row) for row in rows), choice, of_force)
 
 
-def _bounded(row: LawAtLoad, load: float, members: tuple[Law, ...]) -> LawAtLoad:
-    """Row with intervals over laws, those of its own bar by default; NaN where one does not reach the load."""
-    if row.law is None:
-        return row
-    try:
-        return replace(row, known=law_intervals(row.law, load, members or row.sides()))
-    except AsperityError:
-        return replace(row, known={name: Interval(one.value, math.nan, math.nan) for name, one in row.known.items()})
+def _sides(law: Law | None, bar: float, bar_of: str) -> tuple[Law, ...]:
+    """Law at both ends of an error bar of the force, or of the stiffness of its points; none without a bar."""
+    factors = (1.0 - bar, 1.0 + bar) if bar > 0 else ()
+    if isinstance(law, TableLaw) and bar_of == "k_n_elastic":
+        return tuple(law.scaled(1.0, factor) for factor in factors)
+    return tuple(law.scaled(factor) for factor in factors) if isinstance(law, (TableLaw, PowerLaw)) else ()

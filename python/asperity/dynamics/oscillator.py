@@ -21,7 +21,7 @@ from asperity.dynamics.law.checks import positive
 from asperity.dynamics.law.damping import Damping, check_damping
 from asperity.dynamics.law.law import Law
 from asperity.dynamics.law.taylor import TaylorLaw
-from asperity.dynamics.response import STARTS, FrequencyResponse, frequency_response
+from asperity.dynamics.response import FrequencyResponse, frequency_response
 from asperity.dynamics.settings import MIN_ZETA, Setting, forcings, frequencies, window
 from asperity.dynamics.sweep import Sweep
 from asperity.dynamics.thresholds import Thresholds
@@ -91,10 +91,11 @@ class ContactOscillator:
         load = self.load if self.load is not None else self.law.default_load
         object.__setattr__(self, "load", positive("load", load))
         object.__setattr__(self, "restoring", Restoring(self.law, float(load)))
-        if self.restoring.u_end < 1e-9:
+        if self.restoring.known_to < -1e-9:
+            end = float(self.law.force(self.law.known_to))
             raise RangeError(
-                f"load = {load:g} lies at the end of the law, where no vibration is possible; lower the load, "
-                "or compute the curve further"
+                f"load = {load:g} lies outside the law, which ends at force {end:g}; lower the load, or compute the "
+                "curve further"
             )
         for doubt in self.law.doubts(self.restoring.load):
             warnings.warn(doubt, AsperityWarning, stacklevel=3)
@@ -126,8 +127,7 @@ class ContactOscillator:
     def free(self, u0: ArrayLike | None = None) -> FreeVibration:
         """Natural frequency over the release displacement u0 > 0, to 1e-12 for smooth laws.
 
-        By default 120 of them up to 1.5 u_max (or to the end of the law). An orbit that leaves the table, or passes the
-        rim of the Taylor well, is a `RangeError`.
+        By default 120 of them up to 1.5 u_max. An orbit that passes the rim of the Taylor well is a `RangeError`.
         """
         if u0 is None:
             top = min(1.5 * self.u_max if np.isfinite(self.u_max) else 1.5, largest_amplitude(self.restoring))
@@ -146,7 +146,6 @@ class ContactOscillator:
         *,
         tol: float = 1e-5,
         subharmonics: bool = True,
-        detached: bool = False,
     ) -> FrequencyResponse:
         """All periodic orbits in a window of frequencies, stable and unstable, with their bifurcations.
 
@@ -154,18 +153,14 @@ class ContactOscillator:
             forcing: F^ = F/(n_loc W), 1e-9 to 1e6
             omega: lowest and highest Omega, 0.01 to 100
             tol: allowed truncation error, relative to the amplitude
-            subharmonics: whether branches of period 2 and 4 are followed
-            detached: search longer for loops that no branch reaches, from 20 times as many initial states
+            subharmonics: whether orbits of period 2 are searched
 
         Raises:
             ConvergenceError: no orbit is found
         """
         (f,) = forcings(positive("forcing", forcing))
         ends, tol = window(omega), positive("tol", tol)
-        starts = (20 if detached else 1) * STARTS
-        return frequency_response(
-            self.balance(), self.setting(f), ends, tol=tol, subharmonics=subharmonics, starts=starts
-        )
+        return frequency_response(self.balance(), self.setting(f), ends, tol=tol, subharmonics=subharmonics)
 
     def sweep(
         self,
@@ -189,7 +184,6 @@ class ContactOscillator:
 
         Raises:
             InputError: an argument is not legal, or zeta is below 1e-4
-            RangeError: the motion leaves a table
         """
         if self.zeta < MIN_ZETA:
             raise InputError(
@@ -227,7 +221,7 @@ class ContactOscillator:
             rtol: tolerance of the integrator
 
         Raises:
-            RangeError: the motion escapes from a Taylor well, or leaves a table
+            RangeError: the motion escapes from a Taylor well
         """
         (w,) = frequencies(positive("omega", omega))
         f = positive("forcing", forcing, zero=True)
@@ -242,7 +236,6 @@ class ContactOscillator:
             rtol=positive("rtol", rtol), samples=samples / period
         )  # fmt: skip
         low = float(path.u.min())
-        self.restoring.check_range(float(path.u.max()))
         return replace(path, setting=self.setting(f), tolerance=rtol, valid=self.restoring.contact or low >= -1.0)
 
     def balance(self) -> Balance:

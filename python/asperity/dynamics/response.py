@@ -14,17 +14,14 @@ import numpy as np
 from asperity.dynamics.branch import Branch, Event, Line, Solution, dense, measure
 from asperity.dynamics.branch_switching import distance
 from asperity.dynamics.continuation import Tracing, crossings, in_omega
-from asperity.dynamics.events import LEAVES
 from asperity.dynamics.harmonic_balance import Balance
-from asperity.dynamics.law.law import EXTRAPOLATE
 from asperity.dynamics.search import Search
 from asperity.dynamics.settings import Setting
 from asperity.dynamics.stability import floquet, stack
-from asperity.errors import ConvergenceError, InputError, RangeError
+from asperity.errors import ConvergenceError, InputError
 from asperity.runtime.display import short_repr
 
 _SAME = 1e-6  # relative distance, in addition to their errors, within which two orbits may be identical
-STARTS = 240  # of the search by integration, for each period
 _UNRELIABLE = 1e-3  # deviation of the determinant from Liouville's above which stability is unreliable
 
 
@@ -118,6 +115,24 @@ class FrequencyResponse:
         """Each branch as dense rows; straight lines between them have errors below 1e-3."""
         return tuple(dense(self.balance, b) for b in self.branches)
 
+    def to_dict(self) -> dict[str, Any]:
+        """Section of thresholds.json."""
+        (omega, top), named = self.peak, ("kind", "Omega", "u_max", "u_min")
+        return {
+            "F_hat": self.setting.F_hat,
+            "F_over_mg": self.setting.F_over_mg,
+            "peak": {"Omega": omega, "u_max": top},
+            "events": [
+                {name: getattr(e, name) for name in named} | {"branch": self.branches[e.branch].kind}
+                for e in self.events
+            ],
+            "tolerance": self.tolerance,
+            "determinant_error": self.det_error,
+            "valid": self.valid,
+            "notes": list(self.notes),
+            "searched": self.searched,
+        }
+
     def rows(self) -> Iterator[dict[str, Any]]:
         """Rows of response.csv, in order along each branch, as dense as in `lines`."""
         s = self.setting
@@ -139,38 +154,36 @@ def frequency_response(
     *,
     tol: float = 1e-5,
     subharmonics: bool = True,
-    starts: int = STARTS,
     max_points: int = 3000,
 ) -> FrequencyResponse:
     """Compute all branches in a window; arguments and errors as in `ContactOscillator.response`.
 
-    `starts` are those on the period map, for orbits on no branch; `max_points` is that of `continuation.Tracing`.
+    `max_points` is that of `continuation.Tracing`.
     """
     low, high = omega
     how = Tracing(
         omega, tol, balance.zeta, (high - low) / 25.0, max_points=max_points, smooth=not balance.restoring.singular
     )
-    search = Search(balance, setting.F_hat, how, subharmonics, starts)
+    search = Search(balance, setting.F_hat, how, subharmonics)
     search.run()
-    branches, end = search.branches, balance.restoring.u_end
-    if not branches:
-        raise RangeError(f"every orbit leaves the law, known up to u = {end:.6g}: lower the forcing, or {EXTRAPOLATE}")
+    branches = search.branches
     return FrequencyResponse(
         setting, omega, tuple(branches), tuple(search.events), max(float(b.error.max()) for b in branches),
         max(float(b.det_error.max()) for b in branches), all(bool(b.valid.all()) for b in branches),
-        (*search.notes, *_limitations(branches, end)), search.describe(), balance,
+        (*search.notes, *_limitations(branches, balance.restoring.known_to)), search.describe(), balance,
     )  # fmt: skip
 
 
-def _limitations(branches: Sequence[Branch], u_end: float) -> Iterator[str]:
-    """Notes on branches that end early, on unreliable stability and on unphysical orbits."""
+def _limitations(branches: Sequence[Branch], known_to: float) -> Iterator[str]:
+    """Notes on orbits beyond the points of the law, ends of branches, unreliable stability, and unphysical orbits."""
+    top, known = max(float(b.u_max.max()) for b in branches), round(known_to, 9)
+    if known < top:
+        yield (
+            f"the response reaches u = {top:.4g}, the curve that the law was fitted to ends at u = "
+            f"{max(known, 0.0):.4g}: beyond it the law is extrapolated; lower the forcing, or compute the curve further"
+        )
     for number, b in enumerate(branches):
-        if b.end == LEAVES:
-            yield (
-                f"branch {number} ({b.kind}) is cut where it leaves the law (known up to u = {u_end:.6g}); compute the "
-                f"curve further, or {EXTRAPOLATE}"
-            )
-        elif b.end not in ("window", "closed", "period doubling"):
+        if b.end not in ("window", "closed", "period doubling"):
             yield f"branch {number} ({b.kind}) ends early: {b.end}"
     unreliable = sum(int((b.det_error > _UNRELIABLE).sum()) for b in branches)
     if unreliable:

@@ -10,6 +10,7 @@ import math
 import os
 from collections.abc import Iterable
 from dataclasses import asdict, dataclass, field
+from itertools import chain
 from pathlib import Path
 from typing import Any
 
@@ -90,29 +91,25 @@ class Dynamics:
         path = Path(out_dir)
         path.mkdir(parents=True, exist_ok=True)
         z_s, scale, unit = self.first.restoring.z_s, self.first.restoring.scale, self.numbers.frequency
-        free = (row for f in self.free.values() for row in f.rows())
-        _write(
-            path / FREE,
-            FREE_COLUMNS,
-            (row | {"frequency": unit * row["omega_ratio"], "amplitude": z_s * row["u0"]} for row in free),
+        free = (
+            row | {"frequency": unit * row["omega_ratio"], "amplitude": z_s * row["u0"]}
+            for one in self.free.values()
+            for row in one.rows()
         )
-        results = [r for group in (self.responses, self.sweeps) for many in group.values() for r in many]
-        forced = (row for r in results for row in r.rows())
-        _write(
-            path / RESPONSE,
-            RESPONSE_COLUMNS,
-            (
-                row
-                | {"frequency": unit * row["Omega"], "force": scale * row["F_hat"]}
-                | {"x_max": z_s * row["u_max"], "x_min": z_s * row["u_min"]}
-                | {"receptance": z_s * row["a1"] / (scale * row["F_hat"])}
-                for row in forced
-            ),
+        results: list[FrequencyResponse | Sweep] = [*chain(*self.responses.values()), *chain(*self.sweeps.values())]
+        forced = (
+            row
+            | {"frequency": unit * row["Omega"], "force": scale * row["F_hat"]}
+            | {"x_max": z_s * row["u_max"], "x_min": z_s * row["u_min"]}
+            | {"receptance": z_s * row["a1"] / (scale * row["F_hat"])}
+            for one in results
+            for row in one.rows()
         )
+        _write(path / FREE, FREE_COLUMNS, free)
+        _write(path / RESPONSE, RESPONSE_COLUMNS, forced)
+        (path / BAND).unlink(missing_ok=True)  # of an earlier analysis
         if self.bands:
             _write(path / BAND, BAND_COLUMNS, (row for band in self.bands for row in band.rows()))
-        else:
-            (path / BAND).unlink(missing_ok=True)  # of an earlier analysis
         text = json.dumps(self.to_dict(), indent=2, allow_nan=False)
         replace_file(path / THRESHOLDS, f"{text}\n".encode())
 
@@ -143,37 +140,10 @@ class Dynamics:
                 **values.to_dict(),
                 "free_tolerance": self.free[model].tolerance,
                 "free_valid": all(self.free[model].valid),
-                "responses": [_summary(r) for r in self.responses[model]],
-                "sweeps": [_sweep_summary(s) for s in self.sweeps.get(model, ())],
+                "responses": [r.to_dict() for r in self.responses[model]],
+                "sweeps": [s.to_dict() for s in self.sweeps.get(model, ())],
             }
         return out
-
-
-def _summary(r: FrequencyResponse) -> dict[str, Any]:
-    omega, top = r.peak
-    return {
-        "F_hat": r.setting.F_hat,
-        "F_over_mg": r.setting.F_over_mg,
-        "peak": {"Omega": omega, "u_max": top},
-        "events": [
-            {"kind": e.kind, "branch": r.branches[e.branch].kind, "Omega": e.Omega, "u_max": e.u_max, "u_min": e.u_min}
-            for e in r.events
-        ],
-        "tolerance": r.tolerance,
-        "determinant_error": r.det_error,
-        "valid": r.valid,
-        "notes": list(r.notes),
-        "searched": r.searched,
-    }
-
-
-def _sweep_summary(s: Sweep) -> dict[str, Any]:
-    return {
-        "F_hat": s.setting.F_hat,
-        "direction": s.direction,
-        "valid": bool(s.valid.all()),
-        "status": {name: s.status.count(name) for name in dict.fromkeys(s.status)},
-    }
 
 
 def _write(path: Path, names: tuple[str, ...], rows: Iterable[dict[str, Any]]) -> None:

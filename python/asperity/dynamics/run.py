@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import os
 from collections.abc import Iterable, Iterator
-from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -15,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from asperity.dynamics.columns import CurveColumns
-from asperity.dynamics.intervals import response_band, uncertainty
+from asperity.dynamics.intervals import intervals, response_band
 from asperity.dynamics.joint import Numbers
 from asperity.dynamics.law.checks import positive
 from asperity.dynamics.law.damping import LOOPS, LoopDamping
@@ -76,8 +75,7 @@ def run_dynamics(
     responses: dict[str, tuple[FrequencyResponse, ...]] = {}
     for name, oscillator in oscillators.items():
         responses[name] = tuple(
-            oscillator.response(f, settings.omega, tol=settings.tol, detached=settings.detached)
-            for f in settings.forcing
+            oscillator.response(f, settings.omega, tol=settings.tol) for f in settings.forcing
         )
         if settings.sweeps and settings.zeta > 0:
             try:
@@ -85,16 +83,14 @@ def run_dynamics(
             except AsperityError as error:
                 notes.append(f"{name}: no sweep: {error}")
         notes.extend(_notes(name, oscillator, responses[name], swept[name]))
-    members, spread = () if laws is None else laws.members(), None
-    try:
-        with suppress(InputError):  # nothing bounds the law
-            spread = uncertainty(exact, members or None, "" if laws is None else laws.describe_members())
-    except AsperityError as error:
-        notes.append(f"no interval: {error}")
+    spread = intervals(exact.law, exact.restoring.load, mass=exact.mass) if laws is None else laws.chosen.known
+    if spread is not None and not (spread.origin and np.isfinite(spread.k_n.half)):
+        spread = None  # nothing bounds the law, or a law that does not reach the preload
     bands = []
-    for f in settings.forcing if settings.bands and spread is not None and "exact" in oscillators else ():
+    for f in settings.forcing:
         try:
-            bands.append(response_band(exact, f, settings.omega, members=members or None))
+            if settings.bands and spread is not None and "exact" in oscillators:
+                bands.append(response_band(exact, f, spread, settings.omega))
         except AsperityError as error:
             notes.append(f"exact, F^ = {f:g}: no band: {error}")
     onsets = {name: oscillator.thresholds(settings.forcing) for name, oscillator in oscillators.items()}
@@ -131,16 +127,18 @@ def _vibration(
     static, load, chosen = _law(source, settings)
     gravity, assumed = _gravity(settings, "law" if isinstance(source, Law) else "curve")
     damping, loop_note = settings.damping, ""
-    if damping == LOOPS:
-        damping = _loops_of(source)
+    if damping == LOOPS and isinstance(source, (str, os.PathLike)):
+        path = Path(source)
+        loops = (path if path.is_dir() else path.parent) / run_folder.LOOPS
+        damping = LoopDamping.of(LoopTable.read(loops)) if loops.is_file() else LOOPS
     if isinstance(damping, LoopDamping):
         factor = 1.0 if settings.joint is None else settings.joint.factor(settings.patch_area)
         damping, loop_note = damping.on(float(static.stiffness(static.deflection(load))) / factor, load / factor)
     exact = _oscillator(static, load, replace(settings, damping=damping), gravity)
     notes, laws = [*static.doubts(load), assumed, loop_note], None
     if chosen is not None:
-        laws = tabulate(*chosen, exact.mass, extrapolate=settings.extrapolate or settings.law == "auto")
-        notes += [laws.choice.note, *_yield_notes(laws.choice)]
+        laws = tabulate(*chosen, exact.mass)
+        notes += [laws.choice.note, _first_yield(laws.choice)]
     return exact, gravity, laws, [note for note in notes if note]
 
 
@@ -154,7 +152,7 @@ def _law(source: Any, settings: DynamicsSettings) -> tuple[Law, float, tuple[Cur
     if load is None and joint is not None:
         load = joint.load(settings.patch_area)
     columns = CurveColumns.of(source, 1.0 if joint is None else joint.factor(settings.patch_area))
-    choice = choose(columns, settings.law, load, overload=settings.overload, extrapolate=settings.extrapolate)
+    choice = choose(columns, settings.law, load, overload=settings.overload)
     return choice.law, choice.load, (columns, choice)
 
 
@@ -166,36 +164,24 @@ def _oscillator(law: Law, load: float, settings: DynamicsSettings, gravity: floa
     return exact if mass is None else replace(exact, gravity=load / mass)
 
 
-def _loops_of(source: Any) -> str | LoopDamping:
-    """Damping of the loops of a run directory, "loops" where there are none."""
-    if not isinstance(source, (str, os.PathLike)):
-        return LOOPS
-    path = Path(source)
-    loops = (path if path.is_dir() else path.parent) / run_folder.LOOPS
-    return LoopDamping.of(LoopTable.read(loops)) if loops.is_file() else LOOPS
-
-
-def _yield_notes(choice: Choice) -> Iterator[str]:
-    """Note where the preload is the greatest force that the contact has met."""
+def _first_yield(choice: Choice) -> str:
+    """Note where the preload is the greatest force that the contact has met, or ""."""
     if choice.reached is None or choice.reached > choice.load * (1 + 1e-9):
-        return
+        return ""
     settled = "the law is that of the cycles that follow"
     if np.isfinite(choice.law.yields_at):
         settled = (
             "above the preload the law is that of this cycle, the loading curve; those that follow move on the "
             "unloading branch of their own greatest force"
         )
-    yield (
-        f"the preload is the greatest force that the contact has met: any motion yields in its first cycle; {settled}"
-    )
+    return f"the preload is the greatest force that the contact has met: motion yields in its first cycle; {settled}"
 
 
 def _notes(
     name: str, oscillator: ContactOscillator, responses: Iterable[FrequencyResponse], sweeps: Iterable[Sweep]
 ) -> Iterator[str]:
     """Notes on the results of a model."""
-    law, z_s = oscillator.law, oscillator.restoring.z_s
-    known, again = round(law.known_to / z_s - 1.0, 9), law.yields_at / z_s - 1.0
+    again = oscillator.restoring.kink
     for r in responses:
         where, top = f"{name}, F^ = {r.setting.F_hat:g}:", max(float(b.u_max.max()) for b in r.branches)
         if 1e-9 < again < top:
@@ -203,11 +189,6 @@ def _notes(
                 f"{where} the response reaches u = {top:.4g}, and above u = {again:.4g} the contact yields again: "
                 "there the law is the loading curve, which holds for the first cycle of that amplitude; those that "
                 "follow find a stiffer contact"
-            )
-        if law.extrapolate and known < top:
-            yield (
-                f"{where} the response reaches u = {top:.4g}, the curve that the law was fitted to ends at u = "
-                f"{max(known, 0.0):.4g}: beyond it the law is extrapolated"
             )
         yield from (f"{where} {note}" for note in r.notes)
     for s in sweeps:

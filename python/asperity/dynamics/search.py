@@ -34,8 +34,7 @@ from asperity.dynamics.settings import MIN_ZETA
 from asperity.dynamics.stability import floquet, stack
 from asperity.errors import ConvergenceError
 
-_LONGEST = 4  # longest period of branches from period doublings, in forcing periods
-_MOST_HARMONICS = 256  # of an orbit with the longest period: more take minutes
+_STARTS = 240  # on the period map, and as many on free orbits
 _OUTSIDE = 1e-3  # truncation error allowed outside the window
 _OF_DAMPING = 0.03  # the same over zeta: a larger error of the forces passes the peak of a resonance by
 _BEYOND = 1.2  # frequency over that of a resonance, beyond which the orbit is unique
@@ -49,17 +48,15 @@ class Search:
 
     Args:
         balance, how: equations; window, accuracy and limits, for order 1
-        subharmonics: whether branches of longer periods are traced too
-        starts: number of starts on the period map, see `initial_orbits`
+        subharmonics: whether branches of period 2 are traced too
 
     Attributes:
         branches, events: the branches; one that leaves the window and returns is in several pieces
         notes: on what could not be found or continued
     """
 
-    def __init__(self, balance: Balance, forcing: float, how: Tracing, subharmonics: bool, starts: int) -> None:
-        self.balance, self.forcing, self.how, self.subharmonics = balance, forcing, how, subharmonics
-        self.starts = starts if balance.zeta >= MIN_ZETA else 0
+    def __init__(self, balance: Balance, forcing: float, how: Tracing, subharmonics: bool) -> None:
+        self.balance, self.forcing, self.how = balance, forcing, how
         self.chart = backbone_chart(balance, forcing)
         self.orders = (1, 2) if subharmonics else (1,)
         self.alone = has_one_resonance(balance, forcing)  # below the main resonance the orbit is unique
@@ -72,8 +69,7 @@ class Search:
         self._lowest = np.inf  # frequency to which a branch of order 1 was followed
         self._states: list[Array] = []  # of the branches, see `initial_orbits.states`
         self._lost: list[tuple[int, Point, str]] = []  # ends whose branch could not be followed, with the reason
-        self._doublings: list[tuple[int, Point]] = []  # with the order of their branch
-        self._left_out = 0  # of them
+        self._doublings: list[Point] = []
 
     def run(self) -> None:
         """Trace branches until nothing is left."""
@@ -84,9 +80,10 @@ class Search:
         if not unique or self._lowest > below:
             self._from_rest(low, 1.0)
         self._finish()
-        for order in self._searched_orders():
-            random = random_starts(self.balance, self.forcing, self.how.window, self.starts)
-            free = free_starts(self.balance, self.chart, self.how.window, order, self.starts)
+        orders = self._searched_orders()
+        random = random_starts(self.balance, self.forcing, self.how.window, _STARTS) if orders else np.empty((3, 0))
+        for order in orders:
+            free = free_starts(self.balance, self.chart, self.how.window, order, _STARTS)
             lanes = np.concatenate([free, random], axis=1)
             for omega, x in periodic_orbits(self.balance, self.forcing, lanes, order, self._states):
                 self._through(order, x, omega)
@@ -96,11 +93,6 @@ class Search:
             )
         for order, end, reason in self._lost:
             self.notes.append(f"the branch of period {order} that leaves the window at {end.parameter:.6g} {reason}")
-        if self._left_out:
-            self.notes.append(
-                f"branches of period {_LONGEST} from {self._left_out} period doublings are not followed: they need "
-                f"more than {_MOST_HARMONICS} harmonics"
-            )
         for order in self.orders:
             self.notes += [
                 f"at the end Omega = {edge:g} of the window at least one orbit of period {order} is missing: "
@@ -111,18 +103,21 @@ class Search:
 
     def _searched_orders(self) -> list[int]:
         """Orders of orbits that may be on branches that no other one leads to."""
-        if not self.starts:
+        if self.balance.zeta < MIN_ZETA:
             return []
         needed = {1: not self.alone, 2: not self.alone or self.chart.may_double(self.how.window)}
         return [order for order in self.orders if needed[order]]
 
     def describe(self) -> str:
         """Sentence `FrequencyResponse.searched`."""
-        periods = "period 1 and 2, with period 4 from period doublings" if self.subharmonics else "period 1"
+        periods = " and ".join(str(order) for order in self.orders)
         tried = " and ".join(str(order) for order in self._searched_orders())
-        origins = f"rest and up to {2 * self.starts} starts of period {tried}" if tried else "rest"
+        origins = f"rest and up to {2 * _STARTS} starts of period {tried}" if tried else "rest"
         left = "that start from none of these states" if tried else "that so weak a forcing is not expected to sustain"
-        return f"searched: orbits of {periods}, from {origins}; not searched: other periods, and loops {left}"
+        return (
+            f"searched: orbits of period {periods}, from {origins}; not searched: longer periods, which period "
+            f"doublings of the last one may lead to, and loops {left}"
+        )
 
     def _limits(self, order: int) -> tuple[float, float]:
         """Frequencies up to which branches of an order are followed outside the window."""
@@ -212,7 +207,7 @@ class Search:
                 self._measured += 1
                 self._measure(*self._paths[self._measured - 1])
             elif self._doublings:
-                self._switch(*self._doublings.pop(0))
+                self._switch(self._doublings.pop(0))
             else:
                 return
 
@@ -220,23 +215,19 @@ class Search:
         """Make a branch of a path, with its events and period doublings."""
         balance = replace(self.balance, order=order)
         equations = in_omega(balance, self.forcing)
-        branches, events, flips = locate_events(balance, equations, path, kind, len(self.branches), self.how.tol)
-        self.branches.extend(branches)
-        self._states.extend(states(branch) for branch in branches)
+        branch, events, flips = locate_events(balance, equations, path, kind, len(self.branches), self.how.tol)
+        self.branches.append(branch)
+        self._states.append(states(branch))
         self.events.extend(events)
-        if self.subharmonics and 2 * order <= _LONGEST:
-            self._doublings.extend((order, flip) for flip in flips)
+        if 2 * order in self.orders:
+            self._doublings.extend(flips)
 
-    def _switch(self, order: int, flip: Point) -> None:
-        """Trace the branch of twice the period from a period doubling of a branch of an order."""
-        rest = [p for other, p in self._doublings if other == order]
-        if 2 * order == _LONGEST and flip.x.size > _MOST_HARMONICS:  # twice as many harmonics
-            self._left_out += 1
-            return
-        path, end = subharmonic(replace(self.balance, order=order), self.forcing, flip, self._inside(2 * order), rest)
+    def _switch(self, flip: Point) -> None:
+        """Trace the branch of period 2 from a period doubling of a branch of period 1."""
+        path, end = subharmonic(self.balance, self.forcing, flip, self._inside(2), self._doublings)
         if path is not None:
-            self._keep(f"sub{2 * order}", 2 * order, path, known=True)
-            self._doublings = [(n, p) for n, p in self._doublings if p is not end]  # traced from one end only
+            self._keep("sub2", 2, path, known=True)
+            self._doublings = [p for p in self._doublings if p is not end]  # traced from one end only
 
     def _through(self, order: int, x: Array, omega: float) -> None:
         """Trace the branch through an orbit, if it is new, and all that leaves it."""

@@ -42,7 +42,6 @@ class Setting:
         n_loc: local exponent at the operating point
         zeta, damping: damping ratio and model
         F_hat: forcing F/(n_loc W), W the preload
-        F_over_mg: forcing over the preload, n_loc F_hat (sigma in the Hertz literature)
     """
 
     model: str
@@ -54,15 +53,8 @@ class Setting:
 
     @property
     def F_over_mg(self) -> float:
-        """Forcing amplitude over the preload."""
+        """Forcing amplitude over the preload (sigma in the Hertz literature)."""
         return self.n_loc * self.F_hat
-
-    def describe(self) -> str:
-        """One line for titles and logs."""
-        return (
-            f"{self.model}: {self.law}, zeta = {self.zeta:g} ({self.damping}), F^ = {self.F_hat:g}, "
-            f"F/W = {self.F_over_mg:g}"
-        )
 
 
 def frequencies(values: Any) -> tuple[float, ...]:
@@ -100,11 +92,8 @@ class DynamicsSettings:
         model: "exact" and/or "taylor"
         omega: lowest and highest Omega = omega/omega_s, 0.01 to 100
         sweeps: also integrate sweeps up and down (half a second per forcing; not for zeta = 0)
-        detached: also search for branches that no other branch reaches (several seconds)
         bands: also carry the uncertainty of the law to the response (about 1 s per forcing)
         tol: relative truncation error of the response
-        extrapolate: continue the laws "table" and "unload-reload" beyond their last point, along the last slope in
-            (ln z, ln F); "auto" always does
         joint: nominal area, preload and mass. With a joint all forces are those of the joint, and the mass is that of
             the joint, not the preload over gravity.
         patch_area: nominal area of the curve (length^2)
@@ -130,10 +119,8 @@ class DynamicsSettings:
     model: tuple[str, ...] = MODELS
     omega: tuple[float, float] = (0.5, 1.3)
     sweeps: bool = False
-    detached: bool = False
     bands: bool = True
     tol: float = 1e-5
-    extrapolate: bool = False
     joint: Joint | None = None
     patch_area: float | None = None
     units: str | None = None

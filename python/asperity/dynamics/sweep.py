@@ -54,6 +54,12 @@ class Sweep:
 
     __repr__ = short_repr
 
+    def to_dict(self) -> dict[str, Any]:
+        """Section of thresholds.json."""
+        counts = {name: self.status.count(name) for name in dict.fromkeys(self.status)}
+        valid = bool(self.valid.all())
+        return {"F_hat": self.setting.F_hat, "direction": self.direction, "valid": valid, "status": counts}
+
     def rows(self) -> Iterator[dict[str, Any]]:
         """Rows of response.csv, without escaped points, which have no amplitude."""
         s = self.setting
@@ -87,7 +93,6 @@ def sweep(
         state, found = _settle(equation, state, path[:, j], forcing, tol, limit)
         columns.append(found)
     u_max, u_min, a1, residual, kind, periods = np.moveaxis(np.array(columns), 0, -1)
-    equation.restoring.check_range(float(np.nanmax(u_max, initial=-np.inf)))
     settled = kind > 0
     valid = np.ones_like(settled) if equation.restoring.contact else u_min >= -1.0
     names = {-1: ESCAPED, 0: NOT_SETTLED, 1: SETTLED}

@@ -11,18 +11,16 @@ quadrature per amplitude gives the resonance peak for every damping ratio:
 
 from __future__ import annotations
 
-from contextlib import suppress
 from dataclasses import asdict, dataclass
 from typing import Any
 
 import numpy as np
-from scipy.optimize import brentq, minimize_scalar
+from scipy.optimize import brentq
 
 from asperity.dynamics.equation import Equation, Restoring
 from asperity.dynamics.free import FreeOrbit, contact_limit, free_orbit, largest_amplitude
-from asperity.dynamics.law.damping import Damping, only_in_contact
+from asperity.dynamics.law.damping import Damping
 from asperity.dynamics.law.law import bend
-from asperity.errors import RangeError
 from asperity.runtime.display import short_repr
 
 _LARGEST = 1e6  # amplitude at which the search for a peak ends
@@ -41,7 +39,6 @@ class Thresholds:
         contact_loss: the same as F^
         hysteresis: F^ of the first vertical tangent (multiple scales, small zeta)
         period_doubling: F^ of the first period doubling near Omega = 2 (small zeta; error about 0.5 % for 0.01)
-        closing: largest F^ whose resonance the damping still limits (None: it limits every resonance)
         peaks: for each requested forcing F_hat, F_over_mg, and Omega, u_max, u_min, a1 of the resonance peak; None
             where the damping does not limit it
         F_over_mg: factor from F^ to F/(m g), equal to n_loc
@@ -62,7 +59,6 @@ class Thresholds:
     contact_loss: float | None
     hysteresis: float | None
     period_doubling: float | None
-    closing: float | None
     peaks: tuple[dict[str, float | None], ...]
     F_over_mg: float
     tolerance: float
@@ -77,22 +73,15 @@ class Thresholds:
 
 def resonance_peak(restoring: Restoring, drive: float, damping: Damping = "always") -> FreeOrbit | None:
     """Free orbit that a forcing F^ = 2 zeta drive sustains at phase resonance; None if there is none."""
-    top = largest_amplitude(restoring)
-    limit = min(top, _LARGEST)
+    limit = min(largest_amplitude(restoring), _LARGEST)
 
     def surplus(u: float) -> float:
         return free_orbit(restoring, u, damping).drive - drive
 
     low = high = min(1e-3, 0.1 * drive, 0.5 * limit)
     while surplus(high) < 0:
-        if high >= limit:
-            if only_in_contact(damping) and not np.isfinite(top):
-                return None
-            raise RangeError(
-                f"the resonance peak for F^/(2 zeta) = {drive:g} lies beyond the end of the law at u = {top:.6g}"
-            )
         low, high = high, min(1.5 * high, limit)
-        if only_in_contact(damping) and high > 1e3 and surplus(high) < surplus(low):
+        if high == low or (high > 1e3 and surplus(high) < surplus(low)):  # the damping does not limit it
             return None
     u = low if high == low else brentq(surplus, low, high, xtol=1e-14, rtol=1e-13)
     return free_orbit(restoring, u, damping)
@@ -102,14 +91,11 @@ def thresholds(equation: Equation, forcing: tuple[float, ...] = ()) -> Threshold
     """Compute the onsets of `Thresholds` and the resonance peak of each F^ in `forcing`."""
     restoring, zeta, damping = equation.restoring, equation.zeta, equation.damping
     limit = contact_limit(restoring)
-    inside = np.isfinite(limit) and limit <= restoring.u_end
-    orbit = free_orbit(restoring, limit, damping) if inside else None
+    orbit = free_orbit(restoring, limit, damping) if np.isfinite(limit) else None
     kappa, bar = restoring.kappa, restoring.law.kappa_bar(restoring.z_s)
     peaks: list[dict[str, float | None]] = []
     for f in forcing:
-        peak = None
-        with suppress(RangeError):  # beyond the end of the law
-            peak = resonance_peak(restoring, f / (2.0 * zeta), damping) if zeta > 0 else None
+        peak = resonance_peak(restoring, f / (2.0 * zeta), damping) if zeta > 0 else None
         values = (peak.omega, peak.u0, peak.u_min, peak.a1) if peak else (None,) * 4
         at_peak = dict(zip(("Omega", "u_max", "u_min", "a1"), values, strict=True))
         peaks.append({"F_hat": f, "F_over_mg": restoring.n_loc * f, **at_peak})
@@ -127,26 +113,8 @@ def thresholds(equation: Equation, forcing: tuple[float, ...] = ()) -> Threshold
         contact_loss=2.0 * zeta * orbit.drive if orbit else None,
         hysteresis=float(np.sqrt(32.0 * zeta**3 / (3.0 * np.sqrt(3.0) * abs(kappa)))) if kappa else None,
         period_doubling=6.0 * zeta / abs(restoring.a2) if restoring.a2 else None,
-        closing=_closing(restoring, zeta, damping),
         peaks=tuple(peaks),
         F_over_mg=restoring.n_loc,
         tolerance=zeta**2,
         valid=restoring.contact or all(p["u_min"] is None or p["u_min"] >= -1.0 for p in peaks),
     )
-
-
-def _closing(restoring: Restoring, zeta: float, damping: Damping) -> float | None:
-    """Largest F^ whose resonance damping in contact alone still limits."""
-    if not only_in_contact(damping) or not restoring.contact or np.isfinite(restoring.u_end) or zeta == 0:
-        return None
-    grid = np.geomspace(0.1, 1e4, 26)
-    drive = np.array([free_orbit(restoring, u, damping).drive for u in grid])
-    j = int(drive.argmax())
-    if j in (0, grid.size - 1):
-        return None
-    best = minimize_scalar(
-        lambda x: -free_orbit(restoring, float(np.exp(x)), damping).drive,
-        bounds=(np.log(grid[j - 1]), np.log(grid[j + 1])),
-        method="bounded",
-    )
-    return float(-2.0 * zeta * best.fun)

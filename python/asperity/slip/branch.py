@@ -41,7 +41,7 @@ def with_slopes(choice: Choice, columns: CurveColumns, rows: Array) -> Choice:
     rows = rows[(columns.elastic[rows] > 0.0) & (columns.delta[rows] > 0.0)]
     if choice.name not in ("table", "paper") or choice.yielded or not rows.size:
         return choice
-    law = TableLaw(columns.delta[rows], columns.force[rows], k=columns.elastic[rows], extrapolate=True)
+    law = TableLaw(columns.delta[rows], columns.force[rows], k=columns.elastic[rows])
     return replace(choice, name="table", law=law)
 
 
@@ -90,7 +90,7 @@ def stuck_law(law: TableLaw, forces: Array, ratios: Array, block: float, load: f
     ratio = np.interp(force, forces, ratios)
     steps = 0.5 * (ratio[1:] + ratio[:-1]) * np.diff(z)
     w = ratio[0] * z[0] + np.append(0.0, np.cumsum(steps))
-    return TableLaw(w, force, k=1.0 / (ratio * softness[known]), name="contact without slip", extrapolate=True)
+    return TableLaw(w, force, k=1.0 / (ratio * softness[known]), name="contact without slip")
 
 
 def left_out(law: TableLaw) -> list[list[TableLaw]]:
@@ -104,7 +104,7 @@ def left_out(law: TableLaw) -> list[list[TableLaw]]:
 
     def made(rows: Array, k: Array) -> list[TableLaw]:
         with suppress(AsperityError):
-            return [TableLaw(z[rows], force[rows], k=k[rows], extrapolate=True)]
+            return [TableLaw(z[rows], force[rows], k=k[rows])]
         return []
 
     halves = [np.setdiff1d(np.arange(last + 1), np.arange(last - 1 - i, -1, -2)) for i in (0, 1)]
@@ -112,14 +112,14 @@ def left_out(law: TableLaw) -> list[list[TableLaw]]:
     thinned = [made(rows, known) for rows in halves if rows.size <= last]
     if np.isnan(known).any():
         return [*thinned, []] if len(thinned) < 2 else thinned
-    slopes_alone = [TableLaw.of_stiffness(force, known, extrapolate=True)] if last else []
+    slopes_alone = [TableLaw.of_stiffness(force, known)] if last else []
     return [slopes_alone, made(np.arange(last + 1), unknown), [law for part in thinned for law in part]]
 
 
 def elastic_part(law: TableLaw) -> TableLaw:
     """Law up to where it yields."""
     below = law.z <= law.yields_at
-    return TableLaw(law.z[below], law.F[below], k=None if law.k is None else law.k[below], extrapolate=True)
+    return TableLaw(law.z[below], law.F[below], k=None if law.k is None else law.k[below])
 
 
 def down_to_zero(law: TableLaw) -> TableLaw:

@@ -24,7 +24,6 @@ from asperity.arrays import Array
 from asperity.dynamics.law.checks import positive
 from asperity.errors import RangeError
 
-EXTRAPOLATE = "extrapolate the law (extrapolate=True, asperity dynamics --extrapolate)"  # advice of messages
 _FARTHEST = 1e100  # approach beyond which no load is sought (length)
 _SMALL = 0.05  # below this |u| the potential is integrated: differences of potentials cancel
 _GAUSS_X, _GAUSS_W = np.polynomial.legendre.leggauss(16)
@@ -37,7 +36,6 @@ class Law(ABC):
 
     Attributes:
         contact: whether the force vanishes for ``z <= 0`` (False for a truncated series)
-        extrapolate: whether approaches beyond `known_to` are allowed
 
     Examples:
         A linear spring of 2 N/m that pushes only:
@@ -62,7 +60,6 @@ class Law(ABC):
     """
 
     contact = True
-    extrapolate = True
 
     @abstractmethod
     def both(self, z: Array) -> tuple[Array, Array]:
@@ -91,8 +88,13 @@ class Law(ABC):
 
     @property
     def known_to(self) -> float:
-        """Largest approach of the points behind the law (length); results beyond it are extrapolated."""
+        """Largest approach of the points behind the law (length); beyond it motion is on a continuation."""
         return np.inf
+
+    @property
+    def knots(self) -> Array:
+        """Approaches at which the law is not smooth (length)."""
+        return np.empty(0)
 
     @property
     def yields_at(self) -> float:
@@ -108,7 +110,7 @@ class Law(ABC):
         """Force at `z` (length, any shape).
 
         Raises:
-            RangeError: an approach lies beyond `known_to` of a law that does not extrapolate
+            RangeError: an approach lies beyond `known_to`
         """
         return self.both(self._checked(z))[0]
 
@@ -126,19 +128,18 @@ class Law(ABC):
         Raises:
             RangeError: the law does not reach the load
         """
-        load, high = positive("load", load), min(self.known_to, 1.0)
+        load, high = positive("load", load), 1.0
 
         def short(z: float) -> float:
-            return float(self.both(np.array([z]))[0][0]) - load
+            return self.at(z)[0] - load
 
-        while short(high) < 0.0 and high < min(_FARTHEST, np.inf if self.extrapolate else self.known_to):
-            high = 2.0 * high if self.extrapolate else min(2.0 * high, self.known_to)
-        if short(high) < -1e-12 * load:
-            raise RangeError(
-                f"load = {load:g} lies outside the law, which ends at force {load + short(high):g}; lower the load, "
-                "or compute the curve further"
-            )
-        return float(brentq(short, 0.0, high, xtol=1e-15 * high, rtol=1e-14)) if short(high) > 0.0 else high
+        while short(high) < 0.0:
+            high *= 2.0
+            if high > _FARTHEST:
+                raise RangeError(f"load = {load:g} lies outside the law, whose force is {load + short(high):g} at most")
+        while short(0.5 * high) > 0.0:
+            high *= 0.5
+        return float(brentq(short, 0.5 * high, high, xtol=1e-15 * high, rtol=1e-14))
 
     def doubts(self, load: float) -> tuple[str, ...]:
         """Reasons to doubt the law near a load (force), one sentence each."""
@@ -176,10 +177,9 @@ class Law(ABC):
 
     def _checked(self, z: ArrayLike) -> Array:
         z = np.asarray(z, float)
-        if z.size and not self.extrapolate and z.max() > self.known_to * (1 + 1e-12):
+        if z.size and z.max() > self.known_to * (1 + 1e-12):
             raise RangeError(
-                f"approach {z.max():g} lies outside the law, known up to {self.known_to:g}; compute the curve further, "
-                f"or {EXTRAPOLATE}"
+                f"approach {z.max():g} lies outside the law, known up to {self.known_to:g}; compute the curve further"
             )
         return z
 

@@ -19,7 +19,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 from scipy.interpolate import CubicHermiteSpline, PchipInterpolator, PPoly
-from scipy.optimize import brentq
 
 from asperity.arrays import Array
 from asperity.dynamics.columns import CurveColumns
@@ -44,7 +43,6 @@ class TableLaw(Law):
         z: approaches from first contact (length), rising, shape (m,); rows with z <= 0 are dropped
         F: forces, rising with z, shape (m,)
         origin: approach of the curve at first contact (length), subtracted from `z`
-        extrapolate: continue beyond the last point along the last slope in (ln z, ln F)
         name: name of the law in descriptions
         k: stiffness at the points (force/length), shape (m,), NaN where unknown; None without any
         yields_at: approach of a point at which the slope changes (length): a contact that was loaded to it yields
@@ -67,7 +65,6 @@ class TableLaw(Law):
     z: Array
     F: Array
     origin: float = 0.0
-    extrapolate: bool = False
     name: str = "table"
     k: Array | None = field(default=None, kw_only=True)
     yields_at: float = field(default=np.inf, kw_only=True)
@@ -79,12 +76,11 @@ class TableLaw(Law):
 
     def __post_init__(self) -> None:
         z, F, k = self._checked_points()
-        object.__setattr__(self, "_measured", F)
+        measured, noise = F, 0.0
         if k is None and np.all(np.diff(z) > 0):
             noise = roughness(z, F)
             if noise > MAX_ROUGHNESS:
                 F, k = smoothed(z, F)
-                object.__setattr__(self, "noise", noise)
         for name, column, remedy in (("approach", z, "sort it"), ("force", F, "smooth it, or fit a power law to it")):
             bad = np.flatnonzero(np.diff(column) <= 0)
             if bad.size:
@@ -92,8 +88,9 @@ class TableLaw(Law):
                     f"the {name} does not rise after row {int(bad[0])} of the table "
                     f"({column[bad[0]]:g} to {column[bad[0] + 1]:g}): {remedy}"
                 )
-        for name, values in (("z", z), ("F", F), ("k", k)):
-            if values is not None:
+        derived = {"z": z, "F": F, "k": k, "_measured": measured, "noise": noise if F is not measured else 0.0}
+        for name, values in derived.items():
+            if isinstance(values, np.ndarray):
                 values.flags.writeable = False
             object.__setattr__(self, name, values)
 
@@ -132,37 +129,30 @@ class TableLaw(Law):
         return z, F, k
 
     @classmethod
-    def from_curve(cls, curve: Any, *, branch: str = "load", origin: float | str = 0.0, **options: Any) -> TableLaw:
-        """Build a table from a `Curve`, a CSV file or a mapping with the columns delta and force.
+    def from_curve(cls, curve: Any, *, origin: float | str = 0.0) -> TableLaw:
+        """Law through the loading of a `Curve`, a CSV file or a mapping with the columns delta and force.
 
         Args:
             curve: source of the columns
-            branch: branch to use if there is a column "branch"
             origin: approach of first contact (length), or "fit" to find it with the power law
-            **options: `extrapolate`, `name`
 
         Raises:
             InputError: as for `TableLaw`, or the columns cannot be read
         """
         columns = CurveColumns.of(curve)
-        delta, force = columns.delta[columns.branch == branch], columns.force[columns.branch == branch]
+        delta, force = columns.delta[columns.loading], columns.force[columns.loading]
         if isinstance(origin, str):
             if origin != "fit":
                 raise InputError(f'origin = "{origin}" is unknown: give an approach or "fit"')
             origin = fit_origin(delta, force)
-        return cls(delta, force, origin=float(origin), **options)
+        return cls(delta, force, origin=float(origin))
 
     @classmethod
-    def of_stiffness(cls, force: ArrayLike, k: ArrayLike, **options: Any) -> TableLaw:
-        """Integrate dz = dF/k over rising forces `force` with the stiffness `k` (force/length), both of shape (m,).
+    def of_stiffness(cls, force: ArrayLike, k: ArrayLike, name: str = "table") -> TableLaw:
+        """Integrate dz = dF/k over at least two rising forces with the stiffness k > 0 (force/length), both (m,).
 
         Between two points the stiffness is a power of the force, and so it is below the first one. The approach is
         measured from where the force vanishes on this law.
-
-        Args:
-            force: at least two positive ones
-            k: positive
-            **options: `name`, `extrapolate`
         """
         F, stiffness = np.asarray(force, float), np.asarray(k, float)
         p = np.diff(np.log(stiffness)) / np.diff(np.log(F))
@@ -170,7 +160,7 @@ class TableLaw(Law):
         power = np.diff(F / stiffness) / np.where(flat, 1.0, 1 - p)
         steps = np.where(flat, F[:-1] / stiffness[:-1] * np.diff(np.log(F)), power)
         start = F[0] / stiffness[0] / (1 - np.clip(p[0], 0.0, _STEEPEST))
-        return cls(start + np.append(0.0, np.cumsum(steps)), F, k=stiffness, **options)
+        return cls(start + np.append(0.0, np.cumsum(steps)), F, k=stiffness, name=name)
 
     def yielding(self, loading: TableLaw, reached: float) -> TableLaw:
         """Law of a contact that has met a force: this law below it, and above it a loading curve.
@@ -192,8 +182,7 @@ class TableLaw(Law):
         F = np.concatenate([self.F[low], [reached], loading.F[high]])
         k = np.concatenate([self.slopes[low], self.both(np.array([top]))[1], loading.slopes[high]])
         above = loading.both(np.array([top + shift]))[1][0]
-        extrapolate = loading.extrapolate
-        return TableLaw(z, F, name=self.name, k=k, yields_at=top, k_above=float(above), extrapolate=extrapolate)
+        return TableLaw(z, F, name=self.name, k=k, yields_at=top, k_above=float(above))
 
     def scaled(self, force: float = 1.0, stiffness: float | None = None) -> TableLaw:
         """Law with forces and stiffnesses multiplied by factors, the stiffness by default as the force."""
@@ -225,7 +214,6 @@ class TableLaw(Law):
 
     @property
     def knots(self) -> Array:
-        """Approaches at which the law is not smooth (length)."""
         return self.z
 
     @property
@@ -294,7 +282,11 @@ class TableLaw(Law):
         below = self.z <= self.yields_at
         if below.all() and np.isinf(self.yields_at):
             return self
-        return TableLaw(self.z[below], self.F[below], k=None if self.k is None else self.k[below], extrapolate=True)
+        return TableLaw(self.z[below], self.F[below], k=None if self.k is None else self.k[below])
+
+    def without_slopes(self) -> TableLaw:
+        """The law below `yields_at` by its points alone; `InputError` where they are too few."""
+        return replace(self._elastic, k=None, origin=0.0)
 
     def _differences(self, z: float) -> Array:
         """First three derivatives of ln F with respect to ln z for each reach, shape (reaches, 3)."""
@@ -304,23 +296,15 @@ class TableLaw(Law):
         return np.stack([first, (high - 2 * mid + low) / h**2, 6 * ((high - low) / (2 * h) - first) / h**2], axis=1)
 
     def deflection(self, load: float) -> float:
-        below, beyond = (float(n) for n in self._curve.c[2, [0, -1]])
-        if load < self.F[0]:
-            if below < 1.0:
-                raise RangeError(
-                    f"load = {load:g} lies below the first point of the table (force {self.F[0]:g}), where the force "
-                    f"rises with the power {below:.3g} of the approach, and the stiffness would rise as the load "
-                    "falls: give points at lighter loads, or the approach of first contact as origin"
-                )
-            return float(self.z[0] * (positive("load", load) / self.F[0]) ** (1.0 / below))
-        if load > self.F[-1] * (1 + 1e-12):
-            if not self.extrapolate:
-                return super().deflection(load)  # which refuses
-            return float(self.z[-1] * (load / self.F[-1]) ** (1.0 / beyond))
-        i = int(np.argmax(self.F >= load * (1 - 1e-12)))
-        if self.F[i] <= load * (1 + 1e-12):
-            return float(self.z[i])
-        return float(brentq(lambda z: self.at(z)[0] - load, self.z[i - 1], self.z[i], xtol=1e-300, rtol=1e-14))
+        below = float(self._curve.c[2, 0])
+        if load < self.F[0] and below < 1.0:
+            raise RangeError(
+                f"load = {load:g} lies below the first point of the table (force {self.F[0]:g}), where the force "
+                f"rises with the power {below:.3g} of the approach, and the stiffness would rise as the load "
+                "falls: give points at lighter loads, or the approach of first contact as origin"
+            )
+        at_point = np.flatnonzero(np.abs(self.F / positive("load", load) - 1.0) < 1e-12)
+        return float(self.z[at_point[0]]) if at_point.size else super().deflection(load)
 
     def doubts(self, load: float) -> tuple[str, ...]:
         if load < self.F[0]:
