@@ -276,43 +276,21 @@ def locate(
     xtol: float = 1e-6,
     rtol: float = _NEWTON_RTOL,
 ) -> Point:
-    """Find the point between neighbours a and b where `at` vanishes, by a bracketed secant method.
+    """Find the point between neighbours a and b where `at` vanishes, to the fraction `xtol` of their distance.
 
-    `at` has the values fa and fb, of opposite signs, at a and b. The first trial is its zero on the cubic from a to b,
-    so that few orbits are corrected. The last change of the fraction is below `xtol`, the remaining error far smaller.
+    `at` has the values fa and fb, of opposite signs, at a and b.
     """
-    left, right, (s, slope), point = 0.0, 1.0, _zero_on_cubic(a, b, at, fa, fb), a
-    old = f_old = np.inf
-    for _ in range(40):
-        if not left < s < right:
-            s = 0.5 * (left + right)
-        point = between(equations, a, b, s, rtol)
-        f = at(point)
-        if f == 0 or abs(s - old) < xtol or right - left < xtol:
-            break
-        if (f > 0) == (fb > 0):
-            right = s
-        else:
-            left = s
-        if np.isfinite(old) and f != f_old:
-            slope = (f - f_old) / (s - old)
-        old, f_old, s = s, f, s - f / slope if slope else np.inf
-    return point
+    point = a
 
-
-def _zero_on_cubic(a: Point, b: Point, at: Callable[[Point], float], fa: float, fb: float) -> tuple[float, float]:
-    """Fraction of the cubic from a to b, uncorrected, at which `at` vanishes, to 1e-4, and the slope of `at` there."""
-    cubic, length = _segment(a, b)
-
-    def error(s: float) -> float:
+    def value(s: float) -> float:
+        nonlocal point
         if s in (0.0, 1.0):
             return fb if s else fa
-        y, slope = value(cubic, s), (cubic[1] + s * (2.0 * cubic[2] + s * 3.0 * cubic[3])) / length
-        return at(Point(y[:-1], float(y[-1]), slope[:-1], float(slope[-1]), a.error))
+        point = between(equations, a, b, s, rtol)
+        return at(point)
 
-    s = float(brentq(error, 0.0, 1.0, xtol=1e-4))
-    low, high = max(s - 1e-3, 0.0), min(s + 1e-3, 1.0)
-    return s, (error(high) - error(low)) / (high - low)
+    brentq(value, 0.0, 1.0, xtol=xtol, rtol=_CROSSING_RTOL)
+    return point
 
 
 def predictor(points: Sequence[Point]) -> Callable[[float], tuple[Array, float]]:

@@ -84,7 +84,7 @@ def _located(
     balance: Balance, equations: Equations, points: list[Point], tests: list[_Test], tol: float
 ) -> list[tuple[int, str, Point]]:
     """Zeros of the tests in order along a path: the point before, the name, and the zero as a point."""
-    search = {"rtol": newton_rtol(tol, not balance.restoring.singular), "xtol": 0.03 * float(np.sqrt(tol))}
+    rtol = newton_rtol(tol, not balance.restoring.singular)
     found: list[tuple[int, float, str, Point]] = []
     for name, values, at in tests:
         for i in np.flatnonzero((values[:-1] > 0) != (values[1:] > 0)):
@@ -92,7 +92,7 @@ def _located(
                 continue
             a, b = points[i], points[i + 1]
             try:
-                p = locate(equations, a, b, at, values[i], values[i + 1], **search)
+                p = locate(equations, a, b, at, values[i], values[i + 1], rtol=rtol)
                 p = adapt(equations, p, p.t, p.t_parameter, tol, p.x.size // 2)
             except ConvergenceError:
                 continue

@@ -119,9 +119,7 @@ def intervals(
     return Uncertainty(n_loc, kappa, z_s, k_n, omega_s, members, " and ".join(words))
 
 
-def uncertainty(
-    oscillator: ContactOscillator, members: Iterable[Law] = (), origin: str = "laws given"
-) -> Uncertainty:
+def uncertainty(oscillator: ContactOscillator, members: Iterable[Law] = (), origin: str = "laws given") -> Uncertainty:
     """Carry an ensemble of laws (seeds), and the points of a table, to k_n, omega_s, n_loc, kappa and z_s.
 
     Args:

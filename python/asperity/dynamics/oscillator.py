@@ -140,12 +140,7 @@ class ContactOscillator:
         return _thresholds.thresholds(self.balance(), values)
 
     def response(
-        self,
-        forcing: float,
-        omega: Sequence[float] = (0.5, 1.3),
-        *,
-        tol: float = 1e-5,
-        subharmonics: bool = True,
+        self, forcing: float, omega: Sequence[float] = (0.5, 1.3), *, tol: float = 1e-5, subharmonics: bool = True
     ) -> FrequencyResponse:
         """All periodic orbits in a window of frequencies, stable and unstable, with their bifurcations.
 

@@ -74,9 +74,7 @@ def run_dynamics(
     swept: dict[str, tuple[Sweep, ...]] = dict.fromkeys(oscillators, ())
     responses: dict[str, tuple[FrequencyResponse, ...]] = {}
     for name, oscillator in oscillators.items():
-        responses[name] = tuple(
-            oscillator.response(f, settings.omega, tol=settings.tol) for f in settings.forcing
-        )
+        responses[name] = tuple(oscillator.response(f, settings.omega, tol=settings.tol) for f in settings.forcing)
         if settings.sweeps and settings.zeta > 0:
             try:
                 swept[name] = oscillator.sweep(settings.forcing, settings.omega, points=_SWEEP_POINTS)
