@@ -100,22 +100,20 @@ def _single(p: Point, odd: Array) -> Point:
     return Point(p.x - _odd(p.x), p.parameter, -odd / np.linalg.norm(odd), 0.0, p.error)
 
 
-def detached(
-    balance: Balance, forcing: float, x: Array, omega: float, how: Tracing, paths: list[tuple[str, int, Path]]
+def through(
+    balance: Balance, forcing: float, x: Array, omega: float, how: Tracing, known: Sequence[Path]
 ) -> Path | None:
-    """Trace the branch through an orbit x (2 K + 1) in both directions, unless one of the paths contains it.
+    """Trace the branch through an orbit x (2 K + 1) in both directions, unless one of the known paths contains it.
 
     The result is None if its true period is shorter. A `ConvergenceError` says that there is no orbit near.
     """
     equations, order = in_omega(balance, forcing), balance.order
-    first = start(equations, x, omega, 1.0, how)
+    first = start(equations, x, omega, -1.0, how)
     c = stack([first.x])[0]
     if order > 1 and np.abs(np.delete(c, slice(None, None, order))).max() < 1e-3 * np.abs(c).max():
         return None  # its true period is shorter
-    for _, other, path in paths:
-        if other == order and any(is_same(q, first, order) for q in crossings(equations, path.points, omega)):
-            return None
-
+    if any(is_same(q, first, order) for path in known for q in crossings(equations, path.points, omega)):
+        return None
     copies = [
         replace(first, x=unstack(a, a.size - 1), t=unstack(b, b.size - 1))
         for a, b in zip(shifts(c, order), shifts(stack([first.t])[0], order), strict=True)
@@ -137,11 +135,10 @@ def detached(
 
     forward = trace(equations, first, how, closed)
     if forward.end == "closed":
-        return forward
-    back = first.turned()
-    backward = trace(equations, back, how, closed)
+        return replace(forward, begin="closed")
+    backward = trace(equations, first.turned(), how, closed)
     turned = tuple(p.turned() for p in reversed(backward.points[1:]))
-    return Path(turned + forward.points, forward.end if backward.end == "window" else backward.end)
+    return Path(turned + forward.points, forward.end, backward.end)
 
 
 def is_same(a: Point, b: Point, order: int) -> bool:

@@ -28,6 +28,8 @@ _NEWTON_RTOL = 3e-6  # relative size of its last step; the remaining error is of
 _CUT = 0.35  # of a step that does not converge
 _HMIN = 1e-9  # smallest step along the branch
 _CROSSING_RTOL = 1e-14  # tolerance of the fraction of a segment at which a parameter is crossed
+_STRIDE = 0.03  # longest step outside the window, over the parameter
+_OUTSIDE_WORK = 10.0  # of a point there, over that of one inside
 _NEAR = 1e-4  # largest relative change of an orbit there by the last correction, at fixed parameter
 
 
@@ -58,6 +60,7 @@ class Path:
 
     points: tuple[Point, ...]
     end: str
+    begin: str = "window"
 
 
 @dataclass(frozen=True)
@@ -71,6 +74,16 @@ class Tracing:
     min_harmonics: int = MIN_HARMONICS
     max_points: int = 3000  # work after which a path ends; points of many harmonics count more
     smooth: bool = True  # whether Newton's method converges quadratically (the stiffness is bounded)
+    limits: tuple[float, float] | None = None  # up to which a branch is followed outside the window; None: its ends
+    loose: float = 0.0  # relative truncation error allowed there
+
+    def is_inside(self, parameter: float) -> bool:
+        """Whether a parameter is in the window."""
+        return self.window[0] <= parameter <= self.window[1]
+
+    def tol_at(self, parameter: float) -> float:
+        """Relative truncation error allowed at a parameter."""
+        return self.tol if self.is_inside(parameter) else self.loose
 
 
 Equations = Callable[[Array, float], tuple[Array, Array, Array]]
@@ -163,50 +176,54 @@ def start(equations: Equations, x: Array, parameter: float, direction: float, ho
     """Turn a solution into the first point of a path; the parameter first changes with the sign of `direction`."""
     normal, sense = np.zeros(x.size), float(np.copysign(1.0, direction))
     x, parameter, t, tp = correct(equations, x, parameter, normal, sense)
-    return adapt(equations, Point(x, parameter, t, tp, tail(x)), normal, sense, how.tol, how.min_harmonics)
+    point = Point(x, parameter, t, tp, tail(x))
+    return adapt(equations, point, normal, sense, how.tol_at(parameter), how.min_harmonics)
 
 
 def trace(
     equations: Equations, first: Point, how: Tracing, stop: Callable[[list[Point]], str | None] | None = None
 ) -> Path:
-    """Trace the branch along the tangent of `first` until it leaves the window of the parameter.
+    """Trace the branch along the tangent of `first` until it leaves the limits of the parameter.
 
-    After each step `stop` is called with the points so far; a non-empty string ends the path for that reason.
+    It has a point at each end of the window that it passes. After each step `stop` is called with the points so far; a
+    non-empty string ends the path for that reason.
     """
-    (low, high), max_step = how.window, how.max_step
+    limits = how.limits or how.window
     points = [first]
-    h, work = 0.25 * max_step, 0.0
+    h, work = 0.25 * how.max_step, 0.0
     while True:
         here = points[-1]
-        amplitude = float(np.sqrt(here.x @ here.x))
-        size = abs(here.t_parameter)
-        h = min(h, max_step / max(size, 1e-6), 0.4 * amplitude + 0.5 * max_step)
+        amplitude, inside = float(np.sqrt(here.x @ here.x)), how.is_inside(here.parameter)
+        max_step = how.max_step if inside else _STRIDE * here.parameter
+        h = min(h, max_step / max(abs(here.t_parameter), 1e-6), 0.4 * amplitude + 0.5 * max_step)
         predict = predictor(points)
         while True:
             if h < _HMIN:
                 return Path(tuple(points), "step too small")
-            work += 0.5 + (here.x.size / 128) ** 2
+            work += (0.5 + (here.x.size / 128) ** 2) * (1.0 if inside else _OUTSIDE_WORK)
             if work > how.max_points:
                 return Path(tuple(points), "too much work")
             point, error, factor = _step(equations, here, *predict(h), h, how)
             if point is not None:
                 break
             h *= factor
+        passed = [e for e in {*limits, *how.window} if (e - here.parameter) * (e - point.parameter) < 0]
         try:
-            point = adapt(equations, point, here.t, here.t_parameter, how.tol, how.min_harmonics)
+            point = adapt(equations, point, here.t, here.t_parameter, how.tol_at(point.parameter), how.min_harmonics)
+            if passed:
+                edge = min(passed, key=lambda e: abs(e - here.parameter))
+                point = _at_edge(equations, here, point, edge, how)
         except ConvergenceError:
             if h > 1e-6:
                 h *= _CUT
                 continue
-        if not low <= point.parameter <= high:
-            try:
-                points.append(_at_edge(equations, here, point, low if point.parameter < low else high, how))
-            except ConvergenceError:
-                if h > 1e-6:
-                    h *= _CUT
-                    continue
+            if passed:
+                return Path(tuple(points), "window")
+        if not limits[0] <= point.parameter <= limits[1]:
             return Path(tuple(points), "window")
         points.append(point)
+        if passed and point.parameter in limits:
+            return Path(tuple(points), "window")
         reason = stop(points) if stop else None
         if reason:
             return Path(tuple(points), reason)
@@ -220,7 +237,7 @@ def _step(
 
     The point is None where the step must be repeated with the length times the factor.
     """
-    rtol, watch = newton_rtol(how.tol, how.smooth), max(1e-6, min(1e-3, 0.1 * how.zeta))
+    rtol, watch = newton_rtol(how.tol_at(guess_p), how.smooth), max(1e-6, min(1e-3, 0.1 * how.zeta))
     try:
         x, parameter, t, tp = correct(equations, guess, guess_p, here.t, here.t_parameter, limit=h, rtol=rtol)
     except ConvergenceError:

@@ -14,7 +14,18 @@ from scipy.optimize import minimize_scalar
 
 from asperity.arrays import Array
 from asperity.dynamics.branch import Branch, Event, measure
-from asperity.dynamics.continuation import Equations, Path, Point, adapt, between, locate, newton_rtol, predictor, turns
+from asperity.dynamics.continuation import (
+    Equations,
+    Path,
+    Point,
+    adapt,
+    between,
+    in_omega,
+    locate,
+    newton_rtol,
+    predictor,
+    turns,
+)
 from asperity.dynamics.harmonic_balance import Balance, resize
 from asperity.dynamics.stability import NEGLIGIBLE, Floquet, extrema, floquet, rise, stack
 from asperity.errors import ConvergenceError
@@ -29,10 +40,10 @@ _Test = tuple[str, Array, Callable[[Point], float]]  # event, quantity that vani
 
 
 def locate_events(
-    balance: Balance, equations: Equations, path: Path, kind: str, number: int, tol: float
+    balance: Balance, forcing: float, path: Path, kind: str, number: int, tol: float
 ) -> tuple[Branch, list[Event], list[Point]]:
     """Branch of a path, `number` of a response, with its events; and the period doublings."""
-    rtol = newton_rtol(tol, not balance.restoring.singular)
+    equations, rtol = in_omega(balance, forcing), newton_rtol(tol, not balance.restoring.singular)
     points = _refined(equations, path.points, tol, rtol)
     multipliers = _multipliers(balance, points)
     if balance.zeta > 0 and balance.order == 1:
