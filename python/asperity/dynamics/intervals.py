@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -40,9 +40,9 @@ class Interval(NamedTuple):
         return float(np.max([self.high - self.value, self.value - self.low]))
 
     def within(self, other: Interval) -> Interval:
-        """The part in another interval that holds, or itself where that excludes the value."""
+        """What two intervals that hold have in common, and the value; itself where that is nothing."""
         low, high = max(self.low, other.low), min(self.high, other.high)
-        return Interval(self.value, low, high) if low <= self.value <= high else self
+        return Interval(self.value, min(low, self.value), max(high, self.value)) if low <= high else self
 
 
 @dataclass(frozen=True)
@@ -73,9 +73,9 @@ class Uncertainty:
         return bend(self.kappa.low, self.kappa.high)
 
     def within(self, other: Uncertainty) -> Uncertainty:
-        """The narrower intervals of two bars of one law, each of which holds."""
-        names = [field.name for field in fields(self)[:5]]
-        return replace(self, **{name: getattr(self, name).within(getattr(other, name)) for name in names})
+        """With a second bar of approach, stiffness and frequency, independent of its own."""
+        both = {name: getattr(self, name).within(getattr(other, name)) for name in ("z_s", "k_n", "omega_s")}
+        return replace(self, **both, origin=f"{self.origin}; z_s and k_n also by the {other.origin}")
 
     def to_dict(self) -> dict[str, Any]:
         """Section "uncertainty" of thresholds.json."""

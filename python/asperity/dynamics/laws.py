@@ -166,11 +166,11 @@ def tabulate(columns: CurveColumns, choice: Choice, mass: float = math.nan) -> L
     def bounded(row: LawAtLoad) -> LawAtLoad:
         if row.law is None:
             return row
-        members, origin = row.sides(), f"error bar of the {row.bar_of}, {100 * row.bar:.2g} %"
+        members, origin = row.sides(), _words(row.bar_of, row.bar)
         if row.chosen:
             others = [law for other in applying[1:] for law in other.sides() or (other.law,) if law is not None]
             members = (*members, *choice.bounds, *others)
-            parts = sorted({f"error bar of the {one.bar_of}, {100 * one.bar:.2g} %" for one in applying if one.bar > 0})
+            parts = sorted({_words(one.bar_of, one.bar) for one in applying if one.bar > 0})
             parts += ["unknown branch of the overload"] if choice.bounds else []
             names = [one.name for one in applying]
             origin = " and ".join(parts + ([f"spread of the laws {', '.join(names)}"] if names[1:] else []))
@@ -181,10 +181,14 @@ def tabulate(columns: CurveColumns, choice: Choice, mass: float = math.nan) -> L
             with suppress(AsperityError):
                 points = row.law.without_slopes()
                 if sides := _sides(points, of_force, "force"):
-                    known = known.within(intervals(points, load, sides, mass=mass))
+                    known = known.within(intervals(points, load, sides, _words("force", of_force), mass))
         return replace(row, known=known)
 
     return LawTable(tuple(bounded(row) for row in rows), choice, of_force)
+
+
+def _words(of: str, bar: float) -> str:
+    return f"error bar of the {of}, {100 * bar:.2g} %"
 
 
 def _sides(law: Law | None, bar: float, bar_of: str) -> tuple[Law, ...]:
