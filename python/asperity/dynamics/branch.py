@@ -4,6 +4,8 @@
 """Branches of periodic orbits with their extremes, stability and events, and dense rows along them.
 
 Between two points the orbits follow the cubic through coefficients and tangents, the predictor of the continuation.
+Rows are added until straight lines between them are accurate, in displacement at fixed frequency and in frequency
+at fixed displacement. They are closer near folds and at the top of a resonance.
 """
 
 from __future__ import annotations
@@ -17,11 +19,13 @@ from numpy.typing import NDArray
 from asperity.arrays import Array
 from asperity.dynamics.continuation import Point, hermite, value
 from asperity.dynamics.harmonic_balance import Balance
-from asperity.dynamics.stability import Floquet, extrema, floquet, rise, stack, state_at_phase_zero
+from asperity.dynamics.stability import Floquet, extrema, floquet, stack, state_at_phase_zero
 from asperity.runtime.display import short_repr
 
 _ROUND_OFF = 1e-15  # relative round-off of the contact force
-_ROWS = 10  # between two points
+_RTOL = 3e-4  # relative error of a straight line between rows; the error of the cubic adds to it
+_FLAT = (1e-9, 1e-4)  # relative changes of Omega and of u_max below which the other is not checked
+_DEPTH = 12  # largest number of halvings of a segment
 _NEUTRAL = 1e-4  # largest multipliers this close to 1 do not determine the stability next to the point
 
 
@@ -144,35 +148,58 @@ def on_cubic(branch: Branch, place: Array) -> tuple[Array, Array]:
 
     A place is the index of the point before it plus the fraction of the way to the next point.
     """
-    found = _between(branch, place, branch.coefficients, stack([p.t for p in branch.points]))
+    i = np.minimum(place.astype(int), len(branch) - 2)
+    y = np.column_stack([branch.Omega, branch.coefficients])
+    t = np.column_stack([[p.t_parameter for p in branch.points], stack([p.t for p in branch.points])])
+    chord = y[i + 1] - y[i]
+    length = np.linalg.norm(chord, axis=1)[:, None]
+    found = value(hermite(y[i], chord, length * t[i], length * t[i + 1]), (place - i)[:, None])
     return found[:, 0].real, found[:, 1:]
 
 
-def _between(branch: Branch, place: Array, values: Array, rates: Array) -> Array:
-    """Omega and further columns (rows, 1 + columns) at places along a branch, by their cubics.
+def dense(balance: Balance, branch: Branch, rtol: float = _RTOL) -> Line:
+    """Compute rows along a branch, so close that straight lines between them deviate from the cubic by `rtol`."""
+    places: Array = np.arange(len(branch), dtype=float)
+    first = branch.coefficients[:, branch.order]
+    values: Array = np.array([branch.Omega, branch.u_max, branch.u_min, branch.a1, _degrees(first)])
+    done: NDArray[np.bool_] = np.zeros(len(branch) - 1, bool)
+    for depth in range(_DEPTH):
+        left = np.flatnonzero(~done)
+        if not left.size:
+            break
+        middle = 0.5 * (places[left] + places[left + 1])
+        between = _measured(branch, middle)
+        # a cubic may cross its chord in the middle: the first halves are always kept
+        off = (_deviation(values[:, left], values[:, left + 1], between) > rtol) | (depth == 0)
+        done[left[~off]] = True
+        done = np.insert(done, left[off], False)
+        places = np.insert(places, left[off] + 1, middle[off])
+        values = np.insert(values, left[off] + 1, between[:, off], axis=1)
+    omega, u_max, u_min, a1, phase = values
+    return Line(omega, u_max, u_min, a1, phase, _stability(balance, branch, places))
 
-    The columns have `values` and `rates` along the branch at its points, both of shape (points, columns).
-    """
-    i = np.minimum(place.astype(int), len(branch) - 2)
-    own = np.column_stack([branch.Omega, branch.coefficients])
-    length = np.linalg.norm(own[i + 1] - own[i], axis=1)[:, None]
-    y = np.column_stack([branch.Omega, values])
-    t = np.column_stack([[p.t_parameter for p in branch.points], rates])
-    cubic = hermite(y[i], y[i + 1] - y[i], length * t[i], length * t[i + 1])
-    return value(cubic, (place - i)[:, None])
+
+def _measured(branch: Branch, places: Array) -> Array:
+    """Omega, u_max, u_min, a1 and phase (5, rows) of the cubics at the places."""
+    omega, c = on_cubic(branch, places)
+    u_min, u_max = extrema(c)
+    return np.array([omega, u_max, u_min, np.abs(c[:, branch.order]), _degrees(c[:, branch.order])])
 
 
-def dense(balance: Balance, branch: Branch) -> Line:
-    """Rows along a branch, so close that straight lines between them deviate from the cubics by less than 1e-3."""
-    c, t = branch.coefficients, stack([p.t for p in branch.points])
-    values = np.column_stack([branch.u_max, branch.u_min, c[:, branch.order]])
-    rates = np.column_stack([rise(c, t), rise(c, t, 1.0), t[:, branch.order]])
-    places = np.arange(_ROWS * (len(branch) - 1) + 1) / _ROWS
-    omega, u_max, u_min, first = _between(branch, places, values, rates).T
-    # between -270 and 90 degrees, so that -180 is no edge
-    phase = np.degrees((np.angle(first) + 1.5 * np.pi) % (2.0 * np.pi) - 1.5 * np.pi)
-    stable = _stability(balance, branch, places)
-    return Line(omega.real, u_max.real, u_min.real, np.abs(first), phase, stable)
+def _degrees(first: Array) -> Array:
+    """Angle of complex first harmonics between -270 and 90 degrees, so that -180 is no edge."""
+    return np.degrees((np.angle(first) + 1.5 * np.pi) % (2.0 * np.pi) - 1.5 * np.pi)
+
+
+def _deviation(a: Array, b: Array, middle: Array) -> Array:
+    """Relative distance of rows from the line between their neighbours, along u_max and Omega."""
+    worst = np.zeros(middle.shape[1])
+    for x, y, flat in ((0, 1, _FLAT[0]), (1, 0, _FLAT[1])):
+        gap = b[x] - a[x]
+        part = np.clip((middle[x] - a[x]) / np.where(gap == 0, np.inf, gap), 0.0, 1.0)
+        off = np.abs(a[y] + part * (b[y] - a[y]) - middle[y]) / np.abs(middle[y])
+        worst = np.maximum(worst, np.where(np.abs(gap) > flat * np.abs(middle[x]), off, 0.0))
+    return worst
 
 
 def _stability(balance: Balance, branch: Branch, places: Array) -> NDArray[np.bool_]:

@@ -95,9 +95,9 @@ def extrema(c: Array) -> tuple[Array, Array]:
     return _turn(c, u, 1.0)[1], _turn(c, u, -1.0)[1]
 
 
-def rise(c: Array, t: Array, sign: float = -1.0) -> Array:
-    """Rate of the largest (sign -1) or smallest (1) value of each orbit `c` along `t` (both as in `stack`)."""
-    theta, _ = _turn(c, _densely(c), sign)
+def rise(c: Array, t: Array) -> Array:
+    """Rate of the largest value of each orbit `c` along the change `t` (both as in `stack`)."""
+    theta, _ = _turn(c, _densely(c), -1.0)
     return (t * np.exp(1j * theta[:, None] * np.arange(t.shape[1]))).sum(1).real
 
 
