@@ -6,12 +6,13 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import replace
 
 import numpy as np
 
 from asperity.arrays import Array
-from asperity.dynamics.continuation import Path, Point, Tracing, crossings, in_omega, locate, start, trace
+from asperity.dynamics.continuation import Equations, Path, Point, Tracing, crossings, in_omega, locate, start, trace
 from asperity.dynamics.harmonic_balance import Balance, resize, tail
 from asperity.dynamics.stability import stack, unstack
 from asperity.errors import ConvergenceError
@@ -39,25 +40,8 @@ def subharmonic(
     null = np.zeros(x.size)
     null[odd] = np.linalg.svd(jacobian)[2][-1]
 
-    def returns(points: list[Point]) -> str | None:
-        a, b = points[-2], points[-1]
-        m = min(a.x.size, b.x.size) // 2
-        odd_a = _odd(resize(a.x, m))
-
-        def side(p: Point) -> float:
-            return float(_odd(resize(p.x, m)) @ odd_a)
-
-        if len(points) < 3 or side(b) > 0:
-            return None
-        points.pop()  # it repeats an orbit of the branch, shifted by half of its period
-        try:
-            points.append(_single(locate(equations, a, b, side, side(a), side(b)), odd_a))
-        except ConvergenceError:
-            pass
-        return "period doubling"
-
     first = Point(x, flip.parameter, null, 0.0, tail(x))
-    path = trace(equations, first, how, returns)
+    path = trace(equations, first, how, lambda points: _doubling(equations, points))
     if len(path.points) < 3:
         return None, None
     if path.end != "period doubling" or not others:
@@ -69,6 +53,23 @@ def subharmonic(
     if gaps[i] < _gap(before, end):
         path = replace(path, points=(*path.points[:-1], ends[i]))
     return path, others[i]
+
+
+def _doubling(equations: Equations, points: list[Point]) -> str | None:
+    """Replace the last point of a branch of twice the period by the period doubling that its last step passes."""
+    a, b = points[-2], points[-1]
+    m = min(a.x.size, b.x.size) // 2
+    odd_a = _odd(resize(a.x, m))
+
+    def side(p: Point) -> float:
+        return float(_odd(resize(p.x, m)) @ odd_a)
+
+    if len(points) < 3 or side(b) > 0:
+        return None
+    points.pop()  # it repeats an orbit of the branch, shifted by half of its period
+    with suppress(ConvergenceError):
+        points.append(_single(locate(equations, a, b, side, side(a), side(b)), odd_a))
+    return "period doubling"
 
 
 def _doubled(x: Array) -> Array:
@@ -120,6 +121,8 @@ def through(
     ]
 
     def closed(points: list[Point]) -> str | None:
+        if order == 2 and (doubling := _doubling(equations, points)):
+            return doubling
         if len(points) < 6:
             return None
         a, b = points[-2], points[-1]
@@ -135,7 +138,10 @@ def through(
 
     forward = trace(equations, first, how, closed)
     if forward.end == "closed":
-        return replace(forward, begin="closed")
+        edge = next((p for p in forward.points if p.parameter in how.window), None)
+        if edge is None or first.parameter in how.window:
+            return replace(forward, begin="closed")
+        return through(balance, forcing, edge.x, edge.parameter, how, ())  # so that no piece begins in the window
     backward = trace(equations, first.turned(), how, closed)
     turned = tuple(p.turned() for p in reversed(backward.points[1:]))
     return Path(turned + forward.points, forward.end, backward.end)

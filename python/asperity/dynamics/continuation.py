@@ -83,7 +83,7 @@ class Tracing:
 
     def tol_at(self, parameter: float) -> float:
         """Relative truncation error allowed at a parameter."""
-        return self.tol if self.is_inside(parameter) else self.loose
+        return self.tol if self.limits is None or self.is_inside(parameter) else self.loose
 
 
 Equations = Callable[[Array, float], tuple[Array, Array, Array]]

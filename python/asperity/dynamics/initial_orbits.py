@@ -12,10 +12,10 @@ stable or not.
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.optimize import brentq
 
 from asperity.arrays import Array
 from asperity.dynamics.branch import Branch, on_cubic
@@ -25,11 +25,12 @@ from asperity.dynamics.free import rough_orbit, rough_states
 from asperity.dynamics.harmonic_balance import Balance
 from asperity.dynamics.law.damping import only_in_contact
 from asperity.dynamics.stability import unstack
+from asperity.dynamics.thresholds import resonance_peak
 from asperity.dynamics.time_integration import has_escaped, path_of, steps_for
 from asperity.errors import ConvergenceError
 
 _POINTS = 16  # amplitudes on the backbone; a chart of 12 finds the same loops of period 2
-_AMPLITUDES = (1e-3, 300.0)  # of free orbits: below they are linear, above the mass flies all the time
+_LARGEST = 300.0  # amplitude of free orbits, above which the mass flies all the time
 _SMALLEST = 0.05  # of them in the chart
 _MOST_LOST = 2.0  # of `Chart.lost` with orbits of period 2: up to 1.1 in 250 random windows
 _LINEAR, _FAINT = 0.3, 0.02  # amplitudes up to which, and at which, an orbit from rest starts as the linear response
@@ -89,22 +90,11 @@ def backbone_chart(equation: Equation, forcing: float) -> Chart:
     if not r.contact or zeta == 0:
         none: Array = np.empty(0)
         return Chart(none, none, none, 0.0, 1.0)
-
-    def surplus(log: float) -> float:
-        return 2.0 * zeta * rough_orbit(r, float(np.exp(log)), damping).drive - forcing
-
-    low, top = np.log(_AMPLITUDES)
-    high = low
-    try:
-        if only_in_contact(damping):
-            high = top
-        while high < top and surplus(high) < 0.0:
-            low, high = high, min(high + 1.5, top)
-        if surplus(low) < 0.0 < surplus(high) and not only_in_contact(damping):
-            high = float(brentq(surplus, low, high, xtol=1e-3))
-    except ConvergenceError:  # the law is too stiff at amplitudes far beyond any resonance
-        high = low
-    amplitude = np.geomspace(min(_SMALLEST, 0.1 * np.exp(high)), np.exp(high), _POINTS)
+    top = _SMALLEST
+    with suppress(ConvergenceError):  # the law is too stiff at amplitudes far beyond any resonance
+        peak = None if only_in_contact(damping) else resonance_peak(r, forcing / (2.0 * zeta), damping, rough_orbit)
+        top = _LARGEST if peak is None else min(peak.u0, _LARGEST)
+    amplitude = np.geomspace(min(_SMALLEST, 0.1 * top), top, _POINTS)
     orbits = [rough_orbit(r, float(u), damping) for u in amplitude]
     frequency, drive, second = np.array([(o.omega, o.drive, o.a2 / o.a1) for o in orbits]).T
     lost = np.divide(zeta * drive, forcing * second, out=np.full(_POINTS, np.inf), where=second != 0)

@@ -11,6 +11,7 @@ quadrature per amplitude gives the resonance peak for every damping ratio:
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import asdict, dataclass
 from typing import Any
 
@@ -71,20 +72,25 @@ class Thresholds:
         return asdict(self)
 
 
-def resonance_peak(restoring: Restoring, drive: float, damping: Damping = "always") -> FreeOrbit | None:
-    """Free orbit that a forcing F^ = 2 zeta drive sustains at phase resonance; None if there is none."""
+def resonance_peak(
+    restoring: Restoring,
+    drive: float,
+    damping: Damping = "always",
+    orbit: Callable[[Restoring, float, Damping], FreeOrbit] = free_orbit,
+) -> FreeOrbit | None:
+    """Free orbit, computed by `orbit`, that F^ = 2 zeta drive sustains at phase resonance; None if there is none."""
     limit = min(largest_amplitude(restoring), _LARGEST)
 
     def surplus(u: float) -> float:
-        return free_orbit(restoring, u, damping).drive - drive
+        return orbit(restoring, u, damping).drive - drive
 
     low = high = min(1e-3, 0.1 * drive, 0.5 * limit)
     while surplus(high) < 0:
-        low, high = high, min(1.5 * high, limit)
+        low, high = high, min(4.0 * high, limit)
         if high == low or (high > 1e3 and surplus(high) < surplus(low)):  # the damping does not limit it
             return None
     u = low if high == low else brentq(surplus, low, high, xtol=1e-14, rtol=1e-13)
-    return free_orbit(restoring, u, damping)
+    return orbit(restoring, u, damping)
 
 
 def thresholds(equation: Equation, forcing: tuple[float, ...] = ()) -> Thresholds:
