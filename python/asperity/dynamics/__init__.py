@@ -40,7 +40,6 @@ _PUBLIC = {
     "DynamicsSettings": "settings",
     "Band": "intervals",
     "Uncertainty": "intervals",
-    "ensemble": "intervals",
     "response_band": "intervals",
     "uncertainty": "intervals",
 }

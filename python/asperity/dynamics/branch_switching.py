@@ -50,9 +50,9 @@ def subharmonic(
     ends = [Point(_doubled(p.x), p.parameter, resize(end.t, p.x.size - 1), 0.0, p.error) for p in others]
     gaps = [_gap(p, end) for p in ends]
     i = int(np.argmin(gaps))
-    if gaps[i] < _gap(before, end):
-        path = replace(path, points=(*path.points[:-1], ends[i]))
-    return path, others[i]
+    if gaps[i] > _gap(before, end):  # it ends outside the window
+        return path, None
+    return replace(path, points=(*path.points[:-1], ends[i])), others[i]
 
 
 def _doubling(equations: Equations, points: list[Point]) -> str | None:

@@ -290,7 +290,7 @@ def locate(
     fa: float,
     fb: float,
     *,
-    xtol: float = 1e-6,
+    xtol: float = 1e-8,
     rtol: float = _NEWTON_RTOL,
 ) -> Point:
     """Find the point between neighbours a and b where `at` vanishes, to the fraction `xtol` of their distance.
