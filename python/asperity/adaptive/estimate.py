@@ -56,7 +56,7 @@ PARTS = 24  # of its approaches, each a third beyond the one before
 RESOLVED = 20  # cells in contact, from which on its force counts
 MOST_DOFS = 1e8  # that are counted
 START = 1.3  # seconds of a run besides meshes and steps: libraries, results
-HALF_SPACE = 5e-7  # seconds of a half-space with the surface, or with the top of a mesh, per cell and approach
+HALF_SPACE = 4e-7  # seconds of a half-space with the surface, or with the top of a mesh, per cell and approach
 
 
 @dataclass(frozen=True)
