@@ -110,6 +110,13 @@ def pytest_runtest_teardown(item: pytest.Item) -> Iterator[None]:
 
 
 @pytest.fixture
+def several_ranks() -> None:
+    """Skip what compares all ranks with one where there is one only."""
+    if world().size == 1:
+        pytest.skip("compares several ranks with one")
+
+
+@pytest.fixture
 def shared_path() -> Iterator[Path]:
     """An empty directory that all ranks see; it is removed after the test."""
     comm = world()

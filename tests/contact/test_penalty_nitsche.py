@@ -230,6 +230,7 @@ def test_active_set_solves_the_variational_inequality(wave: Surface, coarse_wave
 
 
 @pytest.mark.mpi
+@pytest.mark.usefixtures("several_ranks")
 @pytest.mark.parametrize("material", [ELASTIC, PLASTIC], ids=["elastic", "plastic"])
 def test_same_curve_on_any_number_of_ranks(rough: Surface, coarse: BlockMesh | None, material: Material) -> None:
     from mpi4py import MPI

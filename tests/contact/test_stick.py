@@ -166,6 +166,7 @@ def test_a_failed_step_touches_no_history(rough: Surface, coarse: BlockMesh | No
 
 
 @pytest.mark.mpi
+@pytest.mark.usefixtures("several_ranks")
 def test_ranks_agree(rough: Surface, coarse: BlockMesh | None) -> None:
     from mpi4py import MPI
 

@@ -138,6 +138,7 @@ def test_the_refined_mesh_is_a_block_under_its_surface(refinements: int, sides: 
 
 
 @pytest.mark.mpi
+@pytest.mark.usefixtures("several_ranks")
 @pytest.mark.parametrize("sides", ["rollers", "periodic"])
 def test_the_mesh_and_its_numbers_do_not_depend_on_the_ranks(sides: str) -> None:
     """A surface whose steep slopes have to be smoothed: the widths pass from rank to rank."""
@@ -169,6 +170,7 @@ def test_the_heights_are_those_of_the_same_mesh_lifted_in_one_process() -> None:
 
 
 @pytest.mark.mpi
+@pytest.mark.usefixtures("several_ranks")
 @pytest.mark.parametrize("sides", ["rollers", "periodic"])
 def test_the_curve_does_not_depend_on_the_ranks(sides: str) -> None:
     one, all_ = (

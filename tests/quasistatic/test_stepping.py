@@ -338,16 +338,14 @@ def test_a_loading_that_was_not_felt_is_lifted_off(rough: Surface, coarse: Block
     assert np.all(curve.force == 0.0) and curve.branch[-1] == "unload"
 
 
-@pytest.mark.parametrize("steps", [1, 2, 5])
-def test_midpoint_rule_under_force_control_stops_at_the_force(
-    press_of: Callable[..., ContactSolver], steps: int
-) -> None:
+def test_midpoint_rule_under_force_control_stops_at_the_force(press_of: Callable[..., ContactSolver]) -> None:
     """The history must not be extrapolated beyond the last position, which the force decides."""
-    solver = press_of(PLASTIC)
-    curve = drive(solver, force_max=0.01, steps=steps, integrator=MIDPOINT).curve()
-    assert not solver.checks.violated
     exact = drive(press_of(PLASTIC), force_max=0.01, steps=40, integrator=MIDPOINT).curve()
-    assert curve.delta[-1] == pytest.approx(exact.delta[-1], rel=0.15 / steps)
+    for steps in (1, 2, 5):
+        solver = press_of(PLASTIC)
+        curve = drive(solver, force_max=0.01, steps=steps, integrator=MIDPOINT).curve()
+        assert not solver.checks.violated
+        assert curve.delta[-1] == pytest.approx(exact.delta[-1], rel=0.15 / steps)
 
 
 @pytest.mark.parametrize(
@@ -584,14 +582,13 @@ def test_the_midpoint_rule_does_not_ring_where_the_yield_strain_is_negligible(
 
 
 @EACH
-@pytest.mark.parametrize("cycles", [3, 4])
 def test_the_law_about_a_preload_is_that_of_the_last_loop(
-    press_of: Callable[..., ContactSolver], material: Material, cycles: int
+    press_of: Callable[..., ContactSolver], material: Material
 ) -> None:
     """Its stiffness is that of the solver itself when it takes a small step there."""
     solver = press_of(material)
-    curve = drive(solver, delta_max=DELTA, steps=10, unload_steps=6, cycles=cycles).curve()
-    assert list(curve.branch).count("reload") >= 10 * (cycles - 1)
+    curve = drive(solver, delta_max=DELTA, steps=10, unload_steps=6, cycles=3).curve()
+    assert list(curve.branch).count("reload") >= 20
     load = 0.5 * float(curve.force.max())
     law = unload_reload(curve, load)
     last = curve.where(np.arange(len(curve)) >= np.flatnonzero(curve.branch == "reload")[-10])

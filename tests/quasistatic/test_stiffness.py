@@ -64,7 +64,7 @@ def test_ridges_are_softer_along_than_across() -> None:
     """Of a half-space: across them plane strain, as normally, and along them antiplane shear, 1/(1 - nu) as soft."""
     ridges = Surface.from_spec("sinusoid", L=1.0, amplitude=1e-3, wavelength=0.5, dims=1)
     curve = solve_contact(
-        ridges, ELASTIC, sides="periodic", delta_max=6e-4, steps=2, size=MeshSize(0.02, growth=0.5, h_max=0.3),
+        ridges, ELASTIC, sides="periodic", delta_max=6e-4, steps=2, size=MeshSize(0.03, growth=0.5, h_max=0.3),
         comm=here(), stiffness=True,
     ).curve  # fmt: skip
     along_x, along_y = (
@@ -134,6 +134,7 @@ def test_stiffness_changes_no_bit_of_the_curve(rough: Surface, coarse: BlockMesh
 
 
 @pytest.mark.mpi
+@pytest.mark.usefixtures("several_ranks")
 @EACH
 def test_ranks_agree(rough: Surface, coarse: BlockMesh | None, formulation: Formulation) -> None:
     curves = []
