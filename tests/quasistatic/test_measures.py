@@ -37,7 +37,7 @@ def test_mean_gap_of_westergaard(formulation: Formulation) -> None:
     wave = ref.Westergaard(amplitude, 2.0, ref.reduced_modulus(1.0, NU))
     curve = solve_contact(
         surface, ELASTIC, height=2.0, delta_max=1.5 * amplitude, steps=2, formulation=formulation, comm=here(),
-        size=MeshSize(0.06, growth=0.5, h_max=0.5),
+        size=MeshSize(0.08, growth=0.5, h_max=0.5),
     ).curve  # fmt: skip
     np.testing.assert_allclose(curve.mean_gap, wave.mean_gap(curve.force), atol=0.004 * amplitude)
     np.testing.assert_allclose(curve.mean_pressure, curve.force / curve.area_fraction)

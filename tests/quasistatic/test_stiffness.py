@@ -197,7 +197,7 @@ def test_interface_is_independent_of_the_height_of_the_block() -> None:
     sphere, found = Sphere(L=1.0, radius=10.0, shape="paraboloid"), []
     for height in (1.0, 2.0):
         curve = solve_contact(
-            sphere, ELASTIC, height=height, delta_max=0.006 * height**0.5, steps=8, size=MeshSize(0.06, growth=0.5),
+            sphere, ELASTIC, height=height, delta_max=0.006 * height**0.5, steps=5, size=MeshSize(0.07, growth=0.5),
             comm=here(), stiffness=True, conductance=True,
         ).curve  # fmt: skip
         found.append([np.interp(2e-3, curve.force, getattr(curve, name)) for name in names])
