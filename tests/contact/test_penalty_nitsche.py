@@ -116,7 +116,7 @@ def test_failed_attempt_leaves_the_history(rough: Surface, coarse: BlockMesh) ->
 
 WAVE = Sinusoid(L=1.0, amplitude=0.002, wavelength=2.0, dims=1, centre=(0.0, 0.0))
 HEIGHT = 2.0
-NEARLY = pytest.mark.parametrize("nu", [0.3, 0.45, 0.49, 0.499])
+NEARLY = pytest.mark.parametrize("nu", [0.3, 0.499])
 
 
 @pytest.fixture(scope="module")
