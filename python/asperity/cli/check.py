@@ -57,16 +57,9 @@ def judge(case: Case) -> None:
 
 
 def estimated(case: Case, ranks: int) -> dict[str, Any]:
-    """Estimate of a case: seconds of one core, bytes of all ranks.
+    """Estimate of a case: seconds of one core, bytes of all ranks that share the work.
 
     With a tolerance also the seconds with all meshes up to accuracy.max_dofs, "most_seconds".
-
-    Args:
-        case: the input
-        ranks: that share the work
-
-    Raises:
-        InputError: its first mesh is too large
     """
     from asperity.adaptive.estimate import estimate, further_meshes
 
@@ -78,16 +71,7 @@ def estimated(case: Case, ranks: int) -> dict[str, Any]:
 
 
 def show_estimate(title: str, case: Case, ranks: int) -> None:
-    """Print the estimate of a case.
-
-    Args:
-        title: of the table
-        case: the input
-        ranks: that share the work
-
-    Raises:
-        InputError: its first mesh is too large
-    """
+    """Print the estimate of a case, a table under a title and sentences."""
     from asperity.adaptive.cutoff import filter_advice, note_on_steps
     from asperity.adaptive.estimate import estimate
 

@@ -261,16 +261,7 @@ def _doubts(
     statistics: SurfaceStatistics, side: float, bare: HeightField, affine: SelfAffineFit | None, wave: Wave | None,
     zeros: float,
 ) -> None:  # fmt: skip
-    """Print what is doubtful.
-
-    Args:
-        statistics: of the patch
-        side: of the patch [m]
-        bare: the patch without a filter
-        affine: Hurst exponent
-        wave: that repeats
-        zeros: share of the heights that are 0 and may be missing
-    """
+    """Print what is doubtful; `bare` is the patch without a filter, `zeros` the share of heights of exactly 0."""
     import numpy as np
 
     if side > LARGEST:
@@ -302,17 +293,9 @@ def _spike(
     whole: HeightField, cut: Callable[[HeightField], HeightField], bare: HeightField, wave: Wave | None,
     statistics: SurfaceStatistics,
 ) -> bool:  # fmt: skip
-    """Print if the summit may be dust or a spike; --despike is tried before it is recommended.
+    """Print if the summit may be dust or a spike, and return whether --despike is recommended: it is tried before.
 
-    Args:
-        whole: levelled map
-        cut: makes the patch of it
-        bare: the patch without a filter
-        wave: that repeats, whose crests are no spikes
-        statistics: of the patch
-
-    Returns:
-        Whether it is recommended
+    `cut` makes the patch of the levelled map, `bare` is the patch without a filter. Crests of a wave are no spikes.
     """
     from asperity.surface.spikes import STANDS_OUT, prominence_of_summit
 

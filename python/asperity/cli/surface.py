@@ -28,7 +28,7 @@ def command(case_file: str, output: str | None, as_json: bool, overrides: tuple[
     surface = case.build_surface()
     metre = "m" if case.units == "SI" else ""
     values = asdict(surface.statistics())
-    rows = [(_LABELS[key], _text(values[key], dim, metre)) for key, dim in _DIMENSIONS.items()]
+    rows = [(label, _text(values[key], power, metre)) for key, (label, power) in _SHOWN.items()]
     shortest = ("shortest wavelength", quantity(surface.feature_size, metre))
     spot = ", ".join(quantity(value, metre) for value in surface.maximum())
     if as_json:
@@ -41,32 +41,26 @@ def command(case_file: str, output: str | None, as_json: bool, overrides: tuple[
 
         folder = Path(output)
         folder.mkdir(parents=True, exist_ok=True)
-        n = 401
-        peak = surface.maximum()
-        figure = surface_map(surface.grid(n), surface.L, peak, unit=metre)
+        figure = surface_map(surface.grid(401), surface.L, surface.maximum(), unit=metre)
         path = save(figure, folder / "surface.png")
         if not as_json:
             options.say(f"written {path}")
 
 
-# key of SurfaceStatistics -> power of length
-_DIMENSIONS = {
-    "Sq": 1, "Sa": 1, "Sz": 1, "Sp": 1, "skewness": 0, "kurtosis": 0, "rms_slope": 0,
-    "rms_curvature": -1,
-}  # fmt: skip
-_LABELS = {
-    "Sq": "Sq, rms height",
-    "Sa": "Sa, mean height deviation",
-    "Sz": "Sz, peak to valley",
-    "Sp": "Sp, peak above mean",
-    "skewness": "skewness",
-    "kurtosis": "kurtosis",
-    "rms_slope": "rms slope",
-    "rms_curvature": "rms curvature",
+# key of SurfaceStatistics -> label and power of length
+_SHOWN = {
+    "Sq": ("Sq, rms height", 1),
+    "Sa": ("Sa, mean height deviation", 1),
+    "Sz": ("Sz, peak to valley", 1),
+    "Sp": ("Sp, peak above mean", 1),
+    "skewness": ("skewness", 0),
+    "kurtosis": ("kurtosis", 0),
+    "rms_slope": ("rms slope", 0),
+    "rms_curvature": ("rms curvature", -1),
 }
 
 
-def _text(value: float, dimension: int, metre: str) -> str:
-    if dimension == -1:
+def _text(value: float, power: int, metre: str) -> str:
+    if power == -1:
         return f"{value:.4g} {'1/m' if metre else ''}".rstrip()
-    return quantity(value, metre) if dimension else f"{value:.4g}"
+    return quantity(value, metre) if power else f"{value:.4g}"

@@ -30,10 +30,9 @@ HEADER = ("case", "quantity", "reference", "its value", "computed", "error", "ba
 def command(names: tuple[str, ...], level: str, output: str | None, markdown: bool, as_json: bool) -> int:
     """Compare the solver with reference solutions.
 
-    The references are closed forms, tables and fits of the literature. NAME: patch, material, hertz, westergaard,
-    double-sinusoid, thick-sphere, flattened-sphere, rough, impact, vibration, rates; all if none is given. A row passes
-    when its error is within its bar, the uncertainty of the meshes and of the reference. Errors and bars are relative.
-    Exit code 0 when all rows pass, 3 when not.
+    The references are closed forms, tables and fits of the literature; all cases if no NAME is given. A row passes when
+    its error is within its bar, the uncertainty of the meshes and of the reference. Errors and bars are relative. Exit
+    code 0 when all rows pass, 3 when not.
     """
     from asperity.verification import verify
     from asperity.verification.table import write_table

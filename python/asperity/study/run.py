@@ -213,12 +213,8 @@ def _is_due(state: dict[str, Any] | None, retry: bool) -> bool:
 def _attempt(case: Case, place: Path, mesh: Path | AsperityError | None, again: bool, comm: MPI.Comm) -> str:
     """Run a case in its folder and return its exit reason; collective.
 
-    Args:
-        mesh: the file of its mesh, None for one of its own, or why there is none
-        again: whether it has ended before, so that it starts from the beginning
-
-    Raises:
-        Interrupted: a signal requested the end
+    `mesh` is the file of its mesh, None for one of its own, or why there is none. With `again` it has ended before, and
+    starts from the beginning.
     """
     try:
         if isinstance(mesh, AsperityError):
