@@ -29,8 +29,10 @@ from scipy.sparse.linalg import LinearOperator, cg
 
 import asperity as asp
 from asperity.arrays import Floats
+from asperity.quasistatic.contact_solver import ContactSolver
+from asperity.quasistatic.force_loops import Leg, as_before
 from asperity.quasistatic.hooks import Hooks
-from asperity.quasistatic.slip_paths import solve_slip
+from asperity.quasistatic.slip_paths import Sliding, solve_slip
 from asperity.reference import HalfSpaceContact, half_space_contact
 from asperity.slip import JointSlip, SlipSettings, slip_of_curve
 
@@ -57,6 +59,7 @@ OTHERS = {
     for H, seed, aspect in ((0.5, 11, 1), (0.8, 12, 1), (1, 13, 1), (0.8, 14, 6), (0.8, 14, 1 / 6), (0.7, 15, 16))
 }
 ROWS = (3, 5, 10, 20)  # of a curve
+CURVE = ("branch", "delta", "force", "P_star", "area_fraction", "max_plastic_strain", "k_n_elastic", "k_t", "k_t_x")
 
 
 @dataclass(frozen=True)
@@ -247,34 +250,64 @@ def solid(n: int, h: float, slopes: list[float]) -> None:
                 print(f"| {scene} | {method} | {columns(errors)} | {seconds:.0f} |", flush=True)
 
 
-def yielded(h: float) -> None:
-    """Curve over solid after yield, at the greatest load, before and after an unloading, and under it.
+YIELDED = {  # surface, yield strength over E, nu, share of kinematic hardening, rms slope
+    "tuned on": [
+        ("H 0.8, seed 1", 0.01, 0.3, 0.0, SLOPE), ("H 0.8, seed 1", 0.005, 0.3, 0.0, SLOPE),
+        ("H 0.7, seed 2", 0.01, 0.3, 0.0, SLOPE), ("H 0.7, seed 2", 0.005, 0.3, 0.0, SLOPE),
+        ("H 0.7, seed 2", 0.005, 0.0, 0.0, SLOPE),
+    ],
+    "others": [
+        ("H 0.8, seed 3", 0.005, 0.3, 0.0, SLOPE), ("H 0.8, seed 3", 0.01, 0.45, 1.0, 0.1),
+        ("H 0.8, seed 1", 0.005, 0.0, 1.0, 0.1), ("H 0.7, seed 2", 0.002, 0.3, 1.0, SLOPE), ("sphere", 0.005, 0.3, 0.0, SLOPE),
+    ],
+}  # fmt: skip
 
-    The plastic flow is that of the first loop of the solid over what its friction loses.
+
+def yielded(h: float) -> None:
+    """Curve over the solid with its plastic strain held after an unloading, at the greatest load and at half of it.
+
+    p is the mean pressure in contact at the preload. The last columns are the energy of the first, second and third
+    loop at 0.6 mu P of a solid that flows on, over that of the solid with its plastic strain held.
     """
-    print(
-        "| surface | Y/E | yielded, % | preload over the greatest load | unloaded | u of the curve, % | energy, % | ",
-        end="",
-    )
-    print("plastic over friction |\n|---|---|---|---|---|---|---|---|")
-    for name, strength in product(("H 0.8, seed 1", "H 0.7, seed 2"), (0.01, 0.005)):
-        material = asp.Material(1.0, 0.3, strength, 0.05)
-        for unload_steps, part in ((0, 1.0), (8, 1.0), (8, 0.5)):
+    print("| cases | surface | slope | Y/E | hardening | nu | preload | p/E' | u of the curve, % | energy, % | ", end="")
+    print("inside u | inside energy | bar over error energy | loops that flow |", flush=True)
+    print("|" + "---|" * 14, flush=True)
+    for of, scenes in YIELDED.items():
+        for name, strength, nu, kinematic, slope in scenes:
+            surface = SPHERE[name] if name in SPHERE else maps(slope)[name]
+            material = asp.Material(1.0, nu, strength, 0.05, hardening=kinematic)
             problem = asp.Problem.of(
-                maps(SLOPE)[name], material, sides="periodic", delta_max=0.01, steps=8, unload_steps=unload_steps,
+                surface, material, sides="periodic", delta_max=0.01 * slope / SLOPE, steps=8, unload_steps=8,
                 size=asp.MeshSize(h_contact=h),
             )  # fmt: skip
             result = asp.solve_problem(problem, hooks=Hooks(stiffness=True))
-            settings = SlipSettings(MU, AMPLITUDES, part * float(result.curve.force.max()), steps=1, method="solid")
-            paths = solve_slip(problem, result, settings)
-            slip = slip_of_curve(
-                result.curve, settings, material, patch=1.0, height=1.0, sides="periodic", computed=paths
-            )
-            pairs = list(zip(slip.by_curve, paths, strict=True))
-            errors = [(a.displacement / b.displacement - 1.0, a.energy / b.energy - 1.0) for a, b in pairs]
-            flow = ", ".join(f"{path.plastic / path.energy:.2g}" for path in paths)
-            scene = f"{name} | {strength:g} | {100 * result.curve.plastic_fraction.max():.2g} | {part:g}"
-            print(f"| {scene} | {'yes' if unload_steps else 'no'} | {columns(errors)} | {flow} |", flush=True)
+            curve = {name: getattr(result.curve, name) for name in CURVE}
+            curve["error_P_star"] = 1e-9 * curve["P_star"]
+            for part in (1.0, 0.5):
+                settings = SlipSettings(MU, AMPLITUDES, part * float(curve["force"].max()), steps=1, method="solid")
+                paths = solve_slip(problem, result, settings)
+                slip = slip_of_curve(curve, settings, material, patch=1.0, height=1.0, sides="periodic")
+                pairs = list(zip(slip.by_curve, paths, slip.errors, strict=True))
+                u = np.array([(a.displacement / b.displacement - 1, e["u"] / b.displacement) for a, b, e in pairs])
+                energy = np.array([(a.energy / b.energy - 1, e["energy"] / b.energy) for a, b, e in pairs])
+                area = float(np.interp(settings.preload, curve["force"][7:][::-1], curve["area_fraction"][7:][::-1]))
+                p = settings.preload * (1 - nu**2) / area
+                held = [f"{np.count_nonzero(np.abs(x[:, 0]) <= x[:, 1])} of 4" for x in (u, energy)]
+                ratio = np.median(energy[:, 1] / np.abs(energy[:, 0]))
+                flow = ", ".join(f"{x / paths[2].energy:.2f}" for x in flowing(result.solver, settings))
+                errors = columns(np.stack([u[:, 0], energy[:, 0]], axis=1))
+                scene = f"{of} | {name} | {slope:g} | {strength:g} | {'kinematic' if kinematic else 'isotropic'} | {nu:g}"
+                print(f"| {scene} | {part:g} | {p:.2g} | {errors} | {' | '.join(held)} | {ratio:.2g} | {flow} |", flush=True)
+
+
+def flowing(solver: ContactSolver, settings: SlipSettings) -> list[float]:
+    """Energies of three loops at 0.6 mu P of a solid that flows on."""
+    assert settings.preload is not None
+    with as_before(solver):
+        Leg(solver, 1e-4 * settings.preload, None).follow(settings.preload, 1)
+        solver.solid.kernels.restore(solver.history.copy())
+        sliding = Sliding(solver, settings.friction, 0.0, None)
+        return [sliding.path(0.6, 1).energy for _ in range(3)]
 
 
 def columns(errors: ArrayLike) -> str:

@@ -171,15 +171,12 @@ def test_a_yielded_solid_slips_from_its_state_and_keeps_it(wave: Surface, wave_b
     solver = pressed(wave, wave_block, PLASTIC, delta=0.03)
     force, before = solver.force, solver.state().displacement.copy()
     history = solver.solid.kernels.history().copy()
-    first, light = (slip_paths(solver, part * force, MU, (0.6,), steps=2)[0] for part in (1.0, 0.5))
-    for path, part in ((first, 1.0), (light, 0.5)):
+    for part in (1.0, 0.5):
+        path = slip_paths(solver, part * force, MU, (0.6,), steps=2)[0]
         assert np.all(np.diff(path.dissipated) >= 0.0)
         assert path.force == pytest.approx(0.6 * MU * part * force, rel=3e-3)
-    # at the greatest load the loop makes the solid flow, under half of it hardly
-    assert first.plastic > first.energy
-    assert light.plastic < light.energy
-    work = trapezoid(light.T[light.end(0) :], light.u[light.end(0) :])
-    assert work == pytest.approx(light.energy, rel=0.1)
+        assert work_around(path) == pytest.approx(path.energy, rel=0.01)
+        assert path.energy == pytest.approx(4.0 * path.dissipated[path.end(0)], rel=0.02)  # Masing
     np.testing.assert_array_equal(solver.state().displacement, before)
     np.testing.assert_array_equal(solver.solid.kernels.history().plastic_strain, history.plastic_strain)
     assert solver.step(0.031).converged
@@ -202,14 +199,31 @@ def test_loops_of_other_sides_and_finite_strain(wave: Surface, sides: str, kinem
     top, bottom = path.end(0), path.end(1)
     assert work_around(path) == pytest.approx(path.energy, rel=0.01)
     assert np.all(np.diff(path.dissipated) >= 0.0)
-    assert path.plastic == 0.0
     assert path.u[bottom] == pytest.approx(-path.u[top], rel=3e-3)
     assert path.u[-1] == pytest.approx(path.u[top], rel=3e-3)
     assert path.energy == pytest.approx(4.0 * path.dissipated[top], rel=0.02)
 
 
-def test_after_an_overload_the_loop_is_stiff_and_steady(wave: Surface, wave_block: BlockMesh) -> None:
-    """The same preload before and after: more area, less slip, hardly any flow, mostly by the preload that sinks."""
+def test_a_solid_that_flows_settles_to_the_loop_with_its_plastic_strain_held(
+    wave: Surface, wave_block: BlockMesh
+) -> None:
+    """At the greatest load each loop makes the solid flow less: the energy of friction falls to that of the held one."""
+    solver = pressed(wave, wave_block, PLASTIC, delta=0.03)
+    solver.solid.kernels.restore(solver.history.copy())
+    sliding = Sliding(solver, MU, 0.0, None)
+    loops = [sliding.path(0.6, 1) for _ in range(4)]
+    sliding.reset()
+    with solver.solid.kernels.holding():
+        held = sliding.path(0.6, 1)
+    excess = np.array([loop.energy / held.energy - 1.0 for loop in loops])
+    assert excess[0] > 0.2
+    assert np.all(np.diff(excess) < 0.0)
+    assert abs(excess[-1]) < 0.2 * excess[0]
+    assert loops[-1].k_secant == pytest.approx(held.k_secant, rel=0.01)
+
+
+def test_after_an_overload_the_joint_is_stiff(wave: Surface, wave_block: BlockMesh) -> None:
+    """The same preload before and after: more area, less slip."""
     solver = pressed(wave, wave_block, PLASTIC)
     load = solver.force
     before = slip_paths(solver, load, MU, (0.6,), steps=1)[0]
@@ -219,9 +233,8 @@ def test_after_an_overload_the_loop_is_stiff_and_steady(wave: Surface, wave_bloc
     for path in (before, after):
         assert np.all(np.diff(path.dissipated) >= 0.0)
     assert after.k_secant > 1.1 * before.k_secant
-    assert after.energy < 0.5 * before.energy
-    assert 0.0 < after.plastic < 0.02 * before.plastic
-    assert 0.99 * after.energy < work_around(after) < after.energy + after.plastic
+    assert after.energy < 0.7 * before.energy
+    assert work_around(after) == pytest.approx(after.energy, rel=0.01)
 
 
 def test_what_is_refused(wave: Surface, wave_block: BlockMesh, elastic: ContactSolver) -> None:

@@ -62,6 +62,7 @@ class Interface:
         patch: nominal area of the patch [length^2]
         conduction: nominal pressure, conductance per nominal area h and its error bar at the steps with contact, at
             rising pressure, (rows, 3); no rows where unknown
+        preload: nominal pressure of the joint [force/length^2]
     """
 
     approach: Array
@@ -75,6 +76,7 @@ class Interface:
     slip: SlipLaw | None = None
     patch: float = np.nan
     conduction: Array = field(default_factory=lambda: np.empty((0, 3)))
+    preload: float = np.nan
 
     @property
     def h(self) -> Array:
@@ -115,11 +117,11 @@ def interface(folder: str | Path, law: str = "table", load: float | None = None)
         "delta": approach, "force": curve.force / patch, "branch": curve.branch,
         "k_n_elastic": curve.k_n_interface / patch,  # the slope of an unloading without the block
     }  # fmt: skip
+    preload = (0.5 * float(curve.force.max()) if load is None else load) / patch
     if law == "table":
         found, rows = TableLaw.from_curve(of_mean_planes), columns.loading
     else:
-        preload = 0.5 * float(curve.force.max()) if load is None else load
-        found = unload_reload(of_mean_planes, preload / patch)
+        found = unload_reload(of_mean_planes, preload)
         last = next(leg for leg in columns.unloadings() if curve.branch[leg[-1]] == "unload")
         rows = np.isin(np.arange(len(curve)), last)
     z = _refined(found.z)
@@ -134,7 +136,7 @@ def interface(folder: str | Path, law: str = "table", load: float | None = None)
     slip = None if case.slip is None else interface_slip(case, curve, load)
     conduction = np.stack(gap_conductance(results.case, curve), axis=1)
     conduction = conduction[columns.rising(rows & (conduction[:, 1] > 0) & (curve.force > 0))]
-    return Interface(z, pressure, slope, k_n, k_n_elastic, k_t, area, about, slip, patch, conduction)
+    return Interface(z, pressure, slope, k_n, k_n_elastic, k_t, area, about, slip, patch, conduction, preload)
 
 
 def export(
@@ -176,10 +178,10 @@ def export(
         raise InputError(f'to = "{to}" is unknown: choose one of {", ".join(EXPORTS)}')
     table = interface(folder, law or ("auto" if to == "python" else "table"), load)
     writers: dict[str, Callable[[Interface], str]] = {
-        "calculix": lambda t: _deck(_short(t), t, _ADVICE) + _gap(t, "*GAP CONDUCTANCE") + _friction(t, slope=True),
+        "calculix": lambda t: _deck(_short(t), t, _ADVICE) + _gap_at_preload(t) + _friction(t, slope=True),
         "abaqus": lambda t: (
             _deck(np.stack([t.pressure, t.approach], axis=1), t)
-            + _gap(t, "*GAP CONDUCTANCE, PRESSURE")
+            + _gap(t)
             + _friction(t, slope=False)
         ),
         "csv": _csv,
@@ -293,12 +295,28 @@ def _friction(table: Interface, *, slope: bool) -> str:
     return "\n".join(lines) + "\n"
 
 
-def _gap(table: Interface, keyword: str) -> str:
-    """Conductance of the gap over pressure, both programs read lines of them; empty where unknown."""
+def _gap(table: Interface) -> str:
+    """Conductance of the gap over pressure; empty where unknown."""
     if not len(table.conduction):
         return ""
     rows = [f"{row[1]:.8e}, {row[0]:.8e}" for row in table.conduction]
-    return "\n".join([keyword, "0., 0.", *rows]) + "\n"
+    return "\n".join(["*GAP CONDUCTANCE, PRESSURE", "0., 0.", *rows]) + "\n"
+
+
+def _gap_at_preload(table: Interface) -> str:
+    """Conductance of the gap at the preload for CalculiX; empty where unknown.
+
+    Where the overclosure is a table its springs between node and surface have no pressure for a table of conductances,
+    and take the first row.
+    """
+    if not len(table.conduction):
+        return ""
+    at = f"{table.preload:.6g}"
+    h = float(np.interp(table.preload, table.conduction[:, 0], table.conduction[:, 1]))
+    return (
+        f"** conductance at the pressure {at}, and so at any: CalculiX 2.20 takes the first row of a table\n"
+        f"*GAP CONDUCTANCE\n{h:.8e}, 0.\n"
+    )
 
 
 def _conductance_table(table: Interface) -> str:

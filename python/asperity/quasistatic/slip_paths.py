@@ -17,7 +17,6 @@ from asperity.contact.active_set import ActiveSet
 from asperity.contact.frozen_friction import FrozenFriction
 from asperity.contact.stick import Stick
 from asperity.errors import ConvergenceError, InputError, Interrupted
-from asperity.fem.energies import dissipation
 from asperity.fem.history import History
 from asperity.model.problem import Problem
 from asperity.quasistatic.contact_result import ContactResult
@@ -85,8 +84,8 @@ def slip_paths(
     """Paths of a flat that moves sideways on like bodies; the state of the solver is as before afterwards; collective.
 
     The flat goes from the present state to the preload. There the normal forces of the nodes stay, and for each
-    amplitude the flat moves from rest to the amplitude of the tangential force and around one loop. A plastic solid
-    flows on in each step (backward Euler).
+    amplitude the flat moves from rest to the amplitude of the tangential force and around one loop. The plastic strain
+    stays: the loop is the steady one of a solid that has shaken down, see `Sliding`.
 
     Args:
         solver: in an accepted state, of exact contact without friction
@@ -113,28 +112,31 @@ def slip_paths(
     with as_before(solver):
         Leg(solver, CLOSE_PRELOAD * preload, stop).follow(preload, steps)
         solver.solid.kernels.restore(solver.history.copy())
-        sliding = Sliding(solver, friction, direction, stop)
-        for amplitude in amplitudes:
-            sliding.reset()
-            found.append(sliding.path(amplitude, steps))
+        with solver.solid.kernels.holding():
+            sliding = Sliding(solver, friction, direction, stop)
+            for amplitude in amplitudes:
+                sliding.reset()
+                found.append(sliding.path(amplitude, steps))
     return tuple(found)
 
 
 @dataclass(frozen=True)
 class _State:
-    """State between two steps: displacement (owned, 3), flat, force, history, losses by friction and flow, share."""
+    """State between two steps: displacement (owned, 3), flat, force, history, loss by friction, share that slips."""
 
     displacement: Floats
     at: float
     force: float
     history: History
     dissipated: float
-    plastic: float
     slipping: float
 
 
 class Sliding:
     """A flat that moves sideways on a solid, from its state at a preload.
+
+    A plastic solid flows on in each step (backward Euler) unless its plastic strain is held. Its loops tend to the one
+    with the plastic strain held, docs/slip.md.
 
     Args:
         solver: at the preload, its committed history that of its displacement
@@ -164,7 +166,7 @@ class Sliding:
         self._newton = NewtonSolver(solid, self._contact, options, fixed)
         self._friction = friction
         self.limit = friction * float(solid.comm.allreduce(float(normal.sum())))
-        self._rest = _State(rest, 0.0, 0.0, solid.kernels.history().copy(), 0.0, 0.0, 0.0)
+        self._rest = _State(rest, 0.0, 0.0, solid.kernels.history().copy(), 0.0, 0.0)
         self._guide: tuple[float, Floats] | None = None  # a move from the accepted state, or to it, and what it changes
         self.newton = self.krylov = 0
         self.reset()
@@ -183,9 +185,8 @@ class Sliding:
         for leg, sign in ((DOWN, -1.0), (UP, 1.0)):
             rows += [(leg, state) for state in self._follow(sign * amplitude * self.limit, 2 * steps)]
         columns = np.array([(leg, s.at, s.force, s.slipping, s.dissipated) for leg, s in rows]).T
-        at_amplitude = next(state.plastic for leg, state in reversed(rows) if leg == FIRST)
         u, T, share, loss = columns[1:]
-        path = SlipPath(amplitude, columns[0].astype(int), u, T, share, loss, rows[-1][1].plastic - at_amplitude, nodes)
+        path = SlipPath(amplitude, columns[0].astype(int), u, T, share, loss, nodes)
         logging.getLogger(__name__).info(
             "slip at %g mu P: k = %.5g E L, eta = %.4g; %d steps, %d Newton and %d Krylov iterations so far",
             amplitude, path.k_secant, path.eta, path.u.size - 1, self.newton, self.krylov,
@@ -263,15 +264,13 @@ class Sliding:
     def _accept(self, target: float, force: float) -> None:
         """Commit the last solve; collective."""
         solid, here = self._solid, self._accepted
-        before = solid.kernels.history().copy()
         solid.kernels.commit()
         displacement = solid.u.x.array.reshape(-1, 3)[: solid.owned].copy()
-        losses = [self._contact.dissipated(), dissipation(solid, before)[0]]
-        loss, plastic, slipping, touching = solid.comm.allreduce(np.append(losses, self._contact.area())).tolist()
+        sums = np.append(self._contact.dissipated(), self._contact.area())
+        loss, slipping, touching = solid.comm.allreduce(sums).tolist()
         share = slipping / touching if touching > 0.0 else nan
         self._accepted = _State(
-            displacement, target, force, solid.kernels.history().copy(), here.dissipated + loss,
-            here.plastic + plastic, share,
+            displacement, target, force, solid.kernels.history().copy(), here.dissipated + loss, share
         )  # fmt: skip
 
     def _stiffness_at_rest(self, approach: float) -> float:

@@ -41,7 +41,6 @@ METHOD = (0.07, 0.35)
 STEEP = (2.0, 4.0)
 #: The same after yield, over the values: what the solid was off the curve, docs/tables/slip_yielded.csv
 YIELDED = (0.1, 1.5)
-FLOWS = 0.1  # plastic dissipation of a loop over that of friction, above which a loop is not steady
 
 
 @dataclass(frozen=True, eq=False)
@@ -78,7 +77,7 @@ class JointSlip:
                 row |= {f"error_{name}": self.errors[i][name] for name in WITH_ERRORS}
             if self.computed:
                 other = _loop_of(self.by_curve[i])
-                row |= {f"{name}_curve": other[name] for name in LOOP_COLUMNS[2:]} | {"plastic": path.plastic}
+                row |= {f"{name}_curve": other[name] for name in LOOP_COLUMNS[2:]}
             rows.append(row)
         return rows
 
@@ -239,7 +238,7 @@ def slip_of_curve(
         errors = tuple(
             {k: bar + abs(a[k] - b[k]) for k, bar in row.items()} for row, (a, b) in zip(errors, pairs, strict=True)
         )
-    return JointSlip(law, paths, computed, errors, tuple(_doubts(choice, ratio is not None, paths, computed)))
+    return JointSlip(law, paths, computed, errors, tuple(_doubts(choice, ratio is not None, paths)))
 
 
 def slip_of_case(
@@ -333,9 +332,7 @@ def _area_of(curve: Any, columns: CurveColumns, rows: Array) -> Callable[[Array]
     return at
 
 
-def _doubts(
-    choice: Choice, measured: bool, paths: tuple[SlipPath, ...], computed: tuple[SlipPath, ...]
-) -> Iterator[str]:
+def _doubts(choice: Choice, measured: bool, paths: tuple[SlipPath, ...]) -> Iterator[str]:
     if choice.note:
         yield choice.note
     elif choice.yielded and choice.name != "unload-reload":
@@ -347,11 +344,6 @@ def _doubts(
         yield (
             "the curve has no tangential stiffness (columns k_t and k_t_x): that of an isotropic half-space is taken, "
             "which long spots and steep slopes do not have; compute it with output.stiffness = true"
-        )
-    if flowing := [f"{path.amplitude:g}" for path in computed if path.plastic > FLOWS * path.energy]:
-        yield (
-            f"the solid yields on in its first loop of the tangential force {', '.join(flowing)} mu P: u and k_secant "
-            "are those of this loop, and its plastic flow (column plastic) is not in energy and eta"
         )
     if min(path.energy for path in paths) <= 0.0:
         yield (

@@ -29,8 +29,6 @@ class SlipPath:
         T: tangential force (force)
         slip_share: share of the area of contact that slips in the step; NaN where unknown
         dissipated: by friction, since rest (force length)
-        plastic: dissipated by plastic flow in the loop (force length). It falls from loop to loop, and the preload that
-            sinks does most of its work.
         nodes: in contact, at the end of the first loading: x, y, area, slip since rest (length, length^2), shape
             (m, 4); none by a curve
 
@@ -49,7 +47,6 @@ class SlipPath:
     T: Array
     slip_share: Array
     dissipated: Array
-    plastic: float = 0.0
     nodes: Array = field(default_factory=lambda: np.zeros((0, 4)))
 
     __repr__ = short_repr
@@ -92,9 +89,7 @@ class SlipPath:
         """Path in other units: forces times `force`, lengths times `length`."""
         T, u, energy = self.T * force, self.u * length, force * length
         nodes = self.nodes * [length, length, length**2, length]
-        return SlipPath(
-            self.amplitude, self.leg, u, T, self.slip_share, self.dissipated * energy, self.plastic * energy, nodes
-        )
+        return SlipPath(self.amplitude, self.leg, u, T, self.slip_share, self.dissipated * energy, nodes)
 
 
 def path_of_law(
