@@ -1,13 +1,14 @@
 # SPDX-FileCopyrightText: The asperity developers
 # SPDX-License-Identifier: LGPL-3.0-or-later
 
-"""The law of a computed joint as an element of pyHarm, a harmonic balance program, and its response over ours.
+"""A computed joint in pyHarm, a harmonic balance program, and its response over ours: contact, then friction.
 
     pip install "asperity[hbm]"    # pyHarm-os
     python3 examples/harmonic_balance.py [docs/experiments/harmonic_balance.png]
 
-A rough patch is pressed and unloaded, `asperity export --to python` writes its contact, and both programs compute the
-response of a mass on it.
+A rough patch is pressed and unloaded, and both programs compute the response of a mass on it: along the normal with
+the contact of `asperity export --to python` as an element of ours, and sideways with the sliders of `--to sliders` as
+Jenkins elements of pyHarm.
 """
 
 from __future__ import annotations
@@ -19,6 +20,7 @@ import logging
 import runpy
 import sys
 import tempfile
+import warnings
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -26,6 +28,8 @@ from typing import Any
 import numpy as np
 
 import asperity as asp
+from asperity.runtime.files import read_csv
+from asperity.slip import JenkinsArray, tangential_response
 
 CASE: dict[str, Any] = {
     "surface": {
@@ -36,8 +40,10 @@ CASE: dict[str, Any] = {
     "mesh": {"h_contact": 14e-6},
     "loading": {"delta_max": 0.7e-6, "steps": 16, "unload": True},
     "joint": {"nominal_area": 1e-5, "preload": 250.0},
+    "slip": {"friction": 0.3},
 }  # fmt: skip
 ZETA, FORCING, WINDOW = 0.01, 0.02, (0.85, 1.1)
+PUSHED, SIDEWAYS = 0.05, (0.6, 1.1)  # force over that at which all sliders slip, and frequencies over those at rest
 
 # Normalised force and stiffness of displacements u, both of the shape of u.
 Spring = Callable[[Any], tuple[Any, Any]]
@@ -58,9 +64,7 @@ def pyharm_response(
         The function, which returns Omega (points,) and coefficients (points, 2 harmonics + 1): the mean, then cosine
         and sine of each harmonic.
     """
-    pyharm = importlib.import_module("pyHarm")
     base: Any = importlib.import_module("pyHarm.Elements.NodeToNodeElements.NodeToNodeElement").NodeToNodeElement
-    logging.disable(logging.CRITICAL)
 
     class Contact(base):
         """Contact to ground, by alternating frequency-time."""
@@ -83,6 +87,17 @@ def pyharm_response(
             self.dJdom = np.zeros(len(self.indices))
             return self.J, self.dJdom
 
+    contact = {"contact": {"type": "Contact", "connect": {"mass": [0]}, "dirs": [0]}}
+    return pyharm_orbits(contact, [Contact], zeta, forcing, window, harmonics, step)
+
+
+def pyharm_orbits(
+    connectors: dict[str, Any], plugin: list[Any], zeta: float, forcing: float, window: tuple[float, float],
+    harmonics: int, step: float,
+) -> Callable[[], tuple[Any, Any]]:  # fmt: skip
+    """Return a function that computes the response of a mass 1 on connectors to ground, see `pyharm_response`."""
+    pyharm = importlib.import_module("pyHarm")
+    logging.disable(logging.CRITICAL)
     one, none = np.eye(1), np.zeros((1, 1))
     frf = {
         "study": "frf", "puls_inf": window[0], "puls_sup": window[1], "puls_start": window[1], "sign_ds": -1,
@@ -97,15 +112,13 @@ def pyharm_response(
             "analysis": {"frf": dict(frf)},
             "system": {"type": "Base", "nh": harmonics, "nti": 16 * harmonics, "adim": {"status": False}},
             "substructures": {"mass": {"matrix": {"M": one, "C": 2 * zeta * one, "G": none, "K": none}, "ndofs": 1}},
-            "connectors": {
-                "contact": {"type": "Contact", "connect": {"mass": [0]}, "dirs": [0]},
-                "drive": dict(drive),
-            },
-            "plugin": [Contact],
+            "connectors": {name: dict(one) for name, one in connectors.items()} | {"drive": dict(drive)},
+            "plugin": plugin,
         }
 
     def compute() -> tuple[Any, Any]:
-        with contextlib.redirect_stdout(io.StringIO()):
+        with contextlib.redirect_stdout(io.StringIO()), warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # hints of Numba
             maestro = pyharm.Maestro(case())
             maestro.operate()
         x = np.array([s.x for s in maestro.nls["frf"].SolList if s.flag_accepted])
@@ -122,12 +135,30 @@ def largest(coefficients: Any) -> Any:
     return (coefficients[:, :1] + coefficients[:, 1::2] @ cosines + coefficients[:, 2::2] @ sines).max(axis=1)
 
 
-def main(picture: str | None = None) -> float:
-    """Return the largest relative difference of the amplitudes of both programs, without the tips of the folds."""
+def sideways(sliders: Path) -> tuple[float, float]:
+    """Return pyHarm's amplitude and frequency at the resonance on sliders over ours, the latter by one harmonic."""
+    rows = read_csv(sliders)
+    k, f = (np.array(rows[name], float) for name in ("k", "f"))
+    k /= k.sum()  # lengths in units of the limit of friction over the stiffness at rest
+    jenkins = {
+        f"slider{i}": {"type": "Jenkins", "connect": {"mass": [0]}, "dirs": [0], "k": k[i], "mu": 1.0, "N0": f[i]}
+        for i in range(k.size)
+    }
+    omega, coefficients = pyharm_orbits(jenkins, [], 0.0, PUSHED, SIDEWAYS, 7, 0.02)()
+    theirs = np.hypot(coefficients[:, 1], coefficients[:, 2])
+    w, ours = tangential_response(JenkinsArray(k, f), mass=1.0, force=PUSHED)
+    found = float(theirs.max() / ours.max()), float(omega[theirs.argmax()] / w[ours.argmax()])
+    print(f"sideways: amplitude {found[0]:.4f} and frequency {found[1]:.4f} of ours at the resonance")
+    return found
+
+
+def main(picture: str | None = None) -> tuple[float, float, float]:
+    """Return the largest relative difference of the amplitudes, without the tips of the folds, and of `sideways`."""
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name) / "run"
         asp.run(asp.Case.from_dict(CASE), folder)
         contact = runpy.run_path(str(asp.export(folder, "python")))
+        slips = sideways(asp.export(folder, "sliders"))
     element, load = contact["Contact"](), CASE["joint"]["preload"]
     z = np.geomspace(contact["Z"][1], contact["Z"][-1], 300)
     oscillator = asp.ContactOscillator(asp.TableLaw(z, element.force(z)), load=load, zeta=ZETA)
@@ -162,7 +193,7 @@ def main(picture: str | None = None) -> float:
         figure.axes[0].plot(omega, theirs, "+", color="black", ms=4, mew=0.6, zorder=6)
         figure.axes[0].set_title("line: asperity; crosses: pyHarm, 40 harmonics", loc="left", fontsize=9)
         save(figure, picture)
-    return worst
+    return worst, *slips
 
 
 if __name__ == "__main__":

@@ -207,7 +207,7 @@ def test_loops_of_other_sides_and_finite_strain(wave: Surface, sides: str, kinem
 def test_a_solid_that_flows_settles_to_the_loop_with_its_plastic_strain_held(
     wave: Surface, wave_block: BlockMesh
 ) -> None:
-    """At the greatest load each loop makes the solid flow less: the energy of friction falls to that of the held one."""
+    """At the greatest load each loop makes the solid flow less: the energy of friction falls to the held one's."""
     solver = pressed(wave, wave_block, PLASTIC, delta=0.03)
     solver.solid.kernels.restore(solver.history.copy())
     sliding = Sliding(solver, MU, 0.0, None)

@@ -179,11 +179,7 @@ def export(
     table = interface(folder, law or ("auto" if to == "python" else "table"), load)
     writers: dict[str, Callable[[Interface], str]] = {
         "calculix": lambda t: _deck(_short(t), t, _ADVICE) + _gap_at_preload(t) + _friction(t, slope=True),
-        "abaqus": lambda t: (
-            _deck(np.stack([t.pressure, t.approach], axis=1), t)
-            + _gap(t)
-            + _friction(t, slope=False)
-        ),
+        "abaqus": lambda t: _deck(np.stack([t.pressure, t.approach], axis=1), t) + _gap(t) + _friction(t, slope=False),
         "csv": _csv,
         "python": lambda t: python_module(*_hermite(t), t.area, t.about),
         "conductance": _conductance_table,

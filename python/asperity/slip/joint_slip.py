@@ -39,8 +39,8 @@ WITH_ERRORS = ("u", "k_secant", "energy", "eta")
 METHOD = (0.07, 0.35)
 #: The same for slopes, over the mean pressure in contact over E'.
 STEEP = (2.0, 4.0)
-#: The same after yield, over the values: what the solid was off the curve, docs/tables/slip_yielded.csv
-YIELDED = (0.1, 1.5)
+#: The same after yield, which lowers the pressures but not the slopes.
+STEEP_YIELDED = (6.0, 12.0)
 
 
 @dataclass(frozen=True, eq=False)
@@ -217,7 +217,8 @@ def slip_of_curve(
     paths = tuple(path_of_law(law, t, steps=settings.steps, area=area) for t in settings.amplitudes)
     laws = tabulate(columns, choice)
     errors: tuple[Mapping[str, float], ...] = ()
-    if math.isfinite(laws.bar) and (ratio is not None or computed):
+    unloaded = not choice.yielded or choice.name == "unload-reload"
+    if math.isfinite(laws.bar) and ((ratio is not None and unloaded) or computed):
         errors = _errors(law, (*laws.chosen.sides(), *choice.bounds), law_on, settings.amplitudes)
         if not computed and isinstance(choice.law, TableLaw):
             nu, oblique = material.nu, abs(math.sin(2.0 * math.radians(settings.direction)))
@@ -226,9 +227,9 @@ def slip_of_curve(
                 if area is None
                 else law.preload / (patch * material.reduced_modulus * float(area(np.array([law.preload]))[0]))
             )
-            flowed = YIELDED if choice.yielded else (0.0, 0.0)
-            of_u = METHOD[0] * nu + STEEP[0] * steep + flowed[0] + oblique * nu / (2.0 - nu)
-            of_method = of_u, METHOD[1] * nu + STEEP[1] * steep + flowed[1]
+            slopes = STEEP_YIELDED if choice.yielded else STEEP
+            of_u = METHOD[0] * nu + slopes[0] * steep + oblique * nu / (2.0 - nu)
+            of_method = of_u, METHOD[1] * nu + slopes[1] * steep
             errors = tuple(
                 _with_method(row, law, t, of_method, left_out(choice.law), law_on)
                 for row, t in zip(errors, settings.amplitudes, strict=False)
