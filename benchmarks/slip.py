@@ -258,7 +258,8 @@ YIELDED = {  # surface, yield strength over E, nu, share of kinematic hardening,
     ],
     "others": [
         ("H 0.8, seed 3", 0.005, 0.3, 0.0, SLOPE), ("H 0.8, seed 3", 0.01, 0.45, 1.0, 0.1),
-        ("H 0.8, seed 1", 0.005, 0.0, 1.0, 0.1), ("H 0.7, seed 2", 0.002, 0.3, 1.0, SLOPE), ("sphere", 0.005, 0.3, 0.0, SLOPE),
+        ("H 0.8, seed 1", 0.005, 0.0, 1.0, 0.1), ("H 0.7, seed 2", 0.002, 0.3, 1.0, SLOPE),
+        ("sphere", 0.005, 0.3, 0.0, SLOPE),
     ],
 }  # fmt: skip
 
@@ -286,15 +287,16 @@ def yielded(h: float) -> None:
             curve = {name: getattr(result.curve, name) for name in CURVE}
             curve["error_P_star"] = 1e-9 * curve["P_star"]
             for part in (1.0, 0.5):
-                settings = SlipSettings(MU, AMPLITUDES, part * float(curve["force"].max()), steps=1, method="solid")
+                preload = part * float(curve["force"].max())
+                settings = SlipSettings(MU, AMPLITUDES, preload, steps=1, method="solid")
                 paths = solve_slip(problem, result, settings)
                 slip = slip_of_curve(curve, settings, material, patch=1.0, height=1.0, sides="periodic")
                 pairs = list(zip(slip.by_curve, paths, slip.errors, strict=True))
                 u = np.array([(a.displacement / b.displacement - 1, e["u"] / b.displacement) for a, b, e in pairs])
                 energy = np.array([(a.energy / b.energy - 1, e["energy"] / b.energy) for a, b, e in pairs])
                 rows = np.argsort(curve["force"] + 1e9 * (curve["branch"] == "load"))[:10]
-                area = float(np.interp(settings.preload, curve["force"][rows], curve["area_fraction"][rows]))
-                p = settings.preload * (1 - nu**2) / area
+                area = float(np.interp(preload, curve["force"][rows], curve["area_fraction"][rows]))
+                p = preload * (1 - nu**2) / area
                 held = [f"{np.count_nonzero(np.abs(x[:, 0]) <= x[:, 1])} of 4" for x in (u, energy)]
                 flow = ", ".join(f"{x / paths[2].energy:.2f}" for x in flowing(result.solver, settings, part))
                 errors = columns(np.stack([u[:, 0], u[:, 1], energy[:, 0], energy[:, 1]], axis=1))

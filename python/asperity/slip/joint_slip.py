@@ -40,7 +40,7 @@ METHOD = (0.07, 0.35)
 #: The same for slopes, over the mean pressure in contact over E'.
 STEEP = (2.0, 4.0)
 #: The same after yield, which lowers the pressures but not the slopes.
-STEEP_YIELDED = (6.0, 12.0)
+STEEP_YIELDED = (8.0, 18.0)
 
 
 @dataclass(frozen=True, eq=False)
