@@ -15,6 +15,10 @@ from test_export import calculated, calculix, in_contact, two_bricks
 
 import asperity as asp
 from asperity.errors import InputError
+from asperity.mesh.generate import build_block
+from asperity.mesh.size_field import SizeField
+from asperity.model.settings import Formulation
+from asperity.quasistatic.make import make_contact_solver
 from asperity.runtime.files import read_csv
 from asperity.slip import SlipLaw
 from asperity.slip.path import path_of_law
@@ -93,3 +97,54 @@ def test_calculix_drags_a_block_around_the_loop(folder: Path) -> None:
         at = min(max(at, x - limit / stick), x + limit / stick)
         expected.append(stick * (x - at))
     np.testing.assert_allclose(force, expected, atol=0.01 * limit)
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(not calculix(), reason="there is no CalculiX: benchmarks/peers/install unpacks ccx")
+@pytest.mark.parametrize("strength", [None, 0.01])
+def test_calculix_finds_the_forces_of_a_rigid_flat_with_friction(
+    wave: asp.Surface, strength: float | None, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Pressing, then a sideways motion at the same approach, on the same mesh; there contact and stick are springs."""
+    from mpi4py import MPI
+
+    mu, steps, move = 0.4, 8, 0.0075
+    material = asp.Material(1.0, 0.0) if strength is None else asp.Material(1.0, 0.0, strength, 0.05)
+    block = build_block(wave, 1.0, SizeField.of(wave, 0.02, 0.14, growth=0.6, h_max=0.5).at)
+    solver = make_contact_solver(
+        MPI.COMM_SELF, wave, block, material, sides="free", formulation=Formulation(friction=mu)
+    )
+    for k in range(1, steps + 1):
+        assert solver.step(0.02 * k / steps).converged
+    ours = [(solver.force, 0.0)]
+    for k in range(1, steps + 1):
+        solver.contact.shift = np.array([move * k / steps, 0.0])
+        solver.forget()
+        assert solver.solve(solver.delta).converged
+        solver.commit(solver.delta)
+        ours.append((solver.force, float(solver.contact.traction[:, 0].sum())))
+    assert not solver.checks.violated
+
+    monkeypatch.syspath_prepend(str(Path(__file__).parents[2] / "benchmarks" / "peers"))
+    import calculix as deck
+
+    z = block.points[:, 2]
+    top = np.abs(z - 1.0 - wave.height(*block.points[:, :2].T) + wave.mean()) < 1e-9
+    cells, base = block.tets[:, deck.GMSH_TO_C3D10], {"BASE": (np.abs(z) < 1e-12, "1, 3")}
+    stiffness = 50.0 / 0.14
+    model = deck.Model(
+        block.points, cells, "C3D10", deck.TET_FACES, top, base, material, 0.02, steps, steps, stiffness
+    )  # fmt: skip
+    deck.write(tmp_path / "model.inp", model)
+    text = re.sub(r"\*TIME POINTS.*\n.*\n|, TIME POINTS=STEPS", "", (tmp_path / "model.inp").read_text("ascii"))
+    text = text.replace(", SOLVER=ITERATIVE CHOLESKY", "").replace("RIGID, 1, 2\n", "RIGID, 2, 2\n")
+    text = text.replace("RIGID, 3, 3, -0.02\n", "RIGID, 3, 3, -0.02\nRIGID, 1, 1, 0.\n")
+    stick = 0.3 * stiffness * deck.STRESS
+    text = text.replace("*CONTACT PAIR", f"*FRICTION\n{mu}, {stick:.6g}\n*CONTACT PAIR")
+    text += f"*STEP, INC=1000\n*STATIC\n0.125, 1.0, 1e-3, 0.125\n*BOUNDARY\nRIGID, 1, 1, {move}\n*END STEP"
+    found = re.findall(r"time\s+(\S+)\s+(\S+)\s+\S+\s+(\S+)", calculated(tmp_path, "deck", text.splitlines()))
+    theirs = {round(float(t), 6): (-float(z) / deck.STRESS, float(x) / deck.STRESS) for t, x, z in found}
+    for k, (force, sideways) in enumerate(ours):
+        normal, tangential = theirs[1.0 + k / steps]
+        assert force == pytest.approx(normal, rel=0.02)
+        assert sideways == pytest.approx(tangential, abs=0.02 * mu * normal)

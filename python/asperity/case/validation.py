@@ -146,8 +146,17 @@ def _check_slip(case: Input, slip: SlipSection) -> None:
     if slip.preload is not None:
         _check_preload(case, "slip.preload", slip.preload, 1.0)
     contact = case.contact.formulation
-    if slip.method == "solid" and (contact.method != "active-set" or contact.sticks):
-        _refuse("slip.method", '= "solid" needs contact.method = "active-set" and contact.friction = "none"')
+    rigid = not isinstance(contact.friction, str)
+    if slip.method == "solid" and (contact.method != "active-set" or contact.friction == "stick"):
+        _refuse("slip.method", '= "solid" needs contact.method = "active-set", and not contact.friction = "stick"')
+    if rigid and (slip.method, slip.friction) != ("solid", contact.friction):
+        _refuse(
+            "slip.friction",
+            f"= {slip.friction:g}, by the {slip.method}, does not go with contact.friction = {contact.friction}, that "
+            'of one body on a rigid flat: give both the same value, with slip.method = "solid"',
+        )
+    if rigid and case.block.sides == "rollers":
+        _refuse("block.sides", '= "rollers" admits no motion of a flat with friction: take "periodic" or "free"')
     if case.block.sides == "rollers" and slip.direction % 90.0 != 0.0:
         _refuse(
             "slip.direction",

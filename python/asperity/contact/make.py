@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from asperity.contact.active_set import ActiveSet
 from asperity.contact.contact_surface import ContactSurface
+from asperity.contact.coulomb import Coulomb
 from asperity.contact.interface import Contact
 from asperity.contact.penalty_nitsche import PressureContact
 from asperity.contact.stick import Stick
@@ -24,7 +25,9 @@ def make_contact(formulation: Formulation, solid: Solid, surface: ContactSurface
         contact: Contact = build(solid, surface)
         return contact
     if formulation.method == "active-set":
-        return (Stick if formulation.sticks else ActiveSet)(solid, surface)
+        if isinstance(formulation.friction, str):
+            return (Stick if formulation.sticks else ActiveSet)(solid, surface)
+        return Coulomb(solid, surface, formulation.friction)
     if formulation.method == "penalty":
         return PressureContact(solid, surface, formulation.penalty, traction=False)
     return PressureContact(solid, surface, formulation.gamma, traction=True)

@@ -24,6 +24,7 @@ LOOSEST_RTOL = 1e-2  # of the equations
 FASTEST_GROWTH = 10.0  # of the size of the elements
 LEAST_DOFS = 1000  # as a limit of the dofs
 LEAST_PENALTY = 10.0  # factor below which the penalty leaves an error of first order (docs/accuracy.md)
+LARGEST_FRICTION = 10.0  # Coulomb's coefficient; beyond it nearly all sticks
 LEAST_GAMMA = 0.75  # from which Nitsche's method is coercive: 1/2 where cells are straight, 0.73 seen under rough tops
 
 
@@ -35,7 +36,7 @@ class Formulation:
         method: "active-set", "penalty" or "nitsche"
         penalty: factor of E p^2/h of the penalty method
         gamma: factor of (lambda + 2 mu) p^2/h of Nitsche's method
-        friction: "none", or "stick": the limit of infinite friction, for the active set
+        friction: "none", Coulomb's coefficient of a rigid flat, or "stick", its limit; for the active set
 
     Raises:
         InputError: a value outside its range, or stick without the active set
@@ -50,7 +51,7 @@ class Formulation:
     method: str = "active-set"
     penalty: float = 10.0
     gamma: float = 1.0
-    friction: str = "none"
+    friction: str | float = "none"
 
     def __post_init__(self) -> None:
         check_kinds(self, "contact")
@@ -66,18 +67,19 @@ class Formulation:
 
     @property
     def sticks(self) -> bool:
-        """Whether the points in contact stick to the flat; the force then depends on the path, elastic or not."""
-        return self.friction == "stick"
+        """Whether points in contact may stick to the flat; the force then depends on the path, elastic or not."""
+        return self.friction != "none"
 
 
-def wrong_friction(method: str, friction: str) -> Judgement:
+def wrong_friction(method: str, friction: str | float) -> Judgement:
     """Reason why a friction is refused with a method of the contact."""
-    if friction not in ("none", "stick"):
-        return "contact.friction", f'= "{friction}" is not one of none, stick'
+    known = friction in ("none", "stick") if isinstance(friction, str) else 0.0 < friction <= LARGEST_FRICTION
+    if not known:
+        return "contact.friction", f"= {friction!r} is not none, stick or a coefficient in (0, {LARGEST_FRICTION:g}]"
     if friction == "none" or method == "active-set":
         return None
     return "contact.friction", (
-        f'= "stick" holds nodes, which contact.method = "{method}" does not: take '
+        f'= {friction!r} holds nodes, which contact.method = "{method}" does not: take '
         'contact.method = "active-set", or contact.friction = "none"'
     )
 

@@ -129,6 +129,10 @@ class ContactSolver:
             self.commit(delta, extrapolation)
         return stats
 
+    def forget(self) -> None:
+        """Begin the next solve at the last accepted displacement, without a prediction."""
+        self._previous = None
+
     def solve(self, delta: float) -> StepStats:
         """Solve with the flat at `delta` without committing; rolled back on failure."""
         start, ratio = self._u, 1.0

@@ -14,6 +14,7 @@ import numpy as np
 
 from asperity.arrays import Floats
 from asperity.contact.active_set import ActiveSet
+from asperity.contact.coulomb import Coulomb
 from asperity.contact.frozen_friction import FrozenFriction
 from asperity.contact.stick import Stick
 from asperity.errors import ConvergenceError, InputError, Interrupted
@@ -22,7 +23,7 @@ from asperity.model.problem import Problem
 from asperity.quasistatic.contact_result import ContactResult
 from asperity.quasistatic.contact_solver import ContactSolver
 from asperity.quasistatic.force_loops import CLOSE as CLOSE_PRELOAD
-from asperity.quasistatic.force_loops import Leg, as_before
+from asperity.quasistatic.force_loops import FIRST_SLOPE, Leg, as_before
 from asperity.quasistatic.newton import NewtonSolver, StepStats
 from asperity.quasistatic.stiffness import mirrored
 from asperity.slip.path import DOWN, FIRST, UP, SlipPath
@@ -101,8 +102,16 @@ def slip_paths(
         ConvergenceError: a step does not converge
         Interrupted: `stop` has ended the paths
     """
-    if not isinstance(solver.contact, ActiveSet) or isinstance(solver.contact, Stick):
-        raise InputError('slip.method = "solid" needs contact.method = "active-set" and contact.friction = "none"')
+    rigid = isinstance(solver.contact, Coulomb)
+    if not isinstance(solver.contact, ActiveSet) or (isinstance(solver.contact, Stick) and not rigid):
+        raise InputError(
+            'slip.method = "solid" needs contact.method = "active-set", and not contact.friction = "stick"'
+        )
+    if rigid and solver.solid.sides == "rollers":
+        raise InputError(
+            "a flat with friction cannot move between rollers, which stand for mirror images: its pressures change, "
+            'and are not alike on both sides; take block.sides = "periodic" or "free"'
+        )
     if solver.solid.sides == "rollers" and direction % 90.0 != 0.0:
         raise InputError(
             f"slip.direction = {direction:g} is not possible between rollers, which stand for mirror images: take 0 or "
@@ -113,10 +122,13 @@ def slip_paths(
         Leg(solver, CLOSE_PRELOAD * preload, stop).follow(preload, steps)
         solver.solid.kernels.restore(solver.history.copy())
         with solver.solid.kernels.holding():
-            sliding = Sliding(solver, friction, direction, stop)
+            sliding = (
+                RigidSliding(solver, preload, direction, stop) if rigid else Sliding(solver, friction, direction, stop)
+            )
             for amplitude in amplitudes:
                 sliding.reset()
                 found.append(sliding.path(amplitude, steps))
+            sliding.reset()
     return tuple(found)
 
 
@@ -281,3 +293,78 @@ class Sliding:
         if not stats.converged:
             raise ConvergenceError(f"the tangential stiffness at rest was not found ({stats.reason})")
         return force / move
+
+
+class RigidSliding(Sliding):
+    """A rigid flat with friction that moves sideways under a constant normal force: the pressures change.
+
+    Args:
+        solver: at the preload, of Coulomb friction, its committed history that of its displacement
+        preload: normal force [E L^2]
+        direction, stop: see `Sliding`
+    """
+
+    def __init__(self, solver: ContactSolver, preload: float, direction: float, stop: Callable[[], str] | None) -> None:
+        assert isinstance(solver.contact, Coulomb)
+        self._solver, self._solid, self._stop, self._preload = solver, solver.solid, stop, preload
+        self._flat = solver.contact
+        angle = radians(direction)
+        self._axis = np.array([cos(angle), sin(angle)])
+        self.limit = self._flat.friction * preload
+        self._before, self._held = solver.state(), self._flat.held.copy()
+        self._slope = FIRST_SLOPE * preload / solver.delta
+        self.newton = self.krylov = 0
+        solver.roll_back()
+        self._flat.residual(solver.solid.internal_force())
+        history = solver.solid.kernels.history().copy()
+        self._rest = _State(self._before.displacement, 0.0, self._force(), history, 0.0, 0.0)
+        self.reset()
+        move = LIGHT * self._flat.friction * solver.delta
+        stats, force = self.solve(move)
+        if not stats.converged:
+            raise ConvergenceError(f"the tangential stiffness at rest was not found ({stats.reason})")
+        self.k_rest = (force - self._rest.force) / move
+
+    def reset(self) -> None:
+        self._accepted = self._rest
+        self._solid.kernels.restore(self._rest.history.copy())
+        self._flat.held, self._flat.shift = self._held, 0.0 * self._axis
+        self._solver.restore(self._before)
+        self._flat.commit()
+
+    def _force(self) -> float:
+        return float(self._solid.comm.allreduce(float((self._flat.traction @ self._axis).sum())))
+
+    def solve(self, target: float) -> tuple[StepStats, float]:
+        solver = self._solver
+        self._flat.shift = target * self._axis
+        delta, before = solver.delta, (nan, nan)
+        for _ in range(TRIALS):
+            solver.forget()
+            stats = solver.solve(delta)
+            self.newton, self.krylov = self.newton + stats.newton, self.krylov + stats.krylov
+            if not stats.converged:
+                break
+            normal = solver.solved_force()
+            if abs(normal - self._preload) <= CLOSE * self._preload:
+                break
+            if isfinite(before[0]) and (normal - before[1]) * (delta - before[0]) > 0.0:
+                self._slope = (normal - before[1]) / (delta - before[0])
+            before = delta, normal
+            delta += (self._preload - normal) / self._slope
+        self._found = delta
+        return stats, self._force()
+
+    def _accept(self, target: float, force: float) -> None:
+        here, solid = self._accepted, self._solid
+        sums = np.append(self._flat.dissipated(), self._flat.area())
+        loss, slipping, touching = solid.comm.allreduce(sums).tolist()
+        self._solver.commit(self._found)
+        displacement = self._solver.state().displacement
+        share = slipping / touching if touching > 0.0 else nan
+        history = solid.kernels.history().copy()
+        self._accepted = _State(displacement, target, force, history, here.dissipated + loss, share)
+
+    def _nodes(self) -> Floats:
+        own = self._flat.slips(self._held)
+        return np.concatenate(self._solid.comm.allgather(own))
