@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -98,6 +99,7 @@ def test_consistent_mass_is_that_of_the_block() -> None:
     assert moments == pytest.approx([1.0, 1.0 / 2.0, 1.0 / 3.0], rel=1e-12)
 
 
+@cache
 def bar(steps: int, ratio: float = 0.5, periods: float = 2.0, kinematics: str = "small") -> tuple[float, float]:
     """Error of a flat block with a mass on top in its first mode, and its gain of energy, both relative.
 
