@@ -407,12 +407,12 @@ def test_warnings_are_in_summary_log_and_report(warned: tuple[Path, list[str]]) 
     html = (folder / "report.html").read_text(encoding="utf-8")
     box = html[html.index('class="warnings"') : html.index("</section>")]
     assert all(text in box for text in shown)
-    assert all(html.partition("<h2>Files</h2>")[0].count(text) == 1 for text in shown)
+    assert all(html.count(text) == 1 for text in shown)
 
 
 def test_the_report_of_a_finished_run_shows_its_warnings(warned: tuple[Path, list[str]]) -> None:
     page = Page(warned[0] / "report.html")
-    assert '"finished": true' in page.text
+    assert "finished yes" in page.text and "finished no" not in page.text
     assert json.loads((warned[0] / "summary.json").read_text())["finished"] is True
 
 

@@ -18,7 +18,6 @@ from matplotlib.figure import Figure
 import asperity.plot
 from asperity.curve import Curve
 from asperity.errors import InputError
-from asperity.mesh.element import FACE_TRIANGLES, cross
 from asperity.output.results import Results
 from asperity.plot import (
     CAPTIONS,
@@ -36,7 +35,6 @@ from asperity.plot import (
     surface_map,
 )
 from asperity.plot.curves import local_exponent, tex
-from asperity.plot.scene import split_in_thirds
 from asperity.plot.section import cut
 from asperity.runtime.run_folder import FIELD_PICTURES, PRODUCTS
 from asperity.surface import Surface
@@ -82,23 +80,6 @@ def test_size_of_an_element_is_the_edge_of_a_regular_one() -> None:
     polygons, sizes = cut(points, np.arange(10)[None], 0.0)
     assert sizes == pytest.approx([np.sqrt(8.0)])
     assert area(polygons[0]) == pytest.approx(2.0, rel=1e-5)  # the square half way up
-
-
-def test_thirds_of_facets_have_a_third_of_the_area_each() -> None:
-    corners = np.array([[0.0, 0.0, 0.0], [3.0, 0.0, 0.0], [1.0, 2.0, 0.0]])
-    points = np.concatenate([corners, 0.5 * (corners + np.roll(corners, -1, axis=0))])
-    triangles = np.array(FACE_TRIANGLES)
-    values = points @ [1.0, 2.0, 0.0]
-    found, nodes, cells = split_in_thirds(points, values, triangles)
-    a, b, c = np.moveaxis(found[cells][..., :2], 1, 0)
-    areas = 0.5 * np.abs(cross(b - a, c - a))
-    assert [areas[nodes == node].sum() for node in (3, 4, 5)] == pytest.approx([1.0, 1.0, 1.0])
-    assert found[:, 3] == pytest.approx(found[:, :3] @ [1.0, 2.0, 0.0])  # a linear field stays linear
-    middle = corners.mean(axis=0)[:2]
-    for node, (i, j) in zip((3, 4, 5), ((0, 1), (1, 2), (2, 0)), strict=True):  # between an edge and the middle
-        inside = np.stack([a, b, c], axis=1)[nodes == node].mean(axis=1)
-        basis = np.column_stack([corners[i, :2] - middle, corners[j, :2] - middle])
-        assert np.all(np.linalg.solve(basis, (inside - middle).T) > 0.0)
 
 
 def test_all_figures_of_a_run_are_drawn(folder: Path) -> None:

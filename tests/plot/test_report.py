@@ -38,8 +38,9 @@ def test_the_page_contains_law_outcome_input_run_and_citations(folder: Path) -> 
     page = Page(write_report(folder))
     for part in (
         "0.420 ± 4.8 % (misfit of the fit)", "1.550 ± 0.030 (misfit of the fit)", "R² = 0.99870",
-        "403 µN ± 3 %", "30 nm", "yield_strength = 1000000000.0",
-        '"dofs": 51234', '"dolfinx": "0.9.0"', "step,branch,delta", "Komvopoulos",
+        "403 µN ± 3 %", "30 nm", "yield_strength 1e+09", "error budget", "load step 0.008",
+        "dofs 51234",
+        "dolfinx 0.9.0", "peak memory MiB 640", "18 accepted steps", "Komvopoulos",
     ):  # fmt: skip
         assert part in page.text
 
@@ -50,7 +51,7 @@ def test_nothing_is_loaded_from_elsewhere(folder: Path) -> None:
     kinds = [link.partition(";base64,")[0] for link in page.links]
     assert set(kinds) == {"data:image/png", "data:image/svg+xml"}
     assert kinds.count("data:image/svg+xml") == len(list((folder / "figures").glob("*.svg"))) >= 3
-    assert "script" not in page.tags and "link" not in page.tags
+    assert page.tags.count("script") == 1 and "link" not in page.tags
     assert "default-src 'none'" in (folder / "report.html").read_text(encoding="utf-8")
 
 
@@ -61,7 +62,7 @@ def test_text_from_the_input_is_escaped(folder: Path) -> None:
     summary |= {"exit_reason": evil, evil: {evil: evil}}
     (folder / "summary.json").write_text(json.dumps(summary))
     page = Page(write_report(folder))
-    assert "script" not in page.tags and "b" not in page.tags
+    assert page.tags.count("script") == 1 and "b" not in page.tags
     assert "<b>run" in page.text and evil in page.text
 
 
@@ -121,4 +122,5 @@ def test_the_laws_of_vibration_stand_side_by_side(folder: Path) -> None:
     assert (
         "Laws of vibration at the preload" in page and "<td>chosen</td>" in page and "not of a vibration</td>" in page
     )
+    assert "table 1.law" not in page
     assert re.search(r"<td>[\d.]+ \w?N/m ± [\d.]+ %</td>\n?<td>[\d.]+ \w?Hz ± [\d.]+ %</td>", page)

@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 import base64
-import json
+import hashlib
 import math
 from collections.abc import Iterator, Mapping
+from importlib.resources import files
 from pathlib import Path
 from typing import Any
 
 import asperity
-from asperity.curve import WITH_ERRORS, Curve
+from asperity.curve import COLUMNS, WITH_ERRORS, Curve
 from asperity.dynamics.laws import WORDS
 from asperity.output.gap_conductance import gap_conductance
 from asperity.output.results import Results
@@ -18,9 +19,10 @@ from asperity.output.verdict import doubts, verdict
 from asperity.plot import CAPTIONS, OF_VIBRATION, figures_of, plot_run
 from asperity.plot.citations import publications
 from asperity.plot.style import DPI
+from asperity.plot.turning import turning_surface
 from asperity.power_law import with_misfit
 from asperity.runtime.files import replace_file
-from asperity.runtime.run_folder import BAND, CASE, CURVE, FIGURES, FREE, REPORT, RESPONSE, SUMMARY, THRESHOLDS
+from asperity.runtime.run_folder import BAND, CURVE, FIGURES, FREE, REPORT, RESPONSE, THRESHOLDS
 from asperity.units import plus_minus, quantity
 
 Rows = list[tuple[str, str]]
@@ -53,22 +55,33 @@ def write_report(folder: str | Path, finished: bool | None = None) -> Path:
 
     results = Results.read(folder)
     summary = dict(results.summary) | ({} if finished is None else {"finished": finished})
+    warnings = [*_missed_tolerance(summary), *summary.pop("warnings", [])]
+    summary.pop("dynamics", None)  # as in thresholds.json
+    assumptions = [_assumption(record) for record in summary.pop("assumptions", [])]
     page = Environment(
         loader=PackageLoader("asperity"), autoescape=True, undefined=StrictUndefined,
         trim_blocks=True, lstrip_blocks=True,
     ).get_template("report.html.j2")  # fmt: skip
+    scripts = files("asperity").joinpath("templates")
+    script = "".join(scripts.joinpath(name).read_text(encoding="utf-8") for name in ("zoom.js", "turn.js"))
     text = page.render(
         verdict=[*verdict(results), *doubts(results)],
+        script=script,
+        script_hash=base64.b64encode(hashlib.sha256(script.encode()).digest()).decode(),
         title=results.folder.resolve().name,
         version=asperity.__version__,
         exit_reason=str(summary.get("exit_reason", "")),
-        warnings=[*_missed_tolerance(summary), *summary.get("warnings", [])],
+        warnings=warnings,
         law=_law(results),
         outcome=_outcome(results),
-        assumptions=[_assumption(record) for record in summary.get("assumptions", [])],
+        assumptions=assumptions,
+        turning=turning_surface(results),
         figures=[_figure(path) for path in _figures(results)],
+        tables=_tables("run", summary) + _tables("dynamics", _without_table(results.thresholds)),
         laws=_laws(results),
-        files=list(_files(results, summary)),
+        inputs=[(name, list(_flat(table))) for name, table in _sections(results.case)],
+        columns=COLUMNS,
+        rows=[[_text(value) for value in row.values()] for row in results.curve.rows()],
         publications=publications(results.case),
     )
     target = results.folder / REPORT
@@ -176,7 +189,7 @@ def _figure(path: Path) -> dict[str, Any]:
     width, height = (int.from_bytes(pixels[i : i + 4]) for i in (16, 20))  # from the PNG header
     scale = 110 / DPI  # so that text has the size of that on the page
     return {
-        "caption": CAPTIONS.get(path.stem, path.stem.replace("_", " ")),
+        "caption": CAPTIONS.get(path.stem, _words(path.stem)),
         "width": f"{width * scale:.0f}",
         "height": f"{height * scale:.0f}",
         "wide": width * scale > 700,  # a narrow screen scrolls it
@@ -185,14 +198,12 @@ def _figure(path: Path) -> dict[str, Any]:
     }
 
 
-def _files(results: Results, summary: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
-    """Names of the text files of the run, and what is in them."""
-    if summary:
-        yield SUMMARY, json.dumps(summary, indent=2)
-    for name in (THRESHOLDS, CASE, CURVE):
-        path = results.folder / name
-        if path.is_file():
-            yield name, path.read_text(encoding="utf-8")
+def _tables(title: str, data: Mapping[str, Any]) -> list[tuple[str, Rows]]:
+    """One table for the plain values of a JSON file, and one for each of its sections."""
+    plain = {name: value for name, value in data.items() if not isinstance(value, Mapping)}
+    nested = [(n, v) for n, v in data.items() if isinstance(v, Mapping) and n != "fit"]
+    tables = [(title, plain), *nested] if plain else nested
+    return [(_words(name), [(_words(key), v) for key, v in _flat(t)]) for name, t in tables]
 
 
 def _laws(results: Results) -> list[tuple[str, ...]]:
@@ -210,3 +221,42 @@ def _laws(results: Results) -> list[tuple[str, ...]]:
         remark = "chosen" if row["chosen"] else "" if row["applies"] else other
         rows.append((words, *(plus_minus(row[name], bars[name]) for name in ("n", "kappa")), k_n, f, remark))
     return rows
+
+
+def _without_table(thresholds: Mapping[str, Any]) -> dict[str, Any]:
+    """Content of thresholds.json without the rows of its laws."""
+    laws = thresholds.get("laws")
+    return {**thresholds, "laws": {k: v for k, v in laws.items() if k != "table"}} if laws else dict(thresholds)
+
+
+def _words(name: str) -> str:
+    return name.replace("_", " ")
+
+
+def _sections(case: Mapping[str, Any]) -> Iterator[tuple[str, Mapping[str, Any]]]:
+    for name, table in case.items():
+        yield name, table if isinstance(table, Mapping) else {name: table}
+
+
+def _flat(table: Mapping[str, Any], above: str = "") -> Iterator[tuple[str, str]]:
+    """Names and values of nested tables and lists of tables, joined by dots."""
+    for name, value in table.items():
+        if isinstance(value, Mapping):
+            yield from _flat(value, f"{above}{name}.")
+        elif isinstance(value, list) and value and all(isinstance(v, Mapping) for v in value):
+            for number, item in enumerate(value, start=1):
+                yield from _flat(item, f"{above}{name} {number}.")
+        else:
+            yield f"{above}{name}", _text(value)
+
+
+def _text(value: Any) -> str:
+    if isinstance(value, bool):
+        return "yes" if value else "no"
+    if value is None or value != value or value == []:
+        return "–"
+    if isinstance(value, float):
+        return f"{value:.6g}"
+    if isinstance(value, list | tuple):
+        return ", ".join(_text(item) for item in value)
+    return str(value)

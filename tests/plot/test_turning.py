@@ -1,0 +1,61 @@
+# SPDX-FileCopyrightText: The asperity developers
+# SPDX-License-Identifier: LGPL-3.0-or-later
+
+"""The surface that turns on the page, and the touched thirds in the picture in three dimensions."""
+
+from __future__ import annotations
+
+import base64
+import io
+from pathlib import Path
+
+import matplotlib.image
+import numpy as np
+import pytest
+from made_up_run import write_run
+
+from asperity.mesh.element import FACE_TRIANGLES, cross
+from asperity.output.results import Results
+from asperity.plot.scene import split_in_thirds
+from asperity.plot.turning import turning_surface
+
+MOST = 300_000  # bytes that the surface may add to a page
+
+
+def test_the_data_of_the_page_are_those_of_the_run(tmp_path: Path) -> None:
+    results = Results.read(write_run(tmp_path))
+    shown = turning_surface(results)
+    assert shown is not None and len(shown.heights) + len(shown.colours) < MOST
+    heights = np.frombuffer(base64.b64decode(shown.heights), "<u2").reshape(shown.nodes, shown.nodes)
+    gap = results.top["gap"][4].reshape(91, 91)  # at the greatest approach, on the grid of the file
+    there = 1.0 - gap / gap.max()
+    x = (np.arange(0, 400, 3) + 0.5) / 400 * 90
+    nearest = there[np.ix_(x.round().astype(int), x.round().astype(int))]
+    assert np.corrcoef(heights.ravel(), nearest.ravel())[0, 1] > 0.99
+    picture = matplotlib.image.imread(io.BytesIO(base64.b64decode(shown.colours)))[..., :3]
+    coloured = np.ptp(picture, axis=-1) > 0.01
+    assert coloured.mean() == pytest.approx(results.top["touched"][4].mean(), rel=0.1)
+    assert "30 nm" in shown.caption
+
+
+def test_without_pressure_there_is_none(tmp_path: Path) -> None:
+    folder = write_run(tmp_path)
+    (folder / "fields/top.npz").unlink()
+    assert turning_surface(Results.read(folder)) is None
+
+
+def test_thirds_of_facets_have_a_third_of_the_area_each() -> None:
+    corners = np.array([[0.0, 0.0, 0.0], [3.0, 0.0, 0.0], [1.0, 2.0, 0.0]])
+    points = np.concatenate([corners, 0.5 * (corners + np.roll(corners, -1, axis=0))])
+    triangles = np.array(FACE_TRIANGLES)
+    values = points @ [1.0, 2.0, 0.0]
+    found, nodes, cells = split_in_thirds(points, values, triangles)
+    a, b, c = np.moveaxis(found[cells][..., :2], 1, 0)
+    areas = 0.5 * np.abs(cross(b - a, c - a))
+    assert [areas[nodes == node].sum() for node in (3, 4, 5)] == pytest.approx([1.0, 1.0, 1.0])
+    assert found[:, 3] == pytest.approx(found[:, :3] @ [1.0, 2.0, 0.0])  # a linear field stays linear
+    middle = corners.mean(axis=0)[:2]
+    for node, (i, j) in zip((3, 4, 5), ((0, 1), (1, 2), (2, 0)), strict=True):  # between an edge and the middle
+        inside = np.stack([a, b, c], axis=1)[nodes == node].mean(axis=1)
+        basis = np.column_stack([corners[i, :2] - middle, corners[j, :2] - middle])
+        assert np.all(np.linalg.solve(basis, (inside - middle).T) > 0.0)
