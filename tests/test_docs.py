@@ -309,7 +309,11 @@ def test_the_page_of_slip_gives_the_numbers_of_its_tables() -> None:
                 for values in (numbers(some, u), numbers(some, energy)[:, 1:])
             )
             assert f"| {slope} | {method} | {' | '.join(ends)} |" in page
-    for part in ("0.5", "1"):
-        some = [row for row in slip_table("yielded") if row["preload over the greatest load"] == part]
-        most = (np.abs(numbers(some, k)).max() for k in ("u of the curve, %", "energy, %"))
-        assert "{:.0f} % of the displacement and {:.0f} % of the energy".format(*most) in " ".join(page.split())
+    rows, text = slip_table("yielded"), " ".join(page.split())
+    inside = (sum(int(row[k].split()[0]) for row in rows) for k in ("inside u", "inside energy"))
+    assert "{} of {n} displacements and {} of {n} energies".format(*inside, n=4 * len(rows)) in text
+    assert f"median for the energy is {np.median(numbers(rows, 'bar of the energy, %')[:, 1:]):.0f} %" in text
+    for hardening, loop, digits in (("isotropic", 0, 1), ("isotropic", 2, 2), ("kinematic", 2, 1)):
+        some = [row for row in rows if (row["hardening"], row["preload"]) == (hardening, "1")]
+        ratio = numbers(some, "loops that flow")[:, loop]
+        assert f"{ratio.min():.{digits}f} to {ratio.max():.{digits}f} times" in text

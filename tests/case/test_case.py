@@ -244,6 +244,15 @@ def test_slip_of_the_solid_needs_exact_contact_and_sides_that_admit_the_motion()
     assert Case.load(DEMO, [*solid, "slip.direction=20", "block.sides=free"]).slip is not None
 
 
+def test_slip_on_a_rigid_flat_has_its_friction() -> None:
+    rigid = ("slip.friction=0.3", "slip.method=solid", "block.sides=free")
+    assert "give both the same value" in refusal(*rigid, "contact.friction=0.2")
+    assert "give both the same value" in refusal(rigid[0], rigid[2], "contact.friction=0.3")
+    assert "block.sides" in refusal(*rigid[:2], "contact.friction=0.3")
+    assert "contact.friction" in refusal("contact.friction=-1")
+    assert Case.load(DEMO, [*rigid, "contact.friction=0.3"]).contact.formulation.friction == 0.3
+
+
 def test_a_rotation_of_the_flat_is_not_periodic() -> None:
     matrix = {**MINIMAL, "output": {"stiffness_matrix": True}}
     assert Case.from_dict({**matrix, "block": {"sides": "free"}}).output.stiffness_matrix

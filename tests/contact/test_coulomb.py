@@ -40,8 +40,9 @@ def block(wave: Surface) -> BlockMesh:
 
 
 def pressed(surface: Surface, block: BlockMesh, friction: Any, steps: int = 4) -> ContactSolver:
-    how = {"sides": "free", "formulation": Formulation(friction=friction)}
-    solver = make_contact_solver(here(), surface, block, Material(1.0, 0.0), **how)
+    solver = make_contact_solver(
+        here(), surface, block, Material(1.0, 0.0), sides="free", formulation=Formulation(friction=friction)
+    )
     for k in range(1, steps + 1):
         assert solver.step(0.02 * k / steps).converged
     assert not solver.checks.violated
@@ -86,7 +87,7 @@ def test_between_both_limits(wave: Surface, block: BlockMesh) -> None:
 @pytest.fixture(scope="module")
 def loop(wave: Surface, block: BlockMesh) -> tuple[SlipPath, float]:
     solver = pressed(wave, block, 0.4)
-    before, held = solver.force, solver.contact.held.copy()
+    before, held = solver.force, np.array(solver.contact.held)
     path = slip_paths(solver, solver.force, 0.4, (0.6,), steps=3)[0]
     assert solver.force == pytest.approx(before, rel=1e-9)
     np.testing.assert_array_equal(solver.contact.held, held)

@@ -96,7 +96,8 @@ class Coulomb(Stick):
         self._sliding.add_tangent()
 
     def commit(self) -> None:
-        self.held = np.where(self.active[:, None], self._position(), np.nan)
+        held: Floats = np.where(self.active[:, None], self._position(), np.nan)
+        self.held = held
         self._from = self.shift
 
     def dissipated(self) -> float:

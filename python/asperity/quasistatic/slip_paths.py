@@ -125,10 +125,12 @@ def slip_paths(
             sliding = (
                 RigidSliding(solver, preload, direction, stop) if rigid else Sliding(solver, friction, direction, stop)
             )
-            for amplitude in amplitudes:
+            try:
+                for amplitude in amplitudes:
+                    sliding.reset()
+                    found.append(sliding.path(amplitude, steps))
+            finally:
                 sliding.reset()
-                found.append(sliding.path(amplitude, steps))
-            sliding.reset()
     return tuple(found)
 
 
@@ -234,23 +236,26 @@ class Sliding:
         low, high = here.at, nan  # positions below and above the wanted force, on the way
         force_low, force_high = here.force, nan
         sign = 1.0 if wanted > here.force else -1.0
-        target = here.at + (wanted - here.force) / slope
+        target, failed = here.at + (wanted - here.force) / slope, False
         for _ in range(TRIALS):
             stats, force = self.solve(target)
             if not stats.converged:
-                target = 0.5 * (low + target)
+                target, failed = 0.5 * (low + target), True
                 continue
             if abs(force - wanted) <= tolerance:
                 self._accept(target, force)
                 return (force - here.force) / (target - here.at)
+            secant = (force - here.force) / (target - here.at)
             if sign * (wanted - force) > 0.0:
                 low, force_low = target, force
+                if failed:  # go on from here
+                    self._accept(target, force)
+                    here, failed = self._accepted, False
             else:
                 high, force_high = target, force
             if isfinite(high):  # between both, where the force is concave the chord falls short
                 target = low + (high - low) * (wanted - force_low) / (force_high - force_low)
             else:
-                secant = (force - here.force) / (target - here.at)
                 target = low + 1.5 * (wanted - force_low) / secant
         raise ConvergenceError(
             f"the slip did not reach the tangential force {wanted:.6g} E L^2 from the displacement {here.at:.6g} L "

@@ -8,7 +8,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -41,6 +41,10 @@ METHOD = (0.07, 0.35)
 STEEP = (2.0, 4.0)
 #: The same after yield, which lowers the pressures but not the slopes.
 STEEP_YIELDED = (8.0, 18.0)
+KINEMATIC = (
+    "the hardening is kinematic, at least in part: the solid flows in each loop, and slips more than here, where its "
+    "plastic strain is held (docs/slip.md)"
+)
 
 
 @dataclass(frozen=True, eq=False)
@@ -256,9 +260,12 @@ def slip_of_case(
     solid, block, patch = case["material"], case["block"], float(case["surface"]["L"]) ** 2
     settings = SlipSettings(**case["slip"] | ({} if preload is None else {"preload": preload}))
     material = Material(solid["E"], solid["nu"])  # the contact is elastic where it slips
-    return slip_of_curve(
+    found = slip_of_curve(
         curve, settings, material, patch=patch, height=block["height"], sides=block["sides"], computed=computed
     )
+    if solid.get("hardening", "isotropic") in ("isotropic", 0) or not CurveColumns.of(curve).yielded(found.law.preload):
+        return found
+    return replace(found, notes=(*found.notes, KINEMATIC))
 
 
 def _errors(
@@ -339,7 +346,8 @@ def _doubts(choice: Choice, measured: bool, paths: tuple[SlipPath, ...]) -> Iter
     elif choice.yielded and choice.name != "unload-reload":
         yield (
             "the contact has yielded, and the curve does not unload through the preload: slip follows from the elastic "
-            "stiffness of the loading, which is too low at lighter forces; compute it with loading.unload = true"
+            "stiffness of the loading, which is too low at lighter forces, and has no bars; compute it with "
+            "loading.unload = true"
         )
     if not measured:
         yield (
