@@ -62,8 +62,8 @@ def test_a_sphere_sticks_inside_the_radius_of_spence(cap: Surface, friction: flo
     nu, a = 0.3, 0.04
     beta = (1.0 - 2.0 * nu) / (2.0 * (1.0 - nu))
     c = brentq(lambda x: np.log((1 + x) / (1 - x)) / (2 * x) - friction / beta * ellipk(1 - x * x), 1e-6, 1 - 1e-9)
-    size = MeshSize(h_contact=0.008, growth=0.5, h_max=0.4)
-    run = {"delta_max": a**2 / 10.0, "steps": 8, "size": size, "comm": here()}
+    size = MeshSize(h_contact=0.006, growth=0.4, h_max=0.3)
+    run = {"delta_max": a**2 / 10.0, "steps": 12, "size": size, "comm": here()}
     solver = solve_contact(cap, Material(1.0, nu), formulation=Formulation(friction=friction), **run).solver
     contact = solver.contact
     assert isinstance(contact, Coulomb)

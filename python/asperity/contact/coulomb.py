@@ -96,8 +96,8 @@ class Coulomb(Stick):
         self._sliding.add_tangent()
 
     def commit(self) -> None:
-        held: Floats = np.where(self.active[:, None], self._position(), np.nan)
-        self.held = held
+        self.held = self._position()
+        self.held[~self.active] = np.nan
         self._from = self.shift
 
     def dissipated(self) -> float:
