@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: The asperity developers
-# SPDX-License-Identifier: LGPL-3.0-or-later
-
 """Law after yield: against 100 unloading steps on ten surfaces, and its stiffness against a finer mesh on three.
 
     python3 benchmarks/after_yield.py OUT [--size H]
@@ -84,8 +81,8 @@ def stiffness_bars(tolerance: float, folder: Path) -> None:
         for share in SHARES:
             load = share * float(coarse.force.max())
             row, true = (tabulate(c, choose(c, "auto", load)).chosen for c in (coarse, fine))
-            alone = 1e-3 * intervals(row.law, load, row.sides()).k_n.half
-            found = row.known.k_n
+            assert row.law is not None and row.known is not None
+            found, alone = row.known.k_n, 1e-3 * intervals(row.law, load, row.sides()).k_n.half
             star = "" if found.low <= true.stiffness <= found.high else "*"
             outside += len(star)
             k, bar, reference = (1e-3 * x for x in (found.value, found.half, true.stiffness))

@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: The asperity developers
-# SPDX-License-Identifier: LGPL-3.0-or-later
-
 """Frequency response: completeness in random windows, and work over precision against pyHarm-os and solve_ivp.
 
     python3 benchmarks/dynamics.py orbits [--windows 200] [--seed 0] [--verbose]

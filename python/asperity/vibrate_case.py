@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: The asperity developers
-# SPDX-License-Identifier: LGPL-3.0-or-later
-
 """What a case computes from its curve and last state: stiffness matrix, loops about the preload, vibration, slip."""
 
 from __future__ import annotations

@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: The asperity developers
-# SPDX-License-Identifier: LGPL-3.0-or-later
-
 """Periodic orbits by Newton's method on the motion with located separations and landings; shared responses."""
 
 from __future__ import annotations

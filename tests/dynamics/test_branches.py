@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: The asperity developers
-# SPDX-License-Identifier: LGPL-3.0-or-later
-
 """Completeness of the orbits of a response, checked independently, and dense rows between its points."""
 
 from __future__ import annotations
@@ -13,7 +10,6 @@ from typing import Any
 import numpy as np
 import pytest
 from shooting import computed
-from test_response import one_period
 
 from asperity.dynamics import ContactOscillator, PowerLaw, continuation
 from asperity.errors import ConvergenceError
@@ -92,17 +88,6 @@ def test_what_is_not_searched_is_in_the_result() -> None:
     assert "from rest; not searched" in computed().searched
 
 
-@pytest.mark.parametrize("omega", [0.45, 0.5])
-def test_orbits_on_a_long_narrow_resonance(omega: float) -> None:
-    """Small, large unstable and large stable orbit: each closes under integration of u'' and has its stability."""
-    found = computed(3.0, 0.005, 0.02, (0.3, 1.3)).at(omega)
-    assert [s.stable for s in found] == [True, False, True]
-    for s in found:
-        end, high, low = one_period(3.0, 0.005, 0.02, omega, *s.start)
-        np.testing.assert_allclose(end, s.start, atol=1e-4)
-        assert (high, low) == (pytest.approx(s.u_max, rel=1e-4), pytest.approx(s.u_min, rel=1e-4))
-
-
 @pytest.mark.parametrize(("n", "zeta", "forcing"), [(1.5, 0.01, 0.05), (3.0, 0.005, 0.02), (0.7, 0.02, 0.05)])
 def test_two_orbits_on_one_side_of_a_fold(n: float, zeta: float, forcing: float) -> None:
     r = computed(n, zeta, forcing, (0.3, 1.3))
@@ -136,17 +121,6 @@ def test_a_crossing_that_cannot_be_corrected_is_an_error(monkeypatch: pytest.Mon
     monkeypatch.setattr(continuation, "locate", fails)
     with pytest.raises(ConvergenceError, match=r"an orbit at Omega = 0\.9 on branch 0 \(main\) could not be corrected"):
         r.at(0.9)
-
-
-def test_start_from_rest_ends_on_a_branch() -> None:
-    """Strong forcing and light damping cut the branch from rest into pieces."""
-    n, zeta, forcing = 2.4, 0.005, 0.2
-    r = computed(n, zeta, forcing, (0.28, 1.5))
-    assert len(r.branches) > 1
-    frequencies = (0.34, 0.38)
-    for omega in frequencies:
-        rest = BENCHMARK["integrate"](case(n, zeta, forcing), omega, np.zeros((2, 1)), 100, BENCHMARK["COARSE"]).T
-        assert not missing([rest], states(tuple(s for s in r.at(omega) if s.stable)), 1e-3)
 
 
 def test_period_2_branch_ends_at_a_period_doubling() -> None:

@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: The asperity developers
-# SPDX-License-Identifier: LGPL-3.0-or-later
-
 """Which law a curve gives, against contacts whose law is known in closed form; preloads, overloads, and the joint."""
 
 from __future__ import annotations

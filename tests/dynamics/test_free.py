@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: The asperity developers
-# SPDX-License-Identifier: LGPL-3.0-or-later
-
 """Free vibration: closed forms, published values, direct integration, grazing, refusals."""
 
 from __future__ import annotations
@@ -12,7 +9,7 @@ import pytest
 from scipy.integrate import solve_ivp
 from scipy.special import beta
 
-from asperity.dynamics import ContactOscillator, PowerLaw, TableLaw
+from asperity.dynamics import ContactOscillator, PowerLaw
 from asperity.dynamics.free import free_orbit
 from asperity.errors import RangeError
 
@@ -114,12 +111,3 @@ def test_false_hardening_of_the_truncated_law() -> None:
     exact, series = o.free([0.2, 3.0]), o.taylor().free([0.2, 3.0])
     assert exact.omega_ratio[1] < exact.omega_ratio[0] < 1
     assert series.omega_ratio[1] > 1 and not series.valid[1]
-
-
-def test_table_agrees_with_its_power_law() -> None:
-    z = np.linspace(0, 2, 81)[1:]
-    table = ContactOscillator(TableLaw(z, z**1.5), load=1.0)
-    u0 = [0.1, 0.5, 0.9]
-    np.testing.assert_allclose(
-        table.free(u0).omega_ratio, ContactOscillator(PowerLaw(1.5)).free(u0).omega_ratio, rtol=1e-10
-    )

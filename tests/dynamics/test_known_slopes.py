@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: The asperity developers
-# SPDX-License-Identifier: LGPL-3.0-or-later
-
 """Laws of a curve against closed forms: few rows, overloads, kinks, light preloads; one frequency; the band."""
 
 from __future__ import annotations

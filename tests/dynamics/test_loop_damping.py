@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: The asperity developers
-# SPDX-License-Identifier: LGPL-3.0-or-later
-
 """Damping of loops: loss over amplitude, the resonance against its energy balance, three solvers of one response."""
 
 from __future__ import annotations

@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: The asperity developers
-# SPDX-License-Identifier: LGPL-3.0-or-later
-
 """Forced response: orbits against independent time integration, known onsets, hard cases, refusals."""
 
 from __future__ import annotations

@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: The asperity developers
-# SPDX-License-Identifier: LGPL-3.0-or-later
-
 """Time integration, sweeps, thresholds and result files."""
 
 from __future__ import annotations
@@ -278,12 +275,6 @@ def test_bad_arguments_write_nothing(tmp_path, options, words) -> None:
     assert not (tmp_path / "out").exists()
 
 
-def test_response_beyond_the_fitted_curve_is_reported() -> None:
-    z = np.linspace(0.1, 1.0, 10)
-    result = run_dynamics({"delta": z, "force": z**1.5}, zeta=0.05, forcing=0.15, model=["exact"], sweeps=False)
-    assert any("beyond it the law is extrapolated" in note for note in result.notes)
-
-
 @pytest.mark.parametrize(
     ("call", "words"),
     [
@@ -389,17 +380,6 @@ def test_every_result_contains_its_setting() -> None:
         assert 0 <= result.tolerance < 1e-2 and np.all(result.valid)
     assert not o.thresholds(0.1).valid
     assert not o.simulate(0.9, 0.3, periods=1.0, u=1.2).valid
-
-
-def test_band_contains_the_central_response() -> None:
-    o = ContactOscillator(PowerLaw(1.5), zeta=0.05)
-    known = asp.uncertainty(o, [PowerLaw(n, K) for n in (1.47, 1.53) for K in (0.97, 1.03)])
-    band = response_band(o, 0.02, known, (0.9, 1.1), points=11)
-    centre = o.response(0.02, (0.9, 1.1))
-    for i in range(1, 10):
-        top = centre.at(float(band.Omega[i]))[-1].u_max
-        assert band.upper[0, i] <= top * 1.001 and band.upper[1, i] >= top * 0.999
-    assert (band.upper[1] - band.upper[0] > 1e-4).all()
 
 
 def test_figures_of_a_run(tmp_path) -> None:

@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: The asperity developers
-# SPDX-License-Identifier: LGPL-3.0-or-later
-
 """`asperity dynamics`: vibration of a mass on a computed, measured or assumed force law."""
 
 from __future__ import annotations

@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: The asperity developers
-# SPDX-License-Identifier: LGPL-3.0-or-later
-
 """Vibration of a mass on a contact, from the static law of its force over the approach.
 
 `run_dynamics` does the whole analysis for a curve and writes the result files. NumPy and SciPy suffice.

@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: The asperity developers
-# SPDX-License-Identifier: LGPL-3.0-or-later
-
 """Branches of periodic orbits with their extremes, stability and events, and dense rows along them.
 
 Between two points the orbits follow the cubic through coefficients and tangents, the predictor of the continuation.

@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: The asperity developers
-# SPDX-License-Identifier: LGPL-3.0-or-later
-
 """Branch switching: branches of twice the period and detached loops, each traced once."""
 
 from __future__ import annotations

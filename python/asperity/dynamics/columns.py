@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: The asperity developers
-# SPDX-License-Identifier: LGPL-3.0-or-later
-
 """What the columns of a curve say about the state that a mass vibrates about: branches, yield, stiffness, error bar."""
 
 from __future__ import annotations

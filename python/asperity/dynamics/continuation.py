@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: The asperity developers
-# SPDX-License-Identifier: LGPL-3.0-or-later
-
 """Pseudo-arclength continuation of harmonic-balance solutions, with adaptive harmonics.
 
 The step length follows the error of the cubic predictor in each harmonic, relative to that harmonic. Near a

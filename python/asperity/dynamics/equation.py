@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: The asperity developers
-# SPDX-License-Identifier: LGPL-3.0-or-later
-
 """Equation of motion of a mass on a contact, which everything else integrates or balances.
 
     u'' + 2 zeta g(u) u' + f(u) = F^ cos(Omega tau)

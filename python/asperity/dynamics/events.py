@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: The asperity developers
-# SPDX-License-Identifier: LGPL-3.0-or-later
-
 """Events along a path: folds, grazing, period doublings and largest displacements, located and inserted."""
 
 from __future__ import annotations

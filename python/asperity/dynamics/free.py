@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: The asperity developers
-# SPDX-License-Identifier: LGPL-3.0-or-later
-
 """Free vibration by quadrature: period, first harmonic and dissipation of undamped orbits.
 
 The period of motion between the turning points is ``T = 2 INT du / sqrt(2 [V(u_0) - V(u)])``. The substitution

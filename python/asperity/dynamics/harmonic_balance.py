@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: The asperity developers
-# SPDX-License-Identifier: LGPL-3.0-or-later
-
 """Harmonic balance of the forced oscillator, with exact integrals of the contact force.
 
 The orbit is ``u(theta) = x_0 + SUM a_k cos(k theta) + b_k sin(k theta)``, ``theta = Omega tau / p`` (p = 1, or 2

@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: The asperity developers
-# SPDX-License-Identifier: LGPL-3.0-or-later
-
 """Initial orbits of branches: from rest, and by Newton's method on the period map.
 
 The period map finds what no branch from rest reaches: pieces that connect outside the window, loops, orbits of period 2

@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: The asperity developers
-# SPDX-License-Identifier: LGPL-3.0-or-later
-
 """What the uncertainty of the static law does to the vibration: error bar, spread of the laws, points of a table."""
 
 from __future__ import annotations

@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: The asperity developers
-# SPDX-License-Identifier: LGPL-3.0-or-later
-
 """What a patch of contact becomes in a joint: nominal area, preload, mass, and the numbers of its small vibration."""
 
 from __future__ import annotations

@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: The asperity developers
-# SPDX-License-Identifier: LGPL-3.0-or-later
-
 """Which law of a curve is the spring of a vibration about a preload."""
 
 from __future__ import annotations

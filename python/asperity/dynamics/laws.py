@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: The asperity developers
-# SPDX-License-Identifier: LGPL-3.0-or-later
-
 """All laws of a curve side by side: exponent, backbone curvature, stiffness and frequency at one preload."""
 
 from __future__ import annotations

@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: The asperity developers
-# SPDX-License-Identifier: LGPL-3.0-or-later
-
 """A mass on a contact: entry point of the vibration analysis."""
 
 from __future__ import annotations

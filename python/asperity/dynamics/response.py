@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: The asperity developers
-# SPDX-License-Identifier: LGPL-3.0-or-later
-
 """Frequency response: all periodic orbits under harmonic forcing in a window of frequencies."""
 
 from __future__ import annotations

@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: The asperity developers
-# SPDX-License-Identifier: LGPL-3.0-or-later
-
 """Results of a vibration analysis, and the files free.csv, response.csv, band.csv, thresholds.json."""
 
 from __future__ import annotations

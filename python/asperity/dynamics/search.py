@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: The asperity developers
-# SPDX-License-Identifier: LGPL-3.0-or-later
-
 """Search for all branches of periodic orbits in a window of frequencies.
 
 The branch of order 1 starts where its orbit is unique and known: above the resonance, or from rest. Every branch is

@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: The asperity developers
-# SPDX-License-Identifier: LGPL-3.0-or-later
-
 """Settings of a vibration analysis and of a forced result, and the legal frequencies and forcings.
 
 Each default is here, and the section [dynamics] of a case takes it from here.

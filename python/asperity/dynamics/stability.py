@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: The asperity developers
-# SPDX-License-Identifier: LGPL-3.0-or-later
-
 """Extrema and Floquet multipliers of many periodic orbits at once.
 
 The perturbation of an orbit obeys, in Lienard's variable (see `asperity.dynamics.equation`),

@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: The asperity developers
-# SPDX-License-Identifier: LGPL-3.0-or-later
-
 """Frequency sweeps: time integration of many oscillators in parallel.
 
 Each forcing and direction is a lane, integrated period by period

@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: The asperity developers
-# SPDX-License-Identifier: LGPL-3.0-or-later
-
 """Resonance peak by energy balance, and onsets of nonlinear phenomena.
 
 At phase resonance the forcing supplies exactly the energy that the damper takes from a free orbit, so one

@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: The asperity developers
-# SPDX-License-Identifier: LGPL-3.0-or-later
-
 """Motion in time: one motion with located separations and landings, and many in parallel with fixed steps.
 
 Both integrate Lienard's variable (see `asperity.dynamics.equation`), in which the vector field is continuous at contact

@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: The asperity developers
-# SPDX-License-Identifier: LGPL-3.0-or-later
-
 """Figures of natural frequency over amplitude, and of amplitude over excitation frequency.
 
 Both are drawn from rows as in free.csv and response.csv, from the folder of a run or from memory.

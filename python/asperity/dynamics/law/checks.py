@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: The asperity developers
-# SPDX-License-Identifier: LGPL-3.0-or-later
-
 """Numbers that arguments of the vibration must be: positive, and within their legal range."""
 
 from __future__ import annotations

@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: The asperity developers
-# SPDX-License-Identifier: LGPL-3.0-or-later
-
 """Damping models: where in the cycle the damper acts.
 
 All are written ``2 zeta g(u) u'`` with ``g(0) = 1``, so zeta is the damping ratio of small motion:

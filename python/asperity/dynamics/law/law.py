@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: The asperity developers
-# SPDX-License-Identifier: LGPL-3.0-or-later
-
 """Static laws of a contact: force over approach, as a reversible spring.
 
 A law gives force, stiffness and potential at an approach `z` (length), measured from first contact: a contact

@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: The asperity developers
-# SPDX-License-Identifier: LGPL-3.0-or-later
-
 """Measured points of a law: how much they scatter, a smoothing spline through them, and where contact begins."""
 
 from __future__ import annotations

@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: The asperity developers
-# SPDX-License-Identifier: LGPL-3.0-or-later
-
 """Power law of a contact: the fit to a curve as a reversible spring."""
 
 from __future__ import annotations

@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: The asperity developers
-# SPDX-License-Identifier: LGPL-3.0-or-later
-
 """Law through computed or measured points: one cubic Hermite curve in (ln z, ln F), where every power law is straight.
 
 Its slopes are those given (the elastic stiffness of the states), elsewhere those of SciPy's shape-preserving cubic.

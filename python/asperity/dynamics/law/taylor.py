@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: The asperity developers
-# SPDX-License-Identifier: LGPL-3.0-or-later
-
 """Cubic Taylor series of a law about its static deflection, the model of weakly nonlinear vibration."""
 
 from __future__ import annotations
