@@ -14,7 +14,7 @@ from asperity.dynamics.equation import Restoring
 from asperity.dynamics.free import free_orbit
 from asperity.dynamics.harmonic_balance import Balance
 from asperity.dynamics.response import frequency_response
-from asperity.dynamics.stability import floquet, state_at_phase_zero
+from asperity.dynamics.stability import _floquet, floquet, state_at_phase_zero
 
 
 def one_period(n: float, zeta: float, forcing: float, omega: float, u: float, v: float, periods: int = 1):
@@ -323,7 +323,7 @@ def test_the_tolerance_includes_round_off() -> None:
 def test_stability_from_steps_too_long_is_unreliable() -> None:
     r = ContactOscillator(PowerLaw(1.5)).response(0.01, (0.01, 0.02), subharmonics=False)
     b = r.branches[0]
-    long = floquet(r.balance, b.coefficients, b.Omega, 256)
+    long = _floquet(r.balance, b.coefficients, b.Omega, 256)
     assert (long.error == 1.0).all() and b.stable.all() and (b.det_error < 1e-6).all()
 
 

@@ -171,20 +171,6 @@ def test_gravity_belongs_to_the_units(tmp_path: Path) -> None:
     assert written["exact"]["responses"][0]["peak"] == pytest.approx(first["exact"]["responses"][0]["peak"], rel=1e-6)
 
 
-def test_the_settings_of_the_case_are_the_default(tmp_path: Path) -> None:
-    """From the folder or its curve.csv; arguments have priority; without a case the damping ratio is 0.01."""
-    text = 'units = "other"\n[dynamics]\ngravity = 9.80665e6\nzeta = 0.03\ndamping = "contact"\n'
-    folder, bare = _curve_in(tmp_path / "run", 1e6, 1e3, text), _curve_in(tmp_path / "bare", 1.0, 1.0)
-    for source in (folder, folder / "curve.csv"):
-        found = DynamicsSettings.of_source(source)
-        assert (found.gravity, found.zeta, found.damping) == (9.80665e6, 0.03, "contact")
-    result = run_dynamics(folder, gravity=1.0, zeta=0.05, damping="always", **QUICK)
-    assert (result.gravity, result.first.zeta, result.first.damping) == (1.0, 0.05, "always")
-    assert DynamicsSettings.of_source(bare) == DynamicsSettings()
-    with pytest.raises(InputError, match=r"gravity = 0.* is not legal"):
-        run_dynamics(folder, gravity=0.0, **QUICK)
-
-
 def test_the_case_of_a_run_gives_what_is_not_given(tmp_path: Path) -> None:
     """Arguments have priority; the preload of a patch becomes that of the joint."""
     text = """units = "SI"
@@ -264,6 +250,7 @@ def test_units_assumed_for_a_curve_are_reported(tmp_path: Path) -> None:
         ({"damping": "no"}, "damping"),
         ({"omega": (1.0, 0.5)}, "omega"),
         ({"preload": -1.0}, "load"),
+        ({"gravity": 0.0}, "gravity = 0.* is not legal"),
         ({"omega": (1e-5, 1.3)}, "omega = 1e-05 is not legal: it must lie between 0.01 and 100"),
         ({"omega": (0.5, 1e160)}, r"omega = 1e\+160"),
         ({"forcing": [0.1, 1e-300]}, "forcing = 1e-300"),

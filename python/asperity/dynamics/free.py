@@ -238,7 +238,7 @@ def largest_amplitude(restoring: Restoring) -> float:
     law = restoring.law
     if not isinstance(law, TaylorLaw):
         return np.inf
-    low, high = law.rim(), law.rim_above()
+    low, high = law.rims()
     edges = [high] if np.isfinite(high) else []
     if np.isfinite(low):
         wall = float(restoring.potential(low))
@@ -260,7 +260,7 @@ def _turning_point(restoring: Restoring, u0: float) -> tuple[float, float]:
         low = -1.0
     else:
         assert isinstance(law, TaylorLaw)
-        low, high = law.rim(), law.rim_above()
+        low, high = law.rims()
         if u0 >= high or (np.isfinite(low) and energy >= float(restoring.potential(low))):
             raise RangeError(
                 f"u0 = {u0:g} is beyond the rim of the Taylor well (saddles at u = {low:.6g} and "

@@ -119,14 +119,11 @@ def _turn(c: Array, u: Array, sign: float) -> tuple[Array, Array]:
     return theta, sign * np.minimum(sign * value, sign * best)
 
 
-def floquet(balance: Balance, c: Array, omega: Array, points: int | None = None) -> Floquet:
+def floquet(balance: Balance, c: Array, omega: Array) -> Floquet:
     """Compute the Floquet multipliers of the orbits with coefficients `c` (see `stack`) at frequencies `omega`.
 
-    The samples per period are `points`, by default doubled until the determinant agrees with Liouville's.
+    The samples per period are doubled until the determinant agrees with Liouville's.
     """
-    omega = np.asarray(omega, float)
-    if points is not None:
-        return _floquet(balance, c, omega, points)
     count = c.shape[1] - 1
     least = 1 << int(np.ceil(np.log2(8 * max(count, 1))))
     # the determinant is insensitive to the kink of the stiffness: contact loss needs more samples anyway

@@ -148,8 +148,8 @@ def has_escaped(equation: Equation, u: Array, low: Array) -> Array:
     """Which lanes have left the Taylor well and cannot return."""
     bad = ~np.isfinite(u) | (np.abs(u) > _ESCAPE_LANES)
     law = equation.restoring.law
-    if isinstance(law, TaylorLaw) and np.isfinite(law.rim()):
-        bad |= ~(low > law.rim() - 2.0)
+    if isinstance(law, TaylorLaw):
+        bad |= ~(low > law.rims()[0] - 2.0)
     return bad
 
 

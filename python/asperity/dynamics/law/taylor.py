@@ -82,21 +82,12 @@ class TaylorLaw(Law):
     def describe(self) -> str:
         return f"cubic Taylor series about z_s = {self.z_s:g}"
 
-    def _saddles(self) -> Array:
-        """Displacements u at which the restoring force vanishes again."""
+    def rims(self) -> tuple[float, float]:
+        """Displacements u of the nearest saddles below and above the well, infinite where there is none.
+
+        Motion beyond them escapes: a property of the truncated series, not of the contact.
+        """
         p1, p2, p3 = self.p
         roots = np.roots([p3 * self.z_s**2 / (6 * p1), p2 * self.z_s / (2 * p1), 1.0])
-        return np.asarray(roots[np.abs(roots.imag) < 1e-12].real)
-
-    def rim(self) -> float:
-        """Displacement u of the nearest saddle below the well, -inf if there is none.
-
-        Motion beyond it escapes: a property of the truncated series, not of the contact.
-        """
-        saddles = self._saddles()
-        return float(saddles[saddles < 0].max(initial=-np.inf))
-
-    def rim_above(self) -> float:
-        """Displacement u of the nearest saddle above the well, +inf if there is none."""
-        saddles = self._saddles()
-        return float(saddles[saddles > 0].min(initial=np.inf))
+        saddles = roots[np.abs(roots.imag) < 1e-12].real
+        return float(saddles[saddles < 0].max(initial=-np.inf)), float(saddles[saddles > 0].min(initial=np.inf))
