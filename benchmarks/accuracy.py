@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: The asperity developers
-# SPDX-License-Identifier: LGPL-3.0-or-later
-
 """Error bars on classes of surfaces: are the errors inside, how much larger are the bars, and what does a run cost?
 
     python3 benchmarks/accuracy.py [CLASS]... [elastic] [yielding] [--seed N] [--tolerance X]

@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: The asperity developers
-# SPDX-License-Identifier: LGPL-3.0-or-later
-
 """What `asperity check` expects of a case, beside what its run takes: meshes, dofs, memory, CPU time.
 
     python3 benchmarks/check.py [NAME]...

@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: The asperity developers
-# SPDX-License-Identifier: LGPL-3.0-or-later
-
 """Micro-slip by a half-space with both components of traction, by the normal curve and by the solid, docs/slip.md.
 
     python3 benchmarks/slip.py law           Jaeger's law against the half-space, nu = 0, 0.3 and 0.45, ten surfaces,

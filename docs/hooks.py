@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: The asperity developers
-# SPDX-License-Identifier: LGPL-3.0-or-later
-
 """What mkdocs takes from elsewhere: README as front page, input reference, formulas."""
 
 from __future__ import annotations

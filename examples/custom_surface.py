@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: The asperity developers
-# SPDX-License-Identifier: LGPL-3.0-or-later
-
 """A surface of one's own: heights, first and second derivatives, mean and a bound of the curvature."""
 
 from __future__ import annotations

@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: The asperity developers
-# SPDX-License-Identifier: LGPL-3.0-or-later
-
 """A computed joint in pyHarm, a harmonic balance program, and its response over ours: contact, then friction.
 
     pip install "asperity[hbm]"    # pyHarm-os

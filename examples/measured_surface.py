@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: The asperity developers
-# SPDX-License-Identifier: LGPL-3.0-or-later
-
 """From a scan to its Hurst exponent and to the contact of the patch itself.
 
 The scan is made up here; HeightField.read("scan.sur") reads the files of instruments (pip install SurfaceTopography).

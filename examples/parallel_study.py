@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: The asperity developers
-# SPDX-License-Identifier: LGPL-3.0-or-later
-
 """The tangent modulus over an ensemble of surfaces; also:  mpirun -n 4 python3 examples/parallel_study.py"""
 
 from __future__ import annotations

@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: The asperity developers
-# SPDX-License-Identifier: LGPL-3.0-or-later
-
 """The exponent of the law of force over approach over the tangent modulus, one surface and one mesh for all."""
 
 from __future__ import annotations

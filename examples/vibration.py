@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: The asperity developers
-# SPDX-License-Identifier: LGPL-3.0-or-later
-
 """Vibration of a mass on a contact whose force is a table: measured, or computed elsewhere."""
 
 from __future__ import annotations

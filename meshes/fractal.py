@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: The asperity developers
-# SPDX-License-Identifier: LGPL-3.0-or-later
-
 """Mesh of the stored curves: a coarse block under the demo surface.  python3 meshes/fractal.py [--h 0.12] [FILE]"""
 
 from __future__ import annotations

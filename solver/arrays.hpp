@@ -1,6 +1,3 @@
-// SPDX-FileCopyrightText: The asperity developers
-// SPDX-License-Identifier: LGPL-3.0-or-later
-
 // Arrays from Python, all local to the rank, and the checks of their shapes that each kernel makes first.
 //
 // nanobind refuses another number type and another order of storage (TypeError); `expect` refuses another shape, and

@@ -1,6 +1,3 @@
-// SPDX-FileCopyrightText: The asperity developers
-// SPDX-License-Identifier: LGPL-3.0-or-later
-
 // Kernels over cells, see cells.hpp. Each has one loop over cells and one over their quadrature points, the latter in
 // `Cells::at_points`; those that depend on the material are compiled for each law, see laws.hpp.
 #include "cells.hpp"

@@ -1,6 +1,3 @@
-// SPDX-FileCopyrightText: The asperity developers
-// SPDX-License-Identifier: LGPL-3.0-or-later
-
 // Kernels over cells: internal force, stiffness, stress, volumes.
 //
 // With mean dilatation the volumetric strain of each point of a cell, or its logarithmic one, is replaced by the mean over

@@ -1,6 +1,3 @@
-// SPDX-FileCopyrightText: The asperity developers
-// SPDX-License-Identifier: LGPL-3.0-or-later
-
 // Cholesky factors of a coarse matrix, see cholesky.hpp.
 #ifdef ASPERITY_CHOLMOD
 #include "cholesky.hpp"

@@ -1,6 +1,3 @@
-// SPDX-FileCopyrightText: The asperity developers
-// SPDX-License-Identifier: LGPL-3.0-or-later
-
 // Cholesky factors of a coarse matrix in single precision, by CHOLMOD (Chen et al., ACM Trans. Math. Softw. 35 (2008)
 // 22), whole or by substructures (Przemieniecki, AIAA J. 1 (1963) 138): each rank eliminates the nodes that it alone
 // holds, and a dense matrix is left of those that ranks share. A solution takes as long as reading the factors, hence

@@ -1,6 +1,3 @@
-// SPDX-FileCopyrightText: The asperity developers
-// SPDX-License-Identifier: LGPL-3.0-or-later
-
 // The element of all meshes, the curved second-order tetrahedron: strain, residual and stiffness of a quadrature point.
 #pragma once
 

@@ -1,6 +1,3 @@
-// SPDX-FileCopyrightText: The asperity developers
-// SPDX-License-Identifier: LGPL-3.0-or-later
-
 // Kernels of the contact of facets with a rigid flat, see facets.hpp.
 #include "facets.hpp"
 

@@ -1,6 +1,3 @@
-// SPDX-FileCopyrightText: The asperity developers
-// SPDX-License-Identifier: LGPL-3.0-or-later
-
 // Contact of facets with a rigid flat whose normal is z, integrated over quadrature points.
 //
 // P = < g d - k t >_+ is the pressure of the flat, d = height + u_z - z its penetration, t the z component of the

@@ -1,6 +1,3 @@
-// SPDX-FileCopyrightText: The asperity developers
-// SPDX-License-Identifier: LGPL-3.0-or-later
-
 // Radial return for J2 plasticity with linear hardening, isotropic, kinematic or mixed, in closed form.
 //
 // Prager's rule: the share beta of the hardening moves the centre of the yield surface to the back stress

@@ -1,6 +1,3 @@
-// SPDX-FileCopyrightText: The asperity developers
-// SPDX-License-Identifier: LGPL-3.0-or-later
-
 // Interface of a material law to the kernels: its parameters, the response to a strain, and the tangent.
 //
 // A law is a header like elastic.hpp and j2.hpp that satisfies the concept `MaterialLaw`. The list in laws.hpp names it,

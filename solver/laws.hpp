@@ -1,6 +1,3 @@
-// SPDX-FileCopyrightText: The asperity developers
-// SPDX-License-Identifier: LGPL-3.0-or-later
-
 // The material laws that the kernels know: the one place where a law is chosen.
 #pragma once
 

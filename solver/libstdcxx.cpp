@@ -1,6 +1,3 @@
-// SPDX-FileCopyrightText: The asperity developers
-// SPDX-License-Identifier: LGPL-3.0-or-later
-
 // A part of std::string that libstdc++ has since GCC 13 only: with a copy here the module runs with older versions too.
 #include <string>
 

@@ -1,6 +1,3 @@
-// SPDX-FileCopyrightText: The asperity developers
-// SPDX-License-Identifier: LGPL-3.0-or-later
-
 // Kernels of the linear solver, see linear.hpp.
 #include "linear.hpp"
 

@@ -1,6 +1,3 @@
-// SPDX-FileCopyrightText: The asperity developers
-// SPDX-License-Identifier: LGPL-3.0-or-later
-
 // Kernels of the linear solver: products, and the coarse matrix of its multigrid. A product takes as long as reading
 // the matrix, so of a symmetric one only the upper half is read, in single precision where few digits suffice. All
 // matrices have three dofs per node, on a square CSR graph of the nodes (indptr, indices); `values` holds the three

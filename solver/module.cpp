@@ -1,6 +1,3 @@
-// SPDX-FileCopyrightText: The asperity developers
-// SPDX-License-Identifier: LGPL-3.0-or-later
-
 // Python interface: the classes and kernels of the module asperity._solver. Kernels run without the interpreter's lock.
 #include "cells.hpp"
 #ifdef ASPERITY_CHOLMOD

@@ -1,6 +1,3 @@
-// SPDX-FileCopyrightText: The asperity developers
-// SPDX-License-Identifier: LGPL-3.0-or-later
-
 // Patterns of matrices, see patterns.hpp.
 #include "patterns.hpp"
 

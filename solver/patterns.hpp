@@ -1,6 +1,3 @@
-// SPDX-FileCopyrightText: The asperity developers
-// SPDX-License-Identifier: LGPL-3.0-or-later
-
 // Where the element matrices of cells and facets go in a matrix: the whole, or the upper half of a symmetric one.
 #pragma once
 

@@ -1,6 +1,3 @@
-// SPDX-FileCopyrightText: The asperity developers
-// SPDX-License-Identifier: LGPL-3.0-or-later
-
 // Element size around the contact, which gmsh asks for point by point; see asperity/mesh/size_field.py. A twin in Python
 // (tests/mesh/test_size_field.py) gives the same bits.
 #pragma once

@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: The asperity developers
-# SPDX-License-Identifier: LGPL-3.0-or-later
-
 """Rate equations of J2 plasticity, integrated without a return map: what the compiled kernels are compared with."""
 
 from __future__ import annotations

@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: The asperity developers
-# SPDX-License-Identifier: LGPL-3.0-or-later
-
 """asperity: one run in a process of its own, from the surface to the curve.
 
 python3 asperity_model.py MATERIAL size H STEPS OUT.json        the default mesh with elements of size H in the contact

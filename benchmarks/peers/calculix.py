@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: The asperity developers
-# SPDX-License-Identifier: LGPL-3.0-or-later
-
 """CalculiX: input deck from a mesh, and the force from its output.
 
 Surface-to-surface penalty contact with a rigid plate, which is one element with all nodes prescribed. Without NLGEOM

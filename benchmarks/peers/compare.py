@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: The asperity developers
-# SPDX-License-Identifier: LGPL-3.0-or-later
-
 """asperity against CalculiX, GetFEM and Tamaas: time and memory at equal error of the force.
 
     benchmarks/peers/install                                        once: fetches the programs

@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: The asperity developers
-# SPDX-License-Identifier: LGPL-3.0-or-later
-
 """GetFEM: the scene on a structured mesh of isoparametric bricks, penalised contact; run by GetFEM's own Python.
 
     python3 getfem_model.py MESH.npz OUT.json

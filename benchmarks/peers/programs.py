@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: The asperity developers
-# SPDX-License-Identifier: LGPL-3.0-or-later
-
 """The programs: where they are, what they compute, how one run of each is started and read."""
 
 from __future__ import annotations

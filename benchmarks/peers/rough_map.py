@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: The asperity developers
-# SPDX-License-Identifier: LGPL-3.0-or-later
-
 """A rough map: asperity and CalculiX on the meshes that asperity makes, elastic.
 
     benchmarks/peers/install                          once: fetches CalculiX

@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: The asperity developers
-# SPDX-License-Identifier: LGPL-3.0-or-later
-
 """The scene all programs compute, and what its force is.
 
 The surface of cases/single.toml is on a block of side and height 1 (E = 1 in the unit of stress of each program),

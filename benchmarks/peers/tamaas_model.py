@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: The asperity developers
-# SPDX-License-Identifier: LGPL-3.0-or-later
-
 """Tamaas: the surface on an elastic half-space, by Fourier transforms; run by a Python that has Tamaas.
 
     python3 tamaas_model.py MESH.npz OUT.json

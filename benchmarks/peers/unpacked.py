@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: The asperity developers
-# SPDX-License-Identifier: LGPL-3.0-or-later
-
 """Programs that `benchmarks/peers/install` has unpacked, and how they start without being installed."""
 
 from __future__ import annotations

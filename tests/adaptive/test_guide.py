@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: The asperity developers
-# SPDX-License-Identifier: LGPL-3.0-or-later
-
 """The half-space that guides meshes and shows what they leave out, and tolerance runs on rough surfaces."""
 
 from __future__ import annotations

@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: The asperity developers
-# SPDX-License-Identifier: LGPL-3.0-or-later
-
 """Bars of the load steps against sequences whose limit is known."""
 
 from __future__ import annotations

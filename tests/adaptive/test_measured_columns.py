@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: The asperity developers
-# SPDX-License-Identifier: LGPL-3.0-or-later
-
 """Mean gap and stiffness of runs with a tolerance against a half-space that knows nothing of meshes."""
 
 from __future__ import annotations

@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: The asperity developers
-# SPDX-License-Identifier: LGPL-3.0-or-later
-
 """Small against finite strain on a coarse mesh: closed forms of a plane block, the choice, its record, resuming."""
 
 from __future__ import annotations

@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: The asperity developers
-# SPDX-License-Identifier: LGPL-3.0-or-later
-
 """Error bars and tolerance-driven runs, and the order of the load step."""
 
 from __future__ import annotations

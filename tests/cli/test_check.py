@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: The asperity developers
-# SPDX-License-Identifier: LGPL-3.0-or-later
-
 """`asperity check`: refuses and warns as a run does, estimates, and solves nothing."""
 
 from __future__ import annotations

@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: The asperity developers
-# SPDX-License-Identifier: LGPL-3.0-or-later
-
 """Contact formulations: Hertz, Westergaard, patch tests, complementarity, tangents, penalty against exact contact."""
 
 from __future__ import annotations

@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: The asperity developers
-# SPDX-License-Identifier: LGPL-3.0-or-later
-
 """Coulomb friction on a rigid flat: Spence's sphere, both limits, a flat that moves."""
 
 from __future__ import annotations

@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: The asperity developers
-# SPDX-License-Identifier: LGPL-3.0-or-later
-
 """Contact by pressure on facets: agreement of the variants, facet history, area and its error, two ranks; an oracle."""
 
 from __future__ import annotations

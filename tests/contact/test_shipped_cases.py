@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: The asperity developers
-# SPDX-License-Identifier: LGPL-3.0-or-later
-
 """The cases of cases/ for each formulation of contact agree as docs/contact.md has it."""
 
 from __future__ import annotations

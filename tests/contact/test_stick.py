@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: The asperity developers
-# SPDX-License-Identifier: LGPL-3.0-or-later
-
 """Stick: closed forms of a sphere, energy, history, unloading, order in the load steps, no effect where none is due."""
 
 from __future__ import annotations

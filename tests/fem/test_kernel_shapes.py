@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: The asperity developers
-# SPDX-License-Identifier: LGPL-3.0-or-later
-
 """The door of the compiled kernels: shapes, ranges and outputs that they refuse, laws, the interpreter's lock."""
 
 from __future__ import annotations

@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: The asperity developers
-# SPDX-License-Identifier: LGPL-3.0-or-later
-
 """Material points: closed forms, rate equations, UFL forms as a twin, and tangents by differences."""
 
 from __future__ import annotations

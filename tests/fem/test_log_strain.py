@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: The asperity developers
-# SPDX-License-Identifier: LGPL-3.0-or-later
-
 """Finite strain: closed forms in Hencky strain, objectivity, twin kernels, tangent, Newton's order, whole solver."""
 
 from __future__ import annotations

@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: The asperity developers
-# SPDX-License-Identifier: LGPL-3.0-or-later
-
 """Elements with the mean volumetric strain of each cell: forms of UFL, differences, a spot as small as an element."""
 
 from __future__ import annotations

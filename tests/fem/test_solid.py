@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: The asperity developers
-# SPDX-License-Identifier: LGPL-3.0-or-later
-
 """The deformable block: patch tests, equilibrium, its matrix, its linear solvers, orders of convergence."""
 
 from __future__ import annotations

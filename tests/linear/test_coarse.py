@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: The asperity developers
-# SPDX-License-Identifier: LGPL-3.0-or-later
-
 """Coarse problem of the p-multigrid: its factors, against dense algebra, and the ways in which ranks share it."""
 
 from __future__ import annotations

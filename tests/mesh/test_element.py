@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: The asperity developers
-# SPDX-License-Identifier: LGPL-3.0-or-later
-
 """The definition of the element against basix: both orders of its nodes, faces, derivatives, weights of its facets."""
 
 from __future__ import annotations

@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: The asperity developers
-# SPDX-License-Identifier: LGPL-3.0-or-later
-
 """Blocks under surfaces that are rougher than their elements: sound elements, exact heights wherever possible."""
 
 from __future__ import annotations

@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: The asperity developers
-# SPDX-License-Identifier: LGPL-3.0-or-later
-
 """The block under the surface: exact top, tags, volumes, sizes, refusals, files, ranks."""
 
 from __future__ import annotations

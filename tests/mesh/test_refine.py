@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: The asperity developers
-# SPDX-License-Identifier: LGPL-3.0-or-later
-
 """Meshes that the ranks refine: shapes, volumes, faces, heights, periodic sides, and the same mesh on any ranks."""
 
 from __future__ import annotations

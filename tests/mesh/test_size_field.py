@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: The asperity developers
-# SPDX-License-Identifier: LGPL-3.0-or-later
-
 """Element sizes around the contact: the compiled field against a twin in Python."""
 
 from __future__ import annotations

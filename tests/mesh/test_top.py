@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: The asperity developers
-# SPDX-License-Identifier: LGPL-3.0-or-later
-
 """Heights of the top facets against the surface, and against a polynomial that the facets hold exactly."""
 
 from __future__ import annotations

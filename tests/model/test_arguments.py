@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: The asperity developers
-# SPDX-License-Identifier: LGPL-3.0-or-later
-
 """Arguments of a script: those of the command, with the same limits, each refused in one sentence."""
 
 from __future__ import annotations

@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: The asperity developers
-# SPDX-License-Identifier: LGPL-3.0-or-later
-
 """Slip for other programs: friction and stick slope of the decks, sliders with memory against Mindlin's loop."""
 
 from __future__ import annotations

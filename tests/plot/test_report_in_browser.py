@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: The asperity developers
-# SPDX-License-Identifier: LGPL-3.0-or-later
-
 """The report in Chromium, on a desk and on a phone: nothing cut off, no errors, figures that can be enlarged."""
 
 from __future__ import annotations

@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: The asperity developers
-# SPDX-License-Identifier: LGPL-3.0-or-later
-
 """The surface that turns on the page, and the touched thirds in the picture in three dimensions."""
 
 from __future__ import annotations

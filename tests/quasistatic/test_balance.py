@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: The asperity developers
-# SPDX-License-Identifier: LGPL-3.0-or-later
-
 """Run-time checks: silent on correct runs, loud on each kind of wrong one."""
 
 from __future__ import annotations

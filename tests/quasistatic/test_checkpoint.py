@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: The asperity developers
-# SPDX-License-Identifier: LGPL-3.0-or-later
-
 """Checkpoints: what continues from one is what never stopped; what cannot be continued from is refused."""
 
 from __future__ import annotations

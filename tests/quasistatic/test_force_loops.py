@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: The asperity developers
-# SPDX-License-Identifier: LGPL-3.0-or-later
-
 """Loops of the force about a preload: a confined column in closed form, energy, shakedown, ranks, the state after."""
 
 from __future__ import annotations

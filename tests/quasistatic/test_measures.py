@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: The asperity developers
-# SPDX-License-Identifier: LGPL-3.0-or-later
-
 """Mean gap, mean pressure and contact spots against closed forms, on any number of ranks; their distributions."""
 
 from __future__ import annotations

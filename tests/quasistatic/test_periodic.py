@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: The asperity developers
-# SPDX-License-Identifier: LGPL-3.0-or-later
-
 """Periodic sides against closed forms, a half-space of the same period, translated surfaces and other ranks."""
 
 from __future__ import annotations

@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: The asperity developers
-# SPDX-License-Identifier: LGPL-3.0-or-later
-
 """A flat that slides on the solid under a constant load: Cattaneo and Mindlin, limits, energy, Masing, ranks, yield."""
 
 from __future__ import annotations

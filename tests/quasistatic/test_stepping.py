@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: The asperity developers
-# SPDX-License-Identifier: LGPL-3.0-or-later
-
 """The load path: roll-back, cutback, must-points, unloading, force control, cycles, predictor, memory."""
 
 from __future__ import annotations

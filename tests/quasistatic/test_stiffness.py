@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: The asperity developers
-# SPDX-License-Identifier: LGPL-3.0-or-later
-
 """Stiffness and conductance: closed forms, slopes of the curve, all formulations, any number of ranks."""
 
 from __future__ import annotations

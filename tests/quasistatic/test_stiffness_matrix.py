@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: The asperity developers
-# SPDX-License-Identifier: LGPL-3.0-or-later
-
 """Stiffness against six motions of the flat: discs in closed form, a shifted spot, ranks, kernels, formulations."""
 
 from __future__ import annotations

@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: The asperity developers
-# SPDX-License-Identifier: LGPL-3.0-or-later
-
 """Reference solutions against independent identities, textbook values and each other."""
 
 from __future__ import annotations

@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: The asperity developers
-# SPDX-License-Identifier: LGPL-3.0-or-later
-
 """The capped half-space against the uncapped solver, the plastic limit, and its own energy."""
 
 from __future__ import annotations

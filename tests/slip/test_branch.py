@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: The asperity developers
-# SPDX-License-Identifier: LGPL-3.0-or-later
-
 """Slip of a curve with its stiffnesses: Mindlin's sphere through few rows, direction, what is left out."""
 
 from __future__ import annotations

@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: The asperity developers
-# SPDX-License-Identifier: LGPL-3.0-or-later
-
 """Slip by the normal curve against a half-space with both components of traction, benchmarks/slip.py."""
 
 from __future__ import annotations

@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: The asperity developers
-# SPDX-License-Identifier: LGPL-3.0-or-later
-
 """Slip by the normal curve: Cattaneo and Mindlin, other profiles, Masing's rules, sliders, vibration."""
 
 from __future__ import annotations

@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: The asperity developers
-# SPDX-License-Identifier: LGPL-3.0-or-later
-
 """Rms values of the spline of a map, waves that repeat, and the shortest cut-off that makes a surface acceptable."""
 
 from __future__ import annotations

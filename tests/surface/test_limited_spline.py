@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: The asperity developers
-# SPDX-License-Identifier: LGPL-3.0-or-later
-
 """Heights between samples at steps, edges of plateaus and in quantised maps."""
 
 from __future__ import annotations

@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: The asperity developers
-# SPDX-License-Identifier: LGPL-3.0-or-later
-
 """Height maps of instruments, their self-affine equivalent, and two rough bodies replaced by one."""
 
 from __future__ import annotations

@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: The asperity developers
-# SPDX-License-Identifier: LGPL-3.0-or-later
-
 """Self-affine surfaces against their definition: sums of waves, the spectrum, nested cut-offs, the summit."""
 
 from __future__ import annotations

@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: The asperity developers
-# SPDX-License-Identifier: LGPL-3.0-or-later
-
 """Surfaces smoothed by a Gaussian whose width differs from point to point."""
 
 from __future__ import annotations

@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: The asperity developers
-# SPDX-License-Identifier: LGPL-3.0-or-later
-
 """Surfaces against published numbers, closed forms and independent quadrature."""
 
 from __future__ import annotations

@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: The asperity developers
-# SPDX-License-Identifier: LGPL-3.0-or-later
-
 """Text files of height maps: matrices, points and grids, as programs of instruments and spreadsheets write them."""
 
 from __future__ import annotations

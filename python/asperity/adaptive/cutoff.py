@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: The asperity developers
-# SPDX-License-Identifier: LGPL-3.0-or-later
-
 """The one cut-off recommended for a case whose short waves no mesh resolves that it may have."""
 
 from __future__ import annotations

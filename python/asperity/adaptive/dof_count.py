@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: The asperity developers
-# SPDX-License-Identifier: LGPL-3.0-or-later
-
 """Degrees of freedom of a mesh from its size field, before there is a mesh."""
 
 from __future__ import annotations

@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: The asperity developers
-# SPDX-License-Identifier: LGPL-3.0-or-later
-
 """Degrees of freedom (dofs), memory and time of a case before it is run.
 
 The size field of the mesh says how many nodes there will be. The rates, seconds and bytes of a dof, were fitted to runs

@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: The asperity developers
-# SPDX-License-Identifier: LGPL-3.0-or-later
-
 """Force, area, gap and stiffness of the limit of two meshes, with the parts of their error bars.
 
 The force on a mesh is extrapolated from a coarser one (`limit_of_meshes`), and so are gap and stiffness. What is left

@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: The asperity developers
-# SPDX-License-Identifier: LGPL-3.0-or-later
-
 """A half-space with all waves of the surface: where meshes need small elements, and what their tops leave out.
 
 The force on a mesh differs from the true one because its top is not the surface, and because its elements are stiff.

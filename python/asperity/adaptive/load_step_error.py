@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: The asperity developers
-# SPDX-License-Identifier: LGPL-3.0-or-later
-
 """Error of the force from the load steps, and the number of parts that the tolerance takes.
 
 Plastic flow and stick make the force depend on the load steps.

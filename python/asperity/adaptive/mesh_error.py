@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: The asperity developers
-# SPDX-License-Identifier: LGPL-3.0-or-later
-
 """Error of the force from the element size: the last level against those before, and the next mesh that follows."""
 
 from __future__ import annotations

@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: The asperity developers
-# SPDX-License-Identifier: LGPL-3.0-or-later
-
 """The curves of a run with a tolerance, one mesh after the other, within limits of size and time."""
 
 from __future__ import annotations

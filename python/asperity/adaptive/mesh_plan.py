@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: The asperity developers
-# SPDX-License-Identifier: LGPL-3.0-or-later
-
 """The next mesh, and the limit of the force estimated from two meshes or from two sizes of load steps.
 
 The meshes of a family differ by one number, their scale: the element sizes over those of `spots.sizes_of_spots`. The

@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: The asperity developers
-# SPDX-License-Identifier: LGPL-3.0-or-later
-
 """What small strain changes in the force: both kinematics pressed on one coarse mesh, and the choice between them.
 
 The difference of two forces on one mesh is known much better than the forces, because both have the same error of the

@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: The asperity developers
-# SPDX-License-Identifier: LGPL-3.0-or-later
-
 """The call for scripts: from a surface and a material to the force-approach curve, on one mesh or to a tolerance."""
 
 from __future__ import annotations

@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: The asperity developers
-# SPDX-License-Identifier: LGPL-3.0-or-later
-
 """Accuracy as an input: meshes and load steps refined until the force has the requested error bar.
 
 A half-space shows which spots of the surface carry the force, and the meshes resolve them (`guide`). The first mesh

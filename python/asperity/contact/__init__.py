@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: The asperity developers
-# SPDX-License-Identifier: LGPL-3.0-or-later
-
 """Contact with a rigid flat: exact (active set, with or without stick), penalty method, Nitsche's method."""
 
 from __future__ import annotations

@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: The asperity developers
-# SPDX-License-Identifier: LGPL-3.0-or-later
-
 """Exact contact at the nodes by a primal-dual active set."""
 
 from __future__ import annotations

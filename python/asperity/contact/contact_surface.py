@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: The asperity developers
-# SPDX-License-Identifier: LGPL-3.0-or-later
-
 """Contact surface of a solid: facets of its rough top, quadrature on them, pressure from nodal forces."""
 
 from __future__ import annotations

@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: The asperity developers
-# SPDX-License-Identifier: LGPL-3.0-or-later
-
 """Exact contact with Coulomb friction on a rigid flat, whose tangential tractions change the pressures."""
 
 from __future__ import annotations

@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: The asperity developers
-# SPDX-License-Identifier: LGPL-3.0-or-later
-
 """Nodes that stick or slip on a flat under given bounds of their tangential forces."""
 
 from __future__ import annotations

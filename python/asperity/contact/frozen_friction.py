@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: The asperity developers
-# SPDX-License-Identifier: LGPL-3.0-or-later
-
 """Coulomb friction of nodes whose normal forces stay: tangential motion of two like bodies under a constant load."""
 
 from __future__ import annotations

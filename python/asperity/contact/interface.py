@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: The asperity developers
-# SPDX-License-Identifier: LGPL-3.0-or-later
-
 """Interface of a contact formulation to the contact solver and the load path."""
 
 from __future__ import annotations

@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: The asperity developers
-# SPDX-License-Identifier: LGPL-3.0-or-later
-
 """Contact by a pressure at quadrature points of the facets: the penalty method and Nitsche's method."""
 
 from __future__ import annotations

@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: The asperity developers
-# SPDX-License-Identifier: LGPL-3.0-or-later
-
 """Contact spots: connected parts of the contact surface that the flat touches."""
 
 from __future__ import annotations

@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: The asperity developers
-# SPDX-License-Identifier: LGPL-3.0-or-later
-
 """Exact contact of nodes that stick: each keeps the tangential position at which the flat first touched it."""
 
 from __future__ import annotations

@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: The asperity developers
-# SPDX-License-Identifier: LGPL-3.0-or-later
-
 """Stored and dissipated energy of a solid, and the dissipation of a step."""
 
 from __future__ import annotations

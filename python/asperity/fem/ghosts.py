@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: The asperity developers
-# SPDX-License-Identifier: LGPL-3.0-or-later
-
 """Ghost updates: exchange of nodal values between ranks, by the names of dolfinx."""
 
 from __future__ import annotations

@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: The asperity developers
-# SPDX-License-Identifier: LGPL-3.0-or-later
-
 """Fields in a numbering that does not depend on the ranks: that of the mesh as built."""
 
 from __future__ import annotations

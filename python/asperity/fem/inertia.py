@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: The asperity developers
-# SPDX-License-Identifier: LGPL-3.0-or-later
-
 """Inertia of the solid by the consistent mass.
 
 Lengths in L, stresses in E, any unit of time T; the density is in E T^2/L^2.

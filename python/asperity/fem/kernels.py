@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: The asperity developers
-# SPDX-License-Identifier: LGPL-3.0-or-later
-
 """Element kernels: one pass over the cells for stress, tangent and history, compiled in solver/."""
 
 from __future__ import annotations

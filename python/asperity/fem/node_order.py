@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: The asperity developers
-# SPDX-License-Identifier: LGPL-3.0-or-later
-
 """Order of the displacement nodes in memory.
 
 A product with the tangent reads for each node those that share a cell with it. It is fast where they are in the cache

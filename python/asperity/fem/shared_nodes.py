@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: The asperity developers
-# SPDX-License-Identifier: LGPL-3.0-or-later
-
 """Sum of nodal values over the ranks that hold a node, with the result on all of them."""
 
 from __future__ import annotations

@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: The asperity developers
-# SPDX-License-Identifier: LGPL-3.0-or-later
-
 """The deformable block: displacement space, internal force, tangent, history.
 
 Inside the solver lengths are in units of the side L and stresses in units of E, so tolerances mean the same for

@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: The asperity developers
-# SPDX-License-Identifier: LGPL-3.0-or-later
-
 """Sparsity pattern of the tangent on one rank, three dofs a node."""
 
 from __future__ import annotations

@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: The asperity developers
-# SPDX-License-Identifier: LGPL-3.0-or-later
-
 """Coarse problem of the p-multigrid: factorised by substructures, by every rank for itself, or by algebraic multigrid.
 
 Substructures serve while the corners that ranks share are few. Beyond, each rank holds the whole coarse matrix and its

@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: The asperity developers
-# SPDX-License-Identifier: LGPL-3.0-or-later
-
 """Least energy of a solid with prescribed displacements, where the matrix stays and the prescribed dofs change."""
 
 from __future__ import annotations

@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: The asperity developers
-# SPDX-License-Identifier: LGPL-3.0-or-later
-
 """Tangent operator of a solid: products without assembling the matrix; each rank has its part."""
 
 from __future__ import annotations

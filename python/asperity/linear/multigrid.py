@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: The asperity developers
-# SPDX-License-Identifier: LGPL-3.0-or-later
-
 """Two-level p-multigrid: displacements are smoothed, and the first-order ones among them solved on the cell corners.
 
 The coarse space is an eighth of the size, so it can be factorised where the second-order problem of the same mesh

@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: The asperity developers
-# SPDX-License-Identifier: LGPL-3.0-or-later
-
 """PETSc: the assembled tangent, the sum of the parts of all ranks, its rigid-body modes; defaults of options."""
 
 from __future__ import annotations

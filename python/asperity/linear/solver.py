@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: The asperity developers
-# SPDX-License-Identifier: LGPL-3.0-or-later
-
 """The linear system of a Newton iteration: some dofs prescribed, then a Krylov method or a factorisation."""
 
 from __future__ import annotations

@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: The asperity developers
-# SPDX-License-Identifier: LGPL-3.0-or-later
-
 """Coarse problem factorised by substructures: each rank eliminates its interior, and the interface is left.
 
 The interface, the corners that several ranks hold, is a small dense system, which every rank factorises. On one rank

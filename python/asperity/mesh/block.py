@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: The asperity developers
-# SPDX-License-Identifier: LGPL-3.0-or-later
-
 """Nodes and tetrahedra of a block: in memory, in a file, and checked against a surface."""
 
 from __future__ import annotations

@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: The asperity developers
-# SPDX-License-Identifier: LGPL-3.0-or-later
-
 """Values at nodes that have copies: on several ranks, or on joined sides of the block."""
 
 from __future__ import annotations

@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: The asperity developers
-# SPDX-License-Identifier: LGPL-3.0-or-later
-
 """Distribute the mesh of the block over the ranks, tag its outer facets, and refuse distorted elements."""
 
 from __future__ import annotations

@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: The asperity developers
-# SPDX-License-Identifier: LGPL-3.0-or-later
-
 """The element of all meshes, the second-order tetrahedron: orders of its nodes, shape functions, facets, quadrature.
 
 All that the program knows of it is here and in solver/element.hpp. Another Lagrange element on tetrahedra has other

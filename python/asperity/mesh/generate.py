@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: The asperity developers
-# SPDX-License-Identifier: LGPL-3.0-or-later
-
 """Tetrahedral mesh of a block whose top is a rough surface.
 
 gmsh meshes the block [0, L]^2 x [0, height] with a flat top; `lift` moves its nodes onto the surface.

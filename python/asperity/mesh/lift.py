@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: The asperity developers
-# SPDX-License-Identifier: LGPL-3.0-or-later
-
 """Move the nodes of a flat block onto a rough surface without turning an element inside out.
 
 Every node moves vertically to the exact height of the surface. Where elements are larger than the roughness, exact

@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: The asperity developers
-# SPDX-License-Identifier: LGPL-3.0-or-later
-
 """Periodic sides: which nodes on opposite sides of a block are one node of the solid."""
 
 from __future__ import annotations

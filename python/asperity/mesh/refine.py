@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: The asperity developers
-# SPDX-License-Identifier: LGPL-3.0-or-later
-
 """Refine a distributed mesh uniformly: each rank splits its tetrahedra into eight, so that none holds the whole mesh.
 
 A tetrahedron is split at the middles of its edges into four at its corners and four in the octahedron between them,

@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: The asperity developers
-# SPDX-License-Identifier: LGPL-3.0-or-later
-
 """Check whether the elements in the contact are small enough for the shortest waves of the surface.
 
 A mesh whose elements are longer than some waves samples these waves at random. The difference of two such meshes does

@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: The asperity developers
-# SPDX-License-Identifier: LGPL-3.0-or-later
-
 """Element sizes of the block: fine where the flat touches the surface, growing with the distance from there."""
 
 from __future__ import annotations

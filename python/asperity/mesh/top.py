@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: The asperity developers
-# SPDX-License-Identifier: LGPL-3.0-or-later
-
 """The curved facets of the top of a mesh, and their heights on a regular grid."""
 
 from __future__ import annotations

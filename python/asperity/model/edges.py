@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: The asperity developers
-# SPDX-License-Identifier: LGPL-3.0-or-later
-
 """First contact on an edge of the patch, where rollers or free sides spoil it."""
 
 from __future__ import annotations

@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: The asperity developers
-# SPDX-License-Identifier: LGPL-3.0-or-later
-
 """Judgements of arguments, and those of their types: another one is refused with the legal form."""
 
 from __future__ import annotations

@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: The asperity developers
-# SPDX-License-Identifier: LGPL-3.0-or-later
-
 """Lengths and loads that a problem may have, and values that are probable in SI."""
 
 from __future__ import annotations

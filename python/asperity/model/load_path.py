@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: The asperity developers
-# SPDX-License-Identifier: LGPL-3.0-or-later
-
 """Load path: loading and unloading legs, and where their planned steps end."""
 
 from __future__ import annotations

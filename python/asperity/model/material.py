@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: The asperity developers
-# SPDX-License-Identifier: LGPL-3.0-or-later
-
 """Isotropic elasticity and J2 plasticity with linear hardening."""
 
 from __future__ import annotations

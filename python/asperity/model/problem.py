@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: The asperity developers
-# SPDX-License-Identifier: LGPL-3.0-or-later
-
 """A contact problem: all that determines the force over the approach, as plain immutable data."""
 
 from __future__ import annotations

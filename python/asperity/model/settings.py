@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: The asperity developers
-# SPDX-License-Identifier: LGPL-3.0-or-later
-
 """Settings of a computation and their defaults: contact formulation, element sizes, solver, accuracy."""
 
 from __future__ import annotations

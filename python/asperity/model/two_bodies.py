@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: The asperity developers
-# SPDX-License-Identifier: LGPL-3.0-or-later
-
 """Two rough elastic bodies as one rough body under a rigid flat: E' and z1 + z2.
 
 Two elastic half-spaces with small slopes and no friction deform at a point under a pressure p there in proportion to

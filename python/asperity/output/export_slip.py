@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: The asperity developers
-# SPDX-License-Identifier: LGPL-3.0-or-later
-
 """Slip of a joint for other programs: an array of sliders per nominal area, as a table or a module with state."""
 
 from __future__ import annotations

@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: The asperity developers
-# SPDX-License-Identifier: LGPL-3.0-or-later
-
 """Figure of the slip of a joint: loops, and damping and stiffness over the amplitude."""
 
 from __future__ import annotations

@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: The asperity developers
-# SPDX-License-Identifier: LGPL-3.0-or-later
-
 """The loaded surface in three dimensions, as data for templates/turn.js."""
 
 from __future__ import annotations

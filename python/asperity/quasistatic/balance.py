@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: The asperity developers
-# SPDX-License-Identifier: LGPL-3.0-or-later
-
 """Checks of every accepted step, valid for any case: balances that no correct result violates.
 
 With exact contact and associative plasticity with linear hardening the energy of a step is bounded on both sides:

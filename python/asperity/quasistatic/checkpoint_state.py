@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: The asperity developers
-# SPDX-License-Identifier: LGPL-3.0-or-later
-
 """State of a contact solver as plain arrays and numbers: for a checkpoint, and restored from one.
 
 Arrays are in the numbering of the mesh as built, each rank with its share, so the number of ranks may differ between

@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: The asperity developers
-# SPDX-License-Identifier: LGPL-3.0-or-later
-
 """Electric or thermal conductance of the contact at a converged state: Laplace's equation on the mesh of the solid."""
 
 from __future__ import annotations

@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: The asperity developers
-# SPDX-License-Identifier: LGPL-3.0-or-later
-
 """The contact solver: a solid under a rigid flat, stepped from one position to the next, committed or rolled back."""
 
 from __future__ import annotations

@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: The asperity developers
-# SPDX-License-Identifier: LGPL-3.0-or-later
-
 """Loops of the force about a preload, each amplitude from the same state: the loss of plastic flow."""
 
 from __future__ import annotations

@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: The asperity developers
-# SPDX-License-Identifier: LGPL-3.0-or-later
-
 """Callbacks of a load path, and what to keep of it."""
 
 from __future__ import annotations

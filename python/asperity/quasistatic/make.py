@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: The asperity developers
-# SPDX-License-Identifier: LGPL-3.0-or-later
-
 """Mesh and contact solver of a problem, without a load path."""
 
 from __future__ import annotations

@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: The asperity developers
-# SPDX-License-Identifier: LGPL-3.0-or-later
-
 """Measurements after a step: row of the curve, fields for figures."""
 
 from __future__ import annotations

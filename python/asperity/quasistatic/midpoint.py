@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: The asperity developers
-# SPDX-License-Identifier: LGPL-3.0-or-later
-
 """Midpoint rule of plasticity: each step extrapolates the history, which makes the integration of second order."""
 
 from __future__ import annotations

@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: The asperity developers
-# SPDX-License-Identifier: LGPL-3.0-or-later
-
 """Newton's method for one position of the flat: PETSc SNES around a solid and a contact formulation."""
 
 from __future__ import annotations

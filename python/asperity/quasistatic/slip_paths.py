@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: The asperity developers
-# SPDX-License-Identifier: LGPL-3.0-or-later
-
 """Paths of a flat that moves sideways on the solid under a constant normal load: micro-slip of two like bodies."""
 
 from __future__ import annotations

@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: The asperity developers
-# SPDX-License-Identifier: LGPL-3.0-or-later
-
 """From a problem to the force-approach curve: mesh, solid, contact, load path in one call."""
 
 from __future__ import annotations

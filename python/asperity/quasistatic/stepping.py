@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: The asperity developers
-# SPDX-License-Identifier: LGPL-3.0-or-later
-
 """The load path: steps of the flat, cutback and growth, unloading, and the record of every accepted step."""
 
 from __future__ import annotations

@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: The asperity developers
-# SPDX-License-Identifier: LGPL-3.0-or-later
-
 """Stiffness of the contact at a converged state, with the touched points held: normal and tangential, in units of E L.
 
 A rigid flat that moves by one relative to the block is the same as a base that moves by one relative to the flat, for

@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: The asperity developers
-# SPDX-License-Identifier: LGPL-3.0-or-later
-
 """Stiffness of the contact against all motions of the flat: three translations and three rotations."""
 
 from __future__ import annotations

@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: The asperity developers
-# SPDX-License-Identifier: LGPL-3.0-or-later
-
 """Reference solutions, each with its source, for the verification of the solver.
 
 Lengths, forces and stresses in any consistent system of units.

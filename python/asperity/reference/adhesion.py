@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: The asperity developers
-# SPDX-License-Identifier: LGPL-3.0-or-later
-
 """Adhesion that a contact without adhesion leaves out: Tabor's parameter, pull-off of a sphere, stickiness.
 
 R is the radius of a sphere [m], w the work of adhesion [J/m^2], E_prime the contact modulus [Pa], z0 the range of the

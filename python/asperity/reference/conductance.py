@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: The asperity developers
-# SPDX-License-Identifier: LGPL-3.0-or-later
-
 """Conductance of a joint of two rough Gaussian faces in vacuum: laws of fully plastic and of elastic summits.
 
 Both give h sigma/(k_s m): h per nominal area, sigma the rms height, m the mean absolute slope of a profile, k_s the

@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: The asperity developers
-# SPDX-License-Identifier: LGPL-3.0-or-later
-
 """Closed forms of elastic contact: Hertz, sinusoids, patch test, area at light load, similarity."""
 
 from __future__ import annotations

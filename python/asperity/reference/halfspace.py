@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: The asperity developers
-# SPDX-License-Identifier: LGPL-3.0-or-later
-
 """Independent solver for elastic rough contact in small-slope theory (boundary elements).
 
 The patch [0, L]^2 with sides u.n = 0 is one quarter of the period of its even mirror image: on the sides both the

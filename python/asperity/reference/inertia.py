@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: The asperity developers
-# SPDX-License-Identifier: LGPL-3.0-or-later
-
 """Inertia of the solid: first frequency of the block, and what a contact that vibrates radiates into a half-space."""
 
 from __future__ import annotations

@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: The asperity developers
-# SPDX-License-Identifier: LGPL-3.0-or-later
-
 """Elastic-plastic references: material point, thick sphere under pressure, flattened sphere.
 
 The material is J2 with linear hardening: Young's modulus E, yield strength Y, tangent modulus E_t, plastic modulus

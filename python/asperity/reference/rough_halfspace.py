@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: The asperity developers
-# SPDX-License-Identifier: LGPL-3.0-or-later
-
 """Force and area of a rough half-space over the approach, from heights on a grid, with a greatest pressure.
 
 It sees every spot of a surface in seconds, where a finite element mesh needs elements smaller than the spots.

@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: The asperity developers
-# SPDX-License-Identifier: LGPL-3.0-or-later
-
 """Computed reference values: rough elastic surfaces (half-space FFT), flattened sphere (finite elements)."""
 
 from __future__ import annotations

@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: The asperity developers
-# SPDX-License-Identifier: LGPL-3.0-or-later
-
 """Micro-slip of a joint: tangential force, loops and damping by the normal curve, and the vibration with them."""
 
 from __future__ import annotations

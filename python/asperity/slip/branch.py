@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: The asperity developers
-# SPDX-License-Identifier: LGPL-3.0-or-later
-
 """Branch of a curve on which a joint slips: its normal law with known slopes, and that of the contact without slip."""
 
 from __future__ import annotations

@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: The asperity developers
-# SPDX-License-Identifier: LGPL-3.0-or-later
-
 """The four-parameter Iwan law of a joint (D. J. Segalman, J. Appl. Mech. 72 (2005) 752), by fit.
 
 The density of sliders over the displacement phi at which they slip is R phi^chi up to phi_max, and a single slider of

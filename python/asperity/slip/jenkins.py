@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: The asperity developers
-# SPDX-License-Identifier: LGPL-3.0-or-later
-
 """Sliders in parallel, each a spring in series with a slider of Coulomb friction: a joint that remembers.
 
 Jenkins elements (G. M. Jenkins, Br. J. Appl. Phys. 13 (1962) 30) in parallel are an Iwan law (W. D. Iwan, J. Appl.

@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: The asperity developers
-# SPDX-License-Identifier: LGPL-3.0-or-later
-
 """Slip of a joint by its curve: paths and loops of each amplitude with their bars, and their files."""
 
 from __future__ import annotations

@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: The asperity developers
-# SPDX-License-Identifier: LGPL-3.0-or-later
-
 """Tangential force of a joint by its normal curve: Jaeger's law.
 
 Two like elastic bodies are pressed together and then pushed sideways with Coulomb friction. Their tangential tractions

@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: The asperity developers
-# SPDX-License-Identifier: LGPL-3.0-or-later
-
 """A way of the flat from rest to an amplitude of the tangential force and around one loop."""
 
 from __future__ import annotations

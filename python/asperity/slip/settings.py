@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: The asperity developers
-# SPDX-License-Identifier: LGPL-3.0-or-later
-
 """Settings of the slip of a joint. Each default is here, and the section [slip] of a case takes it from here."""
 
 from __future__ import annotations

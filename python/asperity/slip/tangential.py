@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: The asperity developers
-# SPDX-License-Identifier: LGPL-3.0-or-later
-
 """Tangential vibration of the joint of a run: frequency and damping over amplitude, response to harmonic forces."""
 
 from __future__ import annotations

@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: The asperity developers
-# SPDX-License-Identifier: LGPL-3.0-or-later
-
 """Tangential vibration of a mass on sliders: the response by the describing function."""
 
 from __future__ import annotations

@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: The asperity developers
-# SPDX-License-Identifier: LGPL-3.0-or-later
-
 """Rough and reference surfaces on the square patch [0, L]^2: heights, derivatives, statistics."""
 
 from __future__ import annotations

@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: The asperity developers
-# SPDX-License-Identifier: LGPL-3.0-or-later
-
 """Base class of all surfaces, and construction of a surface from the [surface] section of a case."""
 
 from __future__ import annotations

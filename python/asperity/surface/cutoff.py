@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: The asperity developers
-# SPDX-License-Identifier: LGPL-3.0-or-later
-
 """The shortest cut-off that makes a surface acceptable and leaves it nearly as high as before.
 
 A cut-off is tried before it is recommended, so the filtered surface needs no second one.

@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: The asperity developers
-# SPDX-License-Identifier: LGPL-3.0-or-later
-
 """The modified two-variable Weierstrass-Mandelbrot surface, as a sum of plane waves."""
 
 from __future__ import annotations

@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: The asperity developers
-# SPDX-License-Identifier: LGPL-3.0-or-later
-
 """The highest point of a sum of plane waves: branch and bound that adds shorter waves as the cells get smaller."""
 
 from __future__ import annotations

@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: The asperity developers
-# SPDX-License-Identifier: LGPL-3.0-or-later
-
 """Files of height maps on regular grids: arrays of NumPy, text, and the formats of instruments."""
 
 from __future__ import annotations

@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: The asperity developers
-# SPDX-License-Identifier: LGPL-3.0-or-later
-
 """A measured or computed height map on a regular grid, interpolated by a spline."""
 
 from __future__ import annotations

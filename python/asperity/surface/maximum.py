@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: The asperity developers
-# SPDX-License-Identifier: LGPL-3.0-or-later
-
 """The global maximum of a surface: branch and bound over cells, refined by Newton iteration."""
 
 from __future__ import annotations

@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: The asperity developers
-# SPDX-License-Identifier: LGPL-3.0-or-later
-
 """Height maps of instruments: reading, filling gaps, levelling, filtering, and cutting the square patch for a contact.
 
 field = HeightField.read("scan.sur").filled().levelled("plane")

@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: The asperity developers
-# SPDX-License-Identifier: LGPL-3.0-or-later
-
 """Sums of plane waves: values on product grids and mean squares over a patch, in bounded memory."""
 
 from __future__ import annotations

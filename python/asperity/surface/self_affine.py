@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: The asperity developers
-# SPDX-License-Identifier: LGPL-3.0-or-later
-
 """Self-affine surfaces with a roll-off: random waves whose power spectrum is a constant followed by a power law."""
 
 from __future__ import annotations

@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: The asperity developers
-# SPDX-License-Identifier: LGPL-3.0-or-later
-
 """The self-affine equivalent of a spectrum: Hurst exponent and roll-off."""
 
 from __future__ import annotations

@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: The asperity developers
-# SPDX-License-Identifier: LGPL-3.0-or-later
-
 """Surfaces with a textbook contact solution: sphere, sinusoid, flat."""
 
 from __future__ import annotations

@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: The asperity developers
-# SPDX-License-Identifier: LGPL-3.0-or-later
-
 """Dust, spikes and streaks in a height map: heights that stand far above their surroundings."""
 
 from __future__ import annotations

@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: The asperity developers
-# SPDX-License-Identifier: LGPL-3.0-or-later
-
 """Cubic spline of a height map that does not ring at steps and at edges of plateaus, and its exact mean squares.
 
 The slopes of a spline are limited at heights where the data are no samples of a smooth surface (Huynh, SIAM J. Numer.

@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: The asperity developers
-# SPDX-License-Identifier: LGPL-3.0-or-later
-
 """Roughness parameters and power spectra of a sampled surface."""
 
 from __future__ import annotations

@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: The asperity developers
-# SPDX-License-Identifier: LGPL-3.0-or-later
-
 """Height maps in text files: matrices, points x, y, z, and grids with a header, with any usual separator."""
 
 from __future__ import annotations

@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: The asperity developers
-# SPDX-License-Identifier: LGPL-3.0-or-later
-
 """What a levelled height map is besides random roughness: a form, or waves that repeat."""
 
 from __future__ import annotations

@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: The asperity developers
-# SPDX-License-Identifier: LGPL-3.0-or-later
-
 """Periodic sums of many plane waves: by FFT on regular grids, and interpolated from a finer grid at any points.
 
 The interpolation is the non-uniform FFT of type 2: the waves are divided by the transform of a kernel of small support,
