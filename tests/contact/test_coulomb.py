@@ -102,3 +102,18 @@ def test_a_loop_closes_and_loses(loop: tuple[SlipPath, float]) -> None:
     u, T = path.u[bottom:], path.T[bottom:]
     assert 0.0 < path.energy and np.all(np.abs(path.T) <= 0.4 * load)
     assert T[-1] == pytest.approx(path.T[top], rel=3e-3) and np.all(np.diff(u) > 0.0)
+
+
+@pytest.mark.mpi
+def test_ranks_find_the_same(wave: Surface) -> None:
+    from mpi4py import MPI
+
+    how = {"sides": "free", "size": MeshSize(h_contact=0.14, growth=0.6, h_max=0.5)}
+    found = []
+    for comm in (MPI.COMM_SELF, MPI.COMM_WORLD):
+        run = solve_contact(
+            wave, Material(1.0, 0.0), delta_max=0.02, steps=2, formulation=Formulation(friction=0.4), comm=comm, **how
+        )
+        path = slip_paths(run.solver, run.solver.force, 0.4, (0.5,), steps=1)[0]
+        found.append([run.solver.force, path.energy, *path.u])
+    np.testing.assert_allclose(found[1], found[0], rtol=2e-3, atol=1e-12)

@@ -38,7 +38,7 @@ class Coulomb(Stick):
     def __init__(self, solid: Solid, surface: ContactSurface, friction: float) -> None:
         self.friction = friction
         self.shift: Floats = np.zeros(2)
-        self._from = self.shift
+        self._from: Floats = self.shift
         self._normal: Floats = np.zeros(len(surface.owned_nodes))
         super().__init__(solid, surface)
         self._weights = surface.bearing_area()[self._nodes]
