@@ -11,6 +11,7 @@ with ``n_loc = z_s F_s'(z_s) / W``; contact is lost at ``u = -1``.
 
 from __future__ import annotations
 
+import math
 from abc import ABC, abstractmethod
 
 import numpy as np
@@ -128,7 +129,10 @@ class Law(ABC):
         load, high = positive("load", load), 1.0
 
         def short(z: float) -> float:
-            return self.at(z)[0] - load
+            try:
+                return self.at(z)[0] - load
+            except OverflowError:  # far beyond a short table the power is large
+                return math.inf
 
         while short(high) < 0.0:
             high *= 2.0
