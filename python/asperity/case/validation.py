@@ -155,6 +155,12 @@ def _check_slip(case: Input, slip: SlipSection) -> None:
             f"= {slip.friction:g}, by the {slip.method}, does not go with contact.friction = {contact.friction}, that "
             'of one body on a rigid flat: give both the same value, with slip.method = "solid"',
         )
+    if rigid and case.material.yield_strength is not None:
+        _refuse(
+            "slip.method",
+            '= "solid" on a rigid flat with friction is for elastic solids: the tangential force of one that yields is '
+            'not verified; leave out material.yield_strength, or take like bodies, contact.friction = "none"',
+        )
     if rigid and case.block.sides == "rollers":
         _refuse("block.sides", '= "rollers" admits no motion of a flat with friction: take "periodic" or "free"')
     if case.block.sides == "rollers" and slip.direction % 90.0 != 0.0:
