@@ -169,7 +169,7 @@ def test_a_force_has_the_estimate_of_its_approach(name: str, h: float) -> None:
 
 def test_command(capsys: pytest.CaptureFixture[str]) -> None:
     with pytest.raises(SystemExit) as left:
-        main(["estimate", str(ROOT / "cases/single.toml"), "--ranks", "2"])
+        main(["check", str(ROOT / "cases/single.toml"), "--ranks", "2"])
     assert not left.value.code
     out = capsys.readouterr().out
     assert "dofs" in out and "memory of 2 ranks" in out

@@ -8,6 +8,7 @@ from math import inf
 from asperity.arrays import Floats
 from asperity.errors import InputError
 from asperity.model.kinds import Judgement, check_kinds, refuse
+from asperity.runtime.display import show
 
 H_CONTACT, H_MAX = 0.04, 0.25  # element sizes of a mesh when none are given [L]
 MOST_REFINEMENTS = 6  # of a mesh: each makes eight elements of one
@@ -72,11 +73,14 @@ def wrong_friction(method: str, friction: str | float) -> Judgement:
     """Reason why a friction is refused with a method of the contact."""
     known = friction in ("none", "stick") if isinstance(friction, str) else 0.0 < friction <= LARGEST_FRICTION
     if not known:
-        return "contact.friction", f"= {friction!r} is not none, stick or a coefficient in (0, {LARGEST_FRICTION:g}]"
+        return (
+            "contact.friction",
+            f"= {show(friction)} is not none, stick or a coefficient in (0, {LARGEST_FRICTION:g}]",
+        )
     if friction == "none" or method == "active-set":
         return None
     return "contact.friction", (
-        f'= {friction!r} holds nodes, which contact.method = "{method}" does not: take '
+        f'= {show(friction)} holds nodes, which contact.method = "{method}" does not: take '
         'contact.method = "active-set", or contact.friction = "none"'
     )
 

@@ -119,7 +119,7 @@ class HeightMap(Surface):
         """
         if Path(self.path).suffix.lower() != ".npz":
             return None
-        with np.load(self.path) as file:  # reads this array only
+        with np.load(self.path, allow_pickle=False) as file:  # reads this array only
             found = file["left_out"] if "left_out" in file else None
         return None if found is None else (float(found[0]), float(found[1]), float(found[2]))
 
