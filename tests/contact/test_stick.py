@@ -198,4 +198,4 @@ def test_what_stick_does_not_go_with(coarse: BlockMesh | None, rough: Surface) -
     with pytest.raises(InputError, match=r"contact\.friction"):
         Case.from_dict(data | {"contact": {"friction": "stick", "method": "penalty"}})
     with pytest.raises(InputError, match=r"contact\.friction"):
-        Case.from_dict(data | {"contact": {"friction": 0.3}})
+        Case.from_dict(data | {"contact": {"friction": -0.3}})
