@@ -72,7 +72,7 @@ def test_a_sphere_sticks_inside_the_radius_of_spence(cap: Surface, friction: flo
 
 
 def test_between_both_limits(wave: Surface, block: BlockMesh) -> None:
-    forces = [pressed(wave, block, friction).force for friction in ("none", 1e-4, 0.4, 10.0, "stick")]
+    forces = [pressed(wave, block, friction).force for friction in ("none", 1e-4, 0.4, 2.0, "stick")]
     assert forces[1] == pytest.approx(forces[0], rel=1e-4)
     assert forces[0] < 0.97 * forces[2] and forces[2] < forces[3]
     assert forces[3] == pytest.approx(forces[4], rel=3e-3)
@@ -117,3 +117,12 @@ def test_ranks_find_the_same(wave: Surface) -> None:
         path = slip_paths(run.solver, run.solver.force, 0.4, (0.5,), steps=1)[0]
         found.append([run.solver.force, path.energy, *path.u])
     np.testing.assert_allclose(found[1], found[0], rtol=2e-3, atol=1e-12)
+
+
+def test_friction_that_does_not_settle_fails_the_step(
+    wave: Surface, block: BlockMesh, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    solver = pressed(wave, block, 0.4, steps=1)
+    monkeypatch.setattr(solver.contact, "settle", lambda: True)
+    stats = solver.step(0.021)
+    assert not stats.converged and stats.reason == "friction does not settle"

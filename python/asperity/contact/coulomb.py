@@ -12,7 +12,6 @@ from asperity.contact.stick import Stick
 from asperity.fem.solid import Solid
 
 SETTLED = 3e-4  # change of the bounds over their sum
-MOST_PASSES = 30  # of the bounds in a step
 
 
 class Coulomb(Stick):
@@ -48,7 +47,6 @@ class Coulomb(Stick):
         ActiveSet.begin(self, z)
         self._at: Floats = self.held
         self._bounds = self.friction * self._normal
-        self._passes = 0
 
     def expect(self, z: float, start: Floats, end: Floats, ratio: float) -> None:
         """Find where nodes would be touched, see `Stick.expect`, and assume that those in contact stick at first."""
@@ -83,8 +81,7 @@ class Coulomb(Stick):
         """Renew the bounds by the normal forces."""
         new = self.friction * self._normal
         change, whole = self._solid.comm.allreduce(np.array([np.abs(new - self._bounds).sum(), new.sum()]))
-        self._passes += 1
-        if change <= SETTLED * whole or self._passes > MOST_PASSES:
+        if change <= SETTLED * whole:
             return False
         self._bounds = new
         return True
