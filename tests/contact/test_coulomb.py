@@ -108,11 +108,18 @@ def test_a_loop_closes_and_loses(loop: tuple[SlipPath, float]) -> None:
 def test_ranks_find_the_same(wave: Surface) -> None:
     from mpi4py import MPI
 
-    how = {"sides": "free", "size": MeshSize(h_contact=0.14, growth=0.6, h_max=0.5)}
+    size, formulation = MeshSize(h_contact=0.14, growth=0.6, h_max=0.5), Formulation(friction=0.4)
     found = []
     for comm in (MPI.COMM_SELF, MPI.COMM_WORLD):
         run = solve_contact(
-            wave, Material(1.0, 0.0), delta_max=0.02, steps=2, formulation=Formulation(friction=0.4), comm=comm, **how
+            wave,
+            Material(1.0, 0.0),
+            delta_max=0.02,
+            steps=2,
+            size=size,
+            sides="free",
+            formulation=formulation,
+            comm=comm,
         )
         path = slip_paths(run.solver, run.solver.force, 0.4, (0.5,), steps=1)[0]
         found.append([run.solver.force, path.energy, *path.u])
