@@ -40,6 +40,7 @@ if TYPE_CHECKING:
 SHARE = 1.0 / 3.0  # of the tolerance that small strain may change
 ONE_MESH = 0.01  # change of the force accepted without a tolerance
 ATTEMPTS, MOST_DOFS = 4, 30_000  # coarse meshes tried where one shows nothing, and their greatest size
+DIGITS = 4  # of the per cent, so that ranks, which sum in another order, do not change the choice
 
 
 @dataclass(frozen=True, eq=False)
@@ -79,7 +80,7 @@ class SmallStrain:
         """Estimate of the greatest difference, over the share of the slopes seen [per cent]; None where unknown."""
         if not len(self.percent):
             return None
-        return float(np.abs(self.percent).max()) / self.slope_seen
+        return round(float(np.abs(self.percent).max()) / self.slope_seen, DIGITS)
 
     @property
     def enough(self) -> bool:
@@ -254,7 +255,7 @@ def differences(small: Curve, finite: Curve, steps: int) -> tuple[tuple[str, ...
         branches.append(here.branch[1:])
         deltas.append(here.delta[1:])
         percents.append(np.asarray(100.0 * (here.force - force)[1:] / greatest, dtype=float))
-    percent = np.concatenate(percents)
+    percent = np.asarray(np.round(np.concatenate(percents), DIGITS), dtype=float)
     return tuple(map(str, np.concatenate(branches))), np.concatenate(deltas), percent
 
 
