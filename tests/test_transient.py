@@ -24,12 +24,18 @@ from asperity.quasistatic.make import make_contact_solver
 from asperity.quasistatic.stepping import Record, follow
 from asperity.runtime.parallel import on_root
 from asperity.surface import Flat, Sinusoid, Surface
-from asperity.transient import Motion, Scheme, Transient
-from asperity.verification.motion import crossings
+from asperity.transient import Motion, Scheme, TimeSeries, Transient
 
 Array = npt.NDArray[np.float64]
 
 NU = 0.3
+
+
+def crossings(history: TimeSeries) -> Array:
+    """Times at which a plate passes first touch, down and up."""
+    x, time = history.approach, history.time
+    i = np.flatnonzero(x[:-1] * x[1:] < 0.0)
+    return time[i] - x[i] * (time[i + 1] - time[i]) / (x[i + 1] - x[i])
 
 
 def press_on(surface: Surface, size: float, material: Material | None = None) -> ContactSolver:

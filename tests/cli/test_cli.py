@@ -130,13 +130,13 @@ def test_force_removes_what_a_run_wrote_and_leaves_what_others_put_there(
     assert left == {*theirs, out / "case.toml", out / "run.log"}
 
 
-@pytest.mark.parametrize("command", ["run", "surface", "import-map", "study", "dynamics", "verify"])
+@pytest.mark.parametrize("command", ["run", "surface", "import-map", "study", "dynamics"])
 def test_an_empty_name_is_refused(
     cli: Cli, calls: list[Any], tmp_path: Path, monkeypatch: pytest.MonkeyPatch, command: str
 ) -> None:
     monkeypatch.chdir(tmp_path)
     for name in ("", " "):
-        code, _, err = cli(command, *([] if command in ("dynamics", "verify") else [DEMO]), "-o", name)
+        code, _, err = cli(command, *([] if command == "dynamics" else [DEMO]), "-o", name)
         assert code == 2 and "the name is empty" in err and len(err.splitlines()) == 1 and not calls
 
 

@@ -22,7 +22,6 @@ from asperity.study import Study
 from asperity.study.results import write_tables
 from asperity.surface import Surface
 from asperity.surface.measured import HeightField
-from asperity.verification.table import Row, write_table
 
 
 class Killed(BaseException):
@@ -53,10 +52,6 @@ def sum_of_two(folder: Path) -> None:
     SumSurface.of(plane, plane).save(folder / "sum.npz", 5)
 
 
-def validation(folder: Path) -> None:
-    write_table([Row("case", "force", "Hertz", 1.0, 1.01, 0.02)], folder / "table.csv")
-
-
 def picture(folder: Path) -> None:
     figure = Figure(figsize=(1, 1))
     for name in ("a.png", "a.svg"):
@@ -76,7 +71,6 @@ WRITERS: dict[Callable[[Path], None], set[str]] = {
     study: {"study.json", "results.csv"},
     patch: {"patch.npz"},
     sum_of_two: {"sum.npz"},
-    validation: {"table.csv"},
     picture: {"a.png", "a.svg"},
     map_of_an_instrument: {"measured.json"},
 }

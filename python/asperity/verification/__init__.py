@@ -26,48 +26,37 @@ _CASES = {
     "slip": "slip.slip",
     "westergaard": "waves.westergaard",
     "double-sinusoid": "waves.double_sinusoid",
-    "thick-sphere": "shell.pressurised_sphere",
     "flattened-sphere": "flattening.flattened_sphere",
-    "rough": "rough.rough",
-    "impact": "motion.impact",
-    "rates": "rates.rates",
 }
 NAMES = tuple(_CASES)
 
 
-def verify(
-    names: Iterable[str] = (), level: str = "quick", on_case: Callable[[str, list[Row]], None] | None = None
-) -> list[Row]:
+def verify(names: Iterable[str] = (), on_case: Callable[[str, list[Row]], None] | None = None) -> list[Row]:
     """Compute cases and compare them with their references; returns the rows of all.
 
     Args:
         names: of NAMES; all when empty
-        level: "quick" (under two minutes) or "full" (finer meshes, all loads, materials and formulations)
         on_case: called after each case with its name and rows
 
     Raises:
-        InputError: unknown name or level
+        InputError: unknown name
 
     Examples:
         >>> rows = verify(["material"])
         >>> all(row.passed for row in rows)
         True
     """
-    from asperity.verification.table import LEVELS
-
     names = tuple(names) or NAMES
     for name in names:
         if name not in _CASES:
             near = get_close_matches(name, NAMES, 1)
             hint = f"; did you mean {near[0]}?" if near else ""
             raise InputError(f'verification case "{name}" is not one of {", ".join(NAMES)}{hint}')
-    if level not in LEVELS:
-        raise InputError(f'verification level "{level}" is not one of {", ".join(LEVELS)}')
     out: list[Row] = []
     for name in names:
         module, function = _CASES[name].split(".")
-        case: Callable[..., Iterator[Row]] = getattr(import_module(f"{__name__}.{module}"), function)
-        rows = list(case(LEVELS[level]))
+        case: Callable[[], Iterator[Row]] = getattr(import_module(f"{__name__}.{module}"), function)
+        rows = list(case())
         out += rows
         if on_case is not None:
             on_case(name, rows)

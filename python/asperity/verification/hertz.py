@@ -17,7 +17,6 @@ from asperity.surface import Sphere
 from asperity.verification.table import (
     LOCAL,
     Row,
-    VerificationLevel,
     counting_error,
     on_meshes,
     rows_along,
@@ -57,15 +56,15 @@ def layer_force(delta: npt.ArrayLike, n: int) -> tuple[Floats, Floats]:
     return fine, np.abs(fine - coarse) / fine
 
 
-def hertz(level: VerificationLevel) -> Iterator[Row]:
+def hertz() -> Iterator[Row]:
     """Force, contact radius and pressure; Johnson, Contact Mechanics (1985), 4.2; first yield, 4.1.
 
     Force and approach are those of the whole block. The block hardly affects radius and pressure under a given force:
     its sides change the curvature of the surface by a relative (a/L)^3, and its stress by (a/L)^2 of the pressure.
     """
     expected, grid = layer_force([CONTACT**2 / RADIUS * (k + 1) / STEPS for k in range(STEPS)], 1024)
-    for method in METHODS if level.full else METHODS[:1]:
-        results = on_meshes(level, partial(press_sphere, formulation=Formulation(method)))
+    for method in METHODS:
+        results = on_meshes(partial(press_sphere, formulation=Formulation(method)))
         depths = results[-1].curve.delta
         names = [f"a = {HERTZ.radius(d):.3f} L, {method}" for d in depths]
         yield from rows_along(

@@ -16,14 +16,14 @@ from asperity.quasistatic.make import make_block, make_contact_solver
 from asperity.quasistatic.solve_problem import solve_problem
 from asperity.quasistatic.stepping import Record, follow
 from asperity.surface import Flat
-from asperity.verification.solids import planes_of_symmetry
-from asperity.verification.table import Row, VerificationLevel, solve_on_one_rank
+from asperity.verification.flattening import planes_of_symmetry
+from asperity.verification.table import Row, solve_on_one_rank
 
 SIZE = MeshSize(0.5, h_max=0.5)
 ROUND_OFF = 10.0 * SolverOptions().rtol  # forces balance to rtol; a derived quantity may be less accurate
 
 
-def patch(level: VerificationLevel) -> Iterator[Row]:
+def patch() -> Iterator[Row]:
     """A flat block in full contact: stiffness and uniform pressure; Johnson, Contact Mechanics (1985), 1.3."""
     nu, delta = 0.3, 0.01
     material = Material(1.0, nu)
@@ -56,7 +56,7 @@ def patch(level: VerificationLevel) -> Iterator[Row]:
     )  # fmt: skip
 
 
-def material_point(level: VerificationLevel) -> Iterator[Row]:
+def material_point() -> Iterator[Row]:
     """Bilinear hardening along uniform stress histories of a flat block, loaded and unloaded twice."""
     from mpi4py import MPI
 

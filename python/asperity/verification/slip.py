@@ -9,7 +9,7 @@ import numpy as np
 from asperity.quasistatic.contact_solver import ContactSolver
 from asperity.quasistatic.slip_paths import Sliding
 from asperity.verification.stiffness import MATERIAL, RADIUS, WALLS, press_spot
-from asperity.verification.table import LOCAL, Row, VerificationLevel, counting_error, on_meshes, rows_along
+from asperity.verification.table import LOCAL, Row, counting_error, on_meshes, rows_along
 
 MU = 0.4
 AMPLITUDES = (0.4, 0.8)  # of the tangential force over mu P
@@ -18,14 +18,14 @@ SOURCE = "Mindlin"
 ROUNDING = 1e-5  # of the residual of a step over the normal force, 1e-6
 
 
-def slip(level: VerificationLevel) -> Iterator[Row]:
+def slip() -> Iterator[Row]:
     """Stiffness at rest, slip and energy of a loop, limit; Johnson, Contact Mechanics (1985), 7.43, 7.44 and 7.57.
 
     The displacement of slip is that beyond the stiffness at rest, which has the compliance of base and sides. The edge
     between stick and slip is as uncertain as that of the contact, and the ring that slips is a part of its area.
     """
     names = [f"{name} at {t:g} mu P" for name in ("slip", "energy of a loop") for t in AMPLITUDES]
-    results = on_meshes(level, press_spot)
+    results = on_meshes(press_spot)
     values = np.array([_ratios(result.solver) for result in results])
     yield from rows_along(
         "slip", ["k_t at rest over 8 G a/(2 - nu)"], SOURCE, list(values[:, 0]), [1.0], WALLS, order=LOCAL
@@ -53,6 +53,5 @@ def _ratios(solver: ContactSolver) -> list[float]:
         slips.append((path.displacement - 4.0 * path.force / rest) / (c * (1.0 - (1.0 - t) ** (2 / 3) - 2.0 * t / 3.0)))
         shape = 1.0 - (1.0 - t) ** (5 / 3) - 5.0 * t / 6.0 * (1.0 + (1.0 - t) ** (2 / 3))
         energies.append(4.0 * path.energy / (4.8 * limit * c * shape))
-    sliding.reset()
     _, greatest = sliding.solve(FAR * (c + limit / rest))
     return [rest * (2.0 - nu) / (8.0 * G * a), *slips, *energies, 4.0 * greatest / limit]

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any, TypeVar
 
 import numpy as np
@@ -15,7 +14,6 @@ from asperity.adaptive.solve_contact import solve_contact
 from asperity.arrays import Floats
 from asperity.model.settings import MeshSize
 from asperity.quasistatic.contact_result import ContactResult
-from asperity.runtime.files import write_csv
 from asperity.surface import Surface
 
 T = TypeVar("T")
@@ -24,30 +22,8 @@ RATIO = 2.0**0.5  # of the element sizes of successive meshes
 FORCE = 3.0  # greatest order of a force in the element size: the edge of contact limits that of the strains to 3/2
 KINK = 2.0  # the same with plasticity, because the strain has a kink at the edge of the plastic zone
 LOCAL = 1.0  # of areas, and of stresses and pressures at the edge of contact, where their slope is infinite
+REFINEMENTS = (1.0 / RATIO, 1.0, RATIO)  # factors that divide the element sizes of a case, for its three meshes
 SAFETY = 1.25  # safety factor of an extrapolated error with an observed order: Roache (1994)
-
-
-@dataclass(frozen=True)
-class VerificationLevel:
-    """Extent of a verification.
-
-    Attributes:
-        name: "quick" or "full"
-        finest: factor that divides the element sizes of a case for the finest of the three meshes
-        full: whether the cases compute all their loads and variants
-    """
-
-    name: str
-    finest: float
-    full: bool
-
-    @property
-    def refinements(self) -> tuple[float, float, float]:
-        """Factors of the three meshes, the finest last."""
-        return self.finest / RATIO**2, self.finest / RATIO, self.finest
-
-
-LEVELS = {"quick": VerificationLevel("quick", RATIO, False), "full": VerificationLevel("full", 2.0, True)}
 
 
 @dataclass(frozen=True)
@@ -62,7 +38,6 @@ class Row:
         mesh: error of the discretisation, relative to `scale`
         theory: error of the reference for this problem (its accuracy, finite slope), relative to `scale`
         scale: unit of the errors; None for the reference, or 1 if the reference is zero
-        at_least: whether only values below the reference are errors
     """
 
     case: str
@@ -73,14 +48,12 @@ class Row:
     mesh: float
     theory: float = 0.0
     scale: float | None = None
-    at_least: bool = False
 
     @property
     def error(self) -> float:
         """Distance of the value from the reference, relative to the scale."""
         scale = abs(self.reference) or 1.0 if self.scale is None else self.scale
-        difference = self.reference - self.value
-        return (max(difference, 0.0) if self.at_least else abs(difference)) / scale
+        return abs(self.reference - self.value) / scale
 
     @property
     def bar(self) -> float:
@@ -91,14 +64,6 @@ class Row:
     def passed(self) -> bool:
         """Whether the error is within the bar."""
         return self.error <= self.bar
-
-
-COLUMNS = ("case", "quantity", "source", "reference", "value", "error", "bar", "mesh", "theory", "passed")
-
-
-def write_table(rows: Iterable[Row], path: Path) -> None:
-    """Write a table of all columns with full precision."""
-    write_csv(path, COLUMNS, ({name: getattr(row, name) for name in COLUMNS} for row in rows))
 
 
 def sizes(h: float, refinement: float, L: float = 1.0) -> MeshSize:
@@ -116,9 +81,9 @@ def solve_on_one_rank(surface: Surface, *args: Any, **settings: Any) -> ContactR
     return solve_contact(surface, *args, comm=MPI.COMM_SELF, **settings)
 
 
-def on_meshes(level: VerificationLevel, solve: Callable[[float], T]) -> list[T]:
-    """Results of `solve` for the three refinements of a level."""
-    return [solve(refinement) for refinement in level.refinements]
+def on_meshes(solve: Callable[[float], T]) -> list[T]:
+    """Results of `solve` for the three refinements."""
+    return [solve(refinement) for refinement in REFINEMENTS]
 
 
 def counting_error(result: ContactResult) -> float:
@@ -162,18 +127,17 @@ def rows_along(
     values: Sequence[npt.ArrayLike],
     references: npt.ArrayLike,
     theory: npt.ArrayLike = 0.0,
-    scale: float | None = None,
     order: float = FORCE,
     counted: npt.ArrayLike = 0.0,
 ) -> list[Row]:
     """Rows of a quantity at several loads (n,), computed on three meshes.
 
     Args:
-        case, source, scale: as in `Row`
+        case, source: as in `Row`
         quantities: a name for each load
         values: three arrays (n,), the finest mesh last
         references: (n,); zero for the norm of an error
-        theory: error of the references, relative to them or to the scale, (n,) or scalar
+        theory: error of the references, relative to them, (n,) or scalar
         order: greatest order in the element size: FORCE, KINK or LOCAL
         counted: counting error of the finest values, see `counting_error`, (n,) or scalar; a lower limit of the bar,
             because areas on unrelated meshes may agree by chance
@@ -185,6 +149,6 @@ def rows_along(
     theory = np.broadcast_to(np.asarray(theory, dtype=float), references.shape)
     out = []
     for name, reference, value, bar, other in zip(quantities, references, finest, bars, theory, strict=True):
-        unit = abs(reference) or 1.0 if scale is None else scale
-        out.append(Row(case, name, source, float(reference), float(value), float(bar / unit), float(other), scale))
+        mesh = float(bar / (abs(reference) or 1.0))
+        out.append(Row(case, name, source, float(reference), float(value), mesh, float(other)))
     return out
