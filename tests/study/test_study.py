@@ -5,8 +5,10 @@ from __future__ import annotations
 import csv
 import json
 import os
+import signal
 import subprocess
 import sys
+import time
 import warnings
 from pathlib import Path
 from typing import Any
@@ -21,8 +23,8 @@ from asperity.errors import AsperityWarning, InputError, OutputError
 from asperity.run_case import run
 from asperity.runtime.files import is_aside
 from asperity.study import Study, StudyResults, run_study, summarise_case
-from asperity.study.results import case_folder
-from asperity.study.shared_mesh import mesh_key, meshes_first, shared_mesh, side_by_side
+from asperity.study.results import DONE, case_folder
+from asperity.study.shared_mesh import mesh_key, meshes_first, shared_mesh
 from asperity.surface import SurfaceWarning
 
 ROOT = Path(__file__).parents[2]
@@ -109,7 +111,7 @@ def test_the_key_of_a_case_is_its_hash() -> None:
     [
         ({}, "nothing varies"),
         ({"grit": {}}, 'did you mean "grid"'),
-        ({"grid": {"surface.amplitud": [0.1]}}, 'did you mean "surface.amplitude"'),
+        ({"grid": {"surface.amplitud": [0.1]}}, 'did you mean "amplitude"'),
         ({"grid": {"surface.amplitude": 0.1}}, "is not an axis"),
         ({"grid": {"surface.amplitude": []}}, "empty list"),
         ({"grid": {"surface.amplitude": [0.1, 0.1]}}, "twice"),
@@ -149,8 +151,6 @@ def test_the_studies_of_the_paper_are_legal(name: str, fewest: int) -> None:
 def test_materials_share_a_mesh_and_groups_make_the_meshes_side_by_side() -> None:
     made = study(grid={"block.height": [1.0, 2.0], "material.tangent_modulus": [0.01, 0.02, 0.03, 0.04]})
     assert len({mesh_key(e.case) for e in made.entries}) == 2
-    turned = (made.entries[0], made.entries[4], *made.entries[1:4], *made.entries[5:])
-    assert side_by_side(turned) == [0, 2, 3, 4, 1, 5, 6, 7]
     assert meshes_first(made.entries, range(8)) == [0, 4, 1, 2, 3, 5, 6, 7]
     assert meshes_first(made.entries, [3, 2, 5]) == [3, 5, 2]
     free = Case.from_dict(BASE | {"loading": {"force_max": 1e-3}})
@@ -324,7 +324,7 @@ def test_two_ranks_continue_a_study_of_one_rank(tmp_path: Path, ranks_per_case: 
     path, out = tmp_path / "s.toml", tmp_path / "out"
     base = BASE | {"block": {"sides": "free"}, "loading": {"delta_max": 0.01, "steps": 1}}
     path.write_text(tomli_w.dumps({"base": base, "grid": {"material.tangent_modulus": [0.01, 0.05, 0.1]}}))
-    assert run_study(Study.load(path), out, only=(1, 3)).done == 1
+    assert run_study(study(base=base, grid={"material.tangent_modulus": [0.05]}), out).done == 1
     printed = on_two_ranks(path, out, "--ranks-per-case", str(ranks_per_case))
     assert "3 of 3 cases done, 0 failed, 2 run now" in printed
     with (out / "results.csv").open() as file:
@@ -359,3 +359,58 @@ def test_the_results_of_an_exact_power_law() -> None:
     # between rollers the block yields at sigma_y (1 - nu)/(1 - 2 nu)
     assert row["block_load"] == pytest.approx(2.0 * 0.03**2.2 / 0.91 / (0.01 * 0.7 / 0.4))
     assert row["dofs"] == 7
+
+
+def job(path: Path, out: Path, *options: str) -> subprocess.Popen[str]:
+    """`asperity study` in a process of its own, not as a rank of the job that runs the tests."""
+    environ = {k: v for k, v in os.environ.items() if not k.startswith(("OMPI_", "PMIX_", "PRTE_"))}
+    command = [sys.executable, "-m", "asperity", "study", str(path), "-o", str(out), *options]
+    return subprocess.Popen(command, env=environ, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+
+
+SMALL = BASE | {"output": {"figures": False, "report": False}}
+ONE = {"block.height": [1.0]}
+MANY_STEPS = {"mesh": {"h_contact": 0.2, "h_max": 0.5}, "loading": {"delta_max": 0.02, "steps": 12}}
+
+
+@pytest.fixture(scope="module")
+def straight(tmp_path_factory: pytest.TempPathFactory) -> Curve:
+    """Curve of the case of MANY_STEPS, never stopped."""
+    made, out = study(base=SMALL | MANY_STEPS, grid=ONE), tmp_path_factory.mktemp("straight")
+    assert run_study(made, out).done == 1
+    return Curve.read(case_folder(out, made.entries[0].key) / "curve.csv")
+
+
+@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGKILL])
+def test_a_stopped_case_continues_and_is_no_failure(number: signal.Signals, tmp_path: Path, straight: Curve) -> None:
+    """As a scheduler ends a job that is out of time."""
+    made, out, path = study(base=SMALL | MANY_STEPS, grid=ONE), tmp_path / "out", tmp_path / "s.toml"
+    path.write_text(tomli_w.dumps({"base": SMALL | MANY_STEPS, "grid": ONE}))
+    place = case_folder(out, made.entries[0].key)
+    process = job(path, out)
+    end = time.monotonic() + 120
+    while not ((place / "checkpoint/state.npz").exists() and (place / "curve.csv").exists()):
+        assert time.monotonic() < end and process.poll() is None, process.communicate()
+        time.sleep(0.02)
+    process.send_signal(number)
+    _, errors = process.communicate(timeout=120)
+    assert process.returncode == (3 if number == signal.SIGTERM else -number), errors
+    assert not (place / DONE).exists()
+    assert 0 < len(Curve.read(place / "curve.csv")) < len(straight)
+    saved = place / "checkpoint/mesh.npz"
+    begun = saved.stat().st_mtime_ns
+    counts = run_study(made, out)
+    assert (counts.done, counts.failed, counts.run) == (1, 0, 1)
+    assert saved.stat().st_mtime_ns == begun  # a new start writes its mesh
+    np.testing.assert_array_equal(Curve.read(place / "curve.csv").force, straight.force)
+
+
+def test_a_saved_state_that_is_damaged_is_not_continued(tmp_path: Path) -> None:
+    made = study(grid=ONE)
+    assert run_study(made, tmp_path).done == 1
+    place = case_folder(tmp_path, made.entries[0].key)
+    (place / DONE).unlink()
+    (place / "summary.json").unlink()
+    state = place / "checkpoint/state.npz"
+    state.write_bytes(state.read_bytes()[:-100])
+    assert run_study(made, tmp_path).done == 1

@@ -7,7 +7,7 @@ results = StudyResults.read("out/study")
 
 from asperity.study.definition import Entry, Family, Study
 from asperity.study.results import StudyLevel, StudyResults, summarise_case
-from asperity.study.run import collect_study, run_study
+from asperity.study.run import run_study
 
 __all__ = [
     "Entry",
@@ -15,7 +15,6 @@ __all__ = [
     "Study",
     "StudyLevel",
     "StudyResults",
-    "collect_study",
     "run_study",
     "summarise_case",
 ]

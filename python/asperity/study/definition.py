@@ -34,8 +34,6 @@ from typing import Any
 import numpy as np
 
 from asperity.case.case_file import Case, _override, _read_toml
-from asperity.case.keys import sections
-from asperity.case.schema import Input
 from asperity.errors import InputError
 from asperity.runtime.display import short_repr, show
 from asperity.surface import SurfaceWarning
@@ -233,18 +231,9 @@ def _flat(table: Any, where: str) -> Point:
         nested = "." not in name and isinstance(value, Mapping)
         flat |= {f"{name}.{key}": v for key, v in value.items()} if nested else {name: value}
     for key in flat:
-        _check_key(key, where)
+        if key.count(".") != 1:
+            raise InputError(f'{where}: {show(key)} is not a key of a case; write section.key, for example "surface.D"')
     return flat
-
-
-def _check_key(key: str, where: str) -> None:
-    section, _, name = key.partition(".")
-    legal = {f"{s}.{k}": None for s in Input.model_fields for model in sections(s) for k in model.model_fields}
-    if key in legal and section and name:
-        return
-    near = difflib.get_close_matches(key, legal, n=1)
-    hint = f"; did you mean {show(near[0])}?" if near else '; write section.key, for example "surface.D"'
-    raise InputError(f"{where}: {show(key)} is not a key of a case{hint}")
 
 
 def _values(value: Any, where: str) -> list[Any]:

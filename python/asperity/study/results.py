@@ -125,8 +125,8 @@ def _vibration(curve: Curve, fit: PowerLawFit, force: float, side: float) -> dic
     return row
 
 
-def tabulate(study: Study, folder: Path) -> list[dict[str, Any]]:
-    """Rows of the finished and failed cases in the folder of a study, in the order of the study."""
+def write_tables(study: Study, folder: Path) -> None:
+    """Write results.csv, a row for each case that has ended, in the order of the study, and study.json."""
     rows = []
     for entry in study.entries:
         done = case_state(folder, entry.key)
@@ -140,20 +140,7 @@ def tabulate(study: Study, folder: Path) -> list[dict[str, Any]]:
             summary = json.loads(summary_file.read_text()) if summary_file.is_file() else {}
             row = summarise_case(entry.case, Curve.read(place / CURVE), summary) | row
         rows.append(row)
-    return rows
-
-
-def write_tables(study: Study, folder: Path) -> list[dict[str, Any]]:
-    """Write results.csv and study.json; return the rows."""
-    rows = tabulate(study, folder)
-    names = ("case", "families", *study.keys, *RESULT_COLUMNS)
-    write_csv(folder / TABLE, names, rows)
-    write_about(study, folder)
-    return rows
-
-
-def write_about(study: Study, folder: Path) -> None:
-    """Write study.json: what the study is, without results."""
+    write_csv(folder / TABLE, ("case", "families", *study.keys, *RESULT_COLUMNS), rows)
     families = [{"name": f.name, "title": f.title, "keys": f.keys} for f in study.families]
     about = {"title": study.title, "families": families, "cases": len(study.entries), "keys": study.keys}
     replace_file(folder / ABOUT, f"{json.dumps(about, indent=2)}\n".encode())

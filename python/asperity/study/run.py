@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import fcntl
 import gc
 import json
 import traceback
@@ -12,22 +13,22 @@ from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 from time import perf_counter
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TextIO
 
 from asperity.errors import AsperityError, AssumptionWarning, CheckpointError, InputError, Interrupted
 from asperity.runtime.files import is_aside, remove_asides, replace_file
 from asperity.runtime.parallel import on_root, on_root_bcast
 from asperity.runtime.progress import duration
 from asperity.study.definition import Entry, Study
-from asperity.study.locks import LOCK_FILES, FolderLock, claimed
-from asperity.study.results import ABOUT, DONE, case_folder, case_state, write_about, write_tables
-from asperity.study.shared_mesh import MESHES, mesh_key, meshes_first, shared_mesh, shares_mesh, side_by_side
+from asperity.study.results import ABOUT, DONE, case_folder, case_state, write_tables
+from asperity.study.shared_mesh import MESHES, mesh_key, meshes_first, shared_mesh, shares_mesh
 
 if TYPE_CHECKING:
     from mpi4py import MPI
 
     from asperity.case import Case
 
+LOCK = ".lock"
 ERROR = "error.txt"  # traceback of a case that ended with an unexpected error
 
 Say = Callable[[str], None]
@@ -39,7 +40,7 @@ class StudyCounts:
     """Numbers of cases of a study after a run.
 
     Attributes:
-        cases: all cases of the study, or of its part
+        cases: all cases of the study
         done: finished, in this run or before
         failed: with a recorded failure
         run: run now
@@ -55,7 +56,6 @@ def run_study(
     study: Study,
     folder: str | Path,
     *,
-    only: tuple[int, int] | None = None,
     ranks_per_case: int = 1,
     retry: bool = False,
     comm: MPI.Intracomm | None = None,
@@ -69,22 +69,16 @@ def run_study(
     single rank; otherwise it ends the job, which can be started again. A case that was stopped by a signal continues
     from its last saved step when the job is started again.
 
-    Parts (`only`) may run side by side, in jobs of their own, also on several machines that see the folder. A case that
-    another job is computing is left to it. Parts leave the table alone; `collect_study`, or the whole study once they
-    have ended, writes it.
-
     Args:
         study: the study to run
         folder: receives results.csv, study.json, cases/HASH/ and meshes/
-        only: (number, parts): run this part of the cases, counted from 1, see `part`; default all cases
         ranks_per_case: number of ranks in a group
         retry: whether to repeat the cases that failed
         comm: communicator; default all ranks
         say: called with a line for each case, on the first rank of each group
 
     Raises:
-        InputError: the folder contains other files, another job works on the whole study, there is no such part, or the
-            ranks cannot be divided into groups
+        InputError: the folder contains other files, another job works in it, or the ranks cannot be divided into groups
         Interrupted: a signal requested the end; what is finished is kept
 
     Examples:
@@ -106,108 +100,54 @@ def run_study(
             f"--ranks-per-case = {ranks_per_case} must divide the number of ranks, {comm.size}: "
             f"with {max(comm.size // max(ranks_per_case, 1), 1) * max(ranks_per_case, 1)} ranks it would"
         )
-    chosen = range(len(study.entries)) if only is None else part(study.entries, *only)
-    lock = FolderLock(folder, shared=only is not None)
-    todo = on_root_bcast(comm, partial(_prepare, study, folder, lock, chosen, retry))
-    group = comm.Split(comm.rank // ranks_per_case, comm.rank)
-    turns, ended = Counter(comm=comm), Counter(comm=comm)
-    meshes: Meshes = {}
-    run, start = 0, perf_counter()
-    try:
+    total, run = len(study.entries), 0
+    with ExitStack() as lock:
+        todo = on_root_bcast(comm, partial(_prepare, study, folder, lock, retry))
+        group = comm.Split(comm.rank // ranks_per_case, comm.rank)
+        turns, ended = Counter(comm=comm), Counter(comm=comm)
+        meshes: Meshes = {}
+        start = perf_counter()
         while (turn := group.bcast(next(turns) if group.rank == 0 else None)) < len(todo):
             entry = study.entries[todo[turn]]
-            state = run_entry(entry, folder, group, meshes, retry)
-            if state is None or group.rank > 0:
+            state = run_entry(entry, folder, group, meshes)
+            if group.rank > 0:
                 continue
             run += 1
             finished = next(ended) + 1
             if say is not None:
                 left = (perf_counter() - start) * (len(todo) / finished - 1)
-                say(_line(entry, state, study.keys, len(chosen) - len(todo) + finished, len(chosen), left))
-    except BaseException:
-        if comm.rank == 0 and only is None:
-            write_tables(study, folder)  # the tables of a stopped study contain its finished cases
-        lock.release()
-        raise
-    turns.free()  # waits for all ranks
-    ended.free()
-    group.Free()
-    if comm.rank == 0 and only is None:
-        write_tables(study, folder)
-    lock.release()
+                say(_line(entry, state, study.keys, total - len(todo) + finished, total, left))
+        turns.free()  # waits for all ranks
+        ended.free()
+        group.Free()
     run = comm.allreduce(run)
-    return comm.bcast(_count(study, folder, chosen, run) if comm.rank == 0 else None)
+    return comm.bcast(_count(study, folder, run) if comm.rank == 0 else None)
 
 
-def part(entries: Sequence[Entry], number: int, parts: int) -> list[int]:
-    """Case numbers of a part of a study, from `number` = 1; all parts together are the study.
-
-    The parts differ by one case at most, and depend on the study alone, not on what is finished. Few of them have the
-    same mesh.
-
-    Raises:
-        InputError: there is no part of that number
-    """
-    if not 1 <= number <= parts:
-        raise InputError(
-            f"--only {number}/{parts} is no part: the first is 1/{max(parts, 1)}, the last {parts}/{parts}"
-        )
-    ordered = side_by_side(entries)
-    first, last = ((n * len(ordered)) // parts for n in (number - 1, number))
-    return ordered[first:last]
-
-
-def collect_study(study: Study, folder: str | Path) -> StudyCounts:
-    """Write the tables of the cases that have ended, and run nothing; for parts, also while they run.
-
-    Raises:
-        InputError: the folder contains no study
-    """
-    folder = Path(folder)
-    if not (folder / ABOUT).is_file():
-        raise InputError(f"{folder} holds no study; run asperity study first")
-    write_tables(study, folder)
-    return _count(study, folder, range(len(study.entries)), 0)
-
-
-def _count(study: Study, folder: Path, chosen: Sequence[int], run: int) -> StudyCounts:
-    states = [state for i in chosen if (state := case_state(folder, study.entries[i].key)) is not None]
+def _count(study: Study, folder: Path, run: int) -> StudyCounts:
+    states = [state for entry in study.entries if (state := case_state(folder, entry.key)) is not None]
     done = sum(state["exit_reason"] == "done" for state in states)
-    return StudyCounts(len(chosen), done, len(states) - done, run)
+    return StudyCounts(len(study.entries), done, len(states) - done, run)
 
 
-def run_entry(entry: Entry, folder: Path, comm: MPI.Comm, meshes: Meshes, retry: bool = False) -> dict[str, Any] | None:
-    """Run a case, and return its exit state; None for one that another job computes, or has ended; collective.
+def run_entry(entry: Entry, folder: Path, comm: MPI.Comm, meshes: Meshes) -> dict[str, Any]:
+    """Run a case, and return its exit state; collective.
 
     `meshes` receives its mesh, or why there is none, so that a surface that cannot be meshed is tried once.
     """
-    with ExitStack() as claim:
-        mine, before = on_root_bcast(comm, partial(_claim, claim, folder, entry.key))
-        if not mine or not _is_due(before, retry):
-            return None
-        start = perf_counter()
-        mesh = None
-        if shares_mesh(entry.case):
-            key = mesh_key(entry.case)
-            if key not in meshes:
-                meshes[key] = shared_mesh(entry.case, folder, comm)
-            mesh = meshes[key]
-        reason = _attempt(entry.case, case_folder(folder, entry.key), mesh, before is not None, comm)
-        gc.collect()
-        found = {"exit_reason": reason, "seconds": round(perf_counter() - start, 3)}
-        if comm.rank == 0:
-            _write(case_folder(folder, entry.key) / DONE, json.dumps(found, indent=2) + "\n")
-        return found
-
-
-def _claim(claim: ExitStack, folder: Path, key: str) -> tuple[bool, dict[str, Any] | None]:
-    """Claim a case until `claim` is closed: whether that succeeded, and the exit state of the case."""
-    return claim.enter_context(claimed(folder, key)), case_state(folder, key)
-
-
-def _is_due(state: dict[str, Any] | None, retry: bool) -> bool:
-    """Whether a case is to be run, by its exit state."""
-    return state is None or (retry and state["exit_reason"] != "done")
+    place, start, mesh = case_folder(folder, entry.key), perf_counter(), None
+    if shares_mesh(entry.case):
+        key = mesh_key(entry.case)
+        if key not in meshes:
+            meshes[key] = shared_mesh(entry.case, folder, comm)
+        mesh = meshes[key]
+    again = on_root_bcast(comm, lambda: case_state(folder, entry.key) is not None)
+    reason = _attempt(entry.case, place, mesh, again, comm)
+    gc.collect()
+    found = {"exit_reason": reason, "seconds": round(perf_counter() - start, 3)}
+    if comm.rank == 0:
+        _write(place / DONE, json.dumps(found, indent=2) + "\n")
+    return found
 
 
 def _attempt(case: Case, place: Path, mesh: Path | AsperityError | None, again: bool, comm: MPI.Comm) -> str:
@@ -254,8 +194,8 @@ def _run(case: Case, place: Path, mesh: Path | None, again: bool, comm: MPI.Comm
             run(case, place, force=True, block=block, comm=comm)
 
 
-def _prepare(study: Study, folder: Path, lock: FolderLock, chosen: Sequence[int], retry: bool) -> list[int]:
-    """Numbers of the cases to run, in their order; locks the folder.
+def _prepare(study: Study, folder: Path, lock: ExitStack, retry: bool) -> list[int]:
+    """Numbers of the cases to run, in their order; `lock` locks the folder, and writes the tables before it closes.
 
     Raises:
         InputError: the folder cannot be used
@@ -264,23 +204,33 @@ def _prepare(study: Study, folder: Path, lock: FolderLock, chosen: Sequence[int]
         if folder.exists() and not folder.is_dir():
             raise InputError(f"{folder} is a file; give a folder to -o")
         names = {path.name for path in folder.iterdir()} if folder.is_dir() else set()
-        if ABOUT not in names and any(name not in LOCK_FILES and not is_aside(name) for name in names):
+        if ABOUT not in names and any(name != LOCK and not is_aside(name) for name in names):
             raise InputError(f"{folder} is not empty and holds no study; give another folder to -o")
         folder.mkdir(parents=True, exist_ok=True)
-        lock.take()
-        if lock.shared:
-            write_about(study, folder)
-        else:
-            for place in (folder, folder / MESHES):
-                remove_asides(place)
-            write_tables(study, folder)
-    except AsperityError:
-        lock.release()
-        raise
+        _lock(lock.enter_context((folder / LOCK).open("a")), folder)
+        for place in (folder, folder / MESHES):
+            remove_asides(place)
+        write_tables(study, folder)
     except OSError as error:
-        lock.release()
         raise InputError(f"{folder} cannot be written: {error.strerror}") from None
-    return meshes_first(study.entries, (i for i in chosen if _is_due(case_state(folder, study.entries[i].key), retry)))
+    lock.callback(write_tables, study, folder)  # also where the study is stopped
+    states = [case_state(folder, entry.key) for entry in study.entries]
+    due = [i for i, state in enumerate(states) if state is None or (retry and state["exit_reason"] != "done")]
+    return meshes_first(study.entries, due)
+
+
+def _lock(file: TextIO, folder: Path) -> None:
+    """Lock the folder of a study; the system releases it when the file is closed, or the process ends.
+
+    Raises:
+        InputError: another job has locked it
+    """
+    try:
+        fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except BlockingIOError:
+        raise InputError(f"a study is running in {folder}; wait for it, or choose another folder") from None
+    except OSError:
+        pass  # a file system without locks
 
 
 def _line(entry: Entry, state: dict[str, Any], keys: Sequence[str], done: int, total: int, left: float) -> str:

@@ -36,13 +36,6 @@ def mesh_key(case: Case) -> str:
     return hashlib.sha256(json.dumps(parts, sort_keys=True).encode()).hexdigest()[:16]
 
 
-def side_by_side(entries: Sequence[Entry]) -> list[int]:
-    """Numbers of all cases, those with one mesh next to each other."""
-    first: dict[str, int] = {}
-    of_mesh = [first.setdefault(mesh_key(entry.case), i) for i, entry in enumerate(entries)]
-    return sorted(range(len(entries)), key=lambda i: of_mesh[i])
-
-
 def meshes_first(entries: Sequence[Entry], numbers: Iterable[int]) -> list[int]:
     """Case numbers, one of each mesh before the others: groups of ranks make the meshes at the same time."""
     first: dict[str, int] = {}
