@@ -7,7 +7,6 @@ import math
 import os
 import subprocess
 import sys
-import tomllib
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -17,8 +16,6 @@ import pytest
 from conftest import make_curve
 
 import asperity as asp
-from asperity.case.keys import json_schema, sections
-from asperity.case.schema import Input
 from asperity.cli import group
 from asperity.curve import COLUMNS
 from asperity.errors import CompatError
@@ -140,41 +137,6 @@ def test_the_stress_function_is_that_of_the_fields() -> None:
 # --- JSON -----------------------------------------------------------------------------------------------------
 
 
-def test_the_schema_accepts_the_shipped_cases_and_refuses_mistakes() -> None:
-    jsonschema = pytest.importorskip("jsonschema")
-    schema = json_schema()
-    validator = jsonschema.Draft202012Validator(schema)
-    jsonschema.Draft202012Validator.check_schema(schema)
-    cases = [
-        path for path in (ROOT / "cases").rglob("*.toml") if path.name not in ("study.toml", "full.toml", "map.toml")
-    ]
-    assert len(cases) >= 6
-    for path in cases:
-        table = tomllib.loads(path.read_text())
-        validator.validate(table)
-        validator.validate(asp.Case.load(path).to_dict())
-    good = tomllib.loads((ROOT / "cases/single.toml").read_text())
-    for section, key, value in (
-        ("material", "nu", 0.7), ("material", "nuu", 0.3), ("surface", "kind", "cube"), ("loading", "steps", 1.5),
-        ("loading", "unload", "yes"), ("dynamics", "model", ["linear"]), ("mesh", "h_contact", -1.0),
-    ):  # fmt: skip
-        wrong = good | {section: good.get(section, {}) | {key: value}}
-        assert not validator.is_valid(wrong), (section, key)
-    without = {name: table for name, table in good.items() if name != "material"}
-    assert not validator.is_valid(without)
-
-
-def test_the_schema_describes_every_key() -> None:
-    schema = json_schema()
-    for name in Input.model_fields:
-        for model in sections(name):
-            known = schema["$defs"][model.__name__]["properties"]
-            assert set(known) == set(model.model_fields)
-            assert all(about.get("description") for key, about in known.items() if key != "kind")
-    text = json.dumps(schema)
-    assert '"shown"' not in text and '"hint"' not in text and '"null"' not in text
-
-
 @pytest.fixture
 def call(capsys: pytest.CaptureFixture[str]) -> Callable[..., Any]:
     """Runs a command; the JSON that it prints, with nothing else on its standard output."""
@@ -190,7 +152,6 @@ def call(capsys: pytest.CaptureFixture[str]) -> Callable[..., Any]:
 @pytest.mark.filterwarnings("ignore")
 def test_commands_print_json(tmp_path: Path, result: Any, call: Callable[..., Any]) -> None:
     demo = ROOT / "cases/single.toml"
-    assert call("keys", "--schema") == json_schema()
     check = call("check", demo, "--json", "--ranks", "2")
     estimate = check["estimate"]
     assert (check["case"], check["accepted"]) == (str(demo), True)

@@ -53,7 +53,7 @@ def write_case(path: Path, **sections: Mapping[str, Any]) -> Path:
 def full(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, RunResult]:
     """A run with everything a case can ask for."""
     folder = tmp_path_factory.mktemp("full") / "new" / "folder"
-    everything = {"figures": True, "fields": True, "report": True, "snapshots": 2, "distributions": True}
+    everything = {"figures": True, "fields": True, "report": True, "snapshots": 2}
     everything |= {"stiffness": True, "conductance": True}
     dynamics = {"law": "paper", "zeta": 0.05, "forcing": [0.02], "model": ["exact"], "damping": "loops"}
     loops = {"amplitudes": [0.3, 0.6], "cycles": 2, "steps": 1}
@@ -71,8 +71,7 @@ def test_files_of_a_run(full: tuple[Path, RunResult]) -> None:
     folder, _ = full
     files = {str(p.relative_to(folder)) for p in folder.rglob("*") if p.is_file()}
     promised = ("case.toml curve.csv summary.json run.log free.csv response.csv thresholds.json loops.csv "
-                "report.html fields/top.npz fields/mesh.npz fields/contact.vtkhdf fields/view.py "
-                "fields/distributions.csv")  # fmt: skip
+                "report.html fields/top.npz fields/mesh.npz fields/contact.vtkhdf fields/view.py")  # fmt: skip
     assert files >= {*promised.split()} and any(name.endswith(".png") for name in files)
     assert {name for name in files if not name.startswith("checkpoint/")} <= set(PRODUCTS)  # which --force removes
 

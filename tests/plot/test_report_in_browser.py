@@ -1,4 +1,4 @@
-"""The report in Chromium, on a desk and on a phone: nothing cut off, no errors, figures that can be enlarged."""
+"""The report in Chromium, on a desk and on a phone: nothing cut off, no errors, a surface that turns."""
 
 from __future__ import annotations
 
@@ -95,26 +95,6 @@ def test_the_page_opens_with_the_verdict(chromium: Any, report: Path) -> None:
     assert "yield_strength" not in chromium.find_element("css selector", "body").text
     assert chromium.find_element("css selector", "table.ledger").is_displayed()  # folded away where none is doubtful
     assert chromium.execute_script(SMALLEST) >= 11  # pixels
-
-
-@pytest.mark.parametrize("width", WIDTHS.values(), ids=WIDTHS.keys())
-def test_a_figure_can_be_enlarged(chromium: Any, report: Path, width: int) -> None:
-    show(chromium, report, width)
-    figures = chromium.find_elements("css selector", "figure:has(img)")
-    buttons = chromium.find_elements("css selector", "figure > button")
-    assert len(buttons) == len(figures)
-    chromium.execute_script("arguments[0].click()", buttons[2])
-    dialog = chromium.find_element("id", "zoom")
-    assert dialog.is_displayed()
-    picture = chromium.find_element("css selector", "#zoom img")
-    before = picture.size["width"]
-    chromium.find_element("css selector", "#zoom button[value=in]").click()
-    assert picture.size["width"] == pytest.approx(1.5 * before, abs=2)
-    chromium.find_element("css selector", "#zoom button[value=whole]").click()
-    assert picture.size["width"] == pytest.approx(before, abs=2)
-    chromium.find_element("css selector", "#zoom button[value=close]").click()
-    assert not dialog.is_displayed()
-    assert chromium.get_log("browser") == []
 
 
 # Share of the pixels of the surface that are drawn, and of these the share that is coloured by pressure.

@@ -1,4 +1,4 @@
-"""The keys of the case file in words and as a JSON schema, for commands, messages, editors and documentation."""
+"""The keys of the case file in words, for commands, messages and documentation."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from pydantic import BaseModel
 
 from asperity.case.schema import Input
 from asperity.case.section import Section
-from asperity.case.surfaces import SURFACES, FileSection
+from asperity.case.surfaces import SURFACES
 from asperity.runtime.display import show
 
 
@@ -26,39 +26,6 @@ def input_reference() -> Iterator[tuple[str, str, str, str, str, str]]:
                     unit = about["unit"] or "-"
                     default = about["shown"] or default
                     yield section, key, default, legal(about), unit, about["description"]
-
-
-def json_schema() -> dict[str, Any]:
-    """JSON schema of the case file, for editors and other programs: keys with their legal values, meaning and unit.
-
-    It knows no relations between keys, which `Case.load` checks as well.
-    """
-    schema = Input.model_json_schema()
-    for name, table in [("", schema), *schema["$defs"].items()]:
-        known = table["properties"]
-        # keys and sections that the file may leave out, because they follow from others
-        follows = {key for key, about in known.items() if about.get("shown")} | (
-            {"block", "mesh"} if not name else set()
-        )
-        if name == FileSection.__name__:
-            follows.add("L")  # the map has it
-        table["required"] = [key for key in table.get("required", ()) if key not in follows]
-        for about in known.values():
-            unit, default, hint = (about.pop(word, "") for word in ("unit", "shown", "hint"))
-            words = f"{about.get('description', '')}{f' ({unit})' if unit else ''}"
-            words += "".join(f"; {text}" for text in (f"default: {default}" if default else "", hint) if text)
-            if words:
-                about["description"] = words
-            about.pop("title", None)
-            kinds = [kind for kind in about.get("anyOf", ()) if kind != {"type": "null"}]  # TOML has no null
-            if "default" in about and about["default"] is None:
-                del about["default"]
-            if len(kinds) == 1:
-                about.update(kinds[0])
-            if kinds:
-                about.pop("anyOf") if len(kinds) == 1 else about.update(anyOf=kinds)
-    about = {"$schema": "https://json-schema.org/draft/2020-12/schema", "title": "Case file of asperity"}
-    return schema | about
 
 
 def sections(name: str) -> tuple[type[Section], ...]:

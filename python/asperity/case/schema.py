@@ -271,7 +271,6 @@ class OutputSection(Section):
     figures: Flag = key("figures/*.png, and *.svg of those that consist of lines", False)
     fields: Flag = key("fields/ for ParaView", False)
     report: Flag = key("report.html", False)
-    distributions: Flag = key("fields/distributions.csv: shares of the patch by pressure and by gap", False)
     stiffness: Flag = key(
         "columns k_n_elastic to k_t_interface, always with [slip]; load steps take a third to a half longer",
         False,
@@ -283,7 +282,7 @@ class OutputSection(Section):
     )
     conductance: Flag = key("column conductance of the curve", False)
     small_strain: Flag = key("what small strain changes in the force; always with finite or auto kinematics", False)
-    snapshots: Whole = key("load levels kept for pressure maps and distributions", 4, ge=0, le=1000)
+    snapshots: Whole = key("load levels kept for pressure maps and fields", 4, ge=0, le=1000)
     checkpoint: Whole = key("accepted steps from one checkpoint to the next, 0 for none", 1, ge=0)
 
 

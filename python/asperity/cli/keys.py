@@ -11,18 +11,14 @@ HEADER = ("section", "key", "default", "legal", "unit", "meaning")
 
 @click.command()
 @click.option("--markdown", is_flag=True, help="As a Markdown table.")
-@click.option("--schema", is_flag=True, help="As a JSON schema, with which editors complete and check a case file.")
 @options.serial
-def command(markdown: bool, schema: bool) -> None:
+def command(markdown: bool) -> None:
     """List every key of the case file.
 
     Each with its default, legal values, unit and meaning.
     """
-    from asperity.case.keys import input_reference, json_schema
+    from asperity.case.keys import input_reference
 
-    if schema:
-        options.print_json(json_schema())
-        return
     rows = input_reference()
     if not markdown:
         options.table("Case file", rows, HEADER)

@@ -10,32 +10,16 @@ from collections.abc import Callable, Iterable
 from typing import Any
 
 import click
-from click.shell_completion import CompletionItem
 
 from asperity.runtime.progress import world_rank
 
-
-def _complete_files(*_: Any) -> list[CompletionItem]:
-    """Let the shell complete names of files; what is no file is refused by the command."""
-    return [CompletionItem("", type="file")]
-
-
-def _complete_keys(context: click.Context, parameter: click.Parameter, start: str) -> list[str]:
-    """Complete SECTION.KEY= of a case file."""
-    from asperity.case.keys import input_reference
-
-    found = dict.fromkeys(f"{section.partition(' ')[0]}.{key}=" for section, key, *_ in input_reference())
-    return [name for name in found if name.startswith(start)]
-
-
-case_file = click.argument("case_file", metavar="CASE.toml", shell_complete=_complete_files)
+case_file = click.argument("case_file", metavar="CASE.toml", type=click.Path())
 run_folder = click.argument("folder", metavar="OUT", type=click.Path(exists=True, file_okay=False))
 overrides = click.option(
     "--set",
     "overrides",
     multiple=True,
     metavar="SECTION.KEY=VALUE",
-    shell_complete=_complete_keys,
     help="Replace a key of the case file; an empty value removes it. Repeatable.",
 )
 

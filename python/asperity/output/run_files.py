@@ -21,7 +21,6 @@ from asperity.runtime.run_folder import (
     CASE,
     CHECKPOINT,
     CURVE,
-    DISTRIBUTIONS,
     FIELDS,
     STATE,
     SUMMARY,
@@ -169,9 +168,8 @@ class RunFiles:
             self._on_root(lambda folder: curve.write(folder / CURVE))
 
     def fields(self, contact: ContactResult) -> None:
-        """Write the snapshots of a run with a folder into fields/: for figures, ParaView and distributions."""
+        """Write the snapshots of a run with a folder into fields/: for figures and ParaView."""
         from asperity.output import fields
-        from asperity.output.distributions import write_distributions
 
         assert self.folder is not None
         side, E, output = self._case.surface.L, self._case.material.E, self._case.output
@@ -187,8 +185,6 @@ class RunFiles:
                 if grid:
                     fields.write_vtkhdf_streams(aside / VTKHDF, grid, [s.step for s in contact.snapshots])
                     (aside / VIEW).write_bytes(files("asperity").joinpath("templates", VIEW).read_bytes())
-                if output.distributions:
-                    write_distributions(aside / DISTRIBUTIONS, top, side)
 
         on_root_of(self._comm, [*mesh.values(), *grid.values()], write)
 

@@ -62,8 +62,7 @@ def write_report(folder: str | Path, finished: bool | None = None) -> Path:
         loader=PackageLoader("asperity"), autoescape=True, undefined=StrictUndefined,
         trim_blocks=True, lstrip_blocks=True,
     ).get_template("report.html.j2")  # fmt: skip
-    scripts = files("asperity").joinpath("templates")
-    script = "".join(scripts.joinpath(name).read_text(encoding="utf-8") for name in ("zoom.js", "turn.js"))
+    script = files("asperity").joinpath("templates", "turn.js").read_text(encoding="utf-8")
     text = page.render(
         verdict=[*verdict(results), *doubts(results)],
         script=script,

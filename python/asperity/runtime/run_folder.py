@@ -24,7 +24,6 @@ SLIP, SLIP_LOOPS, SLIP_NODES = "slip.csv", "slip_loops.csv", "slip_nodes.csv"
 REPORT = "report.html"
 FIELDS, FIGURES, CHECKPOINT = "fields", "figures", "checkpoint"  # folders
 TOP, BLOCK, VTKHDF, VIEW = "top.npz", "mesh.npz", "contact.vtkhdf", "view.py"  # in fields
-DISTRIBUTIONS = "distributions.csv"  # in fields
 PICTURES = (
     "surface", "mesh", "curve", "area", "pressure", "stiffness", "plasticity", "frequency", "response", "receptance",
     "slip", "slip_map", "conductance", "scene",
@@ -47,7 +46,7 @@ MESH, STATE, SNAPSHOT = "mesh.npz", "state.npz", "snapshot-{}.npz"  # in checkpo
 #: All files and folders that a run writes, folders after their files; without those of the checkpoint.
 PRODUCTS = (
     CURVE, SUMMARY, LOG, LOOPS, SLIP, SLIP_LOOPS, SLIP_NODES, FREE, RESPONSE, BAND, THRESHOLDS, REPORT,
-    *(f"{FIELDS}/{name}" for name in (BLOCK, TOP, VTKHDF, VIEW, DISTRIBUTIONS)), FIELDS,
+    *(f"{FIELDS}/{name}" for name in (BLOCK, TOP, VTKHDF, VIEW)), FIELDS,
     *(path for paths in _FIGURES.values() for path in paths), FIGURES,
     CASE,
 )  # fmt: skip
