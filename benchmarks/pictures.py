@@ -34,7 +34,7 @@ from test_walkthroughs import FENCE  # noqa: E402
 
 # picture -> page, file that its commands make
 OF_PAGES = {name: ("gallery", f"out/demo/figures/{name}") for name in (
-    "mesh.png", "scene.png", "curve.svg", "pressure.png", "area.svg", "response.svg",
+    "scene.png", "curve.svg", "pressure.png", "area.svg", "response.svg",
 )} | {
     "wavy_pressure.png": ("gallery", "out/wavy/figures/pressure.png"),
     "tutorial_scan.png": ("tutorials/scan", "out/scan/surface.png"),

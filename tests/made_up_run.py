@@ -28,8 +28,8 @@ THRESHOLDS = {
 }  # fmt: skip
 
 
-def write_run(folder: Path, n: int = 14, **changes: object) -> Path:
-    """Write case.toml, curve.csv, summary.json and fields; n divisions a side of the mesh."""
+def write_run(folder: Path, **changes: object) -> Path:
+    """Write case.toml, curve.csv, summary.json and fields."""
     case = Case.from_dict({**CASE, **changes})
     surface = case.build_surface()
     (folder / "fields").mkdir(parents=True, exist_ok=True)
@@ -38,8 +38,6 @@ def write_run(folder: Path, n: int = 14, **changes: object) -> Path:
     Curve.from_rows([dict(zip(COLUMNS, row, strict=False)) for row in rows]).write(folder / "curve.csv")
     (folder / "summary.json").write_text(json.dumps(summary()), encoding="utf-8")
     (folder / "thresholds.json").write_text(json.dumps(THRESHOLDS), encoding="utf-8")
-    points, tets, triangles = block(surface, n)
-    np.savez(folder / "fields/mesh.npz", points=points, tets=tets, triangles=triangles)
     write_top(folder, surface, rows)
     return folder
 
@@ -90,25 +88,3 @@ def write_top(folder: Path, surface: Surface, rows: list[list[object]], n: int =
         delta=delta, pressure=2e14 * np.sqrt(np.maximum(depth, 0) * 1e-9),
         gap=np.maximum(-depth, 0), touched=depth > 0,
     )  # fmt: skip
-
-
-def block(surface: Surface, n: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Second-order tetrahedra of a block, finer towards the top, nodes moved with it."""
-    layers = n // 2
-    i, j, k = np.indices((2 * n + 1, 2 * n + 1, 2 * layers + 1))
-    depth = (1 - k / (2 * layers)) ** 1.6
-    x, y = i / (2 * n) * 1e-6, j / (2 * n) * 1e-6
-    z = surface.height(x, y) * (1 - depth) - depth * 1e-6
-    number = np.arange(i.size).reshape(i.shape)
-    points = np.stack([x, y, z], axis=-1).reshape(-1, 3)
-    base = np.stack(np.meshgrid(*(2 * np.arange(m) for m in (n, n, layers))), -1).reshape(-1, 3)
-    tets = []
-    for order in ((0, 1, 2), (0, 2, 1), (1, 0, 2), (1, 2, 0), (2, 0, 1), (2, 1, 0)):  # Kuhn
-        steps = np.zeros((4, 3), dtype=int)
-        for s, axis in enumerate(order):
-            steps[s + 1 :, axis] = 2
-        edges = ((0, 1), (1, 2), (0, 2), (0, 3), (2, 3), (1, 3))
-        offsets = [*steps, *((steps[a] + steps[b]) // 2 for a, b in edges)]
-        tets.append(np.stack([number[tuple((base + offset).T)] for offset in offsets], axis=1))
-    quads = np.arange(2 * n + 1)
-    return points, np.concatenate(tets), np.zeros((0, 6), dtype=int) + quads[:0, None]

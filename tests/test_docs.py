@@ -67,7 +67,7 @@ def place(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
     for name in ("cases", "examples", "benchmarks"):
         (tmp_path / name).symlink_to(ROOT / name)
     for name in ("demo", "new", "good", "press", "joint"):
-        write_run(tmp_path / "out" / name, n=2)
+        write_run(tmp_path / "out" / name)
     (tmp_path / "tests/curves").mkdir(parents=True)
     (tmp_path / "tests/hard").symlink_to(ROOT / "tests/hard")
     shutil.copy(tmp_path / "out/demo/curve.csv", tmp_path / "quick.csv")

@@ -17,8 +17,6 @@ from conftest import make_curve
 
 import asperity as asp
 from asperity.cli import group
-from asperity.curve import COLUMNS
-from asperity.errors import CompatError
 from asperity.output.results import Results
 from asperity.surface.statistics import psd
 
@@ -67,22 +65,6 @@ def test_a_representation_has_the_numbers_of_its_object(result: Any) -> None:
     assert repr(result.curve) == "Curve(3 load, 1 unload; delta up to 0.01, force up to 0.134615)"
     assert repr(asp.Case.from_dict(FLAT)) == "Case(flat of side 2, elastic, delta_max = 0.01)"
     assert "n=1.5" in repr(asp.PowerLaw(1.5)) and "dofs=" in repr(result.contact) and "'done'" in repr(result)
-
-
-def test_a_curve_becomes_a_data_frame() -> None:
-    pandas = pytest.importorskip("pandas")
-    curve = make_curve(note="x")
-    frame = curve.to_pandas()
-    assert list(frame.columns) == list(COLUMNS) and frame.attrs == {"note": "x"}
-    for name in COLUMNS:
-        np.testing.assert_array_equal(frame[name].to_numpy(), getattr(curve, name))
-    assert pandas.isna(frame["error_P_star"][1])
-
-
-def test_an_absent_package_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setitem(sys.modules, "pandas", None)
-    with pytest.raises(CompatError, match="this needs the package pandas"):
-        make_curve().to_pandas()
 
 
 def test_the_package_declares_its_types() -> None:

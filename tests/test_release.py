@@ -141,7 +141,7 @@ def test_the_wheel_works_in_a_bare_environment(tmp_path: Path) -> None:
     call("/usr/bin/python3", "-m", "venv", "bare")
     bin = tmp_path / "bare/bin"
     call(bin / "pip", "install", "--quiet", wheel)
-    write_run(tmp_path / "made", n=4)
+    write_run(tmp_path / "made")
     call(bin / "asperity", "report", "made")
     call(bin / "asperity", "dynamics", "made/curve.csv", "-o", "vibration", "--preload", "1e-4")
     assert "asperity[solve]" in call(bin / "asperity", "run", ROOT / "cases/quick.toml", "-o", "no", code=4)

@@ -71,7 +71,7 @@ def test_files_of_a_run(full: tuple[Path, RunResult]) -> None:
     folder, _ = full
     files = {str(p.relative_to(folder)) for p in folder.rglob("*") if p.is_file()}
     promised = ("case.toml curve.csv summary.json run.log free.csv response.csv thresholds.json loops.csv "
-                "report.html fields/top.npz fields/mesh.npz fields/contact.vtkhdf fields/view.py")  # fmt: skip
+                "report.html fields/top.npz fields/contact.vtkhdf fields/view.py")  # fmt: skip
     assert files >= {*promised.split()} and any(name.endswith(".png") for name in files)
     assert {name for name in files if not name.startswith("checkpoint/")} <= set(PRODUCTS)  # which --force removes
 
@@ -308,10 +308,6 @@ def test_fields(full: tuple[Path, RunResult]) -> None:
         for k, force in enumerate(result.curve.force[at]):
             pressure = top["pressure"][k][triangles].mean(axis=1)
             assert areas @ pressure == pytest.approx(force, rel=1e-9)
-    with np.load(folder / "fields" / "mesh.npz") as mesh:
-        assert mesh["tets"].shape == (result.summary["cells"], 10)
-        assert 3 * len(mesh["points"]) == result.summary["dofs"]
-        assert mesh["points"][:, :2].max() == pytest.approx(L)
 
 
 def test_nothing_is_written_without_a_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 
 from asperity.arrays import Array
-from asperity.errors import CompatError, InputError
+from asperity.errors import InputError
 from asperity.runtime.files import write_csv
 from asperity.slope import slopes
 
@@ -172,20 +172,6 @@ class Curve:
         if not len(self):
             return "Curve(no steps)"
         return f"Curve({parts}; delta up to {self.delta.max():.6g}, force up to {self.force.max():.6g})"
-
-    def to_pandas(self) -> Any:
-        """Pandas DataFrame with the columns of the file; `header` is in its `attrs`.
-
-        Raises:
-            CompatError: pandas is not installed
-        """
-        try:
-            import pandas
-        except ModuleNotFoundError:
-            raise CompatError("this needs the package pandas: ./run pip install pandas, or asperity[data]") from None
-        frame = pandas.DataFrame({name: getattr(self, name) for name in COLUMNS})
-        frame.attrs = dict(self.header)
-        return frame
 
     def rows(self) -> Iterator[dict[str, Any]]:
         """Steps as dictionaries of Python numbers."""

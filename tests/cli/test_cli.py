@@ -117,7 +117,7 @@ def test_what_is_no_run_is_not_replaced(cli: Cli, calls: list[Any], tmp_path: Pa
 def test_force_removes_what_a_run_wrote_and_leaves_what_others_put_there(
     cli: Cli, calls: list[Any], tmp_path: Path
 ) -> None:
-    out = write_run(tmp_path / "out", n=2)
+    out = write_run(tmp_path / "out")
     (out / "checkpoint").mkdir()
     (out / "checkpoint/mesh.npz").write_text("")
     (out / "figures").mkdir()
@@ -201,7 +201,7 @@ def test_surface_prints_statistics_and_draws(cli: Cli, tmp_path: Path) -> None:
 
 
 def test_compare_finds_what_differs(cli: Cli, tmp_path: Path) -> None:
-    a, b = (write_run(tmp_path / name, n=2) for name in "ab")
+    a, b = (write_run(tmp_path / name) for name in "ab")
     assert cli("compare", a, b / "curve.csv")[0] == 0
     with (b / "curve.csv").open(newline="") as file:
         rows = list(csv.reader(file))
@@ -218,7 +218,7 @@ def test_compare_finds_what_differs(cli: Cli, tmp_path: Path) -> None:
 
 
 def test_compare_takes_the_tolerances_of_a_stored_curve(cli: Cli, tmp_path: Path) -> None:
-    run = write_run(tmp_path / "run", n=2)
+    run = write_run(tmp_path / "run")
     curve = Curve.read(run / "curve.csv")
     stored = tmp_path / "stored.csv"
     slower = replace(curve, seconds=2 * curve.seconds, P_star=curve.P_star * (1 + 1e-4))
@@ -336,7 +336,7 @@ def test_dynamics_of_a_power_law(cli: Cli, tmp_path: Path) -> None:
 
 
 def test_dynamics_of_a_run(cli: Cli, tmp_path: Path) -> None:
-    folder = write_run(tmp_path / "run", n=2)
+    folder = write_run(tmp_path / "run")
     before = sorted(folder.iterdir())
     quick = ("--no-sweeps", "--model", "exact", "--omega", "0.9", "1.1")
     code, out, _ = cli("dynamics", folder, *quick)
@@ -349,7 +349,7 @@ def test_dynamics_of_a_run(cli: Cli, tmp_path: Path) -> None:
 
 def test_tangential_dynamics_of_a_run(cli: Cli, tmp_path: Path) -> None:
     slip = {"slip": {"friction": 0.3}, "joint": {"nominal_area": 1e-6, "mass": 0.1}}
-    folder = write_run(tmp_path / "run", n=2, **slip)
+    folder = write_run(tmp_path / "run", **slip)
     options = ("--direction", "tangential", "--json", "-o", tmp_path / "out")
     code, out, _ = cli("dynamics", folder, "--forcing", "0.05", *options)
     found = json.loads(out)
@@ -361,11 +361,11 @@ def test_tangential_dynamics_of_a_run(cli: Cli, tmp_path: Path) -> None:
     _, out, _ = cli("dynamics", folder, "--area", "2e-6", "--mass", "0.2", "--forcing", "0.05", "--json", *options[:2])
     assert json.loads(out)["peaks"][0] == pytest.approx(peak)
     assert {path.name for path in (tmp_path / "out").iterdir()} >= {"slip_response.csv", "slip_response.svg"}
-    assert cli("dynamics", write_run(tmp_path / "other", n=2), *options[:2])[0] == 2
+    assert cli("dynamics", write_run(tmp_path / "other"), *options[:2])[0] == 2
 
 
 def test_dynamics_prints_all_laws_and_the_numbers_of_a_joint(cli: Cli, tmp_path: Path) -> None:
-    folder = write_run(tmp_path / "run", n=2)
+    folder = write_run(tmp_path / "run")
     quick = ("--no-sweeps", "--model", "exact", "--omega", "0.9", "1.1")
     code, out, _ = cli("dynamics", folder, *quick, "--area", "1e-4", "--pressure", "2e8", "--mass", "0.5")
     assert code == 0 and "unload-reload branch" in out and "of the first loading, not of a vibration" in out
@@ -378,7 +378,7 @@ def test_dynamics_prints_all_laws_and_the_numbers_of_a_joint(cli: Cli, tmp_path:
 
 
 def test_export_writes_a_file(cli: Cli, tmp_path: Path) -> None:
-    folder = write_run(tmp_path / "run", n=2)
+    folder = write_run(tmp_path / "run")
     code, out, _ = cli("export", folder, "--to", "csv")
     assert code == 0 and out.startswith("written ") and Path(out.split()[1]).stat().st_size > 500
     assert cli("export", folder, "--to", "csv", "-o", tmp_path / "mine")[0] == 0 and (tmp_path / "mine").is_file()

@@ -1,4 +1,4 @@
-"""Figures of a run: which are drawn, their content, and the geometry of the section of the mesh."""
+"""Figures of a run: which are drawn and their content."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from typing import Any
 import matplotlib as mpl
 import numpy as np
 import pytest
-from made_up_run import FIT, block, write_run
+from made_up_run import FIT, write_run
 from matplotlib.figure import Figure
 
 import asperity.plot
@@ -25,7 +25,6 @@ from asperity.plot import (
     figures_of,
     force_curve,
     frequency,
-    mesh_cut,
     plasticity,
     plot_run,
     pressure_maps,
@@ -35,51 +34,17 @@ from asperity.plot import (
     surface_map,
 )
 from asperity.plot.curves import local_exponent, tex
-from asperity.plot.section import cut
 from asperity.runtime.run_folder import FIELD_PICTURES, PRODUCTS
-from asperity.surface import Surface
 
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    return write_run(tmp_path_factory.mktemp("run"), n=6)
+    return write_run(tmp_path_factory.mktemp("run"))
 
 
 @pytest.fixture(scope="module")
 def results(folder: Path) -> Results:
     return Results.read(folder)
-
-
-def area(polygon: np.ndarray) -> float:
-    x, z = polygon.T
-    return 0.5 * abs(np.dot(x, np.roll(z, -1)) - np.dot(z, np.roll(x, -1)))
-
-
-@pytest.mark.parametrize("y", [0.0, 0.31e-6, 0.5e-6, 1e-6])
-def test_the_section_of_a_plain_block_covers_its_side(y: float) -> None:
-    points, tets, _ = block(Surface.from_spec(kind="flat", L=1e-6), 4)
-    polygons, sizes = cut(points, tets, y)
-    assert sum(map(area, polygons)) == pytest.approx(1e-12, rel=1e-6)
-    assert len(sizes) == len(polygons)
-
-
-def test_the_section_follows_a_curved_top() -> None:
-    L, A, y = 1e-6, 5e-8, 0.37e-6
-    wave = Surface.from_spec(kind="sinusoid", L=L, amplitude=A, wavelength=L)
-    points, tets, _ = block(wave, 8)
-    polygons, _ = cut(points, tets, y, parts=8)
-    assert sum(map(area, polygons)) == pytest.approx(L * L + L * wave.mean(), rel=1e-3)
-    top = max(polygon[:, 1].max() for polygon in polygons)
-    assert top == pytest.approx(A, rel=2e-3)
-
-
-def test_size_of_an_element_is_the_edge_of_a_regular_one() -> None:
-    corners = np.array([[1, 1, 1], [1, -1, -1], [-1, 1, -1], [-1, -1, 1]], dtype=float)
-    edges = ((0, 1), (1, 2), (0, 2), (0, 3), (2, 3), (1, 3))
-    points = np.vstack([corners, [(corners[a] + corners[b]) / 2 for a, b in edges]])
-    polygons, sizes = cut(points, np.arange(10)[None], 0.0)
-    assert sizes == pytest.approx([np.sqrt(8.0)])
-    assert area(polygons[0]) == pytest.approx(2.0, rel=1e-5)  # the square half way up
 
 
 def test_all_figures_of_a_run_are_drawn(folder: Path) -> None:
@@ -94,7 +59,7 @@ def test_all_figures_of_a_run_are_drawn(folder: Path) -> None:
 
 
 def test_figures_without_data_are_left_out(tmp_path: Path) -> None:
-    write_run(tmp_path, n=2, material={"E": 200e9, "nu": 0.3})
+    write_run(tmp_path, material={"E": 200e9, "nu": 0.3})
     shutil.rmtree(tmp_path / "fields")
     assert {*figures_of(Results.read(tmp_path))} == {"surface", "area", "curve"}
     for name in ("case.toml", "summary.json"):
@@ -119,8 +84,6 @@ def test_every_axis_has_quantity_and_unit(results: Results) -> None:
     heights = surface_map(surface.grid(33), surface.L, surface.maximum())
     assert heights.axes[0].get_xlabel() == "$x$ (nm)"
     assert heights.axes[1].get_ylabel() == "height above the mean plane (nm)"
-    section = mesh_cut(results)
-    assert [axis.get_ylabel() for axis in section.axes[:2]] == ["$z$ (nm)", "$z$ (nm)"]
     maps = pressure_maps(results)
     assert maps.axes[-1].get_ylabel().startswith("contact pressure (")
     assert maps.axes[-2].get_xlabel().startswith("contact pressure (")
@@ -216,7 +179,7 @@ def test_settings_of_the_user_win_and_stay(results: Results) -> None:
     assert plain.xaxis.label.get_size() == 9.0 and plain.lines[0].get_linewidth() == 1.4
 
 
-@pytest.mark.parametrize("name", ["force_curve", "plasticity", "mesh_cut", "pressure_maps", "contact_area"])
+@pytest.mark.parametrize("name", ["force_curve", "plasticity", "pressure_maps", "contact_area"])
 def test_figures_are_drawn_on_axes_of_the_caller(results: Results, name: str) -> None:
     for panels in (1, 2):
         axes = Figure().subplots(1, 2)
@@ -232,7 +195,7 @@ def test_every_figure_function_takes_axes() -> None:
         module = importlib.import_module(f"asperity.plot.{name}")
         found += [f for f in vars(module).values() if inspect.isfunction(f) and f.__module__ == module.__name__]
     drawing = [f for f in found if inspect.signature(f).return_annotation == "Figure" and f.__name__[0] != "_"]
-    assert len(drawing) >= 14
+    assert len(drawing) >= 13
     assert [f.__name__ for f in drawing if "ax" not in inspect.signature(f).parameters] == []
 
 
@@ -251,7 +214,7 @@ def test_branches_are_joined_where_they_meet(results: Results) -> None:
 
 @pytest.mark.parametrize("name", ["summary.json", "fields/top.npz"])
 def test_a_damaged_file_is_named(tmp_path: Path, name: str) -> None:
-    write_run(tmp_path, n=2)
+    write_run(tmp_path)
     (tmp_path / name).write_bytes(b"{[,\x01")
     with pytest.raises(InputError, match=Path(name).name):
         Results.read(tmp_path)
@@ -264,7 +227,7 @@ def test_numbers_in_formulas() -> None:
 @pytest.mark.usefixtures("blank_figures")
 @pytest.mark.parametrize("rows", [0, 1])
 def test_a_run_that_stopped_early_has_figures(tmp_path: Path, rows: int) -> None:
-    write_run(tmp_path, n=2)
+    write_run(tmp_path)
     curve = Curve.read(tmp_path / "curve.csv")
     curve.where(np.arange(rows)).write(tmp_path / "curve.csv")
     fields = dict(np.load(tmp_path / "fields/top.npz"))
@@ -272,7 +235,7 @@ def test_a_run_that_stopped_early_has_figures(tmp_path: Path, rows: int) -> None
         fields[name] = fields[name][:rows]  # the first level carries no load
     np.savez(tmp_path / "fields/top.npz", **fields)
     expected = {"pressure", "area", "curve", "plasticity"} if rows else set()
-    assert {path.stem for path in plot_run(tmp_path)} == {"surface", "mesh"} | expected
+    assert {path.stem for path in plot_run(tmp_path)} == {"surface"} | expected
 
 
 def write_vibration(folder: Path) -> None:
@@ -293,7 +256,7 @@ def write_vibration(folder: Path) -> None:
 
 
 def test_vibration_figures(tmp_path: Path) -> None:
-    write_run(tmp_path, n=2)
+    write_run(tmp_path)
     write_vibration(tmp_path)
     results = Results.read(tmp_path)
     assert {"frequency", "response"} <= {*figures_of(results)}
@@ -328,7 +291,7 @@ def test_the_receptance_of_a_run_has_the_units_of_the_joint(tmp_path: Path) -> N
     import asperity as asp
     from asperity.plot import receptance
 
-    write_run(tmp_path, n=2)
+    write_run(tmp_path)
     joint = asp.Joint(nominal_area=1e-6, pressure=2e8, mass=2.0)
     result = asp.run_dynamics(tmp_path, joint=joint, forcing=1e-4, out_dir=tmp_path, bands=False)
     results = Results.read(tmp_path)

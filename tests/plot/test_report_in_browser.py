@@ -41,7 +41,7 @@ return Math.min(...[...document.querySelectorAll("p, td, th, li, small")].map(si
 @pytest.fixture(scope="module")
 def report(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A report with all sections: warnings, ledger, figures of contact and vibration."""
-    folder = write_run(tmp_path_factory.mktemp("run"), n=4)
+    folder = write_run(tmp_path_factory.mktemp("run"))
     write_vibration(folder)
     path = folder / "summary.json"
     summary = json.loads(path.read_text(encoding="utf-8"))

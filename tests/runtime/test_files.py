@@ -114,7 +114,7 @@ def killer(victim: str) -> Callable[[Path, Path], Path]:
 
 
 def test_a_report_and_its_pictures_are_whole_or_absent(tmp_path: Path) -> None:
-    folder = write_run(tmp_path / "run", n=2)
+    folder = write_run(tmp_path / "run")
     for victim in ("figures/curve.png", "report.html"):
         with pytest.MonkeyPatch.context() as monkeypatch, pytest.raises(Killed):
             monkeypatch.setattr(Path, "replace", killer(Path(victim).name))

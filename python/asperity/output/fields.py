@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from itertools import chain
 from pathlib import Path
 
@@ -11,7 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 from asperity.arrays import Array, Floats, Indices
-from asperity.contact.contact_surface import gather_at_top, gather_faces, gather_top
+from asperity.contact.contact_surface import gather_at_top, gather_top
 from asperity.fem.global_numbering import at_built_nodes, share_cells, share_mesh, share_nodes
 from asperity.fem.solid import Solid
 from asperity.mesh.element import FACE_TRIANGLES, GMSH_TO_VTK, NODES, VTK_TYPE
@@ -128,18 +128,6 @@ def write_top(path: Path, top: TopStates) -> None:
         gap=np.maximum(top.gap, 0.0),
         touched=top.touched,
     )
-
-
-def mesh_streams(result: ContactResult, side: float) -> dict[str, Stream]:
-    """Arrays of mesh.npz, the data of the figure of the mesh; collective."""
-    points, tets = share_mesh(result.solver.solid)
-    faces = gather_faces(result.solver.contact_surface)
-    of_top = np.empty((0, 6), dtype=np.int64) if faces is None else faces
-    return {
-        "points": replace(stream(points), rows=(rows * side for rows in pieces(points))),
-        "tets": stream(tets),
-        "triangles": Stream(of_top.dtype, of_top.shape, iter([of_top])),
-    }
 
 
 def von_mises(stress: Array) -> Array:

@@ -19,7 +19,6 @@ from asperity.runtime.display import short_repr
 from asperity.runtime.files import UNREADABLE, one_line, read_csv, read_npz
 from asperity.runtime.run_folder import (
     BAND,
-    BLOCK,
     CASE,
     CURVE,
     FIELDS,
@@ -46,7 +45,7 @@ class Results:
     Attributes:
         case: completed input, as nested tables
         free, response, band, slip, slip_loops, slip_nodes: columns of the files of these names
-        top, mesh: arrays of fields/top.npz and fields/mesh.npz
+        top: arrays of fields/top.npz
         built: the surface of the case if it was passed to `read`, else None
 
     Examples:
@@ -69,7 +68,6 @@ class Results:
     slip_loops: Columns = field(default_factory=dict)
     slip_nodes: Columns = field(default_factory=dict)
     top: Columns = field(default_factory=dict)
-    mesh: Columns = field(default_factory=dict)
     built: Surface | None = None
 
     __repr__ = short_repr
@@ -96,7 +94,6 @@ class Results:
             "slip_loops": (SLIP_LOOPS, _read_columns),
             "slip_nodes": (SLIP_NODES, _read_columns),
             "top": (f"{FIELDS}/{TOP}", read_npz),
-            "mesh": (f"{FIELDS}/{BLOCK}", read_npz),
         }
         found = {}
         for attribute, (name, reader) in readers.items():

@@ -14,10 +14,9 @@ from asperity.case import Case
 from asperity.case.identity import identity, refuse_another, refuse_run_of_another
 from asperity.curve import Curve
 from asperity.errors import ConvergenceError, InputError
-from asperity.runtime.files import UNREADABLE, files_into, remove_asides, replace_file, write_npz
+from asperity.runtime.files import UNREADABLE, files_into, remove_asides, replace_file
 from asperity.runtime.parallel import on_root_bcast
 from asperity.runtime.run_folder import (
-    BLOCK,
     CASE,
     CHECKPOINT,
     CURVE,
@@ -173,7 +172,7 @@ class RunFiles:
 
         assert self.folder is not None
         side, E, output = self._case.surface.L, self._case.material.E, self._case.output
-        top, mesh = fields.gather_top_states(contact, side, E), fields.mesh_streams(contact, side)
+        top = fields.gather_top_states(contact, side, E)
         grid = fields.vtkhdf_streams(contact, E) if output.fields else {}
         place = self.folder / FIELDS
 
@@ -181,12 +180,11 @@ class RunFiles:
             assert top is not None
             with files_into(place) as aside:
                 fields.write_top(aside / TOP, top)
-                write_npz(aside / BLOCK, mesh.items(), compress=True)
                 if grid:
                     fields.write_vtkhdf_streams(aside / VTKHDF, grid, [s.step for s in contact.snapshots])
                     (aside / VIEW).write_bytes(files("asperity").joinpath("templates", VIEW).read_bytes())
 
-        on_root_of(self._comm, [*mesh.values(), *grid.values()], write)
+        on_root_of(self._comm, grid.values(), write)
 
     def summary(self, summary: dict[str, Any], failure: ConvergenceError | None) -> None:
         """Write summary.json, with what the run failed by as its reason to end."""

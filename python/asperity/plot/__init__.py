@@ -16,7 +16,7 @@ from asperity.output.gap_conductance import gap_conductance
 from asperity.output.results import Results
 from asperity.plot.contact import contact_area, pressure_maps
 from asperity.plot.curves import force_curve, plasticity
-from asperity.plot.fields import mesh_cut, surface_map
+from asperity.plot.fields import surface_map
 from asperity.plot.slip import slip, slip_map
 from asperity.plot.spectra import receptance, receptance_of
 from asperity.plot.stiffness import conductance, stiffness
@@ -34,7 +34,6 @@ __all__ = [
     "contact_area",
     "force_curve",
     "frequency",
-    "mesh_cut",
     "plasticity",
     "plot_dynamics",
     "plot_run",
@@ -72,8 +71,6 @@ CAPTIONS = {
     "the force over that of the displacement.",
     "slip_map": "Slip of the nodes in contact from rest to an amplitude, by the solid; grey nodes stick.",
     "surface": "Heights of the surface; the ring marks the first touch.",
-    "mesh": "Vertical section of the mesh (a) through the highest point and (b) at the summit; colour is the element "
-    "size.",
 }
 
 OF_VIBRATION = ("frequency", "response", "receptance")
@@ -118,7 +115,6 @@ def figures_of(results: Results) -> dict[str, Callable[[Results], Figure]]:
     plastic = np.any(results.curve.max_plastic_strain > 0)
     wanted: dict[str, tuple[bool, Callable[[Results], Figure]]] = {
         "surface": ("surface" in results.case, _surface),
-        "mesh": (bool(results.mesh), mesh_cut),
         "pressure": (results.snapshots > 0, pressure_maps),
         "area": (rows > 0, contact_area),
         "curve": (rows > 0, force_curve),

@@ -1,19 +1,12 @@
-"""Figures of geometry: surface, its spectrum, and section of the mesh."""
+"""Figures of a surface and of its spectrum."""
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
-from matplotlib.collections import PolyCollection
-from matplotlib.colors import LogNorm
 from matplotlib.figure import Figure
-from matplotlib.ticker import FuncFormatter, LogLocator, NullLocator
 
 from asperity.arrays import Array
-from asperity.output.results import Results
 from asperity.plot import style
-from asperity.plot.section import cut
 from asperity.surface import Spectrum
 from asperity.surface.self_affine_fit import SelfAffineFit
 from asperity.units import prefix
@@ -77,69 +70,3 @@ def spectrum_figure(
     axis.set_ylabel(style.label("density $C(q)$", f"{unit}$^4$" if unit else ""))
     style.grid(axis)
     return figure
-
-
-@style.styled
-def mesh_cut(results: Results, *, ax: style.Place | None = None) -> Figure:
-    """Draw a vertical section of the mesh through the highest point, as a whole and at the contact."""
-    mesh = results.mesh
-    x0, y0, top = _summit(results)
-    polygons, sizes = cut(mesh["points"], mesh["tets"], y0)
-    unit = results.unit("length")
-    across, across_unit = prefix(float(mesh["points"][:, 0].max()) / 2, unit)
-    fine, fine_unit = prefix(float(np.min(sizes)) * 5, unit)
-    figure, axes = style.figure(style.WIDE, 5.2, columns=2, ax=ax)
-    style.titles(axes, ("section through the summit", "at the summit"))
-    panels = ((across, across_unit, 0.3), (fine, fine_unit, 0.6))
-    collection: Any = None
-    for axis, (factor, name, width) in zip(axes, panels, strict=False):
-        collection = PolyCollection(
-            [polygon * factor for polygon in polygons], array=sizes * fine, cmap="cividis",
-            norm=LogNorm(), edgecolors="black", linewidths=width, rasterized=True,
-        )  # fmt: skip
-        axis.add_collection(collection)
-        axis.set_aspect("equal")
-        axis.set_xlabel(style.label("$x$", name))
-        axis.set_ylabel(style.label("$z$", name))
-    axes[0].margins(0.02)
-    axes[0].autoscale_view()
-    if len(axes) > 1:
-        half = _zoom_width(polygons, sizes, x0, top)
-        middle = float(np.clip(x0, half, max(mesh["points"][:, 0].max() - half, half)))
-        _flats(axes[1], results, (middle, half, top), fine)
-    _size_bar(figure, axes, collection, fine_unit)
-    return figure
-
-
-def _flats(zoom: Any, results: Results, window: tuple[float, float, float], fine: float) -> None:
-    """Show the window at the summit (middle, half width, highest point), and the flat at its ends."""
-    middle, half, top = window
-    zoom.set_xlim((middle - half) * fine, (middle + half) * fine)
-    zoom.set_ylim((top - 1.7 * half) * fine, (top + 0.3 * half) * fine)
-    delta = float(np.max(results.curve.delta, initial=0.0))
-    zoom.axhline(top * fine, color=style.BLUE, label="flat at first touch")
-    zoom.axhline((top - delta) * fine, color=style.VERMILION, ls="--", label="flat at its lowest")
-    zoom.legend(loc="lower left", frameon=True, framealpha=0.9, edgecolor="none")
-
-
-def _size_bar(figure: Any, axes: Any, collection: Any, unit: str) -> None:
-    bar = figure.colorbar(collection, ax=axes, shrink=0.85)
-    bar.set_label(style.label("element size", unit))
-    bar.ax.yaxis.set_major_locator(LogLocator(subs=(1, 2, 5)))
-    bar.ax.yaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
-    bar.ax.yaxis.set_minor_locator(NullLocator())
-
-
-def _summit(results: Results) -> tuple[float, float, float]:
-    """Highest point: x, y of the surface, z of the mesh, whose origin may differ."""
-    x, y, z = results.mesh["points"][np.argmax(results.mesh["points"][:, 2])]
-    if results.surface is not None:
-        x, y, _ = results.surface.maximum()
-    return float(x), float(y), float(z)
-
-
-def _zoom_width(polygons: list[Array], sizes: Array, x0: float, top: float) -> float:
-    """Half width of a window that shows about a dozen of the elements at the summit."""
-    middles = np.array([polygon.mean(axis=0) for polygon in polygons])
-    near = np.argsort(np.hypot(middles[:, 0] - x0, middles[:, 1] - top))[:20]
-    return 6 * float(np.median(sizes[near]))

@@ -23,12 +23,12 @@ LOOPS = "loops.csv"
 SLIP, SLIP_LOOPS, SLIP_NODES = "slip.csv", "slip_loops.csv", "slip_nodes.csv"
 REPORT = "report.html"
 FIELDS, FIGURES, CHECKPOINT = "fields", "figures", "checkpoint"  # folders
-TOP, BLOCK, VTKHDF, VIEW = "top.npz", "mesh.npz", "contact.vtkhdf", "view.py"  # in fields
+TOP, VTKHDF, VIEW = "top.npz", "contact.vtkhdf", "view.py"  # in fields
 PICTURES = (
-    "surface", "mesh", "curve", "area", "pressure", "stiffness", "plasticity", "frequency", "response", "receptance",
+    "surface", "curve", "area", "pressure", "stiffness", "plasticity", "frequency", "response", "receptance",
     "slip", "slip_map", "conductance", "scene",
 )  # in figures # fmt: skip
-FIELD_PICTURES = ("surface", "mesh", "pressure", "slip_map", "scene")  # the others consist of lines and are in .svg too
+FIELD_PICTURES = ("surface", "pressure", "slip_map", "scene")  # the others consist of lines and are in .svg too
 _FIGURES = {name: [f"{FIGURES}/{name}.{form}" for form in ("png", "svg") if form == "png" or name not in FIELD_PICTURES]
             for name in PICTURES}  # fmt: skip
 #: Files of `asperity export` in the folder of a run, by program or kind of file.
@@ -46,7 +46,7 @@ MESH, STATE, SNAPSHOT = "mesh.npz", "state.npz", "snapshot-{}.npz"  # in checkpo
 #: All files and folders that a run writes, folders after their files; without those of the checkpoint.
 PRODUCTS = (
     CURVE, SUMMARY, LOG, LOOPS, SLIP, SLIP_LOOPS, SLIP_NODES, FREE, RESPONSE, BAND, THRESHOLDS, REPORT,
-    *(f"{FIELDS}/{name}" for name in (BLOCK, TOP, VTKHDF, VIEW)), FIELDS,
+    *(f"{FIELDS}/{name}" for name in (TOP, VTKHDF, VIEW)), FIELDS,
     *(path for paths in _FIGURES.values() for path in paths), FIGURES,
     CASE,
 )  # fmt: skip
