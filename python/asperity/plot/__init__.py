@@ -18,10 +18,10 @@ from asperity.plot.contact import contact_area, pressure_maps
 from asperity.plot.curves import force_curve, plasticity
 from asperity.plot.fields import surface_map
 from asperity.plot.slip import slip, slip_map
-from asperity.plot.spectra import receptance, receptance_of
+from asperity.plot.spectra import receptance
 from asperity.plot.stiffness import conductance, stiffness
 from asperity.plot.style import save, save_in
-from asperity.plot.vibration import Scale, amplitude_frequency, frequency, natural_frequency, response
+from asperity.plot.vibration import frequency, response, results_of
 from asperity.runtime.run_folder import FIGURES
 
 if TYPE_CHECKING:
@@ -98,15 +98,8 @@ def plot_run(folder: str | Path, surface: Surface | None = None, names: Sequence
 
 def plot_dynamics(result: Dynamics, folder: str | Path) -> list[Path]:
     """Draw the figures of a result of `run_dynamics` into a folder, and return the files written."""
-    responses = [r for group in result.responses.values() for r in group]
-    sweeps = [s for group in result.sweeps.values() for s in group]
-    scale = Scale.of(result.to_dict())
-    figures = {
-        "frequency": natural_frequency(list(result.oscillators.values()), scale),
-        "response": amplitude_frequency(responses, sweeps, result.bands, scale),
-        "receptance": receptance_of(result),
-    }
-    return [path for name, figure in figures.items() for path in save_in(Path(folder), name, figure)]
+    drawn, results = {"frequency": frequency, "response": response, "receptance": receptance}, results_of(result)
+    return [path for name, draw in drawn.items() for path in save_in(Path(folder), name, draw(results))]
 
 
 def figures_of(results: Results) -> dict[str, Callable[[Results], Figure]]:

@@ -1,40 +1,24 @@
 """Figure of the frequency response function (receptance).
 
-It is drawn from rows as in response.csv and free.csv, from the folder of a run or from memory. Axes are in
-hertz and in units of the case where these are known, else over omega_s and 1/k_n.
+Axes are in hertz and in units of the case where these are known, else over omega_s and 1/k_n.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
 from asperity.arrays import Array
-from asperity.output.results import Columns, Results
+from asperity.output.results import Results
 from asperity.plot import style
-from asperity.plot.vibration import COLOURS, DASHES, Scale, columns_of, heading, is_sweep, pieces, truth, where
+from asperity.plot.vibration import COLOURS, DASHES, Scale, heading, is_sweep, pieces, truth, where
 from asperity.units import prefix
 
-if TYPE_CHECKING:
-    from asperity.dynamics import Dynamics
-
 _FLOOR = 1.5  # the axis of the receptance begins at its smallest value over this
-
-
-def receptance(results: Results, *, ax: style.Place | None = None) -> Figure:
-    """Draw amplitude over force with the backbone, from the folder of a run."""
-    return _receptance(results.response, results.free, results.thresholds, ax=ax)
-
-
-def receptance_of(result: Dynamics, *, ax: style.Place | None = None) -> Figure:
-    """Draw the frequency response function of a result of `run_dynamics`."""
-    rows = columns_of(row for many in result.responses.values() for r in many for row in r.rows())
-    free = columns_of(row for f in result.free.values() for row in f.rows())
-    return _receptance(rows, free, result.to_dict(), ax=ax)
 
 
 def _axes(thresholds: Mapping[str, Any]) -> tuple[float, float, str, str]:
@@ -48,7 +32,9 @@ def _axes(thresholds: Mapping[str, Any]) -> tuple[float, float, str, str]:
 
 
 @style.styled
-def _receptance(rows: Columns, free: Columns, thresholds: Mapping[str, Any], *, ax: style.Place | None) -> Figure:
+def receptance(results: Results, *, ax: style.Place | None = None) -> Figure:
+    """Draw amplitude over force with the backbone."""
+    rows, free, thresholds = results.response, results.free, results.thresholds
     frequency, compliance, hertz, metre = _axes(thresholds)
     si = metre == "m"
     figure, (axis, *_) = style.figure(style.SINGLE + 1.6, 4.0, ax=ax)

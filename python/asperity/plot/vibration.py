@@ -1,12 +1,10 @@
-"""Figures of natural frequency over amplitude, and of amplitude over excitation frequency.
-
-Both are drawn from rows as in free.csv and response.csv, from the folder of a run or from memory.
-"""
+"""Figures of natural frequency over amplitude, and of amplitude over excitation frequency."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from pathlib import Path as Folder
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -17,12 +15,13 @@ from matplotlib.path import Path
 from numpy.typing import NDArray
 
 from asperity.arrays import Array
+from asperity.curve import Curve
 from asperity.output.results import Columns, Results
 from asperity.plot import style
 from asperity.units import prefix
 
 if TYPE_CHECKING:
-    from asperity.dynamics import Band, ContactOscillator, FrequencyResponse, Sweep
+    from asperity.dynamics import Dynamics, FrequencyResponse, Sweep
 
 MODELS = {"exact": (style.BLUE, "-", "exact law"), "taylor": (style.VERMILION, "--", "Taylor law")}
 COLOURS = (style.BLUE, style.VERMILION, style.GREEN, style.PURPLE, style.ORANGE, style.BLACK)
@@ -84,57 +83,33 @@ class Scale:
 # -- natural frequency over amplitude ----------------------------------------------------------------------------
 
 
-def frequency(results: Results, *, ax: style.Place | None = None) -> Figure:
-    """Draw the natural frequency over the release amplitude, from the folder of a run."""
-    present = [model for model in MODELS if (results.free["model"] == model).any()]
-    curves = [(*MODELS[m], m, where(results.free, results.free["model"] == m)) for m in present]
-    return _frequency(curves, Scale.of(results.thresholds), ax=ax)
-
-
-def natural_frequency(
-    oscillators: Sequence[ContactOscillator], scale: Scale | None = None, *, ax: style.Place | None = None
-) -> Figure:
-    """Draw the natural frequency over the release amplitude, for the models of one law or for a family of laws.
-
-    With a scale the figure has second axes in its units.
-    """
-    family = len(oscillators) > 2
-    curves = []
-    for oscillator, colour in zip(oscillators, np.resize(COLOURS, len(oscillators)), strict=True):
-        free = oscillator.free()
-        look = (str(colour), "-", free.law) if family else MODELS[free.model]
-        curves.append((*look, free.model, columns_of(free.rows())))
-    return _frequency(curves, scale, ax=ax)
-
-
 @style.styled
-def _frequency(
-    curves: Sequence[tuple[str, str, str, str, Columns]], scale: Scale | None, *, ax: style.Place | None
-) -> Figure:
-    """Draw natural frequencies from colour, line style, label, model and rows of each curve."""
+def frequency(results: Results, *, ax: style.Place | None = None) -> Figure:
+    """Draw the natural frequency over the release amplitude, a curve for each model."""
     figure, (axis, *_) = style.figure(style.SINGLE + 0.8, 3.7, ax=ax)
     axis.set_title("natural frequency of free vibration", loc="left")
-    named: set[str] = set()
-    for colour, line, text, model, rows in curves:
+    for model, (colour, line, text) in MODELS.items():
+        rows = where(results.free, results.free["model"] == model)
         u, omega, low = rows["u0"], rows["omega_ratio"], rows["u_min"]
+        if not len(u):
+            continue
         kept = low >= -1.0
         axis.plot(u, omega, line, color=colour, label=text)
         if kept.any() and not kept.all():
             i = int(np.flatnonzero(kept)[-1])
             j = min(i + 1, len(u) - 1)
             s = (low[i] + 1.0) / (low[i] - low[j]) if low[i] > low[j] else 0.0
-            meaning = "contact lost beyond" if model == "exact" else "unphysical beyond"
             axis.plot(
                 u[i] + s * (u[j] - u[i]), omega[i] + s * (omega[j] - omega[i]), "o", color=colour, ms=5, zorder=4,
-                label=None if meaning in named and len(curves) > 2 else meaning,
+                label="contact lost beyond" if model == "exact" else "unphysical beyond",
             )  # fmt: skip
-            named.add(meaning)
     axis.axhline(1.0, color=style.GREY, lw=0.7)
     axis.set_xlabel("amplitude $u_0 = (z_0 - z_s)/z_s$")
     axis.set_ylabel("natural frequency $\\omega_n/\\omega_s$")
     axis.set_xlim(left=0)
     axis.legend(loc="best")
     style.grid(axis)
+    scale = Scale.of(results.thresholds)
     if scale is not None:
         scale.lengths(axis, "top")
         scale.frequencies(axis, "right")
@@ -157,7 +132,10 @@ class _Event:
 
 
 def response(results: Results, *, ax: style.Place | None = None) -> Figure:
-    """Draw the largest displacement over the excitation frequency, a panel for each model, from the folder of a run."""
+    """Draw the largest displacement over the excitation frequency: one panel per model, one colour per forcing.
+
+    Sweeps are triangles, bands those of exact responses, by the error bar of the force and the spread of the laws.
+    """
     t = results.thresholds
     events = [
         _Event(model, r["F_hat"], e["kind"], e["Omega"], e["u_max"], e.get("u_min", np.nan))
@@ -165,34 +143,22 @@ def response(results: Results, *, ax: style.Place | None = None) -> Figure:
         for r in t.get(model, {}).get("responses", ())
         for e in r.get("events", ())
     ]
-    zeta = np.unique(results.response["zeta"])
     n_loc = t.get("n_loc")
-    title = heading(zeta, t.get("damping"), n_loc)
+    title = heading(np.unique(results.response["zeta"]), t.get("damping"), n_loc)
     return _response(results.response, events, title, n_loc, results.band, Scale.of(t), ax=ax)
 
 
 def amplitude_frequency(
-    responses: Sequence[FrequencyResponse],
-    sweeps: Sequence[Sweep] = (),
-    bands: Sequence[Band] = (),
-    scale: Scale | None = None,
-    *,
-    ax: style.Place | None = None,
+    responses: Sequence[FrequencyResponse], sweeps: Sequence[Sweep] = (), *, ax: style.Place | None = None
 ) -> Figure:
-    """Draw the largest displacement over the excitation frequency: one panel per model, one colour per forcing.
-
-    Sweeps are triangles, bands those of exact responses, by the error bar of the force and the spread of the laws. With
-    a scale the figure has second axes in its units.
-    """
+    """Draw responses and sweeps of any oscillators as `response` does, without units."""
     events = [
         _Event(r.setting.model, r.setting.F_hat, e.kind, e.Omega, e.u_max, e.u_min) for r in responses for e in r.events
     ]
     results: list[FrequencyResponse | Sweep] = [*responses, *sweeps]
     rows = columns_of(row for result in results for row in result.rows())
     first = responses[0].setting
-    title = heading([first.zeta], first.damping, first.n_loc)
-    banded = columns_of(row for band in bands for row in band.rows())
-    return _response(rows, events, title, first.n_loc, banded, scale, ax=ax)
+    return _response(rows, events, heading([first.zeta], first.damping, first.n_loc), first.n_loc, {}, None, ax=ax)
 
 
 @style.styled
@@ -366,6 +332,17 @@ def _line_keys(shown: set[str], physical: bool, band: bool) -> list[Line2D]:
     if band:
         keys.append(Line2D([], [], color=style.GREY, lw=6, alpha=0.5 * _FAINT, label="error bar and laws"))
     return keys
+
+
+def results_of(found: Dynamics) -> Results:
+    """A result of `run_dynamics` as `Results.read` reads it from a folder."""
+    responses = [r for many in (*found.responses.values(), *found.sweeps.values()) for r in many]
+    return Results(
+        Folder(), Curve.from_rows([]), thresholds=found.to_dict(),
+        free=columns_of(row for free in found.free.values() for row in free.rows()),
+        response=columns_of(row for r in responses for row in r.rows()),
+        band=columns_of(row for band in found.bands for row in band.rows()),
+    )  # fmt: skip
 
 
 def columns_of(rows: Iterable[Mapping[str, Any]]) -> Columns:
