@@ -167,8 +167,7 @@ class Surface(ABC):
     def maximum(self) -> tuple[float, float, float]:
         """(x, y, z) of the highest point of the closed patch, edges and corners included.
 
-        The global maximum is found by branch and bound with :meth:`curvature_bound` and refined by
-        Newton iteration, so it does not depend on a grid.
+        The global maximum is found by :meth:`curvature_bound` and Newton iteration, so it does not depend on a grid.
         """
         return self._maximum
 
@@ -203,7 +202,8 @@ class Surface(ABC):
 
         Index order is [iy, ix]: row iy has y = iy L/(n-1), column ix has x = ix L/(n-1).
         """
-        return self._rows(n, lambda x, y: (self.height(x, y),))[0]
+        s = nodes(self.L, n)
+        return self.heights_on(s, s)
 
     def grid_gradient(self, n: int) -> tuple[Array, Array]:
         """(dz/dx, dz/dy) at the nodes of :meth:`grid`, each (n, n), index [iy, ix]."""
@@ -214,6 +214,11 @@ class Surface(ABC):
         """(z_xx, z_xy, z_yy) at the nodes of :meth:`grid`, each (n, n), index [iy, ix]."""
         xx, xy, yy = self._rows(n, self.hessian)
         return xx, xy, yy
+
+    def heights_on(self, x: Array, y: Array) -> Array:
+        """z (length) at all pairs of x (nx,) and y (ny,), (ny, nx)."""
+        rows = max(1, 2**18 // x.size)
+        return np.concatenate([self.height(x[None, :], y[i : i + rows, None]) for i in range(0, y.size, rows)])
 
     def product(self, x: Array, y: Array) -> tuple[Array, Array, Array]:
         """(z, z_x, z_y) at all pairs of x (nx,) and y (ny,), each (ny, nx) (length, 1, 1)."""

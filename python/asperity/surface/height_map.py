@@ -16,7 +16,7 @@ from asperity.arrays import Array
 from asperity.errors import InputError
 from asperity.surface.base import Surface, check, check_positive, nodes, short_wave_share
 from asperity.surface.height_files import read_heights
-from asperity.surface.maximum import climb, refine
+from asperity.surface.maximum import global_maximum
 from asperity.surface.scale_space import Heights, ScaleSpace, gaussian_filtered, spline_gain, spline_heights
 from asperity.surface.spline import DEGREE, interpolate, spline_rms, with_middles
 from asperity.surface.statistics import SurfaceStatistics
@@ -31,7 +31,6 @@ _RINGS = 0.75  # width below which the spline of smoothed heights overshoots at 
 _TREND = 8  # degree of the polynomial trend removed before the waves are separated by length
 _ROUNDED = 1e-6  # relative difference of sides that were rounded
 _SAME = 1e-6  # greatest difference of opposite edges of a periodic map, over the range of heights
-_ROWS = 256  # halves of rows of cells in which the highest point is sought at once
 MOST = 6000  # heights along a side: beyond it the spline and its derivatives need more than 6 GiB
 DEEPEST, FARTHEST = 10.0, 1e6  # greatest plausible peak-to-valley height and distance of heights from zero [L]
 
@@ -316,8 +315,8 @@ class HeightMap(Surface):
         z, zx, zy = (self._derivative(dx, dy)(x, y).T for dx, dy in ((0, 0), (1, 0), (0, 1)))
         return z, zx, zy
 
-    def grid(self, n: int) -> Array:
-        return self.product(nodes(self.L, n), nodes(self.L, n))[0]
+    def heights_on(self, x: Array, y: Array) -> Array:
+        return np.asarray(self._spline(x, y).T)
 
     def grid_gradient(self, n: int) -> tuple[Array, Array]:
         _, zx, zy = self.product(nodes(self.L, n), nodes(self.L, n))
@@ -383,65 +382,10 @@ class HeightMap(Surface):
         nx, ny = (len(t) - DEGREE - 1 for t in self._spline.get_knots())
         return np.asarray(c).reshape(nx - dx, ny - dy).T
 
-    def _in_cells(self, dx: int, dy: int) -> tuple[Array, Array]:
-        """Bounds of a derivative in each cell between knots, its least and greatest coefficient there."""
-        c = self._coefficients(dx, dy)
-        bounds = []
-        for extreme in (np.minimum, np.maximum):
-            rows = _moving(extreme, c, DEGREE - dy + 1)
-            bounds.append(_moving(extreme, rows.T, DEGREE - dx + 1).T)
-        if self.limited:  # double knots
-            return bounds[0][::2, ::2], bounds[1][::2, ::2]
-        return bounds[0], bounds[1]
-
     @cached_property
     def _maximum(self) -> tuple[float, float, float]:
-        """The highest point: quarters of the cells between knots that can exceed the highest of the heights at their
-        corners, then branch and bound in them.
-
-        In a rectangle of sides a, b no height exceeds the highest corner by more than (a^2 max(-z_xx) + b^2
-        max(-z_yy))/8. Works by rows of cells, so that only what may hold the maximum is kept in memory.
-        """
         x, y = (with_middles(np.unique(t)) for t in self._spline.get_knots())
-        a, b = np.diff(x), np.diff(y)
-        (xx_low, xx_high), (xy_low, xy_high), (yy_low, yy_high) = (
-            self._in_cells(*order) for order in ((2, 0), (1, 1), (0, 2))
-        )
-        best = climb(self, *self._highest_knot())
-        kept: list[Array] = []
-        for first in range(0, b.size, _ROWS):
-            rows = slice(first, min(first + _ROWS, b.size))
-            cells = np.arange(rows.start, rows.stop) // 2
-            z = self._spline(x, y[first : rows.stop + 1]).T
-            top = np.unravel_index(int(z.argmax()), z.shape)
-            if z[top] > best[2]:
-                best = climb(self, float(x[top[1]]), float(y[first + top[0]]))
-            corners = np.maximum(np.maximum(z[1:, 1:], z[:-1, 1:]), np.maximum(z[1:, :-1], z[:-1, :-1]))
-            bulge = np.repeat(np.maximum(-xx_low[cells], 0.0), 2, axis=1) * a**2
-            bulge += np.repeat(np.maximum(-yy_low[cells], 0.0), 2, axis=1) * b[rows, None] ** 2
-            iy, ix = np.nonzero(corners + bulge / 8 > best[2])
-            kept.append(np.stack([first + iy, ix, (corners + bulge / 8)[iy, ix]]))
-        iy, ix, bound = np.concatenate(kept, axis=1)
-        iy, ix = (i[bound > best[2]].astype(int) for i in (iy, ix))
-        cell = iy // 2, ix // 2
-        along = np.maximum(np.maximum(-xx_low, xx_high)[cell], np.maximum(-yy_low, yy_high)[cell])
-        K = along + np.maximum(-xy_low, xy_high)[cell]
-        cx, cy = x[ix] + a[ix] / 2, y[iy] + b[iy] / 2
-        return refine(self, cx, cy, self.height(cx, cy), a[ix] / 2, b[iy] / 2, K, best)
-
-    def _highest_knot(self) -> tuple[float, float]:
-        """Place (x, y) of the greatest of the heights as read, about that of a knot (length)."""
-        ny, nx = self.heights.shape
-        iy, ix = np.unravel_index(int(self.heights.argmax()), self.heights.shape)
-        return self.L * float(ix) / (nx - 1), self.L * float(iy) / (ny - 1)
-
-
-def _moving(extreme: np.ufunc, c: Array, width: int) -> Array:
-    """Extremes of `width` successive rows, (len(c) - width + 1, ...)."""
-    out = c[: len(c) - width + 1].copy()
-    for i in range(1, width):
-        extreme(out, c[i : len(c) - width + 1 + i], out=out)
-    return out
+        return global_maximum(self, (x, y))
 
 
 def _check_heights(z: Array, path: str | Path) -> None:

@@ -1,4 +1,4 @@
-"""The global maximum of a surface: branch and bound over cells, refined by Newton iteration."""
+"""The global maximum of a surface: Newton iterations from all nodes of a grid that may be next to it."""
 
 from __future__ import annotations
 
@@ -9,12 +9,9 @@ from numpy.typing import ArrayLike
 
 from asperity.arrays import Array
 
-_MAX_CELLS = 4_000_000
-_LEVELS = 40
-_TIED = 10_000  # cells; so many that do not become fewer hold a ridge, or peaks of one height
-_CLIMBS = 100_000  # of them in which an ascent starts
-_TO_RIDGE = 2  # Newton steps from such a cell to its highest point
-_FEWER = 0.5  # ratio of the cells of two levels that counts as becoming fewer
+_PER_FEATURE, _FEWEST, _MOST = 8, 64, 4096  # intervals of the grid per feature, at least, and at most
+_CLIMBS = 30_000  # nodes, the highest ones, from which Newton's method climbs: more hold a ridge, or equal peaks
+_ROWS = 256  # of the grid at once
 
 
 class SmoothSurface(Protocol):
@@ -30,85 +27,45 @@ class SmoothSurface(Protocol):
 
     def height(self, x: ArrayLike, y: ArrayLike) -> Array: ...
 
+    def heights_on(self, x: Array, y: Array) -> Array: ...
+
     def gradient(self, x: ArrayLike, y: ArrayLike) -> tuple[Array, Array]: ...
 
     def hessian(self, x: ArrayLike, y: ArrayLike) -> tuple[Array, Array, Array]: ...
 
 
-def global_maximum(surface: SmoothSurface) -> tuple[float, float, float]:
-    """(x, y, z) of the highest point of the closed patch, by branch and bound from square cells."""
-    L, K = surface.L, surface.curvature_bound()
-    n = int(np.clip(np.ceil(8 * L / surface.feature_size), 64, 1024))
-    half: Array = np.full(n * n, L / (2 * n))
-    x, y = (c.ravel() for c in np.meshgrid(*2 * [(np.arange(n) + 0.5) * (L / n)]))
-    z = surface.height(x, y)
-    best = max((climb(surface, cx, cy) for cx in (0.0, L) for cy in (0.0, L)), key=lambda p: p[2])
-    return refine(surface, x, y, z, half, half, np.full(n * n, K), _improve(surface, x, y, z, best, 0.0))
-
-
-def refine(
-    surface: SmoothSurface,
-    x: Array,
-    y: Array,
-    z: Array,
-    half_x: Array,
-    half_y: Array,
-    K: Array,
-    best: tuple[float, float, float],
+def global_maximum(
+    surface: SmoothSurface, nodes: tuple[Array, Array] | None = None, K: float | None = None
 ) -> tuple[float, float, float]:
-    """Higher one of the best point and the highest point of some cells.
+    """(x, y, z) of the highest point of the closed patch.
 
-    In a cell of half-diagonal r about c no height exceeds z(c) + |grad z(c)| r + K r^2/2, K being a bound of the
-    curvature in the cell. Cells that cannot hold a higher point than the best one known are dropped, the others are
-    quartered; a Newton ascent starts at each centre above the best known height. A grating has no single summit:
-    along its ridges the cells only multiply. An ascent then starts in each cell, or in those of the highest
-    centres, and the highest one ends the search.
+    Next to a summit there is a node of a grid of spacing h, at most h/sqrt(2) away and at most K h^2/4 lower. From all
+    nodes above that level Newton's method climbs to a summit.
 
     Args:
         surface: the height field
-        x, y, z: centres of the cells, and the heights there, each (n,) (length)
-        half_x, half_y: half their sides (n,) (length)
-        K: bounds of the spectral norm of the Hessian in them (n,) (1/length)
-        best: highest point known
+        nodes: along x and along y, from edge to edge (length); default some on each feature
+        K: bound of the curvature (1/length); default that of the surface
     """
-    before = x.size if x.size > _TIED else np.inf
-    for _ in range(_LEVELS):
-        slack = 1e-14 * max(abs(best[2]), float(np.abs(z).max(initial=0.0)))
-        zx, zy = surface.gradient(x, y)
-        r = np.hypot(half_x, half_y)
-        bound = z + np.hypot(zx, zy) * r + 0.5 * K * r**2
-        keep = np.flatnonzero(bound > best[2] + slack)
-        if not keep.size or (0.5 * K * r**2).max() <= slack:
-            break
-        if keep.size > max(_TIED, _FEWER * before):
-            keep = keep[np.argsort(z[keep])[-_CLIMBS:]]  # the centres nearest to a ridge are the highest across it
-            tops = climb_all(surface, x[keep], y[keep], float(r.max()), _TO_RIDGE)
-            return _improve(surface, *tops, best, slack)
-        before = keep.size
-        if keep.size > _MAX_CELLS // 4:
-            keep = keep[np.argpartition(bound[keep], -_MAX_CELLS // 4)[-_MAX_CELLS // 4 :]]
-        half_x, half_y, K = (np.repeat(v[keep], 4) * part for v, part in ((half_x, 0.5), (half_y, 0.5), (K, 1.0)))
-        x = np.repeat(x[keep], 4) + half_x * np.tile([-1, 1, -1, 1], keep.size)
-        y = np.repeat(y[keep], 4) + half_y * np.tile([-1, -1, 1, 1], keep.size)
-        z = surface.height(x, y)
-        best = _improve(surface, x, y, z, best, slack)
-    return best
-
-
-def _improve(
-    surface: SmoothSurface,
-    x: Array,
-    y: Array,
-    z: Array,
-    best: tuple[float, float, float],
-    slack: float,
-) -> tuple[float, float, float]:
-    """Climb from the highest of the given points if it is above the best point; return the better one."""
-    top = int(np.argmax(z))
-    if z[top] <= best[2] + slack:
-        return best
-    found = climb(surface, float(x[top]), float(y[top]))
-    return found if found[2] > best[2] else best
+    if nodes is None:
+        n = int(np.clip(np.ceil(_PER_FEATURE * surface.L / surface.feature_size), _FEWEST, _MOST))
+        nodes = (np.linspace(0.0, surface.L, n + 1),) * 2
+    x, y = nodes
+    h = max(float(np.diff(x).max()), float(np.diff(y).max()))
+    margin = 0.25 * (surface.curvature_bound() if K is None else K) * h**2
+    places, heights, level = np.empty(0, dtype=np.int64), np.empty(0), -np.inf
+    for first in range(0, y.size, _ROWS):
+        z = surface.heights_on(x, y[first : first + _ROWS]).ravel()
+        level = max(level, float(z.max()) - margin)
+        high = np.flatnonzero(z >= level)
+        places, heights = np.append(places, first * x.size + high), np.append(heights, z[high])
+        if heights.size > _CLIMBS:
+            kept = np.argpartition(heights, -_CLIMBS)[-_CLIMBS:]
+            places, heights = places[kept], heights[kept]
+    places = places[heights >= level]
+    x, y, heights = climb_all(surface, x[places % x.size], y[places // x.size], h)
+    top = int(np.argmax(heights))
+    return climb(surface, float(x[top]), float(y[top]))
 
 
 def climb(surface: SmoothSurface, x: float, y: float) -> tuple[float, float, float]:
@@ -170,7 +127,7 @@ def climb_all(surface: SmoothSurface, x: Array, y: Array, step: float, rounds: i
         zx, zy, xy = np.where(fixed_x, 0.0, zx), np.where(fixed_y, 0.0, zy), np.where(fixed_x | fixed_y, 0.0, xy)
         # a Hessian that is not negative definite is shifted until it is
         top = 0.5 * (xx + yy) + np.hypot(0.5 * (xx - yy), xy)
-        shift = np.maximum(top + 1e-3 * (np.abs(xx) + np.abs(yy)), 0.0)
+        shift = np.maximum(top + 1e-3 * (np.abs(xx) + np.abs(yy)) + 1e-9 * np.hypot(zx, zy) / step, 0.0)
         xx, yy = xx - shift, yy - shift
         det = np.maximum(xx * yy - xy**2, np.finfo(float).tiny)
         dx, dy = (xy * zy - yy * zx) / det, (xy * zx - xx * zy) / det

@@ -21,7 +21,7 @@ from asperity.surface.base import (
     nodes,
     short_wave_share,
 )
-from asperity.surface.maximum import climb, climb_all
+from asperity.surface.maximum import global_maximum
 from asperity.surface.scale_space import Heights, ScaleSpace, spline_gain, spline_heights
 from asperity.surface.wave_grid import WaveGrid
 
@@ -29,7 +29,6 @@ _MOST = 2048  # waves of the shortest length along a side of the period: grids o
 _STRETCH = 16.0  # largest anisotropy
 _SUMMED = 256  # waves per period up to which the ideal spectrum is summed; beyond that it is integrated
 _DEVIATIONS = 10.0  # random waves exceed this many with a probability below exp(-50) (Chernoff)
-_CANDIDATES = 200_000  # starting points of the search for the summit
 _NEGLIGIBLE = 4.5  # k s beyond which a smoothed wave is left out: exp(-10)
 
 
@@ -216,6 +215,9 @@ class SelfAffine(Surface):
         xx, xy, yy = self._at(x, y, [(0, 2), (1, 1), (2, 0)])
         return xx, xy, yy
 
+    def heights_on(self, x: Array, y: Array) -> Array:
+        return self._waves.product(x, y, [(0, 0)])[0]
+
     def product(self, x: Array, y: Array) -> tuple[Array, Array, Array]:
         z, zx, zy = self._waves.product(x, y, [(0, 0), (0, 1), (1, 0)])
         return z, zx, zy
@@ -264,22 +266,7 @@ class SelfAffine(Surface):
 
     @cached_property
     def _maximum(self) -> tuple[float, float, float]:
-        """The highest point; the bound of the curvature that selects starting points is a statistical one.
-
-        Next to a summit there is a node of a grid of spacing h, at most h/sqrt(2) away and at most K h^2/4 lower. From
-        all nodes above that level Newton's method climbs to a summit.
-        """
-        from scipy.fft import next_fast_len
-
-        n = next_fast_len(max(64, math.ceil(6 * self.L / self.feature_size))) + 1
-        z, h = self.grid(n), self.L / (n - 1)
-        K = min(self.curvature_bound(), _DEVIATIONS * math.sqrt(self._moment(2)))
-        high = np.flatnonzero(z.ravel() >= z.max() - K * h**2 / 4)
-        if high.size > _CANDIDATES:
-            high = high[np.argpartition(z.ravel()[high], -_CANDIDATES)[-_CANDIDATES:]]
-        x, y, heights = climb_all(self, (high % n) * h, (high // n) * h, h)
-        top = int(np.argmax(heights))
-        return climb(self, float(x[top]), float(y[top]))
+        return global_maximum(self, K=min(self.curvature_bound(), _DEVIATIONS * math.sqrt(self._moment(2))))
 
     def smoothed(self, x: ArrayLike, y: ArrayLike, s: ArrayLike) -> Array:
         return self._smoothed(self._scales, x, y, s)
