@@ -284,7 +284,7 @@ def slope_seen(block: BlockMesh | None, surface: Surface, depth: float) -> float
     assert block is not None
     n = int(np.clip(PER_WAVE * surface.L / surface.feature_size, *CELLS))
     centres = (np.arange(n) + 0.5) * surface.L / n
-    heights = surface.height(centres[None, :], centres[:, None]) / surface.L
+    heights = surface.on_product(centres, centres) / surface.L
     reached = heights >= surface.maximum()[2] / surface.L - depth / surface.L
     if not reached.any():
         return 1.0

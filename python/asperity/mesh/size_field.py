@@ -156,7 +156,7 @@ def _contact_window(surface: Surface, delta_max: float) -> tuple[float, float, f
     x0, y0, side = 0.0, 0.0, 1.0
     while True:
         t = np.linspace(0.0, side, GRID)
-        height = surface.height((x0 + t[None, :]) * L, (y0 + t[:, None]) * L)
+        height = surface.on_product((x0 + t) * L, (y0 + t) * L)
         gap: Floats = np.asarray((summit - height) / L, dtype=np.float64)
         rows, columns = np.nonzero(gap <= _just_above(max(delta_max, float(gap.min()))))
         low = np.maximum(np.array([columns.min(), rows.min()]) - 2, 0)

@@ -86,7 +86,7 @@ def half_space_contact(
     _check_load(P_star, delta_star, height)
     # lengths over L, pressures over E'
     centres = (np.arange(n) + 0.5) * (surface.L / n)
-    z = np.asarray(surface.height(centres[None, :], centres[:, None])) / surface.L
+    z = surface.on_product(centres, centres) / surface.L
     summit = surface.maximum()[2] / surface.L
     compliance = compliance_of_waves(n, None if height is None else height / surface.L, nu, sides)
     scale = max(float(np.ptp(z)), 1e-300)

@@ -63,11 +63,7 @@ class RoughHalfSpace:
     def heights(self, surface: Surface) -> Floats:
         """Heights at the centres of the cells (n, n), index [iy, ix] [L]."""
         centres = (np.arange(self.n) + 0.5) * (surface.L / self.n)
-        rows = max(1, 2**18 // self.n)
-        parts = [
-            surface.height(centres[None, :], centres[i : i + rows, None]) / surface.L for i in range(0, self.n, rows)
-        ]
-        return np.asarray(np.concatenate(parts))
+        return surface.on_product(centres, centres) / surface.L
 
     def curve(
         self,

@@ -202,34 +202,29 @@ class Surface(ABC):
 
         Index order is [iy, ix]: row iy has y = iy L/(n-1), column ix has x = ix L/(n-1).
         """
-        s = nodes(self.L, n)
-        return self.heights_on(s, s)
+        return self._on_nodes(n)
 
     def grid_gradient(self, n: int) -> tuple[Array, Array]:
         """(dz/dx, dz/dy) at the nodes of :meth:`grid`, each (n, n), index [iy, ix]."""
-        zx, zy = self._rows(n, self.gradient)
-        return zx, zy
+        return self._on_nodes(n, 1, 0), self._on_nodes(n, 0, 1)
 
     def grid_hessian(self, n: int) -> tuple[Array, Array, Array]:
         """(z_xx, z_xy, z_yy) at the nodes of :meth:`grid`, each (n, n), index [iy, ix]."""
-        xx, xy, yy = self._rows(n, self.hessian)
-        return xx, xy, yy
+        return self._on_nodes(n, 2, 0), self._on_nodes(n, 1, 1), self._on_nodes(n, 0, 2)
 
-    def heights_on(self, x: Array, y: Array) -> Array:
-        """z (length) at all pairs of x (nx,) and y (ny,), (ny, nx)."""
-        rows = max(1, 2**18 // x.size)
-        return np.concatenate([self.height(x[None, :], y[i : i + rows, None]) for i in range(0, y.size, rows)])
+    def on_product(self, x: Array, y: Array, dx: int = 0, dy: int = 0) -> Array:
+        """Derivative of z, dx times by x and dy times by y, at all pairs of x (nx,) and y (ny,): (ny, nx)."""
 
-    def product(self, x: Array, y: Array) -> tuple[Array, Array, Array]:
-        """(z, z_x, z_y) at all pairs of x (nx,) and y (ny,), each (ny, nx) (length, 1, 1)."""
-        zx, zy = self.gradient(x[None, :], y[:, None])
-        return self.height(x[None, :], y[:, None]), zx, zy
+        def rows(y: Array) -> Array:
+            at = x[None, :], y[:, None]
+            return self.height(*at) if dx + dy == 0 else (self.gradient if dx + dy == 1 else self.hessian)(*at)[dy]
 
-    def _rows(self, n: int, function: Any) -> tuple[Array, ...]:
+        step = max(1, 2**18 // x.size)
+        return np.concatenate([rows(y[i : i + step]) for i in range(0, y.size, step)])
+
+    def _on_nodes(self, n: int, dx: int = 0, dy: int = 0) -> Array:
         s = nodes(self.L, n)
-        rows = max(1, 2**18 // n)
-        parts = [function(s[None, :], s[i : i + rows, None]) for i in range(0, n, rows)]
-        return tuple(np.concatenate(column) for column in zip(*parts, strict=True))
+        return self.on_product(s, s, dx, dy)
 
     def statistics(self, n: int = 1025) -> SurfaceStatistics:
         """Roughness parameters of an n x n grid; see :class:`SurfaceStatistics`."""

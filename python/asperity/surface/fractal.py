@@ -20,7 +20,6 @@ from asperity.surface.base import (
     check_integer,
     check_positive,
     is_number,
-    nodes,
     short_wave_share,
 )
 from asperity.surface.fractal_maximum import highest_point
@@ -208,11 +207,7 @@ class WeierstrassMandelbrot(Surface):
         return tuple(z.reshape(x.shape) for z in at_points(self._waves, x.ravel(), y.ravel(), wave, weights))
 
     def height(self, x: ArrayLike, y: ArrayLike) -> Array:
-        x, y = np.asarray(x, dtype=float), np.asarray(y, dtype=float)
-        if min(x.size, y.size) > 1 and x.shape == (1, x.size) and y.shape == (y.size, 1):  # a grid
-            (z,) = on_product(self._waves, x[0], y[:, 0], -self._waves.a)
-        else:
-            (z,) = self._at_points(x, y, np.cos, [-self._waves.a])
+        (z,) = self._at_points(x, y, np.cos, [-self._waves.a])
         return z + self._offset
 
     def smoothed(self, x: ArrayLike, y: ArrayLike, s: ArrayLike) -> Array:
@@ -230,23 +225,10 @@ class WeierstrassMandelbrot(Surface):
         xx, xy, yy = self._at_points(x, y, np.cos, [a * kx**2, a * kx * ky, a * ky**2])
         return xx, xy, yy
 
-    def grid(self, n: int) -> Array:
-        s = nodes(self.L, n)
-        (z,) = on_product(self._waves, s, s, -self._waves.a)
-        z += self._offset
-        return z
-
-    def grid_gradient(self, n: int) -> tuple[Array, Array]:
-        s = nodes(self.L, n)
+    def on_product(self, x: Array, y: Array, dx: int = 0, dy: int = 0) -> Array:
         a, kx, ky, _ = self._waves
-        zx, zy = on_product(self._waves, s, s, -1j * a * kx, -1j * a * ky)
-        return zx, zy
-
-    def grid_hessian(self, n: int) -> tuple[Array, Array, Array]:
-        s = nodes(self.L, n)
-        a, kx, ky, _ = self._waves
-        xx, xy, yy = on_product(self._waves, s, s, a * kx**2, a * kx * ky, a * ky**2)
-        return xx, xy, yy
+        (z,) = on_product(self._waves, x, y, -a * (1j * kx) ** dx * (1j * ky) ** dy)
+        return z if dx + dy else z + self._offset
 
     def mean(self) -> float:
         """Mean height over the patch (length), in closed form."""

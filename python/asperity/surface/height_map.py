@@ -234,7 +234,7 @@ class HeightMap(Surface):
     def _dense(self) -> HeightMap:
         """Map of heights twice as dense."""
         ny, nx = self.heights.shape
-        return self.of(self.product(nodes(self.L, 2 * nx - 1), nodes(self.L, 2 * ny - 1))[0], self.L)
+        return self.of(self.on_product(nodes(self.L, 2 * nx - 1), nodes(self.L, 2 * ny - 1)), self.L)
 
     def _limited_level(self, s: float) -> Heights:
         """Smoothed heights, see :meth:`_level`; a spline of little smoothed samples would ring as without limits."""
@@ -311,21 +311,8 @@ class HeightMap(Surface):
 
     # a tensor-product spline costs far less on a grid than at scattered points
 
-    def product(self, x: Array, y: Array) -> tuple[Array, Array, Array]:
-        z, zx, zy = (self._derivative(dx, dy)(x, y).T for dx, dy in ((0, 0), (1, 0), (0, 1)))
-        return z, zx, zy
-
-    def heights_on(self, x: Array, y: Array) -> Array:
-        return np.asarray(self._spline(x, y).T)
-
-    def grid_gradient(self, n: int) -> tuple[Array, Array]:
-        _, zx, zy = self.product(nodes(self.L, n), nodes(self.L, n))
-        return zx, zy
-
-    def grid_hessian(self, n: int) -> tuple[Array, Array, Array]:
-        s = nodes(self.L, n)
-        xx, xy, yy = (self._derivative(dx, dy)(s, s).T for dx, dy in ((2, 0), (1, 1), (0, 2)))
-        return xx, xy, yy
+    def on_product(self, x: Array, y: Array, dx: int = 0, dy: int = 0) -> Array:
+        return np.asarray(self._derivative(dx, dy)(x, y).T)
 
     def mean(self) -> float:
         """Exact mean of the spline over the patch (length)."""

@@ -27,7 +27,7 @@ class SmoothSurface(Protocol):
 
     def height(self, x: ArrayLike, y: ArrayLike) -> Array: ...
 
-    def heights_on(self, x: Array, y: Array) -> Array: ...
+    def on_product(self, x: Array, y: Array) -> Array: ...
 
     def gradient(self, x: ArrayLike, y: ArrayLike) -> tuple[Array, Array]: ...
 
@@ -55,7 +55,7 @@ def global_maximum(
     margin = 0.25 * (surface.curvature_bound() if K is None else K) * h**2
     places, heights, level = np.empty(0, dtype=np.int64), np.empty(0), -np.inf
     for first in range(0, y.size, _ROWS):
-        z = surface.heights_on(x, y[first : first + _ROWS]).ravel()
+        z = surface.on_product(x, y[first : first + _ROWS]).ravel()
         level = max(level, float(z.max()) - margin)
         high = np.flatnonzero(z >= level)
         places, heights = np.append(places, first * x.size + high), np.append(heights, z[high])

@@ -215,25 +215,12 @@ class SelfAffine(Surface):
         xx, xy, yy = self._at(x, y, [(0, 2), (1, 1), (2, 0)])
         return xx, xy, yy
 
-    def heights_on(self, x: Array, y: Array) -> Array:
-        return self._waves.product(x, y, [(0, 0)])[0]
+    def on_product(self, x: Array, y: Array, dx: int = 0, dy: int = 0) -> Array:
+        return self._waves.product(x, y, (dy, dx))
 
-    def product(self, x: Array, y: Array) -> tuple[Array, Array, Array]:
-        z, zx, zy = self._waves.product(x, y, [(0, 0), (0, 1), (1, 0)])
-        return z, zx, zy
-
-    def _on_nodes(self, n: int, order: tuple[int, int]) -> Array:
+    def _on_nodes(self, n: int, dx: int = 0, dy: int = 0) -> Array:
         intervals = nodes(self.L, n).size - 1
-        return self._waves.on_grid(intervals if self.periodic else 2 * intervals, n, order)
-
-    def grid(self, n: int) -> Array:
-        return self._on_nodes(n, (0, 0))
-
-    def grid_gradient(self, n: int) -> tuple[Array, Array]:
-        return self._on_nodes(n, (0, 1)), self._on_nodes(n, (1, 0))
-
-    def grid_hessian(self, n: int) -> tuple[Array, Array, Array]:
-        return self._on_nodes(n, (0, 2)), self._on_nodes(n, (1, 1)), self._on_nodes(n, (2, 0))
+        return self._waves.on_grid(intervals if self.periodic else 2 * intervals, n, (dy, dx))
 
     def mean(self) -> float:
         """Mean height over the patch (length), in closed form; 0 for a periodic surface."""

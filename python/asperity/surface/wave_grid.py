@@ -80,21 +80,18 @@ class WaveGrid:
                 result[part] = np.einsum("ij,ij->i", wy[oy], along_x[ox])
         return out
 
-    def product(self, x: Array, y: Array, orders: list[tuple[int, int]]) -> list[Array]:
-        """Derivatives of the given orders at all pairs of x (nx,) and y (ny,), each (ny, nx)."""
+    def product(self, x: Array, y: Array, order: tuple[int, int]) -> Array:
+        """Derivative of an order (along y, along x) at all pairs of x (nx,) and y (ny,), (ny, nx)."""
         from scipy.sparse import csr_matrix
 
-        most = max(max(order) for order in orders)
-
-        def matrices(s: Array) -> list[Any]:
-            first, weights = self._weights(s, most)
+        def matrix(s: Array, order: int) -> Any:
+            first, weights = self._weights(s, order)
             columns = first[:, None] + np.arange(_WIDTH)
             start = np.arange(0, columns.size + 1, _WIDTH)
-            shape = s.size, len(self._nodes)
-            return [csr_matrix((w.ravel(), columns.ravel(), start), shape=shape) for w in weights]
+            return csr_matrix((weights[order].ravel(), columns.ravel(), start), shape=(s.size, len(self._nodes)))
 
-        of_x, of_y = matrices(x), matrices(y)
-        return [np.ascontiguousarray((of_x[ox] @ (of_y[oy] @ self._nodes).T).T) for oy, ox in orders]
+        of_y, of_x = matrix(y, order[0]), matrix(x, order[1])
+        return np.ascontiguousarray((of_x @ (of_y @ self._nodes).T).T)
 
     def _weights(self, s: Array, most: int) -> tuple[Array, list[Array]]:
         """First node under the kernel (n,), and the kernel with its derivatives there, each (n, width)."""
