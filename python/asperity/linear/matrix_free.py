@@ -8,7 +8,6 @@ import numpy as np
 import numpy.typing as npt
 
 from asperity.arrays import Floats, Integers, Singles
-from asperity.fem.shared_nodes import SharedNodes
 from asperity.runtime.compiled import solver as _solver
 
 if TYPE_CHECKING:
@@ -42,12 +41,13 @@ class TangentOperator:
     """
 
     def __init__(self, solid: Solid, symmetric: bool, single: bool, keeps: bool = False) -> None:
+        from dolfinx import la
+
         self.solid, self._symmetric, self._single, self._keeps = solid, symmetric, symmetric and single, keeps
         self._starts, self._columns = solid.sparsity.upper
         self._blocks: Singles = np.empty(0, dtype=np.float32)
-        self._shared = SharedNodes(solid.V.dofmap.index_map)
         self._image = np.empty((solid.nodes, 3))
-        self._single_image = np.empty((solid.nodes, 4), dtype=np.float32)
+        self._sums = la.vector(solid.V.dofmap.index_map, 4, np.float32)
         self.version = 0
         self.hold(np.empty(0, dtype=np.int32))
 
@@ -97,8 +97,14 @@ class TangentOperator:
 
         The next call overwrites the result.
         """
-        _solver.symmetric_product(self._starts, self._columns, self._blocks, x.reshape(-1, 4), self._single_image)
-        return self._shared.sum(self._single_image).reshape(-1)
+        from dolfinx import la
+
+        image: Singles = self._sums.array
+        _solver.symmetric_product(self._starts, self._columns, self._blocks, x.reshape(-1, 4), image.reshape(-1, 4))
+        if self.solid.comm.size > 1:
+            self._sums.scatter_reverse(la.InsertMode.add)
+            self._sums.scatter_forward()
+        return image
 
     def padded(self, owned: Floats) -> Singles:
         """Values of all local dofs in single precision from those of the owned ones (3 owned,); collective.

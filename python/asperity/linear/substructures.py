@@ -12,8 +12,8 @@ import numpy as np
 
 from asperity.arrays import Floats, Indices, Singles
 from asperity.fem.ghosts import Ghosts
-from asperity.fem.shared_nodes import shared_nodes
 from asperity.fem.sparsity import SparsityPattern
+from asperity.runtime import compat
 from asperity.runtime.compiled import solver as _solver
 
 
@@ -29,8 +29,11 @@ def interface_of(index_map: Any, comm: Any) -> Interface:
     """Interface between the ranks that share the corners of an index map; collective."""
     if comm.size == 1:
         return Interface(np.empty(0, dtype=np.int64), np.empty(0, dtype=np.int64), 0)
-    nodes, _ = shared_nodes(index_map)
+    owned, links = index_map.size_local, compat.ghost_holders(index_map)
+    shared = np.flatnonzero(np.diff(links.offsets[: owned + 1])), owned + np.arange(index_map.num_ghosts)
+    nodes: Indices = np.concatenate(shared)
     numbers = index_map.local_to_global(nodes.astype(np.int32))
+    nodes, numbers = nodes[np.argsort(numbers)], np.sort(numbers)
     everywhere = np.unique(np.concatenate(comm.allgather(numbers)))
     at = (3 * np.searchsorted(everywhere, numbers)[:, None] + np.arange(3)).ravel()
     return Interface(nodes, at, 3 * len(everywhere))

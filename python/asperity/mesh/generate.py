@@ -8,8 +8,6 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from itertools import product
-from pathlib import Path
-from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -137,44 +135,28 @@ def nodes_and_elements() -> tuple[Floats, npt.NDArray[np.int64]]:
 
 @contextmanager
 def _separate_model(options: Mapping[str, float]) -> Iterator[None]:
-    """Context with a new gmsh model and these options; an open gmsh session of the caller is restored afterwards.
+    """Context with a new gmsh model and these options.
 
-    The models, the current model and the options of the caller are kept. Inside the context, all options not in
-    `options` have their defaults, so that the mesh does not depend on the settings of the caller.
+    An open session of the caller has its models, the current one and its options afterwards; its other options count.
     """
     import gmsh
 
-    if not gmsh.isInitialized():
+    own = not gmsh.isInitialized()
+    if own:
         gmsh.initialize(readConfigFiles=False, interruptible=False)
+    current, before = gmsh.model.getCurrent(), {name: gmsh.option.getNumber(name) for name in options}
+    try:
+        for name, value in options.items():
+            gmsh.option.setNumber(name, value)
+        gmsh.model.add(MODEL)
         try:
-            for option, value in options.items():
-                gmsh.option.setNumber(option, value)
-            gmsh.model.add(MODEL)
             yield
         finally:
-            gmsh.finalize()
-        return
-    current = gmsh.model.getCurrent()
-    not_saved = {name: gmsh.option.getNumber(name) for name in ("General.Terminal", "General.AbortOnError")}
-    with TemporaryDirectory(prefix="asperity-") as place:
-        session = str(Path(place) / "session.opt")  # gmsh writes the options that differ from their defaults
-        gmsh.option.setNumber("General.Terminal", 0)
-        gmsh.write(session)
-        try:
-            gmsh.option.restoreDefaults()
-            for option, value in options.items():
-                gmsh.option.setNumber(option, value)
-            gmsh.model.add(MODEL)
-            try:
-                yield
-            finally:
-                gmsh.model.remove()
-        finally:
-            gmsh.model.setCurrent(current)
-            gmsh.option.restoreDefaults()
-            gmsh.merge(session)
-            for option, value in not_saved.items():
-                gmsh.option.setNumber(option, value)
+            gmsh.model.remove()
+    finally:
+        for name, value in before.items():
+            gmsh.option.setNumber(name, value)
+        gmsh.finalize() if own else gmsh.model.setCurrent(current)
 
 
 def _summit_node(c: float) -> float:
