@@ -28,7 +28,7 @@ from asperity.arrays import Floats
 from asperity.mesh.size_field import SizeField
 from asperity.model.settings import MEAN, MeshSize
 from asperity.reference import RoughHalfSpace, half_space_contact
-from asperity.reference.rough_halfspace import HARDNESS
+from asperity.reference.halfspace import HARDNESS
 from asperity.surface import HeightMap, SelfAffine, Surface
 
 STEPS = 10

@@ -41,7 +41,7 @@ from asperity.mesh.size_field import SizeField
 from asperity.model.load_path import BACKWARD_EULER, Schedule, greatest_force
 from asperity.model.problem import Problem
 from asperity.reference import RoughHalfSpace
-from asperity.reference.rough_halfspace import HARDNESS
+from asperity.reference.halfspace import HARDNESS
 from asperity.runtime.display import short_repr
 from asperity.slope import SINGLE_CONTACT
 

@@ -19,7 +19,7 @@ from asperity.adaptive.spots import sizes_of_spots
 from asperity.arrays import Array, Floats
 from asperity.mesh.resolution import ELEMENTS, resolving_size
 from asperity.mesh.top import Top, heights_of_top
-from asperity.reference.rough_halfspace import HARDNESS, RoughHalfSpace, cells_per_side
+from asperity.reference.halfspace import HARDNESS, RoughHalfSpace, cells_per_side
 
 if TYPE_CHECKING:
     from asperity.model.problem import Problem

@@ -183,7 +183,7 @@ def command(
 
 def _left_out(smooth: HeightMap, bare: HeightField) -> tuple[float, float]:
     """Relative change of force and area of a light contact by the waves that a filter has taken from a patch."""
-    from asperity.reference.rough_halfspace import RoughHalfSpace, cells_per_side
+    from asperity.reference.halfspace import RoughHalfSpace, cells_per_side
     from asperity.surface import HeightMap
     from asperity.surface.cutoff import approach_of_share
 

@@ -16,16 +16,16 @@ from asperity.reference.elastic import (
     DoubleSinusoid,
     Hertz,
     Westergaard,
-    area_coefficient,
     block_modulus,
     first_yield,
     patch_test_slope,
     reduced_modulus,
 )
-from asperity.reference.halfspace import HalfSpaceContact, half_space_contact
+from asperity.reference.halfspace import HalfSpaceContact, RoughCurve, RoughHalfSpace, half_space_contact
 from asperity.reference.inertia import LONG_WAVES, first_frequency, radiation_compliance, radiation_loss
 from asperity.reference.plastic import (
-    PressurisedSphere,
+    FLATTENED_DEPTHS,
+    FLATTENED_SPHERE,
     confined_stress,
     ghaednia,
     hardening_modulus,
@@ -33,29 +33,17 @@ from asperity.reference.plastic import (
     kogut_etsion,
     uniaxial_stress,
 )
-from asperity.reference.rough_halfspace import RoughCurve, RoughHalfSpace
-from asperity.reference.tables import (
-    FLATTENED_DEPTHS,
-    FLATTENED_SPHERE,
-    ROUGH_ELASTIC,
-    ROUGH_ELASTIC_FITS,
-    rough_elastic_surface,
-)
 
 __all__ = [
     "FLATTENED_DEPTHS",
     "FLATTENED_SPHERE",
     "LONG_WAVES",
-    "ROUGH_ELASTIC",
-    "ROUGH_ELASTIC_FITS",
     "DoubleSinusoid",
     "HalfSpaceContact",
     "Hertz",
-    "PressurisedSphere",
     "RoughCurve",
     "RoughHalfSpace",
     "Westergaard",
-    "area_coefficient",
     "block_modulus",
     "confined_stress",
     "cooper_mikic_yovanovich",
@@ -73,7 +61,6 @@ __all__ = [
     "radiation_loss",
     "range_of_stickiness",
     "reduced_modulus",
-    "rough_elastic_surface",
     "stickiness",
     "tabor_parameter",
     "uniaxial_stress",

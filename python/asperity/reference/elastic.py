@@ -1,4 +1,4 @@
-"""Closed forms of elastic contact: Hertz, sinusoids, patch test, area at light load, similarity."""
+"""Closed forms of elastic contact: Hertz, sinusoids, patch test."""
 
 from __future__ import annotations
 
@@ -199,18 +199,3 @@ class DoubleSinusoid:
     def mean_gap(self, pressure: ArrayLike) -> Array:
         """Mean gap [length]: A at first touch, 0 in full contact."""
         return self.A - self.approach(pressure)
-
-
-def area_coefficient(theory: Literal["persson", "bush-gibson-thomas"]) -> float:
-    """Kappa of A/A_0 = kappa p/(E' rms slope) at light load on random roughness.
-
-    Persson, J. Chem. Phys. 115 (2001) 3840: sqrt(8/pi) = 1.60; Bush, Gibson and Thomas, Wear 35
-    (1975) 87: sqrt(2 pi) = 2.51. Computed values lie between them.
-
-    Raises:
-        InputError: unknown theory
-    """
-    values = {"persson": math.sqrt(8 / math.pi), "bush-gibson-thomas": math.sqrt(2 * math.pi)}
-    if theory not in values:
-        raise InputError(f"theory must be one of {', '.join(values)}, not {theory!r}.")
-    return values[theory]

@@ -7,7 +7,7 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import ArrayLike
 
-from asperity.arrays import Array
+from asperity.arrays import Array, Indices
 
 _PER_FEATURE, _FEWEST, _MOST = 8, 64, 4096  # intervals of the grid per feature, at least, and at most
 _CLIMBS = 30_000  # nodes, the highest ones, from which Newton's method climbs: more hold a ridge, or equal peaks
@@ -53,7 +53,9 @@ def global_maximum(
     x, y = nodes
     h = max(float(np.diff(x).max()), float(np.diff(y).max()))
     margin = 0.25 * (surface.curvature_bound() if K is None else K) * h**2
-    places, heights, level = np.empty(0, dtype=np.int64), np.empty(0), -np.inf
+    places: Indices = np.empty(0, dtype=np.int64)
+    heights: Array = np.empty(0)
+    level = -np.inf
     for first in range(0, y.size, _ROWS):
         z = surface.on_product(x, y[first : first + _ROWS]).ravel()
         level = max(level, float(z.max()) - margin)

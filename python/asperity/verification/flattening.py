@@ -24,7 +24,7 @@ from asperity.quasistatic.stepping import ContactSolver, Record, follow
 from asperity.runtime import compat
 from asperity.verification.table import KINK, RATIO, REFINEMENTS, Row, rows_along
 
-E, NU, Y = 200e9, 0.3, 1e9  # of the sphere in reference.tables [Pa]
+E, NU, Y = 200e9, 0.3, 1e9  # of the sphere in reference.FLATTENED_SPHERE [Pa]
 HERTZ = reference.Hertz(1.0, reference.reduced_modulus(1.0, NU))  # R = E = 1
 ONSET = float((0.5 * np.pi * 1.295 * np.exp(0.736 * NU) * Y / reference.reduced_modulus(E, NU)) ** 2)
 STEPS = 21
