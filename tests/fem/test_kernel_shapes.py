@@ -1,11 +1,7 @@
-"""The door of the compiled kernels: shapes, ranges and outputs that they refuse, laws, the interpreter's lock."""
+"""The door of the compiled kernels: shapes, ranges and outputs that they refuse, laws."""
 
 from __future__ import annotations
 
-import sys
-import threading
-import time
-from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -264,39 +260,3 @@ def test_volumes_and_jacobians_are_those_of_the_reference_cell() -> None:
     least = np.empty(3)
     _solver.min_jacobian(cells, least)
     np.testing.assert_allclose(least, 1.0, rtol=1e-14)
-
-
-@pytest.fixture(scope="module")
-def large() -> dict[str, Arguments]:
-    """Arguments that take a kernel a good part of a millisecond."""
-    return many(2000)
-
-
-@pytest.fixture
-def counted() -> Any:
-    """A number that another thread counts up whenever it is let to; this thread never lets it of its own accord."""
-    interval, counts, done = sys.getswitchinterval(), [0], threading.Event()
-
-    def count() -> None:
-        while not done.is_set():
-            counts[0] += 1
-            time.sleep(0)  # gives the lock back
-
-    thread = threading.Thread(target=count)
-    thread.start()
-    sys.setswitchinterval(1000.0)
-    yield lambda: counts[0]
-    done.set()
-    sys.setswitchinterval(interval)
-    thread.join()
-
-
-@pytest.mark.parametrize("name", KERNELS)
-def test_other_threads_run_during_a_kernel(name: str, large: dict[str, Arguments], counted: Callable[[], int]) -> None:
-    kernel, arguments = getattr(_solver, name), large[name]
-    for _ in range(1000):
-        before = counted()
-        kernel(**arguments)
-        if counted() > before:
-            return
-    raise AssertionError(f"{name} kept the lock in 1000 calls")

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from typing import Any
-from unittest.mock import Mock
 
 import numpy as np
 import numpy.typing as npt
@@ -352,25 +351,6 @@ def test_multigrid_is_symmetric_and_bounded() -> None:
         assert x.dot(My) == pytest.approx(y.dot(Mx), rel=1e-4, abs=1e-5 * np.sqrt(x.dot(Mx) * y.dot(My)))
         A.mult(Mx, AMx)
         assert 0.0 < Mx.dot(AMx) <= 1.05 * x.dot(Mx)
-
-
-def test_a_coarse_matrix_that_cannot_be_factorised_is_made_again(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Nothing else has changed since, but its factors are no good."""
-    solid = solid_of(here(), block_of(here(), Flat(L=1.0), 1.0, 0.35))
-    solid.assemble_tangent()
-    tangent = TangentOperator(solid, symmetric=True, single=False)
-    tangent.hold(solid.fixed)
-    tangent.update()
-    cycle = PMultigrid(tangent)
-    assert cycle.update()
-    cycle.judge(3, 1e-2, solved=True)
-    monkeypatch.setattr(cycle._coarse, "update", lambda: False)
-    assert not cycle.update(renew=True)
-    monkeypatch.undo()
-    made = Mock(wraps=cycle._coarse.update)
-    monkeypatch.setattr(cycle._coarse, "update", made)
-    assert cycle.update()
-    made.assert_called_once()
 
 
 def test_multigrid_iterations_do_not_grow_with_the_mesh() -> None:

@@ -15,7 +15,6 @@ import asperity as asp
 from asperity.adaptive.solve_contact import solve_contact
 from asperity.adaptive.solve_to_tolerance import refine
 from asperity.contact.contact_surface import gather_top
-from asperity.errors import InputError
 from asperity.fem.solid import Solid
 from asperity.mesh.block import BlockMesh
 from asperity.mesh.distribute import distribute
@@ -198,12 +197,6 @@ def test_a_saved_mesh_is_refined_again(tmp_path: Path) -> None:
     first.block.save(tmp_path / "block.npz")
     again = press(WAVE, 0, alone, block=BlockMesh.read(tmp_path / "block.npz"))
     np.testing.assert_array_equal(again.curve.force, first.curve.force)
-
-
-def test_a_wrong_number_of_refinements_is_refused() -> None:
-    for wrong in (-1, 7, 1.5):
-        with pytest.raises(InputError, match=r"mesh\.refinements = .* from 0 to 6"):
-            MeshSize(refinements=wrong)  # type: ignore[arg-type]
 
 
 def test_a_wrong_number_of_refinements_in_a_file_is_refused() -> None:

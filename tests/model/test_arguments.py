@@ -4,11 +4,8 @@ from __future__ import annotations
 
 import inspect
 import re
-import subprocess
-import sys
 import warnings
 from collections.abc import Callable
-from pathlib import Path
 from typing import Any, get_type_hints
 
 import pytest
@@ -154,26 +151,6 @@ def test_arguments_are_explicit_and_agree() -> None:
         assert (
             shown[name].annotation == of[name].annotation == str(ProblemArguments.__annotations__[name].__forward_arg__)
         )
-
-
-def test_a_type_checker_knows_arguments_and_results(tmp_path: Path) -> None:
-    pytest.importorskip("mypy")
-    script = tmp_path / "script.py"
-    script.write_text(
-        "import asperity as asp\n"
-        "flat, solid = asp.Surface.from_spec('flat', L=1.0), asp.Material(1.0, 0.3)\n"
-        "reveal_type(asp.solve_contact(flat, solid, delta_max=0.1))\n"
-        "reveal_type(asp.solve_contact(flat, solid, delta_max=0.1, tolerance=0.1))\n"
-        "asp.solve_contact(flat, solid, delta_max='1')\n"
-        "asp.solve_to_tolerance(flat, solid, asp.AccuracyTarget(0.1), delta_mx=1.0)\n"
-    )
-    command = [sys.executable, "-m", "mypy", "--config-file=", "--ignore-missing-imports", "--follow-imports=silent"]
-    lines = subprocess.run([*command, str(script)], capture_output=True, text=True).stdout.splitlines()
-    found = {number: " ".join(line for line in lines if f"script.py:{number}:" in line) for number in range(1, 7)}
-    assert 'Revealed type is "asperity.quasistatic.contact_result.ContactResult"' in found[3]
-    assert 'Revealed type is "asperity.adaptive.solve_to_tolerance.AccurateResult"' in found[4]
-    assert "error: No overload variant" in found[5]
-    assert 'Unexpected keyword argument "delta_mx"' in found[6]
 
 
 def test_names_for_type_checkers_are_the_public_ones() -> None:

@@ -89,8 +89,6 @@ def test_a_resumed_run_warns_of_the_waves_that_its_mesh_misses(tmp_path: Path) -
     ("material", "method", "settings"),
     [
         (PLASTIC, "active-set", {"unload_steps": 2, "cycles": 2}),
-        (PLASTIC, "active-set", {"integrator": "midpoint"}),
-        (PLASTIC, "nitsche", {"unload_steps": 2}),
         (dataclasses.replace(PLASTIC, hardening="kinematic"), "active-set", {"steps": 1, "integrator": "midpoint"}),
         (dataclasses.replace(PLASTIC, kinematics="finite"), "nitsche", {"steps": 1, "integrator": "midpoint"}),
         (PLASTIC, "penalty", {"unload_steps": 2}),
@@ -266,26 +264,6 @@ def test_a_damaged_checkpoint_is_refused_and_left_alone(
     with pytest.raises(CheckpointError, match=name):
         Checkpoint(saved, identity(Case.from_dict(CASE)), world()).load()
     assert {path: path.read_bytes() for path in saved.iterdir()} == before
-
-
-def test_every_flipped_byte_is_noticed(saved: Path) -> None:
-    """Flips that np.load cannot see, in the padding of the zip format, leave what is read unchanged."""
-    good = (saved / STATE).read_bytes()
-    checkpoint = Checkpoint(saved, identity(Case.from_dict(CASE)), world())
-    whole = checkpoint.load()
-    assert whole is not None
-    random = np.random.default_rng(1)
-    for at in random.integers(len(good), size=60):
-        data = bytearray(good)
-        data[at] ^= 0x10
-        (saved / STATE).write_bytes(data)
-        try:
-            found = checkpoint.load()
-        except CheckpointError:
-            continue
-        assert found is not None and found.meta == whole.meta
-        for name, array in whole.arrays.items():
-            np.testing.assert_array_equal(found.arrays[name].values, array.values)
 
 
 def test_files_of_another_run_are_refused(plastic_state: Path, tmp_path: Path) -> None:

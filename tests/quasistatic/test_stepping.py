@@ -21,7 +21,7 @@ from scipy.optimize import brentq
 from asperity import _solver
 from asperity import reference as ref
 from asperity.dynamics import unload_reload
-from asperity.errors import AsperityWarning, ConvergenceError, InputError
+from asperity.errors import AsperityWarning, ConvergenceError
 from asperity.fem.history import History
 from asperity.linear.solver import Krylov
 from asperity.mesh.block import BlockMesh
@@ -110,16 +110,6 @@ def test_a_failed_attempt_leaves_every_bit_as_it_was(
     row, expected = measures.row(solver), measures.row(twin)
     for key, value in expected.items():
         assert row[key] == pytest.approx(value, rel=1e-7), key
-
-
-@pytest.mark.mpi
-def test_a_true_failure_is_rolled_back_too(press_of: Callable[..., ContactSolver]) -> None:
-    solver = press_of(PLASTIC, newton_max=4, linear="lu")
-    assert solver.step(0.0005).converged
-    before = state(solver)
-    stats = solver.step(0.06)
-    assert not stats.converged and stats.reason == "diverged_max_it"
-    np.testing.assert_equal(state(solver), before)
 
 
 @EACH
@@ -345,22 +335,6 @@ def test_midpoint_rule_under_force_control_stops_at_the_force(press_of: Callable
         assert curve.delta[-1] == pytest.approx(exact.delta[-1], rel=0.15 / steps)
 
 
-@pytest.mark.parametrize(
-    ("wrong", "message"),
-    [
-        ({"steps": 0}, r"loading\.steps = 0 must be at least 1"),
-        ({"substeps": 0}, r"loading\.substeps = 0 must be at least 1"),
-        ({"unload_steps": -1}, r"loading\.unload_steps = -1 must be at least 0"),
-        ({"cycles": 0}, r"loading\.cycles = 0 must be at least 1"),
-        ({"delta_max": -0.01}, r"loading\.delta_max must be positive and finite"),
-        ({"delta_max": float("nan")}, r"loading\.delta_max must be positive and finite"),
-    ],
-)
-def test_impossible_schedule(wrong: dict[str, Any], message: str) -> None:
-    with pytest.raises(InputError, match=message):
-        Schedule(**{"delta_max": 0.01, **wrong})
-
-
 def test_going_on_from_a_position_is_the_same_as_never_stopping(press_of: Callable[..., ContactSolver]) -> None:
     """All that the path needs in addition to the solver is in its position."""
     schedule = Schedule(delta_max=DELTA, steps=4, unload_steps=3, cycles=2)
@@ -386,14 +360,6 @@ def test_going_on_from_a_position_is_the_same_as_never_stopping(press_of: Callab
     assert len(record.rows) == len(whole.rows)
     for column in ("delta", "force", "area_fraction", "max_plastic_strain"):
         np.testing.assert_array_equal(getattr(record.curve(), column), getattr(whole.curve(), column))
-
-
-def test_progress_runs_from_zero_to_one(press_of: Callable[..., ContactSolver]) -> None:
-    record, parts = Record(1.0, 1.0, ELASTIC.reduced_modulus), []
-    schedule = Schedule(delta_max=DELTA, steps=3, unload_steps=3, cycles=2)
-    follow(press_of(ELASTIC), schedule, record, on_step=lambda rows, part: parts.append(part))
-    assert 0 < parts[0] < 0.2 and parts[-1] == 1.0
-    assert np.all(np.diff(parts) > 0)
 
 
 def test_snapshots_of_a_loading_to_a_force_are_spread_over_the_force(press_of: Callable[..., ContactSolver]) -> None:
