@@ -201,8 +201,7 @@ def test_linear_solver_with_prescribed_dofs(
     """Prescribed dofs are exact, the free rows are in equilibrium; also with a coarse problem that the ranks share."""
     if kind == "cg, shared":
         kind = "cg"
-        for limit in ("DIRECT_LIMIT", "REPLICATED_LIMIT"):
-            monkeypatch.setattr(coarse_problem, limit, 0)
+        monkeypatch.setattr(coarse_problem, "DIRECT_LIMIT", 0)
     solid = solid_of(world(), coarse)
     held = 3 * solid.nodes_on(4) + 2
     rng = np.random.default_rng(world().rank)

@@ -13,7 +13,7 @@ from asperity.arrays import Floats
 from asperity.fem.ghosts import Ghosts
 from asperity.fem.sparsity import SparsityPattern
 from asperity.linear import coarse as coarse_problem
-from asperity.linear.coarse import Coarse, Distributed, Replicated, make_coarse
+from asperity.linear.coarse import Coarse, Distributed, make_coarse
 from asperity.linear.substructures import Substructures, interface_of
 from asperity.mesh.block import BlockMesh
 from asperity.mesh.distribute import distribute
@@ -110,7 +110,7 @@ def test_a_node_is_of_the_interface_once() -> None:
 
 
 @pytest.mark.mpi
-@pytest.mark.parametrize("kind", ["substructures", "replicated", "distributed"])
+@pytest.mark.parametrize("kind", ["substructures", "distributed"])
 def test_coarse_solution_solves_the_sum_of_the_parts(coarse: BlockMesh | None, kind: str) -> None:
     """Against products with the parts, which know nothing of the whole matrix; algebraic multigrid is approximate."""
     from dolfinx import fem
@@ -124,9 +124,7 @@ def test_coarse_solution_solves_the_sum_of_the_parts(coarse: BlockMesh | None, k
     numbers = index_map.local_to_global(np.arange(corners, dtype=np.int32))
     points = np.random.default_rng(0).random((index_map.size_global, 3))[numbers]
     problem: Coarse = Substructures(dofmap, mesh.comm, interface_of(index_map, mesh.comm))
-    if kind == "replicated":
-        problem = Replicated(dofmap, mesh.comm)
-    elif kind == "distributed":
+    if kind == "distributed":
         problem = Distributed(dofmap, points, mesh.comm, symmetric=True, factorised=False)
     sparsity = problem.sparsity
     rows = np.repeat(np.arange(3 * corners), np.diff(sparsity.rows))
@@ -158,7 +156,6 @@ def test_way_to_solve_the_coarse_problem(coarse: BlockMesh | None, monkeypatch: 
     def kind(symmetric: bool = True) -> type:
         return type(make_coarse(dofmap, points, mesh.comm, symmetric))
 
-    monkeypatch.setattr(coarse_problem, "INTERFACE_SHARE", 1.0)
     assert kind() is Substructures
     options = PETSc.Options(coarse_problem.PREFIX)
     options["pc_type"] = "gamg"
@@ -166,9 +163,8 @@ def test_way_to_solve_the_coarse_problem(coarse: BlockMesh | None, monkeypatch: 
     options.delValue("pc_type")
     assert kind(symmetric=False) is Distributed
     if mesh.comm.size > 1:
+        monkeypatch.setattr(coarse_problem, "INTERFACE_FREE", 3)
         monkeypatch.setattr(coarse_problem, "INTERFACE_LIMIT", 3)
-        assert kind() is Replicated
-        monkeypatch.setattr(coarse_problem, "REPLICATED_LIMIT", 3)
         assert kind() is Distributed
     monkeypatch.setattr(coarse_problem, "DIRECT_LIMIT", 3)
     assert kind() is Distributed

@@ -1,8 +1,7 @@
-"""Coarse problem of the p-multigrid: factorised by substructures, by every rank for itself, or by algebraic multigrid.
+"""Coarse problem of the p-multigrid: factorised by substructures, or by algebraic multigrid.
 
-Substructures serve while the corners that ranks share are few. Beyond, each rank holds the whole coarse matrix and its
-factors, up to `REPLICATED_LIMIT`: a solution takes one sum over the ranks, where algebraic multigrid consists of many
-small steps, each with a message (benchmarks/linear.py coarse).
+Substructures serve while the corners that ranks share are few: a solution takes one sum over the ranks, where algebraic
+multigrid consists of many small steps, each with a message (benchmarks/linear.py coarse).
 """
 
 from __future__ import annotations
@@ -12,7 +11,7 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from asperity.arrays import Floats, Integers, Singles
+from asperity.arrays import Floats, Singles
 from asperity.errors import AsperityWarning
 from asperity.fem.ghosts import Ghosts
 from asperity.fem.sparsity import SparsityPattern
@@ -24,7 +23,7 @@ DIRECT_LIMIT = 450_000  # coarse dofs up to which they are factorised
 GENERAL_LIMIT = 60_000  # the same where the matrix is not symmetric
 INTERFACE_LIMIT = 6_000  # dofs of the interface up to which it is by substructures
 INTERFACE_SHARE = 1 / 6  # of all coarse dofs, up to which the dense interface costs less than the factors of the whole
-REPLICATED_LIMIT = 15_000  # coarse dofs up to which else each of several ranks factorises all
+INTERFACE_FREE = 1_500  # dofs of it that cost little whatever their share: on four ranks less than any other way
 SWEEPS = 4  # of algebraic multigrid: a tenth fewer iterations on the fine level than with two
 PREFIX = "asperity_coarse_"
 WITHOUT = (
@@ -72,56 +71,9 @@ def make_coarse(dofmap: Any, points: Floats, comm: Any, symmetric: bool) -> Coar
             warnings.warn(WITHOUT, AsperityWarning, stacklevel=2)
         return Distributed(dofmap, points, comm, symmetric, factorised=True)
     interface = interface_of(dofmap.index_map, comm)
-    if interface.dofs <= min(INTERFACE_LIMIT, INTERFACE_SHARE * dofs):
+    if interface.dofs <= max(INTERFACE_FREE, min(INTERFACE_LIMIT, INTERFACE_SHARE * dofs)):
         return Substructures(dofmap, comm, interface)
-    if dofs <= REPLICATED_LIMIT:
-        return Replicated(dofmap, comm)
     return Distributed(dofmap, points, comm, symmetric, factorised=False)
-
-
-class Replicated:
-    """Each rank sums the parts of the matrix of all ranks and factorises it, in single precision."""
-
-    def __init__(self, dofmap: Any, comm: Any) -> None:
-        index_map, self._comm = dofmap.index_map, comm
-        corners = index_map.size_local + index_map.num_ghosts
-        self.sparsity = SparsityPattern(dofmap.list, corners)
-        self.values: Floats = np.zeros(self.sparsity.size)
-        numbers = index_map.local_to_global(np.arange(corners, dtype=np.int32)).astype(np.int32)
-        cells = np.concatenate(comm.allgather(numbers[dofmap.list]))
-        self._whole = SparsityPattern(cells, index_map.size_global)
-        self._dofs = (3 * numbers[:, None] + np.arange(3, dtype=np.int32)).ravel()
-        self._place = self._places()
-        self._all = np.zeros(self._whole.size)
-        self._sum, self._work, self._x = np.zeros((3, 3 * index_map.size_global), dtype=np.float32)
-        self._factors = _solver.Cholesky(self._whole.indptr, self._whole.indices, np.empty(0, dtype=np.int32))
-
-    def _places(self) -> Integers:
-        """Place of each value of this rank among those of the whole matrix."""
-        rows = np.repeat(self._dofs, np.diff(self.sparsity.rows)).astype(np.int64)
-        size, whole = len(self._whole.rows) - 1, self._whole
-        row_of = np.repeat(np.arange(size, dtype=np.int64), np.diff(whole.rows))
-        keys = size * row_of + whole.columns
-        return np.searchsorted(keys, size * rows + self._dofs[self.sparsity.columns]).astype(np.int64)
-
-    def update(self) -> bool:
-        """See `Coarse`; so for `solve`."""
-        from mpi4py import MPI
-
-        self._all[:] = 0.0
-        self._all[self._place] = self.values
-        self._comm.Allreduce(MPI.IN_PLACE, self._all)
-        return bool(self._factors.factorise(self._all, np.empty(0, dtype=np.float32)))
-
-    def solve(self, right: Singles) -> Singles:
-        from mpi4py import MPI
-
-        self._sum[:] = 0.0
-        self._sum[self._dofs] = right
-        self._comm.Allreduce(MPI.IN_PLACE, self._sum)
-        self._factors.forward(self._sum, self._work)
-        self._factors.backward(self._work, self._x)
-        return self._x[self._dofs]
 
 
 class Distributed:
