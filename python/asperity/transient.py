@@ -176,9 +176,7 @@ class Transient:
             if not (np.isfinite(value) and value >= 0.0):
                 raise InputError(f"{name} = {value!r} must be finite and at least 0")
         if solver.contact.held is not None:
-            raise InputError(
-                'contact.friction = "stick" has no motion in time yet: give Transient a solver without friction'
-            )
+            raise InputError("friction has no motion in time yet: give Transient a solver without it")
         self.solver, self.mass, self.load, self.dashpot = solver, mass, load, dashpot
         self.scheme = scheme or Scheme()
         self.inertia = solver.solid.body_force = Inertia(solver.solid, density)

@@ -1,4 +1,4 @@
-"""Coulomb friction on a rigid flat: Spence's sphere, both limits, a flat that moves."""
+"""Coulomb friction on a rigid flat: spheres of Spence, limits, cycles, history, load steps, a flat that moves."""
 
 from __future__ import annotations
 
@@ -6,27 +6,39 @@ from typing import Any
 
 import numpy as np
 import pytest
+from conftest import PLASTIC, here, world
+from scipy.integrate import quad
 from scipy.optimize import brentq
 from scipy.special import ellipk
 
 from asperity.adaptive.solve_contact import solve_contact
-from asperity.contact.coulomb import Coulomb
+from asperity.adaptive.solve_to_tolerance import solve_to_tolerance
+from asperity.case import Case
+from asperity.contact import Coulomb
+from asperity.errors import InputError
 from asperity.mesh.block import BlockMesh
 from asperity.mesh.generate import build_block
 from asperity.mesh.size_field import SizeField
 from asperity.model.material import Material
-from asperity.model.settings import Formulation, MeshSize
+from asperity.model.settings import AccuracyTarget, Formulation, MeshSize, SolverOptions
+from asperity.quasistatic.contact_result import ContactResult
 from asperity.quasistatic.contact_solver import ContactSolver
 from asperity.quasistatic.make import make_contact_solver
 from asperity.quasistatic.slip_paths import slip_paths
 from asperity.slip.path import SlipPath
-from asperity.surface import Surface
+from asperity.surface import Flat, Sphere, Surface
+from asperity.transient import Transient
+
+ELASTIC = Material(1.0, 0.0)
+GREAT = 2.0  # coefficient at which nearly all sticks
 
 
-def here() -> Any:
-    from mpi4py import MPI
-
-    return MPI.COMM_SELF
+def press(
+    surface: Surface, material: Material, block: BlockMesh | None = None, friction: float = GREAT, **settings: Any
+) -> ContactResult:
+    """A run with friction."""
+    formulation = Formulation(friction=friction)
+    return solve_contact(surface, material, block=block, comm=world(), formulation=formulation, **settings)
 
 
 @pytest.fixture(scope="module")
@@ -65,17 +77,177 @@ def test_a_sphere_sticks_inside_the_radius_of_spence(cap: Surface, friction: flo
     contact = solver.contact
     assert isinstance(contact, Coulomb)
     radius = np.hypot(*solver.solid.points[contact.nodes(), :2].T) / a
-    traction = np.linalg.norm(contact.traction[contact.active], axis=1)
+    traction = np.linalg.norm(contact.sliding.traction[contact.active], axis=1)
     limit = friction * solver.nodal_force[contact.nodes()]
     for ring, low, high in ((radius < c - 0.1, 0.0, 0.95), ((radius > c + 0.1) & (radius < 1.0), 0.95, 1.02)):
         assert low < traction[ring].sum() / limit[ring].sum() < high
 
 
+def bonded_punch(nu: float) -> float:
+    """Normal stiffness of a bonded circular punch over that without friction: Spence, Proc. R. Soc. A 305 (1968) 55."""
+    return (1.0 - nu) * np.log(3.0 - 4.0 * nu) / (1.0 - 2.0 * nu)
+
+
+def approach_of_sphere(nu: float) -> float:
+    """Approach of a sphere under stick over a^2/R, by superposition of bonded punches.
+
+    The surface outside a punch of radius a is at w(r) = A int_0^1 cos(b ln((1 + s)/(1 - s)))/sqrt((r/a)^2 - s^2) ds,
+    b = ln(3 - 4 nu)/(2 pi), with A from w(a) = 1; its force gives `bonded_punch`. Points touched at the radius r
+    have sunk by r^2/(2 R) relative to the flat until then.
+    """
+    b = np.log(3.0 - 4.0 * nu) / (2.0 * np.pi)
+    A = 2.0 / np.pi * np.cosh(np.pi * b)
+
+    def sunk(s: float) -> float:
+        of_punches = (np.arcsin(s) - s * np.sqrt(1.0 - s * s)) / (2.0 * s**3)
+        return float(np.cos(b * np.log((1.0 + s) / (1.0 - s))) * of_punches)
+
+    return 1.0 / (2.0 - 4.0 * A * quad(sunk, 0.0, 1.0, limit=400)[0])
+
+
+@pytest.mark.parametrize("nu", [0.0, 0.3])
+def test_the_closed_forms_agree_for_nu_near_a_half(nu: float) -> None:
+    assert bonded_punch(0.49999) == pytest.approx(1.0, abs=1e-4)
+    assert approach_of_sphere(0.49999) == pytest.approx(1.0, abs=1e-4)
+    assert bonded_punch(nu) > approach_of_sphere(nu) > 1.0
+
+
+@pytest.fixture(scope="module")
+def corner() -> tuple[Sphere, BlockMesh | None, dict[str, Any]]:
+    """A quarter of a sphere in a corner, small against the block, with its mesh and load."""
+    from asperity.quasistatic.make import make_block
+
+    sphere, a = Sphere(L=1.0, radius=10.0, centre=(0.0, 0.0), shape="paraboloid"), 0.02
+    delta = a * a / 10.0
+    block = make_block(world(), sphere, 1.0, delta, MeshSize(a / 8, growth=0.4, h_max=0.3))
+    return sphere, block, {"delta_max": delta, "steps": 6}
+
+
+@pytest.mark.parametrize("nu", [0.0, 0.3])
+def test_a_sphere_under_great_friction_is_a_bonded_punch(
+    corner: tuple[Sphere, BlockMesh | None, dict[str, Any]], nu: float
+) -> None:
+    """At the same approach the force is higher by C/sqrt(c), the area lower by 1/c, and dF/d delta by C/sqrt(c)."""
+    sphere, block, load = corner
+    solid = Material(1.0, nu)
+    free = solve_contact(sphere, solid, block=block, comm=world(), stiffness=True, **load).curve
+    stuck = press(sphere, solid, block, stiffness=True, **load).curve
+    C, c = bonded_punch(nu), approach_of_sphere(nu)
+    assert stuck.force[-1] / free.force[-1] == pytest.approx(C / np.sqrt(c), abs=0.006)
+    assert stuck.k_n_elastic[-1] / free.k_n_elastic[-1] == pytest.approx(C / np.sqrt(c), abs=0.012)
+    assert stuck.area_fraction[-1] / free.area_fraction[-1] == pytest.approx(1.0 / c, abs=0.03)
+    # while points stick, the force is the integral of the tangent
+    step = np.diff(stuck.delta) * 0.5 * (stuck.k_n_elastic[1:] + stuck.k_n_elastic[:-1])
+    np.testing.assert_allclose(np.diff(stuck.force)[3:], step[3:], rtol=0.02)
+
+
+def test_a_plane_top_between_rollers_has_no_tangential_motion() -> None:
+    surface, size = Flat(L=1.0), MeshSize(h_contact=0.5, h_max=0.5)
+    result = press(surface, Material(1.0, 0.3), delta_max=0.01, steps=2, size=size)
+    assert result.curve.force[-1] == pytest.approx(0.01 * Material(1.0, 0.3).confined_modulus, rel=1e-10)
+    contact = result.solver.contact
+    assert isinstance(contact, Coulomb)
+    np.testing.assert_allclose(np.nan_to_num(contact.held[:, :2]), 0.0, atol=1e-9)
+
+
+def test_a_plane_top_with_free_sides_cannot_spread() -> None:
+    """It cannot spread under the flat, so the block is stiffer than in uniaxial stress, and softer than confined."""
+    solid, size = Material(1.0, 0.3), MeshSize(h_contact=0.3, h_max=0.3)
+    force = press(Flat(L=1.0), solid, delta_max=0.01, steps=1, size=size, sides="free").curve.force[-1]
+    free = solve_contact(Flat(L=1.0), solid, delta_max=0.01, steps=1, size=size, sides="free").curve.force[-1]
+    assert 1.01 * free < force < 0.01 * solid.confined_modulus
+
+
+def test_tangential_forces_of_a_symmetric_contact_cancel() -> None:
+    sphere = Sphere(L=1.0, radius=5.0)
+    solver = press(sphere, ELASTIC, delta_max=0.005, steps=3, size=MeshSize(0.04)).solver
+    force = solver.newton.force[solver.contact_surface.owned_nodes, :2]
+    sums = world().allreduce(np.array([*force.sum(axis=0), *np.abs(force).sum(axis=0)]))
+    assert np.all(np.abs(sums[:2]) < 0.03 * sums[2:])  # the mesh is not symmetric
+    assert np.all(sums[2:] > 0.02 * solver.force)
+
+
 def test_between_both_limits(wave: Surface, block: BlockMesh) -> None:
-    forces = [pressed(wave, block, friction).force for friction in ("none", 1e-4, 0.4, 2.0, "stick")]
+    forces = [pressed(wave, block, friction).force for friction in ("none", 1e-4, 0.4, 2.0)]
     assert forces[1] == pytest.approx(forces[0], rel=1e-4)
     assert forces[0] < 0.97 * forces[2] and forces[2] < forces[3]
-    assert forces[3] == pytest.approx(forces[4], rel=3e-3)
+
+
+@pytest.mark.mpi
+@pytest.mark.parametrize("material", [ELASTIC, PLASTIC, Material(1.0, 0.0, kinematics="finite")])
+def test_cycles(rough: Surface, coarse: BlockMesh | None, material: Material) -> None:
+    """A released surface forgets, friction loses, and nothing creates energy."""
+    result = press(rough, material, coarse, 0.3, delta_max=0.03, steps=6, unload_steps=3, cycles=2)
+    assert result.checks.violated == {}
+    assert result.checks.energy_excess == 0.0
+    curve = result.curve
+    assert curve.force[curve.branch == "unload"][2] == 0.0
+    if not material.plastic:
+        first, second = (curve.where(curve.branch == branch) for branch in ("load", "reload"))
+        np.testing.assert_allclose(second.force, first.force, rtol=1e-3)
+        down = curve.where(np.isin(np.arange(len(curve)), (len(first), len(first) + 1)))
+        assert np.all(down.force < np.interp(down.delta, first.delta, first.force))
+
+
+def test_order_in_the_load_steps(rough: Surface, coarse: BlockMesh | None) -> None:
+    curves = {n: press(rough, ELASTIC, coarse, delta_max=0.03, steps=6, substeps=n).curve for n in (1, 4, 16)}
+    at = np.arange(2, 7) / 6 * 0.03
+    found = {n: np.interp(at, curve.loading().delta_star, curve.loading().P_star) for n, curve in curves.items()}
+    errors = {n: float(np.sqrt(np.mean((found[n] / found[16] - 1.0) ** 2))) for n in (1, 4)}
+    assert errors[1] < 0.01
+    assert errors[4] < 0.3 * errors[1]
+
+
+def test_a_failed_step_touches_no_history(rough: Surface, coarse: BlockMesh | None) -> None:
+    """Neither does a trial solve: the step that follows is the same to the last bit."""
+    solvers = [
+        make_contact_solver(world(), rough, coarse, PLASTIC, formulation=Formulation(friction=0.3)) for _ in range(2)
+    ]
+    for solver in solvers:
+        assert solver.step(0.01).converged
+    tried, straight = solvers
+    assert isinstance(tried.contact, Coulomb)
+    held = tried.contact.held.copy()
+    object.__setattr__(tried.newton, "options", SolverOptions(newton_max=1))
+    assert not tried.solve(0.03).converged
+    object.__setattr__(tried.newton, "options", SolverOptions())
+    assert tried.solve(0.012).converged
+    np.testing.assert_array_equal(tried.contact.held, held)
+    for solver in solvers:
+        assert solver.step(0.015).converged
+    assert tried.force == straight.force
+    np.testing.assert_array_equal(tried.contact.held, straight.contact.held)
+    assert tried.release().converged
+    assert np.isnan(tried.contact.held).all()
+
+
+def test_a_tolerance_counts_the_error_of_the_load_steps(wave: Surface) -> None:
+    result = solve_to_tolerance(
+        wave, ELASTIC, AccuracyTarget(0.1), comm=world(), delta_max=0.02, steps=5, formulation=Formulation(friction=0.3)
+    )
+    assert max(level.substeps for level in result.levels) >= 2
+    assert result.met and np.all(result.budget.load_step > 0.0)
+
+
+def test_what_friction_does_not_go_with(coarse: BlockMesh | None, rough: Surface) -> None:
+    for method in ("penalty", "nitsche"):
+        with pytest.raises(InputError, match=r"contact\.friction = 0\.3 holds nodes, which contact\.method"):
+            Formulation(method, friction=0.3)
+    for friction in ("glue", 3.0):
+        with pytest.raises(InputError, match=r"contact\.friction = \S+ is not none or a coefficient in \(0, 2\]"):
+            Formulation(friction=friction)
+    solver = make_contact_solver(world(), rough, coarse, ELASTIC, formulation=Formulation(friction=0.3))
+    with pytest.raises(InputError, match="has no motion in time"):
+        Transient(solver, density=1.0, mass=1.0, load=0.0)
+    data: dict[str, Any] = {
+        "surface": {"kind": "sphere", "L": 1e-6, "radius": 1e-5}, "material": {"E": 200e9, "nu": 0.3},
+        "loading": {"delta_max": 1e-9}, "contact": {"friction": 0.3},
+    }  # fmt: skip
+    assert Case.from_dict(data).problem().formulation.sticks
+    with pytest.raises(InputError, match=r"contact\.friction"):
+        Case.from_dict(data | {"contact": {"friction": 0.3, "method": "penalty"}})
+    with pytest.raises(InputError, match=r"contact\.friction"):
+        Case.from_dict(data | {"contact": {"friction": -0.3}})
 
 
 # --- a flat that moves ----------------------------------------------------------------------------------------

@@ -106,9 +106,9 @@ def finite() -> list[Scene]:
             twin=Twin("exact contact", 0.05, {"contact.method": "active-set"}),
         ),
         Scene(
-            "finite/stick",
-            "stick on the surface of cases/single.toml, released",
-            FINITE | {"contact.friction": "stick", "loading.unload": True},
+            "finite/friction",
+            "friction on the surface of cases/single.toml, released",
+            FINITE | {"contact.friction": 0.3, "loading.unload": True},
         ),
         Scene(
             "finite/auto",

@@ -116,11 +116,11 @@ def test_calculix_finds_the_forces_of_a_rigid_flat_with_friction(
     contact, ours = solver.contact, [(solver.force, 0.0)]
     assert isinstance(contact, Coulomb)
     for k in range(1, steps + 1):
-        contact.shift = np.array([move * k / steps, 0.0])
+        contact.sliding.shift = np.array([move * k / steps, 0.0])
         solver.forget()
         assert solver.solve(solver.delta).converged
         solver.commit(solver.delta)
-        ours.append((solver.force, float(contact.traction[:, 0].sum())))
+        ours.append((solver.force, float(contact.sliding.traction[:, 0].sum())))
     assert not solver.checks.violated
 
     monkeypatch.syspath_prepend(str(Path(__file__).parents[2] / "benchmarks" / "peers"))

@@ -17,7 +17,7 @@ from conftest import ELASTIC, PLASTIC, world
 from asperity.adaptive.solve_contact import solve_contact
 from asperity.case import Case
 from asperity.case.identity import differences, identity, refuse_another
-from asperity.contact import Stick
+from asperity.contact import Coulomb
 from asperity.curve import ELASTIC_STIFFNESSES, STIFFNESSES
 from asperity.errors import CheckpointError, Interrupted, OutputError, ResolutionWarning
 from asperity.mesh.block import BlockMesh
@@ -97,9 +97,9 @@ def test_a_resumed_run_warns_of_the_waves_that_its_mesh_misses(tmp_path: Path) -
         (
             ELASTIC,
             "active-set",
-            {"formulation": Formulation(friction="stick"), "steps": 1, "unload_steps": 2, "cycles": 2},
+            {"formulation": Formulation(friction=0.3), "steps": 1, "unload_steps": 2, "cycles": 2},
         ),
-        (PLASTIC, "active-set", {"formulation": Formulation(friction="stick"), "steps": 1, "integrator": "midpoint"}),
+        (PLASTIC, "active-set", {"formulation": Formulation(friction=0.3), "steps": 1, "integrator": "midpoint"}),
         (PLASTIC, "active-set", {"dilatation": MEAN, "steps": 1, "integrator": "midpoint", "unload_steps": 2}),
         (PLASTIC, "nitsche", {"unload_steps": 1, "block": None, "size": MeshSize(0.2, h_max=0.4, refinements=1)}),
     ],
@@ -161,7 +161,7 @@ def test_a_run_in_pieces_has_the_same_stiffness(
 
 
 @pytest.mark.mpi
-@pytest.mark.parametrize("formulation", [Formulation(), Formulation("nitsche"), Formulation(friction="stick")])
+@pytest.mark.parametrize("formulation", [Formulation(), Formulation("nitsche"), Formulation(friction=0.3)])
 def test_a_run_goes_on_on_another_number_of_ranks(
     wave: Surface, coarse_wave: BlockMesh | None, shared_path: Path, formulation: Formulation
 ) -> None:
@@ -192,14 +192,14 @@ def test_nodes_on_joined_sides_stick_on_another_number_of_ranks(shared_path: Pat
     from mpi4py import MPI
 
     settings: dict[str, Any] = {"delta_max": 0.01, "steps": 1, "sides": "periodic", "size": MeshSize(0.2, h_max=0.2)}
-    settings["formulation"] = Formulation(friction="stick")
+    settings["formulation"] = Formulation(friction=0.3)
     flat = Surface.from_spec("flat", L=1.0)
     compat.start()  # PETSc starts on all ranks at once
 
     def stuck(ranks: Any) -> int:
         result = solve_contact(flat, ELASTIC, checkpoint=Checkpoint(shared_path, {}, ranks), comm=ranks, **settings)
         contact = result.solver.contact
-        assert isinstance(contact, Stick)
+        assert isinstance(contact, Coulomb)
         return int(ranks.allreduce(np.isfinite(contact.held[:, 0]).sum()))
 
     alone = world().bcast(stuck(MPI.COMM_SELF) if world().rank == 0 else None)

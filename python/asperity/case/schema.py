@@ -97,10 +97,9 @@ class ContactSection(Section):
     method: Literal["active-set", "penalty", "nitsche"] = key("formulation", Formulation.method)
     penalty: Real = key("factor of E p^2/h (penalty)", Formulation.penalty, ge=FACTORS[0], le=FACTORS[1])
     gamma: Real = key("factor of (lambda + 2 mu) p^2/h (nitsche)", Formulation.gamma, ge=FACTORS[0], le=FACTORS[1])
-    friction: Literal["none", "stick"] | Annotated[Real, Field(gt=0, le=LARGEST_FRICTION)] | None = key(
-        "points in contact slide freely, stick where they are touched, or have Coulomb's coefficient on the rigid flat"
-        " (active-set)", None, shown="none",
-    )  # fmt: skip
+    friction: Literal["none"] | Annotated[Real, Field(gt=0, le=LARGEST_FRICTION)] | None = key(
+        "Coulomb's coefficient of the solid on the rigid flat (active-set)", None, shown="none"
+    )
 
     @property
     def formulation(self) -> Formulation:

@@ -147,8 +147,8 @@ def _check_slip(case: Input, slip: SlipSection) -> None:
         _check_preload(case, "slip.preload", slip.preload, 1.0)
     contact = case.contact.formulation
     rigid = not isinstance(contact.friction, str)
-    if slip.method == "solid" and (contact.method != "active-set" or contact.friction == "stick"):
-        _refuse("slip.method", '= "solid" needs contact.method = "active-set", and not contact.friction = "stick"')
+    if slip.method == "solid" and contact.method != "active-set":
+        _refuse("slip.method", '= "solid" needs contact.method = "active-set"')
     if rigid and (slip.method, slip.friction) != ("solid", contact.friction):
         _refuse(
             "slip.friction",

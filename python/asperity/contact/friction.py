@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from asperity.arrays import Flags, Floats, Integers
+from asperity.contact.contact_surface import ContactSurface
 from asperity.fem.solid import Solid
 
 MOVED = 1e-9  # slip of nodes assumed to stick, over the motion of the flat, from which on they have to be moved
@@ -19,16 +20,27 @@ class StickSlip:
     572).
 
     Args:
-        nodes: owned nodes (n,)
-        free: which of their tangential dofs are free (n, 2)
+        nodes: owned nodes of the surface (n,)
+        fixed: owned dofs without displacement
 
     Attributes:
+        shift: tangential position of the flat (2,) [L]
+        origin: positions on the flat from which the slip of a step counts, NaN where a node cannot slip (n, 2) [L]
+        bounds: of the tangential forces (n,) [E L^2]
         stuck: nodes that stick at the last residual (n,)
+        traction: tangential forces of the flat there (n, 2) [E L^2]
     """
 
-    def __init__(self, solid: Solid, nodes: Integers, free: Flags) -> None:
-        self._solid, self._nodes, self._free = solid, nodes, free
+    def __init__(self, solid: Solid, surface: ContactSurface, nodes: Integers, fixed: Integers) -> None:
+        self._solid, self._nodes, self._weights = solid, nodes, surface.bearing_area()[nodes]
+        free = np.ones(3 * solid.owned, dtype=bool)
+        free[fixed] = False
+        self._free: Flags = free.reshape(-1, 3)[nodes, :2]
         self._c = self._own_stiffness()
+        self.shift: Floats = np.zeros(2)
+        self.origin: Floats = np.full((len(nodes), 2), np.nan)
+        self.bounds: Floats = np.zeros(len(nodes))
+        self.traction: Floats = np.zeros((len(nodes), 2))
         self.begin(np.ones(len(nodes), dtype=bool), 0.0)
 
     def _own_stiffness(self) -> Floats:
@@ -46,45 +58,51 @@ class StickSlip:
         """Assume nodes that stick, a set that lasts until they have made a move [L]."""
         self.stuck, self._reach = stuck, MOVED * move
 
-    def _trial(self, traction: Floats, slip: Floats) -> tuple[Floats, Floats]:
-        trial = traction - self._c[:, None] * slip
-        return trial, np.linalg.norm(trial, axis=1)
+    def position(self) -> Floats:
+        """Positions of the nodes on the flat, less those of the undeformed solid (n, 2) [L]."""
+        return self._solid.u.x.array.reshape(-1, 3)[self._nodes, :2] - self.shift
 
-    def residual(self, r: Floats, slip: Floats, bound: Floats) -> tuple[Integers, Floats]:
-        """Complete the forces of all owned nodes in place.
+    def slip(self, origin: Floats | None = None) -> Floats:
+        """Slip of the nodes since `origin`, or since other positions on the flat (n, 2) [L]."""
+        return np.nan_to_num(self.position() - (self.origin if origin is None else origin)) * self._free
 
-        Args:
-            r: forces (owned, 3) [E L^2]
-            slip: of the nodes on the flat (n, 2) [L]
-            bound: of their tangential forces (n,) [E L^2]
+    def _trial(self, r: Floats) -> tuple[Floats, Floats, Floats]:
+        """Slip, force - c slip, and its size, of forces (owned, 3)."""
+        slip = self.slip()
+        self.traction = r[self._nodes, :2] * self._free
+        trial = self.traction - self._c[:, None] * slip
+        return slip, trial, np.linalg.norm(trial, axis=1)
+
+    def residual(self, r: Floats) -> tuple[Integers, Floats]:
+        """Complete the forces of all owned nodes (owned, 3) [E L^2] in place.
 
         Returns:
             prescribed dofs, and the displacement increment each of them still lacks [L]
         """
-        trial, size = self._trial(r[self._nodes, :2] * self._free, slip)
+        slip, trial, size = self._trial(r)
+        bounds = self.bounds
         if not np.abs(slip[self.stuck]).max(initial=0.0) > self._reach > 0.0:
-            self.stuck = (size <= bound) & (bound > 0.0)
+            self.stuck = (size <= bounds) & (bounds > 0.0)
             self._reach = 0.0
         self._loose = loose = ~self.stuck
         # linearised for force and slip as unknowns of their own: the force along the trial is the bound, and that
         # across it is this stiffness times the slip across it
         n = trial[loose] / np.maximum(size[loose], 1e-300)[:, None]
         self._across = np.eye(2) - n[:, :, None] * n[:, None, :]
-        excess = np.maximum(size[loose] / np.maximum(bound[loose], 1e-300) - 1.0, 1.0 / LARGEST)
+        excess = np.maximum(size[loose] / np.maximum(bounds[loose], 1e-300) - 1.0, 1.0 / LARGEST)
         self._stiffness = self._c[loose] / excess
         astray = np.einsum("nij,nj->ni", self._across, slip[loose])
-        r[self._nodes[loose], :2] += self._stiffness[:, None] * astray - bound[loose, None] * n
+        r[self._nodes[loose], :2] += self._stiffness[:, None] * astray - bounds[loose, None] * n
         free = self._free[self.stuck]
         dofs = (3 * self._nodes[self.stuck, None] + np.arange(2))[free]
         r.reshape(-1)[dofs] = 0.0
         return dofs.astype(np.int32), -slip[self.stuck][free]
 
-    def imbalance(self, force: Floats, slip: Floats, bound: Floats) -> Floats:
-        """Force of each node less the admissible one next to force - c slip (n, 2) [E L^2]."""
-        traction = force[self._nodes, :2] * self._free
-        trial, size = self._trial(traction, slip)
-        share = np.minimum(bound / np.maximum(size, 1e-300), 1.0)
-        return np.asarray(traction - share[:, None] * trial)
+    def imbalance(self, r: Floats) -> None:
+        """Subtract from forces (owned, 3) [E L^2] in place the admissible one of each node next to force - c slip."""
+        _, trial, size = self._trial(r)
+        share = np.minimum(self.bounds / np.maximum(size, 1e-300), 1.0)
+        r[self._nodes, :2] = self.traction - share[:, None] * trial
 
     def add_tangent(self) -> None:
         """Add the stiffness across the slip to `solid.values`, the local matrix."""
@@ -94,3 +112,14 @@ class StickSlip:
         diagonal = self._solid.sparsity.diagonal.reshape(-1, 3)[self._nodes[loose]]
         for i, j in np.ndindex(2, 2):
             self._solid.values[diagonal[:, i] + j - i] += blocks[:, i, j]
+
+    def step(self) -> Floats:
+        """Work of friction in the step [E L^3], area that slips, area in contact [L^2]; parts of this rank (3,)."""
+        touched, loose = self.bounds > 0.0, ~self.stuck
+        work = self.bounds[loose] @ np.linalg.norm(self.slip()[loose], axis=1)
+        return np.array([work, self._weights[touched & loose].sum(), self._weights[touched].sum()])
+
+    def slips(self, rest: Floats) -> Floats:
+        """Nodes in contact: x, y, area of bearing and slip since positions on the flat (n, 4); part of this rank."""
+        slip = np.linalg.norm(self.slip(rest), axis=1)
+        return np.column_stack([self._solid.points[self._nodes, :2], self._weights, slip])[self.bounds > 0.0]

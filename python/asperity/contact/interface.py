@@ -20,8 +20,8 @@ class Contact(ABC):
     Attributes:
         symmetric: whether the tangent is symmetric, and positive definite with the solid's
         stiff: whether the contact has a stiffness
-        held: tangential displacement of the owned nodes of the top where they stick after the last committed step, NaN
-            of the others (N, 2) [L]; None, on all ranks, for a formulation without tangential forces
+        held: what friction keeps of the owned nodes of the top that are in contact after the last committed step, NaN
+            of the others (N, up to 3); None, on all ranks, for a formulation without tangential forces
     """
 
     symmetric: bool

@@ -7,7 +7,6 @@ from asperity.contact.contact_surface import ContactSurface
 from asperity.contact.coulomb import Coulomb
 from asperity.contact.interface import Contact
 from asperity.contact.penalty_nitsche import PressureContact
-from asperity.contact.stick import Stick
 from asperity.fem.solid import Solid
 from asperity.model.settings import Formulation
 
@@ -23,7 +22,7 @@ def make_contact(formulation: Formulation, solid: Solid, surface: ContactSurface
         return contact
     if formulation.method == "active-set":
         if isinstance(formulation.friction, str):
-            return (Stick if formulation.sticks else ActiveSet)(solid, surface)
+            return ActiveSet(solid, surface)
         return Coulomb(solid, surface, formulation.friction)
     if formulation.method == "penalty":
         return PressureContact(solid, surface, formulation.penalty, traction=False)

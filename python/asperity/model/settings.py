@@ -34,15 +34,15 @@ class Formulation:
         method: "active-set", "penalty" or "nitsche"
         penalty: factor of E p^2/h of the penalty method
         gamma: factor of (lambda + 2 mu) p^2/h of Nitsche's method
-        friction: "none", Coulomb's coefficient of a rigid flat, or "stick", its limit; for the active set
+        friction: "none", or Coulomb's coefficient of a rigid flat, for the active set
 
     Raises:
-        InputError: a value outside its range, or stick without the active set
+        InputError: a value outside its range, or friction without the active set
 
     Examples:
         >>> asp.Formulation().method, asp.Formulation("nitsche").gamma
         ('active-set', 1.0)
-        >>> asp.Formulation(friction="stick").sticks
+        >>> asp.Formulation(friction=0.3).sticks
         True
     """
 
@@ -71,12 +71,9 @@ class Formulation:
 
 def wrong_friction(method: str, friction: str | float) -> Judgement:
     """Reason why a friction is refused with a method of the contact."""
-    known = friction in ("none", "stick") if isinstance(friction, str) else 0.0 < friction <= LARGEST_FRICTION
+    known = friction == "none" if isinstance(friction, str) else 0.0 < friction <= LARGEST_FRICTION
     if not known:
-        return (
-            "contact.friction",
-            f"= {show(friction)} is not none, stick or a coefficient in (0, {LARGEST_FRICTION:g}]",
-        )
+        return "contact.friction", f"= {show(friction)} is not none or a coefficient in (0, {LARGEST_FRICTION:g}]"
     if friction == "none" or method == "active-set":
         return None
     return "contact.friction", (

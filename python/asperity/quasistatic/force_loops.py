@@ -177,7 +177,7 @@ class Leg:
                 continue  # the step before went as far
             tolerance = self._close if k == steps else max(ROUGHLY * abs(goal - start) / steps, self._close)
             if abs(wanted - solver.force) > tolerance:
-                solver.commit(self._find(wanted, tolerance))
+                solver.commit(self.find(wanted, tolerance))
                 self._end_if_stopped()
 
     def _end_if_stopped(self) -> None:
@@ -186,14 +186,24 @@ class Leg:
         if reason:
             raise Interrupted(f"stopped by {reason} in the loops; --resume computes them again")
 
-    def _find(self, wanted: float, tolerance: float) -> float:
-        """Approach of a force, the last solve being there; commits nothing; collective."""
+    def find(self, wanted: float, tolerance: float, start: float | None = None) -> float:
+        """Approach of a force, the last solve being there; commits nothing; collective.
+
+        Args:
+            wanted, tolerance: [E L^2]
+            start: approach to try first [L]; default by the slope from the last step
+
+        Raises:
+            ConvergenceError: it is not found
+        """
         solver = self._solver
         before, force = solver.delta, solver.force
-        target = before + (wanted - force) / self._slope
+        target = before + (wanted - force) / self._slope if start is None else start
         for _ in range(TRIALS):
             stats = solver.solve(target)
             if not stats.converged:
+                if target == solver.delta:
+                    break
                 target = 0.5 * (target + solver.delta)
                 continue
             found = solver.solved_force()

@@ -12,16 +12,15 @@ import numpy as np
 from asperity.arrays import Floats
 from asperity.contact.active_set import ActiveSet
 from asperity.contact.coulomb import Coulomb
+from asperity.contact.friction import StickSlip
 from asperity.contact.frozen_friction import FrozenFriction
-from asperity.contact.stick import Stick
 from asperity.errors import ConvergenceError, InputError, Interrupted
-from asperity.fem.history import History
 from asperity.model.problem import Problem
 from asperity.quasistatic.contact_result import ContactResult
 from asperity.quasistatic.contact_solver import ContactSolver
 from asperity.quasistatic.force_loops import CLOSE as CLOSE_PRELOAD
-from asperity.quasistatic.force_loops import FIRST_SLOPE, Leg, as_before
-from asperity.quasistatic.newton import NewtonSolver, StepStats
+from asperity.quasistatic.force_loops import Leg, as_before
+from asperity.quasistatic.newton import NewtonSolver
 from asperity.quasistatic.stiffness import mirrored
 from asperity.slip.path import DOWN, FIRST, UP, SlipPath
 from asperity.slip.settings import SlipSettings
@@ -100,10 +99,8 @@ def slip_paths(
         Interrupted: `stop` has ended the paths
     """
     rigid = isinstance(solver.contact, Coulomb)
-    if not isinstance(solver.contact, ActiveSet) or (isinstance(solver.contact, Stick) and not rigid):
-        raise InputError(
-            'slip.method = "solid" needs contact.method = "active-set", and not contact.friction = "stick"'
-        )
+    if not isinstance(solver.contact, ActiveSet):
+        raise InputError('slip.method = "solid" needs contact.method = "active-set"')
     if rigid and solver.solid.sides == "rollers":
         raise InputError(
             "a flat with friction cannot move between rollers, which stand for mirror images: its pressures change, "
@@ -116,11 +113,14 @@ def slip_paths(
         )
     found = []
     with as_before(solver):
-        Leg(solver, CLOSE_PRELOAD * preload, stop).follow(preload, steps)
+        leg = Leg(solver, CLOSE_PRELOAD * preload, stop)
+        leg.follow(preload, steps)
         solver.solid.kernels.restore(solver.history.copy())
         with solver.solid.kernels.holding():
             sliding = (
-                RigidSliding(solver, preload, direction, stop) if rigid else Sliding(solver, friction, direction, stop)
+                RigidSliding(solver, leg, preload, direction, stop)
+                if rigid
+                else Sliding(solver, friction, direction, stop)
             )
             try:
                 for amplitude in amplitudes:
@@ -133,12 +133,11 @@ def slip_paths(
 
 @dataclass(frozen=True)
 class _State:
-    """State between two steps: displacement (owned, 3), flat, force, history, loss by friction, share that slips."""
+    """State between two steps: displacement (owned, 3), flat, force, loss by friction, share that slips."""
 
     displacement: Floats
     at: float
     force: float
-    history: History
     dissipated: float
     slipping: float
 
@@ -158,57 +157,66 @@ class Sliding:
     Attributes:
         k_rest: stiffness before any slip [E L]
         limit: force at which all nodes slip [E L^2]
-        newton, krylov: iterations so far
     """
+
+    _flat: StickSlip  # the nodes on the flat
+    limit: float
 
     def __init__(
         self, solver: ContactSolver, friction: float, direction: float, stop: Callable[[], str] | None
     ) -> None:
-        solid = solver.solid
-        self._solid, self._stop = solid, stop
+        self._solver, self._solid, self._stop, self._friction = solver, solver.solid, stop, friction
         angle = radians(direction)
         self._axis = np.array([cos(angle), sin(angle)])
-        fixed = mirrored(solid, int(abs(self._axis[1]) > abs(self._axis[0])))
         solver.roll_back()
-        normal, rest = solver.nodal_force.copy(), solver.state().displacement
-        self._contact = FrozenFriction(solid, solver.contact_surface, normal, solid.internal_force(), fixed)
+        self._begin()
+        self._origin, self._history = self._flat.origin, self._solid.kernels.history().copy()
+        self._rest = _State(solver.state().displacement, 0.0, self._force(), 0.0, 0.0)
+        self.reset()
+        self.k_rest = self._stiffness_at_rest(LIGHT * friction * solver.delta)
+
+    def _begin(self) -> None:
+        """Freeze the normal forces; collective."""
+        solver, solid = self._solver, self._solid
+        fixed = mirrored(solid, int(abs(self._axis[1]) > abs(self._axis[0])))
+        self._contact = FrozenFriction(solid, solver.contact_surface, solver.nodal_force.copy(), fixed)
+        self._flat = self._contact.sliding
+        self.limit = self._friction * float(solid.comm.allreduce(float(self._contact.normal.sum())))
         options = replace(solver.newton.options, rtol=max(RTOL, solver.newton.options.rtol))
         solver.drop_matrices()
         self._newton = NewtonSolver(solid, self._contact, options, fixed)
-        self._friction = friction
-        self.limit = friction * float(solid.comm.allreduce(float(normal.sum())))
-        self._rest = _State(rest, 0.0, 0.0, solid.kernels.history().copy(), 0.0, 0.0)
-        self._guide: tuple[float, Floats] | None = None  # a move from the accepted state, or to it, and what it changes
-        self.newton = self.krylov = 0
-        self.reset()
-        self.k_rest = self._stiffness_at_rest(solver.delta)
-        self._contact.friction = friction
 
     def reset(self) -> None:
         """To rest."""
-        self._accepted, self._guide = self._rest, None
-        self._solid.kernels.restore(self._rest.history.copy())
+        self._accepted = self._rest
+        self._guide: tuple[float, Floats] | None = None  # a move from the accepted state, or to it, and what it changes
+        self._solid.kernels.restore(self._history.copy())
+        self._flat.shift, self._flat.origin = 0.0 * self._axis, self._origin
+
+    def _stiffness_at_rest(self, move: float) -> float:
+        """Tangential stiffness with all nodes in contact stuck to the flat [E L]; collective."""
+        self._flat.bounds = np.full(self._contact.normal.shape, inf)
+        force = self.solve(move)
+        self._flat.bounds = self._friction * self._contact.normal
+        return force / move
+
+    def _force(self) -> float:
+        """Tangential force on the solid at the last solve [E L^2]; collective."""
+        return float(self._solid.comm.allreduce(float((self._flat.traction @ self._axis).sum())))
 
     def path(self, amplitude: float, steps: int) -> SlipPath:
         """Move from the present state to an amplitude and around a loop; collective."""
         rows = [(FIRST, state) for state in (self._accepted, *self._follow(amplitude * self.limit, steps))]
-        nodes = self._nodes()
+        nodes = np.concatenate(self._solid.comm.allgather(self._flat.slips(self._origin)))
         for leg, sign in ((DOWN, -1.0), (UP, 1.0)):
             rows += [(leg, state) for state in self._follow(sign * amplitude * self.limit, 2 * steps)]
         columns = np.array([(leg, s.at, s.force, s.slipping, s.dissipated) for leg, s in rows]).T
         u, T, share, loss = columns[1:]
         path = SlipPath(amplitude, columns[0].astype(int), u, T, share, loss, nodes)
         logging.getLogger(__name__).info(
-            "slip at %g mu P: k = %.5g E L, eta = %.4g; %d steps, %d Newton and %d Krylov iterations so far",
-            amplitude, path.k_secant, path.eta, path.u.size - 1, self.newton, self.krylov,
-        )  # fmt: skip
+            "slip at %g mu P: k = %.5g E L, eta = %.4g; %d steps", amplitude, path.k_secant, path.eta, path.u.size - 1
+        )
         return path
-
-    def _nodes(self) -> Floats:
-        """Nodes in contact of all ranks, see `FrozenFriction.slips`; collective."""
-        here = self._accepted
-        own = self._contact.slips(here.displacement, self._rest.displacement, here.at * self._axis)
-        return np.concatenate(self._solid.comm.allgather(own))
 
     def _follow(self, goal: float, steps: int) -> list[_State]:
         """Move to a force in about equal steps of it; collective."""
@@ -235,10 +243,12 @@ class Sliding:
         sign = 1.0 if wanted > here.force else -1.0
         target, failed = here.at + (wanted - here.force) / slope, False
         for _ in range(TRIALS):
-            stats, force = self.solve(target)
-            if not stats.converged:
-                target, failed = 0.5 * (low + target), True
+            try:
+                force = self.solve(target)
+            except ConvergenceError as error:
+                reason, target, failed = str(error), 0.5 * (low + target), True
                 continue
+            reason = "after many trials"
             if abs(force - wanted) <= tolerance:
                 self._accept(target, force)
                 return (force - here.force) / (target - here.at)
@@ -256,45 +266,40 @@ class Sliding:
                 target = low + 1.5 * (wanted - force_low) / secant
         raise ConvergenceError(
             f"the slip did not reach the tangential force {wanted:.6g} E L^2 from the displacement {here.at:.6g} L "
-            f"({stats.reason}): use more slip.steps"
+            f"({reason}): use more slip.steps"
         )
 
-    def solve(self, target: float) -> tuple[StepStats, float]:
-        """Outcome and tangential force with the flat at a position, from the accepted state; collective."""
+    def solve(self, target: float) -> float:
+        """Tangential force with the flat at a position, from the accepted state [E L^2]; collective.
+
+        Raises:
+            ConvergenceError: it is not found
+        """
         here, solid = self._accepted, self._solid
         move, start = target - here.at, here.displacement
         guide = self._guide if self._guide is not None and self._guide[0] * move > 0.0 else None
         if guide is not None:
             start = start + guide[1] * (move / guide[0])
-        self._contact.begin(self._contact.positions(here.displacement), move * self._axis, keep=guide is not None)
+        self._flat.shift = target * self._axis
+        self._flat.begin(self._flat.stuck | (guide is None), abs(move))  # where the flat goes on, nodes slip on
         self._newton.linear.forget()
         stats = self._newton.solve(start, abs(move))
-        self.newton, self.krylov = self.newton + stats.newton, self.krylov + stats.krylov
-        if stats.converged:
-            self._guide = move, solid.u.x.array.reshape(-1, 3)[: solid.owned] - here.displacement
-        force = float(solid.comm.allreduce(float((self._contact.traction @ self._axis).sum())))
-        return stats, force
+        if not stats.converged:
+            raise ConvergenceError(f"stick and slip were not found: {stats.reason}")
+        self._guide = move, solid.u.x.array.reshape(-1, 3)[: solid.owned] - here.displacement
+        return self._force()
 
     def _accept(self, target: float, force: float) -> None:
         """Commit the last solve; collective."""
-        solid, here = self._solid, self._accepted
-        solid.kernels.commit()
-        displacement = solid.u.x.array.reshape(-1, 3)[: solid.owned].copy()
-        sums = np.append(self._contact.dissipated(), self._contact.area())
-        loss, slipping, touching = solid.comm.allreduce(sums).tolist()
+        loss, slipping, touching = self._solid.comm.allreduce(self._flat.step()).tolist()
+        self._commit()
+        displacement = self._solid.u.x.array.reshape(-1, 3)[: self._solid.owned].copy()
         share = slipping / touching if touching > 0.0 else nan
-        self._accepted = _State(
-            displacement, target, force, solid.kernels.history().copy(), here.dissipated + loss, share
-        )  # fmt: skip
+        self._accepted = _State(displacement, target, force, self._accepted.dissipated + loss, share)
 
-    def _stiffness_at_rest(self, approach: float) -> float:
-        """Tangential stiffness with all nodes in contact stuck to the flat [E L]; collective."""
-        self._contact.friction = inf
-        move = LIGHT * self._friction * approach
-        stats, force = self.solve(move)
-        if not stats.converged:
-            raise ConvergenceError(f"the tangential stiffness at rest was not found ({stats.reason})")
-        return force / move
+    def _commit(self) -> None:
+        self._solid.kernels.commit()
+        self._flat.origin = self._flat.position()
 
 
 class RigidSliding(Sliding):
@@ -302,71 +307,37 @@ class RigidSliding(Sliding):
 
     Args:
         solver: at the preload, of Coulomb friction, its committed history that of its displacement
+        leg: that led there
         preload: normal force [E L^2]
         direction, stop: see `Sliding`
     """
 
-    def __init__(self, solver: ContactSolver, preload: float, direction: float, stop: Callable[[], str] | None) -> None:
+    def __init__(
+        self, solver: ContactSolver, leg: Leg, preload: float, direction: float, stop: Callable[[], str] | None
+    ) -> None:
         assert isinstance(solver.contact, Coulomb)
-        self._solver, self._solid, self._stop, self._preload = solver, solver.solid, stop, preload
-        self._flat = solver.contact
-        angle = radians(direction)
-        self._axis = np.array([cos(angle), sin(angle)])
-        self.limit = self._flat.friction * preload
-        self._before, self._held = solver.state(), self._flat.held.copy()
-        self._slope = FIRST_SLOPE * preload / solver.delta
-        self.newton = self.krylov = 0
-        solver.roll_back()
-        self._flat.residual(solver.solid.internal_force())
-        history = solver.solid.kernels.history().copy()
-        self._rest = _State(self._before.displacement, 0.0, self._force(), history, 0.0, 0.0)
-        self.reset()
-        move = LIGHT * self._flat.friction * solver.delta
-        stats, force = self.solve(move)
-        if not stats.converged:
-            raise ConvergenceError(f"the tangential stiffness at rest was not found ({stats.reason})")
-        self.k_rest = (force - self._rest.force) / move
+        self._leg, self._preload, self._coulomb = leg, preload, solver.contact
+        super().__init__(solver, solver.contact.friction, direction, stop)
+
+    def _begin(self) -> None:
+        self._flat, self.limit = self._coulomb.sliding, self._friction * self._preload
+        self._before = self._solver.state()
+        self._coulomb.residual(self._solid.internal_force())
+        self._flat.origin = self._coulomb.held[:, :2]
 
     def reset(self) -> None:
-        self._accepted = self._rest
-        self._solid.kernels.restore(self._rest.history.copy())
-        self._flat.held, self._flat.shift = self._held, 0.0 * self._axis
+        super().reset()
         self._solver.restore(self._before)
-        self._flat.commit()
+        self._coulomb.commit()
 
-    def _force(self) -> float:
-        return float(self._solid.comm.allreduce(float((self._flat.traction @ self._axis).sum())))
+    def _stiffness_at_rest(self, move: float) -> float:
+        return (self.solve(move) - self._rest.force) / move
 
-    def solve(self, target: float) -> tuple[StepStats, float]:
-        solver = self._solver
+    def solve(self, target: float) -> float:
         self._flat.shift = target * self._axis
-        delta, before = solver.delta, (nan, nan)
-        for _ in range(TRIALS):
-            solver.forget()
-            stats = solver.solve(delta)
-            self.newton, self.krylov = self.newton + stats.newton, self.krylov + stats.krylov
-            if not stats.converged:
-                break
-            normal = solver.solved_force()
-            if abs(normal - self._preload) <= CLOSE * self._preload:
-                break
-            if isfinite(before[0]) and (normal - before[1]) * (delta - before[0]) > 0.0:
-                self._slope = (normal - before[1]) / (delta - before[0])
-            before = delta, normal
-            delta += (self._preload - normal) / self._slope
-        self._found = delta
-        return stats, self._force()
+        self._solver.forget()
+        self._found = self._leg.find(self._preload, CLOSE * self._preload, self._solver.delta)
+        return self._force()
 
-    def _accept(self, target: float, force: float) -> None:
-        here, solid = self._accepted, self._solid
-        sums = np.append(self._flat.dissipated(), self._flat.area())
-        loss, slipping, touching = solid.comm.allreduce(sums).tolist()
+    def _commit(self) -> None:
         self._solver.commit(self._found)
-        displacement = self._solver.state().displacement
-        share = slipping / touching if touching > 0.0 else nan
-        history = solid.kernels.history().copy()
-        self._accepted = _State(displacement, target, force, history, here.dissipated + loss, share)
-
-    def _nodes(self) -> Floats:
-        own = self._flat.slips(self._held)
-        return np.concatenate(self._solid.comm.allgather(own))

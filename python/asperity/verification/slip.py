@@ -53,5 +53,6 @@ def _ratios(solver: ContactSolver) -> list[float]:
         slips.append((path.displacement - 4.0 * path.force / rest) / (c * (1.0 - (1.0 - t) ** (2 / 3) - 2.0 * t / 3.0)))
         shape = 1.0 - (1.0 - t) ** (5 / 3) - 5.0 * t / 6.0 * (1.0 + (1.0 - t) ** (2 / 3))
         energies.append(4.0 * path.energy / (4.8 * limit * c * shape))
-    _, greatest = sliding.solve(FAR * (c + limit / rest))
+    sliding.reset()
+    greatest = sliding.solve(FAR * (c + limit / rest))
     return [rest * (2.0 - nu) / (8.0 * G * a), *slips, *energies, 4.0 * greatest / limit]
