@@ -67,6 +67,15 @@ def test_a_window_that_cuts_a_resonance(n, zeta, forcing, window, wide, omega) -
     assert not own.notes
 
 
+def test_a_period_doubling_outside_the_window() -> None:
+    """Orbits of period 2 that it bears are in the window, once each, and the orbits at both ends add up."""
+    own, wide = (computed(3.5324, 0.005515, 0.36441, window) for window in ((0.48, 0.5), (0.45, 0.54)))
+    assert wide["period doubling"][0].Omega > 0.52 and not own["period doubling"]
+    found, expected = (states(r.at(0.4924)) for r in (own, wide))
+    assert len(found) == len(expected) == 7 and not missing(expected, found, 1e-4)
+    assert not any("is missing" in note for note in own.notes)
+
+
 @pytest.mark.parametrize("window", [(0.3, 0.5), (0.8, 1.2), (1.5, 2.5)])
 def test_strong_forcing(window: tuple[float, float]) -> None:
     """Orbits mostly in flight: they add up at both ends of the window."""

@@ -18,7 +18,7 @@ _SAME = 1e-3  # relative distance below which two orbits are identical
 
 
 def subharmonic(
-    balance: Balance, forcing: float, flip: Point, how: Tracing, others: Sequence[Point]
+    balance: Balance, forcing: float, flip: Point, how: Tracing, others: Sequence[Point], known: Sequence[Path]
 ) -> tuple[Path | None, Point | None]:
     """Trace the branch of twice the period from a period doubling until it leaves the window or ends at another one.
 
@@ -38,7 +38,7 @@ def subharmonic(
     null[odd] = np.linalg.svd(jacobian)[2][-1]
 
     first = Point(x, flip.parameter, null, 0.0, tail(x))
-    path = trace(equations, first, how, lambda points: _doubling(equations, points))
+    path = trace(equations, first, how, lambda p: _doubling(equations, p) or _met(p[-1], known, double.order))
     if len(path.points) < 3:
         return None, None
     if path.end != "period doubling" or not others:
@@ -120,6 +120,8 @@ def through(
     def closed(points: list[Point]) -> str | None:
         if order == 2 and (doubling := _doubling(equations, points)):
             return doubling
+        if met := _met(points[-1], known, order):
+            return met
         if len(points) < 6:
             return None
         a, b = points[-2], points[-1]
@@ -142,6 +144,12 @@ def through(
     backward = trace(equations, first.turned(), how, closed)
     turned = tuple(p.turned() for p in reversed(backward.points[1:]))
     return Path(turned + forward.points, forward.end, backward.end)
+
+
+def _met(point: Point, known: Sequence[Path], order: int) -> str | None:
+    """Reason to end a path at an orbit on an edge of the window that a known path has, which leads on from there."""
+    same = (q for path in known for q in path.points if q.parameter == point.parameter)
+    return "known" if any(is_same(q, point, order) for q in same) else None
 
 
 def is_same(a: Point, b: Point, order: int) -> bool:

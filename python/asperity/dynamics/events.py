@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from contextlib import suppress
 from itertools import pairwise
 
@@ -20,7 +20,6 @@ from asperity.dynamics.continuation import (
     in_omega,
     locate,
     newton_rtol,
-    predictor,
     turns,
 )
 from asperity.dynamics.harmonic_balance import Balance, resize
@@ -28,9 +27,7 @@ from asperity.dynamics.stability import NEGLIGIBLE, Floquet, extrema, floquet, r
 from asperity.errors import ConvergenceError
 
 _TOP, _CHANGE = "largest u_max", "change of stability"  # points, but not events
-_STEEP = 0.03  # smallest rate of the parameter along the branch used in errors, which would diverge at a fold
 _TRIALS = 14  # orbits at which a period-doubling tongue between two points is searched
-_CUBIC = 1e-4  # allowed error of the cubic between neighbours, relative to the orbit
 
 
 _Test = tuple[str, Array, Callable[[Point], float]]  # event, quantity that vanishes there at points, and anywhere
@@ -40,12 +37,8 @@ def locate_events(
     balance: Balance, forcing: float, path: Path, kind: str, number: int, tol: float
 ) -> tuple[Branch, list[Event], list[Point]]:
     """Branch of a path, `number` of a response, with its events; and the period doublings."""
-    equations, rtol = in_omega(balance, forcing), newton_rtol(tol, not balance.restoring.singular)
-    points = _refined(equations, path.points, tol, rtol)
-    multipliers = _multipliers(balance, points)
-    if balance.zeta > 0 and balance.order == 1:
-        tongues = _tongues(balance, equations, points, multipliers)
-        points, multipliers = _inserted(balance, points, multipliers, tongues)
+    equations = in_omega(balance, forcing)
+    points, multipliers = _with_tongues(balance, equations, _between_folds(equations, path.points))
     found = _located(balance, equations, points, _tests(balance, points, multipliers), tol)
     points, multipliers = _inserted(balance, points, multipliers, [(i, p) for i, _, p in found])
     b = measure(balance, points, kind, path.end, multipliers)
@@ -55,6 +48,22 @@ def locate_events(
         if name not in (_TOP, _CHANGE)
     ]
     return b, events, [p for _, name, p in found if name == "period doubling"]
+
+
+def doublings(balance: Balance, forcing: float, points: Sequence[Point], tol: float) -> list[Point]:
+    """Period doublings along points, without any other event."""
+    equations = in_omega(balance, forcing)
+    points, multipliers = _with_tongues(balance, equations, list(points))
+    return [p for _, _, p in _located(balance, equations, points, [_flip(balance, multipliers)], tol)]
+
+
+def _with_tongues(balance: Balance, equations: Equations, points: list[Point]) -> tuple[list[Point], Floquet]:
+    """Points with one more inside each narrow period-doubling tongue, and their multipliers."""
+    multipliers = _multipliers(balance, points)
+    if balance.zeta > 0 and balance.order == 1:
+        tongues = _tongues(balance, equations, points, multipliers)
+        return _inserted(balance, points, multipliers, tongues)
+    return points, multipliers
 
 
 def _inserted(
@@ -79,13 +88,17 @@ def _tests(balance: Balance, points: list[Point], multipliers: Floquet) -> list[
     def top(some: list[Point]) -> Array:
         return rise(stack([p.x for p in some]), stack([p.t for p in some]))
 
-    doubling = "period doubling" if balance.zeta > 0 else _CHANGE
     return [
         ("fold", fold, lambda p: p.t_parameter),
         ("grazing", u_min + 1.0, lambda p: float(extrema(stack([p.x]))[0][0]) + 1.0),
-        (doubling, multipliers.flip, lambda p: float(_multipliers(balance, [p]).flip[0])),
+        _flip(balance, multipliers),
         (_TOP, top(points), lambda p: float(top([p])[0])),
     ]
+
+
+def _flip(balance: Balance, multipliers: Floquet) -> _Test:
+    name = "period doubling" if balance.zeta > 0 else _CHANGE
+    return name, multipliers.flip, lambda p: float(_multipliers(balance, [p]).flip[0])
 
 
 def _located(
@@ -110,45 +123,15 @@ def _located(
     return [(i, name, p) for i, _, name, p in found]
 
 
-def _refined(equations: Equations, points: tuple[Point, ...], tol: float, rtol: float) -> list[Point]:
-    """Add points where the cubic between neighbours is not accurate enough for dense rows."""
-    out = [points[0]]
-    for i, (a, b) in enumerate(pairwise(points)):
-        neighbour = points[i - 1] if i else points[2] if len(points) > 2 else None
-        error = (_cubic_error(neighbour, a, b) if i else _cubic_error(neighbour, b, a)) if neighbour else 0.0
-        pieces = min(4, int(np.ceil((error / _CUBIC) ** 0.25)))
-        inner = [j / pieces for j in range(1, pieces)]
-        back = turns(a, b)
-        if len(back) == 2:  # two folds between two points: they need a point between them
-            inner = sorted({*inner, 0.5 * sum(back)})
-        for s in inner:
-            try:
-                q = between(equations, a, b, s, rtol)
-                out.append(adapt(equations, q, q.t, q.t_parameter, tol, q.x.size // 2))
-            except ConvergenceError:
-                continue
+def _between_folds(equations: Equations, points: Sequence[Point]) -> list[Point]:
+    """Points with one more between two folds that lie between the same two points."""
+    out = list(points[:1])
+    for a, b in pairwise(points):
+        if len(back := turns(a, b)) == 2:
+            with suppress(ConvergenceError):
+                out.append(between(equations, a, b, 0.5 * sum(back)))
         out.append(b)
     return out
-
-
-def _cubic_error(before: Point, a: Point, b: Point) -> float:
-    """Estimate the error of the cubic from a to b in the middle, at fixed parameter, relative to the orbit.
-
-    The estimate comes from the error at b of the cubic through `before` and a: with the fourth derivative D of the
-    branch the two errors are h^4 D / 384 and h^2 (h + g)^2 D / 24, where g is the previous step.
-    """
-    count = max(a.x.size, b.x.size) // 2
-    first, start, stop = (p.resized(count) for p in (before, a, b))
-    gap = stop.x - start.x
-    ahead = np.sign((start.x - first.x) @ start.t + (start.parameter - first.parameter) * start.t_parameter)
-    h = float(np.sqrt(gap @ gap + (stop.parameter - start.parameter) ** 2))
-    g = float(np.sqrt((start.x - first.x) @ (start.x - first.x) + (start.parameter - first.parameter) ** 2))
-    x, parameter = predictor([first, start])(float(ahead * h))
-    miss = np.append(stop.x - x, stop.parameter - parameter)
-    along = np.append(stop.t, stop.t_parameter)
-    miss -= (miss @ along) * along
-    steep = max(abs(start.t_parameter), abs(stop.t_parameter), _STEEP)
-    return float(np.abs(miss).sum()) / 16.0 * (h / (h + g)) ** 2 / (steep * float(np.sqrt(stop.x @ stop.x)))
 
 
 def _multipliers(balance: Balance, points: list[Point]) -> Floquet:

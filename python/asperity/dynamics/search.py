@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import replace
+from itertools import pairwise
 
 import numpy as np
 
@@ -16,7 +17,7 @@ from asperity.arrays import Array
 from asperity.dynamics.branch import Branch, Event
 from asperity.dynamics.branch_switching import subharmonic, through
 from asperity.dynamics.continuation import MIN_HARMONICS, Path, Point, Tracing
-from asperity.dynamics.events import locate_events
+from asperity.dynamics.events import doublings, locate_events
 from asperity.dynamics.harmonic_balance import Balance
 from asperity.dynamics.initial_orbits import (
     backbone_chart,
@@ -135,13 +136,16 @@ class Search:
 
     def _through(self, kind: str, order: int, x: Array, omega: float) -> None:
         """Trace the branch through an orbit, if it is new."""
-        known = [path for _, other, path in self._paths if other == order]
+        balance = replace(self.balance, order=order)
         try:
-            path = through(replace(self.balance, order=order), self.forcing, x, omega, self._tracing(order), known)
+            path = through(balance, self.forcing, x, omega, self._tracing(order), self._known(order))
         except (ConvergenceError, np.linalg.LinAlgError) as error:
             self.notes.append(f"an orbit at Omega = {omega:.6g} is on no branch and could not be continued: {error}")
         else:
             self._paths += [(kind, order, path)] if path is not None else []
+
+    def _known(self, order: int) -> list[Path]:
+        return [path for _, other, path in self._paths if other == order]
 
     def _finish(self) -> None:
         """Measure the branches traced so far, and trace those that leave them at period doublings."""
@@ -151,7 +155,9 @@ class Search:
                 self._measure(*self._paths[self._measured - 1])
             elif self._doublings:
                 flip = self._doublings.pop(0)
-                path, end = subharmonic(self.balance, self.forcing, flip, self._tracing(2), self._doublings)
+                path, end = subharmonic(
+                    self.balance, self.forcing, flip, self._tracing(2), self._doublings, self._known(2)
+                )
                 if path is not None:
                     self._paths.append(("sub2", 2, path))
                     self._doublings = [p for p in self._doublings if p is not end]  # traced from one end only
@@ -161,7 +167,11 @@ class Search:
     def _measure(self, kind: str, order: int, path: Path) -> None:
         """Make branches of the pieces of a path in the window, with their events and period doublings."""
         balance = replace(self.balance, order=order)
-        for piece in self._pieces(path):
+        for piece, inside in self._pieces(path):
+            if not inside:
+                if balance.zeta > 0 and 2 * order in self.orders:
+                    self._doublings += doublings(balance, self.forcing, piece.points, self._tracing(order).loose)
+                continue
             branch, events, flips = locate_events(balance, self.forcing, piece, kind, len(self.branches), self.how.tol)
             self.branches.append(branch)
             self._ends += [(order, piece.points[0]), (order, piece.points[-1])]
@@ -170,7 +180,7 @@ class Search:
             if 2 * order in self.orders:
                 self._doublings.extend(flips)
         for end, reason in ((path.points[0], path.begin), (path.points[-1], path.end)):
-            if reason not in ("window", "closed", "period doubling") and not self._is_inside(end):
+            if reason not in ("window", "closed", "known", "period doubling") and not self._is_inside(end):
                 self.notes.append(
                     f"a branch of period {order} that leaves the window is lost at {end.parameter:.6g}, where it may "
                     f"return: {reason}"
@@ -180,17 +190,18 @@ class Search:
         low, high = self.how.window
         return low <= point.parameter <= high
 
-    def _pieces(self, path: Path) -> Iterator[Path]:
-        """Pieces of a path in the window, which end at points on its edges."""
-        inside = np.array([self._is_inside(p) for p in path.points])
+    def _pieces(self, path: Path) -> Iterator[tuple[Path, bool]]:
+        """Pieces of a path, which end at points on the edges of the window, and whether they are in it."""
         at = np.array([p.parameter for p in path.points])
-        edge = np.isin(at, self.how.window)
-        cut = ~(inside[1:] & inside[:-1]) | (edge[1:] & edge[:-1] & (at[1:] == at[:-1]))  # it turns back outside
-        starts = np.append(0, np.flatnonzero(cut) + 1)
-        for first, stop in zip(starts, [*starts[1:], at.size], strict=True):
-            if inside[first] and stop - first > 1:
-                begin, end = path.begin if first == 0 else "window", path.end if stop == at.size else "window"
-                yield Path(path.points[first:stop], end if begin in ("window", "closed") else begin)
+        low, high = self.how.window
+        edge = (at == low) | (at == high)
+        inside = (low <= at) & (at <= high)
+        within = inside[1:] & inside[:-1] & ~(edge[1:] & edge[:-1] & (at[1:] == at[:-1]))  # it turns back outside
+        ends = np.unique([0, *(np.flatnonzero(within[1:] != within[:-1]) + 1), at.size - 1])
+        for first, last in pairwise(ends):
+            begin, end = path.begin if first == 0 else "window", path.end if last == at.size - 1 else "window"
+            piece = Path(path.points[first : last + 1], end if begin in ("window", "closed") else begin)
+            yield piece, bool(within[first])
 
     def _excess(self, order: int, edge: float) -> int:
         """By how much the signs of the orbits at an edge exceed 1.
