@@ -10,7 +10,7 @@ from scipy.interpolate import CubicHermiteSpline
 
 from asperity.dynamics import ContactOscillator, FrequencyResponse, PowerLaw
 from asperity.dynamics.equation import Equation
-from asperity.dynamics.time_integration import integrate
+from asperity.dynamics.motion import integrate
 from asperity.errors import ConvergenceError
 
 

@@ -21,9 +21,9 @@ from asperity.dynamics.equation import Equation, primitive
 from asperity.dynamics.free import rough_orbit, rough_states
 from asperity.dynamics.harmonic_balance import Balance
 from asperity.dynamics.law.damping import only_in_contact
+from asperity.dynamics.motion import has_escaped, path_of, steps_for
 from asperity.dynamics.stability import unstack
 from asperity.dynamics.thresholds import resonance_peak
-from asperity.dynamics.time_integration import has_escaped, path_of, steps_for
 from asperity.errors import ConvergenceError
 
 _POINTS = 16  # amplitudes on the backbone; a chart of 12 finds the same loops of period 2

@@ -94,10 +94,10 @@ class FrequencyResponse:
             multipliers = floquet(balance, stack([p.x for p in points]), np.full(len(points), omega))
             data = measure(balance, points, branch.kind, "", multipliers)
             for i, point in enumerate(points):
+                u_max, u_min, a1 = (float(column[i]) for column in (data.u_max, data.u_min, data.a1))
                 s = Solution(
-                    number, branch.kind, branch.order, omega,
-                    float(data.u_max[i]), float(data.u_min[i]), float(data.a1[i]),
-                    bool(data.stable[i]), point.error, data.coefficients[i],
+                    number, branch.kind, branch.order, omega, u_max, u_min, a1, bool(data.stable[i]), point.error,
+                    data.coefficients[i],
                 )  # fmt: skip
                 sense = bool(multipliers.fold[i] > 0)  # differs on the two sides of a fold, however close
                 if not any(
@@ -134,13 +134,11 @@ class FrequencyResponse:
         """Rows of response.csv, in order along each branch, as dense as in `lines`."""
         s = self.setting
         for branch, line in zip(self.branches, self.lines(), strict=True):
-            for omega, u_max, u_min, a1, phase, stable in zip(
-                line.Omega, line.u_max, line.u_min, line.a1, line.phase, line.stable, strict=True
-            ):
+            for omega, u_max, u_min, a1, phase, stable in zip(*line, strict=True):
                 yield {
-                    "model": s.model, "F_hat": s.F_hat, "zeta": s.zeta, "Omega": float(omega), "u_max": float(u_max),
-                    "u_min": float(u_min), "a1": float(a1), "stable": bool(stable), "branch": branch.kind,
-                    "contact_loss": bool(u_min < -1.0), "phase": float(phase),
+                    "model": s.model, "F_hat": s.F_hat, "zeta": s.zeta, "Omega": omega, "u_max": u_max, "u_min": u_min,
+                    "a1": a1, "stable": bool(stable), "branch": branch.kind, "contact_loss": bool(u_min < -1.0),
+                    "phase": phase,
                 }  # fmt: skip
 
 

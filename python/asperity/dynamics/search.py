@@ -14,10 +14,9 @@ from itertools import pairwise
 import numpy as np
 
 from asperity.arrays import Array
-from asperity.dynamics.branch import Branch, Event
+from asperity.dynamics.branch import Branch, Event, doublings, locate_events
 from asperity.dynamics.branch_switching import subharmonic, through
 from asperity.dynamics.continuation import MIN_HARMONICS, Path, Point, Tracing
-from asperity.dynamics.events import doublings, locate_events
 from asperity.dynamics.harmonic_balance import Balance
 from asperity.dynamics.initial_orbits import (
     backbone_chart,
