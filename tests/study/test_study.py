@@ -101,6 +101,16 @@ def test_a_study_of_cut_offs_with_unrelated_surfaces_warns() -> None:
     np.testing.assert_array_equal(waves[0], waves[1][:, :5])
 
 
+def test_parts_are_the_study() -> None:
+    made = study(grid={"block.height": [1.0, 1.5, 2.0, 2.5, 3.0]})
+    parts = [made.part(f"{i}/3").entries for i in (1, 2, 3)]
+    assert [len(part) for part in parts] == [2, 2, 1]
+    assert {entry.key for part in parts for entry in part} == {entry.key for entry in made.entries}
+    for wrong in ("0/3", "4/3", "1/6", "2", "a/b"):
+        with pytest.raises(InputError, match="1/N to N/N"):
+            made.part(wrong)
+
+
 def test_the_key_of_a_case_is_its_hash() -> None:
     entry = study(grid={"block.height": [1.5]}).entries[0]
     assert entry.key == "c" + Case.from_dict(BASE | {"block": {"height": 1.5}}).hash()[:15]

@@ -20,6 +20,7 @@ if TYPE_CHECKING:
 @options.output("OUT", "Folder of the study; default out/<name of the file>.")
 @options.job_ranks
 @click.option("--ranks-per-case", default=1, show_default=True, metavar="N", help="Ranks that work on one case.")
+@click.option("--only", metavar="I/N", help="Part I of N of the cases: one job of an array, in an OUT of its own.")
 @click.option("--retry", is_flag=True, help="Repeat the cases that failed.")
 @click.option("--dry-run", is_flag=True, help="Check the file, count the cases and meshes, run nothing.")
 @click.option("-q", "--quiet", is_flag=True, help="Show no progress.")
@@ -29,6 +30,7 @@ def command(
     output: str | None,
     ranks: int | None,
     ranks_per_case: int,
+    only: str | None,
     retry: bool,
     dry_run: bool,
     quiet: bool,
@@ -45,6 +47,7 @@ def command(
     if not dry_run:
         options.start_ranks(ranks, quiet, max(ranks_per_case, 1))
     study = on_root_bcast(None, lambda: Study.load(study_file, overrides))
+    study = study if only is None else study.part(only)
     if dry_run:
         _describe(study)
         return None
