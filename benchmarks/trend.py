@@ -14,7 +14,7 @@ from scipy.stats import ttest_1samp
 from asperity.arrays import Array
 from asperity.curve import Curve
 from asperity.errors import InputError
-from asperity.power_law import fit_or_none
+from asperity.power_law import fit_power_law
 from asperity.study.definition import ENSEMBLE
 from asperity.study.results import Row, StudyLevel
 
@@ -58,8 +58,12 @@ class Condition:
         used = load.where(load.delta_star <= self.share * load.delta_star.max() * (1 + 1e-9))
         if self.interface and block.void(used):
             return math.nan
-        fit = fit_or_none(block.interface(used) if self.interface else used.delta_star, used.P_star, self.norm)
-        return math.nan if fit is None else fit.n
+        delta = np.asarray(block.interface(used) if self.interface else used.delta_star)
+        touched = (delta > 0) & (used.P_star > 0)
+        try:
+            return fit_power_law(delta[touched], used.P_star[touched], self.norm).n
+        except InputError:
+            return math.nan
 
 
 #: The conditions under which each statement about an exponent is tested.

@@ -49,55 +49,37 @@ if TYPE_CHECKING:  # the names below, for type checkers and editors
     from asperity.transient import Scheme as Scheme
     from asperity.transient import Transient as Transient
 
-# public name -> module that defines it
-_PUBLIC = {
-    "AsperityError": "errors",
-    "AsperityWarning": "errors",
-    "CheckpointError": "errors",
-    "CompatError": "errors",
-    "ConvergenceError": "errors",
-    "InputError": "errors",
-    "MeshError": "errors",
-    "RangeError": "errors",
-    "Surface": "surface",
-    "Curve": "curve",
-    "PowerLawFit": "power_law",
-    "fit_power_law": "power_law",
-    "Case": "case",
-    "ContactOscillator": "dynamics",
-    "Joint": "dynamics",
-    "PowerLaw": "dynamics",
-    "TableLaw": "dynamics",
-    "TaylorLaw": "dynamics",
-    "response_band": "dynamics",
-    "run_dynamics": "dynamics",
-    "uncertainty": "dynamics",
-    "unload_reload": "dynamics",
-    "Transient": "transient",
-    "Scheme": "transient",
-    "run": "run_case",
-    "export": "output.export",
-    "Material": "model.material",
-    "MeshSize": "model.settings",
-    "Formulation": "model.settings",
-    "SolverOptions": "model.settings",
-    "solve_contact": "adaptive.solve_contact",
-    "solve_problem": "quasistatic.solve_problem",
-    "Problem": "model.problem",
-    "AccuracyTarget": "model.settings",
-    "solve_to_tolerance": "adaptive.solve_to_tolerance",
-    "choose_kinematics": "adaptive.small_strain",
-    "reference": "",
+# module -> the public names that it defines
+_MODULES = {
+    "adaptive.small_strain": "choose_kinematics",
+    "adaptive.solve_contact": "solve_contact",
+    "adaptive.solve_to_tolerance": "solve_to_tolerance",
+    "case": "Case",
+    "curve": "Curve",
+    "dynamics": "ContactOscillator Joint PowerLaw TableLaw TaylorLaw response_band run_dynamics uncertainty "
+    "unload_reload",
+    "errors": "AsperityError AsperityWarning CheckpointError CompatError ConvergenceError InputError MeshError "
+    "RangeError",
+    "model.material": "Material",
+    "model.problem": "Problem",
+    "model.settings": "AccuracyTarget Formulation MeshSize SolverOptions",
+    "output.export": "export",
+    "power_law": "PowerLawFit fit_power_law",
+    "quasistatic.solve_problem": "solve_problem",
+    "run_case": "run",
+    "surface": "Surface",
+    "transient": "Scheme Transient",
 }
+_PUBLIC = {name: module for module, names in _MODULES.items() for name in names.split()}
 
-__all__ = sorted(_PUBLIC)
+__all__ = sorted([*_PUBLIC, "reference"])
 
 
 def __getattr__(name: str) -> Any:
+    if name == "reference":
+        return importlib.import_module(f"{__name__}.{name}")
     if name not in _PUBLIC:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    if not _PUBLIC[name]:
-        return importlib.import_module(f"{__name__}.{name}")
     return getattr(importlib.import_module(f"{__name__}.{_PUBLIC[name]}"), name)
 
 

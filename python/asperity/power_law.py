@@ -194,18 +194,6 @@ def _exp(x: float) -> float:
     return math.exp(x) if x < _LARGEST_LN else math.inf
 
 
-def fit_or_none(
-    delta_star: ArrayLike, P_star: ArrayLike, norm: Literal["linear", "log"] = "linear"
-) -> PowerLawFit | None:
-    """Fit as `fit_power_law` to the points in contact; None where they do not determine a power law."""
-    d, p = np.asarray(delta_star, dtype=float), np.asarray(P_star, dtype=float)
-    used = (d > 0) & (p > 0)
-    try:
-        return fit_power_law(d[used], p[used], norm)
-    except InputError:
-        return None
-
-
 def _polished(solution: Array, design: Array, y: Array) -> Array:
     """Converge to rounding by Newton's method, so that the same points in other units give the same exponent."""
     for _ in range(3):

@@ -22,7 +22,7 @@ from asperity.errors import (
     ResolutionWarning,
 )
 from asperity.model.problem import Problem
-from asperity.output.assumption import DOUBTFUL, Assumption
+from asperity.output.assumption import DOUBTFUL, Assumption, describe
 from asperity.output.assumptions import ledger
 from asperity.output.run_files import RunFiles
 from asperity.power_law import PowerLawFit, with_misfit
@@ -233,7 +233,7 @@ def _warn(case: Case, folder: Path | None, solved: SolvedCase, lines: Sequence[A
         if line.verdict == DOUBTFUL and line.warning:
             warnings.warn(line.warning, AssumptionWarning, stacklevel=4)
         elif line.verdict == DOUBTFUL:
-            logging.getLogger(__name__).info("doubtful: %s", line.describe())
+            logging.getLogger(__name__).info("doubtful: %s", describe(line.to_dict()))
     contact, unresolved = solved.contact, solved.contact.curve.unresolved()
     if case.output.fields and folder is not None and contact.complete and not contact.snapshots:
         why = "output.snapshots = 0"

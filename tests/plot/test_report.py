@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import os
 import re
 import shutil
 from pathlib import Path
@@ -13,7 +12,7 @@ from html_page import Page
 from made_up_run import write_run
 
 from asperity.errors import InputError
-from asperity.plot import OF_VIBRATION
+from asperity.plot import plot_run
 from asperity.plot.citations import publications
 from asperity.plot.report import write_report
 
@@ -25,7 +24,7 @@ def drawn(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
     folder = write_run(tmp_path_factory.mktemp("drawn") / "run")
     run_dynamics(folder, out_dir=folder, model=["exact"], omega=(0.9, 0.95), sweeps=False, bands=False)
-    write_report(folder)
+    plot_run(folder)
     return folder
 
 
@@ -82,26 +81,6 @@ def test_a_missed_tolerance_is_among_the_warnings(folder: Path, met: bool) -> No
     box = text.partition('<section class="warnings"')[2].partition("</section>")[0]
     assert "<li>steep</li>" in box
     assert ("<li>the tolerance is not met: max_dofs = 30000 allows no more</li>" in box) == (not met)
-
-
-@pytest.mark.parametrize(
-    ("data", "of_vibration", "others"),
-    [(None, False, False), ("curve.csv", True, True), ("thresholds.json", True, False)],
-)
-def test_only_figures_older_than_their_data_are_drawn_again(
-    folder: Path, monkeypatch: pytest.MonkeyPatch, data: str | None, of_vibration: bool, others: bool
-) -> None:
-    """`asperity dynamics OUT -o OUT` leaves the curve as it is, and has another response."""
-    asked: list[str] = []
-    monkeypatch.setattr("asperity.plot.report.plot_run", lambda folder, names: asked.extend(names))
-    if data is not None:
-        later = max(path.stat().st_mtime_ns for path in (folder / "figures").iterdir()) + 1
-        os.utime(folder / data, ns=(later, later))
-    (folder / "figures/surface.png").unlink()
-    write_report(folder)
-    shown = {path.stem for path in (folder / "figures").glob("*.png")}
-    assert set(asked) - {"surface"} == {n for n in shown if (of_vibration if n in OF_VIBRATION else others)}
-    assert "surface" in asked
 
 
 def test_a_folder_without_a_run_is_refused(tmp_path: Path) -> None:

@@ -13,6 +13,7 @@ import pytest
 from made_up_run import write_run
 from test_plot import write_vibration
 
+from asperity.plot import plot_run
 from asperity.plot.report import write_report
 
 webdriver = pytest.importorskip("selenium.webdriver", reason="needs python3-selenium, as .ci/run installs it")
@@ -50,6 +51,7 @@ def report(tmp_path_factory: pytest.TempPathFactory) -> Path:
               "advice": 'take material.kinematics = "finite", or press a smoother surface'}  # fmt: skip
     summary |= {"assumptions": [record, record | {"name": "adhesion", "verdict": "fine"}], "warnings": ["steep slopes"]}
     path.write_text(json.dumps(summary), encoding="utf-8")
+    plot_run(folder)
     return write_report(folder)
 
 

@@ -15,6 +15,7 @@ from matplotlib.figure import Figure
 from asperity.cli import main
 from asperity.dynamics import Dynamics, PowerLaw, run_dynamics
 from asperity.model.two_bodies import SumSurface
+from asperity.plot import plot_run
 from asperity.plot.report import write_report
 from asperity.plot.style import save
 from asperity.runtime.files import is_aside, read_npz, remove_asides
@@ -115,12 +116,17 @@ def killer(victim: str) -> Callable[[Path, Path], Path]:
 
 def test_a_report_and_its_pictures_are_whole_or_absent(tmp_path: Path) -> None:
     folder = write_run(tmp_path / "run")
+
+    def write() -> None:
+        plot_run(folder, names=["curve"])
+        write_report(folder)
+
     for victim in ("figures/curve.png", "report.html"):
         with pytest.MonkeyPatch.context() as monkeypatch, pytest.raises(Killed):
             monkeypatch.setattr(Path, "replace", killer(Path(victim).name))
-            write_report(folder)
+            write()
         assert not (folder / victim).exists()
-    write_report(folder)
+    write()
     assert (folder / "figures/curve.png").read_bytes()[-8:-4] == b"IEND"
 
 

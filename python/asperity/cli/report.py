@@ -13,8 +13,10 @@ from asperity.cli import options
 def command(folder: str) -> None:
     """Write the report of a run.
 
-    One self-contained page, OUT/report.html, from the files of the run.
+    One self-contained page, OUT/report.html, from the files of the run, whose figures are drawn again.
     """
+    from asperity.plot import plot_run
     from asperity.plot.report import write_report
 
+    plot_run(folder)
     options.say(f"written {write_report(folder)}")

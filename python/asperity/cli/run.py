@@ -45,7 +45,7 @@ def command(
         run_folder.check(folder, resume=resume, force=force)
     options.start_ranks(ranks, quiet)
     from asperity import run_case
-    from asperity.output.assumption import doubtful
+    from asperity.output.assumption import DOUBTFUL, describe
     from asperity.output.results import Results
     from asperity.output.verdict import count_of_doubts, verdict
     from asperity.runtime.run_folder import REPORT
@@ -65,9 +65,9 @@ def command(
             for sentence in verdict(found):  # without reading meshes and fields again
                 options.say(sentence)
         records = result.summary.get("assumptions", [])
-        for line in doubtful(records):
-            if not line.warned or result.contact is None:  # this command has shown the warning
-                options.say(f"doubtful: {line.describe()}")
+        for record in records:
+            if record["verdict"] == DOUBTFUL and not (record["warned"] and result.contact):  # which shows the warning
+                options.say(f"doubtful: {describe(record)}")
         if records:
             options.say(f"{count_of_doubts(records)}.")
         options.say(f"written to {folder}")

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass
 from typing import Any
 
 FINE, DOUBTFUL = "fine", "doubtful"
+RECORD = ("name", "value", "limit", "bound", "unit", "source", "verdict", "advice", "detail", "warned")
 
 
 @dataclass(frozen=True)
@@ -27,7 +28,7 @@ class Assumption:
 
     Examples:
         >>> line = Assumption("approach over depth", 1.2, 1.0, "", "geometry", "a smaller load")
-        >>> line.verdict, line.describe()
+        >>> line.verdict, describe(line.to_dict())
         ('doubtful', 'approach over depth: 1.2, at most 1; a smaller load')
     """
 
@@ -52,36 +53,13 @@ class Assumption:
         fine = self.value >= self.limit if self.least else self.value <= self.limit
         return FINE if fine else DOUBTFUL
 
-    def bound(self) -> str:
-        """The limit in words."""
-        return f"at {'least' if self.least else 'most'} {self.limit:.3g} {self.unit}".rstrip()
-
-    def describe(self) -> str:
-        """One line for the terminal."""
-        value = f"{self.value:.3g} {self.unit}".rstrip()
-        return f"{self.name}: {value}, {self.bound()}; {self.advice}"
-
     def to_dict(self) -> dict[str, Any]:
         """Record of summary.json."""
-        return {
-            "name": self.name,
-            "value": self.value,
-            "limit": self.limit,
-            "bound": "least" if self.least else "most",
-            "unit": self.unit,
-            "source": self.source,
-            "verdict": self.verdict,
-            "advice": self.advice,
-            "detail": self.detail,
-            "warned": self.warned,
-        }
+        found = asdict(self) | {"verdict": self.verdict, "bound": "least" if self.least else "most"}
+        return {name: found[name] for name in RECORD}
 
 
-def doubtful(records: Iterable[dict[str, Any]]) -> list[Assumption]:
-    """The doubtful lines among the records of summary.json."""
-    names = [name for name in Assumption.__dataclass_fields__ if name not in ("least", "warning")]
-    return [
-        Assumption(**{name: record[name] for name in names}, least=record["bound"] == "least")
-        for record in records
-        if record["verdict"] == DOUBTFUL
-    ]
+def describe(record: Mapping[str, Any]) -> str:
+    """A record of summary.json in one line for the terminal."""
+    value, limit = (f"{record[name]:.3g} {record['unit']}".rstrip() for name in ("value", "limit"))
+    return f"{record['name']}: {value}, at {record['bound']} {limit}; {record['advice']}"

@@ -1,7 +1,4 @@
-"""Figures of a run, drawn from the files in its folder.
-
-Most functions return a matplotlib Figure, or the axes `ax` of the caller, one for each panel, on which they have drawn.
-"""
+"""Figures of a run, drawn from the files in its folder."""
 
 from __future__ import annotations
 
@@ -72,8 +69,6 @@ CAPTIONS = {
     "slip_map": "Slip of the nodes in contact from rest to an amplitude, by the solid; grey nodes stick.",
     "surface": "Heights of the surface; the ring marks the first touch.",
 }
-
-OF_VIBRATION = ("frequency", "response", "receptance")
 
 
 def plot_run(folder: str | Path, surface: Surface | None = None, names: Sequence[str] = tuple(CAPTIONS)) -> list[Path]:

@@ -27,24 +27,15 @@ BINS = 40  # of the histogram, up to the greatest pressure
 
 
 @style.styled
-def pressure_maps(results: Results, count: int = 4, *, ax: style.Place | None = None) -> Figure:
-    """Draw the contact pressure at up to `count` load levels, with one colour scale, and its distribution.
-
-    Axes of the caller take maps alone, a level each and the greatest load last.
-    """
-    if ax is None:
-        chosen = _levels(results.top, count)
-        figure, axes, rest = _mosaic(len(chosen))
-    else:
-        figure, axes = style.figure(0, 0, ax=ax)
-        chosen, rest = _levels(results.top, len(axes)), None
-    panels = axes if rest is None else [*axes, rest]
-    style.titles(panels, [*(_title(results, i) for i in chosen), "distribution of the pressure"])
+def pressure_maps(results: Results, count: int = 4) -> Figure:
+    """Draw the contact pressure at up to `count` load levels, with one colour scale, and its distribution."""
+    chosen = _levels(results.top, count)
+    figure, axes, rest = _mosaic(len(chosen))
+    style.titles([*axes, rest], [*(_title(results, i) for i in chosen), "distribution of the pressure"])
     image, unit = _maps(axes, results, chosen)
     bar = figure.colorbar(image, ax=axes, shrink=0.8)
     bar.set_label(style.label("contact pressure", unit))
-    if rest is not None:
-        _histogram(rest, results, chosen)
+    _histogram(rest, results, chosen)
     return figure
 
 
@@ -91,7 +82,7 @@ def _maps(axes: Sequence[Any], results: Results, chosen: Sequence[int]) -> tuple
     extent = (0, float(top["points"][:, 0].max()) * across, 0, float(top["points"][:, 1].max()) * across)
     on_grid = Raster(top)
     image: Any = None
-    for axis, i in zip(axes, chosen, strict=False):
+    for axis, i in zip(axes, chosen, strict=True):
         shown = np.where(touching(on_grid, top, i), on_grid(top["pressure"][i]) * scale, np.nan)
         axis.set_facecolor(style.PALE)
         image = axis.imshow(
@@ -162,15 +153,15 @@ def touching(on_grid: Raster, top: Any, i: int) -> NDArray[np.bool_]:
 
 
 @style.styled
-def contact_area(results: Results, count: int = 6, *, ax: style.Place | None = None) -> Figure:
+def contact_area(results: Results, count: int = 6) -> Figure:
     """Draw the regions in contact at up to `count` load levels, and contact area and number of spots over the load."""
-    figure, axes = style.figure(style.WIDE, 3.9, columns=3, ax=ax, width_ratios=(1.25, 1, 1))
+    figure, axes = style.figure(style.WIDE, 3.9, columns=3, width_ratios=(1.25, 1, 1))
     style.titles(axes, ("regions in contact", "contact area", "contact spots"))
     if results.snapshots:
         _patches(axes[0], results, count)
     else:
         axes[0].set_axis_off()
-    for draw, axis in zip((_area_curve, _spots), axes[1:], strict=False):
+    for draw, axis in zip((_area_curve, _spots), axes[1:], strict=True):
         axis.set_xlabel(LOAD)
         draw(axis, results)
     return figure

@@ -22,14 +22,14 @@ LOOKS = {  # branch -> format, colour, words
 
 
 @style.styled
-def force_curve(results: Results, *, ax: style.Place | None = None) -> Figure:
+def force_curve(results: Results) -> Figure:
     """Draw P* over delta* with the fit over its range, on linear and on logarithmic axes, and the local exponent.
 
     The band is the error bar of each step, if the run computed one. The second axes are in physical units.
     """
-    figure, axes = style.figure(style.WIDE, 3.7, columns=3, ax=ax)
+    figure, axes = style.figure(style.WIDE, 3.7, columns=3)
     style.titles(axes, ("load and approach", "logarithmic", "local exponent"))
-    for draw, axis in zip((_linear, _logarithmic, _exponents), axes, strict=False):
+    for draw, axis in zip((_linear, _logarithmic, _exponents), axes, strict=True):
         style.grid(axis)
         axis.set_xlabel(DELTA)
         draw(axis, results)
@@ -157,15 +157,15 @@ def draw_branches(axis: Any, results: Results, x: str, y: str, factor: float = 1
 
 
 @style.styled
-def plasticity(results: Results, *, ax: style.Place | None = None) -> Figure:
+def plasticity(results: Results) -> Figure:
     """Draw the yielded share of the volume and the largest plastic strain over the approach."""
-    figure, axes = style.figure(style.DOUBLE, 3.4, columns=2, ax=ax)
+    figure, axes = style.figure(style.DOUBLE, 3.4, columns=2)
     style.titles(axes, ("yielded volume", "plastic strain"))
     panels = (
         ("plastic_fraction", 100.0, "yielded share of the volume (%)"),
         ("max_plastic_strain", 1.0, "largest equivalent plastic strain"),
     )
-    for axis, (column, factor, text) in zip(axes, panels, strict=False):
+    for axis, (column, factor, text) in zip(axes, panels, strict=True):
         draw_branches(axis, results, "delta_star", column, factor)
         axis.set_xlabel(DELTA)
         axis.set_ylabel(text)

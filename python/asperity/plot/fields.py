@@ -13,9 +13,7 @@ from asperity.units import prefix
 
 
 @style.styled
-def surface_map(
-    heights: Array, side: float, touch: tuple[float, float, float], unit: str = "m", *, ax: style.Place | None = None
-) -> Figure:
+def surface_map(heights: Array, side: float, touch: tuple[float, float, float], unit: str = "m") -> Figure:
     """Draw the heights of a surface and the point of first touch.
 
     Args:
@@ -24,7 +22,7 @@ def surface_map(
         touch: x, y, z of the highest point [length]
         unit: of length, "" if unknown
     """
-    figure, (axis, *_) = style.figure(style.SINGLE + 0.6, 4.3, ax=ax)
+    figure, (axis,) = style.figure(style.SINGLE + 0.6, 4.3)
     across, across_unit = prefix(side / 2, unit)
     up, up_unit = prefix(np.ptp(heights) or side, unit)
     extent = (0, side * across, 0, side * across)
@@ -49,13 +47,13 @@ def surface_map(
 
 @style.styled
 def spectrum_figure(
-    spectrum: Spectrum, unit: str = "", affine: SelfAffineFit | None = None, *, ax: style.Place | None = None
+    spectrum: Spectrum, unit: str = "", affine: SelfAffineFit | None = None
 ) -> Figure:  # fmt: skip
     """Draw the power spectral density.
 
     The self-affine equivalent is drawn over the spectrum; `unit` is that of length.
     """
-    figure, (axis, *_) = style.figure(style.SINGLE, 3.4, ax=ax)
+    figure, (axis,) = style.figure(style.SINGLE, 3.4)
     style.titles([axis], ("power spectral density",))
     there = spectrum.density > 0
     axis.loglog(spectrum.q[there], spectrum.density[there], color=style.BLUE)

@@ -16,17 +16,16 @@ from asperity.dynamics.laws import WORDS
 from asperity.output.gap_conductance import gap_conductance
 from asperity.output.results import Results
 from asperity.output.verdict import doubts, verdict
-from asperity.plot import CAPTIONS, OF_VIBRATION, figures_of, plot_run
+from asperity.plot import CAPTIONS
 from asperity.plot.citations import publications
 from asperity.plot.style import DPI
 from asperity.plot.turning import turning_surface
 from asperity.power_law import with_misfit
 from asperity.runtime.files import replace_file
-from asperity.runtime.run_folder import BAND, CURVE, FIGURES, FREE, REPORT, RESPONSE, THRESHOLDS
+from asperity.runtime.run_folder import FIGURES, REPORT
 from asperity.units import plus_minus, quantity
 
 Rows = list[tuple[str, str]]
-VIBRATION_DATA = (CURVE, FREE, RESPONSE, BAND, THRESHOLDS)  # what the figures of the vibration show
 STIFFNESS_WORDS = {
     "k_n": "slope of the force",
     "k_n_elastic": "elastic normal stiffness",
@@ -40,8 +39,7 @@ STIFFNESS_WORDS = {
 def write_report(folder: str | Path, finished: bool | None = None) -> Path:
     """Write report.html into the folder of a run, from its files; return it.
 
-    A figure is drawn first if it is missing or older than the curve or the vibration that it shows. All text from the
-    input is escaped.
+    It shows the figures that are in the folder. All text from the input is escaped.
 
     Args:
         folder: of the run
@@ -75,7 +73,7 @@ def write_report(folder: str | Path, finished: bool | None = None) -> Path:
         outcome=_outcome(results),
         assumptions=assumptions,
         turning=turning_surface(results),
-        figures=[_figure(path) for path in _figures(results)],
+        figures=[_figure(path) for path in _figures(results.folder / FIGURES)],
         tables=_tables("run", summary) + _tables("dynamics", _without_table(results.thresholds)),
         laws=_laws(results),
         inputs=[(name, list(_flat(table))) for name, table in _sections(results.case)],
@@ -165,20 +163,10 @@ def _known(curve: Curve, row: int, results: Results) -> Rows:
     return rows
 
 
-def _figures(results: Results) -> list[Path]:
-    """Figures of the run; those that are missing, or older than what they show, are drawn first."""
-    folder = results.folder / FIGURES
-    if outdated := [name for name in figures_of(results) if _is_outdated(results.folder, name)]:
-        plot_run(results.folder, names=outdated)
+def _figures(folder: Path) -> list[Path]:
+    """Figures of the run in their order."""
     order = list(CAPTIONS)
     return sorted(folder.glob("*.png"), key=lambda p: (order.index(p.stem) if p.stem in order else len(order), p.stem))
-
-
-def _is_outdated(run: Path, name: str) -> bool:
-    figure = run / FIGURES / f"{name}.png"
-    shown = VIBRATION_DATA if name in OF_VIBRATION else (CURVE,)
-    data = [path.stat().st_mtime_ns for file in shown if (path := run / file).is_file()]
-    return not figure.is_file() or figure.stat().st_mtime_ns < max(data)
 
 
 def _figure(path: Path) -> dict[str, Any]:

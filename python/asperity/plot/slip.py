@@ -23,12 +23,12 @@ _SMOOTH = 40  # steps from rest to an amplitude
 
 
 @style.styled
-def slip(results: Results, *, ax: style.Place | None = None) -> Figure:
+def slip(results: Results) -> Figure:
     """Draw the loops, and loss factor and secant stiffness of slip_loops.csv over the amplitude.
 
     Loops are those of the law, by Masing's rule; points are those of slip.csv where the solid was moved.
     """
-    figure, axes = style.figure(style.WIDE, 3.4, columns=3, ax=ax)
+    figure, axes = style.figure(style.WIDE, 3.4, columns=3)
     style.titles(axes, ("loops", "loss factor", "secant stiffness"))
     for draw, axis in zip((_loops, _loss, _stiffness), axes, strict=False):
         draw(axis, results)
@@ -37,11 +37,11 @@ def slip(results: Results, *, ax: style.Place | None = None) -> Figure:
 
 
 @style.styled
-def slip_map(results: Results, count: int = 4, *, ax: style.Place | None = None) -> Figure:
+def slip_map(results: Results, count: int = 4) -> Figure:
     """Draw the slip of each node in contact at up to `count` amplitudes, each node a disc of its area."""
     nodes = results.slip_nodes
     amplitudes = np.unique(nodes["amplitude"])[-count:]
-    figure, axes = style.figure(0.5 + 2.6 * len(amplitudes), 2.8, columns=len(amplitudes), ax=ax)
+    figure, axes = style.figure(0.5 + 2.6 * len(amplitudes), 2.8, columns=len(amplitudes))
     style.titles(axes, [rf"$T/(\mu P)$ = {amplitude:g}" for amplitude in amplitudes])
     box = np.array([(nodes[name].min(), nodes[name].max()) for name in ("x", "y")])
     across, unit = prefix(float(box.max()), results.unit("length"))
@@ -69,9 +69,9 @@ def slip_map(results: Results, count: int = 4, *, ax: style.Place | None = None)
 
 
 @style.styled
-def response(found: TangentialVibration, *, ax: style.Place | None = None) -> Figure:
+def response(found: TangentialVibration) -> Figure:
     """Draw the amplitude of the tangential vibration over frequency, one curve per force."""
-    figure, axes = style.figure(style.SINGLE, 3.4, ax=ax)
+    figure, axes = style.figure(style.SINGLE, 3.4)
     axis, si = axes[0], found.units == "SI"
     of_a, unit_a = prefix(max(float(a.max()) for _, a in found.responses.values()), "m" if si else "")
     of_f, unit_f = prefix(max(float(f.max()) for f, _ in found.responses.values()), "Hz" if si else "")

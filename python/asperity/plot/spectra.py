@@ -32,12 +32,12 @@ def _axes(thresholds: Mapping[str, Any]) -> tuple[float, float, str, str]:
 
 
 @style.styled
-def receptance(results: Results, *, ax: style.Place | None = None) -> Figure:
+def receptance(results: Results) -> Figure:
     """Draw amplitude over force with the backbone."""
     rows, free, thresholds = results.response, results.free, results.thresholds
     frequency, compliance, hertz, metre = _axes(thresholds)
     si = metre == "m"
-    figure, (axis, *_) = style.figure(style.SINGLE + 1.6, 4.0, ax=ax)
+    figure, (axis,) = style.figure(style.SINGLE + 1.6, 4.0)
     model = "exact" if "exact" in rows["model"] else str(rows["model"][0])
     rows = where(rows, (rows["model"] == model) & ~is_sweep(rows["branch"]))
     free = where(free, free["model"] == model) if "a1" in free else {}

@@ -25,11 +25,11 @@ STIFFNESSES = {
 
 
 @style.styled
-def stiffness(results: Results, *, ax: style.Place | None = None) -> Figure:
+def stiffness(results: Results) -> Figure:
     """Draw the stiffnesses of the first loading over the load, and the mean gap of all branches."""
-    figure, axes = style.figure(style.DOUBLE, 3.5, columns=2, ax=ax)
+    figure, axes = style.figure(style.DOUBLE, 3.5, columns=2)
     style.titles(axes, ("stiffness", "mean gap"))
-    for draw, axis in zip((_stiffness, _gap), axes, strict=False):
+    for draw, axis in zip((_stiffness, _gap), axes, strict=True):
         draw(axis, results)
         axis.set_xlabel(LOAD)
         axis.set_xlim(left=0)
@@ -58,9 +58,9 @@ def _gap(axis: Any, results: Results) -> None:
 
 
 @style.styled
-def conductance(results: Results, *, ax: style.Place | None = None) -> Figure:
+def conductance(results: Results) -> Figure:
     """Draw the conductance over the pressure with the law of the literature for summits of the kind."""
-    figure, axes = style.figure(style.SINGLE, 3.4, ax=ax)
+    figure, axes = style.figure(style.SINGLE, 3.4)
     axis = axes[0]
     p, h, error = gap_conductance(results.case, results.curve)
     of_p, unit_p = prefix(float(np.nanmax(p)), results.unit("stress"))

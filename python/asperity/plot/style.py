@@ -19,7 +19,6 @@ from asperity.runtime.files import replace_file
 from asperity.runtime.run_folder import FIELD_PICTURES
 from asperity.units import prefix
 
-Place = Axes | Sequence[Axes] | np.ndarray[Any, Any]  # one axes, or one for each panel
 P = ParamSpec("P")
 
 # Okabe and Ito's colours, distinguishable for colour-blind readers
@@ -58,32 +57,18 @@ def settings() -> dict[str, Any]:
 
 
 def styled(draw: Callable[P, Figure]) -> Callable[P, Any]:
-    """Make a function draw in this style; settings of the user win.
-
-    The settings hold for the call alone, `matplotlib.rcParams` stay as they are. A function that is called with `ax`
-    returns `ax`, otherwise its figure.
-    """
+    """Make a function draw in this style; settings of the user win, and `matplotlib.rcParams` stay as they are."""
 
     @functools.wraps(draw)
     def in_style(*args: P.args, **kwargs: P.kwargs) -> Any:
         with mpl.rc_context(settings()):
-            drawn = draw(*args, **kwargs)
-        return drawn if kwargs.get("ax") is None else kwargs["ax"]
+            return draw(*args, **kwargs)
 
     return in_style
 
 
-def figure(
-    width: float, height: float, columns: int = 1, rows: int = 1, *, ax: Place | None = None, **grid: Any
-) -> tuple[Figure, list[Any]]:
-    """New figure of a size in inches and its panels, or those of `ax`.
-
-    Where `ax` has fewer axes than panels, the first panels are drawn. `grid`: see `Figure.subplots`.
-    """
-    if ax is not None:
-        axes = [ax] if isinstance(ax, Axes) else list(np.ravel(np.asarray(ax, dtype=object)))
-        own: Any = axes[0].get_figure()
-        return own, axes
+def figure(width: float, height: float, columns: int = 1, rows: int = 1, **grid: Any) -> tuple[Figure, list[Any]]:
+    """New figure of a size in inches and its panels; `grid`: see `Figure.subplots`."""
     new = Figure(figsize=(width, height), layout="constrained")
     axes = list(np.ravel(new.subplots(rows, columns, **grid)))
     for axis in axes:
@@ -148,14 +133,6 @@ def titles(axes: Sequence[Axes], texts: Sequence[str]) -> None:
     """Write the titles of panels, with letters (a), (b), ... where there are several."""
     for axis, letter, text in zip(axes, "abcdefghijkl", texts, strict=False):
         axis.set_title(f"({letter}) {text}".rstrip() if len(axes) > 1 else text, loc="left")
-
-
-def legend(figure: Figure, axes: Sequence[Axes], ax: Place | None, handles: Sequence[Any], columns: int) -> None:
-    """Put one legend below a new figure, or into the first panel on axes of the caller."""
-    if ax is None:
-        figure.legend(handles=handles, loc="outside lower center", ncols=columns)
-    else:
-        axes[0].legend(handles=handles)
 
 
 def second_axis(axis: Any, side: str, factor: float, text: str) -> None:

@@ -35,7 +35,6 @@ _ACTS = {
     "loops": "as the loops",
 }
 _FAINT = 0.35  # opacity of what is not physical
-_AGREE = 0.01  # distance of exact and Taylor curves, over the extents of the figure, below which one is drawn
 _CLOSE = 0.03  # share of the extent of a curve within which consecutive rows are always joined
 
 
@@ -84,9 +83,9 @@ class Scale:
 
 
 @style.styled
-def frequency(results: Results, *, ax: style.Place | None = None) -> Figure:
+def frequency(results: Results) -> Figure:
     """Draw the natural frequency over the release amplitude, a curve for each model."""
-    figure, (axis, *_) = style.figure(style.SINGLE + 0.8, 3.7, ax=ax)
+    figure, (axis,) = style.figure(style.SINGLE + 0.8, 3.7)
     axis.set_title("natural frequency of free vibration", loc="left")
     for model, (colour, line, text) in MODELS.items():
         rows = where(results.free, results.free["model"] == model)
@@ -131,7 +130,7 @@ class _Event:
     u_min: float
 
 
-def response(results: Results, *, ax: style.Place | None = None) -> Figure:
+def response(results: Results) -> Figure:
     """Draw the largest displacement over the excitation frequency: one panel per model, one colour per forcing.
 
     Sweeps are triangles, bands those of exact responses, by the error bar of the force and the spread of the laws.
@@ -145,12 +144,10 @@ def response(results: Results, *, ax: style.Place | None = None) -> Figure:
     ]
     n_loc = t.get("n_loc")
     title = heading(np.unique(results.response["zeta"]), t.get("damping"), n_loc)
-    return _response(results.response, events, title, n_loc, results.band, Scale.of(t), ax=ax)
+    return _response(results.response, events, title, n_loc, results.band, Scale.of(t))
 
 
-def amplitude_frequency(
-    responses: Sequence[FrequencyResponse], sweeps: Sequence[Sweep] = (), *, ax: style.Place | None = None
-) -> Figure:
+def amplitude_frequency(responses: Sequence[FrequencyResponse], sweeps: Sequence[Sweep] = ()) -> Figure:
     """Draw responses and sweeps of any oscillators as `response` does, without units."""
     events = [
         _Event(r.setting.model, r.setting.F_hat, e.kind, e.Omega, e.u_max, e.u_min) for r in responses for e in r.events
@@ -158,26 +155,19 @@ def amplitude_frequency(
     results: list[FrequencyResponse | Sweep] = [*responses, *sweeps]
     rows = columns_of(row for result in results for row in result.rows())
     first = responses[0].setting
-    return _response(rows, events, heading([first.zeta], first.damping, first.n_loc), first.n_loc, {}, None, ax=ax)
+    return _response(rows, events, heading([first.zeta], first.damping, first.n_loc), first.n_loc, {}, None)
 
 
 @style.styled
 def _response(
-    rows: Columns, events: Sequence[_Event], title: str, n_loc: float | None, bands: Columns, scale: Scale | None, *,
-    ax: style.Place | None,
-) -> Figure:  # fmt: skip
+    rows: Columns, events: Sequence[_Event], title: str, n_loc: float | None, bands: Columns, scale: Scale | None
+) -> Figure:
     models = [model for model in MODELS if model in rows["model"]]
-    apart = _apart(rows) if len(models) == 2 else np.inf
-    names = [MODELS[model][2] for model in models]
-    if apart < _AGREE:
-        models = models[:1]
-        names = [f"{names[0]}; the Taylor law differs by less than {100 * _AGREE:g} %"]
-        rows, events = where(rows, rows["model"] == models[0]), [e for e in events if e.model == models[0]]
-    figure, axes = style.figure(1.2 + 4.0 * len(models), 4.4, columns=len(models), ax=ax)
-    style.titles(axes, names)
+    figure, axes = style.figure(1.2 + 4.0 * len(models), 4.4, columns=len(models))
+    style.titles(axes, [MODELS[model][2] for model in models])
     forcings = np.unique(rows["F_hat"])
     physical = (rows["model"] == "exact") | (rows["u_min"] >= -1.0)
-    for axis, model in zip(axes, models, strict=False):
+    for axis, model in zip(axes, models, strict=True):
         for forcing, colour in zip(forcings, np.resize(COLOURS, len(forcings)), strict=True):
             chosen = where(rows, (rows["model"] == model) & (rows["F_hat"] == forcing))
             for name in np.unique(chosen["branch"]):
@@ -195,39 +185,9 @@ def _response(
             scale.lengths(axis, "right")
     shown = {*np.unique(rows["branch"]).tolist(), *(e.kind for e in events if _is_physical(e))}
     keys = [*_forcing_keys(forcings, n_loc), *_line_keys(shown, bool(physical.all()), bool(bands))]
-    style.legend(figure, axes, ax, keys, 2 if len(models) == 1 else 4)
-    if ax is None:
-        figure.suptitle(title)
+    figure.legend(handles=keys, loc="outside lower center", ncols=2 if len(models) == 1 else 4)
+    figure.suptitle(title)
     return figure
-
-
-def _apart(rows: Columns) -> float:
-    """How far the curves of both models are apart, over the extents of the figure; inf if contact is lost."""
-    lines = where(rows, ~is_sweep(rows["branch"]))
-    extent = (np.ptp(lines["Omega"]) or 1.0, lines["u_max"].max())
-    if (lines["u_min"] < -1.0).any():
-        return np.inf
-    worst = 0.0
-    for forcing in np.unique(lines["F_hat"]):
-        one, other = (
-            where(lines, (lines["F_hat"] == forcing) & (lines["model"] == model)) for model in ("exact", "taylor")
-        )
-        curves = [np.stack([c["Omega"] / extent[0], c["u_max"] / extent[1]], axis=1) for c in (one, other)]
-        if not all(len(c) > 1 for c in curves):
-            return np.inf
-        worst = max(worst, _distance(curves[0], curves[1]), _distance(curves[1], curves[0]))
-    return worst
-
-
-def _distance(points: Array, line: Array) -> float:
-    """Largest distance of points (n, 2) from a polygonal line (m, 2)."""
-    start, along = line[:-1], np.diff(line, axis=0)
-    square = np.maximum((along**2).sum(axis=1), 1e-300)
-    nearest = np.full(len(points), np.inf)
-    for a, d, s in zip(start, along, square, strict=True):
-        share = np.clip((points - a) @ d / s, 0.0, 1.0)
-        nearest = np.minimum(nearest, np.hypot(*(points - a - share[:, None] * d).T))
-    return float(nearest.max())
 
 
 def _branch(axis: Any, rows: Columns, name: str, model: str, colour: str) -> None:

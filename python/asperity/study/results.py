@@ -16,7 +16,7 @@ from asperity.arrays import Array
 from asperity.case import Case
 from asperity.curve import Curve
 from asperity.errors import AsperityError, InputError
-from asperity.output.assumption import doubtful
+from asperity.output.assumption import DOUBTFUL
 from asperity.output.assumptions import ON_EDGE
 from asperity.power_law import PowerLawFit
 from asperity.runtime.display import short_repr
@@ -66,7 +66,7 @@ def summarise_case(case: Case, curve: Curve, summary: Mapping[str, Any]) -> dict
     if not len(load):
         return {}
     side, solid = case.surface.L, case.material
-    doubts = [line.name for line in doubtful(summary.get("assumptions", []))]
+    doubts = [line["name"] for line in summary.get("assumptions", []) if line["verdict"] == DOUBTFUL]
     row: dict[str, Any] = {
         "delta_star_max": float(load.delta_star.max()),
         "P_star_max": float(load.P_star.max()),
