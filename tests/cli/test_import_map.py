@@ -61,15 +61,13 @@ def islands(share: float) -> np.ndarray:
     return z
 
 
-def test_a_case_is_made_with_statistics_over_the_cutoff(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_case_is_made_with_statistics(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert import_map(write(tmp_path, SCAN), "-o", tmp_path / "out") == 0
     shown = capsys.readouterr().out
-    assert "statistics" in shown and "Hurst exponent" in shown and "cut-off" in shown
+    assert "statistics" in shown and "Hurst exponent" in shown
     about = json.loads((tmp_path / "out/measured.json").read_text())
     assert about["self_affine"]["H"] == pytest.approx(0.8, abs=0.12)
     assert about["self_affine"]["lambda_roll"] == pytest.approx(0.1e-6, rel=0.4)
-    slopes = [row["rms_slope"] for row in about["over_cutoff"]]
-    assert slopes == sorted(slopes) and slopes[-1] < about["statistics"]["rms_slope"]
     case = Case.load(tmp_path / "out/case.toml")
     assert case.accuracy.tolerance == 0.05 and case.loading.delta_max is not None
     cut = (SCAN > SCAN.max() - case.loading.delta_max).mean()
@@ -345,13 +343,9 @@ def test_despiking_is_recommended_only_where_it_works(tmp_path: Path, capsys: py
 
 
 def test_heights_and_slopes_have_one_definition(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """Summary, table of cut-offs, `surface` and the surface of the run agree; the table is what the filter gives."""
+    """Summary, `surface` and the surface of the run agree."""
     scan = write(tmp_path, MAPS["noisy"](), L=S[-1])
     assert import_map(scan, "-o", tmp_path / "bare") == 0
-    table = json.loads((tmp_path / "bare/measured.json").read_text())["over_cutoff"][3]
-    assert import_map(scan, "-o", tmp_path / "out", "--cutoff", repr(table["wavelength"])) == 0
-    found = json.loads((tmp_path / "out/measured.json").read_text())["statistics"]
-    assert table["rms_height"] == pytest.approx(found["Sq"]) and table["rms_slope"] == pytest.approx(found["rms_slope"])
     surface = HeightMap(path=tmp_path / "bare/patch.npz")
     capsys.readouterr()
     with pytest.raises(SystemExit):

@@ -147,13 +147,10 @@ def command(
         affine = _self_affine(spectrum, shortest) if wave is None else None
         progress.stage("figures")
         _draw(aside, surface, summit, spectrum, affine)
-        progress.stage("cut-offs")
-        cutoffs = _over_cutoff(filtered, side, bare.dx)
         about = {"file": map_file, "side": surface.L, "nodes": len(patch.z), "level": level, "cutoff": cutoff}
         about |= {"filled": gaps, "despike": despike, "instrument": left_out}
         about |= {"statistics": asdict(statistics), "self_affine": None if affine is None else asdict(affine)}
         about |= {"repeating_wave": None if wave is None else asdict(wave)}
-        about |= {"over_cutoff": cutoffs}
         (aside / "measured.json").write_text(f"{json.dumps(about, indent=2)}\n", encoding="utf-8")
         (aside / "case.toml").write_text(_case(surface), encoding="utf-8")
         try:
@@ -166,7 +163,7 @@ def command(
     if as_json:
         options.print_json(about)
         return
-    _show(map_file, surface.L, len(patch.z), gaps, statistics, affine, cutoffs, cutoff)
+    _show(map_file, surface.L, len(patch.z), gaps, statistics, affine)
     if left_out is not None:
         options.say(
             f"waves shorter than {reliable:.3g} m, which the instrument does not resolve, are filtered: what it shows "
@@ -216,20 +213,6 @@ def _self_affine(spectrum: Spectrum, shortest: float) -> SelfAffineFit | None:
         return None
 
 
-def _over_cutoff(filtered: Callable[[float], HeightField], side: float, pixel: float) -> list[dict[str, float]]:
-    """Rms height [m] and slope of the patch that --cutoff makes, for cut-offs an octave apart, down to two pixels."""
-    import numpy as np
-
-    from asperity.surface import HeightMap
-
-    rows = []
-    for wavelength in side / 2.0 ** np.arange(1, np.floor(np.log2(side / (2 * pixel)) + 1e-9) + 1):
-        patch = filtered(float(wavelength))
-        height, slope, _ = HeightMap.of(patch.z, patch.size[0]).exact_rms()
-        rows.append({"wavelength": float(wavelength), "rms_height": height, "rms_slope": slope})
-    return rows
-
-
 def _draw(folder: Path, surface: Any, summit: Any, spectrum: Spectrum, affine: SelfAffineFit | None) -> None:
     from asperity.plot import save, surface_map
     from asperity.plot.fields import spectrum_figure
@@ -239,10 +222,9 @@ def _draw(folder: Path, surface: Any, summit: Any, spectrum: Spectrum, affine: S
 
 
 def _show(
-    title: str, side: float, nodes: int, gaps: float, statistics: SurfaceStatistics, affine: SelfAffineFit | None,
-    cutoffs: list[dict[str, float]], cutoff: float | None,
-) -> None:  # fmt: skip
-    """Print the statistics, rms height and slope over the cut-off; the last row is the patch itself."""
+    title: str, side: float, nodes: int, gaps: float, statistics: SurfaceStatistics, affine: SelfAffineFit | None
+) -> None:
+    """Print the statistics."""
     rows = [("side", f"{side:.4g} m"), ("nodes", f"{nodes}"), ("Sq", f"{statistics.Sq:.4g} m"),
             ("Sz", f"{statistics.Sz:.4g} m"), ("rms slope", f"{statistics.rms_slope:.4g}")]  # fmt: skip
     if gaps:
@@ -251,10 +233,6 @@ def _show(
         roll = "none on the patch" if affine.lambda_roll is None else f"{affine.lambda_roll:.3g} m"
         rows += [("Hurst exponent", f"{affine.H:.2f} ± {affine.error_H:.2f}"), ("roll-off wavelength", roll)]
     options.table(title, rows)
-    lines = [(f"{c['wavelength']:.3g} m", f"{c['rms_height']:.4g} m", f"{c['rms_slope']:.4g}") for c in cutoffs]
-    patch = "this patch" if cutoff is None else f"this patch, {cutoff:.3g} m"
-    lines.append((patch, f"{statistics.Sq:.4g} m", f"{statistics.rms_slope:.4g}"))
-    options.table("the patch filtered by --cutoff", lines, ("cut-off", "rms height", "rms slope"))
 
 
 def _doubts(

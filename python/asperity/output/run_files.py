@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import tomllib
 from collections.abc import Callable
 from functools import cached_property, partial
 from importlib.resources import files
@@ -20,6 +19,7 @@ from asperity.runtime.run_folder import (
     CASE,
     CHECKPOINT,
     CURVE,
+    DERIVED,
     FIELDS,
     STATE,
     SUMMARY,
@@ -28,7 +28,6 @@ from asperity.runtime.run_folder import (
     VTKHDF,
     check_writable,
     clear,
-    dropped,
 )
 from asperity.runtime.shares import on_root_of
 
@@ -109,7 +108,7 @@ class RunFiles:
     def begin(self) -> None:
         """Make the folder, write the completed input and start the log, at the first call.
 
-        Of a run that continues, a finished one is marked unfinished, and what the case no longer requests is removed.
+        Of a run that continues, a finished one is marked unfinished, and what it makes anew is removed.
         """
 
         def begin(folder: Path) -> None:
@@ -120,7 +119,7 @@ class RunFiles:
             before = _summary(folder)
             if before.get("finished"):
                 _write_summary(before | {"finished": False}, folder)
-            clear(folder, dropped(_earlier_case(folder), self._case.to_dict()))
+            clear(folder, DERIVED)
             self._write_case(folder)
 
         if self._begun or self.checkpoint is None:
@@ -191,14 +190,6 @@ class RunFiles:
         if failure is not None:
             summary["exit_reason"] = str(failure)
         self._on_root(partial(_write_summary, summary))
-
-
-def _earlier_case(folder: Path) -> dict[str, Any]:
-    """Tables of case.toml; nothing where it is absent or damaged."""
-    try:
-        return tomllib.loads((folder / CASE).read_text(encoding="utf-8"))
-    except UNREADABLE:
-        return {}
 
 
 def _summary(folder: Path) -> dict[str, Any]:

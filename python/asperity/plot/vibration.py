@@ -27,7 +27,7 @@ MODELS = {"exact": (style.BLUE, "-", "exact law"), "taylor": (style.VERMILION, "
 COLOURS = (style.BLUE, style.VERMILION, style.GREEN, style.PURPLE, style.ORANGE, style.BLACK)
 DASHES = (0, (3, 1.5))  # offset, and lengths of line and gap [line widths]
 _SWEEPS = {"sweep-up": ("^", "sweep up"), "sweep-down": ("v", "sweep down")}
-_MARKS = {"fold": ("o", "fold, with jump"), "period doubling": ("s", "period doubling")}
+_MARKS = {"fold": ("o", "fold"), "period doubling": ("s", "period doubling")}
 _ACTS = {
     "always": "always",
     "contact": "in contact",
@@ -172,7 +172,7 @@ def _response(
             chosen = where(rows, (rows["model"] == model) & (rows["F_hat"] == forcing))
             for name in np.unique(chosen["branch"]):
                 _branch(axis, where(chosen, chosen["branch"] == name), str(name), model, colour)
-            _events(axis, [e for e in events if e.model == model and e.F_hat == forcing], chosen)
+            _events(axis, [e for e in events if e.model == model and e.F_hat == forcing])
             if model == "exact" and bands:
                 _band(axis, where(bands, bands["F_hat"] == forcing), colour)
         axis.set_xlabel("frequency $\\Omega = \\omega/\\omega_s$")
@@ -235,19 +235,13 @@ def pieces(omega: Array, u: Array, state: NDArray[Any]) -> Iterator[tuple[int, i
         start = cut + 1
 
 
-def _events(axis: Any, events: Sequence[_Event], rows: Columns) -> None:
-    """Draw folds with their jumps, period doublings, and the line through the onsets of contact loss."""
+def _events(axis: Any, events: Sequence[_Event]) -> None:
+    """Draw folds, period doublings, and the line through the onsets of contact loss."""
     for e in events:
         if not _is_physical(e):
             continue
         if e.kind in _MARKS:
             axis.plot(e.Omega, e.u_max, _MARKS[e.kind][0], color=style.BLACK, ms=3.5, mfc="white", zorder=5)
-        if e.kind == "fold":
-            landing = [u for u in _stable_at(e.Omega, rows) if abs(u - e.u_max) > 0.03 * e.u_max]
-            if landing:
-                to = landing[int(np.argmin(np.abs(np.array(landing) - e.u_max)))]
-                arrow = {"arrowstyle": "->", "lw": 0.8, "color": style.GREY}
-                axis.annotate("", (e.Omega, to), (e.Omega, e.u_max), zorder=4, arrowprops=arrow)
     points = sorted((e.Omega, e.u_max) for e in events if e.kind == "grazing" and e.model == "exact")
     if points:
         axis.plot(*zip(*points, strict=True), "d:", color=style.GREEN, ms=4, lw=1.0, zorder=5)
@@ -255,14 +249,6 @@ def _events(axis: Any, events: Sequence[_Event], rows: Columns) -> None:
 
 def _is_physical(e: _Event) -> bool:
     return e.model == "exact" or e.u_min >= -1.0
-
-
-def _stable_at(omega: float, rows: Columns) -> list[float]:
-    """Largest displacement of each stable orbit at a frequency, linearly interpolated."""
-    lines = ~is_sweep(rows["branch"])
-    w, u, stable = rows["Omega"][lines], rows["u_max"][lines], truth(rows["stable"][lines])
-    i = np.flatnonzero(((w[:-1] < omega) != (w[1:] < omega)) & stable[:-1] & stable[1:])
-    return [float(x) for x in u[i] + (omega - w[i]) / (w[i + 1] - w[i]) * (u[i + 1] - u[i])]
 
 
 def _forcing_keys(forcings: Array, n_loc: float | None) -> list[Line2D]:

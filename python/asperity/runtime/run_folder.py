@@ -9,10 +9,9 @@ from __future__ import annotations
 import errno
 import os
 import tomllib
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable
 from contextlib import suppress
 from pathlib import Path
-from typing import Any
 
 from asperity.errors import InputError
 from asperity.runtime.files import is_aside
@@ -29,8 +28,6 @@ PICTURES = (
     "slip", "slip_map", "conductance", "scene",
 )  # in figures # fmt: skip
 FIELD_PICTURES = ("surface", "pressure", "slip_map", "scene")  # the others consist of lines and are in .svg too
-_FIGURES = {name: [f"{FIGURES}/{name}.{form}" for form in ("png", "svg") if form == "png" or name not in FIELD_PICTURES]
-            for name in PICTURES}  # fmt: skip
 #: Files of `asperity export` in the folder of a run, by program or kind of file.
 EXPORTS = {
     "calculix": "contact_calculix.inp",
@@ -47,26 +44,13 @@ MESH, STATE, SNAPSHOT = "mesh.npz", "state.npz", "snapshot-{}.npz"  # in checkpo
 PRODUCTS = (
     CURVE, SUMMARY, LOG, LOOPS, SLIP, SLIP_LOOPS, SLIP_NODES, FREE, RESPONSE, BAND, THRESHOLDS, REPORT,
     *(f"{FIELDS}/{name}" for name in (TOP, VTKHDF, VIEW)), FIELDS,
-    *(path for paths in _FIGURES.values() for path in paths), FIGURES,
+    *(f"{FIGURES}/{name}.png" for name in PICTURES),
+    *(f"{FIGURES}/{name}.svg" for name in PICTURES if name not in FIELD_PICTURES), FIGURES,
     CASE,
 )  # fmt: skip
 
-
-#: Files of parts of a case, which are removed when a run continues without the part.
-_PARTS = {
-    "dynamics": (
-        FREE,
-        RESPONSE,
-        BAND,
-        THRESHOLDS,
-        *(path for name in ("frequency", "response", "receptance") for path in _FIGURES[name]),
-    ),
-    "loops": (LOOPS,),
-    "slip": (SLIP, SLIP_LOOPS, SLIP_NODES, *_FIGURES["slip"], *_FIGURES["slip_map"]),
-    "fields": (f"{FIELDS}/{VTKHDF}", f"{FIELDS}/{VIEW}"),
-    "figures": (*(path for name, paths in _FIGURES.items() if name != "scene" for path in paths), FIGURES),
-    "report": (REPORT,),
-}
+#: What a run makes anew from its curve and last state when it continues.
+DERIVED = tuple(name for name in PRODUCTS if name not in (CURVE, SUMMARY, LOG, CASE))
 
 
 def check(folder: Path, *, resume: bool = False, force: bool = False) -> None:
@@ -142,23 +126,3 @@ def clear(folder: Path, names: Iterable[str] = PRODUCTS) -> None:
                 path.rmdir()
         elif name != CASE:
             path.unlink(missing_ok=True)
-
-
-def dropped(before: Mapping[str, Any], now: Mapping[str, Any]) -> tuple[str, ...]:
-    """Files that one completed case requests and another does not."""
-    gone = _parts(before) - _parts(now)
-    return tuple(name for part, names in _PARTS.items() if part in gone for name in names)
-
-
-def _parts(case: Mapping[str, Any]) -> set[str]:
-    """Parts of a case with files of their own."""
-    output = case.get("output", {})
-    requested = {
-        "dynamics": "dynamics" in case,
-        "loops": "loops" in case,
-        "slip": "slip" in case,
-        "fields": output.get("fields"),
-        "figures": output.get("figures") or output.get("report"),  # which contains them
-        "report": output.get("report"),
-    }
-    return {name for name, wanted in requested.items() if wanted}
