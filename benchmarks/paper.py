@@ -2,8 +2,7 @@
 
     ./run mpirun -n 2 python3 benchmarks/paper.py out/paper
 
-What the folder holds already is not repeated. A study of the page is in its folder "study", the map of the regimes in
-"map".
+What the folder holds already is not repeated.
 """
 
 from __future__ import annotations
@@ -18,8 +17,6 @@ from families import colours, draw_column, draw_curves, label_of
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 from mpi4py import MPI
-from regimes import cubic, regime_map
-from regimes import table as map_table
 from statements import WHOLE, Finding, Statement, all_statements, smoother_surfaces, turning, verdict_of
 from tables import csv_text, versions
 
@@ -31,6 +28,7 @@ from asperity.study import Study, StudyLevel, StudyResults, run_study
 
 ROOT = Path(__file__).parent.parent
 COMMAND = "./run mpirun -n 2 python3 benchmarks/paper.py out/paper"
+CUBIC = (2.0, 2.6, 3.0, 3.3, 3.4, 3.6)  # exponents
 ZETA, FORCING, OMEGA = 0.01, (0.01, 0.03), (0.6, 1.2)
 FAMILY_FORCING = 0.015
 SCALE = {
@@ -60,19 +58,9 @@ def main() -> None:
     parser.add_argument("--docs", type=Path, default=ROOT / "docs", help="folder of the page")
     arguments = parser.parse_args()
     warnings.simplefilter("ignore")
-    regimes = Study.load(ROOT / "cases/paper/map.toml")
-    for study, folder in ((Study.load(arguments.study), "study"), (regimes, "map")):
-        run_study(study, arguments.folder / folder, say=lambda line: print(line, flush=True))
+    run_study(Study.load(arguments.study), arguments.folder / "study", say=lambda line: print(line, flush=True))
     if MPI.COMM_WORLD.rank == 0:
         write(StudyResults.read(arguments.folder / "study"), arguments.docs)
-        write_map(regimes, StudyResults.read(arguments.folder / "map"), arguments.docs)
-
-
-def write_map(study: Study, results: StudyResults, docs: Path) -> None:
-    """Write the map of the regimes, picture and table."""
-    style.save(regime_map(study, results), docs / "paper/regimes.png")
-    text = csv_text(COMMAND, versions(), map_table(study, results))
-    (docs / "tables/paper_map.csv").write_text(text, encoding="utf-8")
 
 
 def write(results: StudyResults, docs: Path) -> None:
@@ -404,6 +392,18 @@ def numbers(results: StudyResults, found: Sequence[Statement]) -> Iterator[str]:
     changes, most = resolution(results)
     yield changes
     yield f"mesh and steps change n by up to {most:.3f}, the smallest step of n is {smallest_step(found):.3f}"
+
+
+def cubic() -> Iterator[tuple[str, ...]]:
+    """Rows n, peak of the exact law, of the cubic one, and the least u on its branch at the peak."""
+    for n in CUBIC:
+        exact = ContactOscillator(PowerLaw(n), zeta=0.01)
+        shown = []
+        for oscillator in (exact, exact.taylor()):
+            branch = oscillator.response(0.03, (0.3, 1.4), subharmonics=False).lines()[0]
+            top = int(np.argmax(branch.u_max))
+            shown += [f"{branch.Omega[top]:.3f}", f"{branch.u_min[top]:.2f}"]
+        yield (f"{n:g}", shown[0], shown[2], shown[3])
 
 
 if __name__ == "__main__":
