@@ -120,31 +120,8 @@ def peers() -> Figure:
     return figure
 
 
-@style.styled
-def dynamics_work_precision() -> Figure:
-    """Largest error of a frequency response against CPU time, each program."""
-    rows = table("vibration_work_precision")
-    figure, (axis,) = style.figure(style.SINGLE + 1.4, 3.9)
-    axis.set_title("frequency response through resonance", loc="left")
-    looks = zip((style.BLACK, style.GREY, style.VERMILION, style.BLUE), "os^D", strict=True)
-    for name, (colour, marker) in zip(dict.fromkeys(row["method"] for row in rows), looks, strict=False):
-        draw_costs(axis, [row for row in rows if row["method"] == name], "CPU s", "largest error",
-                   {"color": colour, "marker": marker, "mfc": "white", "label": name})  # fmt: skip
-    axis.set_xlabel("CPU time (s)")
-    axis.set_ylabel("largest relative error of $u_{\\max}$")
-    axis.legend(loc="best")
-    style.grid(axis)
-    return figure
-
-
-def numbers(rows: Rows, column: str) -> Any:
-    """A column of numbers (rows,)."""
-    return np.array([float(row[column]) for row in rows])
-
-
 DRAWN: dict[str, Callable[[], Figure]] = {
     "peers": peers,
-    "dynamics_work_precision": dynamics_work_precision,
 }
 NAMES = (*DRAWN, *(Path(name).stem for name in OF_PAGES))
 

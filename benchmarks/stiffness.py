@@ -1,7 +1,5 @@
-"""Stiffness columns: what they cost, and the error of their loose linear systems, docs/stiffness.md.
+"""Stiffness columns against closed forms, docs/stiffness.md.
 
-    python3 benchmarks/stiffness.py cost      share of the columns in the time of a run, and in its iterations
-    python3 benchmarks/stiffness.py accuracy  error that their loose linear systems leave
     python3 benchmarks/stiffness.py barber    stiffness against conductance over slope, block, Poisson's ratio, mesh
     python3 benchmarks/stiffness.py matrix    stiffness against six motions of a paraboloid, over that of a bonded disc
 
@@ -12,9 +10,6 @@ from __future__ import annotations
 
 import argparse
 import warnings
-from collections.abc import Sequence
-from pathlib import Path
-from time import process_time
 from typing import Any
 
 import numpy as np
@@ -22,125 +17,12 @@ import numpy as np
 import asperity as asp
 from asperity.case import Case
 from asperity.case.surfaces import WeierstrassMandelbrotSection
-from asperity.linear import energy
-from asperity.linear.multigrid import PMultigrid
-from asperity.quasistatic import stiffness
-from asperity.quasistatic.contact_solver import ContactSolver
-from asperity.quasistatic.hooks import Hooks
 from asperity.quasistatic.stiffness_matrix import stiffness_matrix
-
-CYCLES = [0]  # V-cycles so far, see `count_cycles`
-CASE = Path(__file__).parent.parent / "cases" / "single.toml"
 
 
 def heads(*names: str) -> None:
     """Print the first lines of a table."""
     print("| " + " | ".join(names) + " |\n" + "|---" * len(names) + "|", flush=True)
-
-
-def single(h: float, *more: str) -> asp.Problem:
-    """cases/single.toml with elements of h L, loaded and not unloaded."""
-    keys = [f"mesh.h_contact={h}e-6", "loading.unload=false", "material.kinematics=small"]
-    return Case.load(CASE, [*keys, *more]).problem()
-
-
-class Spent:
-    """Processor time and V-cycles of the columns, over all their calls."""
-
-    def __init__(self) -> None:
-        self.seconds, self.cycles = 0.0, 0
-        self._columns: stiffness.Stiffness | None = None
-
-    def __call__(self, solver: ContactSolver) -> dict[str, float]:
-        begun, cycles = process_time(), CYCLES[0]
-        self._columns = self._columns or stiffness.Stiffness(solver.solid)
-        found = self._columns(solver)
-        self.seconds += process_time() - begun
-        self.cycles += CYCLES[0] - cycles
-        return found
-
-
-def cost() -> None:
-    """Processor time of the columns over that of the rest of the load path, and V-cycles of both."""
-    heads("material", "dofs", "steps", "V-cycles of the steps", "of the columns", "CPU s of the steps",
-          "of the columns", "share")  # fmt: skip
-    count_cycles()
-    elastic = ("material.yield_strength=", "material.tangent_modulus=")
-    finite = ("material.kinematics=finite",)
-    for name, more, sizes in (
-        ("elastic-plastic", (), (0.04, 0.02)), ("elastic-plastic, finite strain", finite, (0.04,)),
-        ("elastic", elastic, (0.04,)),
-    ):  # fmt: skip
-        for h in sizes:
-            spent, before = Spent(), CYCLES[0]
-            whole, result = _timed(single(h, *more), spent)
-            rest, cycles = whole - spent.seconds, CYCLES[0] - before - spent.cycles
-            print(
-                f"| {name} | {result.dofs} | {result.counts.steps} | {cycles} | {spent.cycles} | "
-                f"{rest:.1f} | {spent.seconds:.2f} | {spent.seconds / rest:.0%} |",
-                flush=True,
-            )
-
-
-def count_cycles() -> None:
-    """Count the V-cycles of all solvers from now on in CYCLES."""
-    apply = PMultigrid.apply
-
-    def counted(self: PMultigrid, pc: Any, r: Any, z: Any) -> None:
-        CYCLES[0] += 1
-        apply(self, pc, r, z)
-
-    PMultigrid.apply = counted  # type: ignore[method-assign]
-
-
-def _timed(problem: asp.Problem, probe: Any) -> tuple[float, Any]:
-    """Processor time of a load path with a probe, without mesh and set-up, and its result."""
-    begun = [0.0]
-
-    class Probed(Hooks):
-        def probes(self, solid: Any) -> tuple[Any, ...]:
-            return (probe,)
-
-    def on_ready() -> None:
-        begun[0] = process_time()
-
-    result = asp.solve_problem(problem, hooks=Probed(on_ready=on_ready))
-    return process_time() - begun[0], result
-
-
-class Compared:
-    """Errors of columns at each step: against systems solved 10000 times tighter.
-
-    Attributes:
-        errors: of each step and column
-    """
-
-    def __init__(self, names: Sequence[str]) -> None:
-        self.errors: list[list[float]] = []
-        self._names, self._columns = names, list[stiffness.Stiffness]()
-
-    def __call__(self, solver: ContactSolver) -> dict[str, float]:
-        solid, usual = solver.solid, energy.LEFT
-        self._columns = self._columns or [stiffness.Stiffness(solid), stiffness.Stiffness(solid)]
-        loose = self._columns[0](solver)
-        stiffness.LEFT = energy.LEFT = 1e-4 * usual
-        tight = self._columns[1](solver)
-        stiffness.LEFT = energy.LEFT = usual
-        self.errors.append([abs(loose[name] / tight[name] - 1.0) for name in self._names])
-        return loose
-
-
-def accuracy() -> None:
-    """Columns against those of systems solved 10000 times as tightly, at each step."""
-    heads("material", "dofs", "column", "median error", "greatest error")
-    names = ("k_n_elastic", "k_t")
-    tall, fine = ("material.nu=0.45",), ("material.kinematics=finite",)
-    for name, more, h in (("nu = 0.3", (), 0.04), ("nu = 0.3", (), 0.02), ("nu = 0.45", tall, 0.04),
-                          ("nu = 0.3, finite strain", fine, 0.04)):  # fmt: skip
-        compare = Compared(names)
-        dofs = _timed(single(h, *more), compare)[1].dofs
-        for column, errors in zip(names, np.transpose(compare.errors), strict=True):
-            print(f"| {name} | {dofs} | {column} | {np.median(errors):.3%} | {np.max(errors):.3%} |", flush=True)
 
 
 def matrix() -> None:
@@ -203,9 +85,9 @@ def barber() -> None:
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("part", choices=("cost", "accuracy", "barber", "matrix"))
+    parser.add_argument("part", choices=("barber", "matrix"))
     warnings.simplefilter("ignore")
-    {"cost": cost, "accuracy": accuracy, "barber": barber, "matrix": matrix}[parser.parse_args().part]()
+    {"barber": barber, "matrix": matrix}[parser.parse_args().part]()
 
 
 if __name__ == "__main__":
