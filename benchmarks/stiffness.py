@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import argparse
 import warnings
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -18,6 +19,8 @@ import asperity as asp
 from asperity.case import Case
 from asperity.case.surfaces import WeierstrassMandelbrotSection
 from asperity.quasistatic.stiffness_matrix import stiffness_matrix
+
+CASE = Path(__file__).parent.parent / "cases" / "single.toml"
 
 
 def heads(*names: str) -> None:
