@@ -404,7 +404,7 @@ def test_exact_rms_of_many_waves_needs_little_memory(monkeypatch):
     exact = surface.exact_rms()
     assert tracemalloc.get_traced_memory()[1] < 200e6  # a number for each pair of waves would take 72 MB
     tracemalloc.stop()
-    monkeypatch.setattr(plane_waves, "_BLOCK", 5000)
+    monkeypatch.setattr(plane_waves, "BLOCK", 5000)
     np.testing.assert_allclose(fractal(M=300, f_max=9).exact_rms(), exact, rtol=1e-12)
     np.testing.assert_allclose(
         surface.grid(33), surface.height(*np.meshgrid(*[np.linspace(0, L, 33)] * 2)), rtol=1e-9, atol=1e-20

@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     from asperity.surface import Surface
 
 SHORTER = 1.0 - 1e-9  # ratio of squared lengths below which a diagonal is shorter: ties do not depend on round-off
-SPLIT_NODES = 10  # corners and middles of the edges
+SPLIT_NODES = 4 + len(EDGES)  # corners and middles of the edges
 SIDES = 4  # copies of a node on joined sides, at most
 
 

@@ -41,7 +41,7 @@ from asperity.runtime.shares import DistributedArray, deal, on_root_of, steps, s
 if TYPE_CHECKING:
     from mpi4py import MPI
 
-FORMAT = 6
+FORMAT = 6  # of the files, which other versions refuse
 META, RUN = "meta", "run"  # arrays of letters: the numbers of a state as JSON, and the name of the run
 Headers = dict[str, tuple[str, tuple[int, ...]]]  # type and shape of arrays by name
 

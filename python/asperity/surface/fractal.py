@@ -26,8 +26,7 @@ from asperity.surface.fractal_maximum import highest_point
 from asperity.surface.plane_waves import Waves, at_points, mean_squares, on_product
 
 _SHORTEST = 1e-9  # least wavelength over L: for shorter waves the round-off of the angles destroys the heights
-_MAX_RIDGES = 1000
-_MAX_WAVES = 25_000  # more would take minutes
+_MOST_RIDGES, _MAX_WAVES = 1000, 25_000  # more would take minutes
 
 
 def cut_off_index(L: float, L_s: float, gamma: float) -> int:
@@ -105,7 +104,7 @@ class WeierstrassMandelbrot(Surface):
             f"a length above 0 and below L = {self.L:g} (both in metres)",
         )
         check_integer("M", self.M, 1)
-        check(self.M <= _MAX_RIDGES, "M", self.M, f"an integer of at most {_MAX_RIDGES}; 10 is usual")
+        check(self.M <= _MOST_RIDGES, "M", self.M, f"an integer of at most {_MOST_RIDGES}; 10 is usual")
         check(is_number(self.gamma) and self.gamma > 1, "gamma", self.gamma, "a number above 1")
         check_integer("seed", self.seed, 0)
         check(self.drawing in ("array", "nested"), "drawing", self.drawing, '"array" or "nested"')

@@ -9,15 +9,12 @@ import numpy as np
 from asperity.arrays import Array
 from asperity.surface.base import SurfaceWarning
 from asperity.surface.maximum import SmoothSurface, climb
-from asperity.surface.plane_waves import Waves
+from asperity.surface.plane_waves import BLOCK, DEVIATIONS, Waves
 
 _START = 32  # cells per side at first
 _SPLIT = 4  # parts per side of each cell that may hold the summit
-_LEVELS = 40
-_DEVIATIONS = 10.0  # waves of random phases exceed this many with a probability below exp(-50) (Chernoff)
 _ANGLES = 2**26  # evaluated per level; cells beyond that are dropped, with a warning
 _CELLS = 2**17  # divided per level
-_CHUNK = 2**20  # angles evaluated at once
 _TIE = 1e-12  # heights with a smaller relative difference count as equal
 
 
@@ -51,7 +48,7 @@ def highest_point(
     x, y = np.tile(centres, _START), np.repeat(centres, _START)
     bound: Array = np.full(x.size, np.inf)
     missed = -np.inf
-    for _ in range(_LEVELS):
+    while x.size:
         r = np.sqrt(2) * half / _SPLIT
         beyond = third * r**3 / 6 + rest
         f = int(beyond.argmin())
@@ -92,7 +89,7 @@ def _bounds(a: Array, k: Array, random: bool) -> tuple[Array, Array]:
 
     def bound(w: Array) -> Array:
         total = np.cumsum(w.sum(axis=1))
-        spread = _DEVIATIONS * np.sqrt(0.5 * np.cumsum((w**2).sum(axis=1)))
+        spread = DEVIATIONS * np.sqrt(0.5 * np.cumsum((w**2).sum(axis=1)))
         return np.append(0.0, np.minimum(total, spread) if random else total)
 
     return bound(a * k**3), bound(a[::-1])[::-1]
@@ -113,7 +110,7 @@ def _divide(
     turned = np.hstack([w[:, None] * turn for w in weights])
     right = np.vstack([turned.real, -turned.imag])
     values = np.empty((x.size, right.shape[1]))
-    step = max(1, _CHUNK // max(1, a.size))
+    step = max(1, BLOCK // max(1, a.size))
     for i in range(0, x.size, step):
         part = slice(i, i + step)
         theta = np.multiply.outer(x[part], kx) + np.multiply.outer(y[part], ky) + phi

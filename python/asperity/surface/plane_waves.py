@@ -9,8 +9,8 @@ import numpy as np
 
 from asperity.arrays import Array
 
-_BLOCK = 2**20  # pairs, or waves times nodes, evaluated at once: 8 MiB per temporary array
-_CHUNK = 2**21  # angles evaluated at once at scattered points: 16 MiB per temporary array
+DEVIATIONS = 10.0  # waves of random phases exceed this many with a probability below exp(-50) (Chernoff)
+BLOCK = 2**20  # pairs, or waves times nodes, evaluated at once: 8 MiB per temporary array
 _NEAR = 1e-3  # below it sin(h)/h is taken from its series
 
 
@@ -38,7 +38,7 @@ def at_points(
     _, kx, ky, phi = waves
     w = np.stack(weights, axis=1)
     out = np.empty((x.size, len(weights)))
-    step = max(1, _CHUNK // kx.size)
+    step = max(1, 2 * BLOCK // kx.size)
     for i in range(0, x.size, step):
         part = slice(i, i + step)
         theta = np.multiply.outer(x[part], kx)
@@ -58,7 +58,7 @@ def on_product(waves: Waves, x: Array, y: Array, *weights: Array) -> tuple[Array
     all waves is one real matrix product (len(y) x 2 waves)(2 waves x len(x)).
     """
     grids = tuple(np.zeros((y.size, x.size)) for _ in weights)
-    step = max(1, _BLOCK // max(x.size, y.size))
+    step = max(1, BLOCK // max(x.size, y.size))
     for i in range(0, waves.a.size, step):
         part = slice(i, i + step)
         _, kx, ky, phi = (entry[part] for entry in waves)
@@ -84,7 +84,7 @@ def mean_squares(waves: Waves, L: float) -> tuple[float, float, float]:
     middle = phi + hx + hy
     u, v = a * np.cos(middle), a * np.sin(middle)
     square = slope = curvature = 0.0
-    rows = max(1, _BLOCK // a.size)
+    rows = max(1, BLOCK // a.size)
     for i in range(0, a.size, rows):
         one, other = slice(i, i + rows), slice(i, None)
         twice = np.where(np.arange(a.size - i) < rows, 1.0, 2.0)  # a pair of different waves occurs twice in the square

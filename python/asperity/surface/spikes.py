@@ -14,20 +14,10 @@ MIDDLE = 512  # nodes per side of the middle of a map, enough for a median
 USUAL = 1.4826  # standard deviation of a normal distribution over its median absolute value
 
 
-def prominence(z: Array) -> Array:
-    """Heights above the median of their surroundings, over the usual size of this difference (ny, nx).
-
-    The usual size is 1.4826 times the median absolute value in the middle of the map, and the rms value where most
-    differences are zero. On self-affine surfaces the prominence is at most 12, on their summits 4.
-
-    Args:
-        z: heights (ny, nx) (length)
-    """
-    return np.asarray(_above(z) / _usual(z))
-
-
 def prominence_of_summit(z: Array) -> float:
-    """Prominence of the highest node, without that of the others.
+    """Height of the highest node above the median of its surroundings, over the usual size of this difference.
+
+    On self-affine surfaces that of a node is at most 12, of their summits 4.
 
     Args:
         z: heights (ny, nx) (length)
@@ -48,7 +38,7 @@ def without_spikes(z: Array) -> Array:
     """
     from scipy.ndimage import binary_dilation
 
-    spikes = binary_dilation(prominence(z) > STANDS_OUT, structure=np.ones((3, 3)))
+    spikes = binary_dilation(_above(z) > STANDS_OUT * _usual(z), structure=np.ones((3, 3)))
     if spikes.mean() > MOST:
         raise InputError(
             f"{spikes.mean():.0%} of the heights stand out of their surroundings, more than {MOST:.0%}: features of "
@@ -65,7 +55,10 @@ def _above(z: Array) -> Array:
 
 
 def _usual(z: Array) -> float:
-    """Usual size of the difference of heights from the median of their surroundings (length)."""
+    """Usual size of the difference of heights from the median of their surroundings (length).
+
+    It is 1.4826 times the median absolute value in the middle of the map, and the rms value where most are zero.
+    """
     middle = tuple(slice(max(n - MIDDLE, 0) // 2, (n + MIDDLE) // 2) for n in z.shape)
     above = _above(z[middle])
     return USUAL * float(np.median(np.abs(above))) or float(np.sqrt(np.mean(above**2))) or 1.0
