@@ -171,7 +171,7 @@ def thrown(
     return transient
 
 
-@pytest.mark.parametrize("load", [0.0, 1e-14, 1e-7])
+@pytest.mark.parametrize("load", [0.0, 1e-7])
 def test_free_impact_on_a_bar(load: float) -> None:
     """A light bar is a spring of stiffness M: struck for half a period, and the mass flies off as fast as it came."""
     mass, speed, gap, h = 2.0, 0.01, 0.005, 0.05

@@ -136,6 +136,10 @@ class SumSurface(Surface):
         bxx, bxy, byy = self.second.hessian(self._turned(x), y)
         return axx + bxx, axy - bxy, ayy + byy
 
+    def on_product(self, x: Array, y: Array, dx: int = 0, dy: int = 0) -> Array:
+        turned = self.second.on_product(self._turned(x)[::-1], y, dx, dy)[:, ::-1]
+        return np.asarray(self.first.on_product(x, y, dx, dy) + (-1) ** dx * turned)
+
     def mean(self) -> float:
         return self.first.mean() + self.second.mean()
 

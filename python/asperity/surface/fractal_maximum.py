@@ -7,8 +7,8 @@ import warnings
 import numpy as np
 
 from asperity.arrays import Array
-from asperity.surface.base import SurfaceWarning
-from asperity.surface.maximum import SmoothSurface, climb
+from asperity.surface.base import Surface, SurfaceWarning
+from asperity.surface.maximum import climb
 from asperity.surface.plane_waves import BLOCK, DEVIATIONS, Waves
 
 _START = 32  # cells per side at first
@@ -19,7 +19,7 @@ _TIE = 1e-12  # heights with a smaller relative difference count as equal
 
 
 def highest_point(
-    surface: SmoothSurface, waves: Waves, offset: float, indices: int, random: bool
+    surface: Surface, waves: Waves, offset: float, indices: int, random: bool
 ) -> tuple[float, float, float]:
     """(x, y, z) of the highest point of the closed patch.
 
