@@ -267,7 +267,7 @@ def test_bad_arguments_write_nothing(tmp_path, options, words) -> None:
     [
         (lambda o: o.response("much"), "forcing = 'much'"),
         (lambda o: o.response(0.1, tol=0.0), "tol = 0"),
-        (lambda o: o.simulate(1.0, 0.1, u=np.nan), "u = nan"),
+        (lambda o: o.simulate(1.0, 0.1, u=np.nan), "state u = nan"),
         (lambda o: o.free("far"), "u0 = 'far'"),
         (lambda o: o.free(np.nan), "u0 = nan"),
         (lambda o: o.free([]), "u0 is empty"),

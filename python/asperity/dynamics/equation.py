@@ -28,7 +28,7 @@ class Restoring:
     """Normal form of a law about a preload: the restoring force f(u) with f(0) = 0, f'(0) = 1.
 
     Attributes:
-        law: the law
+        law: static law
         load: preload W (force)
         z_s: static deflection (length)
         scale: z_s F'(z_s) (force); F^ = F / scale
@@ -62,15 +62,8 @@ class Restoring:
         p1, p2, p3 = self.law.derivatives(z)
         if not p1 > 0:
             raise InputError(f"the law has stiffness {p1:g} at the operating point; it must be positive")
-        values = {
-            "z_s": z,
-            "scale": z * p1,
-            "n_loc": z * p1 / self.load,
-            "a2": z * p2 / (2 * p1),
-            "a3": z * z * p3 / (6 * p1),
-            "kappa": self.law.kappa(z),
-        }
-        for name, value in values.items():
+        values = (z, z * p1, z * p1 / self.load, z * p2 / (2 * p1), z * z * p3 / (6 * p1), self.law.kappa(z))
+        for name, value in zip(("z_s", "scale", "n_loc", "a2", "a3", "kappa"), values, strict=True):
             object.__setattr__(self, name, float(value))
 
     @property

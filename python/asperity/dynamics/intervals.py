@@ -49,7 +49,7 @@ class Uncertainty:
     Attributes:
         n_loc, kappa, z_s, k_n: local exponent, backbone curvature, static deflection (length), stiffness
             (force/length)
-        omega_s: natural frequency of small motion, sqrt(k_n/m) (rad/time), NaN without a mass
+        omega_s: natural frequency of small motion (rad/time), NaN without a mass
         members: laws that bound it
         origin: what bounds it, in words; "" where nothing does
     """
@@ -120,7 +120,7 @@ def uncertainty(oscillator: ContactOscillator, members: Iterable[Law] = (), orig
     """Carry an ensemble of laws (seeds), and the points of a table, to k_n, omega_s, n_loc, kappa and z_s.
 
     Args:
-        oscillator: oscillator with the central law
+        oscillator: with the central law
         members: laws whose extremes are the bounds
         origin: what the members are made of, in words
 
@@ -176,15 +176,14 @@ def response_band(
 ) -> Band:
     """Envelope of the stable response over the laws that bound its own.
 
-    A law that is stiffer by a factor s^2 moves about another position of rest, and the response is the same with
-    frequencies s times as high and displacements 1/s^2 as large. So the band at a frequency contains all points of the
-    response in a range of frequencies: that of omega_s over the members. The responses of members of another shape are
-    moved through the same range, which leaves no gaps between them.
+    A law that is stiffer by a factor s^2 has the same response with frequencies s times as high and displacements 1/s^2
+    as large. So the band at a frequency contains all points of the response in a range of frequencies: that of omega_s
+    over the members. The responses of members of another shape are moved through the same range.
 
     Args:
-        oscillator: oscillator with the central law
+        oscillator: with the central law
         forcing: F^ of the central oscillator; the physical force and frequency are the same for all members
-        known: of its law, see `uncertainty`
+        known: bounds of its law, see `uncertainty`
         omega: lowest and highest frequency over the central omega_s
         points: number of frequencies
         tol: see `ContactOscillator.response`
@@ -208,7 +207,6 @@ def response_band(
             continue
         shapes.append((r.n_loc, r.kappa))
         own = float(np.sqrt(r.n_loc / r.z_s / (centre.n_loc / centre.z_s)))  # its omega_s over the central one
-        # to every stiffness in the range: its response is moved by s
         moved = (stiff[0] / own, stiff[1] / own)
         ends = (low / own / moved[1], high / own / moved[0])
         balance, setting = replace(oscillator.balance(), restoring=r), oscillator.setting(f * centre.scale / r.scale)

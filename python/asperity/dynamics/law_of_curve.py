@@ -58,10 +58,9 @@ def law_from(
 
     Args:
         source: a `Law`, a `Curve`, a mapping or CSV file with columns delta and force, or a directory with curve.csv
-        law: "auto": after yield the unload-reload branch through the preload, else the elastic tangent of the states on
-            the loading (column k_n_elastic), else "paper" with a warning; before yield "table". By name:
-            "unload-reload" (branch computed about the preload), "elastic" (the elastic tangent), "table" (the points
-            of the loading), "paper" (power law of `Curve.fit`, as a reversible spring).
+        law: "unload-reload" (branch about the preload), "elastic" (elastic tangent of the states on the loading, column
+            k_n_elastic), "table" (points of the loading) or "paper" (power law of `Curve.fit`, as a reversible spring);
+            "auto": after yield the first of these without "table" that the curve has, before yield "table"
         load: preload (force); default half of the largest force of the curve
         overload: for "auto", greatest force before the vibration (force); default that of the unloading through the
             preload, if there is one, else the preload. Equal to the preload, it is the weight itself.

@@ -32,11 +32,8 @@ GRAVITY = 9.80665  # m/s^2
 class ContactOscillator:
     """A rigid mass pressed on a contact by its weight, with damping, under harmonic forcing.
 
-    In units of the static deflection z_s and of 1/omega_s, with the displacement u = (z - z_s)/z_s > 0 in compression:
-
-        u'' + 2 zeta g(u) u' + f(u) = F^ cos(Omega tau),   F^ = F/(n_loc W);
-
-    contact is lost at u = -1. Every result contains F^ and F/W, the damping, the law and an error estimate.
+    The displacement is u = (z - z_s)/z_s > 0 in compression, and contact is lost at u = -1; time is in units of
+    1/omega_s, forcing is F^ = F/(n_loc W). See `asperity.dynamics.equation`.
 
     Attributes:
         law: static law, force over approach
@@ -103,7 +100,7 @@ class ContactOscillator:
 
     @property
     def mass(self) -> float:
-        """Mass m = W/g (mass); NaN without gravity."""
+        """Mass W/g (mass); NaN without gravity."""
         return self.restoring.load / (np.nan if self.gravity is None else self.gravity)
 
     @property
@@ -169,7 +166,7 @@ class ContactOscillator:
             forcing: F^, or several
             omega: lowest and highest Omega
             points: number of frequencies
-            directions: "up", "down" or both
+            directions: one or both
             tol: allowed distance from the steady state, relative to the orbit
             max_periods: largest number of forcing periods per frequency; default 4/zeta (100 to 20000)
 
@@ -207,8 +204,7 @@ class ContactOscillator:
             omega: Omega (with forcing = 0: the unit of `periods` only)
             forcing: F^, may be 0
             u, v: initial state
-            periods: length in forcing periods
-            samples: output points per forcing period
+            periods, samples: length in forcing periods, and output points in each
             rtol: tolerance of the integrator
 
         Raises:
@@ -218,9 +214,8 @@ class ContactOscillator:
         f = positive("forcing", forcing, zero=True)
         if f:
             forcings(f)
-        for name, value in (("u", u), ("v", v)):
-            if not np.isfinite(value):
-                raise InputError(f"{name} = {value} is not legal: the initial state must be finite")
+        if not np.isfinite([u, v]).all():
+            raise InputError(f"the initial state u = {u}, v = {v} is not legal: it must be finite")
         period = 2.0 * np.pi / w
         path = integrate(
             self.balance(), w, f, float(u), float(v), positive("periods", periods) * period,

@@ -29,9 +29,8 @@ class FrequencyResponse:
     Attributes:
         setting: law, damping and forcing
         omega: lowest and highest Omega
-        branches: see `Branch`
-        events: see `Event`
-        tolerance: largest truncation estimate on any branch, relative to the amplitude
+        branches, events: see `Branch`, `Event`
+        tolerance: largest error of an orbit, relative to its amplitude
         det_error: largest deviation from Liouville's determinant
         valid: whether every orbit is physical
         notes: limits of the result (unphysical parts, ends of branches, table limits), one sentence each
@@ -71,7 +70,7 @@ class FrequencyResponse:
         return float(best.Omega[j]), float(best.u_max[j])
 
     def at(self, omega: float) -> tuple[Solution, ...]:
-        """Every orbit of the branches at exactly this Omega, lowest u_max first.
+        """All orbits of the branches at this Omega, lowest u_max first.
 
         Raises:
             ConvergenceError: the correction of an orbit fails

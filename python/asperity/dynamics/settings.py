@@ -31,15 +31,7 @@ MIN_ROWS = (5, 3)
 
 @dataclass(frozen=True)
 class Setting:
-    """Law, damping and forcing of a forced result.
-
-    Attributes:
-        model: "exact" or "taylor"
-        law: description of the law
-        n_loc: local exponent at the operating point
-        zeta, damping: damping ratio and model
-        F_hat: forcing F/(n_loc W), W the preload
-    """
+    """Model ("exact" or "taylor"), law, damping and forcing F/(n_loc W) of a forced result."""
 
     model: str
     law: str

@@ -1,12 +1,7 @@
 """Static laws of a contact: force over approach, as a reversible spring.
 
 A law gives force, stiffness and potential at an approach `z` (length), measured from first contact: a contact
-law is zero for ``z <= 0``. The equations of vibration use a law only in its normal form about a preload,
-`Restoring`:
-
-    f(u) = [F_s(z_s (1 + u)) - W] / (z_s F_s'(z_s)),    F_s(z_s) = W,    free flight f = -1/n_loc,
-
-with ``n_loc = z_s F_s'(z_s) / W``; contact is lost at ``u = -1``.
+law is zero for ``z <= 0``.
 """
 
 from __future__ import annotations
@@ -34,6 +29,9 @@ class Law(ABC):
 
     Attributes:
         contact: whether the force vanishes for ``z <= 0`` (False for a truncated series)
+        known_to: largest approach of the points behind the law (length); beyond it motion is on a continuation
+        yields_at: approach above which the contact yields again, where the slope may jump (length)
+        knots: approaches at which the law is not smooth (length)
 
     Examples:
         A linear spring of 2 N/m that pushes only:
@@ -58,6 +56,9 @@ class Law(ABC):
     """
 
     contact = True
+    known_to: float = np.inf
+    yields_at: float = np.inf
+    knots: Array = np.empty(0)
 
     @abstractmethod
     def both(self, z: Array) -> tuple[Array, Array]:
@@ -83,21 +84,6 @@ class Law(ABC):
     @abstractmethod
     def describe(self) -> str:
         """One line that names the law and its parameters."""
-
-    @property
-    def known_to(self) -> float:
-        """Largest approach of the points behind the law (length); beyond it motion is on a continuation."""
-        return np.inf
-
-    @property
-    def knots(self) -> Array:
-        """Approaches at which the law is not smooth (length)."""
-        return np.empty(0)
-
-    @property
-    def yields_at(self) -> float:
-        """Approach above which the contact yields again, where the slope may jump (length)."""
-        return np.inf
 
     @property
     def default_load(self) -> float:

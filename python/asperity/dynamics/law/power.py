@@ -46,6 +46,7 @@ class PowerLaw(Law):
     def __post_init__(self) -> None:
         within("n", self.n, EXPONENT)
         within("K", self.K, COEFFICIENT)
+        object.__setattr__(self, "known_to", self.fitted_to)
 
     @classmethod
     def from_fit(cls, fit: PowerLawFit, length: float = 1.0, force: float = 1.0) -> PowerLaw:
@@ -63,10 +64,6 @@ class PowerLaw(Law):
     def scaled(self, force: float) -> PowerLaw:
         """Law with its force multiplied by a factor."""
         return replace(self, K=self.K * force)
-
-    @property
-    def known_to(self) -> float:
-        return self.fitted_to
 
     def both(self, z: Array) -> tuple[Array, Array]:
         s = np.maximum(z, 0.0)

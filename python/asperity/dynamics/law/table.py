@@ -67,6 +67,8 @@ class TableLaw(Law):
     yields_at: float = field(default=np.inf, kw_only=True)
     k_above: float = field(default=np.nan, kw_only=True)
     noise: float = field(default=0.0, init=False)
+    known_to: float = field(init=False, repr=False)
+    knots: Array = field(init=False, repr=False)
     _measured: Array = field(init=False, repr=False)  # the forces given, in contact
 
     __repr__ = short_repr
@@ -85,7 +87,8 @@ class TableLaw(Law):
                     f"the {name} does not rise after row {int(bad[0])} of the table "
                     f"({column[bad[0]]:g} to {column[bad[0] + 1]:g}): {remedy}"
                 )
-        derived = {"z": z, "F": F, "k": k, "_measured": measured, "noise": noise if F is not measured else 0.0}
+        derived = {"z": z, "F": F, "k": k, "knots": z, "known_to": float(z[-1]), "_measured": measured}
+        derived["noise"] = noise if F is not measured else 0.0
         for name, values in derived.items():
             if isinstance(values, np.ndarray):
                 values.flags.writeable = False
@@ -109,16 +112,12 @@ class TableLaw(Law):
         stray = np.flatnonzero((z > 0) & (F <= 0) & (np.cumsum(keep) > 0))
         if stray.size:
             raise InputError(f"row {int(stray[0])} of the table has force {F[stray[0]]:g} <= 0 inside the contact")
-        gap = z[(z > 0) & (F <= 0)].max(initial=0.0)
-        early = F[z <= 0].max(initial=0.0)
-        offset = ""
-        if early > 1e-6 * F.max():
-            offset = f"the table has force {early:g} at or below zero approach: its origin is offset"
-        elif gap > 1e-9 * z.max():
-            offset = f"the force is zero up to approach {gap:g}: the origin is offset"
-        if offset:
-            advice = 'pass the approach of first contact as origin, or use from_curve(origin="fit")'
-            raise InputError(f"{offset}; {advice}")
+        gap, early = z[(z > 0) & (F <= 0)].max(initial=0.0), F[z <= 0].max(initial=0.0)
+        if early > 1e-6 * F.max() or gap > 1e-9 * z.max():
+            raise InputError(
+                f"the table has force {early:g} at or below zero approach, and none up to {gap:g}: its origin is "
+                'offset; pass the approach of first contact as origin, or use from_curve(origin="fit")'
+            )
         z, F, k = z[keep], F[keep], None if k is None else np.where(k[keep] > 0, k[keep], np.nan)
         least = MIN_POINTS if k is None else 1 if np.isfinite(k).all() else 2
         if z.size < least:
@@ -204,14 +203,6 @@ class TableLaw(Law):
                 F, k = smoothed(self.z[kept], self._measured[kept])
             laws.append(replace(self, z=self.z[kept], F=F, k=k, origin=0.0))
         return tuple(laws)
-
-    @property
-    def known_to(self) -> float:
-        return float(self.z[-1])
-
-    @property
-    def knots(self) -> Array:
-        return self.z
 
     @property
     def top(self) -> float:

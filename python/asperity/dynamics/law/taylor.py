@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -44,11 +45,9 @@ class TaylorLaw(Law):
         return cls(z_s, float(load), law.derivatives(z_s))
 
     def both(self, z: Array) -> tuple[Array, Array]:
-        x = np.asarray(z, float) - self.z_s
-        p1, p2, p3 = self.p
-        return (self.load + x * (p1 + x * (p2 / 2 + x * p3 / 6)), p1 + x * (p2 + x * p3 / 2))
+        return self.at(np.asarray(z, float))
 
-    def at(self, z: float) -> tuple[float, float]:
+    def at(self, z: Any) -> Any:
         x = z - self.z_s
         p1, p2, p3 = self.p
         return self.load + x * (p1 + x * (p2 / 2 + x * p3 / 6)), p1 + x * (p2 + x * p3 / 2)
@@ -59,16 +58,8 @@ class TaylorLaw(Law):
         primitive = np.polynomial.Polynomial([0.0, self.load, p1 / 2, p2 / 6, p3 / 24])
         return np.asarray(primitive(x) - primitive(zero))
 
-    def well(self, u: Array, z_s: float, load: float, scale: float) -> Array:
-        p1, p2, p3 = self.p
-        u = np.asarray(u, float)
-        x = z_s * u
-        return u * u * z_s * (p1 / 2 + x * (p2 / 6 + x * p3 / 24)) / scale
-
     def derivatives(self, z: float) -> tuple[float, float, float]:
-        x = z - self.z_s
-        p1, p2, p3 = self.p
-        return p1 + x * (p2 + x * p3 / 2), p2 + x * p3, p3
+        return self.at(z)[1], self.p[1] + (z - self.z_s) * self.p[2], self.p[2]
 
     def deflection(self, load: float) -> float:
         if not np.isclose(load, self.load, rtol=1e-12):
