@@ -33,11 +33,9 @@ class CurveColumns:
 
     @classmethod
     def of(cls, source: Any, factor: float = 1.0) -> CurveColumns:
-        """Read a `Curve`, a mapping, a CSV file, or a directory with curve.csv.
+        """Read a `Curve`, a mapping, a CSV file, or a directory with curve.csv, with delta and force at least.
 
-        Args:
-            source: with the columns delta and force at least
-            factor: by which forces and stiffnesses are multiplied, nominal area of a joint over that of the patch
+        Forces and stiffnesses are multiplied by `factor`, the nominal area of a joint over that of the patch.
 
         Raises:
             InputError: there is no such file, or a column is missing, empty, or contains what is not a number

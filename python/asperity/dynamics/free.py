@@ -71,10 +71,7 @@ class FreeVibration:
     """Natural frequency over amplitude, and the forcing that sustains each orbit at resonance.
 
     Attributes:
-        model: "exact" or "taylor"
-        law: description of the law
-        n_loc, kappa: local exponent and backbone curvature at the operating point
-        omega_s: natural frequency of small motion (rad/time), NaN without gravity
+        model, law, n_loc, kappa, omega_s: of the oscillator
         orbits: one `FreeOrbit` per amplitude
         valid: False where a Taylor orbit has u_min < -1, which is unphysical
         tolerance: largest estimated relative error of the frequencies

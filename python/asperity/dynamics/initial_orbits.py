@@ -1,9 +1,8 @@
 """Initial orbits of branches: from rest, and by Newton's method on the period map.
 
-The period map finds what no branch from rest reaches: pieces that connect outside the window, loops, orbits of period 2
-that no period doubling leads to. Some starts fill frequency and state evenly (a low-discrepancy sequence, Roberts
-2018), the others lie on free orbits; motions are integrated in parallel, and each start converges to an orbit near it,
-stable or not.
+The period map finds loops, and orbits of period 2 that no period doubling leads to. Some starts fill frequency and
+state evenly (a low-discrepancy sequence, Roberts 2018), the others lie on free orbits; motions are integrated in
+parallel, and each start converges to an orbit near it, stable or not.
 """
 
 from __future__ import annotations

@@ -21,10 +21,8 @@ class Joint:
 
     Attributes:
         nominal_area: of the joint (length^2); default that of the patch
-        preload: static force of the joint, of a bolt for example (force)
-        pressure: static nominal pressure instead of `preload` (force/length^2)
-        mass: of what vibrates (mass). It does not follow from the preload.
-        frequency: of small vibration instead of `mass`, for a joint that was measured (1/time)
+        preload, pressure: static force, of a bolt for example (force), or nominal pressure (force/length^2)
+        mass, frequency: of what vibrates (mass), or of small vibration for a joint that was measured (1/time)
         gravity: acceleration that adds the weight of the mass to the preload (length/time^2); none by default
         damping: damping ratio of small motion, 0 <= damping < 1
 
@@ -100,15 +98,14 @@ def _known(patch: float | None, name: str) -> float:
 
 @dataclass(frozen=True)
 class Numbers:
-    """The numbers of a joint's small vibration, in the units of the curve.
+    """The numbers of a joint's small vibration, in the units of the curve; NaN where unknown.
 
     Attributes:
         stiffness: k_n at the preload (force/length)
-        mass: what vibrates (mass), NaN if unknown
-        frequency: natural frequency of small vibration (1/time), NaN if unknown
+        mass, frequency: what vibrates (mass), and its natural frequency (1/time)
         approach: static approach z_s (length)
         damping: damping ratio
-        bar: error bar of the stiffness over it, NaN if unknown
+        bar: error bar of the stiffness over it
         given: whether the frequency is an input, from which the mass follows, with the bar of the stiffness
     """
 
@@ -122,7 +119,7 @@ class Numbers:
 
     @property
     def frequency_bar(self) -> float:
-        """Error bar of the frequency (1/time), half that of the stiffness; NaN if unknown or if it is an input."""
+        """Error bar of the frequency (1/time); NaN if unknown or if the frequency is an input."""
         return math.nan if self.given else 0.5 * self.bar * self.frequency
 
     def sentence(self, units: str | None) -> str:

@@ -38,7 +38,7 @@ class Choice:
     law: Law
     load: float  # preload (force)
     reached: float | None  # greatest force before the vibration, above which it yields again; None without yield
-    yielded: bool | None  # whether the solid has yielded; None if the curve does not show it
+    yielded: bool | None  # None if the curve does not show it
     reason: str  # why it is this law, a part of a sentence
     note: str = ""  # sentence on a law to be doubted
     bounds: tuple[Law, ...] = ()  # other laws that bound this one
@@ -139,10 +139,10 @@ def law_named(columns: CurveColumns, name: str, load: float) -> Law:
 def unload_reload(curve: Any, load: float | None = None) -> TableLaw:
     """Physical law of a plastic contact about a preload: the last unload-reload loop of a curve.
 
-    The law is the reloading of the last closed loop, up to the point where its unloading began. Without a closed
-    loop it is the last unloading, including that point. Its slopes are the elastic stiffness of the rows (column
-    k_n_elastic), if known. The approach is measured from the row at which the contact separates. Without such a row the
-    law ends at zero force with the power that its lowest rows have.
+    The law is the reloading of the last closed loop, up to the point where its unloading began, else the last
+    unloading. Its slopes are the elastic stiffness of the rows (column k_n_elastic), if known. The approach is measured
+    from the row at which the contact separates. Without such a row the law ends at zero force with the power that its
+    lowest rows have.
 
     Args:
         curve: a `Curve`, CSV file or mapping with delta, force and branch

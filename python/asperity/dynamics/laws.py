@@ -33,15 +33,13 @@ class LawAtLoad:
 
     Attributes:
         name: of the law, see `law_from`
-        law: the law; None where the curve does not have it
-        known: its intervals at the preload; None without a law
+        law, known: the law and its intervals at the preload; None where the curve does not have it
         applies: whether the law describes small vibration about this preload. After yield only the chosen one does,
             unless it is one of the loading.
         chosen: whether it is the law of the vibration
         missing: why there is no law, or ""
-        bar: error bar at the preload as a share: of the elastic stiffness where the law is made of it and the curve has
-            it, else of the force; NaN for a curve without one
-        bar_of: what the bar is of, "force" or "k_n_elastic"
+        bar, bar_of: relative error bar at the preload, and of which column: "k_n_elastic" where the law is made of it
+            and the curve has its bar, else "force"; NaN for a curve without one
     """
 
     name: str
@@ -60,12 +58,12 @@ class LawAtLoad:
 
     @property
     def stiffness_bar(self) -> float:
-        """Error bar of the stiffness over it, by error bar, other laws and points; NaN if nothing bounds it."""
+        """Error bar of the stiffness over it; NaN if nothing bounds it."""
         return math.nan if self.known is None else self.known.k_n.half / self.stiffness or math.nan
 
     @property
     def frequency(self) -> float:
-        """Frequency of small vibration, sqrt(k_n/m)/(2 pi) (1/time); NaN without a mass."""
+        """Frequency of small vibration (1/time), NaN without a mass."""
         return math.nan if self.known is None else self.known.omega_s.value / (2 * math.pi)
 
     def sides(self) -> tuple[Law, ...]:

@@ -52,17 +52,12 @@ class Dynamics:
     """Results of `run_dynamics` for one law; the keys of mappings are models ("exact", "taylor").
 
     Attributes:
-        oscillators: the oscillators
-        free: natural frequency over amplitude
-        responses: one per forcing
-        sweeps: one per forcing and direction (empty if not requested)
-        thresholds: onsets and resonance peaks
-        uncertainty: intervals by the error bar, the spread of the laws and the points of the law, or by the misfit of
-            the fit of a given law; None if there is none of these
-        bands: bands of the exact response by the same, one per forcing, if requested
+        oscillators, free, thresholds: see there
+        responses, sweeps: one per forcing, and direction
+        uncertainty: intervals by the error bar, the spread of the laws and the points of the law; None without these
+        bands: bands of the exact response by the same, one per forcing
         notes: limits and assumptions of the results, one sentence each
-        gravity: gravitational acceleration for mass and omega_s (length/time^2), None if unknown or if the joint has a
-            mass
+        gravity: for mass and omega_s (length/time^2), None if unknown or if the joint has a mass
         laws: all laws of the curve at the preload; None for a given `Law`
         settings: what was computed
     """
@@ -81,7 +76,7 @@ class Dynamics:
 
     @property
     def first(self) -> ContactOscillator:
-        """Oscillator of the first model; both have the same preload, mass and small vibration."""
+        """Oscillator of the first model."""
         return next(iter(self.oscillators.values()))
 
     @property
@@ -174,12 +169,9 @@ def run_dynamics(
     Args:
         source: a `Law`, a `Curve`, a mapping or CSV file with columns delta and force, or a run directory
         settings: default those of the case of a run directory, else the defaults of `DynamicsSettings`
-        out_dir: directory for free.csv, response.csv, thresholds.json and band.csv; None writes nothing. For figures
-            see `asperity.plot.plot_dynamics`.
+        out_dir: directory for the files, written after all input has been checked; for figures see
+            `asperity.plot.plot_dynamics`
         **changes: attributes of `DynamicsSettings` with other values
-
-    Returns:
-        The results. Files are written only after all input has been checked.
 
     Raises:
         InputError: a setting or the curve is wrong

@@ -69,11 +69,9 @@ class DynamicsSettings:
     """What is computed of a vibration, in the units of its source.
 
     Attributes:
-        law: "auto", "unload-reload", "elastic", "table" or "paper", see `law_from`; of no use for a `Law`
+        law, overload: see `law_from`; of no use for a `Law`
         preload: static force W (force); default that of the joint, or half of the largest force of the curve
-        overload: greatest force before the vibration (force), see `law_from`
-        gravity: gravitational acceleration (length/time^2), used for mass and omega_s only, where no joint has a mass;
-            default 9.80665 with SI units
+        gravity: for mass and omega_s where no joint has a mass (length/time^2); default 9.80665 with SI units
         zeta: damping ratio of small motion, 0 <= zeta < 1
         damping: "always", "contact", "hunt-crossley", or "loops": in addition to zeta that of the loops.csv of a run
             directory (or a `LoopDamping`)
@@ -83,8 +81,7 @@ class DynamicsSettings:
         sweeps: also integrate sweeps up and down (half a second per forcing; not for zeta = 0)
         bands: also carry the uncertainty of the law to the response (about 1 s per forcing)
         tol: relative truncation error of the response
-        joint: nominal area, preload and mass. With a joint all forces are those of the joint, and the mass is that of
-            the joint, not the preload over gravity.
+        joint: with a joint all forces and the mass are those of the joint
         patch_area: nominal area of the curve (length^2)
         units: "SI" or "other"; with "other" and no `gravity`, mass and omega_s are left out. Default SI, with a note.
 

@@ -29,12 +29,10 @@ class Thresholds:
     """Onsets of nonlinear phenomena of one oscillator, as F^; None where there is no onset.
 
     Attributes:
-        model, law, zeta, damping: model, law and damping of the oscillator
-        n_loc, kappa: local exponent; backbone curvature (negative: softening)
+        model, law, zeta, damping, n_loc, kappa: of the oscillator
         softening: sign of kappa in words: "softening", "hardening", "linear", or "undecided" within its error bar
         u_max, omega_loss: largest release that keeps contact, and its frequency over omega_s
-        drive_loss: F^/(2 zeta) at which resonance begins to lose contact
-        contact_loss: the same as F^
+        drive_loss, contact_loss: F^/(2 zeta), and F^, at which resonance begins to lose contact
         hysteresis: F^ of the first vertical tangent (multiple scales, small zeta)
         period_doubling: F^ of the first period doubling near Omega = 2 (small zeta; error about 0.5 % for 0.01)
         peaks: for each requested forcing F_hat, F_over_mg, and Omega, u_max, u_min, a1 of the resonance peak; None

@@ -33,8 +33,7 @@ class LoopDamping:
     last it is constant. It acts in contact, and so does the damping ratio of small motion next to it.
 
     Attributes:
-        deflection: amplitudes of the approach, rising (length)
-        zeta: damping ratios of the loops, half of their loss factors
+        deflection, zeta: rising amplitudes of the approach (length), and damping ratios, half of the loss factors
         stiffness: of the loops (force/length), empty where unknown; the ratios are those of a law as stiff as each
         preload: about which the loops were computed (force), NaN where unknown
         background: damping ratio of small motion, > 0 (that of the oscillator, which sets it)
@@ -71,13 +70,9 @@ class LoopDamping:
         return cls(deflection, zeta, k, last[0].preload)
 
     def on(self, stiffness: float, preload: float) -> tuple[LoopDamping, str]:
-        """Damping on a law with another stiffness, and a note on another preload ("" if it is the same).
+        """Damping on a law with the stiffness k_n at a preload, and a note on another preload ("" if it is the same).
 
         A cycle loses pi eta k a^2 with the stiffness k of the loop, and 2 pi zeta k_n a^2 with that of the law.
-
-        Args:
-            stiffness: k_n of the law at the preload (force/length)
-            preload: of the vibration (force)
         """
         note = ""
         if abs(self.preload / preload - 1.0) > _SAME_PRELOAD:
