@@ -29,7 +29,6 @@ _STRIDE = 0.03  # longest step outside the window, over the parameter
 _OUTSIDE_WORK = 10.0  # of a point there, over that of one inside
 _CUBIC = 2e-4  # allowed error of the cubic between two points inside, over the orbit, at fixed parameter
 _STEEP = 0.03  # smallest rate of the parameter along the branch in that error, which would diverge at a fold
-_NEAR = 1e-4  # largest relative change of an orbit there by the last correction, at fixed parameter
 
 
 @dataclass(frozen=True)
@@ -383,7 +382,7 @@ def crossings(equations: Equations, points: Iterable[Point], parameter: float) -
                 p = locate(
                     equations, left, right, lambda p: p.parameter - parameter, f_left, f_right, xtol=_CROSSING_RTOL
                 )
-                yield _at_parameter(equations, p, parameter)
+                yield replace(p, parameter=parameter)
     if last is not None and last.parameter == parameter:
         yield last
 
@@ -397,13 +396,3 @@ def turns(a: Point, b: Point) -> list[float]:
     q = -second - np.copysign(np.sqrt(root), second)  # of 3 third s^2 + 2 second s + first = 0, without cancellation
     found = {float(x / y) for x, y in ((q, 3.0 * third), (first, q)) if abs(x) < abs(y) and x * y > 0}
     return sorted(found)
-
-
-def _at_parameter(equations: Equations, p: Point, parameter: float) -> Point:
-    """Correct the orbit to exactly the parameter, except at a fold, where that system is singular."""
-    try:
-        near = _NEAR * float(np.linalg.norm(p.x))
-        x, _, t, tp = correct(equations, p.x, parameter, np.zeros(p.x.size), 1.0, limit=near)
-    except ConvergenceError:
-        return Point(p.x, parameter, p.t, p.t_parameter, p.error)
-    return Point(x, parameter, t, tp, tail(x))

@@ -9,10 +9,9 @@ from typing import Any
 import numpy as np
 
 from asperity.dynamics.branch import Branch, Event, Line, Solution, dense, measure
-from asperity.dynamics.branch_switching import distance
 from asperity.dynamics.continuation import Tracing, crossings, in_omega
 from asperity.dynamics.harmonic_balance import Balance
-from asperity.dynamics.search import Search
+from asperity.dynamics.search import Search, distance
 from asperity.dynamics.settings import Setting
 from asperity.dynamics.stability import floquet, stack
 from asperity.errors import ConvergenceError, InputError
