@@ -34,10 +34,8 @@ from asperity.surface import HeightMap, SelfAffine, Surface
 STEPS = 10
 YIELD = 0.004
 ELASTIC, YIELDING = asp.Material(1.0, 0.3), asp.Material(1.0, 0.3, YIELD, 0.05)
-CELLS = (
-    324,
-    648,
-)  # per side of the boundary elements: no fifth or tenth of a side, a pitch whose edges would fall on cells alike
+# Per side of the boundary elements. Five or ten do not divide them: all edges of a pitch would fall on cells alike
+CELLS = 324, 648
 FINER, RATIO = 3.0, 1.5  # dofs of the finest mesh of a truth over those of the run, and sizes of the other over its own
 GROWTH = 0.3  # of its elements
 UNSURE = 0.0015  # relative, of the elastic truth

@@ -10,7 +10,7 @@ import pytest
 from mpi4py import MPI
 
 import asperity as asp
-from asperity.adaptive.extrapolation import SCATTER, Along, correct, without_omission
+from asperity.adaptive.extrapolation import SCATTER, Along, Coarser, correct, without_omission
 from asperity.adaptive.guide import Guide, Omission
 from asperity.adaptive.mesh_levels import LevelSolver
 from asperity.adaptive.mesh_plan import weight
@@ -106,6 +106,37 @@ def test_the_sizes_reach_all_that_is_touched() -> None:
     assert np.isinf(sizes).any() and sizes[np.isfinite(sizes)].max() > 2.0 * sizes.min()
 
 
+def two_bumps() -> HeightMap:
+    """One bump, and a blunter one that is touched at half the approach of 0.01."""
+    x, y = np.meshgrid(*2 * [np.linspace(0.0, 1.0, 257)])
+    heights = (0.01 - 0.5 * ((x - 0.3) ** 2 + (y - 0.3) ** 2), 0.005 - 0.15 * ((x - 0.7) ** 2 + (y - 0.7) ** 2))
+    return HeightMap.of(np.maximum(np.maximum(*heights), -0.02), 1.0)
+
+
+def test_a_step_that_is_not_met_refines_its_own_spots() -> None:
+    guide = Guide(Problem.of(two_bumps(), ELASTIC, delta_max=0.01, steps=4), 0.01, 4)
+    centres = (np.arange(len(guide.sizes)) + 0.5) / len(guide.sizes)
+    first, second = (guide.sizes < np.inf) & (centres < 0.5), (guide.sizes < np.inf) & (centres > 0.5)
+    light, heavy = guide.of_spots(np.array([2.0, 1.0, 1.0, 1.0])), guide.of_spots(np.array([1.0, 1.0, 1.0, 3.0]))
+    assert light[first].max() == 2.0 and light[first].min() == 1.0 and np.all(light[second] == 1.0)
+    assert np.all(heavy[first] == 3.0) and np.all(heavy[second] == 3.0) and np.all(heavy[guide.sizes == np.inf] == 1.0)
+
+
+def test_the_scale_of_a_mesh_at_a_step_is_the_root_of_the_error_of_its_spots() -> None:
+    """F (h/a)^2 of each, with the half-widths and forces of two spots."""
+    guide = Guide(Problem.of(two_bumps(), ELASTIC, delta_max=0.01, steps=4), 0.01, 4)
+    np.testing.assert_allclose(guide.resolution(np.full(guide.sizes.shape, 0.7)), 0.7)
+    p = np.asarray(guide._pressures[-1], dtype=float)
+    left = np.arange(len(p)) < 0.5 * len(p)
+    spots = [p * left, p * ~left]
+    width = np.sqrt([np.count_nonzero(spot) / np.pi for spot in spots]) / len(p)
+    force = np.array([spot.sum() for spot in spots])
+    sizes = np.array([sizes_of_spots(p)[spot > 0.0].min() for spot in spots])
+    errors = [np.sum(force * (scale * sizes / width) ** 2) for scale in (np.ones(2), np.array([0.5, 1.0]))]
+    found = guide.resolution(np.where(left, 0.5, np.ones(p.shape)))[-1]
+    assert found**2 == pytest.approx(errors[1] / errors[0], rel=0.05) and found < 0.95
+
+
 def rows(factor: float, error: float) -> Curve:
     at = np.array([0.002, 0.004, 0.006])
     return Curve.from_rows([
@@ -115,11 +146,16 @@ def rows(factor: float, error: float) -> Curve:
     ])  # fmt: skip
 
 
+def coarser(curve: Curve, missed: Omission) -> Coarser:
+    """One mesh twice as coarse."""
+    return Coarser([curve], [missed], np.zeros(3, dtype=int), np.full(3, 2.0))
+
+
 def test_few_elements_in_the_spots_have_a_wider_bar() -> None:
     """Two meshes that agree by chance: what the edges of their contact leave open is the bar."""
     coarse, fine = rows(1.0, 0.004), rows(1.0, 0.002)
     steps, nothing = Along(np.array([0.0]), np.zeros(1)), Omission(fine.delta_star, np.zeros(3), np.zeros(3))
-    _, budget = correct(fine, coarse, 2.0, np.ones(3, dtype=bool), steps, 0.0, (nothing, nothing))
+    _, budget = correct(fine, coarser(coarse, nothing), np.ones(3, dtype=bool), steps, 0.0, nothing)
     both = np.hypot(
         (1.0 + weight(2.0)) * 0.2, weight(2.0) * 0.4
     )  # the limit is that of the fine one and of their change
@@ -132,8 +168,8 @@ def test_the_force_of_a_spot_scatters_with_its_place_by_a_part_of_what_its_area_
     for x, y in np.random.default_rng(5).uniform(0.4, 0.6, (6, 2)):
         sphere = asp.Surface.from_spec("sphere", L=1.0, radius=20.0, centre=(float(x), float(y)), shape="paraboloid")
         problem = Problem.of(sphere, ELASTIC, delta_max=2.8e-3, steps=5)
-        run = LevelSolver(problem, 2.8e-3, Guide(problem, 2.8e-3, 5).sizes, 10**6, MPI.COMM_SELF, Hooks())
-        coarse, fine = (run(scale).curve.loading() for scale in (2.0, 1.0))
+        run = LevelSolver(problem, 2.8e-3, Guide(problem, 2.8e-3, 5), 2.0, 10**6, MPI.COMM_SELF, Hooks())
+        coarse, fine = (run(finer).curve.loading() for finer in (1.0, 2.0))
         change.append(np.log(coarse.P_star / fine.P_star))
         left_open.append(np.hypot(*(0.5 * c.error_area_fraction / c.area_fraction for c in (coarse, fine))))
     part = np.std(change, axis=0, ddof=1) / np.mean(left_open, axis=0)
@@ -149,7 +185,7 @@ def test_two_errors_of_opposite_sign_that_cancel_are_told_apart() -> None:
         without_omission(rows(s / (1.0 + out), 0.0), o, 0.0) for s, out, o in zip(stiff, left, missed, strict=True)
     )
     steps = Along(np.array([0.0]), np.zeros(1))
-    found, budget = correct(fine, coarse, 2.0, np.ones(3, dtype=bool), steps, 0.0, (missed[1], missed[0]))
+    found, budget = correct(fine, coarser(coarse, missed[0]), np.ones(3, dtype=bool), steps, 0.0, missed[1])
     assert np.all(np.abs(found.P_star / at - 1.0) < 0.005)
     assert np.all(np.abs(found.P_star / at - 1.0) < budget.total / at) and np.all(budget.roughness > 0.0)
 

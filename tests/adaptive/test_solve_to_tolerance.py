@@ -22,13 +22,13 @@ from asperity.adaptive.mesh_plan import (
     MESH_ORDER,
     MESH_ORDERS,
     bar_share,
-    cheapest_substeps,
+    enough_substeps,
     expected_bar,
     extrapolate,
     first_scale,
-    next_scale,
     partner,
     planned_steps,
+    refinement,
     weight,
 )
 from asperity.adaptive.solve_to_tolerance import solve_to_tolerance
@@ -114,43 +114,32 @@ def test_the_first_scale_is_expected_to_meet_the_tolerance(tolerance: float) -> 
 
 @pytest.mark.parametrize("excess", [1.05, 1.5, 3.0, 8.0])
 def test_the_next_mesh_meets_the_bar_of_a_force_of_the_typical_order_and_does_not_waste(excess: float) -> None:
-    scales = [2.0, 1.0]
+    scales = np.array([2.0, 1.0])
 
-    def bar(scales: list[float]) -> float:
+    def bar(scales: npt.NDArray[np.float64]) -> float:
         k = partner(scales)
-        return bar_share(scales[k] / scales[-1]) * (scales[k] ** MESH_ORDER - scales[-1] ** MESH_ORDER)
+        return float(bar_share(scales[k] / scales[-1]) * (scales[k] ** MESH_ORDER - scales[-1] ** MESH_ORDER))
 
-    found = next_scale(scales, excess)
-    step = scales[-1] / found
-    left = excess * bar([*scales, found]) / bar(scales)
+    step = refinement(scales, excess)
+    left = excess * bar(np.append(scales, scales[-1] / step)) / bar(scales)
     assert LEAST_STEP <= step * (1.0 + 1e-9) and step <= GREATEST_STEP * (1.0 + 1e-9)
     assert left <= MARGIN * 1.001 or step == pytest.approx(GREATEST_STEP)
     assert left > 0.8 * MARGIN or step == pytest.approx(LEAST_STEP) or excess < 2.0
 
 
-def test_load_steps_are_divided_where_that_is_cheaper_than_a_finer_mesh() -> None:
-    mesh, order = np.array([0.04, 0.02]), 2.0
-    bars = {n: np.array([0.004, 0.012]) / n**order for n in (1, 2)}
-
-    def cost(n: int, tolerance: float) -> float:
-        bar = bars[1] / n**order
-        left = np.sqrt(np.maximum(tolerance**2 - bar**2, 0.0))
-        return float(n * np.max(mesh / left) ** (DOFS_ORDER / MESH_ORDER)) if np.all(bar < 0.9 * tolerance) else np.inf
-
-    for tolerance, best in ((0.01, 2), (1e-3, 4)):  # the last has to be tried first
-        assert cheapest_substeps(bars, mesh, tolerance, order) == best
-        assert best == min((1, 2, 4, 8, 16, 32), key=lambda n: cost(n, tolerance))
-    assert cheapest_substeps(bars, mesh, 0.1, order) == 1  # the mesh suffices already
-    assert cheapest_substeps(bars, 0.0 * mesh, 0.1, order) == 1
-    assert cheapest_substeps(bars, mesh, 1e-6, order) == 2  # none would do
+def test_load_steps_are_divided_until_their_bar_is_within_the_tolerance() -> None:
+    bars = {n: np.array([0.004, 0.012]) / n**2 for n in (1, 2)}
+    for tolerance, parts in ((0.1, 1), (0.0134, 1), (0.01, 2), (1e-3, 4), (6e-4, 8)):
+        assert enough_substeps(bars, tolerance, 2.0) == parts
+        assert 0.012 / parts**2 < MARGIN * tolerance and (parts == 1 or 0.012 / (parts // 2) ** 2 >= MARGIN * tolerance)
+    assert enough_substeps(bars, 1e-6, 2.0) == 2  # none would do
 
 
 def test_a_mesh_is_never_extrapolated_from_one_of_nearly_its_size() -> None:
     """Scatter would hide the order; max_dofs can make the last mesh hardly finer than the one before."""
-    assert partner([2.0, 1.0]) == 0
-    assert partner([2.0, 1.0, LEAST_RATIO**-1]) == 1
-    assert partner([2.0, 1.0, 0.8]) == 0
-    assert partner([2.0, 1.0, 0.8, 0.4]) == 2
+    scales = np.array([[2.0, 1.0, LEAST_RATIO**-1], [2.0, 1.0, 0.8], [2.0, 1.0, 1.0]])
+    assert list(partner(scales.T)) == [1, 0, 0]
+    assert partner(np.array([2.0, 1.0])) == 0 and partner(np.array([2.0, 1.0, 0.8, 0.4])) == 2
 
 
 def test_bars_do_not_vanish_with_a_change_of_sign() -> None:
@@ -455,7 +444,7 @@ def test_a_force_is_refused_with_too_few_dofs_before_the_first_step() -> None:
 
 
 def test_no_room_for_more_than_the_first_mesh_leaves_its_curve(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("asperity.adaptive.mesh_levels.MOST_SCALE", 1.0)
+    monkeypatch.setattr("asperity.adaptive.family.MOST_SCALE", 1.0)
     sphere = asp.Surface.from_spec(kind="sphere", L=1.0, radius=3.0, centre=(0.3, 0.4))
     dofs = solve_to_tolerance(sphere, ELASTIC, AccuracyTarget(0.9), delta_max=0.01, steps=5).levels[0].dofs
     with pytest.raises(PartialResult, match=r"the force has no error bar: accuracy\.max_dofs") as caught:

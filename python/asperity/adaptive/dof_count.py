@@ -9,13 +9,14 @@ from operator import add
 
 from asperity.adaptive.mesh_plan import DOFS_ORDER
 from asperity.mesh.size_field import SizeField
+from asperity.model.settings import H_MAX
 
 Size = Callable[[float, float, float], float]
 
 # Nodes in a volume h^3 and on a part h^2 of the surface: within 13 % (rms, at most 23 %) of 29 meshes of 60 to 17,000
 # nodes, whose growth is from 0.1 to 1.2
 NODES, NODES_OF_SURFACE = 3.1, 7.9
-LARGEST = 0.125  # greatest edge of a box [L]: a larger one would miss small spots
+LARGEST = 0.5 * H_MAX  # greatest edge of a box [L]: a larger one would miss small spots
 
 
 def dofs_of(field: SizeField, refinements: int, height: float, most: float = inf) -> int:

@@ -7,46 +7,44 @@ of 14,000 to 78,000 dofs on one core of a small shared machine; benchmarks/check
 from __future__ import annotations
 
 import warnings
-from dataclasses import dataclass
-from functools import partial
-from math import inf, log2
+from dataclasses import dataclass, replace
+from math import log2
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from asperity.adaptive.dof_count import dofs_of, finest_within
-from asperity.adaptive.guide import CELLS, MOST_STEPS, PASSES, Guide
+from asperity.adaptive.dof_count import dofs_of
+from asperity.adaptive.family import MeshFamily
+from asperity.adaptive.guide import CELLS, PASSES, Guide, hardness
 from asperity.adaptive.mesh_plan import (
     DOFS_ORDER,
+    GREATEST_STEP,
     GROWTH,
-    LEAST_RATIO,
     LEAST_STEP,
     MESH_ORDER,
-    MOST_SCALE,
+    MOST_MESHES,
     PATH_TRANSFER,
     RATIO,
     STEP_ORDERS,
-    cheapest_substeps,
+    enough_substeps,
     expected_bar,
     first_scale,
-    growth,
     planned_steps,
     size_for_strain,
     step_rule,
-    widest,
 )
 from asperity.errors import InputError
 from asperity.mesh.block import BlockMesh
-from asperity.mesh.size_field import SizeField
-from asperity.model.load_path import BACKWARD_EULER, Schedule, greatest_force
+from asperity.mesh.size_field import size_field
 from asperity.model.problem import Problem
+from asperity.model.settings import MeshSize
 from asperity.reference import RoughHalfSpace
-from asperity.reference.halfspace import HARDNESS
 from asperity.runtime.display import short_repr
 from asperity.slope import SINGLE_CONTACT
 
 if TYPE_CHECKING:
     from asperity.case import Case
+    from asperity.case.schema import AccuracySection
     from asperity.surface import Surface
 
 PARTS = 24  # of its approaches, each a third beyond the one before
@@ -175,34 +173,33 @@ def estimate(case: Case, ranks: int = 1, surface: Surface | None = None, passes:
         >>> len(found.levels), 10_000 < found.dofs < 30_000
         (1, True)
     """
-    surface = case.build_surface() if surface is None else surface
-    rates, tolerance = _rates(case), case.accuracy.tolerance
-    delta = case.loading.delta_max
-    if delta is None:
-        delta = approach_of_force(case, surface)
-        given = {"delta_max": delta, "force_max": None, "pressure_max": None}
-        case = case.model_copy(update={"loading": case.loading.model_copy(update=given)})
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # of what the run warns of too
+        problem = case.problem(surface)
+        path, tolerance = problem.load_path, case.accuracy.tolerance
+        delta = path.delta_max or approach_of_force(problem)
+        problem = replace(problem, load_path=replace(path, delta_max=delta, force_max=None))
     bar, others = None, START
     if tolerance is None:
-        dofs = _given_dofs(case) or count_dofs(surface, case, case.mesh.h_contact, MOST_DOFS)
+        dofs = _given_dofs(case) or _dofs(problem, problem.size)
         if dofs > MOST_DOFS:
             raise InputError(f"the mesh has more than {MOST_DOFS:g} dofs: raise mesh.h_contact")
-        plan = [(case.mesh.h_contact, dofs, _steps(case, case.loading.steps))]
+        plan = [(case.mesh.h_contact, dofs, _steps(problem))]
     else:
-        plan, bar, solved = _plan(case, surface, delta, tolerance, passes)
+        plan, bar, solved = _plan(problem, case.accuracy, passes)
         others += HALF_SPACE * solved
-    finite = case.material.kinematics == "finite"
+    rates, finite = _rates(case), case.material.kinematics == "finite"
     levels = tuple(MeshEstimate(h, dofs, steps, _seconds(rates, dofs, steps, finite)) for h, dofs, steps in plan)
     memory = ranks * rates.base + rates.per_dof * levels[-1].dofs
-    strain, most = _strain(case, surface, rates), None if tolerance is None else case.accuracy.max_dofs
+    strain, most = _strain(case, problem), None if tolerance is None else case.accuracy.max_dofs
     return Estimate(levels, ranks, memory, delta, bar, tolerance, strain, others, most)
 
 
 def further_meshes(case: Case, found: Estimate) -> list[MeshEstimate]:
     """All meshes that a run with a tolerance can add to the planned ones, up to `accuracy.max_dofs`.
 
-    They follow one another in the smallest steps, which is the most that they can cost at the load steps planned; of
-    kinematics = "auto" they are in finite strain.
+    They are MOST_MESHES in all, each as fine as may follow the one before; of kinematics = "auto" they are in finite
+    strain.
 
     Args:
         case: with accuracy.tolerance
@@ -210,59 +207,42 @@ def further_meshes(case: Case, found: Estimate) -> list[MeshEstimate]:
     """
     most, last = min(case.accuracy.max_dofs, int(MOST_DOFS)), found.levels[-1]
     levels: list[MeshEstimate] = []
-    h, dofs = last.h_contact, last.dofs
-    while dofs < most:
-        h, dofs = h / LEAST_STEP, min(int(dofs * LEAST_STEP**DOFS_ORDER), most)
+    for k in range(1, MOST_MESHES - 1):
+        h, dofs = last.h_contact / GREATEST_STEP**k, min(int(last.dofs * GREATEST_STEP ** (k * DOFS_ORDER)), most)
         seconds = _seconds(_rates(case), dofs, last.steps, case.material.kinematics != "small")
         levels.append(MeshEstimate(h, dofs, last.steps, seconds))
-    return levels
+    return levels if last.dofs < most else []
 
 
 def _rates(case: Case) -> Rates:
     return ELASTIC if case.material.yield_strength is None else PLASTIC
 
 
-def _strain(case: Case, surface: Surface, rates: Rates) -> tuple[MeshEstimate, ...]:
+def _strain(case: Case, problem: Problem) -> tuple[MeshEstimate, ...]:
     """The runs on a coarse mesh that compare small and finite strain; see `small_strain.choose_kinematics`."""
     if case.material.kinematics == "small" and not case.output.small_strain:
         return ()
-    L, loading = surface.L, case.loading
-    h = size_for_strain(case.mesh.h_contact / L, case.accuracy.tolerance)
-    dofs, steps = count_dofs(surface, case, h * L, MOST_DOFS, for_strain=True), _steps(case, loading.steps)
-    return tuple(MeshEstimate(h * L, dofs, steps, _seconds(rates, dofs, steps, finite)) for finite in (False, True))
+    L, own = problem.surface.L, problem.size.h_contact
+    h = L * size_for_strain(None if own is None else own / L, case.accuracy.tolerance)
+    dofs, steps = _dofs(problem, MeshSize(h, GROWTH)), _steps(problem)
+    return tuple(MeshEstimate(h, dofs, steps, _seconds(_rates(case), dofs, steps, finite)) for finite in (False, True))
 
 
-def _steps(case: Case, planned: int, substeps: int = 1) -> int:
-    """Load steps of a case, those of its unloadings too.
-
-    Args:
-        case: the input
-        planned: steps of the first loading
-        substeps: equal parts of each
-    """
-    loading, plastic = case.loading, case.material.yield_strength is not None
-    integrator, sticks = loading.integrator if plastic else BACKWARD_EULER, case.contact.formulation.sticks
-    schedule = Schedule(delta_max=1.0, steps=planned, integrator=integrator, substeps=substeps, sticks=sticks)
-    unloading = loading.unload_steps if loading.unload else 0
-    return (len(schedule.stops()) + unloading) * loading.cycles
+def _steps(problem: Problem, substeps: int = 1) -> int:
+    """Load steps of a problem, those of its unloadings too, in so many equal parts of each step of a loading."""
+    schedule = replace(problem.schedule, substeps=substeps)
+    return sum(steps if branch == "unload" else len(schedule.stops()) for branch, steps in schedule.legs)
 
 
-def approach_of_force(case: Case, surface: Surface) -> float:
-    """Approach at the greatest force of a case, of a half-space [length].
-
-    Args:
-        case: whose load path gives a force or a pressure
-        surface: of the case
-    """
-    L, solid, loading = surface.L, case.material.solid, case.loading
-    force = greatest_force(loading.force_max, loading.pressure_max, L)
-    assert force is not None
-    wanted = force / (L**2 * solid.reduced_modulus)
-    hardness = inf if solid.yield_strength is None else HARDNESS * solid.yield_strength / solid.reduced_modulus
-    layer = RoughHalfSpace(CELLS[0], case.block.height / L, solid.nu, case.block.sides, hardness)
+def approach_of_force(problem: Problem) -> float:
+    """Approach at the greatest force of a load path, of a half-space [length]."""
+    surface, solid, height = problem.surface, problem.material, problem.height / problem.surface.L
+    L, wanted = surface.L, problem.schedule.force_max
+    assert wanted is not None
+    layer = RoughHalfSpace(CELLS[0], height, solid.nu, problem.sides, hardness(solid))
     heights, summit = layer.heights(surface), surface.maximum()[2] / L
     # all of the surface in contact, and the block below compressed
-    deepest = summit - float(heights.min()) + wanted * case.block.height / L * solid.reduced_modulus / solid.E
+    deepest = summit - float(heights.min()) + wanted * height * solid.reduced_modulus / solid.E
     P: list[float] = []
     delta: list[float] = []
     for d in deepest * 0.75 ** np.arange(PARTS - 1, -1, -1):
@@ -276,81 +256,53 @@ def approach_of_force(case: Case, surface: Surface) -> float:
     return L * float(np.exp(np.interp(np.log(wanted), P, delta) + lighter))
 
 
-def _plan(
-    case: Case, surface: Surface, depth: float, tolerance: float, passes: int
-) -> tuple[list[tuple[float, int, int]], float, float]:
+def _plan(problem: Problem, goal: AccuracySection, passes: int) -> tuple[list[tuple[float, int, int]], float, float]:
     """Meshes that a run plans, see `mesh_levels.LevelSolver`.
 
     Returns:
         of each mesh the greatest size in the contact [length], dofs and load steps; the error bar expected of them; and
         cells times approaches of all half-spaces
     """
-    loading, plastic = case.loading, case.material.yield_strength is not None
-    sides, most = case.block.sides, min(case.accuracy.max_dofs, MOST_DOFS)
-    integrator, sticks = loading.integrator if plastic else BACKWARD_EULER, case.contact.formulation.sticks
-    planned = planned_steps(loading.steps)
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore")  # of what the run warns of too
-        problem = Problem.of(
-            surface, case.material.solid, height=case.block.height, sides=sides, delta_max=depth, steps=planned
-        )
-    sizes = Guide(problem, depth, planned, passes=passes).sizes
-    unit = float(sizes[np.isfinite(sizes)].max())
-
-    def count(scale: float, most: float) -> int:
-        field = SizeField.on_cells(scale * sizes, growth(scale), widest(scale), periodic=sides == "periodic")
-        return dofs_of(field, case.mesh.refinements, case.block.height / surface.L, most)
-
-    def allowed(scale: float, most: float) -> tuple[float, int]:
-        return finest_within(scale, most, MOST_SCALE, lambda scale: count(scale, 4.0 * most))
-
-    wanted = first_scale(tolerance)
-    first, dofs = allowed(RATIO * wanted, most / LEAST_RATIO**DOFS_ORDER)  # room for the second mesh
-    if dofs > most:
+    path, tolerance, most = problem.load_path, goal.tolerance, min(goal.max_dofs, MOST_DOFS)
+    assert path.delta_max is not None and tolerance is not None
+    planned = planned_steps(path.steps)
+    problem = replace(problem, load_path=replace(path, steps=planned))
+    guide = Guide(problem, path.delta_max, planned, passes=passes)
+    family = MeshFamily(problem, path.delta_max, guide)
+    first, coarse = family.first(RATIO * first_scale(tolerance), most)
+    second, fine = family.next(first, RATIO, most)
+    if coarse > most:
         raise InputError(
-            f"accuracy.max_dofs = {most:g} is too small, a coarse mesh of this block has about {dofs} dofs: raise it, "
-            "or choose the mesh by mesh.h_contact"
+            f"accuracy.max_dofs = {most:g} is too small, a coarse mesh of this block has about {coarse} dofs: raise "
+            "it, or choose the mesh by mesh.h_contact"
         )
-    coarse, (second, fine) = dofs, allowed(min(wanted, first / RATIO), most)
-    if second > first / LEAST_STEP:
+    if first.min() < LEAST_STEP * second.min():
         raise InputError(
             f"accuracy.max_dofs = {most:g} is too small: the force would have no error bar, for meshes of about "
             f"{coarse} and {fine} dofs are nearly the same; raise it, or choose the mesh by mesh.h_contact"
         )
-    steps = partial(_steps, case, planned)
-    if plastic or sticks:
-        rule = step_rule(plastic, sticks, integrator)
+    parts, substeps = [1], 1
+    if problem.path_dependent:
+        rule = step_rule(problem)
         bars = {1: np.array([PATH_TRANSFER[rule] * planned ** -STEP_ORDERS[rule]])}
-        substeps = cheapest_substeps(bars, np.array([0.5 * tolerance]), tolerance, STEP_ORDERS[rule])
+        substeps = enough_substeps(bars, tolerance, STEP_ORDERS[rule])
         parts = [2**k for k in range(max(int(log2(substeps)), 1) + 1)]  # the first mesh measures the error of the steps
-    else:
-        parts, substeps = [1], 1
-    h_coarse, h = (min(scale * unit, widest(scale)) * surface.L for scale in (first, second))
-    plan = [*((h_coarse, coarse, steps(n)) for n in parts), (h, fine, steps(substeps))]
-    return plan, expected_bar(second), (passes + 1.0) * sizes.size * min(planned, MOST_STEPS)
+    plan = [(family.h(first), coarse, _steps(problem, n)) for n in parts]
+    plan.append((family.h(second), fine, _steps(problem, substeps)))
+    return plan, expected_bar(float(second.min())), (passes + 1.0) * guide.sizes.size * len(guide.delta_star)
 
 
 def _given_dofs(case: Case) -> int:
     return 0 if case.mesh.file is None else 3 * BlockMesh.read(case.mesh.file).counts()[0]
 
 
-def count_dofs(surface: Surface, case: Case, h_contact: float, most: float = inf, for_strain: bool = False) -> int:
-    """Dofs of the mesh of a case without a tolerance.
-
-    Args:
-        surface: of the case
-        case: the input
-        h_contact: element size [length]
-        most: number from which on they are not counted
-        for_strain: whether it is the coarse mesh that compares small and finite strain
-    """
-    assert case.loading.delta_max is not None
-    mesh = case.mesh
-    rate, h_max, refinements = (GROWTH, None, 0) if for_strain else (mesh.growth, mesh.h_max, mesh.refinements)
-    field = SizeField.of(
-        surface, case.loading.delta_max, h_contact, growth=rate, h_max=h_max, periodic=case.block.sides == "periodic"
+def _dofs(problem: Problem, size: MeshSize) -> int:
+    """Dofs of a mesh of given sizes, up to about MOST_DOFS."""
+    L, depth = problem.surface.L, problem.load_path.delta_max
+    assert depth is not None
+    return dofs_of(
+        size_field(problem.surface, depth, size, problem.sides), size.refinements, problem.height / L, MOST_DOFS
     )
-    return dofs_of(field, refinements, case.block.height / surface.L, most)
 
 
 def _seconds(rates: Rates, dofs: int, steps: int, finite: bool) -> float:

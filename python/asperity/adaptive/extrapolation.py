@@ -6,8 +6,9 @@ of the error of the load steps, of the waves that a mesh leaves out, and of the 
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from math import inf, nan
 from typing import Any
 
@@ -15,8 +16,8 @@ import numpy as np
 import numpy.typing as npt
 
 from asperity.adaptive.guide import Omission
-from asperity.adaptive.mesh_plan import AREA_ORDER, REACH, bar_share, weight
-from asperity.arrays import Floats
+from asperity.adaptive.mesh_plan import AREA_ORDER, LEAST_STEP, REACH, bar_share, weight
+from asperity.arrays import Floats, Indices
 from asperity.curve import WITH_ERRORS, Curve
 from asperity.errors import InputError
 from asperity.slope import SINGLE_CONTACT, slopes
@@ -81,41 +82,72 @@ class Along:
         return np.interp(delta_star, self.delta_star, self.value)
 
 
+@dataclass(frozen=True)
+class Coarser:
+    """The meshes that the finest one is extrapolated from, at its approaches along the first loading.
+
+    Attributes:
+        curves: of the meshes, without what their tops leave out and without the error of their load steps
+        missed: what their tops leave out
+        place: number of the mesh at each approach (n,)
+        ratio: its scale over that of the finest one (n,)
+    """
+
+    curves: Sequence[Curve]
+    missed: Sequence[Omission]
+    place: Indices
+    ratio: Floats
+
+    def at(self, of: Callable[[Curve], Floats]) -> Floats:
+        """What the curve of each mesh has at the approaches (n,), from its own mesh at each of them."""
+        found = np.empty(len(self.place))
+        for k in np.unique(self.place):
+            found[self.place == k] = of(self.curves[k])[self.place == k]
+        return found
+
+    def left_out(self, delta_star: Floats) -> Floats:
+        """Force that the tops leave out, relative, at the approaches (n,)."""
+        return np.choose(self.place, [missed.at(delta_star)[0] for missed in self.missed])
+
+    def unusable(self) -> str:
+        """Why there is no force to extrapolate from; empty where there is."""
+        if any(self.curves[k].untouched() for k in np.unique(self.place)):
+            return "no node is touched"
+        return "" if np.max(self.ratio) >= 0.999 * LEAST_STEP else "two meshes are nearly the same"
+
+    def unresolved(self) -> str:
+        """Why the force of one of the meshes has no error bar; empty where it has."""
+        return next((why for k in np.unique(self.place) if (why := self.curves[k].unresolved())), "")
+
+
 def correct(
-    fine: Curve,
-    coarse: Curve,
-    ratio: float,
-    judged: npt.NDArray[np.bool_],
-    path: Along,
-    algebraic: float,
-    missed: tuple[Omission, Omission],
+    fine: Curve, coarser: Coarser, judged: npt.NDArray[np.bool_], path: Along, algebraic: float, missed: Omission
 ) -> tuple[Curve, Budget]:
     """Extrapolated curve of the finest level with its error bars.
 
     Later branches start from the end of the first loading: their bars keep its size.
 
     Args:
-        fine, coarse: of the finest level and of the one to extrapolate from, without what their tops leave out and
-            without the error of their load steps
-        ratio: of their scales
+        fine: curve of the finest level, without what its top leaves out and without the error of its load steps
+        coarser: meshes to extrapolate from
         judged: rows whose bars are; those before have larger ones that say nothing about their neighbours
         path: relative error left of the load steps
         algebraic: relative error of the equations left unsolved
-        missed: what the tops of the two meshes leave out, the finer first
+        missed: what the top leaves out
     """
-    loading = fine.branch == "load"
+    loading, ratio = fine.branch == "load", coarser.ratio
     at = fine.delta_star[loading]
-    factor, spread = limit_of_meshes(loading_force(coarse, at), fine.P_star[loading], ratio, judged[loading])
+    before = coarser.at(lambda curve: loading_force(curve, at))
+    factor, spread = limit_of_meshes(before, fine.P_star[loading], ratio, judged[loading])
     curve = scaled(fine, factor)
     part = weight(ratio)
-    scatter = SCATTER * np.hypot((1.0 + part) * _open_area(fine, at), part * _open_area(coarse, at))
+    open_area = coarser.at(lambda curve: _open_area(curve, at))
+    scatter = SCATTER * np.hypot((1.0 + part) * _open_area(fine, at), part * open_area)
     mesh_bar = np.hypot(spread, scatter)
     rows = _rows_of_loading(loading)
-    of_fine, of_coarse = (o.at(at)[0] for o in missed)
-    rough_bar = OMITTED * np.hypot((1.0 + part) * of_fine, part * of_coarse)
-    before = coarse.loading()
+    rough_bar = OMITTED * np.hypot((1.0 + part) * missed.at(at)[0], part * coarser.left_out(at))
     area = fine.area_fraction[loading]
-    change = np.interp(at, before.delta_star, before.area_fraction) - area
+    change = coarser.at(lambda curve: np.interp(at, curve.loading().delta_star, curve.loading().area_fraction)) - area
     change = np.divide(change, area, out=np.zeros(len(at)), where=area > 0.0)
     change = _by_parts(steady, change, judged[loading])
     area_bar = curve.error_area_fraction + (change * area / (ratio**AREA_ORDER - 1.0))[rows]
@@ -146,43 +178,53 @@ def without_omission(curve: Curve, missed: Omission, compliance: float) -> Curve
     return replace(corrected, mean_gap=curve.mean_gap + compliance * (corrected.P_star - curve.P_star))
 
 
-def with_measures(fine: Curve, coarse: Curve, ratio: float, budget: Budget, compliance: float) -> Curve:
-    """A curve whose gap, stiffnesses and conductance are extrapolated from a coarser mesh, with their error bars.
+def with_measures(fine: Curve, coarser: Coarser, budget: Budget, compliance: float) -> Curve:
+    """A curve whose gap, stiffnesses and conductance are extrapolated from coarser meshes, with their error bars.
 
     At a given approach the mean gap is larger by the compression that belongs to an error of the force. A stiffness
     follows the size of the spots, whose edges cut the facets at random. The slope k_n is that of the corrected force,
     see `slope_bar`.
 
     Args:
-        fine, coarse: of the finest level and of the one to extrapolate from
-        ratio: of their scales
+        fine: curve of the finest level
+        coarser: meshes to extrapolate from
         budget: error bars of P*
         compliance: of the block, compression over P* [length]
     """
     loading = fine.branch == "load"
     at, rows = fine.delta_star[loading], _rows_of_loading(loading)
-    before = coarse.loading()
-    before = before.where(before.P_star > 0.0)
     edges = _open_area(fine, at)
     rest = budget.apart_from_mesh()
     share = np.divide(rest, fine.P_star, out=np.zeros(len(fine)), where=fine.P_star > 0.0)
-    # the sum with the approach changes slowly, and does not vanish where the gap closes
-    shift = {"mean_gap": (fine.delta, before.delta)}
     columns: dict[str, Any] = {"error_k_n": slope_bar(fine, budget, edges[rows])}
     for name in (name for name in WITH_ERRORS if name != "k_n"):
-        here, there = shift.get(name, (np.zeros(len(fine)), np.zeros(len(before))))
-        value, other = getattr(fine, name) + here, getattr(before, name) + there
-        if not len(before) or np.isnan(other).any() or not np.nanmax(value[loading], initial=0.0) > 0.0:
+        # the sum of gap and approach changes slowly, and does not vanish where the gap closes
+        gap = name == "mean_gap"
+        value = getattr(fine, name) + gap * fine.delta
+        before = coarser.at(partial(_touched, name=name, delta_star=at))
+        before = before + gap * coarser.at(partial(_touched, name="delta", delta_star=at))
+        if np.isnan(before).any() or not np.nanmax(value[loading], initial=0.0) > 0.0:
             continue
-        factor, bar = limit_of_meshes(np.interp(at, before.delta_star, other), value[loading], ratio)
+        factor, bar = limit_of_meshes(before, value[loading], coarser.ratio)
         factor = factor[rows]
-        columns[name] = value * factor - here
-        if name == "mean_gap":
+        columns[name] = value * factor - gap * fine.delta
+        if gap:
             of_mesh = np.maximum(bar[rows] * value * factor, compliance * budget.mesh)
             columns[f"error_{name}"] = of_mesh + compliance * rest
         else:
             columns[f"error_{name}"] = ((bar + edges)[rows] + share) * value * factor
     return replace(fine, **columns)
+
+
+def _touched(curve: Curve, name: str, delta_star: Floats) -> Floats:
+    """A column along the touched part of the first loading at given approaches; NaN where there is none."""
+    branch = curve.loading()
+    branch = branch.where(branch.P_star > 0.0)
+    return (
+        np.interp(delta_star, branch.delta_star, getattr(branch, name))
+        if len(branch)
+        else np.full(len(delta_star), np.nan)
+    )
 
 
 def slope_bar(curve: Curve, budget: Budget, edges: Floats) -> Floats:
@@ -230,17 +272,17 @@ def loading_force(curve: Curve, delta_star: Floats) -> Floats:
 
 
 def limit_of_meshes(
-    coarse: Floats, fine: Floats, ratio: float, judged: npt.NDArray[np.bool_] | None = None
+    coarse: Floats, fine: Floats, ratio: Floats | float, judged: npt.NDArray[np.bool_] | None = None
 ) -> tuple[Floats, Floats]:
     """Limit of a quantity along the loading over its value on the finer of two meshes, and the relative error bar.
 
     Error and order of a mesh change slowly with the load; where the edges of the contact cut facets, both meshes are
-    off by chance. The logarithm of the ratio of the two is therefore averaged over neighbouring steps. The bar holds
-    the orders in `mesh_plan.MESH_ORDERS`, and what the average changes.
+    off by chance. The logarithm of the error, of the order of the middle, is therefore averaged over neighbouring
+    steps. The bar holds the orders in `mesh_plan.MESH_ORDERS`, and what the average changes.
 
     Args:
         coarse, fine: values on the meshes, not negative (n,)
-        ratio: of their scales
+        ratio: of their scales, one number or (n,)
         judged: rows that are averaged among themselves; None for all
 
     Returns:
@@ -249,10 +291,10 @@ def limit_of_meshes(
     known = (coarse > 0.0) & (fine > 0.0)
     change = np.log(np.divide(coarse, fine, out=np.ones(len(fine)), where=known))
     judged = np.ones(len(fine), dtype=bool) if judged is None else judged
-    smooth = _by_parts(_average, change, judged)
-    bar, rest = (_by_parts(steady, part, judged) for part in (change, change - smooth))
-    factor = np.where(known, np.exp(-weight(ratio) * smooth), 1.0)
-    return factor, np.hypot(bar_share(ratio) * bar, weight(ratio) * rest)
+    error = weight(ratio) * change
+    smooth = _by_parts(_average, error, judged)
+    bar, rest = (_by_parts(steady, part, judged) for part in (bar_share(ratio) * change, error - smooth))
+    return np.where(known, np.exp(-smooth), 1.0), np.hypot(bar, rest)
 
 
 def steady(relative: Floats, reach: int = REACH) -> Floats:
@@ -291,19 +333,6 @@ def judged_rows(curve: Curve, steps: int) -> npt.NDArray[np.bool_]:
 def relative(bar: Floats, P_star: Floats) -> Floats:
     """Error bars over the force; unbounded where there is none."""
     return np.divide(bar, P_star, out=np.full(len(bar), inf), where=P_star > 0.0)
-
-
-def worst_error(curve: Curve, steps: int) -> float:
-    """Greatest relative error bar along the first loading in `steps` planned steps, from the first one's end on."""
-    judged = judged_rows(curve, steps)
-    return float(np.max(relative(curve.error_P_star[judged], curve.P_star[judged])))
-
-
-def worst_area_error(curve: Curve, steps: int) -> float:
-    """The same of the contact area; unbounded where its bar is not known."""
-    judged = judged_rows(curve, steps)
-    bars = relative(curve.error_area_fraction[judged], curve.area_fraction[judged])
-    return float(np.max(np.nan_to_num(bars, nan=inf)))
 
 
 def scaled(curve: Curve, factor: Floats) -> Curve:

@@ -22,6 +22,7 @@ from asperity.mesh.top import Top, heights_of_top
 from asperity.reference.halfspace import HARDNESS, RoughHalfSpace, cells_per_side
 
 if TYPE_CHECKING:
+    from asperity.model.material import Material
     from asperity.model.problem import Problem
 
 CELLS = 128, 720  # fewest and most per side
@@ -63,6 +64,7 @@ class Guide:
         passes: at most
 
     Attributes:
+        delta_star: approaches at which it is pressed (k,) [L]
         sizes: of elements of scale 1 at the cells of a grid, inf where the surface is not touched (n, n) [L]
     """
 
@@ -74,51 +76,71 @@ class Guide:
         L = self._surface.L
         # of a filtered map the pixels are shorter than the waves
         shortest = ELEMENTS * resolving_size(self._surface, depth, NEGLIGIBLE, L)
-        hardness = inf
-        if material.yield_strength is not None:
-            hardness = HARDNESS * material.yield_strength / material.reduced_modulus
         self._on_part = on_part
         self._summit = self._surface.maximum()[2] / L
-        self._delta_star = depth / L * np.linspace(1.0 / steps, 1.0, min(steps, MOST_STEPS))
+        self.delta_star = depth / L * np.linspace(1.0 / steps, 1.0, min(steps, MOST_STEPS))
         cells = PER_WAVE * L / max(self._surface.feature_size, shortest)
         for _ in range(passes):
             n = cells_per_side(float(np.clip(cells, *CELLS)))
-            self._layer = RoughHalfSpace(n, problem.height / L, material.nu, problem.sides, hardness)
+            self._layer = RoughHalfSpace(n, problem.height / L, material.nu, problem.sides, hardness(material))
             self._press_surface()
             cells = PER_SIZE / float(self.sizes.min())
             if n >= min(cells, CELLS[1]):
                 break
 
     def _press_surface(self) -> None:
-        layer, steps = self._layer, self._delta_star
+        layer, steps = self._layer, self.delta_star
         heights = layer.heights(self._surface)
         self.sizes = np.full(heights.shape, inf)
         self._pressures: list[Array] = []
+        self._elements: list[Array] = []  # per area, of each step: those of a spot go with its part of the error
         force, area = [], []
         for k, p in enumerate(layer.pressures(heights, self._summit, steps)):
-            early = (steps[k] / steps[-1]) ** EARLY
-            sizes = sizes_of_spots(p)
-            if not p.any():  # a spot between the centres of the cells
-                x, y, _ = self._surface.maximum()
-                row, column = (min(int(c / self._surface.L * layer.n), layer.n - 1) for c in (y, x))
-                sizes[row, column] = 0.5 / layer.n
-            self.sizes = np.minimum(self.sizes, early * sizes)
             force.append(float(p.mean()))
             area.append(layer.area(p))
             self._pressures.append(p.astype(np.single))
+            if not p.any():  # a spot between the centres of the cells
+                x, y, _ = self._surface.maximum()
+                row, column = (min(int(c / self._surface.L * layer.n), layer.n - 1) for c in (y, x))
+                p[row, column] = 1.0
+            sizes = sizes_of_spots(p)
+            self.sizes = np.minimum(self.sizes, (steps[k] / steps[-1]) ** EARLY * sizes)
+            self._elements.append((sizes**-2.0).astype(np.single))
             if self._on_part is not None:
                 self._on_part((k + 1) / len(steps))
         self._force, self._area = np.array(force), np.array(area)
 
+    def resolution(self, scale: Floats) -> Floats:
+        """Scale of a mesh at each step (k,), the root of the error of its spots; of one scale everywhere it is that.
+
+        Args:
+            scale: of the mesh at the cells (n, n)
+        """
+        return np.array([np.sqrt(np.average(scale**2, weights=elements)) for elements in self._elements])
+
+    def of_spots(self, finer: Floats | float) -> Floats:
+        """At each cell (n, n), the greatest of numbers of the steps (k,) at which it is in contact; 1 elsewhere."""
+        found = np.ones(self.sizes.shape)
+        for number, elements in zip(np.broadcast_to(finer, len(self._elements)), self._elements, strict=True):
+            found = np.where(elements > 0.0, np.maximum(found, number), found)
+        return found
+
     def left_out(self, top: Top) -> Omission:
         """What the top of a mesh leaves out; it changes little from step to step, and every other one is enough."""
-        heights, at = heights_of_top(top, self._surface, self._layer.n, nodal=True), self._delta_star
+        heights, at = heights_of_top(top, self._surface, self._layer.n, nodal=True), self.delta_star
         some = np.unique([0, *range(len(at) - 1, 0, -2)])
         starts = [self._pressures[k] for k in some]
         mesh = self._layer.curve(heights, self._summit, at[some], on_part=self._on_part, starts=starts)
         return Omission(
             at[some], _change(self._force[some], mesh.P_star), _change(self._area[some], mesh.area_fraction)
         )
+
+
+def hardness(material: Material) -> float:
+    """Greatest pressure of a half-space of a material over E', inf for an elastic one."""
+    if material.yield_strength is None:
+        return inf
+    return HARDNESS * material.yield_strength / material.reduced_modulus
 
 
 def _change(whole: Floats, part: Floats) -> Floats:

@@ -19,7 +19,7 @@ from asperity.adaptive.mesh_plan import (
     PATH_TRANSFER,
     STEP_ORDERS,
     STICK,
-    cheapest_substeps,
+    enough_substeps,
     extrapolate,
 )
 from asperity.arrays import Floats
@@ -87,7 +87,7 @@ def step_errors(forces: Mapping[int, Floats], rule: str) -> tuple[dict[int, Floa
 
 
 def choose_substeps(
-    run: LevelSolver, scale: float, steps: int, rule: str, goal: AccuracyTarget
+    run: LevelSolver, steps: int, rule: str, goal: AccuracyTarget
 ) -> tuple[ContactResult, LoadStepError]:
     """Solve on the first mesh for the error of the load steps, and choose the parts of each for the finer ones.
 
@@ -97,7 +97,6 @@ def choose_substeps(
 
     Args:
         run: solver of levels
-        scale: of the mesh
         steps: planned ones
         rule: see `mesh_plan.step_rule`
         goal: tolerance and limits
@@ -106,25 +105,23 @@ def choose_substeps(
         the result with the most parts, at least two, and the error; no more parts are chosen than these. If the
         greatest number of dofs allows no mesh that is touched, the result of the last one without an error
     """
-    result = run(scale)
-    while result.curve.untouched() and not run.limit(goal, scale / GREATEST_STEP, 2):
-        scale /= GREATEST_STEP  # heights smoothed for large elements may lie below the flat
-        result = run(scale)
+    result = run(1.0)
+    while result.curve.untouched() and not run.limit(goal, GREATEST_STEP, 2):
+        result = run(GREATEST_STEP)  # heights smoothed for large elements may lie below the flat
     if result.curve.untouched():
         return result, LoadStepError.none("no mesh that measures its load steps is touched")
     # a coarse mesh of a rough surface is touched late: a row without a force has no error of its own
     judged = judged_rows(result.curve, steps)
     at = result.curve.delta_star[judged & (result.curve.P_star > 0.0)]
     P, n = {1: loading_force(result.curve, at)}, 1
-    mesh = np.full(len(at), 0.5 * goal.tolerance)  # what the finer mesh is planned for
     while True:
         n *= 2
         del result
-        result = run(run.scales[-1], n)
+        result = run(substeps=n)
         P[n] = loading_force(result.curve, at)
         errors, bars = step_errors(P, rule)
-        chosen = cheapest_substeps(bars, mesh, goal.tolerance, STEP_ORDERS[rule])
-        stopped = run.limit(goal, run.scales[-1], 2 * n) if chosen > n else ""
+        chosen = enough_substeps(bars, goal.tolerance, STEP_ORDERS[rule])
+        stopped = run.limit(goal, substeps=2 * n) if chosen > n else ""
         if stopped or chosen <= n:
             correction, bar = ({k: Along(at, v) for k, v in of.items()} for of in (errors, bars))
             return result, LoadStepError(correction, bar, min(chosen, n), stopped)

@@ -9,23 +9,21 @@ import numpy as np
 
 from asperity.adaptive.extrapolation import (
     Budget,
+    Coarser,
     correct,
     judged_rows,
     relative,
     with_measures,
     without_omission,
-    worst_area_error,
-    worst_error,
 )
-from asperity.adaptive.guide import Guide, Omission
+from asperity.adaptive.guide import Omission
 from asperity.adaptive.load_step_error import LoadStepError
 from asperity.adaptive.mesh_levels import LevelSolver
-from asperity.adaptive.mesh_plan import GREATEST_STEP, LEAST_STEP, next_scale, partner, scale_for_area
-from asperity.contact.contact_surface import gather_top
+from asperity.adaptive.mesh_plan import GREATEST_STEP, MARGIN, MOST_MESHES, partner, refinement, refinement_for_area
+from asperity.arrays import Flags, Floats
 from asperity.curve import Curve
 from asperity.model.settings import AccuracyTarget
 from asperity.quasistatic.contact_result import ContactResult
-from asperity.runtime.parallel import on_root_bcast
 from asperity.units import per_cent
 
 
@@ -37,19 +35,17 @@ class Judgement:
         curve: of the last level, extrapolated, with error bars; as computed and without them when it has none
         budget: parts of the error bars
         worst, worst_area: greatest relative bars of force and area that are judged, NaN without one
-        met: whether they are within the tolerances
-        known: how well the force is known, a clause
-        scale: of the next level
-        limit: why there is no next level; empty when there may be one
+        known: how well the force is known, a clause; empty where the tolerances are met
+        finer: the next mesh than the last one, at the approaches of the guide (k,)
+        limit: why there is no next mesh; empty when there may be one
     """
 
     curve: Curve
     budget: Budget
     worst: float
     worst_area: float
-    met: bool
     known: str
-    scale: float
+    finer: Floats
     limit: str
 
 
@@ -61,20 +57,17 @@ class MeshErrorEstimate:
         goal: tolerance and limits
         steps: planned ones
         path: error of the load steps
-        guide: half-space with all waves, on rank 0
     """
 
-    def __init__(
-        self, run: LevelSolver, goal: AccuracyTarget, steps: int, path: LoadStepError, guide: Guide | None
-    ) -> None:
-        self._run, self._goal, self._steps, self._path, self._guide = run, goal, steps, path, guide
-        self._scales: list[float] = []
+    def __init__(self, run: LevelSolver, goal: AccuracyTarget, steps: int, path: LoadStepError) -> None:
+        self._run, self._goal, self._steps, self._path = run, goal, steps, path
+        self._scales: list[Floats] = []
         self._curves: list[Curve] = []
         self._missed: list[Omission] = []
 
     def add(self, result: ContactResult) -> Curve:
         """Take up the result of the last level; its curve without what its top leaves out and the load steps do."""
-        missed = self._left_out(result)
+        missed = self._run.left_out(result)
         curve = self._path.removed(result.curve, self._run.levels[-1].substeps)
         if not curve.untouched():
             curve = without_omission(curve, missed, self._run.compliance)
@@ -89,45 +82,64 @@ class MeshErrorEstimate:
         Args:
             result: of this level
         """
-        run, goal, path = self._run, self._goal, self._path
-        curve, scales, substeps = self.add(result), self._scales, run.levels[-1].substeps
-        place = partner(scales)
-        coarse = self._curves[place]
-        ratio = scales[place] / scales[-1]
+        run, path = self._run, self._path
+        curve, bar_of_steps = self.add(result), path.bar[run.levels[-1].substeps]
         judged, algebraic = judged_rows(result.curve, self._steps), result.checks.unsolved
-        unresolved = "no node is touched" if curve.untouched() or coarse.untouched() else path.unknown
+        coarser = self._coarser(curve.loading().delta_star)
+        unresolved = "no node is touched" if curve.untouched() else coarser.unusable() or path.unknown
         if not unresolved:
-            missed = self._missed[-1], self._missed[place]
-            curve, budget = correct(curve, coarse, ratio, judged, path.bar[substeps], algebraic, missed)
-            curve = with_measures(curve, coarse, ratio, budget, run.compliance)
-            unresolved = curve.unresolved() or coarse.unresolved()
-
-        room = (goal.max_dofs / result.dofs) ** (1.0 / run.growth_of_dofs())
+            curve, budget = correct(curve, coarser, judged, bar_of_steps, algebraic, self._missed[-1])
+            curve = with_measures(curve, coarser, budget, run.compliance)
+            unresolved = curve.unresolved() or coarser.unresolved()
         if unresolved:
             # by a single node the force grows with its size, and the difference of two meshes is no error
-            worst, area, wanted, limit = nan, nan, scales[-1] / GREATEST_STEP, ""
-            known = f"the force has no error bar, {unresolved}"
-            curve = replace(result.curve, error_P_star=np.full(len(curve), nan))
-            budget = Budget.unknown(len(curve))
+            curve = replace(result.curve, error_P_star=np.full(len(result.curve), nan))
+            found = Judgement(
+                curve, Budget.unknown(len(curve)), nan, nan, f"the force has no error bar, {unresolved}",
+                np.full(len(run.delta_star), GREATEST_STEP), "",
+            )  # fmt: skip
         else:
-            worst, area = worst_error(curve, self._steps), worst_area_error(curve, self._steps)
-            known = self._known(worst, area)
-            of_steps = path.bar[path.substeps].at(curve.delta_star[judged])
-            mesh = relative(np.hypot(budget.mesh, budget.roughness)[judged], curve.P_star[judged])
-            wanted_bar = max(goal.tolerance - algebraic, 0.0)
-            left = np.sqrt(np.maximum(wanted_bar**2 - of_steps**2, (0.1 * goal.tolerance) ** 2))  # for the mesh
-            wanted = next_scale(scales, float(np.max(mesh / left)))
-            limit = "" if worst <= goal.tolerance else self._limit(algebraic, float(of_steps.max()))
-            if goal.area_tolerance is not None:
-                for_area = scale_for_area(scales[-1], area, goal.area_tolerance)
-                wanted = for_area if worst <= goal.tolerance else min(wanted, for_area)
-        scale = max(wanted, scales[-1] / max(room, LEAST_STEP))
-        if not known:
-            return Judgement(curve, budget, worst, area, True, known, scale, "")
-        limit = limit or run.limit(goal, wanted if room < LEAST_STEP else scale, path.substeps)
-        if limit and run.misses_waves(goal.tolerance):
+            found = self._judged(curve, budget, judged, algebraic)
+        if not found.known:
+            return found
+        limit = found.limit or self._limit(found.finer)
+        if limit and run.misses_waves(self._goal.tolerance):
             limit += "; waves shorter than the elements limit it too: cut them off (asperity check tries cut-offs)"
-        return Judgement(curve, budget, worst, area, False, known, scale, limit)
+        return replace(found, limit=limit)
+
+    def _coarser(self, delta_star: Floats) -> Coarser:
+        """Meshes to extrapolate the last one from, at approaches (n,)."""
+        scales = np.array([np.interp(delta_star, self._run.delta_star, scale) for scale in self._scales])
+        place = partner(scales)
+        ratio = np.take_along_axis(scales, place[None], axis=0)[0] / scales[-1]
+        return Coarser(self._curves[:-1], self._missed[:-1], place, ratio)
+
+    def _judged(self, curve: Curve, budget: Budget, judged: Flags, algebraic: float) -> Judgement:
+        """The judgement on a curve with error bars, and how much finer the next mesh is at each step."""
+        goal = self._goal
+        at, P = curve.delta_star[judged], curve.P_star[judged]
+        area: Floats = relative(curve.error_area_fraction[judged], curve.area_fraction[judged])
+        area = np.where(np.isnan(area), inf, area)
+        worst, worst_area = (float(np.max(bars)) for bars in (relative(curve.error_P_star[judged], P), area))
+        of_steps = self._path.bar[self._path.substeps].at(at)
+        left = np.sqrt(
+            np.maximum((goal.tolerance - algebraic) ** 2 - of_steps**2, ((1.0 - MARGIN) * goal.tolerance) ** 2)
+        )
+        bars = relative(np.hypot(budget.mesh, budget.roughness)[judged], P) / left
+        scales, excess = np.array(self._scales), self._at_guide(at, bars)
+        finer = np.array([refinement(scales[:, k], float(excess[k])) for k in range(len(excess))])
+        if goal.area_tolerance is not None:
+            for_area = refinement_for_area(self._at_guide(at, area), goal.area_tolerance)
+            finer = for_area if worst <= goal.tolerance else np.maximum(finer, for_area)
+        limit = "" if worst <= goal.tolerance else self._unreachable(algebraic, float(of_steps.max()))
+        return Judgement(curve, budget, worst, worst_area, self._known(worst, worst_area), finer, limit)
+
+    def _at_guide(self, delta_star: Floats, bars: Floats) -> Floats:
+        """Greatest of bars at some approaches (n,) up to each of the guide, from the one before on (k,)."""
+        found = np.zeros(len(self._run.delta_star))
+        place = np.searchsorted(self._run.delta_star, 0.999 * delta_star)
+        np.maximum.at(found, np.minimum(place, len(found) - 1), bars)
+        return found
 
     def _known(self, worst: float, area: float) -> str:
         """How well force or area are known, a clause; empty where both meet their tolerances."""
@@ -147,24 +159,19 @@ class MeshErrorEstimate:
             "accuracy.area_tolerance"
         )
 
-    def _left_out(self, result: ContactResult) -> Omission:
-        """What the top of a mesh leaves out; collective."""
-        run = self._run
-        top = gather_top(result.solver.contact_surface, run.height / run.side)
+    def _limit(self, finer: Floats) -> str:
+        """Why there is no next mesh; empty where there may be one."""
+        if len(self._curves) == MOST_MESHES:
+            return f"a run takes {MOST_MESHES} meshes at most"
+        return self._run.limit(self._goal, finer, self._path.substeps)
 
-        def left_out() -> Omission:
-            assert self._guide is not None and top is not None
-            return self._guide.left_out(top)
-
-        return on_root_bcast(run.comm, left_out)
-
-    def _limit(self, algebraic: float, of_steps: float) -> str:
+    def _unreachable(self, algebraic: float, of_steps: float) -> str:
         """Why no mesh meets the tolerance; empty when one may.
 
         Args:
             algebraic, of_steps: relative error bars of the equations and of the load steps
         """
-        if algebraic + of_steps <= 0.9 * self._goal.tolerance:
+        if algebraic + of_steps <= MARGIN * self._goal.tolerance:
             return ""
         if algebraic > of_steps:
             return f"{algebraic:.2g} is left by the equations, lower solver.rtol or raise accuracy.tolerance"

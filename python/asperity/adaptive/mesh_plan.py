@@ -7,13 +7,18 @@ that the ends of a range of orders give, and half their distance is its error ba
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
+from math import ceil, log2
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from asperity.arrays import Floats
+from asperity.arrays import Floats, Indices
 from asperity.model.load_path import BACKWARD_EULER, MIDPOINT
 from asperity.model.settings import H_MAX
+
+if TYPE_CHECKING:
+    from asperity.model.problem import Problem
 
 MESH_ORDERS = (1.7, 2.1)  # range of the order of the force in the scale (docs/accuracy.md)
 MESH_ORDER = sum(MESH_ORDERS) / 2.0  # typical one, to plan with
@@ -21,8 +26,8 @@ AREA_ORDER = 1.5  # of the bar of the contact area, that of the edges of spots (
 RATIO = 2.0  # of the first two scales
 LEAST_STEP, GREATEST_STEP = 1.25, 3.0  # from one scale to the next
 LEAST_RATIO = RATIO / LEAST_STEP  # of two scales: below it scatter hides the order
+MOST_MESHES = 4  # of a run
 TYPICAL_BAR = 0.018  # relative, that two meshes of the scales RATIO and 1 give at the worst step
-FINEST = 0.3  # scale of a second mesh: what takes less, the bar of a coarser one shows first
 GROWTH = 0.5  # growth of the element size around the contact at scale 1; it goes with the root of the scale
 MOST_SCALE = 8.0  # of a first mesh: its elements are larger than the spots, and few are left to save
 MARGIN = 0.9  # part of a limit, such as the tolerance, that is planned for
@@ -36,18 +41,14 @@ MOST_SUBSTEPS = 32
 REACH = 2  # steps to either side that support the bar of a step: two meshes agree by chance at one approach
 
 
-def step_rule(plastic: bool, sticks: bool, integrator: str) -> str:
+def step_rule(problem: Problem) -> str:
     """What the error of the load steps follows: the rule of plasticity, or that of stick, whose order is lower.
-
-    Args:
-        plastic: whether the solid yields
-        sticks: whether the points in contact stick
-        integrator: of plasticity
 
     Returns:
         key of STEP_ORDERS
     """
-    return STICK if sticks and not (plastic and integrator == BACKWARD_EULER) else integrator
+    integrator, sticks = problem.load_path.integrator, problem.formulation.sticks
+    return STICK if sticks and not (problem.material.plastic and integrator == BACKWARD_EULER) else integrator
 
 
 def planned_steps(steps: int) -> int:
@@ -96,23 +97,24 @@ def extrapolate(coarse: Floats, fine: Floats, ratio: float, order: float) -> tup
     return fine - error, error
 
 
-def weight(ratio: float) -> float:
+def weight(ratio: Floats | float) -> Floats:
     """Error of the finer of two meshes over their difference; its mean for the range of orders."""
-    return float(np.mean([1.0 / (ratio**p - 1.0) for p in MESH_ORDERS]))
+    return np.mean([1.0 / (ratio**p - 1.0) for p in MESH_ORDERS], axis=0)
 
 
-def bar_share(ratio: float) -> float:
+def bar_share(ratio: Floats | float) -> Floats:
     """Error bar of the limit of two meshes over their difference; half of what the range of orders leaves open."""
     low, high = (1.0 / (ratio**p - 1.0) for p in MESH_ORDERS)
-    return 0.5 * (low - high)
+    return np.asarray(0.5 * (low - high))
 
 
 def first_scale(tolerance: float) -> float:
     """Scale of the second mesh, which usually meets a tolerance of the force with the first, RATIO times coarser.
 
-    At most 1: where elements are larger than the spots, those of single elements agree by chance.
+    At most 1: where elements are larger than the spots, those of single elements agree by chance. What takes a smaller
+    one than 1/GREATEST_STEP, the bar of that one shows first.
     """
-    return float(np.clip((MARGIN * tolerance / TYPICAL_BAR) ** (1.0 / MESH_ORDER), FINEST, 1.0))
+    return float(np.clip((MARGIN * tolerance / TYPICAL_BAR) ** (1.0 / MESH_ORDER), 1.0 / GREATEST_STEP, 1.0))
 
 
 def expected_bar(scale: float) -> float:
@@ -120,68 +122,62 @@ def expected_bar(scale: float) -> float:
     return TYPICAL_BAR * scale**MESH_ORDER
 
 
-def next_scale(scales: Sequence[float], excess: float) -> float:
-    """Scale of the next mesh, whose bar is expected to be MARGIN times the wanted one; one mesh away at most.
+def refinement(scales: Floats, excess: float) -> float:
+    """How much finer the next mesh is, for its bar to be MARGIN times the wanted one; 1 where this one's is enough.
 
     Args:
         scales: of the meshes so far
         excess: bar of the last one over the wanted bar
     """
-    last, place = scales[-1], partner(scales)
-    error = excess / _bar_of_error(scales[place] / last)
+    if excess <= 1.0:
+        return 1.0
+    last, error = scales[-1], excess / _bar_of_error(scales[partner(scales)] / scales[-1])
     for step in np.linspace(LEAST_STEP, GREATEST_STEP, 100):
-        new = [*scales, last / step]
+        new = np.append(scales, last / step)
         if error * step**-MESH_ORDER * _bar_of_error(new[partner(new)] / new[-1]) <= MARGIN:
             break
-    return float(last / step)
+    return float(step)
+
+
+def refinement_for_area(bars: Floats, wanted: float) -> Floats:
+    """The same for the contact area (k,), whose bar does not depend on the meshes before.
+
+    Args:
+        bars: relative error bars of the last mesh (k,)
+        wanted: requested one
+    """
+    excess = bars / wanted
+    step = np.clip((excess / MARGIN) ** (1.0 / AREA_ORDER), LEAST_STEP, GREATEST_STEP)
+    return np.where(excess <= 1.0, 1.0, step)
 
 
 def _bar_of_error(ratio: float) -> float:
     """Error bar of two meshes over the error of the finer one, when it has the typical order."""
-    return bar_share(ratio) * (ratio**MESH_ORDER - 1.0)
+    return float(bar_share(ratio) * (ratio**MESH_ORDER - 1.0))
 
 
-def scale_for_area(scale: float, bar: float, wanted: float) -> float:
-    """Scale of a mesh that has the wanted bar of the contact area, one mesh away at most.
-
-    Args:
-        scale: of the last mesh
-        bar: relative error bar of the area on it
-        wanted: relative error bar requested
-    """
-    ratio = (bar / (MARGIN * wanted)) ** (1.0 / AREA_ORDER)
-    return scale if bar <= wanted else scale / float(np.clip(ratio, LEAST_STEP, GREATEST_STEP))
-
-
-def partner(scales: Sequence[float]) -> int:
+def partner(scales: Floats) -> Indices:
     """Place of the mesh to extrapolate the last one from: the nearest coarser by LEAST_RATIO, or the first.
 
     Args:
-        scales: of all meshes
+        scales: of all meshes (m, ...), such as at the rows of a curve
     """
-    return max((k for k, s in enumerate(scales[:-1]) if s >= 0.999 * LEAST_RATIO * scales[-1]), default=0)
+    enough = scales[:-1] >= 0.999 * LEAST_RATIO * scales[-1]
+    return np.where(enough.any(axis=0), len(enough) - 1 - np.argmax(enough[::-1], axis=0), 0)
 
 
-def cheapest_substeps(bars: Mapping[int, Floats], mesh: Floats, tolerance: float, order: float) -> int:
-    """Equal parts of each load step with which the tolerance is met at the least cost: more leave more to the mesh.
+def enough_substeps(bars: Mapping[int, Floats], tolerance: float, order: float) -> int:
+    """Fewest equal parts of each load step that meet a part of the tolerance; the mesh takes half of it.
 
     Args:
-        bars: relative error bars of the load steps at some approaches (n,), by their parts; of more parts than the
-            last, they are taken to fall with the order
-        mesh: relative error bars of the mesh there (n,)
+        bars: relative error bars of the load steps at some approaches (n,), by their parts, which are powers of 2
         tolerance: relative error bar requested
-        order: of the error in the step
+        order: of the bars in the step, by which those of more parts follow from the last
 
     Returns:
-        the parts; the most of `bars` when no number would do
+        the parts; the most of `bars` when no number up to MOST_SUBSTEPS would do
     """
-    last = max(bars)
-    known = dict(bars)
-    while 2 * max(known) <= MOST_SUBSTEPS:
-        known[2 * max(known)] = bars[last] * (2 * max(known) / last) ** -order
-    costs = {}
-    for n, bar in known.items():
-        if np.all(bar < 0.9 * tolerance):
-            finer = max(float(np.max(mesh / np.sqrt(tolerance**2 - bar**2))), 1.0)
-            costs[n] = n * finer ** (DOFS_ORDER / MESH_ORDER)
-    return min(costs, key=lambda n: costs[n], default=last)
+    excess = {n: float(np.max(bar)) / (MARGIN * tolerance) for n, bar in bars.items()}
+    most = max(bars)
+    more = most * 2 ** max(ceil(log2(max(excess[most], 1.0)) / order), 1)
+    return next((n for n in sorted(excess) if excess[n] < 1.0), more if more <= MOST_SUBSTEPS else most)

@@ -17,7 +17,7 @@ import numpy as np
 
 from asperity.adaptive.extrapolation import judged_rows, loading_force
 from asperity.adaptive.guide import CELLS, PER_WAVE
-from asperity.adaptive.mesh_plan import COARSER, GROWTH, size_for_strain
+from asperity.adaptive.mesh_plan import COARSER, GROWTH, MOST_MESHES, size_for_strain
 from asperity.arrays import Floats
 from asperity.curve import Curve
 from asperity.errors import Interrupted, MeshError
@@ -39,7 +39,7 @@ if TYPE_CHECKING:
 
 SHARE = 1.0 / 3.0  # of the tolerance that small strain may change
 ONE_MESH = 0.01  # change of the force accepted without a tolerance
-ATTEMPTS, MOST_DOFS = 4, 30_000  # coarse meshes tried where one shows nothing, and their greatest size
+MOST_DOFS = 30_000  # of a coarse mesh, tried where coarser ones show nothing
 DIGITS = 4  # of the per cent, so that ranks, which sum in another order, do not change the choice
 
 
@@ -143,7 +143,7 @@ def choose_kinematics(
     comm, hooks = MPI.COMM_WORLD if comm is None else comm, hooks or Hooks()
     limit = 100.0 * (ONE_MESH if tolerance is None else SHARE * tolerance)
     found = None
-    for found in islice(_comparisons(problem, tolerance, limit, comm, hooks), ATTEMPTS):
+    for found in islice(_comparisons(problem, tolerance, limit, comm, hooks), MOST_MESHES):
         if not found.reason or found.dofs * COARSER > MOST_DOFS:
             break
     assert found is not None

@@ -206,17 +206,15 @@ def refine(
         depth = estimate_approach(planned, comm)
     hooks.stage("half-space with all waves")
     guide = on_root(comm, partial(Guide, planned, depth, steps, hooks.on_part))
-    run = LevelSolver(planned, depth, None if guide is None else guide.sizes, target.max_dofs, comm, hooks)
-    finer = first_scale(target.tolerance)
+    run = LevelSolver(planned, depth, guide, RATIO * first_scale(target.tolerance), target.max_dofs, comm, hooks)
     if problem.path_dependent:
-        rule = step_rule(problem.material.plastic, problem.formulation.sticks, problem.load_path.integrator)
-        result, path = choose_substeps(run, RATIO * finer, steps, rule, target)
+        result, path = choose_substeps(run, steps, step_rule(problem), target)
     else:
-        result, path = run(RATIO * finer), LoadStepError.none()
-    estimate = MeshErrorEstimate(run, target, steps, path, guide)
+        result, path = run(1.0), LoadStepError.none()
+    estimate = MeshErrorEstimate(run, target, steps, path)
     estimate.add(result)
     result.solver.drop_matrices()
-    result = run(min(finer, run.scales[-1] / RATIO), path.substeps)
+    result = run(RATIO, path.substeps)
     while True:
         with suppress(Interrupted):  # this mesh is judged first; the next one is not begun
             hooks.stage("half-space with the top of the mesh")
@@ -234,13 +232,13 @@ def refine(
             True,
             "done",
         )
-        if found.met:
+        if not found.known:
             return accurate
         if found.limit:
             return replace(accurate, met=False, reason=f"{found.known}: {found.limit}")
         result.solver.drop_matrices()  # room for the next mesh; its state stays, in case that mesh fails
         try:
-            result = run(found.scale, path.substeps)
+            result = run(found.finer, path.substeps)
         except (PartialResult, Interrupted, MeshError) as e:
             if isinstance(stop := e.__cause__ or e, Interrupted):
                 raise PartialResult(str(e), replace(result, curve=found.curve)) from stop

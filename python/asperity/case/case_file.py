@@ -140,10 +140,13 @@ class Case(Input):
         """The surface that [surface] describes, made once."""
         return self.surface.built
 
-    def problem(self) -> Problem:
+    def problem(self, surface: Surface | None = None) -> Problem:
         """The contact problem of the case: here a case is judged, for commands, scripts, studies and tests alike.
 
         Warns (CaseWarning) of values that are legal but improbable, or not used.
+
+        Args:
+            surface: in place of that of the case
 
         Raises:
             InputError: anything that can be found without meshing or solving
@@ -152,7 +155,8 @@ class Case(Input):
             raise InputError(
                 "mesh.file cannot go with accuracy.tolerance, which chooses the mesh: leave one of them out"
             )
-        surface, loading, mesh, solver = self.build_surface(), self.loading, self.mesh, self.solver
+        surface = self.build_surface() if surface is None else surface
+        loading, mesh, solver = self.loading, self.mesh, self.solver
         for text in self.warnings():
             warnings.warn(text, CaseWarning, stacklevel=2)
         return Problem.of(

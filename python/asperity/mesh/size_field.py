@@ -11,7 +11,7 @@ import numpy as np
 from scipy.ndimage import distance_transform_edt, minimum_filter
 
 from asperity.arrays import Flags, Floats
-from asperity.model.settings import H_MAX, WIDEST_JOINED
+from asperity.model.settings import H_CONTACT, H_MAX, WIDEST_JOINED, MeshSize
 from asperity.runtime.compiled import solver as _solver
 
 if TYPE_CHECKING:
@@ -130,6 +130,22 @@ class SizeField:
         """Size [L] at (x, y) and a depth below the mean plane of the top [L]; compiled, since gmsh calls it often."""
         arrays = self.sizes, self.distances, self.window
         return _solver.SizeField(*arrays, self.growth, self.h_max, self.periodic).at
+
+
+def size_field(surface: Surface, delta_max: float, size: MeshSize, sides: str) -> SizeField:
+    """Element sizes of a block.
+
+    Args:
+        delta_max: approach the mesh is made for [length]
+        size: requested ones
+        sides: of the block
+    """
+    periodic = sides == "periodic"
+    if size.cells is not None:
+        most = None if size.h_max is None else size.h_max / surface.L
+        return SizeField.on_cells(np.asarray(size.cells / surface.L), size.growth, most, periodic)
+    h = H_CONTACT * surface.L if size.h_contact is None else size.h_contact
+    return SizeField.of(surface, delta_max, h, size.growth, size.h_max, periodic)
 
 
 def _distances(reached: Flags, periodic: bool) -> Floats:

@@ -4,18 +4,16 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-import numpy as np
-
 from asperity.contact.contact_surface import ContactSurface
 from asperity.contact.make import make_contact
 from asperity.fem.solid import Solid
 from asperity.mesh.block import BlockMesh
 from asperity.mesh.distribute import check_distortion, distribute
 from asperity.mesh.generate import build_block
-from asperity.mesh.size_field import SizeField
+from asperity.mesh.size_field import size_field
 from asperity.model.material import Material
 from asperity.model.problem import Problem
-from asperity.model.settings import H_CONTACT, MEAN, POINT, Formulation, MeshSize, SolverOptions
+from asperity.model.settings import MEAN, POINT, Formulation, MeshSize, SolverOptions
 from asperity.quasistatic.contact_solver import ContactSolver
 from asperity.runtime.parallel import on_root, on_root_bcast
 from asperity.runtime.timing import Phases
@@ -45,16 +43,6 @@ def make_block(
         return build_block(surface, height, coarse.at, field.periodic, size.refinements)
 
     return on_root(comm, build)
-
-
-def size_field(surface: Surface, delta_max: float, size: MeshSize, sides: str) -> SizeField:
-    """Element sizes of a block, arguments as of `make_block`."""
-    periodic = sides == "periodic"
-    if size.cells is not None:
-        most = None if size.h_max is None else size.h_max / surface.L
-        return SizeField.on_cells(np.asarray(size.cells / surface.L), size.growth, most, periodic)
-    h = H_CONTACT * surface.L if size.h_contact is None else size.h_contact
-    return SizeField.of(surface, delta_max, h, size.growth, size.h_max, periodic)
 
 
 def make_contact_solver(
