@@ -13,10 +13,11 @@ import asperity as asp
 from asperity.adaptive.extrapolation import SCATTER, Along, Coarser, correct, without_omission
 from asperity.adaptive.guide import Guide, Omission
 from asperity.adaptive.mesh_levels import LevelSolver
-from asperity.adaptive.mesh_plan import weight
+from asperity.adaptive.mesh_plan import partner, weight
 from asperity.adaptive.solve_contact import solve_contact
 from asperity.adaptive.solve_to_tolerance import refine
 from asperity.adaptive.spots import sizes_of_spots
+from asperity.arrays import Floats
 from asperity.curve import Curve
 from asperity.errors import Interrupted
 from asperity.mesh.generate import build_block
@@ -148,7 +149,7 @@ def rows(factor: float, error: float) -> Curve:
 
 def coarser(curve: Curve, missed: Omission) -> Coarser:
     """One mesh twice as coarse."""
-    return Coarser([curve], [missed], np.zeros(3, dtype=int), np.full(3, 2.0))
+    return Coarser([curve], [missed], np.zeros(3, dtype=int), np.full(3, 2.0), np.ones(3))
 
 
 def test_few_elements_in_the_spots_have_a_wider_bar() -> None:
@@ -188,6 +189,27 @@ def test_two_errors_of_opposite_sign_that_cancel_are_told_apart() -> None:
     found, budget = correct(fine, coarser(coarse, missed[0]), np.ones(3, dtype=bool), steps, 0.0, missed[1])
     assert np.all(np.abs(found.P_star / at - 1.0) < 0.005)
     assert np.all(np.abs(found.P_star / at - 1.0) < budget.total / at) and np.all(budget.roughness > 0.0)
+
+
+def test_each_step_is_extrapolated_from_a_mesh_that_is_coarser_there() -> None:
+    """The last mesh is finer at the first steps only, the meshes before are everywhere; all err as scale^1.9."""
+    at, later = np.linspace(0.002, 0.02, 10), np.arange(10) > 4
+    scales = np.array([np.full(10, 2.0), np.ones(10), np.where(later, 0.95, 0.5)])
+
+    def curve(forces: Floats) -> Curve:
+        each = {"area_fraction": 0.01, "error_area_fraction": 0.0}
+        pairs = zip(at, forces, strict=True)
+        return Curve.from_rows([{"delta": d, "delta_star": d, "force": P, "P_star": P, **each} for d, P in pairs])
+
+    coarsest, coarse, fine = (curve(P) for P in at * np.exp(0.02 * scales**1.9))
+    place, nothing = partner(scales), Omission(at, np.zeros(10), np.zeros(10))
+    assert list(place) == [1] * 5 + [0] * 5
+    ratio = np.choose(place, scales[:-1]) / scales[-1]
+    steps = Along(np.array([0.0]), np.zeros(1))
+    pair = Coarser([coarsest, coarse], [nothing, nothing], place, ratio, scales[-1])
+    found, budget = correct(fine, pair, np.ones(10, dtype=bool), steps, 0.0, nothing)
+    error = np.abs(found.P_star / at - 1.0)
+    assert np.all(error <= budget.total / at) and np.max(error) < 5e-4 and np.all((budget.total / at)[~later] < 0.002)
 
 
 def test_a_stop_while_a_mesh_is_judged_keeps_its_curve() -> None:

@@ -297,6 +297,14 @@ def test_limit_ends_the_refinement_with_what_is_known() -> None:
     assert 80_000 / LEAST_STEP**DOFS_ORDER < sizes[-1] <= 80_000 and len(sizes) >= 3
 
 
+def test_a_run_ends_with_its_last_mesh(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("asperity.adaptive.mesh_error.MOST_MESHES", 2)
+    sphere = asp.Surface.from_spec(kind="sphere", L=1.0, radius=3.0, centre=(0.3, 0.4))
+    result = solve_to_tolerance(sphere, ELASTIC, AccuracyTarget(2e-3), delta_max=0.01, steps=5)
+    assert not result.met and len(result.levels) == 2 and np.all(np.isfinite(result.curve.error_P_star))
+    assert "accuracy.tolerance: a run takes 2 meshes at most" in result.reason
+
+
 def test_a_mesh_that_does_not_converge_leaves_the_curve_of_the_one_before(monkeypatch: pytest.MonkeyPatch) -> None:
     curves: list[Curve] = []
     solvers: list[ContactSolver] = []

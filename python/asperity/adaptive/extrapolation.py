@@ -16,7 +16,7 @@ import numpy as np
 import numpy.typing as npt
 
 from asperity.adaptive.guide import Omission
-from asperity.adaptive.mesh_plan import AREA_ORDER, LEAST_STEP, REACH, bar_share, weight
+from asperity.adaptive.mesh_plan import AREA_ORDER, LEAST_STEP, MESH_ORDER, REACH, bar_share, weight
 from asperity.arrays import Floats, Indices
 from asperity.curve import WITH_ERRORS, Curve
 from asperity.errors import InputError
@@ -91,12 +91,14 @@ class Coarser:
         missed: what their tops leave out
         place: number of the mesh at each approach (n,)
         ratio: its scale over that of the finest one (n,)
+        scale: of the finest one (n,)
     """
 
     curves: Sequence[Curve]
     missed: Sequence[Omission]
     place: Indices
     ratio: Floats
+    scale: Floats
 
     def at(self, of: Callable[[Curve], Floats]) -> Floats:
         """What the curve of each mesh has at the approaches (n,), from its own mesh at each of them."""
@@ -138,7 +140,7 @@ def correct(
     loading, ratio = fine.branch == "load", coarser.ratio
     at = fine.delta_star[loading]
     before = coarser.at(lambda curve: loading_force(curve, at))
-    factor, spread = limit_of_meshes(before, fine.P_star[loading], ratio, judged[loading])
+    factor, spread = limit_of_meshes(before, fine.P_star[loading], ratio, coarser.scale, judged[loading])
     curve = scaled(fine, factor)
     part = weight(ratio)
     open_area = coarser.at(lambda curve: _open_area(curve, at))
@@ -149,8 +151,9 @@ def correct(
     area = fine.area_fraction[loading]
     change = coarser.at(lambda curve: np.interp(at, curve.loading().delta_star, curve.loading().area_fraction)) - area
     change = np.divide(change, area, out=np.zeros(len(at)), where=area > 0.0)
-    change = _by_parts(steady, change, judged[loading])
-    area_bar = curve.error_area_fraction + (change * area / (ratio**AREA_ORDER - 1.0))[rows]
+    unit = coarser.scale**AREA_ORDER
+    left = unit * _by_parts(steady, change / (unit * (ratio**AREA_ORDER - 1.0)), judged[loading])
+    area_bar = curve.error_area_fraction + (left * area)[rows]
     curve = replace(curve, error_area_fraction=area_bar)
     P = curve.P_star
     scale = np.where(loading, P, P[loading][-1])
@@ -205,7 +208,7 @@ def with_measures(fine: Curve, coarser: Coarser, budget: Budget, compliance: flo
         before = before + gap * coarser.at(partial(_touched, name="delta", delta_star=at))
         if np.isnan(before).any() or not np.nanmax(value[loading], initial=0.0) > 0.0:
             continue
-        factor, bar = limit_of_meshes(before, value[loading], coarser.ratio)
+        factor, bar = limit_of_meshes(before, value[loading], coarser.ratio, coarser.scale)
         factor = factor[rows]
         columns[name] = value * factor - gap * fine.delta
         if gap:
@@ -272,29 +275,34 @@ def loading_force(curve: Curve, delta_star: Floats) -> Floats:
 
 
 def limit_of_meshes(
-    coarse: Floats, fine: Floats, ratio: Floats | float, judged: npt.NDArray[np.bool_] | None = None
+    coarse: Floats,
+    fine: Floats,
+    ratio: Floats | float,
+    scale: Floats | float = 1.0,
+    judged: npt.NDArray[np.bool_] | None = None,
 ) -> tuple[Floats, Floats]:
     """Limit of a quantity along the loading over its value on the finer of two meshes, and the relative error bar.
 
     Error and order of a mesh change slowly with the load; where the edges of the contact cut facets, both meshes are
-    off by chance. The logarithm of the error, of the order of the middle, is therefore averaged over neighbouring
+    off by chance. The logarithm of the error, over what the scale makes of it, is therefore averaged over neighbouring
     steps. The bar holds the orders in `mesh_plan.MESH_ORDERS`, and what the average changes.
 
     Args:
         coarse, fine: values on the meshes, not negative (n,)
         ratio: of their scales, one number or (n,)
+        scale: of the finer one, one number or (n,)
         judged: rows that are averaged among themselves; None for all
 
     Returns:
         factor (n,), 1 where a value vanishes, and the bar (n,)
     """
-    known = (coarse > 0.0) & (fine > 0.0)
-    change = np.log(np.divide(coarse, fine, out=np.ones(len(fine)), where=known))
+    known, unit = (coarse > 0.0) & (fine > 0.0), scale**MESH_ORDER
+    change = np.log(np.divide(coarse, fine, out=np.ones(len(fine)), where=known)) / unit
     judged = np.ones(len(fine), dtype=bool) if judged is None else judged
     error = weight(ratio) * change
     smooth = _by_parts(_average, error, judged)
     bar, rest = (_by_parts(steady, part, judged) for part in (bar_share(ratio) * change, error - smooth))
-    return np.where(known, np.exp(-smooth), 1.0), np.hypot(bar, rest)
+    return np.where(known, np.exp(-unit * smooth), 1.0), unit * np.hypot(bar, rest)
 
 
 def steady(relative: Floats, reach: int = REACH) -> Floats:

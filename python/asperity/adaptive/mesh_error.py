@@ -112,7 +112,7 @@ class MeshErrorEstimate:
         scales = np.array([np.interp(delta_star, self._run.delta_star, scale) for scale in self._scales])
         place = partner(scales)
         ratio = np.take_along_axis(scales, place[None], axis=0)[0] / scales[-1]
-        return Coarser(self._curves[:-1], self._missed[:-1], place, ratio)
+        return Coarser(self._curves[:-1], self._missed[:-1], place, ratio, scales[-1])
 
     def _judged(self, curve: Curve, budget: Budget, judged: Flags, algebraic: float) -> Judgement:
         """The judgement on a curve with error bars, and how much finer the next mesh is at each step."""
