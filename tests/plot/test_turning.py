@@ -11,9 +11,7 @@ import numpy as np
 import pytest
 from made_up_run import write_run
 
-from asperity.mesh.element import FACE_TRIANGLES, cross
 from asperity.output.results import Results
-from asperity.plot.scene import split_in_thirds
 from asperity.plot.turning import turning_surface
 
 MOST = 300_000  # bytes that the surface may add to a page
@@ -39,20 +37,3 @@ def test_without_pressure_there_is_none(tmp_path: Path) -> None:
     folder = write_run(tmp_path)
     (folder / "fields/top.npz").unlink()
     assert turning_surface(Results.read(folder)) is None
-
-
-def test_thirds_of_facets_have_a_third_of_the_area_each() -> None:
-    corners = np.array([[0.0, 0.0, 0.0], [3.0, 0.0, 0.0], [1.0, 2.0, 0.0]])
-    points = np.concatenate([corners, 0.5 * (corners + np.roll(corners, -1, axis=0))])
-    triangles = np.array(FACE_TRIANGLES)
-    values = points @ [1.0, 2.0, 0.0]
-    found, nodes, cells = split_in_thirds(points, values, triangles)
-    a, b, c = np.moveaxis(found[cells][..., :2], 1, 0)
-    areas = 0.5 * np.abs(cross(b - a, c - a))
-    assert [areas[nodes == node].sum() for node in (3, 4, 5)] == pytest.approx([1.0, 1.0, 1.0])
-    assert found[:, 3] == pytest.approx(found[:, :3] @ [1.0, 2.0, 0.0])  # a linear field stays linear
-    middle = corners.mean(axis=0)[:2]
-    for node, (i, j) in zip((3, 4, 5), ((0, 1), (1, 2), (2, 0)), strict=True):  # between an edge and the middle
-        inside = np.stack([a, b, c], axis=1)[nodes == node].mean(axis=1)
-        basis = np.column_stack([corners[i, :2] - middle, corners[j, :2] - middle])
-        assert np.all(np.linalg.solve(basis, (inside - middle).T) > 0.0)

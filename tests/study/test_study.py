@@ -5,7 +5,6 @@ from __future__ import annotations
 import csv
 import json
 import os
-import signal
 import subprocess
 import sys
 import time
@@ -391,8 +390,7 @@ def straight(tmp_path_factory: pytest.TempPathFactory) -> Curve:
     return Curve.read(case_folder(out, made.entries[0].key) / "curve.csv")
 
 
-@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGKILL])
-def test_a_stopped_case_continues_and_is_no_failure(number: signal.Signals, tmp_path: Path, straight: Curve) -> None:
+def test_a_stopped_case_continues_and_is_no_failure(tmp_path: Path, straight: Curve) -> None:
     """As a scheduler ends a job that is out of time."""
     made, out, path = study(base=SMALL | MANY_STEPS, grid=ONE), tmp_path / "out", tmp_path / "s.toml"
     path.write_text(tomli_w.dumps({"base": SMALL | MANY_STEPS, "grid": ONE}))
@@ -402,9 +400,9 @@ def test_a_stopped_case_continues_and_is_no_failure(number: signal.Signals, tmp_
     while not ((place / "checkpoint/state.npz").exists() and (place / "curve.csv").exists()):
         assert time.monotonic() < end and process.poll() is None, process.communicate()
         time.sleep(0.02)
-    process.send_signal(number)
+    process.terminate()
     _, errors = process.communicate(timeout=120)
-    assert process.returncode == (3 if number == signal.SIGTERM else -number), errors
+    assert process.returncode == 3, errors
     assert not (place / DONE).exists()
     assert 0 < len(Curve.read(place / "curve.csv")) < len(straight)
     saved = place / "checkpoint/mesh.npz"

@@ -78,22 +78,25 @@ def _maps(axes: Sequence[Any], results: Results, chosen: Sequence[int]) -> tuple
     top = results.top
     highest = float(top["pressure"][list(chosen)].max())
     scale, unit = prefix(highest, results.unit("stress"))
-    across, across_unit = prefix(float(top["points"].max()) / 2, results.unit("length"))
-    extent = (0, float(top["points"][:, 0].max()) * across, 0, float(top["points"][:, 1].max()) * across)
     on_grid = Raster(top)
     image: Any = None
     for axis, i in zip(axes, chosen, strict=True):
         shown = np.where(touching(on_grid, top, i), on_grid(top["pressure"][i]) * scale, np.nan)
-        axis.set_facecolor(style.PALE)
-        image = axis.imshow(
-            shown, origin="lower", extent=extent, cmap="inferno_r", vmin=0.0, vmax=highest * scale or 1.0,
-            interpolation="nearest",
-        )  # fmt: skip
-        axis.set_xlabel(style.label("$x$", across_unit))
-        axis.set_ylabel(style.label("$y$", across_unit))
+        image = _map(axis, results, shown, cmap="inferno_r", vmin=0.0, vmax=highest * scale or 1.0)
         axis.label_outer()
         _count(axis, results, i)
     return image, unit
+
+
+def _map(axis: Any, results: Results, values: Array, **look: Any) -> Any:
+    """Draw values on the squares of a `Raster` over the patch, unknown ones pale; return the image."""
+    points = results.top["points"]
+    across, unit = prefix(float(points.max()) / 2, results.unit("length"))
+    extent = (0, float(points[:, 0].max()) * across, 0, float(points[:, 1].max()) * across)
+    axis.set_facecolor(style.PALE)
+    axis.set_xlabel(style.label("$x$", unit))
+    axis.set_ylabel(style.label("$y$", unit))
+    return axis.imshow(values, origin="lower", extent=extent, interpolation="nearest", **look)
 
 
 def _histogram(axis: Any, results: Results, chosen: Sequence[int]) -> None:
@@ -171,20 +174,12 @@ def _patches(axis: Any, results: Results, count: int) -> None:
     """Draw the contact patches of the loading, the earliest darkest."""
     top = results.top
     loads = [i for i in _levels(top, count) if str(top["branch"][i]) == "load"]
-    across, across_unit = prefix(float(top["points"].max()) / 2, results.unit("length"))
-    extent = (0, float(top["points"][:, 0].max()) * across, 0, float(top["points"][:, 1].max()) * across)
     shades = colormaps["YlGnBu"](np.linspace(1.0, 0.35, len(loads)))
     on_grid = Raster(top)
     first = np.full((PIXELS, PIXELS), np.nan)  # the level at which a point comes into contact
     for n, i in reversed(list(enumerate(loads))):
         first[touching(on_grid, top, i)] = n
-    axis.imshow(
-        first, origin="lower", extent=extent, cmap=ListedColormap(shades), vmin=-0.5, vmax=len(loads) - 0.5,
-        interpolation="nearest",
-    )  # fmt: skip
-    axis.set_facecolor(style.PALE)
-    axis.set_xlabel(style.label("$x$", across_unit))
-    axis.set_ylabel(style.label("$y$", across_unit))
+    _map(axis, results, first, cmap=ListedColormap(shades), vmin=-0.5, vmax=len(loads) - 0.5)
     keys = [Patch(color=shade, label=f"{_strain(results, i):.3g}") for i, shade in zip(loads, shades, strict=True)]
     axis.legend(handles=keys, title="at $\\delta/L$", loc="upper left", bbox_to_anchor=(1.0, 1.0), handlelength=1)
 

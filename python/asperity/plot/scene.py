@@ -9,7 +9,6 @@ from typing import Any
 
 import numpy as np
 
-from asperity.arrays import Floats, Indices
 from asperity.errors import CompatError, InputError
 from asperity.mesh.element import LINEAR_TETS, VTK_TYPE
 from asperity.output.results import Results
@@ -21,7 +20,7 @@ SIZE = (2400, 1060)  # pixels
 DEPTH = 0.35  # share of the height that is shown
 HIGH = 0.8  # stress at which a block may be cut open, over that which a thousandth of it exceeds
 FIELD_FILE = f"{FIELDS}/{VTKHDF}"
-ABOVE = 1e-4  # of the touched thirds above the surface that they lie on [L]
+ABOVE = 1e-4  # of the triangles under pressure above the surface that they lie on [L]
 
 
 def scene(folder: str | Path, path: str | Path | None = None) -> Path:
@@ -100,44 +99,15 @@ def _linear(grid: Any, stress: Any) -> Any:
 
 
 def _touched(top: Any, block: Any, scale: float) -> Any:
-    """Thirds of facets that touch in the last snapshot, which the report counts, with their pressure."""
+    """Triangles of the top under pressure in the last snapshot."""
     import pyvista as pv
 
     xyz = np.column_stack([top["points"], -top["gap"][-1]]) / np.ptp(top["points"][:, 0])
     xyz[:, 2] += block.bounds[5] + ABOVE
-    points, nodes, thirds = split_in_thirds(xyz, top["pressure"][-1] * scale, top["triangles"])
-    shown = thirds[top["touched"][-1][nodes]]
-    out = pv.PolyData.from_regular_faces(points[:, :3], shown)
-    out.point_data["pressure shown"] = points[:, 3]
+    pressure, triangles = top["pressure"][-1], top["triangles"]
+    out = pv.PolyData.from_regular_faces(xyz, triangles[(pressure[triangles] > 0.0).any(axis=1)])
+    out.point_data["pressure shown"] = scale * pressure
     return out
-
-
-def split_in_thirds(points: Floats, values: Floats, triangles: Indices) -> tuple[Floats, Indices, Indices]:
-    """Split each facet of a top into triangles that lie in one of its thirds each.
-
-    Args:
-        points: nodes (N, 3) [length]
-        values: at them (N,)
-        triangles: linear ones, of all facets those at the first corners, the second, the third, in the middle (4F, 3)
-
-    Returns:
-        points with their values (P, 4); the edge node of each triangle (12F,); its points (12F, 3)
-    """
-    with_values = np.column_stack([points, values])
-    parts = len(triangles) // 4
-    corner, first, last = triangles[: 3 * parts].T
-    inner = triangles[3 * parts :]
-    half = len(points) + np.arange(3 * parts)  # between two edge nodes, of each corner
-    centre = len(points) + 3 * parts + np.arange(parts)
-    between = half.reshape(3, parts)  # as the corners: of the nodes 3 and 5, 4 and 3, 5 and 4
-    out, nodes = [(corner, first, half), (corner, half, last)], [first, last]
-    for k in range(3):  # edge nodes 3, 4, 5: each is the first of corner k and the last of the next one
-        for middle in (between[k], between[(k + 1) % 3]):
-            out.append((inner[:, k], middle, centre))
-            nodes.append(inner[:, k])
-    added = [0.5 * (with_values[first] + with_values[last]), with_values[inner].mean(axis=1)]
-    cells = np.concatenate([np.stack(part, axis=1) for part in out])
-    return np.concatenate([with_values, *added]), np.concatenate(nodes), cells
 
 
 def _cut(block: Any) -> Any:
