@@ -230,10 +230,11 @@ def _run(
 def _warn(case: Case, folder: Path | None, solved: SolvedCase, lines: Sequence[Assumption]) -> None:
     """Warn of what is doubtful in the result, and put the rest into the log."""
     for line in lines:
-        if line.verdict == DOUBTFUL and line.warning:
-            warnings.warn(line.warning, AssumptionWarning, stacklevel=4)
+        text = describe(line.to_dict())
+        if line.verdict == DOUBTFUL and line.warns:
+            warnings.warn(text, AssumptionWarning, stacklevel=4)
         elif line.verdict == DOUBTFUL:
-            logging.getLogger(__name__).info("doubtful: %s", describe(line.to_dict()))
+            logging.getLogger(__name__).info("doubtful: %s", text)
     contact, unresolved = solved.contact, solved.contact.curve.unresolved()
     if case.output.fields and folder is not None and contact.complete and not contact.snapshots:
         why = "output.snapshots = 0"

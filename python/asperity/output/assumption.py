@@ -23,8 +23,8 @@ class Assumption:
         advice: what to do where it is doubtful
         detail: what else is known
         least: whether the limit is a lower one
-        warning: sentence for a run that violates an assumption of its own model
-        warned: whether a warning of the run has the same doubt, that of `warning` or one that came before
+        warns: whether a run warns of its doubt, because it violates an assumption of its own model
+        warned: whether a warning of the run has the same doubt, this one or one that came before
 
     Examples:
         >>> line = Assumption("approach over depth", 1.2, 1.0, "", "geometry", "a smaller load")
@@ -40,12 +40,8 @@ class Assumption:
     advice: str
     detail: str = ""
     least: bool = False
-    warning: str = ""
+    warns: bool = False
     warned: bool = False
-
-    def __post_init__(self) -> None:
-        if self.warning:
-            object.__setattr__(self, "warned", True)
 
     @property
     def verdict(self) -> str:
@@ -55,7 +51,11 @@ class Assumption:
 
     def to_dict(self) -> dict[str, Any]:
         """Record of summary.json."""
-        found = asdict(self) | {"verdict": self.verdict, "bound": "least" if self.least else "most"}
+        found = asdict(self) | {
+            "warned": self.warned or self.warns,
+            "verdict": self.verdict,
+            "bound": "least" if self.least else "most",
+        }
         return {name: found[name] for name in RECORD}
 
 
