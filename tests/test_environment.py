@@ -89,25 +89,8 @@ def test_the_blas_is_not_the_reference_one() -> None:
 
 STAND_INS = {
     "dpkg-query": 'while [ "$1" != -- ]; do shift; done; shift; printf "installed %s\\n" "$@"',
-    "apt-get": """
-        case $1 in indextargets) ;; *) exit 0 ;; esac
-        echo "http://mirror/debian/ bookworm"
-        echo "http://mirror/debian/ bookworm-updates"
-        echo "http://mirror/debian/ bookworm-backports"
-        echo "http://mirror/debian-security/ bookworm-security"
-        echo "http://elsewhere/debian/ stable"
-        echo "file:/disk/ bookworm"
-    """,
-    "apt-helper": """
-        case $2 in
-            http://mirror/debian/dists/trixie*-security/*) exit 1 ;;
-            http://mirror/debian/dists/trixie*/* | http://mirror/debian-security/dists/trixie-security/*) ;;
-            http://mirror/debian/dists/sid/*) ;;
-            http://elsewhere/debian/dists/*) echo "Origin: Elsewhere" >"$3"; exit ;;
-            *) exit 1 ;;
-        esac
-        echo "Origin: Debian" >"$3"
-    """,
+    "apt-get": "true",
+    "apt-helper": "exit 1",
     "apt-config": "true",
     "unshare": 'while [ "${1#-}" != "$1" ]; do shift; done; exec "$@"',
     "bwrap": """
@@ -273,62 +256,6 @@ def test_wheels_of_pypi_need_no_root(clone: Clone, compiles: bool, installed: st
     assert clone.roots() == []
 
 
-@pytest.mark.parametrize("old", ["Python", "glibc"])
-def test_an_old_system_is_named(clone: Clone, old: str) -> None:
-    """Neither Python 3.12 nor glibc 2.34."""
-    tools = clone.path.parent / "tools"
-    scripts = dict.fromkeys(("python3.14", "python3.13", "python3.12", "python3"), "exit 1")
-    if old == "glibc":
-        scripts = {"getconf": "echo glibc 2.31", "python3.14": "exit 0"}
-    for tool, body in scripts.items():
-        (tools / tool).write_text(f"#!/bin/sh\n{body}\n")
-        (tools / tool).chmod(0o755)
-    clone.environment["ASPERITY_SUITE"] = "pypi"
-    process = clone.start()
-    _, errors = process.communicate(timeout=60)
-    assert process.returncode == 4
-    assert "Python 3.12 or newer with glibc 2.34" in errors
-
-
-@pytest.mark.skipif(os.geteuid() != 0, reason="only root installs")
-def test_packages_are_named_before_they_are_installed(clone: Clone) -> None:
-    clone.system.write_text("ID=debian\nVERSION_ID=13\nVERSION_CODENAME=trixie\n")
-    (clone.path.parent / "tools/dpkg-query").write_text("#!/bin/sh\n")  # nothing is installed
-    (clone.path.parent / "tools/apt-get").write_text("#!/bin/sh\necho E: no; exit 1\n")
-    clone.environment["ASPERITY_PACKAGES"] = "a-browser its-driver"
-    process = clone.start()
-    _, errors = process.communicate(timeout=60)
-    assert process.returncode == 4
-    named = errors.partition("apt-get failed")[0]
-    assert f"installing {len(PACKAGES) + 2} Debian packages" in named
-    assert {*PACKAGES, "a-browser", "its-driver"} <= set(named.split())
-
-
-@pytest.mark.parametrize(
-    ("suite", "sources"),
-    [
-        (
-            "trixie",
-            [
-                "deb http://mirror/debian-security/ trixie-security main",
-                "deb http://mirror/debian/ trixie main",
-                "deb http://mirror/debian/ trixie-updates main",
-            ],
-        ),
-        ("sid", ["deb [check-valid-until=no] http://mirror/debian/ sid main"]),  # it has neither, and expires
-        ("forky", []),  # not on the mirror: mmdebstrap chooses
-    ],
-)
-def test_the_mirrors_are_those_of_the_host(clone: Clone, suite: str, sources: list[str]) -> None:
-    clone.system.write_text("ID=debian\nVERSION_ID=12\nVERSION_CODENAME=bookworm\n")
-    clone.environment["ASPERITY_SUITE"] = suite
-    clone.fail.touch()  # the arguments of mmdebstrap are enough
-    _, errors = clone.start().communicate(timeout=60)
-    assert clone.made() == 1, errors
-    given = Path(f"{clone.calls}.arguments").read_text().splitlines()
-    assert [line for line in given if line.startswith("deb ")] == sources
-
-
 def test_a_failure_says_which_step_and_what_to_do(clone: Clone) -> None:
     clone.fail.touch()
     process = clone.start()
@@ -339,23 +266,6 @@ def test_a_failure_says_which_step_and_what_to_do(clone: Clone) -> None:
     assert not clone.roots()
     clone.fail.unlink()
     assert clone.start().communicate(timeout=60)[0] == "inside\n"
-
-
-def test_a_cache_that_cannot_be_written(clone: Clone) -> None:
-    clone.environment["XDG_CACHE_HOME"] = "/proc/nowhere"
-    process = clone.start()
-    _, errors = process.communicate(timeout=60)
-    assert process.returncode == 4
-    assert "/proc/nowhere" in errors and "XDG_CACHE_HOME" in errors
-
-
-def test_too_little_room(clone: Clone) -> None:
-    script = clone.path / "run"
-    script.write_text(re.sub(r"(?m)^space_needed=\d+", f"space_needed={10**12}", script.read_text()))
-    process = clone.start()
-    _, errors = process.communicate(timeout=60)
-    assert process.returncode == 4
-    assert "are free in" in errors and clone.made() == 0
 
 
 def test_variables_of_another_python_do_not_enter(clone: Clone) -> None:
