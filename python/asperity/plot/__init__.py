@@ -50,8 +50,7 @@ CAPTIONS = {
     "curve": "(a) Load over approach with the fitted power law. (b) The same on logarithmic axes. (c) Local "
     "exponent of the loading; that of a power law is constant.",
     "area": "(a) Regions in contact at increasing approach. (b) Contact area over load. (c) Number of contact spots.",
-    "pressure": "Contact pressure at selected approaches, with force and number of contact spots (grey: no contact), "
-    "and its distribution over the contact area.",
+    "pressure": "Contact pressure at selected approaches, with force and number of contact spots (grey: no contact).",
     "stiffness": "(a) Stiffness of the contact during loading. (b) Mean gap.",
     "conductance": "Conductance per nominal area over the nominal pressure, beside the law of summits that are elastic "
     "or flow.",

@@ -1,4 +1,4 @@
-"""Figures of the contact: pressure with its distribution, regions in contact, area and spots over the load."""
+"""Figures of the contact: pressure, regions in contact, area and spots over the load."""
 
 from __future__ import annotations
 
@@ -7,7 +7,6 @@ from typing import Any
 
 import numpy as np
 from matplotlib import colormaps
-from matplotlib.axes import Axes
 from matplotlib.colors import ListedColormap
 from matplotlib.figure import Figure
 from matplotlib.patches import Patch
@@ -23,34 +22,17 @@ from asperity.plot.curves import LOAD, draw_branches, load_axis
 from asperity.units import prefix, quantity
 
 PIXELS = 400  # of a map, along each side
-BINS = 40  # of the histogram, up to the greatest pressure
 
 
 @style.styled
 def pressure_maps(results: Results, count: int = 4) -> Figure:
-    """Draw the contact pressure at up to `count` load levels, with one colour scale, and its distribution."""
+    """Draw the contact pressure at up to `count` load levels, with one colour scale."""
     chosen = _levels(results.top, count)
-    figure, axes, rest = _mosaic(len(chosen))
-    style.titles([*axes, rest], [*(_title(results, i) for i in chosen), "distribution of the pressure"])
+    figure, axes = style.figure(1.1 + 2.5 * len(chosen), 3.0, columns=len(chosen))
+    style.titles(axes, [_title(results, i) for i in chosen])
     image, unit = _maps(axes, results, chosen)
-    bar = figure.colorbar(image, ax=axes, shrink=0.8)
-    bar.set_label(style.label("contact pressure", unit))
-    _histogram(rest, results, chosen)
+    figure.colorbar(image, ax=axes, shrink=0.8).set_label(style.label("contact pressure", unit))
     return figure
-
-
-def _mosaic(maps: int) -> tuple[Figure, list[Axes], Axes]:
-    """Figure with panels for maps, two in a row, and one to their right."""
-    rows = (maps + 1) // 2
-    columns = min(maps, 2)
-    figure = Figure(figsize=(2.6 * columns + 4.6, max(2.7 * rows, 3.4)), layout="constrained")
-    shares = {"width_ratios": [1.0] * columns + [1.25]}
-    grid = figure.add_gridspec(rows, columns + 1, **shares)
-    axes = [figure.add_subplot(grid[i // 2, i % 2]) for i in range(maps)]
-    rest = figure.add_subplot(grid[:, columns])
-    for axis in (*axes, rest):
-        style.freeze_ticks(axis)
-    return figure, axes, rest
 
 
 def _title(results: Results, i: int) -> str:
@@ -97,29 +79,6 @@ def _map(axis: Any, results: Results, values: Array, **look: Any) -> Any:
     axis.set_xlabel(style.label("$x$", unit))
     axis.set_ylabel(style.label("$y$", unit))
     return axis.imshow(values, origin="lower", extent=extent, interpolation="nearest", **look)
-
-
-def _histogram(axis: Any, results: Results, chosen: Sequence[int]) -> None:
-    """Draw the share of the contact area per pressure, a step line for each level."""
-    top = results.top
-    highest = float(top["pressure"][list(chosen)].max())
-    scale, unit = prefix(highest, results.unit("stress"))
-    edges = np.linspace(0.0, highest * scale or 1.0, BINS + 1)
-    on_grid = Raster(top)
-    for i, colour in zip(chosen, colormaps["viridis"](np.linspace(0.85, 0.0, len(chosen))), strict=True):
-        values = on_grid(top["pressure"][i])[touching(on_grid, top, i)] * scale
-        if values.size:
-            density, _ = np.histogram(values, edges, density=True)
-            name = str(top["branch"][i])
-            text = f"$\\delta/L$ = {_strain(results, i):.3g}" + ("" if name == "load" else f", {name}ing")
-            axis.stairs(density, edges, color=colour, lw=1.3, label=text)
-    axis.set_xlabel(style.label("contact pressure", unit))
-    axis.set_ylabel(style.label("share of the contact area", f"1/{unit}" if unit else "per unit"))
-    axis.set_xlim(0.0, edges[-1])
-    axis.set_ylim(bottom=0.0)
-    if axis.get_legend_handles_labels()[0]:
-        axis.legend(loc="best")
-    style.grid(axis)
 
 
 class Raster:

@@ -10,10 +10,8 @@ import numpy.typing as npt
 from asperity import reference
 from asperity.model.load_path import Schedule
 from asperity.model.material import Material
-from asperity.model.problem import Problem
 from asperity.model.settings import METHODS, Formulation, MeshSize, SolverOptions
 from asperity.quasistatic.make import make_block, make_contact_solver
-from asperity.quasistatic.solve_problem import solve_problem
 from asperity.quasistatic.stepping import Record, follow
 from asperity.surface import Flat
 from asperity.verification.flattening import planes_of_symmetry
@@ -54,33 +52,6 @@ def patch() -> Iterator[Row]:
         "patch", "slope, free sides, sliding base", "E/E' L/h_b",
         reference.patch_test_slope(nu, 1.0, "free"), float(P[0] / strain[0]), ROUND_OFF,
     )  # fmt: skip
-
-
-def material_point() -> Iterator[Row]:
-    """Bilinear hardening along uniform stress histories of a flat block, loaded and unloaded twice."""
-    from mpi4py import MPI
-
-    E, nu, Y = 1.0, 0.3, 0.005
-    schedule = Schedule(delta_max=0.03, steps=6, unload_steps=4, cycles=2)
-    for tangent in (0.0, 0.1):
-        material = Material(E, nu, Y, tangent)
-        result = solve_problem(Problem(Flat(L=1.0), material, schedule, size=SIZE), comm=MPI.COMM_SELF)
-        confined, _, flow = reference.confined_stress(result.curve.delta_star, E, nu, Y, tangent)
-        stress = result.curve.P_star * material.reduced_modulus
-        histories = {"confined": (stress, confined)}
-        if tangent > 0.0:  # a perfectly plastic bar has no unique elongation
-            P, strain = _uniaxial(material, schedule)
-            histories["uniaxial"] = P * material.reduced_modulus, reference.uniaxial_stress(strain, E, Y, tangent)[0]
-        yield Row(
-            "material", f"plastic strain, confined, E_t = {tangent:g} E", "closed form",
-            float(flow[-1]), float(result.curve.max_plastic_strain[-1]), ROUND_OFF,
-        )  # fmt: skip
-        for name, (found, expected) in histories.items():
-            worst = np.argmax(np.abs(found - expected))
-            yield Row(
-                "material", f"stress, {name}, two cycles, E_t = {tangent:g} E", "closed form",
-                float(expected[worst]), float(found[worst]), ROUND_OFF, scale=float(np.max(expected)),
-            )  # fmt: skip
 
 
 def _uniaxial(material: Material, schedule: Schedule) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.float64]]:

@@ -35,9 +35,8 @@ class Row:
         quantity: the compared quantity and its load
         source: origin of the reference
         reference, value: reference and computed value
-        mesh: error of the discretisation, relative to `scale`
-        theory: error of the reference for this problem (its accuracy, finite slope), relative to `scale`
-        scale: unit of the errors; None for the reference, or 1 if the reference is zero
+        mesh: error of the discretisation, relative to the reference, or absolute where that is zero
+        theory: error of the reference for this problem (its accuracy, finite slope), likewise
     """
 
     case: str
@@ -47,13 +46,11 @@ class Row:
     value: float
     mesh: float
     theory: float = 0.0
-    scale: float | None = None
 
     @property
     def error(self) -> float:
-        """Distance of the value from the reference, relative to the scale."""
-        scale = abs(self.reference) or 1.0 if self.scale is None else self.scale
-        return abs(self.reference - self.value) / scale
+        """Distance of the value from the reference, relative to it, or absolute where it is zero."""
+        return abs(self.reference - self.value) / (abs(self.reference) or 1.0)
 
     @property
     def bar(self) -> float:

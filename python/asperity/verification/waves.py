@@ -1,10 +1,9 @@
-"""Sinusoidal surfaces on a block of half a wavelength, from light to nearly full contact."""
+"""A wave on a block of half a wavelength, in light and in wide contact."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
 from functools import partial
-from typing import Literal
 
 import numpy as np
 
@@ -29,12 +28,11 @@ AMPLITUDE = 1e-4  # [L]: slopes of 4e-4, so that the effect of finite slopes is 
 HEIGHT = 3.0  # of the block [L]: the waves have decayed to 1e-5 at the base
 MATERIAL = Material(1.0, 0.3)
 STIFFNESS = reference.block_modulus(MATERIAL.E, MATERIAL.nu) / HEIGHT
-TABLE = 3e-4  # accuracy of A/A0 in the table of the double wave: greatest change by half the grid, at p/p* = 0.3
 
 
-def press_wave(dims: Literal[1, 2], delta: float, refinement: float) -> ContactResult:
+def press_wave(delta: float, refinement: float) -> ContactResult:
     """Solve one step to an approach for a quarter of a wave with its crest in the corner; L = E = 1."""
-    wave = Sinusoid(L=1.0, amplitude=AMPLITUDE, wavelength=WAVELENGTH, dims=dims, centre=(0.0, 0.0))
+    wave = Sinusoid(L=1.0, amplitude=AMPLITUDE, wavelength=WAVELENGTH, dims=1, centre=(0.0, 0.0))
     h = 0.12 * min(1.0, (delta / AMPLITUDE) ** 0.5)
     return solve_on_one_rank(
         wave, MATERIAL, height=HEIGHT, delta_max=delta, steps=1, snapshots=1, size=sizes(h, refinement)
@@ -49,7 +47,7 @@ def westergaard() -> Iterator[Row]:
         mean = share * theory.full_pressure
         width = float(theory.area_fraction(mean))
         approach = float(theory.approach(mean))
-        results = on_meshes(partial(press_wave, 1, approach + mean / STIFFNESS))
+        results = on_meshes(partial(press_wave, approach + mean / STIFFNESS))
         gap, counted = 1.0 - approach / AMPLITUDE, counting_error(results[-1])
         for name, values, expected, order, least in (
             ("force over full contact", [r.curve.force / theory.full_pressure for r in results], share, FORCE, 0.0),
@@ -76,23 +74,3 @@ def _pressure_error(result: ContactResult, theory: reference.Westergaard, mean: 
     exact = theory.pressure(it.solid.points[corners, 0], mean)
     difference = result.snapshots[-1].pressure[corners] - exact
     return float(np.sqrt(np.mean(difference**2)) / theory.full_pressure)
-
-
-def double_sinusoid() -> Iterator[Row]:
-    """Force and area from light to nearly full contact; Johnson, Greenwood & Higginson (1985)."""
-    theory = reference.DoubleSinusoid(AMPLITUDE, WAVELENGTH, MATERIAL.reduced_modulus)
-    slope = 2.0 * np.pi * AMPLITUDE / WAVELENGTH
-    for share in (0.05, 0.5):
-        mean = share * theory.full_pressure
-        delta = float(theory.approach(mean)) + mean / STIFFNESS
-        results = on_meshes(partial(press_wave, 2, delta))
-        force = [r.curve.force / theory.full_pressure for r in results]
-        area, counted = float(theory.area_fraction(mean)), counting_error(results[-1])
-        for name, values, expected, grid, order, least in (
-            ("force over full contact", force, share, 0.0, FORCE, 0.0),
-            ("area fraction", [r.curve.area_fraction for r in results], area, TABLE / area, LOCAL, counted),
-        ):
-            yield from rows_along(
-                "double-sinusoid", [f"{name}, p/p* = {share:g}"], "tabulated, 1024^2", values, expected,
-                slope + grid, order=order, counted=least,
-            )  # fmt: skip
