@@ -404,6 +404,7 @@ def test_a_run_that_does_not_converge_keeps_its_curve(
     assert summary["fit"]["points"] == len(curve.planned()) >= 3
 
 
+@pytest.mark.slow
 def test_meshes_too_coarse_to_be_touched_are_no_wrong_result() -> None:
     """The slopes take more elements than allowed: smoothed summits hardly reach the flat, and the message says so."""
     surface = {"kind": "self-affine", "L": 1.0, "H": 0.5, "rms_slope": 10.0, "lambda_roll": 0.3, "lambda_short": 0.02}

@@ -286,7 +286,9 @@ def coarse_guide(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 @pytest.mark.usefixtures("few_dofs")
-@pytest.mark.parametrize("kind", MAPS)
+@pytest.mark.parametrize(
+    "kind", [pytest.param(kind, marks=pytest.mark.slow) if kind == "turned" else kind for kind in MAPS]
+)
 def test_one_cutoff_is_recommended_and_it_is_the_last(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], request: pytest.FixtureRequest, kind: str
 ) -> None:
