@@ -105,7 +105,7 @@ def _touched(top: Any, block: Any, scale: float) -> Any:
     xyz = np.column_stack([top["points"], -top["gap"][-1]]) / np.ptp(top["points"][:, 0])
     xyz[:, 2] += block.bounds[5] + ABOVE
     pressure, triangles = top["pressure"][-1], top["triangles"]
-    out = pv.PolyData.from_regular_faces(xyz, triangles[(pressure[triangles] > 0.0).any(axis=1)])
+    out = pv.PolyData.from_regular_faces(xyz, triangles[(pressure[triangles] > 0.0).all(axis=1)])
     out.point_data["pressure shown"] = scale * pressure
     return out
 
