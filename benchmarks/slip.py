@@ -305,7 +305,7 @@ def flowing(solver: ContactSolver, settings: SlipSettings, part: float) -> list[
     with as_before(solver):
         Leg(solver, 1e-4 * settings.preload, None).follow(settings.preload, 1)
         solver.solid.kernels.restore(solver.history.copy())
-        sliding = Sliding(solver, settings.friction, 0.0, None)
+        sliding = Sliding(solver, settings.friction)
         return [sliding.path(0.6, 1).energy for _ in range(3 if part == 1.0 else 1)]
 
 

@@ -25,6 +25,7 @@ from asperity.quasistatic.contact_result import ContactResult
 from asperity.quasistatic.contact_solver import ContactSolver
 from asperity.quasistatic.make import make_contact_solver
 from asperity.quasistatic.slip_paths import slip_paths
+from asperity.slip import SlipSettings
 from asperity.slip.path import SlipPath
 from asperity.surface import Flat, Sphere, Surface
 from asperity.transient import Transient
@@ -257,7 +258,7 @@ def test_what_friction_does_not_go_with(coarse: BlockMesh | None, rough: Surface
 def loop(wave: Surface, block: BlockMesh) -> tuple[SlipPath, float]:
     solver = pressed(wave, block, 0.4)
     before, held = solver.force, np.array(solver.contact.held)
-    path = slip_paths(solver, solver.force, 0.4, (0.6,), steps=3)[0]
+    path = slip_paths(solver, SlipSettings(0.4, (0.6,), solver.force, steps=3))[0]
     assert solver.force == pytest.approx(before, rel=1e-9)
     np.testing.assert_array_equal(solver.contact.held, held)
     assert not solver.checks.violated
@@ -274,6 +275,19 @@ def test_a_loop_closes_and_loses(loop: tuple[SlipPath, float]) -> None:
     u, T = path.u[bottom:], path.T[bottom:]
     assert 0.0 < path.energy and np.all(np.abs(path.T) <= 0.4 * load)
     assert T[-1] == pytest.approx(path.T[top], rel=3e-3) and np.all(np.diff(u) > 0.0)
+
+
+def test_a_yielded_solid_keeps_its_plastic_strain_around_a_loop(wave: Surface, block: BlockMesh) -> None:
+    solver = make_contact_solver(here(), wave, block, PLASTIC, sides="free", formulation=Formulation(friction=0.3))
+    for k in range(1, 9):
+        assert solver.step(0.02 * k / 8).converged
+    before, strain = solver.force, solver.solid.kernels.history().plastic_strain.copy()
+    path = slip_paths(solver, SlipSettings(0.3, (0.6,), 0.8 * solver.force, steps=2))[0]
+    assert np.all(np.diff(path.dissipated) >= 0.0) and path.energy > 0.0
+    assert path.force == pytest.approx(0.6 * 0.3 * 0.8 * before, rel=3e-3)
+    assert path.u[-1] == pytest.approx(path.u[path.end(0)], rel=0.1)  # pressing left tangential forces
+    np.testing.assert_array_equal(solver.solid.kernels.history().plastic_strain, strain)
+    assert solver.force == before
 
 
 @pytest.mark.mpi
@@ -293,7 +307,7 @@ def test_ranks_find_the_same(wave: Surface) -> None:
             formulation=formulation,
             comm=comm,
         )
-        path = slip_paths(run.solver, run.solver.force, 0.4, (0.5,), steps=1)[0]
+        path = slip_paths(run.solver, SlipSettings(0.4, (0.5,), run.solver.force, steps=1))[0]
         found.append([run.solver.force, path.energy, *path.u])
     np.testing.assert_allclose(found[1], found[0], rtol=2e-3, atol=1e-12)
 

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from conftest import PLASTIC
 from test_export import calculated, calculix, in_contact, two_bricks
 
 import asperity as asp
@@ -99,14 +100,25 @@ def test_calculix_drags_a_block_around_the_loop(folder: Path) -> None:
 
 @pytest.mark.slow
 @pytest.mark.skipif(not calculix(), reason="there is no CalculiX: benchmarks/peers/install unpacks ccx")
+@pytest.mark.parametrize(
+    ("material", "steps", "increment"), [(asp.Material(1.0, 0.0), 4, 0.125), (PLASTIC, 8, 0.03125)]
+)
 def test_calculix_finds_the_forces_of_a_rigid_flat_with_friction(
-    wave: asp.Surface, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    wave: asp.Surface,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    material: asp.Material,
+    steps: int,
+    increment: float,
 ) -> None:
-    """Pressing, then a sideways motion at the same approach, on the same mesh; there contact and stick are springs."""
+    """Pressing, then a sideways motion at the same approach, on the same mesh; there contact and stick are springs.
+
+    Where the solid yields, CalculiX loses 7 % of the normal force in the first increment of a sideways step, however
+    short, and regains it in the next ones: there the increments are short.
+    """  # fmt: skip
     from mpi4py import MPI
 
-    mu, steps, move = 0.4, 4, 0.0075
-    material = asp.Material(1.0, 0.0)
+    mu, move = 0.4, 0.0075
     block = build_block(wave, 1.0, SizeField.of(wave, 0.02, 0.14, growth=0.6, h_max=0.5).at)
     solver = make_contact_solver(
         MPI.COMM_SELF, wave, block, material, sides="free", formulation=Formulation(friction=mu)
@@ -139,10 +151,10 @@ def test_calculix_finds_the_forces_of_a_rigid_flat_with_friction(
     text = text.replace("RIGID, 3, 3, -0.02\n", "RIGID, 3, 3, -0.02\nRIGID, 1, 1, 0.\n")
     stick = 0.3 * stiffness * deck.STRESS
     text = text.replace("*CONTACT PAIR", f"*FRICTION\n{mu}, {stick:.6g}\n*CONTACT PAIR")
-    text += f"*STEP, INC=1000\n*STATIC\n0.125, 1.0, 1e-3, 0.125\n*BOUNDARY\nRIGID, 1, 1, {move}\n*END STEP"
+    text += f"*STEP, INC=1000\n*STATIC\n{increment}, 1.0, 1e-3, {increment}\n*BOUNDARY\nRIGID, 1, 1, {move}\n*END STEP"
     found = re.findall(r"time\s+(\S+)\s+(\S+)\s+\S+\s+(\S+)", calculated(tmp_path, "deck", text.splitlines()))
     theirs = {round(float(t), 6): (-float(z) / deck.STRESS, float(x) / deck.STRESS) for t, x, z in found}
-    for k, (force, sideways) in enumerate(ours):
+    for k, (force, sideways) in list(enumerate(ours))[:: steps // 4]:
         normal, tangential = theirs[1.0 + k / steps]
         assert force == pytest.approx(normal, rel=0.02)
         assert sideways == pytest.approx(tangential, abs=0.02 * mu * normal)

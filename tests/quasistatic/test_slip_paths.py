@@ -20,6 +20,7 @@ from asperity.quasistatic.contact_solver import ContactSolver
 from asperity.quasistatic.make import make_contact_solver
 from asperity.quasistatic.slip_paths import Sliding, slip_paths
 from asperity.quasistatic.stiffness import Stiffness
+from asperity.slip import SlipSettings
 from asperity.slip.path import SlipPath
 from asperity.surface import Flat, Surface
 
@@ -52,13 +53,13 @@ def mindlin(cap: Surface, h: float) -> list[tuple[float, float]]:
     """
     size = MeshSize(h_contact=h, growth=0.4, h_max=0.3)
     solver = solve_contact(cap, ELASTIC, delta_max=0.004**2 / 10.0, steps=2, size=size, comm=here()).solver
-    load, rest = 4.0 * solver.force, Sliding(solver, MU, 0.0, None).k_rest
+    load, rest = 4.0 * solver.force, Sliding(solver, MU).k_rest
     a = (0.75 * load * 10.0 * (1 - NU**2)) ** (1 / 3)
     limit, G = MU * load, 0.5 / (1 + NU)
     c = 3 * limit * (2 - NU) / (16 * G * a)
     assert rest == pytest.approx(2 * G * a / (2 - NU), rel=0.01)  # of a quarter, Mindlin 1949
     found = []
-    for path in slip_paths(solver, solver.force, MU, (0.4, 0.8), steps=2):
+    for path in slip_paths(solver, SlipSettings(MU, (0.4, 0.8), solver.force, steps=2)):
         t = path.force / (0.25 * limit)
         slipped = c * (1 - (1 - t) ** (2 / 3) - 2 * t / 3)
         tangent = 1.0 / (1.0 / rest + 8 * c / (3 * limit) * ((1 - t) ** (-1 / 3) - 1))
@@ -84,17 +85,19 @@ def slab() -> ContactSolver:
 
 def test_a_slab_in_full_contact_shears_and_then_slides(slab: ContactSolver) -> None:
     """Uniform pressure and shear: all slips at once, at mu P exactly, and nothing before."""
-    G, sliding = 0.5 / (1 + NU), Sliding(slab, MU, 0.0, None)
+    G, sliding = 0.5 / (1 + NU), Sliding(slab, MU)
     assert sliding.k_rest == pytest.approx(G, rel=1e-6)
     far = 1.0 / G * sliding.limit
     for move, force in ((0.5, 0.5), (0.999, 0.999), (1.5, 1.0), (20.0, 1.0)):
         assert sliding.solve(move * far) == pytest.approx(force * sliding.limit, rel=1e-6)
-    assert slip_paths(slab, slab.force, MU, (0.9,), steps=1)[0].energy == pytest.approx(0.0, abs=1e-12 * sliding.limit)
+    assert slip_paths(slab, SlipSettings(MU, (0.9,), slab.force, steps=1))[0].energy == pytest.approx(
+        0.0, abs=1e-12 * sliding.limit
+    )
 
 
 def test_the_stiffness_at_rest_is_that_of_the_stuck_contact(slab: ContactSolver) -> None:
     assert slab.solve(0.01).converged
-    assert Sliding(slab, MU, 0.0, None).k_rest == pytest.approx(Stiffness(slab.solid)(slab)["k_t"], rel=1e-4)
+    assert Sliding(slab, MU).k_rest == pytest.approx(Stiffness(slab.solid)(slab)["k_t"], rel=1e-4)
 
 
 @pytest.mark.parametrize("amplitude", [0.05, 0.0005])
@@ -106,7 +109,7 @@ def test_slopes_soften_a_spot_in_shear(amplitude: float) -> None:
     surface = Surface.from_spec("sinusoid", L=1.0, amplitude=amplitude, dims=2)
     block = build_block(surface, 1.0, SizeField.of(surface, 0.04, 0.1, growth=0.6, h_max=0.5).at)
     solver = pressed(surface, block, Material(1.0, 0.0), delta=0.4 * amplitude)
-    normal, shear = Stiffness(solver.solid)(solver)["k_n_elastic"], Sliding(solver, MU, 0.0, None).k_rest
+    normal, shear = Stiffness(solver.solid)(solver)["k_n_elastic"], Sliding(solver, MU).k_rest
     softer = (1.0 / shear - 2.0) / (1.0 / normal - 1.0) - 1.0
     pressure = solver.force / solver.contact_surface.area_of(*solver.contact.touched()).value
     assert 1.5 * pressure < softer < 4.0 * pressure
@@ -127,7 +130,7 @@ def wave_block(wave: Surface) -> BlockMesh:
 
 @pytest.fixture(scope="module")
 def fine_path(elastic: ContactSolver) -> SlipPath:
-    return slip_paths(elastic, elastic.force, MU, (0.7,), steps=10)[0]
+    return slip_paths(elastic, SlipSettings(MU, (0.7,), elastic.force, steps=10))[0]
 
 
 def test_the_work_around_a_loop_is_dissipated(elastic: ContactSolver, fine_path: SlipPath) -> None:
@@ -139,7 +142,7 @@ def test_the_work_around_a_loop_is_dissipated(elastic: ContactSolver, fine_path:
 
 
 def test_few_steps_find_the_same_loop(elastic: ContactSolver, fine_path: SlipPath) -> None:
-    few = slip_paths(elastic, elastic.force, MU, (0.7,), steps=1)[0]
+    few = slip_paths(elastic, SlipSettings(MU, (0.7,), elastic.force, steps=1))[0]
     for name in ("k_secant", "energy", "share"):
         assert getattr(few, name) == pytest.approx(getattr(fine_path, name), rel=0.01)
 
@@ -154,7 +157,9 @@ def test_the_loop_is_masings(fine_path: SlipPath) -> None:
 
 
 def test_a_direction_of_symmetry_gives_the_same(elastic: ContactSolver) -> None:
-    along_x, along_y = (slip_paths(elastic, elastic.force, MU, (0.5,), steps=1, direction=d)[0] for d in (0.0, 90.0))
+    along_x, along_y = (
+        slip_paths(elastic, SlipSettings(MU, (0.5,), elastic.force, steps=1, direction=d))[0] for d in (0.0, 90.0)
+    )
     assert along_y.energy == pytest.approx(along_x.energy, rel=0.1)  # the mesh is not symmetric
     assert along_y.k_secant == pytest.approx(along_x.k_secant, rel=0.01)
 
@@ -167,7 +172,7 @@ def test_a_yielded_solid_slips_from_its_state_and_keeps_it(wave: Surface, wave_b
     force, before = solver.force, solver.state().displacement.copy()
     history = solver.solid.kernels.history().copy()
     for part in (1.0, 0.5):
-        path = slip_paths(solver, part * force, MU, (0.6,), steps=2)[0]
+        path = slip_paths(solver, SlipSettings(MU, (0.6,), part * force, steps=2))[0]
         assert np.all(np.diff(path.dissipated) >= 0.0)
         assert path.force == pytest.approx(0.6 * MU * part * force, rel=3e-3)
         assert work_around(path) == pytest.approx(path.energy, rel=0.01)
@@ -190,7 +195,7 @@ def test_loops_of_other_sides_and_finite_strain(wave: Surface, sides: str, kinem
     size = SizeField.of(wave, 0.1, 0.2, growth=0.6, h_max=0.25 if sides == "periodic" else 0.5)
     block = build_block(wave, 1.0, size.at, periodic=sides == "periodic")
     solver = pressed(wave, block, replace(ELASTIC, kinematics=kinematics), delta=0.03, sides=sides)
-    path = slip_paths(solver, solver.force, MU, (0.6,), steps=3, direction=30.0)[0]
+    path = slip_paths(solver, SlipSettings(MU, (0.6,), solver.force, steps=3, direction=30.0))[0]
     top, bottom = path.end(0), path.end(1)
     assert work_around(path) == pytest.approx(path.energy, rel=0.01)
     assert np.all(np.diff(path.dissipated) >= 0.0)
@@ -205,7 +210,7 @@ def test_a_solid_that_flows_settles_to_the_loop_with_its_plastic_strain_held(
     """At the greatest load each loop makes the solid flow less: the energy of friction falls to the held one's."""
     solver = pressed(wave, wave_block, PLASTIC, delta=0.03)
     solver.solid.kernels.restore(solver.history.copy())
-    sliding = Sliding(solver, MU, 0.0, None)
+    sliding = Sliding(solver, MU)
     loops = [sliding.path(0.6, 1) for _ in range(4)]
     sliding.reset()
     with solver.solid.kernels.holding():
@@ -221,10 +226,10 @@ def test_after_an_overload_the_joint_is_stiff(wave: Surface, wave_block: BlockMe
     """The same preload before and after: more area, less slip."""
     solver = pressed(wave, wave_block, PLASTIC)
     load = solver.force
-    before = slip_paths(solver, load, MU, (0.6,), steps=1)[0]
+    before = slip_paths(solver, SlipSettings(MU, (0.6,), load, steps=1))[0]
     for delta in (0.03, 0.04, 0.037):
         assert solver.step(delta).converged
-    after = slip_paths(solver, load, MU, (0.6,), steps=2)[0]
+    after = slip_paths(solver, SlipSettings(MU, (0.6,), load, steps=2))[0]
     for path in (before, after):
         assert np.all(np.diff(path.dissipated) >= 0.0)
     assert after.k_secant > 1.1 * before.k_secant
@@ -234,12 +239,12 @@ def test_after_an_overload_the_joint_is_stiff(wave: Surface, wave_block: BlockMe
 
 def test_what_is_refused(wave: Surface, wave_block: BlockMesh, elastic: ContactSolver) -> None:
     with pytest.raises(InputError, match=r"slip\.direction = 30"):
-        slip_paths(elastic, elastic.force, MU, (0.5,), direction=30.0)
+        slip_paths(elastic, SlipSettings(MU, (0.5,), elastic.force, direction=30.0))
     penalty = pressed(wave, wave_block, formulation=Formulation("penalty"))
     with pytest.raises(InputError, match=r"needs contact\.method"):
-        slip_paths(penalty, penalty.force, MU, (0.5,))
+        slip_paths(penalty, SlipSettings(MU, (0.5,), penalty.force))
     with pytest.raises(Interrupted, match="by a signal"):
-        slip_paths(elastic, elastic.force, MU, (0.5,), stop=lambda: "a signal")
+        slip_paths(elastic, SlipSettings(MU, (0.5,), elastic.force), lambda: "a signal")
 
 
 @pytest.mark.mpi
@@ -251,7 +256,7 @@ def test_ranks_find_the_same(wave: Surface) -> None:
     paths = []
     for comm in (MPI.COMM_SELF, MPI.COMM_WORLD):
         solver = solve_contact(wave, material, delta_max=0.02, steps=2, size=size, comm=comm).solver
-        paths.append(slip_paths(solver, 0.7 * solver.force, MU, (0.6,), steps=1)[0])
+        paths.append(slip_paths(solver, SlipSettings(MU, (0.6,), 0.7 * solver.force, steps=1))[0])
     alone, together = paths
     for name in ("u", "T", "dissipated", "slip_share"):
         values = getattr(alone, name)

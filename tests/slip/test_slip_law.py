@@ -116,7 +116,7 @@ def test_sliders_follow_the_law_and_remember(sphere: SlipLaw) -> None:
 def test_sliders_are_positive_where_points_are_not_concave() -> None:
     array = JenkinsArray.through(np.array([1.0, 2.0, 3.0, 4.0]), np.array([2.0, 3.0, 4.5, 5.0]))
     assert np.all(array.k > 0.0)
-    np.testing.assert_allclose(array.first_loading([1.0, 3.0, 4.0, 9.0]), [2.0, 4.5, 5.0, 5.0])
+    np.testing.assert_allclose(array.follow([1.0, 3.0, 4.0, 9.0]), [2.0, 4.5, 5.0, 5.0])
     with pytest.raises(InputError, match="positive"):
         JenkinsArray(np.array([1.0, -1.0]), np.ones(2))
 

@@ -21,6 +21,7 @@ from asperity.model.limits import FRACTIONS, improbable, too_deep, wrong_force, 
 from asperity.model.material import wrong_slope, wrong_yield
 from asperity.model.settings import H_CONTACT, H_MAX, gamma_too_small, no_rotations, penalty_too_soft, wrong_friction
 from asperity.runtime.display import show
+from asperity.slip.settings import wrong_motion
 
 
 class Mistake(Exception):
@@ -155,20 +156,7 @@ def _check_slip(case: Input, slip: SlipSection) -> None:
             f"= {slip.friction:g}, by the {slip.method}, does not go with contact.friction = {contact.friction}, that "
             'of one body on a rigid flat: give both the same value, with slip.method = "solid"',
         )
-    if rigid and case.material.yield_strength is not None:
-        _refuse(
-            "slip.method",
-            '= "solid" on a rigid flat with friction is for elastic solids: the tangential force of one that yields is '
-            'not verified; leave out material.yield_strength, or take like bodies, contact.friction = "none"',
-        )
-    if rigid and case.block.sides == "rollers":
-        _refuse("block.sides", '= "rollers" admits no motion of a flat with friction: take "periodic" or "free"')
-    if case.block.sides == "rollers" and slip.direction % 90.0 != 0.0:
-        _refuse(
-            "slip.direction",
-            f"= {slip.direction:g} is not possible between rollers, which stand for mirror images: give a multiple of "
-            '90, or block.sides = "free" or "periodic"',
-        )
+    _refuse_if(wrong_motion(case.block.sides, slip.direction, rigid))
 
 
 def _check_preload(case: Input, key: str, value: float, factor: float) -> None:

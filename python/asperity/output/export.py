@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from textwrap import wrap
 
@@ -24,13 +24,14 @@ from asperity.dynamics.law.table import TableLaw
 from asperity.dynamics.law_of_curve import choose, unload_reload
 from asperity.errors import InputError
 from asperity.output.export_element import python_module
-from asperity.output.export_slip import interface_slip, sliders_module, sliders_table
+from asperity.output.export_slip import sliders_module, sliders_table
 from asperity.output.gap_conductance import gap_conductance
 from asperity.output.results import Results
 from asperity.power_law import interface_approach
 from asperity.runtime.files import replace_file
 from asperity.runtime.run_folder import EXPORTS
 from asperity.slip import SlipLaw
+from asperity.slip.joint_slip import slip_of_case
 from asperity.units import per_cent
 
 LAWS = ("auto", "table", "unload-reload")
@@ -133,7 +134,10 @@ def interface(folder: str | Path, law: str = "table", load: float | None = None)
         for k in (k_n, curve.k_n_interface, curve.k_t_interface)
     )
     about = tuple(_about(results, case, found, law, measure))
-    slip = None if case.slip is None else interface_slip(case, curve, load)
+    slip = None
+    if case.slip is not None:
+        whole = slip_of_case(case.to_dict(), curve, case.slip.preload or load).law
+        slip = replace(whole, block=(whole.block[0], 0.0))
     conduction = np.stack(gap_conductance(results.case, curve), axis=1)
     conduction = conduction[columns.rising(rows & (conduction[:, 1] > 0) & (curve.force > 0))]
     return Interface(z, pressure, slope, k_n, k_n_elastic, k_t, area, about, slip, patch, conduction, preload)

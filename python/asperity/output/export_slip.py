@@ -3,13 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import replace
 
 import asperity
-from asperity.case import Case
-from asperity.curve import Curve
-from asperity.slip import JenkinsArray, SlipLaw, fit_iwan
-from asperity.slip.joint_slip import slip_of_case
+from asperity.slip import SlipLaw, fit_iwan
 
 SLIDERS = 20  # of an exported array
 _LIGHTEST = 0.02  # force over the limit below which none of them slips
@@ -52,22 +48,6 @@ class Sliders:
 '''
 
 
-def interface_slip(case: Case, curve: Curve, load: float | None) -> SlipLaw:
-    """Slip of the interface alone, without the block, by the normal curve of a run.
-
-    Args:
-        case: with a section [slip]
-        curve: of the run
-        load: preload on the patch [force], where the section gives none
-
-    Raises:
-        InputError: the curve does not contain what it needs
-    """
-    assert case.slip is not None
-    law = slip_of_case(case.to_dict(), curve, case.slip.preload or load).law
-    return replace(law, block=(law.block[0], 0.0))
-
-
 def sliders_table(law: SlipLaw, patch: float, about: tuple[str, ...]) -> str:
     """Sliders of a law as CSV, stiffness over area and force over mu P.
 
@@ -76,9 +56,8 @@ def sliders_table(law: SlipLaw, patch: float, about: tuple[str, ...]) -> str:
         patch: its nominal area [length^2]
         about: further comments
     """
-    array = law.array(SLIDERS, _LIGHTEST)
-    lines = [f"# {text}" for text in (*_about(law, patch), *about)] + ["k,f"]
-    return "\n".join(lines + [f"{k / patch!r},{f / law.limit!r}" for k, f in _pairs(array)]) + "\n"
+    lines = [f"# {text}" for text in (*_about(law, patch), *about)]
+    return "\n".join([*lines, "k,f", *(f"{k!r},{f!r}" for k, f in _sliders(law, patch))]) + "\n"
 
 
 def sliders_module(law: SlipLaw, patch: float, area: float, about: tuple[str, ...]) -> str:
@@ -88,15 +67,17 @@ def sliders_module(law: SlipLaw, patch: float, area: float, about: tuple[str, ..
         law, patch, about: see `sliders_table`
         area: nominal area of the joint [length^2]
     """
-    pairs = list(_pairs(law.array(SLIDERS, _LIGHTEST)))
+    k, f = zip(*_sliders(law, patch), strict=True)
     return _MODULE.format(
         about="\n".join((*_about(law, patch), *about)), friction=law.friction, area=area,
-        pressure=law.preload / patch, k=[k / patch for k, _ in pairs], f=[f / law.limit for _, f in pairs],
+        pressure=law.preload / patch, k=list(k), f=list(f),
     )  # fmt: skip
 
 
-def _pairs(array: JenkinsArray) -> Iterator[tuple[float, float]]:
-    yield from zip(array.k.tolist(), array.f.tolist(), strict=True)
+def _sliders(law: SlipLaw, patch: float) -> list[tuple[float, float]]:
+    """Stiffness over area and force over mu P of each slider."""
+    array = law.array(SLIDERS, _LIGHTEST)
+    return list(zip((array.k / patch).tolist(), (array.f / law.limit).tolist(), strict=True))
 
 
 def _about(law: SlipLaw, patch: float) -> Iterator[str]:

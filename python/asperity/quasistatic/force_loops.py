@@ -154,6 +154,30 @@ def as_before(solver: ContactSolver) -> Iterator[None]:
         solver.checks.violated |= violated
 
 
+def aims(force: Callable[[], float], goal: float, steps: int, close: float) -> Iterator[tuple[float, float]]:
+    """Forces on the way to one in about equal steps, each with its tolerance.
+
+    Args:
+        force: gives that of the last step; steps that it has passed are left out
+        goal, close: last force and its tolerance, of the same unit
+    """
+    start = force()
+    for k in range(1, steps + 1):
+        wanted = start + (goal - start) * k / steps
+        if k < steps and (wanted - force()) * (goal - start) <= 0.0:
+            continue
+        tolerance = close if k == steps else max(ROUGHLY * abs(goal - start) / steps, close)
+        if abs(wanted - force()) > tolerance:
+            yield wanted, tolerance
+
+
+def end_if_stopped(stop: Callable[[], str] | None, what: str) -> None:
+    """Raise Interrupted where there is a reason to stop; collective."""
+    reason = "" if stop is None else stop()
+    if reason:
+        raise Interrupted(f"stopped by {reason} in the {what}; --resume computes them again")
+
+
 class Leg:
     """Ways to given forces, in about equal steps of the force.
 
@@ -168,23 +192,12 @@ class Leg:
 
     def follow(self, goal: float, steps: int) -> None:
         """Move the flat to a force and commit each step; collective."""
-        solver, start = self._solver, self._solver.force
+        solver = self._solver
         if self._slope == 0.0:
-            self._slope = FIRST_SLOPE * max(start, goal) / max(solver.delta, 1e-3)
-        for k in range(1, steps + 1):
-            wanted = start + (goal - start) * k / steps
-            if k < steps and (wanted - solver.force) * (goal - start) <= 0.0:
-                continue  # the step before went as far
-            tolerance = self._close if k == steps else max(ROUGHLY * abs(goal - start) / steps, self._close)
-            if abs(wanted - solver.force) > tolerance:
-                solver.commit(self.find(wanted, tolerance))
-                self._end_if_stopped()
-
-    def _end_if_stopped(self) -> None:
-        """Raise Interrupted where there is a reason to stop; collective."""
-        reason = "" if self._stop is None else self._stop()
-        if reason:
-            raise Interrupted(f"stopped by {reason} in the loops; --resume computes them again")
+            self._slope = FIRST_SLOPE * max(solver.force, goal) / max(solver.delta, 1e-3)
+        for wanted, tolerance in aims(lambda: solver.force, goal, steps, self._close):
+            solver.commit(self.find(wanted, tolerance))
+            end_if_stopped(self._stop, "loops")
 
     def find(self, wanted: float, tolerance: float, start: float | None = None) -> float:
         """Approach of a force, the last solve being there; commits nothing; collective.

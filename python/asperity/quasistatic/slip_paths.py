@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import logging
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from math import cos, inf, isfinite, nan, radians, sin
 
@@ -12,21 +12,20 @@ import numpy as np
 from asperity.arrays import Floats
 from asperity.contact.active_set import ActiveSet
 from asperity.contact.coulomb import Coulomb
-from asperity.contact.friction import StickSlip
-from asperity.contact.frozen_friction import FrozenFriction
-from asperity.errors import ConvergenceError, InputError, Interrupted
+from asperity.contact.friction import FrozenFriction, StickSlip
+from asperity.errors import ConvergenceError, InputError
+from asperity.model.kinds import refuse
 from asperity.model.problem import Problem
 from asperity.quasistatic.contact_result import ContactResult
 from asperity.quasistatic.contact_solver import ContactSolver
 from asperity.quasistatic.force_loops import CLOSE as CLOSE_PRELOAD
-from asperity.quasistatic.force_loops import Leg, as_before
+from asperity.quasistatic.force_loops import Leg, aims, as_before, end_if_stopped
 from asperity.quasistatic.newton import NewtonSolver
 from asperity.quasistatic.stiffness import mirrored
 from asperity.slip.path import DOWN, FIRST, UP, SlipPath
-from asperity.slip.settings import SlipSettings
+from asperity.slip.settings import SlipSettings, wrong_motion
 
 CLOSE = 1e-3  # tolerance of the force at the end of a leg, over its amplitude
-ROUGHLY = 0.3  # the same of a step on the way, over the step
 TRIALS = 25  # solves that look for a force
 RTOL = 1e-6  # of the forces out of balance over the normal force; 1e-8 costs an iteration in six, and changes nothing
 LIGHT = 0.01  # displacement that gives the stiffness at rest, over friction times the approach
@@ -41,10 +40,7 @@ def solve_slip(
         problem: that was solved
         result: of `solve_problem`; its state is as before afterwards
         settings: with the preload [force]
-        stop: see `slip_paths`
-
-    Raises:
-        InputError, ConvergenceError, Interrupted: see `slip_paths`
+        stop: see `slip_paths`, whose errors are raised
 
     Examples:
         >>> from asperity.quasistatic.slip_paths import solve_slip
@@ -61,69 +57,47 @@ def solve_slip(
     if settings.preload is None:
         raise InputError("slip.preload is missing: give the normal force on the patch")
     side, E = problem.surface.L, problem.material.E
-    paths = slip_paths(
-        result.solver, settings.preload / (E * side**2), settings.friction, settings.amplitudes, steps=settings.steps,
-        direction=settings.direction, stop=stop,
-    )  # fmt: skip
+    paths = slip_paths(result.solver, replace(settings, preload=settings.preload / (E * side**2)), stop)
     return tuple(path.scaled(E * side**2, side) for path in paths)
 
 
 def slip_paths(
-    solver: ContactSolver,
-    preload: float,
-    friction: float,
-    amplitudes: Sequence[float],
-    *,
-    steps: int = 3,
-    direction: float = 0.0,
-    stop: Callable[[], str] | None = None,
+    solver: ContactSolver, settings: SlipSettings, stop: Callable[[], str] | None = None
 ) -> tuple[SlipPath, ...]:
-    """Paths of a flat that moves sideways on like bodies; the state of the solver is as before afterwards; collective.
+    """Paths of a flat that moves sideways; the state of the solver is as before afterwards; collective.
 
-    The flat goes from the present state to the preload. There the normal forces of the nodes stay, and for each
-    amplitude the flat moves from rest to the amplitude of the tangential force and around one loop. The plastic strain
-    stays: the loop is the steady one of a solid that has shaken down, see `Sliding`.
+    The flat goes from the present state to the preload. There the normal forces of the nodes of like bodies stay, and
+    for each amplitude the flat moves from rest to the amplitude of the tangential force and around one loop. The
+    plastic strain stays: the loop is the steady one of a solid that has shaken down, see `Sliding`.
 
     Args:
-        solver: in an accepted state, of exact contact without friction
-        preload: normal force [E L^2]
-        friction: Coulomb's coefficient
-        amplitudes: of the tangential force over friction times preload
-        steps: of the first loading, and of the way to the preload; a loop has four times as many
-        direction: of the motion, from the x axis towards the y axis [degrees]
+        solver: in an accepted state, of exact contact; with friction it is one body on a rigid flat
+        settings: with the preload [E L^2]
         stop: called after each step on all ranks; a text it returns, the same on all, ends the paths
 
     Raises:
-        InputError: the contact is not exact and frictionless, or the sides admit no motion in the direction
+        InputError: the contact is not exact, or the sides admit no motion in the direction
         ConvergenceError: a step does not converge
         Interrupted: `stop` has ended the paths
     """
+    preload, steps = settings.preload, settings.steps
+    assert preload is not None
     rigid = isinstance(solver.contact, Coulomb)
     if not isinstance(solver.contact, ActiveSet):
         raise InputError('slip.method = "solid" needs contact.method = "active-set"')
-    if rigid and solver.solid.sides == "rollers":
-        raise InputError(
-            "a flat with friction cannot move between rollers, which stand for mirror images: its pressures change, "
-            'and are not alike on both sides; take block.sides = "periodic" or "free"'
-        )
-    if solver.solid.sides == "rollers" and direction % 90.0 != 0.0:
-        raise InputError(
-            f"slip.direction = {direction:g} is not possible between rollers, which stand for mirror images: take 0 or "
-            '90, or block.sides = "periodic"'
-        )
+    refuse(wrong_motion(solver.solid.sides, settings.direction, rigid))
     found = []
     with as_before(solver):
         leg = Leg(solver, CLOSE_PRELOAD * preload, stop)
         leg.follow(preload, steps)
         solver.solid.kernels.restore(solver.history.copy())
         with solver.solid.kernels.holding():
-            sliding = (
-                RigidSliding(solver, leg, preload, direction, stop)
-                if rigid
-                else Sliding(solver, friction, direction, stop)
-            )
+            if rigid:
+                sliding: Sliding = RigidSliding(solver, leg, preload, settings.direction, stop)
+            else:
+                sliding = Sliding(solver, settings.friction, settings.direction, stop)
             try:
-                for amplitude in amplitudes:
+                for amplitude in settings.amplitudes:
                     sliding.reset()
                     found.append(sliding.path(amplitude, steps))
             finally:
@@ -163,7 +137,7 @@ class Sliding:
     limit: float
 
     def __init__(
-        self, solver: ContactSolver, friction: float, direction: float, stop: Callable[[], str] | None
+        self, solver: ContactSolver, friction: float, direction: float = 0.0, stop: Callable[[], str] | None = None
     ) -> None:
         self._solver, self._solid, self._stop, self._friction = solver, solver.solid, stop, friction
         angle = radians(direction)
@@ -220,19 +194,11 @@ class Sliding:
 
     def _follow(self, goal: float, steps: int) -> list[_State]:
         """Move to a force in about equal steps of it; collective."""
-        start, states = self._accepted.force, []
-        slope = self.k_rest
-        for k in range(1, steps + 1):
-            wanted = start + (goal - start) * k / steps
-            if k < steps and (wanted - self._accepted.force) * (goal - start) <= 0.0:
-                continue  # the step before went as far
-            tolerance = CLOSE * abs(goal) if k == steps else ROUGHLY * abs(goal - start) / steps
-            if abs(wanted - self._accepted.force) > tolerance or k == steps:
-                slope = self._step_to(wanted, tolerance, slope)
-                states.append(self._accepted)
-                reason = "" if self._stop is None else self._stop()
-                if reason:
-                    raise Interrupted(f"stopped by {reason} in the slip; --resume computes it again")
+        states, slope = [], self.k_rest
+        for wanted, tolerance in aims(lambda: self._accepted.force, goal, steps, CLOSE * abs(goal)):
+            slope = self._step_to(wanted, tolerance, slope)
+            states.append(self._accepted)
+            end_if_stopped(self._stop, "paths of slip")
         return states
 
     def _step_to(self, wanted: float, tolerance: float, slope: float) -> float:

@@ -13,7 +13,7 @@ if TYPE_CHECKING:  # the names below, for type checkers and editors
     from asperity.slip.joint_slip import slip_of_curve as slip_of_curve
     from asperity.slip.law import SlipLaw as SlipLaw
     from asperity.slip.settings import SlipSettings as SlipSettings
-    from asperity.slip.vibration import tangential_response as tangential_response
+    from asperity.slip.tangential import tangential_response as tangential_response
 
 # public name -> module that defines it; a module is loaded by its first use
 _PUBLIC = {
@@ -24,7 +24,7 @@ _PUBLIC = {
     "SlipSettings": "settings",
     "fit_iwan": "iwan",
     "slip_of_curve": "joint_slip",
-    "tangential_response": "vibration",
+    "tangential_response": "tangential",
 }
 
 __all__ = sorted(_PUBLIC)

@@ -106,11 +106,6 @@ class JenkinsArray:
             forces.append(force)
         return np.array(forces)
 
-    def first_loading(self, u: ArrayLike) -> Array:
-        """Force of the first loading at displacements u >= 0 (force), shape of `u`."""
-        u = np.asarray(u, float)
-        return np.asarray(np.minimum(self.k * u[..., None], self.f).sum(axis=-1))
-
     def energy(self, a: ArrayLike) -> Array:
         """Energy of a closed loop between -a and a (force length), shape of `a`."""
         beyond = np.maximum(np.asarray(a, float)[..., None] - self.f / self.k, 0.0)

@@ -29,8 +29,7 @@ from asperity.slip.settings import SlipSettings
 from asperity.units import quantity
 
 NODE_COLUMNS = ("amplitude", "x", "y", "area", "slip")
-#: Columns of slip_loops.csv, and those of them with an error bar.
-LOOP_COLUMNS = ("amplitude", "T", "u", "k_secant", "energy", "eta", "slip_share")
+#: Columns of slip_loops.csv with an error bar.
 WITH_ERRORS = ("u", "k_secant", "energy", "eta")
 #: Bars of Jaeger's law, of the displacement of the interface and of the energy, over nu times them, see docs/slip.md.
 METHOD = (0.07, 0.35)
@@ -73,12 +72,11 @@ class JointSlip:
         """Columns of slip_loops.csv, one row per amplitude; those by the curve beside those of a solid."""
         rows = []
         for i, path in enumerate(self.paths):
-            row = _loop_of(path)
+            row = path.loop()
             if self.errors:
                 row |= {f"error_{name}": self.errors[i][name] for name in WITH_ERRORS}
             if self.computed:
-                other = _loop_of(self.by_curve[i])
-                row |= {f"{name}_curve": other[name] for name in LOOP_COLUMNS[2:]}
+                row |= {f"{name}_curve": value for name, value in list(self.by_curve[i].loop().items())[2:]}
             rows.append(row)
         return rows
 
@@ -213,33 +211,23 @@ def slip_of_curve(
         stuck = stuck_law(law, *ratio, block[0], choice.load)
         return SlipLaw(stuck, choice.load, settings.friction, 0.0, (0.0, block[1]))
 
-    law = law_on(choice.law)
+    law, t = law_on(choice.law), np.array(settings.amplitudes)
     area = _area_of(curve, columns, rows)
-    paths = tuple(path_of_law(law, t, steps=settings.steps, area=area) for t in settings.amplitudes)
-    laws = tabulate(columns, choice)
-    errors: tuple[Mapping[str, float], ...] = ()
+    paths = tuple(path_of_law(law, amplitude, steps=settings.steps, area=area) for amplitude in settings.amplitudes)
+    laws, bars = tabulate(columns, choice), None
     unloaded = not choice.yielded or choice.name == "unload-reload"
     if math.isfinite(laws.bar) and ((ratio is not None and unloaded) or computed):
-        errors = _errors(law, (*laws.chosen.sides(), *choice.bounds), law_on, settings.amplitudes)
-        if not computed and isinstance(choice.law, TableLaw):
-            nu, oblique = material.nu, abs(math.sin(2.0 * math.radians(settings.direction)))
-            steep = (
-                0.0
-                if area is None
-                else law.preload / (patch * material.reduced_modulus * float(area(np.array([law.preload]))[0]))
-            )
-            slopes = STEEP_YIELDED if choice.yielded else STEEP
-            of_u = METHOD[0] * nu + slopes[0] * steep + oblique * nu / (2.0 - nu)
-            of_method = of_u, METHOD[1] * nu + slopes[1] * steep
-            errors = tuple(
-                _with_method(row, law, t, of_method, left_out(choice.law), law_on)
-                for row, t in zip(errors, settings.amplitudes, strict=False)
-            )
-    if computed and errors:  # the mesh of the solid, of which only the curve gives an estimate
-        pairs = [(_loop_of(a), _loop_of(b)) for a, b in zip(computed, paths, strict=True)]
-        errors = tuple(
-            {k: bar + abs(a[k] - b[k]) for k, bar in row.items()} for row, (a, b) in zip(errors, pairs, strict=True)
-        )
+        with suppress(AsperityError):  # at the end of its bar the curve may not reach the preload
+            bars = _changes(law, [law_on(member) for member in (*laws.chosen.sides(), *choice.bounds)], t)
+    if computed and bars is not None:  # the mesh of the solid, of which only the curve gives an estimate
+        bars = bars + np.abs([_of_path(a) - _of_path(b) for a, b in zip(computed, paths, strict=True)]).T
+    elif bars is not None and isinstance(choice.law, TableLaw):
+        mean = 0.0 if area is None else law.preload / (patch * float(area(np.array([law.preload]))[0]))
+        slopes = np.array(STEEP_YIELDED if choice.yielded else STEEP) * mean / material.reduced_modulus
+        of_u, of_energy = material.nu * np.array(METHOD) + slopes
+        of_u += abs(math.sin(2.0 * math.radians(settings.direction))) * material.nu / (2.0 - material.nu)
+        bars = bars + _bars_of_method(law, t, of_u, of_energy) + _bars_of_rows(law, t, left_out(choice.law), law_on)
+    errors = () if bars is None else tuple(dict(zip(WITH_ERRORS, row, strict=True)) for row in bars.T.tolist())
     return JointSlip(law, paths, computed, errors, tuple(_doubts(choice, ratio is not None, paths)))
 
 
@@ -265,61 +253,44 @@ def slip_of_case(
     return replace(found, notes=(*found.notes, KINEMATIC))
 
 
-def _errors(
-    law: SlipLaw, members: tuple[Law, ...], law_on: Callable[[Law], SlipLaw], amplitudes: tuple[float, ...]
-) -> tuple[Mapping[str, float], ...]:
-    """What the ends of the bar of the normal curve change, at each amplitude."""
-    try:
-        others = [law_on(member) for member in members]
-    except AsperityError:  # at the end of its bar the curve does not reach the preload
-        return ()
-    return tuple(
-        {k: max((abs(_numbers(x, t)[k] - v) for x in others), default=0.0) for k, v in _numbers(law, t).items()}
-        for t in amplitudes
-    )
+def _of_law(law: SlipLaw, t: Array) -> Array:
+    """Columns `WITH_ERRORS` of a law at amplitudes (n,), (4, n)."""
+    return np.stack([law.displacement(t), law.k_secant(t), law.energy(t), law.eta(t)])
 
 
-def _with_method(
-    bars: Mapping[str, float],
-    law: SlipLaw,
-    t: float,
-    of_method: tuple[float, float],
-    groups: list[list[TableLaw]],
-    law_on: Callable[[Law], SlipLaw],
-) -> Mapping[str, float]:
-    """Bars with those of the method: of Jaeger's law, and of what lies between the rows.
+def _of_path(path: SlipPath) -> Array:
+    return np.array([path.displacement, path.k_secant, path.energy, path.eta])
+
+
+def _changes(law: SlipLaw, others: list[SlipLaw], t: Array) -> Array:
+    """Greatest change of the columns `WITH_ERRORS` from a law to others (4, n)."""
+    values = _of_law(law, t)
+    return np.asarray(np.max([np.abs(_of_law(other, t) - values) for other in (law, *others)], axis=0))
+
+
+def _bars_of_method(law: SlipLaw, t: Array, of_u: float, of_energy: float) -> Array:
+    """Bars of Jaeger's law (4, n), from those of the displacement of the interface and of the energy over them."""
+    values = _of_law(law, t)
+    of_all = of_u * (1.0 - law.block[1] * law.limit * t / values[0])
+    return values * np.stack([of_all, of_all, np.full(t.shape, of_energy), of_energy + of_all])
+
+
+def _bars_of_rows(law: SlipLaw, t: Array, groups: list[list[TableLaw]], law_on: Callable[[Law], SlipLaw]) -> Array:
+    """Bars of what lies between the rows (4, n): what each group changes, all of a value where its laws do not exist.
 
     Args:
-        bars: what else they consist of
-        law: of the joint
-        t: amplitude
-        of_method: of the displacement of the interface and of the energy, over them
-        groups: see `left_out`; each adds the greatest change, all of the value where its laws do not exist
+        law, t: of the joint, amplitudes
+        groups: see `left_out`
         law_on: law of slip on a normal one
     """
-    values = _numbers(law, t)
-    interface = 1.0 - law.block[1] * law.limit * t / values["u"]
-    of_u, of_energy = of_method[0] * interface, of_method[1]
-    method = {"u": of_u, "k_secant": of_u, "energy": of_energy, "eta": of_energy + of_u}
-    found = {k: bars[k] + method[k] * v for k, v in values.items()}
+    bars = np.zeros((len(WITH_ERRORS), t.size))
     for group in groups:
-        others = []
+        found = []
         for other in group:
             with suppress(AsperityError):
-                others.append(_numbers(law_on(other), t))
-        for k, v in values.items():
-            found[k] += max((abs(other[k] - v) for other in others), default=abs(v))
-    return found
-
-
-def _numbers(law: SlipLaw, t: float) -> dict[str, float]:
-    values = law.displacement(t), law.k_secant(t), law.energy(t), law.eta(t)
-    return dict(zip(WITH_ERRORS, (float(value) for value in values), strict=True))
-
-
-def _loop_of(path: SlipPath) -> dict[str, float]:
-    values = (path.amplitude, path.force, path.displacement, path.k_secant, path.energy, path.eta, path.share)
-    return dict(zip(LOOP_COLUMNS, values, strict=True))
+                found.append(_changes(law, [law_on(other)], t))
+        bars += np.max(found, axis=0) if found else np.abs(_of_law(law, t))
+    return bars
 
 
 def _area_of(curve: Any, columns: CurveColumns, rows: Array) -> Callable[[Array], Array] | None:

@@ -82,6 +82,12 @@ class SlipPath:
         """Share of the area of contact that slips at the end of the first loading; NaN where unknown."""
         return float(self.slip_share[self.end(FIRST)])
 
+    def loop(self) -> dict[str, float]:
+        """Columns of slip_loops.csv."""
+        names = ("k_secant", "energy", "eta")
+        values = {"amplitude": self.amplitude, "T": self.force, "u": self.displacement}
+        return values | {name: getattr(self, name) for name in names} | {"slip_share": self.share}
+
     def scaled(self, force: float, length: float) -> SlipPath:
         """Path in other units: forces times `force`, lengths times `length`."""
         T, u, energy = self.T * force, self.u * length, force * length

@@ -6,10 +6,26 @@ from dataclasses import dataclass
 
 from asperity.dynamics.law.checks import positive
 from asperity.errors import InputError
+from asperity.model.kinds import Judgement
 
 LARGEST = 0.99  # amplitude over the limit of friction: beyond, the displacement is arbitrary
 SMALLEST = 1e-3
 METHODS = ("curve", "solid")
+
+
+def wrong_motion(sides: str, direction: float, rigid: bool) -> Judgement:
+    """Reason why a flat cannot move in a direction; `rigid` for one with friction, whose pressures change."""
+    if sides == "rollers" and rigid:
+        return "block.sides", (
+            '= "rollers" stand for mirror images, which admit no motion of a flat with friction: take "periodic" or '
+            '"free"'
+        )
+    if sides == "rollers" and direction % 90.0 != 0.0:
+        return "slip.direction", (
+            f"= {direction:g} is not possible between rollers, which stand for mirror images: give a multiple of 90, "
+            'or block.sides = "free" or "periodic"'
+        )
+    return None
 
 
 @dataclass(frozen=True)

@@ -40,7 +40,7 @@ def slip() -> Iterator[Row]:
 
 def _ratios(solver: ContactSolver) -> list[float]:
     """Values over Mindlin's: stiffness at rest, slip and energy of each amplitude, limit."""
-    sliding = Sliding(solver, MU, 0.0, None)
+    sliding = Sliding(solver, MU)
     nu, force, rest = MATERIAL.nu, 4.0 * solver.force, 4.0 * sliding.k_rest
     G, limit = MATERIAL.lame[1], MU * force
     a = (0.75 * force * RADIUS / MATERIAL.reduced_modulus) ** (1.0 / 3.0)
