@@ -239,19 +239,17 @@ def test_mistakes_of_the_slip(override: str, parts: tuple[str, ...]) -> None:
 def test_slip_of_the_solid_needs_exact_contact_and_sides_that_admit_the_motion() -> None:
     solid = ("slip.friction=0.3", "slip.method=solid")
     assert "slip.method" in refusal(*solid, "contact.method=penalty")
-    assert "slip.method" in refusal(*solid, "contact.friction=stick")
     assert "between rollers" in refusal(*solid, "slip.direction=20")
     assert Case.load(DEMO, [*solid, "slip.direction=20", "block.sides=free"]).slip is not None
 
 
 def test_slip_on_a_rigid_flat_has_its_friction() -> None:
-    elastic = ("material.yield_strength=", "material.tangent_modulus=")
-    rigid = ("slip.friction=0.3", "slip.method=solid", "block.sides=free", *elastic)
+    rigid = ("slip.friction=0.3", "slip.method=solid", "block.sides=free")
     assert "give both the same value" in refusal(*rigid, "contact.friction=0.2")
-    assert "give both the same value" in refusal(rigid[0], *rigid[2:], "contact.friction=0.3")
-    assert "block.sides" in refusal(*rigid[:2], *elastic, "contact.friction=0.3")
-    assert "is for elastic solids" in refusal(*rigid[:3], "contact.friction=0.3")
-    assert "contact.friction" in refusal("contact.friction=-1")
+    assert "give both the same value" in refusal(rigid[0], rigid[2], "contact.friction=0.3")
+    assert "block.sides" in refusal(*rigid[:2], "contact.friction=0.3")
+    for friction in ("-1", "stick"):
+        assert "contact.friction" in refusal(f"contact.friction={friction}")
     assert Case.load(DEMO, [*rigid, "contact.friction=0.3"]).contact.formulation.friction == 0.3
 
 

@@ -52,6 +52,8 @@ def legal(about: dict[str, Any]) -> str:
     """Legal values in words, from a key's JSON schema: choices or an interval."""
     if "anyOf" in about:  # of several kinds, or nothing
         return " or ".join(legal(kind) for kind in about["anyOf"] if kind.get("type") != "null")
+    if "const" in about:
+        return show(about["const"])
     if "enum" in about:
         return ", ".join(show(choice) for choice in about["enum"])
     if about.get("type") == "array":

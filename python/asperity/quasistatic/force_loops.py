@@ -6,12 +6,14 @@ import logging
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from math import isfinite
+from typing import Protocol
 
 from asperity.errors import CheckError, ConvergenceError, InputError, Interrupted
 from asperity.loops import SETTLED, SHAKEN_DOWN, Loop, LoopTable
 from asperity.model.problem import Problem
 from asperity.quasistatic.contact_result import ContactResult
 from asperity.quasistatic.contact_solver import ContactSolver
+from asperity.quasistatic.newton import StepStats
 
 CLOSE = 1e-4  # tolerance of the force at the ends of a leg, over the amplitude
 ROUGHLY = 0.3  # the same of a step on the way, over the step
@@ -154,28 +156,20 @@ def as_before(solver: ContactSolver) -> Iterator[None]:
         solver.checks.violated |= violated
 
 
-def aims(force: Callable[[], float], goal: float, steps: int, close: float) -> Iterator[tuple[float, float]]:
-    """Forces on the way to one in about equal steps, each with its tolerance.
+class Moved(Protocol):
+    """A flat that moves in steps, as a `ContactSolver` along z: position `delta` [L] and force [E L^2]."""
 
-    Args:
-        force: gives that of the last step; steps that it has passed are left out
-        goal, close: last force and its tolerance, of the same unit
-    """
-    start = force()
-    for k in range(1, steps + 1):
-        wanted = start + (goal - start) * k / steps
-        if k < steps and (wanted - force()) * (goal - start) <= 0.0:
-            continue
-        tolerance = close if k == steps else max(ROUGHLY * abs(goal - start) / steps, close)
-        if abs(wanted - force()) > tolerance:
-            yield wanted, tolerance
+    @property
+    def delta(self) -> float: ...
 
+    @property
+    def force(self) -> float: ...
 
-def end_if_stopped(stop: Callable[[], str] | None, what: str) -> None:
-    """Raise Interrupted where there is a reason to stop; collective."""
-    reason = "" if stop is None else stop()
-    if reason:
-        raise Interrupted(f"stopped by {reason} in the {what}; --resume computes them again")
+    def solve(self, delta: float) -> StepStats: ...
+
+    def solved_force(self) -> float: ...
+
+    def commit(self, delta: float) -> None: ...
 
 
 class Leg:
@@ -184,32 +178,44 @@ class Leg:
     Args:
         close: tolerance of the force at the end of a way [E L^2]
         stop: gives the reason to stop, empty for none; collective
+        slope: of the force at the beginning [E L], by default a guess for the approach of a flat
+        section: of the case, for messages
     """
 
-    def __init__(self, solver: ContactSolver, close: float, stop: Callable[[], str] | None) -> None:
-        self._solver, self._close, self._stop = solver, close, stop
-        self._slope = 0.0  # at the end of the last step [E L]
+    def __init__(
+        self, solver: Moved, close: float, stop: Callable[[], str] | None, slope: float = 0.0, section: str = "loops"
+    ) -> None:
+        self._solver, self._close, self._stop, self._slope, self._section = solver, close, stop, slope, section
 
     def follow(self, goal: float, steps: int) -> None:
         """Move the flat to a force and commit each step; collective."""
-        solver = self._solver
+        solver, start = self._solver, self._solver.force
         if self._slope == 0.0:
-            self._slope = FIRST_SLOPE * max(solver.force, goal) / max(solver.delta, 1e-3)
-        for wanted, tolerance in aims(lambda: solver.force, goal, steps, self._close):
-            solver.commit(self.find(wanted, tolerance))
-            end_if_stopped(self._stop, "loops")
+            self._slope = FIRST_SLOPE * max(start, goal) / max(solver.delta, 1e-3)
+        for k in range(1, steps + 1):
+            wanted = start + (goal - start) * k / steps
+            if k < steps and (wanted - solver.force) * (goal - start) <= 0.0:
+                continue  # the step before went as far
+            tolerance = self._close if k == steps else max(ROUGHLY * abs(goal - start) / steps, self._close)
+            if abs(wanted - solver.force) > tolerance:
+                solver.commit(self.find(wanted, tolerance))
+                reason = "" if self._stop is None else self._stop()
+                if reason:
+                    raise Interrupted(f"stopped by {reason} in the {self._section}; --resume computes them again")
 
     def find(self, wanted: float, tolerance: float, start: float | None = None) -> float:
-        """Approach of a force, the last solve being there; commits nothing; collective.
+        """Position of a force, the last solve being there; collective.
+
+        Commits nothing, except where a step fails, from which the first one that converges is a step of its own.
 
         Args:
             wanted, tolerance: [E L^2]
-            start: approach to try first [L]; default by the slope from the last step
+            start: position to try first [L], and commit nothing; default by the slope from the last step
 
         Raises:
             ConvergenceError: it is not found
         """
-        solver = self._solver
+        solver, failed = self._solver, False
         before, force = solver.delta, solver.force
         target = before + (wanted - force) / self._slope if start is None else start
         for _ in range(TRIALS):
@@ -217,16 +223,19 @@ class Leg:
             if not stats.converged:
                 if target == solver.delta:
                     break
-                target = 0.5 * (target + solver.delta)
+                target, failed = 0.5 * (target + solver.delta), start is None
                 continue
             found = solver.solved_force()
             if found != force and target != before:
                 self._slope = max((found - force) / (target - before), 0.1 * self._slope)
             if abs(found - wanted) <= tolerance:
                 return target
+            if failed and (wanted - found) * (found - solver.force) > 0.0:  # on the way
+                solver.commit(target)
+                failed = False
             before, force = target, found
             target += (wanted - found) / self._slope
         raise ConvergenceError(
-            f"the loops did not reach the force {wanted:.6g} E L^2 from delta/L = {solver.delta:.6g} ({stats.reason}): "
-            "use more loops.steps"
+            f"the {self._section} did not reach the force {wanted:.6g} E L^2 from the position {solver.delta:.6g} L "
+            f"({stats.reason}): use more {self._section}.steps"
         )

@@ -5,7 +5,7 @@ from __future__ import annotations
 import logging
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from math import cos, inf, isfinite, nan, radians, sin
+from math import cos, inf, nan, radians, sin
 
 import numpy as np
 
@@ -19,14 +19,13 @@ from asperity.model.problem import Problem
 from asperity.quasistatic.contact_result import ContactResult
 from asperity.quasistatic.contact_solver import ContactSolver
 from asperity.quasistatic.force_loops import CLOSE as CLOSE_PRELOAD
-from asperity.quasistatic.force_loops import Leg, aims, as_before, end_if_stopped
-from asperity.quasistatic.newton import NewtonSolver
+from asperity.quasistatic.force_loops import Leg, as_before
+from asperity.quasistatic.newton import NewtonSolver, StepStats
 from asperity.quasistatic.stiffness import mirrored
 from asperity.slip.path import DOWN, FIRST, UP, SlipPath
 from asperity.slip.settings import SlipSettings, wrong_motion
 
 CLOSE = 1e-3  # tolerance of the force at the end of a leg, over its amplitude
-TRIALS = 25  # solves that look for a force
 RTOL = 1e-6  # of the forces out of balance over the normal force; 1e-8 costs an iteration in six, and changes nothing
 LIGHT = 0.01  # displacement that gives the stiffness at rest, over friction times the approach
 
@@ -145,7 +144,7 @@ class Sliding:
         solver.roll_back()
         self._begin()
         self._origin, self._history = self._flat.origin, self._solid.kernels.history().copy()
-        self._rest = _State(solver.state().displacement, 0.0, self._force(), 0.0, 0.0)
+        self._rest = _State(solver.state().displacement, 0.0, self.solved_force(), 0.0, 0.0)
         self.reset()
         self.k_rest = self._stiffness_at_rest(LIGHT * friction * solver.delta)
 
@@ -170,100 +169,71 @@ class Sliding:
     def _stiffness_at_rest(self, move: float) -> float:
         """Tangential stiffness with all nodes in contact stuck to the flat [E L]; collective."""
         self._flat.bounds = np.full(self._contact.normal.shape, inf)
-        force = self.solve(move)
+        k = self._stiffness(move)
         self._flat.bounds = self._friction * self._contact.normal
-        return force / move
+        return k
 
-    def _force(self) -> float:
-        """Tangential force on the solid at the last solve [E L^2]; collective."""
-        return float(self._solid.comm.allreduce(float((self._flat.traction @ self._axis).sum())))
+    def _stiffness(self, move: float) -> float:
+        stats = self.solve(move)
+        if not stats.converged:
+            raise ConvergenceError(f"the tangential stiffness at rest was not found ({stats.reason})")
+        return (self.solved_force() - self._rest.force) / move
 
     def path(self, amplitude: float, steps: int) -> SlipPath:
         """Move from the present state to an amplitude and around a loop; collective."""
-        rows = [(FIRST, state) for state in (self._accepted, *self._follow(amplitude * self.limit, steps))]
-        nodes = np.concatenate(self._solid.comm.allgather(self._flat.slips(self._origin)))
-        for leg, sign in ((DOWN, -1.0), (UP, 1.0)):
-            rows += [(leg, state) for state in self._follow(sign * amplitude * self.limit, 2 * steps)]
-        columns = np.array([(leg, s.at, s.force, s.slipping, s.dissipated) for leg, s in rows]).T
-        u, T, share, loss = columns[1:]
-        path = SlipPath(amplitude, columns[0].astype(int), u, T, share, loss, nodes)
+        self._states, legs, goal = [self._accepted], [FIRST], amplitude * self.limit
+        for number, sign, count in ((FIRST, 1.0, steps), (DOWN, -1.0, 2 * steps), (UP, 1.0, 2 * steps)):
+            Leg(self, CLOSE * goal, self._stop, self.k_rest, "slip").follow(sign * goal, count)
+            legs += [number] * (len(self._states) - len(legs))
+            if number == FIRST:
+                nodes = np.concatenate(self._solid.comm.allgather(self._flat.slips(self._origin)))
+        u, T, share, loss = np.array([(s.at, s.force, s.slipping, s.dissipated) for s in self._states]).T
+        path = SlipPath(amplitude, np.array(legs), u, T, share, loss, nodes)
         logging.getLogger(__name__).info(
             "slip at %g mu P: k = %.5g E L, eta = %.4g; %d steps", amplitude, path.k_secant, path.eta, path.u.size - 1
         )
         return path
 
-    def _follow(self, goal: float, steps: int) -> list[_State]:
-        """Move to a force in about equal steps of it; collective."""
-        states, slope = [], self.k_rest
-        for wanted, tolerance in aims(lambda: self._accepted.force, goal, steps, CLOSE * abs(goal)):
-            slope = self._step_to(wanted, tolerance, slope)
-            states.append(self._accepted)
-            end_if_stopped(self._stop, "paths of slip")
-        return states
+    @property
+    def delta(self) -> float:
+        """Displacement of the flat after the last accepted step [L]."""
+        return self._accepted.at
 
-    def _step_to(self, wanted: float, tolerance: float, slope: float) -> float:
-        """Find and accept the position of a force; returns the slope from the accepted state to it; collective."""
-        here = self._accepted
-        low, high = here.at, nan  # positions below and above the wanted force, on the way
-        force_low, force_high = here.force, nan
-        sign = 1.0 if wanted > here.force else -1.0
-        target, failed = here.at + (wanted - here.force) / slope, False
-        for _ in range(TRIALS):
-            try:
-                force = self.solve(target)
-            except ConvergenceError as error:
-                reason, target, failed = str(error), 0.5 * (low + target), True
-                continue
-            reason = "after many trials"
-            if abs(force - wanted) <= tolerance:
-                self._accept(target, force)
-                return (force - here.force) / (target - here.at)
-            secant = (force - here.force) / (target - here.at)
-            if sign * (wanted - force) > 0.0:
-                low, force_low = target, force
-                if failed:  # go on from here
-                    self._accept(target, force)
-                    here, failed = self._accepted, False
-            else:
-                high, force_high = target, force
-            if isfinite(high):  # between both, where the force is concave the chord falls short
-                target = low + (high - low) * (wanted - force_low) / (force_high - force_low)
-            else:
-                target = low + 1.5 * (wanted - force_low) / secant
-        raise ConvergenceError(
-            f"the slip did not reach the tangential force {wanted:.6g} E L^2 from the displacement {here.at:.6g} L "
-            f"({reason}): use more slip.steps"
-        )
+    @property
+    def force(self) -> float:
+        """Tangential force there [E L^2]."""
+        return self._accepted.force
 
-    def solve(self, target: float) -> float:
-        """Tangential force with the flat at a position, from the accepted state [E L^2]; collective.
-
-        Raises:
-            ConvergenceError: it is not found
-        """
+    def solve(self, delta: float) -> StepStats:
+        """Solve with the flat at a displacement, from the accepted state, without committing; collective."""
         here, solid = self._accepted, self._solid
-        move, start = target - here.at, here.displacement
+        move, start = delta - here.at, here.displacement
         guide = self._guide if self._guide is not None and self._guide[0] * move > 0.0 else None
         if guide is not None:
             start = start + guide[1] * (move / guide[0])
-        self._flat.shift = target * self._axis
+        self._flat.shift = delta * self._axis
         self._flat.begin(self._flat.stuck | (guide is None), abs(move))  # where the flat goes on, nodes slip on
         self._newton.linear.forget()
         stats = self._newton.solve(start, abs(move))
-        if not stats.converged:
-            raise ConvergenceError(f"stick and slip were not found: {stats.reason}")
-        self._guide = move, solid.u.x.array.reshape(-1, 3)[: solid.owned] - here.displacement
-        return self._force()
+        if stats.converged:
+            self._guide = move, solid.u.x.array.reshape(-1, 3)[: solid.owned] - here.displacement
+        return stats
 
-    def _accept(self, target: float, force: float) -> None:
-        """Commit the last solve; collective."""
+    def solved_force(self) -> float:
+        """Tangential force on the solid at the last solve [E L^2]; collective."""
+        return float(self._solid.comm.allreduce(float((self._flat.traction @ self._axis).sum())))
+
+    def commit(self, delta: float) -> None:
+        """Commit the last solve, made with the flat at `delta`; collective."""
+        force = self.solved_force()
         loss, slipping, touching = self._solid.comm.allreduce(self._flat.step()).tolist()
-        self._commit()
+        self._keep()
         displacement = self._solid.u.x.array.reshape(-1, 3)[: self._solid.owned].copy()
         share = slipping / touching if touching > 0.0 else nan
-        self._accepted = _State(displacement, target, force, self._accepted.dissipated + loss, share)
+        self._accepted = _State(displacement, delta, force, self._accepted.dissipated + loss, share)
+        self._states.append(self._accepted)
 
-    def _commit(self) -> None:
+    def _keep(self) -> None:
         self._solid.kernels.commit()
         self._flat.origin = self._flat.position()
 
@@ -297,13 +267,16 @@ class RigidSliding(Sliding):
         self._coulomb.commit()
 
     def _stiffness_at_rest(self, move: float) -> float:
-        return (self.solve(move) - self._rest.force) / move
+        return self._stiffness(move)
 
-    def solve(self, target: float) -> float:
-        self._flat.shift = target * self._axis
+    def solve(self, delta: float) -> StepStats:
+        self._flat.shift = delta * self._axis
         self._solver.forget()
-        self._found = self._leg.find(self._preload, CLOSE * self._preload, self._solver.delta)
-        return self._force()
+        try:
+            self._found = self._leg.find(self._preload, CLOSE * self._preload, self._solver.delta)
+        except ConvergenceError as error:
+            return StepStats(False, str(error), 0, 0)
+        return StepStats(True, "", 0, 0)
 
-    def _commit(self) -> None:
+    def _keep(self) -> None:
         self._solver.commit(self._found)

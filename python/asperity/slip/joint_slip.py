@@ -227,7 +227,8 @@ def slip_of_curve(
         of_u, of_energy = material.nu * np.array(METHOD) + slopes
         of_u += abs(math.sin(2.0 * math.radians(settings.direction))) * material.nu / (2.0 - material.nu)
         bars = bars + _bars_of_method(law, t, of_u, of_energy) + _bars_of_rows(law, t, left_out(choice.law), law_on)
-    errors = () if bars is None else tuple(dict(zip(WITH_ERRORS, row, strict=True)) for row in bars.T.tolist())
+    rows_of_bars = () if bars is None else bars.T
+    errors = tuple({k: float(x) for k, x in zip(WITH_ERRORS, row, strict=True)} for row in rows_of_bars)
     return JointSlip(law, paths, computed, errors, tuple(_doubts(choice, ratio is not None, paths)))
 
 
