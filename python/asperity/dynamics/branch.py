@@ -31,16 +31,8 @@ from asperity.dynamics.continuation import (
     turns,
     value,
 )
-from asperity.dynamics.harmonic_balance import Balance, resize
-from asperity.dynamics.stability import (
-    NEGLIGIBLE,
-    Floquet,
-    extrema,
-    floquet,
-    rise,
-    stack,
-    state_at_phase_zero,
-)
+from asperity.dynamics.harmonic_balance import Balance, resize, stack
+from asperity.dynamics.stability import NEGLIGIBLE, Floquet, extrema, floquet, rise, state_at_phase_zero
 from asperity.errors import ConvergenceError
 from asperity.runtime.display import short_repr
 

@@ -25,8 +25,8 @@ from asperity.dynamics.law.taylor import TaylorLaw
 from asperity.errors import ConvergenceError, RangeError
 from asperity.runtime.display import short_repr
 
-_ORDERS = (24, 48, 96, 192, 384)
-_RTOL = 2e-13
+_ORDERS = (24, 48, 96, 192, 384)  # of the Gauss rule of a panel, until two of them agree
+_RTOL = 2e-13  # in which they agree: some hundred times round-off
 _ROUGH = 16  # harmonics of starting values
 
 
@@ -120,29 +120,19 @@ def contact_limit(restoring: Restoring) -> float:
     return float(brentq(lambda u: float(restoring.potential(u)) - wall, 0.0, high, xtol=1e-15, rtol=1e-14))
 
 
-def free_orbit(restoring: Restoring, u0: float, damping: Damping = "always") -> FreeOrbit:
-    """Compute the orbit released from rest at `u0`, to 1e-12 where the law is smooth.
+def free_orbit(restoring: Restoring, u0: float, damping: Damping = "always", *, rough: bool = False) -> FreeOrbit:
+    """Compute the orbit released from rest at `u0`, to 1e-12 where the law is smooth, or to about 1e-4 if `rough`.
 
     Raises:
         RangeError: the orbit passes the rim of a Taylor well
         ConvergenceError: the quadrature does not converge (the law is too rough between its knots)
     """
-    orbit = _orbit(restoring, positive("u0", u0), damping, _ORDERS)
-    if not orbit.error < 1e-6:
+    half = _half_period(restoring, positive("u0", u0), _ORDERS[: 1 if rough else None])
+    if not (rough or half.error < 1e-6):
         raise ConvergenceError(
-            f"the period at u0 = {u0:g} converges only to {orbit.error:.1e}: the amplitude is lost in round-off, or "
+            f"the period at u0 = {u0:g} converges only to {half.error:.1e}: the amplitude is lost in round-off, or "
             "the law is too rough; fit a power law to it"
         )
-    return orbit
-
-
-def rough_orbit(restoring: Restoring, u0: float, damping: Damping) -> FreeOrbit:
-    """Orbit to about 1e-4, for starting values."""
-    return _orbit(restoring, u0, damping, _ORDERS[:1])
-
-
-def _orbit(restoring: Restoring, u0: float, damping: Damping, orders: tuple[int, ...]) -> FreeOrbit:
-    half = _half_period(restoring, u0, orders)
     a1, a2 = (float(a) for a in _harmonics(half, np.array([1, 2])))
     return FreeOrbit(
         u0, half.u_min, 2.0 * np.pi / half.period, a1, a2, half.v_s, 2.0 * half.flight / half.period,

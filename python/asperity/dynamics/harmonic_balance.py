@@ -83,7 +83,7 @@ class Balance(Equation):
         count = x.size // 2
         points = _GRID * max(count, 8)
         if self.restoring.contact:
-            s = 1.0 + (uniform_basis(count, points) @ x if count <= _TABULATED else _sampled(x, points))
+            s = 1.0 + (uniform_basis(count, points) @ x if count <= _TABULATED else samples(stack([x]), points)[0])
             lowest, highest, top = float(s.min()), float(s.max()), 1.0 + self.restoring.kink
             near, edges = _NEAR * max(1.0, 0.5 * (highest - lowest)), []
             if lowest <= near:
@@ -164,11 +164,27 @@ def uniform_basis(count: int, points: int) -> Array:
     return out
 
 
-def _sampled(x: Array, points: int) -> Array:
-    """Values of an orbit at ``points`` equidistant angles from 0, by FFT."""
-    c = (0.5 * points) * _waves(x)[1][:, 0]
-    c[0] *= 2.0
-    return np.fft.irfft(c, points)
+def stack(orbits: list[Array]) -> Array:
+    """Coefficient vectors of any lengths as complex rows c, u = Re SUM c_k exp(i k theta)."""
+    count = max(x.size for x in orbits) // 2
+    out = np.zeros((len(orbits), count + 1), complex)
+    for row, x in zip(out, orbits, strict=True):
+        k = x.size // 2
+        row[: k + 1] = x[: k + 1]
+        row[1 : k + 1] -= 1j * x[k + 1 :]
+    return out
+
+
+def unstack(c: Array, count: int) -> Array:
+    """One row of `stack` as a coefficient vector of `count` harmonics."""
+    return np.concatenate([c[: count + 1].real, -c[1 : count + 1].imag])
+
+
+def samples(c: Array, points: int) -> Array:
+    """Values (orbits, points) of the orbits at equidistant angles."""
+    half = c * (0.5 * points)
+    half[:, 0] *= 2.0
+    return np.fft.irfft(half, points, axis=1)
 
 
 def resize(x: Array, count: int) -> Array:
@@ -208,10 +224,8 @@ def _edges(x: Array, s: Array, near: float) -> Array:
 
 def _waves(x: Array) -> tuple[Array, Array]:
     """Harmonic numbers times i, and complex coefficients of u, u' and u'' (K + 1, 3)."""
-    count = x.size // 2
-    ik = 1j * np.arange(count + 1)
-    c = x[: count + 1].astype(complex)
-    c[1:] -= 1j * x[count + 1 :]
+    (c,) = stack([x])
+    ik = 1j * np.arange(c.size)
     return ik, np.stack([c, ik * c, ik * ik * c], axis=1)
 
 

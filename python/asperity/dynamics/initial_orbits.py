@@ -17,11 +17,10 @@ from asperity.arrays import Array
 from asperity.dynamics.branch import Branch, on_cubic
 from asperity.dynamics.continuation import MIN_HARMONICS, Tracing, in_forcing, start, trace
 from asperity.dynamics.equation import Equation, primitive
-from asperity.dynamics.free import rough_orbit, rough_states
-from asperity.dynamics.harmonic_balance import Balance
+from asperity.dynamics.free import free_orbit, rough_states
+from asperity.dynamics.harmonic_balance import Balance, unstack
 from asperity.dynamics.law.damping import only_in_contact
 from asperity.dynamics.motion import has_escaped, path_of, steps_for
-from asperity.dynamics.stability import unstack
 from asperity.dynamics.thresholds import resonance_peak
 from asperity.errors import ConvergenceError
 
@@ -88,10 +87,10 @@ def backbone_chart(equation: Equation, forcing: float) -> Chart:
         return Chart(none, none, none, 0.0, 1.0)
     top = _SMALLEST
     with suppress(ConvergenceError):  # the law is too stiff at amplitudes far beyond any resonance
-        peak = None if only_in_contact(damping) else resonance_peak(r, forcing / (2.0 * zeta), damping, rough_orbit)
+        peak = None if only_in_contact(damping) else resonance_peak(r, forcing / (2.0 * zeta), damping, rough=True)
         top = _LARGEST if peak is None else min(peak.u0, _LARGEST)
     amplitude = np.geomspace(min(_SMALLEST, 0.1 * top), top, _POINTS)
-    orbits = [rough_orbit(r, float(u), damping) for u in amplitude]
+    orbits = [free_orbit(r, float(u), damping, rough=True) for u in amplitude]
     frequency, drive, second = np.array([(o.omega, o.drive, o.a2 / o.a1) for o in orbits]).T
     lost = np.divide(zeta * drive, forcing * second, out=np.full(_POINTS, np.inf), where=second != 0)
     return Chart(amplitude, frequency, lost, float(min(1.0, *frequency)), float(max(1.0, *frequency)))

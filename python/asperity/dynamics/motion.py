@@ -18,6 +18,7 @@ import numpy as np
 from scipy.integrate import solve_ivp
 
 from asperity.arrays import Array
+from asperity.dynamics.continuation import hermite, value
 from asperity.dynamics.equation import Equation, primitive
 from asperity.dynamics.law.taylor import TaylorLaw
 from asperity.dynamics.settings import Setting
@@ -223,7 +224,7 @@ def _turning_values(u: Array, v: Array) -> tuple[Array, Array]:
         return low, high
     a, b, p, q = u[i, lane], u[i + 1, lane], v[i, lane], v[i + 1, lane]
     s = p / np.where(p == q, 1e-300, p - q)  # of a nearly linear speed: the error enters the extremes squared
-    turn = a + s * (p + s * (3 * (b - a) - 2 * p - q + s * (p + q - 2 * (b - a))))
+    turn = value(hermite(a, b - a, p, q), s)
     np.fmin.at(low, lane, turn)
     np.fmax.at(high, lane, turn)
     return low, high

@@ -10,10 +10,10 @@ import numpy as np
 
 from asperity.dynamics.branch import Branch, Event, Line, Solution, dense, measure
 from asperity.dynamics.continuation import Tracing, crossings, in_omega
-from asperity.dynamics.harmonic_balance import Balance
+from asperity.dynamics.harmonic_balance import Balance, stack
 from asperity.dynamics.search import Search, distance
 from asperity.dynamics.settings import Setting
-from asperity.dynamics.stability import floquet, stack
+from asperity.dynamics.stability import floquet
 from asperity.errors import ConvergenceError, InputError
 from asperity.runtime.display import short_repr
 

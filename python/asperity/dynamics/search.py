@@ -29,7 +29,7 @@ from asperity.dynamics.continuation import (
     start,
     trace,
 )
-from asperity.dynamics.harmonic_balance import Balance, resize, tail
+from asperity.dynamics.harmonic_balance import Balance, resize, stack, tail, unstack
 from asperity.dynamics.initial_orbits import (
     backbone_chart,
     free_starts,
@@ -41,7 +41,7 @@ from asperity.dynamics.initial_orbits import (
 )
 from asperity.dynamics.law.damping import only_in_contact
 from asperity.dynamics.settings import MIN_ZETA
-from asperity.dynamics.stability import floquet, stack, unstack
+from asperity.dynamics.stability import floquet
 from asperity.errors import ConvergenceError
 
 _STARTS = 240  # on the period map, and as many on free orbits
@@ -192,15 +192,11 @@ class Search:
             if 2 * order in self.orders:
                 self._doublings.extend(flips)
         for end, reason in ((path.points[0], path.begin), (path.points[-1], path.end)):
-            if reason not in ("window", "closed", "known", "period doubling") and not self._is_inside(end):
+            if reason not in ("window", "closed", "known", "period doubling") and not self.how.is_inside(end.parameter):
                 self.notes.append(
                     f"a branch of period {order} that leaves the window is lost at {end.parameter:.6g}, where it may "
                     f"return: {reason}"
                 )
-
-    def _is_inside(self, point: Point) -> bool:
-        low, high = self.how.window
-        return low <= point.parameter <= high
 
     def _pieces(self, path: Path) -> Iterator[tuple[Path, bool]]:
         """Pieces of a path, which end at points on the edges of the window, and whether they are in it."""

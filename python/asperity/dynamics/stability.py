@@ -17,7 +17,7 @@ import numpy as np
 
 from asperity.arrays import Array
 from asperity.dynamics.equation import rate
-from asperity.dynamics.harmonic_balance import Balance
+from asperity.dynamics.harmonic_balance import Balance, samples
 
 _SAMPLES = 512
 _SAMPLES_LOSS = 1024
@@ -57,33 +57,10 @@ class Floquet:
         return 1.0 + self.trace + self.determinant
 
 
-def stack(orbits: list[Array]) -> Array:
-    """Coefficient vectors of any lengths as complex rows c, u = Re SUM c_k exp(i k theta)."""
-    count = max(x.size for x in orbits) // 2
-    out = np.zeros((len(orbits), count + 1), complex)
-    for row, x in zip(out, orbits, strict=True):
-        k = x.size // 2
-        row[: k + 1] = x[: k + 1]
-        row[1 : k + 1] -= 1j * x[k + 1 :]
-    return out
-
-
-def unstack(c: Array, count: int) -> Array:
-    """One row of `stack` as a coefficient vector of `count` harmonics."""
-    return np.concatenate([c[: count + 1].real, -c[1 : count + 1].imag])
-
-
 def state_at_phase_zero(c: Array, omega: float, order: int = 1) -> tuple[float, float]:
     """(u, v) at forcing phase 0 of an orbit with complex coefficients `c` (K + 1,)."""
     k = np.arange(c.size)
     return float(c.sum().real), float((1j * k * c).sum().real) * omega / order
-
-
-def samples(c: Array, points: int) -> Array:
-    """Values (orbits, points) of the orbits at equidistant angles."""
-    half = c * (0.5 * points)
-    half[:, 0] *= 2.0
-    return np.fft.irfft(half, points, axis=1)
 
 
 def extrema(c: Array) -> tuple[Array, Array]:

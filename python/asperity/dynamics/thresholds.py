@@ -8,7 +8,6 @@ quadrature per amplitude gives the resonance peak for every damping ratio:
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import asdict, dataclass
 from typing import Any
 
@@ -68,16 +67,13 @@ class Thresholds:
 
 
 def resonance_peak(
-    restoring: Restoring,
-    drive: float,
-    damping: Damping = "always",
-    orbit: Callable[[Restoring, float, Damping], FreeOrbit] = free_orbit,
+    restoring: Restoring, drive: float, damping: Damping = "always", *, rough: bool = False
 ) -> FreeOrbit | None:
-    """Free orbit, computed by `orbit`, that F^ = 2 zeta drive sustains at phase resonance; None if there is none."""
+    """Free orbit that F^ = 2 zeta drive sustains at phase resonance; None if there is none. See `free_orbit`."""
     limit = min(largest_amplitude(restoring), _LARGEST)
 
     def surplus(u: float) -> float:
-        return orbit(restoring, u, damping).drive - drive
+        return free_orbit(restoring, u, damping, rough=rough).drive - drive
 
     low = high = min(1e-3, 0.1 * drive, 0.5 * limit)
     while surplus(high) < 0:
@@ -85,7 +81,7 @@ def resonance_peak(
         if high == low or (high > 1e3 and surplus(high) < surplus(low)):  # the damping does not limit it
             return None
     u = low if high == low else brentq(surplus, low, high, xtol=1e-14, rtol=1e-13)
-    return orbit(restoring, u, damping)
+    return free_orbit(restoring, u, damping, rough=rough)
 
 
 def thresholds(equation: Equation, forcing: tuple[float, ...] = ()) -> Thresholds:
