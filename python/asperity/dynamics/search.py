@@ -126,9 +126,12 @@ class Search:
         )
 
     def _limits(self, order: int) -> tuple[float, float]:
-        """Frequencies up to which branches of an order are followed outside the window."""
+        """Frequencies up to which branches of an order are followed outside the window.
+
+        Those of period 1 are followed as far as their period doublings bear orbits in the window.
+        """
         (low, high), chart = self.how.window, self.chart
-        above = order * _BEYOND * chart.highest * (1.0 + self.forcing)
+        above = max([order, *self._searched_orders()]) * _BEYOND * chart.highest * (1.0 + self.forcing)
         below = chart.lowest / _BEYOND if order == 1 and self.alone else 0.0
         return max(_BELOW * low, below) if below < low < above else low, above if below < high < above else high
 
@@ -192,9 +195,9 @@ class Search:
             if 2 * order in self.orders:
                 self._doublings.extend(flips)
         for end, reason in ((path.points[0], path.begin), (path.points[-1], path.end)):
-            if reason not in ("window", "closed", "known", "period doubling") and not self.how.is_inside(end.parameter):
+            if reason not in ("window", "closed", "period doubling") and not self.how.is_inside(end.parameter):
                 self.notes.append(
-                    f"a branch of period {order} that leaves the window is lost at {end.parameter:.6g}, where it may "
+                    f"a branch of period {order} is lost outside the window at {end.parameter:.6g}, where it may "
                     f"return: {reason}"
                 )
 
@@ -360,7 +363,7 @@ def through(
 def _met(point: Point, known: Sequence[Path], order: int) -> str | None:
     """Reason to end a path at an orbit on an edge of the window that a known path has, which leads on from there."""
     same = (q for path in known for q in path.points if q.parameter == point.parameter)
-    return "known" if any(is_same(q, point, order) for q in same) else None
+    return "window" if any(is_same(q, point, order) for q in same) else None
 
 
 def is_same(a: Point, b: Point, order: int) -> bool:
