@@ -127,7 +127,7 @@ def correct(
     rhs = np.zeros((size + 1, 2))
     rhs[size, 1] = 1.0
     previous, travelled = np.inf, 0.0
-    scale = np.sqrt(x @ x) + 1e-9
+    scale = min(np.sqrt(x @ x), 1.0) + 1e-9  # a step is small where it is so against the contact, not the flight
     for _ in range(_NEWTON):
         residual, jacobian, slope = equations(x, parameter)
         matrix[:size, :size] = jacobian
