@@ -83,6 +83,13 @@ def test_strong_forcing(window: tuple[float, float]) -> None:
     assert {b.order for b in r.branches} >= {1, 2} and not r.notes
 
 
+def test_branches_mostly_in_flight_are_not_lost() -> None:
+    """They come from period doublings at Omega = 2, far above the window, and go on to frequencies far below."""
+    r = computed(2.5, 0.01, 0.3, (0.7, 1.1))
+    assert not r.notes and [b.kind for b in r.branches] == ["main", "sub2", "sub2"]
+    assert min(b.u_min.min() for b in r.branches) < -10.0
+
+
 def test_random_windows() -> None:
     """The benchmark on a few cases: nothing is off that a wide window has, or that random starts come to."""
     random = np.random.default_rng(5)
