@@ -111,15 +111,14 @@ class Coarser:
         """Force that the tops leave out, relative, at the approaches (n,)."""
         return np.choose(self.place, [missed.at(delta_star)[0] for missed in self.missed])
 
-    def unusable(self) -> str:
-        """Why there is no force to extrapolate from; empty where there is."""
-        if any(self.curves[k].untouched() for k in np.unique(self.place)):
+    def doubt(self) -> str:
+        """Why there is nothing to extrapolate from; empty where there is."""
+        curves = [self.curves[k] for k in np.unique(self.place)]
+        if any(curve.untouched() for curve in curves):
             return "no node is touched"
-        return "" if np.max(self.ratio) >= 0.999 * LEAST_STEP else "two meshes are nearly the same"
-
-    def unresolved(self) -> str:
-        """Why the force of one of the meshes has no error bar; empty where it has."""
-        return next((why for k in np.unique(self.place) if (why := self.curves[k].unresolved())), "")
+        if np.max(self.ratio) < 0.999 * LEAST_STEP:
+            return "two meshes are nearly the same"
+        return next((why for curve in curves if (why := curve.unresolved())), "")
 
 
 def correct(

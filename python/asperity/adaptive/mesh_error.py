@@ -19,8 +19,8 @@ from asperity.adaptive.extrapolation import (
 from asperity.adaptive.guide import Omission
 from asperity.adaptive.load_step_error import LoadStepError
 from asperity.adaptive.mesh_levels import LevelSolver
-from asperity.adaptive.mesh_plan import GREATEST_STEP, MARGIN, MOST_MESHES, partner, refinement, refinement_for_area
-from asperity.arrays import Flags, Floats
+from asperity.adaptive.mesh_plan import AREA_ORDER, GREATEST_STEP, MARGIN, MESH_ORDER, MOST_MESHES, partner, refinement
+from asperity.arrays import Array, Flags, Floats
 from asperity.curve import Curve
 from asperity.model.settings import AccuracyTarget
 from asperity.quasistatic.contact_result import ContactResult
@@ -86,11 +86,11 @@ class MeshErrorEstimate:
         curve, bar_of_steps = self.add(result), path.bar[run.levels[-1].substeps]
         judged, algebraic = judged_rows(result.curve, self._steps), result.checks.unsolved
         coarser = self._coarser(curve.loading().delta_star)
-        unresolved = "no node is touched" if curve.untouched() else coarser.unusable() or path.unknown
+        unresolved = "no node is touched" if curve.untouched() else coarser.doubt() or path.unknown
         if not unresolved:
             curve, budget = correct(curve, coarser, judged, bar_of_steps, algebraic, self._missed[-1])
             curve = with_measures(curve, coarser, budget, run.compliance)
-            unresolved = curve.unresolved() or coarser.unresolved()
+            unresolved = curve.unresolved()
         if unresolved:
             # by a single node the force grows with its size, and the difference of two meshes is no error
             curve = replace(result.curve, error_P_star=np.full(len(result.curve), nan))
@@ -127,14 +127,13 @@ class MeshErrorEstimate:
         )
         bars = relative(np.hypot(budget.mesh, budget.roughness)[judged], P) / left
         scales, excess = np.array(self._scales), self._at_guide(at, bars)
+        if goal.area_tolerance is not None:  # as a bar that falls with the order of the force
+            excess = np.maximum(excess, self._at_guide(at, area / goal.area_tolerance) ** (MESH_ORDER / AREA_ORDER))
         finer = np.array([refinement(scales[:, k], float(excess[k])) for k in range(len(excess))])
-        if goal.area_tolerance is not None:
-            for_area = refinement_for_area(self._at_guide(at, area), goal.area_tolerance)
-            finer = for_area if worst <= goal.tolerance else np.maximum(finer, for_area)
         limit = "" if worst <= goal.tolerance else self._unreachable(algebraic, float(of_steps.max()))
         return Judgement(curve, budget, worst, worst_area, self._known(worst, worst_area), finer, limit)
 
-    def _at_guide(self, delta_star: Floats, bars: Floats) -> Floats:
+    def _at_guide(self, delta_star: Floats, bars: Array) -> Floats:
         """Greatest of bars at some approaches (n,) up to each of the guide, from the one before on (k,)."""
         found = np.zeros(len(self._run.delta_star))
         place = np.searchsorted(self._run.delta_star, 0.999 * delta_star)

@@ -139,18 +139,6 @@ def refinement(scales: Floats, excess: float) -> float:
     return float(step)
 
 
-def refinement_for_area(bars: Floats, wanted: float) -> Floats:
-    """The same for the contact area (k,), whose bar does not depend on the meshes before.
-
-    Args:
-        bars: relative error bars of the last mesh (k,)
-        wanted: requested one
-    """
-    excess = bars / wanted
-    step = np.clip((excess / MARGIN) ** (1.0 / AREA_ORDER), LEAST_STEP, GREATEST_STEP)
-    return np.where(excess <= 1.0, 1.0, step)
-
-
 def _bar_of_error(ratio: float) -> float:
     """Error bar of two meshes over the error of the finer one, when it has the typical order."""
     return float(bar_share(ratio) * (ratio**MESH_ORDER - 1.0))
