@@ -268,9 +268,9 @@ def _plan(problem: Problem, goal: AccuracySection, passes: int) -> tuple[list[tu
     planned = planned_steps(path.steps)
     problem = replace(problem, load_path=replace(path, steps=planned))
     guide = Guide(problem, path.delta_max, planned, passes=passes)
-    family = MeshFamily(problem, path.delta_max, guide)
-    first, coarse = family.first(RATIO * first_scale(tolerance), most)
-    second, fine = family.next(first, RATIO, most)
+    family, scale = MeshFamily(problem, path.delta_max, guide), first_scale(tolerance)
+    first, coarse = family.first(RATIO * scale, most)
+    second, fine = family.next(first, max(float(first.min()) / scale, RATIO), most)
     if coarse > most:
         raise InputError(
             f"accuracy.max_dofs = {most:g} is too small, a coarse mesh of this block has about {coarse} dofs: raise "

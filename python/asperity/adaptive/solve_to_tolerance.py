@@ -206,7 +206,8 @@ def refine(
         depth = estimate_approach(planned, comm)
     hooks.stage("half-space with all waves")
     guide = on_root(comm, partial(Guide, planned, depth, steps, hooks.on_part))
-    run = LevelSolver(planned, depth, guide, RATIO * first_scale(target.tolerance), target.max_dofs, comm, hooks)
+    scale = first_scale(target.tolerance)
+    run = LevelSolver(planned, depth, guide, RATIO * scale, target.max_dofs, comm, hooks)
     if problem.path_dependent:
         result, path = choose_substeps(run, steps, step_rule(problem), target)
     else:
@@ -214,7 +215,7 @@ def refine(
     estimate = MeshErrorEstimate(run, target, steps, path)
     estimate.add(result)
     result.solver.drop_matrices()
-    result = run(RATIO, path.substeps)
+    result = run(np.maximum(run.scales[-1] / scale, RATIO), path.substeps)
     while True:
         with suppress(Interrupted):  # this mesh is judged first; the next one is not begun
             hooks.stage("half-space with the top of the mesh")
