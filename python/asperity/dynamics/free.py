@@ -239,19 +239,18 @@ def _turning_point(restoring: Restoring, u0: float) -> tuple[float, float]:
     """Lower turning point and the speed at separation (0 if contact is kept)."""
     law = restoring.law
     energy = float(restoring.potential(u0))
-    if restoring.contact:
+    if not isinstance(law, TaylorLaw):
         wall = float(restoring.potential(-1.0))
         surplus = energy - wall
         if surplus > 0:
             return -1.0 - surplus * restoring.n_loc, float(np.sqrt(2.0 * surplus))
         low = -1.0
     else:
-        assert isinstance(law, TaylorLaw)
-        low, high = law.rims()
-        if u0 >= high or (np.isfinite(low) and energy >= float(restoring.potential(low))):
+        low, rim = law.rims()[0], largest_amplitude(restoring)
+        if u0 > rim:
             raise RangeError(
-                f"u0 = {u0:g} is beyond the rim of the Taylor well (saddles at u = {low:.6g} and "
-                f"{high:.6g}): the truncated law lets the motion escape; use the exact law"
+                f"u0 = {u0:g} is beyond the rim of the Taylor well (u0 = {rim:.6g}): the truncated law lets the motion "
+                "escape; use the exact law"
             )
         if not np.isfinite(low):
             low = -u0

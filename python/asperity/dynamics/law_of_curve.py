@@ -131,7 +131,13 @@ def law_named(columns: CurveColumns, name: str, load: float) -> Law:
     length, unit = float(delta.max(initial=0.0)), float(force.max(initial=0.0))
     if not (length > 0 and unit > 0):
         raise InputError("the loading branch of the curve never makes contact: no power law can be fitted")
-    _check_rising(delta, force)
+    up = force[np.argsort(delta, kind="stable")]
+    fall = float(np.max(np.maximum.accumulate(up) - up))
+    if fall > _NOISE * unit:
+        raise InputError(
+            f"the force of the curve does not rise with the approach: it falls by {fall:g}, by more than "
+            f"{100 * _NOISE:g} % of its largest value, the limit for noise: smooth it"
+        )
     rows = fitted_rows(delta, force)
     return PowerLaw.from_fit(fit_power_law(delta[rows] / length, force[rows] / unit), length, unit)
 
@@ -270,15 +276,3 @@ def _leg(columns: CurveColumns, load: float) -> tuple[TableLaw | None, str]:
         return leg, ""
     rows = f"{leg.z.size} rows in contact, and at least {least} show its curvature"
     return leg, f"the unloading through the preload has {rows}; {more}"
-
-
-def _check_rising(delta: Array, force: Array) -> None:
-    """Refuse a curve whose force falls by more than noise: a power law cannot describe it."""
-    f = force[np.argsort(delta, kind="stable")]
-    fall = np.maximum.accumulate(f) - f
-    if fall.max() > _NOISE * f.max():
-        row = int(fall.argmax())
-        raise InputError(
-            f"the force of the curve does not rise with the approach: it falls from {f[:row].max():g} to {f[row]:g}, "
-            f"by more than {100 * _NOISE:g} % of its largest value, the limit for noise: smooth it"
-        )
