@@ -19,10 +19,12 @@ from scipy.special import roots_legendre
 from asperity.arrays import Array
 from asperity.dynamics.equation import Equation, primitive, rate
 
-MAX_HARMONICS = 640
-_GRID = 8  # uniform samples per harmonic
+MAX_HARMONICS = 640  # a Newton step with them takes 0.2 s
+_GRID = 8  # uniform samples per harmonic: the integrals are exact to 1e-10 with 4, to round-off with 6
 _TABULATED = 64  # largest number of harmonics whose basis on the uniform grid is cached
-_NEAR = 0.02  # distance from contact loss within which the integrals are split there
+_NEAR = (
+    0.02  # distance from contact loss within which integrals are split there: exact to round-off, to 4e-11 with 0.005
+)
 
 
 @dataclass(frozen=True)

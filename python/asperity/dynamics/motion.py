@@ -25,7 +25,7 @@ from asperity.dynamics.settings import Setting
 from asperity.errors import ConvergenceError, RangeError
 from asperity.runtime.display import short_repr
 
-STEP = 0.14  # longest step over the shortest local time scale
+STEP = 0.14  # longest step over the shortest local time scale: sweeps are within 2e-5 of the balance
 ESCAPE = 1e3  # displacement beyond which motion has left a Taylor well
 _ESCAPE_LANES = 1e4  # the same of motions in parallel, which may also fly that far
 _FEW = 16  # largest number of lanes for which plain floats are faster

@@ -33,7 +33,7 @@ from asperity.runtime import run_folder
 from asperity.runtime.display import short_repr
 from asperity.runtime.files import replace_file, write_csv
 
-_SWEEP_POINTS = 41
+_SWEEP_POINTS = 41  # half a second per forcing
 FREE_COLUMNS = ("model", "u0", "omega_ratio", "u_min", "frequency", "amplitude", "a1")
 RESPONSE_COLUMNS = (
     "model", "F_hat", "zeta", "Omega", "u_max", "u_min", "a1", "stable", "branch", "contact_loss",

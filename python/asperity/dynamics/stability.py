@@ -19,11 +19,10 @@ from asperity.arrays import Array
 from asperity.dynamics.equation import rate
 from asperity.dynamics.harmonic_balance import Balance, samples
 
-_SAMPLES = 512
-_SAMPLES_LOSS = 1024
+_SAMPLES, _SAMPLES_LOSS = 512, 1024  # at first, without and with contact loss; doubled up to the largest number
 _MAX_SAMPLES = 65536
 _TOGETHER = 2**21  # samples of all orbits processed at once: 16 MiB per array
-_DET_RTOL = 1e-6
+_DET_RTOL = 1e-6  # agreement of the determinant with Liouville's at which they are enough
 NEGLIGIBLE = 1e-200  # determinant of a motion that has decayed completely
 _HUGE = 300.0  # logarithm of a multiplier beyond which only its sign is kept
 
