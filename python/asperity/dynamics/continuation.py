@@ -118,8 +118,8 @@ def correct(
 ) -> tuple[Array, float, Array, float]:
     """Correct a guess (x, parameter) by Newton's method in the plane through it with the given normal.
 
-    The last step is below `rtol`, relative to x; the remaining error is of the order of its square. The unit tangent of
-    the branch follows x and the parameter, oriented along the normal.
+    The last step is below `rtol`, relative to x or to 1 if that is less; the remaining error is of the order of its
+    square. The unit tangent of the branch follows x and the parameter, oriented along the normal.
 
     Raises:
         ConvergenceError: the iteration does not converge, or moves further than `limit`
