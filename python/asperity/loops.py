@@ -12,7 +12,7 @@ from asperity.errors import InputError
 from asperity.runtime.files import UNREADABLE, read_csv, write_csv
 
 SHAKEN_DOWN = 1e-4  # loss factor below which a contact has shaken down
-LEFT_OUT = "micro-slip: the flat has no friction, or the points in contact stick"  # of the damping of real joints
+LEFT_OUT = "micro-slip: its loss is that of [slip], not of these loops"  # of the damping of real joints
 SETTLED = 0.02  # relative change of the loss factor from one loop to the next below which it is steady
 COLUMNS = (
     "amplitude", "loop", "preload", "delta_low", "delta_high", "deflection", "k", "work", "dissipated", "gained",
@@ -67,8 +67,7 @@ class Loop:
     def imbalance(self) -> float:
         """Work less dissipated and gained energy, over `energy`: the error of the trapezoidal rule, if nothing else.
 
-        Where points stick on a plastic solid it contains the tangential energy of those that are released, which `eta`
-        does not.
+        With friction on the flat it contains what that loses, which `eta` does not.
         """
         return (self.work - self.dissipated - self.gained) / self.energy
 

@@ -5,9 +5,8 @@ With exact contact and associative plasticity with linear hardening the energy o
     F_n d_delta <= d(stored) + d(dissipated) <= F_n+1 d_delta,
 
 because the flat moves each node that it touches at the end by at most d_delta, and each node that it touched at the
-beginning by at least d_delta. Nodes that stick do no tangential work, except in the step in which they are touched or
-released: f_n du on the left and f_n+1 du on the right, f the tangential forces, which are zero in the limit of small
-steps. The dissipation (sigma - X) : d eps_p, X the back stress of kinematic hardening, lies
+beginning by at least d_delta. Friction adds f_n du on the left and f_n+1 du on the right, f the tangential forces. The
+dissipation (sigma - X) : d eps_p, X the back stress of kinematic hardening, lies
 between those with the stress of either end (maximum dissipation). The dissipated energy sigma_y a + (1 - beta) H a^2/2
 follows from the accumulated plastic strain a; the rest of the hardening, beta H eps_p:eps_p/3, is stored.
 
@@ -98,7 +97,7 @@ class StepBalance:
     penetration_work: float  # force times penetration of a compliant contact
     work_low: float  # of the internal force at the beginning of the step along it
     work_high: float  # of that at its end
-    tangential_low: float  # the same of the tangential forces of the flat, for nodes that stick
+    tangential_low: float  # the same of the tangential forces of the flat
     tangential_high: float
     penetration: float  # greatest, of a node into the flat
     suction: float  # greatest tension

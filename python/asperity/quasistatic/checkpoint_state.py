@@ -25,7 +25,7 @@ from asperity.runtime.shares import DistributedArray, look_up, look_up_some, sha
 
 OF_CELLS = ("stress", "plastic_strain")  # fields of a snapshot with a row per cell
 OF_CONTACT = "contact."  # prefix of the names of the contact's history
-HELD = "held"  # tangential displacement of the nodes that stick
+HELD = "held"  # what friction keeps of the nodes in contact
 
 
 @dataclass(frozen=True)

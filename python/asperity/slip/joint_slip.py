@@ -220,7 +220,8 @@ def slip_of_curve(
         with suppress(AsperityError):  # at the end of its bar the curve may not reach the preload
             bars = _changes(law, [law_on(member) for member in (*laws.chosen.sides(), *choice.bounds)], t)
     if computed and bars is not None:  # the mesh of the solid, of which only the curve gives an estimate
-        bars = bars + np.abs([_of_path(a) - _of_path(b) for a, b in zip(computed, paths, strict=True)]).T
+        ours, theirs = (np.array([[path.loop()[k] for k in WITH_ERRORS] for path in of]) for of in (computed, paths))
+        bars = bars + np.abs(ours - theirs).T
     elif bars is not None and isinstance(choice.law, TableLaw):
         mean = 0.0 if area is None else law.preload / (patch * float(area(np.array([law.preload]))[0]))
         slopes = np.array(STEEP_YIELDED if choice.yielded else STEEP) * mean / material.reduced_modulus
@@ -257,10 +258,6 @@ def slip_of_case(
 def _of_law(law: SlipLaw, t: Array) -> Array:
     """Columns `WITH_ERRORS` of a law at amplitudes (n,), (4, n)."""
     return np.stack([law.displacement(t), law.k_secant(t), law.energy(t), law.eta(t)])
-
-
-def _of_path(path: SlipPath) -> Array:
-    return np.array([path.displacement, path.k_secant, path.energy, path.eta])
 
 
 def _changes(law: SlipLaw, others: list[SlipLaw], t: Array) -> Array:
