@@ -80,12 +80,12 @@ class PMultigrid:
         local = sparse.coo_array((half, at), (nodes, len(self._corners))).tocsr()
         return sparse.kron(local, sparse.eye_array(4, 3, dtype=np.float32), format="csr")
 
-    def update(self, renew: bool = False) -> bool:
+    def update(self, renew: bool | None = None) -> bool:
         """Adapt to the current values and free dofs of the tangent; collective.
 
         Args:
-            renew: whether to renew the coarse matrix in any case, the same on all ranks; else where more than some dofs
-                were held or released since it was made, or where `judge` finds it too old
+            renew: whether to renew the coarse matrix, the same on all ranks; None where more than some dofs were held
+                or released since it was made, or where `judge` finds it too old
 
         Returns:
             whether the matrix can be smoothed, its diagonal is positive, and the coarse one solved
@@ -103,7 +103,9 @@ class PMultigrid:
             self._inverse = tangent.padded(1.0 / np.where(diagonal > 0.0, diagonal, 1.0))
             self._version = tangent.version
         self._scaling = self._free * self._inverse
-        if renew or not self._reusable or self._changed() > max(LAG, LAG_SHARE * solid.dofs):
+        if renew is None:
+            renew = not self._reusable or self._changed() > max(LAG, LAG_SHARE * solid.dofs)
+        if renew:
             self._galerkin()
             self._reusable = self._coarse.update()
             if not self._reusable:

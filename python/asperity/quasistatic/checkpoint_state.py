@@ -21,11 +21,13 @@ from asperity.quasistatic.balance import Checks
 from asperity.quasistatic.contact_solver import ContactSolver, Counts, SolverState
 from asperity.quasistatic.measures import Snapshot
 from asperity.quasistatic.stepping import Position, Record
+from asperity.quasistatic.stiffness import Stiffness
 from asperity.runtime.shares import DistributedArray, look_up, look_up_some, share_some
 
 OF_CELLS = ("stress", "plastic_strain")  # fields of a snapshot with a row per cell
 OF_CONTACT = "contact."  # prefix of the names of the contact's history
 HELD = "held"  # what friction keeps of the nodes in contact
+STIFFNESS = "stiffness"  # start of the systems of the stiffness columns; in states of runs with these columns only
 
 
 @dataclass(frozen=True)
@@ -59,6 +61,10 @@ class Saved:
             solver.contact.restore(history(facet_numbers(solver.contact_surface), OF_CONTACT))
         if solver.contact.held is not None:
             solver.contact.held = some(HELD, top, np.nan)
+        if STIFFNESS in arrays:
+            memory = look_up(arrays[STIFFNESS], owned)
+            for probe in _with_memory(solver):
+                probe.recall(memory)
         solver.restore(_state(self.meta["solver"], displacements))
         record.rows[:] = self.meta["rows"]
         for about, saved in zip(self.meta["snapshots"], self.snapshots, strict=True):
@@ -86,6 +92,8 @@ def solver_fields(solver: ContactSolver) -> dict[str, DistributedArray]:
 
     for name, u in _displacements(solver.state()).items():
         out[f"displacement.{name}"] = share_nodes(solid, solid.scatter_forward(u.ravel()))
+    for probe in _with_memory(solver):
+        out[STIFFNESS] = share_nodes(solid, solid.ghosts.scatter_forward(probe.memory()))
     if solid.material.plastic:
         history = solid.kernels.history()
         changed = history.changed()
@@ -102,6 +110,11 @@ def solver_fields(solver: ContactSolver) -> dict[str, DistributedArray]:
         for name, values in of_contact.arrays().items():
             keep_some(OF_CONTACT + name, facets, values)
     return out
+
+
+def _with_memory(solver: ContactSolver) -> list[Stiffness]:
+    """Probes that start from what they found at the step before."""
+    return [probe for probe in solver.probes if isinstance(probe, Stiffness)]
 
 
 def _nodal(solver: ContactSolver, values: Floats) -> Floats:

@@ -13,34 +13,37 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from asperity.arrays import Floats, Integers
+from asperity.arrays import Flags, Floats, Integers, Singles
 from asperity.curve import ELASTIC_STIFFNESSES
 from asperity.fem.solid import Solid
-from asperity.linear.energy import LEFT, EnergySolver
+from asperity.linear.energy import LEFT, UNKNOWN, EnergySolver
 from asperity.linear.matrix_free import TangentOperator, tangent_product
 from asperity.mesh.distribute import SIDE_X, SIDE_Y
 
 if TYPE_CHECKING:
     from asperity.quasistatic.contact_solver import ContactSolver
 
-NEAR = 0.8  # stiffness over that of its start, roughly
+NEAR = 0.8  # stiffness over that of its start from the step before, and tangential over normal stiffness, roughly
 PASSES = 5  # of the linear solver at most
 TIGHTEST = 1e-8  # relative tolerance where an absolute one counts
+WORN_OUT = 0.15  # contraction of an elastic system above which its coarse matrix is renewed, where also
+CHANGED = 0.1  # of the nodes in contact have changed
 FULL = 1e-3  # part of the compliance below which that of the interface is lost in rounding and discretisation
 
 
 class Stiffness:
     """Stiffness of the contact: a probe of accepted steps; collective.
 
-    A step does not depend on those before: solutions of the step before save no time as starts.
+    The elastic systems start from their solutions at the step before, and their coarse matrices last until they are
+    stale. Both belong to the state of a run, see `memory`.
     """
 
     def __init__(self, solid: Solid) -> None:
         self._solid = solid
         self._elastic: TangentOperator | None = None  # with the elastic stiffness, beside the tangent of the solver
-        self._system: EnergySolver | None = None  # with it
         self._height = 0.0  # of the undeformed block
-        self._fixed = tuple(mirrored(solid, axis) for axis in (0, 1))
+        self._along_x, self._along_y = (_Motion(solid, mirrored(solid, k), (0, 1)) for k in (0, 1))
+        self._along_z = _Motion(solid, solid.fixed, (2,))
 
     def __call__(self, solver: ContactSolver) -> dict[str, float]:
         """Elastic stiffness at the last solve, before its history is committed.
@@ -58,21 +61,22 @@ class Stiffness:
         solid, contact = solver.solid, solver.contact
         nodes = contact.nodes()
         if not solid.comm.allreduce(len(nodes)):
+            for motion in (self._along_x, self._along_y, self._along_z):
+                motion.part()
             return dict.fromkeys(ELASTIC_STIFFNESSES, 0.0)
         held = solver.newton.rows
         normal = _Translation(solver, 2, np.concatenate([solid.fixed, held]), held, contact.symmetric, contact.stiff)
+        self._elastic = self._elastic or TangentOperator(solid, symmetric=True, single=True, keeps=True)
         found = {}
         if contact.stiff:
             solid.assemble_elastic(contact.add_elastic_tangent)
-            found["k_n_elastic"], w = normal.force(normal.start())
-        if self._elastic is None or self._system is None:
-            self._elastic = TangentOperator(solid, symmetric=True, single=True, keeps=True)
-            self._system = EnergySolver(self._elastic)
+            found["k_n_elastic"], w = normal.force(normal.start(self._along_z.before))
+            self._along_z.take(w)
         if solid.material.finite or not self._elastic.version:  # in small strain it never changes
             solid.assemble_elastic()
             self._elastic.update()
         if not contact.stiff:
-            found["k_n_elastic"], w = self._force(normal, normal.start())
+            found["k_n_elastic"], w = self._along_z.force(self._elastic, normal, nodes, normal.start(), None)
         k_x, k_y = self._tangential(solver, nodes, w)
         found["k_t"], found["k_t_x"] = 0.5 * (k_x + k_y), k_x
         self._height = height = self._height or solver.contact_surface.mean(solid.points[:, 2])
@@ -84,27 +88,130 @@ class Stiffness:
     def _tangential(self, solver: ContactSolver, nodes: Integers, w: Floats) -> tuple[float, float]:
         """Stiffness against motions along x and along y [E L], from the displacement along z (owned, 3); collective.
 
-        The vertical motion decays from the contact as the tangential one does, and that along y as that along x.
+        The vertical motion decays from the contact as the tangential one does, and that along y as that along x. So do
+        their changes since the step before.
         """
+        elastic, along_x, along_y, along_z = self._elastic, self._along_x, self._along_y, self._along_z
+        assert elastic is not None
         plate = _dofs(nodes, (0, 1))
         x, y = (
-            _Translation(solver, k, np.union1d(fixed, plate), plate, True, False) for k, fixed in enumerate(self._fixed)
+            _Translation(solver, k, np.union1d(motion.fixed, plate), plate, True, False)
+            for k, motion in enumerate((along_x, along_y))
         )
-        k_x, w = self._force(x, x.start(w[:, 2:] * x.unit))
-        return k_x, self._force(y, y.start(w[:, (1, 0, 2)]))[0]
-
-    def _force(self, motion: _Translation, start: Floats) -> tuple[float, Floats]:
-        """Stiffness of the elastic solid [E L], and displacement relative to the flat (owned, 3); collective."""
-        assert self._system is not None
-        force, w = self._system.minimise(start, motion.unit, motion.rows)
-        if force != force:
-            self._solid.assemble_elastic()
-            force, w = motion.force(start)
-        return force, w
+        change = None if along_z.change is None else along_z.change[:, 2:] * x.unit
+        k_x, w = along_x.force(elastic, x, nodes, w[:, 2:] * x.unit, change)
+        change = None if along_x.change is None else along_x.change[:, (1, 0, 2)]
+        k_y, _ = along_y.force(elastic, y, nodes, w[:, (1, 0, 2)], change)
+        return k_x, k_y
 
     def drop_matrices(self) -> None:
         """Free the matrices; the next step makes them again."""
-        self._elastic = self._system = None
+        self._elastic = None
+        for motion in (self._along_x, self._along_y, self._along_z):
+            motion.drop_matrices()
+
+    def memory(self) -> Singles:
+        """What the next step depends on, of the motions along x, y and z (owned, 12)."""
+        return np.concatenate([m.memory() for m in (self._along_x, self._along_y, self._along_z)], axis=1)
+
+    def recall(self, memory: Singles) -> None:
+        """Continue from what `memory` returned; collective."""
+        for k, motion in enumerate((self._along_x, self._along_y, self._along_z)):
+            motion.recall(memory[:, 4 * k : 4 * k + 4])
+
+
+class _Motion:
+    """Systems of a motion of the flat on the elastic solid, from step to step.
+
+    Args:
+        fixed: dofs that are prescribed in addition to those of the flat
+        components: of the nodes in contact that the coarse matrix holds
+
+    Attributes:
+        fixed: as given
+        before: displacement relative to the flat at the step before (owned, 3), None without one
+        change: of this displacement since the step before that (owned, 3), None without one
+    """
+
+    def __init__(self, solid: Solid, fixed: Integers, components: tuple[int, ...]) -> None:
+        self._solid, self.fixed, self._components = solid, fixed, components
+        self.change: Floats | None = None
+        self.before: Singles | None = None
+        self._marked: Flags | None = None  # owned nodes in contact when the coarse matrix was made
+        self._contraction = UNKNOWN  # see `EnergySolver`
+        self._system: EnergySolver | None = None
+
+    def force(
+        self, elastic: TangentOperator, motion: _Translation, nodes: Integers, guess: Floats, change: Floats | None
+    ) -> tuple[float, Floats]:
+        """Stiffness [E L], and displacement relative to the flat (owned, 3); collective.
+
+        Args:
+            elastic: stiffness of the solid
+            motion: of the flat
+            nodes: owned ones in contact
+            guess: start where there was no contact at the step before (owned, 3)
+            change: likely change since the step before (owned, 3)
+        """
+        system = self._prepare(elastic, nodes)
+        before = None if self.before is None else motion.start(self.before)
+        start = motion.start(guess) if before is None else before if change is None else motion.start(before + change)
+        force, w = system.minimise(start, motion.unit, motion.rows)
+        self._contraction = system.contraction
+        if force != force:
+            self._solid.assemble_elastic()
+            force, w = motion.force(motion.start(guess))
+        self.take(w)
+        self.change = None if before is None else w - before
+        return force, w
+
+    def take(self, w: Floats) -> None:
+        """Keep the displacement of this step, found in another way."""
+        self.change, self.before = None, w.astype(np.float32)
+
+    def part(self) -> None:
+        """Keep nothing of a step without contact."""
+        self.change = self.before = None
+
+    def drop_matrices(self) -> None:
+        """Free the system; the next step makes it again."""
+        self._system = None
+
+    def _prepare(self, elastic: TangentOperator, nodes: Integers) -> EnergySolver:
+        """The system, with a new coarse matrix where it is stale or belongs to another process; collective."""
+        now = np.zeros(self._solid.owned, dtype=bool)
+        now[nodes] = True
+        worn_out = self._is_worn_out(now)
+        if worn_out or self._marked is None:
+            self._marked, self._contraction = now, UNKNOWN
+        if worn_out or self._system is None:
+            self._system = self._system or EnergySolver(elastic)
+            held = _dofs(np.flatnonzero(self._marked).astype(np.int32), self._components)
+            self._system.renew(np.union1d(self.fixed, held).astype(np.int32))
+        self._system.contraction = self._contraction
+        return self._system
+
+    def _is_worn_out(self, now: Flags) -> bool:
+        """Whether the coarse matrix contracts badly because other nodes are in contact; collective."""
+        if self._marked is None or self._contraction <= WORN_OUT:
+            return False
+        changed, count = self._solid.comm.allreduce(np.array([np.sum(now != self._marked), np.sum(now)]))
+        return bool(changed > CHANGED * count)
+
+    def memory(self) -> Singles:
+        """Displacement, and the contraction at the nodes of the coarse matrix, zero elsewhere (owned, 4)."""
+        n = self._solid.owned
+        w = np.zeros((n, 3)) if self.before is None else self.before
+        marked = np.zeros(n) if self._marked is None else self._contraction * self._marked
+        return np.column_stack([w, marked]).astype(np.float32)
+
+    def recall(self, memory: Singles) -> None:
+        """Continue from what `memory` returned; collective."""
+        comm, marked = self._solid.comm, memory[:, 3]
+        self.change = None
+        self.before = np.ascontiguousarray(memory[:, :3]) if comm.allreduce(bool(memory[:, :3].any())) else None
+        self._contraction = max(comm.allgather(float(np.max(marked, initial=0.0)))) or UNKNOWN
+        self._marked, self._system = (marked > 0.0 if comm.allreduce(bool(marked.any())) else None), None
 
 
 def _dofs(nodes: Integers, components: tuple[int, ...]) -> Integers:
@@ -139,7 +246,7 @@ class _Translation:
         e.reshape(-1)[held] = 0.0
         self._e = e
 
-    def start(self, guess: Floats | None = None) -> Floats:
+    def start(self, guess: Floats | Singles | None = None) -> Floats:
         """Displacement relative to the flat (owned, 3): e on prescribed dofs, a guess (owned, 3) or e on the others."""
         if guess is None:
             return self._e.copy()
