@@ -193,7 +193,7 @@ def test_two_errors_of_opposite_sign_that_cancel_are_told_apart() -> None:
 
 def test_each_step_is_extrapolated_from_a_mesh_that_is_coarser_there() -> None:
     """The last mesh is finer at the first steps only, the meshes before are everywhere; all err as scale^1.9."""
-    at, later = np.linspace(0.002, 0.02, 10), np.arange(10) > 4
+    at, later = np.arange(1.0, 11.0) * 0.002, np.arange(10) > 4
     scales = np.array([np.full(10, 2.0), np.ones(10), np.where(later, 0.95, 0.5)])
 
     def curve(forces: Floats) -> Curve:
