@@ -65,35 +65,6 @@ def test_westergaard_is_consistent():
     assert wave.approach(wave.full_pressure) == pytest.approx(wave.A)
 
 
-def test_double_sinusoid_table():
-    wave = ref.DoubleSinusoid(A=0.01, lam=1.0, E_prime=2.0)
-    assert wave.full_pressure == pytest.approx(math.sqrt(2) * math.pi * 2.0 * 0.01)
-    r = np.array([0.01, 0.05, 0.1, 0.3, 0.5, 0.7, 0.9, 0.99])
-    area = [0.0364, 0.1131, 0.1906, 0.5139, 0.7042, 0.8400, 0.9506, 0.9952]
-    delta = [0.18167, 0.44359, 0.61521, 0.87508, 0.95488, 0.98883, 0.99931, 0.99996]
-    np.testing.assert_allclose(wave.area_fraction(r * wave.full_pressure), area, atol=4e-4)
-    np.testing.assert_allclose(wave.approach(r * wave.full_pressure) / 0.01, delta, atol=3e-4)
-
-
-def test_double_sinusoid_agrees_with_hertz_at_light_load():
-    """Two crests per period, radius of curvature 1/(k^2 A)."""
-    wave = ref.DoubleSinusoid(A=0.01, lam=1.0, E_prime=1.0)
-    hertz = ref.Hertz(R=1 / ((2 * math.pi) ** 2 * 0.01), E_prime=1.0)
-    pressure = 0.0005 * wave.full_pressure
-    delta = hertz.approach(pressure / 2)
-    assert wave.area_fraction(pressure) == pytest.approx(2 * math.pi * hertz.R * delta, rel=0.05)
-
-
-def test_double_sinusoid_between_its_nodes():
-    wave = ref.DoubleSinusoid(A=0.01, lam=1.0, E_prime=1.0)
-    surface = Sinusoid(L=1.0, amplitude=0.01, dims=2)
-    for r in (0.03, 0.225, 0.35, 0.7, 0.9):
-        pressure = r * wave.full_pressure
-        computed = ref.half_space_contact(surface, 256, P_star=pressure)
-        assert wave.area_fraction(pressure) == pytest.approx(computed.area_fraction, abs=2e-3)
-        assert wave.approach(pressure) == pytest.approx(computed.delta_star, abs=2e-5)
-
-
 def test_similarity_law_against_computation():
     """Heights times s at loads times s: approach times s, the same area."""
     low, high = (WeierstrassMandelbrot(L=1e-6, G=G, D=2.5, seed=2) for G in (1e-12, 4e-12))

@@ -13,7 +13,6 @@ from __future__ import annotations
 from asperity.reference.adhesion import pull_off, range_of_stickiness, stickiness, tabor_parameter
 from asperity.reference.conductance import cooper_mikic_yovanovich, mikic_elastic
 from asperity.reference.elastic import (
-    DoubleSinusoid,
     Hertz,
     Westergaard,
     block_modulus,
@@ -38,7 +37,6 @@ __all__ = [
     "FLATTENED_DEPTHS",
     "FLATTENED_SPHERE",
     "LONG_WAVES",
-    "DoubleSinusoid",
     "HalfSpaceContact",
     "Hertz",
     "RoughCurve",

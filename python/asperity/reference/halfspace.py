@@ -56,7 +56,7 @@ class RoughHalfSpace:
         >>> layer = asp.reference.RoughHalfSpace(n=64, height=1.0, nu=0.3)
         >>> curve = layer.curve(layer.heights(surface), surface.maximum()[2] / surface.L, [0.01, 0.02])
         >>> curve.P_star.round(4), bool(curve.area_fraction[0] < curve.area_fraction[1])
-        (array([0.0011, 0.0047]), True)
+        (array([0.0008, 0.0056]), True)
     """
 
     n: int
