@@ -37,7 +37,7 @@ STICK = "stick"  # where nodes are touched within a step (docs/contact.md)
 STEP_ORDERS = {MIDPOINT: 2.0, STICK: 1.5, BACKWARD_EULER: 1.0}  # of the force in the load step
 # Part of the load-step correction taken for its bar; of the rule of first order much more is corrected
 PATH_TRANSFER = {MIDPOINT: 0.5, STICK: 1.0, BACKWARD_EULER: 1.0}
-MOST_SUBSTEPS = 32
+MOST_SUBSTEPS = 32  # parts of a load step: each doubling is one more run of the first mesh
 REACH = 2  # steps to either side that support the bar of a step: two meshes agree by chance at one approach
 
 
