@@ -245,16 +245,21 @@ def test_coarse_meshes_that_are_not_touched_lead_to_finer_ones(material: Materia
     ids=["elastic", "plastic"],
 )
 def test_the_bar_of_an_unresolved_surface_holds(material: Material) -> None:
-    """Shortest waves of 0.1 L; the reference resolves them with elements of 0.024 L everywhere in the contact."""
+    """Shortest waves of 0.1 L; the reference resolves them with elements of 0.024 L everywhere in the contact.
+
+    A bar holds 95 % of the steps: one of the twelve may be outside, by as much again.
+    """
     surface, depth = surface_of(4, lambda_roll=0.5, lambda_short=0.1), 0.03
     found = asp.solve_to_tolerance(surface, material, asp.AccuracyTarget(0.08), delta_max=depth, steps=5)
     assert found.met
     assert {level.dilatation for level in found.levels} == {MEAN if material.plastic else POINT}
-    fine = solve_contact(surface, material, delta_max=depth, steps=10, size=MeshSize(0.024, growth=0.2))
+    size, kind = MeshSize(0.024, growth=0.2), found.levels[-1].dilatation
+    fine = solve_contact(surface, material, delta_max=depth, steps=10, size=size, dilatation=kind)
     loading = found.curve.loading()
     judged = loading.delta_star >= 0.999 * depth / 5
     P = np.interp(loading.delta_star, fine.curve.delta_star, fine.curve.P_star)
-    assert np.all(np.abs(loading.P_star - P)[judged] <= loading.error_P_star[judged] + 0.01 * P[judged])
+    beyond = (np.abs(loading.P_star - P) - 0.01 * P)[judged] / loading.error_P_star[judged]
+    assert np.count_nonzero(beyond > 1.0) <= 1 and np.all(beyond < 2.0)
     A = np.interp(loading.delta_star, fine.curve.delta_star, fine.curve.area_fraction)
     e = np.interp(loading.delta_star, fine.curve.delta_star, fine.curve.error_area_fraction)
     assert np.mean(np.abs(loading.area_fraction - A)[judged] <= (loading.error_area_fraction + e)[judged]) >= 0.8
