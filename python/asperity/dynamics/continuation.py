@@ -265,7 +265,7 @@ def between(equations: Equations, a: Point, b: Point, fraction: float, rtol: flo
     return Point(x, p, t, tp, tail(x))
 
 
-def hermite(start: Array, chord: Array, out: Array, into: Array) -> Array:
+def hermite(start: Any, chord: Any, out: Any, into: Any) -> Array:
     """Coefficients (4, ...), lowest first, of the cubic over [0, 1] with the given slopes at its ends."""
     return np.array([start, out, 3.0 * chord - 2.0 * out - into, out + into - 2.0 * chord])
 
@@ -283,6 +283,14 @@ def _segment(a: Point, b: Point) -> tuple[Array, float]:
     length = float(np.sqrt(chord @ chord))
     out, into = length * np.append(a.t, a.t_parameter), length * np.append(b.t, b.t_parameter)
     return hermite(np.append(a.x, a.parameter), chord, out, into), length
+
+
+def _parameter(a: Point, b: Point) -> Array:
+    """Coefficients of the parameter alone in the cubic from a to b."""
+    count = max(a.x.size, b.x.size) // 2
+    gap, chord = b.resized(count).x - a.resized(count).x, b.parameter - a.parameter
+    length = float(np.sqrt(gap @ gap + chord * chord))
+    return hermite(a.parameter, chord, length * a.t_parameter, length * b.t_parameter)
 
 
 def locate(
@@ -348,10 +356,11 @@ def _cubic_error(guess: Array, guess_p: float, here: Point, point: Point) -> flo
     With the fourth derivative D of the branch the error of the prediction is h^2 (h + g)^2 D / 24, where g is the step
     before, and that of the cubic between its ends h^4 D / 384: at most 1/36 of it, as h is at most 2 g.
     """
-    miss, along = np.append(point.x - guess, point.parameter - guess_p), np.append(point.t, point.t_parameter)
-    miss -= (miss @ along) * along
+    miss, miss_p = point.x - guess, point.parameter - guess_p
+    along = float(miss @ point.t) + miss_p * point.t_parameter
+    across = float(np.abs(miss - along * point.t).sum()) + abs(miss_p - along * point.t_parameter)
     steep = max(abs(here.t_parameter), abs(point.t_parameter), _STEEP)
-    return float(np.abs(miss).sum()) / 36.0 / (steep * float(np.sqrt(point.x @ point.x)))
+    return across / 36.0 / (steep * float(np.sqrt(point.x @ point.x)))
 
 
 def _at_edge(equations: Equations, inside: Point, outside: Point, edge: float, how: Tracing) -> Point:
@@ -373,7 +382,7 @@ def crossings(equations: Equations, points: Iterable[Point], parameter: float) -
         last = b
         if a.parameter == parameter:
             yield a
-        start, first, second, third = _segment(a, b)[0][:, -1]
+        start, first, second, third = _parameter(a, b)
         polygon = (start, start + first / 3.0, b.parameter - (3.0 * third + 2.0 * second + first) / 3.0, b.parameter)
         if not min(polygon) <= parameter <= max(polygon):  # the control polygon of the cubic lies on one side
             continue
@@ -391,7 +400,7 @@ def crossings(equations: Equations, points: Iterable[Point], parameter: float) -
 
 def turns(a: Point, b: Point) -> list[float]:
     """Fractions of the segment, in order, at which the parameter of the cubic turns back."""
-    _, first, second, third = _segment(a, b)[0][:, -1]
+    _, first, second, third = _parameter(a, b)
     root = second * second - 3.0 * third * first
     if root < 0:
         return []
