@@ -173,13 +173,10 @@ def joint(folder: Path, pictures: Path | None) -> None:
     elastic, shear = curve.k_n_interface / area / 1e15, curve.k_t_interface / area / 1e15
     up, down = curve.branch == "load", curve.branch == "unload"
     touching = up & (p > 0.02 * p.max())
-    slope = np.polyfit(np.log(p[touching]), np.log(elastic[touching]), 1)[0]
-    light = touching & (p < 0.2 * p.max())
-    steep = np.polyfit(np.log(p[light]), np.log(elastic[light]), 1)[0]
-    late = touching & (p > 0.2 * p.max())
-    flat = np.polyfit(np.log(p[late]), np.log(elastic[late]), 1)[0]
-    print(f"\nrough joint: k_n of small vibration ~ p^{slope:.2f} in loading, below a fifth of the load p^{steep:.2f}, "
-          f"above p^{flat:.2f}\n")  # fmt: skip
+    light, late = touching & (p < 0.2 * p.max()), touching & (p > 0.2 * p.max())
+    of = {"k_n": elastic, "k_t": shear}
+    print("\nrough joint, small vibration:", ", ".join(f"{n} ~ p^{power(p, k, touching):.2f}" for n, k in of.items()),
+          f"; k_n below a fifth of the load p^{power(p, elastic, light):.2f}, above p^{power(p, elastic, late):.2f}\n")  # fmt: skip
     print("| p in MPa | k_n, loading | k_n, small vibration | the same, unloading | k_t/k_n |\n|---|---|---|---|---|")
     order = np.flatnonzero(down)[np.argsort(p[down])]
     for i in np.flatnonzero(touching)[:: max(1, touching.sum() // 7)]:
@@ -187,6 +184,11 @@ def joint(folder: Path, pictures: Path | None) -> None:
         print(f"| {p[i]:.3g} | {static[i]:.3g} | {elastic[i]:.3g} | {back:.3g} | {shear[i] / elastic[i]:.3f} |")
     if pictures:
         style.save(draw_joint(p, static, elastic, shear, touching, down), pictures / "joint.png")
+
+
+def power(p: Any, k: Any, rows: Any) -> float:
+    """Exponent of a stiffness over pressure at some rows."""
+    return float(np.polyfit(np.log(p[rows]), np.log(k[rows]), 1)[0])
 
 
 @style.styled
