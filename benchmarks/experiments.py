@@ -174,10 +174,10 @@ def joint(folder: Path, pictures: Path | None) -> None:
     up, down = curve.branch == "load", curve.branch == "unload"
     touching = up & (p > 0.02 * p.max())
     light, late = touching & (p < 0.2 * p.max()), touching & (p > 0.2 * p.max())
-    of = {"k_n": elastic, "k_t": shear}
-    print("\nrough joint, small vibration:", ", ".join(f"{n} ~ p^{power(p, k, touching):.2f}" for n, k in of.items()),
-          f"; k_n below a fifth of the load p^{power(p, elastic, light):.2f}, above p^{power(p, elastic, late):.2f}\n")  # fmt: skip
-    print("| p in MPa | k_n, loading | k_n, small vibration | the same, unloading | k_t/k_n |\n|---|---|---|---|---|")
+    for name, k in {"k_n": elastic, "k_t": shear}.items():
+        parts = ", ".join(f"p^{power(p, k, rows):.2f}" for rows in (touching, light, late))
+        print(f"\nrough joint: {name} of small vibration, in loading, below a fifth of the load, above: {parts}")
+    print("\n| p in MPa | k_n, loading | k_n, small vibration | the same, unloading | k_t/k_n |\n|---|---|---|---|---|")
     order = np.flatnonzero(down)[np.argsort(p[down])]
     for i in np.flatnonzero(touching)[:: max(1, touching.sum() // 7)]:
         back = np.interp(p[i], p[order], elastic[order])
