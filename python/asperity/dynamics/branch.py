@@ -24,13 +24,12 @@ from asperity.dynamics.continuation import (
     Point,
     adapt,
     between,
-    hermite,
     in_omega,
     locate,
     newton_rtol,
     turns,
-    value,
 )
+from asperity.dynamics.cubic import hermite, value
 from asperity.dynamics.harmonic_balance import Balance, resize, stack
 from asperity.dynamics.stability import NEGLIGIBLE, Floquet, extrema, floquet, rise, state_at_phase_zero
 from asperity.errors import ConvergenceError

@@ -10,12 +10,12 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
-from typing import Any
 
 import numpy as np
 from scipy.optimize import brentq
 
 from asperity.arrays import Array
+from asperity.dynamics.cubic import hermite, value
 from asperity.dynamics.harmonic_balance import MAX_HARMONICS, Balance, resize, tail
 from asperity.errors import ConvergenceError
 
@@ -263,16 +263,6 @@ def between(equations: Equations, a: Point, b: Point, fraction: float, rtol: flo
     y, chord = value(cubic, fraction), cubic[1:].sum(axis=0) / length
     x, p, t, tp = correct(equations, y[:-1], float(y[-1]), chord[:-1], float(chord[-1]), rtol=rtol)
     return Point(x, p, t, tp, tail(x))
-
-
-def hermite(start: Any, chord: Any, out: Any, into: Any) -> Array:
-    """Coefficients (4, ...), lowest first, of the cubic over [0, 1] with the given slopes at its ends."""
-    return np.array([start, out, 3.0 * chord - 2.0 * out - into, out + into - 2.0 * chord])
-
-
-def value(cubic: Array, s: Any) -> Array:
-    """Value of a cubic at the fraction s."""
-    return np.asarray(cubic[0] + s * (cubic[1] + s * (cubic[2] + s * cubic[3])))
 
 
 def _segment(a: Point, b: Point) -> tuple[Array, float]:

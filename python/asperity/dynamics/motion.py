@@ -2,9 +2,8 @@
 
 All integrate Lienard's variable (see `asperity.dynamics.equation`), in which the vector field is continuous at contact
 loss. A single motion is integrated by SciPy's DOP853 from one separation or landing to the next, so no step contains
-either; many are integrated by the Runge-Kutta method of order 4, one lane of the arrays per motion. In a sweep each
-forcing and direction is a lane; its state is passed from one frequency to the next at forcing phase 0, as soon as the
-Poincare map has converged.
+either; many by the Runge-Kutta method of order 4, each a lane of the arrays. A sweep passes the state of a lane to the
+next frequency at forcing phase 0, as soon as the Poincare map has converged.
 """
 
 from __future__ import annotations
@@ -18,7 +17,7 @@ import numpy as np
 from scipy.integrate import solve_ivp
 
 from asperity.arrays import Array
-from asperity.dynamics.continuation import hermite, value
+from asperity.dynamics.cubic import hermite, value
 from asperity.dynamics.equation import Equation, primitive
 from asperity.dynamics.law.taylor import TaylorLaw
 from asperity.dynamics.settings import Setting

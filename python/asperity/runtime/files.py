@@ -23,7 +23,7 @@ import numpy.typing as npt
 #: Errors that numpy and zipfile raise on files that are damaged or of another kind.
 UNREADABLE = (
     OSError, EOFError, LookupError, ValueError, TypeError, AttributeError, ArithmeticError, RuntimeError,
-    MemoryError, SyntaxError, BadZipFile, TokenError, zlib.error,
+    MemoryError, SyntaxError, BadZipFile, TokenError, zlib.error, csv.Error,
 )  # fmt: skip
 NPZ = ".npz"
 
