@@ -22,7 +22,7 @@ _PUBLIC = {
     "unload_reload": "law_of_curve",
     "LawAtLoad": "laws",
     "LawTable": "laws",
-    "Sweep": "motion",
+    "Sweep": "sweep",
     "Trajectory": "motion",
     "Branch": "branch",
     "Event": "branch",

@@ -9,7 +9,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import ArrayLike
 
-from asperity.dynamics import motion as _motion
+from asperity.dynamics import sweep as _sweep
 from asperity.dynamics import thresholds as _thresholds
 from asperity.dynamics.equation import Restoring
 from asperity.dynamics.free import FreeVibration, contact_limit, free_vibration, largest_amplitude
@@ -18,9 +18,10 @@ from asperity.dynamics.law.checks import positive
 from asperity.dynamics.law.damping import Damping, check_damping
 from asperity.dynamics.law.law import Law
 from asperity.dynamics.law.taylor import TaylorLaw
-from asperity.dynamics.motion import Sweep, Trajectory, integrate
+from asperity.dynamics.motion import Trajectory, integrate
 from asperity.dynamics.response import FrequencyResponse, frequency_response
 from asperity.dynamics.settings import MIN_ZETA, Setting, forcings, frequencies, window
+from asperity.dynamics.sweep import Sweep
 from asperity.dynamics.thresholds import Thresholds
 from asperity.errors import AsperityWarning, InputError, RangeError
 from asperity.runtime.display import short_repr
@@ -182,7 +183,7 @@ class ContactOscillator:
             raise InputError(f'direction = "{min(unknown)}" is unknown: choose "up" or "down"')
         if points < 2:
             raise InputError(f"points = {points} is not legal: a sweep needs at least 2")
-        return _motion.sweep(
+        return _sweep.sweep(
             self.balance(), [self.setting(f) for f in forcings(forcing)], np.linspace(*window(omega), points),
             directions=tuple(directions), tol=positive("tol", tol), max_periods=max_periods
         )  # fmt: skip

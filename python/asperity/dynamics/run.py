@@ -22,10 +22,10 @@ from asperity.dynamics.law.damping import LOOPS, LoopDamping
 from asperity.dynamics.law.law import Law
 from asperity.dynamics.law_of_curve import Choice, choose
 from asperity.dynamics.laws import LawTable, tabulate
-from asperity.dynamics.motion import ESCAPED, Sweep
 from asperity.dynamics.oscillator import GRAVITY, ContactOscillator
 from asperity.dynamics.response import FrequencyResponse
 from asperity.dynamics.settings import DynamicsSettings
+from asperity.dynamics.sweep import ESCAPED, Sweep
 from asperity.dynamics.thresholds import Thresholds
 from asperity.errors import AsperityError, InputError
 from asperity.loops import LoopTable

@@ -1,0 +1,194 @@
+"""Frequency sweeps by integration in time: each forcing and direction is a lane of the arrays.
+
+The state of a lane is passed from one frequency to the next at forcing phase 0, as soon as the Poincare map has
+converged.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from asperity.arrays import Array
+from asperity.dynamics.equation import Equation
+from asperity.dynamics.motion import has_escaped, path_of, steps_for, turning_values
+from asperity.dynamics.settings import Setting
+from asperity.runtime.display import short_repr
+
+SETTLED, NOT_SETTLED, ESCAPED = "settled", "not settled", "escaped"
+_LONGEST = 4  # longest period distinguished from chaos, in forcing periods
+
+
+@dataclass(frozen=True)
+class Sweep:
+    """Steady states of a sweep with carried state (arrays of shape (frequencies,), in the order of the sweep).
+
+    Attributes:
+        setting: law, damping and forcing
+        direction: "up" or "down"
+        Omega: frequencies
+        u_max, u_min, a1: extreme displacements and amplitude at the forcing frequency; NaN after an escape
+        status: "settled", "period k", "not settled" or "escaped" for each point
+        periods: forcing periods integrated at each point
+        tolerance: largest estimated distance from the steady state among the settled points, relative to the orbit
+        valid: False where a Taylor law passes u = -1 or the motion has escaped
+    """
+
+    setting: Setting
+    direction: str
+    Omega: Array
+    u_max: Array
+    u_min: Array
+    a1: Array
+    status: tuple[str, ...]
+    periods: Array
+    tolerance: float
+    valid: Array
+
+    __repr__ = short_repr
+
+    def to_dict(self) -> dict[str, Any]:
+        """Section of thresholds.json."""
+        counts = {name: self.status.count(name) for name in dict.fromkeys(self.status)}
+        valid = bool(self.valid.all())
+        return {"F_hat": self.setting.F_hat, "direction": self.direction, "valid": valid, "status": counts}
+
+    def rows(self) -> Iterator[dict[str, Any]]:
+        """Rows of response.csv, without escaped points, which have no amplitude."""
+        s = self.setting
+        for i, status in enumerate(self.status):
+            if status != ESCAPED:
+                yield {
+                    "model": s.model, "F_hat": s.F_hat, "zeta": s.zeta, "Omega": self.Omega[i], "u_max": self.u_max[i],
+                    "u_min": self.u_min[i], "a1": self.a1[i], "stable": status != NOT_SETTLED,
+                    "branch": f"sweep-{self.direction}", "contact_loss": bool(self.u_min[i] < -1.0), "phase": np.nan,
+                }  # fmt: skip
+
+
+def sweep(
+    equation: Equation,
+    settings: list[Setting],
+    omega: Array,
+    *,
+    directions: tuple[str, ...],
+    tol: float,
+    max_periods: int | None,
+) -> tuple[Sweep, ...]:
+    """Sweep all forcings and directions in parallel; see `ContactOscillator.sweep`. The frequencies `omega` rise."""
+    lanes = [(s, d) for s in settings for d in directions]
+    forcing = np.array([s.F_hat for s, _ in lanes])
+    path = np.array([omega if d == "up" else omega[::-1] for _, d in lanes])
+    state: Array = np.zeros((2, len(lanes)))
+    limit = max_periods or int(np.clip(4.0 / equation.zeta, 100, 20000))
+    columns = []
+    for j in range(omega.size):
+        state, found = _settle(equation, state, path[:, j], forcing, tol, limit)
+        columns.append(found)
+    u_max, u_min, a1, residual, kind, periods = np.moveaxis(np.array(columns), 0, -1)
+    settled = kind > 0
+    valid = np.ones_like(settled) if equation.restoring.contact else u_min >= -1.0
+    names = {-1: ESCAPED, 0: NOT_SETTLED, 1: SETTLED}
+    return tuple(
+        Sweep(
+            setting, direction, path[i], u_max[i], u_min[i], a1[i],
+            tuple(names.get(int(k), f"period {k:.0f}") for k in kind[i]),
+            periods[i].astype(int),
+            float(residual[i][settled[i]].max(initial=0.0)) if settled[i].any() else np.inf,
+            valid[i]
+        )
+        for i, (setting, direction) in enumerate(lanes)
+    )  # fmt: skip
+
+
+def _settle(
+    equation: Equation, state: Array, omega: Array, forcing: Array, tol: float, limit: int
+) -> tuple[Array, Array]:
+    """Steady state (u, w) of every lane from a state (2, lanes), NaN after an escape; u_max, u_min, a1, residual, kind.
+
+    The change of the Poincare map over a period, divided by ``1 - exp(-2 pi zeta / Omega)``, estimates the remaining
+    distance, `residual`. Slow convergence is accelerated by extrapolating the map, which is nearly affine there
+    (Aitken). `kind` is the period, 0 not settled, -1 escaped; the periods integrated are the last row (6, lanes).
+    """
+    lanes = omega.size
+    shrink = 1.0 - np.exp(-2.0 * np.pi * equation.zeta / omega)
+    # perturb by more than the tolerance: a start exactly on an unstable orbit must not look settled
+    state = state + np.outer([10.0 * tol, 0.0], np.hypot(*state))
+    kind = np.where(np.isnan(state[0]), -1, 0)
+    residual, a1, periods = np.full(lanes, np.inf), np.full(lanes, np.nan), np.zeros(lanes, int)
+    highest, lowest = np.full((2, _LONGEST, lanes), np.nan)
+    history = [state]
+    count = steps_for(equation, omega, state[0])
+    for period in range(limit):
+        active = np.flatnonzero(kind == 0)
+        if active.size == 0:
+            break
+        u, w = state[:, active]
+        us, vs, w = path_of(equation, u, w, omega[active], forcing[active], count)
+        with np.errstate(over="ignore", invalid="ignore"):
+            low, high = turning_values(us, vs * (2.0 * np.pi / omega[active] / count))
+            first = 2.0 / count * np.abs(np.exp(-2j * np.pi / count * np.arange(count)) @ us[:-1])
+        u = us[-1]
+        gone = has_escaped(equation, u, low)
+        kind[active[gone]] = -1
+        state = state.copy()
+        state[:, active] = np.where(gone, np.nan, [u, w])
+        periods[active] += 1
+        highest[period % _LONGEST, active], lowest[period % _LONGEST, active], a1[active] = high, low, first
+        history = [*history, state][-(2 * _LONGEST + 1) :]
+        count = max(count, steps_for(equation, omega[active], np.where(gone, 0.0, high)))
+        if len(history) < 4:
+            continue
+        size = 0.5 * (np.nanmax(highest[:, active], axis=0) - np.nanmin(lowest[:, active], axis=0)) + 1e-12
+        y = np.array(history)[:, :, active]
+        repeats, residual[active] = _periods(y, shrink[active], size, tol)
+        kind[active] = np.where(gone, -1, repeats)
+        if len(history) == 2 * _LONGEST + 1:
+            jump = _extrapolated(y[-5:])
+            near = (kind[active] == 0) & (np.abs(jump).max(axis=0) < 0.05 * size)
+            if near.any():
+                state = state.copy()
+                state[:, active[near]] += jump[:, near]
+                history = [state]
+    lost = np.where(kind < 0, np.nan, 1.0)
+    top, bottom = (
+        np.where(kind == 1, record[(periods - 1) % _LONGEST, np.arange(lanes)], best.reduce(record, axis=0)) * lost
+        for record, best in ((highest, np.fmax), (lowest, np.fmin))
+    )
+    return state, np.array([top, bottom, a1 * lost, residual, kind, periods])
+
+
+def _periods(y: Array, shrink: Array, size: Array, tol: float) -> tuple[Array, Array]:
+    """Period of each lane (0 if it does not repeat), and its estimated distance from the orbit.
+
+    `y` are the states at the ends of the last periods (periods + 1, 2, lanes), `size` the amplitudes.
+    """
+    found, distance = np.zeros(size.size, int), np.full(size.size, np.inf)
+    gaps: dict[int, Array] = {}
+    for m in range(1, _LONGEST + 1):
+        if len(y) < max(m + 2, 2 * m + 1 if m > 1 else 0):
+            break
+        gaps[m], before = (np.abs(y[-k] - y[-k - m]).max(axis=0) / shrink / size for k in (1, 2))
+        done = (np.maximum(gaps[m], before) < tol * m) & (found == 0)
+        for divisor in (d for d in gaps if m % d == 0 and d < m):
+            # a decaying spiral also comes close after a few periods, but not by so much
+            done &= gaps[m] < 0.05 * shrink * gaps[divisor]
+        found[done], distance[done] = m, gaps[m][done] / m
+    return found, distance
+
+
+def _extrapolated(y: Array) -> Array:
+    """Steps (2, lanes) to the fixed points of the affine maps through five Poincare points (5, 2, lanes)."""
+    d = np.nan_to_num(np.diff(y, axis=0))  # NaN where a lane has just escaped
+    # d[k+1] = M d[k]: fit the 2 x 2 matrix M to three pairs, then sum the geometric series
+    a, b = d[:-1].transpose(2, 1, 0), d[1:].transpose(2, 1, 0)
+    gram = a @ a.transpose(0, 2, 1)
+    usable = np.linalg.det(gram) > 1e-12 * np.trace(gram, axis1=1, axis2=2) ** 2
+    gram[~usable] = np.eye(2)
+    m = b @ a.transpose(0, 2, 1) @ np.linalg.inv(gram)
+    usable &= np.abs(np.linalg.eigvals(m)).max(axis=1) < 1.0
+    m[~usable] = 0.0
+    step = np.linalg.solve(np.eye(2) - m, m @ d[-1].T[..., None])[..., 0].T
+    return np.where(usable, step, np.inf)
