@@ -4,7 +4,6 @@
     ./run python3 benchmarks/speed.py step [H ...]         a single load step of large problems: growth and memory
     ./run python3 benchmarks/speed.py scaling [H ...]      that step on one rank and on two (starts mpirun)
     ./run python3 benchmarks/speed.py path [PAIRS]         loading of cases/single.toml on one rank and on two, by turns
-    ./run python3 benchmarks/speed.py command [PAIRS]      its whole command likewise, stage by stage
     ./run python3 benchmarks/speed.py weak [H1 H2 ...]     that step on one rank (H1) and twice as large on two (H2)
     ./run mpirun -n 2 python3 benchmarks/speed.py one H    one run
 
@@ -20,10 +19,6 @@ import sys
 import warnings
 from collections.abc import Iterable
 from concurrent.futures import ThreadPoolExecutor
-from itertools import pairwise
-from pathlib import Path
-from statistics import median
-from tempfile import TemporaryDirectory
 from time import perf_counter, process_time
 from typing import Any
 
@@ -38,7 +33,6 @@ SIZES = {
     "profile": (0.08, 0.04, 0.024, 0.0155, 0.0095),
     "scaling": (0.03, 0.0125),
     "path": (2,),
-    "command": (5,),
     "weak": (0.0193, 0.0125, 0.0125, 0.0081),
 }
 PATHS: dict[str, dict[str, Any]] = {
@@ -47,17 +41,6 @@ PATHS: dict[str, dict[str, Any]] = {
     "loading": {"delta_max": 0.008 * L, "steps": 20},  # of cases/single.toml
 }
 PHASES = ("residual", "tangent", "preconditioner", "linear solve")
-# part of the command -> beginning of the line that reports its first stage
-STAGES = {
-    "start": "",
-    "coarse runs": "coarse mesh, small strain",
-    "load path": "kinematics",
-    "fields": "fields",
-    "vibration": "dynamics",
-    "figures": "figures",
-    "end": "end",
-}
-CASE = Path(__file__).parents[1] / "cases/single.toml"
 
 
 def one(h: float, **path: Any) -> dict[str, Any]:
@@ -179,39 +162,6 @@ def path(pairs: tuple[float, ...]) -> None:
                  f"{facts['force']:.9e}"))  # fmt: skip
 
 
-def command(pairs: tuple[float, ...]) -> None:
-    """The command on cases/single.toml on one rank and on two by turns, seconds between the lines of its stages."""
-    row(("ranks", *STAGES, "whole", "ratio"))
-    row(["---"] * (len(STAGES) + 3))
-    found: dict[int, list[list[float]]] = {1: [], 2: []}
-    for _ in range(int(*pairs)):
-        for ranks, times in found.items():
-            times.append(_stages(ranks))
-            row((ranks, *times[-1], found[1][-1][-1] / times[-1][-1]))
-    middle = {ranks: [median(column) for column in zip(*times, strict=True)] for ranks, times in found.items()}
-    print("\nmedians:")
-    for ranks, times_of in middle.items():
-        row((ranks, *times_of, middle[1][-1] / times_of[-1]))
-
-
-def _stages(ranks: int) -> list[float]:
-    """Seconds of each part of the command, and of all."""
-    with TemporaryDirectory() as folder:
-        words = ["asperity", "run", str(CASE), "-o", folder, "--force", "--ranks", str(ranks)]
-        begun = {"start": perf_counter()}
-        with subprocess.Popen(words, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True) as process:
-            for line in process.stdout or ():
-                now, stage = perf_counter(), line.partition("s] ")[2]
-                for name, first in STAGES.items():
-                    if first and stage.startswith(first):
-                        begun.setdefault(name, now)
-        end = perf_counter()
-        if process.returncode:
-            raise subprocess.CalledProcessError(process.returncode, words)
-    marks = [*(begun[name] for name in STAGES), end]
-    return [b - a for a, b in pairwise(marks)] + [end - marks[0]]
-
-
 def weak(sizes: tuple[float, ...]) -> None:
     """A problem on one rank against one of twice the size on two; a Newton iteration is the unit of work."""
     row(("ranks", "dofs", "dofs a rank", *(f"{name}, s a Newton iteration" for name in PHASES), "sum", "efficiency",
@@ -238,5 +188,5 @@ if __name__ == "__main__":
         if MPI.COMM_WORLD.rank == 0:
             print(json.dumps(facts))
     else:
-        jobs = {"profile": profile, "step": step, "scaling": scaling, "path": path, "command": command, "weak": weak}
+        jobs = {"profile": profile, "step": step, "scaling": scaling, "path": path, "weak": weak}
         jobs[job](tuple(map(float, numbers)) or SIZES[job])
