@@ -48,17 +48,6 @@ def noisy(x: Floats, y: Floats) -> Floats:
     return _wave(x, y) + 5e-4 * np.random.default_rng(0).standard_normal(x.shape)
 
 
-def very_noisy(x: Floats, y: Floats) -> Floats:
-    """A wave with independent noise at each sample, 10 % of the height of the wave."""
-    noise: Floats = 5e-3 * np.random.default_rng(0).standard_normal(x.shape)
-    return _wave(x, y) + noise
-
-
-def terrace(x: Floats, y: Floats) -> Floats:
-    """Two levels with a cliff between them."""
-    return np.where(x + 0.3 * y > 0.6, 0.02, 0.0)
-
-
 def spike(x: Floats, y: Floats) -> Floats:
     """A wave with one sample far above the others."""
     z = _wave(x, y)
@@ -71,11 +60,6 @@ def with_nan(x: Floats, y: Floats) -> Floats:
     z = _wave(x, y)
     z[3, 5] = np.nan
     return z
-
-
-def constant(x: Floats, y: Floats) -> Floats:
-    """A constant height."""
-    return np.full(x.shape, 0.1)
 
 
 def with_slivers(block: BlockMesh, count: int = 4) -> BlockMesh:

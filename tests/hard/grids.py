@@ -24,7 +24,7 @@ def plane() -> list[Scene]:
             twin=DIRECT,
             fast=(D, G) == (2.95, 1e-11),
         )
-        for D in (2.05, 2.2, 2.3, 2.5, 2.8, 2.95)
+        for D in (2.05, 2.3, 2.5, 2.95)
         for G in (1e-13, 1e-11, 1e-10)
     ]
 
@@ -39,7 +39,7 @@ def slopes() -> list[Scene]:
             twin=DIRECT,
             fast=slope == 1.0 and material == "elastic",
         )
-        for slope in (0.5, 1.0, 1.5)
+        for slope in (1.0, 1.5)
         for material, keys in (("elastic", ELASTIC), ("plastic", {}))
     ]
 
@@ -53,7 +53,7 @@ def strengths() -> list[Scene]:
             {"material.yield_strength": ratio * 200e9, "loading.unload": True},
             twin=PENALTY,
         )
-        for ratio in (1e-6, 1e-5, 1e-4, 1e-3, 1e-2, 1e-1)
+        for ratio in (1e-6, 1e-4, 1e-2)
     ]
 
 
@@ -61,19 +61,7 @@ def hardening() -> list[Scene]:
     """Perfect plasticity, and hardening from weak to nearly elastic."""
     perfect = {"material.tangent_modulus": None, "loading.unload": True}
     return [
-        Scene("hardening/0", "perfect plasticity", perfect, twin=DIRECT, fast=True),
-        Scene("hardening/0-fine", "perfect plasticity, finer mesh", perfect | {"mesh.h_contact": 0.06 * L}),
-        Scene(
-            "hardening/0-nu0.499",
-            "perfect plasticity, nu = 0.499",
-            perfect | {"material.nu": 0.499, "loading.delta_max": 0.02 * L},
-            twin=DIRECT,
-        ),
-        Scene(
-            "hardening/0-weak",
-            "perfect plasticity, sigma_y/E = 1e-4",
-            perfect | {"material.yield_strength": 2e7, "loading.delta_max": 0.02 * L},
-        ),
+        Scene("hardening/0", "perfect plasticity", perfect, twin=DIRECT),
         *(
             Scene(
                 f"hardening/{ratio}",
@@ -81,7 +69,7 @@ def hardening() -> list[Scene]:
                 {"material.tangent_modulus": ratio * 200e9, "loading.unload": True},
                 twin=DIRECT,
             )
-            for ratio in (0.001, 0.9, 0.99)
+            for ratio in (0.001, 0.99)
         ),
     ]
 
@@ -113,7 +101,7 @@ def penalties() -> list[Scene]:
         )
         for factor, ends, reason in (
             (0.1, "wrong", "penetrates the flat"),
-            *((factor, "done", "") for factor in (1.0, 10.0, 100.0, 1e3, 1e4)),
+            *((factor, "done", "") for factor in (1.0, 10.0, 1e4)),
             (1e6, "stopped", "no convergence"),
         )
     ]
@@ -124,26 +112,14 @@ def tolerances() -> list[Scene]:
     own = {"mesh.h_contact": None, "mesh.growth": None, "mesh.h_max": None, "solver.linear": None}
     better = {"accuracy.tolerance": 0.005}
     plain, quarter = own | ELASTIC | {"accuracy.tolerance": 0.03}, sphere(1.0, centre=(0.0, 0.0))
-    five, one = {"loading.steps": 5}, {"loading.steps": 1}
+    five = {"loading.steps": 5}
     return [
         Scene("tolerance/rough", "3 % on the rough surface, elastic", plain, twin=Twin("0.5 %", 0.035, better)),
-        Scene(
-            "tolerance/one-step",
-            "3 %, one planned step",
-            plain | one,
-            twin=Twin("1 %", 0.04, {"accuracy.tolerance": 0.01}),
-        ),
         Scene(
             "tolerance/plastic",
             "5 % on a quarter of an elastic-plastic sphere, with unloading",
             own | quarter | five | {"accuracy.tolerance": 0.05, "loading.unload": True},
             twin=Twin("1 %", 0.06, {"accuracy.tolerance": 0.01}),
-        ),
-        Scene(
-            "tolerance/one-step-euler",
-            "10 % on the same, one planned step by backward Euler",
-            own | quarter | one | {"accuracy.tolerance": 0.1, "loading.integrator": "backward-euler"},
-            twin=Twin("1 %, midpoint rule", 0.11, {"accuracy.tolerance": 0.01, "loading.integrator": "midpoint"}),
         ),
         Scene(
             "tolerance/force",
@@ -157,18 +133,6 @@ def tolerances() -> list[Scene]:
             plain | five | {"loading.delta_max": 1e-5 * L, "accuracy.max_dofs": 100_000},
             ends="stopped",
             reason="touches a few facets only",
-        ),
-        Scene(
-            "tolerance/penalty",
-            "3 % by a penalty of factor 10",
-            plain | five | {"contact.method": "penalty"},
-            twin=Twin("0.5 %, exact contact", 0.035, better | {"contact.method": "active-set"}),
-        ),
-        Scene(
-            "tolerance/nitsche",
-            "3 % by Nitsche's method",
-            plain | five | {"contact.method": "nitsche"},
-            twin=Twin("0.5 %, exact contact", 0.035, better | {"contact.method": "active-set"}),
         ),
         Scene(
             "tolerance/soft",
@@ -185,13 +149,6 @@ def tolerances() -> list[Scene]:
             ends="stopped",
             reason="accuracy.max_dofs = 12000 allows no more",
             fast=True,
-        ),
-        Scene(
-            "tolerance/loose-equations",
-            "0.1 % with equations solved to 1e-2",
-            plain | five | {"accuracy.tolerance": 1e-3, "solver.rtol": 1e-2},
-            ends="stopped",
-            reason="is left by the equations",
         ),
         Scene(
             "tolerance/loose-equations-plastic",

@@ -5,7 +5,7 @@ from __future__ import annotations
 from math import pi
 
 import claims
-from scene_definition import DIRECT, ELASTIC, FLAT, PENALTY, Keys, L, Scene, Twin, sphere, wave
+from scene_definition import DIRECT, ELASTIC, FLAT, Keys, L, Scene, Twin, wave
 
 FINITE: Keys = {"material.kinematics": "finite"}
 MOVING: Keys = {"material.hardening": "kinematic"}
@@ -36,7 +36,7 @@ def finite() -> list[Scene]:
                 | {"loading.delta_max": 0.05 * L, "loading.unload": True, "mesh.h_max": 0.15 * L},
                 twin=DIRECT,
             )
-            for slope in (0.5, 1.0, 1.5)
+            for slope in (1.0, 1.5)
             for material, keys in (("elastic", ELASTIC), ("plastic", {}))
         ),
         *(
@@ -47,12 +47,6 @@ def finite() -> list[Scene]:
                 depth=0.75,
             )
             for name, keys in (("plastic", {}), ("soft", SOFT), ("free", {"block.sides": "free"}))
-        ),
-        Scene(
-            "finite/rough-elastic",
-            "self-affine surface of rms slope 0.7, elastic, half-way to its mean plane",
-            STEEP | FINITE | ELASTIC,
-            depth=0.5,
         ),
         Scene(
             "finite/rough-periodic",
@@ -90,22 +84,6 @@ def finite() -> list[Scene]:
             twin=DIRECT,
         ),
         Scene(
-            "finite/sphere",
-            "hemisphere of 0.4 L on a block with free sides, to a fifth of its radius, released",
-            sphere(0.4)
-            | FINITE
-            | {"block.sides": "free", "loading.delta_max": 0.08 * L, "loading.steps": 12, "loading.unload": True},
-            twin=DIRECT,
-        ),
-        Scene(
-            "finite/nitsche",
-            "slopes up to 1, Nitsche's method, released",
-            wave(1.0 / (2 * pi))
-            | FINITE
-            | {"contact.method": "nitsche", "loading.delta_max": 0.05 * L, "loading.unload": True},
-            twin=Twin("exact contact", 0.05, {"contact.method": "active-set"}),
-        ),
-        Scene(
             "finite/friction",
             "friction on the surface of cases/single.toml, released",
             FINITE | {"contact.friction": 0.3, "loading.unload": True},
@@ -135,18 +113,6 @@ def kinematic() -> list[Scene]:
             "without hardening both kinds are the same",
             MOVING | {"material.tangent_modulus": None, "loading.unload": True},
             twin=Twin("isotropic", 1e-12, {"material.hardening": "isotropic"}),
-        ),
-        Scene(
-            "kinematic/weak",
-            "sigma_y/E = 1e-6, released",
-            MOVING | {"material.yield_strength": 2e5, "loading.unload": True},
-            twin=PENALTY,
-        ),
-        Scene(
-            "kinematic/first-loading",
-            "the first loading of a rough surface, to a few per cent that of isotropic hardening",
-            MOVING,
-            twin=Twin("isotropic", 0.05, {"material.hardening": "isotropic"}),
         ),
         Scene(
             "kinematic/elastic",

@@ -13,19 +13,7 @@ import bad_inputs
 import claims
 import grids
 import mechanics
-from scene_definition import DIRECT, ELASTIC, FILE, FLAT, PENALTY, Keys, L, Scene, Twin, sphere, wave
-
-UM_GPA: Keys = {
-    "units": "other",
-    "surface.L": 1.0,
-    "surface.G": 1.36e-5,
-    "material.E": 200.0,
-    "material.yield_strength": 1.0,
-    "material.tangent_modulus": 10.0,
-    "mesh.h_contact": 0.12,
-    "mesh.h_max": 0.4,
-    "loading.delta_max": 0.03,
-}
+from scene_definition import DIRECT, ELASTIC, FILE, FLAT, PENALTY, L, Scene, Twin, sphere, wave
 
 SCENES: tuple[Scene, ...] = (
     *grids.plane(),
@@ -42,14 +30,6 @@ SCENES: tuple[Scene, ...] = (
         wave(1.5 / (2 * pi)) | ELASTIC | {"loading.delta_max": 0.05 * L, "mesh.h_max": None},
         ends="refused",
         reason="too large for the slopes of the surface",
-    ),
-    Scene(
-        "slope/own-size-finer",
-        "the same with smaller elements in the contact, as the refusal advises",
-        wave(1.5 / (2 * pi))
-        | ELASTIC
-        | {"loading.delta_max": 0.05 * L, "mesh.h_max": None, "mesh.h_contact": 0.06 * L},
-        twin=Twin("mesh.h_max = 0.15 L", 0.1, {"mesh.h_max": 0.15 * L}),
     ),
     Scene(
         "full/wave-1d",
@@ -97,35 +77,16 @@ SCENES: tuple[Scene, ...] = (
         fast=True,
     ),
     Scene(
-        "light/1e-5",
-        "delta = 1e-5 L on a sphere of R = L",
-        sphere(1.0) | ELASTIC | {"mesh.h_contact": 1e-3 * L, "loading.delta_max": 1e-5 * L, "loading.steps": 3},
-        claim=claims.hertz(0.05),
-    ),
-    Scene(
         "light/1e-5-rough",
         "delta = 1e-5 L on the rough surface, elastic-plastic, with unloading",
         {"mesh.h_contact": 4e-3 * L, "loading.delta_max": 1e-5 * L, "loading.steps": 3, "loading.unload": True},
         twin=DIRECT,
     ),
-    Scene(
-        "light/1e-5-coarse",
-        "the same on a mesh far coarser than the contact spot",
-        {"loading.delta_max": 1e-5 * L, "loading.steps": 3},
-        reason="touches a few facets only",
-    ),
     *grids.hardening(),
     *grids.strengths(),
     Scene("poisson/0.499", "nu = 0.499, elastic", ELASTIC | {"material.nu": 0.499}, twin=PENALTY, fast=True),
-    Scene(
-        "poisson/0.499-plastic",
-        "nu = 0.499, elastic-plastic, unloading",
-        {"material.nu": 0.499, "loading.delta_max": 0.02 * L, "loading.unload": True},
-        twin=DIRECT,
-    ),
     Scene("poisson/0.4999", "nu = 0.4999, elastic", ELASTIC | {"material.nu": 0.4999}, twin=DIRECT),
     Scene("poisson/0", "nu = 0, elastic-plastic, unloading", {"material.nu": 0.0, "loading.unload": True}, twin=DIRECT),
-    Scene("poisson/-0.9", "nu = -0.9, elastic", ELASTIC | {"material.nu": -0.9}, twin=DIRECT),
     Scene(
         "block/thin",
         "height 0.05 L under a shallow rough surface",
@@ -144,25 +105,12 @@ SCENES: tuple[Scene, ...] = (
         ends="refused",
         reason="deepest valley",
     ),
-    Scene("block/tall", "height 3 L", {"block.height": 3 * L}, twin=DIRECT),
     Scene(
         "yield/whole-block",
         "flat block in uniaxial strain far beyond yield, and back",
         FLAT | {"material.yield_strength": 2e8, "loading.delta_max": 0.03 * L, "loading.unload": True},
         claim=claims.uniaxial_strain,
         fast=True,
-    ),
-    Scene(
-        "yield/whole-perfect",
-        "the same, perfectly plastic",
-        FLAT
-        | {
-            "material.yield_strength": 2e8,
-            "material.tangent_modulus": None,
-            "loading.delta_max": 0.03 * L,
-            "loading.unload": True,
-        },
-        claim=claims.uniaxial_strain,
     ),
     Scene(
         "yield/free-sides",
@@ -178,12 +126,6 @@ SCENES: tuple[Scene, ...] = (
         twin=DIRECT,
     ),
     Scene(
-        "yield/rough",
-        "rough block, sigma_y/E = 1e-3, pressed until all of it yields",
-        {"material.yield_strength": 2e8, "loading.delta_max": 0.055 * L, "loading.unload": True},
-        twin=DIRECT,
-    ),
-    Scene(
         "yield/beyond-mean-plane",
         "the surface of cases/single.toml, to 0.03 L and released: beyond its mean plane, strains of a quarter",
         {"loading.steps": 20, "loading.unload": True},
@@ -196,22 +138,10 @@ SCENES: tuple[Scene, ...] = (
         twin=Twin("200 steps", 0.25, {"loading.steps": 200}),
     ),
     Scene(
-        "steps/1-euler",
-        "one huge step by backward Euler",
-        {"loading.steps": 1, "loading.integrator": "backward-euler"},
-        twin=Twin("200 steps", 0.4, {"loading.steps": 200}),
-    ),
-    Scene(
         "steps/1-elastic",
         "one huge step, elastic",
         ELASTIC | {"loading.steps": 1},
         twin=Twin("200 steps", 1e-6, {"loading.steps": 200}),
-    ),
-    Scene(
-        "cycles/20",
-        "20 cycles of loading and unloading",
-        {"loading.unload": True, "loading.cycles": 20, "loading.steps": 4, "loading.unload_steps": 4},
-        claim=claims.shakes_down,
     ),
     Scene(
         "cycles/50",
@@ -225,12 +155,6 @@ SCENES: tuple[Scene, ...] = (
             "loading.unload_steps": 2,
         },
         claim=claims.shakes_down,
-    ),
-    Scene(
-        "cycles/long-unloading",
-        "an unloading in 100 steps",
-        {"loading.unload": True, "loading.unload_steps": 100},
-        twin=Twin("in 10 steps", 0.05, {"loading.unload_steps": 10}),
     ),
     Scene(
         "cycles/20-perfect",
@@ -257,12 +181,6 @@ SCENES: tuple[Scene, ...] = (
         twin=PENALTY,
     ),
     Scene(
-        "edge/free-sphere",
-        "elastic-plastic sphere touched in the corner of a block with free sides",
-        sphere(0.5, centre=(0.0, 0.0)) | {"block.sides": "free", "loading.delta_max": 0.02 * L, "loading.unload": True},
-        twin=DIRECT,
-    ),
-    Scene(
         "edge/free-rough",
         "rough surface, free sides",
         {"block.sides": "free", "loading.delta_max": 0.05 * L, "loading.unload": True},
@@ -272,12 +190,6 @@ SCENES: tuple[Scene, ...] = (
     *grids.tolerances(),
     *mechanics.finite(),
     *mechanics.kinematic(),
-    Scene(
-        "nitsche/100",
-        "Nitsche's method, gamma = 100",
-        {"contact.method": "nitsche", "contact.gamma": 100.0, "loading.unload": True},
-        twin=Twin("exact contact", 0.05, {"contact.method": "active-set", "contact.gamma": None}),
-    ),
     Scene(
         "nitsche/0.75",
         "Nitsche's method, gamma = 0.75",
@@ -297,13 +209,6 @@ SCENES: tuple[Scene, ...] = (
         spoil=bad_inputs.with_slivers,
         twin=Twin("without them", 0.05, {"mesh.file": None}),
     ),
-    Scene(
-        "mesh/slivers-direct",
-        "the same, by CG and LU",
-        {"mesh.h_max": 0.15 * L},
-        spoil=bad_inputs.with_slivers,
-        twin=DIRECT,
-    ),
     Scene("mesh/abrupt", "elements grow abruptly", {"mesh.growth": 10.0, "mesh.h_max": L}, twin=DIRECT),
     Scene(
         "mesh/turned",
@@ -315,34 +220,15 @@ SCENES: tuple[Scene, ...] = (
     ),
     Scene("solver/loose", "equations solved to 1e-2 only", {"solver.rtol": 1e-2, "loading.unload": True}, fast=True),
     Scene(
-        "yield/one-step",
-        "flat block in full contact from the first of its steps",
-        FLAT | {"material.yield_strength": 2e8, "loading.delta_max": 0.03 * L, "loading.steps": 1},
-        claim=claims.uniaxial_strain,
-    ),
-    Scene("units/um-GPa", "SI", {"loading.unload": True}, twin=Twin("in um and GPa", 1e-8, UM_GPA), fast=True),
-    Scene(
         "force/given",
         "half of what the displacement reaches",
         {"loading.delta_max": None, "loading.force_max": 5e-3, "loading.unload": True, "loading.cycles": 2},
         twin=DIRECT,
     ),
     Scene(
-        "force/light",
-        "force of 1e-8 E' L^2",
-        {"loading.delta_max": None, "loading.force_max": 2e-9, "mesh.h_contact": 0.1 * L},
-        twin=DIRECT,
-    ),
-    Scene(
         "force/next-to-nothing",
         "force of 1.4e-12 E' L^2, on a sphere",
         sphere(1.0) | {"loading.delta_max": None, "loading.force_max": 3e-13, "mesh.h_contact": 0.1 * L},
-        twin=DIRECT,
-    ),
-    Scene(
-        "force/huge",
-        "elastic, pressed by its own stiffness",
-        ELASTIC | {"loading.delta_max": None, "loading.force_max": 0.2},
         twin=DIRECT,
     ),
     Scene(
@@ -367,15 +253,6 @@ SCENES: tuple[Scene, ...] = (
         twin=DIRECT,
     ),
     Scene(
-        "file/noise-coarse",
-        "noise of a tenth, finer than the elements",
-        FILE | {"loading.delta_max": 0.02 * L},
-        map=bad_inputs.very_noisy,
-    ),
-    Scene(
-        "file/step", "terrace with a cliff", FILE | {"loading.delta_max": 0.01 * L}, map=bad_inputs.terrace, twin=DIRECT
-    ),
-    Scene(
         "file/spike",
         "one sample 0.1 L above the others",
         FILE | {"loading.delta_max": 0.02 * L},
@@ -386,5 +263,4 @@ SCENES: tuple[Scene, ...] = (
     Scene(
         "file/nan", "a missing height", FILE, map=bad_inputs.with_nan, ends="refused", reason="not finite", fast=True
     ),
-    Scene("file/flat", "constant heights", FILE | {"loading.delta_max": 1e-3 * L}, map=bad_inputs.constant),
 )

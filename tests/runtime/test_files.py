@@ -10,14 +10,11 @@ from typing import Any
 import numpy as np
 import pytest
 from made_up_run import write_run
-from matplotlib.figure import Figure
 
-from asperity.cli import main
 from asperity.dynamics import Dynamics, PowerLaw, run_dynamics
 from asperity.model.two_bodies import SumSurface
 from asperity.plot import plot_run
 from asperity.plot.report import write_report
-from asperity.plot.style import save
 from asperity.runtime.files import is_aside, read_npz, remove_asides
 from asperity.study import Study
 from asperity.study.results import write_tables
@@ -53,27 +50,11 @@ def sum_of_two(folder: Path) -> None:
     SumSurface.of(plane, plane).save(folder / "sum.npz", 5)
 
 
-def picture(folder: Path) -> None:
-    figure = Figure(figsize=(1, 1))
-    for name in ("a.png", "a.svg"):
-        save(figure, folder / name)
-
-
-def map_of_an_instrument(folder: Path) -> None:
-    rng = np.random.default_rng(0)
-    np.save(folder.parent / "map.npy", 1e-9 * rng.normal(size=(33, 33)))
-    with pytest.raises(SystemExit) as left:
-        main(["import-map", str(folder.parent / "map.npy"), "--pixel", "1e-8", "-o", str(folder)])
-    assert not left.value.code
-
-
 WRITERS: dict[Callable[[Path], None], set[str]] = {
     dynamics: {"free.csv", "response.csv", "thresholds.json"},
     study: {"study.json", "results.csv"},
     patch: {"patch.npz"},
     sum_of_two: {"sum.npz"},
-    picture: {"a.png", "a.svg"},
-    map_of_an_instrument: {"measured.json"},
 }
 
 
@@ -121,7 +102,7 @@ def test_a_report_and_its_pictures_are_whole_or_absent(tmp_path: Path) -> None:
         plot_run(folder, names=["curve"])
         write_report(folder)
 
-    for victim in ("figures/curve.png", "report.html"):
+    for victim in ("figures/curve.png", "figures/curve.svg", "report.html"):
         with pytest.MonkeyPatch.context() as monkeypatch, pytest.raises(Killed):
             monkeypatch.setattr(Path, "replace", killer(Path(victim).name))
             write()
