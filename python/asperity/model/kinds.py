@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import fields
+from math import inf
 from numbers import Integral, Real
 from typing import Any
 
@@ -27,14 +28,15 @@ FORMS = {
 }
 
 
-def refuse(judgement: Judgement) -> None:
-    """Raise what a judgement says.
+def refuse(*judgements: Judgement) -> None:
+    """Raise what the first judgement says that is a reason to refuse.
 
     Raises:
-        InputError: there is a reason to refuse
+        InputError: there is one
     """
-    if judgement is not None:
-        raise InputError(" ".join(judgement))
+    for judgement in judgements:
+        if judgement is not None:
+            raise InputError(" ".join(judgement))
 
 
 def check_kind(name: str, value: Any, declared: str) -> None:
@@ -53,15 +55,24 @@ def check_kind(name: str, value: Any, declared: str) -> None:
     raise InputError(f"{name} = {brief(value)} must be {legal}")
 
 
-def check_kinds(thing: Any, section: str = "") -> None:
-    """Refuse a dataclass with a field of another type than declared, see `check_kind`.
+def check_kinds(thing: Any, section: str = "", **legal: tuple[float, float] | tuple[str, ...]) -> None:
+    """Refuse a dataclass with a field of another type than declared, see `check_kind`, or with an illegal value.
 
     Args:
         thing: of a dataclass
         section: of a case file that has its fields as keys
+        legal: least and greatest value of a field that is not None, or its words
     """
     for field in fields(thing):
         check_kind(f"{section}.{field.name}" if section else field.name, getattr(thing, field.name), str(field.type))
+    for name, values in legal.items():
+        value, low, high = getattr(thing, name), values[0], values[-1]
+        if isinstance(low, str) or isinstance(high, str):
+            if value not in values:
+                raise InputError(f'{section}.{name} = "{value}" is not one of {", ".join(map(str, values))}')
+        elif value is not None and not low <= value <= high:
+            bounds = f"lie in [{low:g}, {high:g}]" if high < inf else f"be at least {low:g}"
+            raise InputError(f"{section}.{name} = {value!r} must {bounds}")
 
 
 def _is(value: Any, kind: str) -> bool:

@@ -52,13 +52,8 @@ class Schedule:
     sticks: bool = False
 
     def __post_init__(self) -> None:
-        check_kinds(self, "loading")
-        if self.integrator not in INTEGRATORS:
-            raise InputError(f'loading.integrator = "{self.integrator}" is not one of {", ".join(INTEGRATORS)}')
-        for name, least in (("steps", 1), ("unload_steps", 0), ("cycles", 1), ("substeps", 1)):
-            value = getattr(self, name)
-            if value < least:
-                raise InputError(f"loading.{name} = {value!r} must be at least {least}")
+        some, any_ = (1, inf), (0, inf)
+        check_kinds(self, "loading", integrator=INTEGRATORS, steps=some, unload_steps=any_, cycles=some, substeps=some)
         for name in ("delta_max", "force_max"):
             value = getattr(self, name)
             if value is not None and not 0.0 < value < inf:

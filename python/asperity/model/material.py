@@ -74,17 +74,8 @@ class Material:
     __repr__ = short_repr
 
     def __post_init__(self) -> None:
-        check_kinds(self, "material")
-        for name, (low, high) in (("E", MODULI), ("nu", POISSON_RATIOS)):
-            value = getattr(self, name)
-            if not low <= value <= high:
-                raise InputError(f"material.{name} = {value!r} must lie in [{low:g}, {high:g}]")
+        check_kinds(self, "material", E=MODULI, nu=POISSON_RATIOS, kinematics=KINEMATICS)
         refuse(wrong_yield(self.E, self.yield_strength) or wrong_slope(self.E, self.tangent_modulus))
-        if self.kinematics not in KINEMATICS:
-            raise InputError(f'material.kinematics = {self.kinematics!r} must be "small", "finite" or "auto"')
-        self._check_hardening()
-
-    def _check_hardening(self) -> None:
         share = SHARES.get(self.hardening, -1.0) if isinstance(self.hardening, str) else self.hardening
         if not 0 <= share <= 1:
             raise InputError(

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import warnings
-from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
 from typing import TypedDict
 
@@ -11,7 +10,7 @@ import numpy as np
 
 from asperity.errors import CaseWarning, InputError, ResolutionWarning
 from asperity.model.edges import doubt_of_edge
-from asperity.model.kinds import Judgement, check_kind, check_kinds, refuse
+from asperity.model.kinds import check_kind, check_kinds, refuse
 from asperity.model.limits import no_gap_left, too_deep, wrong_force, wrong_length, wrong_sizes
 from asperity.model.load_path import BACKWARD_EULER, MIDPOINT, Schedule, greatest_force
 from asperity.model.material import Material
@@ -95,27 +94,25 @@ class Problem:
         check_kinds(self)
         if self.sides not in SIDES:
             raise InputError(f'block.sides = "{self.sides}" is not one of {", ".join(SIDES)}')
-        refuse(next(self._mistakes(), None))
-        if (self.load_path.delta_max is None) == (self.load_path.force_max is None):
+        L, path, size = self.surface.L, self.load_path, self.size
+        refuse(
+            wrong_length("block.height", self.height, L),
+            wrong_length("loading.delta_max", path.delta_max, L),
+            wrong_length("mesh.h_contact", size.h_contact, L),
+            wrong_length("mesh.h_max", size.h_max, L),
+            wrong_sizes(size.h_contact or H_CONTACT * L, size.h_max, H_MAX * L),
+            too_deep(path.delta_max, self.height),
+            wrong_force("force_max", path.force_max, L**2 * self.material.reduced_modulus),
+            wrong_dilatation(self.dilatation, self.formulation.method),
+        )
+        if (path.delta_max is None) == (path.force_max is None):
             raise InputError(ONE_OF)
-        refuse(wrong_dilatation(self.dilatation, self.formulation.method))
         if self.sides == "periodic" and not self.surface.periodic:
             kind = self.surface.kind or type(self.surface).__name__
             raise InputError(
                 f'block.sides = "periodic" needs a surface whose opposite edges agree, and this one ({kind}) does not: '
                 'take block.sides = "rollers", or surface.kind = "self-affine" with surface.periodic = true'
             )
-
-    def _mistakes(self) -> Iterator[Judgement]:
-        """Lengths and forces out of range."""
-        L, path, size = self.surface.L, self.load_path, self.size
-        lengths = {"block.height": self.height, "loading.delta_max": path.delta_max} | {
-            "mesh.h_contact": size.h_contact, "mesh.h_max": size.h_max
-        }  # fmt: skip
-        yield from filter(None, (wrong_length(key, value, L) for key, value in lengths.items()))
-        yield from filter(None, (wrong_sizes(size.h_contact or H_CONTACT * L, size.h_max, H_MAX * L),))
-        yield from filter(None, (too_deep(path.delta_max, self.height),))
-        yield from filter(None, (wrong_force("force_max", path.force_max, L**2 * self.material.reduced_modulus),))
 
     def check_load(self) -> list[str]:
         """Refuse a load at which no gap is left.

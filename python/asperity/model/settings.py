@@ -52,15 +52,9 @@ class Formulation:
     friction: str | float = "none"
 
     def __post_init__(self) -> None:
-        check_kinds(self, "contact")
-        if self.method not in METHODS:
-            raise InputError(f'contact.method = "{self.method}" is not one of {", ".join(METHODS)}')
+        check_kinds(self, "contact", method=METHODS, penalty=FACTORS, gamma=FACTORS)
         if self.method == "nitsche":
             refuse(gamma_too_small(self.gamma))
-        for name in ("penalty", "gamma"):
-            value = getattr(self, name)
-            if not FACTORS[0] <= value <= FACTORS[1]:
-                raise InputError(f"contact.{name} = {value!r} must lie in [{FACTORS[0]:g}, {FACTORS[1]:g}]")
         refuse(wrong_friction(self.method, self.friction))
 
     @property
@@ -191,14 +185,9 @@ class SolverOptions:
     krylov_rtol: float | None = None
 
     def __post_init__(self) -> None:
-        check_kinds(self, "solver")
-        if self.linear not in LINEAR_SOLVERS:
-            raise InputError(f'solver.linear = "{self.linear}" is not one of {", ".join(LINEAR_SOLVERS)}')
+        check_kinds(self, "solver", linear=LINEAR_SOLVERS, newton_max=NEWTON_STEPS)
         if not 0.0 < self.rtol <= LOOSEST_RTOL:
             raise InputError(f"solver.rtol = {self.rtol!r} must lie in (0, {LOOSEST_RTOL:g}]")
-        least, most = NEWTON_STEPS
-        if not least <= self.newton_max <= most:
-            raise InputError(f"solver.newton_max = {self.newton_max!r} must lie in [{least}, {most}]")
 
 
 @dataclass(frozen=True)
@@ -230,16 +219,10 @@ class AccuracyTarget:
     area_tolerance: float | None = None
 
     def __post_init__(self) -> None:
-        check_kinds(self, "accuracy")
-        if not 0.0 < self.tolerance < 1.0:
-            raise InputError(
-                f"accuracy.tolerance = {self.tolerance!r} must lie between 0 and 1, for example 0.01 for 1 %"
-            )
-        if self.area_tolerance is not None and not 0.0 < self.area_tolerance < 1.0:
-            raise InputError(
-                f"accuracy.area_tolerance = {self.area_tolerance!r} must lie between 0 and 1, for example 0.05 for 5 %"
-            )
-        if self.max_dofs < LEAST_DOFS:
-            raise InputError(f"accuracy.max_dofs = {self.max_dofs} must be at least {LEAST_DOFS}")
+        check_kinds(self, "accuracy", max_dofs=(LEAST_DOFS, inf))
+        for name in ("tolerance", "area_tolerance"):
+            value = getattr(self, name)
+            if value is not None and not 0.0 < value < 1.0:
+                raise InputError(f"accuracy.{name} = {value!r} must lie between 0 and 1, for example 0.01 for 1 %")
         if self.max_seconds is not None and not self.max_seconds > 0:
             raise InputError(f"accuracy.max_seconds = {self.max_seconds!r} must be positive")
