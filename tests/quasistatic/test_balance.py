@@ -22,7 +22,7 @@ from asperity.model.material import Material
 from asperity.model.settings import Formulation, SolverOptions
 from asperity.quasistatic.contact_solver import ContactSolver
 from asperity.quasistatic.make import make_contact_solver
-from asperity.quasistatic.newton import NewtonSolver
+from asperity.quasistatic.newton import CONVERGED, NewtonSolver
 from asperity.quasistatic.stepping import Record, follow
 from asperity.run_case import run
 from asperity.surface import Surface
@@ -48,8 +48,10 @@ MOVING, MIXED = (replace(PLASTIC, hardening=share) for share in ("kinematic", 0.
 
 
 @pytest.mark.mpi
-@pytest.mark.parametrize("material", [ELASTIC, PLASTIC, MOVING, MIXED])
-@pytest.mark.parametrize("method", ["active-set", "penalty", "nitsche"])
+@pytest.mark.parametrize(
+    ("method", "material"),
+    [("active-set", MIXED), ("active-set", PLASTIC), ("penalty", MOVING), ("nitsche", ELASTIC), ("nitsche", MIXED)],
+)
 def test_correct_runs_pass(wave: Surface, coarse_wave: BlockMesh | None, method: str, material: Any) -> None:
     checks = pressed(make(wave, coarse_wave, method, material), unload_steps=3).checks
     assert checks.violated == {}
@@ -58,8 +60,7 @@ def test_correct_runs_pass(wave: Surface, coarse_wave: BlockMesh | None, method:
     assert (checks.dissipated > 0.0) == material.plastic
 
 
-@pytest.mark.parametrize("material", [ELASTIC, PLASTIC])
-@pytest.mark.parametrize("method", ["active-set", "penalty"])
+@pytest.mark.parametrize(("method", "material"), [("active-set", PLASTIC), ("penalty", ELASTIC)])
 def test_the_residual_bounds_the_error_of_loose_equations(
     rough: Surface, coarse: BlockMesh | None, method: str, material: Material
 ) -> None:
@@ -80,14 +81,13 @@ def test_the_residual_bounds_the_error_of_loose_equations(
     assert bars[0] < 1e-8 and bars[1] < 0.01 and bars[3] < 0.2
 
 
-@pytest.mark.parametrize("method", ["active-set", "nitsche"])
-def test_cycles_of_a_rough_contact(rough: Surface, coarse: BlockMesh | None, method: str) -> None:
+def test_cycles_of_a_rough_contact(rough: Surface, coarse: BlockMesh | None) -> None:
     """The isotropic solid shakes down; the kinematic one keeps a loop whose area is what it dissipates in a cycle."""
     down = np.array([0.019, 0.018, 0.017, 0.016, 0.015])
     cycle = [*down, *down[-2::-1], 0.02]
     for hardening in ("isotropic", "kinematic"):
         material = Material(1.0, 0.3, 0.005, 0.2, hardening)
-        solver = make(rough, coarse, method, material)
+        solver = make(rough, coarse, material=material)
         for delta in (0.005, 0.01, 0.015, 0.02):
             assert solver.step(delta).converged
         dissipated, areas = [solver.checks.dissipated], []
@@ -165,11 +165,7 @@ def flowing_backwards(patch: pytest.MonkeyPatch, solver: ContactSolver) -> None:
 
 
 def stopping_early(patch: pytest.MonkeyPatch, solver: ContactSolver) -> None:
-    def loose(self: NewtonSolver, snes: Any, it: int, norms: Any) -> Any:
-        reasons = snes.ConvergedReason
-        return reasons.CONVERGED_FNORM_RELATIVE if it >= 3 else reasons.ITERATING
-
-    patch.setattr(NewtonSolver, "_test", loose)
+    patch.setattr(NewtonSolver, "_outcome", lambda self, iterations: CONVERGED if iterations >= 3 else "")
 
 
 def not_a_number(patch: pytest.MonkeyPatch, solver: ContactSolver) -> None:
@@ -200,22 +196,18 @@ def test_wrong_runs_are_noticed(
     assert "delta/L" in solver.checks.violated[kind]
 
 
-@pytest.mark.parametrize("material", [ELASTIC, PLASTIC])
-def test_a_contact_too_soft_to_carry_the_load_is_noticed(
-    wave: Surface, coarse_wave: BlockMesh | None, material: Any
-) -> None:
+def test_a_contact_too_soft_to_carry_the_load_is_noticed(wave: Surface, coarse_wave: BlockMesh | None) -> None:
     from mpi4py import MPI
 
     soft = Formulation("penalty", penalty=0.01)
-    checks = pressed(make_contact_solver(MPI.COMM_WORLD, wave, coarse_wave, material, formulation=soft)).checks
+    checks = pressed(make_contact_solver(MPI.COMM_WORLD, wave, coarse_wave, ELASTIC, formulation=soft)).checks
     assert "raise contact.penalty or contact.gamma" in checks.violated["compliance"]
 
 
-@pytest.mark.parametrize("method", ["penalty", "nitsche"])
 def test_the_energy_of_a_compliant_contact_is_balanced_too(
-    monkeypatch: pytest.MonkeyPatch, wave: Surface, coarse_wave: BlockMesh | None, method: str
+    monkeypatch: pytest.MonkeyPatch, wave: Surface, coarse_wave: BlockMesh | None
 ) -> None:
-    solver = make(wave, coarse_wave, method)
+    solver = make(wave, coarse_wave, "penalty")
     right = asperity.quasistatic.contact_solver.energies
     monkeypatch.setattr(
         "asperity.quasistatic.contact_solver.energies", lambda *args: tuple(1.05 * e for e in right(*args))
@@ -223,10 +215,9 @@ def test_the_energy_of_a_compliant_contact_is_balanced_too(
     assert "energy" in pressed(solver, 20).checks.violated
 
 
-@pytest.mark.parametrize("method", ["active-set", "penalty"])
-def test_a_flat_that_touches_no_node_is_noticed(wave: Surface, coarse_wave: BlockMesh | None, method: str) -> None:
+def test_a_flat_that_touches_no_node_is_noticed(wave: Surface, coarse_wave: BlockMesh | None) -> None:
     """Here by a flat that starts too high; until something is touched a first step may be without force."""
-    solver = make(wave, coarse_wave, method)
+    solver = make(wave, coarse_wave)
     solver.summit += 0.01
     follow(solver, Schedule(0.005, steps=2), Record(1.0, 1.0, 1.0))
     assert "no node is touched" in solver.checks.violated["touch"]

@@ -21,7 +21,7 @@ from asperity.fem.solid import Solid
 from asperity.model.settings import SolverOptions
 from asperity.quasistatic import midpoint
 from asperity.quasistatic.balance import Checks, StepBalance, audit
-from asperity.quasistatic.newton import NewtonSolver, StepStats
+from asperity.quasistatic.newton import COUNTED, NewtonSolver, StepStats
 from asperity.runtime.parallel import all_ranks
 
 MOST_PASSES = 40  # of a step, in which friction settles; a usual step takes one to four
@@ -63,7 +63,7 @@ class SolverState:
     counts: Counts
     checks: Checks
     displacement: Floats  # of the last step (owned, 3) [L]
-    previous: Floats | None  # displacement of the step before (owned, 3) [L]; None without `before`
+    previous: Floats  # displacement of the step before (owned, 3) [L]; the same without `before`
 
 
 class ContactSolver:
@@ -153,19 +153,12 @@ class ContactSolver:
             stats = stats + self.newton.solve(self.newton.x.array_r.reshape(-1, 3).copy(), scale)
         else:
             stats = replace(stats, converged=False, reason="friction does not settle")
-        self.counts.newton += stats.newton
-        self.counts.krylov += stats.krylov
-        self.counts.shortened += stats.shortened
-        self.counts.direct += stats.direct
+        for name in COUNTED:
+            setattr(self.counts, name, getattr(self.counts, name) + getattr(stats, name))
         log = logging.getLogger(__name__)
         if stats.shortened or stats.direct:
-            log.info(
-                "%s: of %d Newton steps %d shortened, %d solved by LU",
-                where,
-                stats.newton,
-                stats.shortened,
-                stats.direct,
-            )
+            counts = stats.newton, stats.shortened, stats.direct
+            log.info("%s: of %d Newton steps %d shortened, %d solved by LU", where, *counts)
         if not stats.converged:
             log.info("%s: given up after %d Newton steps, %s", where, stats.newton, stats.reason)
             self.roll_back()
@@ -296,7 +289,7 @@ class ContactSolver:
 
     def state(self) -> SolverState:
         """Copy of the state without the histories."""
-        before, previous = self._previous or (None, None)
+        before, previous = self._previous or (None, self._u)
         counts, checks = deepcopy(self.counts), deepcopy(self.checks)
         return SolverState(
             delta=self.delta, force=self.force, before=before, extrapolated=self._extrapolated, counts=counts,
@@ -309,9 +302,7 @@ class ContactSolver:
         committed = self.solid.kernels.history()
         self._softened = self.solid.kernels.softened(History.zeros(*committed.accumulated.shape))  # in any step before
         self.counts, self.checks = deepcopy(state.counts), deepcopy(state.checks)
-        self._previous = None
-        if state.before is not None and state.previous is not None:
-            self._previous = state.before, state.previous
+        self._previous = None if state.before is None else (state.before, state.previous)
         self.contact.begin(self.summit - self.delta)
         self.roll_back()
         self._internal = self.newton.force = self.solid.internal_force().copy()
