@@ -200,8 +200,7 @@ class Transient:
         x = last.displacement
         if shape is None:
             step = 0.0 if last.before is None else solver.delta - last.before
-            moved = np.zeros_like(x) if last.previous is None else x - last.previous
-            shape = np.asarray(moved / (step or np.inf))
+            shape = np.asarray((x - last.previous) / (step or np.inf))
         solid.u.x.array[: 3 * solid.owned] = x.ravel()
         solid.u.x.scatter_forward()
         self.inertia.shift = 0.0

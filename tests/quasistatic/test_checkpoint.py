@@ -5,8 +5,7 @@ from __future__ import annotations
 import dataclasses
 import json
 import shutil
-import tempfile
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -21,17 +20,15 @@ from asperity.contact import Coulomb
 from asperity.curve import ELASTIC_STIFFNESSES, STIFFNESSES
 from asperity.errors import CheckpointError, Interrupted, OutputError, ResolutionWarning
 from asperity.mesh.block import BlockMesh
-from asperity.model.load_path import Schedule
 from asperity.model.material import Material
 from asperity.model.settings import MEAN, Formulation, MeshSize
 from asperity.output.fields import gather_states
-from asperity.quasistatic.checkpoint import FORMAT, RUN, Checkpoint
+from asperity.quasistatic.checkpoint import FORMAT, Checkpoint
 from asperity.quasistatic.contact_result import ContactResult, PartialResult
-from asperity.quasistatic.stepping import Position
 from asperity.quasistatic.stiffness import LEFT
 from asperity.runtime import compat
-from asperity.runtime.files import npz_bytes, read_npz, remove_asides, replace_file
-from asperity.runtime.run_folder import MESH, SNAPSHOT, STATE
+from asperity.runtime.files import npz_bytes, remove_asides, replace_file
+from asperity.runtime.run_folder import MESH, STATE
 from asperity.surface import Surface
 
 CASE = {
@@ -86,22 +83,17 @@ def test_a_resumed_run_warns_of_the_waves_that_its_mesh_misses(tmp_path: Path) -
 
 @pytest.mark.mpi
 @pytest.mark.parametrize(
-    ("material", "method", "settings"),
+    ("material", "formulation", "settings"),
     [
-        (PLASTIC, "active-set", {"unload_steps": 2, "cycles": 2}),
-        (dataclasses.replace(PLASTIC, hardening="kinematic"), "active-set", {"steps": 1, "integrator": "midpoint"}),
-        (dataclasses.replace(PLASTIC, kinematics="finite"), "nitsche", {"steps": 1, "integrator": "midpoint"}),
-        (PLASTIC, "penalty", {"unload_steps": 2}),
-        (PLASTIC, "active-set", {"delta_max": None, "force_max": 1e-3}),
-        (ELASTIC, "active-set", {"steps": 3}),
         (
-            ELASTIC,
-            "active-set",
-            {"formulation": Formulation(friction=0.3), "steps": 1, "unload_steps": 2, "cycles": 2},
+            dataclasses.replace(PLASTIC, hardening=0.5, kinematics="finite"),
+            Formulation("nitsche"),
+            {"steps": 1, "integrator": "midpoint"},
         ),
-        (PLASTIC, "active-set", {"formulation": Formulation(friction=0.3), "steps": 1, "integrator": "midpoint"}),
-        (PLASTIC, "active-set", {"dilatation": MEAN, "steps": 1, "integrator": "midpoint", "unload_steps": 2}),
-        (PLASTIC, "nitsche", {"unload_steps": 1, "block": None, "size": MeshSize(0.2, h_max=0.4, refinements=1)}),
+        (ELASTIC, Formulation("penalty"), {"unload_steps": 2, "cycles": 2}),
+        (PLASTIC, Formulation(), {"delta_max": None, "force_max": 1e-3}),
+        (PLASTIC, Formulation(friction=0.3), {"steps": 1, "integrator": "midpoint", "unload_steps": 1}),
+        (PLASTIC, Formulation(), {"dilatation": MEAN, "steps": 1, "integrator": "midpoint", "unload_steps": 2}),
     ],
 )
 def test_a_run_in_pieces_gives_the_same_curve(
@@ -109,7 +101,7 @@ def test_a_run_in_pieces_gives_the_same_curve(
     coarse_wave: BlockMesh | None,
     shared_path: Path,
     material: Material,
-    method: str,
+    formulation: Formulation,
     settings: dict[str, Any],
 ) -> None:
     settings = {
@@ -117,7 +109,7 @@ def test_a_run_in_pieces_gives_the_same_curve(
         "steps": 2,
         "integrator": "backward-euler",
         "block": coarse_wave,
-        "formulation": Formulation(method),
+        "formulation": formulation,
         "snapshots": 2,
         **settings,
     }
@@ -161,7 +153,7 @@ def test_a_run_in_pieces_has_the_same_stiffness(
 
 
 @pytest.mark.mpi
-@pytest.mark.parametrize("formulation", [Formulation(), Formulation("nitsche"), Formulation(friction=0.3)])
+@pytest.mark.parametrize("formulation", [Formulation("nitsche"), Formulation(friction=0.3)])
 def test_a_run_goes_on_on_another_number_of_ranks(
     wave: Surface, coarse_wave: BlockMesh | None, shared_path: Path, formulation: Formulation
 ) -> None:
@@ -206,32 +198,25 @@ def test_nodes_on_joined_sides_stick_on_another_number_of_ranks(shared_path: Pat
     assert stuck(world()) == alone > 20  # the path is at its end: these are the nodes restored
 
 
-def test_the_position_survives_json() -> None:
-    at = Position(2, (0.1, 1.0 / 3.0), 3, (0.2, 0.7), 0.12345678901234567, 1e-3, 5e-4)
-    assert Position.from_dict(json.loads(json.dumps(dataclasses.asdict(at)))) == at
-    assert Position.from_dict(json.loads(json.dumps(dataclasses.asdict(Position(3))))) == Position(3)
+SAVED = identity(Case.from_dict(CASE))
 
 
-def test_legs_of_a_schedule() -> None:
-    assert Schedule(0.1, steps=3).legs == [("load", 3)]
-    legs = Schedule(0.1, steps=3, unload_steps=2, cycles=2).legs
-    assert legs == [("load", 3), ("unload", 2), ("reload", 3), ("unload", 2)]
+@pytest.fixture(scope="module")
+def first(wave: Surface, coarse_wave: BlockMesh | None, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Folder of a checkpoint in the middle of an unloading, with every kind of array."""
+    folder = tmp_path_factory.mktemp("saved")
+    settings: dict[str, Any] = {"steps": 2, "unload_steps": 2, "formulation": Formulation("nitsche"), "snapshots": 2}
+    with pytest.raises(PartialResult):
+        checkpoint = Checkpoint(folder, SAVED, world())
+        stop = stop_after(3)
+        solve_contact(wave, PLASTIC, delta_max=0.02, block=coarse_wave, checkpoint=checkpoint, stop=stop, **settings)
+    return folder
 
 
 @pytest.fixture
-def saved(wave: Surface, coarse_wave: BlockMesh | None, tmp_path: Path) -> Path:
-    """Folder of a checkpoint after two steps."""
-    checkpoint = Checkpoint(tmp_path, identity(Case.from_dict(CASE)), world())
-    with pytest.raises(PartialResult):
-        solve_contact(
-            wave,
-            ELASTIC,
-            delta_max=0.02,
-            block=coarse_wave,
-            checkpoint=checkpoint,
-            stop=stop_after(2),
-        )
-    return tmp_path
+def saved(first: Path, tmp_path: Path) -> Path:
+    """A copy of it."""
+    return Path(shutil.copytree(first, tmp_path / "checkpoint"))
 
 
 def damage(path: Path, change: Callable[[bytearray], bytes | bytearray]) -> None:
@@ -247,12 +232,10 @@ def flip(data: bytearray) -> bytearray:
     ("name", "change"),
     [
         (STATE, lambda data: data[: len(data) // 2]),
-        (STATE, lambda data: b""),
         (STATE, flip),
         (STATE, lambda data: b"\x80\x04\x95not a checkpoint"),
         (STATE, lambda data: npz_bytes({"u": np.zeros(3)})),
         (STATE, lambda data: npz_bytes({"meta": np.frombuffer(b"[1]", dtype=np.uint8)})),
-        (MESH, lambda data: data[:-100]),
         (MESH, flip),
     ],
 )
@@ -262,17 +245,8 @@ def test_a_damaged_checkpoint_is_refused_and_left_alone(
     damage(saved / name, change)
     before = {path: path.read_bytes() for path in saved.iterdir()}
     with pytest.raises(CheckpointError, match=name):
-        Checkpoint(saved, identity(Case.from_dict(CASE)), world()).load()
+        Checkpoint(saved, SAVED, world()).load()
     assert {path: path.read_bytes() for path in saved.iterdir()} == before
-
-
-def test_files_of_another_run_are_refused(plastic_state: Path, tmp_path: Path) -> None:
-    for name in (MESH, SNAPSHOT.format(0)):
-        folder = tmp_path / name
-        shutil.copytree(plastic_state, folder)
-        (folder / name).write_bytes(npz_bytes(read_npz(folder / name) | {RUN: np.zeros(32, dtype=np.uint8)}))
-        with pytest.raises(CheckpointError, match=f"{name} does not belong to the state"):
-            Checkpoint(folder, {}, world()).load()
 
 
 @pytest.mark.parametrize("other", [FORMAT - 1, FORMAT + 1])
@@ -283,30 +257,7 @@ def test_a_checkpoint_of_another_version_is_refused(saved: Path, other: int) -> 
     arrays["meta"] = np.frombuffer(json.dumps(meta).encode(), dtype=np.uint8)
     (saved / STATE).write_bytes(npz_bytes(arrays))
     with pytest.raises(CheckpointError, match=r"written by asperity 9\.1"):
-        Checkpoint(saved, identity(Case.from_dict(CASE)), world()).load()
-
-
-NITSCHE: dict[str, Any] = {
-    "delta_max": 0.02,
-    "steps": 2,
-    "integrator": "backward-euler",
-    "unload_steps": 2,
-    "formulation": Formulation("nitsche"),
-    "snapshots": 2,
-}
-
-
-@pytest.fixture(scope="module")
-def plastic_state(wave: Surface, coarse_wave: BlockMesh | None) -> Iterator[Path]:
-    """Folder of a checkpoint in the middle of an unloading, with every kind of array."""
-    path = Path(world().bcast(tempfile.mkdtemp(prefix="asperity-") if world().rank == 0 else None))
-    with pytest.raises(PartialResult):
-        checkpoint = Checkpoint(path, {}, world())
-        solve_contact(wave, PLASTIC, block=coarse_wave, checkpoint=checkpoint, stop=stop_after(3), **NITSCHE)
-    yield path
-    world().Barrier()
-    if world().rank == 0:
-        shutil.rmtree(path)
+        Checkpoint(saved, SAVED, world()).load()
 
 
 def test_a_checkpoint_of_another_case_names_the_keys(saved: Path) -> None:
@@ -348,23 +299,6 @@ def test_what_may_change_before_a_continuation(section: str, change: Any, free: 
     one = identity(Case.from_dict(CASE))
     two = identity(Case.from_dict({**CASE, section: change}))
     assert (not differences(one, two)) == free
-
-
-@pytest.mark.parametrize(("key", "value"), [("hardening", "kinematic"), ("kinematics", "finite")])
-def test_a_later_key_belongs_to_the_identity_where_it_is_given(key: str, value: str) -> None:
-    """A case without the key is the one of runs saved before there was one."""
-    plain = {**CASE, "material": {**CASE["material"], "yield_strength": 0.005}}  # type: ignore[dict-item]
-    other = {**CASE, "material": {**plain["material"], key: value}}  # type: ignore[dict-item]
-    one, two = (identity(Case.from_dict(case)) for case in (plain, other))
-    assert f"material.{key}" not in one
-    assert differences(one, two) == [f'material.{key} = absent there, "{value}" here']
-    assert Case.from_dict(plain).hash() != Case.from_dict(other).hash()
-
-
-def test_more_cycles_may_follow() -> None:
-    loading = {"delta_max": 0.02, "unload": True}
-    one, two = (identity(Case.from_dict({**CASE, "loading": {**loading, "cycles": n}})) for n in (1, 2))
-    assert not differences(one, two)
 
 
 def test_a_height_map_counts_by_its_content(tmp_path: Path) -> None:

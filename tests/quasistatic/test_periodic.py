@@ -78,7 +78,7 @@ class Shifted(Surface):
 # -- the mesh --------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("centre", [(0.5, 0.5), (0.0, 0.3), (1.0, 1.0)])
+@pytest.mark.parametrize("centre", [(0.0, 0.3), (1.0, 1.0)])
 def test_opposite_sides_have_the_same_nodes(centre: tuple[float, float]) -> None:
     """Also where the first contact, which is a node, lies on a side or in a corner."""
     block = build_block(wave(*centre), 0.7, lambda x, y, depth: 0.15, periodic=True)
@@ -154,11 +154,6 @@ def test_a_periodic_map_stays_periodic_on_elements_larger_than_its_waves(tmp_pat
     joined(block)
     assert block.smoothing is not None and block.smoothing.any()
     np.testing.assert_allclose(block.heights(surface), block.heights(rough), atol=5e-3 * np.ptp(surface.heights))
-    np.savez(tmp_path / "map.npz", z=0.1 * rough.grid(257), L=1.0)
-    surface = HeightMap(path=tmp_path / "map.npz")
-    block = build_block(surface, 1.0, lambda x, y, depth: 0.06 + 0.2 * depth, periodic=True)
-    assert block.smoothing is None
-    joined(block)
 
 
 def test_sides_that_do_not_fit_are_refused() -> None:
@@ -203,10 +198,9 @@ def test_a_flat_block_is_in_uniaxial_strain() -> None:
 
 
 PLACES = ((0.5, 0.5), (0.23, 0.87))  # of the crest
-FORMULATIONS = [None, Formulation("penalty"), Formulation("nitsche")]
 
 
-@pytest.mark.parametrize("formulation", FORMULATIONS, ids=["active set", "penalty", "nitsche"])
+@pytest.mark.parametrize("formulation", [None, Formulation("nitsche")], ids=["active set", "nitsche"])
 def test_force_does_not_depend_on_where_the_period_begins(formulation: Formulation | None) -> None:
     """To the accuracy of the mesh; where the surface is symmetric about its sides, rollers give the same force."""
 
@@ -255,7 +249,10 @@ def test_multigrid_solves_joined_systems() -> None:
     surface = wave(0.2, 0.9, waves=2)
     found = {
         (sides, linear): solve_contact(
-            surface, ELASTIC, **HERE | {"sides": sides, "steps": 1}, options=SolverOptions(linear=linear)
+            surface,
+            ELASTIC,
+            **HERE | {"sides": sides, "steps": 1, "size": MeshSize(0.15, h_max=0.2)},
+            options=SolverOptions(linear=linear),
         )
         for sides, linear in (("periodic", "cg"), ("periodic", "lu"), ("rollers", "cg"))
     }

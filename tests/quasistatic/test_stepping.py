@@ -26,7 +26,7 @@ from asperity.fem.history import History
 from asperity.linear.solver import Krylov
 from asperity.mesh.block import BlockMesh
 from asperity.mesh.generate import build_block
-from asperity.model.load_path import BACKWARD_EULER, MIDPOINT, Schedule
+from asperity.model.load_path import MIDPOINT, Schedule
 from asperity.model.material import Material
 from asperity.model.settings import Formulation, SolverOptions
 from asperity.quasistatic import measures
@@ -34,7 +34,7 @@ from asperity.quasistatic.contact_solver import ContactSolver
 from asperity.quasistatic.make import make_contact_solver
 from asperity.quasistatic.midpoint import extrapolate
 from asperity.quasistatic.newton import NewtonSolver, StepStats
-from asperity.quasistatic.stepping import GROWTH, SMALLEST_CUT, Position, Record, _find_force, follow
+from asperity.quasistatic.stepping import GROWTH, SMALLEST_CUT, Record, _find_force, follow
 from asperity.surface import Flat, Surface
 
 Array = npt.NDArray[np.float64]
@@ -80,8 +80,7 @@ def state(solver: ContactSolver) -> dict[str, Any]:
     return {
         "u": solver.solid.u.x.array.copy(),
         "history": solver.solid.kernels.history().copy().arrays(),
-        "last": [None if v is None else v.copy() for v in (solver.state().displacement, solver.state().previous)],
-        "numbers": asdict(replace(solver.state(), counts=None, displacement=None, previous=None)),  # type: ignore[arg-type]
+        "solver": asdict(replace(solver.state(), counts=None)),  # type: ignore[arg-type]
         "nodal force": solver.nodal_force.copy(),
         "pressure": solver.pressure.copy(),
     }
@@ -91,11 +90,10 @@ def state(solver: ContactSolver) -> dict[str, Any]:
 
 
 @pytest.mark.mpi
-@EACH
 def test_a_failed_attempt_leaves_every_bit_as_it_was(
-    press_of: Callable[..., ContactSolver], material: Material, monkeypatch: pytest.MonkeyPatch
+    press_of: Callable[..., ContactSolver], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    solver, twin = press_of(material), press_of(material)
+    solver, twin = press_of(PLASTIC), press_of(PLASTIC)
     for p in (solver, twin):
         assert p.step(0.01).converged and p.step(0.02).converged
     before = state(solver)
@@ -112,14 +110,13 @@ def test_a_failed_attempt_leaves_every_bit_as_it_was(
         assert row[key] == pytest.approx(value, rel=1e-7), key
 
 
-@EACH
 def test_a_cut_step_is_halved_grows_again_and_hits_the_planned_points(
-    press_of: Callable[..., ContactSolver], material: Material, monkeypatch: pytest.MonkeyPatch
+    press_of: Callable[..., ContactSolver], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     planned = DELTA / 5
-    smooth = drive(press_of(material), delta_max=DELTA, steps=5).curve()
+    smooth = drive(press_of(ELASTIC), delta_max=DELTA, steps=5).curve()
     failed = fail(monkeypatch, lambda call: call in (2, 3))
-    solver = press_of(material)
+    solver = press_of(ELASTIC)
     cut = drive(solver, delta_max=DELTA, steps=5).curve()
     assert failed == [2, 3] and solver.counts.cutbacks == 2
     np.testing.assert_array_equal(smooth.delta, DELTA * np.arange(1, 6) / 5)
@@ -127,9 +124,7 @@ def test_a_cut_step_is_halved_grows_again_and_hits_the_planned_points(
     moves = np.diff(cut.delta, prepend=0.0)
     np.testing.assert_allclose(moves[:3], [planned, planned / 4, planned / 4 * GROWTH], rtol=1e-12)
     assert np.all(moves <= planned * 1.0011)
-    if material is ELASTIC:
-        at = np.isin(cut.delta, smooth.delta)
-        np.testing.assert_allclose(cut.force[at], smooth.force, rtol=1e-7)
+    np.testing.assert_allclose(cut.force[np.isin(cut.delta, smooth.delta)], smooth.force, rtol=1e-7)
 
 
 def test_a_step_that_never_converges_ends_the_run_with_the_curve_so_far(
@@ -143,28 +138,17 @@ def test_a_step_that_never_converges_ends_the_run_with_the_curve_so_far(
     assert len(record.curve()) == 2
     assert solver.delta == record.curve().delta[-1] == 2 * DELTA / 5
     assert solver.counts.cutbacks - np.log2(1 / SMALLEST_CUT) in (0, 1)
-
-
-def test_force_control_gives_up_with_the_curve_so_far(
-    press_of: Callable[..., ContactSolver], monkeypatch: pytest.MonkeyPatch
-) -> None:
-    solver = press_of(ELASTIC)
-    record = Record(1.0, 1.0, ELASTIC.reduced_modulus)
-    fail(monkeypatch, lambda call: call > 3)
     with pytest.raises(ConvergenceError, match=r"on the way to the greatest force \(forced\)"):
         follow(solver, Schedule(force_max=0.01, steps=5), record)
-    assert len(record.curve()) == 3
+    assert len(record.curve()) == 2
 
 
 # --- predictor and linear solvers -----------------------------------------------------------------------------
 
 
 @pytest.mark.mpi
-@EACH
-def test_the_predictor_saves_work_and_changes_nothing_else(
-    press_of: Callable[..., ContactSolver], material: Material
-) -> None:
-    with_it, without = press_of(material, rtol=1e-10), press_of(material, rtol=1e-10)
+def test_the_predictor_saves_work_and_changes_nothing_else(press_of: Callable[..., ContactSolver]) -> None:
+    with_it, without = press_of(ELASTIC, rtol=1e-10), press_of(ELASTIC, rtol=1e-10)
     newton = [0, 0]
     for delta in DELTA * np.arange(1, 6) / 40:  # larger steps may fail without it, on some partitions
         stats = with_it.step(delta)
@@ -173,24 +157,14 @@ def test_the_predictor_saves_work_and_changes_nothing_else(
         assert stats.converged and plain.converged
         newton = [newton[0] + stats.newton, newton[1] + plain.newton]
         assert with_it.force == pytest.approx(without.force, rel=1e-8)
-        for power in (1, 2):
-            assert moment(with_it, power) == pytest.approx(moment(without, power), rel=1e-7, abs=1e-9 * DELTA**power)
+        assert measures.row(with_it) == pytest.approx(measures.row(without), rel=1e-7)
     assert newton[0] <= newton[1]
 
 
-def moment(solver: ContactSolver, power: int) -> npt.NDArray[np.float64]:
-    """Means of powers of the displacement components over all nodes: the same for every partition of the mesh."""
-    solid = solver.solid
-    owned = solid.u.x.array.reshape(-1, 3)[: solid.owned]
-    sums: npt.NDArray[np.float64] = solid.comm.allreduce((owned**power).sum(axis=0)) * 3 / solid.dofs
-    return sums
-
-
 @pytest.mark.mpi
-@EACH
-def test_linear_solvers_give_the_same_curve(press_of: Callable[..., ContactSolver], material: Material) -> None:
+def test_linear_solvers_give_the_same_curve(press_of: Callable[..., ContactSolver]) -> None:
     curves = [
-        drive(press_of(material, linear=kind, rtol=1e-10), delta_max=DELTA, steps=3, unload_steps=2).curve()
+        drive(press_of(PLASTIC, linear=kind, rtol=1e-10), delta_max=DELTA, steps=3, unload_steps=1).curve()
         for kind in ("lu", "cg", "gamg")
     ]
     for other in curves[1:]:
@@ -200,9 +174,8 @@ def test_linear_solvers_give_the_same_curve(press_of: Callable[..., ContactSolve
 # --- unloading ------------------------------------------------------------------------------------------------
 
 
-@EACH
-def test_unloading_ends_at_zero_force(press_of: Callable[..., ContactSolver], material: Material) -> None:
-    solver = press_of(material)
+def test_unloading_ends_at_zero_force(press_of: Callable[..., ContactSolver]) -> None:
+    solver = press_of(PLASTIC)
     curve = drive(solver, delta_max=DELTA, steps=5, unload_steps=6).curve()
     assert list(curve.branch[:5]) == ["load"] * 5 and set(curve.branch[5:]) == {"unload"}
     down = curve.unloading()
@@ -215,18 +188,15 @@ def test_unloading_ends_at_zero_force(press_of: Callable[..., ContactSolver], ma
     # what is left of the approach is how much lower the flat touches
     summit = world().allreduce(float(solver._highest()))
     residual = solver.summit - summit
-    if material is ELASTIC:
-        assert abs(down.delta[-1]) < 1e-12
-        assert np.abs(solver.solid.u.x.array).max() < 1e-12
-    else:
-        assert down.delta[-1] == pytest.approx(residual, abs=1e-12)
-        assert 0.3 * DELTA < residual < DELTA
+    assert down.delta[-1] == pytest.approx(residual, abs=1e-12)
+    assert 0.3 * DELTA < residual < DELTA
     assert not solver.checks.violated
 
 
 def test_elastic_unloading_retraces_the_loading(press_of: Callable[..., ContactSolver]) -> None:
-    curve = drive(press_of(ELASTIC), delta_max=DELTA, steps=5, unload_steps=6).curve()
-    fresh = press_of(ELASTIC)
+    solver, fresh = press_of(ELASTIC), press_of(ELASTIC)
+    curve = drive(solver, delta_max=DELTA, steps=5, unload_steps=6).curve()
+    assert abs(curve.delta[-1]) < 1e-12 and np.abs(solver.solid.u.x.array).max() < 1e-12
     down = curve.unloading().where(curve.unloading().force > 0)
     assert len(down) >= 4
     for delta, force in sorted(zip(down.delta, down.force, strict=True)):
@@ -255,8 +225,7 @@ def test_a_flat_unloads_along_confined_compression() -> None:
 
 
 @pytest.mark.mpi
-@EACH
-@pytest.mark.parametrize("steps", [1, 4])
+@pytest.mark.parametrize(("material", "steps"), [(PLASTIC, 1), (ELASTIC, 4)])
 def test_force_control_hits_its_force(press_of: Callable[..., ContactSolver], material: Material, steps: int) -> None:
     force_star = 0.004
     curve = drive(press_of(material), force_max=force_star, steps=steps, unload_steps=2, cycles=1 + (steps > 1)).curve()
@@ -274,8 +243,8 @@ def test_force_control_hits_its_force(press_of: Callable[..., ContactSolver], ma
     assert again.force == pytest.approx(force_max, rel=1.1e-6)  # found to 1e-6, and solved twice to 1e-8
 
 
-@pytest.mark.parametrize("n", [1.1, 1.5, 2.2, 3.0])
-@pytest.mark.parametrize("ends", [(0.9, 1.02), (0.5, 1.3), (0.0, 1.5)], ids=str)
+@pytest.mark.parametrize("n", [1.1, 3.0])
+@pytest.mark.parametrize("ends", [(0.9, 1.02), (0.0, 1.5)], ids=str)
 def test_the_force_is_found_in_few_solves(n: float, ends: tuple[float, float]) -> None:
     """Of a power law; bisection to 1e-6 takes 20."""
     tried: list[float] = []
@@ -327,39 +296,12 @@ def test_a_loading_that_was_not_felt_is_lifted_off(rough: Surface, coarse: Block
 
 def test_midpoint_rule_under_force_control_stops_at_the_force(press_of: Callable[..., ContactSolver]) -> None:
     """The history must not be extrapolated beyond the last position, which the force decides."""
-    exact = drive(press_of(PLASTIC), force_max=0.01, steps=40, integrator=MIDPOINT).curve()
-    for steps in (1, 2, 5):
+    exact = drive(press_of(PLASTIC), force_max=0.01, steps=20, integrator=MIDPOINT).curve()
+    for steps in (1, 4):
         solver = press_of(PLASTIC)
         curve = drive(solver, force_max=0.01, steps=steps, integrator=MIDPOINT).curve()
         assert not solver.checks.violated
         assert curve.delta[-1] == pytest.approx(exact.delta[-1], rel=0.15 / steps)
-
-
-def test_going_on_from_a_position_is_the_same_as_never_stopping(press_of: Callable[..., ContactSolver]) -> None:
-    """All that the path needs in addition to the solver is in its position."""
-    schedule = Schedule(delta_max=DELTA, steps=4, unload_steps=3, cycles=2)
-    positions: list[Position] = []
-    whole = Record(1.0, 1.0, PLASTIC.reduced_modulus)
-    follow(press_of(PLASTIC), schedule, whole, on_position=positions.append)
-    solver, record = press_of(PLASTIC), Record(1.0, 1.0, PLASTIC.reduced_modulus)
-
-    class Stop(Exception):
-        pass
-
-    def stop(rows: Any, fraction: float) -> None:
-        if len(rows) in (2, 5, 9):
-            raise Stop
-
-    position: Position | None = None
-    seen: list[Position] = []
-    for _ in range(4):
-        try:
-            follow(solver, schedule, record, on_step=stop, position=position, on_position=seen.append)
-        except Stop:
-            position = positions[len(record.rows)]
-    assert len(record.rows) == len(whole.rows)
-    for column in ("delta", "force", "area_fraction", "max_plastic_strain"):
-        np.testing.assert_array_equal(getattr(record.curve(), column), getattr(whole.curve(), column))
 
 
 def test_snapshots_of_a_loading_to_a_force_are_spread_over_the_force(press_of: Callable[..., ContactSolver]) -> None:
@@ -372,10 +314,9 @@ def test_snapshots_of_a_loading_to_a_force_are_spread_over_the_force(press_of: C
     assert kept == expected and len(set(kept)) == 4
 
 
-@pytest.mark.parametrize("integrator", [BACKWARD_EULER, MIDPOINT])
-def test_snapshots_are_spread_over_the_loading(press_of: Callable[..., ContactSolver], integrator: str) -> None:
+def test_snapshots_are_spread_over_the_loading(press_of: Callable[..., ContactSolver]) -> None:
     solver, record = press_of(PLASTIC), Record(1.0, 1.0, PLASTIC.reduced_modulus)
-    follow(solver, Schedule(delta_max=DELTA, steps=6, unload_steps=2, integrator=integrator), record, snapshots=3)
+    follow(solver, Schedule(delta_max=DELTA, steps=6, unload_steps=2, integrator=MIDPOINT), record, snapshots=3)
     curve = record.curve()
     planned = curve.delta[[s.step - 1 for s in record.snapshots]]
     np.testing.assert_allclose(planned, DELTA * np.arange(1, 4) / 3, rtol=1e-12)
@@ -389,7 +330,7 @@ def test_snapshots_are_spread_over_the_loading(press_of: Callable[..., ContactSo
 # --- memory ---------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("linear", ["lu", "cg", "gamg"])
+@pytest.mark.parametrize("linear", ["lu", "cg"])
 def test_a_press_gives_its_memory_back(press_of: Callable[..., ContactSolver], linear: str) -> None:
     """PETSc's references to Python are hidden from the garbage collector: a cycle through them stays for ever."""
     solver = press_of(PLASTIC, linear=linear)
@@ -403,10 +344,9 @@ def test_a_press_gives_its_memory_back(press_of: Callable[..., ContactSolver], l
 
 
 @pytest.mark.mpi
-@EACH
-def test_matrices_that_are_dropped_are_made_again(press_of: Callable[..., ContactSolver], material: Material) -> None:
+def test_matrices_that_are_dropped_are_made_again(press_of: Callable[..., ContactSolver]) -> None:
     """The state stays: later steps, roll-back and unloading are those of a solver that kept its matrices."""
-    kept, dropped = press_of(material), press_of(material)
+    kept, dropped = press_of(PLASTIC), press_of(PLASTIC)
     for delta in (0.01, 0.02, 0.015):
         for solver in (kept, dropped):
             assert solver.step(delta).converged
@@ -440,8 +380,7 @@ def test_the_solvers_of_dropped_matrices_are_destroyed(press_of: Callable[..., C
 
 
 @pytest.mark.mpi
-@EACH
-@pytest.mark.parametrize("linear", ["cg", "lu"])
+@pytest.mark.parametrize(("linear", "material"), [("cg", PLASTIC), ("lu", ELASTIC)])
 def test_systems_that_cg_or_cholesky_fails_on_are_factorised_by_lu(
     press_of: Callable[..., ContactSolver], material: Material, monkeypatch: pytest.MonkeyPatch, linear: str
 ) -> None:
@@ -539,17 +478,14 @@ def test_the_midpoint_rule_does_not_ring_where_the_yield_strain_is_negligible(
     for rule in (extrapolate, whole):
         monkeypatch.setattr("asperity.quasistatic.midpoint.extrapolate", rule)
         solver = make_contact_solver(world(), rough, coarse, soft)
-        drive(solver, delta_max=0.015, steps=20, integrator="midpoint")
+        drive(solver, delta_max=0.015, steps=12, integrator="midpoint")
         errors.append(abs(1.0 - solver.checks.energy_ratio))
     assert errors[0] < 0.5 * errors[1]
 
 
-@EACH
-def test_the_law_about_a_preload_is_that_of_the_last_loop(
-    press_of: Callable[..., ContactSolver], material: Material
-) -> None:
+def test_the_law_about_a_preload_is_that_of_the_last_loop(press_of: Callable[..., ContactSolver]) -> None:
     """Its stiffness is that of the solver itself when it takes a small step there."""
-    solver = press_of(material)
+    solver = press_of(PLASTIC)
     curve = drive(solver, delta_max=DELTA, steps=10, unload_steps=6, cycles=3).curve()
     assert list(curve.branch).count("reload") >= 20
     load = 0.5 * float(curve.force.max())

@@ -123,7 +123,7 @@ def test_a_file_that_cannot_be_written_is_an_error_on_every_rank(
     with monkeypatch.context() as patch:
         patch.setattr("zipfile._ZipWriteFile.write", full)
         with pytest.raises(OutputError, match=r"cannot write .*state\.npz: No space left on device"):
-            write_arrays(comm, shared_path / "state.npz", arrays, {"meta": "{}"})
+            write_arrays(comm, shared_path / "state.npz", arrays, "{}")
     comm.Barrier()
     assert [path.name for path in shared_path.iterdir()] == ["state.npz"]
     assert (shared_path / "state.npz").read_bytes() == content
@@ -139,7 +139,7 @@ def write_and_read_on(folder: Path, most: int) -> None:
             few, many = given_here(2, writers, group), 2 * given_here(61, writers, group)
             arrays = {"few": share(group, few, rows_of(few), 2)}
             arrays["many.at"], arrays["many"] = share_some(group, many, rows_of(many))
-            write_arrays(group, path, arrays, {"meta": "text"})
+            write_arrays(group, path, arrays, "text")
         comm.Barrier()
         for readers in range(1, most + 1):
             group = comm.Split(comm.rank < readers)

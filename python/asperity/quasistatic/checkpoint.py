@@ -2,8 +2,8 @@
 
 The folder holds mesh.npz, written once, snapshot-K.npz for each snapshot, and state.npz, replaced as a whole after
 each step: displacements and history in the numbering of the mesh as built, and all numbers as JSON in the array
-"meta". Nothing is pickled. Damage shows in the checksum that the zip format has of each array. The array "run" is the
-same in all files of a run; the state names the case that it belongs to.
+"meta". Nothing is pickled. Damage shows in the checksum that the zip format has of each array. The state names the case
+that it belongs to.
 """
 
 from __future__ import annotations
@@ -15,7 +15,6 @@ from contextlib import contextmanager, suppress
 from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
-from uuid import uuid4
 
 import numpy as np
 
@@ -41,19 +40,9 @@ from asperity.runtime.shares import DistributedArray, deal, on_root_of, steps, s
 if TYPE_CHECKING:
     from mpi4py import MPI
 
-FORMAT = 6  # of the files, which other versions refuse
-META, RUN = "meta", "run"  # arrays of letters: the numbers of a state as JSON, and the name of the run
+FORMAT = 7  # of the files, which other versions refuse
+META = "meta"  # array of letters: the numbers of a state as JSON
 Headers = dict[str, tuple[str, tuple[int, ...]]]  # type and shape of arrays by name
-
-
-def refuse_unequal(path: Path, saved: Mapping[str, Any], now: Mapping[str, Any]) -> None:
-    """Refuse the state of a run with another identity.
-
-    Raises:
-        CheckpointError: the identities differ
-    """
-    if saved != now:
-        raise CheckpointError(f"{path} belongs to another run; start again with --force")
 
 
 class Checkpoint:
@@ -65,7 +54,7 @@ class Checkpoint:
         comm: ranks of the run
         interval: number of accepted steps between two saves; 0 saves nothing
         refuse: called with the path of a state, its identity and that of the run; raises CheckpointError where the run
-            does not continue from it
+            does not continue from it; None refuses another identity
     """
 
     def __init__(
@@ -74,12 +63,11 @@ class Checkpoint:
         identity: Mapping[str, Any],
         comm: MPI.Comm,
         interval: int = 1,
-        refuse: Callable[[Path, Mapping[str, Any], Mapping[str, Any]], None] = refuse_unequal,
+        refuse: Callable[[Path, Mapping[str, Any], Mapping[str, Any]], None] | None = None,
     ) -> None:
         self.folder, self.interval = folder, interval
         self._identity, self._comm, self._refuse = dict(identity), comm, refuse
-        self._ignored = False  # whether a saved state is left alone
-        self._run = ""  # name of the run whose files are in the folder, empty before the mesh is written
+        self._ignored = self._begun = False  # whether a saved state is left alone, and whether the mesh is written
         self._snapshots = 0  # written
 
     def part(self, name: str) -> Checkpoint:
@@ -129,32 +117,30 @@ class Checkpoint:
         """
         blocks: list[BlockMesh] = []
 
-        def read() -> tuple[dict[str, Any], str, dict[str, Headers]] | None:
+        def read() -> tuple[dict[str, Any], dict[str, Headers]] | None:
             if self._ignored or not (self.folder / STATE).is_file():
                 return None
             remove_asides(self.folder)
-            meta, run, headers = self._read_state(self.folder / STATE)
-            blocks.append(_read_block(self.folder / MESH, run))
-            files = {STATE: headers}
-            for k in range(len(meta["snapshots"])):
-                path = self.folder / SNAPSHOT.format(k)
-                texts, files[path.name] = scan(path)
-                _check_run(path, texts[RUN], run)
-            return meta, run, files
+            meta, headers = self._read_state(self.folder / STATE)
+            with _refusing(self.folder / MESH):
+                blocks.append(BlockMesh.from_arrays(read_npz(self.folder / MESH)))
+            names = [SNAPSHOT.format(k) for k in range(len(meta["snapshots"]))]
+            return meta, {STATE: headers} | {name: scan(self.folder / name)[1] for name in names}
 
         found = on_root_bcast(self._comm, read)
         if found is None:
             return None
-        meta, self._run, files = found
+        meta, files = found
+        self._begun = True
         state, *snapshots = (read_arrays(self._comm, self.folder / name, headers) for name, headers in files.items())
         self._snapshots = len(snapshots)
         return Saved(meta, state, tuple(snapshots), blocks[0] if blocks else None)
 
-    def _read_state(self, path: Path) -> tuple[dict[str, Any], str, Headers]:
-        """Numbers, name of the run, and headers of the arrays."""
-        texts, headers = scan(path)
+    def _read_state(self, path: Path) -> tuple[dict[str, Any], Headers]:
+        """Numbers, and headers of the arrays."""
+        text, headers = scan(path)
         try:
-            meta: dict[str, Any] = json.loads(texts[META])
+            meta: dict[str, Any] = json.loads(text)
             version = meta["format"]
         except UNREADABLE:
             raise CheckpointError(f"{path} is not a checkpoint of asperity") from None
@@ -163,8 +149,11 @@ class Checkpoint:
                 f"{path} was written by asperity {meta.get('version', '?')} in format {version}, this version "
                 f"continues format {FORMAT}; use that version, or start again without --resume"
             )
-        self._refuse(path, meta["identity"], self._identity)
-        return meta, texts[RUN], headers
+        if self._refuse is not None:
+            self._refuse(path, meta["identity"], self._identity)
+        elif meta["identity"] != self._identity:
+            raise CheckpointError(f"{path} belongs to another run; start again with --force")
+        return meta, headers
 
     def begin(self, block: BlockMesh | None) -> None:
         """Write the mesh, which rank 0 holds.
@@ -172,17 +161,15 @@ class Checkpoint:
         Raises:
             OutputError: it cannot be written
         """
-        if not self.interval or self._run:
-            return
 
-        def write() -> str:
+        def write() -> None:
             assert block is not None
-            run = uuid4().hex
             self.folder.mkdir(parents=True, exist_ok=True)
-            replace_file(self.folder / MESH, npz_bytes({**block.arrays(), RUN: _letters(run)}))
-            return run
+            replace_file(self.folder / MESH, npz_bytes(block.arrays()))
 
-        self._run = on_root_bcast(self._comm, write)
+        if self.interval and not self._begun:
+            on_root_bcast(self._comm, write)
+            self._begun = True
 
     def due(self, steps: int) -> bool:
         """Whether to save after that many accepted steps."""
@@ -199,10 +186,9 @@ class Checkpoint:
         if not self.interval:
             return
         with solver.solid.phases.phase("checkpoint"):
-            texts = {RUN: self._run}
             for snapshot in record.snapshots[self._snapshots :]:
                 path = self.folder / SNAPSHOT.format(self._snapshots)
-                write_arrays(self._comm, path, snapshot_fields(solver, snapshot), texts)
+                write_arrays(self._comm, path, snapshot_fields(solver, snapshot))
                 self._snapshots += 1
             meta: dict[str, Any] = {
                 "format": FORMAT,
@@ -215,24 +201,18 @@ class Checkpoint:
                 "seconds": solver.solid.phases.seconds,
                 "calls": solver.solid.phases.calls,
             }
-            texts[META] = json.dumps(meta, default=float)
-            write_arrays(self._comm, self.folder / STATE, solver_fields(solver), texts)
+            write_arrays(self._comm, self.folder / STATE, solver_fields(solver), json.dumps(meta, default=float))
 
 
-def write_arrays(
-    comm: MPI.Comm, path: Path, arrays: Mapping[str, DistributedArray], texts: Mapping[str, str] | None = None
-) -> None:
-    """Replace a .npz file, which rank 0 writes in pieces; collective.
-
-    Args:
-        texts: written as arrays of letters
+def write_arrays(comm: MPI.Comm, path: Path, arrays: Mapping[str, DistributedArray], text: str = "") -> None:
+    """Replace a .npz file, which rank 0 writes in pieces, with a text as the array "meta"; collective.
 
     Raises:
         OutputError: it cannot be written; the earlier file is untouched
     """
     streams = {name: stream(array) for name, array in sorted(arrays.items())}
-    letters = {name: _letters(text) for name, text in (texts or {}).items()}
-    members = streams | {name: Stream(array.dtype, array.shape, iter([array])) for name, array in letters.items()}
+    letters = np.frombuffer(text.encode(), dtype=np.uint8)
+    members = streams | {META: Stream(letters.dtype, letters.shape, iter([letters]))}
     on_root_of(comm, streams.values(), lambda: write_npz(path, sorted(members.items())))
 
 
@@ -246,37 +226,22 @@ def read_arrays(comm: MPI.Comm, path: Path, headers: Headers) -> dict[str, Distr
     return out
 
 
-def scan(path: Path) -> tuple[dict[str, str], Headers]:
-    """Texts of a file, and the headers of its other arrays, which are read for their checksums and not kept.
+def scan(path: Path) -> tuple[str, Headers]:
+    """Text of a file, and the headers of its other arrays, which are read for their checksums and not kept.
 
     Raises:
         CheckpointError: it is missing or damaged
     """
-    texts, headers = {META: "", RUN: ""}, {}
+    text, headers = "", {}
     with _refusing(path):
         for array in stored_arrays(path):
             rows = (array.rows(end - at) for at, end in steps(0, array.shape[0], array.shape, array.dtype))
-            if array.name in texts:
-                texts[array.name] = b"".join(map(bytes, rows)).decode(errors="replace")
+            if array.name == META:
+                text = b"".join(map(bytes, rows)).decode(errors="replace")
             else:
                 deque(rows, maxlen=0)
                 headers[array.name] = array.dtype.str, array.shape
-    return texts, headers
-
-
-def _read_block(path: Path, run: str) -> BlockMesh:
-    """Mesh of a run."""
-    with _refusing(path):
-        arrays = read_npz(path)
-        block = BlockMesh.from_arrays(arrays)
-    _check_run(path, arrays.get(RUN, np.empty(0)).tobytes().decode(errors="replace"), run)
-    return block
-
-
-def _check_run(path: Path, found: str, wanted: str) -> None:
-    """Refuse a file of another run."""
-    if found != wanted:
-        raise CheckpointError(f"{path} does not belong to the state in this folder; start the run again with --force")
+    return text, headers
 
 
 @contextmanager
@@ -289,7 +254,3 @@ def _refusing(path: Path) -> Iterator[None]:
     except (OSError, ValueError) as error:
         reason = getattr(error, "strerror", None) or str(error)
         raise CheckpointError(f"{path} is damaged: {reason}; start the run again with --force") from None
-
-
-def _letters(text: str) -> np.ndarray[Any, np.dtype[np.uint8]]:
-    return np.frombuffer(text.encode(), dtype=np.uint8)

@@ -7,7 +7,7 @@ the two.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass
 from typing import Any
 
 import numpy as np
@@ -24,6 +24,7 @@ from asperity.quasistatic.stepping import Position, Record
 from asperity.quasistatic.stiffness import Stiffness
 from asperity.runtime.shares import DistributedArray, look_up, look_up_some, share_some
 
+DISPLACEMENTS = ("displacement", "previous")  # of a state
 OF_CELLS = ("stress", "plastic_strain")  # fields of a snapshot with a row per cell
 OF_CONTACT = "contact."  # prefix of the names of the contact's history
 HELD = "held"  # what friction keeps of the nodes in contact
@@ -54,7 +55,6 @@ class Saved:
         def history(numbers: Indices, prefix: str = "") -> History:
             return History(**{name: some(prefix + name, numbers) for name in History.names()})
 
-        displacements = {name: look_up(arrays[f"displacement.{name}"], owned) for name in self._displacements()}
         if solid.material.plastic:
             solid.kernels.restore(history(cells))
         if solver.contact.history() is not None:
@@ -65,7 +65,9 @@ class Saved:
             memory = look_up(arrays[STIFFNESS], owned)
             for probe in _with_memory(solver):
                 probe.recall(memory)
-        solver.restore(_state(self.meta["solver"], displacements))
+        numbers = dict(self.meta["solver"])
+        numbers |= {"counts": Counts(**numbers["counts"]), "checks": Checks.from_dict(numbers["checks"])}
+        solver.restore(SolverState(**numbers, **{name: look_up(arrays[name], owned) for name in DISPLACEMENTS}))
         record.rows[:] = self.meta["rows"]
         for about, saved in zip(self.meta["snapshots"], self.snapshots, strict=True):
             fields = {name: look_up(values, cells if name in OF_CELLS else nodes) for name, values in saved.items()}
@@ -77,9 +79,6 @@ class Saved:
                 totals[name] = totals.get(name, 0) + value
         return Position.from_dict(self.meta["position"])
 
-    def _displacements(self) -> tuple[str, ...]:
-        return ("last",) if self.meta["solver"]["before"] is None else ("last", "previous")
-
 
 def solver_fields(solver: ContactSolver) -> dict[str, DistributedArray]:
     """Fields of a state in the numbering of the mesh as built; collective."""
@@ -90,8 +89,8 @@ def solver_fields(solver: ContactSolver) -> dict[str, DistributedArray]:
     def keep_some(name: str, numbers: Indices, values: Array) -> None:
         out[f"{name}.at"], out[name] = share_some(comm, numbers, values)
 
-    for name, u in _displacements(solver.state()).items():
-        out[f"displacement.{name}"] = share_nodes(solid, solid.scatter_forward(u.ravel()))
+    for name in DISPLACEMENTS:
+        out[name] = share_nodes(solid, solid.scatter_forward(getattr(solver.state(), name).ravel()))
     for probe in _with_memory(solver):
         out[STIFFNESS] = share_nodes(solid, solid.ghosts.scatter_forward(probe.memory()))
     if solid.material.plastic:
@@ -127,32 +126,13 @@ def _nodal(solver: ContactSolver, values: Floats) -> Floats:
 
 def solver_numbers(state: SolverState) -> dict[str, Any]:
     """Numbers of a state as plain values for JSON."""
-    numbers = asdict(replace(state, displacement=None, previous=None))  # type: ignore[arg-type]
-    return {name: value for name, value in numbers.items() if name not in ("displacement", "previous")}
-
-
-def _displacements(state: SolverState) -> dict[str, Array]:
-    """Displacements of the last step and of the one before, if there is one (owned, 3)."""
-    if state.previous is None:
-        return {"last": state.displacement}
-    return {"last": state.displacement, "previous": state.previous}
-
-
-def _state(numbers: Mapping[str, Any], displacements: Mapping[str, Array]) -> SolverState:
-    """Inverse of `solver_numbers` and `_displacements`."""
-    counts, checks = Counts(**numbers["counts"]), Checks.from_dict(numbers["checks"])
-    last, previous = displacements["last"], displacements.get("previous")
-    return SolverState(**{**numbers, "counts": counts, "checks": checks}, displacement=last, previous=previous)
-
-
-def _snapshot_names(solver: ContactSolver) -> list[str]:
-    names = ["pressure", "gap", "touched", "displacement", "stress"]
-    return [*names, "plastic_strain"] if solver.solid.material.plastic else names
+    return {name: value for name, value in asdict(state).items() if name not in DISPLACEMENTS}
 
 
 def snapshot_fields(solver: ContactSolver, snapshot: Snapshot) -> dict[str, DistributedArray]:
     """Fields of a snapshot in the numbering of the mesh as built; collective."""
+    names = ["pressure", "gap", "touched", "displacement", *OF_CELLS]
     return {
         name: (share_cells if name in OF_CELLS else share_nodes)(solver.solid, getattr(snapshot, name))
-        for name in _snapshot_names(solver)
+        for name in (names if solver.solid.material.plastic else names[:-1])
     }

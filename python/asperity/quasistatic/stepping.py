@@ -63,7 +63,9 @@ class Record:
         """Append the state of `solver` as a row; collective."""
         state = measures.row(solver)
         force = solver.force * self.E * self.side**2
-        units = self._units()
+        units = {"max_pressure": self.E, "mean_pressure": self.E, "largest_spot": self.side**2}
+        units |= dict.fromkeys(("mean_gap", "conductance"), self.side)
+        units |= dict.fromkeys(ELASTIC_STIFFNESSES, self.E * self.side)
         row = {
             "step": len(self.rows) + 1,
             "branch": branch,
@@ -77,17 +79,6 @@ class Record:
             "seconds": seconds,
         }
         self.rows.append(row)
-
-    def _units(self) -> dict[str, float]:
-        """Units of the columns that have a dimension."""
-        return {
-            "max_pressure": self.E,
-            "mean_gap": self.side,
-            "mean_pressure": self.E,
-            "largest_spot": self.side**2,
-            **dict.fromkeys(ELASTIC_STIFFNESSES, self.E * self.side),
-            "conductance": self.side,
-        }
 
     def curve(self) -> Curve:
         """The rows so far."""
