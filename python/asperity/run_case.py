@@ -13,14 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 from asperity.case import Case
 from asperity.curve import Curve
-from asperity.errors import (
-    AssumptionWarning,
-    CaseWarning,
-    InputError,
-    Interrupted,
-    OutputError,
-    ResolutionWarning,
-)
+from asperity.errors import AssumptionWarning, CaseWarning, InputError, Interrupted, OutputError, ResolutionWarning
 from asperity.model.problem import Problem
 from asperity.output.assumption import DOUBTFUL, Assumption, describe
 from asperity.output.assumptions import ledger
@@ -28,7 +21,7 @@ from asperity.output.run_files import RunFiles
 from asperity.power_law import PowerLawFit, with_misfit
 from asperity.runtime import run_folder
 from asperity.runtime.display import brief
-from asperity.runtime.notices import Notices, noting
+from asperity.runtime.notices import Notices, log, noting
 from asperity.runtime.parallel import agree, on_root, on_root_bcast
 from asperity.runtime.progress import Progress, log_file
 from asperity.runtime.run_folder import LOG
@@ -78,13 +71,10 @@ def run(
 ) -> RunResult:
     """Run a case and write its results, as `asperity run` does; collective over `comm`.
 
-    A folder with a run is left alone unless `resume` or `force` is given: a second call for the same folder has to say
-    which. With `resume` a call may be repeated until the run is finished, whatever the state of the folder: it starts
-    the run in an absent or empty folder, or where nothing was saved yet, continues one that was stopped, and returns
-    the results of a finished one.
-
-    What is legal but doubtful is reported by an `AsperityWarning`, by Python's `warnings` and in the summary, log and
-    report of the run.
+    A folder with a run is left alone unless `resume` or `force` is given. With `resume` a call may be repeated until
+    the run is finished: it starts the run where nothing was saved yet, continues one that was stopped, and returns the
+    results of a finished one. What is legal but doubtful is reported by an `AsperityWarning`, and in the summary, log
+    and report of the run.
 
     Args:
         case: the input, or the path of a case file
@@ -134,7 +124,8 @@ def run(
             log_file(None if out is None or comm.rank > 0 else out / LOG, append=continues) as files.open_log,
             nullcontext() if out is None else StopRequest(comm) as request,
         ):
-            notices.log()
+            for text in notices.texts:
+                log(text)
             stop = None if request is None else request.agreed
             return _run(whole, problem, files, notices, progress or Progress(), stop, block, comm)
 
@@ -176,13 +167,8 @@ def _run(
     from asperity.solve_case import solve_case
     from asperity.vibrate_case import VibratedCase, vibrate_case
 
-    try:
+    with _refusals(files):
         solved = solve_case(case, problem, files, progress, stop, comm, block)
-    except InputError:
-        files.withdraw()
-        raise
-    except OutputError as e:
-        raise OutputError(f"{e}{'; --resume continues from the last step saved' if files.saved() else ''}") from None
     contact, failure, folder = solved.contact, solved.failure, files.folder
     summary = solved.summary(case, comm.size)
     summary["warnings"] = notices.texts  # those of what follows join them
@@ -225,6 +211,18 @@ def _run(
     if failure is not None:
         raise failure
     return RunResult(contact.curve, contact.curve.fit_or_none(), summary, contact, found.dynamics)
+
+
+@contextmanager
+def _refusals(files: RunFiles) -> Iterator[None]:
+    """Remove what a refused run has written; a run that cannot write says how to continue."""
+    try:
+        yield
+    except InputError:
+        files.withdraw()
+        raise
+    except OutputError as e:
+        raise OutputError(f"{e}{'; --resume continues from the last step saved' if files.saved() else ''}") from None
 
 
 def _warn(case: Case, folder: Path | None, solved: SolvedCase, lines: Sequence[Assumption]) -> None:

@@ -71,9 +71,8 @@ class SolvedCase:
             h, roughness = accurate.levels[-1].h, accurate.roughness_share()
         elif case.mesh.file is None and tolerance is None:  # a run with a tolerance may have no bar
             h = case.mesh.h_contact
-        change = None
-        if self.strain is not None and self.strain.greatest is not None:
-            change = self.strain.greatest, self.strain.limit
+        strain = self.strain
+        change = None if strain is None or strain.greatest is None else (strain.greatest, strain.limit)
         return Evidence(
             self.contact.curve, self.problem, si=case.units == "SI", tolerance=tolerance, h=h, roughness=roughness,
             small_strain=change, density=case.material.density, vibration=vibration, side=case.nominal_side,
@@ -113,7 +112,10 @@ def solve_case(
     try:
         wanted = case.accuracy
         if wanted.tolerance is None:
-            contact = _solve(case, chosen, block, comm, hooks)
+            if case.mesh.file is not None:
+                block = BlockMesh.read(case.mesh.file)
+            judged = case.mesh.file is not None or case.loading.delta_max is None
+            contact = solve_problem(chosen, block=block, judged=judged, comm=comm, hooks=hooks)
         else:
             target = AccuracyTarget(wanted.tolerance, wanted.max_dofs, wanted.max_seconds, wanted.area_tolerance)
             accurate = refine(chosen, target, comm, hooks, files.curve)
@@ -168,11 +170,3 @@ def _with_kinematics(
     if material.kinematics == AUTO:
         note(f'kinematics = "auto" took "{chosen.material.kinematics}"')
     return chosen, found
-
-
-def _solve(case: Case, problem: Problem, block: BlockMesh | None, comm: MPI.Comm, hooks: Hooks) -> ContactResult:
-    """The static part of a case on one mesh; collective."""
-    if case.mesh.file is not None:
-        block = BlockMesh.read(case.mesh.file)
-    judged = case.mesh.file is not None or case.loading.delta_max is None
-    return solve_problem(problem, block=block, judged=judged, comm=comm, hooks=hooks)

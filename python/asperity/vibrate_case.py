@@ -87,8 +87,8 @@ def _vibrate(
         if case.output.stiffness_matrix:
             with stage("stiffness matrix"):
                 matrix = stiffness_matrix(contact.solver)
-            scaled = None if matrix is None else matrix.scaled(case.material.E, case.surface.L)
-            found.sections["stiffness_matrix"] = None if scaled is None else scaled.to_dict()
+            scaled = None if matrix is None else matrix.scaled(case.material.E, case.surface.L).to_dict()
+            found.sections["stiffness_matrix"] = scaled
         if case.loops is not None:
             with stage("loops"):
                 loops = _loops(case, problem, contact, stop)

@@ -6,7 +6,7 @@ import logging
 import warnings
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from typing import TYPE_CHECKING, Any, TextIO
+from typing import TYPE_CHECKING, Any
 
 from asperity.errors import AsperityWarning
 
@@ -32,13 +32,9 @@ class Notices:
             warnings.warn(text, AsperityWarning, stacklevel=2)  # has no effect for the warnings this rank already has
         self.texts[:] = everywhere
 
-    def log(self) -> None:
-        """Write the warnings so far to a log file that has just been opened."""
-        for text in self.texts:
-            _log(text)
 
-
-def _log(text: str) -> None:
+def log(text: str) -> None:
+    """Write a warning to the log file."""
     logging.getLogger(__name__).info("warning: %s", text)
 
 
@@ -49,25 +45,18 @@ def noting(comm: MPI.Comm) -> Iterator[Notices]:
     The filters still decide whether a warning is shown, ignored or raised as an error. Rank 0 shows it.
     """
     filters, show = warnings.filters, warnings.showwarning
-    display: Callable[..., None] = show if comm.rank == 0 else _silent
+    display: Callable[..., None] = show if comm.rank == 0 else lambda *_: None
     notices = Notices(comm)
 
-    def note(
-        message: Warning | str,
-        category: type[Warning],
-        filename: str,
-        lineno: int,
-        file: TextIO | None = None,
-        line: str | None = None,
-    ) -> None:
+    def note(message: Warning | str, category: type[Warning], filename: str, lineno: int, *rest: Any) -> None:
         if not issubclass(category, AsperityWarning):
-            show(message, category, filename, lineno, file, line)
+            show(message, category, filename, lineno, *rest)
             return
         text = str(message)
         if text in notices.texts:
             return
         notices.texts.append(text)
-        _log(text)
+        log(text)
         with warnings.catch_warnings():
             warnings.filters = filters
             warnings.showwarning = display
@@ -75,9 +64,5 @@ def noting(comm: MPI.Comm) -> Iterator[Notices]:
 
     with warnings.catch_warnings():
         warnings.simplefilter("always", AsperityWarning)
-        warnings.showwarning = note
+        warnings.showwarning = note  # type: ignore[assignment]
         yield notices
-
-
-def _silent(*_: Any) -> None:
-    """Discard a warning."""
