@@ -11,7 +11,6 @@ import re
 import shutil
 import signal
 import subprocess
-import sys
 from pathlib import Path
 
 import pytest
@@ -49,27 +48,14 @@ def test_packages_are_named_once_and_installed() -> None:
     assert set(answer.stdout.splitlines()) == {f"installed {name}" for name in PACKAGES}
 
 
-def test_no_argument_prints_help() -> None:
-    answer = run()
-    assert answer.returncode == 0
-    assert "./run demo" in answer.stdout and "./run test" in answer.stdout
-
-
 def test_exit_code_and_directory_of_the_command(tmp_path: Path) -> None:
     answer = subprocess.run([PROJECT / "run", "sh", "-c", "pwd; exit 7"], cwd=tmp_path, capture_output=True)
     assert answer.returncode == 7
     assert answer.stdout.decode().strip() == str(tmp_path.resolve())
 
 
-def test_tools_see_the_package() -> None:
-    for tool in ("pytest", "mypy"):
-        assert run(tool, "--version").returncode == 0
-        script = shutil.which(tool)
-        assert script is not None and Path(script).parent == Path(sys.executable).parent
-
-
-@pytest.mark.parametrize("ranks", [2, 4])
-def test_mpirun_starts_more_ranks_than_cores(ranks: int) -> None:
+def test_mpirun_starts_more_ranks_than_cores() -> None:
+    ranks = 4
     program = (
         "import os; from mpi4py import MPI; world = MPI.COMM_WORLD;"
         "os.write(1, b'sum %d\\n' % world.allreduce(world.rank))"  # one write: lines stay whole
@@ -169,16 +155,6 @@ def clone(tmp_path: Path) -> Clone:
     return Clone(tmp_path)
 
 
-def test_the_root_is_made_once(clone: Clone) -> None:
-    for _ in range(2):
-        process = clone.start()
-        output, errors = process.communicate(timeout=60)
-        assert (process.returncode, output) == (0, "inside\n"), errors
-    assert clone.made() == 1
-    (root,) = clone.roots()
-    assert (root / "complete").exists() and root.suffix == ""
-
-
 def test_two_starts_at_once_make_one_root(clone: Clone) -> None:
     clone.hold.touch()
     first = clone.start()
@@ -206,20 +182,16 @@ def test_a_killed_start_leaves_neither_lock_nor_root(clone: Clone) -> None:
     assert root.suffix == ""
 
 
-def test_a_changed_list_of_packages_makes_another_root(clone: Clone) -> None:
-    clone.start().communicate(timeout=60)
-    with open(clone.path / "packages.txt", "a") as packages:
-        packages.write("python3-other  # a comment\n")
-    clone.start().communicate(timeout=60)
-    assert clone.made() == len(clone.roots()) == 2
-
-
 def test_another_suite_has_a_root_of_its_own(clone: Clone) -> None:
-    for suite in ("", "trixie", "sid", "sid"):
+    for suite in ("", "trixie", "sid", "sid"):  # each is made once
         clone.environment["ASPERITY_SUITE"] = suite
         output, errors = clone.start().communicate(timeout=60)
         assert output == "inside\n", errors
     assert clone.made() == len(clone.roots()) == 2
+    with open(clone.path / "packages.txt", "a") as packages:
+        packages.write("python3-other  # a comment\n")
+    clone.start().communicate(timeout=60)
+    assert clone.made() == len(clone.roots()) == 3
     assert "sid" in Path(f"{clone.calls}.arguments").read_text().splitlines()
 
 

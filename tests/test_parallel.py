@@ -17,7 +17,7 @@ from asperity.curve import Curve
 from asperity.mesh.block import BlockMesh
 from asperity.mesh.generate import build_block
 from asperity.model.material import Material
-from asperity.model.settings import Formulation, MeshSize, SolverOptions
+from asperity.model.settings import Formulation, SolverOptions
 from asperity.output.fields import gather_states
 from asperity.output.results import Results
 from asperity.plot import figures_of
@@ -72,8 +72,7 @@ def solve_both(surface: Surface, block: BlockMesh | None, material: Material, **
     ]
 
 
-@pytest.mark.parametrize("linear", ["lu", "cg"])
-@pytest.mark.parametrize("material", [ELASTIC, PLASTIC], ids=["elastic", "plastic"])
+@pytest.mark.parametrize(("material", "linear"), [(ELASTIC, "lu"), (PLASTIC, "cg")], ids=["elastic", "plastic"])
 def test_curve_does_not_depend_on_the_ranks(
     rough: Surface, coarse: BlockMesh | None, material: Material, linear: str
 ) -> None:
@@ -84,15 +83,13 @@ def test_curve_does_not_depend_on_the_ranks(
     assert not all_.checks.violated
 
 
-@pytest.mark.parametrize("formulation", [Formulation("penalty"), Formulation("nitsche")], ids=["penalty", "nitsche"])
-def test_formulations_do_not_depend_on_the_ranks(
-    rough: Surface, coarse: BlockMesh | None, formulation: Formulation
-) -> None:
-    one, all_ = solve_both(rough, coarse, PLASTIC, steps=3, unload_steps=1, formulation=formulation)
+@pytest.mark.parametrize("method", ["penalty", "nitsche"])
+def test_formulations_do_not_depend_on_the_ranks(rough: Surface, coarse: BlockMesh | None, method: str) -> None:
+    one, all_ = solve_both(rough, coarse, PLASTIC, steps=1, unload_steps=1, formulation=Formulation(method))
     assert_same(all_.curve, one.curve)
 
 
-@pytest.mark.parametrize("method", ["active-set", "penalty", "nitsche"])
+@pytest.mark.parametrize("method", ["active-set", "nitsche"])
 def test_ranks_without_top_facets(method: str) -> None:
     """A tower: the partitioner cuts it across, so only one of two ranks has a top."""
     surface = Sinusoid(L=1.0, amplitude=0.05, dims=2)
@@ -113,25 +110,6 @@ def test_ranks_without_top_facets(method: str) -> None:
     assert measures.row(all_) == pytest.approx(measures.row(one), rel=1e-6)
 
 
-def test_force_control_does_not_depend_on_the_ranks(rough: Surface, coarse: BlockMesh | None) -> None:
-    alone, together = comms()
-    curves = [
-        solve_contact(rough, PLASTIC, force_max=0.004 / 0.91, steps=3, block=given, comm=comm).curve
-        for comm, given in ((alone, together.bcast(coarse)), (together, coarse))
-    ]
-    assert_same(curves[1], curves[0])
-
-
-def test_a_mesh_made_by_all_is_the_mesh_made_by_one(rough: Surface) -> None:
-    size = MeshSize(0.2, growth=0.6, h_max=0.6)
-    alone, together = comms()
-    one, all_ = (solve_contact(rough, ELASTIC, delta_max=DELTA, steps=1, size=size, comm=c) for c in (alone, together))
-    assert_same(all_.curve, one.curve)
-    if together.rank == 0:
-        assert one.block is not None and all_.block is not None
-        np.testing.assert_array_equal(one.block.tets, all_.block.tets)
-
-
 def test_fields_are_numbered_like_the_mesh_on_any_ranks(rough: Surface, coarse: BlockMesh | None) -> None:
     """Snapshots gathered from all ranks against those of one."""
     one, all_ = solve_both(rough, coarse, PLASTIC, steps=2, snapshots=2)
@@ -146,28 +124,18 @@ def test_fields_are_numbered_like_the_mesh_on_any_ranks(rough: Surface, coarse: 
             np.testing.assert_allclose(a.plastic_strain, b.plastic_strain, rtol=0, atol=1e-6 * b.plastic_strain.max())
 
 
+@pytest.mark.usefixtures("blank_figures")
 def test_a_run_writes_one_set_of_files(shared_path: Path) -> None:
-    case = Case.from_dict(SMALL | {"output": {"fields": True}})
+    output = {"fields": True, "figures": True, "report": True, "snapshots": 2}
+    case = Case.from_dict(SMALL | {"dynamics": {"model": ["exact"]}, "output": output})
     alone, together = comms()
-    result = run(case, shared_path / "together", comm=together)
+    folder = shared_path / "together"
+    result = run(case, folder, comm=together)
     expected = run(case, comm=alone)
     assert_same(result.curve, expected.curve)
     together.Barrier()
-    stored = Curve.read(shared_path / "together" / "curve.csv")
-    np.testing.assert_array_equal(stored.force, result.curve.force)
+    np.testing.assert_array_equal(Curve.read(folder / "curve.csv").force, result.curve.force)
     assert result.summary["ranks"] == together.size
-    assert {p.name for p in (shared_path / "together").iterdir()} >= {
-        "case.toml",
-        "curve.csv",
-        "summary.json",
-        "fields",
-    }
-
-
-def test_a_run_on_ranks_draws_all_figures(shared_path: Path) -> None:
-    folder, together = shared_path / "out", comms()[1]
-    case = Case.from_dict(SMALL | {"dynamics": {}, "output": {"figures": True, "report": True, "snapshots": 2}})
-    run(case, folder, comm=together)
-    together.Barrier()
+    assert {path.name for path in folder.iterdir()} >= {"case.toml", "curve.csv", "summary.json", "fields"}
     drawn = {path.stem for path in (folder / FIGURES).glob("*.png")}
     assert drawn == {*figures_of(Results.read(folder))} >= {"frequency", "response", "curve", "pressure"}

