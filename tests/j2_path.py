@@ -1,4 +1,4 @@
-"""Rate equations of J2 plasticity, integrated without a return map: what the compiled kernels are compared with."""
+"""J2 plasticity at a point, in closed form and by rate equations: what the compiled kernels are compared with."""
 
 from __future__ import annotations
 
@@ -60,3 +60,46 @@ def _elastic_share(s: Array, ds: Array, radius: float) -> float:
     if a == 0:
         return 1.0
     return min(1.0, max(0.0, (-b + math.sqrt(b * b - a * c)) / a))
+
+
+def _piecewise(
+    strain: ArrayLike, elastic: float, plastic: float, Y: float, H: float, share: float
+) -> tuple[Array, Array]:
+    """(stress, accumulated plastic strain) of sigma = elastic e - plastic e_p.
+
+    Exact for strain that varies monotonically between the given values, because then stress and
+    plastic flow have a constant direction: |sigma - beta H e_p| <= Y + (1 - beta) H p.
+    """
+    stress, accumulated = [], []
+    e_p = p = 0.0
+    for e in np.asarray(strain, float):
+        trial = elastic * e - plastic * e_p
+        driving = trial - share * H * e_p
+        flow = max(0.0, abs(driving) - Y - (1 - share) * H * p) / (plastic + H)
+        e_p += math.copysign(flow, driving)
+        p += flow
+        stress.append(elastic * e - plastic * e_p)
+        accumulated.append(p)
+    return np.array(stress), np.array(accumulated)
+
+
+def uniaxial_stress(strain: ArrayLike, E: float, Y: float, E_t: float, share: float = 0.0) -> tuple[Array, Array]:
+    """(stress, accumulated plastic strain) of a bar along axial strains (m,) that start from zero.
+
+    The strain is monotonic between entries; `share` of the hardening is kinematic.
+    """
+    return _piecewise(strain, E, E, Y, hardening_modulus(E, E_t), share)
+
+
+def confined_stress(
+    strain: ArrayLike, E: float, nu: float, Y: float, E_t: float, share: float = 0.0
+) -> tuple[Array, Array, Array]:
+    """(axial stress, lateral stress, accumulated plastic strain) without lateral strain, see `uniaxial_stress`.
+
+    The stress difference is q = 2 mu e - 3 mu e_p, the mean stress K e: yield at |e| = Y/(2 mu),
+    and p = (2 mu |e| - Y)/(3 mu + H) on the first loading.
+    """
+    mu, bulk = E / (2 * (1 + nu)), E / (3 * (1 - 2 * nu))
+    q, p = _piecewise(strain, 2 * mu, 3 * mu, Y, hardening_modulus(E, E_t), share)
+    mean = bulk * np.asarray(strain, float)
+    return mean + 2 / 3 * q, mean - q / 3, p

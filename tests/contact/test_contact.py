@@ -6,6 +6,7 @@ import numpy as np
 import numpy.typing as npt
 import pytest
 from conftest import ELASTIC, PLASTIC, here
+from j2_path import confined_stress
 from scipy import sparse
 from scipy.optimize import brentq
 
@@ -137,7 +138,7 @@ def test_plastic_patch_test(formulation: Formulation) -> None:
     """Nitsche's traction comes from a return map of its own at the facets: history there must follow."""
     solver = grid_press(formulation, PLASTIC)
     path = np.array([0.004, 0.012, 0.02, 0.0195, 0.021])
-    stress, _, _ = ref.confined_stress(-path, 1.0, NU, 0.005, 0.05)
+    stress, _, _ = confined_stress(-path, 1.0, NU, 0.005, 0.05)
     for delta, sigma in zip(path, stress, strict=True):
         assert solver.step(delta).converged
         assert solver.force == pytest.approx(-sigma, rel=1e-9)

@@ -9,8 +9,7 @@ from collections.abc import Callable
 from typing import TYPE_CHECKING
 
 import numpy as np
-
-from asperity.reference import confined_stress
+from j2_path import confined_stress
 
 if TYPE_CHECKING:
     from asperity.case import Case

@@ -16,10 +16,10 @@ import numpy as np
 import numpy.typing as npt
 import pytest
 from conftest import ELASTIC, PLASTIC, world
+from j2_path import confined_stress
 from scipy.optimize import brentq
 
 from asperity import _solver
-from asperity import reference as ref
 from asperity.dynamics import unload_reload
 from asperity.errors import AsperityWarning, ConvergenceError
 from asperity.fem.history import History
@@ -213,7 +213,7 @@ def test_a_flat_unloads_along_confined_compression() -> None:
     curve = drive(solver, delta_max=0.02, steps=4, unload_steps=8).curve()
 
     def stress(delta: float) -> float:
-        return -float(ref.confined_stress([-0.02, -delta], 1.0, NU, 0.005, 0.05)[0][-1])
+        return -float(confined_stress([-0.02, -delta], 1.0, NU, 0.005, 0.05)[0][-1])
 
     down = curve.unloading()
     assert down.delta[-1] == pytest.approx(brentq(stress, 0.0, 0.02, xtol=1e-15), abs=1e-10)

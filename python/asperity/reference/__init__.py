@@ -25,12 +25,10 @@ from asperity.reference.inertia import LONG_WAVES, first_frequency, radiation_co
 from asperity.reference.plastic import (
     FLATTENED_DEPTHS,
     FLATTENED_SPHERE,
-    confined_stress,
     ghaednia,
     hardening_modulus,
     jackson_green,
     kogut_etsion,
-    uniaxial_stress,
 )
 
 __all__ = [
@@ -43,7 +41,6 @@ __all__ = [
     "RoughHalfSpace",
     "Westergaard",
     "block_modulus",
-    "confined_stress",
     "cooper_mikic_yovanovich",
     "first_frequency",
     "first_yield",
@@ -61,5 +58,4 @@ __all__ = [
     "reduced_modulus",
     "stickiness",
     "tabor_parameter",
-    "uniaxial_stress",
 ]
