@@ -40,14 +40,10 @@ LARGEST_CUT = 8  # greatest number of parts of a step before a run stops
 class Scheme:
     """Parameters of the generalised-alpha method for a spectral radius at infinite frequency.
 
-    Linear motion far below 1/h is hardly damped for any of them (the damping ratio is of third order in omega h).
-    Motion that the step cannot resolve is damped by a factor `rho_inf` per step. With 1, the energy of a linear solid
-    is conserved, but the force of a node that meets the plate oscillates from step to step without end, because its
-    velocity jumps and no damping removes the jump. With 0, the first modes of the block are damped too.
-    docs/transient.md uses 0.8.
-
     Attributes:
-        rho_inf: in [0, 1]
+        rho_inf: in [0, 1], the factor a step by which motion is damped that it cannot resolve. With 1 the energy of a
+            linear solid is conserved, but the force of a node that meets the plate oscillates without end, because its
+            velocity jumps; with 0 the first modes of the block are damped too. docs/transient.md uses 0.8.
 
     Raises:
         InputError: rho_inf is outside [0, 1]
@@ -128,10 +124,9 @@ class Transient:
 
         m q'' + c q' + P = W + F(t)
 
-    The motion starts in the state of the contact solver. From then on the solid of this solver has inertia. Each step
-    solves the block for positions of the plate until the equation of the plate holds, by the secant method. That takes
-    few iterations, because the part of P in the equation is (omega h)^2/4, with omega the frequency of the mass on the
-    contact.
+    The motion starts in the state of the contact solver, whose solid has inertia from then on. Each step solves the
+    block for positions of the plate until the equation of the plate holds, by the secant method, in few iterations: the
+    part of P in the equation is (omega h)^2/4, with omega the frequency of the mass on the contact.
 
     Args:
         solver: in equilibrium, at the position where the plate is released
@@ -169,12 +164,9 @@ class Transient:
         dashpot: float = 0.0,
         scheme: Scheme | None = None,
     ) -> None:
-        for name, value in (("density", density), ("mass", mass)):
-            if not (np.isfinite(value) and value > 0.0):
-                raise InputError(f"{name} = {value!r} must be finite and positive")
-        for name, value in (("load", load), ("dashpot", dashpot)):
-            if not (np.isfinite(value) and value >= 0.0):
-                raise InputError(f"{name} = {value!r} must be finite and at least 0")
+        for name, value in (("density", density), ("mass", mass), ("load", load), ("dashpot", dashpot)):
+            if not (np.isfinite(value) and value >= 0.0) or (value == 0.0 and name in ("density", "mass")):
+                raise InputError(f"{name} = {value!r} must be finite and positive; load and dashpot may be 0")
         if solver.contact.held is not None:
             raise InputError("friction has no motion in time yet: give Transient a solver without it")
         self.solver, self.mass, self.load, self.dashpot = solver, mass, load, dashpot
@@ -297,12 +289,8 @@ class Transient:
     def _accept(self, q: float, u: Floats, force: float, h: float) -> None:
         self.plate, self.block = self.plate.at(q, self.scheme, h), self.block.at(u, self.scheme, h)
         held = self.solver.newton.rows  # nodes in contact move with the plate
-        for of_block, of_plate in (
-            (self.block.v, self.plate.v),
-            (self.block.w, self.plate.w),
-            (self.block.a, self.plate.a),
-        ):
-            of_block.reshape(-1)[held] = -of_plate
+        for name in "vwa":
+            getattr(self.block, name).reshape(-1)[held] = -getattr(self.plate, name)
         self.solver.solid.kernels.commit()
         self.solver.contact.commit()
         self._before, self._force = self._force, force

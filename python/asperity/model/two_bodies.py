@@ -3,13 +3,7 @@
 Two elastic half-spaces with small slopes and no friction deform at a point under a pressure p there in proportion to
 1/E'_1 and 1/E'_2, so only the sum of the displacements and the sum of the heights matter (Johnson, Contact
 Mechanics, 1985, section 4.1 and 13.3): the pressure, the contact area and the approach are those of one body of
-modulus E' with the surface z1 + z2 under a rigid flat. The limits:
-
-- elastic only: where a body yields, how the approach is shared between them matters, and there is no equivalent;
-- small slopes: interlocking flanks, and the tangential motion of asperities that meet off-centre, are left out;
-- one relative position: the sum surface belongs to the two patches as they lie on each other, and touches first where
-  the sum is highest, in general on the flank of two asperities;
-- the blocks: only their uniform compression is matched, by the height of the equivalent one.
+modulus E' with the surface z1 + z2 under a rigid flat. docs/measured.md lists the limits.
 """
 
 from __future__ import annotations
@@ -78,12 +72,8 @@ def equivalent_block(
         raise InputError(f"heights = {heights} must be positive lengths")
     E_prime = composite_modulus(first.E, first.nu, second.E, second.nu)
     material = Material(E_prime * (1 - nu**2), nu)
-
-    def modulus(body: Material) -> float:
-        return body.block_modulus(sides)
-
-    compliance = heights[0] / modulus(first) + heights[1] / modulus(second)
-    return EquivalentBlock(material, compliance * modulus(material))
+    compliance = sum(h / body.block_modulus(sides) for h, body in zip(heights, (first, second), strict=True))
+    return EquivalentBlock(material, compliance * material.block_modulus(sides))
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

@@ -67,7 +67,8 @@ class Saved:
                 probe.recall(memory)
         numbers = dict(self.meta["solver"])
         numbers |= {"counts": Counts(**numbers["counts"]), "checks": Checks.from_dict(numbers["checks"])}
-        solver.restore(SolverState(**numbers, **{name: look_up(arrays[name], owned) for name in DISPLACEMENTS}))
+        numbers |= {name: look_up(arrays[name], owned) for name in DISPLACEMENTS}
+        solver.restore(SolverState(**numbers))
         record.rows[:] = self.meta["rows"]
         for about, saved in zip(self.meta["snapshots"], self.snapshots, strict=True):
             fields = {name: look_up(values, cells if name in OF_CELLS else nodes) for name, values in saved.items()}

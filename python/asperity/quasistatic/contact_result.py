@@ -32,15 +32,6 @@ class ContactResult:
         solver: with the solid in its last state
         complete: whether the path was followed to its end
         reason: why it ended
-
-    Examples:
-        >>> from asperity.surface import Flat
-        >>> size = asp.MeshSize(h_contact=1.0, h_max=1.0)
-
-        >>> result = asp.solve_contact(Flat(L=1.0), asp.Material(E=1.0, nu=0.3), delta_max=0.01, steps=2, size=size)
-
-        >>> result.complete, len(result.curve), result.counts.cutbacks, bool(result.checks.violated)
-        (True, 2, 0, False)
     """
 
     curve: Curve

@@ -30,16 +30,6 @@ class Hooks:
         stiffness: whether to compute the columns k_n_elastic to k_t_interface
         conductance: whether to compute the column conductance
         on_part: called on rank 0 with the part of a stage without load steps that is done, 0 to 1
-
-    Examples:
-        >>> from asperity.surface import Flat
-        >>> size = asp.MeshSize(h_contact=1.0, h_max=1.0)
-
-        >>> block = asp.Problem.of(Flat(L=1.0), asp.Material(E=1.0, nu=0.3), delta_max=0.01, steps=2, size=size)
-        >>> hooks = Hooks(on_step=lambda rows, fraction: print(rows[-1]["delta"], fraction))
-        >>> result = asp.solve_problem(block, hooks=hooks)
-        0.005 0.5
-        0.01 1.0
     """
 
     on_stage: Callable[[str], None] | None = None

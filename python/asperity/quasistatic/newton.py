@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
-from typing import Any, Protocol, runtime_checkable
+from typing import Any, Protocol
 
 import numpy as np
 from mpi4py import MPI
@@ -38,14 +38,6 @@ class ContactEquations(Protocol):
     def add_tangent(self) -> None: ...
 
     def nodal_force(self, force: Floats) -> Floats: ...
-
-
-@runtime_checkable
-class FrictionEquations(ContactEquations, Protocol):
-    """The same of nodes that stick or slip, where a full step may not bring the solution nearer."""
-
-    def imbalance(self, force: Floats) -> Floats:
-        """Forces out of balance for an internal force, both (owned, 3) [E L^2]; zero at the solution only."""
 
 
 COUNTED = ("newton", "krylov", "shortened", "direct")  # of a solve
@@ -152,8 +144,11 @@ class NewtonSolver:
         self._krylov += iterations
         if not solved:
             return False
-        if isinstance(self.contact, FrictionEquations):
-            y.scale(self._damped_length(self.contact, y))
+        # of nodes that stick or slip, where a full step may not bring the solution nearer: forces out of balance for an
+        # internal force, both (owned, 3) [E L^2], zero at the solution only
+        imbalance = getattr(self.contact, "imbalance", None)
+        if imbalance is not None:
+            y.scale(self._damped_length(imbalance, y))
         elif not self.solid.material.linear:
             length = self._step_length(self._residual_vec, y)
             self._shortened += length < 1.0
@@ -178,7 +173,7 @@ class NewtonSolver:
             useful = max(useful, CURVATURE * self.balance)
         return float(min(max(useful, SINGLE_RTOL), self._loosest))
 
-    def _damped_length(self, contact: FrictionEquations, y: Any) -> float:
+    def _damped_length(self, imbalance: Callable[[Floats], Floats], y: Any) -> float:
         """Length of the step -y with which the forces out of balance fall, those of stick and slip included.
 
         With full steps a node on the verge of slip may stick and slip in turn. Of the lengths tried the best is taken
@@ -188,7 +183,7 @@ class NewtonSolver:
         start = self.solid.u.x.array[: len(y.array_r)].copy()
 
         def merit(force: Floats) -> float:
-            flat = contact.imbalance(force).reshape(-1)
+            flat = imbalance(force).reshape(-1)
             flat[self._fixed] = 0.0
             return float(self.solid.comm.allreduce(float(flat @ flat)))
 
