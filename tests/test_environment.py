@@ -11,10 +11,11 @@ import re
 import shutil
 import signal
 import subprocess
+import time
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
-from waiting import wait_until
 
 PROJECT = Path(__file__).parents[1]
 PACKAGES = re.findall(r"^[a-z0-9.+-]+", (PROJECT / "packages.txt").read_text(), re.MULTILINE)
@@ -23,6 +24,13 @@ PACKAGES = re.findall(r"^[a-z0-9.+-]+", (PROJECT / "packages.txt").read_text(), 
 def clean_environment() -> dict[str, str]:
     """The environment without what an MPI process adds to it, so that a new MPI job can start."""
     return {k: v for k, v in os.environ.items() if not re.match("PMIX_|PRTE_(?!MCA)|OMPI_(?!MCA|A)", k)}
+
+
+def wait_until(condition: Callable[[], object]) -> None:
+    end = time.monotonic() + 30
+    while not condition():
+        assert time.monotonic() < end, "nothing happened for 30 s"
+        time.sleep(0.02)
 
 
 def run(*command: str) -> subprocess.CompletedProcess[str]:

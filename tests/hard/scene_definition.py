@@ -99,8 +99,3 @@ class Scene:
     map: bad_inputs.Map | None = None
     spoil: Callable[[Any], Any] | None = None
     fast: bool = False
-
-    @property
-    def group(self) -> str:
-        """First part of the name."""
-        return self.name.partition("/")[0]

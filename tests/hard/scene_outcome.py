@@ -26,12 +26,12 @@ from asperity.run_case import run
 from asperity.runtime.run_folder import CHECKPOINT, CURVE, SUMMARY
 
 
-@dataclass(frozen=True)
+@dataclass
 class Outcome:
     """Result of a scene and its comparisons.
 
     Attributes:
-        scene: the scene
+        case, curve: None after a refusal
         ends: "done", "refused" (exit code 2), "stopped" (3), "wrong" (3, a balance is violated), or "crashed" (any
             other error)
         reason: message of the refusal or stop, or the warning that the contact is not resolved
@@ -39,11 +39,12 @@ class Outcome:
         faults: deviations from the expected result; empty when the scene passes
     """
 
-    scene: Scene
-    ends: str
+    case: Case | None = None
+    curve: Curve | None = None
+    ends: str = "done"
     reason: str = ""
     summary: Mapping[str, Any] = field(default_factory=dict)
-    faults: tuple[str, ...] = ()
+    faults: list[str] = field(default_factory=list)
 
 
 def run_scene(scene: Scene) -> Outcome:
@@ -57,39 +58,27 @@ def run_scene(scene: Scene) -> Outcome:
         if scene.twin is not None and one.curve is not None:
             twin = _run(scene, {**scene.keys, **scene.twin.keys}, scene.twin.map or scene.map, Path(place) / "twin")
             found.append(_compare(scene, one, twin))
-    faults = [text for holds, text in found if not holds] + one.faults
+    one.faults[:0] = [text for holds, text in found if not holds]
     if one.ends != scene.ends or scene.reason not in one.reason:
-        faults.append(f"expected: {scene.ends} {scene.reason}".strip())
-    return Outcome(scene, one.ends, one.reason, one.summary, tuple(faults))
+        one.faults.append(f"expected: {scene.ends} {scene.reason}".strip())
+    return one
 
 
-@dataclass
-class _Run:
-    """Result of a case; a refused case has no curve."""
-
-    case: Case | None = None
-    curve: Curve | None = None
-    ends: str = "done"
-    reason: str = ""
-    summary: dict[str, Any] = field(default_factory=dict)
-    faults: list[str] = field(default_factory=list)
-
-
-def _run(scene: Scene, keys: Keys, heights: bad_inputs.Map | None, folder: Path) -> _Run:
+def _run(scene: Scene, keys: Keys, heights: bad_inputs.Map | None, folder: Path) -> Outcome:
     """Run the case of a scene in a new folder."""
     folder.mkdir()
     if heights is not None:
         np.save(folder / "map.npy", L * bad_inputs.heights(heights))
-    out, done = folder / "out", _Run()
+    out, done = folder / "out", Outcome()
     try:
         done.case = case = _case(scene, keys, folder)
         run(case, out, comm=MPI.COMM_SELF)
     except InputError as error:
-        return _Run(ends="refused", reason=str(error).replace(f"{folder}/", ""))
+        return Outcome(ends="refused", reason=str(error).replace(f"{folder}/", ""))
     except ConvergenceError as error:
         done.ends, done.reason = "wrong" if isinstance(error, CheckError) else "stopped", str(error)
     except Exception as error:  # reported as "crashed"; the other scenes run
-        return _Run(ends="crashed", reason=f"{type(error).__name__}: {error}")
+        return Outcome(ends="crashed", reason=f"{type(error).__name__}: {error}")
     if not (out / CURVE).exists():  # stopped before the first step
         return done
     done.curve = Curve.read(out / CURVE)
@@ -121,7 +110,7 @@ def _case(scene: Scene, keys: Keys, folder: Path) -> Case:
     return Case.from_dict(tables, folder=folder)
 
 
-def _compare(scene: Scene, one: _Run, other: _Run) -> tuple[bool, str]:
+def _compare(scene: Scene, one: Outcome, other: Outcome) -> tuple[bool, str]:
     """Compare two curves at the common approaches of the first loading, and the residual indentations.
 
     Returns:

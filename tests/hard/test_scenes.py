@@ -33,7 +33,7 @@ def test_unexpected_results_are_faults() -> None:
     (fault,) = run_scene(other).faults
     assert fault.startswith("softer: ")
     stiffer = replace(flat, claim=lambda case, curve: (False, "stiffer"))
-    assert run_scene(stiffer).faults == ("stiffer",)
+    assert run_scene(stiffer).faults == ["stiffer"]
     (fault,) = run_scene(replace(flat, ends="refused", reason="no", claim=None)).faults
     assert fault == "expected: refused no"
 
@@ -47,4 +47,4 @@ def test_a_run_that_stops_leaves_curve_and_checkpoint() -> None:
         reason="no convergence at delta/L",
     )
     outcome = run_scene(scene)
-    assert outcome.faults == () and outcome.summary["cutbacks"] > 0
+    assert not outcome.faults and outcome.summary["cutbacks"] > 0

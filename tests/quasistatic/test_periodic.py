@@ -173,14 +173,6 @@ def test_elements_too_wide_for_periodic_sides_are_reduced_with_a_warning() -> No
     assert SizeField.of(Flat(L=1.0), 0.01, 0.1, h_max=0.3, periodic=True).h_max == 0.2
 
 
-def test_a_small_size_at_one_side_is_next_to_the_other() -> None:
-    cells = np.full((8, 8), np.inf)
-    cells[3, 0] = 0.01
-    joined_sides, free = (SizeField.on_cells(cells, 0.25, periodic=periodic) for periodic in (True, False))
-    assert joined_sides.at(0.99, 3.5 / 8, 0.0) == pytest.approx(0.01)
-    assert free.at(0.99, 3.5 / 8, 0.0) > 0.1
-
-
 def test_surfaces_that_are_not_periodic_are_refused() -> None:
     for surface in (Sphere(L=1.0, radius=1.0), SelfAffine(L=1.0, H=0.8, slope=0.1, lambda_short=0.1, periodic=False)):
         with pytest.raises(InputError, match=r'block\.sides = "periodic" needs a surface whose opposite edges agree'):

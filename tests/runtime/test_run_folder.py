@@ -339,19 +339,6 @@ def output_of_the_command(case: Case, out: Path, capsys: pytest.CaptureFixture[s
     return int(left.value.code or 0), [line.partition(": ")[2] for line in lines]
 
 
-def test_a_load_that_leaves_no_gap_is_refused_as_by_the_command(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    case = case_of(surface=WAVE, loading={"delta_max": 0.4, "steps": 2})
-    with warnings.catch_warnings(), pytest.raises(InputError, match="leaves no gap at all") as refused:
-        warnings.simplefilter("ignore")
-        run(case, tmp_path / "out")
-    assert list(tmp_path.iterdir()) == []
-    code, lines = output_of_the_command(case, tmp_path / "out", capsys)
-    assert code == 2 and lines[-1] == str(refused.value)
-    assert not (tmp_path / "out").exists()
-
-
 def test_warnings_about_a_case_are_those_of_the_command(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """An unused key, and a modulus that is not in Pa."""
     case = case_of(contact={"penalty": 20.0}, output={"fields": False})
