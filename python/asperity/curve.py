@@ -219,10 +219,9 @@ class Curve:
     def planned(self) -> Curve:
         """Steps of the first loading that end at the planned, equal increments of the approach.
 
-        The solver cuts some steps into smaller ones, more often for some materials than for others. A fit over all
-        points would give light loads a weight that grows with the number of cuts. The increment is the smallest one
-        whose multiples are all present. A path without such an increment (driven by force, or measured) keeps all
-        its points.
+        A fit over all points would give light loads a weight that grows with the number of steps that were cut. The
+        increment is the smallest one whose multiples are all present. A path without such an increment (driven by
+        force, or measured) keeps all its points.
         """
         load = self.loading()
         return load.where(planned_rows(load.delta))
@@ -264,10 +263,7 @@ class Curve:
             return None
 
     def write(self, path: str | Path) -> None:
-        """Write a CSV file that is read back to the same bits; the header is its first line, NaNs are empty cells.
-
-        The file is written completely or not at all.
-        """
+        """Write a CSV file, whole or not at all, that is read back to the same bits; NaNs are empty cells."""
         comment = json.dumps(dict(self.header), sort_keys=True) if self.header else ""
         rows = ({name: None if x != x else x for name, x in row.items()} for row in self.rows())
         write_csv(Path(path), COLUMNS, rows, comment)

@@ -91,12 +91,9 @@ def solve_case(
     """Solve the static part of a case, and write its curve step by step; collective.
 
     Args:
-        case: the input
-        problem: of the case
         files: of the run; they begin when there is a mesh, so that a surface that cannot be meshed changes no file
         progress: receives stages and steps
         stop: gives the reason to stop, empty for none; collective; None never stops
-        comm: communicator
         block: mesh made before, on rank 0; None makes it
 
     Raises:

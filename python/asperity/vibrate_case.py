@@ -60,8 +60,6 @@ def vibrate_case(
     """Compute what a case requests in addition to its curve; collective.
 
     Args:
-        case: the input
-        problem: of the case
         contact: with the curve, and the solver at the end of the load path
         folder: receives the files of loops, vibration and slip; None writes nothing
         stage: announces a part by its name, and takes its time

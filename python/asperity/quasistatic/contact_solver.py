@@ -69,8 +69,8 @@ class SolverState:
 class ContactSolver:
     """Solid under a rigid flat, solved step by step; collective.
 
-    The approach counts from first touch of the undeformed surface. The state after each accepted step is the
-    displacement of `solid` and its committed history; a failed step leaves both as they were.
+    The approach counts from first touch of the undeformed surface. A failed step leaves displacement and history as
+    they were.
 
     Args:
         summit: height of the highest point of the surface [L]

@@ -29,8 +29,7 @@ GROWTH = 1.5  # a cut step grows again by this factor
 class Position:
     """Position on the load path between two accepted steps.
 
-    Together with the state of the solver it determines all later steps, so a resumed run is the same as one without
-    interruption. Approaches in L, forces in E L^2.
+    Together with the state of the solver it determines all later steps. Approaches in L, forces in E L^2.
     """
 
     leg: int = 0  # number of finished loadings and unloadings

@@ -97,12 +97,7 @@ def on_root_bcast(comm: MPI.Comm | None, work: Callable[[], T]) -> T:
 
 
 def agree(comm: MPI.Comm, work: Callable[[], T]) -> T:
-    """Do the same work on every rank; if it fails on one rank, it fails on all; collective.
-
-    Raises:
-        AsperityError: what `work` raised on the lowest rank where it failed
-        OutputError: for an OSError of `work`, likewise
-    """
+    """Do the same work on every rank; the error of the lowest rank where it fails is raised on all, as by `on_root`."""
     result, failure = _attempt(work)
     first = next((error for error in comm.allgather(failure) if error is not None), None)
     if first is not None:

@@ -1,8 +1,4 @@
-"""Progress display of a run: nothing, or one line per step.
-
-The solver calls `stage` at the start of a phase, `step` after each accepted load step and `done` at
-the end; only rank 0 shows anything.
-"""
+"""Progress display of a run: nothing, or one line per step; and its log file."""
 
 from __future__ import annotations
 
@@ -21,8 +17,7 @@ def log_file(path: Path | None, append: bool = False) -> Iterator[Callable[[], N
     """Write the log messages of the package to a file, one line each with its time; None writes nothing.
 
     The messages are kept in memory until the function that is yielded is called, which opens the file: a run that is
-    refused writes nothing. Errors while writing the log are ignored: if the disk is full, writing the results raises
-    the error.
+    refused writes nothing. Errors of the log are ignored: where the disk is full, the results raise them.
     """
     if path is None:
         yield lambda: None
@@ -70,6 +65,10 @@ class Progress:
 
 SILENCE = 10.0  # time between two lines about the same phase [s]
 COLUMNS = ("step", "branch", "delta/L", "P*", "area", "Newton", "Krylov", "time", "left")
+_CELLS = {  # column of curve.csv: format of its values
+    "step": "{}", "branch": "{}", "delta_star": "{:.4e}", "P_star": "{:.4e}", "area_fraction": "{:.4f}",
+    "newton": "{}", "krylov": "{}", "seconds": "{:.1f} s",
+}  # fmt: skip
 _WIDTHS = (5, 7, 11, 11, 7, 6, 6, 8, 8)  # of the columns [characters]
 
 
@@ -101,18 +100,7 @@ class StepLines(Progress):
             self._first = now - float(row["seconds"])
         elapsed = now - self._first
         left = elapsed * (1 / fraction_done - 1) if fraction_done > 0 else float("nan")
-        cells = (
-            f"{row['step']}",
-            f"{row['branch']}",
-            f"{row['delta_star']:.4e}",
-            f"{row['P_star']:.4e}",
-            f"{row['area_fraction']:.4f}",
-            f"{row['newton']}",
-            f"{row['krylov']}",
-            f"{row['seconds']:.1f} s",
-            duration(left),
-        )
-        _write(_line(cells))
+        _write(_line((*(form.format(row[name]) for name, form in _CELLS.items()), duration(left))))
 
     def done(self) -> None:
         if self._begun:  # the case was not refused

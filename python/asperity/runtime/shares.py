@@ -62,7 +62,6 @@ def share(comm: MPI.Comm, numbers: Indices, values: Array, total: int, fill: Any
     """Array with the given rows; collective.
 
     Args:
-        comm: communicator
         numbers: of rows of the array (n,); a row may have several givers
         values: of these rows (n, ...), the same from all givers
         total: number of rows of the array
@@ -195,12 +194,7 @@ def deal(
 
 
 def exchange(comm: MPI.Comm, values: Array, counts: Indices) -> tuple[Array, Indices]:
-    """Send rows to all ranks; collective.
-
-    Args:
-        comm: communicator
-        values: rows in the order of the ranks that receive them (n, ...)
-        counts: number of rows for each rank
+    """Send rows (n, ...), in the order of the ranks that receive so many each; collective.
 
     Returns:
         rows in the order of the ranks that sent them, and their number from each rank
