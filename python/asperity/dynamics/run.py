@@ -107,11 +107,11 @@ class Dynamics:
             for one in results
             for row in one.rows()
         )
-        _write(path / run_folder.FREE, FREE_COLUMNS, free)
-        _write(path / run_folder.RESPONSE, RESPONSE_COLUMNS, forced)
+        write_csv(path / run_folder.FREE, FREE_COLUMNS, map(_cells, free))
+        write_csv(path / run_folder.RESPONSE, RESPONSE_COLUMNS, map(_cells, forced))
         (path / run_folder.BAND).unlink(missing_ok=True)  # of an earlier analysis
         if self.bands:
-            _write(path / run_folder.BAND, BAND_COLUMNS, (row for band in self.bands for row in band.rows()))
+            write_csv(path / run_folder.BAND, BAND_COLUMNS, (_cells(row) for band in self.bands for row in band.rows()))
         text = json.dumps(self.to_dict(), indent=2, allow_nan=False)
         replace_file(path / run_folder.THRESHOLDS, f"{text}\n".encode())
 
@@ -148,13 +148,10 @@ class Dynamics:
         return out
 
 
-def _write(path: Path, names: tuple[str, ...], rows: Iterable[dict[str, Any]]) -> None:
-    def cell(value: Any) -> Any:
-        if isinstance(value, bool):
-            return str(value).lower()
-        return None if value != value else value
-
-    write_csv(path, names, ({name: cell(value) for name, value in row.items()} for row in rows))
+def _cells(row: dict[str, Any]) -> dict[str, Any]:
+    """Cells of a row of a file, without those of NaN."""
+    known = {name: value for name, value in row.items() if value == value}
+    return {name: str(value).lower() if isinstance(value, bool) else value for name, value in known.items()}
 
 
 def run_dynamics(

@@ -170,14 +170,20 @@ class Search:
                 self._measure(*self._paths[self._measured - 1])
             elif self._doublings:
                 flip = self._doublings.pop(0)
-                path, end = subharmonic(
-                    self.balance, self.forcing, flip, self._tracing(2), self._doublings, self._known(2)
-                )
-                if path is not None:
+                path = subharmonic(self.balance, self.forcing, flip, self._tracing(2), self._known(2))
+                if len(path.points) > 2:
                     self._paths.append(("sub2", 2, path))
-                    self._doublings = [p for p in self._doublings if p is not end]  # traced from one end only
+                    self._forget_end(path)
             else:
                 return
+
+    def _forget_end(self, path: Path) -> None:
+        """Forget the period doubling at which a path ends, so that the branch is traced from one end only."""
+        if path.end == "period doubling" and self._doublings:
+            before, end = path.points[-2:]
+            gaps = [_gap(replace(p, x=_doubled(p.x)), end) for p in self._doublings]
+            if min(gaps) <= _gap(before, end):  # else it ends outside the window
+                del self._doublings[int(np.argmin(gaps))]
 
     def _measure(self, kind: str, order: int, path: Path) -> None:
         """Make branches of the pieces of a path in the window, with their events and period doublings."""
@@ -231,39 +237,20 @@ class Search:
         return total
 
 
-def subharmonic(
-    balance: Balance, forcing: float, flip: Point, how: Tracing, others: Sequence[Point], known: Sequence[Path]
-) -> tuple[Path | None, Point | None]:
+def subharmonic(balance: Balance, forcing: float, flip: Point, how: Tracing, known: Sequence[Path]) -> Path:
     """Trace the branch of twice the period from a period doubling until it leaves the window or ends at another one.
 
-    The balance has the order of the branch that doubles its period, `others` are its other period doublings.
-
-    Returns:
-        The path, None if it has fewer than 3 points; and that of the others at which it ends
+    The balance has the order of the branch that doubles its period.
     """
     double = replace(balance, order=2 * balance.order)
     equations = in_omega(double, forcing)
-    count = flip.x.size // 2
     x = _doubled(flip.x)
-    k = np.concatenate([[0], np.arange(1, 2 * count + 1), np.arange(1, 2 * count + 1)])
-    odd = np.flatnonzero(k % 2)
+    odd = np.flatnonzero(_odd(np.ones(x.size)))
     jacobian = equations(x, flip.parameter)[1][np.ix_(odd, odd)]
     null = np.zeros(x.size)
     null[odd] = np.linalg.svd(jacobian)[2][-1]
-
     first = Point(x, flip.parameter, null, 0.0, tail(x))
-    path = trace(equations, first, how, lambda p: _doubling(equations, p) or _met(p[-1], known, double.order))
-    if len(path.points) < 3:
-        return None, None
-    if path.end != "period doubling" or not others:
-        return path, None
-    end, before = path.points[-1], path.points[-2]
-    ends = [Point(_doubled(p.x), p.parameter, resize(end.t, p.x.size - 1), 0.0, p.error) for p in others]
-    gaps = [_gap(p, end) for p in ends]
-    i = int(np.argmin(gaps))
-    if gaps[i] > _gap(before, end):  # it ends outside the window
-        return path, None
-    return replace(path, points=(*path.points[:-1], ends[i])), others[i]
+    return trace(equations, first, how, lambda p: _doubling(equations, p) or _met(p[-1], known, double.order))
 
 
 def _doubling(equations: Equations, points: list[Point]) -> str | None:
@@ -279,7 +266,9 @@ def _doubling(equations: Equations, points: list[Point]) -> str | None:
         return None
     points.pop()  # it repeats an orbit of the branch, shifted by half of its period
     with suppress(ConvergenceError):
-        points.append(_single(locate(equations, a, b, side, side(a), side(b)), odd_a))
+        p = locate(equations, a, b, side, side(a), side(b))
+        odd = resize(odd_a, p.x.size // 2)
+        points.append(Point(p.x - _odd(p.x), p.parameter, -odd / np.linalg.norm(odd), 0.0, p.error))
     return "period doubling"
 
 
@@ -304,12 +293,6 @@ def _odd(x: Array) -> Array:
     m = x.size // 2
     out[0] = out[2 : m + 1 : 2] = out[m + 2 :: 2] = 0.0
     return out
-
-
-def _single(p: Point, odd: Array) -> Point:
-    """Orbit of half the order at the end of a branch, whose tangent there is -odd."""
-    odd = resize(odd, p.x.size // 2)
-    return Point(p.x - _odd(p.x), p.parameter, -odd / np.linalg.norm(odd), 0.0, p.error)
 
 
 def through(
