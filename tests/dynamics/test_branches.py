@@ -49,21 +49,17 @@ def test_no_orbit_is_missing(n, zeta, forcing, window, omega, order, radius) -> 
 @pytest.mark.parametrize(
     ("n", "zeta", "forcing", "window", "wide", "omega"),
     [
-        (1.5, 0.005, 0.04, (0.6, 0.8), (0.5, 1.3), (0.75,)),  # both ends in a softening resonance
-        (3.397, 0.0027, 0.0143, (0.505, 0.758), (0.3, 1.3), (0.6,)),
-        (0.63, 0.01295, 0.04828, (1.047, 1.4), (0.8, 1.4), (1.051,)),  # the low end in a hardening one
-        (0.507, 0.00836, 0.02026, (1.0445, 1.4), (0.7, 1.4), (1.0485,)),
-        (0.592, 0.00906, 0.02656, (1.0371, 1.4), (0.7, 1.4), (1.0381,)),
-        (0.704, 0.00383, 0.01338, (1.0234, 1.4), (0.7, 1.4), (1.0244,)),
+        (1.5, 0.005, 0.04, (0.6, 0.8), (0.5, 1.3), 0.75),  # both ends in a softening resonance
+        (3.397, 0.0027, 0.0143, (0.505, 0.758), (0.3, 1.3), 0.6),
+        (0.63, 0.01295, 0.04828, (1.047, 1.4), (0.8, 1.4), 1.051),  # the low end in a hardening one
+        (0.704, 0.00383, 0.01338, (1.0234, 1.4), (0.7, 1.4), 1.0244),
     ],
 )
 def test_a_window_that_cuts_a_resonance(n, zeta, forcing, window, wide, omega) -> None:
     o = ContactOscillator(PowerLaw(n), zeta=zeta)
     own, whole = o.response(forcing, window, subharmonics=False), o.response(forcing, wide, subharmonics=False)
-    for w in omega:
-        found, expected = ([(s.u_max, s.stable) for s in r.at(w)] for r in (own, whole))
-        assert [stable for _, stable in found] == [stable for _, stable in expected]
-        np.testing.assert_allclose([u for u, _ in found], [u for u, _ in expected], rtol=1e-4)
+    found, expected = (np.array([(s.u_max, s.stable) for s in r.at(omega)]) for r in (own, whole))
+    np.testing.assert_allclose(found, expected, rtol=1e-4)
     assert not own.notes
 
 
@@ -76,7 +72,7 @@ def test_a_period_doubling_outside_the_window() -> None:
     assert not any("is missing" in note for note in own.notes)
 
 
-@pytest.mark.parametrize("window", [(0.3, 0.5), (0.8, 1.2), (1.5, 2.5)])
+@pytest.mark.parametrize("window", [(0.8, 1.2), (1.5, 2.5)])
 def test_strong_forcing(window: tuple[float, float]) -> None:
     """Orbits mostly in flight: they add up at both ends of the window."""
     r = ContactOscillator(PowerLaw(1.5), zeta=0.01).response(5.0, window)
@@ -90,12 +86,12 @@ def test_branches_mostly_in_flight_are_not_lost() -> None:
     assert min(b.u_min.min() for b in r.branches) < -10.0
 
 
-def test_random_windows() -> None:
-    """The benchmark on a few cases: nothing is off that a wide window has, or that random starts come to."""
-    random = np.random.default_rng(5)
-    for one in BENCHMARK["random_windows"](2, 7):
-        counts, words = BENCHMARK["compare"](one, BENCHMARK["response"](one, one.omega), 6, random)
-        assert counts and not words, words
+def test_a_random_window() -> None:
+    """The benchmark on one case: nothing is missing that a wide window has, or that random starts come to."""
+    (one,) = BENCHMARK["random_windows"](1, 7)
+    own, random = BENCHMARK["response"](one, one.omega), np.random.default_rng(5)
+    counts, words = BENCHMARK["compare"](one, own, 6, random)
+    assert counts and not words, words
 
 
 def test_what_is_not_searched_is_in_the_result() -> None:
@@ -104,14 +100,13 @@ def test_what_is_not_searched_is_in_the_result() -> None:
     assert "from rest; not searched" in computed().searched
 
 
-@pytest.mark.parametrize(("n", "zeta", "forcing"), [(1.5, 0.01, 0.05), (3.0, 0.005, 0.02), (0.7, 0.02, 0.05)])
-def test_two_orbits_on_one_side_of_a_fold(n: float, zeta: float, forcing: float) -> None:
-    r = computed(n, zeta, forcing, (0.3, 1.3))
+@pytest.mark.parametrize(("n", "zeta", "low"), [(3.0, 0.005, 0.3), (0.7, 0.02, 0.6)])
+def test_two_orbits_on_one_side_of_a_fold(n: float, zeta: float, low: float) -> None:
+    r = computed(n, zeta, 0.02 if n > 1 else 0.05, (low, 1.3))
     assert len(r["fold"]) >= 2
     for e in r["fold"]:
-        for d in (1e-3, 1e-5, 1e-7):
-            sides = [r.at(e.Omega - d), r.at(e.Omega + d)]
-            few, many = sorted(sides, key=len)
+        for d in (1e-3, 1e-7):
+            few, many = sorted((r.at(e.Omega - d), r.at(e.Omega + d)), key=len)
             assert len(many) == len(few) + 2
             pair = sorted(many, key=lambda s: abs(s.u_max - e.u_max))[:2]
             assert {s.stable for s in pair} == {True, False}
@@ -130,11 +125,7 @@ def test_a_point_of_a_branch_is_one_orbit() -> None:
 
 def test_a_crossing_that_cannot_be_corrected_is_an_error(monkeypatch: pytest.MonkeyPatch) -> None:
     r = computed()
-
-    def fails(*args: Any, **options: Any) -> None:
-        raise ConvergenceError("no convergence in the corrector")
-
-    monkeypatch.setattr(continuation, "locate", fails)
+    monkeypatch.setattr(continuation, "_NEWTON", 0)
     with pytest.raises(ConvergenceError, match=r"an orbit at Omega = 0\.9 on branch 0 \(main\) could not be corrected"):
         r.at(0.9)
 
@@ -155,21 +146,16 @@ def test_period_2_branch_ends_at_a_period_doubling() -> None:
 
 def test_stability_changes_at_points_of_a_branch() -> None:
     """Also on period-2 branches, and without damping."""
-    for zeta, forcing, n, window in ((0.05, 0.9, 2.0, (0.3, 2.4)), (0.0, 0.05, 1.5, (0.5, 1.3))):
-        for b in computed(n, zeta, forcing, window).branches:
-            for i in np.flatnonzero(b.stable[:-1] != b.stable[1:]):
-                assert np.abs(b.radius[i : i + 2] - 1).min() < 1e-3
+    branches = computed(2.0, 0.05, 0.9, (0.3, 2.4)).branches + computed(1.5, 0.0, 0.05, (0.5, 1.3)).branches
+    for b in branches:
+        for i in np.flatnonzero(b.stable[:-1] != b.stable[1:]):
+            assert np.abs(b.radius[i : i + 2] - 1).min() < 1e-3
 
 
-ROWS = [
-    (1.5, 0.01, 0.05, (0.5, 1.3)),
-    (0.7, 0.02, 0.05, (0.6, 1.3)),
-    (3.0, 0.005, 0.02, (0.3, 1.3)),
-    (1.5, 0.01, 0.3, (1.5, 2.5)),
-]
-
-
-@pytest.mark.parametrize(("n", "zeta", "forcing", "window"), ROWS)
+@pytest.mark.parametrize(
+    ("n", "zeta", "forcing", "window"),
+    [(0.7, 0.02, 0.05, (0.6, 1.3)), (3.0, 0.005, 0.02, (0.3, 1.3)), (1.5, 0.01, 0.3, (1.5, 2.5))],
+)
 def test_straight_lines_between_rows(n, zeta, forcing, window) -> None:
     """Against corrected orbits, at random frequencies and near folds: u_max at Omega and Omega at u_max."""
     r = computed(n, zeta, forcing, window)
@@ -178,9 +164,9 @@ def test_straight_lines_between_rows(n, zeta, forcing, window) -> None:
     omega, u = (np.array([row[name] for row in rows]) for name in ("Omega", "u_max"))
     stable = np.array([row["stable"] for row in rows])
     rng = np.random.default_rng(4)
-    wanted = [float(w) for w in rng.uniform(window[0], window[1], 12)]
+    wanted = [float(w) for w in rng.uniform(window[0], window[1], 6)]
     for e in r["fold"]:
-        wanted += [e.Omega + side * float(d) for side in (-1, 1) for d in 10.0 ** rng.uniform(-5, -2, 3)]
+        wanted += [e.Omega + side * float(d) for side in (-1, 1) for d in 10.0 ** rng.uniform(-5, -2, 2)]
     for w in wanted:
         for s in (s for s in r.at(w) if s.kind == "main"):
             i = np.flatnonzero((omega[:-1] <= w) != (omega[1:] <= w))
@@ -214,7 +200,7 @@ def test_a_branch_is_drawn_without_gaps() -> None:
         assert (x[1], y[1]) == (x_next[0], y_next[0])
 
 
-@pytest.mark.parametrize("n", [0.6, 1.5, 3.0])
+@pytest.mark.parametrize("n", [0.6, 3.0])
 def test_straight_lines_between_free_orbits(n: float) -> None:
     o = ContactOscillator(PowerLaw(n))
     rows = o.free()

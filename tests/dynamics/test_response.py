@@ -52,9 +52,7 @@ def one_period(n: float, zeta: float, forcing: float, omega: float, u: float, v:
         (1.5, 0.01, 0.05, (0.5, 1.3)),
         (0.7, 0.02, 0.05, (0.6, 1.3)),
         (1.0, 0.01, 0.05, (0.6, 1.3)),
-        (2.0, 0.01, 0.05, (0.5, 1.3)),
-        (3.0, 0.005, 0.02, (0.6, 1.2)),
-        (4.0, 0.05, 0.3, (0.5, 1.5)),
+        (3.0, 0.005, 0.02, (0.3, 1.3)),
         (1.5, 0.05, 0.3, (1.3, 2.2)),
     ],
 )
@@ -76,18 +74,14 @@ def test_orbits_close_under_independent_integration(n, zeta, forcing, window) ->
 
 
 def test_reference_curve() -> None:
-    """Reference case: peak, folds and grazing by the balance at two tolerances, and by shooting."""
+    """Peak by the energy balance, with an error of order zeta^2; folds and grazing at two tolerances."""
     o = ContactOscillator(PowerLaw(1.5), zeta=0.01)
-    loose, fine = o.response(0.05, tol=1e-4), o.response(0.05, tol=1e-7)
+    loose, fine = computed(), o.response(0.05, tol=1e-7)
     assert len(fine.branches) == 1 and fine.branches[0].end == "window"
     assert [e.kind for e in fine.events] == ["grazing", "fold", "grazing", "fold"]
     for a, b in zip(loose.events, fine.events, strict=True):
-        assert a.Omega == pytest.approx(b.Omega, rel=1e-5)
-        assert a.u_max == pytest.approx(b.u_max, rel=1e-4)
-    # energy balance gives the peak with an error of order zeta^2
-    peak = o.thresholds(0.05).peaks[0]
-    at_peak = max(fine.branches[0].a1)
-    assert at_peak == pytest.approx(peak["a1"], rel=5e-4)
+        assert (a.Omega, a.u_max) == (pytest.approx(b.Omega, rel=1e-5), pytest.approx(b.u_max, rel=1e-4))
+    assert max(fine.branches[0].a1) == pytest.approx(o.thresholds(0.05).peaks[0]["a1"], rel=5e-4)
     assert fine["grazing"][0].u_min == pytest.approx(-1.0, abs=1e-9)
 
 
@@ -95,16 +89,16 @@ def test_harmonic_balance_agrees_with_shooting_to_1e_9() -> None:
     o = ContactOscillator(PowerLaw(1.5), zeta=0.01)
     r = o.response(0.05, (0.8, 1.1), tol=1e-9)
     b = max(r.branches, key=lambda b: float(b.u_max.max()))
-    for i in np.flatnonzero(b.u_min < -1.0)[3::12]:
-        u, v = state_at_phase_zero(b.coefficients[i], b.Omega[i])
-        shot = shoot(r.balance, b.Omega[i], 0.05, u, v)
-        assert b.u_max[i] == pytest.approx(shot.u_max, rel=2e-9)
-        assert b.u_min[i] == pytest.approx(shot.u_min, rel=2e-9)
-        assert b.a1[i] == pytest.approx(shot.a1, rel=2e-9)
+    for i in np.flatnonzero(b.u_min < -1.0)[3::24]:
+        shot = shoot(r.balance, b.Omega[i], 0.05, *state_at_phase_zero(b.coefficients[i], b.Omega[i]))
+        found = b.u_max[i], b.u_min[i], b.a1[i]
+        np.testing.assert_allclose(found, (shot.u_max, shot.u_min, shot.a1), rtol=2e-9)
         assert b.radius[i] == pytest.approx(max(abs(m) for m in shot.multipliers), rel=2e-4)
+        expected = np.exp(-0.04 * np.pi / b.Omega[i])
+        assert np.prod(shot.multipliers).real == pytest.approx(expected, rel=1e-7)  # of differences, exact to 1e-8
 
 
-@pytest.mark.parametrize(("load", "forcing"), [(0.5, 0.02), (0.5, 0.1), (0.58, 0.04), (0.6, 0.1)])
+@pytest.mark.parametrize(("load", "forcing"), [(0.5, 0.02), (0.6, 0.1)])
 def test_branches_pass_the_force_at_which_the_contact_yields_again(load: float, forcing: float) -> None:
     """There the stiffness falls by half: no branch ends, and orbits and multipliers are those of shooting."""
     z = np.linspace(0.05, 1.0, 20)
@@ -121,20 +115,17 @@ def test_branches_pass_the_force_at_which_the_contact_yields_again(load: float, 
         assert s.stable == (max(abs(m) for m in shot.multipliers) < 1.0)
 
 
-@pytest.mark.parametrize("damping", ["always", "contact", "hunt-crossley"])
+@pytest.mark.parametrize("damping", ["contact", "hunt-crossley"])
 def test_every_damping_agrees_with_shooting(damping: str) -> None:
     r = ContactOscillator(PowerLaw(1.5), zeta=0.03, damping=damping).response(0.08, (0.7, 1.2), tol=1e-7)
     b = r.branches[0]
-    assert (b.u_min < -1.0).any()
     steep = np.abs([p.t_parameter for p in b.points]) > 1e-6  # shooting is singular at a fold
-    for i in np.flatnonzero((b.u_min < -1.0) & steep)[::14]:
-        u, v = state_at_phase_zero(b.coefficients[i], b.Omega[i])
-        shot = shoot(r.balance, b.Omega[i], 0.08, u, v)
+    flying = np.flatnonzero((b.u_min < -1.0) & steep)[::28]
+    assert flying.size
+    for i in flying:
+        shot = shoot(r.balance, b.Omega[i], 0.08, *state_at_phase_zero(b.coefficients[i], b.Omega[i]))
         assert b.u_max[i] == pytest.approx(shot.u_max, rel=1e-6)
         assert b.radius[i] == pytest.approx(max(abs(m) for m in shot.multipliers), rel=1e-3)
-        expected = np.exp(-4 * np.pi * 0.03 / b.Omega[i])
-        if damping == "always":
-            assert np.prod(shot.multipliers).real == pytest.approx(expected, rel=1e-7)  # of differences, exact to 1e-8
 
 
 @pytest.mark.parametrize("damping", ["always", "contact", "hunt-crossley"])
@@ -209,31 +200,24 @@ def test_taylor_beyond_contact_is_marked() -> None:
 
 @pytest.mark.parametrize("n", [1.5, 2.5])
 def test_grazing_within_1e_10_from_both_sides(n: float) -> None:
-    o = ContactOscillator(PowerLaw(n), zeta=0.05)
-    r = o.response(0.12, (0.8, 1.2), tol=1e-9)
+    r = ContactOscillator(PowerLaw(n), zeta=0.05).response(0.12, (0.8, 1.2), tol=1e-9)
     graze = r["grazing"][0]
     lower, upper = (next(s for s in r.at(graze.Omega + d) if abs(s.u_min + 1) < 1e-6) for d in (-1e-10, 1e-10))
     assert (lower.u_min + 1) * (upper.u_min + 1) < 0
     for s in (lower, upper):
-        u, v = s.start
-        end, high, low = one_period(n, 0.05, 0.12, s.Omega, u, v)
-        assert high == pytest.approx(s.u_max, abs=1e-8)
-        assert low == pytest.approx(s.u_min, abs=1e-8)
-        np.testing.assert_allclose(end, [u, v], atol=1e-8)
+        end, high, low = one_period(n, 0.05, 0.12, s.Omega, *s.start)
+        np.testing.assert_allclose([*end, high, low], [*s.start, s.u_max, s.u_min], atol=1e-8)
 
 
 def test_no_damping() -> None:
+    """Two large orbits lie on both sides of the free one of that frequency; a window may begin at the resonance."""
     r = ContactOscillator(PowerLaw(1.5), zeta=0.0).response(0.01, (0.6, 1.3))
-    for b in r.branches:
-        assert (b.det_error < 1e-6).all()
-    s = r.at(0.95)
-    assert len(s) == 3
+    assert all((b.det_error < 1e-6).all() for b in r.branches)
     at_resonance = ContactOscillator(PowerLaw(1.5), zeta=0.0).response(0.01, (1.0, 1.3))
     assert at_resonance.at(1.2)[0].u_max == pytest.approx(r.at(1.2)[0].u_max, rel=1e-6)
-    # the two large orbits lie on both sides of the free one of that frequency
-    free = free_orbit(r.balance.restoring, 0.8648).omega
-    assert free == pytest.approx(0.95, abs=2e-3)
-    assert s[1].u_max < 0.88 < s[2].u_max + 0.05
+    assert free_orbit(r.balance.restoring, 0.8648).omega == pytest.approx(0.95, abs=2e-3)
+    _, lower, upper = r.at(0.95)
+    assert lower.u_max < 0.88 < upper.u_max + 0.05
 
 
 def test_light_damping_traces_the_narrow_peak() -> None:
@@ -244,30 +228,13 @@ def test_light_damping_traces_the_narrow_peak() -> None:
     assert r.branches[0].Omega[r.branches[0].a1.argmax()] == pytest.approx(peak["Omega"], rel=1e-5)
 
 
-def test_mostly_flight() -> None:
-    o = ContactOscillator(PowerLaw(1.5), zeta=0.01)
-    r = o.response(0.2, (0.2, 1.3))
-    top = max(r.at(0.25), key=lambda s: s.u_max)
-    assert free_orbit(o.restoring, top.u_max).flight > 0.8
-    u, v = top.start
-    shot = shoot(r.balance, 0.25, 0.2, u, v)
-    size = top.u_max - top.u_min
-    assert shot.u_max == pytest.approx(top.u_max, abs=1e-5 * size)
-    assert shot.u_min == pytest.approx(top.u_min, abs=1e-5 * size)
-
-
 def test_several_separations_per_period() -> None:
     o = ContactOscillator(PowerLaw(1.5), zeta=0.05)
-    r = o.response(0.8, (0.1, 0.14), tol=1e-4, subharmonics=False)
-    found = r.at(0.12)
-    assert found
-    many = 0
-    for s in found:
-        path = o.simulate(0.12, 0.8, u=s.start[0], v=s.start[1], periods=1.0)
-        many = max(many, len(path.flight))
-        if s.stable:
-            assert path.u.max() == pytest.approx(s.u_max, rel=1e-3)
-    assert many >= 2
+    found = o.response(0.8, (0.11, 0.13), tol=1e-4, subharmonics=False).at(0.12)
+    paths = [(s, o.simulate(0.12, 0.8, u=s.start[0], v=s.start[1], periods=1.0)) for s in found]
+    assert max(len(path.flight) for _, path in paths) >= 2
+    for s, path in paths:
+        assert not s.stable or path.u.max() == pytest.approx(s.u_max, rel=1e-3)
 
 
 def test_table_response_follows_its_power_law_and_a_note_says_where_it_ends() -> None:
@@ -301,8 +268,9 @@ def linear(forcing: float, zeta: float, omega: Any) -> Any:
     return forcing / np.abs(1 - omega**2 + 2j * zeta * omega)
 
 
-@pytest.mark.parametrize("zeta", [1e-3, 0.05, 0.99])
-@pytest.mark.parametrize("window", [(0.01, 1.3), (0.5, 100.0), (0.01, 0.02)])
+@pytest.mark.parametrize(
+    ("zeta", "window"), [(1e-3, (0.01, 1.3)), (0.99, (0.01, 1.3)), (1e-3, (0.5, 100.0)), (0.05, (0.01, 0.012))]
+)
 def test_slowest_and_fastest_forcing(zeta: float, window: tuple[float, float]) -> None:
     """Small motion has the closed form and multipliers at both ends of the legal frequencies, for any damping."""
     forcing = 1e-6
@@ -321,10 +289,10 @@ def test_the_tolerance_includes_round_off() -> None:
 
 
 def test_stability_from_steps_too_long_is_unreliable() -> None:
-    r = ContactOscillator(PowerLaw(1.5)).response(0.01, (0.01, 0.02), subharmonics=False)
+    r = ContactOscillator(PowerLaw(1.5)).response(0.01, (0.01, 0.012), subharmonics=False)
     b = r.branches[0]
-    long = _floquet(r.balance, b.coefficients, b.Omega, 256)
-    assert (long.error == 1.0).all() and b.stable.all() and (b.det_error < 1e-6).all()
+    assert (_floquet(r.balance, b.coefficients, b.Omega, 256).error == 1.0).all()
+    assert b.stable.all() and (b.det_error < 1e-6).all()
 
 
 def test_multipliers_beyond_floating_point_range() -> None:
@@ -344,8 +312,7 @@ def test_work_is_bounded() -> None:
 def test_many_harmonics() -> None:
     """Two tolerances of an orbit that needs hundreds of harmonics agree."""
     o = ContactOscillator(PowerLaw(1.0), zeta=0.05)
-    fine, loose = (o.response(0.3, (0.7, 0.8), tol=tol) for tol in (1e-9, 1e-6))
+    fine, loose = (o.response(0.3, (0.77, 0.79), tol=tol, subharmonics=False) for tol in (1e-9, 1e-6))
     assert max(p.x.size // 2 for b in fine.branches for p in b.points) > 128
-    for omega in (0.72, 0.78):
-        for a, b in zip(fine.at(omega), loose.at(omega), strict=True):
-            assert a.u_max == pytest.approx(b.u_max, rel=1e-6)
+    for a, b in zip(fine.at(0.78), loose.at(0.78), strict=True):
+        assert a.u_max == pytest.approx(b.u_max, rel=1e-6)

@@ -172,18 +172,20 @@ class Search:
                 flip = self._doublings.pop(0)
                 path = subharmonic(self.balance, self.forcing, flip, self._tracing(2), self._known(2))
                 if len(path.points) > 2:
-                    self._paths.append(("sub2", 2, path))
-                    self._forget_end(path)
+                    self._paths.append(("sub2", 2, self._joined(path)))
             else:
                 return
 
-    def _forget_end(self, path: Path) -> None:
-        """Forget the period doubling at which a path ends, so that the branch is traced from one end only."""
-        if path.end == "period doubling" and self._doublings:
-            before, end = path.points[-2:]
-            gaps = [_gap(replace(p, x=_doubled(p.x)), end) for p in self._doublings]
-            if min(gaps) <= _gap(before, end):  # else it ends outside the window
-                del self._doublings[int(np.argmin(gaps))]
+    def _joined(self, path: Path) -> Path:
+        """Path of twice the period up to the period doubling at which it ends, from which it is not traced again."""
+        before, end = path.points[-2:]
+        ends = [replace(p, x=_doubled(p.x), t=resize(end.t, p.x.size - 1), t_parameter=0.0) for p in self._doublings]
+        gaps = [_gap(p, end) for p in ends]
+        if path.end != "period doubling" or min(gaps, default=np.inf) > _gap(before, end):  # outside the window
+            return path
+        i = int(np.argmin(gaps))
+        del self._doublings[i]
+        return replace(path, points=(*path.points[:-1], ends[i]))
 
     def _measure(self, kind: str, order: int, path: Path) -> None:
         """Make branches of the pieces of a path in the window, with their events and period doublings."""
