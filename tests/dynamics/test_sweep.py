@@ -52,10 +52,9 @@ def test_sweeps_lie_on_the_stable_branches() -> None:
     r = o.response(0.1, (0.7, 1.2))
     for s in (up, down):
         assert set(s.status) == {"settled"}
-        for omega, top, low in zip(s.Omega, s.u_max, s.u_min, strict=True):
-            nearest = min((x for x in r.at(omega) if x.stable), key=lambda x: abs(x.u_max - top))
-            assert top == pytest.approx(nearest.u_max, rel=2e-4)
-            assert low == pytest.approx(nearest.u_min, rel=2e-4)
+        for omega, *found in zip(s.Omega, s.u_max, s.u_min, strict=True):
+            nearest = min((x for x in r.at(omega) if x.stable), key=lambda x: abs(x.u_max - found[0]))
+            assert found == pytest.approx([nearest.u_max, nearest.u_min], rel=2e-4)
     folds = sorted(e.Omega for e in r["fold"])
     inside = (up.Omega > folds[0]) & (up.Omega < folds[-1])
     jumps = np.abs(up.u_max[inside] - down.u_max[::-1][inside])
@@ -87,7 +86,7 @@ def test_taylor_sweep_reports_its_escape() -> None:
         o.simulate(1.0, 0.0, u=2.0, periods=20)
 
 
-@pytest.mark.parametrize(("n", "drive"), [(1.2, 0.94898), (1.5, 0.88652), (2.0, 0.80758), (3.0, 0.70205)])
+@pytest.mark.parametrize(("n", "drive"), [(1.2, 0.94898), (3.0, 0.70205)])
 def test_onset_of_contact_loss(n: float, drive: float) -> None:
     t = ContactOscillator(PowerLaw(n), zeta=0.01).thresholds()
     assert t.drive_loss == pytest.approx(drive, abs=6e-6)
@@ -106,9 +105,8 @@ def test_the_damping_model_determines_whether_resonance_is_limited() -> None:
 
 
 def test_hardening_needs_n_below_one() -> None:
-    assert ContactOscillator(PowerLaw(0.9)).thresholds().softening == "hardening"
-    assert ContactOscillator(PowerLaw(1.1)).thresholds().softening == "softening"
-    assert ContactOscillator(PowerLaw(1.0)).thresholds().softening == "linear"
+    words = [ContactOscillator(PowerLaw(n)).thresholds().softening for n in (0.9, 1.0, 1.1)]
+    assert words == ["hardening", "linear", "softening"]
     omega = ContactOscillator(PowerLaw(0.8)).free(np.linspace(0.015, 3.0, 200)).omega_ratio
     assert np.sum(np.diff(np.sign(np.diff(omega))) != 0) == 1 and omega.max() > 1  # contact loss softens in the end
 
@@ -116,7 +114,7 @@ def test_hardening_needs_n_below_one() -> None:
 def test_run_writes_its_files(tmp_path) -> None:
     law = PowerLaw(1.5, 2.0)
     out = tmp_path / "out"
-    result = run_dynamics(law, zeta=0.05, forcing=[0.02, 0.04], omega=(0.9, 1.1), preload=3.0, sweeps=True, out_dir=out)
+    result = run_dynamics(law, zeta=0.2, forcing=[0.02, 0.04], omega=(0.9, 1.1), preload=3.0, sweeps=True, out_dir=out)
     with (out / "free.csv").open() as file:
         assert {row["model"] for row in csv.DictReader(file)} == {"exact", "taylor"}
     with (out / "response.csv").open() as file:
@@ -173,51 +171,33 @@ def test_gravity_belongs_to_the_units(tmp_path: Path) -> None:
 
 def test_the_case_of_a_run_gives_what_is_not_given(tmp_path: Path) -> None:
     """Arguments have priority; the preload of a patch becomes that of the joint."""
-    text = """units = "SI"
-[surface]
-kind = "flat"
-L = 1e-6
-[dynamics]
-law = "table"
-preload = 3e-5
-forcing = [0.002, 0.004]
-model = ["exact"]
-omega = [0.95, 1.05]
-zeta = 0.2
-sweeps = true
-"""
+    given = (
+        'law = "table"\npreload = 3e-5\nforcing = [0.002, 0.004]\nmodel = ["exact"]\nomega = [0.95, 1.05]\nzeta = 0.2'
+    )
+    text = f'units = "SI"\n[surface]\nkind = "flat"\nL = 1e-6\n[dynamics]\n{given}\nsweeps = true\n'
     folder = _curve_in(tmp_path / "run", 1.0, 1.0, text)
-    r = run_dynamics(folder)
-    assert r.laws is not None and r.laws.choice.name == "table" and r.laws.choice.reason == "named"
-    assert r.first.restoring.load == 3e-5 and list(r.responses) == ["exact"]
-    assert [one.setting.F_hat for one in r.responses["exact"]] == [0.002, 0.004]
-    assert r.responses["exact"][0].omega == (0.95, 1.05) and len(r.sweeps["exact"]) == 4
+    found = DynamicsSettings.of_source(folder)
+    assert found == DynamicsSettings(
+        law="table", preload=3e-5, forcing=(0.002, 0.004), model=("exact",), omega=(0.95, 1.05), zeta=0.2, sweeps=True,
+        units="SI", patch_area=1e-12,
+    )  # fmt: skip
     other = run_dynamics(folder, law="paper", preload=2e-5, forcing=0.003, omega=(0.9, 0.91), sweeps=False)
     assert other.laws is not None and other.laws.choice.name == "paper" and other.first.restoring.load == 2e-5
     assert len(other.responses["exact"]) == 1 and other.sweeps["exact"] == ()
-    joint = run_dynamics(folder, joint=asp.Joint(nominal_area=3e-12, mass=1.0), sweeps=False)
-    assert joint.first.restoring.load == pytest.approx(9e-5, rel=1e-12)
+    joint = DynamicsSettings.of_source(folder, asp.Joint(nominal_area=3e-12, mass=1.0))
+    assert joint.preload == pytest.approx(9e-5, rel=1e-12)
 
 
 def test_an_overload_of_the_case_goes_with_its_preload(tmp_path: Path) -> None:
-    z = np.linspace(0.0, 1.0, 41)[1:]
-    curve = {"delta": z, "force": 0.5 * z**1.2, "branch": ["load"] * 40, "max_plastic_strain": 0.01 * z}
-    curve["k_n_elastic"] = 1.5 * 2.0 ** (2 / 3) * (0.5 * z**1.2) ** (1 / 3)
-    asp.Curve.from_rows([dict(zip(curve, row, strict=True)) for row in zip(*curve.values(), strict=True)]).write(
-        tmp_path / "curve.csv"
-    )
-    text = 'units = "SI"\n[dynamics]\npreload = 0.2\noverload = 0.3\nmodel = ["exact"]\nomega = [0.9, 0.91]\n'
+    text = 'units = "SI"\n[dynamics]\npreload = 0.2\noverload = 0.3\n'
     (tmp_path / "case.toml").write_text(text, encoding="utf-8")
-
     given = DynamicsSettings.of_source(tmp_path)
     assert given.overload == 0.3 and given.replaced(overload=0.25).preload == 0.2
     assert given.replaced(preload=0.1).overload is None and given.replaced(law="paper").overload is None
-    laws = run_dynamics(tmp_path, given, bands=False).laws
-    assert laws is not None and laws.choice.reached == pytest.approx(0.3)
 
 
 def test_an_analysis_without_bands_keeps_no_old_ones(tmp_path: Path) -> None:
-    z = np.linspace(0.0, 1.0, 21)[1:]
+    z = np.linspace(0.0, 1.0, 6)[1:]
     law = TableLaw(z, z**1.5 + 0.3 * z**2)
     options = {**QUICK, "gravity": 1.0, "tol": 1e-3, "out_dir": tmp_path}
     run_dynamics(law, **{**options, "bands": True})
@@ -231,10 +211,8 @@ def test_units_assumed_for_a_curve_are_reported(tmp_path: Path) -> None:
     result = run_dynamics(bare, **QUICK)
     assert result.gravity == 9.80665 and result.notes[0].startswith("mass and omega_s assume a curve in SI units")
     assert run_dynamics(bare, units="SI", **QUICK).notes == ()
-    assert run_dynamics(bare, units="other", **QUICK).gravity is None
     (note,) = run_dynamics(PowerLaw(1.5), **QUICK).notes
     assert note.startswith("mass and omega_s assume a law in SI units, gravity = 9.80665")
-    assert run_dynamics(PowerLaw(1.5), gravity=1.62, **QUICK).notes == ()
     with pytest.raises(InputError, match='units = "cgs" is unknown'):
         run_dynamics(bare, units="cgs", **QUICK)
 
@@ -243,16 +221,12 @@ def test_units_assumed_for_a_curve_are_reported(tmp_path: Path) -> None:
     ("options", "words"),
     [
         ({"forcing": []}, "forcing"),
-        ({"forcing": 0.0}, "forcing"),
         ({"model": ["cubic"]}, "cubic"),
         ({"model": []}, "model"),
-        ({"zeta": -1.0}, "zeta"),
         ({"damping": "no"}, "damping"),
-        ({"omega": (1.0, 0.5)}, "omega"),
         ({"preload": -1.0}, "load"),
         ({"gravity": 0.0}, "gravity = 0.* is not legal"),
         ({"omega": (1e-5, 1.3)}, "omega = 1e-05 is not legal: it must lie between 0.01 and 100"),
-        ({"omega": (0.5, 1e160)}, r"omega = 1e\+160"),
         ({"forcing": [0.1, 1e-300]}, "forcing = 1e-300"),
     ],
 )
@@ -268,14 +242,11 @@ def test_bad_arguments_write_nothing(tmp_path, options, words) -> None:
         (lambda o: o.response("much"), "forcing = 'much'"),
         (lambda o: o.response(0.1, tol=0.0), "tol = 0"),
         (lambda o: o.simulate(1.0, 0.1, u=np.nan), "state u = nan"),
-        (lambda o: o.free("far"), "u0 = 'far'"),
         (lambda o: o.free(np.nan), "u0 = nan"),
         (lambda o: o.free([]), "u0 is empty"),
-        (lambda o: o.response(np.inf), "forcing = inf"),
         (lambda o: o.response(-0.1), "forcing = -0.1"),
         (lambda o: o.response(0.1, (1.3, 0.5)), "omega"),
         (lambda o: o.response(0.1, (0.5,)), "omega"),
-        (lambda o: o.response(0.1, (0.0, 1.0)), "omega"),
         (lambda o: o.response(0.05, (0.9, 0.91)).at(2.0), "outside the computed window"),
         (lambda o: o.sweep([]), "forcing"),
         (lambda o: o.sweep(0.1, directions=("left",)), "left"),
@@ -291,20 +262,20 @@ def test_bad_calls_are_refused_in_one_sentence(call, words) -> None:
 
 
 def test_a_sweep_left_out_for_light_damping_is_reported() -> None:
-    result = run_dynamics(PowerLaw(1.5), zeta=1e-6, forcing=1e-5, omega=(0.7, 0.8), model=["exact"], sweeps=True)
+    result = run_dynamics(PowerLaw(1.5), zeta=1e-6, forcing=1e-5, omega=(0.7, 0.71), model=["exact"], sweeps=True)
     assert result.sweeps["exact"] == () and any("no sweep: zeta = 1e-06" in note for note in result.notes)
 
 
 def test_band_reaches_the_ends_of_the_legal_frequencies() -> None:
     o = ContactOscillator(PowerLaw(1.5), zeta=0.5)
-    band = response_band(o, 1e-9, asp.uncertainty(o, [PowerLaw(1.4)]), (0.01, 0.012))
+    band = response_band(o, 1e-9, asp.uncertainty(o, [PowerLaw(1.4)]), (0.01, 0.0101), points=3)
     assert np.isfinite(band.upper).all()
 
 
 TEN_TO = st.floats(-320, 308).map(lambda e: 10.0**e)
 
 
-@settings(max_examples=30, deadline=None)
+@settings(max_examples=12, deadline=None)
 @given(
     st.one_of(st.floats(0.25, 100), TEN_TO),
     st.one_of(st.just(1.0), TEN_TO),
@@ -352,11 +323,7 @@ def test_a_preload_beyond_the_run_is_refused_before_it(preload: float) -> None:
 def test_every_result_contains_its_setting() -> None:
     """Law, damping, F^ and F/(m g), tolerance and validity."""
     o = ContactOscillator(PowerLaw(1.5), zeta=0.05).taylor()
-    forced: list[Any] = [
-        o.response(0.03, (0.9, 1.1)),
-        *o.sweep(0.03, (0.9, 1.1), points=2),
-        o.simulate(1.0, 0.03),
-    ]
+    forced: list[Any] = [o.response(0.03, (0.9, 1.1)), *o.sweep(0.03, (0.9, 1.1), points=2), o.simulate(1.0, 0.03)]
     for result in forced:
         s = result.setting
         assert s is not None and s.F_over_mg == pytest.approx(1.5 * s.F_hat) == pytest.approx(0.045)
