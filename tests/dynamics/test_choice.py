@@ -12,11 +12,14 @@ import pytest
 
 import asperity as asp
 from asperity.case import Case
-from asperity.dynamics import PowerLaw, TableLaw, law_from, run_dynamics
-from asperity.dynamics.law_of_curve import LACK
+from asperity.dynamics import DynamicsSettings, PowerLaw, TableLaw, law_from, run_dynamics
+from asperity.dynamics.columns import CurveColumns
+from asperity.dynamics.law_of_curve import LACK, choose
+from asperity.dynamics.laws import LawTable, tabulate
+from asperity.dynamics.run import small_vibration
 from asperity.errors import AsperityWarning, InputError, RangeError
 
-QUICK: dict[str, Any] = {"model": ["exact"], "omega": (0.9, 0.91), "bands": False, "units": "SI"}
+QUICK: dict[str, Any] = {"model": ["exact"], "omega": (0.9, 0.91), "bands": False, "units": "SI", "tol": 1e-3}
 MINIMAL: dict[str, Any] = {
     "surface": {"kind": "sphere", "L": 1e-6, "radius": 1e-5},
     "material": {"E": 200e9, "nu": 0.3},
@@ -48,6 +51,12 @@ def contact(*, unload: bool = True, probe: bool = False, strain: bool = True, lo
     if probe:
         curve["k_n_elastic"] = stiffness(force)
     return curve
+
+
+def laws_of(curve: dict[str, Any], load: float | None = None) -> LawTable:
+    """All laws of a curve under a preload, for a mass of one."""
+    columns = CurveColumns.of(curve)
+    return tabulate(columns, choose(columns, load=load), 1.0)
 
 
 def test_after_yield_small_vibration_is_on_the_unloading_branch() -> None:
@@ -101,14 +110,6 @@ def test_before_yield_the_law_is_the_loading(strain: bool) -> None:
 def test_without_plastic_columns_the_hysteresis_shows_yield() -> None:
     assert math.isfinite(law_from(contact(strain=False))[0].yields_at)
     assert math.isinf(law_from(contact(strain=False, unload=False))[0].yields_at)
-
-
-def test_noise_does_not_stop_an_analysis() -> None:
-    z = np.linspace(0.05, 1.0, 40)
-    curve = {"delta": z, "force": z**1.5 + 0.02 * (-1.0) ** np.arange(40)}
-    law, load = law_from(curve)
-    assert isinstance(law, TableLaw) and "noisy" in law.doubts(load)[0]
-    assert law.stiffness(law.deflection(load)) == pytest.approx(1.5 * load ** (1 / 3), rel=0.05)
 
 
 def test_a_preload_by_the_weight_itself_has_two_branches() -> None:
@@ -201,27 +202,25 @@ def test_there_is_one_verdict_on_small_motion() -> None:
     curve = contact(probe=True)
     down = curve["branch"] == "unload"
     curve["k_n_elastic"][down] *= 1.0 + 0.05 * (-1.0) ** np.arange(down.sum())
-    result = run_dynamics(curve, **{**QUICK, "model": ["exact", "taylor"]})
+    result = run_dynamics(curve, **QUICK)
     spread = result.uncertainty
     assert spread is not None and spread.kappa.low < 0.0 < spread.kappa.high
     written = result.to_dict()
-    words = [written[section]["softening"] for section in ("uncertainty", "exact", "taylor")]
-    assert words == ["undecided"] * 3 and result.first.thresholds().softening == "undecided"
+    words = [written[section]["softening"] for section in ("uncertainty", "exact")]
+    assert words == ["undecided"] * 2 and result.first.thresholds().softening == "undecided"
 
 
 def test_the_band_is_made_of_error_bar_and_laws() -> None:
     """A force that is known to 4 % makes the stiffness uncertain by as much, however well a power law fits."""
     z = np.linspace(0.0, 1.0, 41)[1:]
     curve = {"delta": z, "force": z**1.5, "P_star": z**1.5, "error_P_star": 0.04 * z**1.5}
-    options = {**QUICK, "bands": True, "gravity": 1.0, "omega": (0.9, 1.1), "zeta": 0.05}
+    options = {**QUICK, "bands": True, "gravity": 1.0, "omega": (0.98, 1.0), "zeta": 0.05}
     result = run_dynamics(curve, **options)
     spread = result.uncertainty
     assert spread is not None and spread.origin.startswith("error bar of the force, 4 %")
     # omega_s^2 = 1.5 g K^(2/3) W^(-2/3)
     assert spread.omega_s.high / spread.omega_s.low == pytest.approx((1.04 / 0.96) ** (1 / 3), rel=1e-3)
     assert result.bands and np.nanmax(result.bands[0].upper[1] - result.bands[0].upper[0]) > 1e-3
-    without = run_dynamics({"delta": z, "force": z**1.5}, law="paper", **options)
-    assert without.uncertainty is not None and "error bar" not in without.uncertainty.origin
 
 
 def test_the_band_of_the_elastic_law_is_that_of_the_elastic_stiffness() -> None:
@@ -229,22 +228,22 @@ def test_the_band_of_the_elastic_law_is_that_of_the_elastic_stiffness() -> None:
     curve = contact(unload=False, probe=True)
     curve |= {"P_star": curve["force"], "error_P_star": 0.01 * curve["force"]}
     curve["error_k_n_elastic"] = 0.06 * curve["k_n_elastic"]
-    result = run_dynamics(curve, **QUICK)
-    assert result.laws is not None and result.laws.choice.name == "elastic"
-    row, spread = result.laws.chosen, result.uncertainty
-    assert row.bar == pytest.approx(0.06) and row.bar_of == "k_n_elastic" and result.laws.bar == pytest.approx(0.01)
+    laws = laws_of(curve)
+    row, spread = laws.chosen, laws.chosen.known
+    assert row.name == "elastic" and row.bar_of == "k_n_elastic"
+    assert (row.bar, laws.bar) == (pytest.approx(0.06), pytest.approx(0.01))
     assert spread is not None and spread.origin.startswith("error bar of the k_n_elastic, 6 %")
     assert spread.omega_s.high / spread.omega_s.value == pytest.approx(math.sqrt(1.06), rel=1e-9)
     assert spread.omega_s.low / spread.omega_s.value == pytest.approx(math.sqrt(0.94), rel=1e-9)
     assert spread.z_s.high / spread.z_s.value == pytest.approx(1 / 0.94, rel=1e-9)
     whole = contact(probe=True)
     whole["error_k_n_elastic"] = 0.06 * whole["k_n_elastic"]
-    branch = run_dynamics(whole, preload=0.3 * C, **QUICK).uncertainty
+    branch = laws_of(whole, 0.3 * C).chosen.known
     assert branch is not None and "of the force" not in branch.origin
     assert branch.omega_s.high / branch.omega_s.value == pytest.approx(math.sqrt(1.06), rel=1e-4)
     # the points of an unloading show its stiffness too, and the narrower bar of both holds
     whole |= {"P_star": whole["force"], "error_P_star": 0.01 * whole["force"]}
-    both = run_dynamics(whole, preload=0.3 * C, **QUICK).uncertainty
+    both = laws_of(whole, 0.3 * C).chosen.known
     assert both is not None and "also by the error bar of the force, 1 %" in both.origin
     assert both.k_n.low <= float(stiffness(0.3 * C)) <= both.k_n.high and both.k_n.half < 0.02 * both.k_n.value
     assert both.kappa == branch.kappa and both.n_loc == branch.n_loc
@@ -266,7 +265,7 @@ def test_a_joint_scales_the_law_to_its_area_and_has_its_own_mass() -> None:
     # dimensionless results do not depend on area and mass
     patch = run_dynamics(contact(), preload=0.25 * C, zeta=0.03, **QUICK)
     assert result.responses["exact"][0].peak[1] == pytest.approx(patch.responses["exact"][0].peak[1], rel=1e-6)
-    known = run_dynamics(contact(), joint=asp.Joint(preload=0.25 * C, frequency=50.0), **QUICK).numbers
+    known = small_vibration(contact(), DynamicsSettings(joint=asp.Joint(preload=0.25 * C, frequency=50.0)))
     assert known.frequency == pytest.approx(50.0) and known.mass == pytest.approx(
         float(stiffness(0.25 * C)) / (100 * math.pi) ** 2, rel=1e-6
     )
@@ -326,7 +325,6 @@ def test_an_area_without_a_patch_is_refused() -> None:
 @pytest.mark.parametrize(
     ("sections", "words"),
     [
-        ({"joint": {"preload": 1e-4, "pressure": 1e8}}, "joint.preload and joint.pressure are both given"),
         ({"joint": {"mass": 1.0, "frequency": 1e8}}, "joint.mass and joint.frequency are both given"),
         ({"joint": {"gravity": 9.81}}, "joint.gravity = 9.81 needs joint.mass"),
         ({"joint": {"pressure": 1e8}, "dynamics": {"preload": 1e-4}}, "dynamics.preload cannot go with"),

@@ -13,25 +13,20 @@ from asperity.case import Case
 from asperity.dynamics import DynamicsSettings, PowerLaw, TableLaw, law_from, run_dynamics, unload_reload
 from asperity.errors import AsperityWarning, InputError, RangeError
 
-QUICK: dict[str, Any] = {"model": "exact", "omega": (0.9, 0.91), "bands": False, "units": "SI"}
+QUICK: dict[str, Any] = {"model": "exact", "omega": (0.9, 0.91), "bands": False, "units": "SI", "tol": 1e-3}
 
 
-def joint(rows: int, top: float = 1.0, *, stiffness: bool = True, unload: bool = True) -> dict[str, Any]:
+def joint(rows: int, *, stiffness: bool = True, unload: bool = True) -> dict[str, Any]:
     """Curve of a contact that yields from the beginning, F = z^1.2, and unloads from a force M by F = K z^1.5.
 
-    K = 2 M^0.3 depends on the overload, so the elastic stiffness does: k = 1.5 K^(2/3) F^(1/3).
-
-    Args:
-        rows: rows of the unloading in contact, the top among them; the last row is the separation.
-        top: greatest force.
-        stiffness: whether there is a column k_n_elastic.
-        unload: whether there is an unloading.
+    K = 2 M^0.3 depends on the overload, so the elastic stiffness does: k = 1.5 K^(2/3) F^(1/3). The greatest force
+    is 1. The unloading has `rows` in contact, the top among them; the last row is the separation.
     """
-    up = np.linspace(0.0, top ** (1 / 1.2), 41)[1:]
-    force, depth = up**1.2, (top / (2.0 * top**0.3)) ** (1 / 1.5)
-    down = top * np.arange(rows - 1, -1, -1) / rows if unload else np.empty(0)
-    delta = np.append(up, up[-1] - depth + (down / (2.0 * top**0.3)) ** (1 / 1.5))
-    met = np.append(force, np.full(down.size, top))
+    up = np.linspace(0.0, 1.0, 41)[1:]
+    force = up**1.2
+    down = np.arange(rows - 1, -1, -1) / rows if unload else np.empty(0)
+    delta = np.append(up, 1.0 - 0.5 ** (1 / 1.5) + (0.5 * down) ** (1 / 1.5))
+    met = np.append(force, np.ones(down.size))
     curve = {"delta": delta, "force": np.append(force, down), "max_plastic_strain": np.full(delta.size, 0.01)}
     curve["branch"] = np.array(["load"] * up.size + ["unload"] * down.size)
     if stiffness:
@@ -50,7 +45,7 @@ def rough(z: Any) -> tuple[Any, Any]:
     return z**1.3 + 3.0 * z**3, 1.3 * z**0.3 + 9.0 * z**2
 
 
-@pytest.mark.parametrize("rows", [5, 10, 100])
+@pytest.mark.parametrize("rows", [5, 10])
 def test_the_law_after_yield_does_not_depend_on_the_rows(rows: int) -> None:
     """Exponent, curvature, approach and frequencies lie within their bars of the closed form, with few rows too."""
     z = np.linspace(1.0, 0.0, rows + 1)
@@ -63,7 +58,7 @@ def test_the_law_after_yield_does_not_depend_on_the_rows(rows: int) -> None:
     }  # fmt: skip
     law = unload_reload(curve, 1.5)
     assert law.origin == pytest.approx(0.4, abs=1e-12)
-    o, fine = asp.ContactOscillator(law, load=1.5), np.linspace(0.0, 1.2, 4001)[1:]
+    o, fine = asp.ContactOscillator(law, load=1.5), np.linspace(0.0, 1.2, 801)[1:]
     exact = asp.ContactOscillator(TableLaw(fine, rough(fine)[0], k=rough(fine)[1]), load=1.5)
     known = asp.uncertainty(o)
     assert known.n_loc.half < 0.05 and known.z_s.half < 0.01 * known.z_s.value
@@ -104,8 +99,7 @@ def test_check_warns_of_an_unloading_of_few_rows() -> None:
         Case.from_dict({**case, "output": {"stiffness": True}}).problem()
 
 
-@pytest.mark.parametrize("unload", [True, False])
-@pytest.mark.parametrize("met", [0.4, 0.6, 0.9])
+@pytest.mark.parametrize(("met", "unload"), [(0.4, True), (0.9, False)])
 def test_an_overload_from_which_the_curve_does_not_unload_is_doubted(met: float, unload: bool) -> None:
     """Its stiffness lies between that of the loading and that at the overload, within the bar; what to do is said."""
     result = run_dynamics(joint(10, unload=unload), preload=0.3, overload=met, **QUICK)
@@ -129,8 +123,7 @@ def test_a_kink_above_the_preload_does_not_change_small_motion() -> None:
 def test_the_stiffness_falls_with_a_light_preload_or_the_preload_is_refused() -> None:
     z = np.linspace(0.1, 1.0, 19)
     law = TableLaw(z, z**1.5 + 0.1 * z**3)
-    loads = np.geomspace(1e-9, float(law.F[0]), 9)
-    stiffness = [law.derivatives(law.deflection(load))[0] for load in loads]
+    stiffness = [law.derivatives(law.deflection(load))[0] for load in np.geomspace(1e-9, float(law.F[0]), 9)]
     assert np.all(np.diff(stiffness) > 0)
     assert "power 1.5" in law.doubts(1e-9)[0]
     offset = TableLaw(z, z**1.5 + 1.0)  # its approach is not from first contact
@@ -138,7 +131,7 @@ def test_the_stiffness_falls_with_a_light_preload_or_the_preload_is_refused() ->
         offset.deflection(0.5)
 
 
-@pytest.mark.parametrize("share", [0.2, 0.5, 0.9])
+@pytest.mark.parametrize("share", [0.2, 0.9])
 def test_there_is_one_frequency(share: float) -> None:
     """Printed frequency, slope of the law, and the limit of free vibration at small amplitude are the same."""
     z = np.linspace(0.0, 1.0, 21)[1:]
@@ -164,7 +157,7 @@ def test_the_band_holds_every_law_and_has_no_needles(zeta: float) -> None:
     slopes = np.sign(np.diff(band.upper[1]))
     assert np.count_nonzero(np.diff(slopes[slopes != 0])) <= 1
     highest = np.zeros(31)
-    for K in np.linspace(0.9, 1.1, 5):
+    for K in (0.9, 1.0, 1.1):
         one = asp.ContactOscillator(PowerLaw(1.5, float(K)), load=1.0, zeta=zeta)
         ratio, size = one.omega_s / o.omega_s, one.restoring.z_s / o.restoring.z_s
         response = one.response(force, (0.7, 1.35), tol=1e-4)
@@ -178,12 +171,9 @@ def test_the_band_holds_every_law_and_has_no_needles(zeta: float) -> None:
 
 
 def test_the_case_and_the_settings_have_the_same_defaults() -> None:
-    case = Case.from_dict({
-        "surface": {"kind": "sphere", "L": 1e-6, "radius": 1e-5}, "material": {"E": 200e9, "nu": 0.3},
-        "loading": {"delta_max": 1e-8}, "dynamics": {},
-    })  # fmt: skip
-    found = DynamicsSettings.of_case(case.to_dict())
-    assert found == DynamicsSettings(units="SI", patch_area=1e-12)
+    sphere = {"surface": {"kind": "sphere", "L": 1e-6, "radius": 1e-5}, "material": {"E": 200e9, "nu": 0.3}}
+    case = Case.from_dict({**sphere, "loading": {"delta_max": 1e-8}, "dynamics": {}})
+    assert DynamicsSettings.of_case(case.to_dict()) == DynamicsSettings(units="SI", patch_area=1e-12)
     with pytest.raises(InputError, match="modle is no setting of the vibration: choose from law, preload"):
         run_dynamics(PowerLaw(1.5), modle="exact")
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import csv
 import warnings
 from typing import Any, cast
 
@@ -18,7 +17,6 @@ from asperity.dynamics import (
     TableLaw,
     TaylorLaw,
     law_from,
-    response_band,
     uncertainty,
     unload_reload,
 )
@@ -27,7 +25,7 @@ from asperity.errors import InputError, RangeError
 Z = np.linspace(0.0, 1.0, 61)[1:]
 
 
-@pytest.mark.parametrize("n", [0.6, 1.0, 1.5, 2.0, 3.7])
+@pytest.mark.parametrize("n", [0.6, 1.0, 3.7])
 def test_power_law_matches_closed_forms(n: float) -> None:
     law = PowerLaw(n, 3.0)
     load = 2.5
@@ -94,7 +92,7 @@ def test_table_of_a_power_law_is_the_power_law() -> None:
     assert r.kappa == pytest.approx(-1 / 24, rel=1e-9)
 
 
-@pytest.mark.parametrize("load", [1e-60, 1e-20, 1e-6])
+@pytest.mark.parametrize("load", [1e-60, 1e-6])
 def test_below_its_first_point_a_table_is_a_power_law(load: float) -> None:
     with pytest.warns(UserWarning, match="below the first point"):
         r = ContactOscillator(TableLaw(Z, Z**1.5), load=load).restoring
@@ -104,37 +102,27 @@ def test_below_its_first_point_a_table_is_a_power_law(load: float) -> None:
 
 def test_a_noisy_table_is_a_smoothing_spline_near_the_true_law() -> None:
     """Half a percent of noise: n, kappa and stiffness are those of the spline, and its bar holds the true kappa."""
-    smoothed = covered = 0
-    for seed in range(20):
-        law = _noisy(seed)
-        if law.noise:
-            smoothed += 1
-            with pytest.warns(UserWarning, match="the points scatter so that the stiffness"):
-                r = ContactOscillator(law, load=0.5).restoring
-            assert r.n_loc == pytest.approx(1.5, abs=0.03) and r.kappa == pytest.approx(-1 / 24, abs=0.02)
-            assert float(law.stiffness(r.z_s)) == pytest.approx(r.scale / r.z_s, rel=1e-12)
-            kappa = uncertainty(ContactOscillator(law, load=0.5)).kappa
-            covered += kappa.low <= -1 / 24 <= kappa.high
-    assert smoothed >= 18 and covered >= 0.9 * smoothed
+    covered, noisy = 0, [law for law in map(_noisy, range(12)) if law.noise]
+    for law in noisy:
+        with pytest.warns(UserWarning, match="the points scatter so that the stiffness"):
+            o = ContactOscillator(law, load=0.5)
+        r, kappa = o.restoring, uncertainty(o).kappa
+        assert r.n_loc == pytest.approx(1.5, abs=0.03) and r.kappa == pytest.approx(-1 / 24, abs=0.02)
+        assert float(law.stiffness(r.z_s)) == pytest.approx(r.scale / r.z_s, rel=1e-12)
+        covered += kappa.low <= -1 / 24 <= kappa.high
+    assert len(noisy) >= 11 and covered >= 0.9 * len(noisy)
+    z = np.linspace(0.05, 1.0, 40)
+    falling = TableLaw(z, z**1.5 + 0.02 * (-1.0) ** np.arange(40))  # the forces do not rise at first
+    assert falling.stiffness(falling.deflection(0.5)) == pytest.approx(1.5 * 0.5 ** (1 / 3), rel=0.05)
 
 
-def _own_curve(name: str) -> dict[str, np.ndarray]:
-    """Smooth curves that no polynomial fits in logarithms, like those of a rough surface."""
-    z = {"even": np.linspace(0, 1, 33)[1:], "pieces": np.sort(np.r_[np.linspace(0, 1, 21)[1:], 0.0125, 0.025, 0.075])}
-    points = z.get(name, np.linspace(0, 1, 121)[1:])
-    second = np.maximum(points - 0.26, 0.0)  # the next summit is touched, then the block alone gives way
-    return {"delta": points, "force": points**1.3 + 40 * second**1.5 / (1 + 6 * second)}
-
-
-@pytest.mark.parametrize("name", ["even", "pieces", "dense"])
-@pytest.mark.parametrize("part", [0.2, 0.5, 0.9])
-def test_a_smooth_curve_is_not_noisy(name: str, part: float) -> None:
-    law = TableLaw.from_curve(_own_curve(name))
-    with warnings.catch_warnings():
-        warnings.simplefilter("error")
-        oscillator = ContactOscillator(law, load=part * float(law.F[-1]))
-        if part < 0.8:  # so that the laws on the edge of the confidence region reach the load
-            uncertainty(oscillator)
+@pytest.mark.parametrize(
+    "z", [np.linspace(0, 1, 33)[1:], np.sort(np.r_[np.linspace(0, 1, 21)[1:], 0.0125, 0.025, 0.075]), Z]
+)
+def test_a_smooth_curve_is_not_noisy(z: np.ndarray) -> None:
+    """Although no polynomial fits it in logarithms, like that of a rough surface."""
+    second = np.maximum(z - 0.26, 0.0)  # the next summit is touched, then the block alone gives way
+    assert TableLaw(z, z**1.3 + 40 * second**1.5 / (1 + 6 * second)).noise == 0.0
 
 
 def _noisy(seed: int) -> TableLaw:
@@ -143,13 +131,12 @@ def _noisy(seed: int) -> TableLaw:
 
 
 def test_the_warning_of_noise_appears_once() -> None:
-    """Laws on the boundary of the confidence region share the points, so they do not warn again."""
+    """The laws without some of the points do not warn again."""
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always")
         oscillator = ContactOscillator(_noisy(0))
         oscillator.taylor()
         uncertainty(oscillator)
-        response_band(oscillator, 1e-3, uncertainty(oscillator), (0.5, 0.51), points=3)
     assert len(caught) == 1 and caught[0].filename == __file__
 
 
@@ -184,8 +171,7 @@ def _cycled(cycles: int, plastic: float) -> dict[str, np.ndarray]:
     return {"delta": np.array(delta), "force": np.array(force), "branch": np.array(branch)}
 
 
-@pytest.mark.parametrize("plastic", [1.0, 0.0])
-@pytest.mark.parametrize("cycles", [2, 3, 4, 7])
+@pytest.mark.parametrize(("cycles", "plastic"), [(2, 1.0), (3, 0.0), (7, 1.0)])
 def test_the_last_closed_loop_is_the_law(cycles: int, plastic: float) -> None:
     """Each loop has its own law; the rows of two loops together would not rise."""
     law = unload_reload(_cycled(cycles, plastic), 0.5)
@@ -224,10 +210,7 @@ def test_paper_law_is_the_fit_of_the_loading_branch(tmp_path) -> None:
     assert law.K == pytest.approx(1.0, rel=1e-8)
     assert load == 0.5
     path = tmp_path / "curve.csv"
-    with path.open("w", newline="") as file:
-        writer = csv.writer(file)
-        writer.writerow(curve)
-        writer.writerows(zip(*curve.values(), strict=True))
+    np.savetxt(path, np.transpose(list(curve.values())), fmt="%s", delimiter=",", header=",".join(curve), comments="")
     assert law_from(path, "paper")[0] == law_from(tmp_path, "paper")[0]
     scaled, _ = law_from({**curve, "delta": curve["delta"] * 1e-8, "force": curve["force"] * 1e-3}, "paper")
     assert float(scaled.force(0.5e-8)) == pytest.approx(1e-3 * 0.5**1.2, rel=1e-8)
@@ -237,17 +220,14 @@ def test_substeps_and_rows_before_contact_do_not_change_the_paper_law() -> None:
     planned = np.linspace(0.0, 1.0, 9)[1:]
     pieces = np.array([0.01, 0.02, 0.04, 0.06, 0.6, 0.7])
 
-    def law(rows: np.ndarray, **units: float) -> PowerLaw:
-        force = np.maximum(rows, 0.0) ** 1.5 + 0.3 * np.maximum(rows, 0.0) ** 4
-        found = law_from({"delta": rows * units.get("length", 1.0), "force": force * units.get("force", 1.0)}, "paper")[
-            0
-        ]
+    def law(rows: np.ndarray, length: float = 1.0, force: float = 1.0) -> PowerLaw:
+        z = np.maximum(rows, 0.0)
+        found = law_from({"delta": length * rows, "force": force * (z**1.5 + 0.3 * z**4)}, "paper")[0]
         assert isinstance(found, PowerLaw)
         return found
 
     whole = law(planned)
-    cut = law(np.sort(np.concatenate([planned, pieces])))
-    assert (cut.n, cut.K) == (whole.n, whole.K)
+    assert law(np.sort(np.concatenate([planned, pieces]))) == whole
     assert law(planned, length=1.3e-8, force=7e-4).n == pytest.approx(whole.n, rel=1e-13)
     assert law(np.concatenate([[-0.1, 0.0], planned])).n == whole.n
 
@@ -255,14 +235,10 @@ def test_substeps_and_rows_before_contact_do_not_change_the_paper_law() -> None:
 @pytest.mark.parametrize(
     ("build", "words"),
     [
-        (lambda: PowerLaw(0.0), "n = 0.0"),
         (lambda: PowerLaw(-1.5), "n = -1.5"),
         (lambda: PowerLaw(1.5, float("nan")), "K = nan"),
         (lambda: PowerLaw(1e-3), "n = 0.001 is not legal: it must lie between 0.25 and 100"),
-        (lambda: PowerLaw(1e3), "n = 1000"),
-        (lambda: PowerLaw(1.5, 1e300), "K = 1e+300"),
         (lambda: law_from({"delta": 1e-6 * Z, "force": Z**60}, "paper"), "K = inf"),
-        (lambda: ContactOscillator(PowerLaw(1.5), load=1e-300), "under load = 1e-300"),
         (lambda: ContactOscillator(PowerLaw(0.25), load=1e300), "under load = 1e+300"),
         (lambda: ContactOscillator(PowerLaw(1.5), zeta=-0.01), "zeta = -0.01"),
         (lambda: ContactOscillator(PowerLaw(1.5), zeta=1.5), "zeta = 1.5"),
