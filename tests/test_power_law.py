@@ -15,9 +15,8 @@ from asperity.errors import InputError
 from asperity.power_law import fit_power_law, interface_approach
 
 
-@pytest.mark.parametrize("norm", ["linear", "log"])
-@pytest.mark.parametrize(("k", "n"), [(2.0, 1.5), (1e6, 3.2), (1e-4, 0.8)])
-def test_fit_recovers_an_exact_law(norm, k, n):
+@pytest.mark.parametrize(("k", "n", "norm"), [(2.0, 1.5, "log"), (1e6, 3.2, "linear"), (1e-4, 0.8, "linear")])
+def test_fit_recovers_an_exact_law(k, n, norm):
     d = np.linspace(0.001, 0.03, 12)
     fit = fit_power_law(d, k * d**n, norm)
     assert (fit.k, fit.n) == (pytest.approx(k, rel=1e-10), pytest.approx(n, rel=1e-10))
@@ -37,9 +36,9 @@ def test_linear_fit_against_curve_fit():
     d, p = bent_law()
     fit = fit_power_law(d, p)
     (k, n), covariance = curve_fit(lambda d, k, n: k * d**n, d, p, p0=(1.0, 1.5), ftol=1e-14, xtol=1e-14)
-    assert (fit.k, fit.n) == (pytest.approx(k, rel=1e-6), pytest.approx(n, rel=1e-6))
+    assert (fit.k, fit.n) == pytest.approx((k, n), rel=1e-6)
     half = student.ppf(0.975, 23) * math.sqrt(covariance[1, 1])
-    assert fit.ci_n == (pytest.approx(n - half, rel=1e-4), pytest.approx(n + half, rel=1e-4))
+    assert fit.ci_n == pytest.approx((n - half, n + half), rel=1e-4)
     relative = student.ppf(0.975, 23) * math.sqrt(covariance[0, 0]) / k  # delta method
     assert math.log(fit.ci_k[1] / fit.k) == pytest.approx(relative, rel=1e-3)
     assert fit.correlation == pytest.approx(covariance[0, 1] / math.sqrt(covariance[0, 0] * covariance[1, 1]), abs=1e-4)
@@ -51,20 +50,12 @@ def test_log_fit_against_linear_regression():
     d, p = bent_law()
     fit = fit_power_law(d, p, norm="log", confidence=0.9)
     line = linregress(np.log(d), np.log(p))
-    half = student.ppf(0.95, 23) * line.stderr
+    half, half_k = student.ppf(0.95, 23) * np.array([line.stderr, line.intercept_stderr])
     assert fit.n == pytest.approx(line.slope)
-    assert fit.ci_n == (pytest.approx(line.slope - half), pytest.approx(line.slope + half))
-    half = student.ppf(0.95, 23) * line.intercept_stderr
-    assert fit.ci_k == (
-        pytest.approx(math.exp(line.intercept - half)),
-        pytest.approx(math.exp(line.intercept + half)),
-    )
+    assert fit.ci_n == pytest.approx((line.slope - half, line.slope + half))
+    assert fit.ci_k == pytest.approx(np.exp([line.intercept - half_k, line.intercept + half_k]))
     assert fit.r2 == pytest.approx(line.rvalue**2)
-
-
-def test_norms_differ_on_a_bent_curve():
-    d, p = bent_law()
-    assert fit_power_law(d, p, "log").n - fit_power_law(d, p, "linear").n > 0.1
+    assert fit.n - fit_power_law(d, p).n > 0.1
 
 
 def test_intervals_cover_the_true_values_at_their_confidence():
@@ -77,14 +68,9 @@ def test_intervals_cover_the_true_values_at_their_confidence():
 
 
 def test_fit_of_a_curve_takes_its_loading_branch():
-    d = np.array([0.0, 1, 2, 3, 4, 3, 2]) * 1e-2
-    branch = ["load"] * 5 + ["unload"] * 2
-    p = np.where(np.array(branch) == "load", d**2, 0.5 * d**3)
-    rows = [
-        {"delta": a, "delta_star": a, "force": b, "P_star": b, "branch": c}
-        for a, b, c in zip(d, p, branch, strict=True)
-    ]
-    fit = Curve.from_rows(rows).fit()
+    rows = [{"delta": d, "force": d**2, "branch": "load"} for d in (0.0, 0.01, 0.02, 0.03, 0.04)]
+    rows += [{"delta": d, "force": 0.5 * d**3, "branch": "unload"} for d in (0.03, 0.02)]
+    fit = Curve.from_rows([row | {"delta_star": row["delta"], "P_star": row["force"]} for row in rows]).fit()
     assert (fit.n, fit.points) == (pytest.approx(2.0), 4)
     assert set(fit.to_dict()) == {"k", "n", "norm", "range", "points", "r2", "ci"}
 
@@ -100,8 +86,7 @@ def test_stiffness_has_units():
 @pytest.mark.parametrize(
     ("d", "p", "options", "message"),
     [
-        ([1, 2], [1, 2], {}, "2 different approaches: a power law needs at least 3"),
-        ([1, 1, 1, 2], [1, 1, 1, 2], {}, "2 different approaches"),
+        ([1, 1, 1, 2], [1, 1, 1, 2], {}, "2 different approaches: a power law needs at least 3"),
         ([0, 1, 2], [0, 1, 2], {}, r"delta\* = 0 at point 0"),
         ([1, 2, 3], [1, -2, 3], {}, r"P\* = -2 at point 1"),
         ([1, 2, 3], [1, 2, math.nan], {}, r"P\* = nan at point 2"),
@@ -123,8 +108,9 @@ def test_an_interval_without_an_upper_end_is_infinite() -> None:
 
 
 def test_points_that_determine_no_law_have_no_fit() -> None:
-    curve = Curve.from_rows([{"delta": x, "force": x, "delta_star": x, "P_star": x} for x in (0.01, 0.02)])
-    assert curve.fit_or_none() is None
+    assert (
+        Curve.from_rows([{"delta": x, "force": x, "delta_star": x, "P_star": x} for x in (1, 2)]).fit_or_none() is None
+    )
 
 
 def test_interface_approach_of_a_flat_block_is_zero():

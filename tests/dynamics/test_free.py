@@ -18,7 +18,7 @@ def omega_loss(n: float) -> float:
     return 2 * np.pi / (np.sqrt(2 / n) * (n + 1) ** (1 / (2 * n)) * beta(1 / (2 * n), 0.5))
 
 
-@pytest.mark.parametrize("n", [0.6, 0.9, 1.0, 1.01, 1.2, 1.5, 2.0, 2.5, 3.0, 4.0])
+@pytest.mark.parametrize("n", [0.6, 1.0, 1.01, 1.5, 4.0])
 def test_contact_loss_limit(n: float) -> None:
     o = ContactOscillator(PowerLaw(n))
     limit = (n + 1) ** (1 / n) - 1
@@ -32,8 +32,7 @@ def test_grazing_from_both_sides(n: float) -> None:
     below, above = ContactOscillator(PowerLaw(n)).free([limit - 1e-10, limit + 1e-10]).orbits
     assert below.v_s == 0.0 < above.v_s
     # the frequency is smooth through grazing: its slope bounds the difference
-    assert below.omega == pytest.approx(omega_loss(n), abs=3e-10)
-    assert above.omega == pytest.approx(omega_loss(n), abs=3e-10)
+    assert (below.omega, above.omega) == pytest.approx((omega_loss(n), omega_loss(n)), abs=3e-10)
     assert below.omega > above.omega
 
 
@@ -49,7 +48,7 @@ def test_published_frequencies(n: float, published: tuple[float, ...]) -> None:
     np.testing.assert_allclose(found, published, atol=5e-7)
 
 
-@pytest.mark.parametrize(("n", "u0"), [(0.8, 0.5), (1.5, 0.3), (1.5, 2.0), (2.0, 5.0), (3.0, 0.5)])
+@pytest.mark.parametrize(("n", "u0"), [(0.8, 0.5), (1.5, 2.0), (2.0, 5.0)])
 def test_period_and_harmonic_against_time_integration(n: float, u0: float) -> None:
     def field(t, y):
         s = max(1 + y[0], 0.0)
@@ -108,6 +107,4 @@ def test_taylor_is_marked_unphysical_and_refused_beyond_the_rim() -> None:
 
 def test_false_hardening_of_the_truncated_law() -> None:
     o = ContactOscillator(PowerLaw(3.5))
-    exact, series = o.free([0.2, 3.0]), o.taylor().free([0.2, 3.0])
-    assert exact.omega_ratio[1] < exact.omega_ratio[0] < 1
-    assert series.omega_ratio[1] > 1 and not series.valid[1]
+    assert o.free(3.0).omega_ratio < 1 < o.taylor().free(3.0).omega_ratio

@@ -13,16 +13,11 @@ LOOPS = LoopDamping((0.05, 0.1, 0.3), (0.0005, 0.002, 0.004))
 ZETA = 0.005
 
 
-def test_each_amplitude_loses_what_its_loop_loses() -> None:
-    """A linear spring, so that the motion is harmonic; the quadrature of a free orbit does not see the kinks."""
-    oscillator = ContactOscillator(PowerLaw(1.0), zeta=ZETA, damping=LOOPS)
-    for a, zeta in zip(LOOPS.deflection, LOOPS.zeta, strict=True):
-        orbit = oscillator.free([a]).orbits[0]
-        assert ZETA * orbit.dissipation / (np.pi * a**2) == pytest.approx(ZETA + zeta, rel=3e-3)
+def test_a_law_loses_what_the_loop_loses() -> None:
+    """The loss factor is over the energy of a spring as stiff as the loop, the damping ratio over that of the law.
 
-
-def test_a_softer_law_loses_what_the_loop_loses() -> None:
-    """The loss factor is over the energy of a spring as stiff as the loop, the damping ratio over that of the law."""
+    The law is linear, so that the motion is harmonic; the quadrature of a free orbit does not see the kinks.
+    """
     loops = LoopDamping((0.1, 0.3), (0.002, 0.004), stiffness=(2.0, 1.5), preload=1.0)
     damping, note = loops.on(1.0, 1.0)
     assert note == ""
@@ -36,24 +31,17 @@ def test_a_softer_law_loses_what_the_loop_loses() -> None:
 
 def test_a_coefficient_that_is_its_own_answer() -> None:
     """Damping ratios that rise as the amplitude come from a coefficient that does: zeta = 4/(3 pi) times it."""
-    loops = LoopDamping((0.1, 0.2, 0.4), (0.1, 0.2, 0.4))
-    np.testing.assert_allclose(
-        loops.coefficient(np.array([0.05, 0.3])), 0.75 * np.pi * np.array([0.05, 0.3]), rtol=1e-5
-    )
-
-
-def test_integral_is_that_of_the_coefficient() -> None:
-    z = np.linspace(0.0, 0.5, 2001)
-    integral = LOOPS.integral(z)
-    middle = 0.5 * (z[1:] + z[:-1])
-    np.testing.assert_allclose(np.diff(integral), LOOPS.coefficient(middle) * np.diff(z), atol=1e-8)
+    loops, z = LoopDamping((0.1, 0.2, 0.4), (0.1, 0.2, 0.4)), np.array([0.05, 0.3])
+    np.testing.assert_allclose(loops.coefficient(z), 0.75 * np.pi * z, rtol=1e-5)
+    np.testing.assert_allclose(loops.integral(z), 0.375 * np.pi * z**2, rtol=1e-5)
+    end = 0.375 * np.pi * 0.4**2 + 0.75 * np.pi * 0.4 * 0.1  # constant beyond the last amplitude
+    assert float(loops.integral(np.array([0.5]))[0]) == pytest.approx(end, rel=1e-5)
 
 
 def test_resonance() -> None:
     """Harmonic balance, shooting, time integration and the energy balance find the same peak, below that without."""
     oscillator = ContactOscillator(PowerLaw(1.5), zeta=ZETA, damping=LOOPS)
     omega, peak = oscillator.response(0.002, (0.97, 1.01)).peak
-    assert oscillator.response(0.002, (0.97, 1.01), tol=1e-7).peak[1] == pytest.approx(peak, rel=1e-4)
     assert oscillator.thresholds(0.002).peaks[0]["u_max"] == pytest.approx(peak, rel=1e-3)
     (up,) = oscillator.sweep(0.002, (0.97, float(omega)), points=3, directions=("up",))
     assert up.u_max[-1] == pytest.approx(peak, rel=2e-3)
