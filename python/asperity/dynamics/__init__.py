@@ -8,38 +8,29 @@ from __future__ import annotations
 import importlib
 from typing import Any
 
-# public name -> module that defines it; a module is loaded by its first use
-_PUBLIC = {
-    "Restoring": "equation",
-    "Setting": "settings",
-    "Joint": "joint",
-    "Law": "law.law",
-    "LoopDamping": "law.damping",
-    "PowerLaw": "law.power",
-    "TableLaw": "law.table",
-    "TaylorLaw": "law.taylor",
-    "law_from": "law_of_curve",
-    "unload_reload": "law_of_curve",
-    "LawAtLoad": "laws",
-    "LawTable": "laws",
-    "Sweep": "sweep",
-    "Trajectory": "motion",
-    "Branch": "branch",
-    "Event": "branch",
-    "Solution": "branch",
-    "FreeOrbit": "free",
-    "FreeVibration": "free",
-    "FrequencyResponse": "response",
-    "Thresholds": "thresholds",
-    "ContactOscillator": "oscillator",
-    "Dynamics": "run",
-    "run_dynamics": "run",
-    "DynamicsSettings": "settings",
-    "Band": "intervals",
-    "Uncertainty": "intervals",
-    "response_band": "intervals",
-    "uncertainty": "intervals",
+# module -> the public names that it defines; a module is loaded by its first use
+_MODULES = {
+    "equation": "Restoring",
+    "settings": "Setting DynamicsSettings",
+    "joint": "Joint",
+    "law.law": "Law",
+    "law.damping": "LoopDamping",
+    "law.power": "PowerLaw",
+    "law.table": "TableLaw",
+    "law.taylor": "TaylorLaw",
+    "law_of_curve": "law_from unload_reload",
+    "laws": "LawAtLoad LawTable",
+    "sweep": "Sweep",
+    "motion": "Trajectory",
+    "branch": "Branch Event Solution",
+    "free": "FreeOrbit FreeVibration",
+    "response": "FrequencyResponse",
+    "thresholds": "Thresholds",
+    "oscillator": "ContactOscillator",
+    "run": "Dynamics run_dynamics",
+    "intervals": "Band Uncertainty response_band uncertainty",
 }
+_PUBLIC = {name: module for module, names in _MODULES.items() for name in names.split()}
 
 __all__ = sorted(_PUBLIC)
 

@@ -3,8 +3,7 @@
     u'' + 2 zeta g(u) u' + f(u) = F^ cos(Omega tau)
 
 With ``G(u)``, the integral of the damping factor g from 0, and Lienard's variable ``w = u' + 2 zeta G(u)``, the motion
-obeys ``u' = w - 2 zeta G(u), w' = F^ cos(Omega tau) - f(u)``. The right-hand side is continuous at contact loss for
-every damping model.
+obeys ``u' = w - 2 zeta G(u), w' = F^ cos(Omega tau) - f(u)``, which is continuous at contact loss for every damping.
 """
 
 from __future__ import annotations
@@ -21,6 +20,8 @@ from asperity.errors import InputError
 from asperity.runtime.display import short_repr
 
 _SMALLEST = 1e-75  # its cube must not underflow
+_SMALL = 0.05  # below this |u| the potential is integrated: differences of potentials cancel
+_GAUSS_X, _GAUSS_W = np.polynomial.legendre.leggauss(16)
 
 
 @dataclass(frozen=True)
@@ -105,8 +106,19 @@ class Restoring:
         return self.pull(np.asarray(u, float))[1]
 
     def potential(self, u: ArrayLike) -> Array:
-        """Potential V(u) with V(0) = 0, same shape as `u`."""
-        return self.law.well(np.asarray(u, float), self.z_s, self.load, self.scale)
+        """Potential V(u), the integral of f from 0 to u, same shape as `u`."""
+        u, rest = np.asarray(u, float), 1.0 / self.n_loc
+        inside = np.maximum(u, -1.0) if self.contact else u
+        value = self.pulled(inside) - self.pulled(0.0) - rest * inside
+        small = np.abs(u) < _SMALL
+        if small.any():
+            kink = np.minimum(u[small], max(self.kink, 0.0))
+            value = np.array(value)
+            value[small] = 0.0
+            for start, half in ((0.0, 0.5 * kink), (kink, 0.5 * (u[small] - kink))):
+                at = np.asarray(start)[..., None] + half[..., None] * (1.0 + _GAUSS_X)
+                value[small] += half * (self.f(at) @ _GAUSS_W)
+        return value + rest * (inside - u)
 
     def pulled(self, u: ArrayLike) -> Array:
         """Energy stored in the contact, the integral of `pull` from u = -1."""

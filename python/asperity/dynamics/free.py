@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.polynomial import legendre
@@ -111,8 +111,7 @@ def contact_limit(restoring: Restoring) -> float:
     """
     if not restoring.contact:
         return np.inf
-    wall = float(restoring.potential(-1.0))
-    high = 1.0
+    wall, high = float(restoring.potential(-1.0)), 1.0
     while float(restoring.potential(high)) < wall:
         high *= 2.0
         if high > 1e9:
@@ -147,8 +146,7 @@ def rough_states(restoring: Restoring, u0: float, phase: Array) -> tuple[float, 
     return omega, np.cos(np.multiply.outer(phase, k)) @ a, -omega * (np.sin(np.multiply.outer(phase, k)) @ (k * a))
 
 
-@dataclass(frozen=True)
-class _HalfPeriod:
+class _HalfPeriod(NamedTuple):
     """Samples of the contact part from u0 downwards: displacements, time weights, times, speeds."""
 
     u: Array
@@ -159,11 +157,8 @@ class _HalfPeriod:
     v_s: float
     flight: float  # half of the flight time
     n_loc: float
+    period: float
     error: float
-
-    @property
-    def period(self) -> float:
-        return 2.0 * (float(self.dt.sum()) + self.flight)
 
 
 def _half_period(restoring: Restoring, u0: float, orders: tuple[int, ...]) -> _HalfPeriod:
@@ -177,16 +172,15 @@ def _half_period(restoring: Restoring, u0: float, orders: tuple[int, ...]) -> _H
     depth = 0.5 * restoring.n_loc * v_s**2  # of the flight below u = -1
     theta[0] = -0.5 * np.pi + 2.0 * np.arcsin(np.sqrt(0.5 * depth / half))
     v0 = float(restoring.potential(u0))
-    previous, error = np.nan, np.inf
+    time, error = np.nan, np.inf
     for order in orders:
         u, dt, t, speed = _contact_part(restoring, theta, u_min, u0, v0, order)
-        time = float(dt.sum())
+        previous, time = time, float(dt.sum())
         error = abs(time - previous) / time
         if error < _RTOL:
             break
-        previous = time
-    n = restoring.n_loc
-    return _HalfPeriod(u, dt, t, speed, u_min, v_s, n * v_s, n, error)
+    flight = restoring.n_loc * v_s
+    return _HalfPeriod(u, dt, t, speed, u_min, v_s, flight, restoring.n_loc, 2.0 * (time + flight), error)
 
 
 def _dissipation(restoring: Restoring, half: _HalfPeriod, damping: Damping) -> float:
@@ -226,13 +220,12 @@ def largest_amplitude(restoring: Restoring) -> float:
     if not isinstance(law, TaylorLaw):
         return np.inf
     low, high = law.rims()
-    edges = [high] if np.isfinite(high) else []
+    edge, ceiling = high, min(high, 1e3)
     if np.isfinite(low):
         wall = float(restoring.potential(low))
-        ceiling = min(high, 1e3)
         if float(restoring.potential(ceiling)) > wall:
-            edges.append(brentq(lambda u: float(restoring.potential(u)) - wall, 0.0, ceiling))
-    return 0.999 * min(edges) if edges else np.inf
+            edge = brentq(lambda u: float(restoring.potential(u)) - wall, 0.0, ceiling)
+    return 0.999 * edge
 
 
 def _turning_point(restoring: Restoring, u0: float) -> tuple[float, float]:

@@ -3,9 +3,9 @@
 The orbit is ``u(theta) = x_0 + SUM a_k cos(k theta) + b_k sin(k theta)``, ``theta = Omega tau / p`` (p = 1, or 2
 for a subharmonic of order 2). The contact force vanishes in flight and is smooth in contact, except where the
 contact yields again. Its Fourier integrals are computed by Gauss quadrature between the angles of contact loss and of
-yield of the current orbit. An orbit away from both uses the uniform grid, which is then spectrally accurate. The
-balance is therefore a true Galerkin projection: there is no aliasing, and the conservative force does no spurious work,
-however light the damping (compare the alternating frequency-time method, Cameron & Griffin 1989).
+yield of the current orbit; an orbit away from both uses the uniform grid, which is then spectrally accurate. So there
+is no aliasing, unlike in the alternating frequency-time method (Cameron & Griffin 1989), and the conservative force
+does no spurious work, however light the damping.
 """
 
 from __future__ import annotations
@@ -22,9 +22,7 @@ from asperity.dynamics.equation import Equation, primitive, rate
 MAX_HARMONICS = 640  # a Newton step with them takes 0.2 s
 _GRID = 8  # uniform samples per harmonic: the integrals are exact to 1e-10 with 4, to round-off with 6
 _TABULATED = 64  # largest number of harmonics whose basis on the uniform grid is cached
-_NEAR = (
-    0.02  # distance from contact loss within which integrals are split there: exact to round-off, to 4e-11 with 0.005
-)
+_NEAR = 0.02  # distance from contact loss within which integrals are split there: exact to round-off
 
 
 @dataclass(frozen=True)
@@ -159,9 +157,7 @@ def basis_at(theta: Array, count: int) -> Array:
 @lru_cache(maxsize=32)
 def uniform_basis(count: int, points: int) -> Array:
     """Fourier basis at ``points`` equidistant angles from 0."""
-    turn = np.outer(np.arange(points), np.arange(count + 1)) % points
-    angle = 2.0 * np.pi / points * np.arange(points)
-    out = np.concatenate([np.cos(angle)[turn], np.sin(angle)[turn[:, 1:]]], axis=1)
+    out = basis_at(2.0 * np.pi / points * np.arange(points), count)
     out.flags.writeable = False
     return out
 

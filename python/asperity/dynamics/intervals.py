@@ -76,11 +76,9 @@ class Uncertainty:
 
     def to_dict(self) -> dict[str, Any]:
         """Section "uncertainty" of thresholds.json."""
-        names = ("n_loc", "kappa", "omega_s", "z_s", "k_n")
-        out: dict[str, Any] = {name: list(getattr(self, name)) for name in names}
-        if math.isnan(self.omega_s.value):
-            out["omega_s"] = None
-        return {**out, "softening": self.softening, "origin": self.origin}
+        out: dict[str, Any] = {n: list(getattr(self, n)) for n in ("n_loc", "kappa", "omega_s", "z_s", "k_n")}
+        unknown = {"omega_s": None} if math.isnan(self.omega_s.value) else {}
+        return {**out, **unknown, "softening": self.softening, "origin": self.origin}
 
 
 def intervals(
@@ -95,20 +93,18 @@ def intervals(
     """
 
     def values(one: Law) -> Array:
-        z = one.deflection(load)
+        try:
+            z = one.deflection(load)
+        except RangeError:
+            if one is law:
+                raise
+            return np.full(4, np.nan)
         k = one.derivatives(z)[0]
         return np.array([z * k / load, one.kappa(z), z, k])
 
-    def of_member(one: Law) -> Array:
-        try:
-            return values(one)
-        except RangeError:
-            return np.full(4, np.nan)
-
-    members, centre = tuple(members), values(law)
-    thinned = law.thinned if isinstance(law, TableLaw) else ()
-    ends = np.stack([centre, *map(of_member, members)])
-    wider = np.sum([np.abs(of_member(one) - centre) for one in thinned], axis=0) if thinned else np.zeros(4)
+    members, centre, thinned = tuple(members), values(law), law.thinned if isinstance(law, TableLaw) else ()
+    ends = np.stack([centre, *map(values, members)])
+    wider = np.sum([np.abs(values(one) - centre) for one in thinned], axis=0) if thinned else np.zeros(4)
     wider[1] = law.kappa_bar(float(centre[2]))
     found = np.stack([centre, ends.min(axis=0) - wider, ends.max(axis=0) + wider], axis=1)
     n_loc, kappa, z_s, k_n, omega_s = (Interval(*row) for row in [*found.tolist(), np.sqrt(found[3] / mass).tolist()])
@@ -117,7 +113,7 @@ def intervals(
 
 
 def uncertainty(oscillator: ContactOscillator, members: Iterable[Law] = (), origin: str = "laws given") -> Uncertainty:
-    """Carry an ensemble of laws (seeds), and the points of a table, to k_n, omega_s, n_loc, kappa and z_s.
+    """Intervals of the law of an oscillator, with the extremes over an ensemble of laws (seeds), and by its points.
 
     Args:
         oscillator: with the central law
@@ -128,8 +124,6 @@ def uncertainty(oscillator: ContactOscillator, members: Iterable[Law] = (), orig
         InputError: nothing bounds the law
 
     Examples:
-        Two laws, for example of two seeds:
-
         >>> oscillator = asp.ContactOscillator(asp.PowerLaw(1.5), load=1.0)
         >>> result = asp.uncertainty(oscillator, members=[asp.PowerLaw(1.4), asp.PowerLaw(1.6)])
         >>> print(f"omega_s = {result.omega_s.low:.3f} to {result.omega_s.high:.3f} rad/s")
@@ -177,8 +171,8 @@ def response_band(
     """Envelope of the stable response over the laws that bound its own.
 
     A law that is stiffer by a factor s^2 has the same response with frequencies s times as high and displacements 1/s^2
-    as large. So the band at a frequency contains all points of the response in a range of frequencies: that of omega_s
-    over the members. The responses of members of another shape are moved through the same range.
+    as large. So the band at a frequency contains the response in the range of omega_s over the members. The responses
+    of members of another shape are moved through the same range.
 
     Args:
         oscillator: with the central law

@@ -34,12 +34,11 @@ class LawAtLoad:
     Attributes:
         name: of the law, see `law_from`
         law, known: the law and its intervals at the preload; None where the curve does not have it
-        applies: whether the law describes small vibration about this preload. After yield only the chosen one does,
-            unless it is one of the loading.
+        applies: whether it describes small vibration about this preload, which after yield an unloading or the elastic
+            tangent alone does
         chosen: whether it is the law of the vibration
         missing: why there is no law, or ""
-        bar, bar_of: relative error bar at the preload, and of which column: "k_n_elastic" where the law is made of it
-            and the curve has its bar, else "force"; NaN for a curve without one
+        bar, bar_of: relative error bar at the preload, NaN if unknown, and its column, "k_n_elastic" or "force"
     """
 
     name: str
@@ -66,10 +65,6 @@ class LawAtLoad:
         """Frequency of small vibration (1/time), NaN without a mass."""
         return math.nan if self.known is None else self.known.omega_s.value / (2 * math.pi)
 
-    def sides(self) -> tuple[Law, ...]:
-        """Law at both ends of its error bar, none without a bar."""
-        return _sides(self.law, self.bar, self.bar_of)
-
     def to_dict(self) -> dict[str, Any]:
         """Row as plain values, None where unknown; `*_bar` is half the width of an interval."""
         out: dict[str, float] = dict.fromkeys(("n", "kappa", "z_s", "k_n", "f"), math.nan)
@@ -79,8 +74,8 @@ class LawAtLoad:
                 out |= {key: interval.value, f"{key}_bar": interval.half}
             out |= {"f": self.frequency, "f_bar": 0.5 * self.stiffness_bar * self.frequency}
         known = {n: v if math.isfinite(v) else None for n, v in (out | {"bar": self.bar}).items()}
-        last = {"bar_of": self.bar_of, "applies": self.applies, "chosen": self.chosen, "missing": self.missing}
-        return {"law": self.name, **known, **last}
+        rest = {name: getattr(self, name) for name in ("bar_of", "applies", "chosen", "missing")}
+        return {"law": self.name, **known, **rest}
 
 
 @dataclass(frozen=True, eq=False)
@@ -161,9 +156,10 @@ def tabulate(columns: CurveColumns, choice: Choice, mass: float = math.nan) -> L
     def bounded(row: LawAtLoad) -> LawAtLoad:
         if row.law is None:
             return row
-        members, origin = row.sides(), _words(row.bar_of, row.bar)
+        members, origin = _sides(row.law, row.bar, row.bar_of), _words(row.bar_of, row.bar)
         if row.chosen:
-            others = [law for other in applying[1:] for law in other.sides() or (other.law,) if law is not None]
+            pairs = [(one.law, _sides(one.law, one.bar, one.bar_of)) for one in applying[1:] if one.law is not None]
+            others = [law for own, sides in pairs for law in sides or (own,)]
             members = (*members, *choice.bounds, *others)
             parts = sorted({_words(one.bar_of, one.bar) for one in applying if one.bar > 0})
             parts += ["unknown branch of the overload"] if choice.bounds else []
@@ -186,7 +182,7 @@ def _words(of: str, bar: float) -> str:
     return f"error bar of the {of}, {100 * bar:.2g} %"
 
 
-def _sides(law: Law | None, bar: float, bar_of: str) -> tuple[Law, ...]:
+def _sides(law: Law, bar: float, bar_of: str) -> tuple[Law, ...]:
     """Law at both ends of an error bar of the force, or of the stiffness of its points; none without a bar."""
     factors = (1.0 - bar, 1.0 + bar) if bar > 0 else ()
     if isinstance(law, TableLaw) and bar_of == "k_n_elastic":

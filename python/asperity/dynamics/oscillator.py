@@ -14,13 +14,13 @@ from asperity.dynamics import thresholds as _thresholds
 from asperity.dynamics.equation import Restoring
 from asperity.dynamics.free import FreeVibration, contact_limit, free_vibration, largest_amplitude
 from asperity.dynamics.harmonic_balance import Balance
-from asperity.dynamics.law.checks import positive
+from asperity.dynamics.law.checks import positive, within
 from asperity.dynamics.law.damping import Damping, check_damping
 from asperity.dynamics.law.law import Law
 from asperity.dynamics.law.taylor import TaylorLaw
 from asperity.dynamics.motion import Trajectory, integrate
 from asperity.dynamics.response import FrequencyResponse, frequency_response
-from asperity.dynamics.settings import MIN_ZETA, Setting, forcings, frequencies, window
+from asperity.dynamics.settings import FORCING, MIN_ZETA, OMEGA, Setting, forcings, window
 from asperity.dynamics.sweep import Sweep
 from asperity.dynamics.thresholds import Thresholds
 from asperity.errors import AsperityWarning, InputError, RangeError
@@ -54,11 +54,9 @@ class ContactOscillator:
         >>> oscillator = asp.ContactOscillator(asp.PowerLaw(1.5, K=1e9), load=10.0, zeta=0.02)
         >>> print(f"m = {oscillator.mass:.4f} kg, omega_s = {oscillator.omega_s:.1f} rad/s")
         m = 1.0197 kg, omega_s = 1780.2 rad/s
-        >>> print(f"contact is kept up to u = {oscillator.u_max:.4f}")
-        contact is kept up to u = 0.8420
         >>> onset = oscillator.thresholds(0.05)
-        >>> print(onset.softening, f"{onset.contact_loss:.4f}", f"{onset.peaks[0]['Omega']:.4f}")
-        softening 0.0355 0.8559
+        >>> print(f"{onset.u_max:.4f}", onset.softening, f"{onset.contact_loss:.4f}, {onset.peaks[0]['Omega']:.4f}")
+        0.8420 softening 0.0355, 0.8559
         >>> path = oscillator.simulate(0.9, 0.05, u=0.1, periods=2)
         >>> print(f"{path.u.max():.4f}")
         0.1914
@@ -82,9 +80,9 @@ class ContactOscillator:
         object.__setattr__(self, "damping", check_damping(self.damping, self.zeta))
         if self.gravity is not None:
             positive("gravity", self.gravity)
-        load = self.load if self.load is not None else self.law.default_load
-        object.__setattr__(self, "load", positive("load", load))
-        object.__setattr__(self, "restoring", Restoring(self.law, float(load)))
+        load = positive("load", self.law.default_load if self.load is None else self.load)
+        object.__setattr__(self, "load", load)
+        object.__setattr__(self, "restoring", Restoring(self.law, load))
         if self.restoring.known_to < -1e-9:
             end = float(self.law.force(self.law.known_to))
             raise RangeError(
@@ -147,9 +145,9 @@ class ContactOscillator:
         Raises:
             ConvergenceError: no orbit is found
         """
-        (f,) = forcings(positive("forcing", forcing))
+        setting = self.setting(within("forcing", forcing, FORCING))
         ends, tol = window(omega), positive("tol", tol)
-        return frequency_response(self.balance(), self.setting(f), ends, tol=tol, subharmonics=subharmonics)
+        return frequency_response(self.balance(), setting, ends, tol=tol, subharmonics=subharmonics)
 
     def sweep(
         self,
@@ -211,10 +209,8 @@ class ContactOscillator:
         Raises:
             RangeError: the motion escapes from a Taylor well
         """
-        (w,) = frequencies(positive("omega", omega))
-        f = positive("forcing", forcing, zero=True)
-        if f:
-            forcings(f)
+        w = within("omega", omega, OMEGA)
+        f = within("forcing", forcing, FORCING) if forcing else 0.0
         if not np.isfinite([u, v]).all():
             raise InputError(f"the initial state u = {u}, v = {v} is not legal: it must be finite")
         period = 2.0 * np.pi / w

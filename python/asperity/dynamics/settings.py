@@ -46,11 +46,6 @@ class Setting:
         return self.n_loc * self.F_hat
 
 
-def frequencies(values: Any) -> tuple[float, ...]:
-    """One Omega or several as a tuple; raise `InputError` unless all are legal."""
-    return tuple(within("omega", value, OMEGA) for value in positives("omega", values))
-
-
 def forcings(values: Any) -> tuple[float, ...]:
     """One F^ or several as a tuple; raise `InputError` unless all are legal."""
     return tuple(within("forcing", value, FORCING) for value in positives("forcing", values))
@@ -58,7 +53,7 @@ def forcings(values: Any) -> tuple[float, ...]:
 
 def window(omega: Sequence[float]) -> tuple[float, float]:
     """Lowest and highest Omega; raise `InputError` unless they are a legal window."""
-    values = frequencies(omega)
+    values = tuple(within("omega", value, OMEGA) for value in positives("omega", omega))
     if len(values) != 2 or values[0] >= values[1]:
         raise InputError(f"omega = {list(values)} is not legal: give two frequencies 0 < low < high")
     return values[0], values[1]

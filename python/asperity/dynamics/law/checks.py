@@ -32,9 +32,7 @@ def within(name: str, value: float, legal: tuple[float, float]) -> float:
 
 def positives(name: str, values: Any) -> tuple[float, ...]:
     """One number or several as a tuple; raise `InputError` if there is none or one is not positive."""
-    several = isinstance(values, Iterable) and not isinstance(values, str)
-    if isinstance(values, np.ndarray):
-        several = values.ndim > 0
+    several = isinstance(values, Iterable) and not isinstance(values, str) and getattr(values, "ndim", 1) > 0
     numbers = tuple(positive(name, value) for value in (values if several else (values,)))
     if not numbers:
         raise InputError(f"{name} is empty: give at least one value greater than 0")

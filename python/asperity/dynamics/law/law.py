@@ -18,8 +18,6 @@ from asperity.dynamics.law.checks import positive
 from asperity.errors import RangeError
 
 _FARTHEST = 1e100  # approach beyond which no load is sought (length)
-_SMALL = 0.05  # below this |u| the potential is integrated: differences of potentials cancel
-_GAUSS_X, _GAUSS_W = np.polynomial.legendre.leggauss(16)
 
 
 class Law(ABC):
@@ -38,20 +36,14 @@ class Law(ABC):
 
         >>> class Spring(Law):
         ...     def both(self, z):
-        ...         return 2.0 * np.maximum(z, 0.0), np.where(np.asarray(z) > 0, 2.0, 0.0)
-        ...
+        ...         return 2.0 * np.maximum(z, 0.0), 2.0 * (np.asarray(z) > 0)
         ...     def potential(self, z):
         ...         return np.maximum(z, 0.0) ** 2
-        ...
         ...     def derivatives(self, z):
         ...         return 2.0, 0.0, 0.0
-        ...
         ...     def describe(self):
         ...         return "spring"
-        >>> spring = Spring()
-        >>> spring.force([-1.0, 0.5])
-        array([0., 1.])
-        >>> asp.ContactOscillator(spring, load=3.0).restoring.z_s
+        >>> asp.ContactOscillator(Spring(), load=3.0).restoring.z_s
         1.5
     """
 
@@ -88,22 +80,14 @@ class Law(ABC):
     @property
     def default_load(self) -> float:
         """Preload where none is given (force): that at an approach of 1."""
-        return float(self.both(np.array([1.0]))[0][0])
+        return self.at(1.0)[0]
 
     def force(self, z: ArrayLike) -> Array:
-        """Force at `z` (length, any shape).
-
-        Raises:
-            RangeError: an approach lies beyond `known_to`
-        """
+        """Force at `z` (length, any shape); a `RangeError` where an approach lies beyond `known_to`."""
         return self.both(self._checked(z))[0]
 
     def stiffness(self, z: ArrayLike) -> Array:
-        """Tangent stiffness (force/length) at `z` (length, any shape).
-
-        Raises:
-            RangeError: as for `force`
-        """
+        """Tangent stiffness (force/length) at `z` (length, any shape); a `RangeError` as for `force`."""
         return self.both(self._checked(z))[1]
 
     def deflection(self, load: float) -> float:
@@ -134,7 +118,7 @@ class Law(ABC):
 
     def n_loc(self, z: float) -> float:
         """Local exponent ``z F'(z) / F(z)``; it equals n for a power law."""
-        return z * self.derivatives(z)[0] / float(self.both(np.array([z]))[0][0])
+        return z * self.derivatives(z)[0] / self.at(z)[0]
 
     def kappa(self, z: float) -> float:
         """Backbone curvature: omega/omega_s = 1 + kappa a^2 (a: amplitude over z).
@@ -142,21 +126,6 @@ class Law(ABC):
         ``kappa = (z^2/48) [3 P'''/P' - 5 (P''/P')^2]`` (multiple scales; Nayfeh & Mook 1979, section 2.3).
         """
         return curvature(self.derivatives(z), z)
-
-    def well(self, u: Array, z_s: float, load: float, scale: float) -> Array:
-        """Normalised potential ``V(u)``, the integral of f from 0 to u."""
-        u = np.asarray(u, float)
-        inside = np.maximum(u, -1.0) if self.contact else u
-        value = (self.potential(z_s * (1 + inside)) - self.potential(z_s) - load * z_s * inside) / (scale * z_s)
-        small = np.abs(u) < _SMALL
-        if small.any():
-            kink = np.minimum(u[small], max(self.yields_at / z_s - 1.0, 0.0))
-            value = np.array(value)
-            value[small] = 0.0
-            for start, half in ((0.0, 0.5 * kink), (kink, 0.5 * (u[small] - kink))):
-                at = np.asarray(start)[..., None] + half[..., None] * (1.0 + _GAUSS_X)
-                value[small] += half * ((self.both(z_s * (1 + at))[0] - load) / scale @ _GAUSS_W)
-        return value + (inside - u) * load / scale
 
     def kappa_bar(self, z: float) -> float:
         """Error bar of `kappa` at `z`."""
