@@ -28,8 +28,7 @@ SCENES: tuple[Scene, ...] = (
         "slope/own-size",
         "slopes up to 1.5, without a greatest size of elements",
         wave(1.5 / (2 * pi)) | ELASTIC | {"loading.delta_max": 0.05 * L, "mesh.h_max": None},
-        ends="refused",
-        reason="too large for the slopes of the surface",
+        twin=Twin("mesh.h_max = 0.15 L", 0.1, {"mesh.h_max": 0.15 * L}),
     ),
     Scene(
         "full/wave-1d",
