@@ -1,4 +1,4 @@
-"""Newton's method for one position of the flat: PETSc SNES around a solid and a contact formulation."""
+"""Newton's method for one position of the flat, on a solid and a contact formulation."""
 
 from __future__ import annotations
 
