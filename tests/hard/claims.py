@@ -17,8 +17,6 @@ if TYPE_CHECKING:
 
 Claim = Callable[["Case", "Curve"], tuple[bool, str]]
 
-SHAKEN = 1e-6  # relative change of the peak force between elastic cycles that counts as none
-
 
 def nearly_full(case: Case, curve: Curve) -> tuple[bool, str]:
     """More than 95 % of the area is in contact, but not all of it."""
@@ -83,13 +81,6 @@ def keeps_a_loop(case: Case, curve: Curve) -> tuple[bool, str]:
     last, change = float(growth[-1]), abs(float(growth[-1] / growth[-2]) - 1.0)
     text = f"plastic strain grows by {last:.1e} in the last cycle, {change:.0e} of it more or less than in that before"
     return last > 1e-3 and change < 0.05, text
-
-
-def closed_loops(case: Case, curve: Curve) -> tuple[bool, str]:
-    """Cycles of an elastic contact are identical and leave no residual indentation."""
-    peaks, dents = _peaks(curve), _dents(curve)
-    change, dent = float(np.ptp(peaks) / peaks[0]), float(np.abs(dents).max() / case.surface.L)
-    return change < SHAKEN and dent < 1e-9, f"peak force changes by {change:.0e}, dent {dent:.0e} L"
 
 
 def _peaks(curve: Curve) -> np.ndarray:

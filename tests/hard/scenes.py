@@ -137,12 +137,6 @@ SCENES: tuple[Scene, ...] = (
         twin=Twin("200 steps", 0.25, {"loading.steps": 200}),
     ),
     Scene(
-        "steps/1-elastic",
-        "one huge step, elastic",
-        ELASTIC | {"loading.steps": 1},
-        twin=Twin("200 steps", 1e-6, {"loading.steps": 200}),
-    ),
-    Scene(
         "cycles/50",
         "50 cycles to a force",
         {
@@ -156,34 +150,10 @@ SCENES: tuple[Scene, ...] = (
         claim=claims.shakes_down,
     ),
     Scene(
-        "cycles/20-perfect",
-        "20 cycles, perfectly plastic",
-        {
-            "loading.unload": True,
-            "loading.cycles": 20,
-            "loading.steps": 4,
-            "loading.unload_steps": 4,
-            "material.tangent_modulus": None,
-        },
-        claim=claims.shakes_down,
-    ),
-    Scene(
-        "cycles/20-elastic",
-        "20 cycles, elastic",
-        ELASTIC | {"loading.unload": True, "loading.cycles": 20, "loading.steps": 3, "loading.unload_steps": 3},
-        claim=claims.closed_loops,
-    ),
-    Scene(
         "edge/free-corner",
         "summit in the corner of a block with free sides",
         wave(0.05, centre=(0.0, 0.0)) | {"block.sides": "free", "loading.unload": True},
         twin=PENALTY,
-    ),
-    Scene(
-        "edge/free-rough",
-        "rough surface, free sides",
-        {"block.sides": "free", "loading.delta_max": 0.05 * L, "loading.unload": True},
-        twin=DIRECT,
     ),
     *grids.penalties(),
     *grids.tolerances(),
@@ -222,12 +192,6 @@ SCENES: tuple[Scene, ...] = (
         "force/given",
         "half of what the displacement reaches",
         {"loading.delta_max": None, "loading.force_max": 5e-3, "loading.unload": True, "loading.cycles": 2},
-        twin=DIRECT,
-    ),
-    Scene(
-        "force/next-to-nothing",
-        "force of 1.4e-12 E' L^2, on a sphere",
-        sphere(1.0) | {"loading.delta_max": None, "loading.force_max": 3e-13, "mesh.h_contact": 0.1 * L},
         twin=DIRECT,
     ),
     Scene(
