@@ -37,8 +37,8 @@ COARSE = MeshSize(h_contact=0.12)
 HERE: dict[str, Any] = dict(sides="periodic", delta_max=0.02, steps=2, size=COARSE)
 
 
-def wave(x: float = 0.5, y: float = 0.5, waves: int = 1) -> Sinusoid:
-    return Sinusoid(L=1.0, amplitude=0.02, wavelength=1.0 / waves, dims=2, centre=(x, y))
+def wave(x: float = 0.5, y: float = 0.5) -> Sinusoid:
+    return Sinusoid(L=1.0, amplitude=0.02, wavelength=1.0, dims=2, centre=(x, y))
 
 
 def block_of(surface: Surface, h: float = 0.12) -> BlockMesh | None:
@@ -192,12 +192,13 @@ def test_a_flat_block_is_in_uniaxial_strain() -> None:
 PLACES = ((0.5, 0.5), (0.23, 0.87))  # of the crest
 
 
-@pytest.mark.parametrize("formulation", [None, Formulation("nitsche")], ids=["active set", "nitsche"])
-def test_force_does_not_depend_on_where_the_period_begins(formulation: Formulation | None) -> None:
+def test_force_does_not_depend_on_where_the_period_begins() -> None:
     """To the accuracy of the mesh; where the surface is symmetric about its sides, rollers give the same force."""
 
     def loading(at: tuple[float, float], sides: str) -> Curve:
-        return solve_contact(wave(*at), ELASTIC, **HERE | {"sides": sides}, formulation=formulation).curve
+        return solve_contact(
+            wave(*at), ELASTIC, **HERE | {"sides": sides, "steps": 1}, formulation=Formulation("nitsche")
+        ).curve
 
     first, second = (loading(at, "periodic") for at in PLACES)
     symmetric, mirrored = (loading(at, "rollers") for at in PLACES)
@@ -238,13 +239,10 @@ def test_a_rough_surface_against_a_half_space_of_its_period() -> None:
 @pytest.mark.mpi
 def test_multigrid_solves_joined_systems() -> None:
     """As many iterations as between rollers, about, and the solution of a factorisation."""
-    surface = wave(0.2, 0.9, waves=2)
+    surface, here = wave(0.2, 0.9), HERE | {"steps": 1, "size": MeshSize(0.2, h_max=0.2)}
     found = {
         (sides, linear): solve_contact(
-            surface,
-            ELASTIC,
-            **HERE | {"sides": sides, "steps": 1, "size": MeshSize(0.15, h_max=0.2)},
-            options=SolverOptions(linear=linear),
+            surface, ELASTIC, **here | {"sides": sides}, options=SolverOptions(linear=linear)
         )
         for sides, linear in (("periodic", "cg"), ("periodic", "lu"), ("rollers", "cg"))
     }
