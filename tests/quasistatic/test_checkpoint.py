@@ -249,6 +249,12 @@ def test_a_damaged_checkpoint_is_refused_and_left_alone(
     assert {path: path.read_bytes() for path in saved.iterdir()} == before
 
 
+def test_another_mesh_is_refused(saved: Path, coarse: BlockMesh) -> None:
+    (saved / MESH).write_bytes(npz_bytes(coarse.arrays()))
+    with pytest.raises(CheckpointError, match=f"{MESH} does not belong to the state"):
+        Checkpoint(saved, SAVED, world()).load()
+
+
 @pytest.mark.parametrize("other", [FORMAT - 1, FORMAT + 1])
 def test_a_checkpoint_of_another_version_is_refused(saved: Path, other: int) -> None:
     with np.load(saved / STATE) as file:

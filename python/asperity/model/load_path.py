@@ -52,8 +52,8 @@ class Schedule:
     sticks: bool = False
 
     def __post_init__(self) -> None:
-        some, any_ = (1, inf), (0, inf)
-        check_kinds(self, "loading", integrator=INTEGRATORS, steps=some, unload_steps=any_, cycles=some, substeps=some)
+        at_least_one = dict.fromkeys(("steps", "cycles", "substeps"), (1, inf))
+        check_kinds(self, "loading", integrator=INTEGRATORS, unload_steps=(0, inf), **at_least_one)
         for name in ("delta_max", "force_max"):
             value = getattr(self, name)
             if value is not None and not 0.0 < value < inf:

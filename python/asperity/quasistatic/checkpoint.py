@@ -20,7 +20,7 @@ import numpy as np
 
 from asperity.errors import CheckpointError
 from asperity.mesh.block import BlockMesh
-from asperity.quasistatic.checkpoint_state import Saved, snapshot_fields, solver_fields, solver_numbers
+from asperity.quasistatic.checkpoint_state import DISPLACEMENTS, Saved, snapshot_fields, solver_fields, solver_numbers
 from asperity.quasistatic.contact_solver import ContactSolver
 from asperity.quasistatic.stepping import Position, Record
 from asperity.runtime.files import (
@@ -122,8 +122,11 @@ class Checkpoint:
                 return None
             remove_asides(self.folder)
             meta, headers = self._read_state(self.folder / STATE)
-            with _refusing(self.folder / MESH):
-                blocks.append(BlockMesh.from_arrays(read_npz(self.folder / MESH)))
+            path = self.folder / MESH
+            with _refusing(path):
+                blocks.append(block := BlockMesh.from_arrays(read_npz(path)))
+            if not block.refinements and headers[DISPLACEMENTS[0]][1][0] != len(block.points):
+                raise CheckpointError(f"{path} does not belong to the state; start the run again with --force")
             names = [SNAPSHOT.format(k) for k in range(len(meta["snapshots"]))]
             return meta, {STATE: headers} | {name: scan(self.folder / name)[1] for name in names}
 
