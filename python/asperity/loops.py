@@ -136,10 +136,6 @@ class LoopTable:
             )
         return "; ".join(parts)
 
-    def rows(self) -> list[dict[str, Any]]:
-        """One row per loop: the columns of loops.csv."""
-        return [{name: getattr(loop, name) for name in COLUMNS} for loop in self.loops]
-
     def to_dict(self) -> dict[str, Any]:
         """Section "loops" of summary.json: the last loop of each amplitude next to the first."""
         table = []
@@ -160,7 +156,7 @@ class LoopTable:
 
     def write(self, path: Path) -> None:
         """Write loops.csv."""
-        write_csv(path, COLUMNS, self.rows())
+        write_csv(path, COLUMNS, ({name: getattr(loop, name) for name in COLUMNS} for loop in self.loops))
 
     @classmethod
     def read(cls, path: Path) -> LoopTable:
@@ -189,6 +185,3 @@ def _loop(row: dict[str, str]) -> Loop:
     """A loop of a row of the file."""
     amplitude, _, *values = (float(row[item.name]) for item in fields(Loop))
     return Loop(amplitude, int(row["loop"]), *values)
-
-
-__all__ = ["COLUMNS", "Loop", "LoopTable"]

@@ -72,11 +72,9 @@ def law_from(
     Examples:
         >>> from asperity.dynamics import law_from
         >>> delta = np.linspace(0.0, 1.0, 11)
-        >>> law, load = law_from({"delta": delta, "force": 2.0 * delta**1.5})
+        >>> law, load = law_from({"delta": delta, "force": 2.0 * delta**1.5}, "paper")
         >>> print(law.describe(), "preload", load)
-        table, 10 points, interpolated preload 1.0
-        >>> law_from({"delta": delta, "force": 2.0 * delta**1.5}, "paper")[0].describe()
-        'power law n = 1.5, K = 2'
+        power law n = 1.5, K = 2 preload 1.0
     """
     if isinstance(source, Law):
         return source, source.default_load if load is None else load
@@ -113,10 +111,9 @@ def choose(
         return _automatic(columns, load, overload)
     found = law_named(columns, law, load)
     yielded = columns.yielded(top if law == "unload-reload" else load)
-    reached = load if law == "elastic" else None
-    if law == "unload-reload" and isinstance(found, TableLaw):
-        reached = found.top
-    return Choice(law, found, load, reached if yielded else None, yielded, "named")
+    reached = found.top if law == "unload-reload" and isinstance(found, TableLaw) else load
+    known = yielded and law in ("unload-reload", "elastic")
+    return Choice(law, found, load, reached if known else None, yielded, "named")
 
 
 def law_named(columns: CurveColumns, name: str, load: float) -> Law:
@@ -132,8 +129,7 @@ def law_named(columns: CurveColumns, name: str, load: float) -> Law:
     if not (length > 0 and unit > 0):
         raise InputError("the loading branch of the curve never makes contact: no power law can be fitted")
     up = force[np.argsort(delta, kind="stable")]
-    fall = float(np.max(np.maximum.accumulate(up) - up))
-    if fall > _NOISE * unit:
+    if (fall := float(np.max(np.maximum.accumulate(up) - up))) > _NOISE * unit:
         raise InputError(
             f"the force of the curve does not rise with the approach: it falls by {fall:g}, by more than "
             f"{100 * _NOISE:g} % of its largest value, the limit for noise: smooth it"
@@ -145,10 +141,9 @@ def law_named(columns: CurveColumns, name: str, load: float) -> Law:
 def unload_reload(curve: Any, load: float | None = None) -> TableLaw:
     """Physical law of a plastic contact about a preload: the last unload-reload loop of a curve.
 
-    The law is the reloading of the last closed loop, up to the point where its unloading began, else the last
-    unloading. Its slopes are the elastic stiffness of the rows (column k_n_elastic), if known. The approach is measured
-    from the row at which the contact separates. Without such a row the law ends at zero force with the power that its
-    lowest rows have.
+    The law is the reloading of the last closed loop, else the last unloading. Its slopes are the elastic stiffness of
+    the rows (column k_n_elastic), if known. The approach is measured from the row at which the contact separates;
+    without one the law ends at zero force with the power that its lowest rows have.
 
     Args:
         curve: a `Curve`, CSV file or mapping with delta, force and branch
@@ -162,12 +157,8 @@ def unload_reload(curve: Any, load: float | None = None) -> TableLaw:
         A contact that separates at a residual indentation of 0.3:
 
         >>> up, down = np.linspace(0.0, 1.0, 21), np.linspace(0.95, 0.3, 14)
-        >>> curve = {
-        ...     "delta": [*up, *down],
-        ...     "force": [*up**1.5, *((down - 0.3) / 0.7) ** 1.5],
-        ...     "branch": ["load"] * 21 + ["unload"] * 14,
-        ... }
-        >>> law = asp.unload_reload(curve, load=0.5)
+        >>> curve = {"delta": [*up, *down], "force": [*up**1.5, *((down - 0.3) / 0.7) ** 1.5]}
+        >>> law = asp.unload_reload(curve | {"branch": ["load"] * 21 + ["unload"] * 14}, load=0.5)
         >>> round(law.origin, 4), round(law.deflection(0.5), 4)
         (0.3, 0.441)
     """

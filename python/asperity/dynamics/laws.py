@@ -65,6 +65,10 @@ class LawAtLoad:
         """Frequency of small vibration (1/time), NaN without a mass."""
         return math.nan if self.known is None else self.known.omega_s.value / (2 * math.pi)
 
+    def sides(self) -> tuple[Law, ...]:
+        """Law at both ends of its error bar, none without a bar."""
+        return _sides(self.law, self.bar, self.bar_of)
+
     def to_dict(self) -> dict[str, Any]:
         """Row as plain values, None where unknown; `*_bar` is half the width of an interval."""
         out: dict[str, float] = dict.fromkeys(("n", "kappa", "z_s", "k_n", "f"), math.nan)
@@ -156,10 +160,9 @@ def tabulate(columns: CurveColumns, choice: Choice, mass: float = math.nan) -> L
     def bounded(row: LawAtLoad) -> LawAtLoad:
         if row.law is None:
             return row
-        members, origin = _sides(row.law, row.bar, row.bar_of), _words(row.bar_of, row.bar)
+        members, origin = row.sides(), _words(row.bar_of, row.bar)
         if row.chosen:
-            pairs = [(one.law, _sides(one.law, one.bar, one.bar_of)) for one in applying[1:] if one.law is not None]
-            others = [law for own, sides in pairs for law in sides or (own,)]
+            others = [law for other in applying[1:] for law in other.sides() or (other.law,) if law is not None]
             members = (*members, *choice.bounds, *others)
             parts = sorted({_words(one.bar_of, one.bar) for one in applying if one.bar > 0})
             parts += ["unknown branch of the overload"] if choice.bounds else []
@@ -182,7 +185,7 @@ def _words(of: str, bar: float) -> str:
     return f"error bar of the {of}, {100 * bar:.2g} %"
 
 
-def _sides(law: Law, bar: float, bar_of: str) -> tuple[Law, ...]:
+def _sides(law: Law | None, bar: float, bar_of: str) -> tuple[Law, ...]:
     """Law at both ends of an error bar of the force, or of the stiffness of its points; none without a bar."""
     factors = (1.0 - bar, 1.0 + bar) if bar > 0 else ()
     if isinstance(law, TableLaw) and bar_of == "k_n_elastic":

@@ -1,8 +1,7 @@
 """Motion in time: one motion with located separations and landings, and many with fixed steps.
 
-Both integrate Lienard's variable (see `asperity.dynamics.equation`), in which the vector field is continuous at contact
-loss. A single motion is integrated by SciPy's DOP853 from one separation or landing to the next, so no step contains
-either; many by the Runge-Kutta method of order 4, each a lane of the arrays.
+Both integrate Lienard's variable (see `asperity.dynamics.equation`): a single motion by SciPy's DOP853 from one
+separation or landing to the next, many by the Runge-Kutta method of order 4, each a lane of the arrays.
 """
 
 from __future__ import annotations

@@ -64,9 +64,8 @@ class FrequencyResponse:
     @property
     def peak(self) -> tuple[float, float]:
         """Omega and u_max of the largest displacement on any branch."""
-        best = max(self.branches, key=lambda b: float(b.u_max.max()))
-        j = int(best.u_max.argmax())
-        return float(best.Omega[j]), float(best.u_max[j])
+        top, omega = max((float(b.u_max.max()), float(b.Omega[b.u_max.argmax()])) for b in self.branches)
+        return omega, top
 
     def at(self, omega: float) -> tuple[Solution, ...]:
         """All orbits of the branches at this Omega, lowest u_max first.
@@ -112,14 +111,13 @@ class FrequencyResponse:
 
     def to_dict(self) -> dict[str, Any]:
         """Section of thresholds.json."""
-        (omega, top), named = self.peak, ("kind", "Omega", "u_max", "u_min")
+        named = ("kind", "Omega", "u_max", "u_min")
         return {
             "F_hat": self.setting.F_hat,
             "F_over_mg": self.setting.F_over_mg,
-            "peak": {"Omega": omega, "u_max": top},
+            "peak": dict(zip(("Omega", "u_max"), self.peak, strict=True)),
             "events": [
-                {name: getattr(e, name) for name in named} | {"branch": self.branches[e.branch].kind}
-                for e in self.events
+                {n: getattr(e, n) for n in named} | {"branch": self.branches[e.branch].kind} for e in self.events
             ],
             "tolerance": self.tolerance,
             "determinant_error": self.det_error,
@@ -130,14 +128,9 @@ class FrequencyResponse:
 
     def rows(self) -> Iterator[dict[str, Any]]:
         """Rows of response.csv, in order along each branch, as dense as in `lines`."""
-        s = self.setting
         for branch, line in zip(self.branches, self.lines(), strict=True):
             for omega, u_max, u_min, a1, phase, stable in zip(*line, strict=True):
-                yield {
-                    "model": s.model, "F_hat": s.F_hat, "zeta": s.zeta, "Omega": omega, "u_max": u_max, "u_min": u_min,
-                    "a1": a1, "stable": bool(stable), "branch": branch.kind, "contact_loss": bool(u_min < -1.0),
-                    "phase": phase,
-                }  # fmt: skip
+                yield self.setting.row(branch.kind, omega, u_max, u_min, a1, bool(stable), phase)
 
 
 def frequency_response(
@@ -153,10 +146,8 @@ def frequency_response(
 
     `max_points` is that of `continuation.Tracing`.
     """
-    low, high = omega
-    how = Tracing(
-        omega, tol, balance.zeta, (high - low) / 25.0, max_points=max_points, smooth=not balance.restoring.singular
-    )
+    step, smooth = (omega[1] - omega[0]) / 25.0, not balance.restoring.singular
+    how = Tracing(omega, tol, balance.zeta, step, max_points=max_points, smooth=smooth)
     search = Search(balance, setting.F_hat, how, subharmonics)
     search.run()
     branches = search.branches

@@ -1,9 +1,8 @@
 """Search for all branches of periodic orbits in a window of frequencies.
 
 The branch of order 1 starts where its orbit is unique and known: above the resonance, or from rest. Every branch is
-traced beyond the window, with a larger tolerance there, until it is beyond the resonances, and then cut. A window has
-therefore the orbits of a wide one. Branches of twice the period start at period doublings, others at orbits of the
-period map.
+traced beyond the window, with a larger tolerance there, and then cut, so a window has the orbits of a wide one.
+Branches of twice the period start at period doublings, others at orbits of the period map.
 """
 
 from __future__ import annotations
@@ -11,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from contextlib import suppress
 from dataclasses import replace
-from itertools import pairwise
+from itertools import pairwise, product
 
 import numpy as np
 
@@ -55,10 +54,6 @@ _SAME = 1e-3  # relative distance below which two orbits are identical
 class Search:
     """Traces every branch of order 1 from where it is known, and those through further orbits.
 
-    Args:
-        balance, how: equations; window, accuracy and limits, for order 1
-        subharmonics: whether branches of period 2 are traced too
-
     Attributes:
         branches, events: the branches; one that leaves the window and returns is in several pieces
         notes: on what could not be found or continued
@@ -99,13 +94,12 @@ class Search:
             raise ConvergenceError(
                 f"no periodic orbit found for Omega = {low:g} to {high:g} with F^ = {self.forcing:g}"
             )
-        for order in self.orders:
-            self.notes += [
-                f"at the end Omega = {edge:g} of the window at least one orbit of period {order} is missing: "
-                "give another window, which ends between the resonances"
-                for edge in self.how.window
-                if self._excess(order, edge)
-            ]
+        self.notes += [
+            f"at the end Omega = {edge:g} of the window at least one orbit of period {order} is missing: "
+            "give another window, which ends between the resonances"
+            for order, edge in product(self.orders, self.how.window)
+            if self._excess(order, edge)
+        ]
 
     def _searched_orders(self) -> list[int]:
         """Orders of orbits that may be on branches that no other one leads to."""
@@ -116,8 +110,7 @@ class Search:
 
     def describe(self) -> str:
         """Sentence `FrequencyResponse.searched`."""
-        periods = " and ".join(str(order) for order in self.orders)
-        tried = " and ".join(str(order) for order in self._searched_orders())
+        periods, tried = (" and ".join(map(str, orders)) for orders in (self.orders, self._searched_orders()))
         origins = f"rest and up to {2 * _STARTS} starts of period {tried}" if tried else "rest"
         left = "that start from none of these states" if tried else "that so weak a forcing is not expected to sustain"
         return (

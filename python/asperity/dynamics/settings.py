@@ -5,6 +5,7 @@ Each default is here, and the section [dynamics] of a case takes it from here.
 
 from __future__ import annotations
 
+import math
 import os
 import tomllib
 from collections.abc import Mapping, Sequence
@@ -44,6 +45,16 @@ class Setting:
     def F_over_mg(self) -> float:
         """Forcing amplitude over the preload (sigma in the Hertz literature)."""
         return self.n_loc * self.F_hat
+
+    def row(
+        self, branch: str, omega: float, u_max: float, u_min: float, a1: float, stable: bool, phase: float = math.nan
+    ) -> dict[str, Any]:
+        """Row of response.csv."""
+        return {
+            "model": self.model, "F_hat": self.F_hat, "zeta": self.zeta, "Omega": omega, "u_max": u_max,
+            "u_min": u_min, "a1": a1, "stable": stable, "branch": branch, "contact_loss": bool(u_min < -1.0),
+            "phase": phase,
+        }  # fmt: skip
 
 
 def forcings(values: Any) -> tuple[float, ...]:

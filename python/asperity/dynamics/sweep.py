@@ -58,14 +58,9 @@ class Sweep:
 
     def rows(self) -> Iterator[dict[str, Any]]:
         """Rows of response.csv, without escaped points, which have no amplitude."""
-        s = self.setting
-        for i, status in enumerate(self.status):
+        for status, omega, u, low, a1 in zip(self.status, self.Omega, self.u_max, self.u_min, self.a1, strict=True):
             if status != ESCAPED:
-                yield {
-                    "model": s.model, "F_hat": s.F_hat, "zeta": s.zeta, "Omega": self.Omega[i], "u_max": self.u_max[i],
-                    "u_min": self.u_min[i], "a1": self.a1[i], "stable": status != NOT_SETTLED,
-                    "branch": f"sweep-{self.direction}", "contact_loss": bool(self.u_min[i] < -1.0), "phase": np.nan,
-                }  # fmt: skip
+                yield self.setting.row(f"sweep-{self.direction}", omega, u, low, a1, status != NOT_SETTLED)
 
 
 def sweep(

@@ -28,12 +28,8 @@ COLOURS = (style.BLUE, style.VERMILION, style.GREEN, style.PURPLE, style.ORANGE,
 DASHES = (0, (3, 1.5))  # offset, and lengths of line and gap [line widths]
 _SWEEPS = {"sweep-up": ("^", "sweep up"), "sweep-down": ("v", "sweep down")}
 _MARKS = {"fold": ("o", "fold"), "period doubling": ("s", "period doubling")}
-_ACTS = {
-    "always": "always",
-    "contact": "in contact",
-    "hunt-crossley": "after Hunt and Crossley",
-    "loops": "as the loops",
-}
+_ACTS = {"contact": "in contact", "hunt-crossley": "after Hunt and Crossley", "loops": "as the loops"}
+_Event = Mapping[str, Any]  # special orbit as in thresholds.json, with its model and forcing
 _FAINT = 0.35  # opacity of what is not physical
 _CLOSE = 0.03  # share of the extent of a curve within which consecutive rows are always joined
 
@@ -42,7 +38,9 @@ def heading(zeta: Iterable[float], damping: str | None, n_loc: float | None) -> 
     """Title: local exponent, damping ratio, damping model."""
     exponent = f"$n_{{loc}}$ = {n_loc:.4g}, " if n_loc else ""
     ratios = ", ".join(f"{value:g}" for value in zeta)
-    return f"{exponent}damping ratio $\\zeta$ = {ratios}" + (f", acting {_ACTS[damping]}" if damping else "")
+    return f"{exponent}damping ratio $\\zeta$ = {ratios}" + (
+        f", acting {_ACTS.get(damping, damping)}" if damping else ""
+    )
 
 
 @dataclass(frozen=True)
@@ -79,9 +77,6 @@ class Scale:
             style.second_axis(axis, side, self.frequency * factor, style.label("frequency", unit))
 
 
-# -- natural frequency over amplitude ----------------------------------------------------------------------------
-
-
 @style.styled
 def frequency(results: Results) -> Figure:
     """Draw the natural frequency over the release amplitude, a curve for each model."""
@@ -115,33 +110,14 @@ def frequency(results: Results) -> Figure:
     return figure
 
 
-# -- amplitude over excitation frequency ------------------------------------------------------------------
-
-
-@dataclass(frozen=True)
-class _Event:
-    """Special orbit of the response of a model at a forcing."""
-
-    model: str
-    F_hat: float
-    kind: str
-    Omega: float
-    u_max: float
-    u_min: float
-
-
 def response(results: Results) -> Figure:
     """Draw the largest displacement over the excitation frequency: one panel per model, one colour per forcing.
 
     Sweeps are triangles, bands those of exact responses, by the error bar of the force and the spread of the laws.
     """
     t = results.thresholds
-    events = [
-        _Event(model, r["F_hat"], e["kind"], e["Omega"], e["u_max"], e.get("u_min", np.nan))
-        for model in MODELS
-        for r in t.get(model, {}).get("responses", ())
-        for e in r.get("events", ())
-    ]
+    sections = {model: t.get(model, {}).get("responses", ()) for model in MODELS}
+    events = [e | {"model": m, "F_hat": r["F_hat"]} for m, rs in sections.items() for r in rs for e in r["events"]]
     n_loc = t.get("n_loc")
     title = heading(np.unique(results.response["zeta"]), t.get("damping"), n_loc)
     return _response(results.response, events, title, n_loc, results.band, Scale.of(t))
@@ -150,7 +126,7 @@ def response(results: Results) -> Figure:
 def amplitude_frequency(responses: Sequence[FrequencyResponse], sweeps: Sequence[Sweep] = ()) -> Figure:
     """Draw responses and sweeps of any oscillators as `response` does, without units."""
     events = [
-        _Event(r.setting.model, r.setting.F_hat, e.kind, e.Omega, e.u_max, e.u_min) for r in responses for e in r.events
+        e | {"model": r.setting.model, "F_hat": r.setting.F_hat} for r in responses for e in r.to_dict()["events"]
     ]
     results: list[FrequencyResponse | Sweep] = [*responses, *sweeps]
     rows = columns_of(row for result in results for row in result.rows())
@@ -172,7 +148,7 @@ def _response(
             chosen = where(rows, (rows["model"] == model) & (rows["F_hat"] == forcing))
             for name in np.unique(chosen["branch"]):
                 _branch(axis, where(chosen, chosen["branch"] == name), str(name), model, colour)
-            _events(axis, [e for e in events if e.model == model and e.F_hat == forcing])
+            _events(axis, [e for e in events if e["model"] == model and e["F_hat"] == forcing])
             if model == "exact" and bands:
                 _band(axis, where(bands, bands["F_hat"] == forcing), colour)
         axis.set_xlabel("frequency $\\Omega = \\omega/\\omega_s$")
@@ -183,7 +159,7 @@ def _response(
         if scale is not None:
             scale.frequencies(axis, "top")
             scale.lengths(axis, "right")
-    shown = {*np.unique(rows["branch"]).tolist(), *(e.kind for e in events if _is_physical(e))}
+    shown = {*np.unique(rows["branch"]).tolist(), *(e["kind"] for e in events if _is_physical(e))}
     keys = [*_forcing_keys(forcings, n_loc), *_line_keys(shown, bool(physical.all()), bool(bands))]
     figure.legend(handles=keys, loc="outside lower center", ncols=2 if len(models) == 1 else 4)
     figure.suptitle(title)
@@ -192,12 +168,10 @@ def _response(
 
 def _branch(axis: Any, rows: Columns, name: str, model: str, colour: str) -> None:
     """Draw one branch: solid where stable, otherwise dashed, faint where unphysical; triangles for a sweep."""
-    omega, u = rows["Omega"], rows["u_max"]
+    omega, u, stable = rows["Omega"], rows["u_max"], truth(rows["stable"])
     if name in _SWEEPS:
-        settled = truth(rows["stable"])
-        axis.plot(omega[settled], u[settled], _SWEEPS[name][0], color=colour, mfc="white", ms=3, mew=0.7, zorder=3)
+        axis.plot(omega[stable], u[stable], _SWEEPS[name][0], color=colour, mfc="white", ms=3, mew=0.7, zorder=3)
         return
-    stable = truth(rows["stable"])
     valid = (rows["u_min"] >= -1.0) | (model == "exact")
     for start, stop in pieces(omega, u, stable + 2 * valid):
         axis.plot(
@@ -237,18 +211,16 @@ def pieces(omega: Array, u: Array, state: NDArray[Any]) -> Iterator[tuple[int, i
 
 def _events(axis: Any, events: Sequence[_Event]) -> None:
     """Draw folds, period doublings, and the line through the onsets of contact loss."""
-    for e in events:
-        if not _is_physical(e):
-            continue
-        if e.kind in _MARKS:
-            axis.plot(e.Omega, e.u_max, _MARKS[e.kind][0], color=style.BLACK, ms=3.5, mfc="white", zorder=5)
-    points = sorted((e.Omega, e.u_max) for e in events if e.kind == "grazing" and e.model == "exact")
+    for e in filter(_is_physical, events):
+        if e["kind"] in _MARKS:
+            axis.plot(e["Omega"], e["u_max"], _MARKS[e["kind"]][0], color=style.BLACK, ms=3.5, mfc="white", zorder=5)
+    points = sorted((e["Omega"], e["u_max"]) for e in events if e["kind"] == "grazing" and e["model"] == "exact")
     if points:
         axis.plot(*zip(*points, strict=True), "d:", color=style.GREEN, ms=4, lw=1.0, zorder=5)
 
 
 def _is_physical(e: _Event) -> bool:
-    return e.model == "exact" or e.u_min >= -1.0
+    return bool(e["model"] == "exact" or e["u_min"] >= -1.0)
 
 
 def _forcing_keys(forcings: Array, n_loc: float | None) -> list[Line2D]:

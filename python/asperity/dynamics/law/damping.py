@@ -27,10 +27,10 @@ _SAME_PRELOAD = 0.01  # relative difference up to which loops are about the prel
 class LoopDamping:
     """Damping ratio over the amplitude, in addition to the damping ratio of small motion.
 
-    A loop loses the same energy at any frequency. The damper that stands for it is viscous, with a coefficient that
-    rises with the distance from the preload; at the frequency of small motion a harmonic motion of each amplitude loses
-    what the loop loses. Between the amplitudes the coefficient is linear, below the first it falls to zero, beyond the
-    last it is constant. It acts in contact, and so does the damping ratio of small motion next to it.
+    A loop loses the same energy at any frequency. The damper is viscous, with a coefficient that rises with the
+    distance from the preload; at the frequency of small motion a harmonic motion of each amplitude loses what the loop
+    loses. Between the amplitudes the coefficient is linear, below the first it falls to zero, beyond the last it is
+    constant. It acts in contact, and so does the damping ratio of small motion beside it.
 
     Attributes:
         deflection, zeta: rising amplitudes of the approach (length), and damping ratios, half of the loss factors
@@ -98,8 +98,7 @@ class LoopDamping:
         sums = np.append(0.0, np.cumsum(0.5 * (y[1:] + y[:-1]) * np.diff(x)))
         i = np.clip(np.searchsorted(x, z, side="right") - 1, 0, len(x) - 2)
         inside = np.minimum(z, x[-1])
-        value = sums[i] + 0.5 * (y[i] + np.interp(inside, x, y)) * (inside - x[i])
-        return np.asarray(value + y[-1] * (z - inside))
+        return np.asarray(sums[i] + 0.5 * (y[i] + np.interp(inside, x, y)) * (inside - x[i]) + y[-1] * (z - inside))
 
     @cached_property
     def _nodes(self) -> tuple[Array, Array]:

@@ -2,7 +2,7 @@
 
 Its slopes are those given (the elastic stiffness of the states), elsewhere those of SciPy's shape-preserving cubic.
 Below the first point and beyond the last it is the power law with the slope there. A smoothing spline replaces points
-that scatter. The law without some of its points shows how much it depends on them.
+that scatter.
 """
 
 from __future__ import annotations
@@ -81,12 +81,9 @@ class TableLaw(Law):
             if noise > MAX_ROUGHNESS:
                 F, k = smoothed(z, F)
         for name, column, remedy in (("approach", z, "sort it"), ("force", F, "smooth it, or fit a power law to it")):
-            bad = np.flatnonzero(np.diff(column) <= 0)
-            if bad.size:
-                raise InputError(
-                    f"the {name} does not rise after row {int(bad[0])} of the table "
-                    f"({column[bad[0]]:g} to {column[bad[0] + 1]:g}): {remedy}"
-                )
+            for i in np.flatnonzero(np.diff(column) <= 0):
+                pair = f"({column[i]:g} to {column[i + 1]:g})"
+                raise InputError(f"the {name} does not rise after row {i} of the table {pair}: {remedy}")
         derived = {"z": z, "F": F, "k": k, "knots": z, "known_to": float(z[-1]), "_measured": measured}
         derived["noise"] = noise if F is not measured else 0.0
         for name, values in derived.items():
@@ -109,9 +106,8 @@ class TableLaw(Law):
             raise InputError(f"row {int(np.argmin(np.isfinite(z) & np.isfinite(F)))} of the table is not finite")
         z = z - self.origin
         keep = (z > 0) & (F > 0)
-        stray = np.flatnonzero((z > 0) & (F <= 0) & (np.cumsum(keep) > 0))
-        if stray.size:
-            raise InputError(f"row {int(stray[0])} of the table has force {F[stray[0]]:g} <= 0 inside the contact")
+        for i in np.flatnonzero((z > 0) & (F <= 0) & (np.cumsum(keep) > 0)):
+            raise InputError(f"row {i} of the table has force {F[i]:g} <= 0 inside the contact")
         gap, early = z[(z > 0) & (F <= 0)].max(initial=0.0), F[z <= 0].max(initial=0.0)
         if early > 1e-6 * F.max() or gap > 1e-9 * z.max():
             raise InputError(
@@ -194,12 +190,10 @@ class TableLaw(Law):
     def thinned(self) -> tuple[TableLaw, ...]:
         """The law without every fourth of its points but the last, in all ways; what this changes is its error."""
         inner, laws = np.flatnonzero(self.z[:-1] != self.yields_at), []
-        for leave in (inner[i::_GROUPS] for i in range(min(_GROUPS, inner.size))):
-            kept = np.setdiff1d(np.arange(self.z.size), leave)
+        for i in range(min(_GROUPS, inner.size)):
+            kept = np.setdiff1d(np.arange(self.z.size), inner[i::_GROUPS])
             F, k = self.F[kept], np.full(kept.size, np.nan) if self.k is None else self.k[kept]
-            if self.noise and kept.size < MIN_POINTS:
-                continue
-            if self.noise:
+            if self.noise and kept.size >= MIN_POINTS:
                 F, k = smoothed(self.z[kept], self._measured[kept])
             laws.append(replace(self, z=self.z[kept], F=F, k=k, origin=0.0))
         return tuple(laws)
