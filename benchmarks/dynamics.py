@@ -1,17 +1,12 @@
 """Frequency response: completeness in random windows, and work over precision against pyHarm-os and solve_ivp.
 
     python3 benchmarks/dynamics.py orbits [--windows 200] [--seed 0] [--verbose]
-    python3 benchmarks/dynamics.py attractors [--cases 40] [--seed 0] [--starts 100]
     python3 benchmarks/dynamics.py speed [--points 81]
 
 `orbits`: random exponents (0.6 to 4), damping ratios (0.002 to 0.1), forcings F^ (0.005 to 1.5) and windows. At random
 frequencies inside, every orbit of period 1 and 2 of a response over a window twice as wide on both sides must
 be one of the response. Every orbit of period 1 and 2 that is found from random states must be one too: by a Runge-Kutta
 method written here, first until most of the transient has decayed, then by Newton's method on the period map.
-
-`attractors`: motions of the same random cases from random states, by the same Runge-Kutta method, until the transient
-has decayed. Each start that ends at a stable orbit of period 1 to 4 is counted, and those whose orbit is not in the
-response; period 3 and period 4 without a period doubling are outside what a response searches.
 
 `speed`: n = 1.5, zeta = 0.01, F^ = 0.05, Omega from 0.5 to 1.3. Times are CPU seconds of a warm run on one core. The
 error is that of u_max, relative, against the balance at 1e-9 at the same Omega; points within 1e-3 of a fold are left
@@ -142,48 +137,14 @@ def polished(case: Window, omega: float, y: Array, order: int, step: float = STE
 
 
 def reached(case: Window, omega: float, starts: int, random: np.random.Generator) -> list[tuple[Array, bool]]:
-    """Return the orbits of period 1 and 2 near what random states come to, with their stability."""
-    y = decayed(case, omega, starts, 3.0, random)
-    return [orbit for order in (1, 2) for orbit in polished(case, omega, y, order)]
+    """Return the orbits of period 1 and 2 near what random states come to, with their stability.
 
-
-def decayed(case: Window, omega: float, starts: int, decay: float, random: np.random.Generator) -> Array:
-    """Return what random states come to, after a transient that decays by exp(-decay)."""
+    The transient decays by exp(-3).
+    """
     spread = min(1.5 * case.forcing / (2.0 * case.zeta) + 2.0 * case.forcing, 4.0)
     y = spread * random.uniform(-1.0, 1.0, (2, starts))
-    return integrate(case, omega, y, int(np.ceil(decay * omega / (2.0 * np.pi * case.zeta))), COARSE)
-
-
-def attractors(options: argparse.Namespace) -> None:
-    """Count the motions that settle on orbits in the responses of random cases, and off them."""
-    random = np.random.default_rng(options.seed + 1)
-    counts: Counter[str] = Counter()
-    seconds = 0.0
-    for case in random_windows(options.cases, options.seed):
-        (omega,) = case.at
-        begin = time.process_time()
-        found = response(case, (0.9 * omega, 1.1 * omega))
-        seconds += time.process_time() - begin
-        known = states(found.at(omega))
-        left = decayed(case, omega, options.starts, 8.0, random)
-        for order in (1, 2, 3, 4):
-            for orbit in (a for a, stable in polished(case, omega, left, order) if stable):
-                near = np.array([not missing([y[None]], [orbit]) for y in left.T], bool)
-                left = left[:, ~near]
-                name = f"period {order}"
-                counts[name] += int(near.sum())
-                if near.any() and missing([orbit], known):
-                    finer = polished(case, omega, orbit[:1].T, order, 0.25 * STEP)
-                    if missing([a for a, _ in finer], known):
-                        counts[f"{name}: off the response"] += int(near.sum())
-                        print(f"{case}\n    period {order}, state {orbit[0]}, {near.sum()} starts; {found.notes}")
-            if not left.size:
-                break
-        counts["longer or not settled"] += left.shape[1]
-    print(f"\n{options.cases} cases, {options.cases * options.starts} starts\n\n| motions | number |\n|---|---|")
-    for name in sorted(counts):
-        print(f"| {name} | {counts[name]} |")
-    print(f"| CPU seconds of the responses | {seconds:.1f} |")
+    y = integrate(case, omega, y, int(np.ceil(3.0 * omega / (2.0 * np.pi * case.zeta))), COARSE)
+    return [orbit for order in (1, 2) for orbit in polished(case, omega, y, order)]
 
 
 def compare(case: Window, own: FrequencyResponse, starts: int, random: np.random.Generator) -> tuple[Counter[str], str]:
@@ -236,17 +197,7 @@ def completeness(options: argparse.Namespace) -> None:
             )
 
 
-@dataclass(frozen=True)
-class Result:
-    """One row of the table."""
-
-    method: str
-    setting: str
-    seconds: float
-    worst: float
-    median: float
-    points: int
-    stability: str
+Result = tuple[str, str, float, float, float, int, str]  # method, setting, seconds, two errors, points, stability
 
 
 def timed(function: Callable[[], Any], repeat: int) -> tuple[float, Any]:
@@ -278,16 +229,8 @@ def ours(reference: FrequencyResponse) -> list[Result]:
     for tol in (1e-3, 1e-4, 1e-5, 1e-6, 1e-7):
         seconds, r = timed(partial(o.response, FORCING, WINDOW, tol=tol), 5)
         b = r.branches[0]
-        rows.append(
-            Result(
-                "asperity",
-                f"tol {tol:.0e}, up to {max(p.x.size // 2 for p in b.points)} harmonics",
-                seconds,
-                *errors(reference, b.Omega, b.u_max),
-                len(b),
-                "yes",
-            )
-        )
+        setting = f"tol {tol:.0e}, up to {max(p.x.size // 2 for p in b.points)} harmonics"
+        rows.append(("asperity", setting, seconds, *errors(reference, b.Omega, b.u_max), len(b), "yes"))
     return rows
 
 
@@ -298,9 +241,8 @@ def own_sweep(reference: FrequencyResponse, points: int) -> Result:
     sweeps = o.sweep(FORCING, WINDOW, points=points)
     seconds = time.process_time() - begin
     omega, u = (np.concatenate([getattr(s, name) for s in sweeps]) for name in ("Omega", "u_max"))
-    return Result(
-        "asperity sweep", "Runge-Kutta, up and down", seconds, *errors(reference, omega, u), omega.size, "stable only"
-    )
+    error = errors(reference, omega, u)
+    return "asperity sweep", "Runge-Kutta, up and down", seconds, *error, omega.size, "stable only"
 
 
 def ivp_sweep(reference: FrequencyResponse, points: int, method: str, rtol: float) -> Result:
@@ -318,35 +260,17 @@ def ivp_sweep(reference: FrequencyResponse, points: int, method: str, rtol: floa
     for path in (grid, grid[::-1]):
         y = np.zeros(2)
         for w in path:
-            length = 2 * np.pi / w
-            settle = solve_ivp(
-                field, (0, (periods - 1) * length), y, method=method, rtol=rtol, atol=1e-3 * rtol, args=(w,)
-            )
-            last = solve_ivp(
-                field,
-                (0, length),
-                settle.y[:, -1],
-                method=method,
-                rtol=rtol,
-                atol=1e-3 * rtol,
-                args=(w,),
-                t_eval=np.linspace(0, length, 513),
-            )
-            y = last.y[:, -1]
-            u = last.y[0]
+            length, how = 2 * np.pi / w, {"method": method, "rtol": rtol, "atol": 1e-3 * rtol, "args": (w,)}
+            y = solve_ivp(field, (0, (periods - 1) * length), y, **how).y[:, -1]
+            last = solve_ivp(field, (0, length), y, t_eval=np.linspace(0, length, 513), **how)
+            y, u = last.y[:, -1], last.y[0]
             j = int(np.clip(u.argmax(), 1, u.size - 2))  # parabola through the three highest samples
             a, b, c = u[j - 1 : j + 2]
             top.append(b - (c - a) ** 2 / (8 * (a - 2 * b + c)))
             omega.append(w)
     seconds = time.process_time() - begin
-    return Result(
-        "solve_ivp sweep",
-        f"{method} rtol {rtol:.0e}, {periods} periods",
-        seconds,
-        *errors(reference, np.array(omega), np.array(top)),
-        len(omega),
-        "stable only",
-    )
+    setting, error = f"{method} rtol {rtol:.0e}, {periods} periods", errors(reference, np.array(omega), np.array(top))
+    return "solve_ivp sweep", setting, seconds, *error, len(omega), "stable only"
 
 
 def peer(reference: FrequencyResponse) -> list[Result]:
@@ -363,10 +287,8 @@ def peer(reference: FrequencyResponse) -> list[Result]:
         seconds, (omega, coefficients) = timed(compute, 5)
         if omega.min() > WINDOW[0] + 1e-3:
             print(f"pyHarm-os with {harmonics} harmonics stops at Omega = {omega[-1]:.3f}")
-        worst, median = errors(reference, omega, example["largest"](coefficients))
-        rows.append(
-            Result("pyHarm-os", f"{harmonics} harmonics, step {step:g}", seconds, worst, median, len(omega), "no")
-        )
+        error = errors(reference, omega, example["largest"](coefficients))
+        rows.append(("pyHarm-os", f"{harmonics} harmonics, step {step:g}", seconds, *error, len(omega), "no"))
     return rows
 
 
@@ -382,20 +304,15 @@ def speed(options: argparse.Namespace) -> None:
     rows.append(ivp_sweep(reference, options.points, "RK45", 1e-6))
     print("| method | setting | CPU s | largest error | median error | points | stability |")
     print("|---|---|---|---|---|---|---|")
-    for r in rows:
-        print(
-            f"| {r.method} | {r.setting} | {r.seconds:.3f} | {r.worst:.1e} | {r.median:.1e} | {r.points} | "
-            f"{r.stability} |"
-        )
+    for method, setting, seconds, worst, median, points, stability in rows:
+        print(f"| {method} | {setting} | {seconds:.3f} | {worst:.1e} | {median:.1e} | {points} | {stability} |")
     print("\nFastest balance of this package that is more accurate than each rival:")
-    for other in (r for r in rows if r.method != "asperity"):
-        better = [r for r in rows if r.method == "asperity" and r.worst < other.worst]
-        if better:
-            best = min(better, key=lambda r: r.seconds)
-            print(
-                f"  {other.method} ({other.setting}): {other.seconds / best.seconds:.1f} times faster at "
-                f"{best.worst / other.worst:.2g} of its error ({best.setting})"
-            )
+    for method, setting, seconds, worst, *_ in rows:
+        better = [r for r in rows if r[0] == "asperity" and r[3] < worst]
+        if better and method != "asperity":
+            _, own, least, error, *_ = min(better, key=lambda r: r[2])
+            ratios = f"{seconds / least:.1f} times faster at {error / worst:.2g} of its error"
+            print(f"  {method} ({setting}): {ratios} ({own})")
 
 
 def main() -> None:
@@ -406,10 +323,6 @@ def main() -> None:
     for name, default in (("windows", 200), ("seed", 0), ("starts", 24)):
         orbits.add_argument(f"--{name}", type=int, default=default)
     orbits.add_argument("--verbose", action="store_true")
-    motions = commands.add_parser("attractors")
-    motions.set_defaults(run=attractors)
-    for name, default in (("cases", 40), ("seed", 0), ("starts", 100)):
-        motions.add_argument(f"--{name}", type=int, default=default)
     rows = commands.add_parser("speed")
     rows.set_defaults(run=speed)
     rows.add_argument("--points", type=int, default=81, help="frequencies of the sweeps (default 81)")
