@@ -112,11 +112,10 @@ def fit_power_law(
 ) -> PowerLawFit:
     """Fit P* = k (delta*)^n.
 
-    The log-log regression has a closed form; it is also the initial guess of least squares on the linear scale
-    (Levenberg-Marquardt in ln k and n, then Newton steps). The intervals come from the residual variance and Student's
-    t with points - 2 degrees of freedom (Seber and Wild, Nonlinear Regression, 1989, section 5.1). They assume
-    independent scatter of the points. The points of one smooth curve do not scatter independently, so for them the
-    intervals measure the misfit of the law rather than chance.
+    The log-log regression has a closed form; least squares on the linear scale begin with it (Levenberg-Marquardt in
+    ln k and n, then Newton steps). The intervals come from the residual variance and Student's t with points - 2
+    degrees of freedom (Seber and Wild, Nonlinear Regression, 1989, section 5.1), for points that scatter independently.
+    Those of one smooth curve do not: there the intervals measure the misfit of the law rather than chance.
 
     Args:
         delta_star: delta/L, positive, at least 3 different values, shape (m,)
@@ -148,14 +147,9 @@ def fit_power_law(
     solution = np.linalg.lstsq(design, np.log(y), rcond=None)[0]
     if norm == "linear":
         solution = least_squares(
-            lambda s: np.exp(design @ s) - y,
-            solution,
-            jac=lambda s: np.exp(design @ s)[:, None] * design,
-            method="lm",
-            xtol=1e-15,
-            ftol=1e-15,
-            gtol=1e-15,
-        ).x
+            lambda s: np.exp(design @ s) - y, solution, jac=lambda s: np.exp(design @ s)[:, None] * design, method="lm",
+            xtol=1e-15, ftol=1e-15, gtol=1e-15,
+        ).x  # fmt: skip
         solution = _polished(solution, design, y)
         model = np.exp(design @ solution)
         jacobian, target = model[:, None] * design, y

@@ -24,9 +24,7 @@ def slopes(delta: ArrayLike, force: ArrayLike, branch: ArrayLike) -> tuple[Array
     spots that are touched within one, and how far errors of the force differ from step to step.
 
     Args:
-        delta: approach (n,) [length]
-        force: (n,) [force]
-        branch: name of the branch (n,)
+        delta, force, branch: approach [length], force and name of the branch of each step, (n,)
 
     Returns:
         slopes (n,) [force/length], 0 without force, NaN where a branch has one step with a force only or approaches
@@ -60,10 +58,7 @@ def _of_branch(x: Array, F: Array, touch: float | None) -> tuple[Array, Array]:
     without = np.flatnonzero(F <= 0.0)
     n = without[-1] + 1 if without.size else 0
     origin = x[n - 1] if n else touch
-    X: Array = x[n:]
-    Y: Array = F[n:]
-    scale: Array = np.ones(X.size)
-    before: Array = np.empty(0)
+    X, Y, scale, before = x[n:], F[n:], np.ones(x.size - n), np.empty(0)
     if origin is not None and np.all(X > origin):
         scale = Y / (X - origin)
         X, Y = np.log(X - origin), np.log(Y)

@@ -87,9 +87,12 @@ def _vibrate(
                 matrix = stiffness_matrix(contact.solver)
             scaled = None if matrix is None else matrix.scaled(case.material.E, case.surface.L).to_dict()
             found.sections["stiffness_matrix"] = scaled
-        if case.loops is not None:
+        if (wanted := case.loops) is not None:
             with stage("loops"):
-                loops = _loops(case, problem, contact, stop)
+                loops = solve_loops(
+                    problem, contact, _preload(case, contact.curve, "loops", wanted.preload), wanted.amplitudes,
+                    cycles=wanted.cycles, steps=wanted.steps, stop=stop,
+                )  # fmt: skip
             found.sections["loops"] = loops.to_dict()
             for text in loops.doubts(float(contact.curve.force.max())):
                 warnings.warn(text, AsperityWarning, stacklevel=2)
@@ -117,16 +120,6 @@ def _vibrate(
 def _kept(error: ConvergenceError | InputError) -> ConvergenceError:
     """An error for the exit code of a run with a curve, which alone shows what is wrong with the input."""
     return error if isinstance(error, ConvergenceError) else ConvergenceError(f"{error}; the curve is kept")
-
-
-def _loops(case: Case, problem: Problem, contact: ContactResult, stop: Stop) -> LoopTable:
-    """Loops about the preload, from the state at the end of the load path, which the solver has afterwards too."""
-    assert case.loops is not None
-    wanted = case.loops
-    preload = _preload(case, contact.curve, "loops", wanted.preload)
-    return solve_loops(
-        problem, contact, preload, wanted.amplitudes, cycles=wanted.cycles, steps=wanted.steps, stop=stop
-    )
 
 
 def _slip(

@@ -56,10 +56,8 @@ class CurveColumns:
 
         def number(name: str) -> Array:
             values = column(name)
-            if values is None:
-                return np.full(size, np.nan)
             try:
-                return np.array([np.nan if value == "" else value for value in values], float)
+                return np.array([np.nan if v == "" else v for v in ([""] * size if values is None else values)], float)
             except (TypeError, ValueError) as error:
                 raise InputError(f"the curve contains something that is not a number: {error}") from error
 

@@ -7,7 +7,7 @@ jumping over the resonance (Seydel 2010, chapter 4; Krack & Gross 2019).
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
 
@@ -118,8 +118,8 @@ def correct(
 ) -> tuple[Array, float, Array, float]:
     """Correct a guess (x, parameter) by Newton's method in the plane through it with the given normal.
 
-    The last step is below `rtol`, relative to x or to 1 if that is less; the remaining error is of the order of its
-    square. The unit tangent of the branch follows x and the parameter, oriented along the normal.
+    The last step is below `rtol`, relative to x or to 1 if that is less. The unit tangent of the branch follows x and
+    the parameter, oriented along the normal.
 
     Raises:
         ConvergenceError: the iteration does not converge, or moves further than `limit`
@@ -185,8 +185,8 @@ def trace(
 ) -> Path:
     """Trace the branch along the tangent of `first` until it leaves the limits of the parameter.
 
-    It has a point at each end of the window that it passes. After each step `stop` is called with the points so far; a
-    non-empty string ends the path for that reason.
+    It has a point at each end of the window that it passes. `stop` receives the points after each step, and may return
+    a reason to end the path.
     """
     limits = how.limits or how.window
     points = [first]
@@ -360,16 +360,13 @@ def _at_edge(equations: Equations, inside: Point, outside: Point, edge: float, h
     return start(equations, value(cubic, s)[:-1], edge, outside.parameter - inside.parameter, how)
 
 
-def crossings(equations: Equations, points: Iterable[Point], parameter: float) -> Iterator[Point]:
+def crossings(equations: Equations, points: Sequence[Point], parameter: float) -> Iterator[Point]:
     """Each orbit of a path at exactly this parameter, in order along the path.
 
-    Where the cubic between two points turns back the segment is split, so that each piece has at most one crossing. It
-    is located along the branch, with each trial corrected perpendicular to it, which also works near a fold. The
-    failure of a correction is a `ConvergenceError`.
+    Where the cubic between two points turns back the segment is split, so that each piece has at most one crossing,
+    which is located along the branch. The failure of a correction is a `ConvergenceError`.
     """
-    last = None
     for a, b in pairwise(points):
-        last = b
         if a.parameter == parameter:
             yield a
         start, first, second, third = _parameter(a, b)
@@ -384,8 +381,8 @@ def crossings(equations: Equations, points: Iterable[Point], parameter: float) -
                     equations, left, right, lambda p: p.parameter - parameter, f_left, f_right, xtol=_CROSSING_RTOL
                 )
                 yield replace(p, parameter=parameter)
-    if last is not None and last.parameter == parameter:
-        yield last
+    if points[-1].parameter == parameter:
+        yield points[-1]
 
 
 def turns(a: Point, b: Point) -> list[float]:

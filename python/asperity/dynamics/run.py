@@ -286,10 +286,7 @@ def _first_yield(choice: Choice) -> str:
         return ""
     settled = "the law is that of the cycles that follow"
     if np.isfinite(choice.law.yields_at):
-        settled = (
-            "above the preload the law is that of this cycle, the loading curve; those that follow move on the "
-            "unloading branch of their own greatest force"
-        )
+        settled = "above the preload the law is that of this cycle, the loading curve; those that follow are stiffer"
     return f"the preload is the greatest force that the contact has met: motion yields in its first cycle; {settled}"
 
 
@@ -307,13 +304,9 @@ def _notes(
                 "follow find a stiffer contact"
             )
         yield from (f"{where} {note}" for note in r.notes)
-    for s in sweeps:
-        if ESCAPED in s.status:
-            escape = float(s.Omega[s.status.index(ESCAPED)])
-            yield (
-                f"{name}, F^ = {s.setting.F_hat:g}: the sweep {s.direction} escapes from the Taylor "
-                f"well at Omega = {escape:.4g}, a property of the truncation"
-            )
+    for s in (s for s in sweeps if ESCAPED in s.status):
+        where = f"at Omega = {s.Omega[s.status.index(ESCAPED)]:.4g}, a property of the truncation"
+        yield f"{name}, F^ = {s.setting.F_hat:g}: the sweep {s.direction} escapes from the Taylor well {where}"
 
 
 def _gravity(settings: DynamicsSettings, source: str) -> tuple[float | None, str]:

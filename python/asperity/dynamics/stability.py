@@ -173,11 +173,8 @@ def _averaged(balance: Balance, u: Array, h: Array, *k: Array) -> tuple[Array, .
     rows = np.nonzero(crossing)
     pull = balance.restoring.pull
     mean = (pull(b[rows])[0] - pull(a[rows])[0]) / gap[rows] * h[rows[0]] ** 2
-    out = []
-    for values in k:
-        values = values.copy()
+    for values in (out := [values.copy() for values in k]):
         values[rows] = mean
-        out.append(values)
     return tuple(out)
 
 
