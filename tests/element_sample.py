@@ -18,6 +18,8 @@ from asperity.model.material import Material
 
 Array = npt.NDArray[np.float64]
 
+PAIRS = [[0, 3, 4], [3, 1, 5], [4, 5, 2]]  # of the components (xx, yy, zz, xy, xz, yz)
+
 
 @dataclass(frozen=True)
 class Sample:
@@ -38,23 +40,29 @@ class Sample:
         self.kernels.tangent(u, values)
         return sparse.csr_array((values, graph.columns, graph.rows), shape=(n, n))
 
-    def affine(self, strain: npt.ArrayLike) -> Array:
-        """Displacement of a uniform strain (3, 3)."""
-        return self.solid.points @ np.asarray(strain, float).T
+    def bring(self, history: Iterable[Array], u: Array) -> Array:
+        """Commit a history of displacements; the force of another one over it."""
+        for earlier in history:
+            self.force(earlier)
+            self.kernels.commit()
+        return self.force(u)
 
-    def follow(self, strains: Iterable[Array]) -> tuple[Array, Array]:
-        """Stress (m, 3, 3) and accumulated plastic strain (m,) along uniform strains, each a step."""
-        stress, accumulated, strength = [], [], self.solid.material.yield_strength
-        assert strength is not None
-        for strain in strains:
-            u = self.affine(strain)
+    def affine(self, gradient: npt.ArrayLike) -> Array:
+        """Displacement of a uniform gradient, or strain (3, 3)."""
+        return self.solid.points @ np.asarray(gradient, float).T
+
+    def follow(self, gradients: Iterable[Array]) -> tuple[Array, Array]:
+        """Cauchy's stress (m, 3, 3) and accumulated plastic strain (m,) along uniform gradients, each a step."""
+        stress, accumulated = [], []
+        near = 1e-12 if self.solid.material.finite else 1e-12 * (self.solid.material.yield_strength or 1.0)
+        for gradient in gradients:
+            u = self.affine(gradient)
             self.force(u)
             points = self.kernels.stress(u).reshape(-1, 6)
-            np.testing.assert_allclose(points, np.broadcast_to(points[0], points.shape), rtol=0, atol=1e-12 * strength)
-            xx, yy, zz, xy, xz, yz = points[0]
-            stress.append([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
+            np.testing.assert_allclose(points, np.broadcast_to(points[0], points.shape), rtol=0, atol=near)
+            stress.append(points[0][PAIRS])
             self.kernels.commit()
-            accumulated.append(self.kernels.history().accumulated.max())
+            accumulated.append(np.max(self.kernels.history().accumulated, initial=0.0))
         return np.array(stress), np.array(accumulated)
 
 

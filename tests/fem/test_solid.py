@@ -17,7 +17,7 @@ from asperity.fem.solid import Solid
 from asperity.linear import coarse as coarse_problem
 from asperity.linear.matrix_free import TangentOperator
 from asperity.linear.multigrid import PMultigrid
-from asperity.linear.petsc import assembled, set_rigid_modes
+from asperity.linear.petsc import assembled
 from asperity.linear.solver import LinearSolver
 from asperity.mesh.block import BlockMesh
 from asperity.mesh.distribute import distribute
@@ -123,53 +123,7 @@ def test_midpoint_rows_contain_the_flow_at_their_approach(E_t: float) -> None:
     np.testing.assert_array_equal(curve.plastic_fraction, np.where(alpha > 0.0, 1.0, 0.0))
 
 
-def test_a_clamped_base_makes_free_sides_stiffer_than_a_bar_and_softer_than_rollers() -> None:
-    solver = press_of(1.0, ELASTIC, "free")
-    assert solver.step(0.01).converged
-    bar, confined = ref.block_modulus(1.0, NU, "free"), ref.block_modulus(1.0, NU, "rollers")
-    assert 1.01 * bar < solver.force / 0.01 < 0.95 * confined
-
-
 # --- equilibrium and matrix -----------------------------------------------------------------------------------
-
-
-def rigid_modes(x: Array) -> Array:
-    """Three translations and three infinitesimal rotations (6, n, 3)."""
-    axes = np.eye(3)
-    return np.stack([np.broadcast_to(a, x.shape) for a in axes] + [np.cross(a, x) for a in axes])
-
-
-@pytest.mark.mpi
-def test_rigid_modes_do_no_work(coarse: BlockMesh | None) -> None:
-    solid = solid_of(world(), coarse)
-    modes = rigid_modes(solid.points)
-    scale = world().allreduce(float(np.abs(matrix_of(solid).getDiagonal().array).max()))
-    for mode in modes:
-        solid.u.x.array[:] = mode.ravel()
-        force = solid.internal_force()
-        assert world().allreduce(float(np.abs(force).max())) < 1e-13 * scale
-    # and no displacement has a resulting force or moment
-    x = solid.vector()
-    x.array = np.random.default_rng(world().rank).normal(size=3 * solid.owned)
-    solid.set_displacement(x)
-    force = solid.internal_force()
-    result = world().allreduce(np.einsum("mna,na->m", modes[:, : solid.owned], force))
-    assert np.abs(result).max() < 1e-11 * world().allreduce(float(np.abs(force).sum()))
-
-
-@pytest.mark.mpi
-def test_near_null_space_is_orthonormal_and_rigid(coarse: BlockMesh | None) -> None:
-    solid = solid_of(world(), coarse)
-    A = matrix_of(solid)
-    set_rigid_modes(A, solid.points)
-    basis = A.getNearNullSpace().getVecs()
-    assert len(basis) == 6
-    gram = np.array([[a.dot(b) for b in basis] for a in basis])
-    np.testing.assert_allclose(gram, np.eye(6), atol=1e-12)
-    scale, y = A.norm(), A.createVecLeft()
-    for v in basis:
-        A.mult(v, y)
-        assert y.norm() < 1e-13 * scale
 
 
 @pytest.mark.mpi
