@@ -13,7 +13,7 @@ from asperity.arrays import Floats
 from asperity.fem.ghosts import Ghosts
 from asperity.fem.sparsity import SparsityPattern
 from asperity.linear import coarse as coarse_problem
-from asperity.linear.coarse import Coarse, Distributed, make_coarse
+from asperity.linear.coarse import Distributed, make_coarse
 from asperity.linear.substructures import Substructures, interface_of
 from asperity.mesh.block import BlockMesh
 from asperity.mesh.distribute import distribute
@@ -123,7 +123,7 @@ def test_coarse_solution_solves_the_sum_of_the_parts(coarse: BlockMesh | None, k
     corners = index_map.size_local + index_map.num_ghosts
     numbers = index_map.local_to_global(np.arange(corners, dtype=np.int32))
     points = np.random.default_rng(0).random((index_map.size_global, 3))[numbers]
-    problem: Coarse = Substructures(dofmap, mesh.comm, interface_of(index_map, mesh.comm))
+    problem: Distributed | Substructures = Substructures(dofmap, mesh.comm, interface_of(index_map, mesh.comm))
     if kind == "distributed":
         problem = Distributed(dofmap, points, mesh.comm, symmetric=True, factorised=False)
     sparsity = problem.sparsity

@@ -7,7 +7,7 @@ multigrid consists of many small steps, each with a message (benchmarks/linear.p
 from __future__ import annotations
 
 import warnings
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 
@@ -32,29 +32,7 @@ WITHOUT = (
 )
 
 
-class Coarse(Protocol):
-    """Coarse problem, a part on each rank.
-
-    Attributes:
-        sparsity: of this rank's part of the matrix, on its corners, ghosts included
-        values: of this rank's part; the matrix is the sum of the parts
-    """
-
-    sparsity: SparsityPattern
-    values: Floats
-
-    def update(self) -> bool:
-        """Take up the current `values`; whether it can be solved, the same on all ranks; collective."""
-
-    def solve(self, right: Singles) -> Singles:
-        """Solution at the corners of this rank (3 corners,), ghosts included; collective.
-
-        Args:
-            right: this rank's part of the right-hand side, which is the sum of the parts (3 corners,)
-        """
-
-
-def make_coarse(dofmap: Any, points: Floats, comm: Any, symmetric: bool) -> Coarse:
+def make_coarse(dofmap: Any, points: Floats, comm: Any, symmetric: bool) -> Distributed | Substructures:
     """Coarse problem on the corners of the cells; a solver of PETSc where the user has set its type; collective.
 
     Args:
@@ -77,7 +55,12 @@ def make_coarse(dofmap: Any, points: Floats, comm: Any, symmetric: bool) -> Coar
 
 
 class Distributed:
-    """The ranks share the matrix; algebraic multigrid, or a factorisation."""
+    """The ranks share the matrix; algebraic multigrid, or a factorisation. `Substructures` has the same methods.
+
+    Attributes:
+        sparsity: of this rank's part of the matrix, on its corners, ghosts included
+        values: of this rank's part; the matrix is the sum of the parts
+    """
 
     def __init__(self, dofmap: Any, points: Floats, comm: Any, symmetric: bool, factorised: bool) -> None:
         from petsc4py import PETSc
@@ -103,13 +86,14 @@ class Distributed:
         self._ksp.setFromOptions()
 
     def update(self) -> bool:
-        """See `Coarse`; so for `solve`."""
+        """Take up the current `values`; whether it can be solved, the same on all ranks; collective."""
         self._matrix.assemble()
         self._ksp.setOperators(self._matrix.A)
         self._ksp.setUp()
         return not self._ksp.getPC().getFailedReason()
 
     def solve(self, right: Singles) -> Singles:
+        """Solution at the corners of this rank (3 corners,), ghosts included; `right` is its part; collective."""
         self._b.array = self._ghosts.scatter_reverse(right.reshape(-1, 3)).ravel()
         self._ksp.solve(self._b, self._x)
         return self._ghosts.scatter_forward(self._x.array_r.astype(np.float32).reshape(-1, 3)).ravel()

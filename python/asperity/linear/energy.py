@@ -53,11 +53,7 @@ class EnergySolver:
         self._ksp.setOperators(tangent.matrix())
 
     def renew(self, rows: Integers) -> bool:
-        """Make the coarse matrix with these owned dofs prescribed and the matrix of the operator; collective.
-
-        Returns:
-            whether the matrix can be smoothed
-        """
+        """Make the coarse matrix with these owned dofs prescribed; whether the matrix can be smoothed; collective."""
         with self._solid.phases.phase("preconditioner"):
             self._tangent.hold(rows)
             return self._multigrid.update(renew=True)

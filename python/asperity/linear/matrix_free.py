@@ -46,7 +46,6 @@ class TangentOperator:
         self.solid, self._symmetric, self._single, self._keeps = solid, symmetric, symmetric and single, keeps
         self._starts, self._columns = solid.sparsity.upper
         self._blocks: Singles = np.empty(0, dtype=np.float32)
-        self._image = np.empty((solid.nodes, 3))
         self._sums = la.vector(solid.V.dofmap.index_map, 4, np.float32)
         self.version = 0
         self.hold(np.empty(0, dtype=np.int32))
@@ -123,11 +122,7 @@ class TangentOperator:
         """Tangent times owned dof values (3 owned,), in the precision that PETSc uses; collective."""
         if self._single:
             return self.unpadded(self.single_product(self.padded(x)))
-        sparsity, ghosts = self.solid.sparsity, self.solid.ghosts
-        _solver.product(
-            sparsity.indptr, sparsity.indices, self.solid.values, ghosts.scatter_forward(x.reshape(-1, 3)), self._image
-        )
-        return ghosts.scatter_reverse(self._image).reshape(-1)
+        return tangent_product(self.solid, x)
 
     def mult(self, A: Any, x: Any, y: Any) -> None:
         """y = A x; called by PETSc."""

@@ -139,11 +139,7 @@ class PMultigrid:
             self._greatest = 0.0
 
     def renew(self) -> bool:
-        """Set up the coarse matrix and the eigenvalue again after a solve that failed; collective.
-
-        Returns:
-            see `update`
-        """
+        """Set up the coarse matrix and the eigenvalue again after a solve that failed, see `update`; collective."""
         self._reusable = False
         done = self.update()
         if done:

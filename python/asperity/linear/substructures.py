@@ -40,7 +40,7 @@ def interface_of(index_map: Any, comm: Any) -> Interface:
 
 
 class Substructures:
-    """See `coarse.Coarse`: symmetric and positive definite, in single precision."""
+    """See `coarse.Distributed`: symmetric and positive definite, in single precision."""
 
     def __init__(self, dofmap: Any, comm: Any, interface: Interface) -> None:
         index_map, self._comm = dofmap.index_map, comm
@@ -55,7 +55,7 @@ class Substructures:
         self._work = np.empty(3 * corners, dtype=np.float32)
 
     def update(self) -> bool:
-        """See `Coarse`; so for `solve`."""
+        """See `Distributed`; so for `solve`."""
         from mpi4py import MPI
         from scipy.linalg.lapack import spotrf
 
