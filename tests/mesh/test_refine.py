@@ -165,29 +165,14 @@ def test_the_heights_are_those_of_the_same_mesh_lifted_in_one_process() -> None:
 # --- runs -----------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.mpi
-@pytest.mark.usefixtures("several_ranks")
-@pytest.mark.parametrize("sides", ["rollers", "periodic"])
-def test_the_curve_does_not_depend_on_the_ranks(sides: str) -> None:
-    one, all_ = (
-        press(WAVE, 1, comm, sides, steps=2, unload_steps=1, material=Material(1.0, 0.3, 0.05, 0.1)).curve
-        for comm in comms()
-    )
-    np.testing.assert_allclose(all_.force, one.force, rtol=1e-7, atol=1e-12)
-    np.testing.assert_allclose(all_.area_fraction, one.area_fraction, rtol=1e-6, atol=1e-12)
-
-
-def test_the_force_tends_to_that_of_layer_theory() -> None:
+def test_the_force_is_that_of_layer_theory() -> None:
     """Hertz contact, whose size field grows quickly; gmsh's own mesh of these sizes is off by 0.2 %."""
     alone, _ = comms()
     delta = CONTACT**2 / RADIUS
     exact = layer_force(delta, 1024)[0][0] * ELASTIC.reduced_modulus
-    errors = []
-    for refinements in (1, 2):
-        size = MeshSize(0.04, refinements=refinements)
-        result = solve_contact(SPHERE, ELASTIC, delta_max=delta, steps=2, size=size, comm=alone)
-        errors.append(abs(result.curve.force[-1] / exact - 1.0))
-    assert max(errors) < 0.006 and not result.checks.violated
+    size = MeshSize(0.04, refinements=1)
+    result = solve_contact(SPHERE, ELASTIC, delta_max=delta, steps=2, size=size, comm=alone)
+    assert abs(result.curve.force[-1] / exact - 1.0) < 0.006 and not result.checks.violated
 
 
 def test_a_saved_mesh_is_refined_again(tmp_path: Path) -> None:
@@ -197,14 +182,6 @@ def test_a_saved_mesh_is_refined_again(tmp_path: Path) -> None:
     first.block.save(tmp_path / "block.npz")
     again = press(WAVE, 0, alone, block=BlockMesh.read(tmp_path / "block.npz"))
     np.testing.assert_array_equal(again.curve.force, first.curve.force)
-
-
-def test_a_wrong_number_of_refinements_in_a_file_is_refused() -> None:
-    arrays = build_block(FLAT, 1.5, lambda *_: 1.0, refinements=2).arrays()
-    assert BlockMesh.from_arrays(arrays).refinements == 2
-    for wrong in (np.array(-1), np.array(99), np.array(1.5), np.array([1, 1])):
-        with pytest.raises(ValueError, match="refinements"):
-            BlockMesh.from_arrays({**arrays, "refinements": wrong})
 
 
 def test_a_run_with_a_tolerance_refines_its_meshes() -> None:

@@ -9,7 +9,7 @@ import pytest
 
 from asperity.mesh.generate import build_block
 from asperity.mesh.top import Top, heights_of_top
-from asperity.surface import Flat, SelfAffine, Sinusoid
+from asperity.surface import Flat, Sinusoid
 
 
 def test_a_quadratic_top_is_exact() -> None:
@@ -43,11 +43,3 @@ def test_the_top_tends_to_the_surface(h: float, error: float) -> None:
     c = (np.arange(n) + 0.5) / n
     found = heights_of_top(Top.of(block, surface), surface, n)
     assert np.abs(found - surface.height(c[None, :], c[:, None])).max() < error
-
-
-def test_smoothed_nodes_are_on_top_too() -> None:
-    surface = SelfAffine(L=1.0, H=0.8, slope=1.0, lambda_roll=0.3, lambda_short=0.02, seed=5)
-    block = build_block(surface, 1.0, lambda x, y, z: 0.1)
-    assert block.smoothing is not None
-    found = heights_of_top(Top.of(block, surface), surface, 64)
-    assert np.all(np.isfinite(found)) and 0.5 < np.std(found) / np.std(surface.grid(65)) < 1.2

@@ -72,12 +72,7 @@ def distribute(
 
 
 def _with_geometry(mesh: Any, cells: Indices, points: Floats) -> Any:
-    """Give the cells of a mesh their own coordinates; collective.
-
-    Args:
-        cells: node numbers of all cells in the order of dolfinx, on rank 0 (M, NODES)
-        points: node coordinates, on rank 0 (N, 3)
-    """
+    """Give the cells of a mesh the coordinates of their own nodes, all of which are on rank 0; collective."""
     wanted, parts = mesh.comm.gather(np.asarray(mesh.topology.original_cell_index), root=0), None
     if wanted is not None:
         parts = []

@@ -90,11 +90,7 @@ def lift(
 
 
 def _rise(points: Floats, width: Floats, surface: Surface, height: float, copies: Copies) -> Floats:
-    """Rise (n,) [length] of nodes of the flat block, in proportion to the smoothed surface above them; collective.
-
-    Args:
-        points: some of the nodes (n, 3) [length]
-        width: standard deviations of the Gaussians there (n,) [length]
+    """Rise (n,) [length] of some nodes of the flat block, in proportion to the smoothed surface above; collective.
 
     Raises:
         MeshError: a valley reaches the base
@@ -111,11 +107,7 @@ def _rise(points: Floats, width: Floats, surface: Surface, height: float, copies
 
 
 def _check_joined(rise: Floats, L: float, copies: Copies) -> None:
-    """Check that the copies of each node rise alike; collective.
-
-    Raises:
-        MeshError: they do not
-    """
+    """Refuse copies of a node that do not rise alike (MeshError); collective."""
     apart = -copies.least(-float(np.max(copies.greatest(rise) - rise, initial=0.0)))
     if apart > NEAR * L:
         raise MeshError(
@@ -128,10 +120,7 @@ def _relax(rise: Floats, points: Floats, tets: Indices, gradients: Floats, heigh
     """Move nodes between base and top vertically until their elements are sound or it hardly helps; collective.
 
     A stretch below SOUND breaks an inequality of the rises of its nodes. The step to AIM along its gradient is the
-    shortest; each node takes the mean of its steps.
-
-    Args:
-        rise: of the nodes, changed in place (N,) [length]
+    shortest; each node takes the mean of its steps. `rise` (N,) changes in place.
 
     Returns:
         Which nodes have moved (N,)
@@ -216,10 +205,6 @@ def _least_stretch(gradients: Floats, rise: Floats) -> Floats:
 
     A vertical displacement u changes volumes by the factor 1 + du/dz. For an interpolant of u of second order at most,
     this is linear in the element, so it is least at a corner.
-
-    Args:
-        gradients: see `_vertical_gradients` (M, 4) [1/length]
-        rise: of the nodes (M, 10) [length]
     """
     least = np.full(len(rise), np.inf)
     for derivatives in corner_derivatives():

@@ -37,10 +37,6 @@ def unresolved_height(surface: Surface, h: float, delta: float) -> float:
 def resolving_size(surface: Surface, delta: float, tolerance: float, largest: float) -> float:
     """Largest element size in the contact whose unresolved waves are compatible with a tolerance of the force [length].
 
-    Args:
-        tolerance: relative error allowed for the force
-        largest: upper limit of the search [length]
-
     Returns:
         The size, up to 2 % too small; inf if `largest` is small enough
     """
@@ -80,8 +76,7 @@ def warn_of_missed_waves(surface: Surface, h: float, delta: float) -> None:
 def lowered_height(top: Floats, surface: Surface, height: float, delta: float, comm: MPI.Comm) -> float:
     """Rms change of height by smoothing (see `lift.lift`) of the nodes that the flat would meet, over the approach.
 
-    Args:
-        top: nodes of the top that this rank owns (n, 3) [length]
+    `top` are the nodes there that this rank owns (n, 3) [length]; collective.
     """
     exact = np.asarray(surface.height(top[:, 0], top[:, 1]))
     off = exact - surface.mean() + height - top[:, 2]

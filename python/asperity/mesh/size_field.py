@@ -98,8 +98,8 @@ class SizeField:
 
         Args:
             sizes: of each cell, inf where none is wanted (n, n), index [iy, ix] [L]
-            h_max: greatest size [L]; default H_MAX, and WIDEST_JOINED at most with periodic sides
-            periodic: whether the sides of the block are
+            h_max: greatest size [L]
+            periodic: see `of`, for the default of `h_max` too
         """
         n = len(sizes)
         greatest = min(H_MAX if h_max is None else h_max, WIDEST_JOINED if periodic else np.inf)
@@ -133,13 +133,7 @@ class SizeField:
 
 
 def size_field(surface: Surface, delta_max: float, size: MeshSize, sides: str) -> SizeField:
-    """Element sizes of a block.
-
-    Args:
-        delta_max: approach the mesh is made for [length]
-        size: requested ones
-        sides: of the block
-    """
+    """Element sizes of a block for an approach [length]."""
     periodic = sides == "periodic"
     if size.cells is not None:
         most = None if size.h_max is None else size.h_max / surface.L
@@ -149,12 +143,7 @@ def size_field(surface: Surface, delta_max: float, size: MeshSize, sides: str) -
 
 
 def _distances(reached: Flags, periodic: bool) -> Floats:
-    """Distance of each node (n, n) of a grid from the nodes that are reached, in spacings of the grid.
-
-    Args:
-        reached: whether a node is (n, n)
-        periodic: whether the grid goes on beyond its edges with the period n - 1
-    """
+    """Distance of each node (n, n) of a grid, periodic or not, from those that are reached, in spacings of the grid."""
     n = len(reached)
     margin = n // 2 if periodic else 0
     if periodic:
