@@ -7,8 +7,9 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
+from asperity.adaptive.mesh_error import AccurateResult
 from asperity.adaptive.small_strain import SmallStrain, choose_kinematics
-from asperity.adaptive.solve_to_tolerance import AccurateResult, refine
+from asperity.adaptive.solve_to_tolerance import refine
 from asperity.case import Case
 from asperity.curve import Curve
 from asperity.errors import CheckError, ConvergenceError, Interrupted

@@ -16,13 +16,7 @@ if TYPE_CHECKING:
 
 
 def filter_advice(case: Case, found: Estimate, surface: Surface) -> str:
-    """Sentence on a surface that probably no mesh of the case resolves, with the cut-off to apply; empty for others.
-
-    Args:
-        case: with accuracy.tolerance
-        found: its estimate
-        surface: of the case
-    """
+    """Sentence on a surface that probably no mesh of the case resolves, with the cut-off to apply; empty for others."""
     if found.enough:
         return ""
     cutoff = recommended_cutoff(case, surface, found.approach)
@@ -36,12 +30,7 @@ def filter_advice(case: Case, found: Estimate, surface: Surface) -> str:
 
 
 def note_on_steps(surface: Surface, approach: float) -> str:
-    """Sentence on a map with steps or edges, between whose heights a spline would rise too far; empty for others.
-
-    Args:
-        surface: of the case
-        approach: greatest one of the case [length]
-    """
+    """Sentence on a map with steps or edges, between whose heights a spline would rise too far; empty for others."""
     rise = getattr(surface, "spline_rise", 0.0)
     if not rise:
         return ""
@@ -52,13 +41,7 @@ def note_on_steps(surface: Surface, approach: float) -> str:
 
 
 def recommended_cutoff(case: Case, surface: Surface, approach: float) -> float | None:
-    """Shortest cut-off with which the case is expected to meet its tolerance; see `cutoff.shortest_cutoff` [length].
-
-    Args:
-        case: with accuracy.tolerance
-        surface: of the case
-        approach: greatest one of the case [length]
-    """
+    """Shortest cut-off with which the case is expected to meet its tolerance; see `cutoff.shortest_cutoff` [length]."""
     accuracy = case.accuracy.model_copy(update={"max_dofs": int(MARGIN * case.accuracy.max_dofs)})
 
     def accepts(filtered: Surface, delta: float) -> bool:

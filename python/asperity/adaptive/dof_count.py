@@ -20,14 +20,7 @@ LARGEST = 0.5 * H_MAX  # greatest edge of a box [L]: a larger one would miss sma
 
 
 def dofs_of(field: SizeField, refinements: int, height: float, most: float = inf) -> int:
-    """Dofs of a mesh.
-
-    Args:
-        field: sizes of its elements
-        refinements: see `MeshSize`
-        height: of the block [L]
-        most: number beyond which they are not counted
-    """
+    """Dofs of a mesh of a block, whose height is in units of L; beyond `most` they are not counted."""
     size = field.coarser(refinements).at
     return round(3 * nodes_of(size, height, most / 3, 2**refinements, field.periodic))
 
@@ -36,8 +29,7 @@ def finest_within(scale: float, most: float, coarsest: float, dofs_at: Callable[
     """Scale and dofs of the finest mesh of a family that is no larger than allowed, or of the coarsest one tried.
 
     Args:
-        scale: of the mesh that is wanted
-        most: dofs that are allowed
+        scale, most: scale that is wanted, and dofs that are allowed
         coarsest: scale from which on no coarser one is tried
         dofs_at: dofs of a mesh by its scale
     """

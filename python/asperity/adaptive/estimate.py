@@ -15,7 +15,7 @@ import numpy as np
 
 from asperity.adaptive.dof_count import dofs_of
 from asperity.adaptive.family import MeshFamily
-from asperity.adaptive.guide import CELLS, PASSES, Guide, hardness
+from asperity.adaptive.guide import CELLS, PASSES, Guide, half_space
 from asperity.adaptive.mesh_plan import (
     DOFS_ORDER,
     GREATEST_STEP,
@@ -38,7 +38,6 @@ from asperity.mesh.block import BlockMesh
 from asperity.mesh.size_field import size_field
 from asperity.model.problem import Problem
 from asperity.model.settings import MeshSize
-from asperity.reference import RoughHalfSpace
 from asperity.runtime.display import short_repr
 from asperity.slope import SINGLE_CONTACT
 
@@ -52,6 +51,23 @@ RESOLVED = 20  # cells in contact, from which on its force counts
 MOST_DOFS = 1e8  # that are counted
 START = 1.3  # seconds of a run besides meshes and steps: libraries, results
 HALF_SPACE = 4e-7  # seconds of a half-space with the surface, or with the top of a mesh, per cell and approach
+
+
+@dataclass(frozen=True)
+class MeshEstimate:
+    """One mesh of a run.
+
+    Attributes:
+        h_contact: element size where the surface is reached last [length]
+        dofs: degrees of freedom
+        steps: load steps, those of unloadings too
+        seconds: of one core
+    """
+
+    h_contact: float
+    dofs: int
+    steps: int
+    seconds: float
 
 
 @dataclass(frozen=True)
@@ -74,26 +90,15 @@ class Rates:
     per_dof: float
     finite: float
 
+    def of(self, h: float, dofs: int, steps: int, finite: bool) -> MeshEstimate:
+        """A mesh of a run, in finite strain or in small strain."""
+        step = self.step * (self.finite if finite else 1.0)
+        seconds = self.mesh * dofs + steps * step * dofs * (dofs / 1e4) ** (self.growth - 1.0)
+        return MeshEstimate(h, dofs, steps, seconds)
+
 
 ELASTIC = Rates(2.4e-5, 5.5e-6, 1.03, 246e6, 1.02e3, 2.17)
 PLASTIC = Rates(2.4e-5, 1.0e-5, 1.08, 245e6, 1.39e3, 1.45)
-
-
-@dataclass(frozen=True)
-class MeshEstimate:
-    """One mesh of a run.
-
-    Attributes:
-        h_contact: element size where the surface is reached last [length]
-        dofs: degrees of freedom
-        steps: load steps, those of unloadings too
-        seconds: of one core
-    """
-
-    h_contact: float
-    dofs: int
-    steps: int
-    seconds: float
 
 
 @dataclass(frozen=True)
@@ -181,7 +186,8 @@ def estimate(case: Case, ranks: int = 1, surface: Surface | None = None, passes:
         problem = replace(problem, load_path=replace(path, delta_max=delta, force_max=None))
     bar, others = None, START
     if tolerance is None:
-        dofs = _given_dofs(case) or _dofs(problem, problem.size)
+        file = case.mesh.file
+        dofs = _dofs(problem, problem.size) if file is None else 3 * BlockMesh.read(file).counts()[0]
         if dofs > MOST_DOFS:
             raise InputError(f"the mesh has more than {MOST_DOFS:g} dofs: raise mesh.h_contact")
         plan = [(case.mesh.h_contact, dofs, _steps(problem))]
@@ -189,7 +195,7 @@ def estimate(case: Case, ranks: int = 1, surface: Surface | None = None, passes:
         plan, bar, solved = _plan(problem, case.accuracy, passes)
         others += HALF_SPACE * solved
     rates, finite = _rates(case), case.material.kinematics == "finite"
-    levels = tuple(MeshEstimate(h, dofs, steps, _seconds(rates, dofs, steps, finite)) for h, dofs, steps in plan)
+    levels = tuple(rates.of(h, dofs, steps, finite) for h, dofs, steps in plan)
     memory = ranks * rates.base + rates.per_dof * levels[-1].dofs
     strain, most = _strain(case, problem), None if tolerance is None else case.accuracy.max_dofs
     return Estimate(levels, ranks, memory, delta, bar, tolerance, strain, others, most)
@@ -209,8 +215,7 @@ def further_meshes(case: Case, found: Estimate) -> list[MeshEstimate]:
     levels: list[MeshEstimate] = []
     for k in range(1, MOST_MESHES - 1):
         h, dofs = last.h_contact / GREATEST_STEP**k, min(int(last.dofs * GREATEST_STEP ** (k * DOFS_ORDER)), most)
-        seconds = _seconds(_rates(case), dofs, last.steps, case.material.kinematics != "small")
-        levels.append(MeshEstimate(h, dofs, last.steps, seconds))
+        levels.append(_rates(case).of(h, dofs, last.steps, case.material.kinematics != "small"))
     return levels if last.dofs < most else []
 
 
@@ -225,7 +230,7 @@ def _strain(case: Case, problem: Problem) -> tuple[MeshEstimate, ...]:
     L, own = problem.surface.L, problem.size.h_contact
     h = L * size_for_strain(None if own is None else own / L, case.accuracy.tolerance)
     dofs, steps = _dofs(problem, MeshSize(h, GROWTH)), _steps(problem)
-    return tuple(MeshEstimate(h, dofs, steps, _seconds(_rates(case), dofs, steps, finite)) for finite in (False, True))
+    return tuple(_rates(case).of(h, dofs, steps, finite) for finite in (False, True))
 
 
 def _steps(problem: Problem, substeps: int = 1) -> int:
@@ -239,7 +244,7 @@ def approach_of_force(problem: Problem) -> float:
     surface, solid, height = problem.surface, problem.material, problem.height / problem.surface.L
     L, wanted = surface.L, problem.schedule.force_max
     assert wanted is not None
-    layer = RoughHalfSpace(CELLS[0], height, solid.nu, problem.sides, hardness(solid))
+    layer = half_space(problem, CELLS[0])
     heights, summit = layer.heights(surface), surface.maximum()[2] / L
     # all of the surface in contact, and the block below compressed
     deepest = summit - float(heights.min()) + wanted * height * solid.reduced_modulus / solid.E
@@ -292,19 +297,9 @@ def _plan(problem: Problem, goal: AccuracySection, passes: int) -> tuple[list[tu
     return plan, expected_bar(float(second.min())), (passes + 1.0) * guide.sizes.size * len(guide.delta_star)
 
 
-def _given_dofs(case: Case) -> int:
-    return 0 if case.mesh.file is None else 3 * BlockMesh.read(case.mesh.file).counts()[0]
-
-
 def _dofs(problem: Problem, size: MeshSize) -> int:
     """Dofs of a mesh of given sizes, up to about MOST_DOFS."""
-    L, depth = problem.surface.L, problem.load_path.delta_max
+    depth = problem.load_path.delta_max
     assert depth is not None
-    return dofs_of(
-        size_field(problem.surface, depth, size, problem.sides), size.refinements, problem.height / L, MOST_DOFS
-    )
-
-
-def _seconds(rates: Rates, dofs: int, steps: int, finite: bool) -> float:
-    step = rates.step * (rates.finite if finite else 1.0)
-    return rates.mesh * dofs + steps * step * dofs * (dofs / 1e4) ** (rates.growth - 1.0)
+    field = size_field(problem.surface, depth, size, problem.sides)
+    return dofs_of(field, size.refinements, problem.height / problem.surface.L, MOST_DOFS)

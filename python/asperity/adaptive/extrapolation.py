@@ -22,6 +22,8 @@ from asperity.curve import WITH_ERRORS, Curve
 from asperity.errors import InputError
 from asperity.slope import SINGLE_CONTACT, slopes
 
+Along = Callable[[Floats], Floats]  # a relative error along the loading, at approaches (n,)
+
 # Chosen so that 95 % of the errors are inside on every class of benchmarks/accuracy.py, see its head
 OMITTED = 0.5  # bar over what the half-space corrects, of force and area
 # Deviation of the force over that of the area from mesh to mesh, both relative: 0.11 and 0.15 on meshes of scale 1 and
@@ -38,12 +40,6 @@ class Budget:
         roughness: of the waves that the mesh leaves out
         load_step: of the integration of plasticity and of stick along the path
         algebraic: of the equations left unsolved, from the residual forces
-
-    Examples:
-        >>> mesh, none = np.array([0.02]), np.zeros(1)
-        >>> budget = Budget(mesh, roughness=none, load_step=np.array([0.015]), algebraic=none)
-        >>> budget.to_dict()["total"]
-        [0.025]
     """
 
     mesh: Floats
@@ -68,18 +64,6 @@ class Budget:
     def unknown(rows: int) -> Budget:
         """The budget of a force that has no error bar."""
         return Budget(*(np.full(rows, nan) for _ in range(4)))
-
-
-@dataclass(frozen=True)
-class Along:
-    """A relative error along the loading: values at approaches (n,), constant before the first and after the last."""
-
-    delta_star: Floats
-    value: Floats
-
-    def at(self, delta_star: Floats) -> Floats:
-        """Value at other approaches."""
-        return np.interp(delta_star, self.delta_star, self.value)
 
 
 @dataclass(frozen=True)
@@ -121,6 +105,11 @@ class Coarser:
         return next((why for curve in curves if (why := curve.unresolved())), "")
 
 
+def along(delta_star: Floats, value: Floats) -> Along:
+    """The error with these values at ascending approaches (n,), constant before the first and after the last."""
+    return lambda at: np.interp(at, delta_star, value)
+
+
 def correct(
     fine: Curve, coarser: Coarser, judged: npt.NDArray[np.bool_], path: Along, algebraic: float, missed: Omission
 ) -> tuple[Curve, Budget]:
@@ -130,7 +119,6 @@ def correct(
 
     Args:
         fine: curve of the finest level, without what its top leaves out and without the error of its load steps
-        coarser: meshes to extrapolate from
         judged: rows whose bars are; those before have larger ones that say nothing about their neighbours
         path: relative error left of the load steps
         algebraic: relative error of the equations left unsolved
@@ -156,7 +144,7 @@ def correct(
     curve = replace(curve, error_area_fraction=area_bar)
     P = curve.P_star
     scale = np.where(loading, P, P[loading][-1])
-    mesh_bar, rough_bar, path_bar = (bar[rows] * scale for bar in (mesh_bar, rough_bar, path.at(at)))
+    mesh_bar, rough_bar, path_bar = (bar[rows] * scale for bar in (mesh_bar, rough_bar, path(at)))
     budget = Budget(mesh_bar, rough_bar, path_bar, np.full(len(P), algebraic) * scale)
     return replace(curve, error_P_star=budget.total), budget
 
@@ -165,8 +153,6 @@ def without_omission(curve: Curve, missed: Omission, compliance: float) -> Curve
     """A curve corrected for what the top of its mesh leaves out: forces, gaps, areas of contact with their bars.
 
     Args:
-        curve: of a mesh
-        missed: what its top leaves out
         compliance: of the block, compression over P* [length]; at a given approach the mean gap is the larger by it
     """
     loading = curve.branch == "load"
@@ -188,10 +174,8 @@ def with_measures(fine: Curve, coarser: Coarser, budget: Budget, compliance: flo
     see `slope_bar`.
 
     Args:
-        fine: curve of the finest level
-        coarser: meshes to extrapolate from
         budget: error bars of P*
-        compliance: of the block, compression over P* [length]
+        compliance: see `without_omission`
     """
     loading = fine.branch == "load"
     at, rows = fine.delta_star[loading], _rows_of_loading(loading)
@@ -222,11 +206,9 @@ def _touched(curve: Curve, name: str, delta_star: Floats) -> Floats:
     """A column along the touched part of the first loading at given approaches; NaN where there is none."""
     branch = curve.loading()
     branch = branch.where(branch.P_star > 0.0)
-    return (
-        np.interp(delta_star, branch.delta_star, getattr(branch, name))
-        if len(branch)
-        else np.full(len(delta_star), np.nan)
-    )
+    if not len(branch):
+        return np.full(len(delta_star), np.nan)
+    return np.interp(delta_star, branch.delta_star, getattr(branch, name))
 
 
 def slope_bar(curve: Curve, budget: Budget, edges: Floats) -> Floats:
@@ -237,8 +219,6 @@ def slope_bar(curve: Curve, budget: Budget, edges: Floats) -> Floats:
     are by chance.
 
     Args:
-        curve: whose slopes they are
-        budget: error bars of P*
         edges: error that facets cut at random leave in a stiffness, relative (n,)
     """
     share = np.divide(budget.total, curve.P_star, out=np.zeros(len(curve)), where=curve.P_star > 0.0)

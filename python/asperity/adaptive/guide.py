@@ -14,15 +14,14 @@ from math import inf
 from typing import TYPE_CHECKING
 
 import numpy as np
+from scipy import ndimage
 
-from asperity.adaptive.spots import sizes_of_spots
 from asperity.arrays import Array, Floats
 from asperity.mesh.resolution import ELEMENTS, resolving_size
 from asperity.mesh.top import Top, heights_of_top
 from asperity.reference.halfspace import HARDNESS, RoughHalfSpace, cells_per_side
 
 if TYPE_CHECKING:
-    from asperity.model.material import Material
     from asperity.model.problem import Problem
 
 CELLS = 128, 720  # fewest and most per side
@@ -31,6 +30,7 @@ NEGLIGIBLE = 0.004  # tolerance that the waves too short for that number of cell
 PASSES = 2  # of the half-space: the first shows how fine the second must be
 MOST_STEPS = 10  # at which the half-space is pressed
 EARLY = 0.25  # power of the approach in the sizes: the first spots are the least of a mesh and have its largest errors
+LARGEST = 4.0  # size over the half-width of a spot: elements miss it in any case, and the half-space corrects it
 MOST = 10.0  # change beyond which nothing is known
 
 
@@ -72,8 +72,7 @@ class Guide:
         self, problem: Problem, depth: float, steps: int, on_part: Callable[[float], None] | None = None,
         passes: int = PASSES,
     ) -> None:  # fmt: skip
-        self._surface, material = problem.surface, problem.material
-        L = self._surface.L
+        self._surface, L = problem.surface, problem.surface.L
         # of a filtered map the pixels are shorter than the waves
         shortest = ELEMENTS * resolving_size(self._surface, depth, NEGLIGIBLE, L)
         self._on_part = on_part
@@ -82,7 +81,7 @@ class Guide:
         cells = PER_WAVE * L / max(self._surface.feature_size, shortest)
         for _ in range(passes):
             n = cells_per_side(float(np.clip(cells, *CELLS)))
-            self._layer = RoughHalfSpace(n, problem.height / L, material.nu, problem.sides, hardness(material))
+            self._layer = half_space(problem, n)
             self._press_surface()
             cells = PER_SIZE / float(self.sizes.min())
             if n >= min(cells, CELLS[1]):
@@ -136,11 +135,40 @@ class Guide:
         )
 
 
-def hardness(material: Material) -> float:
-    """Greatest pressure of a half-space of a material over E', inf for an elastic one."""
-    if material.yield_strength is None:
-        return inf
-    return HARDNESS * material.yield_strength / material.reduced_modulus
+def half_space(problem: Problem, cells: int) -> RoughHalfSpace:
+    """Half-space of a problem with so many cells per side; its pressure is limited where the solid yields."""
+    solid, hardness = problem.material, inf
+    if solid.yield_strength is not None:
+        hardness = HARDNESS * solid.yield_strength / solid.reduced_modulus
+    return RoughHalfSpace(cells, problem.height / problem.surface.L, solid.nu, problem.sides, hardness)
+
+
+def sizes_of_spots(pressure: Floats) -> Floats:
+    """Sizes with which the sum of F_i/F (h_i/a_i)^2 over the spots is 1, at the cells of a grid (n, n) [side].
+
+    A spot of half-width a and force F_i adds F_i (h/a)^2 to the error of the force and A_i/h^2 elements to the mesh,
+    A_i being its area. Of all sizes h with one error, h ~ (A_i a^2/F_i)^(1/4) has the fewest elements: a spot that
+    carries little may be resolved less than one that carries much.
+
+    Args:
+        pressure: at the cells, not negative (n, n)
+
+    Returns:
+        Sizes, inf where there is no contact
+    """
+    n, touched = len(pressure), pressure > 0.0
+    spot, count = ndimage.label(touched, np.ones((3, 3)))
+    if count == 0:
+        return np.full(pressure.shape, np.inf)
+    inside = np.full(touched.shape, 0.5 * n) if touched.all() else ndimage.distance_transform_edt(touched)
+    of = spot[touched] - 1
+    half_width, area = np.zeros(count), np.bincount(of) / n**2
+    np.maximum.at(half_width, of, inside[touched])  # ndimage.maximum sorts the whole grid
+    half_width = np.clip(half_width - 0.5, 0.5, 0.5 * n) / n
+    share = np.bincount(of, pressure[touched]) / pressure.sum()
+    sizes = (area * half_width**2 / share) ** 0.25
+    sizes /= np.sqrt(np.sum(share * (sizes / half_width) ** 2))
+    return np.asarray(np.append(np.inf, np.minimum(sizes, LARGEST * half_width))[spot])
 
 
 def _change(whole: Floats, part: Floats) -> Floats:

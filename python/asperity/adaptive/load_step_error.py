@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from asperity.adaptive.extrapolation import Along, judged_rows, loading_force, scaled, steady
+from asperity.adaptive.extrapolation import Along, along, judged_rows, loading_force, scaled, steady
 from asperity.adaptive.mesh_levels import LevelSolver
 from asperity.adaptive.mesh_plan import (
     GREATEST_STEP,
@@ -53,16 +53,12 @@ class LoadStepError:
     @classmethod
     def none(cls, unknown: str = "") -> LoadStepError:
         """That of an elastic solid without friction, which has none; or why it is not known."""
-        zero = {1: Along(np.zeros(1), np.zeros(1))}
+        zero: dict[int, Along] = {1: np.zeros_like}
         return cls(zero, zero, 1, "", unknown)
 
     def removed(self, curve: Curve, substeps: int) -> Curve:
-        """A curve computed in so many parts of each step, corrected for the load steps.
-
-        Along the first loading by the corrections of the rows; later branches start from its end and take its
-        correction there.
-        """
-        factor = 1.0 / (1.0 + self.correction[substeps].at(curve.delta_star))
+        """A curve computed in so many parts of each step, corrected for the load steps; see `scaled`."""
+        factor = 1.0 / (1.0 + self.correction[substeps](curve.delta_star))
         return scaled(curve, factor[curve.branch == "load"])
 
 
@@ -96,10 +92,8 @@ def choose_substeps(
     leading order, is the bar.
 
     Args:
-        run: solver of levels
         steps: planned ones
         rule: see `mesh_plan.step_rule`
-        goal: tolerance and limits
 
     Returns:
         the result with the most parts, at least two, and the error; no more parts are chosen than these. If the
@@ -123,5 +117,5 @@ def choose_substeps(
         chosen = enough_substeps(bars, goal.tolerance, STEP_ORDERS[rule])
         stopped = run.limit(goal, substeps=2 * n) if chosen > n else ""
         if stopped or chosen <= n:
-            correction, bar = ({k: Along(at, v) for k, v in of.items()} for of in (errors, bars))
+            correction, bar = ({k: along(at, v) for k, v in of.items()} for of in (errors, bars))
             return result, LoadStepError(correction, bar, min(chosen, n), stopped)

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
-from math import inf, nan
+from dataclasses import asdict, dataclass, replace
+from math import inf, isfinite, nan
+from typing import Any
 
 import numpy as np
 
@@ -18,35 +19,63 @@ from asperity.adaptive.extrapolation import (
 )
 from asperity.adaptive.guide import Omission
 from asperity.adaptive.load_step_error import LoadStepError
-from asperity.adaptive.mesh_levels import LevelSolver
+from asperity.adaptive.mesh_levels import Level, LevelSolver
 from asperity.adaptive.mesh_plan import AREA_ORDER, GREATEST_STEP, MARGIN, MESH_ORDER, MOST_MESHES, partner, refinement
 from asperity.arrays import Array, Flags, Floats
 from asperity.curve import Curve
 from asperity.model.settings import AccuracyTarget
 from asperity.quasistatic.contact_result import ContactResult
+from asperity.runtime.display import brief
 from asperity.units import per_cent
 
 
 @dataclass(frozen=True)
-class Judgement:
-    """What the levels so far show.
+class AccurateResult:
+    """A curve with error bars.
 
     Attributes:
-        curve: of the last level, extrapolated, with error bars; as computed and without them when it has none
-        budget: parts of the error bars
+        curve: rows of the finest mesh, force and P_star extrapolated, error_P_star filled in; as computed, and without
+            it, when the force has no error bar
+        raw: the same rows as computed
+        budget: parts of the error bar, rows as in the curve, NaN where there is none
+        levels: what was computed, in order
+        contact: the result of the mesh of the curve, with its last state
         worst, worst_area: greatest relative bars of force and area that are judged, NaN without one
-        known: how well the force is known, a clause; empty where the tolerances are met
-        finer: the next mesh than the last one, at the approaches of the guide (k,)
-        limit: why there is no next mesh; empty when there may be one
+        met: whether the bar is within the tolerance along the first loading, and that of the area if requested
+        reason: "done", or what stopped the refinement
     """
 
     curve: Curve
+    raw: Curve
     budget: Budget
+    levels: tuple[Level, ...]
+    contact: ContactResult
     worst: float
     worst_area: float
-    known: str
-    finer: Floats
-    limit: str
+    met: bool
+    reason: str
+
+    def __repr__(self) -> str:
+        return f"AccurateResult({self.curve!r}, met={self.met}, worst={self.worst:.3g}, {brief(self.reason)})"
+
+    def roughness_share(self) -> float | None:
+        """Greatest part of the bar that the waves left out take, over the force; None where no such part is judged."""
+        judged = judged_rows(self.curve, len(self.curve.planned()))
+        parts = relative(self.budget.roughness[judged], self.curve.P_star[judged])
+        return float(np.max(parts)) if parts.size and np.isfinite(parts).all() and parts.any() else None
+
+    def to_dict(self) -> dict[str, Any]:
+        """Sections "accuracy" and "error_budget" of summary.json."""
+        return {
+            "accuracy": {
+                "met": self.met,
+                "worst_relative_bar": self.worst if isfinite(self.worst) else None,
+                "worst_relative_bar_of_area": self.worst_area if isfinite(self.worst_area) else None,
+                "levels": [asdict(level) for level in self.levels],
+                "P_star_of_finest_mesh": self.raw.P_star.tolist(),
+            },
+            "error_budget": self.budget.to_dict() if isfinite(self.worst) else None,
+        }
 
 
 class MeshErrorEstimate:
@@ -76,11 +105,13 @@ class MeshErrorEstimate:
         self._missed.append(missed)
         return curve
 
-    def judge(self, result: ContactResult) -> Judgement:
-        """Judge the force of the last level, after at least one before it.
+    def judge(self, result: ContactResult) -> tuple[AccurateResult, Floats | None]:
+        """Judge the force by the result of the last level, after at least one before it.
 
-        Args:
-            result: of this level
+        Returns:
+            What is known so far, and the next mesh, see `LevelSolver`: how much finer than the last one it is at the
+            approaches of the guide (k,). None where there is none, because the tolerances are met, or for the reason
+            of the result
         """
         run, path = self._run, self._path
         curve, bar_of_steps = self.add(result), path.bar[run.levels[-1].substeps]
@@ -94,18 +125,22 @@ class MeshErrorEstimate:
         if unresolved:
             # by a single node the force grows with its size, and the difference of two meshes is no error
             curve = replace(result.curve, error_P_star=np.full(len(result.curve), nan))
-            found = Judgement(
-                curve, Budget.unknown(len(curve)), nan, nan, f"the force has no error bar, {unresolved}",
-                np.full(len(run.delta_star), GREATEST_STEP), "",
-            )  # fmt: skip
+            budget, known, limit = Budget.unknown(len(curve)), f"the force has no error bar, {unresolved}", ""
+            finer: Floats = np.full(len(run.delta_star), GREATEST_STEP)
+            worst = worst_area = nan
         else:
-            found = self._judged(curve, budget, judged, algebraic)
-        if not found.known:
-            return found
-        limit = found.limit or self._limit(found.finer)
+            worst, worst_area, finer, limit = self._judged(curve, budget, judged, algebraic)
+            known = self._known(worst, worst_area)
+        levels = tuple(run.levels)
+        found = AccurateResult(
+            curve, result.curve, budget, levels, result, worst, worst_area, not known, known or "done"
+        )
+        if not known:
+            return found, None
+        limit = limit or self._limit(finer)
         if limit and run.misses_waves(self._goal.tolerance):
             limit += "; waves shorter than the elements limit it too: cut them off (asperity check tries cut-offs)"
-        return replace(found, limit=limit)
+        return (replace(found, reason=f"{known}: {limit}"), None) if limit else (found, finer)
 
     def _coarser(self, delta_star: Floats) -> Coarser:
         """Meshes to extrapolate the last one from, at approaches (n,)."""
@@ -114,14 +149,16 @@ class MeshErrorEstimate:
         ratio = np.take_along_axis(scales, place[None], axis=0)[0] / scales[-1]
         return Coarser(self._curves[:-1], self._missed[:-1], place, ratio, scales[-1])
 
-    def _judged(self, curve: Curve, budget: Budget, judged: Flags, algebraic: float) -> Judgement:
-        """The judgement on a curve with error bars, and how much finer the next mesh is at each step."""
+    def _judged(
+        self, curve: Curve, budget: Budget, judged: Flags, algebraic: float
+    ) -> tuple[float, float, Floats, str]:
+        """Of a curve with error bars the greatest ones of force and area, the next mesh, and why none would do."""
         goal = self._goal
         at, P = curve.delta_star[judged], curve.P_star[judged]
         area: Floats = relative(curve.error_area_fraction[judged], curve.area_fraction[judged])
         area = np.where(np.isnan(area), inf, area)
         worst, worst_area = (float(np.max(bars)) for bars in (relative(curve.error_P_star[judged], P), area))
-        of_steps = self._path.bar[self._path.substeps].at(at)
+        of_steps = self._path.bar[self._path.substeps](at)
         left = np.sqrt(
             np.maximum((goal.tolerance - algebraic) ** 2 - of_steps**2, ((1.0 - MARGIN) * goal.tolerance) ** 2)
         )
@@ -131,7 +168,7 @@ class MeshErrorEstimate:
             excess = np.maximum(excess, self._at_guide(at, area / goal.area_tolerance) ** (MESH_ORDER / AREA_ORDER))
         finer = np.array([refinement(scales[:, k], float(excess[k])) for k in range(len(excess))])
         limit = "" if worst <= goal.tolerance else self._unreachable(algebraic, float(of_steps.max()))
-        return Judgement(curve, budget, worst, worst_area, self._known(worst, worst_area), finer, limit)
+        return worst, worst_area, finer, limit
 
     def _at_guide(self, delta_star: Floats, bars: Array) -> Floats:
         """Greatest of bars at some approaches (n,) up to each of the guide, from the one before on (k,)."""
@@ -165,11 +202,7 @@ class MeshErrorEstimate:
         return self._run.limit(self._goal, finer, self._path.substeps)
 
     def _unreachable(self, algebraic: float, of_steps: float) -> str:
-        """Why no mesh meets the tolerance; empty when one may.
-
-        Args:
-            algebraic, of_steps: relative error bars of the equations and of the load steps
-        """
+        """Why no mesh meets the tolerance with these relative bars of equations and load steps; empty when one may."""
         if algebraic + of_steps <= MARGIN * self._goal.tolerance:
             return ""
         if algebraic > of_steps:

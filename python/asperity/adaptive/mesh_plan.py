@@ -1,6 +1,6 @@
 """The next mesh, and the limit of the force estimated from two meshes or from two sizes of load steps.
 
-The meshes of a family differ by one number, their scale: the element sizes over those of `spots.sizes_of_spots`. The
+The meshes of a family differ by one number, their scale: the element sizes over those of `guide.sizes_of_spots`. The
 force differs from the limit by c scale^p. The order p depends on the scene; the limit is therefore the mean of those
 that the ends of a range of orders give, and half their distance is its error bar.
 """

@@ -58,11 +58,6 @@ class SmallStrain:
         h: element size of the coarse mesh [length]
         dofs: of the coarse mesh
         reason: why the path was not compared to its end; empty where it was
-
-    Examples:
-        >>> found = SmallStrain("small", 1.0, ("load",), np.array([0.1]), np.array([-0.4]), 0.8, 0.1, 5000, "")
-        >>> round(found.greatest, 6), found.enough
-        (0.5, True)
     """
 
     kinematics: str
@@ -201,13 +196,9 @@ def _press(
         Interrupted: the run was stopped
     """
     name = f"coarse mesh, {kinematics} strain"
-    checkpoint = hooks.checkpoint
-    part = None if checkpoint is None else checkpoint.part(f"{kinematics}-{h / problem.surface.L:.6g}")
+    part = None if hooks.checkpoint is None else hooks.checkpoint.part(f"{kinematics}-{h / problem.surface.L:.6g}")
     own = Hooks(
-        on_stage=lambda stage: hooks.stage(f"{name}: {stage}"),
-        stop=hooks.stop,
-        checkpoint=part,
-        on_ready=hooks.on_ready,
+        lambda stage: hooks.stage(f"{name}: {stage}"), stop=hooks.stop, checkpoint=part, on_ready=hooks.on_ready
     )
     try:
         return solve_problem(_with(problem, kinematics), block=block, comm=comm, hooks=own).curve, ""
@@ -218,13 +209,8 @@ def _press(
 
 
 def untouched(curve: Curve) -> str:
-    """Reason why a curve shows nothing: the summit of a coarse mesh may lie below the last position of the flat.
-
-    Examples:
-        >>> untouched(asp.Curve.from_rows([{"delta": 0.01, "force": 0.0}]))
-        'the flat does not reach the coarse mesh'
-    """
-    return "" if (curve.loading().force > 0.0).any() else "the flat does not reach the coarse mesh"
+    """Reason why a curve shows nothing: the summit of a coarse mesh may lie below the last position of the flat."""
+    return "the flat does not reach the coarse mesh" if curve.untouched() else ""
 
 
 def differences(small: Curve, finite: Curve, steps: int) -> tuple[tuple[str, ...], Floats, Floats]:
@@ -273,13 +259,6 @@ def slope_seen(block: BlockMesh | None, surface: Surface, depth: float) -> float
         block: mesh of the block
         surface: its top
         depth: greatest approach [length]
-
-    Examples:
-        >>> from mpi4py import MPI
-        >>> wave = asp.Surface.from_spec("sinusoid", L=1.0, amplitude=0.01, wavelength=0.5, dims=2)
-        >>> blunt, fine = (make_block(MPI.COMM_SELF, wave, 1.0, 0.02, MeshSize(h, h_max=h)) for h in (0.6, 0.1))
-        >>> slope_seen(blunt, wave, 0.02) < slope_seen(fine, wave, 0.02) > 0.98
-        True
     """
     assert block is not None
     n = int(np.clip(PER_WAVE * surface.L / surface.feature_size, *CELLS))

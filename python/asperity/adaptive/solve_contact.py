@@ -5,7 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Unpack, overload
 
-from asperity.adaptive.solve_to_tolerance import AccurateResult, check_free, refine
+from asperity.adaptive.mesh_error import AccurateResult
+from asperity.adaptive.solve_to_tolerance import check_free, refine
 from asperity.mesh.block import BlockMesh
 from asperity.model.load_path import MIDPOINT
 from asperity.model.material import Material

@@ -10,18 +10,16 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from contextlib import suppress
-from dataclasses import asdict, dataclass, replace
+from dataclasses import replace
 from functools import partial
-from math import isfinite
-from typing import TYPE_CHECKING, Any, Unpack
+from typing import TYPE_CHECKING, Unpack
 
 import numpy as np
 
-from asperity.adaptive.extrapolation import Budget, judged_rows, relative
 from asperity.adaptive.guide import Guide
 from asperity.adaptive.load_step_error import LoadStepError, choose_substeps
-from asperity.adaptive.mesh_error import MeshErrorEstimate
-from asperity.adaptive.mesh_levels import Level, LevelSolver
+from asperity.adaptive.mesh_error import AccurateResult, MeshErrorEstimate
+from asperity.adaptive.mesh_levels import LevelSolver
 from asperity.adaptive.mesh_plan import RATIO, first_scale, planned_steps, step_rule
 from asperity.curve import Curve
 from asperity.errors import InputError, Interrupted, MeshError
@@ -29,11 +27,10 @@ from asperity.model.kinds import check_kind, refuse
 from asperity.model.material import Material
 from asperity.model.problem import Problem, ProblemArguments
 from asperity.model.settings import AccuracyTarget, MeshSize, penalty_too_soft
-from asperity.quasistatic.contact_result import ContactResult, PartialResult
+from asperity.quasistatic.contact_result import PartialResult
 from asperity.quasistatic.hooks import Hooks
 from asperity.quasistatic.solve_problem import estimate_approach
 from asperity.quasistatic.stepping import Callback
-from asperity.runtime.display import brief
 from asperity.runtime.parallel import on_root
 from asperity.surface import Surface
 
@@ -41,63 +38,6 @@ if TYPE_CHECKING:
     from mpi4py import MPI
 
     from asperity.quasistatic.checkpoint import Checkpoint
-
-
-@dataclass(frozen=True)
-class AccurateResult:
-    """A curve with error bars.
-
-    Attributes:
-        curve: rows of the finest mesh, force and P_star extrapolated, error_P_star filled in; as computed, and without
-            it, when the force has no error bar
-        raw: the same rows as computed
-        budget: parts of the error bar, rows as in the curve, NaN where there is none
-        levels: what was computed, in order
-        contact: the result of the mesh of the curve, with its last state
-        worst, worst_area: greatest relative bars of force and area that are judged, NaN without one
-        met: whether the bar is within the tolerance along the first loading, and that of the area if requested
-        reason: "done", or what stopped the refinement
-
-    Examples:
-        >>> from asperity.surface import Flat
-        >>> block = asp.Problem.of(Flat(L=1.0), asp.Material(E=1.0, nu=0.3), delta_max=0.01, steps=2)
-
-        >>> result = refine(block, asp.AccuracyTarget(0.01))
-        >>> result.reason, len(result.curve), bool(result.budget.total.max() < 1e-6)
-        ('done', 6, True)
-    """
-
-    curve: Curve
-    raw: Curve
-    budget: Budget
-    levels: tuple[Level, ...]
-    contact: ContactResult
-    worst: float
-    worst_area: float
-    met: bool
-    reason: str
-
-    def __repr__(self) -> str:
-        return f"AccurateResult({self.curve!r}, met={self.met}, worst={self.worst:.3g}, {brief(self.reason)})"
-
-    def roughness_share(self) -> float | None:
-        """Greatest part of the bar that the waves left out take, over the force; None where no such part is judged."""
-        judged = judged_rows(self.curve, len(self.curve.planned()))
-        parts = relative(self.budget.roughness[judged], self.curve.P_star[judged])
-        return float(np.max(parts)) if parts.size and np.isfinite(parts).all() and parts.any() else None
-
-    def to_dict(self) -> dict[str, Any]:
-        """Sections "accuracy" and "error_budget" of summary.json."""
-        return {
-            "accuracy": {
-                "met": self.met,
-                "worst_relative_bar": self.worst if isfinite(self.worst) else None,
-                "worst_relative_bar_of_area": self.worst_area if isfinite(self.worst_area) else None,
-                "levels": [asdict(level) for level in self.levels],
-                "P_star_of_finest_mesh": self.raw.P_star.tolist(),
-            },
-            "error_budget": self.budget.to_dict() if isfinite(self.worst) else None,
-        }
 
 
 def solve_to_tolerance(
@@ -116,9 +56,7 @@ def solve_to_tolerance(
     conductance: bool = False,
     **problem: Unpack[ProblemArguments],
 ) -> AccurateResult:
-    """Refine mesh and load steps until the force along the first loading has the requested error bar; collective.
-
-    `solve_contact` with a tolerance, where the curve of each mesh is of interest.
+    """`solve_contact` with a tolerance, where the curve of each mesh is of interest; collective.
 
     Args:
         surface, material: as in `solve_contact`
@@ -147,15 +85,7 @@ def solve_to_tolerance(
 
 
 def check_free(problem: Problem, meshed: bool) -> None:
-    """Refuse a problem that leaves nothing to choose.
-
-    Args:
-        problem: made of the arguments of a script
-        meshed: whether there is a mesh already
-
-    Raises:
-        InputError: mesh or element sizes or substeps are given
-    """
+    """Refuse a problem that is meshed already, or whose element sizes or substeps are given (InputError)."""
     if meshed or problem.size != MeshSize() or problem.load_path.substeps != 1:
         raise InputError(
             "a tolerance chooses mesh and substeps: leave out block, size (mesh.h_contact, mesh.file) and substeps"
@@ -187,10 +117,9 @@ def refine(
     Examples:
         >>> from asperity.surface import Flat
         >>> block = asp.Problem.of(Flat(L=1.0), asp.Material(E=1.0, nu=0.3), delta_max=0.01, steps=2)
-
         >>> result = refine(block, asp.AccuracyTarget(0.01))
-        >>> result.met, len(result.levels)
-        (True, 2)
+        >>> result.reason, len(result.levels), len(result.curve), bool(result.budget.total.max() < 1e-6)
+        ('done', 2, 6, True)
     """
     from mpi4py import MPI
 
@@ -219,34 +148,21 @@ def refine(
     while True:
         with suppress(Interrupted):  # this mesh is judged first; the next one is not begun
             hooks.stage("half-space with the top of the mesh")
-        found = estimate.judge(result)
+        accurate, finer = estimate.judge(result)
         if on_curve is not None:
-            on_curve(found.curve)
-        accurate = AccurateResult(
-            found.curve,
-            result.curve,
-            found.budget,
-            tuple(run.levels),
-            result,
-            found.worst,
-            found.worst_area,
-            True,
-            "done",
-        )
-        if not found.known:
+            on_curve(accurate.curve)
+        if finer is None:
             return accurate
-        if found.limit:
-            return replace(accurate, met=False, reason=f"{found.known}: {found.limit}")
         result.solver.drop_matrices()  # room for the next mesh; its state stays, in case that mesh fails
         try:
-            result = run(found.finer, path.substeps)
+            result = run(finer, path.substeps)
         except (PartialResult, Interrupted, MeshError) as e:
             if isinstance(stop := e.__cause__ or e, Interrupted):
-                raise PartialResult(str(e), replace(result, curve=found.curve)) from stop
+                raise PartialResult(str(e), replace(result, curve=accurate.curve)) from stop
             failed = str(e)
             if isinstance(e, PartialResult):
                 failed = (
                     f"on the next mesh, of {e.result.dofs} dofs, no step converges beyond delta/L = "
                     f"{e.result.solver.delta:.6g}, use more loading.steps"
                 )
-            return replace(accurate, met=False, reason=f"{found.known}: {failed}")
+            return replace(accurate, reason=f"{accurate.reason}: {failed}")
