@@ -13,9 +13,8 @@ from mpi4py import MPI
 
 import asperity as asp
 from asperity.adaptive.dof_count import NODES, NODES_OF_SURFACE, nodes_of
-from asperity.adaptive.estimate import ELASTIC, PLASTIC, estimate, further_meshes
+from asperity.adaptive.estimate import ELASTIC, estimate, further_meshes
 from asperity.case import Case
-from asperity.cli import main
 from asperity.errors import ConvergenceError
 from asperity.quasistatic.make import make_block
 from asperity.run_case import run
@@ -28,16 +27,6 @@ QUICK = [
     "output.report=false",
     "dynamics.zeta=0.05",
 ]
-
-
-def test_shorter_waves_take_finer_meshes() -> None:
-    """Their spots are smaller."""
-    keys = ["accuracy.tolerance=0.01"]
-    demo, fine = (
-        [level.h_contact for level in estimate(Case.load(ROOT / "cases/elastic.toml", [*keys, *more])).levels]
-        for more in ((), ("surface.f_max=12", "accuracy.max_dofs=10_000_000"))
-    )
-    assert fine[-1] < demo[-1] / 1.5
 
 
 def test_a_surface_rough_down_to_the_pixel_takes_more_than_it_may(tmp_path: Path) -> None:
@@ -100,17 +89,6 @@ def test_few_elements_have_most_of_their_nodes_on_the_surface(h: float, growth: 
     assert block is not None and estimate(given).dofs == pytest.approx(3 * block.counts()[0], rel=0.3)
 
 
-def test_what_costs_more_is_estimated_higher() -> None:
-    def of(*changes: str) -> float:
-        keys = [*QUICK, 'material.kinematics="small"', *changes]
-        return estimate(Case.load(ROOT / "cases/single.toml", keys)).levels[0].seconds
-
-    assert of("mesh.h_contact=0.1e-6") > 1.3 * of()
-    assert of("loading.steps=6") > 1.3 * of()
-    assert of("material.yield_strength=", "material.tangent_modulus=") < of()
-    assert np.all(np.array([r.step for r in (ELASTIC, PLASTIC)]) > 0)
-
-
 def test_a_tolerance_makes_several_meshes() -> None:
     found = estimate(Case.load(ROOT / "cases/elastic.toml"), ranks=4)
     sizes = [level.dofs for level in found.levels]
@@ -118,18 +96,9 @@ def test_a_tolerance_makes_several_meshes() -> None:
     assert found.memory > 4 * ELASTIC.base
 
 
-def test_the_meshes_that_a_plastic_run_adds_are_within_those_that_max_dofs_allows() -> None:
-    keys = ["accuracy.tolerance=0.05", "accuracy.max_dofs=218_000", 'material.kinematics="finite"']
-    case = Case.load(ROOT / "cases/single.toml", keys)
-    found = estimate(case)
-    further = further_meshes(case, found)
-    sizes = [level.dofs for level in further]
-    assert found.dofs < sizes[0] and sizes == sorted(sizes) and sizes[-1] == 218_000
-    assert sum(level.seconds for level in further) > 5 * found.seconds
-
-
 def test_a_run_that_its_dofs_end_costs_no_more_than_all_meshes_they_allow(tmp_path: Path) -> None:
-    keys = ["accuracy.tolerance=0.01", "accuracy.max_dofs=16_000", 'material.kinematics="small"', "loading.steps=5"]
+    keys = ["accuracy.tolerance=0.01", "accuracy.max_dofs=16_000", 'material.kinematics="small"']
+    keys += ["loading.steps=5", "material.yield_strength=", "material.tangent_modulus="]
     data = Case.load(ROOT / "cases/single.toml", keys).to_dict()
     data.pop("dynamics", None)
     case = Case.from_dict(data | {"output": {}, "loading": data["loading"] | {"unload": False}})
@@ -150,7 +119,7 @@ def test_given_kinematics_compare_nothing_unless_requested() -> None:
     assert of('material.kinematics="small"', "output.small_strain=true") == of('material.kinematics="finite"') == 2
 
 
-@pytest.mark.parametrize(("name", "h"), [("single", 0.08), ("elastic", 0.08), ("hertz", 0.001), ("self_affine", 0.08)])
+@pytest.mark.parametrize(("name", "h"), [("hertz", 0.001), ("self_affine", 0.08)])
 def test_a_force_has_the_estimate_of_its_approach(name: str, h: float) -> None:
     """Pressed to a force, and to the approach at which it is reached on a coarse mesh."""
     file, quick = ROOT / f"cases/{name}.toml", ['material.kinematics="small"', "accuracy.tolerance="]
@@ -165,14 +134,6 @@ def test_a_force_has_the_estimate_of_its_approach(name: str, h: float) -> None:
     found, known = estimate(Case.from_dict(data, folder=file.parent)), estimate(given)
     assert found.approach == pytest.approx(known.approach, rel=0.25)
     assert found.dofs == pytest.approx(known.dofs, rel=0.3)
-
-
-def test_command(capsys: pytest.CaptureFixture[str]) -> None:
-    with pytest.raises(SystemExit) as left:
-        main(["check", str(ROOT / "cases/single.toml"), "--ranks", "2"])
-    assert not left.value.code
-    out = capsys.readouterr().out
-    assert "dofs" in out and "memory of 2 ranks" in out
 
 
 def test_no_solver_is_loaded() -> None:

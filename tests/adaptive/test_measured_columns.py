@@ -3,26 +3,18 @@
 from __future__ import annotations
 
 import numpy as np
-import pytest
 
 import asperity as asp
 from asperity import reference
 from asperity.curve import WITH_ERRORS
 from asperity.model.material import Material
-from asperity.surface import SelfAffine, Sinusoid, Surface
+from asperity.surface import SelfAffine, Sinusoid
 
 ELASTIC = Material(1.0, 0.3)
 
 
-@pytest.mark.parametrize(
-    "surface",
-    [
-        Sinusoid(L=1.0, amplitude=0.005, dims=2),
-        SelfAffine(L=1.0, H=0.8, slope=0.03, lambda_roll=0.5, lambda_short=0.25, seed=5),
-    ],
-    ids=["wave", "rough"],
-)
-def test_gap_and_stiffness_are_inside_their_bars(surface: Surface) -> None:
+def test_gap_and_stiffness_are_inside_their_bars() -> None:
+    surface = SelfAffine(L=1.0, H=0.8, slope=0.03, lambda_roll=0.5, lambda_short=0.25, seed=5)
     depth = 0.004
     found = asp.solve_to_tolerance(
         surface, ELASTIC, asp.AccuracyTarget(0.05), delta_max=depth, steps=5, stiffness=True, conductance=True
