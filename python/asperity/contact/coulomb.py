@@ -29,10 +29,12 @@ class Coulomb(ActiveSet):
     Attributes:
         sliding: the nodes on the flat
         held: positions on the flat and normal forces of the nodes in contact after the last committed step (n, 3)
+        goes_on: whether the next solves begin with the bounds and the slip of the last one
     """
 
     stiff = True
     held: Floats
+    goes_on = False
 
     def __init__(self, solid: Solid, surface: ContactSurface, friction: float) -> None:
         super().__init__(solid, surface)
@@ -44,10 +46,11 @@ class Coulomb(ActiveSet):
 
     def begin(self, z: float) -> None:
         super().begin(z)
-        self.sliding.origin, self.sliding.bounds = self.held[:, :2], self.friction * np.nan_to_num(self.held[:, 2])
+        self.sliding.origin = self.held[:, :2]
+        self.sliding.bounds = self.friction * (self._normal if self.goes_on else np.nan_to_num(self.held[:, 2]))
 
     def expect(self, z: float, start: Floats, end: Floats, ratio: float) -> None:
-        """Find where nodes would be touched in the step, and assume that those in contact stick at first.
+        """Find where nodes would be touched in the step, and assume that those in contact stick at first, or go on.
 
         Next to the edge of a contact the gap closes as the power 3/2 of the approach that is left (Johnson, Contact
         Mechanics, 1985, section 4.2): its power 2/3 is extrapolated from the last step. A linear extrapolation of the
@@ -61,7 +64,8 @@ class Coulomb(ActiveSet):
         part = np.clip(np.divide(now, ratio * closed, out=np.ones_like(gap), where=closed > 0.0), 0.0, 1.0)
         touched = u[:, :2] + part[:, None] * (v - u)[:, :2] - self._from
         self.sliding.origin = np.where(np.isnan(self.held[:, :2]), touched, self.held[:, :2])
-        self.sliding.begin(~np.isnan(self.held[:, 0]), float(np.abs(self.sliding.shift - self._from).max()))
+        stuck = ~np.isnan(self.held[:, 0]) & (self.sliding.stuck | (not self.goes_on))
+        self.sliding.begin(stuck, float(np.abs(self.sliding.shift - self._from).max()))
 
     def residual(self, force: Floats) -> tuple[Floats, Integers, Floats]:
         r, rows, lacking = super().residual(force)

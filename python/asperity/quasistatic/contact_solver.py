@@ -128,21 +128,22 @@ class ContactSolver:
             self.commit(delta, extrapolation)
         return stats
 
-    def forget(self) -> None:
-        """Begin the next solve at the last accepted displacement, without a prediction."""
-        self._previous = None
+    def solve(self, delta: float, start: Floats | None = None) -> StepStats:
+        """Solve with the flat at `delta` without committing; rolled back on failure.
 
-    def solve(self, delta: float) -> StepStats:
-        """Solve with the flat at `delta` without committing; rolled back on failure."""
-        start, ratio = self._u, 1.0
-        if self._previous is not None:
+        Args:
+            delta: approach [L]
+            start: displacement to begin with (owned, 3) [L]; default predicted from the last two steps
+        """
+        first, ratio = self._u if start is None else start, 1.0
+        if start is None and self._previous is not None:
             before, u = self._previous
             if (delta - self.delta) * (self.delta - before) > 0.0:
-                start = self._u + (self._u - u) * (delta - self.delta) / (self.delta - before)
                 ratio = (delta - self.delta) / (self.delta - before)
+                first = self._u + (self._u - u) * (delta - self.delta) / (self.delta - before)
         self.contact.begin(self.summit - delta)
-        self.contact.expect(self.summit - self.delta, self._u, start, ratio)
-        return self._solve(f"delta/L = {delta:.6g}", start, abs(delta - self.delta))
+        self.contact.expect(self.summit - self.delta, self._u, first, ratio)
+        return self._solve(f"delta/L = {delta:.6g}", first, abs(delta - self.delta))
 
     def _solve(self, where: str, start: Floats, scale: float) -> StepStats:
         self.newton.linear.forget()  # a step of a resumed run is the same to the last bit

@@ -180,18 +180,21 @@ class Leg:
         stop: gives the reason to stop, empty for none; collective
         slope: of the force at the beginning [E L], by default a guess for the approach of a flat
         section: of the case, for messages
+
+    Attributes:
+        slope: of the force, between the last two positions [E L]
     """
 
     def __init__(
         self, solver: Moved, close: float, stop: Callable[[], str] | None, slope: float = 0.0, section: str = "loops"
     ) -> None:
-        self._solver, self._close, self._stop, self._slope, self._section = solver, close, stop, slope, section
+        self._solver, self._close, self._stop, self.slope, self._section = solver, close, stop, slope, section
 
     def follow(self, goal: float, steps: int) -> None:
         """Move the flat to a force and commit each step; collective."""
         solver, start = self._solver, self._solver.force
-        if self._slope == 0.0:
-            self._slope = FIRST_SLOPE * max(start, goal) / max(solver.delta, 1e-3)
+        if self.slope == 0.0:
+            self.slope = FIRST_SLOPE * max(start, goal) / max(solver.delta, 1e-3)
         for k in range(1, steps + 1):
             wanted = start + (goal - start) * k / steps
             if k < steps and (wanted - solver.force) * (goal - start) <= 0.0:
@@ -203,38 +206,37 @@ class Leg:
                 if reason:
                     raise Interrupted(f"stopped by {reason} in the {self._section}; --resume computes them again")
 
-    def find(self, wanted: float, tolerance: float, start: float | None = None) -> float:
+    def find(self, wanted: float, tolerance: float) -> float:
         """Position of a force, the last solve being there; collective.
 
         Commits nothing, except where a step fails, from which the first one that converges is a step of its own.
 
         Args:
             wanted, tolerance: [E L^2]
-            start: position to try first [L], and commit nothing; default by the slope from the last step
 
         Raises:
             ConvergenceError: it is not found
         """
         solver, failed = self._solver, False
         before, force = solver.delta, solver.force
-        target = before + (wanted - force) / self._slope if start is None else start
+        target = before + (wanted - force) / self.slope
         for _ in range(TRIALS):
             stats = solver.solve(target)
             if not stats.converged:
                 if target == solver.delta:
                     break
-                target, failed = 0.5 * (target + solver.delta), start is None
+                target, failed = 0.5 * (target + solver.delta), True
                 continue
             found = solver.solved_force()
             if found != force and target != before:
-                self._slope = max((found - force) / (target - before), 0.1 * self._slope)
+                self.slope = max((found - force) / (target - before), 0.1 * self.slope)
             if abs(found - wanted) <= tolerance:
                 return target
             if failed and (wanted - found) * (found - solver.force) > 0.0:  # on the way
                 solver.commit(target)
                 failed = False
             before, force = target, found
-            target += (wanted - found) / self._slope
+            target += (wanted - found) / self.slope
         raise ConvergenceError(
             f"the {self._section} did not reach the force {wanted:.6g} E L^2 from the position {solver.delta:.6g} L "
             f"({stats.reason}): use more {self._section}.steps"

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from math import cos, inf, nan, radians, sin
 
 import numpy as np
@@ -19,7 +19,7 @@ from asperity.model.problem import Problem
 from asperity.quasistatic.contact_result import ContactResult
 from asperity.quasistatic.contact_solver import ContactSolver
 from asperity.quasistatic.force_loops import CLOSE as CLOSE_PRELOAD
-from asperity.quasistatic.force_loops import Leg, as_before
+from asperity.quasistatic.force_loops import TRIALS, Leg, as_before
 from asperity.quasistatic.newton import NewtonSolver, StepStats
 from asperity.quasistatic.stiffness import mirrored
 from asperity.slip.path import DOWN, FIRST, UP, SlipPath
@@ -92,7 +92,7 @@ def slip_paths(
         solver.solid.kernels.restore(solver.history.copy())
         with solver.solid.kernels.holding():
             if rigid:
-                sliding: Sliding = RigidSliding(solver, leg, preload, settings.direction, stop)
+                sliding: Sliding = RigidSliding(solver, leg.slope, preload, settings.direction, stop)
             else:
                 sliding = Sliding(solver, settings.friction, settings.direction, stop)
             try:
@@ -102,17 +102,6 @@ def slip_paths(
             finally:
                 sliding.reset()
     return tuple(found)
-
-
-@dataclass(frozen=True)
-class _State:
-    """State between two steps: displacement (owned, 3), flat, force, loss by friction, share that slips."""
-
-    displacement: Floats
-    at: float
-    force: float
-    dissipated: float
-    slipping: float
 
 
 class Sliding:
@@ -128,6 +117,7 @@ class Sliding:
         stop: gives the reason to stop, empty for none; collective
 
     Attributes:
+        delta, force: displacement of the flat [L] and tangential force [E L^2] after the last accepted step
         k_rest: stiffness before any slip [E L]
         limit: force at which all nodes slip [E L^2]
     """
@@ -139,12 +129,11 @@ class Sliding:
         self, solver: ContactSolver, friction: float, direction: float = 0.0, stop: Callable[[], str] | None = None
     ) -> None:
         self._solver, self._solid, self._stop, self._friction = solver, solver.solid, stop, friction
-        angle = radians(direction)
-        self._axis = np.array([cos(angle), sin(angle)])
+        self._axis = np.array([cos(radians(direction)), sin(radians(direction))])
         solver.roll_back()
         self._begin()
         self._origin, self._history = self._flat.origin, self._solid.kernels.history().copy()
-        self._rest = _State(solver.state().displacement, 0.0, self.solved_force(), 0.0, 0.0)
+        self._at_rest = solver.state().displacement, self.solved_force()
         self.reset()
         self.k_rest = self._stiffness_at_rest(LIGHT * friction * solver.delta)
 
@@ -161,8 +150,9 @@ class Sliding:
 
     def reset(self) -> None:
         """To rest."""
-        self._accepted = self._rest
-        self._guide: tuple[float, Floats] | None = None  # a move from the accepted state, or to it, and what it changes
+        self.delta = 0.0
+        self._u, self.force = self._at_rest
+        self._guide: tuple[float, Floats | float] = 0.0, 0.0  # the last move, and how it changed the displacement
         self._solid.kernels.restore(self._history.copy())
         self._flat.shift, self._flat.origin = 0.0 * self._axis, self._origin
 
@@ -177,47 +167,43 @@ class Sliding:
         stats = self.solve(move)
         if not stats.converged:
             raise ConvergenceError(f"the tangential stiffness at rest was not found ({stats.reason})")
-        return (self.solved_force() - self._rest.force) / move
+        return (self.solved_force() - self.force) / move
 
     def path(self, amplitude: float, steps: int) -> SlipPath:
         """Move from the present state to an amplitude and around a loop; collective."""
-        self._states, legs, goal = [self._accepted], [FIRST], amplitude * self.limit
-        for number, sign, count in ((FIRST, 1.0, steps), (DOWN, -1.0, 2 * steps), (UP, 1.0, 2 * steps)):
+        self._rows, goal = [(FIRST, self.delta, self.force, 0.0, 0.0)], amplitude * self.limit
+        for self._leg, sign, count in ((FIRST, 1.0, steps), (DOWN, -1.0, 2 * steps), (UP, 1.0, 2 * steps)):
             Leg(self, CLOSE * goal, self._stop, self.k_rest, "slip").follow(sign * goal, count)
-            legs += [number] * (len(self._states) - len(legs))
-            if number == FIRST:
+            if self._leg == FIRST:
                 nodes = np.concatenate(self._solid.comm.allgather(self._flat.slips(self._origin)))
-        u, T, share, loss = np.array([(s.at, s.force, s.slipping, s.dissipated) for s in self._states]).T
-        path = SlipPath(amplitude, np.array(legs), u, T, share, loss, nodes)
+        leg, u, T, share, loss = np.array(self._rows).T
+        path = SlipPath(amplitude, leg.astype(int), u, T, share, loss, nodes)
         logging.getLogger(__name__).info(
             "slip at %g mu P: k = %.5g E L, eta = %.4g; %d steps", amplitude, path.k_secant, path.eta, path.u.size - 1
         )
         return path
 
-    @property
-    def delta(self) -> float:
-        """Displacement of the flat after the last accepted step [L]."""
-        return self._accepted.at
-
-    @property
-    def force(self) -> float:
-        """Tangential force there [E L^2]."""
-        return self._accepted.force
-
     def solve(self, delta: float) -> StepStats:
         """Solve with the flat at a displacement, from the accepted state, without committing; collective."""
-        here, solid = self._accepted, self._solid
-        move, start = delta - here.at, here.displacement
-        guide = self._guide if self._guide is not None and self._guide[0] * move > 0.0 else None
-        if guide is not None:
-            start = start + guide[1] * (move / guide[0])
+        move, (before, change) = delta - self.delta, self._guide
+        part = move / before if before * move > 0.0 else 0.0
         self._flat.shift = delta * self._axis
-        self._flat.begin(self._flat.stuck | (guide is None), abs(move))  # where the flat goes on, nodes slip on
-        self._newton.linear.forget()
-        stats = self._newton.solve(start, abs(move))
+        stats = self._solve(self._u + part * change, abs(move), part)
         if stats.converged:
-            self._guide = move, solid.u.x.array.reshape(-1, 3)[: solid.owned] - here.displacement
+            self._guide = move, self._displacement() - self._u
         return stats
+
+    def _solve(self, start: Floats, move: float, part: float) -> StepStats:
+        """Solve from a displacement (owned, 3) [L] after a move [L], a part of the one before it in the same direction.
+
+        Where the flat goes on, nodes slip on.
+        """
+        self._flat.begin(self._flat.stuck | (part == 0.0), move)
+        self._newton.linear.forget()
+        return self._newton.solve(start, move)
+
+    def _displacement(self) -> Floats:
+        return self._solid.u.x.array.reshape(-1, 3)[: self._solid.owned].copy()
 
     def solved_force(self) -> float:
         """Tangential force on the solid at the last solve [E L^2]; collective."""
@@ -225,13 +211,12 @@ class Sliding:
 
     def commit(self, delta: float) -> None:
         """Commit the last solve, made with the flat at `delta`; collective."""
-        force = self.solved_force()
+        self.delta, self.force = delta, self.solved_force()
         loss, slipping, touching = self._solid.comm.allreduce(self._flat.step()).tolist()
         self._keep()
-        displacement = self._solid.u.x.array.reshape(-1, 3)[: self._solid.owned].copy()
+        self._u = self._displacement()
         share = slipping / touching if touching > 0.0 else nan
-        self._accepted = _State(displacement, delta, force, self._accepted.dissipated + loss, share)
-        self._states.append(self._accepted)
+        self._rows.append((self._leg, delta, self.force, share, self._rows[-1][-1] + loss))
 
     def _keep(self) -> None:
         self._solid.kernels.commit()
@@ -243,16 +228,17 @@ class RigidSliding(Sliding):
 
     Args:
         solver: at the preload, of Coulomb friction, its committed history that of its displacement
-        leg: that led there
+        slope: of the normal force over the approach, roughly [E L]
         preload: normal force [E L^2]
         direction, stop: see `Sliding`
     """
 
     def __init__(
-        self, solver: ContactSolver, leg: Leg, preload: float, direction: float, stop: Callable[[], str] | None
+        self, solver: ContactSolver, slope: float, preload: float, direction: float, stop: Callable[[], str] | None
     ) -> None:
         assert isinstance(solver.contact, Coulomb)
-        self._leg, self._preload, self._coulomb = leg, preload, solver.contact
+        self._slope, self._preload, self._coulomb = slope, preload, solver.contact
+        self._sunk = 0.0  # by how much the last move changed the approach
         super().__init__(solver, solver.contact.friction, direction, stop)
 
     def _begin(self) -> None:
@@ -263,20 +249,31 @@ class RigidSliding(Sliding):
 
     def reset(self) -> None:
         super().reset()
+        self._coulomb.goes_on = False
         self._solver.restore(self._before)
         self._coulomb.commit()
 
     def _stiffness_at_rest(self, move: float) -> float:
         return self._stiffness(move)
 
-    def solve(self, delta: float) -> StepStats:
-        self._flat.shift = delta * self._axis
-        self._solver.forget()
-        try:
-            self._found = self._leg.find(self._preload, CLOSE * self._preload, self._solver.delta)
-        except ConvergenceError as error:
-            return StepStats(False, str(error), 0, 0)
-        return StepStats(True, "", 0, 0)
+    def _solve(self, start: Floats, move: float, part: float) -> StepStats:
+        """Solve at the approach of the preload, each trial from the one before."""
+        solver = self._solver
+        approach, self._coulomb.goes_on = solver.delta + part * self._sunk, part > 0.0
+        before: tuple[float, float] | None = None
+        for _ in range(TRIALS):
+            stats, normal = solver.solve(approach, start), solver.solved_force()
+            if not stats.converged:
+                return stats
+            lacking = self._preload - normal
+            if abs(lacking) <= CLOSE * self._preload:
+                self._sunk = approach - solver.delta
+                return stats
+            if before is not None:
+                self._slope = max((normal - before[1]) / (approach - before[0]), 0.1 * self._slope)
+            before, start, self._coulomb.goes_on = (approach, normal), self._displacement(), True
+            approach += lacking / self._slope
+        return replace(stats, converged=False, reason="the preload was not met")
 
     def _keep(self) -> None:
-        self._solver.commit(self._found)
+        self._solver.commit(self._solver.delta + self._sunk)
