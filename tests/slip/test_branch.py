@@ -9,6 +9,7 @@ from asperity.dynamics.law.table import TableLaw
 from asperity.model.material import Material
 from asperity.slip import SlipSettings, slip_of_curve
 from asperity.slip.branch import left_out
+from asperity.slip.joint_slip import slip_of_case
 
 STEEL, SIDE, HEIGHT = Material(200e9, 0.3), 1e-6, 1e-6
 MU, AMPLITUDES = 0.3, (0.1, 0.3, 0.6, 0.9)
@@ -64,6 +65,21 @@ def test_a_curve_without_tangential_stiffness_has_no_bars_and_says_so() -> None:
     assert "error_u" not in found.loops()[0]
     assert any("output.stiffness = true" in note for note in found.notes)
     assert found.law.energy(0.6) == pytest.approx(slip(sphere(20)).law.energy(0.6), rel=0.03)
+
+
+def test_one_body_on_a_rigid_flat_has_no_columns_of_its_curve() -> None:
+    curve, computed = sphere(20), slip(sphere(20)).by_curve
+    case = {
+        "surface": {"L": SIDE}, "material": {"E": STEEL.E, "nu": STEEL.nu}, "slip": {"friction": MU, "method": "solid"},
+        "block": {"height": HEIGHT, "sides": "periodic"},
+    }  # fmt: skip
+    like, rigid = (
+        slip_of_case(case | {"contact": {"friction": friction}}, curve, float(curve["force"][-1]), computed)
+        for friction in ("none", MU)
+    )
+    assert {"eta_curve", "error_eta"} <= set(like.loops()[0]) and "T_curve" in next(like.steps())
+    assert list(rigid.loops()[0]) == list(computed[0].loop()) and "T_curve" not in next(rigid.steps())
+    assert rigid.to_dict()["k_rest"] is None and rigid.notes == ()
 
 
 def test_groups_that_are_left_out() -> None:

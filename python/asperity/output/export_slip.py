@@ -61,12 +61,7 @@ def sliders_table(law: SlipLaw, patch: float, about: tuple[str, ...]) -> str:
 
 
 def sliders_module(law: SlipLaw, patch: float, area: float, about: tuple[str, ...]) -> str:
-    """Python module with the sliders of a law; it needs NumPy alone.
-
-    Args:
-        law, patch, about: see `sliders_table`
-        area: nominal area of the joint [length^2]
-    """
+    """Python module with the sliders of a law, for a joint of the nominal area [length^2]; see `sliders_table`."""
     k, f = zip(*_sliders(law, patch), strict=True)
     return _MODULE.format(
         about="\n".join((*_about(law, patch), *about)), friction=law.friction, area=area,
@@ -77,7 +72,7 @@ def sliders_module(law: SlipLaw, patch: float, area: float, about: tuple[str, ..
 def _sliders(law: SlipLaw, patch: float) -> list[tuple[float, float]]:
     """Stiffness over area and force over mu P of each slider."""
     array = law.array(SLIDERS, _LIGHTEST)
-    return [(float(k), float(f)) for k, f in zip(array.k / patch, array.f / law.limit, strict=True)]
+    return list(zip((array.k / patch).tolist(), (array.f / law.limit).tolist(), strict=True))
 
 
 def _about(law: SlipLaw, patch: float) -> Iterator[str]:

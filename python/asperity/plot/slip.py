@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from itertools import cycle
 from typing import Any
 
 import numpy as np
@@ -26,12 +27,22 @@ _SMOOTH = 40  # steps from rest to an amplitude
 def slip(results: Results) -> Figure:
     """Draw the loops, and loss factor and secant stiffness of slip_loops.csv over the amplitude.
 
-    Loops are those of the law, by Masing's rule; points are those of slip.csv where the solid was moved.
+    Loops are those of the law, by Masing's rule, where there is one; points are those of the solid in slip.csv.
     """
     figure, axes = style.figure(style.WIDE, 3.4, columns=3)
     style.titles(axes, ("loops", "loss factor", "secant stiffness"))
-    for draw, axis in zip((_loops, _loss, _stiffness), axes, strict=False):
-        draw(axis, results)
+    _loops(axes[0], results)
+    factor, unit = prefix(float(results.slip_loops["k_secant"].max()), results.unit("stiffness"))
+    for axis, name, scale in ((axes[1], "eta", 1.0), (axes[2], "k_secant", factor)):
+        _over_amplitude(axis, results, name, scale)
+        axis.set_xlabel(r"amplitude $T/(\mu P)$")
+    style.logarithmic(axes[1])
+    axes[1].set_ylabel(r"loss factor $\eta = W/(\pi T u)$")
+    axes[2].set(xlim=(0, 1), ylabel=style.label("$T/u$", unit))
+    axes[2].set_ylim(bottom=0)
+    if "eta_curve" in results.slip_loops:
+        axes[1].legend(loc="best")
+    for axis in axes:
         style.grid(axis)
     return figure
 
@@ -75,8 +86,8 @@ def response(found: TangentialVibration) -> Figure:
     axis, si = axes[0], found.units == "SI"
     of_a, unit_a = prefix(max(float(a.max()) for _, a in found.responses.values()), "m" if si else "")
     of_f, unit_f = prefix(max(float(f.max()) for f, _ in found.responses.values()), "Hz" if si else "")
-    for number, (share, (f, a)) in enumerate(found.responses.items()):
-        axis.plot(of_f * f, of_a * a, "-", color=_COLOURS[number % len(_COLOURS)], label=f"{share:g}")
+    for colour, (share, (f, a)) in zip(cycle(_COLOURS), found.responses.items(), strict=False):
+        axis.plot(of_f * f, of_a * a, "-", color=colour, label=f"{share:g}")
         axis.plot(of_f * f[a.argmax()], of_a * a.max(), "o", color=style.BLACK, markersize=3)
     middle = [float(f[a.argmax()]) for f, a in found.responses.values()]
     low, high = 0.8 * min(middle), 1.15 * max(middle)
@@ -91,51 +102,30 @@ def response(found: TangentialVibration) -> Figure:
 
 
 def _loops(axis: Any, results: Results) -> None:
-    rows = results.slip
+    rows, loops, slip = results.slip, results.slip_loops, results.case["slip"]
     factor, unit = prefix(float(np.abs(rows["u"]).max()), results.unit("length"))
     force, of_force = prefix(float(np.abs(rows["T"]).max()), results.unit("force"))
-    loops = results.slip_loops
-    preload = float(loops["T"][-1] / (loops["amplitude"][-1] * results.case["slip"]["friction"]))
+    solid, like = slip.get("method") == "solid", "T_curve" in rows
+    preload = float(loops["T"][-1] / (loops["amplitude"][-1] * slip["friction"]))
     law = slip_of_case(results.case, results.curve, min(preload, float(results.curve.force.max()))).law
-    for number, amplitude in enumerate(np.unique(rows["amplitude"])[::-1]):
-        colour = _COLOURS[number % len(_COLOURS)]
-        smooth = path_of_law(law, float(amplitude), steps=_SMOOTH)
-        axis.plot(factor * smooth.u, force * smooth.T, "-", color=colour, label=f"{amplitude:g}")
-        if "T_curve" in rows:
-            of = rows["amplitude"] == amplitude
+    for colour, amplitude in zip(cycle(_COLOURS), np.unique(rows["amplitude"])[::-1], strict=False):
+        of, smooth = rows["amplitude"] == amplitude, path_of_law(law, float(amplitude), steps=_SMOOTH)
+        u, T = (smooth.u, smooth.T) if like or not solid else (rows["u"][of], rows["T"][of])
+        axis.plot(factor * u, force * T, "-", color=colour, label=f"{amplitude:g}")
+        if solid:
             axis.plot(factor * rows["u"][of], force * rows["T"][of], "o", color=colour, markersize=3)
     axis.set_xlabel(style.label("tangential displacement $u$", unit))
     axis.set_ylabel(style.label("tangential force $T$", of_force))
     axis.legend(title=r"$T/(\mu P)$", loc="best")
 
 
-def _loss(axis: Any, results: Results) -> None:
-    rows = results.slip_loops
-    _points(axis, results, "eta", 1.0)
-    style.logarithmic(axis)
-    axis.set_xlabel(r"amplitude $T/(\mu P)$")
-    axis.set_ylabel(r"loss factor $\eta = W/(\pi T u)$")
-    if "eta_curve" in rows:
-        axis.legend(loc="best")
-
-
-def _stiffness(axis: Any, results: Results) -> None:
-    factor, unit = prefix(float(results.slip_loops["k_secant"].max()), results.unit("stiffness"))
-    _points(axis, results, "k_secant", factor)
-    axis.set_xlim(0, 1)
-    axis.set_ylim(bottom=0)
-    axis.set_xlabel(r"amplitude $T/(\mu P)$")
-    axis.set_ylabel(style.label("$T/u$", unit))
-
-
-def _points(axis: Any, results: Results, name: str, factor: float) -> None:
+def _over_amplitude(axis: Any, results: Results, name: str, factor: float) -> None:
     """Draw a column over the amplitude with its error bars, and that by the normal curve where both are known."""
     rows = results.slip_loops
     bar = factor * rows[f"error_{name}"] if f"error_{name}" in rows else None
-    of_curve = rows.get(f"{name}_curve")
-    label = None if of_curve is None else "solid"
     axis.errorbar(
-        rows["amplitude"], factor * rows[name], yerr=bar, fmt="o-", color=style.BLUE, mfc="white", label=label
+        rows["amplitude"], factor * rows[name], yerr=bar, fmt="o-", color=style.BLUE, mfc="white", label="solid"
     )
-    if of_curve is not None:
-        axis.plot(rows["amplitude"], factor * of_curve, "s--", color=style.VERMILION, mfc="white", label="normal curve")
+    if f"{name}_curve" in rows:
+        curve = factor * rows[f"{name}_curve"]
+        axis.plot(rows["amplitude"], curve, "s--", color=style.VERMILION, mfc="white", label="normal curve")

@@ -61,13 +61,7 @@ class IwanLaw:
 
 
 def fit_iwan(law: SlipLaw) -> tuple[IwanLaw, float, float]:
-    """Iwan law next to a law of slip, and its misfit.
-
-    Limit and stiffness at rest are those of the law. The exponent and beta are those of least squares of force and
-    energy over the displacement, at 0.05 to 0.9 of the limit.
-
-    Args:
-        law: of the joint
+    """Iwan law with limit and stiffness at rest of a law, exponent and beta by least squares of force and energy.
 
     Returns:
         the fit; greatest error of the force over the limit; greatest relative error of the energy
@@ -83,11 +77,8 @@ def fit_iwan(law: SlipLaw) -> tuple[IwanLaw, float, float]:
     u, energy = law.displacement(_SHARES), law.energy(_SHARES)
     stiffness = float(law.k_tangent(0.0))
 
-    def at(x: Array) -> IwanLaw:
-        return IwanLaw(law.limit, stiffness, float(x[0]), float(x[1]))
-
     def misfits(x: Array) -> tuple[Array, Array]:
-        iwan = at(x)
+        iwan = IwanLaw(law.limit, stiffness, *x.tolist())
         slips = np.minimum(u, iwan.phi_max)
         beyond = 4.0 * iwan.F_S * (u - slips)
         return iwan.force(u) / law.limit - _SHARES, (iwan.energy(slips) + beyond) / energy - 1.0
@@ -96,4 +87,4 @@ def fit_iwan(law: SlipLaw) -> tuple[IwanLaw, float, float]:
         lambda x: np.concatenate(misfits(x)), [0.0, 0.5], bounds=([-0.99, 0.0], [5.0, 1e3]), x_scale=[0.1, 0.5]
     )
     of_force, of_energy = (float(np.abs(part).max()) for part in misfits(found.x))
-    return at(found.x), of_force, of_energy
+    return IwanLaw(law.limit, stiffness, *found.x.tolist()), of_force, of_energy

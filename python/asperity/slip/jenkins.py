@@ -9,7 +9,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from itertools import pairwise
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -62,15 +61,13 @@ class JenkinsArray:
             force: there, rising ever more slowly (force); the last is the limit. Points below the straight line
                 between their neighbours are left out: no slider has a negative stiffness.
         """
-        points = [(0.0, 0.0)]
-        for x, y in np.column_stack([u, force]):
-            point = float(x), float(y)
-            while len(points) > 1 and _slope(points[-1], point) >= _slope(points[-2], points[-1]):
-                points.pop()
-            points.append(point)
-        slopes = np.array([_slope(a, b) for a, b in pairwise(points)])
-        k = slopes - np.append(slopes[1:], 0.0)
-        return cls(k, k * np.array([x for x, _ in points[1:]]))
+        x, y, k = [0.0], [0.0], [np.inf]  # points kept, and the slope before each
+        for at, to in zip(u.tolist(), force.tolist(), strict=True):
+            while (slope := (to - y[-1]) / (at - x[-1])) >= k[-1]:
+                x.pop(), y.pop(), k.pop()
+            x.append(at), y.append(to), k.append(slope)
+        alone = -np.diff([*k[1:], 0.0])
+        return cls(alone, alone * x[1:])
 
     @property
     def at_rest(self) -> Array:
@@ -121,7 +118,3 @@ class JenkinsArray:
         theta = np.arccos(1.0 - 2.0 * np.minimum(self.f / (self.k * a[..., None]), 1.0))
         real = (theta - 0.5 * np.sin(2.0 * theta)) @ self.k / np.pi
         return np.asarray(real + 1j * self.energy(a) / (np.pi * a**2))
-
-
-def _slope(a: tuple[float, float], b: tuple[float, float]) -> float:
-    return (b[1] - a[1]) / (b[0] - a[0])

@@ -49,7 +49,7 @@ class JointSlip:
 
     Attributes:
         law: by the normal curve
-        by_curve: paths of the law
+        by_curve: paths of the law; none beside those of one body on a rigid flat, for which it does not hold
         computed: paths of the solid; empty where only the curve was asked
         errors: error bars of the columns `WITH_ERRORS` of the method chosen, empty for a curve without bars
         notes: what to doubt, one sentence each
@@ -70,27 +70,21 @@ class JointSlip:
 
     def loops(self) -> list[dict[str, float]]:
         """Columns of slip_loops.csv, one row per amplitude; those by the curve beside those of a solid."""
-        rows = []
-        for i, path in enumerate(self.paths):
-            row = path.loop()
-            if self.errors:
-                row |= {f"error_{name}": self.errors[i][name] for name in WITH_ERRORS}
-            if self.computed:
-                row |= {f"{name}_curve": value for name, value in list(self.by_curve[i].loop().items())[2:]}
-            rows.append(row)
+        rows = [path.loop() for path in self.paths]
+        for row, errors in zip(rows, self.errors, strict=False):
+            row |= {f"error_{name}": errors[name] for name in WITH_ERRORS}
+        for row, path in zip(rows, self.by_curve if self.computed else (), strict=False):
+            row |= {f"{name}_curve": value for name, value in list(path.loop().items())[2:]}
         return rows
 
     def steps(self) -> Iterator[dict[str, float]]:
         """Rows of slip.csv: one block per amplitude, from rest to the amplitude and around a closed loop."""
-        array = self.law.array() if self.computed else None
+        array = self.law.array() if self.computed and self.by_curve else None
         for path in self.paths:
-            columns: dict[str, Any] = {"u": path.u, "T": path.T}
-            if array is not None:
-                columns["T_curve"] = array.follow(path.u)
+            columns = {"u": path.u, "T": path.T} | ({} if array is None else {"T_curve": array.follow(path.u)})
             columns |= {"slip_share": path.slip_share, "dissipated": path.dissipated}
-            for step in range(path.u.size):
-                values = {name: float(column[step]) for name, column in columns.items()}
-                yield {"amplitude": path.amplitude, "step": step} | values
+            for step, values in enumerate(np.stack(list(columns.values()), axis=1).tolist()):
+                yield {"amplitude": path.amplitude, "step": step} | dict(zip(columns, values, strict=True))
 
     def vibration(self, mass: float, factor: float = 1.0) -> list[dict[str, float]]:
         """Frequency (1/time) and damping ratio of the tangential vibration at each amplitude.
@@ -101,14 +95,8 @@ class JointSlip:
             mass: that vibrates on the joint (mass)
             factor: nominal area of the joint over that of the patch
         """
-        return [
-            {
-                "amplitude": path.amplitude,
-                "f": math.sqrt(factor * path.k_secant / mass) / (2.0 * math.pi),
-                "zeta": 0.5 * path.eta,
-            }
-            for path in self.paths
-        ]
+        f = (math.sqrt(factor * path.k_secant / mass) / (2.0 * math.pi) for path in self.paths)
+        return [{"amplitude": p.amplitude, "f": x, "zeta": 0.5 * p.eta} for p, x in zip(self.paths, f, strict=True)]
 
     def to_dict(self, mass: float | None = None, factor: float = 1.0, *, units: str = "SI") -> dict[str, Any]:
         """Section "slip" of summary.json.
@@ -122,8 +110,8 @@ class JointSlip:
             "friction": self.law.friction,
             "preload": self.law.preload,
             "limit": self.law.limit,
-            "k_rest": float(self.law.k_tangent(0.0)),
-            "loops": [{k: v if math.isfinite(v) else None for k, v in row.items()} for row in self.loops()],
+            "k_rest": float(self.law.k_tangent(0.0)) if self.by_curve else None,
+            "loops": [_known(row) for row in self.loops()],
             "vibration": [] if mass is None else self.vibration(mass, factor),
             "in_words": self.lines(mass, factor, units=units),
             "notes": list(self.notes),
@@ -140,7 +128,7 @@ class JointSlip:
         rows = self.vibration(mass or math.nan, factor)
         for i in sorted({0, len(rows) // 2, len(rows) - 1}):
             path, row = self.paths[i], rows[i]
-            bars = {name: math.nan for name in WITH_ERRORS} | dict(self.errors[i] if self.errors else {})
+            bars = self.errors[i] if self.errors else dict.fromkeys(WITH_ERRORS, math.nan)
             of_k, of_zeta = bars["k_secant"] / path.k_secant, bars["eta"] / path.eta
             if mass is None:
                 what = f"stiffness {quantity(factor * path.k_secant, 'N/m' if si else '', 5, bar=of_k)}"
@@ -152,15 +140,15 @@ class JointSlip:
 
     def write(self, folder: Path) -> None:
         """Write slip.csv, slip_loops.csv, and for a solid slip_nodes.csv."""
-        nodes = [
-            dict(zip(NODE_COLUMNS, (path.amplitude, *node), strict=True))
-            for path in self.computed
-            for node in path.nodes.tolist()
-        ]
+        of_nodes = ((path.amplitude, *node) for path in self.computed for node in path.nodes.tolist())
+        nodes = [dict(zip(NODE_COLUMNS, values, strict=True)) for values in of_nodes]
         for name, rows in ((SLIP, list(self.steps())), (SLIP_LOOPS, self.loops()), (SLIP_NODES, nodes)):
             if rows:
-                known = ({k: v if math.isfinite(v) else None for k, v in row.items()} for row in rows)
-                write_csv(folder / name, tuple(rows[0]), known)
+                write_csv(folder / name, tuple(rows[0]), map(_known, rows))
+
+
+def _known(row: Mapping[str, float]) -> dict[str, float | None]:
+    return {name: value if math.isfinite(value) else None for name, value in row.items()}
 
 
 def slip_of_curve(
@@ -250,6 +238,8 @@ def slip_of_case(
     found = slip_of_curve(
         curve, settings, material, patch=patch, height=block["height"], sides=block["sides"], computed=computed
     )
+    if computed and case.get("contact", {}).get("friction") not in (None, "none"):  # the law is that of two like bodies
+        found = replace(found, by_curve=(), errors=(), notes=())
     if solid.get("hardening", "isotropic") in ("isotropic", 0) or not CurveColumns.of(curve).yielded(found.law.preload):
         return found
     return replace(found, notes=(*found.notes, KINEMATIC))

@@ -85,7 +85,7 @@ class SlipLaw:
             positive(name, getattr(self, name))
         if not -1.0 < self.nu <= 0.5:
             raise InputError(f"nu = {self.nu:g} is not legal: it must lie in (-1, 0.5]")
-        slope = self.normal.at(self._approach(0.0))[1]
+        slope = self.normal.at(float(self._approach(0.0)))[1]
         if 1.0 - self.block[0] * slope < LEAST:
             raise InputError(AS_STIFF)
 
@@ -97,13 +97,12 @@ class SlipLaw:
     def displacement(self, t: ArrayLike) -> Array:
         """Displacement from rest at shares `t` in [0, 1] of the limit, block included (length)."""
         t = np.asarray(t, float)
-        z0, z = self._approach(0.0), self._approaches(t)
-        interface = self._scale * (z0 - z - self.block[0] * self.preload * t)
+        interface = self._scale * (self._approach(0.0) - self._approach(t) - self.block[0] * self.preload * t)
         return np.asarray(interface + self.block[1] * self.limit * t)
 
     def k_tangent(self, t: ArrayLike) -> Array:
         """DT/du of the first loading at shares `t` in [0, 1) of the limit (force/length)."""
-        slope = self.normal.both(self._approaches(np.asarray(t, float)))[1]
+        slope = self.normal.both(self._approach(t))[1]
         return np.asarray(1.0 / (compliance_ratio(self.nu) * (1.0 / slope - self.block[0]) + self.block[1]))
 
     def k_secant(self, t: ArrayLike) -> Array:
@@ -118,9 +117,9 @@ class SlipLaw:
         cancels: what is left is 8 mu^2 r times the area between the normal curve and its chord.
         """
         t = np.asarray(t, float)
-        z0, z = self._approach(0.0), self._approaches(t)
+        z0, z = self._approach(0.0), self._approach(t)
         chord = 0.5 * self.preload * (2.0 - t) * (z0 - z)
-        area = chord - (self.normal.potential(np.array(z0)) - self.normal.potential(z))
+        area = chord - (self.normal.potential(z0) - self.normal.potential(z))
         return np.asarray(8.0 * self.friction * self._scale * area)
 
     def eta(self, t: ArrayLike) -> Array:
@@ -148,9 +147,7 @@ class SlipLaw:
     def _scale(self) -> float:
         return self.friction * compliance_ratio(self.nu)
 
-    def _approach(self, t: float) -> float:
+    def _approach(self, t: ArrayLike) -> Array:
         """Approach at which the normal force is P (1 - t) (length)."""
-        return self.normal.deflection(self.preload * (1.0 - t)) if t < 1.0 else 0.0
-
-    def _approaches(self, t: Array) -> Array:
-        return np.reshape([self._approach(float(x)) for x in t.ravel()], t.shape)
+        loads = self.preload * (1.0 - np.asarray(t, float))
+        return np.reshape([self.normal.deflection(x) if x > 0.0 else 0.0 for x in loads.ravel().tolist()], loads.shape)

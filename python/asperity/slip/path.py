@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -84,15 +84,13 @@ class SlipPath:
 
     def loop(self) -> dict[str, float]:
         """Columns of slip_loops.csv."""
-        names = ("k_secant", "energy", "eta")
-        values = {"amplitude": self.amplitude, "T": self.force, "u": self.displacement}
-        return values | {name: getattr(self, name) for name in names} | {"slip_share": self.share}
+        values = {"amplitude": self.amplitude, "T": self.force, "u": self.displacement, "k_secant": self.k_secant}
+        return values | {"energy": self.energy, "eta": self.eta, "slip_share": self.share}
 
     def scaled(self, force: float, length: float) -> SlipPath:
         """Path in other units: forces times `force`, lengths times `length`."""
-        T, u, energy = self.T * force, self.u * length, force * length
-        nodes = self.nodes * [length, length, length**2, length]
-        return SlipPath(self.amplitude, self.leg, u, T, self.slip_share, self.dissipated * energy, nodes)
+        loss, nodes = self.dissipated * force * length, self.nodes * [length, length, length**2, length]
+        return replace(self, u=self.u * length, T=self.T * force, dissipated=loss, nodes=nodes)
 
 
 def path_of_law(

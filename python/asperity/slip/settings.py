@@ -34,7 +34,7 @@ class SlipSettings:
 
     Attributes:
         friction: Coulomb's coefficient mu
-        amplitudes: of the tangential force over the limit of friction mu P, each in [0.001, 0.99], rising
+        amplitudes: of the tangential force over the limit of friction mu P, each in [0.001, 0.99]
         preload: normal force P (force); default that of the vibration, or half of the greatest force of the curve
         steps: of the first loading; a loop has four times as many
         method: "curve" follows from the normal curve, "solid" moves the flat on the solid

@@ -29,7 +29,7 @@ _FAR = 0.01  # amplitude at which the response begins, over that of the peak
 
 @dataclass(frozen=True, eq=False)
 class TangentialVibration:
-    """Tangential vibration of a mass on a joint, by the normal curve; all of the joint.
+    """Tangential vibration of a mass on a joint, by the normal curve.
 
     Attributes:
         slip: of the patch
@@ -49,10 +49,8 @@ class TangentialVibration:
 
     def to_dict(self) -> dict[str, Any]:
         """Section slip of a run, and the peak of each force."""
-        peaks = [
-            {"force": share, "f": float(f[a.argmax()]), "amplitude": float(a.max())}
-            for share, (f, a) in self.responses.items()
-        ]
+        tops = ((share, float(f[a.argmax()]), float(a.max())) for share, (f, a) in self.responses.items())
+        peaks = [dict(zip(("force", "f", "amplitude"), top, strict=True)) for top in tops]
         return self.slip.to_dict(self.mass, self.factor, units=self.units) | {"mass": self.mass, "peaks": peaks}
 
     def write(self, folder: str | Path) -> None:
