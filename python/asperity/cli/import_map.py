@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from contextlib import suppress
-from dataclasses import asdict
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -17,7 +17,7 @@ from asperity.units import LENGTHS
 
 if TYPE_CHECKING:
     from asperity.surface import HeightMap, Spectrum, SurfaceStatistics
-    from asperity.surface.measured import HeightField
+    from asperity.surface.measured import HeightField, Trend
     from asperity.surface.self_affine_fit import SelfAffineFit
     from asperity.surface.texture import Wave
 
@@ -69,20 +69,7 @@ SMOOTHEST = 1e-4  # rms slope; below it, heights and distances may have differen
               help="Shortest wavelength for the Hurst exponent; default 4 pixels.")  # fmt: skip
 @options.as_json
 @options.serial
-def command(
-    map_file: str,
-    output: str | None,
-    pixel: float | None,
-    unit: str | None,
-    missing: float | None,
-    level: str,
-    window: tuple[float, float, float] | None,
-    despike: bool,
-    cutoff: float | None,
-    tip_radius: float | None,
-    shortest: float | None,
-    as_json: bool,
-) -> None:
+def command(map_file: str, output: str | None, as_json: bool, **given: Any) -> None:
     """Make a case from a measured height map.
 
     Levels the map, cuts a square patch, and computes its statistics, spectrum and Hurst exponent. MAP is .npz or .npy,
@@ -91,70 +78,27 @@ def command(
     """
     from asperity.runtime.files import files_into
     from asperity.runtime.progress import Progress, StepLines
-    from asperity.surface.height_map import MOST, HeightMap
-    from asperity.surface.measured import HeightField
-    from asperity.surface.statistics import psd
-    from asperity.surface.texture import repeating_wave
 
-    if tip_radius is not None and not tip_radius > 0:
-        raise InputError(f"tip-radius = {tip_radius:g} is not a positive length")
     progress = Progress() if as_json else StepLines()
-    progress.stage(f"read {map_file}")
-    whole = HeightField.read(map_file, pixel=pixel, unit=unit, missing=missing)
-    zeros, gaps = whole.odd_zeros(), whole.missing
-    ny, nx = whole.z.shape
-    if min(nx, ny) > MOST and window is None and cutoff is None:
-        raise InputError(
-            f"{map_file}: {nx} x {ny} heights are more than the {MOST} x {MOST} of a surface; cut a window (--window), "
-            "or filter the map (--cutoff): a patch of fewer heights, a fifth of the cut-off apart, is kept"
-        )
-    progress.stage(f"level {nx} x {ny} heights")
-    whole = whole.filled().levelled(level)  # type: ignore[arg-type]
-    if despike:
-        progress.stage("remove spikes")
-        whole = whole.despiked()
-
-    reliable = whole.reliable(tip_radius)
-    limited = cutoff is None and reliable > 2 * min(whole.dx, whole.dy)
-    cutoff = reliable if limited else cutoff
-
-    def cut(field: HeightField) -> HeightField:
-        return (field.square() if window is None else field.window(*window)).levelled(level)  # type: ignore[arg-type]
-
-    def filtered(cutoff: float) -> HeightField:
-        patch = cut(whole.filtered(cutoff))
-        return patch.thinned(max(1, int(cutoff / (KEPT * patch.dx)))).square() if len(patch.z) > MOST else patch
-
-    bare = cut(whole)  # the filter would bend the spectrum near its cut-off
-    patch = bare
-    if cutoff is not None:
-        progress.stage("filter")
-        patch = filtered(cutoff)
-    patch.check_plausible()
-    side = bare.size[0]
-    shortest = 4 * bare.dx if shortest is None else shortest
-    if not 2 * bare.dx <= shortest < side:
-        raise InputError(f"shortest = {shortest:g} must lie between two pixels, {2 * bare.dx:g}, and the side {side:g}")
     folder = Path(output) if output else Path("out") / Path(map_file).stem
-    progress.stage("statistics")
-    surface = HeightMap.of(patch.z, patch.size[0])
-    left_out = [reliable, *_left_out(surface, bare)] if limited else None
+    scan = _scan(map_file, progress.stage, **given)
+    about = {"file": map_file, "side": scan.surface.L, "nodes": len(scan.patch.z), "level": given["level"]}
+    about |= {
+        "cutoff": scan.cutoff,
+        "filled": scan.filled,
+        "despike": given["despike"],
+        "instrument": scan.left_out,
+    }
+    for name, part in (("statistics", scan.statistics), ("self_affine", scan.affine), ("repeating_wave", scan.wave)):
+        about[name] = None if part is None else asdict(part)
     with files_into(folder) as aside:  # whole, or not at all
-        patch.save(aside / "patch.npz", left_out=left_out)
-        statistics, summit = surface.statistics(min(len(patch.z), 1025)), surface.maximum()
-        spectrum = psd(bare.z, len(bare.z) * bare.dx)
-        wave = repeating_wave(bare.z, side)
-        affine = _self_affine(spectrum, shortest) if wave is None else None
+        scan.patch.save(aside / "patch.npz", left_out=scan.left_out)
         progress.stage("figures")
-        _draw(aside, surface, summit, spectrum, affine)
-        about = {"file": map_file, "side": surface.L, "nodes": len(patch.z), "level": level, "cutoff": cutoff}
-        about |= {"filled": gaps, "despike": despike, "instrument": left_out}
-        about |= {"statistics": asdict(statistics), "self_affine": None if affine is None else asdict(affine)}
-        about |= {"repeating_wave": None if wave is None else asdict(wave)}
+        _draw(aside, scan)
         (aside / "measured.json").write_text(f"{json.dumps(about, indent=2)}\n", encoding="utf-8")
-        (aside / "case.toml").write_text(_case(surface), encoding="utf-8")
+        (aside / "case.toml").write_text(_case(scan.surface), encoding="utf-8")
         try:
-            cost = _cost(aside / "case.toml", surface)
+            cost = _cost(aside / "case.toml", scan.surface)
         except InputError as error:
             raise InputError(str(error).replace(str(aside), str(folder))) from None
         except CompatError:  # the map can be made where nothing is solved
@@ -163,19 +107,63 @@ def command(
     if as_json:
         options.print_json(about)
         return
-    _show(map_file, surface.L, len(patch.z), gaps, statistics, affine)
-    if left_out is not None:
-        options.say(
-            f"waves shorter than {reliable:.3g} m, which the instrument does not resolve, are filtered: what it shows "
-            f"of them would change the force at the approach of the case by {left_out[1]:+.1%} and the area by "
-            f"{left_out[2]:+.1%}; --cutoff filters at another wavelength"
-        )
-    elif cutoff is not None and cutoff < reliable:
-        options.say(f"waves shorter than {reliable:.3g} m are not resolved by the instrument: --cutoff is below that")
-    _doubts(statistics, surface.L, bare, affine, wave, zeros)
-    if not _spike(whole, cut, bare, wave, statistics) and cost:
-        options.say(cost)
+    _show(map_file, scan)
+    for sentence in _doubts(scan):
+        options.say(sentence)
+    spike, despiking = _spike(scan)
+    for sentence in (spike, "" if despiking else cost):
+        if sentence:
+            options.say(sentence)
     options.say(f"written to {folder}; next: asperity check {folder / 'case.toml'}")
+
+
+def _scan(
+    map_file: str, stage: Callable[[str], None], *, pixel: float | None, unit: str | None, missing: float | None,
+    level: Trend, window: tuple[float, float, float] | None, despike: bool, cutoff: float | None,
+    tip_radius: float | None, shortest: float | None,
+) -> _Scan:  # fmt: skip
+    """Read, level, filter and cut a map; `stage` announces the parts, the others are the options of the command."""
+    from asperity.surface.height_map import MOST, HeightMap
+    from asperity.surface.measured import HeightField
+
+    if tip_radius is not None and not tip_radius > 0:
+        raise InputError(f"tip-radius = {tip_radius:g} is not a positive length")
+    stage(f"read {map_file}")
+    whole = HeightField.read(map_file, pixel=pixel, unit=unit, missing=missing)
+    zeros, filled = whole.odd_zeros(), whole.missing
+    ny, nx = whole.z.shape
+    if min(nx, ny) > MOST and window is None and cutoff is None:
+        raise InputError(
+            f"{map_file}: {nx} x {ny} heights are more than the {MOST} x {MOST} of a surface; cut a window (--window), "
+            "or filter the map (--cutoff): a patch of fewer heights, a fifth of the cut-off apart, is kept"
+        )
+    stage(f"level {nx} x {ny} heights")
+    whole = whole.filled().levelled(level)
+    if despike:
+        stage("remove spikes")
+        whole = whole.despiked()
+    reliable = whole.reliable(tip_radius)
+    limited = cutoff is None and reliable > 2 * min(whole.dx, whole.dy)
+    cutoff = reliable if limited else cutoff
+
+    def cut(field: HeightField) -> HeightField:
+        return (field.square() if window is None else field.window(*window)).levelled(level)
+
+    patch = bare = cut(whole)
+    if cutoff is not None:
+        stage("filter")
+        patch = cut(whole.filtered(cutoff))
+        if len(patch.z) > MOST:
+            patch = patch.thinned(max(1, int(cutoff / (KEPT * patch.dx)))).square()
+    patch.check_plausible()
+    stage("statistics")
+    spectrum, wave, affine = _spectrum(bare, shortest)
+    surface = HeightMap.of(patch.z, patch.size[0])
+    statistics = surface.statistics(min(len(patch.z), 1025))
+    left_out = (reliable, *_left_out(surface, bare)) if limited else None
+    return _Scan(
+        whole, cut, bare, patch, filled, zeros, cutoff, reliable, left_out, surface, statistics, spectrum, wave, affine
+    )
 
 
 def _left_out(smooth: HeightMap, bare: HeightField) -> tuple[float, float]:
@@ -195,6 +183,23 @@ def _left_out(smooth: HeightMap, bare: HeightField) -> tuple[float, float]:
     return more / force - 1.0, larger / area - 1.0
 
 
+def _spectrum(bare: HeightField, shortest: float | None) -> tuple[Spectrum, Wave | None, SelfAffineFit | None]:
+    """Spectrum, wave that repeats, and self-affine equivalent down to a wavelength [m] where there is no such wave."""
+    from asperity.surface.self_affine_fit import fit_self_affine
+    from asperity.surface.statistics import psd
+    from asperity.surface.texture import repeating_wave
+
+    shortest, side = 4 * bare.dx if shortest is None else shortest, bare.size[0]
+    if not 2 * bare.dx <= shortest < side:
+        raise InputError(f"shortest = {shortest:g} must lie between two pixels, {2 * bare.dx:g}, and the side {side:g}")
+    spectrum, wave = psd(bare.z, len(bare.z) * bare.dx), repeating_wave(bare.z, side)
+    try:
+        return spectrum, wave, None if wave is not None else fit_self_affine(spectrum, shortest)
+    except InputError as error:
+        click.echo(f"no Hurst exponent: {error}", err=True)
+        return spectrum, wave, None
+
+
 def _case(surface: HeightMap) -> str:
     """Text of case.toml, with the approach of a light load."""
     from asperity.surface.cutoff import approach_of_share, share_of_approach
@@ -203,95 +208,87 @@ def _case(surface: HeightMap) -> str:
     return CASE.format(delta=delta, share=share_of_approach(surface, delta))
 
 
-def _self_affine(spectrum: Spectrum, shortest: float) -> SelfAffineFit | None:
-    from asperity.surface.self_affine_fit import fit_self_affine
-
-    try:
-        return fit_self_affine(spectrum, shortest)
-    except InputError as error:
-        click.echo(f"no Hurst exponent: {error}", err=True)
-        return None
-
-
-def _draw(folder: Path, surface: Any, summit: Any, spectrum: Spectrum, affine: SelfAffineFit | None) -> None:
+def _draw(folder: Path, scan: _Scan) -> None:
     from asperity.plot import save, surface_map
     from asperity.plot.fields import spectrum_figure
 
-    save(surface_map(surface.grid(401), surface.L, summit, unit="m"), folder / "surface.png")
-    save(spectrum_figure(spectrum, "m", affine), folder / "spectrum.png")
+    surface = scan.surface
+    save(surface_map(surface.grid(401), surface.L, surface.maximum(), unit="m"), folder / "surface.png")
+    save(spectrum_figure(scan.spectrum, "m", scan.affine), folder / "spectrum.png")
 
 
-def _show(
-    title: str, side: float, nodes: int, gaps: float, statistics: SurfaceStatistics, affine: SelfAffineFit | None
-) -> None:
+def _show(title: str, scan: _Scan) -> None:
     """Print the statistics."""
-    rows = [("side", f"{side:.4g} m"), ("nodes", f"{nodes}"), ("Sq", f"{statistics.Sq:.4g} m"),
+    statistics, affine = scan.statistics, scan.affine
+    rows = [("side", f"{scan.surface.L:.4g} m"), ("nodes", f"{len(scan.patch.z)}"), ("Sq", f"{statistics.Sq:.4g} m"),
             ("Sz", f"{statistics.Sz:.4g} m"), ("rms slope", f"{statistics.rms_slope:.4g}")]  # fmt: skip
-    if gaps:
-        rows.insert(2, ("gaps that were filled", f"{100 * gaps:.2g} %"))
+    if scan.filled:
+        rows.insert(2, ("gaps that were filled", f"{100 * scan.filled:.2g} %"))
     if affine is not None:
         roll = "none on the patch" if affine.lambda_roll is None else f"{affine.lambda_roll:.3g} m"
         rows += [("Hurst exponent", f"{affine.H:.2f} ± {affine.error_H:.2f}"), ("roll-off wavelength", roll)]
     options.table(title, rows)
 
 
-def _doubts(
-    statistics: SurfaceStatistics, side: float, bare: HeightField, affine: SelfAffineFit | None, wave: Wave | None,
-    zeros: float,
-) -> None:  # fmt: skip
-    """Print what is doubtful; `bare` is the patch without a filter, `zeros` the share of heights of exactly 0."""
+def _doubts(scan: _Scan) -> Iterator[str]:
+    """What the instrument does not resolve, and what is doubtful, a sentence each."""
     import numpy as np
 
-    if side > LARGEST:
-        options.say(f"the side of {side:.3g} m is long for roughness: if lengths are not in metres, give --unit")
-    if statistics.rms_slope < SMOOTHEST:
-        options.say(
-            f"the rms slope of {statistics.rms_slope:.1e} is small for roughness: if heights and distances have "
-            "different units in the file, write both in one"
+    slope, affine, wave, bare = scan.statistics.rms_slope, scan.affine, scan.wave, scan.bare
+    if scan.left_out is not None:
+        yield (
+            f"waves shorter than {scan.reliable:.3g} m, which the instrument does not resolve, are filtered: what it "
+            f"shows of them would change the force at the approach of the case by {scan.left_out[1]:+.1%} and the area "
+            f"by {scan.left_out[2]:+.1%}; --cutoff filters at another wavelength"
         )
-    if zeros:
-        options.say(f"{zeros:.2%} of the heights are exactly 0: if they are missing, give --missing 0")
+    elif scan.cutoff is not None and scan.cutoff < scan.reliable:
+        yield f"waves shorter than {scan.reliable:.3g} m are not resolved by the instrument: --cutoff is below that"
+    if scan.surface.L > LARGEST:
+        yield f"the side of {scan.surface.L:.3g} m is long for roughness: if lengths are not in metres, give --unit"
+    if slope < SMOOTHEST:
+        yield (
+            f"the rms slope of {slope:.1e} is small for roughness: if heights and distances have different units in "
+            "the file, write both in one"
+        )
+    if scan.zeros:
+        yield f"{scan.zeros:.2%} of the heights are exactly 0: if they are missing, give --missing 0"
     if wave is not None:
-        options.say(
+        yield (
             f"no Hurst exponent: waves of {wave.length:.3g} m repeat, with {wave.share:.0%} of the mean square height, "
             "as on turned or textured surfaces"
         )
     if affine is not None and not -affine.error_H <= affine.H <= 1.0 + affine.error_H:
-        options.say(f"H = {affine.H:.2f} is outside 0 to 1: the spectrum is not that of a self-affine surface")
+        yield f"H = {affine.H:.2f} is outside 0 to 1: the spectrum is not that of a self-affine surface"
     without = bare.levelled("curvature").z
     rest, form = float(np.std(without)), float(np.std(bare.z - without))
     if form > FORM * rest:
-        options.say(
+        yield (
             f"the map has a form of second order, as of a sphere, with Sq = {form:.3g} m, and {rest:.3g} m without it: "
             "if only roughness is meant, --level curvature removes the form"
         )
 
 
-def _spike(
-    whole: HeightField, cut: Callable[[HeightField], HeightField], bare: HeightField, wave: Wave | None,
-    statistics: SurfaceStatistics,
-) -> bool:  # fmt: skip
-    """Print if the summit may be dust or a spike, and return whether --despike is recommended: it is tried before.
+def _spike(scan: _Scan) -> tuple[str, bool]:
+    """Sentence on a summit that may be dust or a spike, and whether it recommends --despike, which is tried before.
 
-    `cut` makes the patch of the levelled map, `bare` is the patch without a filter. Crests of a wave are no spikes.
+    Crests of a wave are no spikes.
     """
     from asperity.surface.spikes import STANDS_OUT, prominence_of_summit
 
-    spike = prominence_of_summit(bare.z)
-    if spike > STANDS_OUT and wave is None:
+    spike, statistics = prominence_of_summit(scan.bare.z), scan.statistics
+    if spike > STANDS_OUT and scan.wave is None:
         with suppress(InputError):
-            if prominence_of_summit(cut(whole.despiked()).z) <= STANDS_OUT:
-                options.say(
+            if prominence_of_summit(scan.cut(scan.whole.despiked()).z) <= STANDS_OUT:
+                return (
                     f"the highest point stands {spike:.0f} times the local roughness above its surroundings, as dust "
                     "or a spike of the instrument does: --despike removes such heights"
-                )
-                return True
-    if statistics.Sp > HIGH * statistics.Sq:
-        options.say(
-            f"the highest point is {statistics.Sp / statistics.Sq:.0f} rms heights above the mean: if it does not "
-            "belong to the surface, mark it as missing (NaN) in the map, and it is filled"
-        )
-    return False
+                ), True
+    if statistics.Sp <= HIGH * statistics.Sq:
+        return "", False
+    return (
+        f"the highest point is {statistics.Sp / statistics.Sq:.0f} rms heights above the mean: if it does not "
+        "belong to the surface, mark it as missing (NaN) in the map, and it is filled"
+    ), False
 
 
 def _cost(case_file: Path, surface: HeightMap) -> str:
@@ -308,3 +305,35 @@ def _cost(case_file: Path, surface: HeightMap) -> str:
     found = estimate(case, surface=surface)
     notes = note_on_steps(surface, found.approach), filter_advice(case, found, surface)
     return "\n".join(filter(None, notes))
+
+
+@dataclass(frozen=True)
+class _Scan:
+    """A map, its patch, and what is known of it.
+
+    Attributes:
+        whole: the levelled map
+        cut: makes the patch of a levelled map
+        bare: the patch without a filter, which would bend the spectrum near its cut-off
+        patch: what becomes the surface
+        filled, zeros: shares of the heights that were missing, and that are exactly 0
+        cutoff: of the filter [m], None without
+        reliable: wavelength below which the map shows its instrument [m]
+        left_out: see `HeightMap.left_out`; None unless the filter is that of the instrument
+        statistics: of the surface; spectrum, repeating wave and self-affine equivalent are those of `bare`
+    """
+
+    whole: HeightField
+    cut: Callable[[HeightField], HeightField]
+    bare: HeightField
+    patch: HeightField
+    filled: float
+    zeros: float
+    cutoff: float | None
+    reliable: float
+    left_out: tuple[float, float, float] | None
+    surface: HeightMap
+    statistics: SurfaceStatistics
+    spectrum: Spectrum
+    wave: Wave | None
+    affine: SelfAffineFit | None

@@ -363,21 +363,17 @@ def _harmonic_fill(z: Array, gaps: NDArray[np.bool_]) -> Array:
     from scipy.sparse import coo_matrix
     from scipy.sparse.linalg import cg, spsolve
 
-    ny, nx = z.shape
     number = np.full(z.shape, -1)
     number[gaps] = np.arange(gaps.sum())
-    iy, ix = np.nonzero(gaps)
-    me = number[gaps]
+    numbers, heights = np.pad(number, 1, constant_values=-2), np.pad(z, 1)  # -1: known, -2: beyond the edge
+    iy, ix = np.nonzero(np.pad(gaps, 1))
+    me = numbers[iy, ix]
     diagonal, right = np.zeros(me.size), np.zeros(me.size)
     rows, columns = [], []
-    for sy, sx in ((0, 1), (0, -1), (1, 0), (-1, 0)):
-        ty, tx = iy + sy, ix + sx
-        inside = (ty >= 0) & (ty < ny) & (tx >= 0) & (tx < nx)
-        diagonal[inside] += 1
-        other = np.full(me.size, -1)
-        other[inside] = number[ty[inside], tx[inside]]
-        known = inside & (other < 0)
-        right[known] += z[ty[known], tx[known]]
+    for place in ((iy, ix + 1), (iy, ix - 1), (iy + 1, ix), (iy - 1, ix)):
+        other = numbers[place]
+        diagonal += other != -2
+        right += np.where(other == -1, heights[place], 0.0)
         rows.append(me[other >= 0])
         columns.append(other[other >= 0])
     i, j = np.concatenate(rows), np.concatenate(columns)
