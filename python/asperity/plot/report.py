@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import base64
 import hashlib
+import json
 import math
 from collections.abc import Iterator, Mapping
 from importlib.resources import files
@@ -49,6 +50,7 @@ def write_report(folder: str | Path, finished: bool | None = None) -> Path:
     Raises:
         InputError: the folder contains no run
     """
+    import tomli_w
     from jinja2 import Environment, PackageLoader, StrictUndefined
 
     results = Results.read(folder)
@@ -74,9 +76,12 @@ def write_report(folder: str | Path, finished: bool | None = None) -> Path:
         assumptions=assumptions,
         turning=turning_surface(results),
         figures=[_figure(path) for path in _figures(results.folder / FIGURES)],
-        tables=_tables("run", summary) + _tables("dynamics", _without_table(results.thresholds)),
+        raw=[
+            ("Run: counts, times, checks, versions", _json(summary)),
+            ("Vibration: thresholds", _json(results.thresholds)),
+            ("Input: the completed case", tomli_w.dumps(dict(results.case))),
+        ],
         laws=_laws(results),
-        inputs=[(name, list(_flat(table))) for name, table in _sections(results.case)],
         columns=COLUMNS,
         rows=[[_text(value) for value in row.values()] for row in results.curve.rows()],
         publications=publications(results.case),
@@ -176,7 +181,7 @@ def _figure(path: Path) -> dict[str, Any]:
     width, height = (int.from_bytes(pixels[i : i + 4]) for i in (16, 20))  # from the PNG header
     scale = 110 / DPI  # so that text has the size of that on the page
     return {
-        "caption": CAPTIONS.get(path.stem, _words(path.stem)),
+        "caption": CAPTIONS.get(path.stem, path.stem),
         "width": f"{width * scale:.0f}",
         "height": f"{height * scale:.0f}",
         "wide": width * scale > 700,  # a narrow screen scrolls it
@@ -185,12 +190,8 @@ def _figure(path: Path) -> dict[str, Any]:
     }
 
 
-def _tables(title: str, data: Mapping[str, Any]) -> list[tuple[str, Rows]]:
-    """One table for the plain values of a JSON file, and one for each of its sections."""
-    plain = {name: value for name, value in data.items() if not isinstance(value, Mapping)}
-    nested = [(n, v) for n, v in data.items() if isinstance(v, Mapping) and n != "fit"]
-    tables = [(title, plain), *nested] if plain else nested
-    return [(_words(name), [(_words(key), v) for key, v in _flat(t)]) for name, t in tables]
+def _json(data: Mapping[str, Any]) -> str:
+    return json.dumps(data, indent=2, ensure_ascii=False)
 
 
 def _laws(results: Results) -> list[tuple[str, ...]]:
@@ -210,40 +211,7 @@ def _laws(results: Results) -> list[tuple[str, ...]]:
     return rows
 
 
-def _without_table(thresholds: Mapping[str, Any]) -> dict[str, Any]:
-    """Content of thresholds.json without the rows of its laws."""
-    laws = thresholds.get("laws")
-    return {**thresholds, "laws": {k: v for k, v in laws.items() if k != "table"}} if laws else dict(thresholds)
-
-
-def _words(name: str) -> str:
-    return name.replace("_", " ")
-
-
-def _sections(case: Mapping[str, Any]) -> Iterator[tuple[str, Mapping[str, Any]]]:
-    for name, table in case.items():
-        yield name, table if isinstance(table, Mapping) else {name: table}
-
-
-def _flat(table: Mapping[str, Any], above: str = "") -> Iterator[tuple[str, str]]:
-    """Names and values of nested tables and lists of tables, joined by dots."""
-    for name, value in table.items():
-        if isinstance(value, Mapping):
-            yield from _flat(value, f"{above}{name}.")
-        elif isinstance(value, list) and value and all(isinstance(v, Mapping) for v in value):
-            for number, item in enumerate(value, start=1):
-                yield from _flat(item, f"{above}{name} {number}.")
-        else:
-            yield f"{above}{name}", _text(value)
-
-
 def _text(value: Any) -> str:
-    if isinstance(value, bool):
-        return "yes" if value else "no"
-    if value is None or value != value or value == []:
-        return "–"
     if isinstance(value, float):
-        return f"{value:.6g}"
-    if isinstance(value, list | tuple):
-        return ", ".join(_text(item) for item in value)
+        return f"{value:.6g}" if value == value else "–"
     return str(value)
