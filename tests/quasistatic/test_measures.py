@@ -12,7 +12,6 @@ from conftest import ELASTIC, here, world
 from asperity import reference as ref
 from asperity.adaptive.solve_contact import solve_contact
 from asperity.curve import Curve
-from asperity.mesh.element import FACE_TRIANGLES
 from asperity.model.material import Material
 from asperity.model.settings import Formulation, MeshSize
 from asperity.output.fields import gather_top_states
@@ -80,10 +79,8 @@ def test_the_map_shows_the_spots_that_count(formulation: Formulation, monkeypatc
         rough, ELASTIC, delta_max=0.01, steps=3, snapshots=3, formulation=formulation, size=MeshSize(0.04),
         comm=here(),
     )  # fmt: skip
-    curve, top = result.curve, gather_top_states(result, 1.0, 1.0)
-    assert top is not None
-    triangles = np.concatenate([top.faces[:, nodes] for nodes in FACE_TRIANGLES])
-    fields = {"points": top.points, "triangles": triangles, "touched": top.touched}
+    curve, fields = result.curve, gather_top_states(result, 1.0, 1.0)
+    assert fields is not None
     on_grid, shown = contact.Raster(fields), []
     for i in range(3):
         drawn = contact.touching(on_grid, fields, i)

@@ -6,11 +6,11 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from itertools import chain
 from pathlib import Path
+from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
-from asperity.arrays import Array, Floats, Indices
+from asperity.arrays import Array, Floats
 from asperity.contact.contact_surface import gather_at_top, gather_top
 from asperity.fem.global_numbering import at_built_nodes, share_cells, share_mesh, share_nodes
 from asperity.fem.solid import Solid
@@ -67,67 +67,33 @@ def gather_states(result: ContactResult, side: float, E: float) -> list[State]:
     return states
 
 
-@dataclass(frozen=True, eq=False)
-class TopStates:
-    """Snapshots of the top, in physical units.
+def gather_top_states(result: ContactResult, side: float, E: float) -> dict[str, Any] | None:
+    """Arrays of top.npz on rank 0, None elsewhere: K snapshots of the N nodes of the top; collective.
 
-    Attributes:
-        points: nodes (N, 2) [length]
-        faces: their numbers in each facet, ordered as in `element.FACES` (F, 6)
-        steps, branch, delta: as in the curve, delta in [length] (K,)
-        pressure: at the nodes, on an edge the mean of its corners (K, N) [force/length^2]
-        gap: distance of the nodes from the flat (K, N) [length]
-        touched: whether the thirds of facets at an edge node are in contact (K, N)
+    points (N, 2) [length]; triangles (T, 3), four of each facet; steps, branch, delta (K,); pressure, on an edge the
+    mean of its corners (K, N) [force/length^2]; gap, distance from the flat (K, N) [length]; touched, whether the
+    thirds of facets at an edge node are in contact (K, N). `side` and `E`: see `gather_states`.
     """
-
-    points: Floats
-    faces: Indices
-    steps: Indices
-    branch: npt.NDArray[np.str_]
-    delta: Floats
-    pressure: Floats
-    gap: Floats
-    touched: npt.NDArray[np.bool_]
-
-
-def gather_top_states(result: ContactResult, side: float, E: float) -> TopStates | None:
-    """Gather the snapshots of the top on rank 0, None elsewhere; collective; see `gather_states`."""
     solid, surface = result.solver.solid, result.solver.contact_surface
-    top = gather_top(surface, 0.0)
+    top, found = gather_top(surface, 0.0), result.snapshots
 
-    def gather(values: Floats) -> Floats | None:
-        return gather_at_top(surface, at_built_nodes(solid, values)[1])
+    def gather(of_snapshot: Callable[[Snapshot], Floats]) -> list[Floats | None]:
+        return [gather_at_top(surface, at_built_nodes(solid, of_snapshot(s))[1]) for s in found]
 
-    pressure = [gather(surface.linear_on_facets(s.pressure) * E) for s in result.snapshots]
-    gap = [gather(s.gap * side) for s in result.snapshots]
-    touched = [gather(s.touched) for s in result.snapshots]
+    pressure, gap = gather(lambda s: surface.linear_on_facets(s.pressure) * E), gather(lambda s: s.gap * side)
+    touched = gather(lambda s: s.touched)
     if top is None:
         return None
-    return TopStates(
-        points=top.points[:, :2] * side,
-        faces=top.faces,
-        steps=np.array([s.step for s in result.snapshots]),
-        branch=np.array([s.branch for s in result.snapshots]),
-        delta=np.array([s.delta * side for s in result.snapshots]),
-        pressure=np.array(pressure),
-        gap=np.array(gap),
-        touched=np.array(touched, dtype=bool),
-    )
-
-
-def write_top(path: Path, top: TopStates) -> None:
-    """Write top.npz, the data of the figures of the top; rank 0 only."""
-    np.savez_compressed(
-        path,
-        points=top.points,
-        triangles=np.concatenate([top.faces[:, nodes] for nodes in FACE_TRIANGLES]),
-        steps=top.steps,
-        branch=top.branch,
-        delta=top.delta,
-        pressure=top.pressure,
-        gap=np.maximum(top.gap, 0.0),
-        touched=top.touched,
-    )
+    return {
+        "points": top.points[:, :2] * side,
+        "triangles": np.concatenate([top.faces[:, nodes] for nodes in FACE_TRIANGLES]),
+        "steps": np.array([s.step for s in found]),
+        "branch": np.array([s.branch for s in found]),
+        "delta": np.array([s.delta * side for s in found]),
+        "pressure": np.array(pressure),
+        "gap": np.maximum(np.array(gap), 0.0),
+        "touched": np.array(touched, dtype=bool),
+    }
 
 
 def von_mises(stress: Array) -> Array:

@@ -9,6 +9,8 @@ from importlib.resources import files
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
+import numpy as np
+
 from asperity.case import Case
 from asperity.case.identity import identity, refuse_another, refuse_run_of_another
 from asperity.curve import Curve
@@ -178,7 +180,7 @@ class RunFiles:
         def write() -> None:
             assert top is not None
             with files_into(place) as aside:
-                fields.write_top(aside / TOP, top)
+                np.savez_compressed(aside / TOP, **top)
                 if grid:
                     fields.write_vtkhdf_streams(aside / VTKHDF, grid, [s.step for s in contact.snapshots])
                     (aside / VIEW).write_bytes(files("asperity").joinpath("templates", VIEW).read_bytes())
