@@ -80,7 +80,7 @@ def test_an_unknown_value_is_an_empty_cell_or_nan(tmp_path):
     ("text", "message"),
     [
         ("", "no column names; expected step,branch"),
-        ("delta,forces\n1,2\n", r"unknown column 'forces' \(did you mean 'force'\?\)"),
+        ("delta,forces\n1,2\n", r'unknown column \'forces\' \(did you mean "force"\?\)'),
         ("delta,P_star\n1,2\n", "column 'force' is missing"),
         ("delta,force,delta\n1,2,3\n", "occurs twice"),
         ("delta,force\n1\n", "line 2: 1 values for 2 columns"),

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import csv
-import difflib
 import json
 import math
 from collections.abc import Iterator, Mapping, Sequence
@@ -15,6 +14,7 @@ import numpy as np
 
 from asperity.arrays import Array
 from asperity.errors import InputError
+from asperity.runtime.display import nearest
 from asperity.runtime.files import write_csv
 from asperity.slope import slopes
 
@@ -329,9 +329,7 @@ def fitted_rows(delta: Array, force: Array) -> Array:
 def _check_names(names: Any, where: str) -> None:
     for name in names:
         if name not in COLUMNS:
-            close = difflib.get_close_matches(name, COLUMNS, n=1)
-            hint = f" (did you mean {close[0]!r}?)" if close else ""
-            raise InputError(f"{where}: unknown column {name!r}{hint}; legal: {', '.join(COLUMNS)}.")
+            raise InputError(f"{where}: unknown column {name!r}{nearest(name, COLUMNS)}; legal: {', '.join(COLUMNS)}.")
     if len(set(names)) < len(names):
         raise InputError(f"{where}: a column occurs twice in {', '.join(names)}.")
     for name in _REQUIRED:

@@ -48,5 +48,5 @@ def test_cheap_cases_pass() -> None:
 
 
 def test_unknown_names_are_refused() -> None:
-    with pytest.raises(InputError, match="did you mean hertz"):
+    with pytest.raises(InputError, match='did you mean "hertz"'):
         verify(["herz"])

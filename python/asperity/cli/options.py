@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import functools
-import json
-import math
 import sys
 from collections.abc import Callable, Iterable
 from typing import Any
@@ -64,16 +62,9 @@ as_json = click.option("--json", "as_json", is_flag=True, help="Print JSON.")
 
 def print_json(data: Any) -> None:
     """Print data as JSON, on the first rank; numbers that are not finite become null, because JSON has none."""
+    from pydantic_core import to_json
 
-    def legal(value: Any) -> Any:
-        if isinstance(value, dict):
-            return {key: legal(item) for key, item in value.items()}
-        if isinstance(value, list | tuple):
-            return [legal(item) for item in value]
-        value = value.item() if hasattr(value, "item") else value  # of NumPy
-        return None if isinstance(value, float) and not math.isfinite(value) else value
-
-    say(json.dumps(legal(data), indent=2, allow_nan=False))
+    say(to_json(data, indent=2, inf_nan_mode="null", fallback=lambda value: value.item()).decode())
 
 
 class _Name(click.ParamType):

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import difflib
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import fields, is_dataclass
 from typing import Any
 
@@ -63,3 +64,9 @@ def show(value: Any) -> str:
         except ValueError:  # integers of thousands of digits
             text = "a huge number"
     return text if len(text) <= 80 else text[:77] + "..."
+
+
+def nearest(name: str, legal: Iterable[str]) -> str:
+    """' (did you mean ...?)' with the closest legal name, or an empty string."""
+    close = difflib.get_close_matches(str(name), list(legal), n=1)
+    return f' (did you mean "{close[0]}"?)' if close else ""

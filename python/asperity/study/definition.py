@@ -21,7 +21,6 @@ An empty string removes a key, as with `--set`. Cases that several families shar
 from __future__ import annotations
 
 import copy
-import difflib
 import itertools
 import math
 import re
@@ -35,7 +34,7 @@ import numpy as np
 
 from asperity.case.case_file import Case, _override, _read_toml
 from asperity.errors import InputError
-from asperity.runtime.display import short_repr, show
+from asperity.runtime.display import nearest, short_repr, show
 from asperity.surface import SurfaceWarning
 
 #: Key that varies within an ensemble; the levels of a family differ in the other keys.
@@ -294,9 +293,9 @@ def _case(base: Mapping[str, Any], point: Point, folder: Path, where: str) -> Ca
 def _check_keys(table: Mapping[str, Any], legal: Sequence[str], where: str, place: str) -> None:
     for name in table:
         if name not in legal:
-            near = difflib.get_close_matches(name, legal, n=1)
-            hint = f'did you mean "{near[0]}"?' if near else f"legal: {', '.join(legal)}"
-            raise InputError(f"{where}: {show(name)} is not a key of {place}; {hint}")
+            raise InputError(
+                f"{where}: {show(name)} is not a key of {place}{nearest(name, legal)}; legal: {', '.join(legal)}"
+            )
 
 
 def _text(table: Mapping[str, Any], key: str, default: str, where: str) -> str:

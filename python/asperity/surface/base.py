@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import difflib
 import numbers
 import sys
 import warnings
@@ -16,6 +15,7 @@ from numpy.typing import ArrayLike
 
 from asperity.arrays import Array
 from asperity.errors import AsperityWarning, InputError
+from asperity.runtime.display import nearest
 from asperity.surface.maximum import global_maximum
 from asperity.surface.scale_space import ScaleSpace
 from asperity.surface.statistics import (
@@ -239,12 +239,12 @@ class Surface(ABC):
         zx, zy = self.grid_gradient(1025)
         return float(np.sqrt(np.mean(zx**2 + zy**2)))
 
-    def check_small_slope(self, limit: float = SMALL_SLOPE) -> None:
-        """Warn (SurfaceWarning) when the rms slope exceeds `limit`: a limit of small strain, not of finite strain."""
+    def check_small_slope(self) -> None:
+        """Warn (SurfaceWarning) when the rms slope exceeds SMALL_SLOPE, a limit of small strain."""
         slope = self.rms_slope()
-        if slope > limit:
+        if slope > SMALL_SLOPE:
             warnings.warn(
-                f"surface: rms slope {slope:.3g} exceeds {limit:g}; small-strain results are approximate, "
+                f"surface: rms slope {slope:.3g} exceeds {SMALL_SLOPE:g}; small-strain results are approximate, "
                 'material.kinematics = "auto" shows by how much'
                 + (f" ({self.smoother} is smoother)." if self.smoother else "."),
                 SurfaceWarning,
@@ -285,12 +285,6 @@ def nodes(L: float, n: int) -> Array:
     if not (is_integer(n) and n >= 2):
         raise InputError(f"A grid needs an integer number of nodes per side >= 2, not {n!r}.")
     return np.linspace(0.0, L, n)
-
-
-def nearest(name: str, legal: Any) -> str:
-    """' (did you mean ...?)' with the closest legal name, or an empty string."""
-    close = difflib.get_close_matches(str(name), list(legal), n=1)
-    return f" (did you mean {close[0]!r}?)" if close else ""
 
 
 def is_number(value: Any) -> bool:

@@ -8,11 +8,11 @@ and sides that a theory neglects). The cases run on one rank.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator
-from difflib import get_close_matches
 from importlib import import_module
 from typing import TYPE_CHECKING
 
 from asperity.errors import InputError
+from asperity.runtime.display import nearest
 
 if TYPE_CHECKING:
     from asperity.verification.table import Row
@@ -47,9 +47,7 @@ def verify(names: Iterable[str] = (), on_case: Callable[[str, list[Row]], None] 
     names = tuple(names) or NAMES
     for name in names:
         if name not in _CASES:
-            near = get_close_matches(name, NAMES, 1)
-            hint = f"; did you mean {near[0]}?" if near else ""
-            raise InputError(f'verification case "{name}" is not one of {", ".join(NAMES)}{hint}')
+            raise InputError(f'verification case "{name}" is not one of {", ".join(NAMES)}{nearest(name, NAMES)}')
     out: list[Row] = []
     for name in names:
         module, function = _CASES[name].split(".")
