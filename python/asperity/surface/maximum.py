@@ -2,40 +2,20 @@
 
 from __future__ import annotations
 
-from typing import Protocol
+from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from asperity.arrays import Array, Indices
 
 _PER_FEATURE, _FEWEST, _MOST = 8, 64, 4096  # intervals of the grid per feature, at least, and at most
 _CLIMBS = 30_000  # nodes, the highest ones, from which Newton's method climbs: more hold a ridge, or equal peaks
 _ROWS = 256  # of the grid at once
-
-
-class SmoothSurface(Protocol):
-    """Heights over the patch [0, L]^2 with derivatives and a bound of the curvature, see `base.Surface`."""
-
-    @property
-    def L(self) -> float: ...
-
-    @property
-    def feature_size(self) -> float: ...
-
-    def curvature_bound(self) -> float: ...
-
-    def height(self, x: ArrayLike, y: ArrayLike) -> Array: ...
-
-    def on_product(self, x: Array, y: Array) -> Array: ...
-
-    def gradient(self, x: ArrayLike, y: ArrayLike) -> tuple[Array, Array]: ...
-
-    def hessian(self, x: ArrayLike, y: ArrayLike) -> tuple[Array, Array, Array]: ...
+_ROUNDS = 8  # steps of the ascents of all nodes
 
 
 def global_maximum(
-    surface: SmoothSurface, nodes: tuple[Array, Array] | None = None, K: float | None = None
+    surface: Any, nodes: tuple[Array, Array] | None = None, K: float | None = None
 ) -> tuple[float, float, float]:
     """(x, y, z) of the highest point of the closed patch.
 
@@ -43,7 +23,7 @@ def global_maximum(
     nodes above that level Newton's method climbs to a summit.
 
     Args:
-        surface: the height field
+        surface: a `base.Surface`
         nodes: along x and along y, from edge to edge (length); default some on each feature
         K: bound of the curvature (1/length); default that of the surface
     """
@@ -70,7 +50,7 @@ def global_maximum(
     return climb(surface, float(x[top]), float(y[top]))
 
 
-def climb(surface: SmoothSurface, x: float, y: float) -> tuple[float, float, float]:
+def climb(surface: Any, x: float, y: float) -> tuple[float, float, float]:
     """Local maximum (x, y, z) of the closed patch that an ascent from (x, y) ends in.
 
     Newton iteration projected onto the patch; where the Hessian is not negative definite, a gradient
@@ -108,7 +88,7 @@ def climb(surface: SmoothSurface, x: float, y: float) -> tuple[float, float, flo
     return float(p[0]), float(p[1]), z
 
 
-def climb_all(surface: SmoothSurface, x: Array, y: Array, step: float, rounds: int = 8) -> tuple[Array, Array, Array]:
+def climb_all(surface: Any, x: Array, y: Array, step: float) -> tuple[Array, Array, Array]:
     """Points near the local maxima of the closed patch that ascents from (x, y) end in, and their heights.
 
     A few Newton steps of limited length, all points at once; :func:`climb` finds one of them to round-off.
@@ -117,11 +97,10 @@ def climb_all(surface: SmoothSurface, x: Array, y: Array, step: float, rounds: i
         surface: the height field
         x, y: starting points, each (n,) (length)
         step: longest step (length)
-        rounds: number of steps
     """
     L = surface.L
     z = surface.height(x, y)
-    for _ in range(rounds):
+    for _ in range(_ROUNDS):
         zx, zy = surface.gradient(x, y)
         fixed_x = ((x <= 0) & (zx < 0)) | ((x >= L) & (zx > 0))
         fixed_y = ((y <= 0) & (zy < 0)) | ((y >= L) & (zy > 0))
@@ -143,7 +122,7 @@ def climb_all(surface: SmoothSurface, x: Array, y: Array, step: float, rounds: i
     return x, y, z
 
 
-def _zero_slope(surface: SmoothSurface, p: Array, free: Array) -> Array:
+def _zero_slope(surface: Any, p: Array, free: Array) -> Array:
     """Zero of the slope along the free axes next to p, where steps no longer change the height.
 
     Newton steps continue while each halves the slope and is far shorter than the finest feature, so they cannot end
@@ -166,6 +145,6 @@ def _zero_slope(surface: SmoothSurface, p: Array, free: Array) -> Array:
     return p
 
 
-def _hessian(surface: SmoothSurface, p: Array, free: Array) -> Array:
+def _hessian(surface: Any, p: Array, free: Array) -> Array:
     xx, xy, yy = (float(h) for h in surface.hessian(*p))
     return np.array([[xx, xy], [xy, yy]])[np.ix_(free, free)]

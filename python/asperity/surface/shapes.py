@@ -126,25 +126,20 @@ class Sphere(Surface):
         return over_r + bend * dx**2, bend * dx * dy, over_r + bend * dy**2
 
     def mean(self) -> float:
-        """Mean height over the patch (length), by Gauss quadrature in polar sectors."""
+        """Mean height over the patch (length), by integrals over eight triangles with the apex as a corner."""
+        from scipy.integrate import quad
+
         assert self.centre is not None
         cx, cy = self.centre
-        total = sum(self._triangle(a, b) + self._triangle(b, a) for a in (cx, self.L - cx) for b in (cy, self.L - cy))
+        total, rim = 0.0, self.cap * self.radius
+        for a, b in itertools.product((cx, self.L - cx), (cy, self.L - cy)):
+            for width, height in ((a, b), (b, a)):
+                if width > 0 and height > 0:
+                    kink = [math.acos(width / rim)] if width < rim else None  # larger angles cross the cone
+                    top = math.atan2(height, width)
+                    found = quad(lambda t, w=width: self._sector(w / math.cos(t)), 0.0, top, points=kink, epsabs=0.0)
+                    total += found[0]
         return total / self.L**2
-
-    def _triangle(self, a: float, b: float) -> float:
-        """Integral of z (length^3) over the triangle (0,0), (a,0), (a,b), the apex being the origin."""
-        if a == 0 or b == 0:
-            return 0.0
-        top = math.atan2(b, a)
-        rim = math.acos(min(1.0, a / (self.cap * self.radius)))  # larger angles cross the cone
-        cuts = sorted({0.0, min(rim, top), top})
-        t, w = np.polynomial.legendre.leggauss(40)
-        total = 0.0
-        for lo, hi in itertools.pairwise(cuts):
-            angle = lo + (hi - lo) * (t + 1) / 2
-            total += float((hi - lo) / 2 * (w @ self._sector(a / np.cos(angle))))
-        return total
 
     def _sector(self, r: Array) -> Array:
         """Integral of z(s) s ds from 0 to r (length^3), in the shape of r."""

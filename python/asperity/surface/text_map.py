@@ -20,18 +20,7 @@ OFF_GRID = 0.1  # greatest distance of a point from its place on the grid, over 
 SPARSE = 2.0  # places on a grid over those with points, beyond which it is none
 LEAST = 8  # rows of a map
 _NUMBER = re.compile(r"[-+]?(\d+[.,]?\d*|[.,]\d+)([eEdD][-+]?\d+)?")
-_SIZE = {
-    "cellsize",
-    "dx",
-    "dy",
-    "xcellsize",
-    "ycellsize",
-    "nodata_value",
-    "nodata",
-    "width",
-    "height",
-}  # keys of headers
-
+_SIZE = {*"cellsize xcellsize ycellsize dx dy width height nodata nodata_value".split()}  # keys of headers
 
 TextMap = tuple[Array, float | None, float | None]
 

@@ -63,12 +63,12 @@ class Row:
         return self.error <= self.bar
 
 
-def sizes(h: float, refinement: float, L: float = 1.0) -> MeshSize:
-    """Element sizes of a case, h in the contact at refinement 1 [length], all divided by the same factor.
+def sizes(h: float, refinement: float) -> MeshSize:
+    """Element sizes of a case, h in the contact at refinement 1 [L], all divided by the same factor.
 
     Growth and greatest size are divided too; otherwise the error of the elements around the contact would remain.
     """
-    return MeshSize(h / refinement, growth=0.6 / refinement, h_max=0.25 * L / refinement)
+    return MeshSize(h / refinement, growth=0.6 / refinement, h_max=0.25 / refinement)
 
 
 def solve_on_one_rank(surface: Surface, *args: Any, **settings: Any) -> ContactResult:
@@ -90,8 +90,8 @@ def counting_error(result: ContactResult) -> float:
     return area.error / area.value
 
 
-def convergence_bar(values: Sequence[npt.ArrayLike], order: float = FORCE, ratio: float = RATIO) -> Floats:
-    """Error bars (n,) of the last of three values (n,) at n loads, for element sizes that decrease by `ratio`.
+def convergence_bar(values: Sequence[npt.ArrayLike], order: float = FORCE) -> Floats:
+    """Error bars (n,) of the last of three values (n,) at n loads, for element sizes that decrease by `RATIO`.
 
     The grid convergence index (Roache, J. Fluids Eng. 116 (1994) 405) with the observed order, limited to between 1
     and the greatest order of theory. If the differences do not decrease that fast, scatter from mesh to mesh hides the
@@ -103,18 +103,18 @@ def convergence_bar(values: Sequence[npt.ArrayLike], order: float = FORCE, ratio
     pairs = (first, second), (second, third), (first, third)
     before, after, both = (scale * steady((a - b) / scale, 1) for a, b in pairs)
     with np.errstate(divide="ignore", invalid="ignore"):
-        observed = np.log(before / after) / np.log(ratio)
-        extrapolated = after / (ratio ** np.minimum(observed, order) - 1.0)
-    return SAFETY * np.where(observed >= 1.0, extrapolated, np.maximum(after, both / (ratio**2 - 1.0)))
+        observed = np.log(before / after) / np.log(RATIO)
+        extrapolated = after / (RATIO ** np.minimum(observed, order) - 1.0)
+    return SAFETY * np.where(observed >= 1.0, extrapolated, np.maximum(after, both / (RATIO**2 - 1.0)))
 
 
-def norm_bar(values: Sequence[npt.ArrayLike], order: float, ratio: float = RATIO) -> Floats:
+def norm_bar(values: Sequence[npt.ArrayLike], order: float) -> Floats:
     """Upper bounds (n,) of the last of three error norms (n,) that decrease at least with `order`.
 
     A norm scatters with the position of the edge of contact in the elements, so both coarser norms are used.
     """
     first, second, _ = (np.atleast_1d(np.asarray(v, dtype=float)) for v in values)
-    return SAFETY * np.maximum(first / ratio ** (2.0 * order), second / ratio**order)
+    return SAFETY * np.maximum(first / RATIO ** (2.0 * order), second / RATIO**order)
 
 
 def rows_along(
