@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Sequence
 from typing import Any
 
 import matplotlib as mpl
@@ -15,32 +15,10 @@ from asperity.plot import style
 from asperity.plot.curves import DELTA, LOAD
 from asperity.study import StudyLevel, StudyResults
 
-_SYMBOLS = {
-    "surface.D": "$D$", "surface.G": "$G$", "material.yield_strength": "$\\sigma_y$",
-    "material.tangent_modulus": "$E_t$", "material.E": "$E$", "material.nu": "$\\nu$",
-    "block.height": "$h_b$", "loading.delta_max": "$\\delta_{max}$", "mesh.h_contact": "$h$",
-}  # fmt: skip
-_ABSENT = {"material.yield_strength": "elastic", "material.tangent_modulus": ""}
-
 
 def colours(count: int) -> list[Any]:
     """Colours in the order of the levels, from dark to light, distinguishable without colour vision."""
     return [mpl.colormaps["viridis"](x) for x in np.linspace(0.0, 0.88, max(count, 1))]
-
-
-def label_of(parameters: Mapping[str, Any], scale: Mapping[str, tuple[float, str]] | None = None) -> str:
-    """Text of the values of a level for a legend; `scale`: key -> (unit of the value, text after the number)."""
-    parts = []
-    for key, value in parameters.items():
-        name = _SYMBOLS.get(key, key.split(".")[-1])
-        factor, unit = (scale or {}).get(key, (1.0, ""))
-        if value is None:
-            parts.append(_ABSENT.get(key, f"no {name}"))
-        elif isinstance(value, float):
-            parts.append(f"{name} = {value / factor:.4g}{unit}")
-        else:
-            parts.append(f"{name} = {value}")
-    return ", ".join(part for part in parts if part) or "all"
 
 
 def ensemble_curve(curves: Iterable[Curve], points: int = 60) -> tuple[Array, Array, Array]:

@@ -13,7 +13,7 @@ from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 
 import numpy as np
-from families import colours, draw_column, draw_curves, label_of
+from families import colours, draw_column, draw_curves
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 from mpi4py import MPI
@@ -31,10 +31,6 @@ COMMAND = "./run mpirun -n 2 python3 benchmarks/paper.py out/paper"
 CUBIC = (2.0, 2.6, 3.0, 3.3, 3.4, 3.6)  # exponents
 ZETA, FORCING, OMEGA = 0.01, (0.01, 0.03), (0.6, 1.2)
 FAMILY_FORCING = 0.015
-SCALE = {
-    "material.yield_strength": (1e9, " GPa"), "material.tangent_modulus": (1e9, " GPa"), "surface.G": (1.0, " m"),
-    "loading.delta_max": (1e-9, " nm"), "mesh.h_contact": (1e-6, " L"),
-}  # fmt: skip
 #: (D, G in m) -> (mean, standard deviation) of the exponent n of the whole block over surfaces of seeds 0 to 5;
 #: h_b = L, delta*_max = 0.02, elastic, nu = 0.3, linear norm. The choice of the points changes n by a few hundredths.
 ROUGH_ELASTIC_FITS = {
@@ -45,8 +41,14 @@ ROUGH_ELASTIC_FITS = {
     (2.6, 1.36e-11): (1.31, 0.03),
 }
 Table = list[tuple[str, ...]]
-KEYS = {"D": "surface.D", "G": "surface.G", "similar": "surface.G", "E_t": "material.tangent_modulus",
-        "sigma_y": "material.yield_strength"}  # fmt: skip
+#: family, or how its name begins -> leading key, its symbol, factor and unit
+KEYS = {
+    "D": ("surface.D", "$D$", 1.0, ""),
+    "G": ("surface.G", "$G$", 1.0, " m"),
+    "similar": ("surface.G", "$G$", 1.0, " m"),
+    "E_t": ("material.tangent_modulus", "$E_t$", 1e9, " GPa"),
+    "sigma_y": ("material.yield_strength", "$\\sigma_y$", 1e9, " GPa"),
+}
 CURVES = ("D", "G", "E_t_free", "sigma_y")  # families of the figures
 
 
@@ -79,8 +81,9 @@ def write(results: StudyResults, docs: Path) -> None:
 
 def labels(name: str, levels: Sequence[StudyLevel]) -> list[str]:
     """Legend of a family, by its leading key alone: that of the longest name in KEYS that its own begins with."""
-    key = KEYS[max((k for k in KEYS if name == k or name.startswith(f"{k}_")), key=len)]
-    return [label_of({k: v for k, v in level.parameters.items() if k == key}, SCALE) for level in levels]
+    key, symbol, factor, unit = KEYS[max((k for k in KEYS if name == k or name.startswith(f"{k}_")), key=len)]
+    values = [level.parameters.get(key) for level in levels]
+    return ["elastic" if value is None else f"{symbol} = {value / factor:.4g}{unit}" for value in values]
 
 
 def short(name: str, levels: Sequence[StudyLevel]) -> list[str]:
@@ -240,7 +243,7 @@ def table(header: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
 
 def plain(text: str) -> str:
     """A label without mathematics, for a Markdown table."""
-    return text.replace("$\\sigma_y$", "σ_y").replace("$\\delta_{max}$", "δ_max").replace("$", "")
+    return text.replace("\\sigma_y", "σ_y").replace("$", "")
 
 
 def spread(level: StudyLevel, column: str, form: str = ".3f") -> str:

@@ -119,11 +119,6 @@ class Trend:
         return len(self.values) > 1 and all(high < 0 for _, _, high in self.steps)
 
     @property
-    def level(self) -> bool:
-        """Whether no step differs from 0 with 95 % confidence."""
-        return all(low <= 0 <= high for _, low, high in self.steps)
-
-    @property
     def agreeing(self) -> tuple[float, float]:
         """Fractions of the steps of single seeds that rise, and that fall."""
         steps = np.diff(self.values, axis=0)
