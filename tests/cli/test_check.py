@@ -117,7 +117,7 @@ def test_a_case_driven_by_a_force_has_an_estimate(case_file: Path, capsys: pytes
     assert (code, err) == (0, "") and "that of a half-space" in out and "a run accepts" in out
 
 
-@pytest.mark.parametrize("f_max", [5, 40])
+@pytest.mark.parametrize("f_max", [5, pytest.param(40, marks=pytest.mark.slow)])
 def test_a_rough_case_driven_by_a_force_to_a_tolerance(
     f_max: int, case_file: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
