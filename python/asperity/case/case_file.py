@@ -116,9 +116,9 @@ class Case(Input):
 
         return tomli_w.dumps(self.to_dict())
 
-    def hash(self, without: Iterable[str] = ("output",)) -> str:
-        """SHA-256 of the input without some sections, files counted by their content."""
-        data = {name: table for name, table in self.content().items() if name not in set(without)}
+    def hash(self) -> str:
+        """SHA-256 of the input without [output], files counted by their content."""
+        data = {name: table for name, table in self.content().items() if name != "output"}
         return hashlib.sha256(json.dumps(data, sort_keys=True).encode()).hexdigest()
 
     def content(self) -> dict[str, Any]:
