@@ -69,16 +69,6 @@ def test_without_a_conductivity_there_is_none(tmp_path: Path) -> None:
     assert "conductance" not in figures_of(Results.read(tmp_path))
 
 
-def test_the_figure_shows_both_branches(tmp_path: Path) -> None:
-    results = Results.read(write(tmp_path, conductivity=K1))
-    axis = figures_of(results)["conductance"](results).axes[0]
-    assert [text.get_text() for text in axis.get_legend().get_texts()] == [
-        "loading",
-        "unloading",
-    ]  # a sphere has no law
-    assert "W/(m²K)" in axis.get_ylabel()
-
-
 def test_laws_of_rough_faces() -> None:
     """Both exponents are 0.95; elastic summits of a plasticity index of 1 conduct about as those that flow."""
     for law in (lambda p: cooper_mikic_yovanovich(p, 3e9), lambda p: mikic_elastic(p, 1e11, 0.1)):

@@ -28,7 +28,7 @@ from asperity.plot import (
     stiffness,
     surface_map,
 )
-from asperity.plot.curves import local_exponent, tex
+from asperity.plot.curves import local_exponent
 from asperity.runtime.run_folder import FIELD_PICTURES, PRODUCTS
 
 
@@ -109,14 +109,6 @@ def test_the_local_exponent_is_that_of_the_law(results: Results) -> None:
     np.testing.assert_allclose(exponent[1:-1], ((2 * x + 0.05) / (x + 0.05))[1:-1], rtol=5e-3)
 
 
-def test_lengths_in_other_units_are_not_labelled_metres(results: Results) -> None:
-    unknown = Results(folder=results.folder, curve=results.curve, case={"units": "other"})
-    assert unknown.unit("length") == "" and results.unit("length") == "m"
-    surface = results.surface
-    figure = surface_map(surface.grid(33), surface.L, surface.maximum(), unit="")
-    assert figure.axes[0].get_xlabel() == "$x$"
-
-
 def test_the_curve_shows_branches_fit_and_error_band(results: Results) -> None:
     linear, logarithmic, _ = force_curve(results).axes
     legend = [text.get_text() for text in linear.get_legend().get_texts()]
@@ -166,24 +158,12 @@ def test_the_same_figure_gives_the_same_file(results: Results, tmp_path: Path) -
     assert save(force_curve(results), tmp_path / "curve.svg").read_bytes() == first
 
 
-def test_branches_are_joined_where_they_meet(results: Results) -> None:
-    (load,) = results.branches("load")
-    (unload,) = results.branches("unload")
-    assert results.branches("reload") == []
-    assert len(load) == 12 and len(unload) == 7
-    assert unload.delta[0] == load.delta[-1]
-
-
 @pytest.mark.parametrize("name", ["summary.json", "fields/top.npz"])
 def test_a_damaged_file_is_named(tmp_path: Path, name: str) -> None:
     write_run(tmp_path)
     (tmp_path / name).write_bytes(b"{[,\x01")
     with pytest.raises(InputError, match=Path(name).name):
         Results.read(tmp_path)
-
-
-def test_numbers_in_formulas() -> None:
-    assert tex(0.42) == "0.42" and tex(1.5e-7) == "1.5\\times 10^{-7}"
 
 
 @pytest.mark.usefixtures("blank_figures")

@@ -18,9 +18,8 @@ import tomli_w
 
 from asperity.case import Case
 from asperity.curve import Curve
-from asperity.errors import AsperityWarning, InputError, OutputError
+from asperity.errors import AsperityWarning, InputError
 from asperity.run_case import run
-from asperity.runtime.files import is_aside
 from asperity.study import Study, StudyResults, run_study, summarise_case
 from asperity.study.results import DONE, case_folder
 from asperity.study.shared_mesh import mesh_key, meshes_first, shared_mesh
@@ -74,28 +73,14 @@ def test_points_combine_with_every_grid_value_and_families_share_cases() -> None
     assert [(f.name, f.title) for f in made.families] == [("a", "a"), ("b", "B")]
 
 
-def rough_study(**tables: Any) -> Study:
-    """A study of rough surfaces; of its seeds 0 to 9, the first contact of 1, 6 and 7 is on an edge."""
-    return Study.from_dict({"base": BASE | {"surface": ROUGH}} | tables)
-
-
-SEEDS = {"surface.seed": {"first": 0, "count": 10}}
-
-
-def inside(case: Case) -> bool:
-    """Whether the highest node of a grid is inside the patch."""
-    z = case.build_surface().grid(513)
-    place = np.unravel_index(z.argmax(), z.shape)
-    return all(0 < i < 512 for i in place)
-
-
 @pytest.mark.filterwarnings("ignore:surface")
 def test_a_study_of_cut_offs_with_unrelated_surfaces_warns() -> None:
+    rough = BASE | {"surface": ROUGH}
     with pytest.warns(SurfaceWarning, match='surface.drawing = "nested" adds waves to the same surface'):
-        rough_study(grid={"surface.f_max": [4, 5]})
+        study(base=rough, grid={"surface.f_max": [4, 5]})
     with warnings.catch_warnings():
         warnings.simplefilter("error")
-        made = rough_study(grid={"surface.f_max": [4, 5], "surface.drawing": ["nested"]})
+        made = study(base=rough, grid={"surface.f_max": [4, 5], "surface.drawing": ["nested"]})
     waves = [e.case.build_surface().phases for e in made.entries]  # type: ignore[attr-defined]
     np.testing.assert_array_equal(waves[0], waves[1][:, :5])
 
@@ -108,11 +93,6 @@ def test_parts_are_the_study() -> None:
     for wrong in ("0/3", "4/3", "1/6", "2", "a/b"):
         with pytest.raises(InputError, match="1/N to N/N"):
             made.part(wrong)
-
-
-def test_the_key_of_a_case_is_its_hash() -> None:
-    entry = study(grid={"block.height": [1.5]}).entries[0]
-    assert entry.key == "c" + Case.from_dict(BASE | {"block": {"height": 1.5}}).hash()[:15]
 
 
 @pytest.mark.parametrize(
@@ -258,38 +238,6 @@ def test_the_table_marks_a_first_contact_on_an_edge(tmp_path: Path) -> None:
     assert {row["block.sides"]: row["summit_on_edge"] for row in rows} == {"rollers": 0.0, "free": 1.0}
 
 
-def test_temporary_files_of_a_killed_run_are_removed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    made, rename = study(grid={"block.height": [1.0]}), Path.replace
-
-    def kill(path: Path, target: Path) -> Path:
-        if target.suffix == ".npz":
-            raise KeyboardInterrupt
-        return rename(path, target)
-
-    with monkeypatch.context() as patch, pytest.raises(KeyboardInterrupt):
-        patch.setattr(Path, "replace", kill)
-        run_study(made, tmp_path)
-    (left,) = (tmp_path / "meshes").iterdir()
-    assert is_aside(left.name)
-    assert run_study(made, tmp_path).done == 1
-    assert [path.suffix for path in (tmp_path / "meshes").iterdir()] == [".npz"]
-
-
-def test_a_mesh_that_cannot_be_written_is_recorded_with_its_case(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    from mpi4py import MPI
-
-    def full(descriptor: int) -> None:
-        raise OSError(28, "No space left on device")
-
-    monkeypatch.setattr("os.fsync", full)
-    case = study(grid={"block.height": [1.0]}).entries[0].case
-    error = shared_mesh(case, tmp_path, MPI.COMM_SELF)
-    assert isinstance(error, OutputError) and "npz: No space left on device" in str(error)
-    assert list((tmp_path / "meshes").iterdir()) == []
-
-
 def test_a_folder_with_other_files_is_refused(tmp_path: Path) -> None:
     (tmp_path / "thesis.tex").write_text("x")
     with pytest.raises(InputError, match="holds no study"):
@@ -317,18 +265,21 @@ def test_ranks_that_do_not_divide_are_refused(tmp_path: Path) -> None:
         run_study(study(grid={"block.height": [1.0]}), tmp_path / "out", ranks_per_case=MPI.COMM_WORLD.size + 1)
 
 
+def environ() -> dict[str, str]:
+    """Variables of a job of its own: those of mpirun would join it to the one that runs the tests."""
+    kept = {k: v for k, v in os.environ.items() if not k.startswith(("OMPI_", "PMIX_", "PRTE_"))}
+    return kept | {k: v for k, v in os.environ.items() if k.startswith(("OMPI_ALLOW", "OMPI_MCA"))}
+
+
 def on_two_ranks(path: Path, out: Path, *options: str) -> str:
     """Output of `asperity study` on two ranks."""
     command = ["mpirun", "-n", "2", sys.executable, "-m", "asperity", "study", str(path), "-o", str(out), *options]
-    # tests may themselves run under mpirun: its variables would join the new job to the old one
-    environment = {k: v for k, v in os.environ.items() if not k.startswith(("OMPI_", "PMIX_", "PRTE_"))}
-    environment |= {k: v for k, v in os.environ.items() if k.startswith(("OMPI_ALLOW", "OMPI_MCA"))}
-    done = subprocess.run(command, env=environment, capture_output=True, text=True, timeout=300)
+    done = subprocess.run(command, env=environ(), capture_output=True, text=True, timeout=300)
     assert done.returncode == 0, done.stderr
     return done.stdout
 
 
-@pytest.mark.parametrize("ranks_per_case", [1, 2])
+@pytest.mark.parametrize("ranks_per_case", [1, pytest.param(2, marks=pytest.mark.slow)])
 def test_two_ranks_continue_a_study_of_one_rank(tmp_path: Path, ranks_per_case: int) -> None:
     path, out = tmp_path / "s.toml", tmp_path / "out"
     base = BASE | {"block": {"sides": "free"}, "loading": {"delta_max": 0.01, "steps": 1}}
@@ -370,13 +321,6 @@ def test_the_results_of_an_exact_power_law() -> None:
     assert row["dofs"] == 7
 
 
-def job(path: Path, out: Path, *options: str) -> subprocess.Popen[str]:
-    """`asperity study` in a process of its own, not as a rank of the job that runs the tests."""
-    environ = {k: v for k, v in os.environ.items() if not k.startswith(("OMPI_", "PMIX_", "PRTE_"))}
-    command = [sys.executable, "-m", "asperity", "study", str(path), "-o", str(out), *options]
-    return subprocess.Popen(command, env=environ, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
-
-
 SMALL = BASE | {"output": {"figures": False, "report": False}}
 ONE = {"block.height": [1.0]}
 MANY_STEPS = {"mesh": {"h_contact": 0.2, "h_max": 0.5}, "loading": {"delta_max": 0.02, "steps": 12}}
@@ -395,7 +339,8 @@ def test_a_stopped_case_continues_and_is_no_failure(tmp_path: Path, straight: Cu
     made, out, path = study(base=SMALL | MANY_STEPS, grid=ONE), tmp_path / "out", tmp_path / "s.toml"
     path.write_text(tomli_w.dumps({"base": SMALL | MANY_STEPS, "grid": ONE}))
     place = case_folder(out, made.entries[0].key)
-    process = job(path, out)
+    command = [sys.executable, "-m", "asperity", "study", str(path), "-o", str(out)]
+    process = subprocess.Popen(command, env=environ(), stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
     end = time.monotonic() + 120
     while not ((place / "checkpoint/state.npz").exists() and (place / "curve.csv").exists()):
         assert time.monotonic() < end and process.poll() is None, process.communicate()
