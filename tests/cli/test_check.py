@@ -111,12 +111,6 @@ def test_it_solves_and_writes_nothing(
     assert list(case_file.parent.iterdir()) == [case_file]
 
 
-def test_a_case_driven_by_a_force_has_an_estimate(case_file: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    case_file.write_text(COARSE.replace("delta_max = 0.02", "force_max = 1e-3"), encoding="utf-8")
-    code, out, err = check(case_file, capsys)
-    assert (code, err) == (0, "") and "that of a half-space" in out and "a run accepts" in out
-
-
 @pytest.mark.parametrize("f_max", [5, pytest.param(40, marks=pytest.mark.slow)])
 def test_a_rough_case_driven_by_a_force_to_a_tolerance(
     f_max: int, case_file: Path, capsys: pytest.CaptureFixture[str]

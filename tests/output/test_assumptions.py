@@ -413,16 +413,6 @@ def test_warnings_are_in_summary_log_and_report(warned: tuple[Path, list[str]]) 
     assert json.loads((folder / "summary.json").read_text())["finished"] is True
 
 
-def test_a_run_without_warnings_has_no_box(tmp_path: Path) -> None:
-    quiet = {k: v for k, v in YIELDING.items() if k != "contact"} | {
-        "material": {"E": 1.0, "nu": 0.3},
-        "loading": {"delta_max": 0.005, "steps": 1},
-        "output": {"report": True},
-    }
-    assert run(Case.from_dict(quiet), tmp_path).summary["warnings"] == []
-    assert "Warnings" not in Page(tmp_path / "report.html").text
-
-
 def test_a_resumed_run_keeps_its_warnings(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Stopped, continued, and called again after its end; the curve is checked at the end, not before."""
     from asperity.runtime import interrupt

@@ -30,7 +30,7 @@ def test_rms_values_of_a_map_are_those_of_its_spline() -> None:
     assert (found.Sq, found.rms_slope, found.rms_curvature) == surface.exact_rms()
 
 
-@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize("seed", range(2))
 def test_the_shortest_cutoff_is_stable(seed: int) -> None:
     """What is filtered with it needs none; a shorter one would not do."""
     surface, h = rough(129, seed), 0.03 * L
