@@ -12,6 +12,7 @@ import tomllib
 import warnings
 from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 import click
 import numpy as np
@@ -114,6 +115,14 @@ def test_the_files_of_the_architecture_exist() -> None:
     names = set(re.findall(r"`([\w/]+\.(?:py|cpp|hpp))`", page))
     assert len(names) > 30
     assert not [name for name in names if not ((ROOT / name).exists() or (ROOT / "python/asperity" / name).exists())]
+
+
+def test_the_architecture_counts_its_files() -> None:
+    page = (ROOT / "docs/architecture.md").read_text(encoding="utf-8")
+    rows = re.findall(r"^\| .* \| (\d+) \| (.*) \|$", page, re.MULTILINE)
+    assert len(rows) >= 10
+    for count, files in rows:
+        assert len(files.partition(";")[0].split(", ")) == int(count), files
 
 
 @pytest.mark.parametrize("page", [p for p in PAGES if blocks(p, "toml")], ids=lambda p: p.name)
@@ -223,3 +232,88 @@ def test_links_lead_to_no_archive_of_packages() -> None:
             text = path.read_text(encoding="utf-8", errors="replace")
             hosts |= set(re.findall(r"(?:https?|ftp)://([\w.-]+)", text))
     assert hosts <= {"doi.org", "fsf.org", "json-schema.org", "keepachangelog.com", "www.gnu.org", "www.w3.org"}
+
+
+def test_the_page_of_the_paper_says_what_its_table_does(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Every verdict follows from the single tests of the table."""
+    monkeypatch.syspath_prepend(str(ROOT / "benchmarks"))
+    statements = importlib.import_module("statements")
+    page = (ROOT / "docs/paper.md").read_text(encoding="utf-8")
+    with (ROOT / "docs/tables/paper_conditions.csv").open(encoding="utf-8", newline="") as file:
+        rows = list(csv.DictReader(line for line in file if not line.startswith("#")))
+    groups: dict[tuple[str, str], list[Any]] = {}
+    for row in rows:
+        passed, failed = row["holds"] == "yes", row["holds"] == "no"
+        finding = statements.Finding(row["family"], row["factors"], row["regime"], None, passed, failed)
+        groups.setdefault((row[""], f"{row['factors'].split(', ')[0]}, {row['regime']}"), []).append(finding)
+    shown = dict.fromkeys(groups, "")
+    for name, regime, verdict in re.findall(r"^\| (T\d) \| (.*?) \| \*\*(.*?)\*\* \|", page, re.MULTILINE):
+        shown[name, regime] = verdict.replace("the opposite holds", "does not hold")  # the stronger form of it
+    assert shown == {key: statements.verdict_of(group) for key, group in groups.items()}
+    assert shown["T2", "rollers, contact nearly full"] == shown["T3", "rollers, surface alone"] == "open"
+
+
+def test_the_errors_of_the_formulations_at_a_light_load_are_those_of_the_table() -> None:
+    with (ROOT / "docs/tables/formulations.csv").open(encoding="utf-8", newline="") as file:
+        rows = csv.DictReader(line for line in file if not line.startswith("#"))
+        light = {row["formulation"]: float(row["force %"]) for row in rows if row["scene"] == "fractal, light"}
+    text = " ".join((ROOT / "docs/contact.md").read_text(encoding="utf-8").split())
+    for words, name in (
+        ("the active set by", "active set"),
+        ("Nitsche's method with γ = 1 by", "Nitsche, gamma 1"),
+        ("the penalty method with β = 100 by", "penalty, beta 100"),
+    ):
+        assert f"{words} {light[name]:.2g} %" in text
+
+
+@pytest.mark.parametrize("name", ["elastic", "yielding"])
+def test_the_steps_inside_the_bars_are_those_of_the_table(name: str) -> None:
+    with (ROOT / f"docs/tables/bars_{name}.csv").open(encoding="utf-8", newline="") as file:
+        rows = list(csv.DictReader(line for line in file if not line.startswith("#")))
+    inside, steps = (sum(int(row["inside"].split("/")[k]) for row in rows) for k in (0, 1))
+    for page in ("docs/accuracy.md", "docs/verification.md", "paper/paper.md"):
+        assert f"{inside} of {steps}" in (ROOT / page).read_text(encoding="utf-8"), page
+    if name == "elastic":
+        inside, steps = (sum(int(row["area inside"].split("/")[k]) for row in rows) for k in (0, 1))
+        assert f"the area is inside at {inside} of {steps}" in (ROOT / "docs/accuracy.md").read_text(encoding="utf-8")
+
+
+def slip_table(name: str) -> list[dict[str, str]]:
+    with (ROOT / f"docs/tables/slip_{name}.csv").open(encoding="utf-8", newline="") as file:
+        return list(csv.DictReader(line for line in file if not line.startswith("#")))
+
+
+def numbers(rows: list[dict[str, str]], column: str) -> np.ndarray:
+    return np.array([[float(x) for x in row[column].split(",")] for row in rows])
+
+
+def test_the_page_of_slip_gives_the_numbers_of_its_tables() -> None:
+    page, u, energy = (
+        (ROOT / "docs/slip.md").read_text(encoding="utf-8"),
+        "u at 0.1, 0.3, 0.6, 0.9 mu P, %",
+        "energy, %",
+    )
+    of = [[row for row in slip_table("law") if row["nu"] == nu] for nu in ("0.3", "0.45")]
+    most_u = " and ".join(f"{np.abs(numbers(rows, u)).max():.1f}" for rows in of)
+    most_energy = " and ".join(f"{np.abs(numbers(rows, energy)[:, 1:]).max():.1f}" for rows in of)
+    assert f"up to {most_u} % off" in page and f"up to {most_energy} %" in page.replace("\n", " ")
+    for row in slip_table("rows"):
+        cells = (row[k].replace("+", "") for k in (list(row)[1], "inside u", "energy, %", "inside energy"))
+        assert f"| {row['rows']} | {' | '.join(cells)} |" in page
+    rows = slip_table("solid")
+    for slope in dict.fromkeys(row["slope"] for row in rows):
+        for method in ("solid", "its curve"):
+            some = [row for row in rows if (row["slope"], row["method"]) == (slope, method)]
+            ends = (
+                f"{values.min():.1f} to {values.max():.1f}"
+                for values in (numbers(some, u), numbers(some, energy)[:, 1:])
+            )
+            assert f"| {slope} | {method} | {' | '.join(ends)} |" in page
+    rows, text = slip_table("yielded"), " ".join(page.split())
+    inside = (sum(int(row[k].split()[0]) for row in rows) for k in ("inside u", "inside energy"))
+    assert "{} of {n} displacements and {} of {n} energies".format(*inside, n=4 * len(rows)) in text
+    assert f"median for the energy is {np.median(numbers(rows, 'bar of the energy, %')[:, 1:]):.0f} %" in text
+    for hardening, loop, digits in (("isotropic", 0, 1), ("isotropic", 2, 2), ("kinematic", 2, 1)):
+        some = [row for row in rows if (row["hardening"], row["preload"]) == (hardening, "1")]
+        ratio = numbers(some, "loops that flow")[:, loop]
+        assert f"{ratio.min():.{digits}f} to {ratio.max():.{digits}f} times" in text
