@@ -19,6 +19,7 @@ from conftest import MPIRUN
 from made_up_run import write_run
 
 from asperity.cli import main
+from asperity.cli.import_map import CASE
 from asperity.curve import Curve
 from asperity.errors import ConvergenceError
 from asperity.plot import CAPTIONS
@@ -87,6 +88,25 @@ def test_an_earlier_run_is_kept_unless_resumed_or_forced(cli: Cli, calls: list[d
     (out / "notes.txt").write_text("mine")
     assert cli("run", DEMO, "-o", out, *steep, "--force")[0] == 0
     assert not (out / "curve.csv").exists() and (out / "notes.txt").read_text() == "mine"
+
+
+FOREIGN = ("figures/thesis.png", "fields/notes.txt", "report.html")
+
+
+@pytest.mark.parametrize("case", [None, "hand-written", "of a measured map"])
+def test_what_is_no_run_is_not_replaced(cli: Cli, calls: list[Any], tmp_path: Path, case: str | None) -> None:
+    """Whatever its files are called."""
+    for name in FOREIGN:
+        (tmp_path / name).parent.mkdir(exist_ok=True)
+        (tmp_path / name).write_text("mine")
+    texts = {"hand-written": Path(DEMO).read_text(), "of a measured map": CASE.format(delta=1e-8, share=0.02)}
+    if case is not None:
+        (tmp_path / "case.toml").write_text(texts[case])
+    before = {path: path.read_bytes() for path in tmp_path.rglob("*") if path.is_file()}
+    for options in ((), ("--force",), ("--resume",)):
+        code, _, err = cli("run", DEMO, "-o", tmp_path, *options)
+        assert code == 2 and "not empty and holds no run" in err and not calls
+    assert {path: path.read_bytes() for path in tmp_path.rglob("*") if path.is_file()} == before
 
 
 def test_force_removes_what_a_run_wrote_and_leaves_what_others_put_there(

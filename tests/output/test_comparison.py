@@ -9,6 +9,7 @@ import pytest
 from conftest import make_curve
 
 from asperity.curve import Curve
+from asperity.errors import InputError
 from asperity.output.comparison import compare_curves
 
 
@@ -36,6 +37,12 @@ def test_differences_name_column_row_and_size():
     assert compare_curves(other, reference, {"P_star": 0.0}) == []
 
 
+def test_tolerances_come_with_the_stored_curve():
+    reference = make_curve(tolerances={"force": 0.02})
+    other = change(reference, 2, force=reference.force[2] + 0.01 * reference.force.max(), delta=1.0)
+    assert compare_curves(other, reference) == []
+
+
 def test_a_value_that_turns_into_nan_is_a_difference():
     reference = make_curve()
     (difference,) = compare_curves(change(reference, 0, P_star=math.nan), reference)
@@ -48,3 +55,9 @@ def test_steps_must_correspond():
     assert str(shorter) == "rows: 3 steps against 4 steps, first at row 3"
     (branch,) = compare_curves(change(curve, 1, branch="unload"), curve)
     assert (branch.column, branch.row) == ("rows", 1)
+
+
+@pytest.mark.parametrize("tolerances", [{"force": -1.0}, {"forces": 1.0}, {"branch": 1.0}])
+def test_bad_tolerances_are_refused(tolerances):
+    with pytest.raises(InputError):
+        compare_curves(make_curve(), make_curve(), tolerances)
