@@ -23,42 +23,31 @@ if TYPE_CHECKING:
 @click.option("--power-law", "exponent", type=float, metavar="N", help="P* = k (delta*)^N instead.")
 @click.option("--k-fit", default=1.0, show_default=True, metavar="K", help="k of the power law.")
 @click.option("--law", type=click.Choice(LAWS),
-              help="Law taken from a curve: computed unloading branch, elastic tangent, points of the loading, or "
-              "the paper's power law of the loading. auto: the first that the curve has after yield, the points of "
-              "the loading before. Default that of the case of OUT, or auto.")  # fmt: skip
-@click.option("--preload", type=float, metavar="W", help="Static force; default that of the joint or the case of "
-              "OUT, or half of the greatest force.")  # fmt: skip
-@click.option("--overload", type=float, metavar="F", help="Greatest force before the vibration; default that of the "
-              "case of OUT, or of the unloading, if there is one, else the preload.")  # fmt: skip
-@click.option("--area", "nominal_area", type=float, metavar="A", help="Nominal area of the joint; default that of "
-              "the case of OUT, or of the patch.")  # fmt: skip
+              help="Law taken from a curve: unloading branch, elastic tangent, points of the loading, or the paper's "
+              "power law of the loading. auto: the first that the curve has after yield, the points of the loading "
+              "before.")  # fmt: skip
+@click.option("--preload", type=float, metavar="W", help="Static force; else half of the greatest force.")
+@click.option("--overload", type=float, metavar="F", help="Greatest force before the vibration; else that of the "
+              "unloading, if there is one, or the preload.")  # fmt: skip
+@click.option("--area", "nominal_area", type=float, metavar="A", help="Nominal area of the joint; else of the patch.")
 @click.option("--pressure", type=float, metavar="P", help="Nominal pressure instead of the preload.")
-@click.option("--mass", type=float, metavar="M", help="Mass that vibrates; default that of the joint of OUT, or the "
-              "preload over gravity.")  # fmt: skip
+@click.option("--mass", type=float, metavar="M", help="Mass that vibrates; else the preload over gravity.")
 @click.option("--frequency", type=float, metavar="F", help="Frequency of small vibration instead of the mass.")
-@click.option("--gravity", type=float, metavar="G", help="In the units of the curve, for mass and omega_s; default "
+@click.option("--gravity", type=float, metavar="G", help="In the units of the curve, for mass and omega_s; else "
               "9.80665 with SI units.")  # fmt: skip
-@click.option("--zeta", type=float, help="Damping ratio; default that of the case of OUT, or 0.01. Tangential: in "
-              "addition to that of slip, default 0.")  # fmt: skip
+@click.option("--zeta", type=float, help="Damping ratio; else 0.01. Tangential: in addition to that of slip, else 0.")
 @click.option("--damping", type=click.Choice((*DAMPING, LOOPS)),
-              help="When the damping acts, or that of the loops of OUT in addition; default that of the case of OUT, "
-              "or always.")  # fmt: skip
-@click.option("--forcing", type=float, multiple=True,
-              help="F^ = F/(n W) with the preload W; repeatable. Default that of the case of OUT, or "
-              "0.01.")  # fmt: skip
-@click.option("--model", type=click.Choice(MODELS), multiple=True,
-              help="Restoring force; repeatable. Default that of the case of OUT, or both.")  # fmt: skip
-@click.option("--omega", type=float, nargs=2, help="Range of excitation frequency over omega_s; default that of the "
-              "case of OUT, or 0.5 1.3.")  # fmt: skip
+              help="When the damping acts, or that of the loops of OUT in addition; else always.")  # fmt: skip
+@click.option("--forcing", type=float, multiple=True, help="F^ = F/(n W) with the preload W; repeatable; else 0.01.")
+@click.option("--model", type=click.Choice(MODELS), multiple=True, help="Restoring force; repeatable; else both.")
+@click.option("--omega", type=float, nargs=2, help="Range of excitation frequency over omega_s; else 0.5 1.3.")
 @click.option("--direction", type=click.Choice(("normal", "tangential")), default="normal", show_default=True,
-              help="tangential: micro-slip of OUT, whose case has [slip]; --forcing is then over the friction limit, "
-              "default 0.01.")  # fmt: skip
-@click.option("--sweeps/--no-sweeps", default=None,
-              help="Also integrate sweeps up and down; default that of the case of OUT, or no.")  # fmt: skip
+              help="tangential: micro-slip of OUT, whose case has [slip]; --forcing is then over the friction "
+              "limit.")  # fmt: skip
+@click.option("--sweeps/--no-sweeps", default=None, help="Also integrate sweeps up and down; else no.")
 @click.option("--bands/--no-bands", default=True, show_default=True,
               help="Carry the error bar of the force and the spread of the laws to the response.")  # fmt: skip
-@options.output("DIR", "Folder for free.csv, response.csv, "
-              "thresholds.json and the figures.")  # fmt: skip
+@options.output("DIR", "Folder for free.csv, response.csv, thresholds.json and the figures.")
 @options.as_json
 @options.serial
 def command(
@@ -66,11 +55,6 @@ def command(
     exponent: float | None,
     k_fit: float,
     output: str | None,
-    preload: float | None,
-    nominal_area: float | None,
-    pressure: float | None,
-    mass: float | None,
-    frequency: float | None,
     as_json: bool,
     direction: str,
     **settings: Any,
@@ -78,17 +62,17 @@ def command(
     """Compute the vibration of a mass on a contact.
 
     Free and forced vibration about the equilibrium under the preload, with thresholds and stability. The law comes from
-    a run directory, from a CSV file with columns delta and force, or from --power-law. Lengths and forces have the
-    units of the curve; with a joint, that of the case or of --area, --pressure, --mass and --frequency, forces are
-    those of the joint.
+    a run directory, from a CSV file with columns delta and force, or from --power-law. Options that are not given are
+    those of the case of OUT. Lengths and forces have the units of the curve; with a joint, that of the case or of
+    --area, --pressure, --mass and --frequency, forces are those of the joint.
     """
     from asperity.dynamics import Joint, PowerLaw, run_dynamics
 
     if (source is None) == (exponent is None):
         raise InputError("give either a run directory or curve, or --power-law N")
     law = PowerLaw(exponent, k_fit) if exponent is not None else source
-    given = {"nominal_area": nominal_area, "pressure": pressure, "mass": mass, "frequency": frequency}
-    if preload is not None and pressure is not None:
+    given = {name: settings.pop(name) for name in ("nominal_area", "pressure", "mass", "frequency")}
+    if settings["preload"] is not None and given["pressure"] is not None:
         raise InputError("--preload and --pressure are both given; give one of them")
     joint = None
     if any(value is not None for value in given.values()):
@@ -98,9 +82,9 @@ def command(
     if direction == "tangential":
         if source is None:
             raise InputError("--direction tangential needs the folder of a run with [slip]")
-        _tangential(source, joint, preload, settings, output, as_json)
+        _tangential(source, joint, settings, output, as_json)
         return
-    result = run_dynamics(law, preload=preload, joint=joint, out_dir=output, **settings)
+    result = run_dynamics(law, joint=joint, out_dir=output, **settings)
     if output:
         from asperity.plot import plot_dynamics
 
@@ -113,18 +97,15 @@ def command(
         options.say(f"written to {Path(output)}")
 
 
-def _tangential(
-    source: str, joint: Joint | None, preload: float | None, settings: dict[str, Any], output: str | None, as_json: bool
-) -> None:
-    from asperity.dynamics.settings import DynamicsSettings
+def _tangential(source: str, joint: Joint | None, settings: dict[str, Any], output: str | None, as_json: bool) -> None:
     from asperity.output.results import Results
     from asperity.slip.tangential import tangential_vibration
 
     results = Results.read(source)
-    given = DynamicsSettings.of_source(source, joint).replaced(preload=preload, gravity=settings["gravity"])
-    found = tangential_vibration(
-        results.case, results.curve, given, settings["forcing"] or (0.01,), settings["zeta"] or 0.0
-    )
+    own = {name: settings[name] for name in ("preload", "gravity")}
+    given = DynamicsSettings.of_source(source, joint).replaced(**own)
+    forcing, zeta = settings["forcing"] or (0.01,), settings["zeta"] or 0.0
+    found = tangential_vibration(results.case, results.curve, given, forcing, zeta)
     if output:
         from asperity.plot.slip import response
         from asperity.plot.style import save_in
@@ -160,11 +141,9 @@ _ROWS = {
 
 
 def _show(result: Dynamics) -> None:
-    models = list(result.thresholds)
-    first = next(iter(result.oscillators.values()))
+    first, onsets = result.first, result.thresholds
     about = f"{first.law.describe()}, zeta = {first.zeta:g} ({first.damping})"
-    values = [threshold.to_dict() for threshold in result.thresholds.values()]
-    rows = [(text, *(_text(value.get(name)) for value in values)) for name, text in _ROWS.items()]
+    rows = [(text, *(_text(getattr(one, name)) for one in onsets.values())) for name, text in _ROWS.items()]
     if result.numbers.mass == result.numbers.mass:
         omegas = (f"{oscillator.omega_s:.5g}" for oscillator in result.oscillators.values())
         by = "the mass of the joint" if result.gravity is None else f"gravity = {result.gravity:g}"
@@ -174,13 +153,12 @@ def _show(result: Dynamics) -> None:
         name = f"F^ = {setting.F_hat:g}, F/W = {setting.F_over_mg:g}"
         peaks = (response.peak for response in responses)
         rows.append((name, *(f"peak {u:.4g} at {omega:.4g}" for omega, u in peaks)))
-    options.table(about, rows, ("", *models))
+    options.table(about, rows, ("", *onsets))
     if result.laws is not None:
         _show_laws(result.laws, "" if result.settings.units == "other" else "SI")
     if (spread := result.uncertainty) is not None:
-        n, kappa = spread.n_loc, spread.kappa
-        curvature = f"kappa = {plus_minus(kappa.value, kappa.half)}, {spread.softening}"
-        options.say(f"n = {plus_minus(n.value, n.half)}, {curvature}, by the {spread.origin}")
+        n, kappa = (plus_minus(one.value, one.half) for one in (spread.n_loc, spread.kappa))
+        options.say(f"n = {n}, kappa = {kappa}, {spread.softening}, by the {spread.origin}")
     for note in result.notes:
         options.say(f"note: {note}")
     for searched in dict.fromkeys(r.searched for responses in result.responses.values() for r in responses):
