@@ -310,8 +310,8 @@ def speed(options: argparse.Namespace) -> None:
     for method, setting, seconds, worst, *_ in rows:
         better = [r for r in rows if r[0] == "asperity" and r[3] < worst]
         if better and method != "asperity":
-            _, own, least, error, *_ = min(better, key=lambda r: r[2])
-            ratios = f"{seconds / least:.1f} times faster at {error / worst:.2g} of its error"
+            _, own, least, largest, *_ = min(better, key=lambda r: r[2])
+            ratios = f"{seconds / least:.1f} times faster at {largest / worst:.2g} of its error"
             print(f"  {method} ({setting}): {ratios} ({own})")
 
 

@@ -58,7 +58,10 @@ def _of_branch(x: Array, F: Array, touch: float | None) -> tuple[Array, Array]:
     without = np.flatnonzero(F <= 0.0)
     n = without[-1] + 1 if without.size else 0
     origin = x[n - 1] if n else touch
-    X, Y, scale, before = x[n:], F[n:], np.ones(x.size - n), np.empty(0)
+    X: Array = x[n:]
+    Y: Array = F[n:]
+    scale: Array = np.ones(X.size)
+    before: Array = np.empty(0)
     if origin is not None and np.all(X > origin):
         scale = Y / (X - origin)
         X, Y = np.log(X - origin), np.log(Y)
