@@ -47,8 +47,7 @@ def maps(slope: float) -> dict[str, asp.Surface]:
     }
 
 
-SPHERE = {"sphere": asp.Surface.from_spec("sphere", L=1.0, radius=2.0, shape="paraboloid")}
-SURFACES = maps(SLOPE) | SPHERE
+SURFACES = maps(SLOPE) | {"sphere": asp.Surface.from_spec("sphere", L=1.0, radius=2.0, shape="paraboloid")}
 OTHERS = {
     f"H {H:g}, seed {seed}, aspect {aspect:g}": asp.Surface.from_spec(
         "self-affine", L=1.0, H=H, rms_slope=0.05, lambda_roll=0.5, lambda_short=0.1, seed=seed, aspect=aspect
@@ -182,6 +181,14 @@ class Pressed:
         return found
 
 
+def errors_of(slip: JointSlip, truths: Iterable[tuple[float, float]]) -> Floats:
+    """Relative error and bar of displacement and energy of a curve at each amplitude (amplitudes, 2, 2)."""
+    return np.array([
+        [(path.displacement / u - 1.0, bar["u"] / u), (path.energy / W - 1.0, bar["energy"] / W)]
+        for path, bar, (u, W) in zip(slip.by_curve, slip.errors, truths, strict=True)
+    ])  # fmt: skip
+
+
 def law(n: int, ratios: tuple[float, ...]) -> None:
     """Errors of Jaeger's law with twenty rows on each surface, then of fewer rows over all of them with their bars."""
     print("| surface | nu | area | u at 0.1, 0.3, 0.6, 0.9 mu P, % | energy, % |\n|---|---|---|---|---|", flush=True)
@@ -189,11 +196,7 @@ def law(n: int, ratios: tuple[float, ...]) -> None:
     for (name, surface), nu in product((SURFACES | OTHERS).items(), ratios):
         pressed = Pressed(surface, n, nu)
         for rows, of_rows in found.items():
-            slip = pressed.slip(rows)
-            of_rows.append(np.array([
-                [(path.displacement / u - 1.0, bar["u"] / u), (path.energy / W - 1.0, bar["energy"] / W)]
-                for path, bar, (u, W) in zip(slip.by_curve, slip.errors, pressed.loops, strict=True)
-            ]))  # fmt: skip
+            of_rows.append(errors_of(pressed.slip(rows), pressed.loops))
         errors = found[ROWS[-1]][-1][:, :, 0]
         print(f"| {name} | {nu:g} | {pressed.area:.3f} | {columns(errors)} |", flush=True)
     print("\n| rows | greatest error of u, % | inside u | bar over error u | energy, % | inside energy | ", end="")
@@ -250,8 +253,7 @@ def solid(n: int, h: float, slopes: list[float]) -> None:
 YIELDED = {  # surface, yield strength over E, nu, share of kinematic hardening, rms slope
     "tuned on": [
         ("H 0.8, seed 1", 0.01, 0.3, 0.0, SLOPE), ("H 0.8, seed 1", 0.005, 0.3, 0.0, SLOPE),
-        ("H 0.7, seed 2", 0.005, 0.3, 0.0, SLOPE),
-        ("H 0.7, seed 2", 0.005, 0.0, 0.0, SLOPE),
+        ("H 0.7, seed 2", 0.005, 0.3, 0.0, SLOPE), ("H 0.7, seed 2", 0.005, 0.0, 0.0, SLOPE),
     ],
     "others": [
         ("H 0.8, seed 3", 0.005, 0.3, 0.0, SLOPE), ("H 0.8, seed 3", 0.01, 0.45, 1.0, 0.1),
@@ -284,19 +286,15 @@ def yielded(h: float) -> None:
                 settings = SlipSettings(MU, AMPLITUDES, preload, steps=1, method="solid")
                 paths = solve_slip(problem, result, settings)
                 slip = slip_of_curve(curve, settings, material, patch=1.0, height=1.0, sides="periodic")
-                pairs = list(zip(slip.by_curve, paths, slip.errors, strict=True))
-                u = np.array([(a.displacement / b.displacement - 1, e["u"] / b.displacement) for a, b, e in pairs])
-                energy = np.array([(a.energy / b.energy - 1, e["energy"] / b.energy) for a, b, e in pairs])
+                errors = errors_of(slip, [(path.displacement, path.energy) for path in paths])
                 branch = np.flatnonzero(curve["branch"] == "unload")[::-1]
                 area = float(np.interp(preload, curve["force"][branch], curve["area_fraction"][branch]))
                 p = preload * (1 - nu**2) / area
-                held = [f"{np.count_nonzero(np.abs(x[:, 0]) <= x[:, 1])} of 4" for x in (u, energy)]
+                held = [f"{np.count_nonzero(np.abs(errors[:, k, 0]) <= errors[:, k, 1])} of 4" for k in (0, 1)]
                 flow = ", ".join(f"{x / paths[2].energy:.2f}" for x in flowing(result.solver, settings, part))
-                errors = columns(np.stack([u[:, 0], u[:, 1], energy[:, 0], energy[:, 1]], axis=1))
-                scene = (
-                    f"{of} | {name} | {slope:g} | {strength:g} | {'kinematic' if kinematic else 'isotropic'} | {nu:g}"
-                )
-                print(f"| {scene} | {part:g} | {p:.2g} | {errors} | {' | '.join(held)} | {flow} |", flush=True)
+                kind = "kinematic" if kinematic else "isotropic"
+                print(f"| {of} | {name} | {slope:g} | {strength:g} | {kind} | {nu:g} | {part:g} | {p:.2g} | ", end="")
+                print(f"{columns(errors.reshape(-1, 4))} | {' | '.join(held)} | {flow} |", flush=True)
 
 
 def flowing(solver: ContactSolver, settings: SlipSettings, part: float) -> list[float]:

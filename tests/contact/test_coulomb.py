@@ -26,7 +26,6 @@ from asperity.quasistatic.contact_solver import ContactSolver
 from asperity.quasistatic.make import make_contact_solver
 from asperity.quasistatic.slip_paths import slip_paths
 from asperity.slip import SlipSettings
-from asperity.slip.path import SlipPath
 from asperity.surface import Flat, Sphere, Surface
 from asperity.transient import Transient
 
@@ -73,8 +72,7 @@ def test_a_sphere_sticks_inside_the_radius_of_spence(cap: Surface, friction: flo
     beta = (1.0 - 2.0 * nu) / (2.0 * (1.0 - nu))
     c = brentq(lambda x: np.log((1 + x) / (1 - x)) / (2 * x) - friction / beta * ellipk(1 - x * x), 1e-6, 1 - 1e-9)
     size = MeshSize(h_contact=0.006, growth=0.4, h_max=0.3)
-    run = {"delta_max": a**2 / 10.0, "steps": 12, "size": size, "comm": here()}
-    solver = solve_contact(cap, Material(1.0, nu), formulation=Formulation(friction=friction), **run).solver
+    solver = press(cap, Material(1.0, nu), friction=friction, delta_max=a**2 / 10.0, steps=12, size=size).solver
     contact = solver.contact
     assert isinstance(contact, Coulomb)
     radius = np.hypot(*solver.solid.points[contact.nodes(), :2].T) / a
@@ -106,13 +104,6 @@ def approach_of_sphere(nu: float) -> float:
     return 1.0 / (2.0 - 4.0 * A * quad(sunk, 0.0, 1.0, limit=400)[0])
 
 
-@pytest.mark.parametrize("nu", [0.0, 0.3])
-def test_the_closed_forms_agree_for_nu_near_a_half(nu: float) -> None:
-    assert bonded_punch(0.49999) == pytest.approx(1.0, abs=1e-4)
-    assert approach_of_sphere(0.49999) == pytest.approx(1.0, abs=1e-4)
-    assert bonded_punch(nu) > approach_of_sphere(nu) > 1.0
-
-
 @pytest.fixture(scope="module")
 def corner() -> tuple[Sphere, BlockMesh | None, dict[str, Any]]:
     """A quarter of a sphere in a corner, small against the block, with its mesh and load."""
@@ -120,8 +111,8 @@ def corner() -> tuple[Sphere, BlockMesh | None, dict[str, Any]]:
 
     sphere, a = Sphere(L=1.0, radius=10.0, centre=(0.0, 0.0), shape="paraboloid"), 0.02
     delta = a * a / 10.0
-    block = make_block(world(), sphere, 1.0, delta, MeshSize(a / 8, growth=0.4, h_max=0.3))
-    return sphere, block, {"delta_max": delta, "steps": 6}
+    block = make_block(world(), sphere, 1.0, delta, MeshSize(a / 8, growth=0.6, h_max=0.3))
+    return sphere, block, {"delta_max": delta, "stiffness": True}
 
 
 @pytest.mark.parametrize("nu", [0.0, 0.3])
@@ -129,10 +120,11 @@ def test_a_sphere_under_great_friction_is_a_bonded_punch(
     corner: tuple[Sphere, BlockMesh | None, dict[str, Any]], nu: float
 ) -> None:
     """At the same approach the force is higher by C/sqrt(c), the area lower by 1/c, and dF/d delta by C/sqrt(c)."""
+    assert (bonded_punch(0.49999), approach_of_sphere(0.49999)) == pytest.approx((1.0, 1.0), abs=1e-4)
     sphere, block, load = corner
     solid = Material(1.0, nu)
-    free = solve_contact(sphere, solid, block=block, comm=world(), stiffness=True, **load).curve
-    stuck = press(sphere, solid, block, stiffness=True, **load).curve
+    free = solve_contact(sphere, solid, block=block, comm=world(), steps=1, **load).curve
+    stuck = press(sphere, solid, block, steps=6, **load).curve
     C, c = bonded_punch(nu), approach_of_sphere(nu)
     assert stuck.force[-1] / free.force[-1] == pytest.approx(C / np.sqrt(c), abs=0.006)
     assert stuck.k_n_elastic[-1] / free.k_n_elastic[-1] == pytest.approx(C / np.sqrt(c), abs=0.012)
@@ -161,7 +153,7 @@ def test_a_plane_top_with_free_sides_cannot_spread() -> None:
 
 def test_tangential_forces_of_a_symmetric_contact_cancel() -> None:
     sphere = Sphere(L=1.0, radius=5.0)
-    solver = press(sphere, ELASTIC, delta_max=0.005, steps=3, size=MeshSize(0.04)).solver
+    solver = press(sphere, ELASTIC, delta_max=0.005, steps=2, size=MeshSize(0.06)).solver
     force = solver.newton.force[solver.contact_surface.owned_nodes, :2]
     sums = world().allreduce(np.array([*force.sum(axis=0), *np.abs(force).sum(axis=0)]))
     assert np.all(np.abs(sums[:2]) < 0.03 * sums[2:])  # the mesh is not symmetric
@@ -178,7 +170,7 @@ def test_between_both_limits(wave: Surface, block: BlockMesh) -> None:
 @pytest.mark.parametrize("material", [ELASTIC, PLASTIC, Material(1.0, 0.0, kinematics="finite")])
 def test_cycles(rough: Surface, coarse: BlockMesh | None, material: Material) -> None:
     """A released surface forgets, friction loses, and nothing creates energy."""
-    result = press(rough, material, coarse, 0.3, delta_max=0.03, steps=6, unload_steps=3, cycles=2)
+    result = press(rough, material, coarse, 0.3, delta_max=0.03, steps=4, unload_steps=3, cycles=2)
     assert result.checks.violated == {}
     assert result.checks.energy_excess == 0.0
     curve = result.curve
@@ -191,10 +183,10 @@ def test_cycles(rough: Surface, coarse: BlockMesh | None, material: Material) ->
 
 
 def test_order_in_the_load_steps(rough: Surface, coarse: BlockMesh | None) -> None:
-    curves = {n: press(rough, ELASTIC, coarse, delta_max=0.03, steps=6, substeps=n).curve for n in (1, 4, 16)}
-    at = np.arange(2, 7) / 6 * 0.03
+    curves = {n: press(rough, ELASTIC, coarse, delta_max=0.03, steps=4, substeps=n).curve for n in (1, 4, 12)}
+    at = np.arange(2, 5) / 4 * 0.03
     found = {n: np.interp(at, curve.loading().delta_star, curve.loading().P_star) for n, curve in curves.items()}
-    errors = {n: float(np.sqrt(np.mean((found[n] / found[16] - 1.0) ** 2))) for n in (1, 4)}
+    errors = {n: float(np.sqrt(np.mean((found[n] / found[12] - 1.0) ** 2))) for n in (1, 4)}
     assert errors[1] < 0.01
     assert errors[4] < 0.3 * errors[1]
 
@@ -224,7 +216,7 @@ def test_a_failed_step_touches_no_history(rough: Surface, coarse: BlockMesh | No
 
 def test_a_tolerance_counts_the_error_of_the_load_steps(wave: Surface) -> None:
     result = solve_to_tolerance(
-        wave, ELASTIC, AccuracyTarget(0.1), comm=world(), delta_max=0.02, steps=5, formulation=Formulation(friction=0.3)
+        wave, ELASTIC, AccuracyTarget(0.1), comm=world(), delta_max=0.02, steps=3, formulation=Formulation(friction=0.3)
     )
     assert max(level.substeps for level in result.levels) >= 2
     assert result.met and np.all(result.budget.load_step > 0.0)
@@ -254,20 +246,13 @@ def test_what_friction_does_not_go_with(coarse: BlockMesh | None, rough: Surface
 # --- a flat that moves ----------------------------------------------------------------------------------------
 
 
-@pytest.fixture(scope="module")
-def loop(wave: Surface, block: BlockMesh) -> tuple[SlipPath, float]:
+def test_a_loop_closes_and_loses(wave: Surface, block: BlockMesh) -> None:
+    """Friction loses in each step, the flat comes back, and so does the state; its force never exceeds the limit."""
     solver = pressed(wave, block, 0.4)
-    before, held = solver.force, np.array(solver.contact.held)
-    path = slip_paths(solver, SlipSettings(0.4, (0.6,), solver.force, steps=3))[0]
-    assert solver.force == pytest.approx(before, rel=1e-9)
+    load, held = solver.force, np.array(solver.contact.held)
+    path = slip_paths(solver, SlipSettings(0.4, (0.6,), load, steps=2))[0]
+    assert solver.force == pytest.approx(load, rel=1e-9) and not solver.checks.violated
     np.testing.assert_array_equal(solver.contact.held, held)
-    assert not solver.checks.violated
-    return path, before
-
-
-def test_a_loop_closes_and_loses(loop: tuple[SlipPath, float]) -> None:
-    """Friction loses in each step, and the flat comes back; its force never exceeds the limit."""
-    path, load = loop
     top, bottom = path.end(0), path.end(1)
     assert path.force == pytest.approx(0.6 * 0.4 * load, rel=3e-3)
     assert np.all(np.diff(path.dissipated) >= 0.0)
@@ -282,7 +267,7 @@ def test_a_yielded_solid_keeps_its_plastic_strain_around_a_loop(wave: Surface, b
     for k in range(1, 9):
         assert solver.step(0.02 * k / 8).converged
     before, strain = solver.force, solver.solid.kernels.history().plastic_strain.copy()
-    path = slip_paths(solver, SlipSettings(0.3, (0.6,), 0.8 * solver.force, steps=2))[0]
+    path = slip_paths(solver, SlipSettings(0.3, (0.6,), 0.8 * solver.force, steps=1))[0]
     assert np.all(np.diff(path.dissipated) >= 0.0) and path.energy > 0.0
     assert path.force == pytest.approx(0.6 * 0.3 * 0.8 * before, rel=3e-3)
     assert path.u[-1] == pytest.approx(path.u[path.end(0)], rel=0.1)  # pressing left tangential forces
@@ -291,22 +276,12 @@ def test_a_yielded_solid_keeps_its_plastic_strain_around_a_loop(wave: Surface, b
 
 
 @pytest.mark.mpi
+@pytest.mark.usefixtures("several_ranks")
 def test_ranks_find_the_same(wave: Surface) -> None:
-    from mpi4py import MPI
-
-    size, formulation = MeshSize(h_contact=0.14, growth=0.6, h_max=0.5), Formulation(friction=0.4)
-    found = []
-    for comm in (MPI.COMM_SELF, MPI.COMM_WORLD):
-        run = solve_contact(
-            wave,
-            Material(1.0, 0.0),
-            delta_max=0.02,
-            steps=2,
-            size=size,
-            sides="free",
-            formulation=formulation,
-            comm=comm,
-        )
+    how: dict[str, Any] = {"delta_max": 0.02, "steps": 2, "sides": "free", "formulation": Formulation(friction=0.4)}
+    size, found = MeshSize(h_contact=0.14, growth=0.6, h_max=0.5), []
+    for comm in (here(), world()):
+        run = solve_contact(wave, ELASTIC, size=size, comm=comm, **how)
         path = slip_paths(run.solver, SlipSettings(0.4, (0.5,), run.solver.force, steps=1))[0]
         found.append([run.solver.force, path.energy, *path.u])
     np.testing.assert_allclose(found[1], found[0], rtol=2e-3, atol=1e-12)

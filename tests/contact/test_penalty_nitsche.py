@@ -14,7 +14,7 @@ from scipy.sparse.linalg import splu
 from asperity import reference as ref
 from asperity.adaptive.solve_contact import solve_contact
 from asperity.contact import PressureContact
-from asperity.contact.contact_surface import ContactSurface, FacetRule
+from asperity.contact.contact_surface import ContactSurface
 from asperity.errors import InputError
 from asperity.linear.petsc import assembled
 from asperity.mesh.block import BlockMesh
@@ -29,18 +29,6 @@ Array = npt.NDArray[np.float64]
 
 EXACT = Formulation()
 NITSCHE = Formulation("nitsche")
-
-
-def test_rule_integrates_areas_and_heights(coarse: BlockMesh, rough: Surface) -> None:
-    """The degree changes no integral of the second-order height."""
-    top = make_contact_solver(here(), rough, coarse, ELASTIC).contact_surface
-    integrals = []
-    for degree in (2, 3, 4):
-        rule = FacetRule(top, degree)
-        assert rule.weights.sum() == pytest.approx(1.0, rel=1e-13)
-        assert (rule.weights > 0.0).all()
-        integrals.append(float((rule.weights * rule.height).sum()))
-    assert np.ptp(integrals) < 1e-13
 
 
 def test_nitsche_approaches_exact_contact_under_refinement(cap: Surface) -> None:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -11,12 +10,9 @@ from conftest import ELASTIC, here, world
 
 from asperity import reference as ref
 from asperity.adaptive.solve_contact import solve_contact
-from asperity.curve import Curve
 from asperity.model.material import Material
 from asperity.model.settings import Formulation, MeshSize
 from asperity.output.fields import gather_top_states
-from asperity.output.results import Results
-from asperity.quasistatic.contact_result import ContactResult
 from asperity.surface import Sinusoid, Surface
 
 NU = 0.3
@@ -99,22 +95,6 @@ def test_nodes_at_corners_alone_are_no_spots() -> None:
     assert (curve.spots[0] > 0) == (curve.area_fraction[0] > 0.0)
 
 
-@pytest.fixture(scope="module")
-def pressed() -> ContactResult:
-    from asperity.surface import Sphere
-
-    cap = Sphere(L=1.0, radius=10.0, centre=(0.0, 0.0), shape="paraboloid")
-    return solve_contact(
-        cap, ELASTIC, delta_max=0.1**2 / 10.0, steps=1, snapshots=1, size=MeshSize(0.01, growth=0.5), comm=here()
-    )
-
-
-def test_pressures_of_hertz(pressed: ContactResult) -> None:
-    """Mean 2/3 of the peak."""
-    curve = pressed.curve
-    assert curve.mean_pressure[-1] == pytest.approx(2.0 / 3.0 * curve.max_pressure[-1], rel=0.02)
-
-
 @pytest.mark.mpi
 @pytest.mark.usefixtures("several_ranks")
 def test_ranks_agree(wave: Surface, coarse_wave: Any) -> None:
@@ -127,11 +107,3 @@ def test_ranks_agree(wave: Surface, coarse_wave: Any) -> None:
     one, all_ = found
     for name in ("mean_gap", "mean_pressure", "spots", "largest_spot"):
         np.testing.assert_allclose(getattr(all_, name), getattr(one, name), rtol=1e-6)
-
-
-def test_curves_without_the_columns_are_read(tmp_path: Path) -> None:
-    """As stored by an older version."""
-    (tmp_path / "curve.csv").write_text("step,branch,delta,force\n1,load,0.5,2.0\n")
-    curve = Results.read(tmp_path).curve
-    assert isinstance(curve, Curve)
-    assert np.isnan(curve.mean_gap).all() and curve.spots.tolist() == [0]

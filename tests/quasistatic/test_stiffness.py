@@ -147,18 +147,6 @@ def test_ranks_agree(rough: Surface, coarse: BlockMesh | None, formulation: Form
         np.testing.assert_allclose(all_, one, rtol=1e-4)  # the same iterations; their rounding leaves 2e-5
 
 
-def test_formulations_agree(rough: Surface, coarse: BlockMesh | None) -> None:
-    """To the error of the coarse mesh."""
-    found = []
-    for formulation in FORMULATIONS:
-        result = solve_contact(
-            rough, ELASTIC, block=coarse, comm=world(), delta_max=0.03, steps=2, formulation=formulation,
-            stiffness=True,
-        )  # fmt: skip
-        found.append([getattr(result.curve, name)[-1] for name in ("k_n", "k_n_elastic", "k_t")])
-    np.testing.assert_allclose(found[1:], [found[0]] * 2, rtol=0.07)
-
-
 @EACH
 def test_first_touch(cap: Surface, formulation: Formulation) -> None:
     """A spot smaller than a facet; all values are there and positive."""

@@ -113,40 +113,6 @@ def test_rate_integration_agrees_with_confined_compression():
     np.testing.assert_allclose(p, q, rtol=1e-8, atol=1e-14)
 
 
-def radial_return(path: np.ndarray, steps: int) -> tuple[np.ndarray, float]:
-    """Return (stress, p) at the end of a strain path by backward Euler."""
-    e_p, p, before = np.zeros((3, 3)), 0.0, np.zeros((3, 3))
-    for corner in path:
-        for t in np.linspace(0, 1, steps + 1)[1:]:
-            strain = before + t * (corner - before)
-            s = 2 * MU * (strain - np.trace(strain) / 3 * np.eye(3) - e_p)
-            q = math.sqrt(1.5) * np.linalg.norm(s)
-            flow = max(0.0, float(q) - Y - H * p) / (3 * MU + H)
-            e_p = e_p + flow * 1.5 * s / q
-            p += flow
-        before = corner
-    return s * (1 - 3 * MU * flow / q) + BULK * np.trace(strain) * np.eye(3), p
-
-
-def test_rate_integration_is_the_limit_of_radial_return():
-    path = np.random.default_rng(6).normal(0, 0.01, size=(3, 3, 3))
-    path = path + path.transpose(0, 2, 1)
-    stress, p = j2_path(path, E, NU, Y, E_T)
-    assert math.sqrt(1.5) * np.linalg.norm(stress[-1] - np.trace(stress[-1]) / 3 * np.eye(3)) == pytest.approx(
-        Y + H * p[-1], rel=1e-8
-    )
-    coarse, fine = (radial_return(path, steps) for steps in (100, 200))
-    errors = [np.linalg.norm(s - stress[-1]) for s in (coarse[0], fine[0])]
-    assert errors[1] < 0.55 * errors[0] < 0.01 * np.linalg.norm(stress[-1])
-    extrapolated = 2 * fine[1] - coarse[1]
-    assert extrapolated == pytest.approx(p[-1], rel=1e-4)
-
-
-def test_tangent_modulus_must_be_below_E():
-    with pytest.raises(InputError, match="must lie between 0 and E"):
-        ref.hardening_modulus(1.0, 1.0)
-
-
 # --- flattened sphere -------------------------------------------------------------------------
 
 

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from asperity.arrays import Flags, Floats, Indices
@@ -11,16 +9,8 @@ from asperity.contact.contact_surface import ContactSurface
 from asperity.mesh.element import BEARING
 
 
-@dataclass(frozen=True)
-class Spots:
-    """Number of contact spots and area of the largest one [length^2]."""
-
-    count: int
-    largest: float
-
-
-def spots_of(surface: ContactSurface, edges: Flags, areas: Floats) -> Spots:
-    """Contact spots of all ranks; collective.
+def spots_of(surface: ContactSurface, edges: Flags, areas: Floats) -> tuple[int, float]:
+    """Number of contact spots of all ranks and area of the largest one [length^2]; collective.
 
     A spot consists of touched thirds of facets, each between an edge and the middle of its facet. Those of one facet
     belong to one spot, and so do those that meet at a corner. A map of these thirds shows as many patches.
@@ -38,7 +28,8 @@ def spots_of(surface: ContactSurface, edges: Flags, areas: Floats) -> Spots:
     found = None
     if parts is not None:
         found = _components(*(np.concatenate(of_ranks) for of_ranks in zip(*parts, strict=True)))
-    return Spots(*comm.bcast(found, root=0))
+    count, largest = comm.bcast(found, root=0)
+    return count, largest
 
 
 def _components(corners: Indices, touched: Flags, areas: Floats) -> tuple[int, float]:

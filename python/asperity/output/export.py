@@ -285,14 +285,10 @@ def _friction(table: Interface, *, slope: bool) -> str:
     """
     if table.slip is None:
         return ""
+    mu, pressure = table.slip.friction, table.slip.preload / table.patch
     stick = float(table.slip.k_tangent(0.0)) / table.patch
-    pressure = table.slip.preload / table.patch
-    lines = [f"** stick slope of the interface at the nominal pressure {pressure:.6g}: {stick:.6g}"]
-    if slope:
-        lines += ["*FRICTION", f"{table.slip.friction:g}, {stick:.8e}"]
-    else:
-        lines += [f"*FRICTION, ELASTIC SLIP={table.slip.friction * pressure / stick:.8e}", f"{table.slip.friction:g},"]
-    return "\n".join(lines) + "\n"
+    head = f"** stick slope of the interface at the nominal pressure {pressure:.6g}: {stick:.6g}\n*FRICTION"
+    return head + (f"\n{mu:g}, {stick:.8e}\n" if slope else f", ELASTIC SLIP={mu * pressure / stick:.8e}\n{mu:g},\n")
 
 
 def _gap(table: Interface) -> str:

@@ -14,7 +14,6 @@ from asperity.contact.spots import spots_of
 from asperity.model.material import PAIRS
 from asperity.quasistatic.contact_solver import ContactSolver
 
-TOUCHED = 1e-9  # gap below which a node counts as touched [L]
 STRAINED = 0.05  # equivalent strain above which the volume is counted
 
 
@@ -45,7 +44,7 @@ def row(solver: ContactSolver) -> dict[str, Any]:
     comm.Allreduce(MPI.IN_PLACE, peaks, op=MPI.MAX)
     surface, (touched, weights) = solver.contact_surface, solver.contact.touched()
     area = surface.area_of(touched, weights)
-    spots = spots_of(surface, solver.contact.touched_edges(), np.sum(weights * touched, axis=1))
+    count, largest = spots_of(surface, solver.contact.touched_edges(), np.sum(weights * touched, axis=1))
     mean_pressure = {"mean_pressure": solver.force / area.value} if area.value > 0.0 else {}
     return {
         "area_fraction": area.value,
@@ -55,8 +54,8 @@ def row(solver: ContactSolver) -> dict[str, Any]:
         "max_plastic_strain": float(peaks[1]),
         "mean_gap": surface.mean(solver.gap()),
         **mean_pressure,
-        "spots": spots.count,
-        "largest_spot": spots.largest,
+        "spots": count,
+        "largest_spot": largest,
         **solver.probed,
         "max_strain": float(peaks[2]),
         "strained_fraction": float(sums[2] / sums[1]),

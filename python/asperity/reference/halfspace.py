@@ -157,29 +157,18 @@ def _press(start: Array, penetration: Array, compliance: Array, sides: str, hard
     """Pressure over E' (n, n) under a flat that the undeformed surface penetrates by `penetration` (n, n) [L].
 
     It begins with `start` (n, n); `compliance` is that of each wave (n, n) [L], `hardness` the greatest pressure over
-    E', `tolerance` the largest gap in contact and penetration elsewhere [L].
+    E', `tolerance` the largest gap in contact and penetration elsewhere [L]. Few cells touch a rough surface: what is
+    done besides the transforms is done for them.
     """
     p, within = start, np.zeros(penetration.shape, dtype=bool)
     outside = penetration > 0.0
     while outside.any():  # a thin layer bulges beside the spots: it may touch where the undeformed surface does not
         within |= outside | (p > 0.0)
-        p, gap = _press_within(within, p, penetration, compliance, sides, hardness, tolerance)
-        outside = (gap < -tolerance) & ~within
+        cells = np.flatnonzero(within)
+        first = np.clip((p if p.any() else np.maximum(penetration, 0.0) / compliance.max()).ravel()[cells], 0, hardness)
+        p, displaced, _ = _iterate(cells, first, penetration, compliance, sides, hardness, tolerance)
+        outside = (displaced - penetration < -tolerance) & ~within
     return p
-
-
-def _press_within(
-    within: Array, start: Array, penetration: Array, compliance: Array, sides: str, hardness: float, tolerance: float
-) -> tuple[Array, Array]:
-    """Pressure and gap (n, n) where nothing but the cells `within` (n, n) may touch; see `_press`.
-
-    Few cells touch a rough surface: what is done besides the transforms is done for them.
-    """
-    cells = np.flatnonzero(within)
-    depth = penetration.ravel()[cells]
-    p = start.ravel()[cells] if start.any() else np.maximum(depth, 0.0) / compliance.max()
-    p, displaced, _ = _iterate(cells, np.clip(p, 0.0, hardness), penetration, compliance, sides, hardness, tolerance)
-    return p, displaced - penetration
 
 
 def _iterate(
@@ -297,7 +286,13 @@ def half_space_contact(
         >>> bool(0.01 < light.delta_star < 0.03), bool(0.1 < light.area_fraction < 0.2)
         (True, True)
     """
-    _check_load(P_star, delta_star, height)
+    if (P_star is None) == (delta_star is None):
+        raise InputError("Give exactly one of P_star and delta_star.")
+    for name, value in (("P_star", P_star), ("delta_star", delta_star), ("height", height)):
+        if value is not None and not value > 0:
+            raise InputError(f"{name} = {value!r} must be positive.")
+    if delta_star is not None and height is None:
+        raise InputError("delta_star needs the height of the block: give height, or P_star instead.")
     # lengths over L, pressures over E'
     layer = RoughHalfSpace(n, 1.0 if height is None else height / surface.L, nu, sides)
     summit = surface.maximum()[2] / surface.L
@@ -320,16 +315,6 @@ def half_space_contact(
     if delta_star is None:
         delta_star = -float(np.mean((depth - displaced)[found > 0.0]))
     return HalfSpaceContact(float(found.mean()), delta_star, corrected_area(found > 0.0, sides), found, count - 1)
-
-
-def _check_load(P_star: float | None, delta_star: float | None, height: float | None) -> None:
-    if (P_star is None) == (delta_star is None):
-        raise InputError("Give exactly one of P_star and delta_star.")
-    for name, value in (("P_star", P_star), ("delta_star", delta_star), ("height", height)):
-        if value is not None and not value > 0:
-            raise InputError(f"{name} = {value!r} must be positive.")
-    if delta_star is not None and height is None:
-        raise InputError("delta_star needs the height of the block: give height, or P_star instead.")
 
 
 def displacement(p: Array, compliance: Array, sides: str = "rollers") -> Array:
