@@ -56,7 +56,7 @@ def mindlin(cap: Surface, h: float) -> list[tuple[float, float]]:
     found = []
     for amplitude in (0.4, 0.8):
         sliding.reset()
-        path = sliding.path(amplitude, 1)
+        path = sliding.path(amplitude, 2)
         t = path.force / (0.25 * limit)
         slipped = c * (1 - (1 - t) ** (2 / 3) - 2 * t / 3)
         tangent = 1.0 / (1.0 / rest + 8 * c / (3 * limit) * ((1 - t) ** (-1 / 3) - 1))

@@ -62,7 +62,7 @@ class Stiffness:
         nodes = contact.nodes()
         if not solid.comm.allreduce(len(nodes)):
             for motion in (self._along_x, self._along_y, self._along_z):
-                motion.part()
+                motion.take(None)
             return dict.fromkeys(ELASTIC_STIFFNESSES, 0.0)
         held = solver.newton.rows
         normal = _Translation(solver, 2, np.concatenate([solid.fixed, held]), held, contact.symmetric, contact.stiff)
@@ -165,13 +165,9 @@ class _Motion:
         self.change = None if before is None else w - before
         return force, w
 
-    def take(self, w: Floats) -> None:
-        """Keep the displacement of this step, found in another way."""
-        self.change, self.before = None, w.astype(np.float32)
-
-    def part(self) -> None:
-        """Keep nothing of a step without contact."""
-        self.change = self.before = None
+    def take(self, w: Floats | None) -> None:
+        """Keep the displacement of this step, found in another way; None without contact."""
+        self.change, self.before = None, None if w is None else w.astype(np.float32)
 
     def drop_matrices(self) -> None:
         """Free the system; the next step makes it again."""

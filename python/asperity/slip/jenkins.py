@@ -62,12 +62,15 @@ class JenkinsArray:
                 between their neighbours are left out: no slider has a negative stiffness.
         """
         x, y, k = [0.0], [0.0], [np.inf]  # points kept, and the slope before each
-        for at, to in zip(u.tolist(), force.tolist(), strict=True):
+        for row in np.column_stack([u, force]):
+            at, to = float(row[0]), float(row[1])
             while (slope := (to - y[-1]) / (at - x[-1])) >= k[-1]:
-                x.pop(), y.pop(), k.pop()
-            x.append(at), y.append(to), k.append(slope)
+                del x[-1], y[-1], k[-1]
+            x.append(at)
+            y.append(to)
+            k.append(slope)
         alone = -np.diff([*k[1:], 0.0])
-        return cls(alone, alone * x[1:])
+        return cls(alone, alone * np.array(x[1:]))
 
     @property
     def at_rest(self) -> Array:

@@ -83,8 +83,9 @@ class JointSlip:
         for path in self.paths:
             columns = {"u": path.u, "T": path.T} | ({} if array is None else {"T_curve": array.follow(path.u)})
             columns |= {"slip_share": path.slip_share, "dissipated": path.dissipated}
-            for step, values in enumerate(np.stack(list(columns.values()), axis=1).tolist()):
-                yield {"amplitude": path.amplitude, "step": step} | dict(zip(columns, values, strict=True))
+            for step in range(path.u.size):
+                values = {name: float(column[step]) for name, column in columns.items()}
+                yield {"amplitude": path.amplitude, "step": step} | values
 
     def vibration(self, mass: float, factor: float = 1.0) -> list[dict[str, float]]:
         """Frequency (1/time) and damping ratio of the tangential vibration at each amplitude.
@@ -124,8 +125,7 @@ class JointSlip:
             mass, factor: see `vibration`
             units: "SI" shows SI units
         """
-        si, found = units == "SI", []
-        rows = self.vibration(mass or math.nan, factor)
+        si, found, rows = units == "SI", [], self.vibration(mass or math.nan, factor)
         for i in sorted({0, len(rows) // 2, len(rows) - 1}):
             path, row = self.paths[i], rows[i]
             bars = self.errors[i] if self.errors else dict.fromkeys(WITH_ERRORS, math.nan)

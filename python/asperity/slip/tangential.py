@@ -73,8 +73,7 @@ def tangential_vibration(
     """Tangential vibration of the joint of a run.
 
     Args:
-        case: nested tables of a completed case with the section [slip]
-        curve: of the run
+        case, curve: of the run, the case as nested tables
         settings: with the joint and its preload
         forces: amplitudes of the harmonic force over the limit of friction
         zeta: damping ratio in addition to that of slip, see `tangential_response`
