@@ -22,7 +22,7 @@ from time import process_time
 import numpy as np
 
 import asperity as asp
-from asperity.adaptive.dof_count import dofs_of
+from asperity.adaptive.family import dofs_of
 from asperity.adaptive.mesh_plan import extrapolate
 from asperity.arrays import Floats
 from asperity.mesh.size_field import SizeField

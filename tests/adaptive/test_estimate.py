@@ -12,8 +12,8 @@ import pytest
 from mpi4py import MPI
 
 import asperity as asp
-from asperity.adaptive.dof_count import NODES, NODES_OF_SURFACE, nodes_of
 from asperity.adaptive.estimate import ELASTIC, estimate, further_meshes
+from asperity.adaptive.family import NODES, NODES_OF_SURFACE, nodes_of
 from asperity.case import Case
 from asperity.errors import ConvergenceError
 from asperity.quasistatic.make import make_block

@@ -13,8 +13,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from asperity.adaptive.dof_count import dofs_of
-from asperity.adaptive.family import MeshFamily
+from asperity.adaptive.family import MeshFamily, dofs_of
 from asperity.adaptive.guide import CELLS, PASSES, Guide, half_space
 from asperity.adaptive.mesh_plan import (
     DOFS_ORDER,
