@@ -110,30 +110,23 @@ class ElementKernels:
 
     def tangent(self, u: Floats, values: Floats | Singles) -> None:
         """Write the local matrix at u, the state of the last internal force."""
-        if self._finite:
-            history = compiled(self._committed)
-            values[:] = 0.0
-            _solver.stiffness_finite(self._cells, self._law, u, history, self._pattern(values), values)
-            return
-        self._write_elastic(values)
-        self._add_to_elastic(self._law, u, values)
-
-    def _add_to_elastic(self, law: _solver.Elastic | _solver.J2, u: Floats, values: Floats | Singles) -> None:
-        """Add what flow, and the mean dilatation of cells that have flowed, change of the elastic stiffness."""
-        if self._flowing.any():
-            history, pattern = compiled(self._committed), self._pattern(values)
-            _solver.stiffness_plastic(self._cells, law, u, history, self._flowing, pattern, values)
+        self._write(self._law, self._committed, u, values)
 
     def elastic_tangent(self, u: Floats, values: Floats | Singles) -> None:
         """Write the local matrix at u for a motion without plastic flow."""
+        self._write(self._held, self._trial, u, values)
+
+    def _write(self, law: _solver.Elastic | _solver.J2, history: History, u: Floats, values: Floats | Singles) -> None:
+        pattern = self._pattern(values)
         if self._finite:
-            history = compiled(self._trial)
             values[:] = 0.0
-            _solver.stiffness_finite(self._cells, self._held, u, history, self._pattern(values), values)
-        else:
-            self._write_elastic(values)
-            if np.isfinite(self._mean_beyond):
-                self._add_to_elastic(self._held, u, values)
+            _solver.stiffness_finite(self._cells, law, u, compiled(history), pattern, values)
+            return
+        self._write_elastic(values)
+        # flow changes the elastic stiffness, and so does the mean dilatation of cells that have flowed
+        if self._flowing.any() and (law is not self._held or np.isfinite(self._mean_beyond)):
+            committed = compiled(self._committed)
+            _solver.stiffness_plastic(self._cells, law, u, committed, self._flowing, pattern, values)
 
     def _write_elastic(self, values: Floats | Singles) -> None:
         """Write the stiffness without plastic flow in small strain."""
