@@ -52,9 +52,10 @@ class Formulation:
     friction: str | float = "none"
 
     def __post_init__(self) -> None:
-        check_kinds(self, "contact", method=METHODS, penalty=FACTORS, gamma=FACTORS)
+        check_kinds(self, "contact", method=METHODS)
         if self.method == "nitsche":
             refuse(gamma_too_small(self.gamma))
+        check_kinds(self, "contact", penalty=FACTORS, gamma=FACTORS)
         refuse(wrong_friction(self.method, self.friction))
 
     @property
