@@ -30,6 +30,7 @@ if TYPE_CHECKING:
 
     from asperity.dynamics.joint import Numbers
 
+
 @dataclass(frozen=True)
 class SolvedCase:
     """The static part of a case.
