@@ -222,3 +222,11 @@ def test_the_bar_of_an_unresolved_surface_holds(material: Material) -> None:
     e = np.interp(loading.delta_star, fine.curve.delta_star, fine.curve.error_area_fraction)
     assert np.mean(np.abs(loading.area_fraction - A)[judged] <= (loading.error_area_fraction + e)[judged]) >= 0.8
     assert np.all(found.budget.roughness[found.curve.branch == "load"][judged] > 0.0)
+
+
+@pytest.mark.mpi
+def test_all_ranks_have_the_same_bar() -> None:
+    surface, comm = surface_of(3), MPI.COMM_WORLD
+    found = asp.solve_to_tolerance(surface, ELASTIC, asp.AccuracyTarget(0.2), delta_max=0.015, steps=5, comm=comm)
+    bars = comm.allgather(found.budget.roughness.tolist())
+    assert all(bar == bars[0] for bar in bars) and max(bars[0]) > 0.0

@@ -22,6 +22,7 @@ from asperity.errors import InputError, Interrupted
 from asperity.model.material import Material
 from asperity.model.problem import Problem
 from asperity.model.settings import AccuracyTarget, MeshSize
+from asperity.quasistatic.hooks import Hooks
 from asperity.quasistatic.make import make_contact_solver
 from asperity.run_case import run
 from asperity.surface import Flat, Sinusoid, Surface
@@ -263,3 +264,9 @@ def test_a_run_with_a_tolerance_chooses_too(tmp_path: Path) -> None:
     assert model["small_strain"]["limit_percent"] == pytest.approx(5.0 / 3.0)
     assert model["kinematics"] == "small" and 0.0 < model["small_strain"]["greatest_percent"] < 5.0 / 3.0
     assert summary["accuracy"]["met"] and tomllib.loads((tmp_path / "case.toml").read_text())
+
+
+def test_an_interrupted_comparison_is_no_failure() -> None:
+    hooks = Hooks(stop=lambda: "the test")
+    with pytest.raises(Interrupted, match="coarse mesh, small strain: stopped by the test"):
+        choose_kinematics(plane(0.01), comm=alone(), hooks=hooks)

@@ -1,4 +1,4 @@
-"""Finite strain: closed forms in Hencky strain, objectivity, twin kernels, tangent, Newton's order, whole solver."""
+"""Finite strain: closed forms in Hencky strain, objectivity, twin kernels, whole solver."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 import pytest
-from element_sample import Sample, difference, sample
+from element_sample import PAIRS, Sample, difference, sample
 from j2_path import confined_stress, uniaxial_stress
 from scipy.spatial.transform import Rotation
 
@@ -141,6 +141,24 @@ def test_all_forms_of_the_compiled_kernel_agree_with_the_twin(
     assert difference(a.tangent(u).data, b.tangent(u).data) < 1e-12
 
 
+@EACH
+def test_objectivity(coarse: BlockMesh, material: Material) -> None:
+    """A specimen that is turned on the way has the turned forces and stresses, and the same history."""
+    plain, turned = sample(coarse, material), sample(coarse, material)
+    before, u = states(plain.solid)["squeezed"]
+    x = plain.solid.points
+    for step in (*before, u):
+        R = TURN if step is u else TURN.T @ TURN.T  # between the steps too, by other angles
+        v = (x + step) @ R.T - x
+        assert difference(turned.force(v), plain.force(step) @ R.T) < 1e-10
+        stress, of_turned = (s.kernels.stress(w)[..., PAIRS] for s, w in ((plain, step), (turned, v)))
+        assert difference(of_turned, np.einsum("ik,cqkl,jl->cqij", R, stress, R)) < 1e-10
+        for it in (plain, turned):
+            it.kernels.commit()
+        for name, values in plain.kernels.history().arrays().items():
+            np.testing.assert_allclose(turned.kernels.history().arrays()[name], values, rtol=0, atol=1e-12)
+
+
 def test_a_solid_turned_inside_out_is_counted(cube: BlockMesh) -> None:
     for it in twins(cube, PLASTIC):
         assert np.isfinite(it.force(it.affine(np.diag([0.0, 0.0, -1.1])))).all()
@@ -209,6 +227,24 @@ def test_a_flat_driven_through_a_block_in_one_step_is_cut(cube: BlockMesh) -> No
     assert curve.delta[-1] == 0.8 and np.isfinite(curve.force).all()
     assert solver.force == pytest.approx(-ref.block_modulus(E, NU) * np.log(0.2) / 0.2, rel=1e-8)
     assert solver.checks.violated == {}
+
+
+@pytest.mark.parametrize("method", ["active-set", "penalty", "nitsche"])
+def test_a_step_too_large_is_rolled_back_and_cut(rough: Surface, coarse: BlockMesh | None, method: str) -> None:
+    """A solve that begins inside out fails before it touches anything, and half the step goes on from there."""
+    solver = press_of(rough, coarse, PLASTIC, method)
+    assert solver.step(0.002).converged
+    u, force = solver.solid.u.x.array.copy(), solver.force
+    history = solver.solid.kernels.history().copy()
+    bad = 5.0 * np.random.default_rng(7).normal(size=(solver.solid.owned, 3))
+    stats = solver.newton.solve(bad, 1.0)
+    assert not stats.converged and stats.reason == "diverged_function_domain"
+    solver.roll_back()
+    np.testing.assert_array_equal(solver.solid.u.x.array, u)
+    assert solver.force == force
+    for name, values in solver.solid.kernels.history().arrays().items():
+        np.testing.assert_array_equal(values, history.arrays()[name])
+    assert solver.step(0.004).converged
 
 
 def test_areas_are_those_of_the_deformed_top(rough: Surface, coarse: BlockMesh) -> None:

@@ -17,7 +17,7 @@ from asperity.fem.solid import Solid
 from asperity.linear import coarse as coarse_problem
 from asperity.linear.matrix_free import TangentOperator
 from asperity.linear.multigrid import PMultigrid
-from asperity.linear.petsc import assembled
+from asperity.linear.petsc import assembled, set_rigid_modes
 from asperity.linear.solver import LinearSolver
 from asperity.mesh.block import BlockMesh
 from asperity.mesh.distribute import distribute
@@ -420,3 +420,18 @@ def consistent_load(top: ContactSurface, pressure: Array) -> Array:
     out = np.empty(len(pressure))
     out[nodes] = load.array[at]
     return out
+
+
+@pytest.mark.mpi
+def test_near_null_space_is_orthonormal_and_rigid(coarse: BlockMesh | None) -> None:
+    solid = solid_of(world(), coarse)
+    A = matrix_of(solid)
+    set_rigid_modes(A, solid.points)
+    basis = A.getNearNullSpace().getVecs()
+    assert len(basis) == 6
+    gram = np.array([[a.dot(b) for b in basis] for a in basis])
+    np.testing.assert_allclose(gram, np.eye(6), atol=1e-12)
+    scale, y = A.norm(), A.createVecLeft()
+    for v in basis:
+        A.mult(v, y)
+        assert y.norm() < 1e-13 * scale

@@ -51,6 +51,13 @@ def top_facets(block: BlockMesh) -> Indices:
 # --- geometry -------------------------------------------------------------------------------------------------
 
 
+def test_the_summit_is_a_node(rough: Surface, coarse: BlockMesh) -> None:
+    x, y, z = rough.maximum()
+    summit = np.array([x, y, z + coarse.height - rough.mean()])
+    assert np.linalg.norm(coarse.points - summit, axis=1).min() < 1e-8  # it is placed to eight digits
+    assert coarse.points[:, 2].max() == pytest.approx(summit[2], abs=1e-14)
+
+
 def test_every_top_node_lies_on_the_surface(rough: Surface, coarse: BlockMesh) -> None:
     """Mid-edge nodes too, and no other nodes."""
     facets = top_facets(coarse)

@@ -165,6 +165,17 @@ def test_the_heights_are_those_of_the_same_mesh_lifted_in_one_process() -> None:
 # --- runs -----------------------------------------------------------------------------------------------------
 
 
+@pytest.mark.mpi
+@pytest.mark.usefixtures("several_ranks")
+def test_the_curve_does_not_depend_on_the_ranks() -> None:
+    one, all_ = (
+        press(WAVE, 1, comm, "periodic", steps=2, unload_steps=1, material=Material(1.0, 0.3, 0.05, 0.1)).curve
+        for comm in comms()
+    )
+    np.testing.assert_allclose(all_.force, one.force, rtol=1e-7, atol=1e-12)
+    np.testing.assert_allclose(all_.area_fraction, one.area_fraction, rtol=1e-6, atol=1e-12)
+
+
 def test_the_force_is_that_of_layer_theory() -> None:
     """Hertz contact, whose size field grows quickly; gmsh's own mesh of these sizes is off by 0.2 %."""
     alone, _ = comms()
