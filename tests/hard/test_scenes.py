@@ -1,4 +1,4 @@
-"""The hard cases, and the detection of wrong results.
+"""The hard cases.
 
 The quick ones are in the short suite; all of them: `./run pytest tests/hard/test_scenes.py -m "slow or not slow"`.
 """
