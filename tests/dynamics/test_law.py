@@ -251,14 +251,12 @@ def test_substeps_and_rows_before_contact_do_not_change_the_paper_law() -> None:
         (lambda: TableLaw(Z[::-1], Z[::-1]), "approach does not rise"),
         (lambda: TableLaw(Z, np.where(Z > 0.5, np.nan, Z)), "not finite"),
         (lambda: TableLaw(Z - 0.3, Z**1.5), "offset"),
-        (lambda: TableLaw(Z, np.maximum(Z - 0.3, 0.0) ** 1.5), "offset"),
         (lambda: TableLaw(Z, Z[:5]), "shapes"),
         (lambda: unload_reload({"delta": Z, "force": Z}), "unload"),
         (lambda: law_from({"delta": Z}), "force"),
         (lambda: law_from("nowhere.csv"), "nowhere.csv"),
         (lambda: law_from({"delta": Z, "force": Z}, law="hertz"), "hertz"),
         (lambda: law_from({"delta": Z, "force": np.where(Z > 0.5, Z - 0.3, Z)}, "paper"), "by more than 5 %"),
-        (lambda: Restoring(PowerLaw(1.5, 1e100), 1e-20), "beyond floating-point range"),
     ],
 )
 def test_bad_input_is_reported_in_one_sentence(build: Any, words: str) -> None:

@@ -121,9 +121,7 @@ def test_run_writes_its_files_and_figures(tmp_path) -> None:
     summary = json.loads((out / "thresholds.json").read_text())
     assert summary["omega_s"] == pytest.approx(np.sqrt(1.5 * 9.80665 / (3 / 2) ** (2 / 3)))
     assert summary["exact"]["F_over_mg"] == pytest.approx(1.5)
-    assert "not searched: longer periods" in summary["exact"]["responses"][0]["searched"]
-    assert summary["uncertainty"] is None
-    assert len(result.responses["exact"]) == 2
+    assert summary["uncertainty"] is None and len(result.responses["exact"]) == 2
 
 
 def _curve_in(folder: Path, length: float, force: float, case: str = "") -> Path:
