@@ -316,3 +316,15 @@ def test_many_harmonics() -> None:
     assert max(p.x.size // 2 for b in fine.branches for p in b.points) > 128
     for a, b in zip(fine.at(0.78), loose.at(0.78), strict=True):
         assert a.u_max == pytest.approx(b.u_max, rel=1e-6)
+
+
+def test_mostly_flight() -> None:
+    o = ContactOscillator(PowerLaw(1.5), zeta=0.01)
+    r = o.response(0.2, (0.2, 1.3))
+    top = max(r.at(0.25), key=lambda s: s.u_max)
+    assert free_orbit(o.restoring, top.u_max).flight > 0.8
+    u, v = top.start
+    shot = shoot(r.balance, 0.25, 0.2, u, v)
+    size = top.u_max - top.u_min
+    assert shot.u_max == pytest.approx(top.u_max, abs=1e-5 * size)
+    assert shot.u_min == pytest.approx(top.u_min, abs=1e-5 * size)

@@ -303,3 +303,12 @@ def test_the_sum_faces_the_turned_surface(tmp_path: Path) -> None:
     assert saved.maximum()[2] == pytest.approx(both.maximum()[2], rel=1e-4)
     with pytest.raises(InputError, match="no sum"):
         SumSurface(L=L, first=a, second=WeierstrassMandelbrot(L=2 * L))
+
+
+def test_a_saved_patch_is_the_surface_again(tmp_path: Path) -> None:
+    original = WeierstrassMandelbrot(L=L, seed=2)
+    saved = HeightField(original.grid(129), L / 128, L / 128).save(tmp_path / "p.npz")
+    surface = Surface.from_spec(kind="file", path=saved)
+    assert surface.maximum()[2] == pytest.approx(original.maximum()[2], rel=1e-4)
+    with pytest.raises(InputError, match="square"):
+        HeightField(np.zeros((10, 12)), 1, 1).save(tmp_path / "q.npz")

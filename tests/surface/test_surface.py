@@ -556,3 +556,61 @@ def test_a_map_is_periodic_if_its_edges_agree_and_are_smooth() -> None:
     assert not HeightMap.of(ridge, 1.0).periodic
     assert not HeightMap.of(np.cos(2 * np.pi * s)[:, None] + 0.01 * s, 1.0).periodic
     assert HeightMap.of(np.cos(2 * np.pi * s)[:, None] + np.zeros(129), 1.0).periodic
+
+
+@pytest.mark.parametrize(
+    ("ridges", "f_max", "heights"),
+    [
+        ("0..M", 5, (9.65929359e-08, 8.98139885e-08, 9.92733348e-08)),
+        ("0..M", 4, (8.71072304e-08, 7.88098729e-08, None)),
+        ("1..M", 5, (8.61422284e-08, 8.16684468e-08, None)),
+        ("1..M", 4, (7.71353764e-08, 7.19000460e-08, None)),
+    ],
+)
+def test_heights_with_zero_phases(ridges, f_max, heights):
+    surface = fractal(ridges=ridges, f_max=f_max, phases=np.zeros((11, f_max + 1)))
+    points = [(0.5e-6, 1e-6 / 3), (1e-6, 1e-6), (0.1e-6, 0.7e-6)]
+    for point, height in zip(points, heights, strict=True):
+        if height is not None:
+            assert surface.height(*point) == pytest.approx(height, rel=1e-9)
+
+
+def test_the_ensemble_over_seeds():
+    for D, Sq, Sz, slope in [(2.4, 7.899e-9, 44.55e-9, 0.1309), (2.5, 2.727e-9, 15.73e-9, 0.0493)]:
+        ensemble = [fractal(D=D, seed=seed).statistics(257) for seed in range(20)]
+        assert np.mean([s.Sq for s in ensemble]) == pytest.approx(Sq, rel=1e-4)
+        assert np.mean([s.Sz for s in ensemble]) == pytest.approx(Sz, rel=3e-4)
+        assert np.mean([s.rms_slope for s in ensemble]) == pytest.approx(slope, rel=1e-3)
+
+
+def without_waves_from(surface: WeierstrassMandelbrot, f: int, n: int) -> np.ndarray:
+    """Return heights about their mean of the waves below index f alone, on an n x n grid."""
+    assert surface.phases is not None
+    z = fractal(f_max=f - 1, M=surface.M, phases=surface.phases[:, :f]).grid(n)
+    return z - z.mean()
+
+
+@pytest.mark.parametrize("M", [4, 10])
+def test_nested_drawing_adds_waves_to_the_same_surface(M):
+    """With a larger f_max the waves of a smaller one remain; drawn as one array, the surfaces are unrelated."""
+    nested = [fractal(f_max=f, M=M, seed=3, drawing="nested") for f in (4, 5, 6)]
+    array = [fractal(f_max=f, M=M, seed=3) for f in (4, 5, 6)]
+    coarse = nested[0].grid(65) - nested[0].grid(65).mean()
+    for surface in nested:
+        np.testing.assert_allclose(without_waves_from(surface, 5, 65), coarse, rtol=0, atol=1e-12 * np.ptp(coarse))
+        assert surface.random  # the search for the summit relies on it
+    for drawn, alike in ((nested, True), (array, False)):
+        z = [s.grid(65).ravel() for s in drawn]
+        correlations = np.corrcoef(z)[np.triu_indices(3, 1)]
+        assert np.all(correlations > 0.95) if alike else np.all(correlations < 0.9)
+
+
+def test_psd_slope_of_the_fractal():
+    """C(q) ~ q^(2D-8): the amplitude of index f is A_f ~ k^(D-3), one wave a ring of area ~ k^2."""
+    densities = [fractal(seed=s, f_max=11, ridges="1..M").psd(1024) for s in range(4)]
+    q = densities[0].q * L / (2 * np.pi)
+    mean = np.mean([d.density for d in densities], axis=0)
+    edges = 1.5 ** np.arange(2.5, 11)
+    bands = [(mean * q)[(q >= a) & (q < b)].sum() for a, b in itertools.pairwise(edges)]
+    slope = np.polyfit(np.log(np.sqrt(edges[1:] * edges[:-1])), np.log(bands), 1)[0]
+    assert slope == pytest.approx(2 * (2.4 - 3), abs=0.15)
