@@ -22,7 +22,7 @@ from asperity.model.material import Material
 from asperity.model.settings import Formulation, SolverOptions
 from asperity.quasistatic.contact_solver import ContactSolver
 from asperity.quasistatic.make import make_contact_solver
-from asperity.quasistatic.newton import CONVERGED, NewtonSolver
+from asperity.quasistatic.newton import NewtonSolver
 from asperity.quasistatic.stepping import Record, follow
 from asperity.run_case import run
 from asperity.surface import Surface
@@ -165,7 +165,11 @@ def flowing_backwards(patch: pytest.MonkeyPatch, solver: ContactSolver) -> None:
 
 
 def stopping_early(patch: pytest.MonkeyPatch, solver: ContactSolver) -> None:
-    patch.setattr(NewtonSolver, "_outcome", lambda self, iterations: CONVERGED if iterations >= 3 else "")
+    def loose(self: NewtonSolver, snes: Any, it: int, norms: Any) -> Any:
+        reasons = snes.ConvergedReason
+        return reasons.CONVERGED_FNORM_RELATIVE if it >= 3 else reasons.ITERATING
+
+    patch.setattr(NewtonSolver, "_test", loose)
 
 
 def not_a_number(patch: pytest.MonkeyPatch, solver: ContactSolver) -> None:

@@ -47,6 +47,7 @@ class LinearSolver:
         rtol: smallest tolerance that will be requested
 
     Attributes:
+        operator: the tangent as a matrix of PETSc
         rescue: whether systems are factorised because the solver failed in this step
         rescued: number of systems factorised for that reason
         left: energy of the error of the last solution, the square of the energy norm of the residual, as CG predicts
@@ -67,6 +68,7 @@ class LinearSolver:
             self._method = Krylov(TangentOperator(solid, symmetric, single), symmetric)
         else:
             self._method = Assembled(solid, kind, symmetric, PREFIX)
+        self.operator = self._method.operator
 
     def forget(self) -> None:
         """Make the next solve independent of those before, as after a restart."""

@@ -1,21 +1,22 @@
-"""Newton's method for one position of the flat, on a solid and a contact formulation."""
+"""Newton's method for one position of the flat: PETSc SNES around a solid and a contact formulation."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+import weakref
+from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
-from typing import Any, Protocol
+from typing import Any, Protocol, runtime_checkable
 
 import numpy as np
 from mpi4py import MPI
 
 from asperity.arrays import Floats, Integers
 from asperity.fem.solid import Solid
+from asperity.linear.petsc import set_defaults
 from asperity.linear.solver import SINGLE_RTOL, LinearSolver
 from asperity.model.settings import SolverOptions
 
-CONVERGED = "converged_fnorm_relative"
 OUT_OF_MEMORY = 55  # PETSC_ERR_MEM
 CURVATURE = 10.0  # error after a Newton iteration over the square of that before it, measured on a fractal surface
 ROUNDING = 1e-13  # rounding error of the residual, relative to displacements (E = L = 1)
@@ -40,6 +41,14 @@ class ContactEquations(Protocol):
     def nodal_force(self, force: Floats) -> Floats: ...
 
 
+@runtime_checkable
+class FrictionEquations(ContactEquations, Protocol):
+    """The same of nodes that stick or slip, where a full step may not bring the solution nearer."""
+
+    def imbalance(self, force: Floats) -> Floats:
+        """Forces out of balance for an internal force, both (owned, 3) [E L^2]; zero at the solution only."""
+
+
 COUNTED = ("newton", "krylov", "shortened", "direct")  # of a solve
 
 
@@ -48,7 +57,7 @@ class StepStats:
     """Outcome and iterations of a solve."""
 
     converged: bool  # whether the equations are solved
-    reason: str  # why the iteration ended
+    reason: str  # name of the SNES reason, in lower case
     newton: int  # iterations
     krylov: int  # iterations
     shortened: int = 0  # Newton steps that the line search shortened
@@ -62,8 +71,9 @@ class StepStats:
 class NewtonSolver:
     """Newton's method for the equilibrium displacement of a solid in contact; collective.
 
-    The linear system of an iteration prescribes the increment of some dofs: fixed ones, and the active ones of exact
-    contact, see `linear.LinearSolver`.
+    The linear system of an iteration prescribes the increment of some dofs (fixed ones, and the active ones of exact
+    contact). The preconditioner of an outer `preonly` KSP does that, see `linear.LinearSolver`, so the inner solver can
+    be CG.
 
     Args:
         fixed: owned dofs without displacement increment; default those of the solid
@@ -72,15 +82,34 @@ class NewtonSolver:
     def __init__(
         self, solid: Solid, contact: ContactEquations, options: SolverOptions, fixed: Integers | None = None
     ) -> None:
+        from petsc4py import PETSc
+
         self.solid, self.contact, self.options = solid, contact, options
         self._given = fixed
-        self._residual_vec, self._step, self.x = solid.vector(), solid.vector(), solid.vector()
+        self._residual_vec, self.x = solid.vector(), solid.vector()
         self._krylov = self._shortened = 0
         self.rows: Integers = NOT_YET
         # in nearly incompressible solids the error is larger than the residual indicates
         usual = 3e-2 if solid.material.linear and not contact.stiff else 1e-2
         self._loosest = options.krylov_rtol or (usual if solid.material.nu <= 0.45 else 1e-3)
         self.linear = LinearSolver(solid, options.linear, contact.symmetric, min(self._loosest, SINGLE_RTOL))
+        snes = PETSc.SNES().create(solid.comm)
+        snes.setOptionsPrefix("asperity_")
+        snes.setType("newtonls")
+        set_defaults("asperity_", {"snes_linesearch_type": "basic"})
+        # the garbage collector cannot see references that PETSc holds: a strong one would never be freed
+        me = weakref.proxy(self)
+        snes.setFunction(lambda *args: me._function(*args), self._residual_vec)
+        snes.setJacobian(lambda *args: me._jacobian(*args), self.linear.operator)
+        snes.setConvergenceTest(lambda *args: me._test(*args))
+        snes.setTolerances(max_it=options.newton_max)
+        outer = snes.getKSP()
+        outer.setType("preonly")
+        pc = outer.getPC()
+        pc.setType("python")
+        pc.setPythonContext(_Preconditioner(me))
+        snes.setFromOptions()
+        self.snes = snes
 
     @property
     def _fixed(self) -> Integers:
@@ -91,9 +120,10 @@ class NewtonSolver:
         """Forces out of balance after the last solve, at the owned dofs, zero at prescribed ones [E L^2]."""
         return np.asarray(self._residual_vec.array_r)
 
-    def _evaluate(self) -> None:
-        """Forces out of balance at `x`; collective."""
-        self.solid.set_displacement(self.x)
+    # -- SNES call-backs -------------------------------------------------------------------------------------
+
+    def _function(self, snes: Any, x: Any, r: Any) -> None:
+        self.solid.set_displacement(x)
         self.force = self.solid.internal_force().copy()
         self._inverted = self._is_inverted()
         before = self.rows
@@ -101,25 +131,28 @@ class NewtonSolver:
         self._changed = len(np.setxor1d(before, self.rows))
         flat = residual.reshape(-1)
         flat[self._fixed] = 0.0
-        self._residual_vec.array = flat
+        r.array = flat
 
-    def _outcome(self, iterations: int) -> str:
-        """Why the iteration ends, empty while it goes on; collective.
+    def _jacobian(self, snes: Any, x: Any, A: Any, P: Any) -> None:
+        self.solid.assemble_tangent(self.contact.add_tangent if self.contact.stiff else None)
 
-        It has converged where forces balance and nothing penetrates the flat, each relative to its own scale.
-        """
+    def _test(self, snes: Any, it: int, norms: Any) -> int | bool:
+        """Test of convergence: forces balance and nothing penetrates the flat, each relative to its own scale."""
+        comm = self.solid.comm
         held = self.contact.nodal_force(self.force)
-        sums = self.solid.comm.allreduce(np.array([np.sum(held**2), np.sum(self.residual**2)]))
+        out = self._residual_vec.array_r
+        sums = comm.allreduce(np.array([np.sum(held**2), np.sum(out**2)]))
         gap = self._greatest_lack()
         contact, unbalanced = np.sqrt(sums)
+        reasons = snes.ConvergedReason
         if self._inverted:
-            return "diverged_function_domain"
+            return reasons.DIVERGED_FUNCTION_DOMAIN
         if not np.isfinite(unbalanced):
-            return "diverged_fnorm_nan"
+            return reasons.DIVERGED_FNORM_NAN
         self.balance = unbalanced / contact if contact > 0 else unbalanced
         if unbalanced <= self.options.rtol * contact + self._rounding and gap <= self._gap_tolerance():
-            return CONVERGED
-        return "diverged_max_it" if iterations >= self.options.newton_max else ""
+            return reasons.CONVERGED_FNORM_RELATIVE
+        return reasons.DIVERGED_MAX_IT if it >= self.options.newton_max else reasons.ITERATING
 
     def _is_inverted(self) -> bool:
         """Whether the last internal force is that of a solid turned inside out somewhere; collective."""
@@ -134,27 +167,23 @@ class NewtonSolver:
         """Displacement increment that a prescribed dof may lack at convergence [L]."""
         return self.options.rtol * self._scale + 1e-14
 
-    def _advance(self) -> bool:
-        """Make a Newton step, prescribed increments included; whether its linear system was solved; collective."""
-        y = self._step
-        self.solid.assemble_tangent(self.contact.add_tangent if self.contact.stiff else None)
+    # -- python preconditioner of the outer KSP --------------------------------------------------
+
+    def apply(self, pc: Any, r: Any, y: Any) -> None:
+        """Solve J y = r for the Newton step -y, prescribed increments included, and scale it; called by PETSc."""
+        from petsc4py import PETSc
+
         rows = np.concatenate([self._fixed, self.rows])
-        y.set(0.0)
-        iterations, solved = self.linear.solve(self._residual_vec, rows, -self._lacking, y, self._krylov_rtol())
+        iterations, solved = self.linear.solve(r, rows, -self._lacking, y, self._krylov_rtol())
         self._krylov += iterations
         if not solved:
-            return False
-        # of nodes that stick or slip, where a full step may not bring the solution nearer: forces out of balance for an
-        # internal force, both (owned, 3) [E L^2], zero at the solution only
-        imbalance = getattr(self.contact, "imbalance", None)
-        if imbalance is not None:
-            y.scale(self._damped_length(imbalance, y))
+            pc.setFailedReason(PETSc.PC.FailedReason.SUBPC_ERROR)
+        elif isinstance(self.contact, FrictionEquations):
+            y.scale(self._damped_length(self.contact, y))
         elif not self.solid.material.linear:
-            length = self._step_length(self._residual_vec, y)
+            length = self._step_length(r, y)
             self._shortened += length < 1.0
             y.scale(length)
-        self.x.axpy(-1.0, y)
-        return True
 
     def _krylov_rtol(self) -> float:
         """Tolerance of the linear solver: loose while the active set changes, then as tight as the iteration can use.
@@ -173,7 +202,7 @@ class NewtonSolver:
             useful = max(useful, CURVATURE * self.balance)
         return float(min(max(useful, SINGLE_RTOL), self._loosest))
 
-    def _damped_length(self, imbalance: Callable[[Floats], Floats], y: Any) -> float:
+    def _damped_length(self, contact: FrictionEquations, y: Any) -> float:
         """Length of the step -y with which the forces out of balance fall, those of stick and slip included.
 
         With full steps a node on the verge of slip may stick and slip in turn. Of the lengths tried the best is taken
@@ -183,7 +212,7 @@ class NewtonSolver:
         start = self.solid.u.x.array[: len(y.array_r)].copy()
 
         def merit(force: Floats) -> float:
-            flat = imbalance(force).reshape(-1)
+            flat = contact.imbalance(force).reshape(-1)
             flat[self._fixed] = 0.0
             return float(self.solid.comm.allreduce(float(flat @ flat)))
 
@@ -257,16 +286,29 @@ class NewtonSolver:
         self._krylov = self._shortened = 0
         self.linear.rescue, rescued = False, self.linear.rescued
         self.x.array = start.reshape(-1)
-        iterations, reason = 0, ""
         with _own_errors():
-            while not reason:
-                self._evaluate()
-                reason = self._outcome(iterations)
-                if not reason and not self._advance():
-                    reason = "diverged_linear_solve"
-                iterations += not reason
-        rescued = self.linear.rescued - rescued
-        return StepStats(reason == CONVERGED, reason, iterations, self._krylov, self._shortened, rescued)
+            self.snes.solve(None, self.x)
+        reason = self.snes.getConvergedReason()
+        if reason <= 0:  # where it converged, the residual is that of `x`
+            self._function(self.snes, self.x, self._residual_vec)
+        return StepStats(
+            reason > 0,
+            _reason_name(reason),
+            self.snes.getIterationNumber(),
+            self._krylov,
+            self._shortened,
+            self.linear.rescued - rescued,
+        )
+
+
+class _Preconditioner:
+    """Calls `apply` of a solver that may be gone when PETSc looks for other methods."""
+
+    def __init__(self, solver: Any) -> None:
+        self._solver = solver
+
+    def apply(self, pc: Any, r: Any, y: Any) -> None:
+        self._solver.apply(pc, r, y)
 
 
 @contextmanager
@@ -282,3 +324,10 @@ def _own_errors() -> Iterator[None]:
         if error.ierr == OUT_OF_MEMORY:
             raise MemoryError(str(error)) from None
         raise
+
+
+def _reason_name(reason: int) -> str:
+    from petsc4py import PETSc
+
+    names = {v: k for k, v in vars(PETSc.SNES.ConvergedReason).items() if isinstance(v, int)}
+    return names.get(reason, str(reason)).lower()
