@@ -23,28 +23,30 @@ FENCE = re.compile(r'^```(\w+)(?: title="([\w./-]+)")?\n(.*?)^```$', re.MULTILIN
 LONG = ("vibration", "tolerance")  # the demo, and meshes for 1 %
 ANY = "…"  # for a word that is not compared; alone on a line: lines left out
 NUMBER = re.compile(r"[-+]?\d+\.?\d*(?:e[-+]?\d+)?")
-CLOSE = 0.05  # relative difference of numbers: other versions of gmsh make other meshes
+CLOSE, OF_BARS = 0.05, 0.5  # relative differences of numbers, after a ±: other versions of gmsh make other meshes
 
 
-def same_word(shown: str, printed: str) -> bool:
-    """Whether a word agrees, its numbers up to `CLOSE`."""
+def same_word(shown: str, printed: str, close: float = CLOSE) -> bool:
+    """Whether a word agrees, its numbers up to a relative difference."""
     if shown == ANY or NUMBER.sub("#", shown) != NUMBER.sub("#", printed):
         return shown == ANY or (shown.endswith(ANY) and printed.startswith(shown[:-1]))
     pairs = zip(NUMBER.findall(shown), NUMBER.findall(printed), strict=True)
-    return all(math.isclose(float(a), float(b), rel_tol=CLOSE, abs_tol=1e-30) for a, b in pairs)
+    return all(math.isclose(float(a), float(b), rel_tol=close, abs_tol=1e-30) for a, b in pairs)
 
 
 def same_line(shown: str, printed: str) -> bool:
     """Whether the words of a line appear next to one another in a printed one."""
     words, found = shown.split(), printed.split()
+    close = [OF_BARS if before == "±" else CLOSE for before in ["", *words]]
     starts = range(len(found) - len(words) + 1)
-    return any(all(map(same_word, words, found[i : i + len(words)])) for i in starts)
+    return any(all(map(same_word, words, found[i : i + len(words)], close)) for i in starts)
 
 
 def test_lines_are_compared() -> None:
     assert same_line("P* = 35.179 …", "[  2 s] P* = 35.2 (delta/L)^2.2")
     assert same_line("0.0177…", "0.01773749")
     assert not same_line("P* = 35.179", "P* = 39.1")
+    assert same_line("1.91 ± 1.3 %", "1.89 ± 1.1 %") and not same_line("1.91 ± 1.3 %", "1.91 ± 13 %")
     assert not same_line("written to out/first", "written to out/second")
 
 
