@@ -614,3 +614,12 @@ def test_psd_slope_of_the_fractal():
     bands = [(mean * q)[(q >= a) & (q < b)].sum() for a, b in itertools.pairwise(edges)]
     slope = np.polyfit(np.log(np.sqrt(edges[1:] * edges[:-1])), np.log(bands), 1)[0]
     assert slope == pytest.approx(2 * (2.4 - 3), abs=0.15)
+
+
+@pytest.mark.parametrize("radius", [1e2, 1e5, 1e9])
+def test_a_flat_sphere_has_the_mean_of_a_paraboloid(radius):
+    """-L^2/(12 R), the sphere deeper by the order L^2/R^2."""
+    means = [
+        Surface.from_spec("sphere", L=1.0, radius=radius, shape=shape).mean() for shape in ("sphere", "paraboloid")
+    ]
+    assert means == pytest.approx([-1.0 / (12.0 * radius)] * 2, rel=1.0 / radius**2 + 1e-12)

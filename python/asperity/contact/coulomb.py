@@ -62,7 +62,8 @@ class Coulomb(ActiveSet):
         before = np.maximum(gap + (gap - (self._z - self._height - v[:, 2])) / ratio, 0.0)
         now, closed = gap**POWER, before**POWER - gap**POWER
         part = np.clip(np.divide(now, ratio * closed, out=np.ones_like(gap), where=closed > 0.0), 0.0, 1.0)
-        touched = u[:, :2] + part[:, None] * (v - u)[:, :2] - self._from
+        move = (v - u)[:, :2] - self.goes_on * (self.sliding.shift - self._from)  # on the flat, where it is foreseen
+        touched = u[:, :2] + part[:, None] * move - self._from
         self.sliding.origin = np.where(np.isnan(self.held[:, :2]), touched, self.held[:, :2])
         stuck = ~np.isnan(self.held[:, 0]) & (self.sliding.stuck | (not self.goes_on))
         self.sliding.begin(stuck, float(np.abs(self.sliding.shift - self._from).max()))

@@ -210,7 +210,7 @@ class ContactOscillator:
             RangeError: the motion escapes from a Taylor well
         """
         w = within("omega", omega, OMEGA)
-        f = within("forcing", forcing, FORCING) if forcing else 0.0
+        f = within("forcing", forcing, FORCING) if forcing != 0 else 0.0
         if not np.isfinite([u, v]).all():
             raise InputError(f"the initial state u = {u}, v = {v} is not legal: it must be finite")
         period = 2.0 * np.pi / w

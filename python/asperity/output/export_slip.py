@@ -72,7 +72,7 @@ def sliders_module(law: SlipLaw, patch: float, area: float, about: tuple[str, ..
 def _sliders(law: SlipLaw, patch: float) -> list[tuple[float, float]]:
     """Stiffness over area and force over mu P of each slider."""
     array = law.array(SLIDERS, _LIGHTEST)
-    return list(zip((array.k / patch).tolist(), (array.f / law.limit).tolist(), strict=True))
+    return [(float(k), float(f)) for k, f in zip(array.k / patch, array.f / law.limit, strict=True)]
 
 
 def _about(law: SlipLaw, patch: float) -> Iterator[str]:

@@ -78,7 +78,7 @@ def write_report(folder: str | Path, finished: bool | None = None) -> Path:
         figures=[_figure(path) for path in _figures(results.folder / FIGURES)],
         raw=[
             ("Run: counts, times, checks, versions", _json(summary)),
-            ("Vibration: thresholds", _json(results.thresholds)),
+            *([("Vibration: thresholds", _json(results.thresholds))] if results.thresholds else []),
             ("Input: the completed case", tomli_w.dumps(dict(results.case))),
         ],
         laws=_laws(results),

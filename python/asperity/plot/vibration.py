@@ -117,7 +117,9 @@ def response(results: Results) -> Figure:
     """
     t = results.thresholds
     sections = {model: t.get(model, {}).get("responses", ()) for model in MODELS}
-    events = [e | {"model": m, "F_hat": r["F_hat"]} for m, rs in sections.items() for r in rs for e in r["events"]]
+    events = [
+        e | {"model": m, "F_hat": r["F_hat"]} for m, rs in sections.items() for r in rs for e in r.get("events", ())
+    ]
     n_loc = t.get("n_loc")
     title = heading(np.unique(results.response["zeta"]), t.get("damping"), n_loc)
     return _response(results.response, events, title, n_loc, results.band, Scale.of(t))

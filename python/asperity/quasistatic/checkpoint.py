@@ -125,7 +125,8 @@ class Checkpoint:
             path = self.folder / MESH
             with _refusing(path):
                 blocks.append(block := BlockMesh.from_arrays(read_npz(path)))
-            if not block.refinements and headers[DISPLACEMENTS[0]][1][0] != len(block.points):
+                nodes = headers[DISPLACEMENTS[0]][1][0]
+            if not block.refinements and nodes != len(block.points):
                 raise CheckpointError(f"{path} does not belong to the state; start the run again with --force")
             names = [SNAPSHOT.format(k) for k in range(len(meta["snapshots"]))]
             return meta, {STATE: headers} | {name: scan(self.folder / name)[1] for name in names}

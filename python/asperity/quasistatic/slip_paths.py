@@ -135,7 +135,10 @@ class Sliding:
         self._origin, self._history = self._flat.origin, self._solid.kernels.history().copy()
         self._at_rest = solver.state().displacement, self.solved_force()
         self.reset()
-        self.k_rest = self._stiffness_at_rest(LIGHT * friction * solver.delta)
+        try:
+            self.k_rest = self._stiffness_at_rest(LIGHT * friction * solver.delta)
+        finally:
+            self.reset()
 
     def _begin(self) -> None:
         """Freeze the normal forces; collective."""
@@ -189,8 +192,7 @@ class Sliding:
         part = move / before if before * move > 0.0 else 0.0
         self._flat.shift = delta * self._axis
         stats = self._solve(self._u + part * change, abs(move), part)
-        if stats.converged:
-            self._guide = move, self._displacement() - self._u
+        self._guide = (move, self._displacement() - self._u) if stats.converged else (0.0, 0.0)
         return stats
 
     def _solve(self, start: Floats, move: float, part: float) -> StepStats:

@@ -48,9 +48,11 @@ def noting(comm: MPI.Comm) -> Iterator[Notices]:
     display: Callable[..., None] = show if comm.rank == 0 else lambda *_: None
     notices = Notices(comm)
 
-    def note(message: Warning | str, category: type[Warning], filename: str, lineno: int, *rest: Any) -> None:
+    def note(
+        message: Warning | str, category: type[Warning], filename: str, lineno: int, *rest: Any, **named: Any
+    ) -> None:
         if not issubclass(category, AsperityWarning):
-            show(message, category, filename, lineno, *rest)
+            show(message, category, filename, lineno, *rest, **named)
             return
         text = str(message)
         if text in notices.texts:

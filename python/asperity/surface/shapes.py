@@ -148,7 +148,8 @@ class Sphere(Surface):
             return -(r**4) / (8 * R)
         rim = self.cap * R
         inner = np.minimum(r, rim)
-        total = (R**3 - (R**2 - inner**2) ** 1.5) / 3 - R * inner**2 / 2
+        depth = np.sqrt(R**2 - inner**2)
+        total = -(inner**4) * (2 * depth + R) / (6 * (R + depth) ** 2)  # no difference of large numbers
         root = math.sqrt(R**2 - rim**2)
         slope, outer = -rim / root, np.maximum(r, rim)
         level = root - R - slope * rim

@@ -193,7 +193,9 @@ class TableLaw(Law):
         for i in range(min(_GROUPS, inner.size)):
             kept = np.setdiff1d(np.arange(self.z.size), inner[i::_GROUPS])
             F, k = self.F[kept], np.full(kept.size, np.nan) if self.k is None else self.k[kept]
-            if self.noise and kept.size >= MIN_POINTS:
+            if self.noise and kept.size < MIN_POINTS:
+                continue
+            if self.noise:
                 F, k = smoothed(self.z[kept], self._measured[kept])
             laws.append(replace(self, z=self.z[kept], F=F, k=k, origin=0.0))
         return tuple(laws)
