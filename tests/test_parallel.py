@@ -17,7 +17,7 @@ from asperity.curve import Curve
 from asperity.mesh.block import BlockMesh
 from asperity.mesh.generate import build_block
 from asperity.model.material import Material
-from asperity.model.settings import Formulation, SolverOptions
+from asperity.model.settings import Formulation, MeshSize, SolverOptions
 from asperity.output.fields import gather_states
 from asperity.output.results import Results
 from asperity.plot import figures_of
@@ -139,3 +139,22 @@ def test_a_run_writes_one_set_of_files(shared_path: Path) -> None:
     assert {path.name for path in folder.iterdir()} >= {"case.toml", "curve.csv", "summary.json", "fields"}
     drawn = {path.stem for path in (folder / FIGURES).glob("*.png")}
     assert drawn == {*figures_of(Results.read(folder))} >= {"frequency", "response", "curve", "pressure"}
+
+
+def test_force_control_does_not_depend_on_the_ranks(rough: Surface, coarse: BlockMesh | None) -> None:
+    alone, together = comms()
+    curves = [
+        solve_contact(rough, PLASTIC, force_max=0.004 / 0.91, steps=3, block=given, comm=comm).curve
+        for comm, given in ((alone, together.bcast(coarse)), (together, coarse))
+    ]
+    assert_same(curves[1], curves[0])
+
+
+def test_a_mesh_made_by_all_is_the_mesh_made_by_one(rough: Surface) -> None:
+    size = MeshSize(0.2, growth=0.6, h_max=0.6)
+    alone, together = comms()
+    one, all_ = (solve_contact(rough, ELASTIC, delta_max=DELTA, steps=1, size=size, comm=c) for c in (alone, together))
+    assert_same(all_.curve, one.curve)
+    if together.rank == 0:
+        assert one.block is not None and all_.block is not None
+        np.testing.assert_array_equal(one.block.tets, all_.block.tets)

@@ -546,3 +546,14 @@ def test_micrometres_and_gigapascal_give_the_curve_of_metres_and_pascal() -> Non
         np.testing.assert_allclose(a, b, rtol=0, atol=1e-8 * np.max(b, initial=1e-300), err_msg=column)
     np.testing.assert_allclose(micro.force * 1e9 * 1e-12, si.force, rtol=1e-7, atol=1e-8 * si.force.max())
     np.testing.assert_allclose(micro.max_pressure * 1e9, si.max_pressure, rtol=0, atol=1e-6 * si.max_pressure.max())
+
+
+def test_too_few_newton_steps_end_in_a_partial_curve(tmp_path: Path) -> None:
+    """A true failure, without any help."""
+    with pytest.raises(ConvergenceError, match=r"diverged_max_it after 3 Newton iterations"):
+        run(case_of(solver={"newton_max": 3, "linear": "lu"}), tmp_path / "out")
+    assert Curve.read(tmp_path / "out" / "curve.csv").delta_star[-1] < 0.03 - 1e-9
+    log = (tmp_path / "out" / "run.log").read_text(encoding="utf-8")
+    cutbacks = json.loads((tmp_path / "out" / "summary.json").read_text(encoding="utf-8"))["cutbacks"]
+    assert log.count("given up after 3 Newton steps, diverged_max_it") == cutbacks > 1
+    assert log.count("step cut to") == cutbacks - 1  # the last one ends the run

@@ -397,3 +397,18 @@ def test_no_room_for_more_than_the_first_mesh_leaves_its_curve(monkeypatch: pyte
     with pytest.raises(PartialResult, match=r"the force has no error bar: accuracy\.max_dofs") as caught:
         solve_to_tolerance(SPHERE, ELASTIC, AccuracyTarget(0.1, max_dofs=dofs), delta_max=0.01, steps=5)
     assert len(caught.value.result.curve) == 5
+
+
+@pytest.mark.slow
+def test_load_steps_are_extrapolated_by_the_order_of_the_integrator() -> None:
+    """Backward Euler is of first order: its steps have larger errors and bars, and the limit is the same."""
+    midpoint, euler = (
+        solve_to_tolerance(bump(), PLASTIC, AccuracyTarget(0.06), delta_max=0.04, steps=3, integrator=rule)
+        for rule in ("midpoint", "backward-euler")
+    )
+    assert midpoint.levels[-1].substeps <= euler.levels[-1].substeps == 2
+    last = [(r.curve.P_star[-1], r.budget.load_step[-1], r.curve.error_P_star[-1]) for r in (midpoint, euler)]
+    (P, step, bar), (other, other_step, other_bar) = last
+    assert other_step > 2.0 * step
+    assert abs(P - other) <= bar + other_bar
+    assert abs(P - other) < other_step  # what is corrected; errors of mesh and steps cancel in the raw force

@@ -159,6 +159,15 @@ def test_objectivity(coarse: BlockMesh, material: Material) -> None:
             np.testing.assert_allclose(turned.kernels.history().arrays()[name], values, rtol=0, atol=1e-12)
 
 
+@EACH
+def test_small_displacements_are_those_of_small_strain(coarse: BlockMesh, material: Material) -> None:
+    """The difference is of the order of the displacement gradient, down to rounding."""
+    finite, small = (sample(coarse, m) for m in (material, replace(material, kinematics="small")))
+    _, u = states(finite.solid)["squeezed"]
+    gaps = [difference(finite.force(s * u), small.force(s * u)) for s in (1e-3, 1e-5, 1e-8)]
+    assert gaps[0] < 5e-3 and gaps[1] < 1.5e-2 * gaps[0] and gaps[2] < 1e-7
+
+
 def test_a_solid_turned_inside_out_is_counted(cube: BlockMesh) -> None:
     for it in twins(cube, PLASTIC):
         assert np.isfinite(it.force(it.affine(np.diag([0.0, 0.0, -1.1])))).all()

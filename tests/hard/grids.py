@@ -135,6 +135,18 @@ def tolerances() -> list[Scene]:
             reason="touches a few facets only",
         ),
         Scene(
+            "tolerance/penalty",
+            "3 % by a penalty of factor 10",
+            plain | five | {"contact.method": "penalty"},
+            twin=Twin("0.5 %, exact contact", 0.035, better | {"contact.method": "active-set"}),
+        ),
+        Scene(
+            "tolerance/nitsche",
+            "3 % by Nitsche's method",
+            plain | five | {"contact.method": "nitsche"},
+            twin=Twin("0.5 %, exact contact", 0.035, better | {"contact.method": "active-set"}),
+        ),
+        Scene(
             "tolerance/soft",
             "3 % by a penalty of factor 1",
             plain | {"contact.method": "penalty", "contact.penalty": 1.0},

@@ -255,3 +255,14 @@ def test_a_folder_that_may_not_be_written_is_a_clear_error(case: Path, tmp_path:
     code, _, err = call(asperity("run", case, "-o", tmp_path / "file" / "out"))
     assert code in (2, 4) and "Traceback" not in err and err.count("\n") == 1
     assert (tmp_path / "file").read_text() == "mine"
+
+
+def test_an_output_folder_that_vanishes_is_a_clear_error(case: Path, tmp_path: Path) -> None:
+    out = tmp_path / "out"
+    process = start(asperity("run", case, "-o", out))
+    wait_for_steps(out, 1)
+    out.rename(tmp_path / "moved")
+    _, err = process.communicate(timeout=120)
+    assert process.returncode == 4 and "cannot write" in err and "No such file" in err
+    assert "Traceback" not in err
+    run(case, tmp_path / "moved", "--resume")

@@ -18,7 +18,7 @@ import tomli_w
 
 from asperity.case import Case
 from asperity.curve import Curve
-from asperity.errors import AsperityWarning, InputError
+from asperity.errors import AsperityWarning, InputError, OutputError
 from asperity.run_case import run
 from asperity.study import Study, StudyResults, run_study, summarise_case
 from asperity.study.results import DONE, case_folder
@@ -367,3 +367,18 @@ def test_a_saved_state_that_is_damaged_is_not_continued(tmp_path: Path) -> None:
     state = place / "checkpoint/state.npz"
     state.write_bytes(state.read_bytes()[:-100])
     assert run_study(made, tmp_path).done == 1
+
+
+def test_a_mesh_that_cannot_be_written_is_recorded_with_its_case(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    from mpi4py import MPI
+
+    def full(descriptor: int) -> None:
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr("os.fsync", full)
+    case = study(grid={"block.height": [1.0]}).entries[0].case
+    error = shared_mesh(case, tmp_path, MPI.COMM_SELF)
+    assert isinstance(error, OutputError) and "npz: No space left on device" in str(error)
+    assert list((tmp_path / "meshes").iterdir()) == []
