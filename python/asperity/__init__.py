@@ -8,7 +8,7 @@ from __future__ import annotations
 import importlib
 from typing import TYPE_CHECKING, Any
 
-__version__ = "1.0.0rc1"
+__version__ = "1.0.0"
 
 if TYPE_CHECKING:  # the names below, for type checkers and editors
     from asperity import reference as reference
