@@ -66,5 +66,5 @@ def noting(comm: MPI.Comm) -> Iterator[Notices]:
 
     with warnings.catch_warnings():
         warnings.simplefilter("always", AsperityWarning)
-        warnings.showwarning = note  # type: ignore[assignment]
+        warnings.showwarning = note
         yield notices
