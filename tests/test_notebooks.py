@@ -45,6 +45,7 @@ def test_no_outputs_are_stored(name: str) -> None:
     assert f"def test_the_notebook_of_a_{name}(" in Path(__file__).read_text(encoding="utf-8")
 
 
+@pytest.mark.slow
 def test_the_notebook_of_a_scan(tmp_path: Path) -> None:
     notebook = execute("scan", tmp_path)
     found = re.search(r"([\d.e-]+) N at 1e-07 m, ([\d.]+)% in contact, (\d+) spots", printed(notebook))
@@ -54,6 +55,7 @@ def test_the_notebook_of_a_scan(tmp_path: Path) -> None:
     assert int(found[3]) == 2
 
 
+@pytest.mark.slow
 def test_the_notebook_of_a_joint(tmp_path: Path) -> None:
     """Frequency and peaks are those of a mesh with elements of 8 µm."""
     notebook = execute("joint", tmp_path)

@@ -20,7 +20,6 @@ from asperity.cli import group
 ROOT = Path(__file__).parent.parent
 PAGES = [*sorted((ROOT / "docs/tutorials").glob("*.md")), *sorted((ROOT / "docs/how-to").glob("*.md"))]
 FENCE = re.compile(r'^```(\w+)(?: title="([\w./-]+)")?\n(.*?)^```$', re.MULTILINE | re.DOTALL)
-LONG = ("vibration", "tolerance")  # the demo, and meshes for 1 %
 ANY = "…"  # for a word that is not compared; alone on a line: lines left out
 NUMBER = re.compile(r"[-+]?\d+\.?\d*(?:e[-+]?\d+)?")
 CLOSE, OF_BARS = 0.05, 0.5  # relative differences of numbers, after a ±: other versions of gmsh make other meshes
@@ -71,11 +70,8 @@ def test_what_a_page_types_is_legal(page: Path) -> None:
                 assert {a for a in given if a.startswith("-") and not a[1:2].isdigit()} <= options, line
 
 
-@pytest.mark.parametrize(
-    "page",
-    [pytest.param(p, marks=pytest.mark.slow) if p.stem in LONG else p for p in PAGES],
-    ids=[f"{p.parent.name}/{p.stem}" for p in PAGES],
-)
+@pytest.mark.slow
+@pytest.mark.parametrize("page", PAGES, ids=lambda p: f"{p.parent.name}/{p.stem}")
 def test_a_page_works_as_typed(page: Path, tmp_path: Path) -> None:
     (tmp_path / "cases").symlink_to(ROOT / "cases")
     paths = os.pathsep.join([str(Path(sys.executable).parent), os.environ["PATH"]])

@@ -61,7 +61,7 @@ def pressed(surface: Surface, block: BlockMesh, friction: Any, steps: int = 4) -
 # --- pressing -------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("friction", [0.15, 0.25])
+@pytest.mark.parametrize("friction", [0.25, pytest.param(0.15, marks=pytest.mark.slow)])
 def test_a_sphere_sticks_inside_the_radius_of_spence(cap: Surface, friction: float) -> None:
     """Goodman's approximation of Spence's solution: (a/2c) ln((a + c)/(a - c)) = mu/beta K(sqrt(1 - c^2/a^2)).
 
@@ -115,7 +115,7 @@ def corner() -> tuple[Sphere, BlockMesh | None, dict[str, Any]]:
     return sphere, block, {"delta_max": delta, "stiffness": True}
 
 
-@pytest.mark.parametrize("nu", [0.0, 0.3])
+@pytest.mark.parametrize("nu", [0.0, pytest.param(0.3, marks=pytest.mark.slow)])
 def test_a_sphere_under_great_friction_is_a_bonded_punch(
     corner: tuple[Sphere, BlockMesh | None, dict[str, Any]], nu: float
 ) -> None:
