@@ -136,8 +136,9 @@ def interface(folder: str | Path, law: str = "table", load: float | None = None)
     about = tuple(_about(results, case, found, law, measure))
     slip = None
     if case.slip is not None:
-        whole = slip_of_case(case.to_dict(), curve, case.slip.preload or load).law
-        slip = replace(whole, block=(whole.block[0], 0.0))
+        of_patch = slip_of_case(case.to_dict(), curve, case.slip.preload or load)
+        about += of_patch.notes
+        slip = replace(of_patch.law, block=(of_patch.law.block[0], 0.0))
     conduction = np.stack(gap_conductance(results.case, curve), axis=1)
     conduction = conduction[columns.rising(rows & (conduction[:, 1] > 0) & (curve.force > 0))]
     return Interface(z, pressure, slope, k_n, k_n_elastic, k_t, area, about, slip, patch, conduction, preload)

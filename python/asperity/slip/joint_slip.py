@@ -37,6 +37,10 @@ METHOD = (0.07, 0.35)
 STEEP = (2.0, 4.0)
 #: The same after yield, which lowers the pressures but not the slopes.
 STEEP_YIELDED = (8.0, 18.0)
+RIGID = (
+    "the law of slip is that of two like bodies, but this one was pressed on a rigid flat with friction: only the loops "
+    "of the solid are its own"
+)
 KINEMATIC = (
     "the hardening is kinematic, at least in part: the solid flows in each loop, and slips more than here, where its "
     "plastic strain is held (docs/slip.md)"
@@ -238,8 +242,9 @@ def slip_of_case(
     found = slip_of_curve(
         curve, settings, material, patch=patch, height=block["height"], sides=block["sides"], computed=computed
     )
-    if computed and case.get("contact", {}).get("friction") not in (None, "none"):  # the law is that of two like bodies
-        found = replace(found, by_curve=(), errors=(), notes=())
+    if case.get("contact", {}).get("friction") not in (None, "none"):
+        without = replace(found, by_curve=(), errors=(), notes=())
+        found = without if computed else replace(found, notes=(*found.notes, RIGID))
     if solid.get("hardening", "isotropic") in ("isotropic", 0) or not CurveColumns.of(curve).yielded(found.law.preload):
         return found
     return replace(found, notes=(*found.notes, KINEMATIC))
