@@ -81,7 +81,7 @@ def finite() -> list[Scene]:
                 "loading.steps": 45,
                 "loading.unload": True,
             },
-            twin=DIRECT,
+            twin=Twin("LU, not CG", 1e-5, {"solver.linear": "lu"}),  # of the indentation left
         ),
         Scene(
             "finite/friction",

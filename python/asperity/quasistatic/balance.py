@@ -20,6 +20,8 @@ from dataclasses import asdict, astuple, dataclass, field
 from math import inf, isfinite, sqrt
 from typing import Any
 
+from asperity.quasistatic.newton import ROUNDING as OF_RESIDUAL
+
 # Limits, unless the tolerance of the equations is larger
 SUCTION = 1e-6  # greatest tension over greatest pressure
 EXACT = 1e-6  # penetration over approach, exact contact
@@ -139,7 +141,8 @@ def _judge_forces(checks: Checks, step: StepBalance, judge: Judge, dofs: int, rt
     if step.force > 0.0:
         checks.force_balance = max(checks.force_balance, unbalanced / step.force)
         checks.unsolved = max(checks.unsolved, step.residual / max(step.force, checks.greatest_force))
-    solved = sqrt(dofs) * (rtol * step.force + 1e-15) + ROUNDING * step.force
+    rounding = 1e-15 + OF_RESIDUAL * abs(step.delta)  # a solid that was squeezed keeps stresses without the flat
+    solved = sqrt(dofs) * (rtol * step.force + rounding) + ROUNDING * step.force
     judge(
         "force_balance",
         unbalanced <= solved,

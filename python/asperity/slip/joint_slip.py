@@ -38,8 +38,8 @@ STEEP = (2.0, 4.0)
 #: The same after yield, which lowers the pressures but not the slopes.
 STEEP_YIELDED = (8.0, 18.0)
 RIGID = (
-    "the law of slip is that of two like bodies, but this one was pressed on a rigid flat with friction: only the loops "
-    "of the solid are its own"
+    "the law of slip is that of two like bodies, but this one was pressed on a rigid flat with friction: only the "
+    "loops of the solid are its own"
 )
 KINEMATIC = (
     "the hardening is kinematic, at least in part: the solid flows in each loop, and slips more than here, where its "
