@@ -5,6 +5,7 @@ from __future__ import annotations
 import gc
 import math
 import shutil
+import subprocess
 import sys
 import tempfile
 import warnings
@@ -25,10 +26,17 @@ from asperity.runtime.launch import started_ranks
 from asperity.runtime.parallel import Ranks, on_root
 from asperity.surface import Sinusoid, Sphere, Surface, WeierstrassMandelbrot
 
+
+def is_open_mpi() -> bool:
+    """Whether mpirun is that of Open MPI."""
+    path = shutil.which("mpirun")
+    return path is not None and "Open MPI" in subprocess.run([path, "--version"], capture_output=True, text=True).stdout
+
+
 ELASTIC = Material(1.0, 0.3)
 PLASTIC = Material(1.0, 0.3, 0.005, 0.05)
 #: Start of a command on several ranks, also on more of them than there are cores.
-MPIRUN = ("mpirun", "--oversubscribe", "--bind-to", "none", "-n")
+MPIRUN = ("mpirun", *(("--oversubscribe", "--bind-to", "none") if is_open_mpi() else ()), "-n")
 
 
 def world() -> Any:

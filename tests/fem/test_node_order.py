@@ -21,9 +21,11 @@ from asperity.mesh.element import node_ends
 #: Ghosts on more ranks than the tests run on, where a rank may hold nodes that it shares with some of the others only.
 GHOSTS = """
 import numpy as np
+from asperity.runtime import compat
+compat.start()
+from asperity.fem.ghosts import Ghosts
 from dolfinx.mesh import create_unit_cube
 from mpi4py import MPI
-from asperity.fem.ghosts import Ghosts
 from asperity.fem.node_order import displacement_space
 
 for n in (2, 3, 4):

@@ -155,7 +155,9 @@ def test_a_full_disk_is_a_clear_error_and_loses_no_results(case: Path, tmp_path:
     sizes = {path.name: path.stat().st_size for path in files}
     limit = (sizes["state.npz"] + sizes["mesh.npz"]) // 2  # the mesh fits, the states of the last steps do not
     assert sizes["mesh.npz"] < limit < sizes["state.npz"]
-    limited = f"import resource, sys; resource.setrlimit(resource.RLIMIT_FSIZE, ({limit}, {limit})); "
+    # MPI, which has files of its own, starts before
+    limited = "import resource, sys; from asperity.runtime import compat, compiled; compat.start(); "
+    limited += f"resource.setrlimit(resource.RLIMIT_FSIZE, ({limit}, {limit})); "
     limited += "sys.argv[0] = 'asperity'; from asperity.cli import main; main(sys.argv[1:])"
     code, _, err = call([sys.executable, "-c", limited, "run", str(case), "-o", str(out), "-q"])
     assert code == 4

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import platform
+import sys
 from dataclasses import asdict
 from importlib import metadata
 from typing import Any
@@ -61,6 +62,7 @@ def versions() -> dict[str, str]:
     for name in PACKAGES:
         try:
             found[name] = metadata.version(name)
-        except metadata.PackageNotFoundError:
-            continue
+        except metadata.PackageNotFoundError:  # PyPI's wheel of dolfinx contains petsc4py
+            if hasattr(sys.modules.get(name), "__version__"):
+                found[name] = sys.modules[name].__version__
     return found

@@ -29,7 +29,13 @@ def require(module: str, package: str) -> None:
 
 
 def load_libraries() -> None:
-    """Load MPI from PyPI's wheel of dolfinx, where it is installed, before all that is linked with it."""
+    """Load MPI from PyPI's wheel of dolfinx, where it is installed, before all that is linked with it.
+
+    Its PETSc would handle signals itself, and end the process where asperity ends a run in order.
+    """
+    options = os.environ.get("PETSC_OPTIONS", "")
+    if "-no_signal_handler" not in options:
+        os.environ["PETSC_OPTIONS"] = f"-no_signal_handler {options}".strip()
     if importlib.util.find_spec("dolfinx_solver") is not None:
         importlib.import_module("dolfinx_solver")
 
