@@ -63,8 +63,8 @@ CAPTIONS = {
     "receptance": "Frequency response function: amplitude at the forcing frequency over the force. A linear contact "
     "has one curve for all forces; the peak of each force lies on its backbone.",
     "slip": "(a) Tangential force over displacement: from rest to an amplitude and around one loop, by the normal "
-    "curve; dots, where the solid was moved: its states. (b) Loss factor, twice the damping ratio. (c) Amplitude of "
-    "the force over that of the displacement.",
+    "curve of like bodies; dots, where the solid was moved: its states. (b) Loss factor, twice the damping ratio. "
+    "(c) Amplitude of the force over that of the displacement.",
     "slip_map": "Slip of the nodes in contact from rest to an amplitude, by the solid; grey nodes stick.",
     "surface": "Heights of the surface; the ring marks the first touch.",
 }

@@ -105,12 +105,16 @@ def _loops(axis: Any, results: Results) -> None:
     rows, loops, slip = results.slip, results.slip_loops, results.case["slip"]
     factor, unit = prefix(float(np.abs(rows["u"]).max()), results.unit("length"))
     force, of_force = prefix(float(np.abs(rows["T"]).max()), results.unit("force"))
-    solid, like = slip.get("method") == "solid", "T_curve" in rows
-    preload = float(loops["T"][-1] / (loops["amplitude"][-1] * slip["friction"]))
-    law = slip_of_case(results.case, results.curve, min(preload, float(results.curve.force.max()))).law
+    solid, law = slip.get("method") == "solid", None
+    if not solid or "T_curve" in rows:
+        preload = float(loops["T"][-1] / (loops["amplitude"][-1] * slip["friction"]))
+        law = slip_of_case(results.case, results.curve, min(preload, float(results.curve.force.max()))).law
     for colour, amplitude in zip(cycle(_COLOURS), np.unique(rows["amplitude"])[::-1], strict=False):
-        of, smooth = rows["amplitude"] == amplitude, path_of_law(law, float(amplitude), steps=_SMOOTH)
-        u, T = (smooth.u, smooth.T) if like or not solid else (rows["u"][of], rows["T"][of])
+        of = rows["amplitude"] == amplitude
+        u, T = rows["u"][of], rows["T"][of]
+        if law is not None:
+            smooth = path_of_law(law, float(amplitude), steps=_SMOOTH)
+            u, T = smooth.u, smooth.T
         axis.plot(factor * u, force * T, "-", color=colour, label=f"{amplitude:g}")
         if solid:
             axis.plot(factor * rows["u"][of], force * rows["T"][of], "o", color=colour, markersize=3)
