@@ -10,7 +10,7 @@ method written here, first until most of the transient has decayed, then by Newt
 
 `speed`: n = 1.5, zeta = 0.01, F^ = 0.05, Omega from 0.5 to 1.3. Times are CPU seconds of a warm run on one core. The
 error is that of u_max, relative, against the balance at 1e-9 at the same Omega; points within 1e-3 of a fold are left
-out, where the amplitude is singular in Omega. pyHarm-os (PyPI) is left out, with a word, when it is missing.
+out, where the amplitude is singular in Omega. Needs `./run pip install pyHarm-os==1.2.2`.
 """
 
 from __future__ import annotations
@@ -295,11 +295,7 @@ def peer(reference: FrequencyResponse) -> list[Result]:
 def speed(options: argparse.Namespace) -> None:
     """Run all methods and print the table and the ratios."""
     reference = ContactOscillator(PowerLaw(N), zeta=ZETA).response(FORCING, WINDOW, tol=1e-9)
-    rows = ours(reference)
-    try:
-        rows += peer(reference)
-    except ImportError as error:
-        print(f"pyHarm-os is left out: {error} (pip install pyHarm-os==1.2.2)\n")
+    rows = [*ours(reference), *peer(reference)]
     rows.append(own_sweep(reference, options.points))
     rows.append(ivp_sweep(reference, options.points, "RK45", 1e-6))
     print("| method | setting | CPU s | largest error | median error | points | stability |")

@@ -1,4 +1,4 @@
-"""Run the paper's studies, write figures and tables of docs/paper.md, and print its other numbers.
+"""Run the paper's studies, write the figures of docs/paper.md, and print its tables and numbers.
 
     ./run mpirun -n 2 python3 benchmarks/paper.py out/paper
 
@@ -18,7 +18,6 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 from mpi4py import MPI
 from statements import WHOLE, Finding, Statement, all_statements, smoother_surfaces, turning, verdict_of
-from tables import csv_text, versions
 
 from asperity.case.surfaces import WeierstrassMandelbrotSection
 from asperity.dynamics import ContactOscillator, PowerLaw
@@ -27,7 +26,6 @@ from asperity.plot.vibration import amplitude_frequency
 from asperity.study import Study, StudyLevel, StudyResults, run_study
 
 ROOT = Path(__file__).parent.parent
-COMMAND = "./run mpirun -n 2 python3 benchmarks/paper.py out/paper"
 CUBIC = (2.0, 2.6, 3.0, 3.3, 3.4, 3.6)  # exponents
 ZETA, FORCING, OMEGA = 0.01, (0.01, 0.03), (0.6, 1.2)
 FAMILY_FORCING = 0.015
@@ -66,17 +64,14 @@ def main() -> None:
 
 
 def write(results: StudyResults, docs: Path) -> None:
-    """Write the figures and tables of the page into the folder of the documentation, and print its other numbers."""
+    """Write the figures of the page into the folder of the documentation, and print its tables and numbers."""
     pictures = docs / "paper"
-    for folder in (pictures, docs / "tables"):
-        folder.mkdir(parents=True, exist_ok=True)
+    pictures.mkdir(parents=True, exist_ok=True)
     for name, figure in figures(results):
         style.save(figure, pictures / f"{name}.png")
     found = all_statements(results)
-    made = {"paper_fits": fits(results), "paper_conditions": conditions(found), "paper_unloading": physical(results)}
-    for name, rows in made.items():
-        (docs / "tables" / f"{name}.csv").write_text(csv_text(COMMAND, versions(), rows), encoding="utf-8")
-    print(*numbers(results, found), sep="\n\n")
+    stored = [table(rows[0], rows[1:]) for rows in (fits(results), conditions(found), physical(results))]
+    print(*stored, *numbers(results, found), sep="\n\n")
 
 
 def labels(name: str, levels: Sequence[StudyLevel]) -> list[str]:

@@ -11,7 +11,6 @@ import subprocess
 import sys
 from collections.abc import Callable
 from dataclasses import asdict, dataclass
-from importlib import metadata
 from pathlib import Path
 from time import perf_counter
 
@@ -231,34 +230,18 @@ def tamaas(n: int, exact: tuple[float, float]) -> Job:
     return Job("Tamaas (half-space)", "elastic", f"{n} x {n} points", prepare)
 
 
-def missing() -> dict[str, str]:
-    """What cannot be run here, and why; by the beginning of the program's name."""
-    needs = {
-        "CalculiX": PEERS / "bookworm/usr/bin/ccx",
-        "GetFEM": PEERS / "trixie/usr/lib/python3/dist-packages/getfem",
-        "Tamaas": PEERS / "pypi/tamaas",
-    }
-    return {
-        name: f"{path} is missing: benchmarks/peers/install fetches it"
-        for name, path in needs.items()
-        if not path.exists()
-    }
-
-
-def versions() -> dict[str, str]:
-    """Version of each program that is here, as packaged."""
-    out = {"asperity": metadata.version("asperity")}
+def versions() -> str:
+    """Versions of the other programs, as packaged; FileNotFoundError where one of them is missing."""
+    out = []
     for name, document in (
         ("CalculiX", "bookworm/usr/share/doc/calculix-ccx"),
         ("GetFEM", "trixie/usr/share/doc/libgetfem5t64"),
     ):
-        log = PEERS / document / "changelog.Debian.gz"
-        if log.exists():
-            with gzip.open(log, "rt", encoding="utf-8") as lines:
-                out[name] = lines.readline().partition("(")[2].partition(")")[0]
+        with gzip.open(PEERS / document / "changelog.Debian.gz", "rt", encoding="utf-8") as lines:
+            out.append(f"{name} {lines.readline().partition('(')[2].partition(')')[0]}")
     for wheel in PEERS.glob("pypi/tamaas-*.dist-info"):
-        out["Tamaas"] = wheel.stem.partition("-")[2]
-    return out
+        out.append(f"Tamaas {wheel.stem.partition('-')[2]}")
+    return ", ".join(out)
 
 
 def cpu_name() -> str:

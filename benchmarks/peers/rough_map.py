@@ -78,6 +78,7 @@ def main() -> None:
         by, value, target = arguments.model
         asperity_model.solve(surface(), STEEL, DEPTH, AT, by, float(value), scene.STEPS, Path(target))
         return
+    print(f"Versions: {programs.versions()}\n")
     folder = arguments.output.absolute()
     force = np.array(ours("tolerance", REFERENCE).run(folder, arguments.limit).force)
     if len(force) < scene.STEPS:
