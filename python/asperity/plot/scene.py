@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from matplotlib.ticker import MaxNLocator
 
 from asperity.errors import CompatError, InputError
 from asperity.mesh.element import LINEAR_TETS, VTK_TYPE
@@ -56,14 +57,13 @@ def scene(folder: str | Path, path: str | Path | None = None) -> Path:
     plotter = pv.Plotter(off_screen=True, shape=(1, 2), window_size=list(SIZE), border=False)
     plotter.subplot(0, 0)
     smooth = _open(block).cell_data_to_point_data()  # the mean of the cells around each node
-    plotter.add_mesh(smooth, scalars="stress shown", cmap="cividis", clim=_limits(highest), ambient=0.2, n_colors=256,
-                     scalar_bar_args=_bar("von Mises stress", unit))  # fmt: skip
+    plotter.add_mesh(smooth, scalars="stress shown", cmap="cividis", ambient=0.2, n_colors=256,
+                     **_scale("von Mises stress", unit, highest))  # fmt: skip
     _view(plotter, block)
     plotter.subplot(0, 1)
     plotter.add_mesh(_cut(block).extract_surface(algorithm="dataset_surface"), color="#B8B8B8", ambient=0.2)
     plotter.add_mesh(_touched(results.top, block, scale), scalars="pressure shown", cmap="inferno_r", n_colors=256,
-                     ambient=0.2, clim=_limits(float(pressure.max()) * scale),
-                     scalar_bar_args=_bar("contact pressure", unit))  # fmt: skip
+                     ambient=0.2, **_scale("contact pressure", unit, float(pressure.max()) * scale))  # fmt: skip
     _view(plotter, block)
     target = Path(path) if path is not None else results.folder / FIGURES / "scene.png"
     target.parent.mkdir(exist_ok=True)
@@ -129,18 +129,13 @@ def _open(block: Any) -> Any:
     return _cut(block).clip_box((x, x1 + 1, y0 - 1, y, z0 - 1, z1 + 1), invert=True)
 
 
-def _limits(highest: float) -> tuple[float, float]:
-    """Zero and the largest value, rounded up to two digits."""
-    if not highest > 0.0:
-        return 0.0, 1.0
-    digit = 10.0 ** (np.floor(np.log10(highest)) - 1)
-    return 0.0, float(np.ceil(highest / digit) * digit)
-
-
-def _bar(name: str, unit: str) -> dict[str, Any]:
-    return {"title": f"{name} ({unit})\n" if unit else f"{name}\n", "title_font_size": 38, "label_font_size": 34,
-            "color": "black", "fmt": "%.3g", "width": 0.6, "height": 0.07, "position_x": 0.2, "position_y": 0.03,
-            "n_labels": 5}  # fmt: skip
+def _scale(name: str, unit: str, highest: float) -> dict[str, Any]:
+    """Limits and bar of the colours: from zero to the round number above the highest value, labels at round numbers."""
+    ticks = MaxNLocator(5).tick_values(0.0, highest if highest > 0.0 else 1.0)
+    bar = {"title": f"{name} ({unit})\n" if unit else f"{name}\n", "title_font_size": 38, "label_font_size": 34,
+           "color": "black", "fmt": "%.3g", "width": 0.6, "height": 0.07, "position_x": 0.2, "position_y": 0.03,
+           "n_labels": len(ticks)}  # fmt: skip
+    return {"clim": (0.0, ticks[-1]), "scalar_bar_args": bar}
 
 
 def _view(plotter: Any, block: Any) -> None:
