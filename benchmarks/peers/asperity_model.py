@@ -33,7 +33,8 @@ def solve(
         target: the file
     """
     if by == "size":
-        result = asp.solve_contact(top, law, delta_max=depth, steps=steps, size=asp.MeshSize(value))
+        size = asp.MeshSize(value)
+        result = asp.solve_contact(top, law, delta_max=depth, steps=steps, size=size, dilatation="mean")
         curve, dofs = result.curve, result.dofs
     else:
         goal = asp.AccuracyTarget(value, max_dofs=2_000_000)
