@@ -1,8 +1,8 @@
-"""Print what each contact formulation costs and how far off it is, as Markdown tables.
+"""Print what each contact formulation costs and its errors, as a Markdown table.
 
 Cases: Hertz and Westergaard against their closed forms, a fractal surface, elastic and elastic-plastic, against exact
 contact on a finer mesh with the same load steps.
-Arguments name the tables; without any all are printed (some minutes on one core).
+Arguments name the scenes, for example "fractal, light"; without any all are printed (some minutes on one core).
 """
 
 from __future__ import annotations
@@ -110,11 +110,11 @@ def fractal(material: Material, steps: int, sizes: tuple[float, ...], finer: flo
 
 
 CASES: dict[str, Callable[[], Case]] = {
-    "hertz": hertz,
-    "westergaard": westergaard,
-    "elastic": lambda: fractal(ELASTIC, 3, (0.06, 0.04), 0.02),
-    "light": lambda: replace(fractal(ELASTIC, 1, (0.06,), 0.01), steps=(0.0005,)),  # a few elements carry all
-    "plastic": lambda: fractal(PLASTIC, 10, (0.08, 0.05), 0.03),
+    "Hertz": hertz,
+    "Westergaard": westergaard,
+    "fractal, elastic": lambda: fractal(ELASTIC, 3, (0.06, 0.04), 0.02),
+    "fractal, light": lambda: replace(fractal(ELASTIC, 1, (0.06,), 0.01), steps=(0.0005,)),  # a few elements carry all
+    "fractal, plastic": lambda: fractal(PLASTIC, 10, (0.08, 0.05), 0.03),
 }
 
 
@@ -185,18 +185,12 @@ HEAD = (
 )  # fmt: skip
 
 
-TABLES: dict[str, tuple[tuple[str, ...], Callable[[], Iterator[tuple[str, ...]]]]] = {
-    **{name: (HEAD, lambda case=case: rows(case())) for name, case in CASES.items()},  # type: ignore[misc]
-}
-
-
 def main(names: list[str]) -> None:
-    """Print the tables named."""
-    for name in names or list(TABLES):
-        head, table = TABLES[name]
-        print(f"\n{name}\n\n| " + " | ".join(head) + " |\n|" + "---|" * len(head))
-        for row in table():
-            print("| " + " | ".join(row) + " |", flush=True)
+    """Print the rows of the scenes named, of all without names."""
+    print("| scene | " + " | ".join(HEAD) + " |\n|" + "---|" * (len(HEAD) + 1))
+    for name in names or CASES:
+        for row in rows(CASES[name]()):
+            print(f"| {name} | " + " | ".join(row) + " |", flush=True)
 
 
 if __name__ == "__main__":
