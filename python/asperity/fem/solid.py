@@ -202,7 +202,7 @@ class Solid:
 
     @property
     def constant(self) -> bool:
-        """Whether the tangent never changes, but for that of the contact."""
+        """Whether the tangent of the solid, without that of the contact, never changes."""
         return self.kernels.linear and self.body_force is None
 
     def assemble_tangent(self, add: Callable[[], None] | None = None) -> None:

@@ -110,7 +110,7 @@ class RunFiles:
     def begin(self) -> None:
         """Make the folder, write the completed input and start the log, at the first call.
 
-        Of a run that continues, a finished one is marked unfinished, and what it makes anew is removed.
+        Of a run that continues, a finished one is marked unfinished, and the files that it writes again are removed.
         """
 
         def begin(folder: Path) -> None:

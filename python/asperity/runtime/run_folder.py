@@ -49,7 +49,7 @@ PRODUCTS = (
     CASE,
 )  # fmt: skip
 
-#: What a run makes anew from its curve and last state when it continues.
+#: What a run that continues writes again, from its curve and last state.
 DERIVED = tuple(name for name in PRODUCTS if name not in (CURVE, SUMMARY, LOG, CASE))
 
 
