@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 NEAR = 0.8  # stiffness over that of its start from the step before, and tangential over normal stiffness, roughly
 PASSES = 5  # of the linear solver at most
 TIGHTEST = 1e-8  # relative tolerance where an absolute one counts
-WORN_OUT = 0.15  # contraction of an elastic system above which its coarse matrix is renewed, where also
+STALE = 0.15  # contraction of an elastic system above which its coarse matrix is renewed, where also
 CHANGED = 0.1  # of the nodes in contact have changed
 FULL = 1e-3  # part of the compliance below which that of the interface is lost in rounding and discretisation
 
@@ -177,19 +177,19 @@ class _Motion:
         """The system, with a new coarse matrix where it is stale or belongs to another process; collective."""
         now = np.zeros(self._solid.owned, dtype=bool)
         now[nodes] = True
-        worn_out = self._is_worn_out(now)
-        if worn_out or self._marked is None:
+        stale = self._is_stale(now)
+        if stale or self._marked is None:
             self._marked, self._contraction = now, UNKNOWN
-        if worn_out or self._system is None:
+        if stale or self._system is None:
             self._system = self._system or EnergySolver(elastic)
             held = _dofs(np.flatnonzero(self._marked).astype(np.int32), self._components)
             self._system.renew(np.union1d(self.fixed, held).astype(np.int32))
         self._system.contraction = self._contraction
         return self._system
 
-    def _is_worn_out(self, now: Flags) -> bool:
+    def _is_stale(self, now: Flags) -> bool:
         """Whether the coarse matrix contracts badly because other nodes are in contact; collective."""
-        if self._marked is None or self._contraction <= WORN_OUT:
+        if self._marked is None or self._contraction <= STALE:
             return False
         changed, count = self._solid.comm.allreduce(np.array([np.sum(now != self._marked), np.sum(now)]))
         return bool(changed > CHANGED * count)

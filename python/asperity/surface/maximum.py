@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Protocol
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from asperity.arrays import Array, Indices
 
@@ -14,8 +15,28 @@ _ROWS = 256  # of the grid at once
 _ROUNDS = 8  # steps of the ascents of all nodes
 
 
+class Heights(Protocol):
+    """What an ascent needs of a `base.Surface`."""
+
+    @property
+    def L(self) -> float: ...
+
+    @property
+    def feature_size(self) -> float: ...
+
+    def height(self, x: ArrayLike, y: ArrayLike) -> Array: ...
+
+    def gradient(self, x: ArrayLike, y: ArrayLike) -> tuple[Array, Array]: ...
+
+    def hessian(self, x: ArrayLike, y: ArrayLike) -> tuple[Array, Array, Array]: ...
+
+    def curvature_bound(self) -> float: ...
+
+    def on_product(self, x: Array, y: Array) -> Array: ...
+
+
 def global_maximum(
-    surface: Any, nodes: tuple[Array, Array] | None = None, K: float | None = None
+    surface: Heights, nodes: tuple[Array, Array] | None = None, K: float | None = None
 ) -> tuple[float, float, float]:
     """(x, y, z) of the highest point of the closed patch.
 
@@ -23,7 +44,7 @@ def global_maximum(
     nodes above that level Newton's method climbs to a summit.
 
     Args:
-        surface: a `base.Surface`
+        surface: the height field
         nodes: along x and along y, from edge to edge (length); default some on each feature
         K: bound of the curvature (1/length); default that of the surface
     """
@@ -50,7 +71,7 @@ def global_maximum(
     return climb(surface, float(x[top]), float(y[top]))
 
 
-def climb(surface: Any, x: float, y: float) -> tuple[float, float, float]:
+def climb(surface: Heights, x: float, y: float) -> tuple[float, float, float]:
     """Local maximum (x, y, z) of the closed patch that an ascent from (x, y) ends in.
 
     Newton iteration projected onto the patch; where the Hessian is not negative definite, a gradient
@@ -88,7 +109,7 @@ def climb(surface: Any, x: float, y: float) -> tuple[float, float, float]:
     return float(p[0]), float(p[1]), z
 
 
-def climb_all(surface: Any, x: Array, y: Array, step: float) -> tuple[Array, Array, Array]:
+def climb_all(surface: Heights, x: Array, y: Array, step: float) -> tuple[Array, Array, Array]:
     """Points near the local maxima of the closed patch that ascents from (x, y) end in, and their heights.
 
     A few Newton steps of limited length, all points at once; :func:`climb` finds one of them to round-off.
@@ -122,7 +143,7 @@ def climb_all(surface: Any, x: Array, y: Array, step: float) -> tuple[Array, Arr
     return x, y, z
 
 
-def _zero_slope(surface: Any, p: Array, free: Array) -> Array:
+def _zero_slope(surface: Heights, p: Array, free: Array) -> Array:
     """Zero of the slope along the free axes next to p, where steps no longer change the height.
 
     Newton steps continue while each halves the slope and is far shorter than the finest feature, so they cannot end
@@ -145,6 +166,6 @@ def _zero_slope(surface: Any, p: Array, free: Array) -> Array:
     return p
 
 
-def _hessian(surface: Any, p: Array, free: Array) -> Array:
+def _hessian(surface: Heights, p: Array, free: Array) -> Array:
     xx, xy, yy = (float(h) for h in surface.hessian(*p))
     return np.array([[xx, xy], [xy, yy]])[np.ix_(free, free)]
