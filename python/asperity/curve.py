@@ -7,6 +7,7 @@ import json
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
+from itertools import pairwise
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
@@ -234,6 +235,12 @@ class Curve:
         """Steps of branch "reload"."""
         return self.where(self.branch == "reload")
 
+    def legs(self) -> list[Curve]:
+        """Loadings and unloadings in order, each after the first with the end of the one before."""
+        starts = np.flatnonzero(self.branch[1:] != self.branch[:-1]) + 1
+        ends = pairwise([0, *starts, len(self)])
+        return [self.where(np.arange(max(start - 1, 0), stop)) for start, stop in ends if stop > start]
+
     def fit(self, norm: Literal["linear", "log"] = "linear") -> PowerLawFit:
         """Power law P* = k (delta*)^n of the planned loading points with delta* > 0 and P* > 0.
 
@@ -255,10 +262,10 @@ class Curve:
             )
         return fit_power_law(delta, force, norm)
 
-    def fit_or_none(self, norm: Literal["linear", "log"] = "linear") -> PowerLawFit | None:
+    def fit_or_none(self) -> PowerLawFit | None:
         """`fit`, or None where it is not possible."""
         try:
-            return self.fit(norm)
+            return self.fit()
         except InputError:
             return None
 

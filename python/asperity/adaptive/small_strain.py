@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from functools import partial
-from itertools import islice, pairwise
+from itertools import islice
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -235,7 +235,7 @@ def differences(small: Curve, finite: Curve, steps: int) -> tuple[tuple[str, ...
     branches, deltas = [loads.branch], [loads.delta]
     percents = [100.0 * (loads.P_star / loading_force(other, loads.delta_star) - 1.0)]
     greatest = float(finite.force.max())
-    for here, there in zip(_legs(small), _legs(finite), strict=False):
+    for here, there in zip(small.legs()[1:], finite.legs()[1:], strict=False):
         order = np.argsort(there.delta)
         force = np.interp(here.delta, there.delta[order], there.force[order])
         branches.append(here.branch[1:])
@@ -243,13 +243,6 @@ def differences(small: Curve, finite: Curve, steps: int) -> tuple[tuple[str, ...
         percents.append(np.asarray(100.0 * (here.force - force)[1:] / greatest, dtype=float))
     percent = np.asarray(np.round(np.concatenate(percents), DIGITS), dtype=float)
     return tuple(map(str, np.concatenate(branches))), np.concatenate(deltas), percent
-
-
-def _legs(curve: Curve) -> Iterator[Curve]:
-    """Legs after the first loading, each with the end of the one before it."""
-    starts = np.flatnonzero(curve.branch[1:] != curve.branch[:-1]) + 1
-    for start, stop in pairwise([*starts, len(curve)]):
-        yield curve.where(np.arange(start - 1, stop))
 
 
 def slope_seen(block: BlockMesh | None, surface: Surface, depth: float) -> float:

@@ -45,8 +45,8 @@ if TYPE_CHECKING:
               help="tangential: micro-slip of OUT, whose case has [slip]; --forcing is then over the friction "
               "limit.")  # fmt: skip
 @click.option("--sweeps/--no-sweeps", default=None, help="Also integrate sweeps up and down; else no.")
-@click.option("--bands/--no-bands", default=True, show_default=True,
-              help="Carry the error bar of the force and the spread of the laws to the response.")  # fmt: skip
+@click.option("--bands/--no-bands", default=None, help="Carry the error bar of the force and the spread of the laws to "
+              "the response; else yes.")  # fmt: skip
 @options.output("DIR", "Folder for free.csv, response.csv, thresholds.json and the figures.")
 @options.as_json
 @options.serial

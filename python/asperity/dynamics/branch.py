@@ -168,8 +168,8 @@ def on_cubic(branch: Branch, place: Array) -> tuple[Array, Array]:
     return found[:, 0].real, found[:, 1:]
 
 
-def dense(balance: Balance, branch: Branch, rtol: float = _RTOL) -> Line:
-    """Compute rows along a branch, so close that straight lines between them deviate from the cubic by `rtol`."""
+def dense(balance: Balance, branch: Branch) -> Line:
+    """Compute rows along a branch, so close that straight lines between them deviate from the cubic by `_RTOL`."""
     places: Array = np.arange(len(branch), dtype=float)
     values = _measured(branch, places)
     done: Flags = np.zeros(len(branch) - 1, bool)
@@ -180,7 +180,7 @@ def dense(balance: Balance, branch: Branch, rtol: float = _RTOL) -> Line:
         middle = 0.5 * (places[left] + places[left + 1])
         between = _measured(branch, middle)
         # a cubic may cross its chord in the middle: the first halves are always kept
-        off = (_deviation(values[:, left], values[:, left + 1], between) > rtol) | (depth == 0)
+        off = (_deviation(values[:, left], values[:, left + 1], between) > _RTOL) | (depth == 0)
         done[left[~off]] = True
         done = np.insert(done, left[off], False)
         places = np.insert(places, left[off] + 1, middle[off])

@@ -252,7 +252,7 @@ def _step(
     return point, error, 1.0
 
 
-def newton_rtol(tol: float, smooth: bool = True) -> float:
+def newton_rtol(tol: float, smooth: bool) -> float:
     """Size of the last Newton step whose remaining error is well below the truncation error `tol`."""
     return max(_NEWTON_RTOL, float(np.sqrt(1e-2 * tol))) if smooth else _NEWTON_RTOL
 

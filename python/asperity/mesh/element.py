@@ -66,19 +66,12 @@ def quadrature(degree: int) -> tuple[Floats, Floats]:
     return points, weights
 
 
-def facet_quadrature(degree: int, splits: int = 0) -> tuple[Floats, Floats]:
-    """Gauss rule on each of the 4^splits equal parts of the reference triangle: points (Q, 2), weights (Q,)."""
+def facet_quadrature(degree: int) -> tuple[Floats, Floats]:
+    """Gauss rule of a given degree on the reference triangle: points (Q, 2), weights (Q,)."""
     import basix
 
     points, weights = basix.make_quadrature(basix.CellType.triangle, degree)
-    n = 2**splits
-    parts = []
-    for i in range(n):
-        for j in range(n - i):
-            parts.append((np.array([i, j]) + points) / n)
-            if i + j < n - 1:
-                parts.append((np.array([i + 1, j + 1]) - points) / n)
-    return np.concatenate(parts), np.tile(weights, n * n) / n**2
+    return points, weights
 
 
 def shape_functions(points: Floats) -> Floats:

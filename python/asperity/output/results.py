@@ -122,14 +122,7 @@ class Results:
 
     def branches(self, *names: str) -> list[Curve]:
         """Parts of the curve with one of these branches each, in order; each starts at the end of the previous one."""
-        branch = self.curve.branch
-        starts = [0, *(np.flatnonzero(branch[1:] != branch[:-1]) + 1)]
-        stops = [*starts[1:], len(branch)]
-        return [
-            self.curve.where(np.arange(max(start - 1, 0), stop))
-            for start, stop in zip(starts, stops, strict=True)
-            if stop > start and branch[start] in names
-        ]
+        return [leg for leg in self.curve.legs() if leg.branch[-1] in names]
 
 
 def _read_toml(path: Path) -> Mapping[str, Any]:

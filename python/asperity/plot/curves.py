@@ -138,9 +138,9 @@ def value_of_one(physical: Array, starred: Array) -> float:
     return float(physical[known[-1]] / starred[known[-1]]) if known.size else np.nan
 
 
-def tex(value: float, digits: int = 4) -> str:
+def tex(value: float) -> str:
     """Number as mathematical text, with a power of ten if it is far from 1."""
-    mantissa, _, exponent = f"{value:.{digits}g}".partition("e")
+    mantissa, _, exponent = f"{value:.4g}".partition("e")
     return f"{mantissa}\\times 10^{{{int(exponent)}}}" if exponent else mantissa
 
 

@@ -45,6 +45,12 @@ META = "meta"  # array of letters: the numbers of a state as JSON
 Headers = dict[str, tuple[str, tuple[int, ...]]]  # type and shape of arrays by name
 
 
+def refuse_another_run(path: Path, saved: Mapping[str, Any], now: Mapping[str, Any]) -> None:
+    """Refuse to continue from the state in a file under another identity than that saved there (CheckpointError)."""
+    if saved != now:
+        raise CheckpointError(f"{path} belongs to another run; start again with --force")
+
+
 class Checkpoint:
     """Folder with the state of one load path; all methods are collective.
 
@@ -54,7 +60,7 @@ class Checkpoint:
         comm: ranks of the run
         interval: number of accepted steps between two saves; 0 saves nothing
         refuse: called with the path of a state, its identity and that of the run; raises CheckpointError where the run
-            does not continue from it; None refuses another identity
+            does not continue from it
     """
 
     def __init__(
@@ -63,7 +69,7 @@ class Checkpoint:
         identity: Mapping[str, Any],
         comm: MPI.Comm,
         interval: int = 1,
-        refuse: Callable[[Path, Mapping[str, Any], Mapping[str, Any]], None] | None = None,
+        refuse: Callable[[Path, Mapping[str, Any], Mapping[str, Any]], None] = refuse_another_run,
     ) -> None:
         self.folder, self.interval = folder, interval
         self._identity, self._comm, self._refuse = dict(identity), comm, refuse
@@ -153,10 +159,7 @@ class Checkpoint:
                 f"{path} was written by asperity {meta.get('version', '?')} in format {version}, this version "
                 f"continues format {FORMAT}; use that version, or start again without --resume"
             )
-        if self._refuse is not None:
-            self._refuse(path, meta["identity"], self._identity)
-        elif meta["identity"] != self._identity:
-            raise CheckpointError(f"{path} belongs to another run; start again with --force")
+        self._refuse(path, meta["identity"], self._identity)
         return meta, headers
 
     def begin(self, block: BlockMesh | None) -> None:

@@ -15,7 +15,7 @@ from math import prod
 from pathlib import Path
 from tokenize import TokenError
 from typing import IO, Any
-from zipfile import ZIP_DEFLATED, ZIP_STORED, BadZipFile, ZipFile
+from zipfile import BadZipFile, ZipFile
 
 import numpy as np
 import numpy.typing as npt
@@ -144,9 +144,9 @@ def read_csv(path: Path) -> dict[str, tuple[str, ...]]:
     return dict(zip(header, zip(*rows, strict=True) if rows else [()] * len(header), strict=True))
 
 
-def write_npz(path: Path, arrays: Iterable[tuple[str, Stream]], compress: bool = False) -> None:
+def write_npz(path: Path, arrays: Iterable[tuple[str, Stream]]) -> None:
     """Write a .npz file in pieces, complete or not at all; see `replacing`."""
-    with replacing(path) as file, ZipFile(file, "w", ZIP_DEFLATED if compress else ZIP_STORED) as archive:
+    with replacing(path) as file, ZipFile(file, "w") as archive:
         for name, array in arrays:
             with archive.open(f"{name}.npy", "w", force_zip64=True) as member:
                 header = {"descr": array.dtype.str, "fortran_order": False, "shape": array.shape}

@@ -78,7 +78,7 @@ def stuck_law(law: TableLaw, forces: Array, ratios: Array, block: float, load: f
     Raises:
         InputError: the curve is as stiff as the block
     """
-    law = elastic_part(law)
+    law = law.elastic
     z, softness = law.z - block * law.F, 1.0 / law.slopes - block
     known = np.minimum.accumulate((softness > LEAST * block) & (np.diff(z, prepend=0.0) > 0.0))
     if not known[-1] and (not known.any() or law.F[known][-1] < load):
@@ -95,7 +95,7 @@ def left_out(law: TableLaw) -> list[list[TableLaw]]:
 
     Between rows the law is a guess, and what a part of them changes shows how good it is.
     """
-    law = elastic_part(law)
+    law = law.elastic
     z, force, unknown = law.z, law.F, np.full(law.z.size, np.nan)
     last = z.size - 1
 
@@ -111,12 +111,6 @@ def left_out(law: TableLaw) -> list[list[TableLaw]]:
         return [*thinned, []] if len(thinned) < 2 else thinned
     slopes_alone = [TableLaw.of_stiffness(force, known)] if last else []
     return [slopes_alone, made(np.arange(last + 1), unknown), [law for part in thinned for law in part]]
-
-
-def elastic_part(law: TableLaw) -> TableLaw:
-    """Law up to where it yields."""
-    below = law.z <= law.yields_at
-    return TableLaw(law.z[below], law.F[below], k=None if law.k is None else law.k[below])
 
 
 def down_to_zero(law: TableLaw) -> TableLaw:

@@ -252,7 +252,7 @@ class TableLaw(Law):
 
     def _reaches(self, z: float) -> tuple[Array, Array, int]:
         """Differences and the error of kappa for each reach, and the reach with the least error."""
-        branch = self._elastic if z <= self.yields_at * (1 + 1e-12) else self
+        branch = self.elastic if z <= self.yields_at * (1 + 1e-12) else self
         rows = [law._differences(z) for law in (branch, *branch.thinned)]
         kappa = np.array([[curvature(_derivatives(y, 1.0, 1.0), 1.0) for y in row] for row in rows])
         change = np.abs(np.diff(kappa[0]))
@@ -261,8 +261,8 @@ class TableLaw(Law):
         return rows[0], error, int(error.argmin())
 
     @cached_property
-    def _elastic(self) -> TableLaw:
-        """The law below `yields_at`, continued beyond."""
+    def elastic(self) -> TableLaw:
+        """The law up to `yields_at`, continued beyond."""
         below = self.z <= self.yields_at
         if below.all() and np.isinf(self.yields_at):
             return self
@@ -270,7 +270,7 @@ class TableLaw(Law):
 
     def without_slopes(self) -> TableLaw:
         """The law below `yields_at` by its points alone; `InputError` where they are too few."""
-        return replace(self._elastic, k=None, origin=0.0)
+        return replace(self.elastic, k=None, origin=0.0)
 
     def _differences(self, z: float) -> Array:
         """First three derivatives of ln F with respect to ln z for each reach, shape (reaches, 3)."""
