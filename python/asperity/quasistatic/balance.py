@@ -17,10 +17,8 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import asdict, astuple, dataclass, field
-from math import inf, isfinite, sqrt
+from math import inf, isfinite
 from typing import Any
-
-from asperity.quasistatic.newton import ROUNDING as OF_RESIDUAL
 
 # Limits, unless the tolerance of the equations is larger
 SUCTION = 1e-6  # greatest tension over greatest pressure
@@ -108,13 +106,13 @@ class StepBalance:
     softened: float  # 1 where cells have taken their mean volumetric strain since the step before, else 0
 
 
-def audit(checks: Checks, step: StepBalance, *, dofs: int, rtol: float, compliant: bool, exact: bool) -> None:
+def audit(checks: Checks, step: StepBalance, *, bound: float, rtol: float, compliant: bool, exact: bool) -> None:
     """Judge an accepted step and update `checks`.
 
     Args:
         checks: of the run so far
         step: the step
-        dofs: of the solid
+        bound: of the sum of the residual forces, to which the equations are solved [E L^2]
         rtol: relative tolerance to which the equations are solved
         compliant: whether the contact has a stiffness (penalty, Nitsche) and takes a part of the work itself
         exact: whether the step began with the history of its displacement; with an extrapolated one the bounds of the
@@ -127,7 +125,7 @@ def audit(checks: Checks, step: StepBalance, *, dofs: int, rtol: float, complian
             checks.violated[kind] = f"{sentence} {where}"
 
     judge("finite", all(map(isfinite, astuple(step))), "a value is not finite")
-    _judge_forces(checks, step, judge, dofs, rtol)
+    _judge_forces(checks, step, judge, bound, rtol)
     _judge_penetration(checks, step, judge, rtol, compliant)
     _judge_energy(checks, step, judge, rtol, compliant, exact)
 
@@ -135,17 +133,15 @@ def audit(checks: Checks, step: StepBalance, *, dofs: int, rtol: float, complian
 Judge = Callable[[str, bool, str], None]
 
 
-def _judge_forces(checks: Checks, step: StepBalance, judge: Judge, dofs: int, rtol: float) -> None:
+def _judge_forces(checks: Checks, step: StepBalance, judge: Judge, bound: float, rtol: float) -> None:
     """Force on the flat against the reaction of the base, and no tension."""
     unbalanced = abs(step.reaction - step.force)
     if step.force > 0.0:
         checks.force_balance = max(checks.force_balance, unbalanced / step.force)
         checks.unsolved = max(checks.unsolved, step.residual / max(step.force, checks.greatest_force))
-    rounding = 1e-15 + OF_RESIDUAL * abs(step.delta)  # a solid that was squeezed keeps stresses without the flat
-    solved = sqrt(dofs) * (rtol * step.force + rounding) + ROUNDING * step.force
     judge(
         "force_balance",
-        unbalanced <= solved,
+        unbalanced <= bound + ROUNDING * step.force,
         f"the force on the flat {step.force:.6g} and the reaction of the base {step.reaction:.6g} E L^2 differ",
     )
     if step.pressure > 0.0:

@@ -7,6 +7,7 @@ import logging
 from collections.abc import Mapping
 from copy import deepcopy
 from dataclasses import dataclass, replace
+from math import sqrt
 from typing import Any, Protocol
 
 import numpy as np
@@ -202,7 +203,7 @@ class ContactSolver:
             audit(
                 self.checks,
                 self._balance(delta_before, force_before, u_before, history, reaction),
-                dofs=solid.dofs,
+                bound=sqrt(solid.dofs) * self.newton.bound(self.force),
                 rtol=self._options.rtol,
                 compliant=self.contact.stiff,
                 exact=extrapolation == 0.0 and not self._extrapolated,

@@ -150,9 +150,13 @@ class NewtonSolver:
         if not np.isfinite(unbalanced):
             return reasons.DIVERGED_FNORM_NAN
         self.balance = unbalanced / contact if contact > 0 else unbalanced
-        if unbalanced <= self.options.rtol * contact + self._rounding and gap <= self._gap_tolerance():
+        if unbalanced <= self.bound(contact) and gap <= self._gap_tolerance():
             return reasons.CONVERGED_FNORM_RELATIVE
         return reasons.DIVERGED_MAX_IT if it >= self.options.newton_max else reasons.ITERATING
+
+    def bound(self, contact: float) -> float:
+        """Norm of the forces out of balance at convergence, by the norm of the contact forces [E L^2]."""
+        return self.options.rtol * contact + self._rounding
 
     def _is_inverted(self) -> bool:
         """Whether the last internal force is that of a solid turned inside out somewhere; collective."""
