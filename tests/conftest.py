@@ -9,7 +9,7 @@ import subprocess
 import sys
 import tempfile
 import warnings
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import nullcontext
 from pathlib import Path
 from typing import Any
@@ -51,6 +51,15 @@ def here() -> Any:
     from mpi4py import MPI
 
     return MPI.COMM_SELF
+
+
+def call(*arguments: object) -> int:
+    """Exit code of the command line."""
+    from asperity.cli import main
+
+    with pytest.raises(SystemExit) as left:
+        main([str(argument) for argument in arguments])
+    return int(left.value.code or 0)
 
 
 def make_curve(**header: object) -> Curve:
@@ -159,15 +168,11 @@ def cap() -> Surface:
 def coarse(rough: Surface) -> BlockMesh | None:
     """The rough block in few cells, on rank 0."""
     size = SizeField.of(rough, 0.03, 0.2, growth=0.5, h_max=0.5)
-    return _on_root(lambda: build_block(rough, 1.0, size.at))
+    return on_root(world(), lambda: build_block(rough, 1.0, size.at))
 
 
 @pytest.fixture(scope="session")
 def coarse_wave(wave: Surface) -> BlockMesh | None:
     """The block with the crest in few cells, on rank 0."""
     size = SizeField.of(wave, 0.02, 0.15, growth=0.6, h_max=0.6)
-    return _on_root(lambda: build_block(wave, 1.0, size.at))
-
-
-def _on_root(build: Callable[[], Any]) -> Any:
-    return on_root(world(), build)
+    return on_root(world(), lambda: build_block(wave, 1.0, size.at))

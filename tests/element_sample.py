@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 import numpy.typing as npt
+from conftest import here
 from scipy import sparse
 from ufl_twin import UflTwin
 
@@ -67,9 +68,7 @@ class Sample:
 
 
 def sample(block: BlockMesh | None, material: Material, twin: bool = False, mean: bool = False) -> Sample:
-    from mpi4py import MPI
-
-    solid = Solid(*distribute(MPI.COMM_SELF, block, 1.0), material, mean_dilatation=mean)
+    solid = Solid(*distribute(here(), block, 1.0), material, mean_dilatation=mean)
     return Sample(solid, UflTwin(solid) if twin else solid.kernels)
 
 

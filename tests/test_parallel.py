@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from conftest import ELASTIC, PLASTIC, here, world
 
 from asperity.adaptive.solve_contact import solve_contact
 from asperity.case import Case
@@ -31,8 +32,6 @@ from asperity.surface import Sinusoid, Surface
 
 pytestmark = pytest.mark.mpi
 
-ELASTIC = Material(1.0, 0.3)
-PLASTIC = Material(1.0, 0.3, 0.005, 0.05)
 DELTA = 0.03
 SMALL: dict[str, Any] = {
     "surface": {"kind": "sinusoid", "L": 1e-6, "amplitude": 0.03e-6, "dims": 2},
@@ -40,12 +39,6 @@ SMALL: dict[str, Any] = {
     "mesh": {"h_contact": 0.2e-6, "growth": 0.6, "h_max": 0.6e-6},
     "loading": {"delta_max": 0.01e-6, "steps": 2},
 }
-
-
-def comms() -> tuple[Any, Any]:
-    from mpi4py import MPI
-
-    return MPI.COMM_SELF, MPI.COMM_WORLD
 
 
 def assert_same(a: Curve, b: Curve, tolerance: float = 1e-8) -> None:
@@ -64,7 +57,7 @@ def assert_same(a: Curve, b: Curve, tolerance: float = 1e-8) -> None:
 
 
 def solve_both(surface: Surface, block: BlockMesh | None, material: Material, **settings: Any) -> list[ContactResult]:
-    alone, together = comms()
+    alone, together = here(), world()
     whole = together.bcast(block)
     return [
         solve_contact(surface, material, block=given, delta_max=DELTA, comm=comm, **settings)
@@ -93,7 +86,7 @@ def test_formulations_do_not_depend_on_the_ranks(rough: Surface, coarse: BlockMe
 def test_ranks_without_top_facets(method: str) -> None:
     """A tower: the partitioner cuts it across, so only one of two ranks has a top."""
     surface = Sinusoid(L=1.0, amplitude=0.05, dims=2)
-    alone, together = comms()
+    alone, together = here(), world()
     block = on_root(together, lambda: build_block(surface, 6.0, lambda x, y, depth: 0.5))
     one, all_ = (
         make_contact_solver(comm, surface, given, PLASTIC, formulation=Formulation(method))
@@ -113,7 +106,7 @@ def test_ranks_without_top_facets(method: str) -> None:
 def test_fields_are_numbered_like_the_mesh_on_any_ranks(rough: Surface, coarse: BlockMesh | None) -> None:
     """Snapshots gathered from all ranks against those of one."""
     one, all_ = solve_both(rough, coarse, PLASTIC, steps=2, snapshots=2)
-    (alone, together), states = comms(), gather_states(all_, 1.0, 1.0)
+    alone, together, states = here(), world(), gather_states(all_, 1.0, 1.0)
     assert alone.size == 1
     if together.rank == 0:
         for a, b in zip(states, gather_states(one, 1.0, 1.0), strict=True):
@@ -128,7 +121,7 @@ def test_fields_are_numbered_like_the_mesh_on_any_ranks(rough: Surface, coarse: 
 def test_a_run_writes_one_set_of_files(shared_path: Path) -> None:
     output = {"fields": True, "figures": True, "report": True, "snapshots": 2}
     case = Case.from_dict(SMALL | {"dynamics": {"model": ["exact"]}, "output": output})
-    alone, together = comms()
+    alone, together = here(), world()
     folder = shared_path / "together"
     result = run(case, folder, comm=together)
     expected = run(case, comm=alone)
@@ -142,7 +135,7 @@ def test_a_run_writes_one_set_of_files(shared_path: Path) -> None:
 
 
 def test_force_control_does_not_depend_on_the_ranks(rough: Surface, coarse: BlockMesh | None) -> None:
-    alone, together = comms()
+    alone, together = here(), world()
     curves = [
         solve_contact(rough, PLASTIC, force_max=0.004 / 0.91, steps=3, block=given, comm=comm).curve
         for comm, given in ((alone, together.bcast(coarse)), (together, coarse))
@@ -152,7 +145,7 @@ def test_force_control_does_not_depend_on_the_ranks(rough: Surface, coarse: Bloc
 
 def test_a_mesh_made_by_all_is_the_mesh_made_by_one(rough: Surface) -> None:
     size = MeshSize(0.2, growth=0.6, h_max=0.6)
-    alone, together = comms()
+    alone, together = here(), world()
     one, all_ = (solve_contact(rough, ELASTIC, delta_max=DELTA, steps=1, size=size, comm=c) for c in (alone, together))
     assert_same(all_.curve, one.curve)
     if together.rank == 0:

@@ -5,9 +5,9 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
+from conftest import call
 
 from asperity.case import Case
-from asperity.cli import main
 from asperity.curve import Curve
 from asperity.output.comparison import compare_curves
 from asperity.run_case import run
@@ -21,13 +21,6 @@ def test_a_stored_curve_is_computed_again(file: Path) -> None:
     assert {"case", "command", "mesh", "seed", "steps", "tolerances", "versions"} <= set(stored.header)
     curve = run(Case.load(CURVES / stored.header["case"])).curve
     assert [str(difference) for difference in compare_curves(curve, stored)] == []
-
-
-def call(*arguments: object) -> object:
-    """Exit code of the command line."""
-    with pytest.raises(SystemExit) as left:
-        main([str(argument) for argument in arguments])
-    return left.value.code
 
 
 def test_storing_a_curve(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

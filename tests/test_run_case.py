@@ -10,13 +10,12 @@ from typing import Any
 
 import numpy as np
 import pytest
-from conftest import leave_figures_blank
+from conftest import call, leave_figures_blank
 from html_page import Page
 
 import asperity
 from asperity.adaptive.mesh_levels import LevelSolver
 from asperity.case import Case
-from asperity.cli import main
 from asperity.curve import COLUMNS, Curve
 from asperity.dynamics import DynamicsSettings, Joint, LoopDamping, PowerLaw, TableLaw, law_from, run_dynamics
 from asperity.dynamics.run import small_vibration
@@ -366,13 +365,6 @@ def fail_from(monkeypatch: pytest.MonkeyPatch, call: int) -> None:
         return stats if calls[0] < call else dataclasses.replace(stats, converged=False, reason="forced")
 
     monkeypatch.setattr(NewtonSolver, "solve", solve)
-
-
-def call(*arguments: object) -> object:
-    """Exit code of the command line."""
-    with pytest.raises(SystemExit) as left:
-        main([str(argument) for argument in arguments])
-    return left.value.code
 
 
 def test_a_run_that_does_not_converge_keeps_its_curve(

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 import pytest
+from conftest import world
 from scipy.optimize import brentq
 
 from asperity import reference as ref
@@ -38,9 +39,7 @@ def crossings(history: TimeSeries) -> Array:
 
 
 def press_on(surface: Surface, size: float, material: Material | None = None) -> ContactSolver:
-    from mpi4py import MPI
-
-    comm = MPI.COMM_WORLD
+    comm = world()
     block = on_root(comm, lambda: build_block(surface, 1.0, lambda x, y, depth: size))
     return make_contact_solver(comm, surface, block, material or Material(1.0, NU))
 

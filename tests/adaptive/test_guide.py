@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from conftest import ELASTIC
 from mpi4py import MPI
 
 import asperity as asp
@@ -27,8 +28,6 @@ from asperity.model.settings import MEAN, POINT, MeshSize
 from asperity.quasistatic.contact_result import PartialResult
 from asperity.quasistatic.hooks import Hooks
 from asperity.surface import HeightMap, SelfAffine, SurfaceWarning
-
-ELASTIC = Material(1.0, 0.3)
 
 
 def surface_of(seed: int = 1, **changes: Any) -> SelfAffine:

@@ -3,14 +3,12 @@
 from __future__ import annotations
 
 import numpy as np
+from conftest import ELASTIC
 
 import asperity as asp
 from asperity import reference
 from asperity.curve import WITH_ERRORS
-from asperity.model.material import Material
 from asperity.surface import SelfAffine, Sinusoid
-
-ELASTIC = Material(1.0, 0.3)
 
 
 def test_gap_and_stiffness_are_inside_their_bars() -> None:

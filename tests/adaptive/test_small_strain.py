@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from conftest import here, world
 
 from asperity.adaptive import small_strain
 from asperity.adaptive.mesh_plan import COARSE
@@ -38,12 +39,6 @@ WAVY: dict[str, Any] = {
 }
 
 
-def alone() -> Any:
-    from mpi4py import MPI
-
-    return MPI.COMM_SELF
-
-
 def plane(delta: float, **settings: Any) -> Problem:
     """A plane block, which is in uniaxial strain."""
     return Problem.of(Flat(L=1.0), AUTO, delta_max=delta, steps=2, size=SIZE, **settings)
@@ -64,14 +59,14 @@ def found(**changes: Any) -> SmallStrain:
 
 
 def test_the_difference_of_a_plane_block_is_that_of_the_closed_form() -> None:
-    chosen, strain = choose_kinematics(plane(0.1), comm=alone())
+    chosen, strain = choose_kinematics(plane(0.1), comm=here())
     assert strain.percent == pytest.approx(100 * hencky(strain.delta), abs=1e-3)
     assert strain.delta == pytest.approx([0.05, 0.1])
     assert (chosen.material.kinematics, strain.kinematics, strain.slope_seen) == ("finite", "finite", 1.0)
 
 
 def test_the_unloading_is_relative_to_the_greatest_force() -> None:
-    _, strain = choose_kinematics(plane(0.02, unload_steps=2), comm=alone())
+    _, strain = choose_kinematics(plane(0.02, unload_steps=2), comm=here())
     assert strain.branch == ("load", "load", "unload", "unload")
     top = -np.log1p(-0.02) / (1 - 0.02)
     e = strain.delta[2:]
@@ -84,7 +79,7 @@ def test_small_strain_is_chosen_below_the_limit(tolerance: float | None, delta: 
     """A third of the tolerance, or 1 %; the difference of a plane block is about 1.5 of its strain."""
     kinematics = []
     for part in (0.98, 1.03):
-        chosen, strain = choose_kinematics(plane(part * delta), tolerance, alone())
+        chosen, strain = choose_kinematics(plane(part * delta), tolerance, here())
         kinematics.append(chosen.material.kinematics)
         assert strain.greatest == pytest.approx(strain.limit * part, rel=0.02)
     assert kinematics == ["small", "finite"]
@@ -93,7 +88,7 @@ def test_small_strain_is_chosen_below_the_limit(tolerance: float | None, delta: 
 def test_a_steep_surface_lightly_pressed_is_seen_by_a_finer_mesh() -> None:
     """The summit of the first coarse mesh lies below the last position of the flat."""
     steep = Surface.from_spec("self-affine", L=1.0, H=0.8, rms_slope=0.7, lambda_short=0.05, seed=1)
-    chosen, strain = choose_kinematics(Problem.of(steep, AUTO, delta_max=0.003, steps=3), comm=alone())
+    chosen, strain = choose_kinematics(Problem.of(steep, AUTO, delta_max=0.003, steps=3), comm=here())
     assert strain.h < COARSE and not strain.reason
     assert strain.greatest is not None and strain.greatest == pytest.approx(3.9, abs=1.0)
     assert chosen.material.kinematics == "finite"
@@ -102,7 +97,7 @@ def test_a_steep_surface_lightly_pressed_is_seen_by_a_finer_mesh() -> None:
 def test_the_coarse_mesh_has_the_sides_of_the_block() -> None:
     rough = Surface.from_spec("self-affine", L=1.0, H=0.8, rms_height=0.002, lambda_short=0.5, seed=1)
     block = Problem.of(rough, AUTO, sides="periodic", delta_max=0.004, steps=2, size=MeshSize(0.15))
-    chosen, strain = choose_kinematics(block, comm=alone())
+    chosen, strain = choose_kinematics(block, comm=here())
     assert chosen.sides == "periodic" and chosen.material.kinematics == "small" and not strain.reason
 
 
@@ -119,7 +114,7 @@ def test_a_light_contact_takes_a_finer_mesh() -> None:
     """On the first mesh it touches a few facets only, which show nothing."""
     surface = Surface.from_spec("sphere", L=1.0, radius=10.0, shape="paraboloid")
     problem = Problem.of(surface, AUTO, delta_max=5e-6, steps=2)
-    _, strain = choose_kinematics(problem, 0.01, alone())
+    _, strain = choose_kinematics(problem, 0.01, here())
     assert strain.h < 0.1 and not strain.reason and strain.enough
 
 
@@ -133,7 +128,7 @@ def test_a_failed_comparison_takes_finite_strain(monkeypatch: pytest.MonkeyPatch
 
     monkeypatch.setattr(small_strain, "_press", press)
     monkeypatch.setattr(small_strain, "MOST_MESHES", 1)
-    chosen, strain = choose_kinematics(plane(1e-4), comm=alone())
+    chosen, strain = choose_kinematics(plane(1e-4), comm=here())
     assert chosen.material.kinematics == "finite" and strain.reason == "no convergence" and len(strain.percent) == 1
 
 
@@ -153,11 +148,11 @@ def test_steps_that_only_one_curve_has_are_left_out() -> None:
 def test_a_solver_refuses_what_is_not_decided() -> None:
     message = r"asp\.choose_kinematics"
     with pytest.raises(InputError, match=message):
-        solve_contact(Flat(L=1.0), AUTO, delta_max=0.01, size=SIZE, comm=alone())
+        solve_contact(Flat(L=1.0), AUTO, delta_max=0.01, size=SIZE, comm=here())
     with pytest.raises(InputError, match=message):
-        make_contact_solver(alone(), Flat(L=1.0), None, AUTO)
+        make_contact_solver(here(), Flat(L=1.0), None, AUTO)
     with pytest.raises(InputError, match=message):
-        refine(plane(0.01), AccuracyTarget(0.1), alone())
+        refine(plane(0.01), AccuracyTarget(0.1), here())
     with pytest.raises(InputError, match='kinematics = "large" is not one of small'):
         Material(1.0, 0.3, kinematics="large")
 
@@ -174,11 +169,9 @@ def test_slopes_are_a_limit_of_small_strain_alone() -> None:
 
 @pytest.mark.mpi
 def test_the_choice_is_the_same_on_any_number_of_ranks(shared_path: Path) -> None:
-    from mpi4py import MPI
-
     wave = Sinusoid(L=1.0, amplitude=0.02, dims=2)
     results = []
-    for comm in (MPI.COMM_SELF, MPI.COMM_WORLD):
+    for comm in (here(), world()):
         problem = Problem.of(wave, AUTO, delta_max=0.01, steps=3, unload_steps=2)
         results.append(choose_kinematics(problem, comm=comm))
     (one, first), (all_, second) = results
@@ -186,7 +179,7 @@ def test_the_choice_is_the_same_on_any_number_of_ranks(shared_path: Path) -> Non
     assert first.greatest == second.greatest and first.slope_seen == second.slope_seen
     assert first.percent.tolist() == second.percent.tolist()
     summary = run(Case.from_dict(WAVY), shared_path / "out").summary
-    assert MPI.COMM_WORLD.allgather(summary["model"]) == [summary["model"]] * MPI.COMM_WORLD.size
+    assert world().allgather(summary["model"]) == [summary["model"]] * world().size
     assert summary["assumptions"] == json.loads((shared_path / "out/summary.json").read_text())["assumptions"]
 
 
@@ -269,4 +262,4 @@ def test_a_run_with_a_tolerance_chooses_too(tmp_path: Path) -> None:
 def test_an_interrupted_comparison_is_no_failure() -> None:
     hooks = Hooks(stop=lambda: "the test")
     with pytest.raises(Interrupted, match="coarse mesh, small strain: stopped by the test"):
-        choose_kinematics(plane(0.01), comm=alone(), hooks=hooks)
+        choose_kinematics(plane(0.01), comm=here(), hooks=hooks)

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 import pytest
+from conftest import ELASTIC, PLASTIC, here, world
 
 import asperity as asp
 from asperity.adaptive.extrapolation import limit_of_meshes, loading_force, steady
@@ -38,8 +39,6 @@ from asperity.model.settings import AccuracyTarget, SolverOptions
 from asperity.quasistatic.contact_result import ContactResult, PartialResult
 from asperity.reference import half_space_contact
 
-ELASTIC = asp.Material(1.0, 0.3)
-PLASTIC = asp.Material(1.0, 0.3, 0.005, 0.05)
 SPHERE = asp.Surface.from_spec(kind="sphere", L=1.0, radius=3.0, centre=(0.3, 0.4))
 
 
@@ -214,11 +213,9 @@ def test_unloading_follows_an_extrapolated_elastic_plastic_loading() -> None:
 
 @pytest.mark.mpi
 def test_a_run_with_a_tolerance_does_not_depend_on_the_ranks() -> None:
-    from mpi4py import MPI
-
     together, alone = (
         solve_to_tolerance(bump(), PLASTIC, AccuracyTarget(0.2), delta_max=0.04, steps=2, comm=comm)
-        for comm in (MPI.COMM_WORLD, MPI.COMM_SELF)
+        for comm in (world(), here())
     )
     assert [level.dofs for level in together.levels] == [level.dofs for level in alone.levels]
     np.testing.assert_allclose(together.curve.P_star, alone.curve.P_star, rtol=1e-7)

@@ -7,10 +7,10 @@ import warnings
 from pathlib import Path
 
 import pytest
+from conftest import call
 
 import asperity as asp
 from asperity.case import Case
-from asperity.cli import main
 from asperity.cli.check import judge
 from asperity.errors import AsperityError, AsperityWarning
 
@@ -53,10 +53,8 @@ def case_file(tmp_path: Path) -> Path:
 
 def check(path: Path, capsys: pytest.CaptureFixture[str], *options: str) -> tuple[int, str, str]:
     """Exit code, output and errors of the command."""
-    with pytest.raises(SystemExit) as left:
-        main(["check", str(path), *options])
-    out, err = capsys.readouterr()
-    return int(left.value.code or 0), out, err
+    code = call("check", path, *options)
+    return code, *capsys.readouterr()
 
 
 @pytest.mark.parametrize("name", REFUSED)

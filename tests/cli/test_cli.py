@@ -15,10 +15,9 @@ from typing import Any
 
 import numpy as np
 import pytest
-from conftest import MPIRUN
+from conftest import MPIRUN, call
 from made_up_run import write_run
 
-from asperity.cli import main
 from asperity.cli.import_map import CASE
 from asperity.curve import Curve
 from asperity.errors import ConvergenceError
@@ -35,14 +34,13 @@ Cli = Callable[..., tuple[int, str, str]]
 def cli(capsys: pytest.CaptureFixture[str]) -> Cli:
     """Call the command line; return exit code, stdout and stderr."""
 
-    def call(*arguments: str | Path) -> tuple[int, str, str]:
-        with pytest.raises(SystemExit) as left:
-            main([str(argument) for argument in arguments])
+    def with_output(*arguments: str | Path) -> tuple[int, str, str]:
+        code = call(*arguments)
         out, err = capsys.readouterr()
         assert "Traceback" not in err
-        return int(left.value.code or 0), out, err
+        return code, out, err
 
-    return call
+    return with_output
 
 
 @pytest.fixture

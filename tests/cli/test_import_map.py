@@ -9,10 +9,10 @@ from typing import Any
 
 import numpy as np
 import pytest
+from conftest import call
 from scipy.ndimage import grey_dilation
 
 from asperity.case import Case
-from asperity.cli import main
 from asperity.curve import Curve
 from asperity.errors import InputError
 from asperity.output.assumptions import Evidence, instrument
@@ -32,9 +32,7 @@ def without_the_rest(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyP
 
 
 def import_map(*arguments: Any) -> int:
-    with pytest.raises(SystemExit) as left:
-        main(["import-map", *map(str, arguments)])
-    return int(left.value.code or 0)
+    return call("import-map", *arguments)
 
 
 def recommended(said: str) -> str:
@@ -299,7 +297,7 @@ def test_one_cutoff_is_recommended_and_it_is_the_last(
     scan = write(tmp_path, z, L=S[-1])
     assert import_map(scan, "-o", tmp_path / "out") == 0
     said = capsys.readouterr().out
-    check(tmp_path / "out/case.toml")
+    assert call("check", tmp_path / "out/case.toml") == 0
     checked = capsys.readouterr().out
     assert ("cut off what is shorter" in said) is ("cut off what is shorter" in checked)
     if "cut off what is shorter" not in said:
@@ -310,16 +308,10 @@ def test_one_cutoff_is_recommended_and_it_is_the_last(
     assert import_map(scan, "-o", tmp_path / "filtered", "--cutoff", recommended(said)) == 0
     said = capsys.readouterr().out
     assert "cut off" not in said and "accuracy.max_dofs" not in said
-    check(tmp_path / "filtered/case.toml")
+    assert call("check", tmp_path / "filtered/case.toml") == 0
     assert "cut off" not in capsys.readouterr().out
     patch = HeightMap(path=tmp_path / "filtered/patch.npz")
     assert patch.exact_rms()[0] > 0.75 * HeightField(z, 1.0, 1.0).levelled("plane").z.std()
-
-
-def check(case: Path) -> None:
-    with pytest.raises(SystemExit) as left:
-        main(["check", str(case)])
-    assert not left.value.code
 
 
 @pytest.mark.parametrize("feed", [9e-6, 14e-6, 22e-6])
@@ -350,8 +342,7 @@ def test_heights_and_slopes_have_one_definition(tmp_path: Path, capsys: pytest.C
     assert import_map(scan, "-o", tmp_path / "bare") == 0
     surface = HeightMap(path=tmp_path / "bare/patch.npz")
     capsys.readouterr()
-    with pytest.raises(SystemExit):
-        main(["surface", str(tmp_path / "bare/case.toml"), "--json"])
+    assert call("surface", tmp_path / "bare/case.toml", "--json") == 0
     shown = json.loads(capsys.readouterr().out)["statistics"]
     about = json.loads((tmp_path / "bare/measured.json").read_text())["statistics"]
     for key, exact in zip(("Sq", "rms_slope", "rms_curvature"), surface.exact_rms(), strict=True):

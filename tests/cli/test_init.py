@@ -12,13 +12,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from conftest import call
 
 import asperity as asp
 from asperity.case import Case
 from asperity.case.keys import kind_of, properties, sections
 from asperity.case.schema import Input
 from asperity.case.surfaces import SURFACES as MODELS
-from asperity.cli import main
 from asperity.cli.check import judge
 from asperity.cli.init import SOLIDS, SURFACES, starting_case
 
@@ -28,9 +28,7 @@ ADVICE = re.compile(r"^# (\w+) = +#", re.MULTILINE)  # a key without a plain def
 
 
 def init(*arguments: str | Path) -> int:
-    with pytest.raises(SystemExit) as left:
-        main(["init", *map(str, arguments)])
-    return int(left.value.code or 0)
+    return call("init", *arguments)
 
 
 def test_every_kind_of_surface_has_values() -> None:

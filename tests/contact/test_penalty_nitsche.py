@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 import pytest
-from conftest import ELASTIC, PLASTIC, here
+from conftest import ELASTIC, PLASTIC, here, world
 from scipy import sparse
 from scipy.sparse.linalg import splu
 
@@ -218,9 +218,7 @@ def test_active_set_solves_the_variational_inequality(wave: Surface, coarse_wave
 @pytest.mark.usefixtures("several_ranks")
 @pytest.mark.parametrize("material", [ELASTIC, PLASTIC], ids=["elastic", "plastic"])
 def test_same_curve_on_any_number_of_ranks(rough: Surface, coarse: BlockMesh | None, material: Material) -> None:
-    from mpi4py import MPI
-
-    comm = MPI.COMM_WORLD
+    comm = world()
     settings: dict[str, Any] = dict(delta_max=0.03, steps=3, formulation=NITSCHE)
     together = solve_contact(rough, material, block=coarse, comm=comm, **settings).curve
     if comm.rank == 0:

@@ -6,13 +6,12 @@ from typing import Any
 
 import numpy as np
 import pytest
+from conftest import PLASTIC
 
 from asperity import _solver
 from asperity.fem.kernels import law_of
 from asperity.mesh import element
-from asperity.model.material import Material
 
-SOLID = Material(1.0, 0.3, 0.005, 0.05)
 KERNELS = sorted(name for name in dir(_solver) if name[0].islower())
 NODES = 10
 
@@ -58,12 +57,12 @@ def many(n: int) -> dict[str, Arguments]:
             shape=shape, normals=element.area_vectors(), weights=facet_weights,
         ),
         "ContactLaw": dict(
-            material=law_of(SOLID), finite=False, stiffness=np.ones(n), height=np.ones(quadrature), traction=True,
+            material=law_of(PLASTIC), finite=False, stiffness=np.ones(n), height=np.ones(quadrature), traction=True,
         ),
     }  # fmt: skip
     made = {name: getattr(_solver, name)(**arguments) for name, arguments in out.items()}
     at: Arguments = dict(cells=made["Cells"])
-    law = law_of(SOLID)
+    law = law_of(PLASTIC)
     history: Arguments = dict(committed=made["History"])
     trial = _solver.History(np.zeros((n, points, 6)), np.zeros((n, points)))
     matrix: Arguments = dict(pattern=made["BlockPattern"], values=values.copy())

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 import pytest
+from conftest import world
 from element_sample import PAIRS, Sample, difference, sample
 from j2_path import confined_stress, uniaxial_stress
 from scipy.spatial.transform import Rotation
@@ -180,9 +181,7 @@ def test_a_solid_turned_inside_out_is_counted(cube: BlockMesh) -> None:
 def press_of(
     surface: Surface, block: BlockMesh | None, material: Material, method: str, **options: Any
 ) -> ContactSolver:
-    from mpi4py import MPI
-
-    return make_contact_solver(MPI.COMM_WORLD, surface, block, material, formulation=Formulation(method), **options)
+    return make_contact_solver(world(), surface, block, material, formulation=Formulation(method), **options)
 
 
 @pytest.mark.mpi
@@ -190,10 +189,8 @@ def press_of(
 @EACH
 def test_flat_block_pressed_to_half_its_height(material: Material, method: str) -> None:
     """Force on the nominal area -T/stretch, T of small strain at the logarithmic strain; balances kept, and back."""
-    from mpi4py import MPI
-
     surface = Flat(L=1.0)
-    block = on_root(MPI.COMM_WORLD, lambda: build_block(surface, 1.0, lambda x, y, depth: 0.6))
+    block = on_root(world(), lambda: build_block(surface, 1.0, lambda x, y, depth: 0.6))
     solver = press_of(surface, block, material, method)
     path = np.array([0.05, 0.1, 0.15, 0.2, 0.3, 0.4, 0.5, 0.49])
     strength = material.yield_strength or np.inf

@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from conftest import world
 from scipy import sparse
 
 from asperity import _solver
@@ -114,9 +115,8 @@ def test_a_node_is_of_the_interface_once() -> None:
 def test_coarse_solution_solves_the_sum_of_the_parts(coarse: BlockMesh | None, kind: str) -> None:
     """Against products with the parts, which know nothing of the whole matrix; algebraic multigrid is approximate."""
     from dolfinx import fem
-    from mpi4py import MPI
 
-    mesh, _ = distribute(MPI.COMM_WORLD, coarse, 1.0)
+    mesh, _ = distribute(world(), coarse, 1.0)
     dofmap = fem.functionspace(mesh, ("Lagrange", 1, (3,))).dofmap
     index_map = dofmap.index_map
     ghosts = Ghosts(index_map)
@@ -145,10 +145,9 @@ def test_coarse_solution_solves_the_sum_of_the_parts(coarse: BlockMesh | None, k
 def test_way_to_solve_the_coarse_problem(coarse: BlockMesh | None, monkeypatch: pytest.MonkeyPatch) -> None:
     """By its size, by that of the interface, by its symmetry, and by the options of the user."""
     from dolfinx import fem
-    from mpi4py import MPI
     from petsc4py import PETSc
 
-    mesh, _ = distribute(MPI.COMM_WORLD, coarse, 1.0)
+    mesh, _ = distribute(world(), coarse, 1.0)
     dofmap = fem.functionspace(mesh, ("Lagrange", 1, (3,))).dofmap
     index_map = dofmap.index_map
     points = np.random.default_rng(0).random((index_map.size_local + index_map.num_ghosts, 3))

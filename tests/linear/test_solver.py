@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from conftest import here, world
 
 from asperity.fem.solid import Solid
 from asperity.linear.solver import LinearSolver
@@ -19,9 +20,7 @@ def test_predicted_energy_of_the_error_is_that_of_the_exact_solution(
     coarse: BlockMesh | None, load: str, rtol: float
 ) -> None:
     """CG ends where the energy norm of the error is below the tolerance times that of the solution, about."""
-    from mpi4py import MPI
-
-    comm = MPI.COMM_WORLD
+    comm = world()
     solid = Solid(*distribute(comm, coarse, 1.0), Material(1.0, 0.3))
     solid.assemble_tangent()
     r, y, exact = (solid.vector() for _ in range(3))
@@ -45,9 +44,7 @@ def test_predicted_energy_of_the_error_is_that_of_the_exact_solution(
 
 
 def test_a_load_of_zero_is_solved_at_once(coarse: BlockMesh) -> None:
-    from mpi4py import MPI
-
-    solid = Solid(*distribute(MPI.COMM_SELF, coarse, 1.0), Material(1.0, 0.3))
+    solid = Solid(*distribute(here(), coarse, 1.0), Material(1.0, 0.3))
     solid.assemble_tangent()
     r, y = solid.vector(), solid.vector()
     solver = LinearSolver(solid, "cg")

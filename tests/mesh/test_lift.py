@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from conftest import here
 
 from asperity.adaptive.solve_contact import solve_contact
 from asperity.errors import MeshError, ResolutionWarning
@@ -43,10 +44,8 @@ def volumes(points: np.ndarray, tets: np.ndarray) -> np.ndarray:
 
 def lowered(block: BlockMesh, surface: Surface, delta: float = 0.05) -> float:
     """Change of the heights that a flat meets after an approach, over this."""
-    from mpi4py import MPI
-
     top = block.points[np.abs(block.heights(surface) - block.points[:, 2]) < NEAR]
-    return lowered_height(top, surface, block.height, delta, MPI.COMM_SELF)
+    return lowered_height(top, surface, block.height, delta, here())
 
 
 def self_affine(**changes: Any) -> Surface:

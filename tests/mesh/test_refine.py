@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 import pytest
-from conftest import ELASTIC
+from conftest import ELASTIC, here, world
 
 import asperity as asp
 from asperity.adaptive.solve_contact import solve_contact
@@ -37,12 +37,6 @@ FLAT = Flat(L=2.0)
 WAVE = Sinusoid(L=2.0, amplitude=0.02, dims=2)
 ROUGH = SelfAffine(L=2.0, H=0.8, slope=0.46, lambda_roll=1.0, lambda_short=0.1, seed=5)
 SIZE = MeshSize(0.25, h_max=0.4)
-
-
-def comms() -> tuple[Any, Any]:
-    from mpi4py import MPI
-
-    return MPI.COMM_SELF, MPI.COMM_WORLD
 
 
 def press(surface: Surface, refinements: int, comm: Any, sides: str = "rollers", **options: Any) -> ContactResult:
@@ -102,7 +96,7 @@ def test_repeated_splits_do_not_distort() -> None:
 
 
 def test_the_counts_are_those_of_the_refined_mesh() -> None:
-    alone, _ = comms()
+    alone = here()
     block = make_block(alone, Flat(L=1.0), 1.0, 0.01, MeshSize(0.3, h_max=0.3, refinements=2))
     assert block is not None
     solid = Solid(*distribute(alone, block, 1.0, surface=Flat(L=1.0)), ELASTIC)
@@ -116,7 +110,7 @@ def test_the_counts_are_those_of_the_refined_mesh() -> None:
 @pytest.mark.parametrize(("refinements", "sides"), [(2, "rollers"), (1, "periodic")])
 def test_the_refined_mesh_is_a_block_under_its_surface(refinements: int, sides: str) -> None:
     """As BlockMesh.check judges it: every inner face belongs to two elements, and the top lies on the surface."""
-    _, comm = comms()
+    comm = world()
     result = press(WAVE, refinements, comm, sides)
     whole, solid = result.whole_mesh(), result.solver.solid
     volume = comm.allreduce(solid.kernels.volumes.sum())
@@ -141,7 +135,7 @@ def test_the_mesh_and_its_numbers_do_not_depend_on_the_ranks(sides: str) -> None
     size = MeshSize(0.4, h_max=0.4, refinements=2)
     one, all_ = (
         press(ROUGH, 2, comm, sides, block=make_block(comm, ROUGH, 1.5, 0.01, size, sides)).whole_mesh()
-        for comm in comms()
+        for comm in (here(), world())
     )
     if all_ is not None:
         assert one is not None
@@ -151,7 +145,7 @@ def test_the_mesh_and_its_numbers_do_not_depend_on_the_ranks(sides: str) -> None
 
 @pytest.mark.mpi
 def test_the_heights_are_those_of_the_same_mesh_lifted_in_one_process() -> None:
-    _, comm = comms()
+    comm = world()
     block = on_root(comm, lambda: build_block(FLAT, 1.5, lambda *_: 0.4, refinements=1))
     flat, lifted = (press(surface, 1, comm, block=block).whole_mesh() for surface in (FLAT, ROUGH))
     if flat is not None:
@@ -170,7 +164,7 @@ def test_the_heights_are_those_of_the_same_mesh_lifted_in_one_process() -> None:
 def test_the_curve_does_not_depend_on_the_ranks() -> None:
     one, all_ = (
         press(WAVE, 1, comm, "periodic", steps=2, unload_steps=1, material=Material(1.0, 0.3, 0.05, 0.1)).curve
-        for comm in comms()
+        for comm in (here(), world())
     )
     np.testing.assert_allclose(all_.force, one.force, rtol=1e-7, atol=1e-12)
     np.testing.assert_allclose(all_.area_fraction, one.area_fraction, rtol=1e-6, atol=1e-12)
@@ -178,7 +172,7 @@ def test_the_curve_does_not_depend_on_the_ranks() -> None:
 
 def test_the_force_is_that_of_layer_theory() -> None:
     """Hertz contact, whose size field grows quickly; gmsh's own mesh of these sizes is off by 0.2 %."""
-    alone, _ = comms()
+    alone = here()
     delta = CONTACT**2 / RADIUS
     exact = layer_force(delta, 1024)[0][0] * ELASTIC.reduced_modulus
     size = MeshSize(0.04, refinements=1)
@@ -187,7 +181,7 @@ def test_the_force_is_that_of_layer_theory() -> None:
 
 
 def test_a_saved_mesh_is_refined_again(tmp_path: Path) -> None:
-    alone, _ = comms()
+    alone = here()
     first = press(WAVE, 1, alone)
     assert first.block is not None and first.block.refinements == 1
     first.block.save(tmp_path / "block.npz")
@@ -196,7 +190,7 @@ def test_a_saved_mesh_is_refined_again(tmp_path: Path) -> None:
 
 
 def test_a_run_with_a_tolerance_refines_its_meshes() -> None:
-    alone, _ = comms()
+    alone = here()
     target = asp.AccuracyTarget(0.05, 200_000)
     path: dict[str, Any] = {"delta_max": 0.01, "steps": 2, "height": 1.5}
     plain, found = (
@@ -209,7 +203,7 @@ def test_a_run_with_a_tolerance_refines_its_meshes() -> None:
 @pytest.mark.mpi
 def test_a_run_is_resumed_on_other_ranks(shared_path: Path) -> None:
     """Stopped after the first step on all ranks, and continued by one of them alone."""
-    alone, comm = comms()
+    alone, comm = here(), world()
     path: dict[str, Any] = {"steps": 3, "material": Material(1.0, 0.3, 0.05, 0.1), "snapshots": 1}
     straight = press(WAVE, 1, comm, **path)
     calls = iter(("", "the test"))

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from conftest import leave_figures_blank
+from conftest import here, leave_figures_blank, world
 from html_page import Page
 
 from asperity.adaptive.solve_contact import solve_contact
@@ -129,18 +129,16 @@ def test_pressure_of_an_elastic_contact_beyond_that_of_metals() -> None:
 
 def test_pressure_of_an_elastic_contact_does_not_grow_with_the_mesh() -> None:
     """Of a wave on two meshes; of a Hertzian contact it is the pressure in the middle."""
-    from mpi4py import MPI
-
     ridge, found = Sinusoid(L=1.0, amplitude=0.02), []
     for h in (0.1, 0.05):
         problem = Problem.of(ridge, Material(1.0, 0.3), delta_max=0.02, steps=2, size=MeshSize(h))
-        curve = solve_problem(problem, comm=MPI.COMM_SELF).curve
+        curve = solve_problem(problem, comm=here()).curve
         line = elastic(Evidence(curve, problem))
         assert line is not None
         found.append(line.value)
     assert found[1] == pytest.approx(found[0], rel=0.03)
     sphere = Problem.of(Sphere(L=1.0, radius=4.0), Material(1.0, 0.3), delta_max=4e-3, steps=2, size=MeshSize(0.03))
-    curve = solve_problem(sphere, comm=MPI.COMM_SELF).curve
+    curve = solve_problem(sphere, comm=here()).curve
     line = elastic(Evidence(curve, sphere))
     assert line is not None and line.value == pytest.approx(curve.max_pressure[-1], rel=0.03)
 
@@ -161,8 +159,6 @@ def test_a_plane_block_yields_at_that_pressure(sides: str, nu: float) -> None:
 
     With free sides the clamped base leaves the stress uniform without lateral strain only.
     """
-    from mpi4py import MPI
-
     material = Material(1.0, nu, 1e-3, 0.1)
     lame = material.E * nu / ((1 + nu) * (1 - 2 * nu))
     modulus = lame + material.E / (1 + nu) if sides == "rollers" else material.E
@@ -171,7 +167,7 @@ def test_a_plane_block_yields_at_that_pressure(sides: str, nu: float) -> None:
             Flat(L=1.0), material, sides=sides, delta_max=part * material.yield_pressure(sides) / modulus, steps=1,
             integrator="backward-euler", size=MeshSize(0.5, 1.0, 1.0),
         )  # fmt: skip
-        result = solve_problem(problem, comm=MPI.COMM_SELF)
+        result = solve_problem(problem, comm=here())
         yielded = float(result.curve.plastic_fraction[-1])
         assert yielded == pytest.approx(1.0 if part > 1 else 0.0, abs=1e-12)
         assert verdict(bulk_yield(Evidence(result.curve, problem))) == (DOUBTFUL if part > 1 else FINE)
@@ -181,11 +177,9 @@ def test_a_plane_block_yields_at_that_pressure(sides: str, nu: float) -> None:
 @pytest.mark.parametrize("yield_strength", [None, 0.01])
 def test_the_strain_of_a_plane_block(kinematics: str, yield_strength: float | None) -> None:
     """Uniaxial strain e, or ln(1 - e): the equivalent strain is two thirds of it, plastic or not."""
-    from mpi4py import MPI
-
     material = Material(1.0, 0.3, yield_strength, 0.0 if yield_strength is None else 0.2, kinematics=kinematics)
     size = MeshSize(0.5, 1.0, 1.0)
-    found = solve_contact(Flat(L=1.0), material, delta_max=0.08, steps=2, size=size, comm=MPI.COMM_SELF).curve
+    found = solve_contact(Flat(L=1.0), material, delta_max=0.08, steps=2, size=size, comm=here()).curve
     strain = found.delta_star if kinematics == "small" else -np.log1p(-found.delta_star)
     assert found.max_strain == pytest.approx(2 / 3 * strain, rel=1e-6)
     assert found.strained_fraction == pytest.approx((2 / 3 * strain > 0.05).astype(float))
@@ -244,11 +238,9 @@ def fractal() -> Surface:
 @pytest.fixture(scope="module")
 def sphere() -> Evidence:
     """An elastic sphere pressed to a contact radius of a fifth of the patch, SI units."""
-    from mpi4py import MPI
-
     surface = Sphere(L=1e-6, radius=4e-6, shape="paraboloid")
     problem = Problem.of(surface, Material(200e9, 0.3), height=2e-6, delta_max=4e-9, steps=4, size=MeshSize(0.02e-6))
-    return Evidence(solve_problem(problem, comm=MPI.COMM_SELF).curve, problem, si=True, h=0.02e-6)
+    return Evidence(solve_problem(problem, comm=here()).curve, problem, si=True, h=0.02e-6)
 
 
 def test_the_contact_radius_of_a_sphere_is_that_of_hertz(sphere: Evidence) -> None:
@@ -451,12 +443,6 @@ def test_an_unresolved_contact_warns_once(tmp_path: Path) -> None:
 
 
 # --- collecting -----------------------------------------------------------------------------------------------
-
-
-def world() -> Any:
-    from mpi4py import MPI
-
-    return MPI.COMM_WORLD
 
 
 @pytest.mark.mpi

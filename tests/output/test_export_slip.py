@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from conftest import PLASTIC
+from conftest import PLASTIC, here
 from test_export import calculated, calculix, in_contact, two_bricks
 
 import asperity as asp
@@ -116,13 +116,9 @@ def test_calculix_finds_the_forces_of_a_rigid_flat_with_friction(
     Where the solid yields, CalculiX loses 7 % of the normal force in the first increment of a sideways step, however
     short, and regains it in the next ones: there the increments are short.
     """  # fmt: skip
-    from mpi4py import MPI
-
     mu, move = 0.4, 0.0075
     block = build_block(wave, 1.0, SizeField.of(wave, 0.02, 0.14, growth=0.6, h_max=0.5).at)
-    solver = make_contact_solver(
-        MPI.COMM_SELF, wave, block, material, sides="free", formulation=Formulation(friction=mu)
-    )
+    solver = make_contact_solver(here(), wave, block, material, sides="free", formulation=Formulation(friction=mu))
     for k in range(1, steps + 1):
         assert solver.step(0.02 * k / steps).converged
     contact, ours = solver.contact, [(solver.force, 0.0)]

@@ -11,9 +11,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from conftest import call
 
 from asperity.adaptive.solve_contact import solve_contact
-from asperity.cli import main
 from asperity.errors import CompatError, InputError, OutputError
 from asperity.mesh.block import BlockMesh
 from asperity.model.material import Material
@@ -141,9 +141,7 @@ def test_plot_3d_draws_the_block(file: Path, capsys: pytest.CaptureFixture[str])
     pytest.importorskip("pyvista")
     from matplotlib.image import imread
 
-    with pytest.raises(SystemExit) as left:
-        main(["plot", str(file.parent.parent), "--3d"])
-    assert not left.value.code, capsys.readouterr().err
+    assert call("plot", file.parent.parent, "--3d") == 0, capsys.readouterr().err
     picture = imread(file.parent.parent / "figures/scene.png")
     shown = np.ptp(picture[..., :3], axis=-1) > 0.2  # coloured, where background and untouched top are grey
     left_half, right_half = np.array_split(shown, 2, axis=1)

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from conftest import ELASTIC, PLASTIC
+from conftest import ELASTIC, PLASTIC, world
 
 import asperity.quasistatic.contact_solver
 from asperity.case import Case
@@ -39,9 +39,7 @@ def pressed(solver: ContactSolver, steps: int = 4, unload_steps: int = 0) -> Con
 def make(
     surface: Surface, block: BlockMesh | None, method: str = "active-set", material: Any = PLASTIC
 ) -> ContactSolver:
-    from mpi4py import MPI
-
-    return make_contact_solver(MPI.COMM_WORLD, surface, block, material, formulation=Formulation(method))
+    return make_contact_solver(world(), surface, block, material, formulation=Formulation(method))
 
 
 MOVING, MIXED = (replace(PLASTIC, hardening=share) for share in ("kinematic", 0.4))
@@ -65,12 +63,10 @@ def test_the_residual_bounds_the_error_of_loose_equations(
     rough: Surface, coarse: BlockMesh | None, method: str, material: Material
 ) -> None:
     """Along the whole path, where an error stays in the plastic history; the balance of forces alone does not."""
-    from mpi4py import MPI
-
     forces, bars = [], []
     for rtol in (1e-10, 1e-4, 1e-3, 1e-2):
         solver = make_contact_solver(
-            MPI.COMM_WORLD, rough, coarse, material, formulation=Formulation(method), options=SolverOptions(rtol=rtol)
+            world(), rough, coarse, material, formulation=Formulation(method), options=SolverOptions(rtol=rtol)
         )
         record = Record(1.0, 1.0, 1.0)
         follow(solver, Schedule(0.03, steps=5), record)
@@ -201,10 +197,8 @@ def test_wrong_runs_are_noticed(
 
 
 def test_a_contact_too_soft_to_carry_the_load_is_noticed(wave: Surface, coarse_wave: BlockMesh | None) -> None:
-    from mpi4py import MPI
-
     soft = Formulation("penalty", penalty=0.01)
-    checks = pressed(make_contact_solver(MPI.COMM_WORLD, wave, coarse_wave, ELASTIC, formulation=soft)).checks
+    checks = pressed(make_contact_solver(world(), wave, coarse_wave, ELASTIC, formulation=soft)).checks
     assert "raise contact.penalty or contact.gamma" in checks.violated["compliance"]
 
 

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from conftest import ELASTIC, PLASTIC, world
+from conftest import ELASTIC, PLASTIC, here, world
 
 from asperity.adaptive.solve_contact import solve_contact
 from asperity.case import Case
@@ -157,8 +157,6 @@ def test_a_run_in_pieces_has_the_same_stiffness(
 def test_a_run_goes_on_on_another_number_of_ranks(
     wave: Surface, coarse_wave: BlockMesh | None, shared_path: Path, formulation: Formulation
 ) -> None:
-    from mpi4py import MPI
-
     settings: dict[str, Any] = {
         "delta_max": 0.02,
         "steps": 2,
@@ -169,7 +167,7 @@ def test_a_run_goes_on_on_another_number_of_ranks(
     }
     straight = solve_contact(wave, PLASTIC, **settings)
     if world().rank == 0:
-        alone = MPI.COMM_SELF
+        alone = here()
         with pytest.raises(PartialResult):
             checkpoint = Checkpoint(shared_path, {}, alone)
             solve_contact(wave, PLASTIC, stop=stop_after(1), checkpoint=checkpoint, comm=alone, **settings)
@@ -181,8 +179,6 @@ def test_a_run_goes_on_on_another_number_of_ranks(
 @pytest.mark.mpi
 def test_nodes_on_joined_sides_stick_on_another_number_of_ranks(shared_path: Path) -> None:
     """They have a number on each side, and another rank may know them by another one."""
-    from mpi4py import MPI
-
     settings: dict[str, Any] = {"delta_max": 0.01, "steps": 1, "sides": "periodic", "size": MeshSize(0.2, h_max=0.2)}
     settings["formulation"] = Formulation(friction=0.3)
     flat = Surface.from_spec("flat", L=1.0)
@@ -194,7 +190,7 @@ def test_nodes_on_joined_sides_stick_on_another_number_of_ranks(shared_path: Pat
         assert isinstance(contact, Coulomb)
         return int(ranks.allreduce(np.isfinite(contact.held[:, 0]).sum()))
 
-    alone = world().bcast(stuck(MPI.COMM_SELF) if world().rank == 0 else None)
+    alone = world().bcast(stuck(here()) if world().rank == 0 else None)
     assert stuck(world()) == alone > 20  # the path is at its end: these are the nodes restored
 
 

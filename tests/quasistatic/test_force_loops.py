@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from conftest import here, world
+from conftest import PLASTIC, here, world
 
 from asperity.adaptive.solve_contact import solve_contact
 from asperity.errors import InputError, Interrupted
@@ -150,7 +150,7 @@ def test_ranks_agree(rough: Surface, coarse: BlockMesh | None) -> None:
 
 def test_the_preload_itself_yields_in_its_first_loop_only(rough: Surface, coarse: BlockMesh | None) -> None:
     """Isotropic hardening shakes down; the steps are fine enough for the energy of the steady loop."""
-    solver = make_contact_solver(world(), rough, coarse, Material(1.0, 0.3, 0.005, 0.05))
+    solver = make_contact_solver(world(), rough, coarse, PLASTIC)
     for delta in (0.01, 0.02, 0.03):
         assert solver.step(delta).converged
     loops = force_loops(solver, solver.force, [0.3], cycles=4, steps=3)

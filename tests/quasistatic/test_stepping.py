@@ -15,7 +15,7 @@ from typing import Any, cast
 import numpy as np
 import numpy.typing as npt
 import pytest
-from conftest import ELASTIC, PLASTIC, world
+from conftest import ELASTIC, PLASTIC, here, world
 from j2_path import confined_stress
 from scipy.optimize import brentq
 
@@ -206,10 +206,8 @@ def test_elastic_unloading_retraces_the_loading(press_of: Callable[..., ContactS
 
 def test_a_flat_unloads_along_confined_compression() -> None:
     """To the strain at which the axial stress has vanished."""
-    from mpi4py import MPI
-
     block = build_block(Flat(L=1.0), 1.0, lambda x, y, depth: 1.0)
-    solver = make_contact_solver(MPI.COMM_SELF, Flat(L=1.0), block, PLASTIC)
+    solver = make_contact_solver(here(), Flat(L=1.0), block, PLASTIC)
     curve = drive(solver, delta_max=0.02, steps=4, unload_steps=8).curve()
 
     def stress(delta: float) -> float:

@@ -7,17 +7,12 @@ from collections.abc import Callable
 from typing import Any
 
 import pytest
+from conftest import world
 
 from asperity.errors import InputError, OutputError
 from asperity.runtime.parallel import agree, on_root, on_root_bcast
 
 pytestmark = pytest.mark.mpi
-
-
-def world() -> Any:
-    from mpi4py import MPI
-
-    return MPI.COMM_WORLD
 
 
 def refuse() -> int:

@@ -11,9 +11,9 @@ from typing import Any
 
 import numpy as np
 import pytest
+from conftest import call, world
 
 from asperity.case import Case
-from asperity.cli import main
 from asperity.curve import Curve
 from asperity.errors import CaseWarning, CheckpointError, InputError
 from asperity.plot import CAPTIONS
@@ -333,10 +333,9 @@ def output_of_the_command(case: Case, out: Path, capsys: pytest.CaptureFixture[s
     """Exit code and lines of a run, without their prefixes."""
     path = out.with_suffix(".toml")
     path.write_text(case.to_toml(), encoding="utf-8")
-    with pytest.raises(SystemExit) as left:
-        main(["run", str(path), "-o", str(out), "-q"])
+    code = call("run", path, "-o", out, "-q")
     lines = capsys.readouterr().err.splitlines()
-    return int(left.value.code or 0), [line.partition(": ")[2] for line in lines]
+    return code, [line.partition(": ")[2] for line in lines]
 
 
 def test_warnings_about_a_case_are_those_of_the_command(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -355,12 +354,6 @@ def test_warnings_about_a_case_are_those_of_the_command(tmp_path: Path, capsys: 
 
 
 # --- ranks ----------------------------------------------------------------------------------------------------
-
-
-def world() -> Any:
-    from mpi4py import MPI
-
-    return MPI.COMM_WORLD
 
 
 @pytest.mark.mpi

@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 import pytest
 import tomli_w
+from conftest import here, world
 
 from asperity.case import Case
 from asperity.curve import Curve
@@ -259,10 +260,8 @@ def test_two_jobs_do_not_work_in_one_folder(tmp_path: Path) -> None:
 
 
 def test_ranks_that_do_not_divide_are_refused(tmp_path: Path) -> None:
-    from mpi4py import MPI
-
     with pytest.raises(InputError, match="ranks-per-case"):
-        run_study(study(grid={"block.height": [1.0]}), tmp_path / "out", ranks_per_case=MPI.COMM_WORLD.size + 1)
+        run_study(study(grid={"block.height": [1.0]}), tmp_path / "out", ranks_per_case=world().size + 1)
 
 
 def environ() -> dict[str, str]:
@@ -372,13 +371,11 @@ def test_a_saved_state_that_is_damaged_is_not_continued(tmp_path: Path) -> None:
 def test_a_mesh_that_cannot_be_written_is_recorded_with_its_case(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    from mpi4py import MPI
-
     def full(descriptor: int) -> None:
         raise OSError(28, "No space left on device")
 
     monkeypatch.setattr("os.fsync", full)
     case = study(grid={"block.height": [1.0]}).entries[0].case
-    error = shared_mesh(case, tmp_path, MPI.COMM_SELF)
+    error = shared_mesh(case, tmp_path, here())
     assert isinstance(error, OutputError) and "npz: No space left on device" in str(error)
     assert list((tmp_path / "meshes").iterdir()) == []
