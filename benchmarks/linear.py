@@ -31,18 +31,14 @@ from asperity.linear.multigrid import PMultigrid
 from asperity.quasistatic.contact_result import ContactResult
 
 L = 1e-6
-STEEL = asp.Material(200e9, 0.3, 1e9, 10e9)
-MATERIALS = {"elastic": asp.Material(200e9, 0.3), "plastic": STEEL}
+MATERIALS = {"elastic": asp.Material(200e9, 0.3), "plastic": asp.Material(200e9, 0.3, 1e9, 10e9)}
 SIZES = (0.2, 0.12, 0.08, 0.056, 0.04)
-REPEATS = 15
 KINDS = ("cg", "lu", "gamg")  # the first one always runs and gives the size
 LARGEST = {"lu": 40_000, "gamg": 60_000}  # dofs beyond which there is nothing left to compare
 
 
 def main(sizes: tuple[float, ...]) -> None:
     """Print the table."""
-    warnings.simplefilter("ignore")
-    surface = asp.Surface.from_spec(kind="weierstrass-mandelbrot", L=L, D=2.4, G=1.36e-11)
     print("| dofs | solver | Newton | Krylov | CPU s | linear s | memory MiB |")
     print("|---|---|---|---|---|---|---|")
     for h in sizes:
@@ -50,16 +46,7 @@ def main(sizes: tuple[float, ...]) -> None:
         for kind in KINDS:
             if dofs > LARGEST.get(kind, dofs):
                 continue
-            start = process_time()
-            result = asp.solve_contact(
-                surface,
-                STEEL,
-                delta_max=0.03 * L,
-                steps=3,
-                size=asp.MeshSize(h * L),
-                options=asp.SolverOptions(linear=kind),
-            )
-            seconds = process_time() - start
+            result, seconds = fractal(MATERIALS["plastic"], h, 3, linear=kind)
             dofs, counts, spent = result.dofs, result.counts, result.phases.seconds
             linear = sum(spent.get(name, 0.0) for name in ("preconditioner", "linear solve"))
             memory = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
@@ -86,14 +73,12 @@ def parts(sizes: tuple[float, ...]) -> None:
             for name, (owner, method) in names.items():
                 stack.enter_context(patch.object(owner, method, timed(getattr(owner, method), spent[name])))
             result, _ = fractal(MATERIALS["plastic"], h)
-        comm = result.solver.solid.comm
-        if comm.rank == 0:
-            print("| ranks | dofs | part | calls | median ms | shortest twentieth ms |\n|---|---|---|---|---|---|")
+        out("| ranks | dofs | part | calls | median ms | shortest twentieth ms |\n|---|---|---|---|---|---|")
         for name, times in spent.items():
-            if comm.rank == 0 and times:
+            if times:
                 median, least = 1e3 * np.quantile(times, (0.5, 0.05))
-                row = comm.size, result.dofs, name, len(times), f"{median:.3f}", f"{least:.3f}"
-                print("| " + " | ".join(map(str, row)) + " |", flush=True)
+                row = MPI.COMM_WORLD.size, result.dofs, name, len(times), f"{median:.3f}", f"{least:.3f}"
+                out("| " + " | ".join(map(str, row)) + " |")
 
 
 def timed(work: Callable[..., Any], spent: list[float]) -> Callable[..., Any]:
@@ -108,14 +93,15 @@ def timed(work: Callable[..., Any], spent: list[float]) -> Callable[..., Any]:
     return call
 
 
-def fractal(material: asp.Material, h: float, **options: Any) -> tuple[ContactResult, float]:
-    """The surface of cases/single.toml to 0.03 L in ten planned steps, and its CPU seconds."""
+def fractal(material: asp.Material, h: float, steps: int = 10, **options: Any) -> tuple[ContactResult, float]:
+    """The surface of cases/single.toml to 0.03 L in planned steps, and its CPU seconds."""
     warnings.simplefilter("ignore")
     surface = asp.Surface.from_spec(kind="weierstrass-mandelbrot", L=L, D=2.4, G=1.36e-11)
     start = process_time()
     result = asp.solve_contact(
-        surface, material, delta_max=0.03 * L, steps=10, size=asp.MeshSize(h * L), options=asp.SolverOptions(**options)
-    )
+        surface, material, delta_max=0.03 * L, steps=steps, size=asp.MeshSize(h * L),
+        options=asp.SolverOptions(**options),
+    )  # fmt: skip
     return result, process_time() - start
 
 
@@ -161,16 +147,6 @@ def out(line: str) -> None:
     """Print on rank 0."""
     if MPI.COMM_WORLD.rank == 0:
         print(line, flush=True)
-
-
-def median(work: Callable[..., object], *arguments: object) -> float:
-    """Milliseconds of CPU time of a call, the median of REPEATS."""
-    spent = []
-    for _ in range(REPEATS):
-        start = process_time()
-        work(*arguments)
-        spent.append(1e3 * (process_time() - start))
-    return float(np.median(spent))
 
 
 if __name__ == "__main__":

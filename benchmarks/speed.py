@@ -19,6 +19,7 @@ import sys
 import warnings
 from collections.abc import Iterable
 from concurrent.futures import ThreadPoolExecutor
+from math import log
 from time import perf_counter, process_time
 from typing import Any
 
@@ -111,8 +112,6 @@ def step(sizes: tuple[float, ...]) -> None:
 
 
 def _slope(a: tuple[int, float], b: tuple[int, float]) -> float:
-    from math import log
-
     return log(b[1] / a[1]) / log(b[0] / a[0])
 
 

@@ -284,6 +284,3 @@ def all_statements(results: StudyResults) -> tuple[Statement, ...]:
     tests = (elastic_softens, rougher_softens_more, modulus_softens_more, strength_hardens)
     made = (*(test(exponents) for test in tests), smoother_surfaces()[0])
     return tuple(statement for statement in made if statement.findings)
-
-
-__all__ = ["WHOLE", "Finding", "Statement", "all_statements", "smoother_surfaces", "turning", "verdict_of"]

@@ -50,8 +50,6 @@ class Model:
         steps: greatest and first increment is one part of so many
         outputs: evenly spaced states that are written
         stiffness: of the contact, pressure over penetration
-        finite: whether strains are finite
-        displacements: whether those of the top are written
     """
 
     points: Floats
@@ -65,8 +63,6 @@ class Model:
     steps: int
     outputs: int
     stiffness: float
-    finite: bool = False
-    displacements: bool = False
 
 
 def write_grid(path: Path, material: str, n: int, steps: int) -> int:
@@ -132,13 +128,10 @@ def write(path: Path, model: Model) -> None:
         deck.write("*BOUNDARY\n" + "".join(f"{name}, {dofs}\n" for name, (_, dofs) in model.held.items()))
         deck.write("RIGID, 1, 2\n")
         deck.write(f"*TIME POINTS, NAME=STEPS, GENERATE\n{1 / model.outputs}, 1.0, {1 / model.outputs}\n")
-        deck.write(f"*STEP, INC=10000{', NLGEOM' if model.finite else ''}\n")
-        deck.write(f"*STATIC{'' if model.finite else ', SOLVER=ITERATIVE CHOLESKY'}\n")
+        deck.write("*STEP, INC=10000\n*STATIC, SOLVER=ITERATIVE CHOLESKY\n")
         deck.write(f"{1 / model.steps}, 1.0, 1e-6, {1 / model.steps}\n")
         deck.write(f"*BOUNDARY\nRIGID, 3, 3, {-model.depth}\n")
         deck.write("*NODE PRINT, NSET=RIGID, TOTALS=ONLY, TIME POINTS=STEPS\nRF\n")
-        if model.displacements:
-            deck.write("*NODE PRINT, NSET=TOP, TIME POINTS=STEPS\nU\n")
         deck.write("*END STEP\n")
 
 
@@ -162,10 +155,3 @@ def read(path: Path, outputs: int = scene.STEPS) -> list[float]:
     found = re.findall(r"^ total force.*time\s+(\S+)\s+(?:\S+\s+){2}(\S+)", text, re.MULTILINE)
     forces = {round(float(time) * outputs, 6): -float(force) / STRESS for time, force in found}
     return [forces[k] for k in range(1, outputs + 1) if k in forces]
-
-
-def read_displacements(path: Path) -> Floats:
-    """Displacements of the top in the last state that a .dat file holds, rows of node number and components (m, 4)."""
-    last = path.read_text(encoding="ascii").rpartition("displacements")[2].partition("\n")[2]
-    rows = (line.split() for line in last.splitlines())
-    return np.array([list(map(float, row)) for row in rows if len(row) == 4])

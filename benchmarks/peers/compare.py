@@ -23,19 +23,8 @@ import programs
 import scene
 from programs import Job, Run
 
-from asperity.plot import style
-
 TARGETS = (0.05, 0.02, 0.01, 0.005)
 FARTHEST = 100.0  # times the CPU time of the most expensive run, up to which its line is extended
-COLOURS = {
-    "asperity": style.BLACK,
-    "asperity, by tolerance": style.GREY,
-    "CalculiX": style.VERMILION,
-    "CalculiX, mesh of asperity": style.ORANGE,
-    "GetFEM, Q1": style.SKY,
-    "GetFEM, Q2": style.BLUE,
-    "Tamaas (half-space)": style.GREEN,
-}
 
 
 @dataclass(frozen=True)
