@@ -7,7 +7,6 @@ import json
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
-from itertools import pairwise
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
@@ -17,7 +16,7 @@ from asperity.arrays import Array
 from asperity.errors import InputError
 from asperity.runtime.display import nearest
 from asperity.runtime.files import write_csv
-from asperity.slope import slopes
+from asperity.slope import legs, slopes
 
 if TYPE_CHECKING:
     from asperity.power_law import PowerLawFit
@@ -237,9 +236,7 @@ class Curve:
 
     def legs(self) -> list[Curve]:
         """Loadings and unloadings in order, each after the first with the end of the one before."""
-        starts = np.flatnonzero(self.branch[1:] != self.branch[:-1]) + 1
-        ends = pairwise([0, *starts, len(self)])
-        return [self.where(np.arange(max(start - 1, 0), stop)) for start, stop in ends if stop > start]
+        return [self.where(np.arange(max(start - 1, 0), stop)) for start, stop in legs(self.branch) if stop > start]
 
     def fit(self, norm: Literal["linear", "log"] = "linear") -> PowerLawFit:
         """Power law P* = k (delta*)^n of the planned loading points with delta* > 0 and P* > 0.

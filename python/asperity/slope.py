@@ -12,6 +12,12 @@ from asperity.arrays import Array
 SINGLE_CONTACT = 1.5  # exponent of the force in the approach where a smooth summit is touched first, of Hertz
 
 
+def legs(branch: Array) -> list[tuple[int, int]]:
+    """First row of each loading and unloading of a curve, and the row after its last, by the names of the branches."""
+    starts = np.flatnonzero(branch[1:] != branch[:-1]) + 1
+    return list(pairwise([0, *starts.tolist(), len(branch)]))
+
+
 def slopes(delta: ArrayLike, force: ArrayLike, branch: ArrayLike) -> tuple[Array, Array]:
     """Slope dF/d(delta) at the steps of a curve, and its relative change from one step to the next.
 
@@ -37,7 +43,7 @@ def slopes(delta: ArrayLike, force: ArrayLike, branch: ArrayLike) -> tuple[Array
     """
     x, F, name = np.asarray(delta, float), np.asarray(force, float), np.asarray(branch, str)
     slope, change = np.full(x.size, np.nan), np.full(x.size, np.nan)
-    for begin, end in pairwise([0, *(np.flatnonzero(name[1:] != name[:-1]) + 1), x.size]):
+    for begin, end in legs(name):
         first = max(begin - 1, 0)
         found = _of_branch(x[first:end], F[first:end], None if begin else 0.0)
         slope[begin:end], change[begin:end] = (values[begin - first :] for values in found)

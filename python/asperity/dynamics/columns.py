@@ -14,6 +14,7 @@ import numpy as np
 from asperity.arrays import Array, Flags
 from asperity.errors import InputError
 from asperity.runtime.files import read_csv
+from asperity.slope import legs
 
 _HYSTERESIS = 0.01  # share of the greatest force by which an unloading falls short of the loading after yield
 _CLOSED = 1e-3  # a reloading closes its loop if it ends within this share below the top, in approach or force
@@ -109,20 +110,19 @@ class CurveColumns:
 
     def unloadings(self) -> list[Array]:
         """Rows of closing reloadings, then of unloadings, each with the row before, the last one first."""
-        legs = np.split(np.arange(self.delta.size), np.flatnonzero(self.branch[1:] != self.branch[:-1]) + 1)
         up, down = [], []
         top = None  # row at which the last unloading began
-        for leg in legs:
-            before = leg if leg[0] == 0 else np.append(leg[0] - 1, leg)
-            if self.branch[leg[0]] == "unload":
-                top = None if leg[0] == 0 else leg[0] - 1
-                down.append(before)
-            elif self.branch[leg[0]] == "reload" and (
+        for begin, end in legs(self.branch):
+            rows = np.arange(max(begin - 1, 0), end)
+            if self.branch[begin] == "unload":
+                top = begin - 1 if begin else None
+                down.append(rows)
+            elif self.branch[begin] == "reload" and (
                 top is None
-                or self.delta[leg].max() >= (1 - _CLOSED) * self.delta[top]
-                or self.force[leg].max() >= (1 - _CLOSED) * self.force[top]
+                or self.delta[begin:end].max() >= (1 - _CLOSED) * self.delta[top]
+                or self.force[begin:end].max() >= (1 - _CLOSED) * self.force[top]
             ):
-                up.append(before)
+                up.append(rows)
         return [*reversed(up), *reversed(down)]
 
 
