@@ -24,7 +24,7 @@ from asperity.case.schema import Input, LoadingSection
 from asperity.case.validation import Mistake, check_together, doubts, unused
 from asperity.errors import CaseWarning, InputError
 from asperity.model.problem import Problem
-from asperity.model.settings import H_CONTACT, MeshSize, SolverOptions
+from asperity.model.settings import H_CONTACT, SolverOptions
 from asperity.runtime.display import show
 
 if TYPE_CHECKING:
@@ -68,8 +68,8 @@ class Case(Input):
             InputError: anything wrong, in one sentence
         """
         path = Path(path)
-        data = _read_toml(path)
-        changed = [_override(data, text) for text in overrides]
+        data = read_toml(path)
+        changed = [override(data, text) for text in overrides]
         return cls.from_dict(data, folder=path.parent, source=str(path), changed=changed)
 
     @classmethod
@@ -156,7 +156,7 @@ class Case(Input):
                 "mesh.file cannot go with accuracy.tolerance, which chooses the mesh: leave one of them out"
             )
         surface = self.build_surface() if surface is None else surface
-        loading, mesh, solver = self.loading, self.mesh, self.solver
+        loading, solver = self.loading, self.solver
         for text in self.warnings():
             warnings.warn(text, CaseWarning, stacklevel=2)
         return Problem.of(
@@ -171,7 +171,7 @@ class Case(Input):
             unload_steps=loading.unload_steps if loading.unload else 0,
             cycles=loading.cycles,
             integrator=loading.integrator,
-            size=MeshSize(mesh.h_contact, mesh.growth, mesh.h_max, refinements=mesh.refinements),
+            size=self.mesh.size,
             formulation=self.contact.formulation,
             dilatation=solver.dilatation,
             options=SolverOptions(solver.linear, solver.rtol, solver.newton_max),
@@ -190,7 +190,7 @@ def read_bytes(path: Path, what: str) -> bytes:
         raise InputError(f"{what}: cannot read {json.dumps(str(path))}: {reason}") from None
 
 
-def _read_toml(path: Path) -> dict[str, Any]:
+def read_toml(path: Path) -> dict[str, Any]:
     raw = read_bytes(path, "case file")
     try:
         return tomllib.loads(raw.decode("utf-8-sig"))
@@ -203,7 +203,7 @@ def _read_toml(path: Path) -> dict[str, Any]:
         raise InputError(f"{path}: not valid TOML: {error}") from None
 
 
-def _override(data: dict[str, Any], text: str) -> str:
+def override(data: dict[str, Any], text: str) -> str:
     """Apply "section.key=value" to nested tables in place; return the dotted key."""
     name, equals, value = text.partition("=")
     name = name.strip()

@@ -119,6 +119,11 @@ class MeshSection(Section):
     )  # fmt: skip
     file: Text | None = key("a saved mesh instead", None)
 
+    @property
+    def size(self) -> MeshSize:
+        """Element sizes of a mesh that is not saved."""
+        return MeshSize(self.h_contact, self.growth, self.h_max, refinements=self.refinements)
+
 
 DRIVERS = ("delta_max", "force_max", "pressure_max")  # keys of LoadingSection, of which one is given
 

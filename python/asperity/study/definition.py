@@ -32,7 +32,7 @@ from typing import Any
 
 import numpy as np
 
-from asperity.case.case_file import Case, _override, _read_toml
+from asperity.case.case_file import Case, override, read_toml
 from asperity.errors import InputError
 from asperity.runtime.display import nearest, short_repr, show
 from asperity.surface import SurfaceWarning
@@ -131,7 +131,7 @@ class Study:
     def load(path: str | Path, overrides: Iterable[str] = ()) -> Study:
         """Read a study file; relative paths in it start from its folder, see `from_dict`."""
         path = Path(path)
-        return Study.from_dict(_read_toml(path), folder=path.parent, source=str(path), overrides=overrides)
+        return Study.from_dict(read_toml(path), folder=path.parent, source=str(path), overrides=overrides)
 
     @staticmethod
     def from_dict(
@@ -152,7 +152,7 @@ class Study:
         title = _text(data, "title", Path(source).stem, source)
         base, base_folder = _base(data, Path(folder), source)
         for text in overrides:
-            _override(base, text)
+            override(base, text)
         shared = _points(data, f"{source}:")
         parts = _families(data, source, title)
         made: list[tuple[Case, str]] = []
@@ -187,7 +187,7 @@ def _base(data: Mapping[str, Any], folder: Path, source: str) -> tuple[dict[str,
         path = folder / base
         if not path.is_file():
             raise InputError(f"{source}: base = {show(base)}: there is no such file in {show(str(folder))}")
-        return _read_toml(path), path.parent
+        return read_toml(path), path.parent
     if isinstance(base, Mapping):
         return copy.deepcopy(dict(base)), folder
     raise InputError(

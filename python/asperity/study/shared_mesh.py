@@ -45,13 +45,12 @@ def meshes_first(entries: Sequence[Entry], numbers: Iterable[int]) -> list[int]:
 
 def shared_mesh(case: Case, folder: Path, comm: MPI.Comm) -> Path | AsperityError:
     """File of the mesh of a case, built if missing, or the error of building it; collective."""
-    from asperity.model.settings import MeshSize
     from asperity.quasistatic.make import make_block
 
     path = (folder / MESHES / f"{mesh_key(case)}.npz").absolute()
     if comm.bcast(path.is_file() if comm.rank == 0 else None):
         return path
-    m, delta = case.mesh, case.loading.delta_max
+    delta = case.loading.delta_max
     assert delta is not None
 
     def save() -> None:
@@ -60,8 +59,7 @@ def shared_mesh(case: Case, folder: Path, comm: MPI.Comm) -> Path | AsperityErro
         block.save(path)
 
     try:
-        size = MeshSize(m.h_contact, m.growth, m.h_max, refinements=m.refinements)
-        block = make_block(comm, case.build_surface(), case.block.height, delta, size, case.block.sides)
+        block = make_block(comm, case.build_surface(), case.block.height, delta, case.mesh.size, case.block.sides)
         on_root(comm, save)
     except AsperityError as error:
         return error
