@@ -127,7 +127,7 @@ def _slip(
 ) -> dict[str, Any]:
     """Section "slip" of summary.json, and its files; the mass of the normal vibration is on the joint; collective."""
     assert case.slip is not None
-    preload, joint = _preload(case, contact.curve, "slip", case.slip.preload), _settings(case).joint
+    preload = _preload(case, contact.curve, "slip", case.slip.preload)
     settings = SlipSettings(**case.slip.model_dump() | {"preload": preload})
     paths = solve_slip(problem, contact, settings, stop) if settings.method == "solid" else ()
 
@@ -141,7 +141,7 @@ def _slip(
     for text in slip.notes:
         warnings.warn(text, AsperityWarning, stacklevel=2)
     mass = None if numbers is None or not math.isfinite(numbers.mass) else numbers.mass
-    return slip.to_dict(mass, 1.0 if joint is None else joint.factor(case.surface.L**2), units=case.units)
+    return slip.to_dict(mass, _settings(case).factor, units=case.units)
 
 
 def _preload(case: Case, curve: Curve, section: str, preload: float | None) -> float:
@@ -152,8 +152,7 @@ def _preload(case: Case, curve: Curve, section: str, preload: float | None) -> f
     """
     top, key, settings = float(curve.force.max()), f"{section}.preload", _settings(case)
     if preload is None and settings.preload is not None:
-        factor = 1.0 if settings.joint is None else settings.joint.factor(settings.patch_area)
-        preload, key = settings.preload / factor, f"the preload of the {section}"
+        preload, key = settings.preload / settings.factor, f"the preload of the {section}"
     preload = 0.5 * top if preload is None else preload
     # a load path by force ends within a small tolerance of it, and a tolerance corrects the curve
     if top < preload <= top * (1.0 + max(2.0 * FORCE_TOLERANCE, case.accuracy.tolerance or 0.0)):

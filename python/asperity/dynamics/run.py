@@ -248,7 +248,7 @@ def _vibration(
         loops = (path if path.is_dir() else path.parent) / run_folder.LOOPS
         damping = LoopDamping.of(LoopTable.read(loops)) if loops.is_file() else LOOPS
     if isinstance(damping, LoopDamping):
-        factor = 1.0 if settings.joint is None else settings.joint.factor(settings.patch_area)
+        factor = settings.factor
         damping, loop_note = damping.on(float(static.stiffness(static.deflection(load))) / factor, load / factor)
     exact = _oscillator(static, load, replace(settings, damping=damping), gravity)
     notes, laws = [*static.doubts(load), assumed, loop_note], None
@@ -267,7 +267,7 @@ def _law(source: Any, settings: DynamicsSettings) -> tuple[Law, float, tuple[Cur
         return source, source.default_load if load is None else load, None
     if load is None and joint is not None:
         load = joint.load(settings.patch_area)
-    columns = CurveColumns.of(source, 1.0 if joint is None else joint.factor(settings.patch_area))
+    columns = CurveColumns.of(source, settings.factor)
     choice = choose(columns, settings.law, load, overload=settings.overload)
     return choice.law, choice.load, (columns, choice)
 

@@ -148,6 +148,11 @@ class DynamicsSettings:
             given |= {} if load is None else {"preload": load}
         return cls().replaced(**given).replaced(joint=joint)
 
+    @property
+    def factor(self) -> float:
+        """Force of the joint over that of the curve; refused if the nominal area of the curve is unknown."""
+        return 1.0 if self.joint is None else self.joint.factor(self.patch_area)
+
     @classmethod
     def of_source(cls, source: Any, joint: Joint | None = None) -> DynamicsSettings:
         """Settings of the case in a run directory, or beside its curve.csv; the defaults without one."""

@@ -84,8 +84,7 @@ def tangential_vibration(
     """
     if "slip" not in case:
         raise InputError("the case has no section [slip]: add it with slip.friction, and run it with --resume")
-    factor = 1.0 if settings.joint is None else settings.joint.factor(float(case["surface"]["L"]) ** 2)
-    mass = small_vibration(curve, settings).mass
+    factor, mass = settings.factor, small_vibration(curve, settings).mass
     if not math.isfinite(mass):
         raise InputError("no mass vibrates: give --mass, joint.mass, or joint.frequency")
     load = None if settings.preload is None else settings.preload / factor
