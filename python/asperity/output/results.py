@@ -35,7 +35,7 @@ from asperity.surface import Surface
 
 Columns = Mapping[str, NDArray[Any]]
 
-SI = {"length": "m", "force": "N", "stress": "Pa", "stiffness": "N/m"}
+SI = {"length": "m", "force": "N", "stress": "Pa", "stiffness": "N/m", "conductance": "W/(m²K)", "frequency": "Hz"}
 
 
 @dataclass(frozen=True)
@@ -105,7 +105,7 @@ class Results:
         return cls(folder=folder, built=surface, **found)
 
     def unit(self, dimension: str) -> str:
-        """SI unit of "length", "force", "stress" or "stiffness"; empty for another system of units."""
+        """SI unit of a quantity, a key of SI; empty for another system of units."""
         return SI[dimension] if self.case.get("units", "SI") == "SI" else ""
 
     @cached_property

@@ -14,6 +14,7 @@ from typing import Any
 import asperity
 from asperity.curve import COLUMNS, WITH_ERRORS, Curve
 from asperity.dynamics.laws import WORDS
+from asperity.output.assumption import DOUBTFUL
 from asperity.output.gap_conductance import gap_conductance
 from asperity.output.results import Results
 from asperity.output.verdict import doubts, verdict
@@ -104,7 +105,7 @@ def _assumption(record: Mapping[str, Any]) -> dict[str, str]:
         **{name: record[name] for name in ("name", "verdict", "source", "detail")},
         "value": f"{record['value']:.3g} {unit}".rstrip(),
         "limit": f"{sign} {record['limit']:.3g} {unit}".rstrip(),
-        "advice": record["advice"] if record["verdict"] == "doubtful" else "",
+        "advice": record["advice"] if record["verdict"] == DOUBTFUL else "",
     }
 
 
@@ -149,7 +150,7 @@ def _known(curve: Curve, row: int, results: Results) -> Rows:
         value, bar = getattr(curve, name)[row], curve.bar(name, row) if name in WITH_ERRORS else math.nan
         if value == value:
             rows.append((words, quantity(value, results.unit(unit), bar=bar)))
-    unit = results.unit("force")
+    unit = results.unit("stiffness")
     area = float(results.case["surface"]["L"]) ** 2 if "surface" in results.case else math.nan
     for name, words in STIFFNESS_WORDS.items():
         value, bar = getattr(curve, name)[row], curve.bar(name, row)
@@ -157,14 +158,14 @@ def _known(curve: Curve, row: int, results: Results) -> Rows:
             scale, name = (1e-6, "Pa/µm") if unit else (1.0, "")
             of_area = quantity(scale * value / area, name, bar=bar) if area == area else ""
             per_area = f", {of_area} of the nominal area" if of_area else ""
-            rows.append((words, quantity(value, unit and "N/m", bar=bar) + per_area))
+            rows.append((words, quantity(value, unit, bar=bar) + per_area))
     if (conductance := curve.conductance[row]) == conductance:
         words, bar = "constriction conductance over conductivity", curve.bar("conductance", row)
         rows.append((words, quantity(conductance, results.unit("length"), bar=bar)))
         _, h, error = (column[row] for column in gap_conductance(results.case, curve))
         if h == h:
-            unit = results.unit("length") and "W/(m²K)"
-            rows.append(("conductance of the joint per area", quantity(h, unit, bar=error / h)))
+            of_area = quantity(h, results.unit("conductance"), bar=error / h)
+            rows.append(("conductance of the joint per area", of_area))
     return rows
 
 
@@ -196,14 +197,13 @@ def _json(data: Mapping[str, Any]) -> str:
 
 def _laws(results: Results) -> list[tuple[str, ...]]:
     """Laws of the curve at the preload: name, n, kappa, stiffness, frequency, remark; the known ones."""
-    rows = []
-    units = {"k_n": "N/m", "f": "Hz"} if results.unit("force") else {}
+    rows, units = [], {"k_n": results.unit("stiffness"), "f": results.unit("frequency")}
     laws = results.thresholds.get("laws") or {}
     for row in (row for row in laws.get("table", ()) if row["k_n"] is not None):
         words, other = WORDS[row["law"]]
         bars = {name: row.get(f"{name}_bar") or math.nan for name in ("n", "kappa", "k_n", "f")}
         k_n, f = (
-            "–" if row[name] is None else quantity(row[name], units.get(name, ""), bar=bars[name] / row[name])
+            "–" if row[name] is None else quantity(row[name], units[name], bar=bars[name] / row[name])
             for name in ("k_n", "f")
         )
         remark = "chosen" if row["chosen"] else "" if row["applies"] else other

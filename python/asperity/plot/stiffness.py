@@ -41,7 +41,7 @@ def stiffness(results: Results) -> Figure:
 
 def _stiffness(axis: Any, results: Results) -> None:
     loading = results.curve.loading()
-    factor, unit = prefix(float(np.nanmax(results.curve.k_n_elastic)), results.unit("force") and "N/m")
+    factor, unit = prefix(float(np.nanmax(results.curve.k_n_elastic)), results.unit("stiffness"))
     for name, (mark, colour, text) in STIFFNESSES.items():
         axis.plot(loading.P_star, factor * getattr(loading, name), mark, color=colour, mfc="white", label=text)
     axis.set_ylabel(style.label("stiffness", unit))
@@ -64,7 +64,7 @@ def conductance(results: Results) -> Figure:
     axis = axes[0]
     p, h, error = gap_conductance(results.case, results.curve)
     of_p, unit_p = prefix(float(np.nanmax(p)), results.unit("stress"))
-    of_h, unit_h = prefix(float(np.nanmax(h)), results.unit("length") and "W/(m²K)")
+    of_h, unit_h = prefix(float(np.nanmax(h)), results.unit("conductance"))
     for branch, (mark, colour, text) in LOOKS.items():
         rows = (results.curve.branch == branch) & (h > 0)
         if rows.any():
