@@ -189,6 +189,13 @@ def cross(a: Floats, b: Floats) -> Floats:
     return out
 
 
+def shares(p: Floats, a: Floats, b: Floats, c: Floats) -> Floats:
+    """Barycentric coordinates of points in triangles a, b, c of the plane, each (..., 2): (..., 3)."""
+    twice = cross(b - a, c - a)
+    second, third = cross(p - a, c - a) / twice, cross(b - a, p - a) / twice
+    return np.stack([1.0 - second - third, second, third], axis=-1)
+
+
 # -- cells of a mesh -------------------------------------------------------------------------------------------
 
 

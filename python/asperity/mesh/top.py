@@ -9,7 +9,7 @@ import numpy as np
 
 from asperity.arrays import Floats, Indices
 from asperity.mesh.block import NEAR, BlockMesh
-from asperity.mesh.element import cross, face_functions, outer_faces
+from asperity.mesh.element import face_functions, outer_faces, shares
 from asperity.runtime.display import short_repr
 
 if TYPE_CHECKING:
@@ -56,12 +56,8 @@ def heights_of_top(top: Top, surface: Surface, n: int, nodal: bool = False) -> F
     centres = (np.arange(n) + 0.5) / n
     x, y = (c.ravel() for c in np.meshgrid(centres, centres))
     nodes = faces[np.asarray(finder(x, y))]
-    a, b, c = (xy[nodes[:, k]] for k in range(3))
-    p = np.column_stack([x, y])
-    area = cross(b - a, c - a)
-    second, third = cross(p - a, c - a) / area, cross(b - a, p - a) / area
-    first = 1.0 - second - third
+    inside = shares(np.column_stack([x, y]), *(xy[nodes[:, k]] for k in range(3)))
     z = top.points[:, 2] + surface.mean() / surface.L
-    parts = (face_functions(np.column_stack([first, second, third])) * z[nodes]).T
+    parts = (face_functions(inside) * z[nodes]).T
     heights = np.asarray(sum(parts[:3]) + sum(parts[3:]))
     return (np.minimum(heights, z[nodes].max(axis=1)) if nodal else heights).reshape(n, n)

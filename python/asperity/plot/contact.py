@@ -15,7 +15,7 @@ from matplotlib.tri import Triangulation
 from numpy.typing import NDArray
 
 from asperity.arrays import Array
-from asperity.mesh.element import cross
+from asperity.mesh.element import shares
 from asperity.output.results import Results
 from asperity.plot import style
 from asperity.plot.curves import LOAD, draw_branches, load_axis
@@ -95,11 +95,7 @@ class Raster:
         at = np.meshgrid(x.min() + middles * np.ptp(x), y.min() + middles * np.ptp(y))
         found: Any = mesh.get_trifinder()(*at)
         self._nodes = top["triangles"][found]
-        a, b, c = np.moveaxis(top["points"][self._nodes], 2, 0)
-        p = np.stack(at, axis=-1)
-        twice = cross(b - a, c - a)
-        second, third = cross(p - a, c - a) / twice, cross(b - a, p - a) / twice
-        self._shares = np.stack([1.0 - second - third, second, third], axis=-1)
+        self._shares = shares(np.stack(at, axis=-1), *np.moveaxis(top["points"][self._nodes], 2, 0))
         # of four triangles of a facet three begin at a corner, see `element.FACE_TRIANGLES`
         at_corner = (np.arange(3) == 0) & (found < 3 * len(top["triangles"]) // 4)[..., None]
         nearest = np.where(at_corner, -np.inf, self._shares).argmax(axis=-1)[..., None]
