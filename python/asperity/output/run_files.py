@@ -76,7 +76,7 @@ class RunFiles:
         """Curve and summary when the folder holds everything the case requests, else None."""
 
         def read(folder: Path) -> tuple[Curve, dict[str, Any]] | None:
-            summary = _summary(folder)
+            summary = read_summary(folder)
             if summary.get("finished") is not True or summary.get("case_hash") != self._case.hash():
                 return None
             try:
@@ -118,7 +118,7 @@ class RunFiles:
                 clear(folder)
             folder.mkdir(parents=True, exist_ok=True)
             remove_asides(folder)
-            before = _summary(folder)
+            before = read_summary(folder)
             if before.get("finished"):
                 _write_summary(before | {"finished": False}, folder)
             clear(folder, DERIVED)
@@ -194,8 +194,8 @@ class RunFiles:
         self._on_root(partial(_write_summary, summary))
 
 
-def _summary(folder: Path) -> dict[str, Any]:
-    """Contents of summary.json; nothing where it is absent or damaged."""
+def read_summary(folder: Path) -> dict[str, Any]:
+    """Contents of summary.json of a run; nothing where it is absent or damaged."""
     try:
         found = json.loads((folder / SUMMARY).read_text(encoding="utf-8"))
     except UNREADABLE:

@@ -18,10 +18,11 @@ from asperity.curve import Curve
 from asperity.errors import AsperityError, InputError
 from asperity.output.assumption import DOUBTFUL
 from asperity.output.assumptions import ON_EDGE
+from asperity.output.run_files import read_summary
 from asperity.power_law import PowerLawFit
 from asperity.runtime.display import short_repr
 from asperity.runtime.files import read_csv, replace_file, write_csv
-from asperity.runtime.run_folder import CASE, CURVE, SUMMARY
+from asperity.runtime.run_folder import CASE, CURVE
 from asperity.study.definition import ENSEMBLE, Family, Study
 
 Row = Mapping[str, Any]
@@ -136,9 +137,7 @@ def write_tables(study: Study, folder: Path) -> None:
         row |= {name: done.get(name) for name in ("exit_reason", "seconds")}
         place = case_folder(folder, entry.key)
         if (place / CURVE).is_file():
-            summary_file = place / SUMMARY
-            summary = json.loads(summary_file.read_text()) if summary_file.is_file() else {}
-            row = summarise_case(entry.case, Curve.read(place / CURVE), summary) | row
+            row = summarise_case(entry.case, Curve.read(place / CURVE), read_summary(place)) | row
         rows.append(row)
     write_csv(folder / TABLE, ("case", "families", *study.keys, *RESULT_COLUMNS), rows)
     families = [{"name": f.name, "title": f.title, "keys": f.keys} for f in study.families]
