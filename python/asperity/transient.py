@@ -29,9 +29,9 @@ from asperity.errors import ConvergenceError, InputError
 from asperity.fem.energies import energies
 from asperity.fem.inertia import Inertia
 from asperity.quasistatic.contact_solver import ContactSolver
+from asperity.quasistatic.newton import ROUNDING
 
 PLATE_TOLERANCE = 1e-7  # unbalanced force on the plate over the greatest force on it
-PLATE_ROUNDING = 1e-13  # unbalanced force over the force that would move the plate by its position within a step
 PLATE_ITERATIONS = 20
 LARGEST_CUT = 8  # greatest number of parts of a step before a run stops
 
@@ -273,7 +273,7 @@ class Transient:
             unbalanced = balance(q) + force
             # a free impact has no load, and no force at all in its flight
             greatest = max(self.load, abs(drive), abs(force), abs(self._force), self.mass * abs(self.plate.w))
-            rounding = PLATE_ROUNDING * stiffness * max(abs(q), abs(self.plate.x))
+            rounding = ROUNDING * stiffness * max(abs(q), abs(self.plate.x))
             if abs(unbalanced) <= PLATE_TOLERANCE * greatest + rounding:
                 self._accept(q, guess, force, h)
                 return

@@ -28,6 +28,7 @@ from asperity.reference import (
     stickiness,
     tabor_parameter,
 )
+from asperity.reference.conductance import TABOR
 
 if TYPE_CHECKING:
     from asperity.dynamics.joint import Numbers
@@ -36,7 +37,6 @@ FLAT = 1e-12  # depth below which a surface counts as a plane [L]
 #: Strain up to which small-strain theory applies. The engineering strain e and the logarithmic strain ln(1 + e) have a
 #: relative difference of e/2 to first order: 5 % here.
 SMALL_STRAIN = 0.1
-HARDNESS = 2.8  # mean pressure over the yield strength of a metal that yields below the whole contact (Tabor)
 YIELD_STRAIN = 0.02  # yield strength over E of metallic glasses, the greatest of metals; steels have 0.001 to 0.01
 FIRST_YIELD = 1.6  # greatest pressure of a spot over the yield strength at first yield (Johnson, 1985, eq. 6.9)
 AT_BASE = 0.2  # part of the pressure of the longest wave that arrives at the base
@@ -168,7 +168,7 @@ def elastic(run: Evidence) -> Assumption | None:
         return None
     pressure = 1.5 * float(run.curve.mean_pressure[run.top])
     return Assumption(
-        "elastic: 3/2 of the mean contact pressure over E", pressure / material.E, HARDNESS * YIELD_STRAIN, "",
+        "elastic: 3/2 of the mean contact pressure over E", pressure / material.E, TABOR * YIELD_STRAIN, "",
         "Tabor, The Hardness of Metals (1951); Johnson & Samwer, Phys. Rev. Lett. 95 (2005) 195501",
         "give material.yield_strength, unless the solid is no metal",
         f"a spot of this greatest pressure yields where the yield strength is below {pressure / FIRST_YIELD:.3g}",

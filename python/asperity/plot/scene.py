@@ -47,7 +47,7 @@ def scene(folder: str | Path, path: str | Path | None = None) -> Path:
         os.environ.setdefault("VTK_DEFAULT_OPENGL_WINDOW", "vtkEGLRenderWindow")
     import pyvista as pv
 
-    grid = read_step(source)
+    grid = _last_step(source)
     stress = np.asarray(grid.cell_data["von Mises stress"])
     pressure = np.asarray(grid.point_data["pressure"])
     scale, unit = prefix(float(pressure.max()) or float(stress.max()), results.unit("stress"))
@@ -73,16 +73,15 @@ def scene(folder: str | Path, path: str | Path | None = None) -> Path:
     return target
 
 
-def read_step(path: Path, step: int = -1) -> Any:
-    """Read one step of a time series of fields, with all arrays, as a PyVista grid; lengths in units of L."""
+def _last_step(path: Path) -> Any:
+    """Read the last step of a time series of fields, with all arrays, as a PyVista grid; lengths in units of L."""
     import pyvista as pv
     from vtkmodules.vtkIOHDF import vtkHDFReader
 
     reader = vtkHDFReader()
     reader.SetFileName(str(path))
     reader.UpdateInformation()
-    steps = reader.GetNumberOfSteps()
-    reader.SetStep(step % steps if steps else 0)
+    reader.SetStep(max(reader.GetNumberOfSteps() - 1, 0))
     reader.Update()
     return pv.wrap(reader.GetOutput())
 
