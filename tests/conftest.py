@@ -24,7 +24,7 @@ from asperity.mesh.size_field import SizeField
 from asperity.model.material import Material
 from asperity.runtime.launch import started_ranks
 from asperity.runtime.parallel import Ranks, on_root
-from asperity.surface import Sinusoid, Sphere, Surface, WeierstrassMandelbrot
+from asperity.surface import Flat, Sinusoid, Sphere, Surface, WeierstrassMandelbrot
 
 
 def is_open_mpi() -> bool:
@@ -60,6 +60,11 @@ def call(*arguments: object) -> int:
     with pytest.raises(SystemExit) as left:
         main([str(argument) for argument in arguments])
     return int(left.value.code or 0)
+
+
+def files(folder: Path) -> dict[str, bytes]:
+    """Content of all files below a folder by their paths in it."""
+    return {str(path.relative_to(folder)): path.read_bytes() for path in folder.rglob("*") if path.is_file()}
 
 
 def make_curve(**header: object) -> Curve:
@@ -162,6 +167,12 @@ def wave() -> Surface:
 def cap() -> Surface:
     """A quarter of a large sphere with the summit in a corner, side 1."""
     return Sphere(L=1.0, radius=10.0, centre=(0.0, 0.0), shape="paraboloid")
+
+
+@pytest.fixture(scope="session")
+def cube() -> BlockMesh:
+    """A flat block of side and height 1 with four facets on each side."""
+    return build_block(Flat(L=1.0), 1.0, lambda x, y, depth: 1.0)
 
 
 @pytest.fixture(scope="session")

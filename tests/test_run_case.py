@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from conftest import call, leave_figures_blank
+from conftest import call, files, leave_figures_blank
 from html_page import Page
 
 import asperity
@@ -221,10 +221,10 @@ def test_a_finished_run_is_not_resumed_under_another_tolerance_of_the_equations(
     """The curve would stay, and the case next to it would describe another one."""
     settings: dict[str, Any] = {"loading": {"delta_max": 0.01e-6, "steps": 1}, "material": {"E": 200e9, "nu": 0.3}}
     run(case_of(**settings), tmp_path)
-    before = {path: path.read_bytes() for path in tmp_path.rglob("*") if path.is_file()}
+    before = files(tmp_path)
     with pytest.raises(CheckpointError, match=r"solver\.rtol = 1e-08 there, 1e-10 here"):
         run(case_of(solver={"rtol": 1e-10}, **settings), tmp_path, resume=True)
-    assert {path: path.read_bytes() for path in tmp_path.rglob("*") if path.is_file()} == before
+    assert files(tmp_path) == before
     case = case_of(output={"figures": True}, **settings)
     run(case, tmp_path, resume=True)
     assert (tmp_path / "figures/curve.png").is_file() and Case.load(tmp_path / "case.toml") == case
@@ -444,7 +444,7 @@ def test_a_surface_that_cannot_be_meshed_leaves_the_folder_as_it_is(tmp_path: Pa
     out = tmp_path / "out"
     if older:
         run(case_of(loading={"delta_max": 0.001e-6, "steps": 1}), out)
-    before = {path: path.read_bytes() for path in out.rglob("*") if path.is_file()}
+    before = files(out)
     deep = {"kind": "sphere", "L": 1e-6, "radius": 0.45e-6, "centre": [0.0, 0.0], "shape": "paraboloid"}
     block = BlockMesh(np.zeros((10, 3)), np.arange(10)[None, :], 1e-6, 1e-6)
     block.save(tmp_path / "other.npz")
@@ -455,7 +455,7 @@ def test_a_surface_that_cannot_be_meshed_leaves_the_folder_as_it_is(tmp_path: Pa
     case = tmp_path / "case.toml"
     case.write_text(Case.from_dict({**CASE, **kinds[trouble], "units": "other"}).to_toml(), encoding="utf-8")
     assert call("run", case, "-o", out, "--force") == 2
-    assert {path: path.read_bytes() for path in out.rglob("*") if path.is_file()} == before
+    assert files(out) == before
     assert out.exists() == older
 
 

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from mpi4py import MPI
+from conftest import here
 
 import asperity as asp
 from asperity.adaptive.estimate import ELASTIC, estimate, further_meshes
@@ -85,7 +85,7 @@ def test_few_elements_have_most_of_their_nodes_on_the_surface(h: float, growth: 
     case = {"units": "other", "surface": {"kind": "sphere", "L": 1.0, "radius": 5.0}, "material": {"E": 1.0, "nu": 0.3}}
     case |= {"mesh": {"h_contact": h, "growth": growth, "h_max": 1.0}, "loading": {"delta_max": load, "steps": 1}}
     given = Case.from_dict(case)
-    block = make_block(MPI.COMM_SELF, given.build_surface(), 1.0, load, given.problem().size)
+    block = make_block(here(), given.build_surface(), 1.0, load, given.problem().size)
     assert block is not None and estimate(given).dofs == pytest.approx(3 * block.counts()[0], rel=0.3)
 
 

@@ -7,8 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from conftest import ELASTIC
-from mpi4py import MPI
+from conftest import ELASTIC, here, world
 
 import asperity as asp
 from asperity.adaptive.extrapolation import SCATTER, Coarser, correct, without_omission
@@ -129,7 +128,7 @@ def test_the_force_of_a_spot_scatters_with_its_place_by_a_part_of_what_its_area_
     for x, y in np.random.default_rng(5).uniform(0.4, 0.6, (6, 2)):
         sphere = asp.Surface.from_spec("sphere", L=1.0, radius=20.0, centre=(float(x), float(y)), shape="paraboloid")
         problem = Problem.of(sphere, ELASTIC, delta_max=2.8e-3, steps=5)
-        run = LevelSolver(problem, 2.8e-3, Guide(problem, 2.8e-3, 5), 2.0, 10**6, MPI.COMM_SELF, Hooks())
+        run = LevelSolver(problem, 2.8e-3, Guide(problem, 2.8e-3, 5), 2.0, 10**6, here(), Hooks())
         coarse, fine = (run(finer).curve.loading() for finer in (1.0, 2.0))
         change.append(np.log(coarse.P_star / fine.P_star))
         left_open.append(np.hypot(*(0.5 * c.error_area_fraction / c.area_fraction for c in (coarse, fine))))
@@ -225,7 +224,7 @@ def test_the_bar_of_an_unresolved_surface_holds(material: Material) -> None:
 
 @pytest.mark.mpi
 def test_all_ranks_have_the_same_bar() -> None:
-    surface, comm = surface_of(3), MPI.COMM_WORLD
+    surface, comm = surface_of(3), world()
     found = asp.solve_to_tolerance(surface, ELASTIC, asp.AccuracyTarget(0.2), delta_max=0.015, steps=5, comm=comm)
     bars = comm.allgather(found.budget.roughness.tolist())
     assert all(bar == bars[0] for bar in bars) and max(bars[0]) > 0.0

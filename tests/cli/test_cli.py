@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from conftest import MPIRUN, call
+from conftest import MPIRUN, call, files
 from made_up_run import write_run
 
 from asperity.cli.import_map import CASE
@@ -100,11 +100,11 @@ def test_what_is_no_run_is_not_replaced(cli: Cli, calls: list[Any], tmp_path: Pa
     texts = {"hand-written": Path(DEMO).read_text(), "of a measured map": CASE.format(delta=1e-8, share=0.02)}
     if case is not None:
         (tmp_path / "case.toml").write_text(texts[case])
-    before = {path: path.read_bytes() for path in tmp_path.rglob("*") if path.is_file()}
+    before = files(tmp_path)
     for options in ((), ("--force",), ("--resume",)):
         code, _, err = cli("run", DEMO, "-o", tmp_path, *options)
         assert code == 2 and "not empty and holds no run" in err and not calls
-    assert {path: path.read_bytes() for path in tmp_path.rglob("*") if path.is_file()} == before
+    assert files(tmp_path) == before
 
 
 def test_force_removes_what_a_run_wrote_and_leaves_what_others_put_there(

@@ -13,9 +13,7 @@ from j2_path import j2_path, uniaxial_stress
 from asperity.errors import InputError
 from asperity.fem.solid import Solid
 from asperity.mesh.block import BlockMesh
-from asperity.mesh.generate import build_block
 from asperity.model.material import Material
-from asperity.surface import Flat
 
 Array = npt.NDArray[np.float64]
 
@@ -31,11 +29,6 @@ SHARES = pytest.mark.parametrize("share", [0.0, 0.4, 1.0])
 # A strain is a sum over ten nodes of u times gradients of some 4/h, a stress one of strains: 500 rounding units.
 ROUNDING = 500 * float(np.finfo(float).eps)
 TWINS = 40 * ROUNDING  # on curved cells of other sizes, some of them flat: the condition of their Jacobian on top
-
-
-@pytest.fixture(scope="module")
-def cube() -> BlockMesh:
-    return build_block(Flat(L=1.0), 1.0, lambda x, y, depth: 1.0)
 
 
 # --- parameters -----------------------------------------------------------------------------------------------

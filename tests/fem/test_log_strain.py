@@ -37,11 +37,6 @@ EACH = pytest.mark.parametrize("material", [ELASTIC, PLASTIC, MIXED], ids=["elas
 SQUEEZED = np.log([0.9, 0.7, 0.5])
 
 
-@pytest.fixture(scope="module")
-def cube() -> BlockMesh:
-    return build_block(Flat(L=1.0), 1.0, lambda x, y, depth: 1.0)
-
-
 def twins(block: BlockMesh | None, material: Material) -> tuple[Sample, Sample]:
     """The compiled kernels, and their UFL twin."""
     return sample(block, material), sample(block, material, twin=True)

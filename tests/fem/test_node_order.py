@@ -8,7 +8,7 @@ import sys
 
 import numpy as np
 import pytest
-from conftest import MPIRUN
+from conftest import MPIRUN, here, world
 
 from asperity.arrays import Integers
 from asperity.fem.ghosts import Ghosts
@@ -48,9 +48,8 @@ def test_space_has_the_functions_of_dolfinx_in_another_order(coarse: BlockMesh |
     """Interpolation, integrals and ghosts are those of the space that dolfinx makes."""
     import ufl
     from dolfinx import fem
-    from mpi4py import MPI
 
-    mesh, _ = distribute(MPI.COMM_WORLD, coarse, 1.0)
+    mesh, _ = distribute(world(), coarse, 1.0)
     V, theirs = displacement_space(mesh), fem.functionspace(mesh, ("Lagrange", 2, (3,)))
     ours = V.dofmap.index_map
     assert ours.size_local == theirs.dofmap.index_map.size_local
@@ -73,9 +72,8 @@ def test_nodes_around_a_corner_follow_one_another() -> None:
     """Each corner and the edges to corners before it do, so a product finds more of its nodes in the nearest cache."""
     from dolfinx import fem
     from dolfinx.mesh import create_unit_cube
-    from mpi4py import MPI
 
-    mesh = create_unit_cube(MPI.COMM_SELF, 5, 5, 5)
+    mesh = create_unit_cube(here(), 5, 5, 5)
     cell_nodes = fem.functionspace(mesh, ("Lagrange", 2)).dofmap.list
     nodes = int(cell_nodes.max()) + 1
     order = cuthill_mckee(cell_nodes, nodes)

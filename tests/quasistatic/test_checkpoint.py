@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from conftest import ELASTIC, PLASTIC, here, world
+from conftest import ELASTIC, PLASTIC, files, here, world
 
 from asperity.adaptive.solve_contact import solve_contact
 from asperity.case import Case
@@ -239,10 +239,10 @@ def test_a_damaged_checkpoint_is_refused_and_left_alone(
     saved: Path, name: str, change: Callable[[bytearray], bytes]
 ) -> None:
     damage(saved / name, change)
-    before = {path: path.read_bytes() for path in saved.iterdir()}
+    before = files(saved)
     with pytest.raises(CheckpointError, match=name):
         Checkpoint(saved, SAVED, world()).load()
-    assert {path: path.read_bytes() for path in saved.iterdir()} == before
+    assert files(saved) == before
 
 
 def test_another_mesh_is_refused(saved: Path, coarse: BlockMesh) -> None:

@@ -25,7 +25,6 @@ from asperity.errors import AsperityWarning, ConvergenceError
 from asperity.fem.history import History
 from asperity.linear.solver import Krylov
 from asperity.mesh.block import BlockMesh
-from asperity.mesh.generate import build_block
 from asperity.model.load_path import MIDPOINT, Schedule
 from asperity.model.material import Material
 from asperity.model.settings import Formulation, SolverOptions
@@ -204,10 +203,9 @@ def test_elastic_unloading_retraces_the_loading(press_of: Callable[..., ContactS
         assert fresh.force == pytest.approx(force, rel=1e-7)
 
 
-def test_a_flat_unloads_along_confined_compression() -> None:
+def test_a_flat_unloads_along_confined_compression(cube: BlockMesh) -> None:
     """To the strain at which the axial stress has vanished."""
-    block = build_block(Flat(L=1.0), 1.0, lambda x, y, depth: 1.0)
-    solver = make_contact_solver(here(), Flat(L=1.0), block, PLASTIC)
+    solver = make_contact_solver(here(), Flat(L=1.0), cube, PLASTIC)
     curve = drive(solver, delta_max=0.02, steps=4, unload_steps=8).curve()
 
     def stress(delta: float) -> float:

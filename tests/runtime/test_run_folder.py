@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from conftest import call, world
+from conftest import call, files, world
 
 from asperity.case import Case
 from asperity.curve import Curve
@@ -36,10 +36,6 @@ WAVE: dict[str, Any] = {"kind": "sinusoid", "L": 1.0, "amplitude": 0.01}
 
 class Killed(BaseException):
     """Represents SIGKILL: the package does not handle it."""
-
-
-def files(folder: Path) -> dict[str, bytes]:
-    return {str(path.relative_to(folder)): path.read_bytes() for path in folder.rglob("*") if path.is_file()}
 
 
 def case_of(**sections: Mapping[str, Any]) -> Case:
