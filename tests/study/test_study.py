@@ -368,6 +368,16 @@ def test_a_saved_state_that_is_damaged_is_not_continued(tmp_path: Path) -> None:
     assert run_study(made, tmp_path).done == 1
 
 
+def test_a_damaged_summary_leaves_the_row_of_its_curve(tmp_path: Path) -> None:
+    made = study(grid=ONE)
+    run_study(made, tmp_path)
+    before = StudyResults.read(tmp_path).rows[0]
+    (case_folder(tmp_path, made.entries[0].key) / "summary.json").write_bytes(b"{")
+    run_study(made, tmp_path)
+    row = StudyResults.read(tmp_path).rows[0]
+    assert before["dofs"] and not row["dofs"] and row["n"] == before["n"]
+
+
 def test_a_mesh_that_cannot_be_written_is_recorded_with_its_case(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -66,9 +66,7 @@ class Thresholds:
         return asdict(self)
 
 
-def resonance_peak(
-    restoring: Restoring, drive: float, damping: Damping = "always", *, rough: bool = False
-) -> FreeOrbit | None:
+def resonance_peak(restoring: Restoring, drive: float, damping: Damping, *, rough: bool = False) -> FreeOrbit | None:
     """Free orbit that F^ = 2 zeta drive sustains at phase resonance; None if there is none. See `free_orbit`."""
     limit = min(largest_amplitude(restoring), _LARGEST)
 

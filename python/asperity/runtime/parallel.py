@@ -34,7 +34,7 @@ class Ranks:
         if self._comm is not None:
             sys.excepthook = self._crash
 
-    def leave(self, code: int, message: str = "") -> int:
+    def leave(self, code: int, message: str) -> int:
         """Wait for all ranks and return the exit code of the job, the greatest of all ranks; collective.
 
         The lowest failed rank prints its message. If the other ranks do not arrive, because they wait for a failed rank
