@@ -15,7 +15,7 @@ SINGLE_CONTACT = 1.5  # exponent of the force in the approach where a smooth sum
 def legs(branch: Array) -> list[tuple[int, int]]:
     """First row of each loading and unloading of a curve, and the row after its last, by the names of the branches."""
     starts = np.flatnonzero(branch[1:] != branch[:-1]) + 1
-    return list(pairwise([0, *starts.tolist(), len(branch)]))
+    return list(pairwise([0, *map(int, starts), len(branch)]))
 
 
 def slopes(delta: ArrayLike, force: ArrayLike, branch: ArrayLike) -> tuple[Array, Array]:
