@@ -10,13 +10,18 @@ from typing import Any
 
 import numpy as np
 import pytest
-from conftest import world
 
 from asperity.errors import OutputError
 from asperity.quasistatic.checkpoint import read_arrays, scan, write_arrays
 from asperity.runtime import shares
 from asperity.runtime.files import read_npz
 from asperity.runtime.shares import DistributedArray, look_up, look_up_some, pieces, places, share, share_some
+
+
+def world() -> Any:
+    from mpi4py import MPI
+
+    return MPI.COMM_WORLD
 
 
 def rows_of(numbers: Any) -> Any:
