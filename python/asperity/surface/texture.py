@@ -36,7 +36,7 @@ def repeating_wave(z: Array, L: float) -> Wave | None:
 
     Args:
         z: heights (n, n) (length)
-        L: side of the map (length)
+        L: distance of the first and the last height of a row (length)
     """
     n = len(z)
     taper = np.sin(np.pi * (np.arange(n) + 0.5) / n) ** 2
@@ -56,8 +56,10 @@ def repeating_wave(z: Array, L: float) -> Wave | None:
         y, x = np.rint(np.array([iy, ix]) + steps * towards).astype(int)
         return float(power[y - 1 : y + 2, x - 1 : x + 2].mean())
 
-    line = float(power[iy - 2 : iy + 3, ix - 2 : ix + 3].sum())
-    share = 2 * line / float(power.sum())
+    line = power[iy - 2 : iy + 3, ix - 2 : ix + 3]
+    share = 2 * float(line.sum()) / float(power.sum())
     if share < SHARE or power[iy, ix] < STANDS_OUT * max(mean(-STEP), mean(STEP)):
         return None
-    return Wave(L / math.hypot(ky, kx), min(share, 1.0))
+    off = np.arange(-2, 3)  # the centre of a line is between the wave numbers of the transform
+    ky, kx = ky + np.average(off, weights=line.sum(1)), kx + np.average(off, weights=line.sum(0))
+    return Wave(L * n / (n - 1) / float(np.hypot(ky, kx)), min(share, 1.0))
