@@ -18,6 +18,7 @@ from asperity.errors import InputError
 from asperity.output.assumptions import Evidence, instrument
 from asperity.surface import HeightMap, SelfAffine, Surface, height_map
 from asperity.surface.measured import HeightField
+from asperity.units import quantity
 
 SIDE = 0.5e-6
 SCAN = SelfAffine(L=SIDE, H=0.8, slope=0.4, lambda_roll=0.1e-6, lambda_short=8e-9, periodic=False, seed=4).grid(256)
@@ -147,8 +148,8 @@ def test_odd_maps_give_a_result(
         (np.zeros((20, 20, 3)), {}, "at least 8 x 8"),
         (np.full((50, 50), np.nan), {}, "missing"),
         (islands(0.5), {}, "missing"),
-        (1e9 * SCAN, {}, "heights in nm read as metres? Multiply them by 1e-09"),
-        (1e6 * SCAN, {}, "heights in µm read as metres"),
+        (1e9 * SCAN, {}, "heights in nm with distances in m? Multiply them by 1e-09 (with --pixel: --unit nm)"),
+        (1e6 * SCAN, {}, "heights in um with distances in m"),
         (1e300 * SCAN, {}, "not plausible: give all lengths"),
         (SCAN + 1j, {}, "complex"),
         (np.full((20, 20), "x"), {}, "cannot be read"),
@@ -397,7 +398,7 @@ def test_waves_of_the_tip_are_filtered_and_named(
     assert import_map(scan, "-o", tmp_path / "out", "--tip-radius", radius) == 0
     said = capsys.readouterr().out
     wavelength, force, area = json.loads((tmp_path / "out/measured.json").read_text())["instrument"]
-    assert f"waves shorter than {wavelength:.3g} m, which the instrument does not resolve" in said
+    assert f"waves shorter than {quantity(wavelength, 'm', 3)}, which the instrument does not resolve" in said
     found = HeightMap(path=tmp_path / "out/patch.npz")
     assert found.left_out == (wavelength, force, area) and 2 * step < wavelength < SIDE and force != 0.0
     curve = Curve.from_rows([{"delta": 1e-9, "force": 1.0}])

@@ -158,6 +158,9 @@ def test_gaps_are_filled_harmonically(monkeypatch: pytest.MonkeyPatch, factored:
     holed[:, 2:12] = np.nan
     with pytest.raises(InputError, match="are missing"):
         HeightField(holed, 1, 1).filled()
+    with pytest.raises(InputError, match="56% of the heights are missing"):
+        HeightField(holed, 1, 1).filled((2.0, 0.0, 19.0))
+    np.testing.assert_array_equal(HeightField(holed, 1, 1).filled((18.0, 0.0, 11.0)).z[:12, 18:], z[:12, 18:])
     with pytest.raises(InputError, match="fill them"):
         HeightField(holed, 1, 1).window(0, 0, 10)
 

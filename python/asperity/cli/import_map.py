@@ -13,7 +13,7 @@ import click
 
 from asperity.cli import options
 from asperity.errors import CompatError, InputError
-from asperity.units import LENGTHS
+from asperity.units import LENGTHS, quantity
 
 if TYPE_CHECKING:
     from asperity.surface import HeightMap, Spectrum, SurfaceStatistics
@@ -130,7 +130,7 @@ def _scan(
         raise InputError(f"tip-radius = {tip_radius:g} is not a positive length")
     stage(f"read {map_file}")
     whole = HeightField.read(map_file, pixel=pixel, unit=unit, missing=missing)
-    zeros, filled = whole.odd_zeros(), whole.missing
+    zeros, filled = whole.odd_zeros(), whole.missing if window is None else whole.missing_in(*window)
     ny, nx = whole.z.shape
     if min(nx, ny) > MOST and window is None and cutoff is None:
         raise InputError(
@@ -138,7 +138,7 @@ def _scan(
             "or filter the map (--cutoff): a patch of fewer heights, a fifth of the cut-off apart, is kept"
         )
     stage(f"level {nx} x {ny} heights")
-    whole = whole.filled().levelled(level)
+    whole = whole.filled(window).levelled(level)
     if despike:
         stage("remove spikes")
         whole = whole.despiked()
@@ -220,14 +220,19 @@ def _draw(folder: Path, scan: _Scan) -> None:
 def _show(title: str, scan: _Scan) -> None:
     """Print the statistics."""
     statistics, affine = scan.statistics, scan.affine
-    rows = [("side", f"{scan.surface.L:.4g} m"), ("nodes", f"{len(scan.patch.z)}"), ("Sq", f"{statistics.Sq:.4g} m"),
-            ("Sz", f"{statistics.Sz:.4g} m"), ("rms slope", f"{statistics.rms_slope:.4g}")]  # fmt: skip
+    rows = [("side", quantity(scan.surface.L, "m")), ("nodes", f"{len(scan.patch.z)}"),
+            ("Sq", quantity(statistics.Sq, "m")), ("Sz", quantity(statistics.Sz, "m")),
+            ("rms slope", f"{statistics.rms_slope:.4g}")]  # fmt: skip
     if scan.filled:
         rows.insert(2, ("gaps that were filled", f"{100 * scan.filled:.2g} %"))
     if affine is not None:
-        roll = "none on the patch" if affine.lambda_roll is None else f"{affine.lambda_roll:.3g} m"
+        roll = "none on the patch" if affine.lambda_roll is None else _metres(affine.lambda_roll)
         rows += [("Hurst exponent", f"{affine.H:.2f} ± {affine.error_H:.2f}"), ("roll-off wavelength", roll)]
     options.table(title, rows)
+
+
+def _metres(length: float) -> str:
+    return quantity(length, "m", 3)
 
 
 def _doubts(scan: _Scan) -> Iterator[str]:
@@ -237,14 +242,14 @@ def _doubts(scan: _Scan) -> Iterator[str]:
     slope, affine, wave, bare = scan.statistics.rms_slope, scan.affine, scan.wave, scan.bare
     if scan.left_out is not None:
         yield (
-            f"waves shorter than {scan.reliable:.3g} m, which the instrument does not resolve, are filtered: what it "
-            f"shows of them would change the force at the approach of the case by {scan.left_out[1]:+.1%} and the area "
-            f"by {scan.left_out[2]:+.1%}; --cutoff filters at another wavelength"
+            f"waves shorter than {_metres(scan.reliable)}, which the instrument does not resolve, are filtered: what "
+            f"it shows of them would change the force at the approach of the case by {scan.left_out[1]:+.1%} and the "
+            f"area by {scan.left_out[2]:+.1%}; --cutoff filters at another wavelength"
         )
     elif scan.cutoff is not None and scan.cutoff < scan.reliable:
-        yield f"waves shorter than {scan.reliable:.3g} m are not resolved by the instrument: --cutoff is below that"
+        yield f"waves shorter than {_metres(scan.reliable)} are not resolved by the instrument: --cutoff is below that"
     if scan.surface.L > LARGEST:
-        yield f"the side of {scan.surface.L:.3g} m is long for roughness: if lengths are not in metres, give --unit"
+        yield f"the side of {_metres(scan.surface.L)} is long for roughness: if lengths are not in metres, give --unit"
     if slope < SMOOTHEST:
         yield (
             f"the rms slope of {slope:.1e} is small for roughness: if heights and distances have different units in "
@@ -254,8 +259,8 @@ def _doubts(scan: _Scan) -> Iterator[str]:
         yield f"{scan.zeros:.2%} of the heights are exactly 0: if they are missing, give --missing 0"
     if wave is not None:
         yield (
-            f"no Hurst exponent: waves of {wave.length:.3g} m repeat, with {wave.share:.0%} of the mean square height, "
-            "as on turned or textured surfaces"
+            f"no Hurst exponent: waves of {_metres(wave.length)} repeat, with {wave.share:.0%} of the mean square "
+            "height, as on turned or textured surfaces"
         )
     if affine is not None and not -affine.error_H <= affine.H <= 1.0 + affine.error_H:
         yield f"H = {affine.H:.2f} is outside 0 to 1: the spectrum is not that of a self-affine surface"
@@ -263,7 +268,8 @@ def _doubts(scan: _Scan) -> Iterator[str]:
     rest, form = float(np.std(without)), float(np.std(bare.z - without))
     if form > FORM * rest:
         yield (
-            f"the map has a form of second order, as of a sphere, with Sq = {form:.3g} m, and {rest:.3g} m without it: "
+            f"the map has a form of second order, as of a sphere, with Sq = {_metres(form)}, and "
+            f"{_metres(rest)} without it: "
             "if only roughness is meant, --level curvature removes the form"
         )
 
@@ -316,7 +322,7 @@ class _Scan:
         cut: makes the patch of a levelled map
         bare: the patch without a filter, which would bend the spectrum near its cut-off
         patch: what becomes the surface
-        filled, zeros: shares of the heights that were missing, and that are exactly 0
+        filled, zeros: shares of the heights that were missing, in the window if there is one, and that are exactly 0
         cutoff: of the filter [m], None without
         reliable: wavelength below which the map shows its instrument [m]
         left_out: see `HeightMap.left_out`; None unless the filter is that of the instrument

@@ -31,13 +31,12 @@ Trend = Literal["mean", "plane", "curvature"]
 FEW_ZEROS, ODD = 5e-4, 10.0  # share of zeros that is noticed, and over that of the most frequent other height
 SAME_PIXEL = 1e-3  # relative difference of lengths that were rounded
 MOST_MISSING = 0.2  # share of heights that may be filled; more would be guesswork
-
 FLAT = 1e-12  # depth over the side below which a map is flat: that of round-off
 MOST_FACTORED = 400_000  # missing heights that are filled by a factorisation, others by iteration
 PASSES = 3  # of the search for spikes: what is left of a broad one stands out of what the last pass has filled
 SHARPEST = 0.5  # curvature of a summit times the tip radius from which the tip shows (Sanner et al.)
 STEEPEST = 30.0  # greatest plausible rms slope
-LIKELY = {"mm": 1e-3, "µm": 1e-6, "nm": 1e-9, "pm": 1e-12}  # of heights that were read as metres
+LIKELY = {"mm": 1e-3, "um": 1e-6, "nm": 1e-9, "pm": 1e-12}  # of heights that were read as metres
 USUAL = 0.1  # rms slope of rough surfaces, within a factor of ten
 
 POWERS: dict[str, tuple[tuple[int, int], ...]] = {
@@ -157,21 +156,33 @@ class HeightField:
             raise InputError(f"a tip radius of {radius:g} leaves no reliable wavelength on a map of {min(self.size):g}")
         return max(found, self.resolution)
 
-    def filled(self) -> HeightField:
+    def missing_in(self, x: float, y: float, side: float) -> float:
+        """Share of the heights that are missing in the square of :meth:`window`, 1 if it has no heights."""
+        of_y, of_x = (
+            np.abs(step * np.arange(n) - start - side / 2) < side / 2 + step
+            for n, step, start in zip(self.z.shape, (self.dy, self.dx), (y, x), strict=True)
+        )
+        part = np.isnan(self.z[np.ix_(of_y, of_x)])
+        return float(part.mean()) if part.size else 1.0
+
+    def filled(self, window: tuple[float, float, float] | None = None) -> HeightField:
         """Fill missing heights by the harmonic function through their neighbours.
+
+        Args:
+            window: square that will be cut, x, y and side (length); gaps elsewhere are not limited
 
         Raises:
             InputError: more than a fifth of the heights is missing
         """
-        gaps = np.isnan(self.z)
-        if not gaps.any():
+        if not self.missing:
             return self
-        if self.missing > MOST_MISSING:
+        share = self.missing if window is None else self.missing_in(*window)
+        if share > MOST_MISSING:
             raise InputError(
-                f"{self.missing:.0%} of the heights are missing, at most {MOST_MISSING:.0%} can be filled; "
+                f"{share:.0%} of the heights are missing, at most {MOST_MISSING:.0%} can be filled; "
                 "choose a window with fewer gaps"
             )
-        return replace(self, z=_harmonic_fill(self.z, gaps))
+        return replace(self, z=_harmonic_fill(self.z, np.isnan(self.z)))
 
     def despiked(self) -> HeightField:
         """Fill spikes, and the nodes next to them, as missing heights; see `spikes.without_spikes`."""
@@ -250,17 +261,17 @@ class HeightField:
         """
         depth = float(np.nanmax(self.z) - np.nanmin(self.z))
         if depth <= FLAT * max(self.size):
-            raise InputError(f"the map is flat: its heights differ by {depth:.2g} over a side of {max(self.size):.3g}")
+            raise InputError(f"the map is flat: heights differ by {depth:.2g} m on a side of {max(self.size):.3g} m")
         zy, zx = (np.diff(self.z, axis=axis) / step for axis, step in enumerate((self.dy, self.dx)))
         with np.errstate(over="ignore"):
             slope = math.sqrt(float(np.nanmean(zx**2)) + float(np.nanmean(zy**2)))
         if STEEPEST > slope and depth <= DEEPEST * max(self.size):
             return
         unit, factor = min(LIKELY.items(), key=lambda item: abs(math.log10(min(slope, 1e300) * item[1] / USUAL)))
-        guess = f"heights in {unit} read as metres? Multiply them by {factor:g}, or " if slope * factor < 10 else ""
+        guess = f"heights in {unit} with distances in m? Multiply them by {factor:g} (with --pixel: --unit {unit}), or "
         raise InputError(
-            f"heights that differ by {depth:.3g} over a side of {max(self.size):.3g}, with an rms slope of "
-            f"{slope:.2g}, are not plausible: {guess}give all lengths in one unit"
+            f"heights that differ by {depth:.3g} m over a side of {max(self.size):.3g} m, with an rms slope of "
+            f"{slope:.2g}, are not plausible: {guess if slope * factor < 10 else ''}give all lengths in one unit"
         )
 
     def save(self, path: str | Path, left_out: Sequence[float] | None = None) -> Path:
