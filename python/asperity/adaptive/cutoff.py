@@ -9,6 +9,7 @@ from asperity.adaptive.guide import PASSES
 from asperity.adaptive.mesh_plan import MARGIN
 from asperity.errors import InputError
 from asperity.surface.cutoff import shortest_cutoff
+from asperity.units import per_cent
 
 if TYPE_CHECKING:
     from asperity.case import Case
@@ -35,8 +36,8 @@ def note_on_steps(surface: Surface, approach: float) -> str:
     if not rise:
         return ""
     return (
-        f"the map has steps or edges: its slopes are limited there, or the surface would rise {rise:.2g} above the "
-        f"highest height, {rise / approach:.0%} of the approach"
+        "the map has steps or edges: its slopes are limited there, or the surface would rise above the highest height, "
+        f"by {per_cent(rise / approach)} of the approach"
     )
 
 

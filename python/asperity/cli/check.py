@@ -9,7 +9,7 @@ import click
 
 from asperity.cli import options
 from asperity.runtime.progress import duration
-from asperity.units import per_cent
+from asperity.units import per_cent, quantity
 
 if TYPE_CHECKING:
     from asperity.adaptive.estimate import Estimate
@@ -91,7 +91,8 @@ def show_estimate(title: str, case: Case, ranks: int) -> None:
     ]
     options.table(title, rows, ("", "dofs", "one core"))
     if case.loading.delta_max is None:
-        options.say(f"approach at loading.{case.loading.driver}: about {found.approach:.2g}, that of a half-space")
+        approach = quantity(found.approach, "m" if case.units == "SI" else "", 2)
+        options.say(f"approach at loading.{case.loading.driver}: about {approach}, that of a half-space")
     options.say(f"memory of {ranks} rank{'s' if ranks > 1 else ''}: about {found.memory / 2**30:.1f} GiB")
     if ranks > 1:
         options.say(f"time on {ranks} ranks: at least {duration(found.seconds / ranks)}, if they share the work evenly")

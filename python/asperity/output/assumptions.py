@@ -29,6 +29,7 @@ from asperity.reference import (
     tabor_parameter,
 )
 from asperity.reference.conductance import TABOR
+from asperity.units import quantity
 
 if TYPE_CHECKING:
     from asperity.dynamics.joint import Numbers
@@ -171,7 +172,8 @@ def elastic(run: Evidence) -> Assumption | None:
         "elastic: 3/2 of the mean contact pressure over E", pressure / material.E, TABOR * YIELD_STRAIN, "",
         "Tabor, The Hardness of Metals (1951); Johnson & Samwer, Phys. Rev. Lett. 95 (2005) 195501",
         "give material.yield_strength, unless the solid is no metal",
-        f"a spot of this greatest pressure yields where the yield strength is below {pressure / FIRST_YIELD:.3g}",
+        "a spot of this greatest pressure yields where the yield strength is below "
+        f"{quantity(pressure / FIRST_YIELD, 'Pa' if run.si else '', 3)}",
         warns=True,
     )  # fmt: skip
 
@@ -207,7 +209,8 @@ def instrument(run: Evidence) -> Assumption | None:
     return Assumption(
         "instrument: force by the waves that it does not resolve", 100 * abs(force), 100 * (run.tolerance or ONE_MESH),
         "% of the force", "half-space with and without what the scan shows of them", "a sharper tip or a finer scan",
-        f"shorter than {wavelength:.3g}; they would change the force by {force:+.1%} and the area by {area:+.1%}",
+        f"shorter than {quantity(wavelength, 'm' if run.si else '', 3)}; they would change the force by {force:+.1%} "
+        f"and the area by {area:+.1%}",
     )  # fmt: skip
 
 
@@ -339,7 +342,7 @@ def size_effect(run: Evidence) -> Assumption | None:
         "size effect: radius of contact and summit", float(np.fmin(contact, summit)), SMALL_CONTACT, "m",
         "Nix & Gao, J. Mech. Phys. Solids 46 (1998) 411; Swadener et al., ibid. 50 (2002) 681",
         "a yield strength measured at this size: metals are harder there than in bulk",
-        f"mean contact spot {contact:.2g} m, summit {summit:.2g} m", least=True,
+        f"mean contact spot {quantity(contact, 'm', 2)}, summit {quantity(summit, 'm', 2)}", least=True,
     )  # fmt: skip
 
 

@@ -78,14 +78,18 @@ class HeightMap(Surface):
             L, other = dx * (z.shape[1] - 1), dy * (z.shape[0] - 1)
             check_positive("L", L)
             if not np.isclose(L, other, rtol=_ROUNDED):
-                raise InputError(f"{self.path}: the patch must be square, not {L:g} x {other:g}; crop the map.")
+                raise InputError(
+                    f"{self.path}: the patch must be square, not {L:g} x {other:g}; asperity import-map cuts one."
+                )
             if self.L is not None and not np.isclose(L, self.L, rtol=_ROUNDED):
                 raise InputError(
                     f"surface.L = {self.L:g} disagrees with the side {L:g} found in {self.path}; leave surface.L out "
                     "or correct it."
                 )
         if L is None:
-            raise InputError(f"surface.L is missing: {self.path} holds heights without lengths.")
+            raise InputError(
+                f"surface.L is missing: {self.path} holds heights without lengths; give it, or use asperity import-map."
+            )
         depth, level = float(z.max() / L - z.min() / L), float(np.abs(z).max() / L)
         if not (depth <= DEEPEST and level <= FARTHEST):
             raise InputError(
@@ -389,5 +393,5 @@ def _check_heights(z: Array, path: str | Path) -> None:
     if len(bad):
         raise InputError(
             f"{path}: {len(bad)} height(s) are not finite, the first at row {bad[0][0]}, column "
-            f"{bad[0][1]}; fill the gaps before use."
+            f"{bad[0][1]}; asperity import-map fills gaps."
         )
