@@ -15,7 +15,7 @@ from asperity.dynamics import Dynamics, PowerLaw, run_dynamics
 from asperity.model.two_bodies import SumSurface
 from asperity.plot import plot_run
 from asperity.plot.report import write_report
-from asperity.runtime.files import is_aside, read_npz, remove_asides
+from asperity.runtime.files import files_into, is_aside, read_npz, remove_asides, replacing
 from asperity.study import Study
 from asperity.study.results import write_tables
 from asperity.surface import Surface
@@ -109,6 +109,17 @@ def test_a_report_and_its_pictures_are_whole_or_absent(tmp_path: Path) -> None:
         assert not (folder / victim).exists()
     write()
     assert (folder / "figures/curve.png").read_bytes()[-8:-4] == b"IEND"
+
+
+def test_two_processes_of_one_number_write_at_once(tmp_path: Path) -> None:
+    """As in two sandboxes, where the numbers of processes repeat."""
+    out = tmp_path / "out"
+    with files_into(out) as first, files_into(out) as second, replacing(second / "text") as one:
+        one.write(b"long")
+        with replacing(second / "text") as other:
+            other.write(b"a")
+        (first / "number").write_text("1")
+    assert {path.name: path.read_text() for path in out.iterdir()} == {"text": "long", "number": "1"}
 
 
 def test_a_saved_patch_reads_back(tmp_path: Path) -> None:

@@ -6,6 +6,7 @@ import csv
 import io
 import os
 import re
+import secrets
 import shutil
 import zlib
 from collections.abc import Iterable, Iterator, Mapping, Sequence
@@ -29,8 +30,8 @@ NPZ = ".npz"
 
 
 def _temporary_for(path: Path) -> Path:
-    """Hidden file or folder where this process writes the content of `path`; no other process does, on any machine."""
-    return path.with_name(f".{path.name}.{os.uname().nodename}.{os.getpid()}.asperity")
+    """Hidden file or folder for the new content of `path`, of a name that no process has: in sandboxes, pids repeat."""
+    return path.with_name(f".{path.name}.{secrets.randbits(64)}.asperity")
 
 
 def is_aside(name: str) -> bool:
