@@ -111,7 +111,8 @@ class Problem:
             kind = self.surface.kind or type(self.surface).__name__
             raise InputError(
                 f'block.sides = "periodic" needs a surface whose opposite edges agree, and this one ({kind}) does not: '
-                'take block.sides = "rollers", or surface.kind = "self-affine" with surface.periodic = true'
+                'take block.sides = "rollers", surface.kind = "self-affine" with surface.periodic = true, or a whole '
+                "period of a map (asperity import-map --level mean)"
             )
 
     def check_load(self) -> list[str]:
