@@ -47,7 +47,7 @@ def store_curve(
     if not results.summary.get("finished"):
         raise InputError(f"{folder}: the run is not finished, a reference must be")
     if results.summary.get("case_hash") != case.hash():
-        raise InputError(f"{folder} is not a run of {case_file}: run that case again")
+        raise InputError(f"{folder} is not a run of {case_file}: run it again, or give {folder / 'case.toml'}")
     chosen = dict(TOLERANCES if tolerances is None else tolerances)
     _check(chosen)
     mesh = {k: v for k, v in case.to_dict()["mesh"].items() if v is not None}
