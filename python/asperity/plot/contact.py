@@ -36,23 +36,15 @@ def pressure_maps(results: Results, count: int = 4) -> Figure:
 
 
 def _title(results: Results, i: int) -> str:
-    """Approach and force of a snapshot."""
+    """Approach, force and number of contact spots of a snapshot."""
     top = results.top
     name = str(top["branch"][i])
     text = f"{'' if name == 'load' else f'{name}ing, '}$\\delta/L$ = {_strain(results, i):.3g}"
     row = results.curve.where(results.curve.step == int(top["steps"][i]))
     if not len(row):
         return text
-    return f"{text}\n{quantity(row.force[0], results.unit('force'), 3, bar=row.bar('P_star', 0))}"
-
-
-def _count(axis: Any, results: Results, i: int) -> None:
-    """Write the number of contact spots of a snapshot into its map."""
-    row = results.curve.where(results.curve.step == int(results.top["steps"][i]))
-    if len(row) and row.spots[0]:
-        text = f"{row.spots[0]} spot{'s' if row.spots[0] > 1 else ''}"
-        box = {"facecolor": "white", "alpha": 0.8, "edgecolor": "none", "pad": 1.5}
-        axis.annotate(text, (0.02, 0.02), xycoords="axes fraction", fontsize="small", bbox=box)
+    spots = f", {row.spots[0]} spot{'s' if row.spots[0] > 1 else ''}" if row.spots[0] else ""
+    return f"{text}\n{quantity(row.force[0], results.unit('force'), 3, bar=row.bar('P_star', 0))}{spots}"
 
 
 def _maps(axes: Sequence[Any], results: Results, chosen: Sequence[int]) -> tuple[Any, str]:
@@ -66,7 +58,6 @@ def _maps(axes: Sequence[Any], results: Results, chosen: Sequence[int]) -> tuple
         shown = np.where(touching(on_grid, top, i), on_grid(top["pressure"][i]) * scale, np.nan)
         image = _map(axis, results, shown, cmap="inferno_r", vmin=0.0, vmax=highest * scale or 1.0)
         axis.label_outer()
-        _count(axis, results, i)
     return image, unit
 
 
