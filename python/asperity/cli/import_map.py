@@ -264,6 +264,8 @@ def _doubts(scan: _Scan) -> Iterator[str]:
         )
     if affine is not None and not -affine.error_H <= affine.H <= 1.0 + affine.error_H:
         yield f"H = {affine.H:.2f} is outside 0 to 1: the spectrum is not that of a self-affine surface"
+    elif affine is not None and scan.surface.limited:
+        yield "steps or edges change the spectrum: H may not be that of the roughness"
     without = bare.levelled("curvature").z
     rest, form = float(np.std(without)), float(np.std(bare.z - without))
     if form > FORM * rest:
