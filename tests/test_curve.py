@@ -91,12 +91,15 @@ def test_an_unknown_value_is_an_empty_cell_or_nan(tmp_path):
         ("delta,force\n1,nan\n", "'force' is not finite in row 0"),
         ("delta,force\n1,\n", "'force' is not finite in row 0"),
         ("delta,force,branch\n1,2,up\n", "Unknown branch 'up'; legal: load, unload, reload"),
+        ("# " + "[" * 100_000 + "\ndelta,force\n", "recursion"),
+        (f"delta,force,step\n1,2,{10**30}\n", "too large"),
+        (f"delta,force\n1,{'2' * 200_000}\n", "field larger than"),
     ],
 )
 def test_bad_files_are_refused(tmp_path, text, message):
     path = tmp_path / "curve.csv"
     path.write_text(text)
-    with pytest.raises(InputError, match=message):
+    with pytest.raises(InputError, match=f"curve.csv cannot be read as a curve: .*{message}"):
         Curve.read(path)
 
 
@@ -106,6 +109,8 @@ def test_missing_and_binary_files_are_refused(tmp_path):
     (tmp_path / "curve.csv").write_bytes(b"\xff\xfe\x00")
     with pytest.raises(InputError, match="cannot be read as a curve"):
         Curve.read(tmp_path / "curve.csv")
+    (tmp_path / "curve.csv").write_bytes(b"\xef\xbb\xbfdelta,force\n1,2\n")  # a spreadsheet begins so
+    assert Curve.read(tmp_path / "curve.csv").force.tolist() == [2.0]
 
 
 def test_planned_points_are_those_of_equal_steps():

@@ -149,7 +149,7 @@ class Curve:
             InputError: a key is unknown, or a required one is missing
         """
         for row in rows:
-            _check_names(row, "row of a curve")
+            _check_names(row)
         defaults: dict[str, Any] = dict.fromkeys(COLUMNS, math.nan)
         defaults |= dict.fromkeys(_COUNTS, 0) | {"branch": "load"}
         full = [{**defaults, "step": i, **row} for i, row in enumerate(rows)]
@@ -282,23 +282,25 @@ class Curve:
             InputError: the file does not exist, has no or unknown column names, or a value that is not a number
                 (the message gives its line)
         """
-        path = Path(path)
         try:
-            lines = path.read_text(encoding="utf-8").splitlines()
-        except (OSError, UnicodeDecodeError) as error:
-            raise InputError(f"{path}: cannot be read as a curve ({error}).") from error
-        header, skip = _read_header(lines, path)
-        if len(lines) <= skip:
-            raise InputError(f"{path}: no column names; expected {','.join(COLUMNS)}.")
-        names = [name.strip() for name in lines[skip].split(",")]
-        _check_names(names, str(path))
-        rows = []
-        for number, values in enumerate(csv.reader(lines[skip + 1 :]), start=skip + 2):
-            if len(values) != len(names):
-                raise InputError(f"{path}, line {number}: {len(values)} values for {len(names)} columns.")
-            pairs = zip(names, values, strict=True)
-            rows.append({name: _parse(name, text, path, number) for name, text in pairs})
-        return Curve.from_rows(rows, header)
+            return _parsed(Path(path).read_text(encoding="utf-8-sig").splitlines())
+        except (InputError, OSError, ValueError, OverflowError, RecursionError, csv.Error) as error:
+            raise InputError(f"{path} cannot be read as a curve: {error}") from None
+
+
+def _parsed(lines: list[str]) -> Curve:
+    """Curve of the lines of a file."""
+    header, skip = _read_header(lines)
+    if len(lines) <= skip:
+        raise InputError(f"no column names; expected {','.join(COLUMNS)}.")
+    names = [name.strip() for name in lines[skip].split(",")]
+    _check_names(names)
+    rows = []
+    for number, values in enumerate(csv.reader(lines[skip + 1 :]), start=skip + 2):
+        if len(values) != len(names):
+            raise InputError(f"line {number}: {len(values)} values for {len(names)} columns.")
+        rows.append({name: _parse(name, text, number) for name, text in zip(names, values, strict=True)})
+    return Curve.from_rows(rows, header)
 
 
 #: Names of the columns of curve.csv, in their order.
@@ -330,35 +332,35 @@ def fitted_rows(delta: Array, force: Array) -> Array:
     return rows[(delta[rows] > 0) & (force[rows] > 0)]
 
 
-def _check_names(names: Any, where: str) -> None:
+def _check_names(names: Any) -> None:
     for name in names:
         if name not in COLUMNS:
-            raise InputError(f"{where}: unknown column {name!r}{nearest(name, COLUMNS)}; legal: {', '.join(COLUMNS)}.")
+            raise InputError(f"unknown column {name!r}{nearest(name, COLUMNS)}; legal: {', '.join(COLUMNS)}.")
     if len(set(names)) < len(names):
-        raise InputError(f"{where}: a column occurs twice in {', '.join(names)}.")
+        raise InputError(f"a column occurs twice in {', '.join(names)}.")
     for name in _REQUIRED:
         if name not in names:
-            raise InputError(f"{where}: column {name!r} is missing.")
+            raise InputError(f"column {name!r} is missing.")
 
 
-def _read_header(lines: list[str], path: Path) -> tuple[dict[str, Any], int]:
+def _read_header(lines: list[str]) -> tuple[dict[str, Any], int]:
     if not lines or not lines[0].startswith("#"):
         return {}, 0
     try:
         header = json.loads(lines[0][1:])
     except json.JSONDecodeError as error:
-        raise InputError(f"{path}, line 1: the header is not JSON ({error}).") from error
+        raise InputError(f"line 1: the header is not JSON ({error}).") from None
     if not isinstance(header, dict):
-        raise InputError(f"{path}, line 1: the header must be a JSON object.")
+        raise InputError("line 1: the header must be a JSON object.")
     return header, 1
 
 
-def _parse(name: str, text: str, path: Path, line: int) -> Any:
+def _parse(name: str, text: str, line: int) -> Any:
     if name == "branch":
         return text.strip()
     if not text.strip():
         return 0 if name in _COUNTS else math.nan
     try:
         return int(text) if name in _COUNTS else float(text)
-    except ValueError as error:
-        raise InputError(f"{path}, line {line}: {name} = {text!r} is not a number.") from error
+    except ValueError:
+        raise InputError(f"line {line}: {name} = {text!r} is not a number.") from None

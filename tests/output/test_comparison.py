@@ -57,7 +57,11 @@ def test_steps_must_correspond():
     assert (branch.column, branch.row) == ("rows", 1)
 
 
-@pytest.mark.parametrize("tolerances", [{"force": -1.0}, {"forces": 1.0}, {"branch": 1.0}])
+@pytest.mark.parametrize(
+    "tolerances", [{"force": -1.0}, {"forces": 1.0}, {"branch": 1.0}, {"force": "1"}, {"force": None}, ["force"], 1e-6]
+)
 def test_bad_tolerances_are_refused(tolerances):
-    with pytest.raises(InputError):
-        compare_curves(make_curve(), make_curve(), tolerances)
+    """Of a call, and in the header of a stored curve, which anyone may have edited."""
+    for given, header in ((tolerances, {}), (None, {"tolerances": tolerances})):
+        with pytest.raises(InputError):
+            compare_curves(make_curve(), make_curve(**header), given)

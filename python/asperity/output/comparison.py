@@ -6,6 +6,7 @@ import math
 import os
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from numbers import Real
 from pathlib import Path
 from typing import Any
 
@@ -15,6 +16,7 @@ from asperity.case import Case
 from asperity.curve import COLUMNS, Curve
 from asperity.errors import InputError
 from asperity.output.results import Results
+from asperity.runtime.display import show
 
 #: Relative tolerances of compare_curves; other columns are not compared.
 TOLERANCES: Mapping[str, float] = {
@@ -112,7 +114,7 @@ def compare_curves(a: Curve, b: Curve, tolerances: Mapping[str, float] | None = 
         counterpart; empty if the curves agree. NaN agrees with NaN only.
 
     Raises:
-        InputError: a tolerance is negative or its column unknown
+        InputError: a tolerance is negative or no number, or its column is unknown
 
     Examples:
         >>> a, b = (asp.Curve.from_rows([{"delta": 1.0, "force": force}]) for force in (2.0, 2.1))
@@ -142,9 +144,11 @@ def compare_curves(a: Curve, b: Curve, tolerances: Mapping[str, float] | None = 
     return differences
 
 
-def _check(tolerances: Mapping[str, float]) -> None:
+def _check(tolerances: Any) -> None:
+    if not isinstance(tolerances, Mapping):
+        raise InputError(f"tolerances = {show(tolerances)} must be one number for each column that is compared.")
     for name, tolerance in tolerances.items():
         if name not in COLUMNS or name == "branch":
             raise InputError(f"No tolerance can be set for {name!r}; legal: {', '.join(COLUMNS)}.")
-        if not tolerance >= 0:
-            raise InputError(f"The tolerance of {name} must be >= 0, not {tolerance!r}.")
+        if not (isinstance(tolerance, Real) and tolerance >= 0):
+            raise InputError(f"The tolerance of {name} must be a number >= 0, not {tolerance!r}.")
