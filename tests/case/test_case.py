@@ -190,6 +190,7 @@ MISTAKES = {
     "height=1": ("height", "case file"),
     "block.height": ("block.height", "section.key=value"),
     "a.b.c=1": ("section.key=value",),
+    ".L=1": ("section.key=value",),
     "units.a=1": ("units", '"SI"'),
     "dynamics.law=unload-reload & loading.unload=false": ("loading.unload",),
     "contact.method=nitsche & contact.gamma=0.7": ("contact.gamma = 0.7 is below",),

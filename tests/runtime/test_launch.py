@@ -101,6 +101,7 @@ def test_the_signal_that_mpirun_passes_on_ends_the_ranks_after_their_step(tmp_pa
     _, err = process.communicate(timeout=120)
     assert process.returncode == 3, err
     assert err.count("stopped by SIGUSR1 after step") == 1 and "Traceback" not in err
+    assert err.count("the run ends after this step") == 1
     again = start(tmp_path, "-o", out, "--ranks", "2", "--resume", *many)
     assert again.communicate(timeout=300) and again.returncode == 0
 

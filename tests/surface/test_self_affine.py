@@ -157,6 +157,7 @@ def test_the_curvature_bound_and_the_short_waves() -> None:
     [
         ({"H": 0.0}, "surface.H"),
         ({"H": 1.1}, "surface.H"),
+        ({"H": 5e-324}, "surface.H"),
         ({"rms_height": 0.1}, "both given"),
         ({"slope": None}, "both missing"),
         ({"slope": -1.0}, "surface.rms_slope"),

@@ -208,7 +208,7 @@ def override(data: dict[str, Any], text: str) -> str:
     name, equals, value = text.partition("=")
     name = name.strip()
     *sections, key = name.split(".")
-    if not equals or not key or len(sections) > 1:
+    if not equals or not all((*sections, key)) or len(sections) > 1:
         raise InputError(f"--set {show(text)}: write section.key=value, for example block.height=2e-6")
     table = data.setdefault(sections[0], {}) if sections else data
     if not isinstance(table, dict):

@@ -43,7 +43,7 @@ class SelfAffineSection(_Patch):
     """Self-affine surface, random waves with a power spectrum of Hurst exponent H and a roll-off."""
 
     kind: Literal["self-affine"]
-    H: Real = key("Hurst exponent", gt=0, le=1, hint="0.8 is a usual value")
+    H: Real = key("Hurst exponent", ge=0.001, le=1, hint="0.8 is a usual value")
     rms_height: Real | None = key(
         "rms height with the waves shorter than lambda_short included (or rms_slope)", None, unit=LENGTH, gt=0
     )

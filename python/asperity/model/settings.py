@@ -170,7 +170,7 @@ class SolverOptions:
         rtol: residual force relative to the contact force at which a step has converged
         newton_max: Newton iterations after which a step is given up
         krylov_rtol: loosest relative tolerance of the linear solver; None takes 1e-2, 3e-2 where the solid is linear
-            and the contact exact (benchmarks/linear.py), and 1e-3 for a nearly incompressible solid
+            and the contact exact (benchmarks/linear.py), and 1e-3 for a nearly incompressible solid; in (0, 1)
 
     Raises:
         InputError: a value outside its range
@@ -189,6 +189,8 @@ class SolverOptions:
         check_kinds(self, "solver", linear=LINEAR_SOLVERS, newton_max=NEWTON_STEPS)
         if not 0.0 < self.rtol <= LOOSEST_RTOL:
             raise InputError(f"solver.rtol = {self.rtol!r} must lie in (0, {LOOSEST_RTOL:g}]")
+        if self.krylov_rtol is not None and not 0.0 < self.krylov_rtol < 1.0:
+            raise InputError(f"krylov_rtol = {self.krylov_rtol!r} must lie between 0 and 1, for example 1e-3")
 
 
 @dataclass(frozen=True)

@@ -40,8 +40,8 @@ class StopRequest:
         for s in SIGNALS:
             signal.signal(s, signal.SIG_DFL)
         name = signal.Signals(number).name
-        # the signal may have interrupted print(), which is not re-entrant
-        os.write(2, f"{name}: the run ends after this step; a second signal ends it at once\n".encode())
+        if self._comm.rank == 0:  # the signal may have interrupted print(), which is not re-entrant
+            os.write(2, f"{name}: the run ends after this step; a second signal ends it at once\n".encode())
 
     def agreed(self) -> str:
         """Name of the signal that some rank has received, empty if none; collective."""

@@ -53,7 +53,7 @@ class SelfAffine(Surface):
     True
 
     Attributes:
-        H: Hurst exponent, 0 < H <= 1
+        H: Hurst exponent, 0.001 to 1
         lambda_short: shortest wavelength (length); at least 1/2048 of the period
         lambda_roll: roll-off wavelength (length), up to the period; default L
         rms_height: root of the mean square of the heights about their mean over a period (length), with the waves
@@ -86,7 +86,7 @@ class SelfAffine(Surface):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        check(is_number(self.H) and 0 < self.H <= 1, "H", self.H, "a number above 0, at most 1")
+        check(is_number(self.H) and 0.001 <= self.H <= 1, "H", self.H, "a number from 0.001 to 1")
         check(isinstance(self.periodic, bool), "periodic", self.periodic, "true or false")
         legal = is_number(self.aspect) and 1 / _STRETCH <= self.aspect <= _STRETCH
         check(legal, "aspect", self.aspect, f"a number from {1 / _STRETCH:g} to {_STRETCH:g}")
