@@ -106,6 +106,7 @@ def test_parts_are_the_study() -> None:
         ({"grid": {"surface.amplitude": []}}, "empty list"),
         ({"grid": {"surface.amplitude": [0.1, 0.1]}}, "twice"),
         ({"grid": {"surface.amplitude": {"from": 0, "to": 1, "count": 3, "log": True}}}, "is not an axis"),
+        ({"grid": {"surface.amplitude": {"from": 0.1, "to": 10**400, "count": 3}}}, "is not an axis"),
         ({"grid": {"material.nu": [0.3, 0.7]}}, "material.nu = 0.7"),
         ({"grid": {"surface.seed": {"first": 0, "count": 10_000_000}}}, "is not an axis"),
         ({"grid": {"block.height": list(range(1, 400)), "material.nu": [i / 1000 for i in range(400)]}}, "at most"),

@@ -536,6 +536,24 @@ def test_bad_height_maps_are_refused(tmp_path, smooth_map, arrays, options, mess
         HeightMap(path=path, **options)
 
 
+@pytest.mark.parametrize(
+    ("z", "L", "message"),
+    [
+        (np.zeros(9), 1.0, "two dimensions"),
+        (np.zeros((2, 9)), 1.0, "two dimensions"),
+        (np.where(np.eye(9), np.nan, 0.0), 1.0, "9 height.s. are not finite"),
+        (np.zeros((9, 9)), -1.0, "surface.L"),
+    ],
+)
+def test_bad_heights_in_no_file_are_refused(z, L, message):
+    with pytest.raises(InputError, match=message):
+        HeightMap.of(z, L)
+
+
+def test_heights_in_no_file_may_be_whole_numbers():
+    assert HeightMap.of([[x + y for x in range(5)] for y in range(5)], 4.0).maximum() == (4.0, 4.0, 8.0)
+
+
 def test_unreadable_height_maps_are_refused(tmp_path):
     with pytest.raises(InputError, match="must be the name of a file"):
         HeightMap(path=None, L=1.0)  # type: ignore[arg-type]

@@ -264,7 +264,7 @@ def _values(value: Any, where: str) -> list[Any]:
             return list(range(value["first"], value["first"] + value["count"]))
         if whole and {"from", "to", "count"} <= set(value) <= {"from", "to", "count", "log"}:
             low, high = value["from"], value["to"]
-            if all(isinstance(v, int | float) and math.isfinite(v) for v in (low, high)):
+            if all(isinstance(v, int | float) and abs(v) < 1e300 for v in (low, high)):
                 if not value.get("log"):
                     return [float(v) for v in np.linspace(low, high, value["count"])]
                 if low > 0 and high > 0:

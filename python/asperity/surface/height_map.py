@@ -72,7 +72,12 @@ class HeightMap(Surface):
         if self.L is not None:
             check_positive("L", self.L)
         z, dx, dy = read_heights(Path(self.path))
-        _check_heights(z, self.path)
+        _check_heights(z, f"{self.path}: ")
+        if max(z.shape) > MOST:
+            raise InputError(
+                f"{self.path}: {z.shape[1]} x {z.shape[0]} heights are more than the {MOST} x {MOST} of a surface; cut "
+                "a window, or filter the map and keep fewer (asperity import-map --window or --cutoff)."
+            )
         L = self.L
         if dx is not None and dy is not None:
             L, other = dx * (z.shape[1] - 1), dy * (z.shape[0] - 1)
@@ -105,9 +110,15 @@ class HeightMap(Surface):
         """Map of heights that are in no file.
 
         Args:
-            z: finite heights (ny, nx), index [iy, ix] (length)
+            z: finite heights (ny, nx), index [iy, ix], the outer ones on the edges of the patch (length)
             L: side of the patch (length)
+
+        Raises:
+            InputError: another shape, a height that is not finite, or an illegal side
         """
+        z = np.asarray(z, dtype=float)
+        _check_heights(z)
+        check_positive("L", L)
         surface = object.__new__(cls)
         for name, value in {"path": "", "L": float(L), "_z": z}.items():
             object.__setattr__(surface, name, value)
@@ -379,19 +390,14 @@ class HeightMap(Surface):
         return global_maximum(self, (x, y))
 
 
-def _check_heights(z: Array, path: str | Path) -> None:
+def _check_heights(z: Array, where: str = "") -> None:
     if z.ndim != 2 or min(z.shape) <= DEGREE:
         raise InputError(
-            f"{path}: heights have shape {z.shape}; a map needs two dimensions of at least {DEGREE + 1} points"
-        )
-    if max(z.shape) > MOST:
-        raise InputError(
-            f"{path}: {z.shape[1]} x {z.shape[0]} heights are more than the {MOST} x {MOST} of a surface; cut a "
-            "window, or filter the map and keep fewer (asperity import-map --window or --cutoff)."
+            f"{where}heights have shape {z.shape}; a map needs two dimensions of at least {DEGREE + 1} points"
         )
     bad = np.argwhere(~np.isfinite(z))
     if len(bad):
         raise InputError(
-            f"{path}: {len(bad)} height(s) are not finite, the first at row {bad[0][0]}, column "
+            f"{where}{len(bad)} height(s) are not finite, the first at row {bad[0][0]}, column "
             f"{bad[0][1]}; asperity import-map fills gaps."
         )
