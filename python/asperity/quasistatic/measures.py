@@ -19,17 +19,27 @@ STRAINED = 0.05  # equivalent strain above which the volume is counted
 
 @dataclass(frozen=True)
 class Snapshot:
-    """Fields of a solid after a step, part of this rank."""
+    """Fields of a solid after a step, part of this rank.
 
-    step: int  # as in the curve
+    Attributes:
+        step, branch: as in the curve
+        delta: approach [L]
+        pressure, gap: at the local nodes of the solid (nodes,) [E], [L]
+        touched: 1 at the local nodes whose thirds of facets are in contact, else 0, see `Contact.touched_edges`
+        displacement: at the local nodes (nodes, 3) [L]
+        stress: mean over each owned cell, xx yy zz xy xz yz (cells, 6) [E]
+        plastic_strain: accumulated, at the quadrature points of the owned cells (cells, points); or empty
+    """
+
+    step: int
     branch: str
-    delta: float  # [L]
-    pressure: Floats  # at the local nodes [E]
-    gap: Floats  # at the local nodes [L]
-    touched: Floats  # 1 at the local nodes whose thirds of facets are in contact, else 0, see `Contact.touched_edges`
-    displacement: Floats  # (nodes, 3) [L]
-    stress: Floats  # mean over each owned cell, xx yy zz xy xz yz (cells, 6) [E]
-    plastic_strain: Floats  # accumulated, at the quadrature points of the owned cells (cells, points); or empty
+    delta: float
+    pressure: Floats
+    gap: Floats
+    touched: Floats
+    displacement: Floats
+    stress: Floats
+    plastic_strain: Floats
 
 
 def row(solver: ContactSolver) -> dict[str, Any]:

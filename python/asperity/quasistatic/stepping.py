@@ -207,7 +207,8 @@ def _approach(
             raise ConvergenceError(
                 f"no convergence at delta/L = {solver.delta + move:.6g} ({stats.reason} after {stats.newton} Newton "
                 f"iterations) although the step was cut to {abs(move):.2g} L; the curve up to delta/L = "
-                f"{solver.delta:.6g} is kept: use more loading.steps or a finer mesh.h_contact"
+                f"{solver.delta:.6g} is kept: use more loading.steps, a larger solver.newton_max, or a finer "
+                "mesh.h_contact"
             )
         logging.getLogger(__name__).info("delta/L = %.6g: step cut to %.3g L", solver.delta, step)
 
