@@ -340,6 +340,12 @@ def test_dynamics_of_a_run(cli: Cli, tmp_path: Path) -> None:
     assert sorted(folder.iterdir()) == before
 
 
+def test_dynamics_of_a_table_from_a_spreadsheet(cli: Cli, tmp_path: Path) -> None:
+    rows = "".join(f"{d},{d**1.5}\n" for d in (0.1, 0.2, 0.3, 0.4))
+    (tmp_path / "curve.csv").write_text(f"delta,force\n{rows}", encoding="utf-8-sig")
+    assert cli("dynamics", tmp_path / "curve.csv", "--preload", "0.1")[0] == 0
+
+
 def test_tangential_dynamics_of_a_run(cli: Cli, tmp_path: Path) -> None:
     slip = {"slip": {"friction": 0.3}, "joint": {"nominal_area": 1e-6, "mass": 0.1}}
     folder = write_run(tmp_path / "run", **slip)
