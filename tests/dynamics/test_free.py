@@ -9,7 +9,7 @@ import pytest
 from scipy.integrate import solve_ivp
 from scipy.special import beta
 
-from asperity.dynamics import ContactOscillator, PowerLaw
+from asperity.dynamics import ContactOscillator, PowerLaw, TableLaw
 from asperity.dynamics.free import free_orbit
 from asperity.errors import RangeError
 
@@ -87,6 +87,13 @@ def test_linear_contact_has_the_closed_form_with_flight() -> None:
     u0 = 2.0  # half a cosine cut at u = -1, then a parabola
     time = 2 * np.arccos(-1 / u0) + 2 * np.sqrt(u0**2 - 1)
     assert ContactOscillator(PowerLaw(1.0)).free(u0).omega_ratio[0] == pytest.approx(2 * np.pi / time, rel=1e-12)
+
+
+@pytest.mark.parametrize("curvature", [0.0, 1e-12, 1e-7])
+def test_a_table_whose_points_lie_at_the_turning_points_is_integrated(curvature: float) -> None:
+    z = np.linspace(0.0, 1.0, 41)  # a linear spring turns at a point of the table for each of these amplitudes
+    found = ContactOscillator(TableLaw(z, z * (1.0 + curvature * z)), load=0.5).free(np.arange(1, 40) / 40)
+    np.testing.assert_allclose(found.omega_ratio, 1.0, atol=1e-11 + 0.1 * curvature)
 
 
 def test_large_amplitude_tends_to_zero_frequency() -> None:

@@ -28,6 +28,8 @@ from asperity.runtime.display import short_repr
 _ORDERS = (24, 48, 96, 192, 384)  # of the Gauss rule of a panel, until two of them agree
 _RTOL = 2e-13  # in which they agree: some hundred times round-off
 _ROUGH = 16  # harmonics of starting values
+_SHORT = 1e-12  # a knot this close to a turning point, over half the stroke, has no panel of its own
+_TOUCHING = 1e-5  # distance from a turning point, over that of this from separation, where potentials cancel
 
 
 @dataclass(frozen=True)
@@ -166,7 +168,8 @@ def _half_period(restoring: Restoring, u0: float, orders: tuple[int, ...]) -> _H
     mid, half = 0.5 * (u0 + u_min), 0.5 * (u0 - u_min)
     low = -1.0 if v_s > 0 else u_min
     inner = restoring.law.knots / restoring.z_s - 1.0
-    knots = np.concatenate([[low], inner[(inner > low) & (inner < u0)], [u0]])
+    short = _SHORT * half
+    knots = np.concatenate([[low], inner[(inner > low + short) & (inner < u0 - short)], [u0]])
     theta = np.arcsin(np.clip((knots - mid) / half, -1.0, 1.0))
     theta[-1] = 0.5 * np.pi
     depth = 0.5 * restoring.n_loc * v_s**2  # of the flight below u = -1
@@ -272,9 +275,10 @@ def _contact_part(
         near = u < -0.5
         stored = restoring.pulled(u[near]) - restoring.pulled(u_min)
         gain[near] = above[near] / restoring.n_loc - stored
+        near = above < _TOUCHING * (1.0 + u_min)
     else:
         near = above < 0.02 * half
-        gain[near] = -above[near] * _mean_force(restoring, np.full(near.sum(), u_min), above[near])
+    gain[near] = -above[near] * _mean_force(restoring, np.full(near.sum(), u_min), above[near])
     if not gain.min() > 0:
         raise ConvergenceError("the amplitude is too small: V(u) is lost in round-off")
     speed = np.sqrt(2.0 * gain)
