@@ -141,13 +141,13 @@ _ROWS = {
 
 
 def _show(result: Dynamics) -> None:
-    first, onsets = result.first, result.thresholds
+    first, onsets, units = result.first, result.thresholds, "" if result.settings.units == "other" else "SI"
     about = f"{first.law.describe()}, zeta = {first.zeta:g} ({first.damping})"
     rows = [(text, *(_text(getattr(one, name)) for one in onsets.values())) for name, text in _ROWS.items()]
     if result.numbers.mass == result.numbers.mass:
         omegas = (f"{oscillator.omega_s:.5g}" for oscillator in result.oscillators.values())
         by = "the mass of the joint" if result.gravity is None else f"gravity = {result.gravity:g}"
-        rows.insert(0, (f"omega_s with {by}", *omegas))
+        rows.insert(0, (f"omega_s{' in rad/s' if units else ''} with {by}", *omegas))
     for responses in zip(*result.responses.values(), strict=True):
         setting = responses[0].setting
         name = f"F^ = {setting.F_hat:g}, F/W = {setting.F_over_mg:g}"
@@ -155,7 +155,7 @@ def _show(result: Dynamics) -> None:
         rows.append((name, *(f"peak {u:.4g} at {omega:.4g}" for omega, u in peaks)))
     options.table(about, rows, ("", *onsets))
     if result.laws is not None:
-        _show_laws(result.laws, "" if result.settings.units == "other" else "SI")
+        _show_laws(result.laws, units)
     if (spread := result.uncertainty) is not None:
         n, kappa = (plus_minus(one.value, one.half) for one in (spread.n_loc, spread.kappa))
         options.say(f"n = {n}, kappa = {kappa}, {spread.softening}, by the {spread.origin}")
@@ -163,7 +163,7 @@ def _show(result: Dynamics) -> None:
         options.say(f"note: {note}")
     for searched in dict.fromkeys(r.searched for responses in result.responses.values() for r in responses):
         options.say(searched)
-    options.say(result.numbers.sentence(result.settings.units))
+    options.say(result.numbers.sentence(units))
 
 
 def _show_laws(laws: LawTable, units: str) -> None:
