@@ -253,7 +253,10 @@ def test_substeps_and_rows_before_contact_do_not_change_the_paper_law() -> None:
         (lambda: TableLaw(Z - 0.3, Z**1.5), "offset"),
         (lambda: TableLaw(Z, Z[:5]), "shapes"),
         (lambda: unload_reload({"delta": Z, "force": Z}), "unload"),
-        (lambda: law_from({"delta": Z}), "force"),
+        (lambda: law_from({"delta": Z}), "no column \"force\", only 'delta'"),
+        (lambda: law_from({"delta": Z, "force": np.where(Z > 0.5, np.nan, Z)}), "row 30 of the curve is not finite"),
+        (lambda: law_from({"delta": Z, "force": Z, "branch": ["loading"] * Z.size}), "branch 'loading'"),
+        (lambda: law_from({"delta": [*(1.0 + Z), 2.2], "force": [*(Z - Z[0]), 1.2]}), "its origin is offset"),
         (lambda: law_from("nowhere.csv"), "nowhere.csv"),
         (lambda: law_from({"delta": Z, "force": Z}, law="hertz"), "hertz"),
         (lambda: law_from({"delta": Z, "force": np.where(Z > 0.5, Z - 0.3, Z)}, "paper"), "by more than 5 %"),
@@ -302,6 +305,14 @@ def test_the_offset_of_the_approach_can_be_fitted() -> None:
     assert law.origin == pytest.approx(0.3, abs=1e-6)
     with pytest.raises(InputError, match="origin"):
         TableLaw.from_curve({"delta": Z, "force": Z}, origin="guess")
+
+
+def test_a_table_as_spreadsheets_and_hands_write_it_is_read(tmp_path) -> None:
+    path = tmp_path / "measured.csv"
+    rows = [f"{z!r}, {z**1.5!r}" for z in Z.tolist()]
+    path.write_text("\ufeffdelta, force\r\n" + "\r\n".join(rows), encoding="utf-8", newline="")
+    law, _ = law_from(path, "table")
+    assert float(law.force(Z[7])) == pytest.approx(Z[7] ** 1.5, rel=1e-12)
 
 
 def test_a_file_that_is_not_a_table_is_refused(tmp_path) -> None:

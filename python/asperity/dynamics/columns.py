@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 
 from asperity.arrays import Array, Flags
+from asperity.curve import BRANCHES
 from asperity.errors import InputError
 from asperity.runtime.files import read_csv
 from asperity.slope import legs
@@ -50,7 +51,8 @@ class CurveColumns:
 
         for name in ("delta", "force"):
             if column(name) is None:
-                raise InputError(f'the curve has no column "{name}"')
+                found = f", only {', '.join(map(repr, table))}" if isinstance(table, Mapping) else ""
+                raise InputError(f'the curve has no column "{name}"{found}')
         size = len(column("delta"))
         if size == 0:
             raise InputError("the curve is empty: it needs one row per approach")
@@ -67,10 +69,14 @@ class CurveColumns:
                 share = number(f"error_{name}") / number(name)
             return np.where(np.isfinite(share) & (share >= 0), share, np.nan)
 
-        strain, branch = number("max_plastic_strain"), column("branch")
+        delta, force, strain = number("delta"), number("force"), number("max_plastic_strain")
+        if not (known := np.isfinite(delta) & np.isfinite(force)).all():
+            raise InputError(f"row {int(np.argmin(known))} of the curve is not finite in delta or force")
+        branch = np.full(size, "load") if column("branch") is None else np.asarray(column("branch"))
+        if unknown := set(branch.tolist()) - set(BRANCHES):
+            raise InputError(f"branch {min(map(repr, unknown))} of the curve is unknown: use {', '.join(BRANCHES)}")
         return cls(
-            delta=number("delta"), force=factor * number("force"),
-            branch=np.full(size, "load") if branch is None else np.asarray(branch),
+            delta=delta, force=factor * force, branch=branch,
             plastic=np.where(np.isnan(strain), number("plastic_fraction"), strain),
             elastic=factor * number("k_n_elastic"), bar=relative("P_star"), elastic_bar=relative("k_n_elastic"),
         )  # fmt: skip

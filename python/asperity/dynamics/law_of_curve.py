@@ -132,7 +132,8 @@ def law_named(columns: CurveColumns, name: str, load: float) -> Law:
     if (fall := float(np.max(np.maximum.accumulate(up) - up))) > _NOISE * unit:
         raise InputError(
             f"the force of the curve does not rise with the approach: it falls by {fall:g}, by more than "
-            f"{100 * _NOISE:g} % of its largest value, the limit for noise: smooth it"
+            f"{100 * _NOISE:g} % of its largest value, the limit for noise: smooth it, or name its unloading in a column "
+            "branch"
         )
     rows = fitted_rows(delta, force)
     return PowerLaw.from_fit(fit_power_law(delta[rows] / length, force[rows] / unit), length, unit)
@@ -214,9 +215,13 @@ def _automatic(columns: CurveColumns, load: float, overload: float | None) -> Ch
         why = "nothing has yielded up to the preload" if yielded is False else "the curve does not show that it yields"
         try:
             return Choice("table", law_named(columns, "table", load), load, None, yielded, why)
-        except InputError:
+        except InputError as error:
+            lack = str(error)
+        try:
             found = law_named(columns, "paper", load)
-            return Choice("paper", found, load, None, yielded, "the points of the loading do not rise")
+        except InputError as error:
+            raise InputError(f"{lack}; no power law either: {error}") from error
+        return Choice("paper", found, load, None, yielded, lack.split(":")[0])
     above = None
     with suppress(InputError):
         above = TableLaw.from_curve(columns)

@@ -80,7 +80,8 @@ class TableLaw(Law):
             noise = roughness(z, F)
             if noise > MAX_ROUGHNESS:
                 F, k = smoothed(z, F)
-        for name, column, remedy in (("approach", z, "sort it"), ("force", F, "smooth it, or fit a power law to it")):
+        sort, smooth = "sort it, or name its unloading in a column branch", "smooth it, or fit a power law to it"
+        for name, column, remedy in (("approach", z, sort), ("force", F, smooth)):
             for i in np.flatnonzero(np.diff(column) <= 0):
                 pair = f"({column[i]:g} to {column[i + 1]:g})"
                 raise InputError(f"the {name} does not rise after row {i} of the table {pair}: {remedy}")
@@ -112,7 +113,7 @@ class TableLaw(Law):
         if early > 1e-6 * F.max() or gap > 1e-9 * z.max():
             raise InputError(
                 f"the table has force {early:g} at or below zero approach, and none up to {gap:g}: its origin is "
-                'offset; pass the approach of first contact as origin, or use from_curve(origin="fit")'
+                'offset; subtract the approach of first contact, pass it as origin, or use from_curve(origin="fit")'
             )
         z, F, k = z[keep], F[keep], None if k is None else np.where(k[keep] > 0, k[keep], np.nan)
         least = MIN_POINTS if k is None else 1 if np.isfinite(k).all() else 2
