@@ -360,6 +360,14 @@ def test_tangential_dynamics_of_a_run(cli: Cli, tmp_path: Path) -> None:
     _, out, _ = cli("dynamics", folder, "--area", "2e-6", "--mass", "0.2", "--forcing", "0.05", "--json", *options[:2])
     assert json.loads(out)["peaks"][0] == pytest.approx(peak)
     assert {path.name for path in (tmp_path / "out").iterdir()} >= {"slip_response.csv", "slip_response.svg"}
+    # a preload that is given counts before that of [slip]
+    given = ("--preload", "0.3", "--json", *options[:2])
+    slip["slip"]["preload"] = 1e-7
+    other = write_run(tmp_path / "light", **slip)
+    light, heavy = (json.loads(cli("dynamics", run, *given)[1]) for run in (other, folder))
+    assert light["loops"] == heavy["loops"] != json.loads(cli("dynamics", other, *given[2:])[1])["loops"]
+    code, _, err = cli("dynamics", folder, *options[:2], "--omega", "0.9", "1.1")
+    assert code == 2 and "--omega is for the normal direction" in err
     assert cli("dynamics", write_run(tmp_path / "other"), *options[:2])[0] == 2
 
 

@@ -271,6 +271,20 @@ def test_a_joint_scales_the_law_to_its_area_and_has_its_own_mass() -> None:
     )
 
 
+def test_a_joint_counts_in_whatever_way_it_is_given() -> None:
+    joint, law = asp.Joint(preload=250.0, mass=5.0, damping=0.03), PowerLaw(1.5, 3e11)
+    z = (250.0 / 3e11) ** (1 / 1.5)
+    for settings, changes in (
+        (None, {"joint": joint}),
+        (DynamicsSettings(joint=joint), {}),
+        (DynamicsSettings(), {"joint": joint}),
+    ):
+        found = run_dynamics(law, settings, **QUICK, **changes).numbers
+        assert found.approach == pytest.approx(z, rel=1e-12) and found.damping == 0.03
+        assert found.frequency == pytest.approx(math.sqrt(1.5 * 250.0 / z / 5.0) / (2 * math.pi), rel=1e-12)
+    assert run_dynamics(law, DynamicsSettings(joint=joint), **QUICK, zeta=0.2).numbers.damping == 0.2
+
+
 def test_the_weight_of_the_mass_adds_to_the_preload_on_request_only() -> None:
     patch = 1e-12
     assert asp.Joint(pressure=2.0, mass=3.0).load(patch) == pytest.approx(2e-12)

@@ -82,8 +82,11 @@ def command(
     if direction == "tangential":
         if source is None:
             raise InputError("--direction tangential needs the folder of a run with [slip]")
-        _tangential(source, joint, settings, output, as_json)
+        _refuse(settings, ("law", "overload", "damping", "model", "omega", "sweeps"), "the normal direction")
+        _tangential(source, joint, settings | {"pressure": given["pressure"]}, output, as_json)
         return
+    if source is None:
+        _refuse(settings, ("law", "overload"), "a curve")
     result = run_dynamics(law, joint=joint, out_dir=output, **settings)
     if output:
         from asperity.plot import plot_dynamics
@@ -97,15 +100,24 @@ def command(
         options.say(f"written to {Path(output)}")
 
 
+def _refuse(settings: dict[str, Any], names: tuple[str, ...], where: str) -> None:
+    for name in names:
+        if settings[name] is not None:
+            raise InputError(f"--{name} is for {where}: leave it out")
+
+
 def _tangential(source: str, joint: Joint | None, settings: dict[str, Any], output: str | None, as_json: bool) -> None:
     from asperity.output.results import Results
     from asperity.slip.tangential import tangential_vibration
 
     results = Results.read(source)
     own = {name: settings[name] for name in ("preload", "gravity")}
+    case = dict(results.case)
+    if "slip" in case and (own["preload"], settings["pressure"]) != (None, None):
+        case["slip"] = {name: value for name, value in case["slip"].items() if name != "preload"}
     given = DynamicsSettings.of_source(source, joint).replaced(**own)
     forcing, zeta = settings["forcing"] or (0.01,), settings["zeta"] or 0.0
-    found = tangential_vibration(results.case, results.curve, given, forcing, zeta)
+    found = tangential_vibration(case, results.curve, given, forcing, zeta)
     if output:
         from asperity.plot.slip import response
         from asperity.plot.style import save_in

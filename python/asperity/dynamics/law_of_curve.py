@@ -132,8 +132,8 @@ def law_named(columns: CurveColumns, name: str, load: float) -> Law:
     if (fall := float(np.max(np.maximum.accumulate(up) - up))) > _NOISE * unit:
         raise InputError(
             f"the force of the curve does not rise with the approach: it falls by {fall:g}, by more than "
-            f"{100 * _NOISE:g} % of its largest value, the limit for noise: smooth it, or name its unloading in a column "
-            "branch"
+            f"{100 * _NOISE:g} % of its largest value, the limit for noise: smooth it, or name its unloading in a "
+            "column branch"
         )
     rows = fitted_rows(delta, force)
     return PowerLaw.from_fit(fit_power_law(delta[rows] / length, force[rows] / unit), length, unit)

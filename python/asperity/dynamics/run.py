@@ -260,13 +260,11 @@ def _vibration(
 
 def _law(source: Any, settings: DynamicsSettings) -> tuple[Law, float, tuple[CurveColumns, Choice] | None]:
     """Law and preload of a source, with the columns and the choice if it is a curve."""
-    joint, load = settings.joint, settings.preload
+    joint, load = settings.joint, settings.load
     if isinstance(source, Law):
         if joint is not None and joint.nominal_area is not None:
             raise InputError("joint.nominal_area is for a curve: a law has the force of the joint already")
         return source, source.default_load if load is None else load, None
-    if load is None and joint is not None:
-        load = joint.load(settings.patch_area)
     columns = CurveColumns.of(source, settings.factor)
     choice = choose(columns, settings.law, load, overload=settings.overload)
     return choice.law, choice.load, (columns, choice)

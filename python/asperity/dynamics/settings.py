@@ -87,7 +87,7 @@ class DynamicsSettings:
         sweeps: also integrate sweeps up and down (half a second per forcing; not for zeta = 0)
         bands: also carry the uncertainty of the law to the response (about 1 s per forcing)
         tol: relative truncation error of the response
-        joint: with a joint all forces and the mass are those of the joint
+        joint: with a joint all forces and the mass are those of the joint, and its damping is zeta
         patch_area: nominal area of the curve (length^2)
         units: "SI" or "other"; with "other" and no `gravity`, mass and omega_s are left out. Default SI, with a note.
 
@@ -121,6 +121,8 @@ class DynamicsSettings:
         object.__setattr__(self, "forcing", forcings(self.forcing))
         object.__setattr__(self, "omega", window(self.omega))
         object.__setattr__(self, "model", (self.model,) if isinstance(self.model, str) else tuple(self.model))
+        if self.joint is not None and self.joint.damping is not None:
+            object.__setattr__(self, "zeta", self.joint.damping)
         for name in self.model:
             if name not in MODELS:
                 raise InputError(f'model = "{name}" is unknown: choose one of {", ".join(MODELS)}')
@@ -128,6 +130,13 @@ class DynamicsSettings:
             raise InputError("model is empty: choose exact, taylor or both")
         if self.units not in (None, "SI", "other"):
             raise InputError(f'units = "{self.units}" is unknown: choose SI or other')
+
+    @property
+    def load(self) -> float | None:
+        """Static force (force): the preload, else that of the joint; None if nothing gives it."""
+        if self.preload is not None or self.joint is None:
+            return self.preload
+        return self.joint.load(self.patch_area)
 
     @classmethod
     def of_case(cls, case: Mapping[str, Any], joint: Joint | None = None) -> DynamicsSettings:
@@ -167,7 +176,7 @@ class DynamicsSettings:
     def replaced(self, **changes: Any) -> DynamicsSettings:
         """Settings with other values, None for no change.
 
-        The overload does not outlive a change of law or preload, and the damping ratio becomes that of a new joint.
+        The overload does not outlive a change of law or preload; a damping ratio replaces that of the joint.
         """
         new = {name: value for name, value in changes.items() if value is not None}
         names = [field.name for field in fields(self)]
@@ -175,7 +184,7 @@ class DynamicsSettings:
             raise InputError(f"{min(unknown)} is no setting of the vibration: choose from {', '.join(names)}")
         if new.keys() & {"law", "preload"}:
             new.setdefault("overload", None)
-        joint = new.get("joint")
-        if joint is not None and joint.damping is not None:
-            new.setdefault("zeta", joint.damping)
+        joint = new.get("joint", self.joint)
+        if "zeta" in new and joint is not None and joint.damping is not None:
+            new["joint"] = replace(joint, damping=new["zeta"])
         return replace(self, **new)

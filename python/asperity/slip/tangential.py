@@ -87,7 +87,7 @@ def tangential_vibration(
     factor, mass = settings.factor, small_vibration(curve, settings).mass
     if not math.isfinite(mass):
         raise InputError("no mass vibrates: give --mass, joint.mass, or joint.frequency")
-    load = None if settings.preload is None else settings.preload / factor
+    load = None if settings.load is None else settings.load / factor
     slip = slip_of_case(case, curve, case["slip"].get("preload") or load)
     sliders = slip.law.array(_SLIDERS)
     responses = {}
