@@ -107,7 +107,8 @@ def intervals(
     wider = np.sum([np.abs(values(one) - centre) for one in thinned], axis=0) if thinned else np.zeros(4)
     wider[1] = law.kappa_bar(float(centre[2]))
     found = np.stack([centre, ends.min(axis=0) - wider, ends.max(axis=0) + wider], axis=1)
-    n_loc, kappa, z_s, k_n, omega_s = (Interval(*row) for row in [*found.tolist(), np.sqrt(found[3] / mass).tolist()])
+    frequency = np.sqrt(np.maximum(found[3], 0.0) / mass)
+    n_loc, kappa, z_s, k_n, omega_s = (Interval(*row) for row in [*found.tolist(), frequency.tolist()])
     words = [origin] * bool(members) + ["points of the law"] * bool(thinned)
     return Uncertainty(n_loc, kappa, z_s, k_n, omega_s, members, " and ".join(words))
 
@@ -182,6 +183,9 @@ def response_band(
         points: number of frequencies
         tol: see `ContactOscillator.response`
 
+    Raises:
+        InputError: the bounds of the stiffness reach zero
+
     Examples:
         >>> oscillator = asp.ContactOscillator(asp.PowerLaw(1.5), zeta=0.1)
         >>> known = asp.uncertainty(oscillator, [asp.PowerLaw(1.45), asp.PowerLaw(1.55)])
@@ -190,6 +194,8 @@ def response_band(
         array([0.048, 0.05 ])
     """
     (f,), (low, high) = forcings(forcing), window(omega)
+    if known.k_n.low <= 0.0:
+        raise InputError("the error bar of the stiffness reaches zero")
     grid = np.linspace(low, high, points)
     centre = oscillator.restoring
     stiff = tuple(float(np.sqrt(k / known.k_n.value)) for k in (known.k_n.low, known.k_n.high))

@@ -21,10 +21,13 @@ from asperity.dynamics.settings import LAWS, MIN_ROWS
 from asperity.errors import AsperityError, AsperityWarning, InputError, RangeError
 from asperity.power_law import fit_power_law
 
+TOO_LOW = (
+    "the law is the paper's power law of the loading, whose frequency is too low, by a factor of 1.5 on a fractal "
+    "surface"
+)
 LACK = (
     "the contact has yielded, and the curve has neither an unloading through the preload nor the elastic stiffness: "
-    "the law is the paper's power law of the loading, whose frequency is too low, by a factor of 1.5 on a "
-    "fractal surface; compute the curve with loading.unload = true or output.stiffness = true"
+    f"{TOO_LOW}; compute the curve with loading.unload = true or output.stiffness = true"
 )
 _NOISE = 0.05  # share of the largest force by which the force of a measured curve may fall
 _SAME = 1e-9  # relative difference of forces that are equal
@@ -238,7 +241,8 @@ def _automatic(columns: CurveColumns, load: float, overload: float | None) -> Ch
                 "overload"
             ) from error
         found = law_named(columns, "paper", load)
-        return Choice("paper", found, load, None, True, "yielded, no other law", lack or LACK)
+        doubt = f"{lack}; until then {TOO_LOW}" if lack else LACK
+        return Choice("paper", found, load, None, True, "yielded, no other law", doubt)
     if overload is None:
         return Choice("elastic", tangent, load, load, True, "yielded, and the elastic stiffness is known", lack)
     if above is None:

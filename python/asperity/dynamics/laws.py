@@ -148,8 +148,8 @@ def tabulate(columns: CurveColumns, choice: Choice, mass: float = math.nan) -> L
         except AsperityError as error:
             rows.append(LawAtLoad(name, missing=str(error).split(":")[0].split(";")[0]))
             continue
-        # after yield the other laws are of another history
-        applies = chosen or not (choice.yielded and choice.name in ("unload-reload", "elastic"))
+        # after yield the other laws are of another history; two of the loading that agree bound no vibration
+        applies = chosen or not (choice.yielded and (choice.name in ("unload-reload", "elastic") or choice.note))
         bar, bar_of = columns.bar_at(load, elastic=True), "k_n_elastic"
         if math.isnan(bar) or not (isinstance(law, TableLaw) and law.k is not None and not law.noise):
             bar, bar_of = of_force, "force"
