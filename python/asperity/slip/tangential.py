@@ -132,8 +132,8 @@ def tangential_response(array: JenkinsArray, mass: float, force: float, *, zeta:
     far = 1e3 * float(np.max(array.f / array.k))
     if excess(far) < 0.0:
         raise RangeError(
-            f"force = {force:g} makes all of the contact slip at resonance: the limit is "
-            f"{4.0 / np.pi * array.limit:.4g} without other damping"
+            f"a force of {force / array.limit:g} of the friction limit makes all of the contact slip at resonance: "
+            f"without other damping it must be below {4.0 / np.pi:.4g}"
         )
     peak = float(brentq(excess, 1e-12 * far, far, rtol=1e-13))
     a = peak * np.geomspace(_FAR, 1.0, _POINTS)
