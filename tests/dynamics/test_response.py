@@ -13,6 +13,7 @@ from asperity.dynamics import ContactOscillator, PowerLaw, TableLaw
 from asperity.dynamics.equation import Restoring
 from asperity.dynamics.free import free_orbit
 from asperity.dynamics.harmonic_balance import Balance
+from asperity.dynamics.motion import integrate
 from asperity.dynamics.response import frequency_response
 from asperity.dynamics.stability import _floquet, floquet, state_at_phase_zero
 
@@ -218,6 +219,18 @@ def test_no_damping() -> None:
     assert free_orbit(r.balance.restoring, 0.8648).omega == pytest.approx(0.95, abs=2e-3)
     _, lower, upper = r.at(0.95)
     assert lower.u_max < 0.88 < upper.u_max + 0.05
+
+
+@pytest.mark.parametrize("low", [0.47, 0.5])
+def test_undamped_orbits_above_a_superharmonic_resonance_are_all_those_that_rest_twice(low: float) -> None:
+    """At rest at the greatest and at the least force: roots of the speed after half a period."""
+    r = ContactOscillator(PowerLaw(1.5), zeta=0.0).response(0.05, (low, 1.3), tol=1e-4)
+    starts = np.linspace(-3.6, 1.95, 80)  # no orbit begins between two
+    speed = [integrate(r.balance, 0.7, 0.05, u, 0.0, np.pi / 0.7, rtol=1e-8).v[-1] for u in starts]
+    known = sorted(s.start[0] for s in r.at(0.7))
+    roots = np.flatnonzero(np.diff(np.sign(speed)))
+    assert len(known) == len(roots) == 3
+    assert all(starts[i] < u < starts[i + 1] for i, u in zip(roots, known, strict=True))
 
 
 def test_light_damping_traces_the_narrow_peak() -> None:

@@ -48,6 +48,7 @@ _OUTSIDE = 1e-3  # truncation error allowed outside the window
 _OF_DAMPING = 0.03  # the same over zeta: a larger error of the forces passes the peak of a resonance by
 _BEYOND = 1.2  # frequency over that of a resonance, beyond which the orbit is unique
 _BELOW = 0.5  # lowest frequency outside the window, over its low end
+_RESONANCES = 6  # main and superharmonic ones, at Omega = 1/k, between which an undamped branch starts
 _SAME = 1e-3  # relative distance below which two orbits are identical
 
 
@@ -81,6 +82,10 @@ class Search:
         lowest = min((p.parameter for _, _, path in self._paths for p in path.points), default=np.inf)
         if not unique or lowest > below:
             self._from_rest(low)
+        if self.balance.zeta < MIN_ZETA:  # resonances so high that between each two there is a branch of its own
+            for omega in (1.0 / np.sqrt(k * (k + 1.0)) for k in range(1, _RESONANCES)):
+                if low < omega < high:
+                    self._from_rest(omega)
         self._finish()
         orders = self._searched_orders()
         random = random_starts(self.balance, self.forcing, self.how.window, _STARTS) if orders else np.empty((3, 0))
