@@ -8,6 +8,7 @@ from decimal import Decimal
 _PREFIXES = {-15: "f", -12: "p", -9: "n", -6: "µ", -3: "m", 0: "", 3: "k", 6: "M", 9: "G", 12: "T", 15: "P"}
 LENGTHS = {"m": 1.0, "cm": 1e-2, "mm": 1e-3, "um": 1e-6, "µm": 1e-6, "μm": 1e-6, "nm": 1e-9, "pm": 1e-12}  # in m
 _MOST_DIGITS = 9  # of a number with an error bar
+_LEAST_BAR = 1e-6  # over its value
 
 
 def prefix(value: float, unit: str) -> tuple[float, str]:
@@ -39,7 +40,8 @@ def prefix(value: float, unit: str) -> tuple[float, str]:
 def quantity(value: float, unit: str, digits: int = 4, *, bar: float = math.nan) -> str:
     """Value with its unit, and with its error bar where that is known.
 
-    A bar has two digits. The last digit of the value is worth between a hundredth and a tenth of its bar.
+    A bar has two digits, and is left out below a millionth. The last digit of the value is worth between a hundredth
+    and a tenth of its bar.
 
     Args:
         value: in `unit`
@@ -58,7 +60,7 @@ def quantity(value: float, unit: str, digits: int = 4, *, bar: float = math.nan)
         '0.004 (0 to 0.01)'
     """
     factor, name = prefix(value, unit)
-    known = math.isfinite(bar) and bar >= 0.0
+    known = math.isfinite(bar) and (bar == 0.0 or bar >= _LEAST_BAR)
     if known and bar > 0.0:
         digits = min(max(1 - math.floor(math.log10(bar)), 1), _MOST_DIGITS)
     value = float(f"{value * factor:.{digits}g}")
@@ -84,7 +86,7 @@ def plus_minus(value: float, half: float) -> str:
         >>> plus_minus(2.2203, 0.1234), plus_minus(1234.0, 120.0), plus_minus(0.5, float("nan"))
         ('2.22 ± 0.12', '1230 ± 120', '0.5')
     """
-    if not 1e-6 * abs(value) < half < math.inf:
+    if not _LEAST_BAR * abs(value) < half < math.inf:
         return f"{value:.4g}"
     half = float(f"{half:.2g}")
     decimals = 1 - math.floor(math.log10(half))

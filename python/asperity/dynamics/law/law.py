@@ -18,6 +18,7 @@ from asperity.dynamics.law.checks import positive
 from asperity.errors import RangeError
 
 _FARTHEST = 1e100  # approach beyond which no load is sought (length)
+_STRAIGHT = 1e-10  # kappa below which a law is linear, far above round-off
 
 
 class Law(ABC):
@@ -147,6 +148,6 @@ def curvature(p: tuple[float, float, float], z: float) -> float:
 
 def bend(low: float, high: float) -> str:
     """In words what the interval of kappa says of small motion."""
-    if low == high == 0.0:
+    if max(abs(low), abs(high)) < _STRAIGHT:
         return "linear"
     return "softening" if high < 0.0 else "hardening" if low > 0.0 else "undecided"
