@@ -324,11 +324,14 @@ def planned_rows(delta: Array) -> Array:
 
 
 def fitted_rows(delta: Array, force: Array) -> Array:
-    """Indices (m,) of the steps to which the power law of a loading is fitted: the planned ones in contact.
+    """Indices (m,) of the steps to which the power law of a loading is fitted: the planned or measured ones in contact.
 
     Every power law of a curve uses these steps; approach and force (n,) in any unit.
     """
-    rows = planned_rows(delta)
+    steps = np.diff(delta)
+    # evenly sampled from some approach on: measured, for a run has smaller steps between larger ones
+    sampled = len(steps) > 1 and delta[0] > 4.0 * steps[0] > 0.0 and np.ptp(steps) < 1e-6 * steps[0]
+    rows = np.arange(len(delta)) if sampled else planned_rows(delta)
     return rows[(delta[rows] > 0) & (force[rows] > 0)]
 
 
