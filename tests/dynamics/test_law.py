@@ -262,6 +262,7 @@ def test_every_row_of_a_measured_curve_counts_for_the_paper_law() -> None:
         (lambda: unload_reload({"delta": Z, "force": Z}), "unload"),
         (lambda: law_from({"delta": Z}), "no column \"force\", only 'delta'"),
         (lambda: law_from({"delta": Z, "force": np.where(Z > 0.5, np.nan, Z)}), "row 30 of the curve is not finite"),
+        (lambda: law_from({"delta": Z, "force": Z[:9]}), "60 values of delta and 9 of force"),
         (lambda: law_from({"delta": Z, "force": Z, "branch": ["loading"] * Z.size}), "branch 'loading'"),
         (lambda: law_from({"delta": [*(1.0 + Z), 2.2], "force": [*(Z - Z[0]), 1.2]}), "its origin is offset"),
         (lambda: law_from("nowhere.csv"), "nowhere.csv"),

@@ -57,8 +57,14 @@ class CurveColumns:
         if size == 0:
             raise InputError("the curve is empty: it needs one row per approach")
 
-        def number(name: str) -> Array:
+        def sized(name: str) -> Any:
             values = column(name)
+            if values is not None and len(values) != size:
+                raise InputError(f"the curve has {size} values of delta and {len(values)} of {name}")
+            return values
+
+        def number(name: str) -> Array:
+            values = sized(name)
             try:
                 return np.array([np.nan if v == "" else v for v in ([""] * size if values is None else values)], float)
             except (TypeError, ValueError) as error:
@@ -72,7 +78,7 @@ class CurveColumns:
         delta, force, strain = number("delta"), number("force"), number("max_plastic_strain")
         if not (known := np.isfinite(delta) & np.isfinite(force)).all():
             raise InputError(f"row {int(np.argmin(known))} of the curve is not finite in delta or force")
-        branch = np.full(size, "load") if column("branch") is None else np.asarray(column("branch"))
+        branch = np.full(size, "load") if sized("branch") is None else np.asarray(column("branch"))
         if unknown := set(branch.tolist()) - set(BRANCHES):
             raise InputError(f"branch {min(map(repr, unknown))} of the curve is unknown: use {', '.join(BRANCHES)}")
         return cls(

@@ -140,6 +140,8 @@ class LawTable:
 def tabulate(columns: CurveColumns, choice: Choice, mass: float = math.nan) -> LawTable:
     """All laws of a curve at the preload of the chosen one, for a mass on them (NaN if unknown)."""
     rows, load, of_force = [], choice.load, columns.bar_at(choice.load)
+    # a law of the loading for want of another: neither its points nor the bar of the force bound the vibration
+    lacking = bool(choice.yielded and choice.note) and choice.name == "paper"
     for name in NAMES:
         chosen = name == choice.name
         try:
@@ -148,8 +150,8 @@ def tabulate(columns: CurveColumns, choice: Choice, mass: float = math.nan) -> L
         except AsperityError as error:
             rows.append(LawAtLoad(name, missing=str(error).split(":")[0].split(";")[0]))
             continue
-        # after yield the other laws are of another history; two of the loading that agree bound no vibration
-        applies = chosen or not (choice.yielded and (choice.name in ("unload-reload", "elastic") or choice.note))
+        # after yield the other laws are of another history
+        applies = chosen or not (lacking or (choice.yielded and choice.name in ("unload-reload", "elastic")))
         bar, bar_of = columns.bar_at(load, elastic=True), "k_n_elastic"
         if math.isnan(bar) or not (isinstance(law, TableLaw) and law.k is not None and not law.noise):
             bar, bar_of = of_force, "force"
@@ -160,7 +162,7 @@ def tabulate(columns: CurveColumns, choice: Choice, mass: float = math.nan) -> L
     def bounded(row: LawAtLoad) -> LawAtLoad:
         if row.law is None:
             return row
-        members, origin = row.sides(), _words(row.bar_of, row.bar)
+        members, origin = () if row.chosen and lacking else row.sides(), _words(row.bar_of, row.bar)
         if row.chosen:
             others = [law for other in applying[1:] for law in other.sides() or (other.law,) if law is not None]
             members = (*members, *choice.bounds, *others)

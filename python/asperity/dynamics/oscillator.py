@@ -177,13 +177,14 @@ class ContactOscillator:
                 f"zeta = {self.zeta:g} is not legal for motion that must settle: it must be at least {MIN_ZETA:g}; "
                 "response accepts any"
             )
-        if unknown := set(directions) - {"up", "down"}:
-            raise InputError(f'direction = "{min(unknown)}" is unknown: choose "up" or "down"')
+        directions = (directions,) if isinstance(directions, str) else tuple(directions)
+        if not directions or not set(directions) <= {"up", "down"}:
+            raise InputError(f'directions = {directions} is not legal: choose from "up" and "down"')
         if points < 2:
             raise InputError(f"points = {points} is not legal: a sweep needs at least 2")
         return _sweep.sweep(
             self.balance(), [self.setting(f) for f in forcings(forcing)], np.linspace(*window(omega), points),
-            directions=tuple(directions), tol=positive("tol", tol), max_periods=max_periods
+            directions=directions, tol=positive("tol", tol), max_periods=max_periods
         )  # fmt: skip
 
     def simulate(
