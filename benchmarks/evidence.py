@@ -103,16 +103,18 @@ def main(arguments: list[str]) -> int:
         if "--list" in arguments:
             continue
         log = kept / f"{files[0].stem if files else 'pictures'}.txt"
-        with log.open("w", encoding="utf-8") as out:
-            done = subprocess.run(
-                shlex.split(command), cwd=ROOT, stdout=out, stderr=subprocess.PIPE, text=True, check=False
-            )
         try:
-            if done.returncode:
-                raise LookupError((done.stderr.strip().splitlines() or ["no message"])[-1])
+            with log.open("w", encoding="utf-8") as out:
+                subprocess.run(
+                    shlex.split(command), cwd=ROOT, stdout=out, stderr=subprocess.PIPE, text=True, check=True
+                )
             store(command, files, log.read_text(encoding="utf-8"))
-        except LookupError as error:
-            print(f"    not made, exit code {done.returncode}: {error}", flush=True)
+        except subprocess.CalledProcessError as error:
+            last = (error.stderr.strip().splitlines() or ["no message"])[-1]
+            print(f"    not made, exit code {error.returncode}: {last}", flush=True)
+            failed = True
+        except (LookupError, OSError) as error:
+            print(f"    not made: {error}", flush=True)
             failed = True
     return int(failed)
 

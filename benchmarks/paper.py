@@ -335,9 +335,9 @@ def physical(results: StudyResults) -> Table:
             ratio = np.sqrt(level.column("slope_unload") / level.column("slope"))
             rows.append((
                 name, plain(text), spread(level, "n_loc"), spread(level, "kappa_loc"), spread(level, "n_unload"),
-                spread(level, "kappa_unload"), f"{np.nanmean(ratio):.2f} ({np.nanstd(ratio, ddof=1):.2f})",
+                f"{np.nanmean(ratio):.2f} ({np.nanstd(ratio, ddof=1):.2f})",
             ))  # fmt: skip
-    names = ("n_loc, loading", "κ, loading", "n_loc, unload", "κ, unload", "ω_s unload / loading")
+    names = ("n_loc, loading", "κ, loading", "n_loc, unload", "ω_s unload / loading")
     return [("family", "level", *names), *rows]
 
 

@@ -329,8 +329,8 @@ def fitted_rows(delta: Array, force: Array) -> Array:
     Every power law of a curve uses these steps; approach and force (n,) in any unit.
     """
     steps = np.diff(delta)
-    # evenly sampled from some approach on: measured, for a run has smaller steps between larger ones
-    sampled = len(steps) > 1 and delta[0] > 4.0 * steps[0] > 0.0 and np.ptp(steps) < 1e-6 * steps[0]
+    # evenly sampled from some approach on: measured, for a run cuts steps in halves
+    sampled = len(steps) > 1 and delta[0] > 2.5 * steps[0] > 0.0 and np.ptp(steps) < 0.1 * steps[0]
     rows = np.arange(len(delta)) if sampled else planned_rows(delta)
     return rows[(delta[rows] > 0) & (force[rows] > 0)]
 

@@ -290,6 +290,8 @@ def test_a_joint_counts_in_whatever_way_it_is_given() -> None:
         assert found.approach == pytest.approx(z, rel=1e-12) and found.damping == 0.03
         assert found.frequency == pytest.approx(math.sqrt(1.5 * 250.0 / z / 5.0) / (2 * math.pi), rel=1e-12)
     assert run_dynamics(law, DynamicsSettings(joint=joint), **QUICK, zeta=0.2).numbers.damping == 0.2
+    with pytest.raises(InputError, match=r"zeta = 0\.2 and joint\.damping = 0\.03 differ"):
+        DynamicsSettings(zeta=0.2, joint=joint)
 
 
 def test_the_weight_of_the_mass_adds_to_the_preload_on_request_only() -> None:

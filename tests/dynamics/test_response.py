@@ -221,13 +221,18 @@ def test_no_damping() -> None:
     assert lower.u_max < 0.88 < upper.u_max + 0.05
 
 
-@pytest.mark.parametrize("low", [0.47, 0.5])
-def test_undamped_orbits_above_a_superharmonic_resonance_are_all_those_that_rest_twice(low: float) -> None:
+@pytest.mark.parametrize(
+    ("window", "omega", "ends"),
+    [((0.47, 1.3), 0.7, (-3.6, 1.95)), ((0.5, 1.3), 0.7, (-3.6, 1.95)), ((0.45, 0.65), 0.6, (-6.0, 2.6))],
+)
+def test_undamped_orbits_above_a_superharmonic_resonance_are_all_those_that_rest_twice(
+    window: tuple[float, float], omega: float, ends: tuple[float, float]
+) -> None:
     """At rest at the greatest and at the least force: roots of the speed after half a period."""
-    r = ContactOscillator(PowerLaw(1.5), zeta=0.0).response(0.05, (low, 1.3), tol=1e-4)
-    starts = np.linspace(-3.6, 1.95, 80)  # no orbit begins between two
-    speed = [integrate(r.balance, 0.7, 0.05, u, 0.0, np.pi / 0.7, rtol=1e-8).v[-1] for u in starts]
-    known = sorted(s.start[0] for s in r.at(0.7))
+    r = ContactOscillator(PowerLaw(1.5), zeta=0.0).response(0.05, window, tol=1e-4)
+    starts = np.linspace(*ends, 80)  # no orbit begins between two
+    speed = [integrate(r.balance, omega, 0.05, u, 0.0, np.pi / omega, rtol=1e-8).v[-1] for u in starts]
+    known = sorted(s.start[0] for s in r.at(omega))
     roots = np.flatnonzero(np.diff(np.sign(speed)))
     assert len(known) == len(roots) == 3
     assert all(starts[i] < u < starts[i + 1] for i, u in zip(roots, known, strict=True))

@@ -189,6 +189,15 @@ def test_windows_on_nodes_are_cut_and_others_resampled() -> None:
         whole.window(5.0, 5.0, 9.0)
 
 
+def test_a_complete_window_beside_a_gap_lacks_nothing() -> None:
+    step = 0.1
+    for first in range(3, 40):
+        z = np.zeros((8, 60))
+        z[:, :first] = np.nan
+        assert HeightField(z, step, step).missing_in(first * step, 0.0, 7 * step) == 0.0
+        assert HeightField(z, step, step).missing_in((first - 1) * step, 0.0, 7 * step) == 1 / 8
+
+
 def test_rectangular_pixels_become_a_square_patch(tmp_path: Path) -> None:
     y, x = np.meshgrid(np.arange(40) * 0.25, np.arange(30) * 0.4, indexing="ij")
     patch = HeightField(np.sin(0.5 * x) * y, 0.4, 0.25).window(1.0, 2.0, 6.0)

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 @click.command()
 @click.argument("source", required=False, metavar="[OUT|CURVE.csv]")
 @click.option("--power-law", "exponent", type=float, metavar="N", help="P* = k (delta*)^N instead.")
-@click.option("--k-fit", default=1.0, show_default=True, metavar="K", help="k of the power law.")
+@click.option("--k-fit", type=float, metavar="K", help="k of the power law; else 1.")
 @click.option("--law", type=click.Choice(LAWS),
               help="Law taken from a curve: unloading branch, elastic tangent, points of the loading, or the paper's "
               "power law of the loading. auto: the first that the curve has after yield, the points of the loading "
@@ -53,7 +53,7 @@ if TYPE_CHECKING:
 def command(
     source: str | None,
     exponent: float | None,
-    k_fit: float,
+    k_fit: float | None,
     output: str | None,
     as_json: bool,
     direction: str,
@@ -70,7 +70,9 @@ def command(
 
     if (source is None) == (exponent is None):
         raise InputError("give either a run directory or curve, or --power-law N")
-    law = PowerLaw(exponent, k_fit) if exponent is not None else source
+    if source is not None and k_fit is not None:
+        raise InputError("--k-fit is for --power-law: leave it out")
+    law = PowerLaw(exponent, 1.0 if k_fit is None else k_fit) if exponent is not None else source
     given = {name: settings.pop(name) for name in ("nominal_area", "pressure", "mass", "frequency")}
     if settings["preload"] is not None and given["pressure"] is not None:
         raise InputError("--preload and --pressure are both given; give one of them")
@@ -82,7 +84,7 @@ def command(
     if direction == "tangential":
         if source is None:
             raise InputError("--direction tangential needs the folder of a run with [slip]")
-        _refuse(settings, ("law", "overload", "damping", "model", "omega", "sweeps"), "the normal direction")
+        _refuse(settings, ("law", "overload", "damping", "model", "omega", "sweeps", "bands"), "the normal direction")
         _tangential(source, joint, settings | {"pressure": given["pressure"]}, output, as_json)
         return
     if source is None:

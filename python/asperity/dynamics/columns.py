@@ -59,6 +59,8 @@ class CurveColumns:
 
         def sized(name: str) -> Any:
             values = column(name)
+            if values is not None and not np.ndim(values):
+                raise InputError(f"{name} of the curve is no column of {size} values")
             if values is not None and len(values) != size:
                 raise InputError(f"the curve has {size} values of delta and {len(values)} of {name}")
             return values
@@ -78,7 +80,8 @@ class CurveColumns:
         delta, force, strain = number("delta"), number("force"), number("max_plastic_strain")
         if not (known := np.isfinite(delta) & np.isfinite(force)).all():
             raise InputError(f"row {int(np.argmin(known))} of the curve is not finite in delta or force")
-        branch = np.full(size, "load") if sized("branch") is None else np.asarray(column("branch"))
+        names = ["load"] * size if sized("branch") is None else sized("branch")
+        branch = np.array([str(name).strip() for name in names])
         if unknown := set(branch.tolist()) - set(BRANCHES):
             raise InputError(f"branch {min(map(repr, unknown))} of the curve is unknown: use {', '.join(BRANCHES)}")
         return cls(

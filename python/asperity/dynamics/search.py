@@ -84,7 +84,7 @@ class Search:
             self._from_rest(low)
         if self.balance.zeta < MIN_ZETA:  # resonances so high that between each two there is a branch of its own
             for omega in (1.0 / np.sqrt(k * (k + 1.0)) for k in range(1, _RESONANCES)):
-                if low < omega < high:
+                if below < omega < above:
                     self._from_rest(omega)
         self._finish()
         orders = self._searched_orders()

@@ -122,6 +122,10 @@ class DynamicsSettings:
         object.__setattr__(self, "omega", window(self.omega))
         object.__setattr__(self, "model", (self.model,) if isinstance(self.model, str) else tuple(self.model))
         if self.joint is not None and self.joint.damping is not None:
+            if self.zeta not in (self.joint.damping, type(self).zeta):
+                raise InputError(
+                    f"zeta = {self.zeta:g} and joint.damping = {self.joint.damping:g} differ: give one of them"
+                )
             object.__setattr__(self, "zeta", self.joint.damping)
         for name in self.model:
             if name not in MODELS:
@@ -185,6 +189,6 @@ class DynamicsSettings:
         if new.keys() & {"law", "preload"}:
             new.setdefault("overload", None)
         joint = new.get("joint", self.joint)
-        if "zeta" in new and joint is not None and joint.damping is not None:
-            new["joint"] = replace(joint, damping=new["zeta"])
+        if joint is not None and joint.damping is not None:
+            new["joint"] = replace(joint, damping=new.setdefault("zeta", joint.damping))
         return replace(self, **new)

@@ -140,6 +140,7 @@ def read_csv(path: Path) -> dict[str, tuple[str, ...]]:
     """
     with path.open(encoding="utf-8-sig", newline="") as file:  # spreadsheets begin a file with a mark
         header, *rows = csv.reader((line for line in file if not line.startswith("#")), skipinitialspace=True)
+    header = [name.strip() for name in header]
     if any(len(row) != len(header) for row in rows):
         raise ValueError("a row and the header have different numbers of values")
     return dict(zip(header, zip(*rows, strict=True) if rows else [()] * len(header), strict=True))

@@ -157,13 +157,13 @@ class HeightField:
         return max(found, self.resolution)
 
     def missing_in(self, x: float, y: float, side: float) -> float:
-        """Share of the heights that are missing in the square of :meth:`window`, 1 if it has no heights."""
+        """Share of the heights that are missing in the square of :meth:`window`, 0 outside the map."""
         of_y, of_x = (
-            np.abs(step * np.arange(n) - start - side / 2) < side / 2 + step
+            np.abs(step * np.arange(n) - start - side / 2) < side / 2 + (1 - 1e-6) * step  # not the next row
             for n, step, start in zip(self.z.shape, (self.dy, self.dx), (y, x), strict=True)
         )
         part = np.isnan(self.z[np.ix_(of_y, of_x)])
-        return float(part.mean()) if part.size else 1.0
+        return float(part.mean()) if part.size else 0.0
 
     def filled(self, window: tuple[float, float, float] | None = None) -> HeightField:
         """Fill missing heights by the harmonic function through their neighbours.
