@@ -6,7 +6,6 @@ import math
 import os
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from numbers import Real
 from pathlib import Path
 from typing import Any
 
@@ -150,5 +149,5 @@ def _check(tolerances: Any) -> None:
     for name, tolerance in tolerances.items():
         if name not in COLUMNS or name == "branch":
             raise InputError(f"No tolerance can be set for {name!r}; legal: {', '.join(COLUMNS)}.")
-        if not (isinstance(tolerance, Real) and tolerance >= 0):
+        if not (isinstance(tolerance, int | float | np.floating | np.integer) and tolerance >= 0):
             raise InputError(f"The tolerance of {name} must be a number >= 0, not {tolerance!r}.")
