@@ -283,7 +283,7 @@ def test_ranks_find_the_same(wave: Surface) -> None:
     for comm in (here(), world()):
         run = solve_contact(wave, ELASTIC, size=size, comm=comm, **how)
         path = slip_paths(run.solver, SlipSettings(0.4, (0.5,), run.solver.force, steps=1))[0]
-        found.append([run.solver.force, path.energy, *path.u])
+        found.append([run.solver.force, path.energy, *(path.u[path.end(leg)] for leg in range(3))])  # steps may be cut
     np.testing.assert_allclose(found[1], found[0], rtol=2e-3, atol=1e-12)
 
 

@@ -46,6 +46,7 @@ class Solid:
         sides: "rollers" (no normal displacement), "free", or "periodic" for a mesh with joined sides
         mean_dilatation: see `kernels.ElementKernels`
         phases: collects the time spent in each phase
+        comm: communicator of PETSc's objects; None takes that of the mesh, which no other mesh has
 
     Attributes:
         u, force: displacement [L] and internal force [E L^2], functions of dolfinx
@@ -75,13 +76,14 @@ class Solid:
         sides: str = "rollers",
         mean_dilatation: bool = False,
         phases: Phases | None = None,
+        comm: Any = None,
     ) -> None:
         from dolfinx import fem
 
         self.phases = phases or Phases()
 
         self.mesh, self.tags, self.material, self.sides = mesh, tags, material, sides
-        self.comm = mesh.comm
+        self.comm = mesh.comm if comm is None else comm
         self.V = displacement_space(mesh)
         self.u = fem.Function(self.V, name="displacement")
         self.force = fem.Function(self.V, name="internal force")

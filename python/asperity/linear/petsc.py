@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 from typing import Any
 
 import numpy as np
@@ -33,7 +34,7 @@ class NodeMatrix:
         self.sparsity, self._comm = sparsity, comm
         self.values = np.zeros(sparsity.size)
         if comm.size > 1:
-            self.A = empty_matrix(index_map, 3)
+            self.A = empty_matrix(index_map, 3, comm)
             return
         csr, size = (sparsity.rows, sparsity.columns, self.values), len(sparsity.rows) - 1
         self.A = PETSc.Mat().createAIJWithArrays((size, size), csr, bsize=3, comm=comm)
@@ -48,11 +49,11 @@ class NodeMatrix:
         self.A.assemble()
 
 
-def empty_matrix(index_map: Any, width: int) -> Any:
+def empty_matrix(index_map: Any, width: int, comm: Any) -> Any:
     """PETSc matrix of the nodes of an index map with some dofs each, to be filled by local numbers; collective."""
     from petsc4py import PETSc
 
-    comm, sizes = index_map.comm, (width * index_map.size_local, width * index_map.size_global)
+    sizes = width * index_map.size_local, width * index_map.size_global
     A = PETSc.Mat().create(comm)
     A.setSizes((sizes, sizes), bsize=width)
     A.setType("aij")
@@ -109,3 +110,16 @@ def set_defaults(prefix: str, options: dict[str, Any]) -> None:
     for key, value in options.items():
         if not database.hasName(key):
             database[key] = value
+
+
+def destroy_unused(comm: Any) -> None:
+    """Destroy the PETSc objects of a communicator to which nothing refers any more; collective.
+
+    On several ranks PETSc only puts them aside, since a garbage collector may release them in another order on each.
+    An object that another one holds is released with that, so the second pass takes those of the first.
+    """
+    from petsc4py import PETSc
+
+    for _ in range(2):
+        gc.collect()
+        PETSc.garbage_cleanup(comm)

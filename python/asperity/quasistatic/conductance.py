@@ -35,7 +35,7 @@ class Conductance:
         rows = np.repeat(solid.cell_nodes, NODES, axis=1).ravel()
         columns = np.tile(solid.cell_nodes, (1, NODES)).ravel()
         local = sparse.coo_array((_laplace(solid).ravel(), (rows, columns)), shape=(n, n)).tocsr()
-        self._A = A = empty_matrix(solid.V.dofmap.index_map, 1)
+        self._A = A = empty_matrix(solid.V.dofmap.index_map, 1, solid.comm)
         indptr, indices = (part.astype(PETSc.IntType) for part in (local.indptr, local.indices))
         A.setValuesLocalCSR(indptr, indices, local.data, PETSc.InsertMode.ADD)
         A.assemble()

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import gc
 import logging
 from collections.abc import Mapping
 from copy import deepcopy
@@ -120,7 +119,7 @@ class ContactSolver:
         for probe in self.probes:
             probe.drop_matrices()
         self.solid.drop_matrices()
-        _destroy_unused(self.solid.comm)
+        destroy_unused(self.solid.comm)
 
     def step(self, delta: float, extrapolation: float = 0.0) -> StepStats:
         """Move the flat to `delta`; on success the state is committed (see `commit`), else rolled back."""
@@ -311,16 +310,3 @@ class ContactSolver:
         self.contact.residual(self.newton.force)
         self._find_forces()
         self.force = state.force
-
-
-def _destroy_unused(comm: Any) -> None:
-    """Destroy the PETSc objects of a communicator to which nothing refers any more; collective.
-
-    On several ranks PETSc only puts them aside, since a garbage collector may release them in another order on each.
-    An object that another one holds is released with that, so the second pass takes those of the first.
-    """
-    from petsc4py import PETSc
-
-    for _ in range(2):
-        gc.collect()
-        PETSc.garbage_cleanup(comm)

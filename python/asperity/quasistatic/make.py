@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 from asperity.contact.contact_surface import ContactSurface
 from asperity.contact.make import make_contact
 from asperity.fem.solid import Solid
+from asperity.linear.petsc import destroy_unused
 from asperity.mesh.block import BlockMesh
 from asperity.mesh.distribute import check_distortion, distribute
 from asperity.mesh.generate import build_block
@@ -79,6 +80,8 @@ def make_contact_solver(
         (True, 1.346154, 1.346154)
     """
     material.check_decided()
+    if comm.size > 1:
+        destroy_unused(comm)  # solvers of earlier runs
     L = surface.L
 
     def checked_height() -> float:
@@ -89,7 +92,7 @@ def make_contact_solver(
     height = on_root_bcast(comm, checked_height)
     mesh, tags = distribute(comm, block, 1.0 / L, sides == "periodic", surface)
     check_distortion(mesh, surface)
-    solid = Solid(mesh, tags, material.scaled(material.E), sides, dilatation == MEAN, phases)
+    solid = Solid(mesh, tags, material.scaled(material.E), sides, dilatation == MEAN, phases, comm)
     top = ContactSurface(solid)
     contact = make_contact(formulation or Formulation(), solid, top)
     summit = (height + surface.maximum()[2] - surface.mean()) / L
