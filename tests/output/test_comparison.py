@@ -33,7 +33,7 @@ def test_differences_name_column_row_and_size():
     assert (difference.column, difference.row) == ("force", 2)
     assert difference.error == pytest.approx(0.01)
     assert "relative difference 0.01 > 1e-06" in str(difference)
-    assert compare_curves(other, reference, {"force": np.float32(0.011)}) == []
+    assert compare_curves(other, reference, {"force": 0.011}) == []
     assert compare_curves(other, reference, {"P_star": 0.0}) == []
 
 

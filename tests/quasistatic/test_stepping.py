@@ -372,6 +372,18 @@ def test_the_solvers_of_dropped_matrices_are_destroyed(press_of: Callable[..., C
     assert [x() for x in left] == [None] * 4
 
 
+@pytest.mark.mpi
+@pytest.mark.usefixtures("several_ranks")
+def test_a_new_solver_destroys_those_of_earlier_runs(press_of: Callable[..., ContactSolver]) -> None:
+    """MPICH has 2048 communicators a process, and a run takes 33: a study on two ranks ended after 60 cases."""
+    solver = press_of(PLASTIC, linear="cg")
+    assert solver.step(0.01).converged
+    left = weakref.ref(solver.newton.linear)
+    del solver
+    press_of(PLASTIC, linear="cg")
+    assert left() is None
+
+
 # --- rescues ----------------------------------------------------------------------------------------------------
 
 

@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from copy import deepcopy
 from dataclasses import dataclass, replace
 from math import sqrt
-from typing import Any, Protocol
+from typing import Protocol
 
 import numpy as np
 from mpi4py import MPI
@@ -18,6 +18,7 @@ from asperity.contact.contact_surface import ContactSurface
 from asperity.fem.energies import dissipation, energies
 from asperity.fem.history import History
 from asperity.fem.solid import Solid
+from asperity.linear.petsc import destroy_unused
 from asperity.model.settings import SolverOptions
 from asperity.quasistatic import midpoint
 from asperity.quasistatic.balance import Checks, StepBalance, audit
