@@ -83,18 +83,14 @@ class HeightMap(Surface):
             L, other = dx * (z.shape[1] - 1), dy * (z.shape[0] - 1)
             check_positive("L", L)
             if not np.isclose(L, other, rtol=_ROUNDED):
-                raise InputError(
-                    f"{self.path}: the patch must be square, not {L:g} x {other:g}; asperity import-map cuts one."
-                )
+                raise InputError(f"{self.path}: the patch must be square, not {L:g} x {other:g}; import-map cuts one.")
             if self.L is not None and not np.isclose(L, self.L, rtol=_ROUNDED):
                 raise InputError(
                     f"surface.L = {self.L:g} disagrees with the side {L:g} found in {self.path}; leave surface.L out "
                     "or correct it."
                 )
         if L is None:
-            raise InputError(
-                f"surface.L is missing: {self.path} holds heights without lengths; give it, or use asperity import-map."
-            )
+            raise InputError(f"surface.L is missing: {self.path} holds no lengths; give it, or use import-map.")
         depth, level = float(z.max() / L - z.min() / L), float(np.abs(z).max() / L)
         if not (depth <= DEEPEST and level <= FARTHEST):
             raise InputError(
