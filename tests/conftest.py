@@ -24,6 +24,7 @@ from asperity.mesh.size_field import SizeField
 from asperity.model.material import Material
 from asperity.runtime.launch import started_ranks
 from asperity.runtime.parallel import Ranks, on_root
+from asperity.runtime.run_folder import LOCK
 from asperity.surface import Flat, Sinusoid, Sphere, Surface, WeierstrassMandelbrot
 
 
@@ -63,8 +64,9 @@ def call(*arguments: object) -> int:
 
 
 def files(folder: Path) -> dict[str, bytes]:
-    """Content of all files below a folder by their paths in it."""
-    return {str(path.relative_to(folder)): path.read_bytes() for path in folder.rglob("*") if path.is_file()}
+    """Content of all files below a folder by their paths in it, without the locks of those who work there."""
+    found = (path for path in folder.rglob("*") if path.is_file() and path.name != LOCK)
+    return {str(path.relative_to(folder)): path.read_bytes() for path in found}
 
 
 def make_curve(**header: object) -> Curve:

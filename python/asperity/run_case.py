@@ -19,7 +19,6 @@ from asperity.output.assumption import DOUBTFUL, Assumption, describe
 from asperity.output.assumptions import ledger
 from asperity.output.run_files import RunFiles
 from asperity.power_law import PowerLawFit, with_misfit
-from asperity.runtime import run_folder
 from asperity.runtime.display import brief
 from asperity.runtime.notices import Notices, log, noting
 from asperity.runtime.parallel import agree, on_root, on_root_bcast
@@ -86,7 +85,8 @@ def run(
         comm: communicator; default all ranks
 
     Raises:
-        InputError: the case is wrong, its load leaves no gap, or `folder` holds something that would be written over
+        InputError: the case is wrong, its load leaves no gap, `folder` holds something that would be written over, or
+            another process works in it
         CheckpointError: the run in `folder` is of another case, or its checkpoint is damaged
         ConvergenceError: the path could not be followed, the files hold the part before; or the tolerance was not met,
             what was found is kept like a finished run
@@ -103,7 +103,7 @@ def run(
         >>> print(f"n = {asp.run(case, 'out').fit.n:.6f}")
         n = 1.000000
         >>> sorted(path.name for path in Path("out").iterdir())
-        ['case.toml', 'checkpoint', 'curve.csv', 'run.log', 'summary.json']
+        ['.lock', 'case.toml', 'checkpoint', 'curve.csv', 'run.log', 'summary.json']
     """
     from mpi4py import MPI
 
@@ -114,20 +114,19 @@ def run(
     with noting(comm) as notices:
         whole, problem = agree(comm, partial(prepare, case, out, resume=resume, force=force, block=block))
         files = RunFiles(whole, out, comm)
-        if out is not None:
-            on_root_bcast(comm, partial(run_folder.check, out, resume=resume, force=force))
+        with files.locked(resume, force):
             done = files.finished() if resume else None
             if done is not None:
                 return RunResult(done[0], done[0].fit_or_none(), done[1], None)
-        continues = files.open(resume, force)
-        with (
-            log_file(None if out is None or comm.rank > 0 else out / LOG, append=continues) as files.open_log,
-            nullcontext() if out is None else StopRequest(comm) as request,
-        ):
-            for text in notices.texts:
-                log(text)
-            stop = None if request is None else request.agreed
-            return _run(whole, problem, files, notices, progress or Progress(), stop, block, comm)
+            continues = files.open(resume, force)
+            with (
+                log_file(None if out is None or comm.rank > 0 else out / LOG, append=continues) as files.open_log,
+                nullcontext() if out is None else StopRequest(comm) as request,
+            ):
+                for text in notices.texts:
+                    log(text)
+                stop = None if request is None else request.agreed
+                return _run(whole, problem, files, notices, progress or Progress(), stop, block, comm)
 
 
 def prepare(

@@ -4,8 +4,13 @@ from __future__ import annotations
 
 import json
 import os
+import shutil
+import subprocess
+import sys
+import time
 import warnings
 from collections.abc import Callable, Mapping
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -16,9 +21,10 @@ from conftest import call, files, world
 from asperity.case import Case
 from asperity.curve import Curve
 from asperity.errors import CaseWarning, CheckpointError, InputError
-from asperity.plot import CAPTIONS
+from asperity.plot import CAPTIONS, plot_run
 from asperity.run_case import run
 from asperity.runtime.files import replace_file
+from asperity.runtime.progress import Progress
 from asperity.runtime.run_folder import PICTURES, PRODUCTS, check, holds_run, is_empty
 
 pytestmark = pytest.mark.usefixtures("blank_figures")
@@ -254,6 +260,113 @@ def test_a_finished_run_continues_with_more_cycles(tmp_path: Path) -> None:
     run(case_of(**solid, loading=loading), tmp_path / "one")
     twice = case_of(**solid, loading=loading | {"cycles": 2})
     assert_same(run(twice, tmp_path / "one", resume=True).curve, run(twice, tmp_path / "two").curve)
+
+
+# --- two processes --------------------------------------------------------------------------------------------
+
+
+class Interfering(Progress):
+    """Calls a function once, at the first load step of a run."""
+
+    def __init__(self, call: Callable[[], None]) -> None:
+        self.call: Callable[[], None] | None = call
+
+    def step(self, row: Mapping[str, Any], fraction_done: float) -> None:
+        once, self.call = self.call, None
+        if once is not None:
+            once()
+
+
+def in_another_process(*arguments: object) -> tuple[int, str]:
+    """Exit code and last line of a command."""
+    command = [sys.executable, "-m", "asperity", *map(str, arguments)]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=120)
+    return done.returncode, (done.stderr.splitlines() or [""])[-1]
+
+
+@pytest.mark.parametrize("before", ["nothing", "a run"])
+def test_one_process_works_in_the_folder_of_a_run(tmp_path: Path, straight: tuple[Curve, Path], before: str) -> None:
+    """Others that would write there are refused, also with another case and --force; what reads only is not."""
+    out, other = tmp_path / "out", tmp_path / "other.toml"
+    other.write_text(case_of(loading={"delta_max": 0.01, "steps": 1}).to_toml())
+    if before == "a run":
+        run(case_of(material={"E": 2.0, "nu": 0.3}), out)
+    refused = []
+
+    def interfere() -> None:
+        for command in (
+            ("run", other, "-o", out, "--force"), ("run", other, "-o", out, "--resume"),
+            ("run", other, "-o", out, "--force", "--ranks", 2), ("plot", out), ("report", out),
+            ("dynamics", "--power-law", 1.5, "-o", out),
+        ):  # fmt: skip
+            refused.append(in_another_process(*command))
+        with pytest.raises(InputError, match="another process works in"):
+            run(case_of(loading={"delta_max": 0.01, "steps": 1}), out, force=True)
+        assert in_another_process("compare", out, out)[0] == 0
+
+    run(case_of(), out, progress=Interfering(interfere), force=True)
+    text = f"error: another process works in {out}; wait for its end, or take another folder"
+    assert refused == [(2, text)] * 6
+    assert_same(Curve.read(out / "curve.csv"), straight[0])
+    assert set(files(out)) == set(files(straight[1]))
+    assert in_another_process("run", other, "-o", out, "--force", "-q")[0] == 0  # the lock is gone with its run
+
+
+def test_of_two_runs_that_start_in_a_missing_folder_one_is_refused(
+    tmp_path: Path, straight: tuple[Curve, Path]
+) -> None:
+    """Both have found it missing; the second makes its mesh while the first one runs, or has ended."""
+    other = case_of(loading={"delta_max": 0.01, "steps": 1})
+    for again in (False, True):
+        out = tmp_path / str(again)
+
+        class First(Interfering):
+            def stage(self, name: str) -> None:
+                once, self.call = self.call, None
+                if once is not None:
+                    once()
+
+        with pytest.raises(InputError, match="another run has worked in"):
+            run(other, out, progress=First(partial(run, case_of(), out)), resume=again)
+        assert_same(Curve.read(out / "curve.csv"), straight[0])
+
+
+def test_a_killed_run_leaves_no_lock(tmp_path: Path) -> None:
+    path, out = tmp_path / "case.toml", tmp_path / "out"
+    path.write_text(case_of(mesh={"h_contact": 0.2}, loading={"delta_max": 0.02, "steps": 500}).to_toml())
+    process = subprocess.Popen([sys.executable, "-m", "asperity", "run", path, "-o", out, "-q"])
+    end = time.monotonic() + 60
+    while not (out / "curve.csv").exists():
+        assert time.monotonic() < end and process.poll() is None
+        time.sleep(0.02)
+    assert in_another_process("run", path, "-o", out, "--force")[0] == 2
+    process.kill()
+    process.wait()
+    run(case_of(), out, force=True)
+
+
+@pytest.mark.parametrize("name", ["checkpoint", "checkpoint/level-1", "fields", "figures", "run.log", ".lock"])
+def test_a_link_in_the_folder_of_a_run_is_not_followed(tmp_path: Path, name: str) -> None:
+    """What it points to is as before; a link to the folder itself is what the user has given."""
+    out, victim = tmp_path / "out", tmp_path / "victim"
+    run(case_of(), victim)
+    run(case_of(output={"figures": True}), out)
+    link = out / name
+    if link.is_dir() and name in PRODUCTS:
+        shutil.rmtree(link)
+    if name == "checkpoint":
+        shutil.rmtree(link)
+    link.unlink(missing_ok=True)
+    link.symlink_to(victim / "checkpoint" if "." not in name else victim / "curve.csv")
+    before = files(victim)
+    for act in (
+        partial(run, case_of(), out, force=True), partial(run, case_of(), out, resume=True), partial(plot_run, out),
+    ):  # fmt: skip
+        with pytest.raises(InputError, match="is a link, which a run does not follow"):
+            act()
+    assert files(victim) == before
+    (tmp_path / "by-name").symlink_to(victim)
+    run(case_of(), tmp_path / "by-name", force=True)
 
 
 # --- folders --------------------------------------------------------------------------------------------------

@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 import pytest
 import tomli_w
-from conftest import here, world
+from conftest import call, here, world
 
 from asperity.case import Case
 from asperity.curve import Curve
@@ -251,13 +251,29 @@ def test_two_jobs_do_not_work_in_one_folder(tmp_path: Path) -> None:
     made, messages = study(grid={"block.height": [1.0, 2.0]}), []
 
     def start_another(line: str) -> None:
-        with pytest.raises(InputError, match="is running") as error:
+        with pytest.raises(InputError, match="another process works in") as error:
             run_study(made, tmp_path / "out")
         messages.append(str(error.value))
 
     assert run_study(made, tmp_path / "out", say=start_another).done == 2
     assert len(messages) == 2
     assert run_study(made, tmp_path / "out").run == 0
+
+
+def test_a_failed_case_is_listed_and_the_exit_code_is_3(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Also where a later call finds the failure in the folder."""
+    path, out = tmp_path / "s.toml", tmp_path / "out"
+    base = BASE | {"loading": {"delta_max": 0.005, "steps": 1}, "solver": {"newton_max": 15}}
+    points = [{"material.nu": 0.3}, {"block.height": 0.021, "material.nu": 0.25}]  # the valleys reach the base
+    path.write_text(tomli_w.dumps({"base": base, "points": points}))
+    for _ in range(2):
+        assert call("study", path, "-o", out) == 3
+        printed, errors = capsys.readouterr()
+        failed = [line for line in printed.splitlines() if "MeshError" in line and "│" in line]
+        assert len(failed) == 1 and "0.021" in failed[0] and "0.25" in failed[0]
+        assert errors.splitlines()[-1] == "error: 1 of 2 cases failed; --retry repeats them"
+    assert call("study", path, "-o", out, "--quiet") == 3
+    assert capsys.readouterr().out == ""
 
 
 def test_ranks_that_do_not_divide_are_refused(tmp_path: Path) -> None:

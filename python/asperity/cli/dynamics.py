@@ -11,6 +11,7 @@ from asperity.cli import options
 from asperity.dynamics.law.damping import DAMPING, LOOPS
 from asperity.dynamics.settings import LAWS, MODELS, DynamicsSettings
 from asperity.errors import InputError
+from asperity.runtime.run_folder import writing_into
 from asperity.units import per_cent, plus_minus, quantity
 
 if TYPE_CHECKING:
@@ -85,15 +86,17 @@ def command(
         if source is None:
             raise InputError("--direction tangential needs the folder of a run with [slip]")
         _refuse(settings, ("law", "overload", "damping", "model", "omega", "sweeps", "bands"), "the normal direction")
-        _tangential(source, joint, settings | {"pressure": given["pressure"]}, output, as_json)
+        with writing_into(output):
+            _tangential(source, joint, settings | {"pressure": given["pressure"]}, output, as_json)
         return
     if source is None:
         _refuse(settings, ("law", "overload"), "a curve")
-    result = run_dynamics(law, joint=joint, out_dir=output, **settings)
-    if output:
-        from asperity.plot import plot_dynamics
+    with writing_into(output):
+        result = run_dynamics(law, joint=joint, out_dir=output, **settings)
+        if output:
+            from asperity.plot import plot_dynamics
 
-        plot_dynamics(result, output)
+            plot_dynamics(result, output)
     if as_json:
         options.print_json(result.to_dict())
         return

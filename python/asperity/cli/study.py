@@ -8,6 +8,8 @@ from typing import TYPE_CHECKING
 import click
 
 from asperity.cli import options
+from asperity.errors import ConvergenceError
+from asperity.runtime.display import show
 from asperity.runtime.parallel import on_root_bcast
 from asperity.runtime.progress import world_rank
 
@@ -40,7 +42,7 @@ def command(
 
     As many cases at a time as there are ranks (--ranks, or mpirun). OUT receives results.csv (one row a case), cases/
     and meshes/. Cases that are in OUT already are not repeated, so the same command continues a study that was
-    stopped. A case that fails is recorded in the table and does not stop the others.
+    stopped. A case that fails is recorded in the table and does not stop the others; exit code 3 when one has failed.
     """
     from asperity.study import Study, run_study
 
@@ -57,7 +59,23 @@ def command(
     if not quiet and world_rank() == 0:
         click.echo(f"{counts.done} of {counts.cases} cases done, {counts.failed} failed, {counts.run} run now")
         click.echo(f"written to {folder}")
+        if counts.failed:
+            _show_failed(study, folder)
+    if counts.failed:
+        raise ConvergenceError(f"{counts.failed} of {counts.cases} cases failed; --retry repeats them")
     return None
+
+
+def _show_failed(study: Study, folder: Path) -> None:
+    """Print the cases that have failed: folder, varied values, reason."""
+    from asperity.study.results import case_state
+
+    rows = [
+        (entry.key, *(show(value) if (value := entry.value(key)) is not None else "" for key in study.keys), reason)
+        for entry in study.entries
+        if (state := case_state(folder, entry.key)) is not None and (reason := str(state["exit_reason"])) != "done"
+    ]
+    options.table("failed", rows, ("case", *study.keys, "reason"))
 
 
 def _describe(study: Study) -> None:

@@ -107,13 +107,16 @@ class Dynamics:
             for one in results
             for row in one.rows()
         )
-        write_csv(path / run_folder.FREE, FREE_COLUMNS, map(_cells, free))
-        write_csv(path / run_folder.RESPONSE, RESPONSE_COLUMNS, map(_cells, forced))
-        (path / run_folder.BAND).unlink(missing_ok=True)  # of an earlier analysis
-        if self.bands:
-            write_csv(path / run_folder.BAND, BAND_COLUMNS, (_cells(row) for band in self.bands for row in band.rows()))
-        text = json.dumps(self.to_dict(), indent=2, allow_nan=False)
-        replace_file(path / run_folder.THRESHOLDS, f"{text}\n".encode())
+        with run_folder.writing_into(path):
+            write_csv(path / run_folder.FREE, FREE_COLUMNS, map(_cells, free))
+            write_csv(path / run_folder.RESPONSE, RESPONSE_COLUMNS, map(_cells, forced))
+            (path / run_folder.BAND).unlink(missing_ok=True)  # of an earlier analysis
+            if self.bands:
+                write_csv(
+                    path / run_folder.BAND, BAND_COLUMNS, (_cells(row) for band in self.bands for row in band.rows())
+                )
+            text = json.dumps(self.to_dict(), indent=2, allow_nan=False)
+            replace_file(path / run_folder.THRESHOLDS, f"{text}\n".encode())
 
     def to_dict(self) -> dict[str, Any]:
         """Content of thresholds.json."""

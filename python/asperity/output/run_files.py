@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack, contextmanager
 from functools import cached_property, partial
 from importlib.resources import files
 from pathlib import Path
@@ -23,13 +24,18 @@ from asperity.runtime.run_folder import (
     CURVE,
     DERIVED,
     FIELDS,
+    LOCK,
     STATE,
     SUMMARY,
     TOP,
     VIEW,
     VTKHDF,
+    check,
     check_writable,
     clear,
+    holds_run,
+    is_empty,
+    working_in,
 )
 from asperity.runtime.shares import on_root_of
 
@@ -56,6 +62,25 @@ class RunFiles:
         self._case, self._comm = case, comm
         self._begun = self._continues = self._replaces = self._whole = False
         self._note = ""
+        self._lock, self._found = ExitStack(), False  # on rank 0: the lock of the folder, and whether it holds a run
+
+    @contextmanager
+    def locked(self, resume: bool, force: bool) -> Iterator[None]:
+        """Lock the folder against other runs: at once where it holds one, else when `begin` makes it.
+
+        Raises:
+            InputError: what `run_folder.check` refuses
+        """
+
+        def lock(folder: Path) -> None:
+            check(folder, resume=resume, force=force)
+            self._found = holds_run(folder)
+            if self._found:
+                self._lock.enter_context(working_in(folder))
+
+        with self._lock:
+            self._on_root(lock)
+            yield
 
     def _on_root(self, work: Callable[[Path], T]) -> T | None:
         """Call a function with the folder, if there is one, and broadcast its result."""
@@ -113,10 +138,17 @@ class RunFiles:
         Of a run that continues, a finished one is marked unfinished, and the files that it writes again are removed.
         """
 
+        def lock(folder: Path) -> None:
+            if self._found:
+                return
+            folder.mkdir(parents=True, exist_ok=True)
+            self._lock.enter_context(working_in(folder))
+            if not is_empty(folder):
+                raise InputError(f"another run has worked in {folder} meanwhile; take another folder")
+
         def begin(folder: Path) -> None:
             if self._replaces:
                 clear(folder)
-            folder.mkdir(parents=True, exist_ok=True)
             remove_asides(folder)
             before = read_summary(folder)
             if before.get("finished"):
@@ -126,6 +158,7 @@ class RunFiles:
 
         if self._begun or self.checkpoint is None:
             return
+        self._on_root(lock)
         if not self._continues:
             self.checkpoint.clear()
         self._on_root(begin)
@@ -145,6 +178,8 @@ class RunFiles:
         def withdraw(folder: Path) -> None:
             clear(folder)
             (folder / CASE).unlink(missing_ok=True)
+            if is_empty(folder):
+                (folder / LOCK).unlink(missing_ok=True)
             if not any(folder.iterdir()):
                 folder.rmdir()
 

@@ -19,7 +19,7 @@ from asperity.plot.spectra import receptance
 from asperity.plot.stiffness import conductance, stiffness
 from asperity.plot.style import save, save_in
 from asperity.plot.vibration import frequency, response, results_of
-from asperity.runtime.run_folder import FIGURES
+from asperity.runtime.run_folder import FIGURES, locking
 
 if TYPE_CHECKING:
     from asperity.dynamics import Dynamics
@@ -70,6 +70,7 @@ CAPTIONS = {
 }
 
 
+@locking
 def plot_run(folder: str | Path, surface: Surface | None = None, names: Sequence[str] = tuple(CAPTIONS)) -> list[Path]:
     """Draw the figures that the files of a run allow, into its folder figures/, and return the files.
 
@@ -81,7 +82,7 @@ def plot_run(folder: str | Path, surface: Surface | None = None, names: Sequence
         names: of the figures, keys of CAPTIONS
 
     Raises:
-        InputError: the folder contains no run
+        InputError: the folder contains no run, or another process works in it
     """
     results = Results.read(folder, surface)
     target = results.folder / FIGURES

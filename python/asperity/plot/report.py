@@ -24,7 +24,7 @@ from asperity.plot.style import DPI
 from asperity.plot.turning import turning_surface
 from asperity.power_law import with_misfit
 from asperity.runtime.files import replace_file
-from asperity.runtime.run_folder import FIGURES, REPORT
+from asperity.runtime.run_folder import FIGURES, REPORT, locking
 from asperity.units import plus_minus, quantity
 
 Rows = list[tuple[str, str]]
@@ -38,6 +38,7 @@ STIFFNESS_WORDS = {
 }
 
 
+@locking
 def write_report(folder: str | Path, finished: bool | None = None) -> Path:
     """Write report.html into the folder of a run, from its files; return it.
 

@@ -14,7 +14,7 @@ from asperity.errors import CompatError, InputError
 from asperity.mesh.element import LINEAR_TETS, VTK_TYPE
 from asperity.output.results import Results
 from asperity.runtime.files import files_into
-from asperity.runtime.run_folder import FIELDS, FIGURES, VTKHDF
+from asperity.runtime.run_folder import FIELDS, FIGURES, VTKHDF, locking
 from asperity.units import prefix
 
 SIZE = (2400, 1060)  # pixels
@@ -24,6 +24,7 @@ FIELD_FILE = f"{FIELDS}/{VTKHDF}"
 ABOVE = 1e-4  # of the triangles under pressure above the surface that they lie on [L]
 
 
+@locking
 def scene(folder: str | Path, path: str | Path | None = None) -> Path:
     """Draw the block at its last saved step: stress inside, with a quarter cut away, and contact pressure.
 

@@ -1,20 +1,26 @@
 """The folder of a run: the list of its files, and the rules for starting a run in an existing folder.
 
-A run never overwrites files of other origin. A folder contains a run if it has a checkpoint, or a `case.toml` that was
-generated.
+A run never overwrites files of other origin, nor follows links in its folder. A folder contains a run if it has a
+checkpoint, or a `case.toml` that was generated. One process at a time works in it.
 """
 
 from __future__ import annotations
 
 import errno
+import fcntl
 import os
+import threading
 import tomllib
-from collections.abc import Iterable
-from contextlib import suppress
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import contextmanager, suppress
+from functools import wraps
 from pathlib import Path
+from typing import Concatenate, ParamSpec, TypeVar
 
 from asperity.errors import InputError
 from asperity.runtime.files import is_aside
+
+P, T = ParamSpec("P"), TypeVar("T")
 
 CASE, CURVE, SUMMARY, LOG = "case.toml", "curve.csv", "summary.json", "run.log"
 FREE, RESPONSE, BAND, THRESHOLDS = "free.csv", "response.csv", "band.csv", "thresholds.json"
@@ -38,6 +44,7 @@ EXPORTS = {
     "sliders": "sliders.csv",
     "sliders-python": "sliders.py",
 }
+LOCK = ".lock"  # of the process that works in the folder
 MESH, STATE, SNAPSHOT = "mesh.npz", "state.npz", "snapshot-{}.npz"  # in checkpoint and in the folders in it
 
 #: All files and folders that a run writes, folders after their files; without those of the checkpoint.
@@ -60,7 +67,8 @@ def check(folder: Path, *, resume: bool = False, force: bool = False) -> None:
     its first file.
 
     Raises:
-        InputError: the folder is a file, contains files but no run, or contains a run (without `resume` or `force`)
+        InputError: the folder is a file, contains files but no run, a link where a run writes, or a run (without
+            `resume` or `force`), or another process works in it
     """
     if folder.exists() and not folder.is_dir():
         raise InputError(f"{folder} is a file; give a folder to -o")
@@ -73,6 +81,69 @@ def check(folder: Path, *, resume: bool = False, force: bool = False) -> None:
             f"{folder} already holds a run; --resume continues it, --force replaces it, -o takes another folder "
             "(resume = True and force = True in Python)"
         )
+    with working_in(folder):
+        pass
+
+
+_held: set[tuple[Path, int]] = set()  # folders that threads of this process work in
+
+
+@contextmanager
+def working_in(folder: Path) -> Iterator[None]:
+    """Lock a folder; the system releases it, also where the process is killed.
+
+    Raises:
+        InputError: another process works there, or this one already does, or a link is where a run writes
+    """
+    _refuse_links(folder)
+    try:
+        file = os.open(folder / LOCK, os.O_RDWR | os.O_CREAT | os.O_NOFOLLOW | os.O_CLOEXEC, 0o666)
+    except OSError:  # nothing else can be written there either, which says why
+        yield
+        return
+    mine = folder.resolve(), threading.get_ident()
+    try:
+        with suppress(OSError):  # a file system without locks
+            try:
+                fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+                free = os.fstat(file).st_nlink > 0  # else a run that was refused has removed it
+            except BlockingIOError:
+                free = False
+            if not free:
+                raise InputError(f"another process works in {folder}; wait for its end, or take another folder")
+        _held.add(mine)
+        yield
+    finally:
+        _held.discard(mine)
+        os.close(file)
+
+
+@contextmanager
+def writing_into(folder: str | Path | None) -> Iterator[None]:
+    """Lock the folder of a run against other runs and commands, unless the run itself writes; no other folder."""
+    if folder is None or (Path(folder).resolve(), threading.get_ident()) in _held or not holds_run(Path(folder)):
+        yield
+        return
+    with working_in(Path(folder)):
+        yield
+
+
+def locking(function: Callable[Concatenate[str | Path, P], T]) -> Callable[Concatenate[str | Path, P], T]:
+    """Decorate a function whose first argument is a folder that it writes into, see `writing_into`."""
+
+    @wraps(function)
+    def locked(folder: str | Path, *args: P.args, **named: P.kwargs) -> T:
+        with writing_into(folder):
+            return function(folder, *args, **named)
+
+    return locked
+
+
+def _refuse_links(folder: Path) -> None:
+    places = [folder / name for name in (LOCK, LOG, FIELDS, FIGURES, CHECKPOINT)]
+    for path in (*places, *(folder / CHECKPOINT).rglob("*")):
+        if path.is_symlink():
+            raise InputError(f"{path} is a link, which a run does not follow; remove it, or take another folder")
 
 
 def check_writable(folder: Path) -> None:
@@ -89,10 +160,10 @@ def check_writable(folder: Path) -> None:
 
 
 def is_empty(folder: Path) -> bool:
-    """Whether a folder is missing or contains only temporary files and a checkpoint folder without files."""
+    """Whether a folder is missing or contains only temporary files, a lock and a checkpoint folder without files."""
     if not folder.is_dir():
         return True
-    return all(is_aside(path.name) or _is_empty_checkpoint(path) for path in folder.iterdir())
+    return all(is_aside(p.name) or p.name == LOCK or _is_empty_checkpoint(p) for p in folder.iterdir())
 
 
 def _is_empty_checkpoint(path: Path) -> bool:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import fcntl
 import gc
 import json
 import traceback
@@ -13,12 +12,13 @@ from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 from time import perf_counter
-from typing import TYPE_CHECKING, Any, TextIO
+from typing import TYPE_CHECKING, Any
 
 from asperity.errors import AsperityError, AssumptionWarning, CheckpointError, InputError, Interrupted
 from asperity.runtime.files import is_aside, remove_asides, replace_file
 from asperity.runtime.parallel import on_root, on_root_bcast
 from asperity.runtime.progress import duration
+from asperity.runtime.run_folder import LOCK, working_in
 from asperity.study.definition import Entry, Study
 from asperity.study.results import ABOUT, DONE, case_folder, case_state, write_tables
 from asperity.study.shared_mesh import MESHES, mesh_key, meshes_first, shared_mesh, shares_mesh
@@ -28,7 +28,6 @@ if TYPE_CHECKING:
 
     from asperity.case import Case
 
-LOCK = ".lock"
 ERROR = "error.txt"  # traceback of a case that ended with an unexpected error
 
 Say = Callable[[str], None]
@@ -207,7 +206,7 @@ def _prepare(study: Study, folder: Path, lock: ExitStack, retry: bool) -> list[i
         if ABOUT not in names and any(name != LOCK and not is_aside(name) for name in names):
             raise InputError(f"{folder} is not empty and holds no study; give another folder to -o")
         folder.mkdir(parents=True, exist_ok=True)
-        _lock(lock.enter_context((folder / LOCK).open("a")), folder)
+        lock.enter_context(working_in(folder))
         for place in (folder, folder / MESHES):
             remove_asides(place)
         write_tables(study, folder)
@@ -217,20 +216,6 @@ def _prepare(study: Study, folder: Path, lock: ExitStack, retry: bool) -> list[i
     states = [case_state(folder, entry.key) for entry in study.entries]
     due = [i for i, state in enumerate(states) if state is None or (retry and state["exit_reason"] != "done")]
     return meshes_first(study.entries, due)
-
-
-def _lock(file: TextIO, folder: Path) -> None:
-    """Lock the folder of a study; the system releases it when the file is closed, or the process ends.
-
-    Raises:
-        InputError: another job has locked it
-    """
-    try:
-        fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
-    except BlockingIOError:
-        raise InputError(f"a study is running in {folder}; wait for it, or choose another folder") from None
-    except OSError:
-        pass  # a file system without locks
 
 
 def _line(entry: Entry, state: dict[str, Any], keys: Sequence[str], done: int, total: int, left: float) -> str:
