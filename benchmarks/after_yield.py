@@ -19,10 +19,10 @@ from pathlib import Path
 import numpy as np
 
 import asperity as asp
-from asperity.dynamics.columns import CurveColumns
-from asperity.dynamics.intervals import intervals
-from asperity.dynamics.law_of_curve import choose
-from asperity.dynamics.laws import tabulate
+from asperity.force_law.choice import choose
+from asperity.force_law.columns import CurveColumns
+from asperity.force_law.intervals import intervals
+from asperity.force_law.laws import tabulate
 
 SEEDS = (7, 3, 11, 0, 1, 2, 4, 5, 6, 8)
 AMPLITUDES = (0.15, 0.4)  # release displacement over z_s

@@ -16,7 +16,7 @@ ORDER = (
     ("runtime",),
     ("surface", "power_law", "slope"),
     ("curve", "loops"),
-    ("model",),
+    ("model", "force_law"),
     ("reference", "dynamics"),
     ("slip",),
     ("case", "mesh"),

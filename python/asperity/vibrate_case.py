@@ -15,9 +15,9 @@ from asperity.case import Case
 from asperity.curve import Curve
 from asperity.dynamics import Dynamics, DynamicsSettings, LoopDamping, run_dynamics
 from asperity.dynamics.joint import Numbers
-from asperity.dynamics.law.damping import LOOPS as OF_LOOPS
 from asperity.dynamics.run import small_vibration
 from asperity.errors import AsperityError, AsperityWarning, ConvergenceError, InputError, Interrupted
+from asperity.force_law.damping import LOOPS as OF_LOOPS
 from asperity.loops import LoopTable
 from asperity.model.problem import Problem
 from asperity.quasistatic.contact_result import ContactResult

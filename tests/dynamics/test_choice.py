@@ -13,11 +13,11 @@ import pytest
 import asperity as asp
 from asperity.case import Case
 from asperity.dynamics import DynamicsSettings, PowerLaw, TableLaw, law_from, run_dynamics
-from asperity.dynamics.columns import CurveColumns
-from asperity.dynamics.law_of_curve import LACK, choose
-from asperity.dynamics.laws import LawTable, tabulate
 from asperity.dynamics.run import small_vibration
 from asperity.errors import AsperityWarning, InputError, RangeError
+from asperity.force_law.choice import LACK, choose
+from asperity.force_law.columns import CurveColumns
+from asperity.force_law.laws import LawTable, tabulate
 
 QUICK: dict[str, Any] = {"model": ["exact"], "omega": (0.9, 0.91), "bands": False, "units": "SI", "tol": 1e-3}
 MINIMAL: dict[str, Any] = {

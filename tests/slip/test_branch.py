@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from asperity.dynamics.law.table import TableLaw
+from asperity.force_law.table import TableLaw
 from asperity.model.material import Material
 from asperity.slip import SlipSettings, slip_of_curve
 from asperity.slip.branch import left_out

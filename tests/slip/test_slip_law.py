@@ -9,8 +9,8 @@ from scipy.integrate import quad, trapezoid
 from scipy.optimize import brentq
 
 import asperity as asp
-from asperity.dynamics.law.law import Law
 from asperity.errors import InputError, RangeError
+from asperity.force_law.law import Law
 from asperity.slip import JenkinsArray, SlipLaw, tangential_response
 from asperity.slip.law import compliance_ratio
 from asperity.slip.path import path_of_law

@@ -15,7 +15,7 @@ from asperity.case.schema import (
     SlipSection,
 )
 from asperity.case.surfaces import SelfAffineSection
-from asperity.dynamics.settings import MIN_ROWS
+from asperity.force_law import MIN_ROWS
 from asperity.model.kinds import Judgement
 from asperity.model.limits import FRACTIONS, improbable, too_deep, wrong_force, wrong_length, wrong_preload, wrong_sizes
 from asperity.model.material import wrong_slope, wrong_yield

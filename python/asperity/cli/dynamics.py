@@ -8,15 +8,16 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from asperity.cli import options
-from asperity.dynamics.law.damping import DAMPING, LOOPS
-from asperity.dynamics.settings import LAWS, MODELS, DynamicsSettings
+from asperity.dynamics.settings import MODELS, DynamicsSettings
 from asperity.errors import InputError
+from asperity.force_law import LAWS
+from asperity.force_law.damping import DAMPING, LOOPS
 from asperity.runtime.run_folder import writing_into
 from asperity.units import per_cent, plus_minus, quantity
 
 if TYPE_CHECKING:
     from asperity.dynamics import Dynamics, Joint
-    from asperity.dynamics.laws import LawTable
+    from asperity.force_law.laws import LawTable
 
 
 @click.command()

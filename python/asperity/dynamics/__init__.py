@@ -13,13 +13,13 @@ _MODULES = {
     "equation": "Restoring",
     "settings": "Setting DynamicsSettings",
     "joint": "Joint",
-    "law.law": "Law",
-    "law.damping": "LoopDamping",
-    "law.power": "PowerLaw",
-    "law.table": "TableLaw",
-    "law.taylor": "TaylorLaw",
-    "law_of_curve": "law_from unload_reload",
-    "laws": "LawAtLoad LawTable",
+    "force_law.law": "Law",
+    "force_law.damping": "LoopDamping",
+    "force_law.power": "PowerLaw",
+    "force_law.table": "TableLaw",
+    "force_law.taylor": "TaylorLaw",
+    "force_law.choice": "law_from unload_reload",
+    "force_law.laws": "LawAtLoad LawTable",
     "sweep": "Sweep",
     "motion": "Trajectory",
     "branch": "Branch Event Solution",
@@ -28,7 +28,8 @@ _MODULES = {
     "thresholds": "Thresholds",
     "oscillator": "ContactOscillator",
     "run": "Dynamics run_dynamics",
-    "intervals": "Band Uncertainty response_band uncertainty",
+    "force_law.intervals": "Uncertainty",
+    "band": "Band response_band uncertainty",
 }
 _PUBLIC = {name: module for module, names in _MODULES.items() for name in names.split()}
 
@@ -38,4 +39,5 @@ __all__ = sorted(_PUBLIC)
 def __getattr__(name: str) -> Any:
     if name not in _PUBLIC:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    return getattr(importlib.import_module(f"{__name__}.{_PUBLIC[name]}"), name)
+    module = _PUBLIC[name] if "." in _PUBLIC[name] else f"dynamics.{_PUBLIC[name]}"
+    return getattr(importlib.import_module(f".{module}", "asperity"), name)

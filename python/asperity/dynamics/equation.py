@@ -14,9 +14,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from asperity.arrays import Array
-from asperity.dynamics.law.damping import Damping, LoopDamping
-from asperity.dynamics.law.law import Law
 from asperity.errors import InputError
+from asperity.force_law.damping import Damping, LoopDamping
+from asperity.force_law.law import Law
 from asperity.runtime.display import short_repr
 
 _SMALLEST = 1e-75  # its cube must not underflow
@@ -133,7 +133,7 @@ class Equation:
     Attributes:
         restoring: normal form of the law
         zeta: damping ratio of small motion
-        damping: damping model, see `asperity.dynamics.law.damping`
+        damping: damping model, see `asperity.force_law.damping`
     """
 
     restoring: Restoring

@@ -19,10 +19,10 @@ from scipy.optimize import brentq
 
 from asperity.arrays import Array
 from asperity.dynamics.equation import Equation, Restoring, rate
-from asperity.dynamics.law.checks import positive, positives
-from asperity.dynamics.law.damping import Damping
-from asperity.dynamics.law.taylor import TaylorLaw
 from asperity.errors import ConvergenceError, RangeError
+from asperity.force_law.checks import positive, positives
+from asperity.force_law.damping import Damping
+from asperity.force_law.taylor import TaylorLaw
 from asperity.runtime.display import short_repr
 
 _ORDERS = (24, 48, 96, 192, 384)  # of the Gauss rule of a panel, until two of them agree

@@ -19,10 +19,10 @@ from asperity.dynamics.continuation import MIN_HARMONICS, Tracing, in_forcing, s
 from asperity.dynamics.equation import Equation, primitive
 from asperity.dynamics.free import free_orbit, rough_states
 from asperity.dynamics.harmonic_balance import Balance, unstack
-from asperity.dynamics.law.damping import only_in_contact
 from asperity.dynamics.motion import has_escaped, path_of, steps_for
 from asperity.dynamics.thresholds import resonance_peak
 from asperity.errors import ConvergenceError
+from asperity.force_law.damping import only_in_contact
 
 _POINTS = 16  # amplitudes on the backbone; a chart of 12 finds the same loops of period 2
 _LARGEST = 300.0  # amplitude of free orbits, above which the mass flies all the time

@@ -7,8 +7,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass, fields, replace
 from typing import Any
 
-from asperity.dynamics.law.checks import positive
 from asperity.errors import InputError
+from asperity.force_law.checks import positive
 from asperity.units import per_cent, quantity
 
 #: Keys of which at most one is given.

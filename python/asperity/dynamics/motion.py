@@ -17,9 +17,9 @@ from scipy.integrate import solve_ivp
 from asperity.arrays import Array
 from asperity.dynamics.cubic import hermite, value
 from asperity.dynamics.equation import Equation, primitive
-from asperity.dynamics.law.taylor import TaylorLaw
 from asperity.dynamics.settings import Setting
 from asperity.errors import ConvergenceError, RangeError
+from asperity.force_law.taylor import TaylorLaw
 from asperity.runtime.display import short_repr
 
 STEP = 0.14  # longest step over the shortest local time scale: sweeps are within 2e-5 of the balance

@@ -14,16 +14,16 @@ from asperity.dynamics import thresholds as _thresholds
 from asperity.dynamics.equation import Restoring
 from asperity.dynamics.free import FreeVibration, contact_limit, free_vibration, largest_amplitude
 from asperity.dynamics.harmonic_balance import Balance
-from asperity.dynamics.law.checks import positive, within
-from asperity.dynamics.law.damping import Damping, check_damping
-from asperity.dynamics.law.law import Law
-from asperity.dynamics.law.taylor import TaylorLaw
 from asperity.dynamics.motion import Trajectory, integrate
 from asperity.dynamics.response import FrequencyResponse, frequency_response
 from asperity.dynamics.settings import FORCING, MIN_ZETA, OMEGA, Setting, forcings, window
 from asperity.dynamics.sweep import Sweep
 from asperity.dynamics.thresholds import Thresholds
 from asperity.errors import AsperityWarning, InputError, RangeError
+from asperity.force_law.checks import positive, within
+from asperity.force_law.damping import Damping, check_damping
+from asperity.force_law.law import Law
+from asperity.force_law.taylor import TaylorLaw
 from asperity.runtime.display import short_repr
 
 GRAVITY = 9.80665  # m/s^2
@@ -41,7 +41,7 @@ class ContactOscillator:
         load: preload W = m g (force); by default half of the largest force of a table, or the force at z = 1 of
             another law
         zeta: damping ratio of small motion, >= 0
-        damping: "always", "contact", "hunt-crossley", or a `LoopDamping` (see `asperity.dynamics.law.damping`)
+        damping: "always", "contact", "hunt-crossley", or a `LoopDamping` (see `asperity.force_law.damping`)
         gravity: gravitational acceleration (length/time^2) in the units of the law; default 9.80665 (SI). None if
             unknown: mass and omega_s are then NaN.
         restoring: normal form of the law (derived)

@@ -13,21 +13,22 @@ from typing import Any
 
 import numpy as np
 
-from asperity.dynamics.columns import CurveColumns
+from asperity.dynamics.band import BAND_COLUMNS, Band, response_band
 from asperity.dynamics.free import FreeVibration
-from asperity.dynamics.intervals import BAND_COLUMNS, Band, Uncertainty, intervals, response_band
 from asperity.dynamics.joint import Numbers
-from asperity.dynamics.law.checks import positive
-from asperity.dynamics.law.damping import LOOPS, LoopDamping
-from asperity.dynamics.law.law import Law
-from asperity.dynamics.law_of_curve import Choice, choose
-from asperity.dynamics.laws import LawTable, tabulate
 from asperity.dynamics.oscillator import GRAVITY, ContactOscillator
 from asperity.dynamics.response import FrequencyResponse
 from asperity.dynamics.settings import DynamicsSettings
 from asperity.dynamics.sweep import ESCAPED, Sweep
 from asperity.dynamics.thresholds import Thresholds
 from asperity.errors import AsperityError, InputError
+from asperity.force_law.checks import positive
+from asperity.force_law.choice import Choice, choose
+from asperity.force_law.columns import CurveColumns
+from asperity.force_law.damping import LOOPS, LoopDamping
+from asperity.force_law.intervals import Uncertainty, intervals
+from asperity.force_law.law import Law
+from asperity.force_law.laws import LawTable, tabulate
 from asperity.loops import LoopTable
 from asperity.runtime import run_folder
 from asperity.runtime.display import short_repr

@@ -38,10 +38,10 @@ from asperity.dynamics.initial_orbits import (
     random_starts,
     states,
 )
-from asperity.dynamics.law.damping import only_in_contact
 from asperity.dynamics.settings import MIN_ZETA
 from asperity.dynamics.stability import floquet
 from asperity.errors import ConvergenceError
+from asperity.force_law.damping import only_in_contact
 
 _STARTS = 240  # on the period map, and as many on free orbits
 _OUTSIDE = 1e-3  # truncation error allowed outside the window

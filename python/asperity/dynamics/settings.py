@@ -15,19 +15,14 @@ from pathlib import Path
 from typing import Any
 
 from asperity.dynamics.joint import Joint
-from asperity.dynamics.law.checks import positives, within
-from asperity.dynamics.law.damping import Damping
 from asperity.errors import InputError
+from asperity.force_law.checks import positives, within
+from asperity.force_law.damping import Damping
 
 OMEGA = (0.01, 100.0)  # below, motion is quasi-static; above, the mass hardly moves
 FORCING = (1e-9, 1e6)  # below, motion is linear in the forcing and lost in the round-off of the force
 MIN_ZETA = 1e-4  # smallest damping ratio with which motion settles in 20000 periods
 MODELS = ("exact", "taylor")
-#: Laws of a curve by name, those of a contact that has yielded first.
-NAMES = ("unload-reload", "elastic", "table", "paper")
-LAWS = ("auto", *NAMES)
-#: Rows in contact that show the curvature of an unloading, without and with the stiffness of each.
-MIN_ROWS = (5, 3)
 
 
 @dataclass(frozen=True)

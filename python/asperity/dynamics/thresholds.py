@@ -16,8 +16,8 @@ from scipy.optimize import brentq
 
 from asperity.dynamics.equation import Equation, Restoring
 from asperity.dynamics.free import FreeOrbit, contact_limit, free_orbit, largest_amplitude
-from asperity.dynamics.law.damping import Damping
-from asperity.dynamics.law.law import bend
+from asperity.force_law.damping import Damping
+from asperity.force_law.law import bend
 from asperity.runtime.display import short_repr
 
 _LARGEST = 1e6  # amplitude at which the search for a peak ends

@@ -18,11 +18,11 @@ import asperity
 from asperity.arrays import Array
 from asperity.case import Case
 from asperity.curve import Curve
-from asperity.dynamics.columns import CurveColumns
 from asperity.dynamics.joint import Joint
-from asperity.dynamics.law.table import TableLaw
-from asperity.dynamics.law_of_curve import choose, unload_reload
 from asperity.errors import InputError
+from asperity.force_law.choice import choose, unload_reload
+from asperity.force_law.columns import CurveColumns
+from asperity.force_law.table import TableLaw
 from asperity.output.export_element import python_module
 from asperity.output.export_slip import sliders_module, sliders_table
 from asperity.output.gap_conductance import gap_conductance

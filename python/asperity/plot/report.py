@@ -13,7 +13,7 @@ from typing import Any
 
 import asperity
 from asperity.curve import COLUMNS, WITH_ERRORS, Curve
-from asperity.dynamics.laws import WORDS
+from asperity.force_law.laws import WORDS
 from asperity.output.assumption import DOUBTFUL
 from asperity.output.gap_conductance import gap_conductance
 from asperity.output.results import Results

@@ -11,10 +11,10 @@ from typing import Any
 import numpy as np
 
 from asperity.arrays import Array
-from asperity.dynamics.columns import CurveColumns
-from asperity.dynamics.law.table import TableLaw
-from asperity.dynamics.law_of_curve import Choice
 from asperity.errors import AsperityError, InputError
+from asperity.force_law.choice import Choice
+from asperity.force_law.columns import CurveColumns
+from asperity.force_law.table import TableLaw
 from asperity.slip.law import AS_STIFF, LEAST
 
 

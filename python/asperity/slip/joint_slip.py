@@ -12,12 +12,12 @@ from typing import Any
 import numpy as np
 
 from asperity.arrays import Array
-from asperity.dynamics.columns import CurveColumns
-from asperity.dynamics.law.law import Law
-from asperity.dynamics.law.table import TableLaw
-from asperity.dynamics.law_of_curve import Choice, choose
-from asperity.dynamics.laws import tabulate
 from asperity.errors import AsperityError
+from asperity.force_law.choice import Choice, choose
+from asperity.force_law.columns import CurveColumns
+from asperity.force_law.law import Law
+from asperity.force_law.laws import tabulate
+from asperity.force_law.table import TableLaw
 from asperity.model.material import Material
 from asperity.runtime.display import short_repr
 from asperity.runtime.files import write_csv

@@ -21,9 +21,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from asperity.arrays import Array
-from asperity.dynamics.law.checks import positive
-from asperity.dynamics.law.law import Law
 from asperity.errors import InputError
+from asperity.force_law.checks import positive
+from asperity.force_law.law import Law
 from asperity.runtime.display import short_repr
 from asperity.slip.jenkins import JenkinsArray
 

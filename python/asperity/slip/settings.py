@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from asperity.dynamics.law.checks import positive
 from asperity.errors import InputError
+from asperity.force_law.checks import positive
 from asperity.model.kinds import Judgement
 
 LARGEST = 0.99  # amplitude over the limit of friction: beyond, the displacement is arbitrary

@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from asperity.arrays import Array
-from asperity.dynamics.law.law import Law
 from asperity.errors import RangeError
+from asperity.force_law.law import Law
 
 
 @dataclass(frozen=True)

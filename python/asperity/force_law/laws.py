@@ -8,14 +8,14 @@ from contextlib import suppress
 from dataclasses import dataclass, replace
 from typing import Any
 
-from asperity.dynamics.columns import CurveColumns
-from asperity.dynamics.intervals import Uncertainty, intervals
-from asperity.dynamics.law.law import Law
-from asperity.dynamics.law.power import PowerLaw
-from asperity.dynamics.law.table import TableLaw
-from asperity.dynamics.law_of_curve import Choice, law_named
-from asperity.dynamics.settings import NAMES
 from asperity.errors import AsperityError
+from asperity.force_law import NAMES
+from asperity.force_law.choice import Choice, law_named
+from asperity.force_law.columns import CurveColumns
+from asperity.force_law.intervals import Uncertainty, intervals
+from asperity.force_law.law import Law
+from asperity.force_law.power import PowerLaw
+from asperity.force_law.table import TableLaw
 from asperity.units import plus_minus, quantity
 
 # name -> words, and a remark where it does not apply

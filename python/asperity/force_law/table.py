@@ -18,12 +18,12 @@ from numpy.typing import ArrayLike
 from scipy.interpolate import CubicHermiteSpline, PchipInterpolator, PPoly
 
 from asperity.arrays import Array
-from asperity.dynamics.columns import CurveColumns
-from asperity.dynamics.law.checks import positive
-from asperity.dynamics.law.law import Law, curvature
-from asperity.dynamics.law.points import MAX_ROUGHNESS, MIN_POINTS, fit_origin, roughness, smoothed
-from asperity.dynamics.law.power import EXPONENT
 from asperity.errors import InputError, RangeError
+from asperity.force_law.checks import positive
+from asperity.force_law.columns import CurveColumns
+from asperity.force_law.law import Law, curvature
+from asperity.force_law.points import MAX_ROUGHNESS, MIN_POINTS, fit_origin, roughness, smoothed
+from asperity.force_law.power import EXPONENT
 from asperity.runtime.display import short_repr
 
 _GROUPS = 4  # of points that are left out in turn

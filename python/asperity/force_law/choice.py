@@ -11,14 +11,14 @@ import numpy as np
 
 from asperity.arrays import Array
 from asperity.curve import fitted_rows
-from asperity.dynamics.columns import CurveColumns
-from asperity.dynamics.law.checks import positive
-from asperity.dynamics.law.law import Law
-from asperity.dynamics.law.points import MIN_POINTS, TOUCH, fit_origin
-from asperity.dynamics.law.power import PowerLaw
-from asperity.dynamics.law.table import TableLaw
-from asperity.dynamics.settings import LAWS, MIN_ROWS
 from asperity.errors import AsperityError, AsperityWarning, InputError, RangeError
+from asperity.force_law import LAWS, MIN_ROWS
+from asperity.force_law.checks import positive
+from asperity.force_law.columns import CurveColumns
+from asperity.force_law.law import Law
+from asperity.force_law.points import MIN_POINTS, TOUCH, fit_origin
+from asperity.force_law.power import PowerLaw
+from asperity.force_law.table import TableLaw
 from asperity.power_law import fit_power_law
 
 TOO_LOW = (

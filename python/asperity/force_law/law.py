@@ -14,8 +14,8 @@ from numpy.typing import ArrayLike
 from scipy.optimize import brentq
 
 from asperity.arrays import Array
-from asperity.dynamics.law.checks import positive
 from asperity.errors import RangeError
+from asperity.force_law.checks import positive
 
 _FARTHEST = 1e100  # approach beyond which no load is sought (length)
 _STRAIGHT = 1e-10  # kappa below which a law is linear, far above round-off

@@ -1,116 +1,26 @@
-"""What the uncertainty of the static law does to the vibration: error bar, spread of the laws, points of a table."""
+"""What the uncertainty of the static law does to the vibration: bounds of an oscillator, and a band of responses."""
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
-from typing import Any, NamedTuple
 
 import numpy as np
 
 from asperity.arrays import Array
 from asperity.dynamics.equation import Restoring
-from asperity.dynamics.law.law import Law, bend
-from asperity.dynamics.law.table import TableLaw
 from asperity.dynamics.oscillator import ContactOscillator
 from asperity.dynamics.response import FrequencyResponse, frequency_response
 from asperity.dynamics.settings import forcings, window
-from asperity.errors import InputError, RangeError
+from asperity.errors import InputError
+from asperity.force_law.intervals import Uncertainty, intervals
+from asperity.force_law.law import Law
+from asperity.force_law.table import TableLaw
 from asperity.runtime.display import short_repr
 
 _SAME_SHAPE = 1e-3  # sum of differences in n and kappa up to which laws differ by their stiffness alone
 _SAME_ORBIT = 1e-9  # relative difference in u_max up to which two orbits at a frequency are one
 BAND_COLUMNS = ("F_hat", "Omega", "upper_low", "upper_high", "lower_low", "lower_high")
-
-
-class Interval(NamedTuple):
-    """Value with the smallest and largest one by the laws that bound it, NaN where one does not reach the load."""
-
-    value: float
-    low: float
-    high: float
-
-    @property
-    def half(self) -> float:
-        """Greatest distance of an end from the value."""
-        return float(np.max([self.high - self.value, self.value - self.low]))
-
-    def within(self, other: Interval) -> Interval:
-        """What two intervals that hold have in common, and the value; itself where that is nothing."""
-        low, high = max(self.low, other.low), min(self.high, other.high)
-        return Interval(self.value, min(low, self.value), max(high, self.value)) if low <= high else self
-
-
-@dataclass(frozen=True)
-class Uncertainty:
-    """Intervals of a law at a preload, from the laws that bound it.
-
-    Attributes:
-        n_loc, kappa, z_s, k_n: local exponent, backbone curvature, static deflection (length), stiffness
-            (force/length)
-        omega_s: natural frequency of small motion (rad/time), NaN without a mass
-        members: laws that bound it
-        origin: what bounds it, in words; "" where nothing does
-    """
-
-    n_loc: Interval
-    kappa: Interval
-    z_s: Interval
-    k_n: Interval
-    omega_s: Interval
-    members: tuple[Law, ...]
-    origin: str
-
-    __repr__ = short_repr
-
-    @property
-    def softening(self) -> str:
-        """ "softening", "hardening", or "undecided" if the interval of kappa contains 0."""
-        return bend(self.kappa.low, self.kappa.high)
-
-    def within(self, other: Uncertainty) -> Uncertainty:
-        """With a second bar of approach, stiffness and frequency, independent of its own."""
-        both = {name: getattr(self, name).within(getattr(other, name)) for name in ("z_s", "k_n", "omega_s")}
-        return replace(self, **both, origin=f"{self.origin}; z_s and k_n also by the {other.origin}")
-
-    def to_dict(self) -> dict[str, Any]:
-        """Section "uncertainty" of thresholds.json."""
-        out: dict[str, Any] = {n: list(getattr(self, n)) for n in ("n_loc", "kappa", "omega_s", "z_s", "k_n")}
-        unknown = {"omega_s": None} if math.isnan(self.omega_s.value) else {}
-        return {**out, **unknown, "softening": self.softening, "origin": self.origin}
-
-
-def intervals(
-    law: Law, load: float, members: Iterable[Law] = (), origin: str = "laws given", mass: float = math.nan
-) -> Uncertainty:
-    """Intervals of a law under a load (force), with the extremes over the laws that bound it.
-
-    Those of a table are wider on both sides by the change without every fourth of its points.
-
-    Raises:
-        RangeError: the law does not reach the load
-    """
-
-    def values(one: Law) -> Array:
-        try:
-            z = one.deflection(load)
-        except RangeError:
-            if one is law:
-                raise
-            return np.full(4, np.nan)
-        k = one.derivatives(z)[0]
-        return np.array([z * k / load, one.kappa(z), z, k])
-
-    members, centre, thinned = tuple(members), values(law), law.thinned if isinstance(law, TableLaw) else ()
-    ends = np.stack([centre, *map(values, members)])
-    wider = np.sum([np.abs(values(one) - centre) for one in thinned], axis=0) if thinned else np.zeros(4)
-    wider[1] = law.kappa_bar(float(centre[2]))
-    found = np.stack([centre, ends.min(axis=0) - wider, ends.max(axis=0) + wider], axis=1)
-    frequency = np.sqrt(np.maximum(found[3], 0.0) / mass)
-    n_loc, kappa, z_s, k_n, omega_s = (Interval(*row) for row in [*found.tolist(), frequency.tolist()])
-    words = [origin] * bool(members) + ["points of the law"] * bool(thinned)
-    return Uncertainty(n_loc, kappa, z_s, k_n, omega_s, members, " and ".join(words))
 
 
 def uncertainty(oscillator: ContactOscillator, members: Iterable[Law] = (), origin: str = "laws given") -> Uncertainty:

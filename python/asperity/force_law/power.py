@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from asperity.arrays import Array
-from asperity.dynamics.law.checks import positive, within
-from asperity.dynamics.law.law import Law
+from asperity.force_law.checks import positive, within
+from asperity.force_law.law import Law
 from asperity.power_law import PowerLawFit
 from asperity.runtime.display import short_repr
 

@@ -1,1 +1,0 @@
-"""Static contact laws (force over approach), restoring force about a preload, damping models."""
