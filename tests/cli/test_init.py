@@ -111,6 +111,14 @@ def test_a_map_is_taken_from_its_file(tmp_path: Path, monkeypatch: pytest.Monkey
     assert init("absent.toml", "--from", "absent.npz") == 2
 
 
+def test_any_name_of_a_map_is_written_as_toml(tmp_path: Path) -> None:
+    """Long ones, and characters that JSON writes as two."""
+    name = f"{'long' * 30} \\ \U0001f600 #.npz"
+    np.savez(tmp_path / name, z=asp.Surface.from_spec(kind="sinusoid", L=1e-4, amplitude=1e-6).grid(33), L=1e-4)
+    assert init(tmp_path / "case.toml", "--from", tmp_path / name) == 0
+    assert Case.load(tmp_path / "case.toml").surface.path == str(tmp_path / name)  # type: ignore[union-attr]
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("arguments", [(), ("--surface", "self-affine"), ("--joint", "1e-4", "5000", "5")], ids=str)
 def test_it_runs_as_written_in_about_a_minute(arguments: tuple[str, ...], tmp_path: Path) -> None:

@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import ast
+import json
 import re
+import shutil
 from pathlib import Path
 from typing import Any
 
@@ -19,6 +22,7 @@ from asperity.mesh.size_field import SizeField
 from asperity.model.settings import Formulation
 from asperity.quasistatic.make import make_contact_solver
 from asperity.runtime.files import read_csv
+from asperity.runtime.run_folder import EXPORTS
 from asperity.slip import SlipLaw
 from asperity.slip.path import path_of_law
 
@@ -33,6 +37,28 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     case |= {"loading": {"delta_max": 0.9}, "slip": {"friction": MU}}
     (folder / "case.toml").write_text(asp.Case.from_dict(case).to_toml())
     return folder
+
+
+@pytest.mark.parametrize("to", EXPORTS)
+@pytest.mark.parametrize("end", ["\n", "\r", "\v", "\x1c", "\x85", "\u2028", "\\", '"""', '\\"""', '""""', "\ud800"])
+def test_a_text_of_a_file_stays_in_a_comment(folder: Path, tmp_path: Path, to: str, end: str) -> None:
+    """What summary.json says must not become code, or a line of a table or deck."""
+    if to == "conductance":
+        pytest.skip("it has no comments")
+    plain, forged = tmp_path / "plain", tmp_path / "forged"
+    words = f'done{end}*NODE{end}1,2{end}raise SystemExit("code runs"){end}{"x" * 150}'
+    for out, reason in ((plain, "done"), (forged, words)):
+        shutil.copytree(folder, out)
+        (out / "summary.json").write_text(json.dumps({"exit_reason": reason}))
+    texts = [asp.export(out, to).read_text() for out in (plain, forged)]
+    if to in ("python", "sliders-python"):
+        trees = [ast.parse(text).body for text in texts]
+        assert all(isinstance(tree[0], ast.Expr) for tree in trees)
+        assert ast.dump(ast.Module(trees[0][1:], [])) == ast.dump(ast.Module(trees[1][1:], []))
+    else:
+        sign = "#" if to in ("csv", "sliders") else "**"
+        rest = [[line for line in text.splitlines() if not line.startswith(sign)] for text in texts]
+        assert rest[0] == rest[1]
 
 
 def test_a_deck_has_friction_and_stick_slope(folder: Path) -> None:

@@ -128,6 +128,8 @@ def _first_line(model: Any) -> str:
 
 def _keys(model: Any, values: Mapping[str, Any], skip: tuple[str, ...]) -> Iterator[str]:
     """One line a key: set where `values` has it, commented with its default elsewhere."""
+    import tomli_w
+
     from asperity.case.keys import legal, properties
     from asperity.runtime.display import show
 
@@ -137,7 +139,7 @@ def _keys(model: Any, values: Mapping[str, Any], skip: tuple[str, ...]) -> Itera
         unit = SI.get(about["unit"], about["unit"])
         words = [about["description"] + (f" ({unit})" if unit else ""), legal(about)]
         if key in values:
-            yield _line(f"{key} = {show(values[key])}", "; ".join(words))
+            yield _line(tomli_w.dumps({key: values[key]}).rstrip(), "; ".join(words))
             continue
         default = about.get("default")
         if about["shown"] or default is None:

@@ -28,6 +28,7 @@ from asperity.output.export_slip import sliders_module, sliders_table
 from asperity.output.gap_conductance import gap_conductance
 from asperity.output.results import Results
 from asperity.power_law import interface_approach
+from asperity.runtime.display import comment
 from asperity.runtime.files import replace_file
 from asperity.runtime.run_folder import EXPORTS
 from asperity.slip import SlipLaw
@@ -260,7 +261,7 @@ def _deck(rows: Array, table: Interface, *advice: str) -> str:
 
     Both read lines of pressure and overclosure that rise from zero. Beyond the last line Abaqus keeps the slope.
     """
-    lines = [f"** {line}" for text in (*table.about, *advice) for line in wrap(text, _WIDTH)]
+    lines = [f"** {line}" for text in (*table.about, *advice) for line in wrap(comment(text), _WIDTH)]
     for name, words in (("k_n", "loading"), ("k_n_elastic", "small vibration"), ("k_t", "tangential, without slip")):
         known = np.flatnonzero(np.isfinite(getattr(table, name)))
         if known.size:
@@ -328,7 +329,7 @@ def _conductance_table(table: Interface) -> str:
 
 
 def _csv(table: Interface) -> str:
-    lines = [f"# {text}" for text in table.about] + [",".join(COLUMNS)]
+    lines = [f"# {comment(text)}" for text in table.about] + [",".join(COLUMNS)]
     for values in zip(*(getattr(table, name).tolist() for name in COLUMNS), strict=True):
         lines.append(",".join("" if value != value else repr(value) for value in values))
     return "\n".join(lines) + "\n"

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from asperity.arrays import Array
+from asperity.runtime.display import comment
 
 _MODULE = '''"""Contact of a rough surface: force and stiffness over the approach of the mean planes.
 
@@ -88,5 +89,6 @@ def python_module(z: Array, p: Array, d: Array, area: float, about: Sequence[str
         rows = [", ".join(repr(float(x)) for x in values[i : i + 4]) for i in range(0, values.size, 4)]
         return "[\n    " + ",\n    ".join(rows) + ",\n]"
 
-    safe = [line.replace("\\", "/").replace('"""', "'''") for line in about]
-    return _MODULE.format(about="\n".join(safe), area=float(area), z=listed(z), p=listed(p), d=listed(np.asarray(d)))
+    return _MODULE.format(
+        about="\n".join(map(comment, about)), area=float(area), z=listed(z), p=listed(p), d=listed(np.asarray(d))
+    )

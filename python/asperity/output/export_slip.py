@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 import asperity
+from asperity.runtime.display import comment
 from asperity.slip import SlipLaw, fit_iwan
 
 SLIDERS = 20  # of an exported array
@@ -56,7 +57,7 @@ def sliders_table(law: SlipLaw, patch: float, about: tuple[str, ...]) -> str:
         patch: its nominal area [length^2]
         about: further comments
     """
-    lines = [f"# {text}" for text in (*_about(law, patch), *about)]
+    lines = [f"# {comment(text)}" for text in (*_about(law, patch), *about)]
     return "\n".join([*lines, "k,f", *(f"{k!r},{f!r}" for k, f in _sliders(law, patch))]) + "\n"
 
 
@@ -64,7 +65,7 @@ def sliders_module(law: SlipLaw, patch: float, area: float, about: tuple[str, ..
     """Python module with the sliders of a law, for a joint of the nominal area [length^2]; see `sliders_table`."""
     k, f = zip(*_sliders(law, patch), strict=True)
     return _MODULE.format(
-        about="\n".join((*_about(law, patch), *about)), friction=law.friction, area=area,
+        about="\n".join(map(comment, (*_about(law, patch), *about))), friction=law.friction, area=area,
         pressure=law.preload / patch, k=list(k), f=list(f),
     )  # fmt: skip
 

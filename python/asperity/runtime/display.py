@@ -66,6 +66,12 @@ def show(value: Any) -> str:
     return text if len(text) <= 80 else text[:77] + "..."
 
 
+def comment(text: str) -> str:
+    """A text for a comment or docstring of a generated file, of any kind: one line that ends neither of them."""
+    line = "".join(c if c.isprintable() else " " for c in text)
+    return line.replace("\\", "/").replace('"""', "'''")
+
+
 def nearest(name: str, legal: Iterable[str]) -> str:
     """' (did you mean ...?)' with the closest legal name, or an empty string."""
     close = difflib.get_close_matches(str(name), list(legal), n=1)
