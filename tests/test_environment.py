@@ -128,7 +128,7 @@ class Clone:
         script = (PROJECT / "run").read_text().replace("/etc/os-release", str(self.system))
         (self.path / "run").write_text(script.replace("/usr/lib/apt/apt-helper", "apt-helper"))
         (self.path / "python/asperity").mkdir(parents=True)
-        for name in ("packages.txt", "CMakeLists.txt", "pyproject.toml", "python/asperity/__init__.py"):
+        for name in ("packages.txt", "CMakeLists.txt", "pyproject.toml", "python/asperity/version.py"):
             shutil.copy(PROJECT / name, self.path / name)
         self.environment = clean_environment() | {
             "PATH": f"{tools}:/usr/bin:/bin",

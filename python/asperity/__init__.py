@@ -6,81 +6,28 @@ Importing the package is light: dolfinx, gmsh and matplotlib are loaded by the s
 from __future__ import annotations
 
 import importlib
-from typing import TYPE_CHECKING, Any
+import re
+from pathlib import Path
+from typing import Any
 
-__version__ = "1.0.0"
-
-if TYPE_CHECKING:  # the names below, for type checkers and editors
-    from asperity import reference as reference
-    from asperity.adaptive.small_strain import choose_kinematics as choose_kinematics
-    from asperity.adaptive.solve_contact import solve_contact as solve_contact
-    from asperity.adaptive.solve_to_tolerance import solve_to_tolerance as solve_to_tolerance
-    from asperity.case import Case as Case
-    from asperity.curve import Curve as Curve
-    from asperity.dynamics import ContactOscillator as ContactOscillator
-    from asperity.dynamics import Joint as Joint
-    from asperity.dynamics import PowerLaw as PowerLaw
-    from asperity.dynamics import TableLaw as TableLaw
-    from asperity.dynamics import TaylorLaw as TaylorLaw
-    from asperity.dynamics import response_band as response_band
-    from asperity.dynamics import run_dynamics as run_dynamics
-    from asperity.dynamics import uncertainty as uncertainty
-    from asperity.dynamics import unload_reload as unload_reload
-    from asperity.errors import AsperityError as AsperityError
-    from asperity.errors import AsperityWarning as AsperityWarning
-    from asperity.errors import CheckpointError as CheckpointError
-    from asperity.errors import CompatError as CompatError
-    from asperity.errors import ConvergenceError as ConvergenceError
-    from asperity.errors import InputError as InputError
-    from asperity.errors import MeshError as MeshError
-    from asperity.errors import RangeError as RangeError
-    from asperity.model.material import Material as Material
-    from asperity.model.problem import Problem as Problem
-    from asperity.model.settings import AccuracyTarget as AccuracyTarget
-    from asperity.model.settings import Formulation as Formulation
-    from asperity.model.settings import MeshSize as MeshSize
-    from asperity.model.settings import SolverOptions as SolverOptions
-    from asperity.output.export import export as export
-    from asperity.power_law import PowerLawFit as PowerLawFit
-    from asperity.power_law import fit_power_law as fit_power_law
-    from asperity.quasistatic.solve_problem import solve_problem as solve_problem
-    from asperity.run_case import run as run
-    from asperity.surface import Surface as Surface
-    from asperity.transient import Scheme as Scheme
-    from asperity.transient import Transient as Transient
-
-# module -> the public names that it defines
-_MODULES = {
-    "adaptive.small_strain": "choose_kinematics",
-    "adaptive.solve_contact": "solve_contact",
-    "adaptive.solve_to_tolerance": "solve_to_tolerance",
-    "case": "Case",
-    "curve": "Curve",
-    "dynamics": "ContactOscillator Joint PowerLaw TableLaw TaylorLaw response_band run_dynamics uncertainty "
-    "unload_reload",
-    "errors": "AsperityError AsperityWarning CheckpointError CompatError ConvergenceError InputError MeshError "
-    "RangeError",
-    "model.material": "Material",
-    "model.problem": "Problem",
-    "model.settings": "AccuracyTarget Formulation MeshSize SolverOptions",
-    "output.export": "export",
-    "power_law": "PowerLawFit fit_power_law",
-    "quasistatic.solve_problem": "solve_problem",
-    "run_case": "run",
-    "surface": "Surface",
-    "transient": "Scheme Transient",
+# module of each public name, as `__init__.pyi` lists them
+_PUBLIC = {
+    name: module
+    for module, name in re.findall(
+        r"^from (\S+) import (\w+) as", Path(__file__).with_suffix(".pyi").read_text(encoding="utf-8"), re.MULTILINE
+    )
 }
-_PUBLIC = {name: module for module, names in _MODULES.items() for name in names.split()}
 
-__all__ = sorted([*_PUBLIC, "reference"])
+__all__ = sorted(set(_PUBLIC) - {"__version__"})
 
 
 def __getattr__(name: str) -> Any:
-    if name == "reference":
-        return importlib.import_module(f"{__name__}.{name}")
     if name not in _PUBLIC:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    return getattr(importlib.import_module(f"{__name__}.{_PUBLIC[name]}"), name)
+    module = _PUBLIC[name]
+    if module == __name__:
+        return importlib.import_module(f"{module}.{name}")
+    return getattr(importlib.import_module(module), name)
 
 
 def __dir__() -> list[str]:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import inspect
-import re
 import warnings
 from collections.abc import Callable
 from typing import Any, get_type_hints
@@ -149,13 +148,6 @@ def test_arguments_are_explicit_and_agree() -> None:
         assert (
             shown[name].annotation == of[name].annotation == str(ProblemArguments.__annotations__[name].__forward_arg__)
         )
-
-
-def test_names_for_type_checkers_are_the_public_ones() -> None:
-    text = inspect.getsource(asperity)
-    block = text.partition("if TYPE_CHECKING")[2].partition("_PUBLIC")[0]
-    pairs = {name: module for module, name in re.findall(r"from asperity\.?([\w.]*) import (\w+) as \2", block)}
-    assert pairs == asperity._PUBLIC | {"reference": ""}
 
 
 def test_a_tolerance_gives_what_solve_to_tolerance_gives() -> None:

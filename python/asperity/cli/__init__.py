@@ -17,10 +17,10 @@ from typing import Any
 
 import click
 
-import asperity
 from asperity.errors import AsperityError
 from asperity.runtime.parallel import Ranks
 from asperity.runtime.progress import world_rank
+from asperity.version import __version__
 
 
 class _Commands(click.Group):
@@ -38,7 +38,7 @@ class _Commands(click.Group):
 
 
 @click.group(cls=_Commands, context_settings={"help_option_names": ["-h", "--help"]})
-@click.version_option(asperity.__version__, prog_name="asperity")
+@click.version_option(__version__, prog_name="asperity")
 def group() -> None:
     """From a rough surface to its contact force and to the vibration of a mass on it."""
 

@@ -14,7 +14,6 @@ from textwrap import wrap
 
 import numpy as np
 
-import asperity
 from asperity.arrays import Array
 from asperity.case import Case
 from asperity.curve import Curve
@@ -34,6 +33,7 @@ from asperity.runtime.run_folder import EXPORTS
 from asperity.slip import SlipLaw
 from asperity.slip.joint_slip import slip_of_case
 from asperity.units import per_cent
+from asperity.version import __version__
 
 LAWS = ("auto", "table", "unload-reload")
 _WIDTH = 110  # of a comment in a deck
@@ -231,7 +231,7 @@ def _over(pressure: Array, k: Array, at: Array, rows: Array) -> Array:
 def _about(results: Results, case: Case, law: TableLaw, name: str, measure: str) -> Iterator[str]:
     """Units and provenance."""
     si = case.units == "SI"
-    yield f"contact of a rough surface by asperity {asperity.__version__}"
+    yield f"contact of a rough surface by asperity {__version__}"
     yield f"case {case.hash()[:16]}, {results.summary.get('exit_reason', 'exit reason unknown')}"
     yield f"surface: {json.dumps(case.surface.model_dump(exclude_none=True), sort_keys=True)}"
     yield f"material: {json.dumps(case.material.model_dump(exclude_none=True), sort_keys=True)}"

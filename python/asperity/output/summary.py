@@ -11,6 +11,7 @@ from typing import Any
 from asperity.case import Case
 from asperity.curve import STIFFNESSES, Curve
 from asperity.quasistatic.contact_result import ContactResult
+from asperity.version import __version__
 
 PACKAGES = ("numpy", "scipy", "mpi4py", "petsc4py", "gmsh")
 
@@ -50,8 +51,6 @@ def stiffness_per_area(curve: Curve, side: float) -> dict[str, dict[str, float]]
 
 def versions() -> dict[str, str]:
     """Versions of this package and of what it computes with."""
-    from asperity import __version__
-
     found = {"asperity": __version__, "python": platform.python_version()}
     try:
         import dolfinx

@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-import asperity
+from asperity.version import __version__
 
 _ITSELF = (
-    f"The asperity developers, asperity {asperity.__version__}: contact of rough elastic-plastic surfaces with a rigid "
+    f"The asperity developers, asperity {__version__}: contact of rough elastic-plastic surfaces with a rigid "
     "flat, and vibration on it"
 )
 _TOOLS = (

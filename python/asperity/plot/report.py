@@ -11,7 +11,6 @@ from importlib.resources import files
 from pathlib import Path
 from typing import Any
 
-import asperity
 from asperity.curve import COLUMNS, WITH_ERRORS, Curve
 from asperity.force_law.laws import WORDS
 from asperity.output.assumption import DOUBTFUL
@@ -26,6 +25,7 @@ from asperity.power_law import with_misfit
 from asperity.runtime.files import replace_file
 from asperity.runtime.run_folder import FIGURES, REPORT, locking
 from asperity.units import plus_minus, quantity
+from asperity.version import __version__
 
 Rows = list[tuple[str, str]]
 STIFFNESS_WORDS = {
@@ -70,7 +70,7 @@ def write_report(folder: str | Path, finished: bool | None = None) -> Path:
         script=script,
         script_hash=base64.b64encode(hashlib.sha256(script.encode()).digest()).decode(),
         title=results.folder.resolve().name,
-        version=asperity.__version__,
+        version=__version__,
         exit_reason=str(summary.get("exit_reason", "")),
         warnings=warnings,
         law=_law(results),

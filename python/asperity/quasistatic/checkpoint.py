@@ -36,6 +36,7 @@ from asperity.runtime.files import (
 from asperity.runtime.parallel import on_root_bcast
 from asperity.runtime.run_folder import MESH, SNAPSHOT, STATE
 from asperity.runtime.shares import DistributedArray, deal, on_root_of, steps, stream
+from asperity.version import __version__
 
 if TYPE_CHECKING:
     from mpi4py import MPI
@@ -188,8 +189,6 @@ class Checkpoint:
         Raises:
             OutputError: it cannot be written; the earlier state is untouched
         """
-        from asperity import __version__
-
         if not self.interval:
             return
         with solver.solid.phases.phase("checkpoint"):

@@ -1,0 +1,3 @@
+from asperity import _solver as solver
+
+__all__ = ["solver"]
