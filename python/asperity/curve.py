@@ -24,53 +24,34 @@ if TYPE_CHECKING:
 
 UNRESOLVED = 0.5  # error of the contact area over the area, reached when the contact has fewer than about six facets
 
-#: Stiffnesses of the contact [force/length]; the elastic ones each take a solve, k_n is the slope of the curve.
-ELASTIC_STIFFNESSES = ("k_n_elastic", "k_t", "k_t_x", "k_n_interface", "k_t_interface")
-STIFFNESSES = ("k_n", *ELASTIC_STIFFNESSES)
-#: Columns with error bars in runs with a tolerance, in addition to P_star and area_fraction.
-WITH_ERRORS = ("mean_gap", *STIFFNESSES, "conductance")
 BRANCHES = ("load", "unload", "reload")
-_COUNTS = ("step", "newton", "krylov", "spots")
 _REQUIRED = ("delta", "force")
+
+
+def column(about: str, dimension: str = "", kind: type = float) -> dict[str, Any]:
+    """Metadata of a column of the curve.
+
+    Args:
+        about: what it is
+        dimension: in terms of length, force and s (seconds); "" if it has none
+        kind: of its values; unknown numbers are NaN, unknown counts 0
+    """
+    return {"about": about, "dimension": dimension, "kind": kind}
+
+
+def error_bar(name: str, dimension: str = "") -> dict[str, Any]:
+    """Metadata of the error bar of a column, in its unit; known for runs with a tolerance."""
+    return column(f"error bar of {name}", dimension)
 
 
 @dataclass(frozen=True, eq=False)
 class Curve:
     """Accepted load steps in order: one read-only array (n,) per column.
 
-    Unknown values are NaN (0 for counts). `header` is free metadata, stored in the file.
+    Unknown values are NaN (0 for counts). The columns are the fields below, each with its meaning and dimension.
 
     Attributes:
-        step: number of the step (int)
-        branch: "load", "unload" or "reload" (str)
-        delta: approach of the flat from first contact [length]
-        delta_star: delta/L
-        force: normal force [force]
-        P_star: force/(A_0 E')
-        area_fraction: true over nominal contact area, A/A_0
-        max_pressure: largest contact pressure [force/length^2]
-        plastic_fraction: volume that has yielded over the volume of the block
-        max_plastic_strain: largest accumulated plastic strain
-        error_P_star: error bar of P_star, known for runs with a tolerance
-        error_area_fraction: error bar of area_fraction, from the facets cut by the edge of the contact
-        newton: Newton iterations of the step (int)
-        krylov: Krylov iterations of the step (int)
-        seconds: wall-clock time of the step [s]
-        mean_gap: distance between the flat and the mean plane of the deformed surface [length]
-        mean_pressure: force over the true contact area; NaN without an area [force/length^2]
-        spots: number of contact spots, connected patches of touched thirds of facets (int)
-        largest_spot: contact area of the largest one [length^2]
-        k_n: slope dF/d(delta) of the curve, see `slope.slopes` [force/length]
-        k_n_elastic: normal stiffness of unloading and small vibration [force/length]
-        k_t: tangential stiffness without slip, mean of x and y, elastic [force/length]
-        k_t_x: that along x [force/length]
-        k_n_interface, k_t_interface: k_n_elastic and k_t without the compliance of the block [force/length]
-        conductance: constriction conductance over the conductivity [length]
-        error_mean_gap, error_k_n, ..., error_conductance: error bars of these columns in their units, known for runs
-            with a tolerance; `WITH_ERRORS` lists the columns that have one
-        max_strain: largest equivalent strain, sqrt(2/3 e:e) of its deviator; logarithmic in finite strain
-        strained_fraction: volume with an equivalent strain above 5 % over the volume of the block
-        header: metadata, stored as JSON in the first line of the file
+        header: free metadata, stored as JSON in the first line of the file
 
     Raises:
         InputError: columns of different length, unknown branch, infinite or missing approach or force
@@ -81,50 +62,59 @@ class Curve:
         (3, [2.0, 4.0, 6.0], 1.0)
     """
 
-    step: Array
-    branch: Array
-    delta: Array
-    delta_star: Array
-    force: Array
-    P_star: Array
-    area_fraction: Array
-    max_pressure: Array
-    plastic_fraction: Array
-    max_plastic_strain: Array
-    error_P_star: Array
-    error_area_fraction: Array
-    newton: Array
-    krylov: Array
-    seconds: Array
-    mean_gap: Array
-    mean_pressure: Array
-    spots: Array
-    largest_spot: Array
-    k_n: Array
-    k_n_elastic: Array
-    k_t: Array
-    k_t_x: Array
-    k_n_interface: Array
-    k_t_interface: Array
-    conductance: Array
-    error_mean_gap: Array
-    error_k_n: Array
-    error_k_n_elastic: Array
-    error_k_t: Array
-    error_k_t_x: Array
-    error_k_n_interface: Array
-    error_k_t_interface: Array
-    error_conductance: Array
-    max_strain: Array
-    strained_fraction: Array
+    step: Array = field(metadata=column("number of the step", kind=int))
+    branch: Array = field(metadata=column("load, unload or reload", kind=str))
+    delta: Array = field(metadata=column("approach of the flat from first contact", "length"))
+    delta_star: Array = field(metadata=column("delta/L"))
+    force: Array = field(metadata=column("normal force", "force"))
+    P_star: Array = field(metadata=column("force/(A_0 E')"))
+    area_fraction: Array = field(metadata=column("true over nominal contact area, A/A_0"))
+    max_pressure: Array = field(metadata=column("largest contact pressure", "force/length^2"))
+    plastic_fraction: Array = field(metadata=column("volume that has yielded over the volume of the block"))
+    max_plastic_strain: Array = field(metadata=column("largest accumulated plastic strain"))
+    error_P_star: Array = field(metadata=error_bar("P_star"))
+    error_area_fraction: Array = field(
+        metadata=column("error bar of area_fraction, from the facets cut by the edge of the contact")
+    )
+    newton: Array = field(metadata=column("Newton iterations of the step", kind=int))
+    krylov: Array = field(metadata=column("Krylov iterations of the step", kind=int))
+    seconds: Array = field(metadata=column("wall-clock time of the step", "s"))
+    mean_gap: Array = field(
+        metadata=column("distance between the flat and the mean plane of the deformed surface", "length")
+    )
+    mean_pressure: Array = field(
+        metadata=column("force over the true contact area; NaN without an area", "force/length^2")
+    )
+    spots: Array = field(metadata=column("contact spots, connected patches of touched thirds of facets", kind=int))
+    largest_spot: Array = field(metadata=column("contact area of the largest one", "length^2"))
+    k_n: Array = field(metadata=column("slope dF/d(delta) of the curve, see `slope.slopes`", "force/length"))
+    k_n_elastic: Array = field(metadata=column("normal stiffness of unloading and small vibration", "force/length"))
+    k_t: Array = field(metadata=column("tangential stiffness without slip, mean of x and y, elastic", "force/length"))
+    k_t_x: Array = field(metadata=column("that along x", "force/length"))
+    k_n_interface: Array = field(metadata=column("k_n_elastic without the compliance of the block", "force/length"))
+    k_t_interface: Array = field(metadata=column("k_t without the compliance of the block", "force/length"))
+    conductance: Array = field(metadata=column("constriction conductance over the conductivity", "length"))
+    error_mean_gap: Array = field(metadata=error_bar("mean_gap", "length"))
+    error_k_n: Array = field(metadata=error_bar("k_n", "force/length"))
+    error_k_n_elastic: Array = field(metadata=error_bar("k_n_elastic", "force/length"))
+    error_k_t: Array = field(metadata=error_bar("k_t", "force/length"))
+    error_k_t_x: Array = field(metadata=error_bar("k_t_x", "force/length"))
+    error_k_n_interface: Array = field(metadata=error_bar("k_n_interface", "force/length"))
+    error_k_t_interface: Array = field(metadata=error_bar("k_t_interface", "force/length"))
+    error_conductance: Array = field(metadata=error_bar("conductance", "length"))
+    max_strain: Array = field(
+        metadata=column("largest equivalent strain, sqrt(2/3 e:e) of its deviator; logarithmic in finite strain")
+    )
+    strained_fraction: Array = field(
+        metadata=column("volume with an equivalent strain above 5 % over the volume of the block")
+    )
     header: Mapping[str, Any] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         for name in COLUMNS:
-            kind = str if name == "branch" else int if name in _COUNTS else float
-            column = np.array(getattr(self, name), dtype=kind, ndmin=1)
-            column.flags.writeable = False
-            object.__setattr__(self, name, column)
+            values: Array = np.array(getattr(self, name), dtype=_KINDS[name], ndmin=1)
+            values.flags.writeable = False
+            object.__setattr__(self, name, values)
         sizes = {name: getattr(self, name).size for name in COLUMNS}
         if len(set(sizes.values())) > 1:
             raise InputError(f"Curve columns must have one length, not {sizes}.")
@@ -150,8 +140,7 @@ class Curve:
         """
         for row in rows:
             _check_names(row)
-        defaults: dict[str, Any] = dict.fromkeys(COLUMNS, math.nan)
-        defaults |= dict.fromkeys(_COUNTS, 0) | {"branch": "load"}
+        defaults = {name: _UNKNOWN[kind] for name, kind in _KINDS.items()} | {"branch": "load"}
         full = [{**defaults, "step": i, **row} for i, row in enumerate(rows)]
         columns = {name: np.array([row[name] for row in full]) for name in COLUMNS}
         curve = Curve(**columns, header=dict(header or {}))
@@ -303,8 +292,18 @@ def _parsed(lines: list[str]) -> Curve:
     return Curve.from_rows(rows, header)
 
 
-#: Names of the columns of curve.csv, in their order.
-COLUMNS = tuple(column.name for column in fields(Curve) if column.name != "header")
+_TABLE = {each.name: each.metadata for each in fields(Curve) if each.metadata}
+_KINDS: dict[str, type] = {name: about["kind"] for name, about in _TABLE.items()}
+_UNKNOWN: dict[type, Any] = {float: math.nan, int: 0, str: ""}
+
+#: Names of the columns of curve.csv, in their order, and the dimension of each.
+COLUMNS = tuple(_TABLE)
+DIMENSIONS: dict[str, str] = {name: about["dimension"] for name, about in _TABLE.items()}
+#: Stiffnesses of the contact; the elastic ones each take a solve, k_n is the slope of the curve.
+STIFFNESSES = tuple(name for name, of in DIMENSIONS.items() if of == "force/length" and not name.startswith("error_"))
+ELASTIC_STIFFNESSES = STIFFNESSES[1:]
+#: Columns with error bars in runs with a tolerance, in addition to P_star and area_fraction.
+WITH_ERRORS = tuple(name.removeprefix("error_") for name in COLUMNS if name.startswith("error_"))[2:]
 
 
 def planned_rows(delta: Array) -> Array:
@@ -359,11 +358,8 @@ def _read_header(lines: list[str]) -> tuple[dict[str, Any], int]:
 
 
 def _parse(name: str, text: str, line: int) -> Any:
-    if name == "branch":
-        return text.strip()
-    if not text.strip():
-        return 0 if name in _COUNTS else math.nan
+    kind = _KINDS[name]
     try:
-        return int(text) if name in _COUNTS else float(text)
+        return kind(text.strip()) if text.strip() else _UNKNOWN[kind]
     except ValueError:
         raise InputError(f"line {line}: {name} = {text!r} is not a number.") from None

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from asperity.curve import ELASTIC_STIFFNESSES, Curve
+from asperity.curve import DIMENSIONS, Curve
 from asperity.errors import ConvergenceError
 from asperity.model.load_path import MIDPOINT, Schedule
 from asperity.quasistatic import measures, midpoint
@@ -62,9 +62,10 @@ class Record:
         """Append the state of `solver` as a row; collective."""
         state = measures.row(solver)
         force = solver.force * self.E * self.side**2
-        units = {"max_pressure": self.E, "mean_pressure": self.E, "largest_spot": self.side**2}
-        units |= dict.fromkeys(("mean_gap", "conductance"), self.side)
-        units |= dict.fromkeys(ELASTIC_STIFFNESSES, self.E * self.side)
+        units = {
+            "": 1.0, "length": self.side, "length^2": self.side**2, "force/length": self.E * self.side,
+            "force/length^2": self.E,
+        }  # fmt: skip
         row = {
             "step": len(self.rows) + 1,
             "branch": branch,
@@ -72,7 +73,7 @@ class Record:
             "delta_star": solver.delta,
             "force": force,
             "P_star": force / (self.side**2 * self.reduced_modulus),
-            **{name: value * units[name] if name in units else value for name, value in state.items()},
+            **{name: value * units[DIMENSIONS[name]] for name, value in state.items()},
             "newton": stats.newton,
             "krylov": stats.krylov,
             "seconds": seconds,
