@@ -1,0 +1,71 @@
+"""An elastic-plastic hemisphere flattened far beyond yield, against an axisymmetric solution and fits of others."""
+
+from __future__ import annotations
+
+from math import hypot
+
+import gmsh
+import numpy as np
+import pytest
+from conftest import here
+
+from asperity import reference
+from asperity.contact import ActiveSet
+from asperity.contact.contact_surface import ContactSurface
+from asperity.fem.solid import Solid
+from asperity.mesh.block import BlockMesh
+from asperity.mesh.distribute import distribute
+from asperity.mesh.generate import nodes_and_elements
+from asperity.model.load_path import Schedule
+from asperity.model.material import Material
+from asperity.model.settings import SolverOptions
+from asperity.quasistatic.stepping import ContactSolver, Record, follow
+
+E, NU, Y = 200e9, 0.3, 1e9  # of the sphere in reference.FLATTENED_SPHERE [Pa]
+HERTZ = reference.Hertz(1.0, reference.reduced_modulus(1.0, NU))  # R = E = 1
+ONSET = float((0.5 * np.pi * 1.295 * np.exp(0.736 * NU) * Y / reference.reduced_modulus(E, NU)) ** 2)
+W = np.array(reference.FLATTENED_DEPTHS)  # approaches over that at the onset of yield
+
+
+def eighth_of_a_sphere() -> BlockMesh:
+    """Element sizes proportional to the distance from the pole: all contact radii have the same number of elements."""
+    gmsh.initialize(readConfigFiles=False, interruptible=False)
+    try:
+        for option in ("General.Terminal", "Mesh.MeshSizeExtendFromBoundary", "Mesh.MeshSizeFromPoints"):
+            gmsh.option.setNumber(option, 0)
+        gmsh.model.occ.addSphere(0, 0, 0, 1, angle1=0, angle2=0.5 * np.pi, angle3=0.5 * np.pi)
+        gmsh.model.occ.synchronize()
+        size = lambda dim, tag, x, y, z, lc: min(max(0.004, 0.3 * hypot(x, y, z - 1.0)), 0.3)  # noqa: E731
+        gmsh.model.mesh.setSizeCallback(size)
+        gmsh.model.mesh.generate(3)
+        return BlockMesh(*nodes_and_elements(), 1.0, 1.0)
+    finally:
+        gmsh.finalize()
+
+
+def forces(tangent: float, steps: int) -> np.ndarray:
+    """Forces of the whole sphere over that at the onset of yield, four times that of an eighth (n,)."""
+    material = Material(1.0, NU, Y / E, tangent)
+    solid = Solid(*distribute(here(), eighth_of_a_sphere(), 1.0), material)
+    x = solid.points[: solid.owned]
+    solid.fixed = np.flatnonzero(np.abs(x.ravel()) < 1e-12).astype(np.int32)  # planes of symmetry x = y = z = 0
+    top, record = ContactSurface(solid), Record(1.0, 1.0, material.reduced_modulus)
+    solver = ContactSolver(solid, top, ActiveSet(solid, top), 1.0, SolverOptions())
+    follow(solver, Schedule(delta_max=105.0 * ONSET, steps=steps), record)
+    curve = record.curve()
+    return np.exp(np.interp(np.log(W * ONSET), np.log(curve.delta), np.log(4.0 * curve.force))) / HERTZ.force(ONSET)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("tangent", "bar", "bar_of_fit"), [(0.0, 0.05, 0.06), (0.3, 0.01, 0.13)])
+def test_a_flattened_sphere_has_the_force_of_the_plane_solution_and_of_the_fits(
+    tangent: float, bar: float, bar_of_fit: float
+) -> None:
+    """Jackson & Green (2005) without hardening, Ghaednia et al. (2019) with; the latter exceeds both solutions."""
+    coarse, fine = (forces(tangent, steps) for steps in (21, 42))
+    found = 2.0 * fine - coarse  # the error of the load steps is of first order
+    plane = np.interp(W, reference.FLATTENED_DEPTHS, reference.FLATTENED_SPHERE[tangent])
+    np.testing.assert_allclose(found, plane, rtol=bar)
+    sphere = (W * ONSET, 1.0, 1.0, NU, Y / E)
+    fit = reference.ghaednia(*sphere, tangent)[0] if tangent else reference.jackson_green(*sphere)[0]
+    np.testing.assert_allclose(found, fit / HERTZ.force(ONSET), rtol=bar_of_fit)
