@@ -1,21 +1,14 @@
 """Stiffness columns against closed forms, docs/stiffness.md.
 
-    python3 benchmarks/stiffness.py barber    stiffness against conductance over slope, block, Poisson's ratio, mesh
-    python3 benchmarks/stiffness.py matrix    stiffness against six motions of a paraboloid, over that of a bonded disc
-
-Each prints a table.
+python3 benchmarks/stiffness.py     stiffness against conductance over slope, block, Poisson's ratio, mesh
 """
 
 from __future__ import annotations
 
-import argparse
 import warnings
 from typing import Any
 
-import numpy as np
-
 import asperity as asp
-from asperity.quasistatic.stiffness_matrix import stiffness_matrix
 
 D = 2.4  # of cases/single.toml
 
@@ -23,30 +16,6 @@ D = 2.4  # of cases/single.toml
 def heads(*names: str) -> None:
     """Print the first lines of a table."""
     print("| " + " | ".join(names) + " |\n" + "|---" * len(names) + "|", flush=True)
-
-
-def matrix() -> None:
-    """Interface of a paraboloid in the middle of a block against closed forms of discs on a half-space.
-
-    Mindlin (1949); Spence (1968); Borowicka (1943), without friction; Reissner & Sagoci (1944).
-    """
-    heads("a/L", "dofs", "along x, 8 G a/(2 - nu)", "normal, 4 G a ln(3 - 4 nu)/(1 - 2 nu)",
-          "tilt, 8 G a^3/(3 (1 - nu))", "torsion, 16 G a^3/3", "greatest asymmetry")  # fmt: skip
-    nu = 0.3
-    G = 0.5 / (1.0 + nu)
-    paraboloid = asp.Surface.from_spec("sphere", L=1.0, radius=10.0, shape="paraboloid")
-    for wanted in (0.02, 0.01):
-        size = asp.MeshSize(wanted / 8, growth=0.4, h_max=0.3)
-        result = asp.solve_contact(paraboloid, asp.Material(1.0, nu), delta_max=wanted**2 / 10.0, steps=1, size=size)
-        a = (7.5 * result.curve.force[-1] * (1.0 - nu**2)) ** (1.0 / 3.0)  # Hertz
-        found = stiffness_matrix(result.solver)
-        assert found is not None and found.interface is not None
-        disc = (8 * G * a / (2 - nu), 4 * G * a * np.log(3 - 4 * nu) / (1 - 2 * nu), 8 * G * a**3 / (3 * (1 - nu)),
-                16 * G * a**3 / 3)  # fmt: skip
-        cells = (f"{found.interface[k, k] / k_disc:.3f}" for k, k_disc in zip((0, 2, 4, 5), disc, strict=True))
-        scale = np.sqrt(found.whole.diagonal())
-        skew = np.max(np.abs(found.whole - found.whole.T) / scale / scale[:, None])
-        print(f"| {a:.4f} | {result.dofs} | {' | '.join(cells)} | {skew:.0e} |", flush=True)
 
 
 def barber() -> None:
@@ -81,12 +50,6 @@ def barber() -> None:
         )
 
 
-def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("part", choices=("barber", "matrix"))
-    warnings.simplefilter("ignore")
-    {"barber": barber, "matrix": matrix}[parser.parse_args().part]()
-
-
 if __name__ == "__main__":
-    main()
+    warnings.simplefilter("ignore")
+    barber()

@@ -1,4 +1,4 @@
-"""What a case computes from its curve and last state: stiffness matrix, loops about the preload, vibration, slip."""
+"""What a case computes from its curve and last state: loops about the preload, vibration, slip."""
 
 from __future__ import annotations
 
@@ -24,7 +24,6 @@ from asperity.quasistatic.contact_result import ContactResult
 from asperity.quasistatic.force_loops import solve_loops
 from asperity.quasistatic.slip_paths import solve_slip
 from asperity.quasistatic.stepping import FORCE_TOLERANCE
-from asperity.quasistatic.stiffness_matrix import stiffness_matrix
 from asperity.runtime.parallel import on_root, on_root_bcast
 from asperity.runtime.run_folder import LOOPS
 from asperity.slip import JointSlip, SlipSettings
@@ -79,14 +78,9 @@ def vibrate_case(
 def _vibrate(
     case: Case, problem: Problem, contact: ContactResult, folder: Path | None, stage: Stage, stop: Stop
 ) -> VibratedCase:
-    """Stiffness matrix, loops and vibration of a case; see `vibrate_case`."""
+    """Loops and vibration of a case; see `vibrate_case`."""
     found, loops, comm = VibratedCase(), None, contact.solver.solid.comm
     try:
-        if case.output.stiffness_matrix:
-            with stage("stiffness matrix"):
-                matrix = stiffness_matrix(contact.solver)
-            scaled = None if matrix is None else matrix.scaled(case.material.E, case.surface.L).to_dict()
-            found.sections["stiffness_matrix"] = scaled
         if (wanted := case.loops) is not None:
             with stage("loops"):
                 loops = solve_loops(

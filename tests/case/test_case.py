@@ -143,7 +143,6 @@ MISTAKES = {
     "slip.friction=0": ("slip.friction", "(0, 10]"),
     "slip.steps=3": ("slip.friction",),
     "dynamics.damping=loops": ("dynamics.damping", "loops", "section [loops]"),
-    "output.stiffness_matrix=true": ("output.stiffness_matrix", "loading.unload"),
     "surface.gama=1.5": ("surface.gama", '"gamma"'),
     "surface.kind=sphre": ("surface.kind", '"sphere"'),
     "surface.kind=": ("surface.kind", "missing"),
@@ -231,13 +230,6 @@ def test_each_mistake_gives_one_sentence_with_key_value_and_range(override: str)
 def test_what_goes_together_is_accepted(overrides: str) -> None:
     case = Case.load(DEMO, overrides.split(" & "))
     assert Case.from_dict(case.to_dict()) == case
-
-
-def test_a_rotation_of_the_flat_is_not_periodic() -> None:
-    matrix = {**MINIMAL, "output": {"stiffness_matrix": True}}
-    assert Case.from_dict({**matrix, "block": {"sides": "free"}}).output.stiffness_matrix
-    with pytest.raises(InputError, match=r"output\.stiffness_matrix = true needs a block that ends"):
-        Case.from_dict({**matrix, "block": {"sides": "periodic"}})
 
 
 def test_loops_of_an_elastic_material_are_named() -> None:

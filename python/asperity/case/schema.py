@@ -279,11 +279,6 @@ class OutputSection(Section):
         "columns k_n_elastic to k_t_interface, always with [slip]; load steps take a third to a half longer",
         False,
     )
-    stiffness_matrix: Flag = key(
-        "stiffness against all six motions of the flat at the end of the load path, in summary.json; not of periodic "
-        "sides",
-        False,
-    )
     conductance: Flag = key("column conductance of the curve", False)
     small_strain: Flag = key("what small strain changes in the force; always with finite or auto kinematics", False)
     snapshots: Whole = key("load levels kept for pressure maps and fields", 4, ge=0, le=1000)

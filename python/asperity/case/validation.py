@@ -19,7 +19,7 @@ from asperity.force_law import MIN_ROWS
 from asperity.model.kinds import Judgement
 from asperity.model.limits import FRACTIONS, improbable, too_deep, wrong_force, wrong_length, wrong_preload, wrong_sizes
 from asperity.model.material import wrong_slope, wrong_yield
-from asperity.model.settings import H_CONTACT, H_MAX, gamma_too_small, no_rotations, penalty_too_soft, wrong_friction
+from asperity.model.settings import H_CONTACT, H_MAX, gamma_too_small, penalty_too_soft, wrong_friction
 from asperity.runtime.display import show
 from asperity.slip.settings import wrong_motion
 
@@ -81,13 +81,6 @@ def check_together(case: Input) -> None:
         _check_loops(case, case.loops)
     if case.slip:
         _check_slip(case, case.slip)
-    if case.output.stiffness_matrix and loading.unload:
-        _refuse(
-            "output.stiffness_matrix",
-            "= true is for the end of the load path, where loading.unload has lifted the flat off; set it to false",
-        )
-    if case.output.stiffness_matrix:
-        _refuse_if(no_rotations(case.block.sides))
     if dynamics and dynamics.preload is not None:
         _check_preload(case, "dynamics.preload", dynamics.preload, 1.0)
     load = dynamics.preload if dynamics else None

@@ -89,15 +89,6 @@ def wrong_dilatation(dilatation: str | None, method: str) -> Judgement:
     return None
 
 
-def no_rotations(sides: str) -> Judgement:
-    """Reason why a block has no stiffness against all motions of the flat."""
-    if sides != "periodic":
-        return None
-    return "output.stiffness_matrix", (
-        '= true needs a block that ends: a rotation of the flat is not periodic; use block.sides = "free" or "rollers"'
-    )
-
-
 def penalty_too_soft(method: str, penalty: float) -> Judgement:
     """Reason why a formulation has no error bar: a penalty so soft that its error dominates."""
     if method != "penalty" or penalty >= LEAST_PENALTY:

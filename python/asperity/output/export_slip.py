@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-import asperity
 from asperity.runtime.display import comment
-from asperity.slip import SlipLaw, fit_iwan
+from asperity.slip import SlipLaw
+from asperity.version import __version__
 
 SLIDERS = 20  # of an exported array
 _LIGHTEST = 0.02  # force over the limit below which none of them slips
@@ -77,12 +77,6 @@ def _sliders(law: SlipLaw, patch: float) -> list[tuple[float, float]]:
 
 
 def _about(law: SlipLaw, patch: float) -> Iterator[str]:
-    iwan, of_force, of_energy = fit_iwan(law)
-    yield f"slip of a rough joint by asperity {asperity.__version__}, without the block"
+    yield f"slip of a rough joint by asperity {__version__}, without the block"
     yield f"friction {law.friction:g}, nominal pressure {law.preload / patch:.6g}"
     yield f"stiffness at rest over the nominal area {law.k_tangent(0.0) / patch:.6g}"
-    yield (
-        f"four-parameter Iwan law (Segalman 2005), over the nominal area: F_S = {iwan.F_S / patch:.6g}, K_T = "
-        f"{iwan.K_T / patch:.6g}, chi = {iwan.chi:.4g}, beta = {iwan.beta:.4g}; misfit of the force {of_force:.2g} of "
-        f"F_S, of the energy {of_energy:.2g}"
-    )

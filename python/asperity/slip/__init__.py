@@ -6,8 +6,6 @@ import importlib
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:  # the names below, for type checkers and editors
-    from asperity.slip.iwan import IwanLaw as IwanLaw
-    from asperity.slip.iwan import fit_iwan as fit_iwan
     from asperity.slip.jenkins import JenkinsArray as JenkinsArray
     from asperity.slip.joint_slip import JointSlip as JointSlip
     from asperity.slip.joint_slip import slip_of_curve as slip_of_curve
@@ -17,12 +15,10 @@ if TYPE_CHECKING:  # the names below, for type checkers and editors
 
 # public name -> module that defines it; a module is loaded by its first use
 _PUBLIC = {
-    "IwanLaw": "iwan",
     "JenkinsArray": "jenkins",
     "JointSlip": "joint_slip",
     "SlipLaw": "law",
     "SlipSettings": "settings",
-    "fit_iwan": "iwan",
     "slip_of_curve": "joint_slip",
     "tangential_response": "tangential",
 }
