@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib
 import json
 import math
 from pathlib import Path
@@ -16,7 +17,8 @@ from asperity.case import Case
 from asperity.curve import Curve
 from asperity.errors import InputError
 from asperity.output.assumptions import Evidence, instrument
-from asperity.surface import HeightMap, SelfAffine, Surface, height_map
+from asperity.surface import HeightMap, SelfAffine, Surface
+from asperity.surface import patch as patches
 from asperity.surface.measured import HeightField
 from asperity.units import quantity
 
@@ -211,7 +213,7 @@ def test_a_huge_map_is_cut_or_filtered(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Here from 100 heights a side."""
-    monkeypatch.setattr(height_map, "MOST", 100)
+    monkeypatch.setattr(patches, "MOST", 100)
     scan, out = write(tmp_path, SCAN), tmp_path / "out"
     assert import_map(scan, "-o", out) == 2
     assert "256 x 256 heights are more than the 100 x 100" in capsys.readouterr().err
@@ -219,7 +221,7 @@ def test_a_huge_map_is_cut_or_filtered(
     assert json.loads((out / "measured.json").read_text())["nodes"] == 52  # every fifth: 9.8 nm
     assert import_map(scan, "-o", out, "--window", "0.1e-6", "0.1e-6", "0.15e-6") == 0
     with pytest.raises(InputError, match="more than the 100 x 100 of a surface"):
-        height_map.HeightMap(path=scan)
+        HeightMap(path=scan)
 
 
 @pytest.mark.usefixtures("few_dofs", "coarse_guide")
@@ -228,6 +230,7 @@ def test_a_refused_map_leaves_nothing(
 ) -> None:
     """The case is judged last, when patch and pictures are there already; an earlier result stays as it is."""
     scan, out = write(tmp_path, SCAN), tmp_path / "out"
+    importlib.import_module("asperity.adaptive.cutoff")  # keeps its own estimate
 
     def refuse(case: Any, surface: Any = None) -> None:
         raise InputError(f"{case.surface.path}: its first mesh is too large")
@@ -431,3 +434,27 @@ def test_units_zeros_and_form_are_treated_as_advised(tmp_path: Path, capsys: pyt
     assert "exactly 0" not in said and "second order" not in said and "long for roughness" not in said
     patch = HeightMap(path=tmp_path / "out/patch.npz")
     assert patch.L == pytest.approx(100e-6) and patch.exact_rms()[0] == pytest.approx(0.3e-6, rel=0.3)
+
+
+def test_channel_and_array_are_named_where_the_map_goes(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """In the output, in measured.json and with the surface of the case, from where it gets into summary and report."""
+    np.savez(tmp_path / "two.npz", topo=SCAN, other=-SCAN, L=SIDE)
+    assert import_map(tmp_path / "two.npz", "-o", tmp_path / "out") == 2
+    assert "name the heights with --array" in capsys.readouterr().err
+    assert import_map(tmp_path / "two.npz", "--array", "topo", "-o", tmp_path / "out") == 0
+    assert "the heights are the array 'topo'" in capsys.readouterr().out
+    assert json.loads((tmp_path / "out/measured.json").read_text())["channel"] == "topo"
+    about = HeightMap(path=tmp_path / "out/patch.npz").about
+    assert about["file"].endswith("two.npz") and about["channel"] == "topo" and about["level"] == "plane"
+    assert import_map(tmp_path / "two.npz", "--channel", "topo", "-o", tmp_path / "out") == 2
+    assert "--channel is for files of instruments" in capsys.readouterr().err
+
+
+def test_two_distances_of_the_heights(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    np.save(tmp_path / "a.npy", SCAN[:128])
+    step = SIDE / 255
+    assert import_map(tmp_path / "a.npy", "--pixel", f"{step},{2 * step}", "--json", "-o", tmp_path / "out") == 0
+    assert json.loads(capsys.readouterr().out)["side"] == pytest.approx(127 * 2 * step)
+    for words in ("1,2,3", "wide", "1e-6,"):
+        assert import_map(tmp_path / "a.npy", "--pixel", words) == 2
+        assert "give a length in metres, or two" in capsys.readouterr().err

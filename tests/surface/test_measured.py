@@ -15,7 +15,7 @@ import pytest
 from asperity.errors import CompatError, InputError
 from asperity.model.material import Material
 from asperity.model.two_bodies import SumSurface, composite_modulus, equivalent_block
-from asperity.surface import SelfAffine, Sinusoid, Sphere, Surface, WeierstrassMandelbrot, measured
+from asperity.surface import HeightMap, SelfAffine, Sinusoid, Sphere, Surface, WeierstrassMandelbrot, gaps
 from asperity.surface.measured import HeightField
 from asperity.surface.self_affine_fit import fit_self_affine
 from asperity.surface.statistics import psd
@@ -43,10 +43,45 @@ def test_matrices_need_the_distance_between_heights(tmp_path: Path, name: str) -
 
 def test_npz_files_store_lengths_in_three_ways(tmp_path: Path) -> None:
     z, path = np.random.default_rng(0).normal(size=(9, 11)), tmp_path / "a.npz"
-    for lengths in ({"L": 20.0}, {"dx": 2.0}, {"x": np.arange(11) * 2.0, "y": np.arange(9) * 2.0}):
+    for lengths in ({"L": [20.0, 16.0]}, {"dx": 2.0}, {"x": np.arange(11) * 2.0, "y": np.arange(9) * 2.0}):
         np.savez(path, z=z, **lengths)
         read = HeightField.read(path)
         assert (read.dx, read.dy) == (2.0, 2.0)
+    np.savez(path, z=z, L=20.0)
+    with pytest.raises(
+        InputError, match=r"11 x 9 heights on a side L would have different distances .* L = \[Lx, Ly\]"
+    ):
+        HeightField.read(path)
+
+
+def test_a_rectangular_map_is_not_stretched_to_the_square_of_its_side(tmp_path: Path) -> None:
+    """64 x 32 heights on L = 0.63 um gave 6.31 uN for 4.09."""
+    z = 1e-9 * np.random.default_rng(0).normal(size=(32, 64))
+    np.save(tmp_path / "a.npy", z)
+    for make in (lambda: HeightMap(path=tmp_path / "a.npy", L=6.3e-7), lambda: HeightMap.of(z, 6.3e-7)):
+        with pytest.raises(InputError, match="64 x 32 heights on a side L would have different distances"):
+            make()
+    assert HeightField.read(tmp_path / "a.npy", pixel=1e-8).square().size == pytest.approx((3.1e-7, 3.1e-7))
+    both = HeightField.read(tmp_path / "a.npy", pixel=(1e-8, 2e-8))
+    assert (both.dx, both.dy) == (1e-8, 2e-8)
+    np.savez(tmp_path / "a.npz", z=z, dx=6.3e-7 / 63, dy=6.3e-7 / 31)
+    for surface in (HeightMap(path=tmp_path / "a.npz"), HeightMap.of(z, (6.3e-7, 6.3e-7))):
+        assert surface.L == pytest.approx(6.3e-7)
+    with pytest.raises(InputError, match="two equal sides"):
+        HeightMap.of(z, (6.3e-7, 3.1e-7))
+
+
+def test_the_array_of_an_npz_file_is_named(tmp_path: Path) -> None:
+    z = np.random.default_rng(0).normal(size=(9, 9))
+    np.savez(tmp_path / "one.npz", topo=z, L=8e-6, about="none")
+    read = HeightField.read(tmp_path / "one.npz")
+    assert read.channel == "topo" and read.notes == ("the heights are the array 'topo'",)
+    np.savez(tmp_path / "two.npz", first=-z, second=z, L=8e-6)
+    with pytest.raises(InputError, match="it has first, second, L: name the heights with --array"):
+        HeightField.read(tmp_path / "two.npz")
+    np.testing.assert_array_equal(HeightField.read(tmp_path / "two.npz", array="second").z, z)
+    with pytest.raises(InputError, match="no array 'third'"):
+        HeightField.read(tmp_path / "two.npz", array="third")
 
 
 @pytest.mark.parametrize(
@@ -55,7 +90,7 @@ def test_npz_files_store_lengths_in_three_ways(tmp_path: Path) -> None:
         ("a.npy", b"no array", "it is not a whole .npy file of numbers"),
         ("a.npz", b"no archive", "it is not a whole .npz file of numbers"),
         ("a.csv", b"", "there are no numbers in it"),
-        ("words.csv", b"no heights", "no row of at least 3 numbers separated by commas"),
+        ("words.csv", b"no heights", "no row of at least 2 numbers separated by commas"),
         ("a.npy", np.zeros((5, 5), dtype=complex), "its numbers are complex"),
         ("a.npz", np.zeros((5, 5), dtype=complex), "its numbers are complex"),
     ],
@@ -86,7 +121,7 @@ def test_without_surfacetopography_the_remedy_is_named(tmp_path: Path, monkeypat
         return real(name, *args, **kwargs)
 
     monkeypatch.setattr(builtins, "__import__", absent)
-    with pytest.raises(CompatError, match="pip install SurfaceTopography"):
+    with pytest.raises(CompatError, match=r"pip install .asperity\[scan\]"):
         HeightField.read(tmp_path / "scan.sur")
 
 
@@ -96,7 +131,7 @@ def test_instrument_files_are_read_by_surfacetopography(tmp_path: Path, monkeypa
 
     class Topography:
         dim, is_uniform, unit, physical_sizes = 2, True, "um", (5.0, 8.0)
-        pixel_size = (0.5e-6, 1e-6)
+        pixel_size, nb_grid_pts = (0.5e-6, 1e-6), (10, 8)
         info = types.MappingProxyType({"instrument": {"parameters": {"tip_radius": {"value": 40.0, "unit": "nm"}}}})
 
         def to_unit(self, unit: str) -> Topography:
@@ -106,11 +141,21 @@ def test_instrument_files_are_read_by_surfacetopography(tmp_path: Path, monkeypa
         def heights(self) -> Any:
             return heights * 1e-6
 
-    channel = types.SimpleNamespace(physical_sizes=(5.0, 8.0), nb_grid_pts=(10, 8), name="Height")
-    reader = types.SimpleNamespace(default_channel=channel, topography=lambda: Topography())
+    def channel(name: str, index: int) -> Any:
+        grid = {"physical_sizes": (5.0, 8.0), "nb_grid_pts": (10, 8)}
+        return types.SimpleNamespace(name=name, index=index, dim=2, **grid)
+
+    asked = []
+
+    def topography(channel_index: int, **sizes: Any) -> Topography:
+        asked.append(channel_index)
+        return Topography()
+
+    channels = [channel("Height", 0)]
+    reader = types.SimpleNamespace(default_channel=channels[0], channels=channels, topography=topography)
     package, errors = types.ModuleType("SurfaceTopography"), types.ModuleType("SurfaceTopography.Exceptions")
     package.open_topography = lambda path: reader  # type: ignore[attr-defined]
-    errors.ReadFileError = errors.CannotDetectFileFormat = RuntimeError  # type: ignore[attr-defined]
+    errors.CannotDetectFileFormat = RuntimeError  # type: ignore[attr-defined]
     monkeypatch.setitem(sys.modules, "SurfaceTopography", package)
     monkeypatch.setitem(sys.modules, "SurfaceTopography.Exceptions", errors)
     (tmp_path / "scan.sur").write_bytes(b"x")
@@ -119,10 +164,37 @@ def test_instrument_files_are_read_by_surfacetopography(tmp_path: Path, monkeypa
     assert (read.tip_radius, read.resolution) == (pytest.approx(40e-9), 0.0)
     assert read.z[3, 5] == pytest.approx((5 * 8 + 3) * 1e-6)
     assert np.isnan(read.z[7, 9]) and read.missing == pytest.approx(1 / 80)
-    channel.physical_sizes = None
+    assert read.notes == () and read.channel == ""
+
+    channels[:] = [channel("Amplitude", 0), channel("Height", 1), channel("Phase\n", 2)]
+    reader.default_channel = channels[0]
+    for wanted, index, name in ((None, 1, "Height"), ("Phase", 2, "Phase"), ("1", 0, "Amplitude")):
+        read = HeightField.read(tmp_path / "scan.sur", channel=wanted)
+        assert asked[-1] == index and read.channel == name
+        assert read.notes[0].startswith(f"channel {name!r} of 'Amplitude', 'Height', 'Phase'")
+    with pytest.raises(InputError, match="no channel 'Retrace': choose 'Amplitude', 'Height', 'Phase', or a number"):
+        HeightField.read(tmp_path / "scan.sur", channel="Retrace")
+
+    def broken(error: Exception) -> Any:
+        raise error
+
+    for error in (IndexError("list index out of range"), AssertionError(), KeyError("z"), MemoryError(), TypeError()):
+        monkeypatch.setattr(reader, "topography", lambda error=error, **_: broken(error))
+        with pytest.raises(InputError, match="cannot be read as a height map by SimpleNamespace of SurfaceTopography"):
+            HeightField.read(tmp_path / "scan.sur")
+        monkeypatch.setattr(package, "open_topography", lambda path, error=error: broken(error))
+        with pytest.raises(InputError, match=r"cannot be read as a height map by SurfaceTopography \("):
+            HeightField.read(tmp_path / "scan.sur")
+        monkeypatch.setattr(package, "open_topography", lambda path: reader)
+    monkeypatch.setattr(reader, "topography", topography)
+    monkeypatch.setattr(Topography, "pixel_size", (0.31, 0.31))  # the unit of the format was a guess
+    monkeypatch.setattr(Topography, "nb_grid_pts", (512, 512), raising=False)
+    with pytest.raises(InputError, match="159 m wide: the reader mistakes its unit"):
+        HeightField.read(tmp_path / "scan.sur")
+    channels[1].physical_sizes = None
     with pytest.raises(InputError, match="without lengths, as channel 'Height' of 10 x 8 heights by SimpleNamespace"):
         HeightField.read(tmp_path / "scan.sur")
-    channel.nb_grid_pts = (1213222996, 131)  # of a file mistaken for one of another format
+    channels[1].nb_grid_pts = (1213222996, 131)  # of a file mistaken for one of another format
     with pytest.raises(InputError, match=r"1213222996 x 131 heights .* probably a file of another format"):
         HeightField.read(tmp_path / "scan.sur", pixel=1e-9)
 
@@ -148,7 +220,7 @@ def test_levelling_removes_its_polynomial_and_nothing_else() -> None:
 @pytest.mark.parametrize("factored", [True, False])
 def test_gaps_are_filled_harmonically(monkeypatch: pytest.MonkeyPatch, factored: bool) -> None:
     if not factored:  # as of huge maps
-        monkeypatch.setattr(measured, "MOST_FACTORED", 0)
+        monkeypatch.setattr(gaps, "MOST_FACTORED", 0)
     y, x = np.mgrid[0:30, 0:30] / 1.0
     z = 2 + x - 3 * y + 0.1 * (x**2 - y**2)  # harmonic, also on the grid
     holed = z.copy()

@@ -66,7 +66,7 @@ def test_maps_against_a_direct_convolution(shape: tuple[int, int]) -> None:
     """Mirrored at the edges; points at the nodes, edges and corners included."""
     ny, nx = shape
     z = 0.01 * (np.random.default_rng(1).normal(size=shape) + 3 * np.sin(np.arange(nx) / 9)) + 500.0
-    surface = HeightMap.of(z, 1.0)
+    surface = HeightMap.of(z, (1.0, 1.0))
     iy, ix = (np.append(np.random.default_rng(2).integers(0, n, 300), [0, n - 1, 0]) for n in shape)
     for width in (1.0, 1.5, 3.1, 8.0, 25.0):  # a sampled Gaussian of less is not a Gaussian
         s = width / (min(shape) - 1)
@@ -85,7 +85,7 @@ def test_each_point_has_its_own_width() -> None:
 
 
 def test_a_constant_map_stays_and_the_mean_is_kept() -> None:
-    constant = HeightMap.of(np.full((33, 40), 7.0), 1.0)
+    constant = HeightMap.of(np.full((33, 40), 7.0), (1.0, 1.0))
     np.testing.assert_allclose(constant.smoothed(X, Y, RNG.uniform(0, 0.5, X.size)), 7.0, rtol=1e-14)
     rough = HeightMap.of(RNG.normal(size=(200, 200)) + 1e4, 1.0)
     s = np.linspace(0, 1, 100)

@@ -285,7 +285,7 @@ def test_maximum_in_a_corner():
 def test_the_summit_of_a_noisy_map_is_the_highest_point_of_its_spline(shape):
     """Between the samples of noise the spline rises far above them; at the edges it has wider cells."""
     for seed in range(4):
-        surface = HeightMap.of(0.01 * np.random.default_rng(seed).normal(size=shape), 1.0)
+        surface = HeightMap.of(0.01 * np.random.default_rng(seed).normal(size=shape), (1.0, 1.0))
         x, y, z = surface.maximum()
         dense = surface._spline(*(np.linspace(0, 1, 40 * (n - 1) + 1) for n in shape[::-1]))
         assert dense.max() <= z * (1 + 1e-14) and z == pytest.approx(dense.max(), rel=1e-3)
@@ -479,7 +479,7 @@ def exact(x, y):
 
 
 def test_a_map_is_the_function_that_it_samples(smooth_map):
-    surface = HeightMap.of(smooth_map[2], 1.0)
+    surface = HeightMap.of(smooth_map[2], (1.0, 1.0))
     px, py = np.random.default_rng(3).uniform(0, 1, size=(2, 300))
     np.testing.assert_allclose(surface.height(px, py), exact(px, py), atol=1e-6)
     zx, zy = surface.gradient(px, py)
@@ -515,16 +515,17 @@ def bent(x: np.ndarray) -> np.ndarray:
     ("arrays", "options", "message"),
     [
         (lambda x, y, z: {"z": z}, {}, "surface.L is missing"),
-        (lambda x, y, z: {"z": z, "L": -1.0}, {}, "surface.L = -1.0"),
+        (lambda x, y, z: {"z": z[:, :33], "L": -1.0}, {}, "surface.L = -1.0"),
         (lambda x, y, z: {"z": z, "x": x, "y": y}, {"L": 2.0}, "disagrees with the side 1"),
-        (lambda x, y, z: {"h": z}, {}, "no array 'z'; it has h"),
+        (lambda x, y, z: {"h": z, "g": z}, {}, "no array 'z'; it has h, g: name the heights with --array"),
         (lambda x, y, z: {"z": z[:3], "L": 1.0}, {}, "at least 4 points"),
         (lambda x, y, z: {"z": z[0], "L": 1.0}, {}, "two dimensions"),
         (lambda x, y, z: {"z": np.where(z > 0.099, np.nan, z), "x": x, "y": y}, {}, "not finite"),
         (lambda x, y, z: {"z": z, "x": bent(x), "y": y}, {}, "x is not a regular grid"),
         (lambda x, y, z: {"z": z, "x": x, "y": 2 * y}, {}, "patch must be square"),
         (lambda x, y, z: {"z": z.T, "x": x, "y": y}, {}, r"expected \(len\(y\), len\(x\)\)"),
-        (lambda x, y, z: {"z": z, "L": 1.0}, {}, "patch must be square"),
+        (lambda x, y, z: {"z": z, "L": 1.0}, {}, "41 x 33 heights on a side L would have different distances"),
+        (lambda x, y, z: {"z": z, "L": [1.0, 2.0]}, {}, "patch must be square"),
         (lambda x, y, z: {"z": z, "x": x[::-1], "y": y}, {}, "rising sequence"),
         (lambda x, y, z: {"z": np.where(z == z.min(), -9999.0, z), "x": x, "y": y}, {}, "1 height.s. are not finite"),
     ],

@@ -13,6 +13,7 @@ import click
 
 from asperity.cli import options
 from asperity.errors import CompatError, InputError
+from asperity.runtime.text_table import DECIMALS
 from asperity.units import LENGTHS, quantity
 
 if TYPE_CHECKING:
@@ -46,17 +47,33 @@ LARGEST = 0.1  # side of a patch [m]
 SMOOTHEST = 1e-4  # rms slope; below it, heights and distances may have different units
 
 
+class Pixel(click.ParamType):
+    """A length, or those along x and y with a comma."""
+
+    name = "length"
+
+    def convert(
+        self, value: str, parameter: click.Parameter | None, context: click.Context | None
+    ) -> tuple[float, float]:
+        """Both lengths."""
+        try:
+            x, y = (float(part) for part in (value.split(",") * 2 if "," not in value else value.split(",")))
+        except ValueError:
+            self.fail(f"{value}: give a length in metres, or two as 1e-6,2e-6")
+        return x, y
+
+
 @click.command()
 @click.argument("map_file", metavar="MAP")
 @options.output("OUT", "Folder; default out/<name of the file>.")
-@click.option(
-    "--pixel", type=float, metavar="LENGTH", help="Distance between heights in metres, where the file has none."
-)
-@click.option(
-    "--unit",
-    type=click.Choice([name for name in LENGTHS if name.isascii()]),
-    help="Of lengths whose unit the file does not name; default m.",
-)
+@click.option("--pixel", type=Pixel(), metavar="LENGTH[,LENGTH]",
+              help="Distance between heights in metres, or those along x and y, where the file has none.")  # fmt: skip
+@click.option("--unit", metavar="UNIT",
+              help=f"Of lengths whose unit the file does not name: {', '.join(filter(str.isascii, LENGTHS))}, or a "
+              "number of metres; default m.")  # fmt: skip
+@click.option("--channel", metavar="NAME", help="Of the file of an instrument, or its number; default the heights.")
+@click.option("--array", metavar="NAME", help="Of the heights in an .npz file; default z, or the only map.")
+@click.option("--decimal", type=click.Choice(tuple(DECIMALS)), help="Of text in which 1,234 may be both.")
 @click.option("--missing", type=float, metavar="VALUE", help="Value in the file that stands for a missing height.")
 @click.option("--level", type=click.Choice(["mean", "plane", "curvature"]), default="plane", show_default=True,
               help="Trend to remove.")  # fmt: skip
@@ -82,7 +99,8 @@ def command(map_file: str, output: str | None, as_json: bool, **given: Any) -> N
     progress = Progress() if as_json else StepLines()
     folder = Path(output) if output else Path("out") / Path(map_file).stem
     scan = _scan(map_file, progress.stage, **given)
-    about = {"file": map_file, "side": scan.surface.L, "nodes": len(scan.patch.z), "level": given["level"]}
+    about: dict[str, Any] = {"file": map_file, "channel": scan.channel or None, "notes": scan.notes}
+    about |= {"side": scan.surface.L, "nodes": len(scan.patch.z), "level": given["level"]}
     about |= {
         "cutoff": scan.cutoff,
         "filled": scan.filled,
@@ -92,7 +110,8 @@ def command(map_file: str, output: str | None, as_json: bool, **given: Any) -> N
     for name, part in (("statistics", scan.statistics), ("self_affine", scan.affine), ("repeating_wave", scan.wave)):
         about[name] = None if part is None else asdict(part)
     with files_into(folder) as aside:  # whole, or not at all
-        scan.patch.save(aside / "patch.npz", left_out=scan.left_out)
+        origin = {name: about[name] for name in ("file", "channel", "level", "cutoff", "filled", "despike")}
+        scan.patch.save(aside / "patch.npz", left_out=scan.left_out, about=origin)
         progress.stage("figures")
         _draw(aside, scan)
         (aside / "measured.json").write_text(f"{json.dumps(about, indent=2)}\n", encoding="utf-8")
@@ -107,6 +126,8 @@ def command(map_file: str, output: str | None, as_json: bool, **given: Any) -> N
     if as_json:
         options.print_json(about)
         return
+    for sentence in scan.notes:
+        options.say(sentence)
     _show(map_file, scan)
     for sentence in _doubts(scan):
         options.say(sentence)
@@ -118,18 +139,23 @@ def command(map_file: str, output: str | None, as_json: bool, **given: Any) -> N
 
 
 def _scan(
-    map_file: str, stage: Callable[[str], None], *, pixel: float | None, unit: str | None, missing: float | None,
-    level: Trend, window: tuple[float, float, float] | None, despike: bool, cutoff: float | None,
+    map_file: str, stage: Callable[[str], None], *, pixel: tuple[float, float] | None, unit: str | None,
+    missing: float | None, channel: str | None, array: str | None, decimal: str | None, level: Trend,
+    window: tuple[float, float, float] | None, despike: bool, cutoff: float | None,
     tip_radius: float | None, shortest: float | None,
 ) -> _Scan:  # fmt: skip
     """Read, level, filter and cut a map; `stage` announces the parts, the others are the options of the command."""
-    from asperity.surface.height_map import MOST, HeightMap
+    from asperity.surface.height_map import HeightMap
     from asperity.surface.measured import HeightField
+    from asperity.surface.patch import MOST
 
     if tip_radius is not None and not tip_radius > 0:
         raise InputError(f"tip-radius = {tip_radius:g} is not a positive length")
     stage(f"read {map_file}")
-    whole = HeightField.read(map_file, pixel=pixel, unit=unit, missing=missing)
+    whole = HeightField.read(
+        map_file, pixel=pixel, unit=unit, missing=missing, channel=channel, array=array, decimal=decimal
+    )
+    named, notes = whole.channel, whole.notes
     zeros, filled = whole.odd_zeros(), whole.missing if window is None else whole.missing_in(*window)
     ny, nx = whole.z.shape
     if min(nx, ny) > MOST and window is None and cutoff is None:
@@ -162,8 +188,9 @@ def _scan(
     statistics = surface.statistics(min(len(patch.z), 1025))
     left_out = (reliable, *_left_out(surface, bare)) if limited else None
     return _Scan(
-        whole, cut, bare, patch, filled, zeros, cutoff, reliable, left_out, surface, statistics, spectrum, wave, affine
-    )
+        whole, cut, bare, patch, filled, zeros, cutoff, reliable, left_out, surface, statistics, spectrum, wave,
+        affine, named, notes,
+    )  # fmt: skip
 
 
 def _left_out(smooth: HeightMap, bare: HeightField) -> tuple[float, float]:
@@ -328,6 +355,7 @@ class _Scan:
         cutoff: of the filter [m], None without
         reliable: wavelength below which the map shows its instrument [m]
         left_out: see `HeightMap.left_out`; None unless the filter is that of the instrument
+        channel, notes: see `HeightField`
         statistics: of the surface; spectrum, repeating wave and self-affine equivalent are those of `bare`
     """
 
@@ -345,3 +373,5 @@ class _Scan:
     spectrum: Spectrum
     wave: Wave | None
     affine: SelfAffineFit | None
+    channel: str
+    notes: tuple[str, ...]

@@ -34,6 +34,7 @@ def summarise(case: Case, contact: ContactResult, ranks: int) -> dict[str, Any]:
         "peak_memory_MiB": round(contact.memory / 2**20, 1),
         "ranks": ranks,
         "seed": getattr(case.surface, "seed", None),
+        **({"scan": about} if (about := getattr(case.build_surface(), "about", None)) else {}),
         "case_hash": case.hash(),
         "versions": versions(),
     }

@@ -2,8 +2,13 @@
 
 from __future__ import annotations
 
+import logging
 import math
+import re
 import warnings
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager, redirect_stdout, suppress
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -12,6 +17,7 @@ import numpy as np
 from asperity.arrays import Array
 from asperity.errors import CompatError, InputError
 from asperity.runtime.files import UNREADABLE, one_line, read_npy, read_npz, real
+from asperity.runtime.text_table import DECIMALS
 from asperity.surface.text_map import read_text_map
 from asperity.units import LENGTHS
 
@@ -20,37 +26,106 @@ PLAIN = (".npz", ".npy", *TEXT)
 MARKS = (-32768.0, -2147483648.0, -9999.0, -99999.0)  # usual ones of missing heights
 OUTSIDE = 0.1  # distance of a mark from the nearest of the other heights, over their range
 REGULAR = 1e-6  # relative difference of steps that were rounded
+WIDEST = 1.0  # side of a map of an instrument that is believed [m]
+UNEQUAL = "{} x {} heights on a side L would have different distances along x and y"
+_HEIGHT = re.compile(r"height|topograph|h(ö|oe)he|zsensor|^z\b", re.IGNORECASE)
 MOST_READ = 400_000_000  # heights of a file, 3.2 GB; the largest instruments have 1e8
 
-Heights = tuple[Array, float | None, float | None]
+
+@dataclass(frozen=True, kw_only=True)
+class Reading:
+    """What a user knows of a file that the file may not say.
+
+    Attributes:
+        pixel: distances between heights along x and y [m]
+        unit: metres of one unit of the lengths whose unit the file does not name; default metres
+        missing: value that stands for a missing height, besides those of MARKS
+        channel: name, or number from 1, of the channel of an instrument's file
+        array: name of the heights in an .npz file
+        decimal: "point" or "comma"; default as found
+    """
+
+    pixel: tuple[float, float] | None = None
+    unit: float | None = None
+    missing: float | None = None
+    channel: str | None = None
+    array: str | None = None
+    decimal: str | None = None
 
 
-def read_heights(path: Path, unit: float = 1.0, missing: float | None = None) -> Heights:
-    """Heights (ny, nx), NaN where they are missing, and their distances along x and y, None without one [m].
+@dataclass(frozen=True, eq=False)
+class Heights:
+    """Heights of a file.
+
+    Attributes:
+        z: heights (ny, nx), index [iy, ix], NaN where they are missing [m]
+        dx, dy: distances along x and y, None without one [m]
+        tip_radius, resolution: of the instrument, 0 where unknown [m]
+        channel: of the file, or name of the array; empty where there is one only
+        notes: what was read and what was left, a sentence each
+    """
+
+    z: Array
+    dx: float | None
+    dy: float | None
+    tip_radius: float = 0.0
+    resolution: float = 0.0
+    channel: str = ""
+    notes: tuple[str, ...] = ()
+
+
+def metres_of(unit: str | None) -> float | None:
+    """Metres of one unit of length, given by its name or as a number; None stays.
+
+    Raises:
+        InputError: it is neither
+
+    Examples:
+        >>> metres_of("um"), metres_of("6e-8")
+        (1e-06, 6e-08)
+    """
+    if unit is None or unit in LENGTHS:
+        return None if unit is None else LENGTHS[unit]
+    with suppress(ValueError):
+        if 0.0 < (value := float(unit)) < math.inf:
+            return value
+    raise InputError(f"unit = {unit!r} is unknown; choose {', '.join(LENGTHS)}, or give the metres of one unit")
+
+
+def read_heights(path: Path, known: Reading = Reading()) -> Heights:  # immutable
+    """Read an array of NumPy, or text.
 
     Args:
-        path: .npz with z and with x and y, dx, or L, the extent along x; .npy with z; or text, see `text_map`
-        unit: of the lengths whose unit the file does not name [m]
-        missing: value in the file that stands for a missing height, besides those of MARKS
+        path: .npz with z and with x and y, dx and dy, or L, the extent along x and y; .npy with z; or text, see
+            `text_map`
+        known: what the file may not say
 
     Raises:
         InputError: the file is missing, of another type, damaged, or no regular map
     """
     if not path.is_file():
         raise InputError(f"{path}: there is no such file")
-    if path.suffix.lower() not in PLAIN:
+    kind = path.suffix.lower()
+    if kind not in PLAIN:
         raise InputError(
             f"{path}: files of type {path.suffix!r} are none of {', '.join(PLAIN)}; asperity import-map makes a "
             "surface of the files of instruments"
         )
+    if known.channel is not None or (known.array is not None and kind != ".npz"):
+        name = "--channel" if known.channel is not None else "--array"
+        raise InputError(f"{path}: {name} is for files of {'instruments' if name == '--channel' else 'type .npz'}")
+    unit = 1.0 if known.unit is None else known.unit
     try:
-        if path.suffix.lower() in TEXT:
-            return read_text_map(path, unit, lambda z: _without_marks(z, missing))
-        z, *steps = _read_arrays(path)
+        if kind in TEXT:
+            decimal = None if known.decimal is None else DECIMALS[known.decimal]
+            text = read_text_map(path, known.unit, lambda z: _without_marks(z, known.missing), known.pixel, decimal)
+            return Heights(text.z, text.dx, text.dy, notes=text.notes)
+        z, dx, dy, name = _read_arrays(path, known.array)
     except UNREADABLE as error:
         raise InputError(f"{path}: cannot be read as a height map ({one_line(error)})") from None
-    dx, dy = (None if step is None else unit * step for step in steps)
-    return unit * _without_marks(z, missing), dx, dy
+    dx, dy = (None if step is None else unit * step for step in (dx, dy))
+    notes = (f"the heights are the array {name!r}",) if name not in ("", "z") else ()
+    return Heights(unit * _without_marks(z, known.missing), dx, dy, channel=name if notes else "", notes=notes)
 
 
 def _without_marks(z: Array, missing: float | None) -> Array:
@@ -69,14 +144,13 @@ def _without_marks(z: Array, missing: float | None) -> Array:
     return z
 
 
-def _read_arrays(path: Path) -> Heights:
-    """Heights (ny, nx) and spacings of a file of NumPy (unit of the file)."""
+def _read_arrays(path: Path, wanted: str | None) -> tuple[Array, float | None, float | None, str]:
+    """Heights (ny, nx), spacings (unit of the file) and name of the array of a file of NumPy."""
     if path.suffix.lower() == ".npy":
-        return real(read_npy(path)), None, None
+        return real(read_npy(path)), None, None, ""
     data = read_npz(path)
-    if "z" not in data:
-        raise ValueError(f"no array 'z'; it has {', '.join(data) or 'none'}")
-    z = real(data["z"])
+    name = _named_array(data, wanted)
+    z = real(data[name])
     if "x" in data and "y" in data:
         x, y = real(data["x"]), real(data["y"])
         if x.ndim == y.ndim == 2:
@@ -85,13 +159,32 @@ def _read_arrays(path: Path) -> Heights:
             x, y = x[0], y[:, 0]
         if z.shape != (y.size, x.size):
             raise ValueError(f"z has shape {z.shape}, expected (len(y), len(x)) = ({y.size}, {x.size})")
-        return z, _step("x", x), _step("y", y)
+        return z, _step("x", x), _step("y", y), name
     if "dx" in data:
-        return z, float(data["dx"]), float(data["dy"] if "dy" in data else data["dx"])
+        return z, float(data["dx"]), float(data["dy"] if "dy" in data else data["dx"]), name
     if "L" in data:
-        step = float(data["L"]) / max(z.shape[-1] - 1, 1)
-        return z, step, step
-    return z, None, None
+        sides, (ny, nx) = real(data["L"]).ravel(), z.shape if z.ndim == 2 else (1, z.shape[-1])
+        if sides.size == 1 and nx != ny and min(nx, ny) > 3:
+            raise ValueError(f"{UNEQUAL.format(nx, ny)}: write dx and dy, or both sides as L = [Lx, Ly]")
+        if not 0 < sides.size < 3:
+            raise ValueError("L must be the side of the patch, or its two sides")
+        dx, dy = float(sides[0]) / max(nx - 1, 1), float(sides[-1]) / max(ny - 1, 1)
+        return z, dx, dy, name
+    return z, None, None, name
+
+
+def _named_array(data: Mapping[str, Any], wanted: str | None) -> str:
+    """Name of the heights among the arrays of a file: that which is wanted, z, or the only map."""
+    maps = [name for name, array in data.items() if np.ndim(array) == 2 and name not in ("x", "y")]
+    if wanted is not None:
+        if wanted not in data:
+            raise ValueError(f"no array {wanted!r}; it has {', '.join(data) or 'none'}")
+        return wanted
+    if "z" in data:
+        return "z"
+    if len(maps) == 1:
+        return maps[0]
+    raise ValueError(f"no array 'z'; it has {', '.join(data) or 'none'}: name the heights with --array")
 
 
 def _step(name: str, values: Array) -> float:
@@ -106,62 +199,114 @@ def _step(name: str, values: Array) -> float:
     return float(np.mean(steps))
 
 
-def read_instrument(path: Path, pixel: float | None, unit: str | None) -> tuple[Array, float, float, float, float]:
-    """Heights, their distances, tip radius and resolution, 0 where unknown, by SurfaceTopography [m].
-
-    Args:
-        path: the file
-        pixel: distance between heights, for a file that does not contain it [m]
-        unit: of its lengths, where it does not name it
+def read_instrument(path: Path, known: Reading) -> Heights:
+    """Read the file of an instrument by SurfaceTopography.
 
     Raises:
-        InputError: the file cannot be read as a map, or lacks pixel or unit
+        InputError: the file cannot be read as a map, lacks pixel or unit, or has no such channel
         CompatError: SurfaceTopography is not installed
     """
     try:
         import SurfaceTopography  # type: ignore[import-not-found, import-untyped, unused-ignore]
     except ImportError:
         raise CompatError(
-            f"{path}: files of type {path.suffix!r} need the package SurfaceTopography: pip install SurfaceTopography"
+            f"{path}: files of type {path.suffix!r} need the package SurfaceTopography: pip install 'asperity[scan]'"
         ) from None
     from SurfaceTopography.Exceptions import (  # type: ignore[import-not-found, import-untyped, unused-ignore]
         CannotDetectFileFormat,
-        ReadFileError,
     )
 
+    reader = None
     try:
-        with warnings.catch_warnings():
+        with warnings.catch_warnings(), redirect_stdout(None), _silent_log():
             warnings.simplefilter("ignore")
-            channel = (reader := SurfaceTopography.open_topography(str(path))).default_channel
-            _check_plausible(path, reader, channel)
-            sizes: dict[str, Any] = {}
-            if channel.physical_sizes is None:
-                if pixel is None:
-                    raise InputError(
-                        f"{path} contains heights without lengths, as {_seen_as(reader, channel)}; if they are a map, "
-                        "give the distance between heights (--pixel)"
-                    )
-                sizes = {"physical_sizes": tuple(n * pixel for n in channel.nb_grid_pts), "unit": "m"}
-            topography = reader.topography(**sizes)
+            reader = SurfaceTopography.open_topography(str(path))
+            return _of_reader(path, reader, known)
+    except (InputError, CompatError):
+        raise
     except CannotDetectFileFormat:
         raise InputError(f"{path} is in none of the formats that SurfaceTopography reads, or damaged") from None
-    except (ReadFileError, ValueError, OSError) as error:
-        raise InputError(f"{path}: cannot be read as a height map ({one_line(error)})") from None
+    except Exception as error:  # readers of forty formats raise what they like
+        who = "SurfaceTopography" if reader is None else f"{type(reader).__name__} of SurfaceTopography"
+        raise InputError(f"{path}: cannot be read as a height map by {who} ({one_line(error)})") from None
+
+
+@contextmanager
+def _silent_log() -> Iterator[None]:
+    """Nothing of what other packages log."""
+    before = logging.root.manager.disable
+    logging.disable(logging.CRITICAL)
+    try:
+        yield
+    finally:
+        logging.disable(before)
+
+
+def _of_reader(path: Path, reader: Any, known: Reading) -> Heights:
+    """Heights of a channel of a file."""
+    channels = list(reader.channels)
+    if not channels:
+        raise InputError(f"{path}: {type(reader).__name__} of SurfaceTopography finds no channel with heights in it")
+    channel, notes = _channel(path, reader, channels, known.channel)
+    _check_plausible(path, reader, channel)
+    sizes: dict[str, Any] = {}
+    if channel.physical_sizes is None:
+        if known.pixel is None:
+            raise InputError(
+                f"{path} contains heights without lengths, as {_seen_as(reader, channel)}; if they are a map, "
+                "give the distance between heights (--pixel)"
+            )
+        sizes = {
+            "physical_sizes": tuple(n * step for n, step in zip(channel.nb_grid_pts, known.pixel, strict=True)),
+            "unit": "m",
+        }
+    topography = reader.topography(channel_index=channel.index, **sizes)
     if topography.dim != 2 or not topography.is_uniform:
         raise InputError(f"{path} holds a line scan; contact needs a map of heights")
-    if topography.unit is None and unit is None:
+    if topography.unit is None and known.unit is None:
         raise InputError(f"{path} does not give the unit of its lengths: give it (--unit)")
     in_metres, factor = (
-        (topography, LENGTHS[unit]) if topography.unit is None and unit else (topography.to_unit("m"), 1.0)
+        (topography, known.unit) if topography.unit is None and known.unit else (topography.to_unit("m"), 1.0)
     )
     dx, dy = (factor * float(p) for p in in_metres.pixel_size)
+    side = max(dx * topography.nb_grid_pts[0], dy * topography.nb_grid_pts[1])
+    if not 0.0 < side < WIDEST:
+        raise InputError(
+            f"{path} is read as {_seen_as(reader, channel)}, {side:.3g} m wide: the reader mistakes its unit or its "
+            "format; export the map as .npz, .gwy or text"
+        )
     z = np.ma.filled(np.ma.masked_invalid(np.ma.asarray(in_metres.heights(), dtype=float)), np.nan)
     limits = (topography.info.get("instrument") or {}).get("parameters") or {}
     tip, resolution = (
         float(given["value"]) * LENGTHS[given["unit"]] if (given := limits.get(name)) else 0.0
         for name in ("tip_radius", "resolution")
     )
-    return factor * np.asarray(z).T, dx, dy, tip, resolution  # its first index is x
+    name = _printable(channel.name) if len(channels) > 1 else ""
+    return Heights(factor * np.asarray(z).T, dx, dy, tip, resolution, name, notes)  # its first index is x
+
+
+def _channel(path: Path, reader: Any, channels: list[Any], wanted: str | None) -> tuple[Any, tuple[str, ...]]:
+    """Channel with the heights, and a sentence where there are several."""
+    names = [_printable(channel.name) for channel in channels]
+    listed = ", ".join(map(repr, names))
+    if wanted is not None:
+        found = [channel for channel, name in zip(channels, names, strict=True) if name == wanted]
+        if not found and wanted.isdecimal() and 0 < int(wanted) <= len(channels):
+            found = [channels[int(wanted) - 1]]
+        if not found:
+            raise InputError(f"{path} has no channel {wanted!r}: choose {listed}, or a number from 1")
+        return found[0], (f"channel {_printable(found[0].name)!r} of {listed}",)
+    channel = reader.default_channel
+    if len(channels) == 1:
+        return channel, ()
+    if not _HEIGHT.search(str(channel.name)):
+        better = [one for one in channels if _HEIGHT.search(str(one.name)) and one.dim == 2]
+        channel = better[0] if better else channel
+    return channel, (f"channel {_printable(channel.name)!r} of {listed}: --channel chooses another",)
+
+
+def _printable(name: Any) -> str:
+    return "".join(c for c in str(name) if c.isprintable())
 
 
 def _check_plausible(path: Path, reader: Any, channel: Any) -> None:
@@ -176,5 +321,4 @@ def _check_plausible(path: Path, reader: Any, channel: Any) -> None:
 def _seen_as(reader: Any, channel: Any) -> str:
     """Format, channel and grid that SurfaceTopography found, for messages."""
     grid = " x ".join(str(int(n)) for n in channel.nb_grid_pts)
-    name = "".join(c for c in str(channel.name) if c.isprintable())
-    return f"channel {name!r} of {grid} heights by {type(reader).__name__} of SurfaceTopography"
+    return f"channel {_printable(channel.name)!r} of {grid} heights by {type(reader).__name__} of SurfaceTopography"

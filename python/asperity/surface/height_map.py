@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 import itertools
+import json
 import math
+import warnings
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
@@ -13,10 +16,11 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from asperity.arrays import Array
-from asperity.errors import InputError
-from asperity.surface.base import Surface, check, check_positive, nodes, short_wave_share
+from asperity.runtime.files import UNREADABLE
+from asperity.surface.base import Surface, SurfaceWarning, check, check_positive, nodes, short_wave_share
 from asperity.surface.height_files import read_heights
 from asperity.surface.maximum import global_maximum
+from asperity.surface.patch import ROUNDED, as_patch, check_heights, check_square
 from asperity.surface.scale_space import Heights, ScaleSpace, gaussian_filtered, spline_gain, spline_heights
 from asperity.surface.spline import DEGREE, interpolate, spline_rms, with_middles
 from asperity.surface.statistics import SurfaceStatistics
@@ -29,10 +33,7 @@ _FIRST = 0.225  # width that the levels of smoothed maps start from, over the di
 _SPACING = 0.5  # distance of the heights of a smoothed map over its width
 _RINGS = 0.75  # width below which the spline of smoothed heights overshoots at steps, over the distance of the heights
 _TREND = 8  # degree of the polynomial trend removed before the waves are separated by length
-_ROUNDED = 1e-6  # relative difference of sides that were rounded
 _SAME = 1e-6  # greatest difference of opposite edges of a periodic map, over the range of heights
-MOST = 6000  # heights along a side: beyond it the spline and its derivatives need more than 6 GiB
-DEEPEST, FARTHEST = 10.0, 1e6  # greatest plausible peak-to-valley height and distance of heights from zero [L]
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -71,52 +72,34 @@ class HeightMap(Surface):
         check(isinstance(self.path, (str, Path)), "path", self.path, "the name of a file")
         if self.L is not None:
             check_positive("L", self.L)
-        z, dx, dy = read_heights(Path(self.path))
-        _check_heights(z, f"{self.path}: ")
-        if max(z.shape) > MOST:
-            raise InputError(
-                f"{self.path}: {z.shape[1]} x {z.shape[0]} heights are more than the {MOST} x {MOST} of a surface; cut "
-                "a window, or filter the map and keep fewer (asperity import-map --window or --cutoff)."
-            )
-        L = self.L
-        if dx is not None and dy is not None:
-            L, other = dx * (z.shape[1] - 1), dy * (z.shape[0] - 1)
-            check_positive("L", L)
-            if not np.isclose(L, other, rtol=_ROUNDED):
-                raise InputError(f"{self.path}: the patch must be square, not {L:g} x {other:g}; import-map cuts one.")
-            if self.L is not None and not np.isclose(L, self.L, rtol=_ROUNDED):
-                raise InputError(
-                    f"surface.L = {self.L:g} disagrees with the side {L:g} found in {self.path}; leave surface.L out "
-                    "or correct it."
-                )
-        if L is None:
-            raise InputError(f"surface.L is missing: {self.path} holds no lengths; give it, or use import-map.")
-        depth, level = float(z.max() / L - z.min() / L), float(np.abs(z).max() / L)
-        if not (depth <= DEEPEST and level <= FARTHEST):
-            raise InputError(
-                f"{self.path}: heights from {z.min():.3g} to {z.max():.3g} on a patch of side {L:.3g} are not "
-                "plausible; give heights and surface.L in the same unit (m)."
-            )
+        read = read_heights(Path(self.path))
+        for note in read.notes:
+            warnings.warn(f"{self.path}: {note}", SurfaceWarning, stacklevel=3)
+        z, L = as_patch(read, self.L, f"{self.path}: ")
         z.flags.writeable = False
         object.__setattr__(self, "L", float(L))
         object.__setattr__(self, "_z", z)
 
     @classmethod
-    def of(cls, z: Array, L: float) -> HeightMap:
+    def of(cls, z: Array, L: float | tuple[float, float]) -> HeightMap:
         """Map of heights that are in no file.
 
         Args:
             z: finite heights (ny, nx), index [iy, ix], the outer ones on the edges of the patch (length)
-            L: side of the patch (length)
+            L: side of the patch, or its two equal sides along x and y, which heights in unequal distances need (length)
 
         Raises:
             InputError: another shape, a height that is not finite, or an illegal side
         """
         z = np.asarray(z, dtype=float)
-        _check_heights(z)
-        check_positive("L", L)
+        check_heights(z)
+        if not isinstance(L, tuple):
+            check_square(z)
+        side, other = L if isinstance(L, tuple) else (L, L)
+        check_positive("L", side)
+        check(math.isclose(side, other, rel_tol=ROUNDED), "L", L, "two equal sides")
         surface = object.__new__(cls)
-        for name, value in {"path": "", "L": float(L), "_z": z}.items():
+        for name, value in {"path": "", "L": float(side), "_z": z}.items():
             object.__setattr__(surface, name, value)
         return surface
 
@@ -132,6 +115,16 @@ class HeightMap(Surface):
         with np.load(self.path, allow_pickle=False) as file:  # reads this array only
             found = file["left_out"] if "left_out" in file else None
         return None if found is None else (float(found[0]), float(found[1]), float(found[2]))
+
+    @cached_property
+    def about(self) -> dict[str, Any]:
+        """How `asperity import-map` has read the map: file, channel, treatment; empty for other maps."""
+        if Path(self.path).suffix.lower() != ".npz":
+            return {}
+        with suppress(*UNREADABLE), np.load(self.path, allow_pickle=False) as file:
+            found = json.loads(bytes(file["about"]))
+            return found if isinstance(found, dict) else {}
+        return {}
 
     @property
     def heights(self) -> Array:
@@ -245,7 +238,7 @@ class HeightMap(Surface):
     def _dense(self) -> HeightMap:
         """Map of heights twice as dense."""
         ny, nx = self.heights.shape
-        return self.of(self.on_product(nodes(self.L, 2 * nx - 1), nodes(self.L, 2 * ny - 1)), self.L)
+        return self.of(self.on_product(nodes(self.L, 2 * nx - 1), nodes(self.L, 2 * ny - 1)), (self.L, self.L))
 
     def _limited_level(self, s: float) -> Heights:
         """Smoothed heights, see :meth:`_level`; a spline of little smoothed samples would ring as without limits."""
@@ -363,7 +356,7 @@ class HeightMap(Surface):
 
     def cut_off(self, wavelength: float) -> HeightMap:
         """Map after a Gaussian filter with 50 % transmission at a wavelength (length)."""
-        return self.of(gaussian_filtered(self.heights, (self.L, self.L), wavelength), self.L)
+        return self.of(gaussian_filtered(self.heights, sides := (self.L, self.L), wavelength), sides)
 
     def curvature_bound(self) -> float:
         """Bound of the Hessian (1/length) from the convex hull of the spline coefficients."""
@@ -384,16 +377,3 @@ class HeightMap(Surface):
     def _maximum(self) -> tuple[float, float, float]:
         x, y = (with_middles(np.unique(t)) for t in self._spline.get_knots())
         return global_maximum(self, (x, y))
-
-
-def _check_heights(z: Array, where: str = "") -> None:
-    if z.ndim != 2 or min(z.shape) <= DEGREE:
-        raise InputError(
-            f"{where}heights have shape {z.shape}; a map needs two dimensions of at least {DEGREE + 1} points"
-        )
-    bad = np.argwhere(~np.isfinite(z))
-    if len(bad):
-        raise InputError(
-            f"{where}{len(bad)} height(s) are not finite, the first at row {bad[0][0]}, column "
-            f"{bad[0][1]}; asperity import-map fills gaps."
-        )

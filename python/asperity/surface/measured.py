@@ -6,25 +6,26 @@ field.window(5e-6, 5e-6, 20e-6).save("patch.npz")          # kind = "file", path
 
 from __future__ import annotations
 
+import json
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from importlib.util import find_spec
 from pathlib import Path
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
 from asperity.arrays import Array
 from asperity.errors import InputError
-from asperity.runtime.files import UNREADABLE, npz_bytes, replace_file
-from asperity.surface.height_files import PLAIN, TEXT, read_heights, read_instrument
-from asperity.surface.height_map import DEEPEST
+from asperity.runtime.files import npz_bytes, replace_file
+from asperity.runtime.text_table import DECIMALS
+from asperity.surface.gaps import harmonic_fill
+from asperity.surface.height_files import PLAIN, TEXT, Heights, Reading, metres_of, read_heights, read_instrument
+from asperity.surface.patch import DEEPEST
 from asperity.surface.scale_space import gaussian_filtered
 from asperity.surface.spikes import without_spikes
-from asperity.units import LENGTHS
 
 Trend = Literal["mean", "plane", "curvature"]
 
@@ -32,7 +33,6 @@ FEW_ZEROS, ODD = 5e-4, 10.0  # share of zeros that is noticed, and over that of 
 SAME_PIXEL = 1e-3  # relative difference of lengths that were rounded
 MOST_MISSING = 0.2  # share of heights that may be filled; more would be guesswork
 FLAT = 1e-12  # depth over the side below which a map is flat: that of round-off
-MOST_FACTORED = 400_000  # missing heights that are filled by a factorisation, others by iteration
 PASSES = 3  # of the search for spikes: what is left of a broad one stands out of what the last pass has filled
 SHARPEST = 0.5  # curvature of a summit times the tip radius from which the tip shows (Sanner et al.)
 STEEPEST = 30.0  # greatest plausible rms slope
@@ -62,6 +62,8 @@ class HeightField:
         z: heights (ny, nx), index [iy, ix] (length); NaN where the instrument measured nothing
         dx, dy: distance between neighbouring nodes (length)
         tip_radius, resolution: of the instrument (length), 0 where unknown
+        channel: of the file, empty where it has one
+        notes: how the file was read, a sentence each
     """
 
     z: Array
@@ -69,6 +71,8 @@ class HeightField:
     dy: float
     tip_radius: float = 0.0
     resolution: float = 0.0
+    channel: str = ""
+    notes: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         z = np.array(self.z, dtype=float)
@@ -110,7 +114,14 @@ class HeightField:
 
     @staticmethod
     def read(
-        path: str | Path, *, pixel: float | None = None, unit: str | None = None, missing: float | None = None
+        path: str | Path,
+        *,
+        pixel: float | tuple[float, float] | None = None,
+        unit: str | None = None,
+        missing: float | None = None,
+        channel: str | None = None,
+        array: str | None = None,
+        decimal: str | None = None,
     ) -> HeightField:
         """Read a file of heights.
 
@@ -119,24 +130,34 @@ class HeightField:
 
         Args:
             path: the file
-            pixel: distance between heights (m), for files that do not contain it
-            unit: of lengths whose unit the file does not name, a key of `units.LENGTHS`; default metres
+            pixel: distance between heights (m), or that along x and along y, for files that do not contain it
+            unit: of lengths whose unit the file does not name, a key of `units.LENGTHS`, or the metres of one unit as
+                a number; default metres
             missing: value in the file that stands for a missing height, besides the usual ones
+            channel: name, or number from 1, of the channel of an instrument's file; default that of the heights
+            array: name of the heights in an .npz file; default z, or the only map
+            decimal: "point" or "comma", for text in which 1,234 may be both
 
         Raises:
             InputError: the file cannot be read, it has no lengths and `pixel` is missing, or others than `pixel`
             CompatError: the file requires SurfaceTopography, which is not installed
         """
         path = Path(path)
-        if unit is not None and unit not in LENGTHS:
-            raise InputError(f"unit = {unit!r} is unknown; choose {', '.join(LENGTHS)}")
-        z, dx, dy, *limits = _read(path, pixel, unit, missing)
-        if pixel is not None:
-            _check_pixel(path, pixel, dx, dy)
-            dx, dy = (pixel, pixel) if dx is None or dy is None else (dx, dy)
+        both = (pixel, pixel) if isinstance(pixel, (int, float)) else pixel
+        if decimal not in (None, *DECIMALS):
+            raise InputError(f"decimal = {decimal!r} is unknown; choose {', '.join(DECIMALS)}")
+        known = Reading(
+            pixel=both, unit=metres_of(unit), missing=missing, channel=channel, array=array, decimal=decimal
+        )  # fmt: skip
+        read = _read(path, known)
+        dx, dy = read.dx, read.dy
+        if both is not None:
+            for name, own, given in (("dx", dx, both[0]), ("dy", dy, both[1])):
+                _check_pixel(path, name, own, given)
+            dx, dy = both[0] if dx is None else dx, both[1] if dy is None else dy
         if dx is None or dy is None:
             raise InputError(f"{path} contains heights without lengths; give the distance between heights (--pixel)")
-        return HeightField(z, dx, dy, *limits)
+        return HeightField(read.z, dx, dy, read.tip_radius, read.resolution, read.channel, read.notes)
 
     def reliable(self, tip_radius: float | None = None) -> float:
         """Wavelength (length) below which the map shows its instrument, 0 where all waves are reliable.
@@ -182,7 +203,7 @@ class HeightField:
                 f"{share:.0%} of the heights are missing, at most {MOST_MISSING:.0%} can be filled; "
                 "choose a window with fewer gaps"
             )
-        return replace(self, z=_harmonic_fill(self.z, np.isnan(self.z)))
+        return replace(self, z=harmonic_fill(self.z, np.isnan(self.z)))
 
     def despiked(self) -> HeightField:
         """Fill spikes, and the nodes next to them, as missing heights; see `spikes.without_spikes`."""
@@ -274,12 +295,15 @@ class HeightField:
             f"{slope:.2g}, are not plausible: {guess if slope * factor < 10 else ''}give all lengths in one unit"
         )
 
-    def save(self, path: str | Path, left_out: Sequence[float] | None = None) -> Path:
+    def save(
+        self, path: str | Path, left_out: Sequence[float] | None = None, about: Mapping[str, Any] | None = None
+    ) -> Path:
         """Write the square patch as .npz with z and L, for kind = "file" in a case; return the path.
 
         Args:
             path: the file
             left_out: see `HeightMap.left_out`
+            about: see `HeightMap.about`
 
         Raises:
             InputError: the patch is not square, or heights are missing
@@ -289,7 +313,11 @@ class HeightField:
         if not math.isclose(width, depth, rel_tol=1e-9):
             raise InputError(f"the map of {width:g} x {depth:g} is not square; cut a window first")
         path = Path(path).with_suffix(".npz")
-        arrays = {"z": self.z, "L": np.array(width)} | ({} if left_out is None else {"left_out": np.array(left_out)})
+        arrays: dict[str, Array] = {"z": self.z, "L": np.array(width)}
+        if left_out is not None:
+            arrays["left_out"] = np.array(left_out)
+        if about is not None:
+            arrays["about"] = np.frombuffer(json.dumps(about).encode(), dtype=np.uint8)
         replace_file(path, npz_bytes(arrays, compress=True))
         return path
 
@@ -298,30 +326,27 @@ class HeightField:
             raise InputError(f"{self.missing:.2%} of the heights are missing; fill them before the map is {what}")
 
 
-def _read(
-    path: Path, pixel: float | None, unit: str | None, missing: float | None
-) -> tuple[Array, float | None, float | None, float, float]:
-    """Heights, their distances, tip radius and resolution; see `HeightField.read` and `read_instrument`."""
+def _read(path: Path, known: Reading) -> Heights:
+    """Heights of a file, of text perhaps by the readers of instruments."""
     kind = path.suffix.lower()
     if path.is_file() and kind not in PLAIN:
-        return read_instrument(path, pixel, unit)
+        return read_instrument(path, known)
     try:
-        return *read_heights(path, 1.0 if unit is None else LENGTHS[unit], missing), 0.0, 0.0
+        return read_heights(path, known)
     except InputError:
-        if kind in TEXT and find_spec("SurfaceTopography") is not None:  # perhaps of an instrument
-            with suppress(InputError, *UNREADABLE):
-                return read_instrument(path, pixel, unit)
+        if kind in TEXT and find_spec("SurfaceTopography") is not None:  # perhaps of an instrument, with all lengths
+            with suppress(InputError):
+                return read_instrument(path, Reading(channel=known.channel))
         raise
 
 
-def _check_pixel(path: Path, pixel: float, dx: float | None, dy: float | None) -> None:
+def _check_pixel(path: Path, name: str, own: float | None, given: float) -> None:
     """Refuse a distance between heights that is not that of the file (length)."""
-    for name, own in (("dx", dx), ("dy", dy)):
-        if own is not None and not math.isclose(own, pixel, rel_tol=SAME_PIXEL):
-            raise InputError(
-                f"{path} has lengths of its own, {name} = {own:.6g} between heights, not {pixel:g}: leave out --pixel, "
-                "or correct the file"
-            )
+    if own is not None and not math.isclose(own, given, rel_tol=SAME_PIXEL):
+        raise InputError(
+            f"{path} has lengths of its own, {name} = {own:.6g} between heights, not {given:g}: leave out --pixel, "
+            "or correct the file"
+        )
 
 
 def _reliable_wavelength(z: Array, dx: float, dy: float, tip_radius: float) -> float:
@@ -367,34 +392,3 @@ def _trend(z: Array, trend: str) -> Array:
         matrix, [right[j, i] for i, j in powers], rcond=None
     )[0]
     return middle + np.asarray(y[:, :3] @ coefficients @ x[:, :3].T)
-
-
-def _harmonic_fill(z: Array, gaps: NDArray[np.bool_]) -> Array:
-    """Heights (ny, nx) in which each missing value is the mean of its neighbours on the grid (length)."""
-    from scipy.sparse import coo_matrix
-    from scipy.sparse.linalg import cg, spsolve
-
-    number = np.full(z.shape, -1)
-    number[gaps] = np.arange(gaps.sum())
-    numbers, heights = np.pad(number, 1, constant_values=-2), np.pad(z, 1)  # -1: known, -2: beyond the edge
-    iy, ix = np.nonzero(np.pad(gaps, 1))
-    me = numbers[iy, ix]
-    diagonal, right = np.zeros(me.size), np.zeros(me.size)
-    rows, columns = [], []
-    for place in ((iy, ix + 1), (iy, ix - 1), (iy + 1, ix), (iy - 1, ix)):
-        other = numbers[place]
-        diagonal += other != -2
-        right += np.where(other == -1, heights[place], 0.0)
-        rows.append(me[other >= 0])
-        columns.append(other[other >= 0])
-    i, j = np.concatenate(rows), np.concatenate(columns)
-    matrix = coo_matrix((-np.ones(i.size), (i, j)), shape=(me.size, me.size)).tocsr()
-    matrix.setdiag(diagonal)
-    full = np.array(z)
-    if me.size <= MOST_FACTORED:
-        full[gaps] = spsolve(matrix.tocsc(), right)
-    else:  # a factor of so many would not fit into memory
-        middle = float(np.mean(z[~gaps]))
-        rise, _ = cg(matrix, right - matrix @ np.full(me.size, middle), rtol=1e-4, maxiter=1000)
-        full[gaps] = middle + rise
-    return full

@@ -1,184 +1,249 @@
-"""Height maps in text files: matrices, points x, y, z, and grids with a header, with any usual separator."""
+"""Height maps in text files: matrices, with or without coordinates, points x, y, z, and grids with a header."""
 
 from __future__ import annotations
 
 import re
 from collections.abc import Callable
-from contextlib import suppress
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
 from asperity.arrays import Array
-from asperity.units import LENGTHS
+from asperity.runtime.text_table import SEPARATORS, TextTable
+from asperity.surface.text_header import Header, length_unit, read_header
 
-SEPARATORS = {";": "semicolons", "\t": "tabs", ",": "commas", None: "white space"}
-BLANK = frozenset(
-    {"", "nan", "na", "n/a", "null", "none", "bad", "---", "--", "-", "*", "***", "missing", "inf", "-inf"}
-)
 OFF_GRID = 0.1  # greatest distance of a point from its place on the grid, over the step; coordinates are rounded
+STRAIGHT = 0.02  # the same for coordinates in the first row or column of a matrix
 SPARSE = 2.0  # places on a grid over those with points, beyond which it is none
 LEAST = 8  # rows of a map
-_NUMBER = re.compile(r"[-+]?(\d+[.,]?\d*|[.,]\d+)([eEdD][-+]?\d+)?")
-_SIZE = {*"cellsize xcellsize ycellsize dx dy width height nodata nodata_value".split()}  # keys of headers
+FILLED = 100  # places on a grid over its points
+_SCALE = re.compile(r"unit|einheit|fa[ck]tor|scal|skal|[ck]alib|conver|[\[(][nuµm]?m[\])]", re.IGNORECASE)
+_FEW = 5  # rows that are compared with the first one
 
-TextMap = tuple[Array, float | None, float | None]
+
+@dataclass(frozen=True, eq=False)
+class TextMap:
+    """Heights of a text file.
+
+    Attributes:
+        z: heights (ny, nx), NaN where they are missing [m]
+        dx, dy: distances between them [m], None without one
+        notes: what was read other than heights, a sentence each
+    """
+
+    z: Array
+    dx: float | None
+    dy: float | None
+    notes: tuple[str, ...] = ()
 
 
-def read_text_map(path: Path, unit: float, clean: Callable[[Array], Array]) -> TextMap:
-    """Heights (ny, nx), NaN where they are missing, and the distances between them, None without one [m].
+def read_text_map(
+    path: Path,
+    unit: float | None,
+    clean: Callable[[Array], Array],
+    pixel: tuple[float, float] | None = None,
+    decimal: str | None = None,
+) -> TextMap:
+    """Read a map.
 
     Args:
         path: the file
-        unit: of the lengths whose unit the file does not name [m]
+        unit: of the lengths whose unit the file does not name [m]; default metres
         clean: puts NaN in place of heights that mark missing ones (unit of the file)
+        pixel: distances between heights that are known [m]; with the unit, lines of the header that are not understood
+            do not matter
+        decimal: "." or ","; default as found
 
     Raises:
-        ValueError: it holds no map; the message names separator and row, and says what to give
+        ValueError: it holds no map, or its header or its numbers can be read in several ways; the message says what to
+            give
     """
-    lines = _decoded(path.read_bytes()).rstrip().splitlines()
-    first, separator, decimal = _start(lines)
-    header = lines[:first]
-    table = _numbers(lines[first:], first, separator, decimal)
-    keys = _keys(header)
-    if "nodata" in keys:
-        table[table == keys["nodata"][0]] = np.nan
+    text = TextTable.read(path, 2, decimal)
+    table = _table(text)
+    lines, names = text.header, []
+    if lines and lines[-1][0] == _last_filled(text) and len(last := text.cells(lines[-1][1])) == table.shape[1]:
+        lines, names = lines[:-1], last
+    if table.shape[1] == 4 and names and names[0] == "" and _progression(table[:, 0]) is not None:
+        table, names = table[:, 1:], names[1:]  # the index of a data frame
+    if table.shape[1] == 3 and "".join(names[1:]).lower()[:1] == "x" and "y" not in "".join(names).lower():
+        table = table[:, 1:]
+    if table.shape[1] == 2:
+        raise ValueError(
+            f"{len(table)} lines of two numbers are a profile, not a map: contact presses areas; measure a map, or "
+            "write the profile as a map of ridges, in eight equal rows (--pixel gives the distance of its points)"
+        )
     if table.shape[1] == 3:
-        return _of_points(table, header, unit, clean)
+        return _of_points(table, lines, names, unit, clean)
+    table, dy, dx, notes = _coordinates(table)
     if min(table.shape) < LEAST:
         raise ValueError(
-            f"{table.shape[0]} rows of {table.shape[1]} cells separated by {SEPARATORS[separator]}, from row "
-            f"{first + 1} on, are no map: give at least {LEAST} x {LEAST} heights, or lines of x, y, z"
+            f"{table.shape[0]} rows of {table.shape[1]} cells separated by {SEPARATORS[text.separator]}, from row "
+            f"{text.first + 1} on, are no map: give at least {LEAST} x {LEAST} heights, or lines of x, y, z"
         )
-    units = [LENGTHS[name] for line in header if (name := _unit_after(line))]
-    return clean(table) * (units[0] if units else unit), *_steps(keys, table.shape, unit)
+    usual = 1.0 if unit is None else unit
+    header = read_header(lines, (table.shape[0], table.shape[1]), usual)
+    _ask(header, unit, pixel)
+    for value in header.nodata:
+        table[table == value] = np.nan
+    height = usual if header.height is None else header.height
+    steps = _own_steps(header, dx, dy, usual, pixel)
+    return TextMap(height * clean(table), *steps, (*notes, *_said(header)))
 
 
-def _numbers(lines: list[str], first: int, separator: str | None, decimal: str) -> Array:
-    """Table of the rows, which begin after `first` lines; NaN for blank cells."""
-    if decimal == ".":
-        with suppress(ValueError):  # another line shows what is wrong, or blank
-            return np.loadtxt(lines, delimiter=separator, ndmin=2, dtype=float)
-    rows = [
-        (i, _cells(line, separator)) for i, line in enumerate(lines, first + 1) if line.strip() and not _comment(line)
-    ]
-    if separator is not None and not any(row[-1] for _, row in rows):  # one ends each row
-        rows = [(i, row[:-1]) for i, row in rows]
-    width = int(np.bincount([len(row) for _, row in rows]).argmax())
-    for i, row in rows:
-        if len(row) != width:
-            raise ValueError(
-                f"row {i} has {len(row)} cells separated by {SEPARATORS[separator]}, others have {width}: write one "
-                "row of the map, or one point x, y, z, in each line"
-            )
-    return np.array([[_value(cell, decimal, i, separator) for cell in row] for i, row in rows])
-
-
-def _decoded(raw: bytes) -> str:
-    if raw[:2] in (b"\xff\xfe", b"\xfe\xff"):
-        return raw.decode("utf-16", errors="replace")
-    if b"\0" in raw[:4096]:
-        raise ValueError("it is no text")
+def _table(text: TextTable) -> Array:
+    """All numbers; the first row and column may be coordinates, with a word in their corner."""
     try:
-        return raw.decode("utf-8-sig")
-    except UnicodeDecodeError:
-        return raw.decode("latin-1")
+        return text.numbers()
+    except ValueError:
+        table = text.numbers(corner=True)
+        if np.isfinite(table[0, 0]) or _progression(table[0, 1:]) is None:
+            raise
+        return table
 
 
-def _comment(line: str) -> bool:
-    return line.lstrip()[:1] in ("#", "%", "!")
+def _last_filled(text: TextTable) -> int:
+    """Number of the last line with text before the rows."""
+    return max((i for i, line in enumerate(text.lines[: text.first], 1) if line.strip()), default=0)
 
 
-def _cells(line: str, separator: str | None) -> list[str]:
-    return [cell.strip().strip('"') for cell in line.split(separator)]
-
-
-def _start(lines: list[str]) -> tuple[int, str | None, str]:
-    """Index of the first row of numbers, separator, and decimal point or comma."""
-    for i, line in enumerate(lines):
-        if not line.strip() or _comment(line):
-            continue
-        for separator in SEPARATORS:
-            if separator is not None and separator not in line:
-                continue
-            cells = _cells(line, separator)
-            if separator == "," and _decimal_commas(line, cells):
-                continue
-            filled = [cell for cell in cells if cell.lower() not in BLANK]
-            numbers = [_NUMBER.fullmatch(cell) is not None for cell in filled]
-            if len(cells) >= 3 and len(filled) > 2 * numbers.count(False):
-                comma = separator != "," and any("," in row for row in lines[i:] if not _comment(row))
-                return i, separator, "," if comma else "."
-    text = next((line for line in lines if line.strip()), "")
-    if not text:
-        raise ValueError("there are no numbers in it")
-    raise ValueError(
-        f"no row of at least 3 numbers separated by commas, semicolons, tabs or white space; it begins with "
-        f"{text[:40]!r}: write the heights as a matrix, or as lines of x, y, z"
-    )
-
-
-def _decimal_commas(line: str, cells: list[str]) -> bool:
-    """Whether commas in a line separate digits, not cells: there is white space between numbers with one comma each."""
-    words = line.split()
-    return len(words) >= 3 and all(_NUMBER.fullmatch(word) for word in words) and len(cells) <= len(words) + 1
-
-
-def _value(cell: str, decimal: str, number: int, separator: str | None) -> float:
-    if cell.lower() in BLANK:
-        return np.nan
-    if not _NUMBER.fullmatch(cell):
+def _ask(header: Header, unit: float | None, pixel: tuple[float, float] | None) -> None:
+    """Refuse a header that leaves a length open, unless the user has given pixel and unit."""
+    if header.other and unit is None:
         raise ValueError(
-            f"row {number} has {cell[:20]!r} among its cells separated by {SEPARATORS[separator]}: give a number, or "
-            "leave the cell blank where the height is missing"
+            f"the header gives heights in {header.other!r}, which is no length: give --unit, a name or the metres of "
+            "one unit, as --unit 6e-8"
         )
-    return float(cell.replace(decimal, ".").replace("d", "e").replace("D", "e"))
-
-
-def _keys(header: list[str]) -> dict[str, tuple[float, str]]:
-    """Numbers of a header with their unit: cellsize 0.5, # Width: 5 µm, NODATA_value -9999."""
-    found: dict[str, tuple[float, str]] = {}
-    for line in header:
-        match = re.fullmatch(
-            r"\W*([A-Za-z_ ]+?)\s*[:=;,\t ]\s*([-+]?[\d.,]+(?:[eE][-+]?\d+)?)\s*[\[(]?(\S*?)[\])]?[,;]*\s*", line
+    if header.questions and (unit is None or pixel is None):
+        number, line = header.questions[0]
+        more = f" and {len(header.questions) - 1} more" if len(header.questions) > 1 else ""
+        raise ValueError(
+            f"line {number} of the header, {line[:60]!r}{more}, is not understood: give the lengths yourself, the "
+            "distance between heights in metres and the unit of heights (--pixel 1e-6 --unit um), or the metres of one "
+            "unit (--unit 6e-8), or remove the line"
         )
-        if match and (name := match[1].strip().lower()) in _SIZE:
-            found[name.removesuffix("_value")] = float(match[2].replace(",", ".")), match[3]
-    return found
 
 
-def _steps(
-    keys: dict[str, tuple[float, str]], shape: tuple[int, ...], unit: float
+def _own_steps(
+    header: Header, dx: float | None, dy: float | None, unit: float, pixel: tuple[float, float] | None
 ) -> tuple[float | None, float | None]:
-    """Distances between heights that a header gives [m]; None where it gives none."""
-    lengths = {name: value * LENGTHS.get(named, unit) for name, (value, named) in keys.items()}
-    for x, y in (("cellsize", "cellsize"), ("xcellsize", "ycellsize"), ("dx", "dy")):
-        if x in lengths:
-            return lengths[x], lengths.get(y, lengths[x])
-    if "width" in keys and keys["width"][1] in LENGTHS:  # extent of all pixels
-        dx = lengths["width"] / shape[1]
-        return dx, lengths["height"] / shape[0] if "height" in keys else dx
-    return None, None
+    """Distances of header and coordinates [m]; coordinates without a unit follow the pixel that is given."""
+    lateral = header.lateral
+    if lateral is None and pixel is not None and (dx is not None or dy is not None):
+        lateral = pixel[0] / dx if dx is not None else pixel[1] / dy  # type: ignore[operator]
+    factor = unit if lateral is None else lateral
+    of_x, of_y = (None if step is None else factor * step for step in (dx, dy))
+    return of_x if header.dx is None else header.dx, of_y if header.dy is None else header.dy
 
 
-def _unit_after(line: str) -> str:
-    """Unit that a line of a header gives for its heights, as # Value units: nm; empty if none."""
-    match = re.search(r"units?\W+(\w+)\s*$", line, re.IGNORECASE)
-    return match[1] if match and match[1] in LENGTHS else ""
+def _said(header: Header) -> list[str]:
+    return [f"the header gives {' and '.join(header.said)} of the heights"] if header.said else []
 
 
-def _of_points(table: Array, header: list[str], unit: float, clean: Callable[[Array], Array]) -> TextMap:
+def _coordinates(table: Array) -> tuple[Array, float | None, float | None, list[str]]:
+    """Take coordinates or an index out of the first column and row of a matrix.
+
+    Returns:
+        Heights, distances of the coordinates along y and x (None without), and what was taken
+
+    Raises:
+        ValueError: they may be coordinates or heights, or are on no regular grid
+    """
+    notes: list[str] = []
+    steps: list[float | None] = []
+    bare = not np.isfinite(table[0, 0])
+    found = [_progression(table[1:, 0]), _progression(table[0, 1:])]
+    others = [_any_straight(table[:, 1:].T), _any_straight(table[1:])]
+    edges = table[1:, 0], table[0, 1:]
+    if found == [None, None] and all(map(_monotonic, edges)) and not any(map(_monotonic, table[1::7, 1:])):
+        raise ValueError(
+            "the first row and column look like coordinates in steps that differ: give them in equal steps, or heights "
+            "only"
+        )
+    for axis, name in enumerate(("column", "row")):
+        whole = _progression(table[:, 0] if axis == 0 else table[0])
+        if found[axis] is None or (others[axis] and whole is not None):  # a plane
+            if bare and _monotonic(edges[axis]) and not others[axis]:
+                raise ValueError(
+                    f"the first {name} is no row of heights, for its first cell is empty, and its steps differ: give "
+                    "coordinates in equal steps, or heights only"
+                )
+            steps.append(None)
+            continue
+        if others[axis]:
+            raise ValueError(
+                f"the first {name} may be coordinates or heights, for others rise in equal steps as it does: give "
+                "heights only, with --pixel, or lines of x, y, z"
+            )
+        first, step = found[axis]  # type: ignore[misc]
+        index = step == 1.0 and first in (0.0, 1.0, 2.0)
+        notes.append(f"the first {name} is {'an index' if index else 'coordinates'}, not heights")
+        steps.append(None if index else abs(step))
+    column, row = (found[axis] is not None and any(f"first {name} " in note for note in notes)
+                   for axis, name in enumerate(("column", "row")))  # fmt: skip
+    table = table[int(row) :, int(column) :]
+    if column and found[0] is not None and found[0][1] < 0:
+        table = table[::-1]
+    if row and found[1] is not None and found[1][1] < 0:
+        table = table[:, ::-1]
+    return table, steps[0], steps[1], notes
+
+
+def _progression(values: Array) -> tuple[float, float] | None:
+    """First value and step of values in equal steps, None if they are not."""
+    if len(values) < LEAST or not np.isfinite(values).all():
+        return None
+    step = float(values[-1] - values[0]) / (len(values) - 1)
+    if step == 0.0 or not np.isfinite(step):
+        return None
+    off = np.abs(values - values[0] - step * np.arange(len(values))).max()
+    return (float(values[0]), step) if off <= STRAIGHT * abs(step) else None
+
+
+def _any_straight(rows: Array) -> bool:
+    """Whether some of the rows rise in equal steps."""
+    chosen = rows[:: max(1, len(rows) // _FEW)]
+    return any(_progression(row) is not None for row in chosen)
+
+
+def _monotonic(values: Array) -> bool:
+    steps = np.diff(values)
+    return bool(len(values) >= LEAST and (np.all(steps > 0) or np.all(steps < 0)))
+
+
+def _of_points(
+    table: Array, lines: list[tuple[int, str]], names: list[str], unit: float | None, clean: Callable[[Array], Array]
+) -> TextMap:
     """Map of points x, y, z in any order; places without a point are NaN."""
-    names = dict(re.findall(r"\b([xyz])[\s_]*[\[(/_]\s*(\w+)", " ".join(header[-1:]).lower()))
-    common = next((LENGTHS[name] for line in header if (name := _unit_after(line))), unit)
-    ux, uy, uz = (LENGTHS.get(names.get(axis, ""), common) for axis in "xyz")
+    usual = 1.0 if unit is None else unit
+    if names:
+        order = ["".join(re.findall(r"[xyzh]", name.lower()[:3])[:1]).replace("h", "z") for name in names]
+        if sorted(order) != ["x", "y", "z"]:
+            raise ValueError(f"the columns {', '.join(names)[:60]} are not x, y and z: name them x, y, z")
+        places = [order.index(axis) for axis in "xyz"]
+        table, names = table[:, places], [names[i] for i in places]
+    header = read_header(lines, (len(table), 1), usual)
+    header.questions = [(i, line) for i, line in header.questions if _SCALE.search(line)]
+    _ask(header, unit, None if unit is None else (unit, unit))
+    own = [
+        length_unit(match[1]) if (match := re.search(r"[\[(/_]\s*([^\W\d_]+)", name)) else None for name in names
+    ] or [None] * 3
+    common = [header.lateral, header.lateral, header.height]
+    units = [a if a is not None else b for a, b in zip(own, common, strict=True)]
+    if unit is None and 0 < units.count(None) < 3:
+        raise ValueError("the file names the unit of some of x, y and z only: give that of the others (--unit)")
+    ux, uy, uz = (usual if one is None else one for one in units)
+    for value in header.nodata:
+        table[table[:, 2] == value, 2] = np.nan
     known = np.isfinite(table[:, :2]).all(axis=1)
     (nx, dx, ix), (ny, dy, iy) = (_places(table[known, i], "xy"[i]) for i in (0, 1))
     if np.unique(iy * nx + ix).size != ix.size:
         raise ValueError("several points x, y, z have the same place: give one height for each")
+    if nx * ny > FILLED * len(ix):
+        raise ValueError(f"{len(ix)} points x, y, z fill a small part of a grid of {nx} x {ny}: give a map")
     z = np.full((ny, nx), np.nan)
     z[iy, ix] = clean(table[known, 2])
-    return z * uz, dx * ux, dy * uy
+    return TextMap(z * uz, dx * ux, dy * uy, tuple(_said(header)))
 
 
 def _places(values: Array, name: str) -> tuple[int, float, Array]:
