@@ -10,13 +10,12 @@ import pytest
 from conftest import ELASTIC, here, world
 
 import asperity as asp
-from asperity.adaptive.extrapolation import SCATTER, Coarser, correct, without_omission
+from asperity.adaptive.extrapolation import SCATTER, Corrected, correct, without_omission
 from asperity.adaptive.guide import Guide, Omission, sizes_of_spots
 from asperity.adaptive.mesh_levels import LevelSolver
-from asperity.adaptive.mesh_plan import partner, weight
+from asperity.adaptive.mesh_plan import weight
 from asperity.adaptive.solve_contact import solve_contact
 from asperity.adaptive.solve_to_tolerance import refine
-from asperity.arrays import Floats
 from asperity.curve import Curve
 from asperity.errors import Interrupted
 from asperity.mesh.generate import build_block
@@ -66,37 +65,6 @@ def test_no_other_sizes_of_one_error_have_fewer_elements() -> None:
         assert np.sum(area / other**2) >= np.sum(area / h**2) * (1.0 - 1e-9)
 
 
-def two_bumps() -> HeightMap:
-    """One bump, and a blunter one that is touched at half the approach of 0.01."""
-    x, y = np.meshgrid(*2 * [np.linspace(0.0, 1.0, 257)])
-    heights = (0.01 - 0.5 * ((x - 0.3) ** 2 + (y - 0.3) ** 2), 0.005 - 0.15 * ((x - 0.7) ** 2 + (y - 0.7) ** 2))
-    return HeightMap.of(np.maximum(np.maximum(*heights), -0.02), 1.0)
-
-
-def test_a_step_that_is_not_met_refines_its_own_spots() -> None:
-    guide = Guide(Problem.of(two_bumps(), ELASTIC, delta_max=0.01, steps=4), 0.01, 4)
-    centres = (np.arange(len(guide.sizes)) + 0.5) / len(guide.sizes)
-    first, second = (guide.sizes < np.inf) & (centres < 0.5), (guide.sizes < np.inf) & (centres > 0.5)
-    light, heavy = guide.of_spots(np.array([2.0, 1.0, 1.0, 1.0])), guide.of_spots(np.array([1.0, 1.0, 1.0, 3.0]))
-    assert light[first].max() == 2.0 and light[first].min() == 1.0 and np.all(light[second] == 1.0)
-    assert np.all(heavy[first] == 3.0) and np.all(heavy[second] == 3.0) and np.all(heavy[guide.sizes == np.inf] == 1.0)
-
-
-def test_the_scale_of_a_mesh_at_a_step_is_the_root_of_the_error_of_its_spots() -> None:
-    """F (h/a)^2 of each, with the half-widths and forces of two spots."""
-    guide = Guide(Problem.of(two_bumps(), ELASTIC, delta_max=0.01, steps=4), 0.01, 4)
-    np.testing.assert_allclose(guide.resolution(np.full(guide.sizes.shape, 0.7)), 0.7)
-    p = np.asarray(guide._pressures[-1], dtype=float)
-    left = np.arange(len(p)) < 0.5 * len(p)
-    spots = [p * left, p * ~left]
-    width = np.sqrt([np.count_nonzero(spot) / np.pi for spot in spots]) / len(p)
-    force = np.array([spot.sum() for spot in spots])
-    sizes = np.array([sizes_of_spots(p)[spot > 0.0].min() for spot in spots])
-    errors = [np.sum(force * (scale * sizes / width) ** 2) for scale in (np.ones(2), np.array([0.5, 1.0]))]
-    found = guide.resolution(np.where(left, 0.5, np.ones(p.shape)))[-1]
-    assert found**2 == pytest.approx(errors[1] / errors[0], rel=0.05) and found < 0.95
-
-
 def rows(factor: float, error: float) -> Curve:
     at = np.array([0.002, 0.004, 0.006])
     return Curve.from_rows([
@@ -106,20 +74,15 @@ def rows(factor: float, error: float) -> Curve:
     ])  # fmt: skip
 
 
-def coarser(curve: Curve, missed: Omission) -> Coarser:
-    """One mesh twice as coarse."""
-    return Coarser([curve], [missed], np.zeros(3, dtype=int), np.full(3, 2.0), np.ones(3))
-
-
 def test_few_elements_in_the_spots_have_a_wider_bar() -> None:
     """Two meshes that agree by chance: what the edges of their contact leave open is the bar."""
-    coarse, fine = rows(1.0, 0.004), rows(1.0, 0.002)
-    nothing = Omission(fine.delta_star, np.zeros(3), np.zeros(3))
-    _, budget = correct(fine, coarser(coarse, nothing), np.ones(3, dtype=bool), np.zeros_like, 0.0, nothing)
+    nothing = Omission(rows(1.0, 0.0).delta_star, np.zeros(3), np.zeros(3))
+    coarse, fine = (Corrected(rows(1.0, error), nothing) for error in (0.004, 0.002))
+    _, budget = correct(fine, coarse, 2.0, np.ones(3, dtype=bool), np.zeros_like, 0.0)
     both = np.hypot(
         (1.0 + weight(2.0)) * 0.2, weight(2.0) * 0.4
     )  # the limit is that of the fine one and of their change
-    assert budget.mesh / fine.P_star == pytest.approx(np.full(3, SCATTER * both))
+    assert budget.mesh / fine.curve.P_star == pytest.approx(np.full(3, SCATTER * both))
 
 
 def test_the_force_of_a_spot_scatters_with_its_place_by_a_part_of_what_its_area_does() -> None:
@@ -136,37 +99,19 @@ def test_the_force_of_a_spot_scatters_with_its_place_by_a_part_of_what_its_area_
     assert 0.5 * SCATTER < np.sqrt(np.mean(part**2)) < 1.7 * SCATTER
 
 
-def test_two_errors_of_opposite_sign_that_cancel_are_told_apart() -> None:
-    """Meshes too stiff by 20 and 5 %, whose tops leave out 25 and 2 %: as computed both look 5 and 3 % off."""
-    stiff, left = (1.2, 1.05), (0.25, 0.02)
+@pytest.mark.parametrize("true", [0.0, 0.5, 1.0])
+def test_the_bar_holds_whatever_part_of_what_the_tops_leave_out_is_true(true: float) -> None:
+    """Meshes too stiff by 20 and 5 %, whose tops leave out up to 25 and 2 %: with all of it both look alike."""
     at = rows(1.0, 0.0).delta_star
-    missed = [Omission(at, np.full(3, out), np.zeros(3)) for out in left]
-    coarse, fine = (
-        without_omission(rows(s / (1.0 + out), 0.0), o, 0.0) for s, out, o in zip(stiff, left, missed, strict=True)
-    )
-    found, budget = correct(fine, coarser(coarse, missed[0]), np.ones(3, dtype=bool), np.zeros_like, 0.0, missed[1])
-    assert np.all(np.abs(found.P_star / at - 1.0) < 0.005)
-    assert np.all(np.abs(found.P_star / at - 1.0) < budget.total / at) and np.all(budget.roughness > 0.0)
-
-
-def test_each_step_is_extrapolated_from_a_mesh_that_is_coarser_there() -> None:
-    """The last mesh is finer at the first steps only, the meshes before are everywhere; all err as scale^1.9."""
-    at, later = np.arange(1.0, 11.0) * 0.002, np.arange(10) > 4
-    scales = np.array([np.full(10, 2.0), np.ones(10), np.where(later, 0.95, 0.5)])
-
-    def curve(forces: Floats) -> Curve:
-        each = {"area_fraction": 0.01, "error_area_fraction": 0.0}
-        pairs = zip(at, forces, strict=True)
-        return Curve.from_rows([{"delta": d, "delta_star": d, "force": P, "P_star": P, **each} for d, P in pairs])
-
-    coarsest, coarse, fine = (curve(P) for P in at * np.exp(0.02 * scales**1.9))
-    place, nothing = partner(scales), Omission(at, np.zeros(10), np.zeros(10))
-    assert list(place) == [1] * 5 + [0] * 5
-    ratio = np.choose(place, scales[:-1]) / scales[-1]
-    pair = Coarser([coarsest, coarse], [nothing, nothing], place, ratio, scales[-1])
-    found, budget = correct(fine, pair, np.ones(10, dtype=bool), np.zeros_like, 0.0, nothing)
+    meshes = []
+    for stiff, left in ((1.2, 0.25), (1.05, 0.02)):
+        missed = Omission(at, np.full(3, left), np.zeros(3))
+        meshes.append(Corrected(without_omission(rows(stiff / (1.0 + true * left), 0.0), missed, 0.0), missed))
+    coarse, fine = meshes
+    found, budget = correct(fine, coarse, 2.0, np.ones(3, dtype=bool), np.zeros_like, 0.0)
     error = np.abs(found.P_star / at - 1.0)
-    assert np.all(error <= budget.total / at) and np.max(error) < 5e-4 and np.all((budget.total / at)[~later] < 0.002)
+    assert np.all(error < budget.total / at) and np.all(error < 0.035) and np.all(budget.total / at < 0.06)
+    assert np.all(budget.roughness > 0.0)
 
 
 def test_a_stop_while_a_mesh_is_judged_keeps_its_curve() -> None:

@@ -97,14 +97,14 @@ def test_a_mesh_without_a_force_is_not_extrapolated() -> None:
 
 @pytest.mark.parametrize("excess", [1.05, 1.5, 3.0, 8.0])
 def test_the_next_mesh_meets_the_bar_of_a_force_of_the_typical_order_and_does_not_waste(excess: float) -> None:
-    scales = np.array([2.0, 1.0])
+    scales = [2.0, 1.0]
 
-    def bar(scales: npt.NDArray[np.float64]) -> float:
+    def bar(scales: list[float]) -> float:
         k = partner(scales)
         return float(bar_share(scales[k] / scales[-1]) * (scales[k] ** MESH_ORDER - scales[-1] ** MESH_ORDER))
 
     step = refinement(scales, excess)
-    left = excess * bar(np.append(scales, scales[-1] / step)) / bar(scales)
+    left = excess * bar([*scales, scales[-1] / step]) / bar(scales)
     assert LEAST_STEP <= step * (1.0 + 1e-9) and step <= GREATEST_STEP * (1.0 + 1e-9)
     assert left <= MARGIN * 1.001 or step == pytest.approx(GREATEST_STEP)
     assert left > 0.8 * MARGIN or step == pytest.approx(LEAST_STEP) or excess < 2.0
@@ -120,9 +120,8 @@ def test_load_steps_are_divided_until_their_bar_is_within_the_tolerance() -> Non
 
 def test_a_mesh_is_never_extrapolated_from_one_of_nearly_its_size() -> None:
     """Scatter would hide the order; max_dofs can make the last mesh hardly finer than the one before."""
-    scales = np.array([[2.0, 1.0, LEAST_RATIO**-1], [2.0, 1.0, 0.8], [2.0, 1.0, 1.0]])
-    assert list(partner(scales.T)) == [1, 0, 0]
-    assert partner(np.array([2.0, 1.0])) == 0 and partner(np.array([2.0, 1.0, 0.8, 0.4])) == 2
+    assert [partner([2.0, 1.0, last]) for last in (1.0 / LEAST_RATIO, 0.8, 1.0)] == [1, 0, 0]
+    assert partner([2.0, 1.0]) == 0 and partner([2.0, 1.0, 0.8, 0.4]) == 2
 
 
 def test_bars_do_not_vanish_with_a_change_of_sign() -> None:

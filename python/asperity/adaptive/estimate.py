@@ -274,13 +274,13 @@ def _plan(problem: Problem, goal: AccuracySection, passes: int) -> tuple[list[tu
     guide = Guide(problem, path.delta_max, planned, passes=passes)
     family, scale = MeshFamily(problem, path.delta_max, guide), first_scale(tolerance)
     first, coarse = family.first(RATIO * scale, most)
-    second, fine = family.next(first, max(float(first.min()) / scale, RATIO), most)
+    second, fine = family.within(min(scale, first / RATIO), first, most)
     if coarse > most:
         raise InputError(
             f"accuracy.max_dofs = {most:g} is too small, a coarse mesh of this block has about {coarse} dofs: raise "
             "it, or choose the mesh by mesh.h_contact"
         )
-    if first.min() < LEAST_STEP * second.min():
+    if first < LEAST_STEP * second:
         raise InputError(
             f"accuracy.max_dofs = {most:g} is too small: the force would have no error bar, for meshes of about "
             f"{coarse} and {fine} dofs are nearly the same; raise it, or choose the mesh by mesh.h_contact"
@@ -293,7 +293,7 @@ def _plan(problem: Problem, goal: AccuracySection, passes: int) -> tuple[list[tu
         parts = [2**k for k in range(max(int(log2(substeps)), 1) + 1)]  # the first mesh measures the error of the steps
     plan = [(family.h(first), coarse, _steps(problem, n)) for n in parts]
     plan.append((family.h(second), fine, _steps(problem, substeps)))
-    return plan, expected_bar(float(second.min())), (passes + 1.0) * guide.sizes.size * len(guide.delta_star)
+    return plan, expected_bar(second), (passes + 1.0) * guide.sizes.size * len(guide.delta_star)
 
 
 def _dofs(problem: Problem, size: MeshSize) -> int:

@@ -12,7 +12,6 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from asperity.adaptive.mesh_plan import DOFS_ORDER, LEAST_RATIO, MOST_SCALE, growth, widest
-from asperity.arrays import Floats
 from asperity.mesh.generate import build_block
 from asperity.mesh.size_field import SizeField, size_field
 from asperity.model.settings import H_MAX, MeshSize
@@ -87,7 +86,7 @@ def nodes_of(size: Size, height: float, most: float = inf, split: int = 1, joine
 
 @dataclass(frozen=True)
 class MeshFamily:
-    """Meshes by their scales, the element sizes over those of the guide at its cells (n, n); in one process.
+    """Meshes by their scale, the element sizes over those of the guide; in one process.
 
     Attributes:
         problem: what is pressed; of its element sizes the refinements are used
@@ -99,7 +98,7 @@ class MeshFamily:
     depth: float
     guide: Guide
 
-    def first(self, scale: float, most: float, made: Callable[[Floats], int] | None = None) -> tuple[Floats, int]:
+    def first(self, scale: float, most: float, made: Callable[[float], int] | None = None) -> tuple[float, int]:
         """The first mesh, with room for a second one.
 
         Args:
@@ -111,55 +110,36 @@ class MeshFamily:
             scale and dofs of the mesh, too many where not even the coarsest is allowed
         """
         room = LEAST_RATIO**DOFS_ORDER if scale < MOST_SCALE else 1.0
-        ones = np.ones(self.guide.sizes.shape)
-        return self._within(lambda factor: factor * scale * ones, most / room, MOST_SCALE / scale, made)
+        return self.within(scale, MOST_SCALE, most / room, made)
 
-    def next(
-        self, scale: Floats, finer: Floats | float, most: float, made: Callable[[Floats], int] | None = None
-    ) -> tuple[Floats, int]:
-        """A mesh finer than another one, or the finest between the two that is allowed.
+    def within(
+        self, scale: float, coarsest: float, most: float, made: Callable[[float], int] | None = None
+    ) -> tuple[float, int]:
+        """The mesh of a scale, or the finest allowed one up to the coarsest that is tried; see `first`."""
+        allowed = most if made is None else 1.5 * most  # no mesh is made that is much too large
+        scale, dofs = finest_within(scale, allowed, coarsest, lambda scale: self.dofs(scale, 4.0 * most))
+        return (scale, dofs) if made is None else finest_within(scale, most, coarsest, made)
 
-        Args:
-            scale: of the other one
-            finer: at the approaches of the guide (k,) or at all
-            most, made: see `first`
-        """
-        return self._within(lambda factor: self.finer(scale, finer, factor), most, float(np.max(finer)), made)
-
-    def finer(self, scale: Floats, finer: Floats | float, factor: float = 1.0) -> Floats:
-        """Scale of a mesh finer than another one, times a factor, nowhere above that of the other one; see `next`."""
-        return np.minimum(scale, factor * scale / self.guide.of_spots(finer))
-
-    def _within(
-        self, at: Callable[[float], Floats], most: float, coarsest: float, made: Callable[[Floats], int] | None
-    ) -> tuple[Floats, int]:
-        # no mesh is made that is much too large
-        allowed = most if made is None else 1.5 * most
-        factor, dofs = finest_within(1.0, allowed, coarsest, lambda factor: self.dofs(at(factor), 4.0 * most))
-        if made is not None:
-            factor, dofs = finest_within(factor, most, coarsest, lambda factor: made(at(factor)))
-        return at(factor), dofs
-
-    def h(self, scale: Floats) -> float:
+    def h(self, scale: float) -> float:
         """Greatest size of an element in the contact [length]."""
         sizes = scale * self.guide.sizes
-        return min(float(sizes[np.isfinite(sizes)].max()), widest(float(scale.min()))) * self.problem.surface.L
+        return min(float(sizes[np.isfinite(sizes)].max()), widest(scale)) * self.problem.surface.L
 
-    def size(self, scale: Floats) -> MeshSize:
+    def size(self, scale: float) -> MeshSize:
         """Element sizes of a mesh."""
-        L, least = self.problem.surface.L, float(scale.min())
-        cells, parts = scale * self.guide.sizes * L, self.problem.size.refinements
-        return MeshSize(self.h(scale), growth(least), widest(least) * L, cells=cells, refinements=parts)
+        L, parts = self.problem.surface.L, self.problem.size.refinements
+        cells = scale * self.guide.sizes * L
+        return MeshSize(self.h(scale), growth(scale), widest(scale) * L, cells=cells, refinements=parts)
 
-    def block(self, scale: Floats) -> BlockMesh:
+    def block(self, scale: float) -> BlockMesh:
         """Mesh of a scale."""
         problem, field, parts = self.problem, self._field(scale), self.problem.size.refinements
         return build_block(problem.surface, problem.height, field.coarser(parts).at, field.periodic, parts)
 
-    def dofs(self, scale: Floats, most: float = inf) -> int:
+    def dofs(self, scale: float, most: float = inf) -> int:
         """Dofs of a mesh by its size field; beyond so many they are not counted."""
         problem = self.problem
         return dofs_of(self._field(scale), problem.size.refinements, problem.height / problem.surface.L, most)
 
-    def _field(self, scale: Floats) -> SizeField:
+    def _field(self, scale: float) -> SizeField:
         return size_field(self.problem.surface, self.depth, self.size(scale), self.problem.sides)

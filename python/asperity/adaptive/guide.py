@@ -92,7 +92,6 @@ class Guide:
         heights = layer.heights(self._surface)
         self.sizes = np.full(heights.shape, inf)
         self._pressures: list[Array] = []
-        self._elements: list[Array] = []  # per area, of each step: those of a spot go with its part of the error
         force, area = [], []
         for k, p in enumerate(layer.pressures(heights, self._summit, steps)):
             force.append(float(p.mean()))
@@ -102,27 +101,10 @@ class Guide:
                 x, y, _ = self._surface.maximum()
                 row, column = (min(int(c / self._surface.L * layer.n), layer.n - 1) for c in (y, x))
                 p[row, column] = 1.0
-            sizes = sizes_of_spots(p)
-            self.sizes = np.minimum(self.sizes, (steps[k] / steps[-1]) ** EARLY * sizes)
-            self._elements.append((sizes**-2.0).astype(np.single))
+            self.sizes = np.minimum(self.sizes, (steps[k] / steps[-1]) ** EARLY * sizes_of_spots(p))
             if self._on_part is not None:
                 self._on_part((k + 1) / len(steps))
         self._force, self._area = np.array(force), np.array(area)
-
-    def resolution(self, scale: Floats) -> Floats:
-        """Scale of a mesh at each step (k,), the root of the error of its spots; of one scale everywhere it is that.
-
-        Args:
-            scale: of the mesh at the cells (n, n)
-        """
-        return np.array([np.sqrt(np.average(scale**2, weights=elements)) for elements in self._elements])
-
-    def of_spots(self, finer: Floats | float) -> Floats:
-        """At each cell (n, n), the greatest of numbers of the steps (k,) at which it is in contact; 1 elsewhere."""
-        found = np.ones(self.sizes.shape)
-        for number, elements in zip(np.broadcast_to(finer, len(self._elements)), self._elements, strict=True):
-            found = np.where(elements > 0.0, np.maximum(found, number), found)
-        return found
 
     def left_out(self, top: Top) -> Omission:
         """What the top of a mesh leaves out; it changes little from step to step, and every other one is enough."""

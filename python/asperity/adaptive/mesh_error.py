@@ -10,18 +10,26 @@ import numpy as np
 
 from asperity.adaptive.extrapolation import (
     Budget,
-    Coarser,
+    Corrected,
     correct,
     judged_rows,
     relative,
     with_measures,
     without_omission,
 )
-from asperity.adaptive.guide import Omission
 from asperity.adaptive.load_step_error import LoadStepError
 from asperity.adaptive.mesh_levels import Level, LevelSolver
-from asperity.adaptive.mesh_plan import AREA_ORDER, GREATEST_STEP, MARGIN, MESH_ORDER, MOST_MESHES, partner, refinement
-from asperity.arrays import Array, Flags, Floats
+from asperity.adaptive.mesh_plan import (
+    AREA_ORDER,
+    GREATEST_STEP,
+    LEAST_STEP,
+    MARGIN,
+    MESH_ORDER,
+    MOST_MESHES,
+    partner,
+    refinement,
+)
+from asperity.arrays import Flags, Floats
 from asperity.curve import Curve
 from asperity.model.settings import AccuracyTarget
 from asperity.quasistatic.contact_result import ContactResult
@@ -90,44 +98,43 @@ class MeshErrorEstimate:
 
     def __init__(self, run: LevelSolver, goal: AccuracyTarget, steps: int, path: LoadStepError) -> None:
         self._run, self._goal, self._steps, self._path = run, goal, steps, path
-        self._scales: list[Floats] = []
-        self._curves: list[Curve] = []
-        self._missed: list[Omission] = []
+        self._scales: list[float] = []
+        self._meshes: list[Corrected] = []
 
-    def add(self, result: ContactResult) -> Curve:
-        """Take up the result of the last level; its curve without what its top leaves out and the load steps do."""
+    def add(self, result: ContactResult) -> Corrected:
+        """Take up the result of the last level."""
         missed = self._run.left_out(result)
         curve = self._path.removed(result.curve, self._run.levels[-1].substeps)
         if not curve.untouched():
             curve = without_omission(curve, missed, self._run.compliance)
         self._scales.append(self._run.scales[-1])
-        self._curves.append(curve)
-        self._missed.append(missed)
-        return curve
+        self._meshes.append(Corrected(curve, missed))
+        return self._meshes[-1]
 
-    def judge(self, result: ContactResult) -> tuple[AccurateResult, Floats | None]:
+    def judge(self, result: ContactResult) -> tuple[AccurateResult, float | None]:
         """Judge the force by the result of the last level, after at least one before it.
 
         Returns:
-            What is known so far, and the next mesh, see `LevelSolver`: how much finer than the last one it is at the
-            approaches of the guide (k,). None where there is none, because the tolerances are met, or for the reason
-            of the result
+            What is known so far, and how much finer the next mesh is; None where there is none, because the
+            tolerances are met, or for the reason of the result
         """
         run, path = self._run, self._path
-        curve, bar_of_steps = self.add(result), path.bar[run.levels[-1].substeps]
+        fine, bar_of_steps = self.add(result), path.bar[run.levels[-1].substeps]
         judged, algebraic = judged_rows(result.curve, self._steps), result.checks.unsolved
-        coarser = self._coarser(curve.loading().delta_star)
-        unresolved = "no node is touched" if curve.untouched() else coarser.doubt() or path.unknown
+        place = partner(self._scales)
+        coarse, ratio = self._meshes[place], self._scales[place] / self._scales[-1]
+        unresolved = fine.doubt() or coarse.doubt() or path.unknown
+        if ratio < 0.999 * LEAST_STEP:
+            unresolved = unresolved or "two meshes are nearly the same"
         if not unresolved:
-            curve, budget = correct(curve, coarser, judged, bar_of_steps, algebraic, self._missed[-1])
-            curve = with_measures(curve, coarser, budget, run.compliance)
+            curve, budget = correct(fine, coarse, ratio, judged, bar_of_steps, algebraic)
+            curve = with_measures(curve, coarse.curve, ratio, budget, run.compliance, run.exact_gap)
             unresolved = curve.unresolved()
         if unresolved:
             # by a single node the force grows with its size, and the difference of two meshes is no error
             curve = replace(result.curve, error_P_star=np.full(len(result.curve), nan))
             budget, known, limit = Budget.unknown(len(curve)), f"the force has no error bar, {unresolved}", ""
-            finer: Floats = np.full(len(run.delta_star), GREATEST_STEP)
-            worst = worst_area = nan
+            finer, worst, worst_area = GREATEST_STEP, nan, nan
         else:
             worst, worst_area, finer, limit = self._judged(curve, budget, judged, algebraic)
             known = self._known(worst, worst_area)
@@ -142,16 +149,7 @@ class MeshErrorEstimate:
             limit += "; waves shorter than the elements limit it too: cut them off (asperity check tries cut-offs)"
         return (replace(found, reason=f"{known}: {limit}"), None) if limit else (found, finer)
 
-    def _coarser(self, delta_star: Floats) -> Coarser:
-        """Meshes to extrapolate the last one from, at approaches (n,)."""
-        scales = np.array([np.interp(delta_star, self._run.delta_star, scale) for scale in self._scales])
-        place = partner(scales)
-        ratio = np.take_along_axis(scales, place[None], axis=0)[0] / scales[-1]
-        return Coarser(self._curves[:-1], self._missed[:-1], place, ratio, scales[-1])
-
-    def _judged(
-        self, curve: Curve, budget: Budget, judged: Flags, algebraic: float
-    ) -> tuple[float, float, Floats, str]:
+    def _judged(self, curve: Curve, budget: Budget, judged: Flags, algebraic: float) -> tuple[float, float, float, str]:
         """Of a curve with error bars the greatest ones of force and area, the next mesh, and why none would do."""
         goal = self._goal
         at, P = curve.delta_star[judged], curve.P_star[judged]
@@ -162,20 +160,12 @@ class MeshErrorEstimate:
         left = np.sqrt(
             np.maximum((goal.tolerance - algebraic) ** 2 - of_steps**2, ((1.0 - MARGIN) * goal.tolerance) ** 2)
         )
-        bars = relative(np.hypot(budget.mesh, budget.roughness)[judged], P) / left
-        scales, excess = np.array(self._scales), self._at_guide(at, bars)
+        excess = float(np.max(relative(np.hypot(budget.mesh, budget.roughness)[judged], P) / left))
         if goal.area_tolerance is not None:  # as a bar that falls with the order of the force
-            excess = np.maximum(excess, self._at_guide(at, area / goal.area_tolerance) ** (MESH_ORDER / AREA_ORDER))
-        finer = np.array([refinement(scales[:, k], float(excess[k])) for k in range(len(excess))])
+            excess = max(excess, (worst_area / goal.area_tolerance) ** (MESH_ORDER / AREA_ORDER))
+        finer = refinement(self._scales, excess)
         limit = "" if worst <= goal.tolerance else self._unreachable(algebraic, float(of_steps.max()))
         return worst, worst_area, finer, limit
-
-    def _at_guide(self, delta_star: Floats, bars: Array) -> Floats:
-        """Greatest of bars at some approaches (n,) up to each of the guide, from the one before on (k,)."""
-        found = np.zeros(len(self._run.delta_star))
-        place = np.searchsorted(self._run.delta_star, 0.999 * delta_star)
-        np.maximum.at(found, np.minimum(place, len(found) - 1), bars)
-        return found
 
     def _known(self, worst: float, area: float) -> str:
         """How well force or area are known, a clause; empty where both meet their tolerances."""
@@ -195,9 +185,9 @@ class MeshErrorEstimate:
             "accuracy.area_tolerance"
         )
 
-    def _limit(self, finer: Floats) -> str:
+    def _limit(self, finer: float) -> str:
         """Why there is no next mesh; empty where there may be one."""
-        if len(self._curves) == MOST_MESHES:
+        if len(self._meshes) == MOST_MESHES:
             return f"a run takes {MOST_MESHES} meshes at most"
         return self._run.limit(self._goal, finer, self._path.substeps)
 

@@ -6,11 +6,8 @@ from dataclasses import dataclass, replace
 from time import perf_counter
 from typing import TYPE_CHECKING
 
-import numpy as np
-
 from asperity.adaptive.family import MeshFamily
 from asperity.adaptive.mesh_plan import GREATEST_STEP, LEAST_STEP
-from asperity.arrays import Floats
 from asperity.contact.contact_surface import gather_top
 from asperity.errors import InputError
 from asperity.mesh.block import BlockMesh
@@ -57,9 +54,9 @@ class LevelSolver:
         comm: communicator
         side, height: of the block [length]
         compliance: of the block under a uniform pressure, compression over P* [length]
-        delta_star: approaches of the guide (k,) [L]
+        exact_gap: mean gap without load if the gap is known from approach and force, see `with_measures` [length]
         levels: what was computed, in order
-        scales: of the meshes, at the approaches of the guide (m, k)
+        scales: of the meshes
     """
 
     def __init__(
@@ -73,65 +70,67 @@ class LevelSolver:
         self._problem, self._depth, self._max_dofs, self._hooks = problem, depth, max_dofs, hooks
         self.comm, self.side, self.height = comm, problem.surface.L, problem.height
         self.compliance = problem.height * material.reduced_modulus / material.block_modulus(problem.sides)
+        surface, linear = problem.surface, not material.plastic and material.kinematics == "small"
+        known = linear and problem.sides != "free"
+        self.exact_gap = surface.maximum()[2] - surface.mean() if known else None
         self._family = None if guide is None else MeshFamily(problem, depth, guide)
         self._first_scale = scale
         self._start = perf_counter()
-        self.delta_star: Floats = comm.bcast(None if guide is None else guide.delta_star, root=0)
-        self._scale: Floats | None = None  # of the last mesh at the cells of the guide, and the mesh; on rank 0
-        self._block: BlockMesh | None = None
+        self._block: BlockMesh | None = None  # the last mesh, on rank 0
         self._first: ContactResult | None = None  # the result of the first mesh, until there is another
         self.levels: list[Level] = []
-        self.scales: Floats = np.empty((0, len(self.delta_star)))
+        self.scales: list[float] = []
 
-    def _make(self, finer: Floats | float) -> tuple[float, int, Floats]:
+    def _make(self, finer: float) -> tuple[float, int, float]:
         """Make a mesh finer than the last one, or the finest that the greatest number of dofs allows; on rank 0.
 
         Returns:
-            greatest size in the contact [length], dofs and scales (k,)
+            greatest size in the contact [length], dofs and scale
         """
         family = self._family
         assert family is not None
 
-        def made(scale: Floats) -> int:
+        def made(scale: float) -> int:
             self._block = family.block(scale)
             return 3 * self._block.counts()[0]
 
-        if self._scale is None:
-            self._scale, dofs = family.first(self._first_scale, self._max_dofs, made)
+        if self.scales:
+            last = self.scales[-1]
+            scale, dofs = family.within(last / finer, last, self._max_dofs, made)
         else:
-            self._scale, dofs = family.next(self._scale, finer, self._max_dofs, made)
-        return family.h(self._scale), dofs, family.guide.resolution(self._scale)
+            scale, dofs = family.first(self._first_scale, self._max_dofs, made)
+        return family.h(scale), dofs, scale
 
-    def _refine(self, finer: Floats | float) -> float:
+    def _refine(self, finer: float) -> float:
         """The next mesh; its greatest size in the contact [length]; collective.
 
         Raises:
             InputError: not even the first mesh is allowed
             PartialResult: no other is
         """
-        h, dofs, scales = on_root_bcast(self.comm, lambda: self._make(finer))
+        h, dofs, scale = on_root_bcast(self.comm, lambda: self._make(finer))
         small = (
             f"accuracy.max_dofs = {self._max_dofs} is too small, a coarse mesh of this block has {dofs} dofs: "
             "raise it, or choose the mesh by mesh.h_contact"
         )
-        if self._first is not None and np.max(self.scales[0] / scales) < LEAST_STEP:
+        if self._first is not None and self.scales[0] < LEAST_STEP * scale:
             raise PartialResult(f"the force has no error bar: {small}", self._first)
         if dofs > self._max_dofs:
             raise InputError(small)
-        self.scales = np.vstack([self.scales, scales])
+        self.scales.append(scale)
         return h
 
-    def __call__(self, finer: Floats | float | None = None, substeps: int = 1) -> ContactResult:
+    def __call__(self, finer: float | None = None, substeps: int = 1) -> ContactResult:
         """Curve on the next mesh.
 
         Args:
-            finer: than the last one, at the approaches of the guide (k,) or at all; None takes the last one again
+            finer: than the last one; None takes the last one again
             substeps: parts of each load step
         """
         start = perf_counter()
         hooks, h = self._hooks, self.levels[-1].h if finer is None else self._refine(finer)
         if hooks.checkpoint is not None:  # other limits than those of a run continued may give another size
-            name = f"level-{len(self.levels) + 1}-{self.scales[-1].sum():.6g}-{substeps}"
+            name = f"level-{len(self.levels) + 1}-{self.scales[-1]:.6g}-{substeps}"
             hooks = replace(hooks, checkpoint=hooks.checkpoint.part(name))
         level = f"h = {h / self.side:.3g} L" + (f", {substeps} substeps" if substeps > 1 else "")
         hooks = replace(hooks, on_stage=lambda name: self._hooks.stage(f"{level}: {name}"))
@@ -161,7 +160,7 @@ class LevelSolver:
         """Whether the elements of the last mesh are longer than waves that matter to a tolerance of the force."""
         return unresolved_height(self._problem.surface, self.levels[-1].h, self._depth) > SHARE * tolerance
 
-    def limit(self, goal: AccuracyTarget, finer: Floats | float = 1.0, substeps: int = 1) -> str:
+    def limit(self, goal: AccuracyTarget, finer: float = 1.0, substeps: int = 1) -> str:
         """Why the next level must not be computed; empty when it may; collective, by the clock of rank 0.
 
         Args:
@@ -171,11 +170,10 @@ class LevelSolver:
         """
         return on_root_bcast(self.comm, lambda: self._limit(goal, finer, substeps))
 
-    def _limit(self, goal: AccuracyTarget, finer: Floats | float, substeps: int) -> str:
-        family, scale, last = self._family, self._scale, self.levels[-1]
-        assert family is not None and scale is not None
-        steps = (np.minimum(finer, most) for most in (1.0, LEAST_STEP, GREATEST_STEP))
-        counted = [family.dofs(family.finer(scale, step)) for step in steps]
+    def _limit(self, goal: AccuracyTarget, finer: float, substeps: int) -> str:
+        family, scale, last = self._family, self.scales[-1], self.levels[-1]
+        assert family is not None
+        counted = [family.dofs(scale / min(finer, step)) for step in (1.0, LEAST_STEP, GREATEST_STEP)]
         least, dofs = (int(last.dofs * count / counted[0]) for count in counted[1:])
         if least > goal.max_dofs:
             return f"the next mesh has about {dofs} dofs, accuracy.max_dofs = {goal.max_dofs} allows no more"

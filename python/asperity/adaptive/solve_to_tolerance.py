@@ -14,8 +14,6 @@ from dataclasses import replace
 from functools import partial
 from typing import TYPE_CHECKING, Unpack
 
-import numpy as np
-
 from asperity.adaptive.guide import Guide
 from asperity.adaptive.load_step_error import LoadStepError, choose_substeps
 from asperity.adaptive.mesh_error import AccurateResult, MeshErrorEstimate
@@ -144,7 +142,7 @@ def refine(
     estimate = MeshErrorEstimate(run, target, steps, path)
     estimate.add(result)
     result.solver.drop_matrices()
-    result = run(np.maximum(run.scales[-1] / scale, RATIO), path.substeps)
+    result = run(max(run.scales[-1] / scale, RATIO), path.substeps)
     while True:
         with suppress(Interrupted):  # this mesh is judged first; the next one is not begun
             hooks.stage("half-space with the top of the mesh")
