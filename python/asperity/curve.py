@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import json
 import math
+import warnings
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
 from pathlib import Path
@@ -13,9 +14,11 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 
 from asperity.arrays import Array
-from asperity.errors import InputError
+from asperity.errors import AsperityWarning, InputError
 from asperity.runtime.display import nearest
 from asperity.runtime.files import write_csv
+from asperity.runtime.measured_curve import read_measured_curve, repaired
+from asperity.runtime.text_table import decoded
 from asperity.slope import legs, slopes
 
 if TYPE_CHECKING:
@@ -266,30 +269,67 @@ class Curve:
         """Read a CSV file: optional "# {json}" line, column names, one line per step.
 
         Columns "delta" and "force" are required, the other names of COLUMNS are optional. An empty cell is unknown.
+        Files that no run has written may have another dialect and units, and are repaired with a warning, see
+        `measured_curve`.
 
         Raises:
             InputError: the file does not exist, has no or unknown column names, or a value that is not a number
                 (the message gives its line)
         """
         try:
-            return _parsed(Path(path).read_text(encoding="utf-8-sig").splitlines())
+            curve, notes = _parsed(Path(path))
         except (InputError, OSError, ValueError, OverflowError, RecursionError, csv.Error) as error:
             raise InputError(f"{path} cannot be read as a curve: {error}") from None
+        for note in notes:
+            warnings.warn(f"{path}: {note}", AsperityWarning, stacklevel=2)
+        return curve
 
 
-def _parsed(lines: list[str]) -> Curve:
-    """Curve of the lines of a file."""
+def _parsed(path: Path) -> tuple[Curve, Sequence[str]]:
+    """Curve of a file, and what was repaired where no run has written it."""
+    lines = decoded(path.read_bytes()).splitlines()
+    first = next((line for line in lines if not line.startswith("#")), "")
+    names = [name.strip() for name in first.split(",")]
+    if first and not set(names) <= set(COLUMNS):
+        return _measured(path, names)
     header, skip = _read_header(lines)
     if len(lines) <= skip:
         raise InputError(f"no column names; expected {','.join(COLUMNS)}.")
-    names = [name.strip() for name in lines[skip].split(",")]
     _check_names(names)
     rows = []
     for number, values in enumerate(csv.reader(lines[skip + 1 :]), start=skip + 2):
+        if not any(map(str.strip, values)):
+            continue
         if len(values) != len(names):
             raise InputError(f"line {number}: {len(values)} values for {len(names)} columns.")
         rows.append({name: _parse(name, text, number) for name, text in zip(names, values, strict=True)})
-    return Curve.from_rows(rows, header)
+    curve = Curve.from_rows(rows, header)
+    if "step" in names:
+        return curve, ()
+    found, notes = repaired({name: getattr(curve, name) for name in names})
+    return (_of_columns(found, header), notes) if notes else (curve, ())
+
+
+def _measured(path: Path, names: list[str]) -> tuple[Curve, Sequence[str]]:
+    """Curve of a file in another dialect, or with units or other names."""
+    try:
+        measured = read_measured_curve(path)
+    except ValueError:
+        if len(names) > 1 and set(names) & set(_REQUIRED):
+            _check_names(names)
+        raise
+    _check_names(list(measured.columns))
+    return _of_columns(measured.columns, {}), measured.notes
+
+
+def _of_columns(columns: Mapping[str, Array], header: Mapping[str, Any]) -> Curve:
+    """Curve of columns (n,); unknown counts are 0."""
+    counted = {
+        name: np.where(np.isnan(values), 0, values).astype(int) if _KINDS[name] is int else values
+        for name, values in columns.items()
+    }
+    rows = zip(*counted.values(), strict=True)
+    return Curve.from_rows([dict(zip(counted, row, strict=True)) for row in rows], header)
 
 
 _TABLE = {each.name: each.metadata for each in fields(Curve) if each.metadata}

@@ -258,7 +258,7 @@ def _vibration(
     notes, laws = [*static.doubts(load), assumed, loop_note], None
     if chosen is not None:
         laws = tabulate(*chosen, exact.mass)
-        notes += [laws.choice.note, _first_yield(laws.choice)]
+        notes += [*chosen[0].notes, laws.choice.note, _first_yield(laws.choice)]
     return exact, gravity, laws, [note for note in notes if note]
 
 

@@ -14,7 +14,7 @@ import numpy as np
 from asperity.arrays import Array, Flags
 from asperity.curve import BRANCHES
 from asperity.errors import InputError
-from asperity.runtime.files import read_csv
+from asperity.runtime.measured_curve import read_measured_curve
 from asperity.slope import legs
 
 _HYSTERESIS = 0.01  # share of the greatest force by which an unloading falls short of the loading after yield
@@ -32,6 +32,7 @@ class CurveColumns:
     elastic: Array  # stiffness of unloading and small vibration (force/length), column k_n_elastic
     bar: Array  # error bar of the force over the force
     elastic_bar: Array  # error bar of the elastic stiffness over that stiffness, column error_k_n_elastic
+    notes: tuple[str, ...] = ()  # how a file was read, a sentence each
 
     @classmethod
     def of(cls, source: Any, factor: float = 1.0) -> CurveColumns:
@@ -44,7 +45,7 @@ class CurveColumns:
         """
         if isinstance(source, cls):
             return source
-        table: Any = _read(Path(source)) if isinstance(source, (str, os.PathLike)) else source
+        table, notes = _read(Path(source)) if isinstance(source, (str, os.PathLike)) else (source, ())
 
         def column(name: str) -> Any:
             return table.get(name) if isinstance(table, Mapping) else getattr(table, name, None)
@@ -88,6 +89,7 @@ class CurveColumns:
             delta=delta, force=factor * force, branch=branch,
             plastic=np.where(np.isnan(strain), number("plastic_fraction"), strain),
             elastic=factor * number("k_n_elastic"), bar=relative("P_star"), elastic_bar=relative("k_n_elastic"),
+            notes=notes,
         )  # fmt: skip
 
     @property
@@ -141,10 +143,13 @@ class CurveColumns:
         return [*reversed(up), *reversed(down)]
 
 
-def _read(path: Path) -> dict[str, tuple[str, ...]]:
+def _read(path: Path) -> tuple[Mapping[str, Any], tuple[str, ...]]:
+    """Columns of a file, and how it was read."""
+    file = path / "curve.csv" if path.is_dir() else path
     try:
-        return read_csv(path / "curve.csv" if path.is_dir() else path)
+        measured = read_measured_curve(file)
     except OSError as error:
         raise InputError(f"cannot read the curve {path}: {error.strerror}") from error
     except (ValueError, csv.Error) as error:
         raise InputError(f"the curve {path} is not a table of text: {error}") from error
+    return measured.columns, measured.notes

@@ -85,7 +85,9 @@ class TextTable:
             if line.strip() and not is_comment(line)
         ]
         rows = [row for row in rows if any(row[1])]
-        if self.separator is not None and not any(row[-1] for _, row in rows):  # one ends each row
+        named = [cells for _, line in self.header if any(cells := self.cells(line))][-1:]
+        ends = self.separator is not None and not any(row[-1] for _, row in rows)  # one ends each row
+        if ends and not (named and len(named[0]) == len(rows[0][1]) and named[0][-1]):
             rows = [(i, row[:-1]) for i, row in rows]
         width = int(np.bincount([len(row) for _, row in rows]).argmax())
         for i, row in rows:
@@ -187,14 +189,15 @@ def _start(lines: list[str], least: int) -> tuple[int, str | None]:
 
     A row of a few numbers is the first one only if the next line has as many: others belong to a header.
     """
-    filled = [i for i, line in enumerate(lines) if line.strip() and not is_comment(line)]
+    filled = [i for i, line in enumerate(lines) if line.strip(" ,;\t") and not is_comment(line)]
     for i, following in itertools.pairwise([*filled, -1]):
         for separator in SEPARATORS:
             width = _numeric(lines[i], separator, least)
             if not width:
                 continue
             rest = lines[following] if following >= 0 else ""
-            if width >= WIDE or not rest or _numeric(rest, separator, least) == width:
+            cells = split(rest, separator)
+            if width >= WIDE or not rest or (len(cells) == width and any(map(is_number, cells))):
                 return i, separator
     text = next((line for line in lines if line.strip()), "")
     if not text:
@@ -246,8 +249,8 @@ def _decimal(lines: Iterable[str], separator: str | None) -> str:
         return next(iter(votes))
     if doubtful:
         raise ValueError(
-            f"the comma of {doubtful!r} separates decimals or thousands, and no other number shows which: give "
-            "--decimal comma or --decimal point"
+            f"the comma of {doubtful!r} separates decimals or thousands, and no other number shows which: write a "
+            "point, or give import-map --decimal comma or --decimal point"
         )
     return "."
 
