@@ -11,6 +11,7 @@ import numpy as np
 from asperity.adaptive.extrapolation import (
     Budget,
     Corrected,
+    at_given_forces,
     correct,
     judged_rows,
     relative,
@@ -130,6 +131,8 @@ class MeshErrorEstimate:
             curve, budget = correct(fine, coarse, ratio, judged, bar_of_steps, algebraic)
             curve = with_measures(curve, coarse.curve, ratio, budget, run.compliance, run.exact_gap)
             unresolved = curve.unresolved()
+            if run.force_max is not None:  # it is the corrected curve that reaches it
+                curve, budget = at_given_forces(curve, budget, result.curve, run.compliance, run.force_max)
         if unresolved:
             # by a single node the force grows with its size, and the difference of two meshes is no error
             curve = replace(result.curve, error_P_star=np.full(len(result.curve), nan))

@@ -54,6 +54,7 @@ class LevelSolver:
         comm: communicator
         side, height: of the block [length]
         compliance: of the block under a uniform pressure, compression over P* [length]
+        force_max: greatest force of a load path that gives it [force]
         exact_gap: mean gap without load if the gap is known from approach and force, see `with_measures` [length]
         levels: what was computed, in order
         scales: of the meshes
@@ -72,6 +73,7 @@ class LevelSolver:
         self.compliance = problem.height * material.reduced_modulus / material.block_modulus(problem.sides)
         surface, linear = problem.surface, not material.plastic and material.kinematics == "small"
         known = linear and problem.sides != "free"
+        self.force_max = problem.load_path.force_max
         self.exact_gap = surface.maximum()[2] - surface.mean() if known else None
         self._family = None if guide is None else MeshFamily(problem, depth, guide)
         self._first_scale = scale

@@ -29,6 +29,7 @@ FRACTIONS = {
 #: key -> values that are probable in SI, and the unit
 PROBABLE = {"material.E": (1e3, 2e12, "Pa"), "surface.L": (0.0, 0.1, "m"), "material.density": (1.0, 3e4, "kg/m^3")}
 LEAST_FORCE = 1e-12  # over the nominal area and E'
+ROUND = 1.0 + 1e-9  # the area of a joint over that of the patch, both rounded
 _MARGIN = 1.2  # on the compression of the block, whose surface answers a little stiffer than a half-space does
 
 
@@ -61,7 +62,7 @@ def wrong_preload(key: str, value: float, greatest: float | None, full: float) -
         full: the nominal area times E', or E' [the same unit]
     """
     least, most = LEAST_FORCE * full, greatest or full
-    if least <= value <= most:
+    if least <= value <= most * ROUND:
         return None
     word = "pressure" if key == "joint.pressure" else "force"
     return key, (

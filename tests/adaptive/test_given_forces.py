@@ -1,0 +1,92 @@
+"""A force or pressure that a load path gives is met by the corrected curve, whose approaches are what is corrected."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+from conftest import ELASTIC, PLASTIC, here
+
+import asperity as asp
+from asperity.adaptive.extrapolation import Budget, at_given_forces
+from asperity.case import Case
+from asperity.curve import Curve
+from asperity.reference import half_space_contact
+
+PATCH = asp.Surface.from_spec(kind="sphere", L=1.0, radius=30.0, centre=(0.3, 0.4), shape="paraboloid")
+
+
+def power(factor: float, branches: tuple[str, ...] = ("load",), **columns: Any) -> Curve:
+    at = np.array([0.002, 0.004, 0.006])
+    rows = [
+        {"delta": d, "delta_star": d, "force": factor * d**1.5, "P_star": factor * d**1.5, "branch": branch, **columns}
+        for branch in branches
+        for d in (at if branch != "unload" else at[::-1])
+    ]
+    return Curve.from_rows(rows)
+
+
+@pytest.mark.parametrize("factor", [0.7, 0.98, 1.2])
+def test_the_approach_of_a_power_law_is_exact(factor: float) -> None:
+    raw, corrected = (power(f, ("load", "unload"), area_fraction=0.1, mean_gap=0.01) for f in (2.0, 2.0 * factor))
+    budget = Budget(*(part * corrected.P_star for part in (0.01, 0.02, 0.0, 0.0)))
+    found, bars = at_given_forces(corrected, budget, raw, 0.5, float(raw.force[2]))
+    np.testing.assert_allclose(found.force, raw.force, rtol=1e-14)
+    np.testing.assert_allclose(found.force, 2.0 * factor * found.delta**1.5)
+    np.testing.assert_allclose(bars.total, np.hypot(0.01, 0.02) * found.P_star)
+    compressed = found.delta - 0.5 * found.P_star - (corrected.delta - 0.5 * corrected.P_star)
+    np.testing.assert_allclose(found.mean_gap, corrected.mean_gap - compressed)
+
+
+def test_a_force_that_is_given_is_met_by_the_corrected_curve() -> None:
+    """Three times, in elastic cycles; the approach is that of boundary elements, and unloading retraces loading."""
+    force = 1.0e-4
+    found = asp.solve_to_tolerance(
+        PATCH, ELASTIC, asp.AccuracyTarget(0.05), force_max=force, steps=5, unload_steps=2, cycles=2, comm=here()
+    )
+    curve = found.curve
+    assert found.met and list(curve.force == force).count(True) == 2 and curve.force.max() == force
+    assert np.any(np.abs(found.raw.delta / np.where(curve.delta > 0.0, curve.delta, 1.0) - 1.0) > 1e-3)
+    assert np.all(found.budget.total == curve.error_P_star)
+    loading = curve.loading()
+    bar = loading.error_P_star / loading.P_star
+    for k in (1, 3, -1):
+        exact = half_space_contact(PATCH, 256, P_star=float(loading.P_star[k]), height=1.0).delta_star
+        assert abs(loading.delta_star[k] / exact - 1.0) <= bar[k] / 1.5 + 2e-3
+    back = curve.unloading()
+    back = back.where(back.force > 0.0)
+    same = np.interp(back.delta, loading.delta, loading.force)
+    assert np.all(np.abs(back.force - same) <= 0.05 * force)
+
+
+def test_a_pressure_that_is_given_is_met_after_yield() -> None:
+    blunt = asp.Surface.from_spec(kind="sphere", L=1.0, radius=2.0, centre=(0.3, 0.4), shape="paraboloid")
+    found = asp.solve_to_tolerance(
+        blunt, PLASTIC, asp.AccuracyTarget(0.2), pressure_max=2e-3, steps=5, unload_steps=2, comm=here()
+    )
+    curve, last = found.curve, int(np.argmax(found.curve.force))
+    assert curve.force[last] == 2e-3 and curve.branch[last] == "load" and curve.force[-1] == 0.0
+    assert 0.0 < curve.delta[-1] < curve.delta[last]
+    np.testing.assert_allclose(curve.delta[last:] / curve.delta[last], found.raw.delta[last:] / found.raw.delta[last])
+
+
+def test_a_joint_may_stand_under_nearly_the_force_of_its_path() -> None:
+    case = {
+        "units": "SI",
+        "surface": {"kind": "sphere", "L": 240e-6, "radius": 2.8e-3},
+        "material": {"E": 192e9, "nu": 0.3, "density": 7800.0},
+        "loading": {"force_max": 0.69, "steps": 5},
+        "accuracy": {"tolerance": 0.05},
+        "joint": {"nominal_area": 5.76e-8, "preload": 0.68, "mass": 1e-3},
+        "dynamics": {},
+    }
+    found = asp.run(Case.from_dict(case))
+    assert found.curve.force[-1] == 0.69 and found.dynamics is not None
+
+
+def test_a_joint_of_the_area_of_its_patch_may_have_the_greatest_force() -> None:
+    """240e-6 squared is not 5.76e-8 to the last digit."""
+    case = {"surface": {"kind": "sphere", "L": 240e-6, "radius": 2.8e-3}, "material": {"E": 192e9, "nu": 0.3}}
+    case |= {"loading": {"force_max": 0.69}, "joint": {"nominal_area": 5.76e-8, "preload": 0.69, "mass": 1e-3}}
+    assert Case.from_dict(case).joint is not None
