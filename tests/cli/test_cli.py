@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import csv
 import json
+import os
+import re
 import subprocess
 import sys
 import types
@@ -26,6 +28,10 @@ from asperity.power_law import PowerLawFit
 from asperity.runtime.progress import COLUMNS, Progress, StepLines, duration, make_progress
 
 ROOT = Path(__file__).parents[2]
+#: Environment without what an MPI process adds to it.
+CLEAN: dict[str, str | None] = {
+    k: v for k, v in os.environ.items() if not re.match("PMIX_|PRTE_(?!MCA)|OMPI_(?!MCA|A)", k)
+}
 DEMO = str(ROOT / "cases/single.toml")
 Cli = Callable[..., tuple[int, str, str]]
 
@@ -120,7 +126,7 @@ def test_force_removes_what_a_run_wrote_and_leaves_what_others_put_there(
     (out / "case.toml").write_text(Path(DEMO).read_text())  # edited; the checkpoint shows that there is a run
     assert cli("run", DEMO, "-o", out, "--force")[0] == 0
     left = {path for path in out.rglob("*") if path.is_file()}
-    assert left == {*theirs, out / "case.toml", out / "run.log"}
+    assert left == {*theirs, out / "case.toml", out / "run.log", out / ".lock"}
 
 
 @pytest.mark.parametrize("command", ["run", "surface", "import-map", "study", "dynamics"])
@@ -167,6 +173,9 @@ def test_bad_input_is_one_line_and_exit_code_2(
         (ModuleNotFoundError("no", name="dolfinx"), 4, "dolfinx"),
         (OSError(28, "No space left on device", "curve.csv"), 4, "curve.csv: No space left"),
         (KeyboardInterrupt(), 130, "stopped"),
+        (KeyError("of\na file"), 70, "internal error at test_cli.py:"),
+        (RecursionError("deep"), 70, "RecursionError: deep; please report it"),
+        (ModuleNotFoundError("no", name="asperity.lost"), 70, "ModuleNotFoundError"),
     ],
 )
 def test_failures_have_their_exit_codes(
@@ -179,6 +188,38 @@ def test_failures_have_their_exit_codes(
     monkeypatch.setattr("asperity.run_case.run", fail)
     left, _, err = cli("run", DEMO, "-o", tmp_path / "out")
     assert left == code and part in err.splitlines()[-1]
+    assert [line for line in err.splitlines() if line and not line.startswith("warning: ")] == err.splitlines()[-1:]
+
+
+@pytest.mark.parametrize(
+    ("environment", "words", "code"),
+    [
+        ({"HOME": None}, (), 0),
+        ({"HOME": ""}, ("--ranks", "2"), 0),
+        ({"PYTHONWARNINGS": "error"}, ("--set", "contact.penalty=20.0"), 0),  # which a run warns of
+        ({"PYTHONIOENCODING": "ascii", "PYTHONUTF8": "0"}, (), 0),
+        ({}, ("--set", b"material.E=\xff1"), 2),
+        ({}, ("-o", b"\xff"), 2),
+    ],
+    ids=str,
+)
+def test_an_odd_environment_or_argument_is_no_error_or_one_line(
+    tmp_path: Path, environment: dict[str, str | None], words: tuple[str | bytes, ...], code: int
+) -> None:
+    """Also where Python would make an error of a warning, or MPI end without a home."""
+    path = tmp_path / "case.toml"
+    path.write_text(
+        'units = "other"\nsurface = {kind = "flat", L = 1.0}\nmaterial = {E = 1.0, nu = 0.3}\n'
+        "mesh = {h_contact = 0.5, h_max = 1.0}\nloading = {delta_max = 0.01, steps = 1}\n"
+    )
+    changed = {name: value for name, value in (CLEAN | environment).items() if value is not None}
+    command = [sys.executable, "-m", "asperity", "run", path, *words]
+    done = subprocess.run(command, cwd=tmp_path, env=changed, capture_output=True, timeout=120)
+    errors = done.stderr.decode().splitlines()
+    assert done.returncode == code, errors
+    rest = [line for line in errors if not line.startswith("warning: ")]
+    assert len(rest) == (code != 0) and all(line.startswith("error: ") for line in rest)
+    assert (tmp_path / "out").exists() == (code == 0)
 
 
 def test_an_unwritable_place_is_refused_before_the_work(cli: Cli, calls: list[Any], tmp_path: Path) -> None:

@@ -2,23 +2,27 @@
 
 The module `import_map` is the command `import-map`.
 
-Exit codes: 0 done; 1 compared curves differ, or an internal error; 2 bad input; 3 not converged,
-partial curve saved; 4 environment. An error is one line on stderr, from one rank.
+Exit codes: 0 done; 1 compared curves differ; 2 bad input; 3 not converged, partial curve saved; 4 environment; 70 an
+internal error. An error is one line on stderr, from one rank. ASPERITY_TRACEBACK=1 shows where an internal error is.
 """
 
 from __future__ import annotations
 
 import importlib
+import io
+import os
 import pkgutil
 import sys
+import traceback
 import warnings
 from collections.abc import Callable, Sequence
 from typing import Any
 
 import click
 
-from asperity.errors import AsperityError
-from asperity.runtime.parallel import Ranks
+from asperity.errors import AsperityError, AsperityWarning
+from asperity.runtime.launch import ensure_home
+from asperity.runtime.parallel import INTERNAL, Ranks
 from asperity.runtime.progress import world_rank
 from asperity.version import __version__
 
@@ -45,8 +49,15 @@ def group() -> None:
 
 def main(arguments: Sequence[str] | None = None) -> None:
     """Run a command and leave with its exit code, the same on every rank."""
+    ensure_home()
     ranks = Ranks()
+    # Warnings of this package are shown whatever the environment says, and those of others are not for users.
+    warnings.simplefilter("ignore")
+    warnings.simplefilter("always", AsperityWarning)
     warnings.showwarning = _show_once()
+    for stream in (sys.stdout, sys.stderr):
+        if isinstance(stream, io.TextIOWrapper):
+            stream.reconfigure(errors="replace")  # a terminal that lacks a character
     sys.exit(ranks.leave(*_outcome(arguments)))
 
 
@@ -54,6 +65,9 @@ def _outcome(arguments: Sequence[str] | None) -> tuple[int, str]:
     """Exit code and message of a command."""
     try:
         words = sys.argv[1:] if arguments is None else list(arguments)
+        for word in words:
+            if not word.isascii() and any("\ud800" <= c <= "\udfff" for c in word):  # bytes that Python cannot decode
+                return 2, f"{word.encode(errors='replace').decode()}: an argument that is not UTF-8; rename the file"
         return group.main(words, prog_name="asperity", standalone_mode=False, obj=words) or 0, ""
     except click.UsageError as error:
         usage = f" ({error.ctx.command_path} --help shows the usage)" if error.ctx else ""
@@ -66,13 +80,25 @@ def _outcome(arguments: Sequence[str] | None) -> tuple[int, str]:
         return error.exit_code, str(error)
     except ModuleNotFoundError as error:
         if (error.name or "asperity").startswith("asperity"):
-            raise
+            return INTERNAL, _internal(error)
         return 4, f"the environment lacks the Python package {error.name}: install asperity[solve] or use ./run"
     except MemoryError:
         return 3, "out of memory; use fewer dofs (larger mesh.h_contact), more ranks, or solver.linear = auto"
     except OSError as error:
         where = f" {error.filename}" if error.filename else ""
         return 4, f"cannot read or write{where}: {error.strerror or error}"
+    except Exception as error:
+        return INTERNAL, _internal(error)
+
+
+def _internal(error: Exception) -> str:
+    """Message of an error that nobody has foreseen."""
+    if os.environ.get("ASPERITY_TRACEBACK"):
+        traceback.print_exception(error)
+    *_, (frame, line) = traceback.walk_tb(error.__traceback__)
+    where = f"{os.path.basename(frame.f_code.co_filename)}:{line}"
+    text = "".join(c if c.isprintable() else " " for c in f"{type(error).__name__}: {error}")[:200]
+    return f"internal error at {where}, {text}; please report it with the output under ASPERITY_TRACEBACK=1"
 
 
 def _show_once() -> Callable[..., None]:

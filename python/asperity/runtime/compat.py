@@ -43,16 +43,15 @@ def load_libraries() -> None:
 def start() -> None:
     """Import dolfinx, which starts PETSc; collective.
 
-    The form compiler of dolfinx redirects all warnings to a logger without output; this restores their display.
+    The form compiler of dolfinx redirects all warnings to a logger without output: their display is restored.
     Scotch, which partitions the mesh, has one thread: with several each run has another partition, which changes the
     last digits of its results, and takes longer. The environment variable SCOTCH_PTHREAD_NUMBER, if set, wins.
     """
     os.environ.setdefault("SCOTCH_PTHREAD_NUMBER", "1")
     load_libraries()
-    show = warnings.showwarning
-    import dolfinx  # noqa: F401
-
-    warnings.showwarning = show
+    with warnings.catch_warnings():  # what its modules warn of is not of the run, nor an error of it
+        warnings.simplefilter("ignore")
+        import dolfinx  # noqa: F401
 
 
 def gmsh_to_dolfinx(nodes_per_tet: int) -> npt.NDArray[np.integer[Any]]:

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import os
+import pwd
 import shutil
 import sys
+import tempfile
 from collections.abc import Mapping, Sequence
 from typing import NoReturn
 
@@ -25,6 +27,15 @@ def started_ranks(environ: Mapping[str, str] = os.environ) -> int | None:
     if tasks.isdigit() and int(tasks) > 1:
         return int(tasks)
     return 0 if {"PMIX_RANK", "PMI_RANK"} & environ.keys() else None
+
+
+def ensure_home() -> None:
+    """Set HOME where it is not set: without it Open MPI ends the process."""
+    if not os.environ.get("HOME"):
+        try:
+            os.environ["HOME"] = pwd.getpwuid(os.getuid()).pw_dir
+        except KeyError:  # a user without an entry, as in some containers
+            os.environ["HOME"] = tempfile.gettempdir()
 
 
 def available_cores() -> int:

@@ -16,6 +16,7 @@ if TYPE_CHECKING:
 
 T = TypeVar("T")
 
+INTERNAL = 70  # exit code of an error that nobody has foreseen, EX_SOFTWARE of sysexits.h
 PATIENCE = 30.0  # time a failed rank waits for the others before it aborts the job [s]
 
 
@@ -64,7 +65,7 @@ class Ranks:
         """Print an internal error and end all ranks, which might otherwise wait for this one forever."""
         traceback.print_exception(kind, error, trace)
         sys.stderr.flush()
-        self._comm.Abort(1)
+        self._comm.Abort(INTERNAL)
 
 
 def on_root(comm: MPI.Comm, work: Callable[[], T]) -> T | None:
