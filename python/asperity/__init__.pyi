@@ -38,3 +38,5 @@ from asperity.surface import Surface as Surface
 from asperity.transient import Scheme as Scheme
 from asperity.transient import Transient as Transient
 from asperity.version import __version__ as __version__
+
+__all__: list[str]

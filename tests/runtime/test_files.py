@@ -17,7 +17,7 @@ from asperity.plot import plot_run
 from asperity.plot.report import write_report
 from asperity.runtime.files import files_into, is_aside, read_npz, remove_asides, replacing
 from asperity.study import Study
-from asperity.study.results import write_tables
+from asperity.study.results import write_table
 from asperity.surface import Surface
 from asperity.surface.measured import HeightField
 
@@ -38,7 +38,7 @@ def dynamics(folder: Path) -> None:
 def study(folder: Path) -> None:
     base = {"surface": {"kind": "flat", "L": 1.0}, "material": {"E": 1.0, "nu": 0.3}, "loading": {"delta_max": 0.02}}
     table = {"base": {**base, "units": "other"}, "grid": {"block.height": [1.0]}}
-    write_tables(Study.from_dict(table), folder)
+    write_table(Study.from_dict(table), folder)
 
 
 def patch(folder: Path) -> None:
@@ -52,7 +52,7 @@ def sum_of_two(folder: Path) -> None:
 
 WRITERS: dict[Callable[[Path], None], set[str]] = {
     dynamics: {"free.csv", "response.csv", "thresholds.json"},
-    study: {"study.json", "results.csv"},
+    study: {"results.csv"},
     patch: {"patch.npz"},
     sum_of_two: {"sum.npz"},
 }

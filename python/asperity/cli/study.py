@@ -9,7 +9,6 @@ import click
 
 from asperity.cli import options
 from asperity.errors import ConvergenceError
-from asperity.runtime.display import show
 from asperity.runtime.parallel import on_root_bcast
 from asperity.runtime.progress import world_rank
 
@@ -68,13 +67,11 @@ def command(
 
 def _show_failed(study: Study, folder: Path) -> None:
     """Print the cases that have failed: folder, varied values, reason."""
-    from asperity.study.results import case_state
+    from asperity.study import read_table
 
-    rows = [
-        (entry.key, *(show(value) if (value := entry.value(key)) is not None else "" for key in study.keys), reason)
-        for entry in study.entries
-        if (state := case_state(folder, entry.key)) is not None and (reason := str(state["exit_reason"])) != "done"
-    ]
+    columns = ("case", *study.keys, "exit_reason")
+    failed = (row for row in read_table(folder) if row["exit_reason"] != "done")
+    rows = (tuple("" if row[name] is None else str(row[name]) for name in columns) for row in failed)
     options.table("failed", rows, ("case", *study.keys, "reason"))
 
 
@@ -83,5 +80,4 @@ def _describe(study: Study) -> None:
     from asperity.study.shared_mesh import mesh_key
 
     meshes = len({mesh_key(entry.case) for entry in study.entries})
-    families = ", ".join(f"{f.name} ({sum(f.name in e.families for e in study.entries)})" for f in study.families)
-    options.say(f"{len(study.entries)} cases on {meshes} meshes: {families}")
+    options.say(f"{len(study.entries)} cases on {meshes} meshes")

@@ -1,21 +1,14 @@
 """The study file: a base case, the keys that vary, and the complete cases that follow.
 
-    title = "..."
     base = "base.toml"              # a case file, or a table [base] with the sections of one
 
     [grid]                          # every combination
     "surface.seed" = {first = 0, count = 10}
     "surface.D" = [2.4, 2.5]
     "loading.delta_max" = {from = 1e-9, to = 1e-8, count = 3, log = true}
+    "material.yield_strength, material.tangent_modulus" = [[1e9, 20e9], ["", ""]]   # keys that vary together
 
-    [[points]]                      # listed combinations, each combined with every one of the grid
-    "material.yield_strength" = 1e9
-
-    [families.hardening]            # several studies in one: each family combines the top-level grid and points
-    title = "..."                   # with its own
-    grid = {"material.tangent_modulus" = [1e9, 1e10]}
-
-An empty string removes a key, as with `--set`. Cases that several families share are run once.
+An empty string removes a key, as with `--set`.
 """
 
 from __future__ import annotations
@@ -25,7 +18,7 @@ import itertools
 import math
 import re
 import warnings
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -37,31 +30,13 @@ from asperity.errors import InputError
 from asperity.runtime.display import nearest, short_repr, show
 from asperity.surface import SurfaceWarning
 
-#: Key that varies within an ensemble; the levels of a family differ in the other keys.
-ENSEMBLE = "surface.seed"
 #: Keys of the shortest wave of a surface.
 CUTOFFS = {"surface.f_max", "surface.L_s"}
 #: Greatest number of cases of a study; guards against typing errors.
 MOST_CASES = 100_000
 
 Point = dict[str, Any]
-_KEYS = ("title", "base", "grid", "points", "families")
-_FAMILY_KEYS = ("title", "grid", "points")
-
-
-@dataclass(frozen=True)
-class Family:
-    """A part of a study with its own title.
-
-    Attributes:
-        name: as in the file; "study" if the file has no families
-        title: for figures
-        keys: dotted keys that vary in the family, in the order of the file
-    """
-
-    name: str
-    title: str
-    keys: tuple[str, ...]
+_KEYS = ("base", "grid")
 
 
 @dataclass(frozen=True)
@@ -72,12 +47,10 @@ class Entry:
         key: "c" (so that table readers do not take it for a number) and 15 digits of the hash of the completed
             case; also the name of its folder
         case: the completed case
-        families: names of the families it belongs to
     """
 
     key: str
     case: Case
-    families: tuple[str, ...]
 
     __repr__ = short_repr
 
@@ -92,10 +65,8 @@ class Study:
     """All cases of a study file, validated.
 
     Attributes:
-        title: for figures
-        families: parts of the study
         entries: different cases in the order of the file
-        keys: all dotted keys that vary in some family
+        keys: dotted keys that vary
 
     Examples:
         >>> base = {"surface": {"kind": "sphere", "L": 1e-6, "radius": 1e-5}, "loading": {"delta_max": 1e-9}}
@@ -106,8 +77,6 @@ class Study:
         (4, ('loading.delta_max', 'material.nu'))
     """
 
-    title: str
-    families: tuple[Family, ...]
     entries: tuple[Entry, ...]
     keys: tuple[str, ...]
 
@@ -148,36 +117,28 @@ class Study:
         Raises:
             InputError: the study is illegal; the message is one sentence
         """
-        _check_keys(data, _KEYS, source, "the study file")
-        title = _text(data, "title", Path(source).stem, source)
+        for name in data:
+            if name not in _KEYS:
+                raise InputError(
+                    f"{source}: {show(name)} is not a key of the study file{nearest(name, _KEYS)}; legal: base, grid"
+                )
         base, base_folder = _base(data, Path(folder), source)
         for text in overrides:
             override(base, text)
-        shared = _points(data, f"{source}:")
-        parts = _families(data, source, title)
-        made: list[tuple[Case, str]] = []
-        families, keys = [], dict.fromkeys(k for point in shared for k in point)
-        for name, family_title, own in parts:
-            where = f"{source}, family {name}" if data.get("families") else source
-            points = [a | b for a in shared for b in own]
-            if len(points) + len(made) > MOST_CASES:
-                raise InputError(f"{where}: more than {MOST_CASES} cases; shorten a list of the grid")
-            made += [(_case(base, point, base_folder, where), name) for point in points]
-            varied = dict.fromkeys(k for point in points for k in point)
-            families.append(Family(name, family_title, tuple(varied)))
-            keys |= varied
-        cases: dict[str, tuple[Case, list[str]]] = {}
-        for case, name in made:
-            cases.setdefault("c" + case.hash()[:15], (case, []))[1].append(name)
-        if CUTOFFS & keys.keys() and any(getattr(case.surface, "drawing", None) == "array" for case, _ in made):
+        axes = _axes(data.get("grid"), source)
+        cases: dict[str, Case] = {}
+        for parts in itertools.product(*axes):
+            case = _case(base, {key: value for part in parts for key, value in part.items()}, base_folder, source)
+            cases.setdefault("c" + case.hash()[:15], case)
+        keys = tuple(key for axis in axes for key in axis[0])
+        if CUTOFFS & set(keys) and any(getattr(case.surface, "drawing", None) == "array" for case in cases.values()):
             warnings.warn(
                 f"{source}: surfaces of one seed with different cut-offs are unrelated, because all phases are drawn "
                 'at once; surface.drawing = "nested" adds waves to the same surface',
                 SurfaceWarning,
                 stacklevel=2,
             )
-        entries = tuple(Entry(key, case, tuple(dict.fromkeys(names))) for key, (case, names) in cases.items())
-        return Study(title, tuple(families), entries, tuple(keys))
+        return Study(tuple(Entry(key, case) for key, case in cases.items()), keys)
 
 
 def _base(data: Mapping[str, Any], folder: Path, source: str) -> tuple[dict[str, Any], Path]:
@@ -195,58 +156,30 @@ def _base(data: Mapping[str, Any], folder: Path, source: str) -> tuple[dict[str,
     )
 
 
-def _families(data: Mapping[str, Any], source: str, title: str) -> Iterator[tuple[str, str, list[Point]]]:
-    """Name, title and own points of each family."""
-    tables = data.get("families", {})
-    if not isinstance(tables, Mapping):
-        raise InputError(f"{source}: families must be tables [families.NAME]")
-    if not tables:
-        if "grid" not in data and "points" not in data:
-            raise InputError(f"{source}: nothing varies: give [grid], [[points]] or [families.NAME]")
-        yield "study", title, [{}]
-    for name, table in tables.items():
-        where = f"{source}: families.{name}"
-        if not re.fullmatch(r"[A-Za-z0-9_-]{1,80}", name):  # the name becomes a file name
-            raise InputError(f"{source}: families.{show(name)} must consist of letters, digits, - and _")
-        if not isinstance(table, Mapping):
-            raise InputError(f"{where} must be a table")
-        _check_keys(table, _FAMILY_KEYS, where, f"[families.{name}]")
-        yield name, _text(table, "title", name, where), _points(table, where)
-
-
-def _points(table: Mapping[str, Any], where: str) -> list[Point]:
-    """All combinations of the points and the grid of a table; one without keys if it has neither."""
-    grid = _flat(table.get("grid", {}), f"{where} grid")
-    axes = {key: _values(value, f"{where} grid: {key}") for key, value in grid.items()}
-    count = math.prod(len(values) for values in axes.values())
-    if count > MOST_CASES:
-        raise InputError(f"{where} grid has {count} combinations, at most {MOST_CASES} are legal")
-    combinations: list[Point] = [dict(zip(axes, values, strict=True)) for values in itertools.product(*axes.values())]
-    listed = table.get("points", [{}])
-    if not isinstance(listed, Sequence) or isinstance(listed, str) or not listed:
-        raise InputError(f'{where} points must be a list of tables, for example [{{"surface.D" = 2.4}}]')
-    points = [_flat(point, f"{where} points[{i}]") for i, point in enumerate(listed)]
-    for point in points:
-        for key in point:
-            if key in axes:
-                raise InputError(f"{where} {key} is in grid and in points; give it once")
-            if isinstance(point[key], Mapping):
-                raise InputError(f"{where} points: {key} must be one value")
-    return [point | combination for point in points for combination in combinations]
-
-
-def _flat(table: Any, where: str) -> Point:
-    """Table with dotted keys; `surface.D = ..` without quotes makes nested tables with the same meaning."""
-    if not isinstance(table, Mapping):
-        raise InputError(f'{where} must be a table of keys such as "surface.D"')
+def _axes(grid: Any, source: str) -> list[list[Point]]:
+    """Axes of the grid, each as its points: the value of a key, or of several that vary together."""
+    if not isinstance(grid, Mapping) or not grid:
+        raise InputError(f'{source}: nothing varies: give a table [grid] of keys such as "surface.D"')
     flat: Point = {}
-    for name, value in table.items():
+    for name, value in grid.items():  # surface.D = .. without quotes makes nested tables with the same meaning
         nested = "." not in name and isinstance(value, Mapping)
         flat |= {f"{name}.{key}": v for key, v in value.items()} if nested else {name: value}
-    for key in flat:
-        if key.count(".") != 1:
-            raise InputError(f'{where}: {show(key)} is not a key of a case; write section.key, for example "surface.D"')
-    return flat
+    axes: list[list[Point]] = []
+    for name, value in flat.items():
+        where, keys = f"{source} grid: {name}", [key.strip() for key in name.split(",")]
+        for key in keys:
+            if key.count(".") != 1:
+                raise InputError(f'{where}: {show(key)} is not a key of a case; write section.key, such as "surface.D"')
+            if any(key in axis[0] for axis in axes) or keys.count(key) > 1:
+                raise InputError(f"{where}: {key} varies twice; give it once")
+        values = _values(value, where)
+        if len(keys) > 1 and not all(isinstance(v, list) and len(v) == len(keys) for v in values):
+            raise InputError(f"{where} = {show(value)} must be a list of lists with {len(keys)} values each")
+        axes.append([dict(zip(keys, v if len(keys) > 1 else [v], strict=True)) for v in values])
+    count = math.prod(map(len, axes))
+    if count > MOST_CASES:
+        raise InputError(f"{source} grid has {count} combinations, at most {MOST_CASES} are legal")
+    return axes
 
 
 def _values(value: Any, where: str) -> list[Any]:
@@ -287,19 +220,4 @@ def _case(base: Mapping[str, Any], point: Point, folder: Path, where: str) -> Ca
         else:
             table[name] = value
     varied = ", ".join(f"{key} = {show(value)}" for key, value in point.items())
-    return Case.from_dict(data, folder=folder, source=f"{where} ({varied})" if varied else where)
-
-
-def _check_keys(table: Mapping[str, Any], legal: Sequence[str], where: str, place: str) -> None:
-    for name in table:
-        if name not in legal:
-            raise InputError(
-                f"{where}: {show(name)} is not a key of {place}{nearest(name, legal)}; legal: {', '.join(legal)}"
-            )
-
-
-def _text(table: Mapping[str, Any], key: str, default: str, where: str) -> str:
-    value = table.get(key, default)
-    if not isinstance(value, str):
-        raise InputError(f"{where}: {key} = {show(value)} must be a text in quotes")
-    return value
+    return Case.from_dict(data, folder=folder, source=f"{where} ({varied})")

@@ -20,7 +20,7 @@ from asperity.runtime.parallel import on_root, on_root_bcast
 from asperity.runtime.progress import duration
 from asperity.runtime.run_folder import LOCK, working_in
 from asperity.study.definition import Entry, Study
-from asperity.study.results import ABOUT, DONE, case_folder, case_state, write_tables
+from asperity.study.results import DONE, TABLE, case_folder, case_state, write_table
 from asperity.study.shared_mesh import MESHES, mesh_key, meshes_first, shared_mesh, shares_mesh
 
 if TYPE_CHECKING:
@@ -60,7 +60,7 @@ def run_study(
     comm: MPI.Intracomm | None = None,
     say: Say | None = None,
 ) -> StudyCounts:
-    """Run the missing cases of a study and write its tables; collective over `comm`.
+    """Run the missing cases of a study and write its table; collective over `comm`.
 
     The ranks are split into groups, and the first rank of each takes the next case by a common counter. A case whose
     results are in the folder is not repeated; cases are identified by the hash of the completed input. An error of the
@@ -70,7 +70,7 @@ def run_study(
 
     Args:
         study: the study to run
-        folder: receives results.csv, study.json, cases/HASH/ and meshes/
+        folder: receives results.csv, cases/HASH/ and meshes/
         ranks_per_case: number of ranks in a group
         retry: whether to repeat the cases that failed
         comm: communicator; default all ranks
@@ -194,7 +194,7 @@ def _run(case: Case, place: Path, mesh: Path | None, again: bool, comm: MPI.Comm
 
 
 def _prepare(study: Study, folder: Path, lock: ExitStack, retry: bool) -> list[int]:
-    """Numbers of the cases to run, in their order; `lock` locks the folder, and writes the tables before it closes.
+    """Numbers of the cases to run, in their order; `lock` locks the folder, and writes the table before it closes.
 
     Raises:
         InputError: the folder cannot be used
@@ -203,16 +203,16 @@ def _prepare(study: Study, folder: Path, lock: ExitStack, retry: bool) -> list[i
         if folder.exists() and not folder.is_dir():
             raise InputError(f"{folder} is a file; give a folder to -o")
         names = {path.name for path in folder.iterdir()} if folder.is_dir() else set()
-        if ABOUT not in names and any(name != LOCK and not is_aside(name) for name in names):
+        if TABLE not in names and any(name != LOCK and not is_aside(name) for name in names):
             raise InputError(f"{folder} is not empty and holds no study; give another folder to -o")
         folder.mkdir(parents=True, exist_ok=True)
         lock.enter_context(working_in(folder))
         for place in (folder, folder / MESHES):
             remove_asides(place)
-        write_tables(study, folder)
+        write_table(study, folder)
     except OSError as error:
         raise InputError(f"{folder} cannot be written: {error.strerror}") from None
-    lock.callback(write_tables, study, folder)  # also where the study is stopped
+    lock.callback(write_table, study, folder)  # also where the study is stopped
     states = [case_state(folder, entry.key) for entry in study.entries]
     due = [i for i, state in enumerate(states) if state is None or (retry and state["exit_reason"] != "done")]
     return meshes_first(study.entries, due)
