@@ -3,7 +3,7 @@
 // Prager's rule: the share beta of the hardening moves the centre of the yield surface to the back stress
 // 2/3 beta H eps_p, the rest increases its size to yield + (1 - beta) H alpha. Simo & Hughes, Computational Inelasticity
 // (1998), box 3.2 and Eq. (3.3.12), whose multiplier keeps the denominator 3 mu + H for any share; the readable twin is
-// in tests/ufl_twin.py.
+// in python/asperity/laws/shipped.py.
 #pragma once
 
 #include "law.hpp"

@@ -6,7 +6,7 @@
 //     S_ij = ln[c_i, c_j] T_ij,    4 T : d2E/dC2 -> 4 sum ln[c_i, c_j, c_k] T_ik dG_ij dG_jk,    G = (C - 1)/2,
 // with limits where eigenvalues are equal (Daleckii & Krein; Higham, Functions of Matrices (2008), section 3.2). So the
 // stress of Piola and Kirchhoff S, its tangent and all gradients are kept in the eigenvectors. The readable twin is in
-// tests/ufl_twin.py.
+// python/asperity/fem/weak_form.py.
 #pragma once
 
 #include "eigenvectors.hpp"

@@ -10,7 +10,6 @@ import numpy as np
 import numpy.typing as npt
 from conftest import here
 from scipy import sparse
-from ufl_twin import UflTwin
 
 from asperity.fem.solid import Solid
 from asperity.mesh.block import BlockMesh
@@ -24,7 +23,7 @@ PAIRS = [[0, 3, 4], [3, 1, 5], [4, 5, 2]]  # of the components (xx, yy, zz, xy, 
 
 @dataclass(frozen=True)
 class Sample:
-    """A small mesh driven by nodal displacements through the element kernels, or through their twin."""
+    """A small mesh driven by nodal displacements through the compiled element kernels, or through forms."""
 
     solid: Solid
     kernels: Any
@@ -67,9 +66,9 @@ class Sample:
         return np.array(stress), np.array(accumulated)
 
 
-def sample(block: BlockMesh | None, material: Material, twin: bool = False, mean: bool = False) -> Sample:
-    solid = Solid(*distribute(here(), block, 1.0), material, mean_dilatation=mean)
-    return Sample(solid, UflTwin(solid) if twin else solid.kernels)
+def sample(block: BlockMesh | None, material: Material, forms: bool = False, mean: bool = False) -> Sample:
+    solid = Solid(*distribute(here(), block, 1.0), material, mean_dilatation=mean, forms=forms)
+    return Sample(solid, solid.kernels)
 
 
 def difference(a: Any, b: Any) -> float:

@@ -15,7 +15,7 @@ ORDER = (
     ("_solver", "errors", "arrays", "units", "version"),
     ("runtime",),
     ("surface", "power_law", "slope"),
-    ("curve", "loops"),
+    ("curve", "loops", "laws"),
     ("model", "force_law"),
     ("reference", "dynamics"),
     ("slip",),

@@ -1,5 +1,6 @@
 """Public names: `asperity.__getattr__` finds them here, and so do type checkers and editors."""
 
+from asperity import laws as laws
 from asperity import reference as reference
 from asperity.adaptive.small_strain import choose_kinematics as choose_kinematics
 from asperity.adaptive.solve_contact import solve_contact as solve_contact
@@ -23,6 +24,7 @@ from asperity.errors import ConvergenceError as ConvergenceError
 from asperity.errors import InputError as InputError
 from asperity.errors import MeshError as MeshError
 from asperity.errors import RangeError as RangeError
+from asperity.laws import law as law
 from asperity.model.material import Material as Material
 from asperity.model.problem import Problem as Problem
 from asperity.model.settings import AccuracyTarget as AccuracyTarget

@@ -174,7 +174,7 @@ class Case(Input):
             size=self.mesh.size,
             formulation=self.contact.formulation,
             dilatation=solver.dilatation,
-            options=SolverOptions(solver.linear, solver.rtol, solver.newton_max),
+            options=SolverOptions(solver.linear, solver.rtol, solver.newton_max, kernels=solver.kernels),
         )
 
     def warnings(self) -> list[str]:

@@ -260,6 +260,9 @@ class SolverSection(Section):
         None,
         shown='"mean" in runs with a tolerance where rough solids yield, otherwise "point"',
     )
+    kernels: Literal["compiled", "forms"] | None = key(
+        "of the elements: compiled, or forms of UFL", None, shown='"forms" with material.law, otherwise "compiled"'
+    )
     linear: Literal["auto", "lu", "cg", "gamg"] = key(
         "linear solver: direct, CG with p-multigrid, or with algebraic multigrid", "auto"
     )

@@ -13,10 +13,12 @@ from asperity.model.material import PAIRS
 def energies(solid: Solid, force: Floats) -> tuple[float, float]:
     """Stored and dissipated energy over the committed history, of an internal force (owned, 3) [E L^3]; this rank's.
 
-    Elastic strain and back stress store energy.
+    Elastic strain and back stress store energy. That of a law in UFL is not known: zero.
     """
     u = solid.u.x.array.reshape(-1, 3)
     kernels, material = solid.kernels, solid.material
+    if material.law is not None:
+        return 0.0, 0.0
     if kernels.linear:
         return 0.5 * float(np.vdot(u[: solid.owned], force)), 0.0
     stored = float(np.vdot(kernels.volumes, material.elastic_energy(kernels.conjugate_stress(u))))
@@ -31,14 +33,17 @@ def dissipation(solid: Solid, before: History) -> tuple[float, float]:
     """Plastic work of a step less what the back stress X stores, sum (sigma - X) : d eps_p [E L^3], and the greatest
     decrease of the accumulated plastic strain.
 
-    Part of this rank; zero for an elastic solid.
+    Part of this rank; zero for an elastic solid, and the work for a law in UFL.
     """
     after = solid.kernels.history()
     if not after.rows:
         return 0.0, 0.0
+    decrease = float(np.max(before.accumulated - after.accumulated))
+    if solid.material.law is not None:
+        return 0.0, decrease
     yielded = after.changed()
     driving = solid.kernels.conjugate_stress(solid.u.x.array.reshape(-1, 3))[yielded]
     driving -= solid.material.back_stress(after.plastic_strain[yielded])
     flow = after.plastic_strain[yielded] - before.plastic_strain[yielded]
     work = float(np.einsum("cq,cqi,cqi,i", solid.kernels.volumes[yielded], driving, flow, PAIRS))
-    return work, float(np.max(before.accumulated - after.accumulated))
+    return work, decrease

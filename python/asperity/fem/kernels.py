@@ -28,7 +28,7 @@ def law_of(material: Material, flows: bool = True) -> _solver.Elastic | _solver.
     Args:
         flows: False keeps the plastic strain as it is, for the stiffness against small vibration
     """
-    name, parameters = material.law
+    name, parameters = material.compiled
     if material.plastic and not flows:
         parameters = {**parameters, "yield_stress": np.inf}
     law: _solver.Elastic | _solver.J2 = getattr(_solver, name)(**parameters)

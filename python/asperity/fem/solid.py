@@ -13,6 +13,7 @@ import numpy as np
 import numpy.typing as npt
 
 from asperity.arrays import Floats, Singles
+from asperity.fem.forms import FormKernels
 from asperity.fem.ghosts import Ghosts
 from asperity.fem.kernels import ElementKernels
 from asperity.fem.node_order import displacement_space
@@ -45,6 +46,7 @@ class Solid:
         material: with stresses in units of E
         sides: "rollers" (no normal displacement), "free", or "periodic" for a mesh with joined sides
         mean_dilatation: see `kernels.ElementKernels`
+        forms: whether the kernels are forms of UFL, as they are for a material with a law of its own
         phases: collects the time spent in each phase
         comm: communicator of PETSc's objects; None takes that of the mesh, which no other mesh has
 
@@ -75,6 +77,7 @@ class Solid:
         material: Material,
         sides: str = "rollers",
         mean_dilatation: bool = False,
+        forms: bool = False,
         phases: Phases | None = None,
         comm: Any = None,
     ) -> None:
@@ -98,9 +101,13 @@ class Solid:
         self.fixed = self._fixed_rows(sides)
         self.base = self.nodes_on(BASE)
         x_nodes = compat.geometry_dofmap(mesh)[:cells]
-        self.kernels = ElementKernels(
-            mesh.geometry.x, x_nodes, self.cell_nodes, material, self.sparsity, mean_dilatation
-        )
+        self.kernels: ElementKernels | FormKernels
+        if forms or material.law is not None:
+            self.kernels = FormKernels(self.V, self.cell_nodes, material, self.sparsity)
+        else:
+            self.kernels = ElementKernels(
+                mesh.geometry.x, x_nodes, self.cell_nodes, material, self.sparsity, mean_dilatation
+            )
         self.body_force: BodyForce | None = None
         self.ghosts = Ghosts(index_map)
         self._values: Floats | None = None

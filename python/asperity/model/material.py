@@ -1,14 +1,20 @@
-"""Isotropic elasticity and J2 plasticity with linear hardening."""
+"""Isotropic elasticity, J2 plasticity with linear hardening, and laws in UFL."""
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from math import inf
+from typing import Any
 
 import numpy as np
 
 from asperity.arrays import Floats
 from asperity.errors import InputError
+from asperity.laws import definition as laws
+from asperity.laws import shipped
+from asperity.laws.loading import load
+from asperity.laws.point import ISOTROPY, traits
 from asperity.model.kinds import Judgement, check_kinds, refuse
 from asperity.runtime.display import short_repr
 
@@ -52,6 +58,7 @@ class Material:
             of the hardening that is kinematic
         kinematics: "small" strain, "finite": the same law in logarithmic strain, or "auto": see
             `adaptive.small_strain.choose_kinematics`
+        law: in UFL, in place of those of the other attributes, see `of_law`
 
     Raises:
         InputError: a value is outside its range
@@ -70,6 +77,7 @@ class Material:
     tangent_modulus: float = 0.0
     hardening: str | float = "isotropic"
     kinematics: str = "small"
+    law: laws.Law | None = None
 
     __repr__ = short_repr
 
@@ -82,16 +90,78 @@ class Material:
                 f'material.hardening = {self.hardening!r} must be "isotropic", "kinematic", or the kinematic share in '
                 "[0, 1]"
             )
+        if self.law is not None and self.law.hyperelastic and not self.finite:
+            raise InputError(
+                f'material.kinematics = "{self.kinematics}" cannot go with {laws.KEY} = "{self.law.source}", an energy '
+                'of the deformation gradient: take "finite", or leave it out'
+            )
         if share > 0 and self.yield_strength is None:
             raise InputError(
                 f"material.hardening = {self.hardening!r} needs material.yield_strength: give one, or leave "
                 "material.hardening out of an elastic material"
             )
 
+    @staticmethod
+    def of_law(law: str | Callable[..., Any], *, kinematics: str | None = None, **parameters: float) -> Material:
+        """A material of a law in UFL, see docs/extend.md.
+
+        Args:
+            law: function `stress(strain, ...)`, `stress(strain, state, ...)` or `energy(F, ...)`; the name of one of
+                `asperity.laws`, or "file.py:name"
+            kinematics: None takes "finite" for an energy, else "small"; a law of a strain is then one of the
+                logarithmic strain
+            parameters: of the law
+
+        Raises:
+            InputError: the law is refused, see `laws.law_of_function` and `laws.point.traits`
+
+        Examples:
+            >>> alloy = asp.Material.of_law(
+            ...     asp.laws.voce, E=70e9, nu=0.33, yield_strength=2e8, saturation=1e8, rate=20.0
+            ... )
+            >>> alloy.plastic, round(alloy.E / 1e9, 6), alloy.kinematics
+            (True, 70.0, 'small')
+        """
+        made = load(law, parameters) if isinstance(law, str) else laws.law_of_function(law, parameters)
+        seen, given = traits(made), dict(made.parameters)
+        if seen.E is None or seen.nu is None:
+            if not {"E", "nu"} <= set(given):
+                laws.refuse(made.source, "is not isotropic at rest: give it parameters E and nu, for the scales")
+            E, nu = given["E"], given["nu"]
+        else:
+            E, nu = seen.E, seen.nu
+            if abs(given.get("E", E) - E) <= ISOTROPY * E and abs(given.get("nu", nu) - nu) <= ISOTROPY:
+                E, nu = given.get("E", E), given.get("nu", nu)
+        kinematics = kinematics or ("finite" if made.hyperelastic else "small")
+        return Material(E, nu, given.get("yield_strength"), kinematics=kinematics, law=made)
+
     @property
     def plastic(self) -> bool:
-        """Whether the material can yield."""
-        return self.yield_strength is not None
+        """Whether the material can yield, or its law has a state."""
+        return bool(self.law.state) if self.law else self.yield_strength is not None
+
+    @property
+    def symmetric(self) -> bool:
+        """Whether the tangent is."""
+        return self.law is None or traits(self.law).symmetric
+
+    @property
+    def in_ufl(self) -> laws.Law:
+        """The law as a function in UFL."""
+        if self.law is not None:
+            return self.law
+        if self.yield_strength is None:
+            return laws.law_of_function(shipped.hooke, {"E": self.E, "nu": self.nu})
+        return laws.law_of_function(
+            shipped.j2,
+            {
+                "E": self.E,
+                "nu": self.nu,
+                "yield_strength": self.yield_strength,
+                "tangent_modulus": self.tangent_modulus,
+                "kinematic_share": self.kinematic_share,
+            },
+        )
 
     @property
     def finite(self) -> bool:
@@ -113,7 +183,7 @@ class Material:
     @property
     def linear(self) -> bool:
         """Whether stresses are proportional to displacements."""
-        return not (self.plastic or self.finite)
+        return not (self.plastic or self.finite or self.law)
 
     @property
     def reduced_modulus(self) -> float:
@@ -159,11 +229,15 @@ class Material:
     def scaled(self, stress: float) -> Material:
         """The same material with stresses in units of `stress` [force/length^2]."""
         strength = None if self.yield_strength is None else self.yield_strength / stress
-        return replace(self, E=self.E / stress, yield_strength=strength, tangent_modulus=self.tangent_modulus / stress)
+        law = None if self.law is None else self.law.scaled(stress)
+        slope = self.tangent_modulus / stress
+        return replace(self, E=self.E / stress, yield_strength=strength, tangent_modulus=slope, law=law)
 
     @property
-    def law(self) -> tuple[str, dict[str, float]]:
+    def compiled(self) -> tuple[str, dict[str, float]]:
         """Name of the law in solver/laws.hpp and its parameters: moduli [force/length^2] and shares."""
+        if self.law is not None:
+            raise InputError(f'{laws.KEY} = "{self.law.source}" is in UFL, and this needs a compiled law')
         lam, mu = self.lame
         if self.yield_strength is None:
             return "Elastic", {"lam": lam, "mu": mu}

@@ -10,13 +10,14 @@ import numpy as np
 
 from asperity.errors import CaseWarning, InputError, ResolutionWarning
 from asperity.model.edges import doubt_of_edge
-from asperity.model.kinds import check_kind, check_kinds, refuse
+from asperity.model.kinds import Judgement, check_kind, check_kinds, refuse
 from asperity.model.limits import no_gap_left, too_deep, wrong_force, wrong_length, wrong_sizes
 from asperity.model.load_path import BACKWARD_EULER, MIDPOINT, Schedule, greatest_force
 from asperity.model.material import Material
 from asperity.model.settings import (
     H_CONTACT,
     H_MAX,
+    MEAN,
     WIDEST_JOINED,
     Formulation,
     MeshSize,
@@ -104,6 +105,7 @@ class Problem:
             too_deep(path.delta_max, self.height),
             wrong_force("force_max", path.force_max, L**2 * self.material.reduced_modulus),
             wrong_dilatation(self.dilatation, self.formulation.method),
+            self._wrong_kernels(),
         )
         if (path.delta_max is None) == (path.force_max is None):
             raise InputError(ONE_OF)
@@ -114,6 +116,29 @@ class Problem:
                 'take block.sides = "rollers", surface.kind = "self-affine" with surface.periodic = true, or a whole '
                 "period of a map (asperity import-map --level mean)"
             )
+
+    def _wrong_kernels(self) -> Judgement:
+        """Reason why forms, or a law in UFL, are refused with the other settings."""
+        law, options = self.material.law, self.options
+        if law is None and not options.forms:
+            return None
+        if self.dilatation == MEAN:
+            return "solver.dilatation", '= "mean" is an element of the compiled kernels only: leave it out with forms'
+        if law is None:
+            return None
+        if options.kernels == "compiled":
+            return "solver.kernels", '= "compiled" cannot go with material.law, which runs on forms: leave it out'
+        if self.formulation.method == "nitsche":
+            return "contact.method", (
+                '= "nitsche" cannot go with material.law, whose state is in the cells and not on facets: take '
+                '"active-set" or "penalty"'
+            )
+        if options.linear == "cg" and not self.material.symmetric:
+            return "solver.linear", (
+                f'= "cg" needs a symmetric tangent, and that of material.law = "{law.source}" is not: take "auto" or '
+                '"lu"'
+            )
+        return None
 
     def check_load(self) -> list[str]:
         """Refuse a load at which no gap is left.

@@ -17,6 +17,7 @@ POINT, MEAN = "point", "mean"  # volumetric strain of the elements, see `problem
 METHODS = ("active-set", "penalty", "nitsche")  # of the contact
 FACTORS = (0.01, 1e6)  # legal penalty and gamma
 LINEAR_SOLVERS = ("auto", "lu", "cg", "gamg")
+KERNELS = ("compiled", "forms")  # of the elements
 NEWTON_STEPS = (1, 1000)  # legal newton_max
 LOOSEST_RTOL = 1e-2  # of the equations
 FASTEST_GROWTH = 10.0  # of the size of the elements
@@ -162,6 +163,7 @@ class SolverOptions:
         newton_max: Newton iterations after which a step is given up
         krylov_rtol: loosest relative tolerance of the linear solver; None takes 1e-2, 3e-2 where the solid is linear
             and the contact exact (benchmarks/linear.py), and 1e-3 for a nearly incompressible solid; in (0, 1)
+        kernels: "compiled", or "forms" of UFL; None takes forms for a material with a law of its own
 
     Raises:
         InputError: a value outside its range
@@ -175,13 +177,21 @@ class SolverOptions:
     rtol: float = 1e-8
     newton_max: int = 30
     krylov_rtol: float | None = None
+    kernels: str | None = None
 
     def __post_init__(self) -> None:
         check_kinds(self, "solver", linear=LINEAR_SOLVERS, newton_max=NEWTON_STEPS)
+        if self.kernels not in (None, *KERNELS):
+            raise InputError(f'solver.kernels = "{self.kernels}" is not one of {", ".join(KERNELS)}')
         if not 0.0 < self.rtol <= LOOSEST_RTOL:
             raise InputError(f"solver.rtol = {self.rtol!r} must lie in (0, {LOOSEST_RTOL:g}]")
         if self.krylov_rtol is not None and not 0.0 < self.krylov_rtol < 1.0:
             raise InputError(f"krylov_rtol = {self.krylov_rtol!r} must lie between 0 and 1, for example 1e-3")
+
+    @property
+    def forms(self) -> bool:
+        """Whether the kernels are forms whatever the material is."""
+        return self.kernels == "forms"
 
 
 @dataclass(frozen=True)

@@ -52,13 +52,13 @@ class Saved:
         def some(name: str, numbers: Indices, fill: float = 0.0) -> Array:
             return look_up_some(arrays[f"{name}.at"], arrays[name], numbers, fill)
 
-        def history(numbers: Indices, prefix: str = "") -> History:
-            return History(**{name: some(prefix + name, numbers) for name in History.names()})
+        def history(kind: type[History], numbers: Indices, prefix: str = "") -> History:
+            return kind(**{name: some(prefix + name, numbers) for name in kind.names()})
 
         if solid.material.plastic:
-            solid.kernels.restore(history(cells))
+            solid.kernels.restore(history(type(solid.kernels.history()), cells))
         if solver.contact.history() is not None:
-            solver.contact.restore(history(facet_numbers(solver.contact_surface), OF_CONTACT))
+            solver.contact.restore(history(History, facet_numbers(solver.contact_surface), OF_CONTACT))
         if solver.contact.held is not None:
             solver.contact.held = some(HELD, top, np.nan)
         if STIFFNESS in arrays:

@@ -207,6 +207,7 @@ class ContactSolver:
                 rtol=self._options.rtol,
                 compliant=self.contact.stiff,
                 exact=extrapolation == 0.0 and not self._extrapolated,
+                energies=solid.material.law is None,
             )
         self._internal = self.newton.force
         self._extrapolated, self._own = extrapolation > 0.0, None

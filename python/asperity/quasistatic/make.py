@@ -92,11 +92,12 @@ def make_contact_solver(
     height = on_root_bcast(comm, checked_height)
     mesh, tags = distribute(comm, block, 1.0 / L, sides == "periodic", surface)
     check_distortion(mesh, surface)
-    solid = Solid(mesh, tags, material.scaled(material.E), sides, dilatation == MEAN, phases, comm)
+    options = options or SolverOptions()
+    solid = Solid(mesh, tags, material.scaled(material.E), sides, dilatation == MEAN, options.forms, phases, comm)
     top = ContactSurface(solid)
     contact = make_contact(formulation or Formulation(), solid, top)
     summit = (height + surface.maximum()[2] - surface.mean()) / L
-    return ContactSolver(solid, top, contact, summit, options or SolverOptions())
+    return ContactSolver(solid, top, contact, summit, options)
 
 
 def solver_of(problem: Problem, block: BlockMesh | None, comm: MPI.Comm, phases: Phases | None = None) -> ContactSolver:

@@ -11,6 +11,7 @@ from mpi4py import MPI
 
 from asperity.arrays import Floats
 from asperity.contact.spots import spots_of
+from asperity.fem.forms import FormKernels
 from asperity.model.material import PAIRS
 from asperity.quasistatic.contact_solver import ContactSolver
 
@@ -75,9 +76,13 @@ def row(solver: ContactSolver) -> dict[str, Any]:
 def equivalent_strain(solver: ContactSolver) -> Floats:
     """Equivalent strain sqrt(2/3 e:e) at the quadrature points (cells, points), e the deviator of the strain.
 
-    From the stress, and the plastic strain that the history holds.
+    Compiled kernels have it from the stress, and the plastic strain that the history holds.
     """
     kernels, history, material = solver.solid.kernels, solver.history, solver.solid.material
+    if isinstance(kernels, FormKernels):
+        e = kernels.strain(solver.solid.u.x.array.reshape(-1, 3))
+        e -= np.trace(e, axis1=2, axis2=3)[..., None, None] / 3.0 * np.eye(3)
+        return np.asarray(np.sqrt(2.0 / 3.0 * np.einsum("cqij,cqij->cq", e, e)))
     stress = _with_history(solver, kernels.conjugate_stress, solver.solid.u.x.array.reshape(-1, 3))
     stress[..., :3] -= stress[..., :3].mean(axis=-1, keepdims=True)
     deviator = stress / (2.0 * material.lame[1])

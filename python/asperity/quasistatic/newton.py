@@ -92,7 +92,8 @@ class NewtonSolver:
         # in nearly incompressible solids the error is larger than the residual indicates
         usual = 3e-2 if solid.material.linear and not contact.stiff else 1e-2
         self._loosest = options.krylov_rtol or (usual if solid.material.nu <= 0.45 else 1e-3)
-        self.linear = LinearSolver(solid, options.linear, contact.symmetric, min(self._loosest, SINGLE_RTOL))
+        self._symmetric = contact.symmetric and solid.material.symmetric
+        self.linear = LinearSolver(solid, options.linear, self._symmetric, min(self._loosest, SINGLE_RTOL))
         snes = PETSc.SNES().create(solid.comm)
         snes.setOptionsPrefix("asperity_")
         snes.setType("newtonls")

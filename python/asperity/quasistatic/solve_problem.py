@@ -8,6 +8,7 @@ from functools import partial
 from typing import TYPE_CHECKING
 
 from asperity.errors import ConvergenceError, Interrupted, MeshError
+from asperity.fem.forms import FormKernels
 from asperity.mesh.block import BlockMesh
 from asperity.mesh.resolution import judge_mesh, lowered_height
 from asperity.model.load_path import Schedule
@@ -83,6 +84,11 @@ def solve_problem(
         solver.probes = hooks.probes(solver.solid)
         if own_mesh or not judged:
             _judge(solver, block, problem, delta_max)
+    kernels = solver.solid.kernels
+    if isinstance(kernels, FormKernels):
+        hooks.stage("compilation of the forms")
+        with phases.phase("compilation"):
+            kernels.compile()
     record = Record(L, problem.material.E, problem.material.reduced_modulus)
     position = None if saved is None else saved.restore(solver, record)
     if hooks.on_ready is not None:

@@ -64,8 +64,8 @@ class Stiffness:
             for motion in (self._along_x, self._along_y, self._along_z):
                 motion.take(None)
             return dict.fromkeys(ELASTIC_STIFFNESSES, 0.0)
-        held = solver.newton.rows
-        normal = _Translation(solver, 2, np.concatenate([solid.fixed, held]), held, contact.symmetric, contact.stiff)
+        held, symmetric = solver.newton.rows, contact.symmetric and solid.material.symmetric
+        normal = _Translation(solver, 2, np.concatenate([solid.fixed, held]), held, symmetric, contact.stiff)
         self._elastic = self._elastic or TangentOperator(solid, symmetric=True, single=True, keeps=True)
         found = {}
         if contact.stiff:

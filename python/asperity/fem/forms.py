@@ -1,0 +1,314 @@
+"""The element kernels as forms of UFL that dolfinx compiles: any law, by the interface of `fem.kernels`."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import field, make_dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from asperity.arrays import Floats, Integers, Singles
+from asperity.errors import CompatError, InputError
+from asperity.fem.history import History
+from asperity.fem.sparsity import SparsityPattern
+from asperity.fem.weak_form import WeakForm
+from asperity.laws.definition import SHAPES, USUAL, Law
+from asperity.mesh.element import QUADRATURE_DEGREE
+from asperity.model.material import Material
+from asperity.runtime.compiled import solver as _solver
+
+TIMEOUT = 3600  # for which a rank waits for another's compiler [s]
+
+
+def jit_options() -> dict[str, Any]:
+    """Options of the form compiler: compiled forms are kept in the user's cache folder."""
+    cache = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "asperity" / "forms"
+    return {"cache_dir": str(cache), "timeout": TIMEOUT, "cffi_extra_compile_args": ["-O2", "-g0"]}
+
+
+@contextmanager
+def compiling() -> Iterator[None]:
+    """Say what is missing where the form compiler cannot work."""
+    try:
+        yield
+    except (OSError, RuntimeError, ImportError) as error:
+        raise CompatError(
+            f"solver.kernels = forms compiles C into {jit_options()['cache_dir']}, which failed: "
+            f"{' '.join(str(error).split())[:200]}; it needs a C compiler and a folder that can be written"
+        ) from error
+
+
+def history_of(law: Law) -> type[History]:
+    """History that holds the state variables of a law besides those of plasticity."""
+    more = [(name, Floats, field(metadata={"shape": (SHAPES[shape],) if shape else ()}))
+            for name, shape in law.state.items() if name not in USUAL]  # fmt: skip
+    return make_dataclass("LawHistory", more, bases=(History,), frozen=True, eq=False) if more else History
+
+
+class FormKernels:
+    """Internal force, tangent and history of a solid by forms; see `fem.kernels.ElementKernels` for the members.
+
+    Args:
+        V: space of the displacement
+        cell_nodes: displacement nodes of the owned cells (cells, 10)
+        material: with stresses in units of E
+        sparsity: of the local matrix
+    """
+
+    def __init__(self, V: Any, cell_nodes: Integers, material: Material, sparsity: SparsityPattern) -> None:
+        import basix
+        import basix.ufl
+        from dolfinx import fem
+
+        mesh, self._law = V.mesh, material.in_ufl
+        self._finite, self.linear, self._sparsity = material.finite, material.linear, sparsity
+        self._cells = np.arange(len(cell_nodes), dtype=np.int32)
+        self._points, self._weights = basix.make_quadrature(basix.CellType.tetrahedron, QUADRATURE_DEGREE)
+        self._u = fem.Function(V)
+        self._state: Any = None
+        if self._law.state:
+            width = sum(SHAPES[shape] for shape in self._law.state.values())
+            element = basix.ufl.quadrature_element("tetrahedron", value_shape=(width,), degree=QUADRATURE_DEGREE)
+            self._state = fem.Function(fem.functionspace(mesh, element))
+            self._at = self._state.function_space.dofmap.list[: len(cell_nodes)]
+            self._width = width
+        constants = {name: fem.Constant(mesh, np.float64(value)) for name, value in self._law.parameters}
+        flowing = WeakForm(self._u, self._state, self._law, constants, self._finite)
+        self._flowing = self._now = _Compiled(flowing, self._cells, self._points)
+        self._held: _Compiled | None = None if self._law.state else self._flowing
+        self._weak_held = lambda: WeakForm(self._u, self._state, self._law, constants, self._finite, held=True)
+        rows = len(cell_nodes) if self._law.state else 0
+        kind = history_of(self._law)
+        self._committed, self._trial = (kind.zeros(rows, len(self._weights)) for _ in range(2))
+        self._stale = False  # whether the trial history is of an earlier force
+
+    def compile(self, elastic: bool = False) -> None:
+        """Compile what a load path needs, and with `elastic` its stiffness without flow; collective."""
+        for of in [self._flowing, *([self._without_flow] if elastic else [])]:
+            _ = of.residual, of.matrix, of.stresses, of.after if self._law.state else None
+        _ = self.volumes, self._flowing.gradient
+
+    @property
+    def _without_flow(self) -> _Compiled:
+        if self._held is None:
+            if self._law.elastic is None:
+                raise InputError(
+                    f'material.law = "{self._law.source}" does not say what it is without flow, which stiffness and '
+                    "slip need: declare @asp.law(state=..., elastic=...)"
+                )
+            self._held = _Compiled(self._weak_held(), self._cells, self._points)
+        return self._held
+
+    @cached_property
+    def volumes(self) -> Floats:
+        """Of the quadrature points before deformation (cells, points) [L^3]."""
+        import ufl
+
+        J = ufl.JacobianDeterminant(self._u.function_space.mesh)
+        return np.abs(_Values(J, 1, self._u.function_space.mesh, self._cells, self._points)()[..., 0]) * self._weights
+
+    @property
+    def plastic_points(self) -> int:
+        """Points that yielded in the last internal force."""
+        return int(np.sum(self._find_trial().accumulated > self._committed.accumulated))
+
+    @property
+    def inverted_points(self) -> int:
+        """Points that finite strain turned inside out there: no valid state."""
+        return int(np.sum(np.linalg.det(np.eye(3) + self._gradient()) <= 0.0)) if self._finite else 0
+
+    def _gradient(self) -> Floats:
+        values = self._flowing.gradient()
+        return values.reshape(*values.shape[:2], 3, 3)
+
+    def strain(self, u: Floats) -> Floats:
+        """Strain of u, in finite strain the logarithmic one (cells, points, 3, 3)."""
+        self._set(u, self._committed)
+        gradient = self._gradient()
+        if not self._finite:
+            return 0.5 * (gradient + np.swapaxes(gradient, 2, 3))
+        F = np.eye(3) + gradient
+        squares, axes = np.linalg.eigh(np.swapaxes(F, 2, 3) @ F)
+        return np.einsum("...ik,...k,...jk->...ij", axes, 0.5 * np.log(np.maximum(squares, 1e-300)), axes)
+
+    def add_internal_force(self, u: Floats, b: Floats) -> None:
+        """Add the internal force of the nodal displacement u (nodes, 3) to b."""
+        from dolfinx.fem import assemble_vector
+
+        self._set(u, self._committed, keep=False)
+        assemble_vector(b.reshape(-1), self._now.residual)
+        self._stale = True
+
+    def tangent(self, u: Floats, values: Floats | Singles) -> None:
+        """Write the local matrix at u, the state of the last internal force."""
+        self._write(self._now, self._committed, u, values)
+
+    def elastic_tangent(self, u: Floats, values: Floats | Singles) -> None:
+        """Write the local matrix at u for a motion without plastic flow."""
+        self._write(self._without_flow, self._find_trial(), u, values)
+
+    def _write(self, forms: _Compiled, history: History, u: Floats, values: Floats | Singles) -> None:
+        from scipy import sparse
+
+        self._set(u, history, keep=False)
+        blocks, pattern = forms.blocks(self._sparsity), self._sparsity
+        nodes = len(pattern.indptr) - 1
+        full = sparse.bsr_array((blocks, pattern.indices, pattern.indptr), shape=(3 * nodes, 3 * nodes)).tocsr().data
+        if values.dtype == np.float32:
+            _solver.upper_half(pattern.indptr, pattern.indices, full, values)
+        else:
+            values[:] = full
+
+    def drop_matrices(self) -> None:
+        """Free stored matrices; they are made again when they are needed."""
+        for forms in (self._flowing, self._held):
+            if forms is not None:
+                forms.drop()
+
+    def commit(self) -> None:
+        """Make the trial history the committed one."""
+        self._committed.assign(self._find_trial())
+
+    def restore(self, history: History) -> None:
+        """Overwrite the committed history."""
+        self._find_trial()
+        self._committed.assign(history)
+
+    @contextmanager
+    def holding(self) -> Iterator[None]:
+        """Keep the plastic strain as it is in a block."""
+        self._find_trial()
+        self._now = self._without_flow
+        try:
+            yield
+        finally:
+            self._find_trial()
+            self._now = self._flowing
+
+    def history(self) -> History:
+        """Committed history itself, not a copy; without rows where the law has no state."""
+        return self._committed
+
+    def softened(self, before: History) -> bool:
+        """No cell takes its mean volumetric strain."""
+        return False
+
+    def stress(self, u: Floats) -> Floats:
+        """Cauchy's stress (cells, points, 6) [E] of u over the committed history."""
+        self._set(u, self._committed)
+        return self._now.stresses()[..., :6]
+
+    def conjugate_stress(self, u: Floats) -> Floats:
+        """Stress conjugate to the strain of the law; Kirchhoff's of an energy."""
+        self._set(u, self._committed)
+        return self._now.stresses()[..., 6:]
+
+    def _set(self, u: Floats, history: History, keep: bool = True) -> None:
+        """Set the coefficients of the forms; `keep` first finds the trial history, which depends on those before."""
+        if keep:
+            self._find_trial()
+        self._u.x.array[:] = u.ravel()
+        if self._state is not None:
+            stored = [np.atleast_3d(getattr(history, name)) for name in self._law.state]
+            self._state.x.array.reshape(-1, self._width)[self._at] = np.concatenate(stored, axis=2)
+
+    def _find_trial(self) -> History:
+        """History after the last internal force, whose displacement and committed history are still set."""
+        if self._stale and self._state is not None:
+            values, at = self._now.after(), 0
+            for name, shape in self._law.state.items():
+                part = values[..., at : at + SHAPES[shape]]
+                np.copyto(getattr(self._trial, name), part if shape else part[..., 0])
+                at += SHAPES[shape]
+        self._stale = False
+        return self._trial
+
+
+class _Values:
+    """Values of an expression at the quadrature points of the owned cells."""
+
+    def __init__(self, expression: Any, width: int, mesh: Any, cells: Integers, points: Floats) -> None:
+        from dolfinx import fem
+
+        self._mesh, self._cells, self._shape = mesh, cells, (len(cells), len(points), width)
+        with compiling():
+            self._expression = fem.Expression(expression, points, mesh.comm, jit_options=jit_options())
+
+    def __call__(self) -> Floats:
+        """At the current coefficients (cells, points, width)."""
+        values: Floats = self._expression.eval(self._mesh, self._cells).reshape(self._shape)
+        return values
+
+
+class _Compiled:
+    """A weak form compiled, each of its parts at first use."""
+
+    def __init__(self, weak: WeakForm, cells: Integers, points: Floats) -> None:
+        self._weak, self._at = weak, (weak.mesh, cells, points)
+        self._blocks: Integers | None = None
+        self._matrix: Any = None
+
+    def _form(self, form: Any) -> Any:
+        from dolfinx import fem
+
+        with compiling():
+            return fem.form(form, jit_options=jit_options())
+
+    @cached_property
+    def residual(self) -> Any:
+        return self._form(self._weak.residual)
+
+    @cached_property
+    def matrix(self) -> Any:
+        return self._form(self._weak.tangent)
+
+    @cached_property
+    def stresses(self) -> _Values:
+        return _Values(self._weak.stresses, 12, *self._at)
+
+    @cached_property
+    def after(self) -> _Values:
+        after = self._weak.after
+        return _Values(after, after.ufl_shape[0], *self._at)
+
+    @cached_property
+    def gradient(self) -> _Values:
+        return _Values(self._weak.gradient, 9, *self._at)
+
+    def blocks(self, sparsity: SparsityPattern) -> Floats:
+        """Tangent as blocks of the node pattern (blocks, 3, 3), this rank's part."""
+        from dolfinx import fem
+
+        if self._matrix is None:
+            self._matrix = fem.create_matrix(self.matrix)
+            self._blocks = _positions(self._matrix, sparsity)
+        self._matrix.set_value(0.0)
+        fem.assemble_matrix(self._matrix, self.matrix)
+        values: Floats = self._matrix.data.reshape(-1, 3, 3)[self._blocks]
+        return values
+
+    def drop(self) -> None:
+        self._matrix = self._blocks = None
+
+
+def _positions(matrix: Any, sparsity: SparsityPattern) -> Integers:
+    """Where the blocks of a node pattern are in a matrix of dolfinx, whose rows have those of other ranks too."""
+
+    def keys(indptr: Integers, indices: Integers, numbers: Integers) -> Integers:
+        rows = np.repeat(np.arange(len(indptr) - 1), np.diff(indptr))
+        return rows * size + numbers[indices]
+
+    rows, columns = matrix.index_map(0), matrix.index_map(1)
+    size = columns.size_global
+    numbers = [m.local_to_global(np.arange(m.size_local + m.num_ghosts, dtype=np.int32)) for m in (columns, rows)]
+    theirs = keys(matrix.indptr, matrix.indices, numbers[0])
+    order = np.argsort(theirs)
+    found: Integers = order[
+        np.searchsorted(theirs, keys(sparsity.indptr, sparsity.indices, numbers[1]), sorter=order)
+    ].astype(np.int32)
+    return found

@@ -1,0 +1,225 @@
+"""Response of a law at points of given strain, without a mesh and without a compiler, and what it shows of the law."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import Any
+
+import numpy as np
+
+from asperity.arrays import Floats
+from asperity.laws.definition import KEY, Law, raising, refuse
+from asperity.runtime.display import show
+
+STRAINS = (1e-6, 1e-5, 1e-4, 1e-3, 1e-2)  # sizes of those at which a law is tried
+REST = 1e-9  # stress at rest over the modulus that is rounding
+SYMMETRY = 1e-7  # part of a tangent by which it may differ from its transpose
+ISOTROPY = 1e-6  # of the tangent at rest, and of the moduli a case gives
+
+
+@dataclass(frozen=True)
+class Response:
+    """What a law answers to strains.
+
+    Attributes:
+        stress: Cauchy's of a strain; of an energy the first stress of Piola and Kirchhoff (n, 3, 3)
+        state: new state variables (n, ...)
+        tangent: derivative of the stress (n, 3, 3, 3, 3)
+    """
+
+    stress: Floats
+    state: dict[str, Floats]
+    tangent: Floats
+
+
+def respond(law: Law, strains: Floats, state: Mapping[str, Floats] | None = None) -> Response:
+    """Response to strains, or deformation gradients of an energy, (n, 3, 3) over a state; None is the virgin one.
+
+    Raises:
+        InputError: the law raises, or returns something of another shape
+    """
+    import basix.ufl
+    import ufl
+
+    mesh = ufl.Mesh(basix.ufl.element("Lagrange", "tetrahedron", 1, shape=(3,)))
+    values: dict[Any, Floats] = {}
+
+    def known(value: Any, shape: tuple[int, ...]) -> Any:
+        terminal = ufl.Constant(mesh, shape=shape)
+        values[terminal] = np.asarray(value, dtype=float)
+        return terminal
+
+    n = len(strains)
+    given = state or {name: np.zeros((n, *shape)) for name, shape in law.state.items()}
+    before = {name: known(given[name], shape) for name, shape in law.state.items()}
+    parameters = {name: known(np.full(n, value), ()) for name, value in law.parameters}
+    strain = ufl.variable(known(strains, (3, 3)))
+    after: dict[str, Any] = {}
+    with raising(law.source, "raises"):
+        if law.hyperelastic:
+            energy = ufl.as_ufl(law.energy(strain, parameters))
+            _check_shape(law, "the energy", energy, ())
+            stress = ufl.diff(energy, strain)
+        else:
+            answer = law.stress(strain, before, parameters)
+            if not isinstance(answer[1], dict):
+                refuse(law.source, "must return the stress and a dictionary of the new state")
+            stress, after = ufl.as_ufl(answer[0]), {name: ufl.as_ufl(value) for name, value in answer[1].items()}
+            _check_shape(law, "the stress", stress, (3, 3))
+            if set(after) != set(before):
+                refuse(
+                    law.source, f"returns the state {show(sorted(after))}, not that it declares {show(sorted(before))}"
+                )
+            for name, value in after.items():
+                _check_shape(law, f"the state {name}", value, law.state[name])
+        evaluate = _Evaluator(values, n)
+        return Response(
+            evaluate(stress), {name: evaluate(value) for name, value in after.items()},
+            evaluate(ufl.diff(stress, strain)),
+        )  # fmt: skip
+
+
+def _check_shape(law: Law, what: str, value: Any, shape: tuple[int, ...]) -> None:
+    if value.ufl_shape != shape or value.ufl_free_indices:
+        refuse(law.source, f"returns {what} of shape {value.ufl_shape}, not {shape}")
+
+
+@dataclass(frozen=True)
+class Traits:
+    """What trials show of a law.
+
+    Attributes:
+        E, nu: moduli at rest [force/length^2]; None where it is not isotropic there
+        symmetric: whether its tangent is
+    """
+
+    E: float | None
+    nu: float | None
+    symmetric: bool
+
+
+@lru_cache(maxsize=64)
+def traits(law: Law) -> Traits:
+    """Try a law at rest, under strains of several sizes, and again over the state that these leave.
+
+    Raises:
+        InputError: it raises, its results have another shape, are not numbers or not symmetric, or it is stressed or
+            not stiff at rest
+    """
+    rng = np.random.default_rng(1)
+    strains = np.concatenate([np.zeros((1, 3, 3)), *(size * rng.uniform(-1.0, 1.0, (4, 3, 3)) for size in STRAINS)])
+    strains += np.swapaxes(strains, 1, 2)
+    base = np.eye(3) if law.hyperelastic else np.zeros((3, 3))
+    first = respond(law, base + strains)
+    answers = [first] + ([respond(law, base + 1.5 * strains, first.state)] if law.state else [])
+    for answer in answers:
+        for what, value in {"a stress": answer.stress, "a tangent": answer.tangent, **answer.state}.items():
+            bad = np.flatnonzero(~np.isfinite(value).reshape(len(value), -1).all(axis=1))
+            if len(bad):
+                size = float(np.abs(strains[bad[0]]).max())
+                refuse(
+                    law.source,
+                    f"gives {what} that is not a number {f'at a strain of {size:.2g}' if size else 'at rest'}",
+                )
+            if value.shape[1:] == (3, 3) and not law.hyperelastic and not _same(value, np.swapaxes(value, 1, 2)):
+                refuse(law.source, f"gives {what} that is not symmetric")
+    C = first.tangent[0]
+    C = 0.25 * (C + C.transpose(1, 0, 2, 3) + C.transpose(0, 1, 3, 2) + C.transpose(1, 0, 3, 2))
+    modulus = float(np.abs(C).max())
+    if not modulus > 0.0:
+        refuse(law.source, "has no stiffness at rest")
+    if np.abs(first.stress[0]).max() > REST * modulus:
+        refuse(law.source, f"is stressed at rest, by {np.abs(first.stress[0]).max() * law.unit:.3g}")
+    symmetric = all(_same(a.tangent, np.transpose(a.tangent, (0, 3, 4, 1, 2))) for a in map(_minor, answers, [law] * 2))
+    lam, mu = float(C[0, 0, 1, 1]), float(C[0, 1, 0, 1])
+    one = np.eye(3)
+    isotropic = lam * np.einsum("ij,kl->ijkl", one, one)
+    isotropic += mu * (np.einsum("ik,jl->ijkl", one, one) + np.einsum("il,jk->ijkl", one, one))
+    if np.abs(C - isotropic).max() > ISOTROPY * modulus:
+        return Traits(None, None, symmetric)
+    if not (mu > 0.0 and 3.0 * lam + 2.0 * mu > 0.0):
+        refuse(law.source, "is not stable at rest: its shear and bulk moduli are not both positive")
+    return Traits(law.unit * mu * (3.0 * lam + 2.0 * mu) / (lam + mu), 0.5 * lam / (lam + mu), symmetric)
+
+
+def _minor(answer: Response, law: Law) -> Response:
+    """The same with a tangent against symmetric strains."""
+    if law.hyperelastic:
+        return answer
+    tangent = 0.5 * (answer.tangent + np.swapaxes(answer.tangent, 3, 4))
+    return Response(answer.stress, answer.state, tangent)
+
+
+def _same(a: Floats, b: Floats) -> bool:
+    return bool(np.abs(a - b).max() <= SYMMETRY * max(np.abs(a).max(), 1e-300))
+
+
+#: What NumPy has for nodes of UFL, by their kind or name; other names are the same.
+FUNCTIONS: dict[str, Any] = {
+    "Sum": np.add, "Product": np.multiply, "Division": np.divide, "Power": np.power, "MinValue": np.minimum,
+    "MaxValue": np.maximum, "Atan2": np.arctan2, "Abs": np.abs, "Conj": np.conj, "Real": np.real, "ln": np.log,
+    "acos": np.arccos, "asin": np.arcsin, "atan": np.arctan, "<": np.less, ">": np.greater, "<=": np.less_equal,
+    ">=": np.greater_equal, "==": np.equal, "!=": np.not_equal, "&&": np.logical_and, "||": np.logical_or,
+    "NotCondition": np.logical_not,
+}  # fmt: skip
+
+
+class _Evaluator:
+    """Values of UFL expressions at points, each node of their graph once per component."""
+
+    def __init__(self, terminals: Mapping[Any, Floats], points: int) -> None:
+        self._terminals, self._points = terminals, points
+        self._known: dict[Any, Any] = {}
+
+    def __call__(self, expression: Any) -> Floats:
+        """Values of an expression without free indices (points, ...)."""
+        from ufl.algorithms.apply_algebra_lowering import apply_algebra_lowering
+        from ufl.algorithms.apply_derivatives import apply_derivatives
+
+        lowered = apply_derivatives(apply_algebra_lowering(expression))
+        out = np.empty((self._points, *expression.ufl_shape))
+        with np.errstate(all="ignore"):
+            for k, at in enumerate(np.ndindex(*expression.ufl_shape)):
+                out.reshape(self._points, -1)[:, k] = self._at(lowered, at, {})
+        return out
+
+    def _at(self, e: Any, at: tuple[int, ...], indices: dict[Any, int]) -> Any:
+        """Value of a component of a node under values of its free indices."""
+        key = e, at, tuple(indices[i] for i in e.ufl_free_indices) if hasattr(e, "ufl_free_indices") else ()
+        if key not in self._known:
+            self._known[key] = self._find(e, at, indices)
+        return self._known[key]
+
+    def _find(self, e: Any, at: tuple[int, ...], indices: dict[Any, int]) -> Any:
+        kind, parts = type(e).__name__, e.ufl_operands
+        if e in self._terminals:
+            return np.moveaxis(self._terminals[e], 0, -1)[at]
+        if kind in ("FloatValue", "IntValue", "ScalarValue", "RealValue"):
+            return float(e)
+        if kind == "Zero":
+            return 0.0
+        if kind == "Identity":
+            return float(at[0] == at[1])
+        if kind == "ListTensor":
+            return self._at(parts[at[0]], at[1:], indices)
+        if kind == "Variable":
+            return self._at(parts[0], at, indices)
+        if kind == "Indexed":
+            fixed = tuple(int(i) if hasattr(i, "_value") else indices[i.count()] for i in parts[1])
+            return self._at(parts[0], fixed, indices)
+        if kind == "ComponentTensor":
+            bound = {i.count(): a for i, a in zip(parts[1], at, strict=True)}
+            return self._at(parts[0], (), indices | bound)
+        if kind == "IndexSum":
+            (index,) = parts[1]
+            return sum(self._at(parts[0], at, indices | {index.count(): i}) for i in range(e.dimension()))
+        if kind == "Conditional":
+            return np.where(self._at(parts[0], (), indices), *(self._at(p, at, indices) for p in parts[1:]))
+        values = [np.asarray(self._at(p, at if p.ufl_shape else (), indices)) for p in parts]
+        name = getattr(e, "_name", "")
+        function = FUNCTIONS.get(kind) or FUNCTIONS.get(name) or getattr(np, name, None)
+        if function is None:
+            raise TypeError(f"{KEY} cannot be tried: it uses {kind}")
+        return function(*values)

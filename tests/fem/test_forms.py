@@ -1,0 +1,82 @@
+"""The solver on forms of UFL beside the compiled kernels, on one and two ranks."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+from conftest import world
+
+from asperity.fem.solid import Solid
+from asperity.mesh.block import BlockMesh
+from asperity.mesh.distribute import distribute
+from asperity.model.material import Material
+from asperity.model.settings import Formulation, SolverOptions
+from asperity.quasistatic.make import make_contact_solver
+from asperity.surface import Surface
+
+E, NU, Y, E_T = 1.0, 0.3, 0.005, 0.05
+MATERIALS = {
+    "elastic": Material(E, NU),
+    "isotropic": Material(E, NU, Y, E_T),
+    "kinematic": Material(E, NU, Y, E_T, "kinematic"),
+    "mixed": Material(E, NU, Y, E_T, 0.4),
+    "finite": Material(E, NU, kinematics="finite"),
+    "finite, mixed": Material(E, NU, Y, E_T, 0.4, kinematics="finite"),
+}
+EACH = pytest.mark.parametrize("material", MATERIALS.values(), ids=MATERIALS)
+STEPS = (0.004, 0.008, 0.012, 0.011, 0.01)  # approaches, up and back [L]
+
+
+def difference(a: Any, b: Any) -> float:
+    return float(np.max(np.abs(a - b), initial=0.0) / np.max(np.abs(b), initial=1e-300))
+
+
+@pytest.mark.mpi
+@EACH
+def test_each_compiled_kernel_is_its_form(rough: Surface, coarse: BlockMesh | None, material: Material) -> None:
+    """Force, stress, history and both tangents of random states, over a history."""
+    mesh, tags = distribute(world(), coarse, 1.0)
+    ours, theirs = (Solid(mesh, tags, material, forms=forms) for forms in (False, True))
+    rng = np.random.default_rng(ours.comm.rank)
+    for stretch in (0.0, 1.0, 3.0):
+        u = ours.points @ np.diag([0.002, 0.001, -0.005]) * stretch + 2e-4 * rng.normal(size=(ours.nodes, 3))
+        found = []
+        for solid in (ours, theirs):
+            kernels, b = solid.kernels, np.zeros((solid.nodes, 3))
+            kernels.add_internal_force(u, b)
+            tangent, elastic = np.empty(solid.sparsity.size), np.empty(solid.sparsity.size)
+            half = np.zeros(9 * len(solid.sparsity.upper[1]) + 1, dtype=np.float32)
+            kernels.tangent(u, tangent)
+            kernels.tangent(u, half)
+            points = kernels.plastic_points
+            kernels.elastic_tangent(u, elastic)
+            kernels.commit()
+            stresses = kernels.stress(u), kernels.conjugate_stress(u)
+            found.append((b, tangent, elastic, *stresses, kernels.volumes, *kernels.history().arrays().values()))
+            assert material.plastic or points == 0
+            if solid is ours:
+                flowing, single = points, half
+            else:
+                assert points == flowing and difference(half, single) < 1e-6
+        for a, b in zip(*found, strict=True):
+            assert difference(a, b) < 1e-11
+
+
+@pytest.mark.mpi
+@pytest.mark.parametrize("method", ["active-set", "penalty"])
+@EACH
+def test_forces_on_forms_are_those_of_compiled_kernels(
+    rough: Surface, coarse: BlockMesh | None, material: Material, method: str
+) -> None:
+    forces, newton = [], []
+    for kernels in ("compiled", "forms"):
+        options = SolverOptions(kernels=kernels)
+        solver = make_contact_solver(world(), rough, coarse, material, formulation=Formulation(method), options=options)
+        forces.append([solver.step(delta).converged * solver.force for delta in STEPS])
+        newton.append(solver.counts.newton)
+        assert not solver.checks.violated
+    assert min(forces[0]) > 0.0
+    assert difference(np.array(forces[1]), np.array(forces[0])) < 1e-8
+    assert abs(newton[1] - newton[0]) <= 2
