@@ -171,8 +171,9 @@ def test_instrument_files_are_read_by_surfacetopography(tmp_path: Path, monkeypa
     for wanted, index, name in ((None, 1, "Height"), ("Phase", 2, "Phase"), ("1", 0, "Amplitude")):
         read = HeightField.read(tmp_path / "scan.sur", channel=wanted)
         assert asked[-1] == index and read.channel == name
-        assert read.notes[0].startswith(f"channel {name!r} of 'Amplitude', 'Height', 'Phase'")
-    with pytest.raises(InputError, match="no channel 'Retrace': choose 'Amplitude', 'Height', 'Phase', or a number"):
+        listed = "1 'Amplitude', 2 'Height', 3 'Phase'"
+        assert read.notes[0].startswith(f"channel {index + 1} {name!r} of {listed}")
+    with pytest.raises(InputError, match=f"no channel 'Retrace': choose a name or a number of {listed}"):
         HeightField.read(tmp_path / "scan.sur", channel="Retrace")
 
     def broken(error: Exception) -> Any:

@@ -18,7 +18,7 @@ from asperity.arrays import Array
 from asperity.errors import CompatError, InputError
 from asperity.runtime.files import UNREADABLE, one_line, read_npy, read_npz, real
 from asperity.runtime.text_table import DECIMALS
-from asperity.surface.text_map import read_text_map
+from asperity.surface.text_map import PROFILE, read_text_map
 from asperity.units import LENGTHS
 
 TEXT = (".csv", ".txt", ".dat", ".tsv", ".asc", ".xyz")
@@ -262,7 +262,7 @@ def _of_reader(path: Path, reader: Any, known: Reading) -> Heights:
         }
     topography = reader.topography(channel_index=channel.index, **sizes)
     if topography.dim != 2 or not topography.is_uniform:
-        raise InputError(f"{path} holds a line scan; contact needs a map of heights")
+        raise InputError(f"{path} holds a line scan: {PROFILE}")
     if topography.unit is None and known.unit is None:
         raise InputError(f"{path} does not give the unit of its lengths: give it (--unit)")
     in_metres, factor = (
@@ -288,21 +288,23 @@ def _of_reader(path: Path, reader: Any, known: Reading) -> Heights:
 def _channel(path: Path, reader: Any, channels: list[Any], wanted: str | None) -> tuple[Any, tuple[str, ...]]:
     """Channel with the heights, and a sentence where there are several."""
     names = [_printable(channel.name) for channel in channels]
-    listed = ", ".join(map(repr, names))
+    numbered = [f"{i} {name!r}" for i, name in enumerate(names, 1)]
+    listed = ", ".join(numbered)
     if wanted is not None:
         found = [channel for channel, name in zip(channels, names, strict=True) if name == wanted]
         if not found and wanted.isdecimal() and 0 < int(wanted) <= len(channels):
             found = [channels[int(wanted) - 1]]
         if not found:
-            raise InputError(f"{path} has no channel {wanted!r}: choose {listed}, or a number from 1")
-        return found[0], (f"channel {_printable(found[0].name)!r} of {listed}",)
+            raise InputError(f"{path} has no channel {wanted!r}: choose a name or a number of {listed}")
+        return found[0], (f"channel {numbered[channels.index(found[0])]} of {listed}",)
     channel = reader.default_channel
     if len(channels) == 1:
         return channel, ()
     if not _HEIGHT.search(str(channel.name)):
         better = [one for one in channels if _HEIGHT.search(str(one.name)) and one.dim == 2]
         channel = better[0] if better else channel
-    return channel, (f"channel {_printable(channel.name)!r} of {listed}: --channel chooses another",)
+    at = next((i for i, one in enumerate(channels) if one is channel or one.index == channel.index), 0)
+    return channels[at], (f"channel {numbered[at]} of {listed}: --channel chooses another",)
 
 
 def _printable(name: Any) -> str:

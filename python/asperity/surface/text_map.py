@@ -17,6 +17,10 @@ OFF_GRID = 0.1  # greatest distance of a point from its place on the grid, over 
 STRAIGHT = 0.02  # the same for coordinates in the first row or column of a matrix
 SPARSE = 2.0  # places on a grid over those with points, beyond which it is none
 LEAST = 8  # rows of a map
+PROFILE = (
+    "a contact needs heights over an area; measure a map, or write the profile as ridges: a map of so many equal rows "
+    "that it is square"
+)
 FILLED = 100  # places on a grid over its points
 _SCALE = re.compile(r"unit|einheit|fa[ck]tor|scal|skal|[ck]alib|conver|[\[(][nuµm]?m[\])]", re.IGNORECASE)
 _FEW = 5  # rows that are compared with the first one
@@ -69,10 +73,7 @@ def read_text_map(
     if table.shape[1] == 3 and "".join(names[1:]).lower()[:1] == "x" and "y" not in "".join(names).lower():
         table = table[:, 1:]
     if table.shape[1] == 2:
-        raise ValueError(
-            f"{len(table)} lines of two numbers are a profile, not a map: contact presses areas; measure a map, or "
-            "write the profile as a map of ridges, in eight equal rows (--pixel gives the distance of its points)"
-        )
+        raise ValueError(f"{len(table)} lines of two numbers are a profile, not a map: {PROFILE}")
     if table.shape[1] == 3:
         return _of_points(table, lines, names, unit, clean)
     table, dy, dx, notes = _coordinates(table)
