@@ -192,6 +192,8 @@ def _run(
     evidence = solved.evidence(case, found.numbers)
     lines = on_root_bcast(comm, partial(ledger, evidence))
     summary["assumptions"] = [line.to_dict() for line in lines]
+    if evidence.patches is not None:
+        summary["patches"] = evidence.patches.to_dict()
     if evidence.radiated:
         summary["radiation"] = evidence.radiated
     _warn(case, folder, solved, lines)

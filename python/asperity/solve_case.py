@@ -12,12 +12,14 @@ from asperity.adaptive.small_strain import SmallStrain, choose_kinematics
 from asperity.adaptive.solve_to_tolerance import refine
 from asperity.case import Case
 from asperity.curve import Curve
+from asperity.dynamics import DynamicsSettings
 from asperity.errors import CheckError, ConvergenceError, Interrupted
 from asperity.mesh.block import BlockMesh
 from asperity.model.material import AUTO
 from asperity.model.problem import Problem
 from asperity.model.settings import AccuracyTarget
 from asperity.output.assumptions import Evidence
+from asperity.output.patches import Spread, spread_of_patches
 from asperity.output.run_files import RunFiles
 from asperity.output.summary import summarise
 from asperity.quasistatic.contact_result import ContactResult, PartialResult
@@ -77,7 +79,17 @@ class SolvedCase:
         return Evidence(
             self.contact.curve, self.problem, si=case.units == "SI", tolerance=tolerance, h=h, roughness=roughness,
             small_strain=change, density=case.material.density, vibration=vibration, side=case.nominal_side,
+            patches=self._patches(case),
         )  # fmt: skip
+
+    def _patches(self, case: Case) -> Spread | None:
+        """What other patches change of the stiffness of a joint, None without a joint or without its preload."""
+        if case.joint is None:
+            return None
+        settings = DynamicsSettings.of_case(case.to_dict())
+        if settings.load is None:
+            return None
+        return spread_of_patches(self.problem, settings.load / settings.factor / case.surface.L**2)
 
 
 def solve_case(

@@ -84,17 +84,23 @@ def test_the_case_runs(kind: str, solid: str, tmp_path: Path) -> None:
     assert curve.delta[-1] == pytest.approx(Case.load(path).loading.delta_max) and curve.force[-1] > 0
 
 
-def test_a_joint_is_in_the_numbers_of_the_user(tmp_path: Path) -> None:
+def test_a_joint_is_in_the_numbers_of_the_user(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """The load path reaches twice the pressure of the preload, and returns."""
     path = tmp_path / "joint.toml"
-    assert init(path, "--joint", "1e-5", "250", "5") == 0
+    assert init(path, "--joint", "1e-5", "250", "5") == 2  # from which stiffness does not follow
+    assert "give their rms height and rms slope, as --Sq" in capsys.readouterr().err
+    assert init(path, "--joint", "1e-5", "250", "5", "--Sq", "0.4e-6") == 2
+    assert init(path, "--joint", "1e-5", "250", "5", "--Sq", "0.4e-6", "--slope", "0.1") == 0
     case = Case.load(path)
+    statistics = case.build_surface().statistics()
+    assert statistics.Sq == pytest.approx(0.4e-6, rel=0.01) and statistics.rms_slope == pytest.approx(0.1, rel=0.01)
     joint = case.joint
     assert joint is not None and (joint.nominal_area, joint.preload, joint.mass) == (1e-5, 250.0, 5.0)
     assert case.loading.pressure_max == pytest.approx(2 * 250 / 1e-5) and case.loading.unload
     assert case.output.report and case.output.figures and case.output.stiffness
     assert case.accuracy.tolerance == 0.05 and case.material.kinematics == "auto"
     assert init(tmp_path / "no.toml", "--joint", "1e-5", "-1", "5") == 2
+    assert init(tmp_path / "no.toml", "--Sq", "-1", "--slope", "0.1") == 2
 
 
 def test_a_map_is_taken_from_its_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -120,7 +126,11 @@ def test_any_name_of_a_map_is_written_as_toml(tmp_path: Path) -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("arguments", [(), ("--surface", "self-affine"), ("--joint", "1e-4", "5000", "5")], ids=str)
+@pytest.mark.parametrize(
+    "arguments",
+    [(), ("--surface", "self-affine"), ("--joint", "1e-4", "5000", "5", "--Sq", "0.4e-6", "--slope", "0.1")],
+    ids=str,
+)
 def test_it_runs_as_written_in_about_a_minute(arguments: tuple[str, ...], tmp_path: Path) -> None:
     """On one rank: by its count of Newton iterations times dofs, of which a minute does about ten million."""
     path = tmp_path / "case.toml"

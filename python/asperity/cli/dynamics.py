@@ -64,9 +64,9 @@ def command(
     """Compute the vibration of a mass on a contact.
 
     Free and forced vibration about the equilibrium under the preload, with thresholds and stability. The law comes from
-    a run directory, from a table with columns delta and force, perhaps with their units, or from --power-law. Options that are not given are
-    those of the case of OUT. Lengths and forces have the units of the curve; with a joint, that of the case or of
-    --area, --pressure, --mass and --frequency, forces are those of the joint.
+    a run directory, from a table with columns delta and force, perhaps with their units, or from --power-law. Options
+    that are not given are those of the case of OUT. Lengths and forces have the units of the curve; with a joint, that
+    of the case or of --area, --pressure, --mass and --frequency, forces are those of the joint.
     """
     from asperity.dynamics import Joint, PowerLaw, run_dynamics
 

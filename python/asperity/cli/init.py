@@ -29,6 +29,7 @@ SI = {
     "length": "m", "force": "N", "force/length^2": "Pa", "length/time^2": "m/s^2", "length^2": "m^2", "mass": "kg",
     "1/time": "Hz",
 }  # fmt: skip
+HURST, ROLL, SIDE = 0.8, 4.0, 8.0  # of a surface by Sq and slope; roll-off and side over the shortest wavelength
 WIDTH = 34  # of "key = value"
 
 
@@ -41,9 +42,21 @@ WIDTH = 34  # of "key = value"
 @click.option("--elastic/--plastic", default=False, show_default=True, help="Solid.")
 @click.option("--joint", type=(float, float, float), metavar="AREA FORCE MASS",
               help="Joint with this nominal area (m²), preload (N) and vibrating mass (kg).")  # fmt: skip
+@click.option("--Sq", "sq", type=float, metavar="LENGTH", help="Rms height of the surface (m); with --slope.")
+@click.option("--slope", type=float, metavar="SLOPE", help="Rms slope of the surface; with --Sq.")
 @options.serial
-def command(file: Path, kind: str, scan: Path | None, elastic: bool, joint: tuple[float, float, float] | None) -> None:
+def command(
+    file: Path,
+    kind: str,
+    scan: Path | None,
+    elastic: bool,
+    joint: tuple[float, float, float] | None,
+    sq: float | None,
+    slope: float | None,
+) -> None:
     """Write a commented case, ready to run.
+
+    The stiffness of a joint follows from the roughness of its faces: --joint needs --Sq and --slope, or --from.
 
     FILE (case.toml) receives every key with its unit, legal values and meaning. Keys that may be left out are
     commented out, with their defaults. FILE must not exist yet.
@@ -54,7 +67,15 @@ def command(file: Path, kind: str, scan: Path | None, elastic: bool, joint: tupl
         raise InputError(f"{file} exists: give another name, or remove it")
     if joint is not None and not all(0.0 < value < math.inf for value in joint):
         raise InputError(f"--joint {joint}: area, force and mass must be positive")
-    text = starting_case(kind, "elastic" if elastic else "plastic", scan, joint, file.parent)
+    if (sq is None) != (slope is None) or (scan is not None and sq is not None):
+        raise InputError("give --Sq and --slope together, or a map with --from")
+    if joint is not None and sq is None and scan is None:
+        raise InputError(
+            "the stiffness of a joint follows from the roughness of its faces: give their rms height and rms slope, as "
+            "--Sq 0.4e-6 --slope 0.1, or a map of one with --from"
+        )
+    roughness = None if sq is None or slope is None else surface_of(sq, slope)
+    text = starting_case(kind, "elastic" if elastic else "plastic", scan, joint, file.parent, roughness)
     file.parent.mkdir(parents=True, exist_ok=True)
     replace_file(file, text.encode())
     options.say(f"written {file}; next: asperity check {file}")
@@ -66,6 +87,7 @@ def starting_case(
     scan: Path | None = None,
     joint: tuple[float, float, float] | None = None,
     folder: Path = Path(),
+    roughness: Mapping[str, Any] | None = None,
 ) -> str:
     """Text of a case file made from the schema.
 
@@ -75,6 +97,7 @@ def starting_case(
         scan: height map, instead of a surface of that kind
         joint: nominal area [length^2], preload [force] and mass of a joint; the load is then twice its pressure
         folder: of the case file
+        roughness: keys of a self-affine surface, instead of a surface of that kind
     """
     from asperity.case.keys import kind_of, sections
     from asperity.case.schema import Input
@@ -82,8 +105,12 @@ def starting_case(
     loading = {"delta_max": 1e-9 if kind == "flat" else 1e-8}
     if scan is not None:
         kind, loading = "file", {"delta_max": _light_load(scan)}
+    surface: Mapping[str, Any] = SURFACES[kind] if scan is None else {"path": os.path.relpath(scan, folder)}
+    if roughness is not None:
+        kind, surface = "self-affine", roughness
+        loading = {"delta_max": float(f"{0.5 * roughness['rms_height']:.3g}")}
     chosen: dict[str, Mapping[str, Any]] = {
-        "surface": SURFACES[kind] if scan is None else {"path": os.path.relpath(scan, folder)},
+        "surface": surface,
         "material": {**SOLIDS[solid], "kinematics": "auto"},
         "loading": loading,
         "accuracy": {"tolerance": 0.05},
@@ -112,6 +139,28 @@ def starting_case(
             lines.append(_line(f'kind = "{kind}"', "kind of surface; " + ", ".join(map(kind_of, models))))
         lines += _keys(model, chosen.get(name, {}), skip=("kind",))
     return "\n".join(lines) + "\n"
+
+
+def surface_of(sq: float, slope: float) -> dict[str, Any]:
+    """Keys of a self-affine surface with an rms height [length] and an rms slope.
+
+    Both give the shortest wavelength; the roll-off and the side are multiples of it.
+
+    Raises:
+        InputError: they are not positive, or no slope of a rough surface
+    """
+    from asperity.surface import SelfAffine
+
+    if not (0.0 < sq < math.inf and 0.0 < slope <= 1.0):
+        raise InputError(f"--Sq {sq:g} --slope {slope:g}: a positive length, and a slope up to 1")
+    one = SelfAffine(L=SIDE, H=HURST, rms_height=1.0, lambda_short=1.0, lambda_roll=ROLL, seed=1)
+    made = one.statistics()
+    height = sq / made.Sq  # which includes the waves that are left out
+    short = float(f"{height * made.rms_slope / slope:.4g}")
+    return {
+        "L": float(f"{SIDE * short:.4g}"), "H": HURST, "rms_height": float(f"{height:.4g}"), "lambda_short": short,
+        "lambda_roll": float(f"{ROLL * short:.4g}"), "seed": 1,
+    }  # fmt: skip
 
 
 def _light_load(scan: Path) -> float:

@@ -19,6 +19,7 @@ from asperity.mesh.resolution import ELEMENTS, ONE_MESH, SHARE, unresolved_heigh
 from asperity.model.edges import edge_of_summit
 from asperity.model.problem import Problem
 from asperity.output.assumption import Assumption
+from asperity.output.patches import Spread, representative
 from asperity.reference import (
     LONG_WAVES,
     first_frequency,
@@ -67,6 +68,7 @@ class Evidence:
         density: of the solid [mass/length^3]; None where unknown
         vibration: stiffness, frequency and damping of the small vibration; None where there is none
         side: of the nominal area of what vibrates [length]; None takes that of the patch
+        patches: what others change of the stiffness of a joint; None without a joint or without others
     """
 
     curve: Curve
@@ -79,6 +81,7 @@ class Evidence:
     density: float | None = None
     vibration: Numbers | None = None
     side: float | None = None
+    patches: Spread | None = None
 
     @property
     def plane(self) -> bool:
@@ -383,6 +386,7 @@ LINES: tuple[Callable[[Evidence], Assumption | None], ...] = (
     elastic,
     resolution,
     instrument,
+    representative,
     facets,
     summit_on_edge,
     bulk_yield,

@@ -69,6 +69,11 @@ def _vibration(results: Results) -> Iterator[str]:
         given = (results.case.get("joint") or {}).get("frequency") is not None
         text += f" and a frequency of {quantity(numbers['f'], (si and 'Hz') or '', bar=nan if given else 0.5 * bar)}"
     yield f"{text}."
+    if of == "joint" and (patches := results.summary.get("patches")):
+        yield (
+            f"That is of this patch; the mean of {patches['patches']} patches of its roughness is "
+            f"{patches['change']:+.0%} ± {patches['error']:.0%} stiffer by a half-space."
+        )
     if doubt := (results.thresholds.get("laws") or {}).get("doubt"):
         yield f"Its law is doubtful: {doubt}."
 

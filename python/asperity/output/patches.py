@@ -1,0 +1,155 @@
+"""Whether one patch stands for a joint: the stiffness that other patches of the same roughness add to it.
+
+A joint is many patches under one plane. A layer in small-slope theory presses the patch of the run and others of the
+same statistics, each at the same distance of the flat from its mean plane; the mean of their pressures is that of the
+joint.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from asperity.arrays import Array, Floats
+from asperity.model.problem import Problem
+from asperity.output.assumption import Assumption
+from asperity.reference.halfspace import HARDNESS, RoughHalfSpace, cells_per_side
+from asperity.surface import HeightMap, Surface
+
+if TYPE_CHECKING:
+    from asperity.output.assumptions import Evidence
+
+OTHERS = 4  # patches with other seeds; a map is compared with its quarters
+CELLS = 64, 128  # fewest and most per side
+PER_WAVE = 3.0  # cells per shortest wave
+PLANES, DEEPER = 16, 4.0  # heights of the flat, and the lowest over the approach of the patch under the preload
+DIFFERENT = 0.2  # change of the stiffness beyond which a patch does not stand for its joint
+PRECISION = 3e-3  # of the gap, over the greatest approach
+
+
+@dataclass(frozen=True)
+class Spread:
+    """What other patches change of the stiffness of a joint.
+
+    Attributes:
+        change: stiffness of the mean of all patches over that of the one in the run, minus 1
+        error: standard error of that mean, over the stiffness
+        patches: number of patches, the own one included
+    """
+
+    change: float
+    error: float
+    patches: int
+
+    @property
+    def bar(self) -> float:
+        """Relative bar of a joint's stiffness by its patch."""
+        return abs(self.change) + self.error
+
+    def to_dict(self) -> dict[str, Any]:
+        """Section "patches" of summary.json."""
+        return {"change": self.change, "error": self.error, "bar": self.bar, "patches": self.patches}
+
+
+def spread_of_patches(problem: Problem, pressure: float) -> Spread | None:
+    """Compare the patch of a problem with others of its roughness, in one process.
+
+    Args:
+        problem: with the surface of the patch
+        pressure: nominal, of the preload [force/length^2]
+
+    Returns:
+        None where there are no others: the surface is neither random nor a map, or they do not carry the preload
+    """
+    solid, surface = problem.material, problem.surface
+    target = pressure / solid.reduced_modulus
+    hardness = math.inf if solid.yield_strength is None else HARDNESS * solid.yield_strength / solid.reduced_modulus
+    if not 0.0 < target < hardness:
+        return None
+    n = cells_per_side(float(np.clip(PER_WAVE * surface.L / surface.feature_size, *CELLS)))
+    layer = RoughHalfSpace(n, problem.height / surface.L, solid.nu, problem.sides, hardness)
+    own = layer.heights(surface)
+    plane = _plane(layer, own, target)
+    others = list(_others(surface, layer, own))
+    if plane is None or not others:
+        return None
+    top, highest = float(own.max()), max(float(heights.max()) for heights in (own, *others))
+    deepest = highest - top + DEEPER * (top - plane)
+    planes = highest - np.geomspace(0.1 * (top - plane), deepest, PLANES)
+    carried = [_carried(layer, heights, planes) for heights in (own, *others)]
+    mine = _stiffness(planes, carried[0], target)
+    whole = _stiffness(planes, np.mean(carried, axis=0), target)
+    if mine is None or whole is None:
+        return None
+    parts = [_stiffness(planes, np.mean(np.delete(carried, i, axis=0), axis=0), target) for i in range(len(carried))]
+    known = np.array([part for part in parts if part is not None])
+    if len(known) < len(parts):
+        return None
+    error = math.sqrt((len(known) - 1) / len(known) * float(np.sum((known - known.mean()) ** 2)))  # jackknife
+    return Spread(whole / mine - 1.0, error / mine, len(carried))
+
+
+def _others(surface: Surface, layer: RoughHalfSpace, own: Floats) -> Iterator[Floats]:
+    """Heights of other patches about their mean plane (n, n) [L]: other seeds, or the quarters of a map."""
+    seed = getattr(surface, "seed", None)
+    if seed is not None and getattr(surface, "random", True):
+        for k in range(1, OTHERS + 1):
+            drawn = {"phases": None} if hasattr(surface, "phases") else {}
+            other: Any = replace(surface, seed=seed + 1000 + k, **drawn)  # type: ignore[type-var]
+            yield layer.heights(other) - float(other.mean() - surface.mean()) / surface.L
+    elif isinstance(surface, HeightMap):
+        half = len(own) // 2
+        for part in (own[:half, :half], own[:half, half:], own[half:, :half], own[half:, half:]):
+            whole = np.vstack([np.hstack([part, part[:, ::-1]]), np.hstack([part, part[:, ::-1]])[::-1]])
+            wide = np.pad(whole, [(0, len(own) - len(whole))] * 2, mode="edge")
+            yield wide - float(wide.mean() - own.mean())
+
+
+def _plane(layer: RoughHalfSpace, heights: Floats, target: float) -> float | None:
+    """Height of the flat at which it carries a mean pressure [L], None where it carries less at any approach."""
+    top, deepest = float(heights.max()), float(heights.max() - heights.min())
+    depth = np.geomspace(1e-3, 1.0, 13) * deepest
+    carried = layer.curve(heights, top, depth, PRECISION).P_star
+    if not carried[0] < target < carried[-1]:
+        return None
+    return top - float(np.exp(np.interp(math.log(target), np.log(np.maximum(carried, 1e-300)), np.log(depth))))
+
+
+def _carried(layer: RoughHalfSpace, heights: Floats, planes: Array) -> Floats:
+    """Mean pressure over E' under the flat at descending heights [L], zero above the summit."""
+    top = float(heights.max())
+    touching = planes < top
+    found = np.zeros(len(planes))
+    if touching.any():
+        found[touching] = layer.curve(heights, top, top - planes[touching], PRECISION).P_star
+    return found
+
+
+def _stiffness(planes: Array, carried: Floats, target: float) -> float | None:
+    """Slope of the pressure over the approach where it is the target [1/L], None where that is not reached."""
+    some = np.flatnonzero(carried > 0.0)
+    if len(some) < 3 or not carried[some[0]] < target < carried[some[-1]]:
+        return None
+    from scipy.interpolate import PchipInterpolator
+
+    law = PchipInterpolator(np.log(carried[some]), -planes[some])
+    slope = float(law(math.log(target), 1))  # of the approach over the logarithm of the pressure
+    return target / slope if slope > 0.0 else None
+
+
+def representative(run: Evidence) -> Assumption | None:
+    """Line of the ledger: whether the patch stands for the joint that is made of many."""
+    found = run.patches
+    if found is None:
+        return None
+    return Assumption(
+        "joint: stiffness by other patches of its roughness", 100 * found.bar, 100 * DIFFERENT, "%",
+        f"half-space pressed with {found.patches} patches under one plane",
+        "a larger surface.L, or the mean of several seeds (asperity study)",
+        f"the mean of the patches is {found.change:+.0%} ± {found.error:.0%} stiffer; this one has "
+        f"{int(run.curve.spots[run.top])} spots at the greatest force",
+    )  # fmt: skip
