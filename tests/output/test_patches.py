@@ -75,3 +75,11 @@ def test_explicit_phases_are_no_seed() -> None:
     assert spread(random, 1e7) is not None and spread(random, 1e7).bar > 0.0  # type: ignore[union-attr]
     assert random.phases is not None
     assert spread(WeierstrassMandelbrot(L=1e-6, D=2.4, G=1e-12, phases=0.5 * random.phases), 1e7) is None
+
+
+@pytest.mark.parametrize("pressure", [2.5e6, 25e6, 400e6, 3e9])
+def test_any_pressure_has_an_answer(pressure: float) -> None:
+    """Yielding spots end at a greatest pressure, where the curve of the half-space is flat to its tolerance."""
+    for seed in range(1, 7):
+        found = spread(replace(SMALL, seed=seed), pressure, replace(STEEL, yield_strength=1e9, tangent_modulus=0.0))
+        assert found is None or 0.0 <= found.bar < 20.0

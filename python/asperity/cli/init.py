@@ -29,7 +29,7 @@ SI = {
     "length": "m", "force": "N", "force/length^2": "Pa", "length/time^2": "m/s^2", "length^2": "m^2", "mass": "kg",
     "1/time": "Hz",
 }  # fmt: skip
-HURST, ROLL, SIDE = 0.8, 4.0, 8.0  # of a surface by Sq and slope; roll-off and side over the shortest wavelength
+HURST, ROLL, SIDE = 0.8, 4.0, 16.0  # of a surface by Sq and slope; roll-off and side over the shortest wavelength
 WIDTH = 34  # of "key = value"
 
 

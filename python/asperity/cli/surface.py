@@ -14,10 +14,12 @@ from asperity.units import quantity
 @click.command()
 @options.case_file
 @options.output("DIR", "Folder for surface.png.")
+@click.option("--to", "mesh", metavar="FILE", help="Mesh of the block, without a solve: FILE.inp (CalculiX, Abaqus), "
+              ".msh, .vtu, .stl, .bdf or .unv.")  # fmt: skip
 @options.as_json
 @options.overrides
 @options.serial
-def command(case_file: str, output: str | None, as_json: bool, overrides: tuple[str, ...]) -> None:
+def command(case_file: str, output: str | None, mesh: str | None, as_json: bool, overrides: tuple[str, ...]) -> None:
     """Show the roughness of a case's surface.
 
     Its statistics, shortest wavelength and point of first contact; with -o also a picture.
@@ -45,6 +47,13 @@ def command(case_file: str, output: str | None, as_json: bool, overrides: tuple[
         path = save(figure, folder / "surface.png")
         if not as_json:
             options.say(f"written {path}")
+    if mesh:
+        from asperity.output.mesh_file import block_of_case, write_mesh
+
+        block, top = block_of_case(case)
+        written = write_mesh(block, top, mesh, f"block of {Path(case_file).name}")
+        if not as_json:
+            options.say(f"written {written}: {len(block.points)} nodes, {len(block.tets)} tetrahedra of second order")
 
 
 # key of SurfaceStatistics -> label and power of length

@@ -87,7 +87,7 @@ def _flat_block(
     import gmsh
 
     try:
-        with _separate_model(OPTIONS):
+        with separate_model(OPTIONS):
             box = gmsh.model.occ.addBox(0.0, 0.0, 0.0, 1.0, 1.0, height)
             images = product(*((0.0, 1.0) if periodic and c in (0.0, 1.0) else (c,) for c in summit))
             nodes = [(0, gmsh.model.occ.addPoint(*image, height)) for image in images]
@@ -134,7 +134,7 @@ def nodes_and_elements() -> tuple[Floats, npt.NDArray[np.int64]]:
 
 
 @contextmanager
-def _separate_model(options: Mapping[str, float]) -> Iterator[None]:
+def separate_model(options: Mapping[str, float]) -> Iterator[None]:
     """Context with a new gmsh model and these options.
 
     An open session of the caller has its models, the current one and its options afterwards; its other options count.

@@ -25,6 +25,7 @@ from asperity.force_law.table import TableLaw
 from asperity.output.export_element import python_module
 from asperity.output.export_slip import sliders_module, sliders_table
 from asperity.output.gap_conductance import gap_conductance
+from asperity.output.mesh_file import export_mesh
 from asperity.output.results import Results
 from asperity.power_law import interface_approach
 from asperity.runtime.display import comment
@@ -157,7 +158,7 @@ def export(
             `material.conductivity` the decks have the conductance of the gap too, and "conductance" (CSV) is this
             alone: a header and numbers, as MOOSE reads. With the section [slip] the decks have friction and stick slope
             too, and "sliders" (CSV) and "sliders-python" (a module with state) are the tangential force as an array of
-            sliders.
+            sliders. "mesh" is the block itself, see `mesh_file.write_mesh`.
         path: of the file; default in the folder
         law: see `interface`; default "auto" for "python", whose use is vibration, and "table" for the others
         load: see `interface`
@@ -182,6 +183,11 @@ def export(
     """
     if to not in EXPORTS:
         raise InputError(f'to = "{to}" is unknown: choose one of {", ".join(EXPORTS)}')
+    target = Path(folder) / EXPORTS[to] if path is None else Path(path)
+    if to == "mesh":
+        if (law, load) != (None, None):
+            raise InputError("law and preload are for the contact, not for the mesh: leave them out")
+        return export_mesh(folder, target)
     table = interface(folder, law or ("auto" if to == "python" else "table"), load)
     writers: dict[str, Callable[[Interface], str]] = {
         "calculix": lambda t: _deck(_short(t), t, _ADVICE) + _gap_at_preload(t) + _friction(t, slope=True),
@@ -192,7 +198,6 @@ def export(
         "sliders": lambda t: sliders_table(_slip_of(t), t.patch, t.about),
         "sliders-python": lambda t: sliders_module(_slip_of(t), t.patch, t.area, t.about),
     }
-    target = Path(folder) / EXPORTS[to] if path is None else Path(path)
     target.parent.mkdir(parents=True, exist_ok=True)
     replace_file(target, writers[to](table).encode())
     return target

@@ -131,7 +131,8 @@ def _carried(layer: RoughHalfSpace, heights: Floats, planes: Array) -> Floats:
 
 def _stiffness(planes: Array, carried: Floats, target: float) -> float | None:
     """Slope of the pressure over the approach where it is the target [1/L], None where that is not reached."""
-    some = np.flatnonzero(carried > 0.0)
+    before = np.maximum.accumulate(np.concatenate([[0.0], carried[:-1]]))
+    some = np.flatnonzero(carried > before * (1.0 + 1e-9))  # the iteration may end a little lower
     if len(some) < 3 or not carried[some[0]] < target < carried[some[-1]]:
         return None
     from scipy.interpolate import PchipInterpolator

@@ -43,6 +43,7 @@ EXPORTS = {
     "conductance": "conductance.csv",
     "sliders": "sliders.csv",
     "sliders-python": "sliders.py",
+    "mesh": "block.inp",
 }
 LOCK = ".lock"  # of the process that works in the folder
 MESH, STATE, SNAPSHOT = "mesh.npz", "state.npz", "snapshot-{}.npz"  # in checkpoint and in the folders in it

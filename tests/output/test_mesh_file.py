@@ -1,0 +1,119 @@
+"""The block as a mesh for other programs, read back."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from conftest import call
+
+from asperity.case import Case
+from asperity.errors import InputError
+from asperity.mesh.element import GMSH_TO_VTK
+from asperity.output.mesh_file import ABAQUS_FACES, block_of_case, write_mesh
+
+CASE = {
+    "surface": {"kind": "self-affine", "L": 1e-4, "H": 0.8, "rms_height": 1e-6, "lambda_short": 4e-5, "seed": 1},
+    "material": {"E": 2e11, "nu": 0.3},
+    "loading": {"delta_max": 1e-7},
+    "mesh": {"h_contact": 2.5e-5},
+}
+
+
+@pytest.fixture(scope="module")
+def made() -> Any:
+    return block_of_case(Case.from_dict(CASE))
+
+
+def volume(points: np.ndarray, tets: np.ndarray) -> float:
+    """By the corners, six times a tetrahedron each."""
+    a, b, c, d = (points[tets[:, i]] for i in range(4))
+    return float(np.einsum("ij,ij->i", np.cross(b - a, c - a), d - a).sum() / 6.0)
+
+
+def test_a_deck_has_nodes_elements_and_surfaces(tmp_path: Path, made: Any) -> None:
+    block, surface = made
+    text = write_mesh(block, surface, tmp_path / "a.inp", "a\n*NODE").read_text()
+    assert text.startswith("** ") and text.count("\n*NODE, ") == 1  # the name is no keyword
+    parts = {}
+    for part in re.split(r"^\*(?!\*)", text, flags=re.MULTILINE)[1:]:
+        head, *lines = part.strip().splitlines()
+        parts[head] = [line.split(", ") for line in lines]
+    nodes = np.array(parts["NODE, NSET=ALL"], float)
+    np.testing.assert_allclose(nodes[:, 1:], block.points, rtol=1e-11, atol=1e-18)
+    tets = np.array(parts["ELEMENT, TYPE=C3D10, ELSET=BLOCK"], int)[:, 1:] - 1
+    np.testing.assert_array_equal(tets, block.tets[:, GMSH_TO_VTK])
+    ends = block.points[tets[:, [0, 1, 2, 0, 1, 2]]], block.points[tets[:, [1, 2, 0, 3, 3, 3]]]
+    straight = np.linalg.norm(0.5 * (ends[0] + ends[1]) - block.points[tets[:, 4:]], axis=2)
+    assert np.all(
+        straight < 0.1 * np.linalg.norm(ends[1] - ends[0], axis=2)
+    )  # middles of the edges that they belong to
+    top = np.array([n for line in parts["NSET, NSET=NTOP"] for n in line], int) - 1
+    np.testing.assert_allclose(block.points[top, 2], block.heights(surface)[top], atol=1e-13)
+    covered = []
+    for name in ("TOP", "BASE", "SIDES"):
+        area = 0.0
+        for cell, side in parts[f"SURFACE, NAME=S{name}, TYPE=ELEMENT"]:
+            a, b, c = block.points[tets[int(cell) - 1, ABAQUS_FACES[int(side[1]) - 1]]]
+            area += 0.5 * float(np.cross(b - a, c - a)[2])
+        covered.append(area / 1e-8)
+    assert np.abs(covered) == pytest.approx([1.0, 1.0, 0.0], abs=1e-6)  # in projection
+
+
+@pytest.mark.parametrize("suffix", [".msh", ".stl", ".bdf", ".unv"])
+def test_gmsh_reads_what_it_wrote(tmp_path: Path, made: Any, suffix: str) -> None:
+    import gmsh
+
+    block, surface = made
+    path = write_mesh(block, surface, tmp_path / f"a{suffix}")
+    gmsh.initialize(readConfigFiles=False, interruptible=False)
+    try:
+        gmsh.option.setNumber("General.Terminal", 0)
+        gmsh.open(str(path))
+        tags, xyz, _ = gmsh.model.mesh.getNodes()
+        points = np.zeros((int(tags.max()) + 1, 3))
+        points[tags.astype(int)] = xyz.reshape(-1, 3)
+        if suffix == ".stl":
+            np.testing.assert_allclose(points[tags.astype(int)].max(axis=0), block.points.max(axis=0), rtol=1e-5)
+            return
+        _, cells = gmsh.model.mesh.getElementsByType(11)
+        tets = cells.astype(int).reshape(-1, 10)
+        assert len(tets) == len(block.tets)
+        assert volume(points, tets) == pytest.approx(volume(block.points, block.tets), rel=1e-4)
+        if suffix == ".msh":
+            names = {gmsh.model.getPhysicalName(*group) for group in gmsh.model.getPhysicalGroups()}
+            assert names == {"TOP", "BASE", "SIDES", "BLOCK"}
+    finally:
+        gmsh.finalize()
+
+
+def test_vtk_reads_the_grid(tmp_path: Path, made: Any) -> None:
+    pyvista = pytest.importorskip("pyvista")
+    block, surface = made
+    grid = pyvista.read(write_mesh(block, surface, tmp_path / "a.vtu"))
+    assert (grid.n_points, grid.n_cells) == (len(block.points), len(block.tets))
+    np.testing.assert_allclose(grid.points, block.points, rtol=1e-11)
+    assert set(grid.celltypes) == {24} and grid["TOP"].sum() > 10
+    assert grid.volume == pytest.approx(1e-4 * 1e-8, rel=0.01)  # of unit aspect, in the mean
+
+
+def test_without_a_solve_and_of_a_run(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    case, out = tmp_path / "case.toml", tmp_path / "out"
+    case.write_text(Case.from_dict(CASE).to_toml())
+    assert call("surface", case, "--to", tmp_path / "a.inp") == 0
+    assert "tetrahedra of second order" in capsys.readouterr().out
+    assert call("surface", case, "--to", tmp_path / "a.xyz") == 2
+    out.mkdir()
+    (out / "case.toml").write_text(case.read_text())
+    (out / "curve.csv").write_text("delta,force\n1e-8,1\n2e-8,3\n")
+    assert call("export", out, "--to", "mesh") == 0
+    assert (out / "block.inp").read_text().split("\n", 1)[1] == (tmp_path / "a.inp").read_text().split("\n", 1)[1]
+    assert call("export", out, "--to", "mesh", "--law", "table") == 2
+
+
+def test_another_suffix_is_refused(made: Any, tmp_path: Path) -> None:
+    with pytest.raises(InputError, match=r"meshes are written as \.inp, \.vtu"):
+        write_mesh(*made, tmp_path / "a.step")
