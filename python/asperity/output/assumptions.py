@@ -386,7 +386,7 @@ LINES: tuple[Callable[[Evidence], Assumption | None], ...] = (
     elastic,
     resolution,
     instrument,
-    representative,
+    lambda run: representative(run.patches, int(run.curve.spots[run.top])),
     facets,
     summit_on_edge,
     bulk_yield,

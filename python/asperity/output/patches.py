@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -19,9 +19,6 @@ from asperity.model.problem import Problem
 from asperity.output.assumption import Assumption
 from asperity.reference.halfspace import HARDNESS, RoughHalfSpace, cells_per_side
 from asperity.surface import HeightMap, Surface
-
-if TYPE_CHECKING:
-    from asperity.output.assumptions import Evidence
 
 OTHERS = 4  # patches with other seeds; a map is compared with its quarters
 CELLS = 64, 128  # fewest and most per side
@@ -142,15 +139,14 @@ def _stiffness(planes: Array, carried: Floats, target: float) -> float | None:
     return target / slope if slope > 0.0 else None
 
 
-def representative(run: Evidence) -> Assumption | None:
-    """Line of the ledger: whether the patch stands for the joint that is made of many."""
-    found = run.patches
+def representative(found: Spread | None, spots: int) -> Assumption | None:
+    """Line of the ledger: whether a patch with so many spots stands for the joint that is made of many."""
     if found is None:
         return None
     return Assumption(
         "joint: stiffness by other patches of its roughness", 100 * found.bar, 100 * DIFFERENT, "%",
         f"half-space pressed with {found.patches} patches under one plane",
         "a larger surface.L, or the mean of several seeds (asperity study)",
-        f"the mean of the patches is {found.change:+.0%} ± {found.error:.0%} stiffer; this one has "
-        f"{int(run.curve.spots[run.top])} spots at the greatest force",
+        f"the mean of the patches is {found.change:+.0%} ± {found.error:.0%} stiffer; this one has {spots} spot(s) at "
+        "the greatest force",
     )  # fmt: skip
