@@ -16,7 +16,7 @@ FORMULA = re.compile(r'<(span|div) class="arithmatex">\\[(\[](.*?)\\[)\]]</\1>',
 def readme() -> str:
     """The README, its links seen from the site; files outside docs/ are only named."""
     text = (ROOT / "README.md").read_text(encoding="utf-8").replace("](docs/", "](")
-    return re.sub(r"\[([^]]+)\]\((?!https?:)([A-Z]+(?:\.md)?)\)", r"`\2`", text)
+    return re.sub(r"\[([^]]+)\]\((?!https?:)([A-Z]+(?:\.\w+)?)\)", r"`\2`", text)
 
 
 def keys() -> str:

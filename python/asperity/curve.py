@@ -16,7 +16,7 @@ import numpy as np
 from asperity.arrays import Array
 from asperity.errors import AsperityWarning, InputError
 from asperity.runtime.display import nearest
-from asperity.runtime.files import write_csv
+from asperity.runtime.files import MOST_TEXT, read_whole, write_csv
 from asperity.runtime.measured_curve import read_measured_curve, repaired
 from asperity.runtime.text_table import decoded
 from asperity.slope import legs, slopes
@@ -287,7 +287,7 @@ class Curve:
 
 def _parsed(path: Path) -> tuple[Curve, Sequence[str]]:
     """Curve of a file, and what was repaired where no run has written it."""
-    lines = decoded(path.read_bytes()).splitlines()
+    lines = decoded(read_whole(path, MOST_TEXT)).splitlines()
     first = next((line for line in lines if not line.startswith("#")), "")
     names = [name.strip() for name in first.split(",")]
     if first and not set(names) <= set(COLUMNS):

@@ -34,7 +34,11 @@ class Interrupted(ConvergenceError):
 
 
 class CheckError(ConvergenceError):
-    """The run ended, but its result violates a balance that every correct result satisfies."""
+    """The run ended, but its result, which `result` holds, violates a balance that every correct result satisfies."""
+
+    def __init__(self, message: str, result: object = None) -> None:
+        super().__init__(message)
+        self.result = result
 
 
 class CheckpointError(InputError):

@@ -22,7 +22,7 @@ from asperity.output.assumptions import Evidence
 from asperity.output.patches import Spread, spread_of_patches
 from asperity.output.run_files import RunFiles
 from asperity.output.summary import summarise
-from asperity.quasistatic.contact_result import ContactResult, PartialResult
+from asperity.quasistatic.contact_result import ContactResult, PartialResult, refuse_wrong
 from asperity.quasistatic.hooks import Hooks
 from asperity.quasistatic.solve_problem import solve_problem
 from asperity.runtime.progress import Progress
@@ -125,7 +125,7 @@ def solve_case(
             if case.mesh.file is not None:
                 block = BlockMesh.read(case.mesh.file)
             judged = case.mesh.file is not None or case.loading.delta_max is None
-            contact = solve_problem(chosen, block=block, judged=judged, comm=comm, hooks=hooks)
+            contact = solve_problem(chosen, block=block, judged=judged, comm=comm, hooks=hooks, checked=False)
         else:
             target = AccuracyTarget(wanted.tolerance, wanted.max_dofs, wanted.max_seconds, wanted.area_tolerance)
             accurate = refine(chosen, target, comm, hooks, files.curve)
@@ -135,11 +135,13 @@ def solve_case(
         stopped = isinstance(e.__cause__, Interrupted)
         failure = Interrupted(str(e)) if stopped else ConvergenceError(str(e))
         contact = e.result
-    violated = contact.checks.violated
-    # a mesh of a run with a tolerance that is not touched is one that is too coarse, as the reason says
-    too_coarse = accurate is not None and failure is not None and violated.keys() == {"touch"}
-    if violated and not too_coarse and not isinstance(failure, Interrupted):
-        failure = CheckError(f"the result is wrong, do not use it: {'; '.join(violated.values())}")
+    try:
+        if accurate is not None:
+            accurate.checked()
+        elif not isinstance(failure, Interrupted):
+            refuse_wrong(contact.checks, contact)
+    except CheckError as e:
+        failure = e
     return SolvedCase(chosen, contact, accurate=accurate, strain=strain, failure=failure)
 
 

@@ -428,18 +428,23 @@ def test_a_resumed_run_keeps_its_warnings(tmp_path: Path, monkeypatch: pytest.Mo
     assert went_on == straight == attempt() and len(straight) == 3
 
 
-def test_an_unresolved_contact_warns_once(tmp_path: Path) -> None:
+@pytest.mark.parametrize("depth", [1e-3, 1e-6])
+def test_an_unresolved_contact_warns_once_and_is_doubtful(tmp_path: Path, depth: float) -> None:
+    """Of a few facets, and of a single node, which has no area."""
     case = {
         **YIELDING,
         "surface": {"kind": "sphere", "L": 1.0, "radius": 3.0},
         "material": {"E": 1.0, "nu": 0.3},
-        "loading": {"delta_max": 1e-3, "steps": 1},
+        "loading": {"delta_max": depth, "steps": 1},
     }
     with pytest.warns(ResolutionWarning, match="touches a few facets only") as caught:
         result = run(Case.from_dict(case), tmp_path)
     assert len([w for w in caught if issubclass(w.category, ResolutionWarning)]) == 1
     (text,) = (text for text in result.summary["warnings"] if "facets" in text)
     assert text == f"{result.summary['unresolved']}; make mesh.h_contact smaller"
+    (line,) = (line for line in result.summary["assumptions"] if "error of the contact area" in line["name"])
+    assert line["verdict"] == DOUBTFUL and line["warned"]
+    assert depth > 1e-4 or result.curve.area_fraction[-1] == 0.0
 
 
 # --- collecting -----------------------------------------------------------------------------------------------

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
-from conftest import make_curve
+from conftest import call, make_curve
 
 from asperity.curve import Curve
 from asperity.errors import InputError
@@ -32,7 +34,7 @@ def test_differences_name_column_row_and_size():
     (difference,) = compare_curves(other, reference)
     assert (difference.column, difference.row) == ("force", 2)
     assert difference.error == pytest.approx(0.01)
-    assert "relative difference 0.01 > 1e-06" in str(difference)
+    assert "at step 3, relative difference 0.01 > 1e-06" in str(difference)
     assert compare_curves(other, reference, {"force": 0.011}) == []
     assert compare_curves(other, reference, {"P_star": 0.0}) == []
 
@@ -52,16 +54,46 @@ def test_a_value_that_turns_into_nan_is_a_difference():
 def test_steps_must_correspond():
     curve = make_curve()
     (shorter,) = compare_curves(curve.where(np.arange(3)), curve)
-    assert str(shorter) == "rows: 3 steps against 4 steps, first at row 3"
+    assert str(shorter) == "rows: 3 steps against 4 steps, first at step 4"
     (branch,) = compare_curves(change(curve, 1, branch="unload"), curve)
     assert (branch.column, branch.row) == ("rows", 1)
 
 
 @pytest.mark.parametrize(
-    "tolerances", [{"force": -1.0}, {"forces": 1.0}, {"branch": 1.0}, {"force": "1"}, {"force": None}, ["force"], 1e-6]
+    "tolerances",
+    [
+        {"force": -1.0},
+        {"forces": 1.0},
+        {"branch": 1.0},
+        {"force": "1"},
+        {"force": None},
+        ["force"],
+        1e-6,
+        {},
+        {"force": math.inf},
+        {"force": math.nan},
+    ],
 )
 def test_bad_tolerances_are_refused(tolerances):
     """Of a call, and in the header of a stored curve, which anyone may have edited."""
     for given, header in ((tolerances, {}), (None, {"tolerances": tolerances})):
         with pytest.raises(InputError):
             compare_curves(make_curve(), make_curve(**header), given)
+
+
+def test_a_comparison_of_nothing_is_refused(tmp_path: Path) -> None:
+    """It could not fail: a reference without steps, or without values in the columns that are compared."""
+    curve, none = make_curve(), make_curve().where(np.arange(0))
+    measured = Curve.from_rows([{"delta": 1.0, "force": 2.0}])
+    for a, b, tolerances in ((none, none, None), (curve, none, None), (measured, measured, {"P_star": 0.1})):
+        with pytest.raises(InputError, match="so nothing is compared"):
+            compare_curves(a, b, tolerances)
+    assert compare_curves(none, curve)[0].column == "rows"
+    assert compare_curves(measured, measured) == []
+    curve.write(tmp_path / "curve.csv")
+    (tmp_path / "link.csv").symlink_to(tmp_path / "curve.csv")
+    none.write(tmp_path / "none.csv")
+    other = tmp_path / "other.csv"
+    replace(curve, header={"tolerances": {}}).write(other)
+    for first, second in (("link.csv", "curve.csv"), (".", "curve.csv"), ("none.csv", "none.csv"), (".", other)):
+        assert call("compare", tmp_path / first, tmp_path / second) == 2

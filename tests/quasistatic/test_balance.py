@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable
-from dataclasses import replace
+from dataclasses import fields, replace
 from pathlib import Path
 from typing import Any
 
@@ -12,19 +12,33 @@ import numpy as np
 import pytest
 from conftest import ELASTIC, PLASTIC, world
 
+import asperity as asp
 import asperity.quasistatic.contact_solver
 from asperity.case import Case
 from asperity.contact import ActiveSet
 from asperity.errors import CheckError, ResolutionWarning
 from asperity.mesh.block import BlockMesh
+from asperity.mesh.generate import build_block
 from asperity.model.load_path import Schedule
 from asperity.model.material import Material
-from asperity.model.settings import Formulation, SolverOptions
+from asperity.model.settings import Formulation, MeshSize, SolverOptions
+from asperity.quasistatic.balance import (
+    COMPLIANT,
+    ENERGY,
+    EXACT,
+    MIDPOINT_ENERGY,
+    SUCTION,
+    Checks,
+    StepBalance,
+    audit,
+)
 from asperity.quasistatic.contact_solver import ContactSolver
 from asperity.quasistatic.make import make_contact_solver
 from asperity.quasistatic.newton import NewtonSolver
+from asperity.quasistatic.slip_paths import slip_paths
 from asperity.quasistatic.stepping import Record, follow
 from asperity.run_case import run
+from asperity.slip import SlipSettings
 from asperity.surface import Surface
 
 Break = Callable[[pytest.MonkeyPatch, ContactSolver], None]
@@ -252,3 +266,68 @@ def test_a_wrong_run_ends_with_an_error_that_says_so(monkeypatch: pytest.MonkeyP
     assert caught.value.exit_code == 3
     summary = json.loads((tmp_path / "out" / "summary.json").read_text())
     assert "force_balance" in summary["checks"]["violated"] and not summary["finished"]
+
+
+SMALL: dict[str, Any] = {
+    "delta_max": 0.02, "steps": 2, "size": MeshSize(h_contact=0.2, h_max=0.5),
+    "formulation": Formulation("penalty", penalty=0.01),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("call", ["solve_contact", "solve_problem", "solve_to_tolerance", "slip"])
+def test_a_wrong_result_is_an_error_in_python_too(monkeypatch: pytest.MonkeyPatch, wave: Surface, call: str) -> None:
+    """Every call that returns a curve or loops; the error carries what was found."""
+    calls: dict[str, Callable[[], Any]] = {
+        "solve_contact": lambda: asp.solve_contact(wave, ELASTIC, **SMALL),
+        "solve_problem": lambda: asp.solve_problem(asp.Problem.of(wave, ELASTIC, **SMALL)),
+        "solve_to_tolerance": lambda: asp.solve_to_tolerance(
+            wave, ELASTIC, asp.AccuracyTarget(0.2), delta_max=0.02, steps=2
+        ),
+        "slip": lambda: slip_paths(pressed(make(wave, block)), SlipSettings(friction=0.3, preload=1e-3)),
+    }
+    block = build_block(wave, 1.0, lambda x, y, depth: 0.3)
+    if call in ("solve_to_tolerance", "slip"):
+        right = asperity.quasistatic.contact_solver.audit
+
+        def wrong(checks: Checks, step: StepBalance, **rest: Any) -> None:
+            right(checks, replace(step, reaction=1.001 * step.reaction), **rest)
+
+        monkeypatch.setattr("asperity.quasistatic.contact_solver.audit", wrong)
+    with pytest.raises(CheckError, match="the result is wrong, do not use it: the ") as caught:
+        calls[call]()
+    found: Any = caught.value.result
+    assert call == "slip" or found.curve.force[-1] > 0.0
+
+
+def balance(**changes: float) -> StepBalance:
+    """A first step in balance: force 1 at the approach 1, energy 1/2."""
+    exact = dict.fromkeys((f.name for f in fields(StepBalance)), 0.0)
+    exact |= {"delta": 1.0, "force": 1.0, "reaction": 1.0, "stored": 0.5, "pressure": 1.0, "work_high": 1.0}
+    return StepBalance(**exact | changes)
+
+
+@pytest.mark.parametrize(
+    ("kind", "limit", "options", "change"),
+    [
+        ("energy", ENERGY, {}, lambda x: {"stored": 1.0 + x}),  # over the energy, which is the upper bound
+        ("energy", MIDPOINT_ENERGY, {"exact": False}, lambda x: {"stored": 1.0 + x}),
+        ("energy", ENERGY, {"compliant": True}, lambda x: {"stored": 1.0 + x}),
+        ("energy", ENERGY, {}, lambda x: {"stored": 0.5, "dissipated": 0.5 + x}),
+        ("dissipation", ENERGY, {}, lambda x: {"dissipation": -0.5 * x}),
+        ("tension", SUCTION, {}, lambda x: {"suction": x}),
+        ("penetration", EXACT, {}, lambda x: {"penetration": x}),
+        ("compliance", COMPLIANT, {"compliant": True}, lambda x: {"penetration_work": x}),
+        ("plastic_strain", 1e-12, {}, lambda x: {"strain_decrease": x}),
+        ("force_balance", 1e-8, {}, lambda x: {"reaction": 1.0 + x}),
+    ],
+)
+def test_each_limit_is_where_it_is_said_to_be(
+    kind: str, limit: float, options: dict[str, bool], change: Callable[[float], dict[str, float]]
+) -> None:
+    """Noticed at twice the limit, not at half of it; the limits are those of the documentation."""
+    how: dict[str, Any] = {"compliant": False, "exact": True} | options
+    for part in (0.5, 2.0):
+        checks = Checks()
+        audit(checks, balance(**change(part * limit)), bound=1e-8, rtol=1e-9, **how)
+        assert set(checks.violated) == ({kind} if part > 1.0 else set())
+    assert (SUCTION, EXACT, ENERGY, COMPLIANT, MIDPOINT_ENERGY) == (1e-6, 1e-6, 1e-6, 0.05, 0.05)

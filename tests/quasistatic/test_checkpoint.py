@@ -17,7 +17,7 @@ from asperity.adaptive.solve_contact import solve_contact
 from asperity.case import Case
 from asperity.case.identity import differences, identity, refuse_another
 from asperity.contact import Coulomb
-from asperity.curve import ELASTIC_STIFFNESSES, STIFFNESSES
+from asperity.curve import STIFFNESSES
 from asperity.errors import CheckpointError, Interrupted, OutputError, ResolutionWarning
 from asperity.mesh.block import BlockMesh
 from asperity.model.material import Material
@@ -25,7 +25,6 @@ from asperity.model.settings import MEAN, Formulation, MeshSize
 from asperity.output.fields import gather_states
 from asperity.quasistatic.checkpoint import FORMAT, Checkpoint
 from asperity.quasistatic.contact_result import ContactResult, PartialResult
-from asperity.quasistatic.stiffness import LEFT
 from asperity.runtime import compat
 from asperity.runtime.files import npz_bytes, remove_asides, replace_file
 from asperity.runtime.run_folder import MESH, STATE
@@ -131,25 +130,36 @@ def test_a_run_in_pieces_gives_the_same_curve(
 def test_a_run_in_pieces_has_the_same_stiffness(
     wave: Surface, coarse_wave: BlockMesh | None, shared_path: Path
 ) -> None:
-    """The linear solver starts from the same state; rows saved without stiffness stay without.
-
-    Where the state was saved without stiffness, the systems start as in the first step, and each run is within LEFT
-    of the exact value.
-    """
+    """The linear solver starts from the same state."""
     settings: dict[str, Any] = {"delta_max": 0.02, "steps": 3, "block": coarse_wave}
     straight = solve_contact(wave, PLASTIC, stiffness=True, **settings).curve
     pieces = in_pieces(wave, PLASTIC, shared_path / "checkpoint", (2,), stiffness=True, **settings).curve
-    with pytest.raises(PartialResult):
-        checkpoint = Checkpoint(shared_path / "without", {}, world())
-        solve_contact(wave, PLASTIC, stop=stop_after(2), checkpoint=checkpoint, **settings)
-    checkpoint = Checkpoint(shared_path / "without", {}, world())
-    mixed = solve_contact(wave, PLASTIC, stiffness=True, checkpoint=checkpoint, **settings).curve
     same = 1e-10 if world().size == 1 else 1e-4  # several ranks add in the order of arrival
     for name in (*STIFFNESSES, "mean_gap", "spots"):
         np.testing.assert_allclose(getattr(pieces, name), getattr(straight, name), rtol=same)
-    for name in ELASTIC_STIFFNESSES:
-        assert np.isnan(getattr(mixed, name)[:2]).all()
-        np.testing.assert_allclose(getattr(mixed, name)[2:], getattr(straight, name)[2:], rtol=2.0 * LEFT)
+
+
+@pytest.mark.mpi
+@pytest.mark.parametrize("name", ["stiffness", "conductance"])
+def test_a_column_that_begins_or_ends_inside_a_curve_is_refused(
+    wave: Surface, coarse_wave: BlockMesh | None, shared_path: Path, name: str
+) -> None:
+    """Its other cells would be empty without a word; after the last step nothing can end."""
+    settings: dict[str, Any] = {"delta_max": 0.02, "steps": 3, "block": coarse_wave}
+
+    def attempt(place: str, wanted: bool, **more: Any) -> Any:
+        checkpoint = Checkpoint(shared_path / place, {}, world())
+        return solve_contact(wave, ELASTIC, **{name: wanted}, checkpoint=checkpoint, **settings, **more)
+
+    for place, before in (("without", False), ("with", True)):
+        with pytest.raises(PartialResult):
+            attempt(place, before, stop=stop_after(2))
+        with pytest.raises(CheckpointError, match=f"output.{name} = {str(not before).lower()} here"):
+            attempt(place, not before)
+        assert len(attempt(place, before).curve) == 3
+    with pytest.raises(CheckpointError, match=f"output.{name} = true here, but not for the 3 steps"):
+        attempt("without", True)
+    assert len(attempt("with", False).curve) == 3
 
 
 @pytest.mark.mpi

@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
+import os
+import time
 from collections.abc import Callable
 from functools import cache
 from pathlib import Path
 from typing import Any
+from zipfile import ZIP_DEFLATED, ZipFile
 
 import numpy as np
 import pytest
+from conftest import call
 from made_up_run import write_run
 
 from asperity.dynamics import Dynamics, PowerLaw, run_dynamics
@@ -128,3 +132,63 @@ def test_a_saved_patch_reads_back(tmp_path: Path) -> None:
     stored: dict[str, Any] = read_npz(path)
     assert path.name == "patch.npz" and float(stored["L"]) == 1.0
     np.testing.assert_array_equal(stored["z"], z)
+
+
+@pytest.mark.parametrize("several", [False, True])
+def test_content_is_on_the_disk_before_the_name_and_the_name_before_the_end(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, several: bool
+) -> None:
+    """Else a file may be empty after a power cut, or an old one come back."""
+    events: list[tuple[str, int]] = []
+    rename = Path.replace
+
+    def sync(descriptor: int) -> None:
+        events.append(("sync", os.fstat(descriptor).st_ino))
+
+    def replace(path: Path, target: Path) -> Path:
+        events.append(("rename", path.stat().st_ino))
+        return rename(path, target)
+
+    monkeypatch.setattr("os.fsync", sync)
+    monkeypatch.setattr(Path, "replace", replace)
+    out = tmp_path / "out"
+    out.mkdir()
+    names = ["a", "b"] if several else ["a"]
+    if several:
+        with files_into(out) as aside:
+            for name in names:
+                (aside / name).write_text(name)
+    else:
+        with replacing(out / "a") as file:
+            file.write(b"a")
+    for name in names:
+        inode = (out / name).stat().st_ino
+        assert events.index(("sync", inode)) < events.index(("rename", inode))
+    assert events[-1] == ("sync", out.stat().st_ino)
+
+
+def test_files_that_grow_when_they_are_read_are_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Arrays that unpack to gigabytes, a device without end, a sparse file, keys that take a time of their square."""
+    with ZipFile(tmp_path / "bomb.npz", "w", ZIP_DEFLATED) as archive, archive.open("z.npy", "w") as member:
+        np.lib.format.write_array_header_1_0(member, {"descr": "<f8", "fortran_order": False, "shape": (6000, 6000)})
+        for _ in range(6000):
+            member.write(bytes(8 * 6000))
+    with (tmp_path / "sparse.npy").open("wb") as file:
+        file.truncate(10**11)
+    (tmp_path / "parts.toml").write_text("a" + ".a" * 20_000 + " = 1\n")
+    (tmp_path / "inline.toml").write_text("x = [{ a" + ".a" * 20_000 + " = 1}]\n")
+    start = time.process_time()
+    for words in (
+        "import-map bomb.npz", "init new.toml --from bomb.npz", "import-map sparse.npy --pixel 1e-6",
+        "check parts.toml", "check inline.toml", "study parts.toml", "check /dev/zero", "run /dev/zero",
+        "compare /dev/zero /dev/full", "dynamics /dev/zero", "import-map /dev/zero", "check bomb.npz",
+    ):  # fmt: skip
+        command, *rest = words.split()
+        assert call(command, *(tmp_path / word if (tmp_path / word).exists() else word for word in rest)) == 2
+        lines = capsys.readouterr().err.splitlines()
+        assert len(lines) == 1 and lines[0].startswith("error: "), lines
+    assert time.process_time() - start < 12.0
+    assert not (tmp_path / "new.toml").exists()
+    # a map of one height is packed as much, but it is small
+    np.savez_compressed(tmp_path / "flat.npz", z=np.ones((1000, 1000)))
+    assert read_npz(tmp_path / "flat.npz")["z"].shape == (1000, 1000)

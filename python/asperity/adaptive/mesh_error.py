@@ -33,7 +33,7 @@ from asperity.adaptive.mesh_plan import (
 from asperity.arrays import Flags, Floats
 from asperity.curve import Curve
 from asperity.model.settings import AccuracyTarget
-from asperity.quasistatic.contact_result import ContactResult
+from asperity.quasistatic.contact_result import ContactResult, refuse_wrong
 from asperity.runtime.display import brief
 from asperity.units import per_cent
 
@@ -66,6 +66,15 @@ class AccurateResult:
 
     def __repr__(self) -> str:
         return f"AccurateResult({self.curve!r}, met={self.met}, worst={self.worst:.3g}, {brief(self.reason)})"
+
+    def checked(self) -> AccurateResult:
+        """This result, unless it violates a balance (CheckError).
+
+        A mesh too coarse to be touched is none: the reason says so, and there is no bar.
+        """
+        if self.met or self.contact.checks.violated.keys() != {"touch"}:
+            refuse_wrong(self.contact.checks, self)
+        return self
 
     def roughness_share(self) -> float | None:
         """Greatest part of the bar that the waves left out take, over the force; None where no such part is judged."""

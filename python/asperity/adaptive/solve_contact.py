@@ -123,6 +123,7 @@ def solve_contact(
         CheckpointError: the checkpoint cannot be continued from
         OutputError: the checkpoint cannot be written
         PartialResult: a step did not converge or the run was stopped; carries the curve up to there
+        CheckError: the result, which it carries, violates a balance
 
     Examples:
         >>> from asperity.surface import Flat
@@ -143,4 +144,4 @@ def solve_contact(
         return solve_problem(problem, block=block, comm=comm, hooks=hooks)
     check_free(problem, block is not None)
     target = tolerance if isinstance(tolerance, AccuracyTarget) else AccuracyTarget(tolerance)
-    return refine(problem, target, comm, hooks)
+    return refine(problem, target, comm, hooks).checked()

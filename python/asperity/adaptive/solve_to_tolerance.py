@@ -67,6 +67,7 @@ def solve_to_tolerance(
     Raises:
         InputError: mesh sizes or substeps are given, or see `refine`
         PartialResult: see `refine`
+        CheckError: the result, which it carries, violates a balance
 
     Examples:
         >>> from asperity.surface import Flat
@@ -79,7 +80,7 @@ def solve_to_tolerance(
     whole = Problem.of(surface, material, **problem)
     check_free(whole, False)
     hooks = Hooks(on_stage, on_step, stop, checkpoint, snapshots, stiffness=stiffness, conductance=conductance)
-    return refine(whole, goal, comm, hooks, on_curve)
+    return refine(whole, goal, comm, hooks, on_curve).checked()
 
 
 def check_free(problem: Problem, meshed: bool) -> None:

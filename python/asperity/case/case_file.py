@@ -11,7 +11,6 @@ from __future__ import annotations
 import hashlib
 import json
 import math
-import tomllib
 import warnings
 from collections.abc import Iterable, Mapping
 from pathlib import Path
@@ -26,10 +25,12 @@ from asperity.errors import CaseWarning, InputError
 from asperity.model.problem import Problem
 from asperity.model.settings import H_CONTACT, SolverOptions
 from asperity.runtime.display import show
+from asperity.runtime.files import MOST_DATA, parse_toml, read_whole
 
 if TYPE_CHECKING:
     from asperity.surface import Surface
 
+MOST_CASE = 2**24  # size of a case file [bytes]
 NAMED_FILES = (("surface", "path"), ("mesh", "file"))
 
 
@@ -182,18 +183,18 @@ class Case(Input):
         return [*([] if self.units == "other" else doubts(self)), *unused(self)]
 
 
-def read_bytes(path: Path, what: str) -> bytes:
+def read_bytes(path: Path, what: str, most: int = MOST_DATA) -> bytes:
     try:
-        return path.read_bytes()
+        return read_whole(path, most)
     except (OSError, ValueError) as error:
         reason = getattr(error, "strerror", None) or str(error)
         raise InputError(f"{what}: cannot read {json.dumps(str(path))}: {reason}") from None
 
 
 def read_toml(path: Path) -> dict[str, Any]:
-    raw = read_bytes(path, "case file")
+    raw = read_bytes(path, "case file", MOST_CASE)
     try:
-        return tomllib.loads(raw.decode("utf-8-sig"))
+        return parse_toml(raw.decode("utf-8-sig"))
     except UnicodeDecodeError as error:
         line = raw[: error.start].count(b"\n") + 1
         raise InputError(f"{path}: not UTF-8 text at line {line}; save it as UTF-8") from None
@@ -217,7 +218,7 @@ def override(data: dict[str, Any], text: str) -> str:
         table.pop(key, None)
         return name
     try:
-        parsed = tomllib.loads(f"value = {value}")
+        parsed = parse_toml(f"value = {value}")
     except (ValueError, RecursionError):
         parsed = {}
     table[key] = parsed["value"] if set(parsed) == {"value"} else value.strip()

@@ -8,6 +8,7 @@ from pathlib import Path
 import click
 
 from asperity.cli import options
+from asperity.errors import InputError
 from asperity.runtime.run_folder import CURVE
 
 
@@ -25,7 +26,10 @@ def command(first: Path, second: Path, tolerances: dict[str, float] | None, as_j
     from asperity.curve import Curve
     from asperity.output.comparison import compare_curves
 
-    a, b = (Curve.read(_curve_file(path)) for path in (first, second))
+    files = [_curve_file(path) for path in (first, second)]
+    if all(path.is_file() for path in files) and files[0].samefile(files[1]):
+        raise InputError(f"{first} and {second} are the same curve, so nothing is compared")
+    a, b = map(Curve.read, files)
     differences = compare_curves(a, b, tolerances)
     if as_json:
         found = [asdict(difference) for difference in differences]

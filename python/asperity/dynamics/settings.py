@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import math
 import os
-import tomllib
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, fields, replace
@@ -18,6 +17,7 @@ from asperity.dynamics.joint import Joint
 from asperity.errors import InputError
 from asperity.force_law.checks import positives, within
 from asperity.force_law.damping import Damping
+from asperity.runtime.files import parse_toml, read_text
 
 OMEGA = (0.01, 100.0)  # below, motion is quasi-static; above, the mass hardly moves
 FORCING = (1e-9, 1e6)  # below, motion is linear in the forcing and lost in the round-off of the force
@@ -169,7 +169,7 @@ class DynamicsSettings:
             path = Path(source)
             folder = path.parent if path.name == "curve.csv" else path
             with suppress(OSError, ValueError):
-                case = tomllib.loads((folder / "case.toml").read_text(encoding="utf-8"))
+                case = parse_toml(read_text(folder / "case.toml"))
         return cls.of_case(case, joint)
 
     def replaced(self, **changes: Any) -> DynamicsSettings:

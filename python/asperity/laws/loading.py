@@ -11,6 +11,7 @@ from typing import Any
 from asperity.laws import shipped
 from asperity.laws.definition import Law, law_of_function, raising, refuse
 from asperity.runtime.display import show
+from asperity.runtime.files import MOST_TEXT, read_whole
 
 
 def load(source: str, parameters: Mapping[str, Any]) -> Law:
@@ -33,7 +34,7 @@ def load(source: str, parameters: Mapping[str, Any]) -> Law:
 def _read(path: str, source: str) -> Any:
     """Content of the file of a law."""
     try:
-        return Path(path).read_bytes()
+        return read_whole(path, MOST_TEXT)
     except (OSError, ValueError) as error:
         reason = getattr(error, "strerror", None) or str(error)
         return refuse(source, f"cannot be read: {reason}")

@@ -97,7 +97,7 @@ class SizeField:
         """Build the field from sizes at the cells of a regular grid on the patch.
 
         Args:
-            sizes: of each cell, inf where none is wanted (n, n), index [iy, ix] [L]
+            sizes: of each cell, inf where none is wanted (n, n), index [iy, ix], in L
             h_max: greatest size [L]
             periodic: see `of`, for the default of `h_max` too
         """

@@ -218,14 +218,17 @@ def instrument(run: Evidence) -> Assumption | None:
 
 
 def facets(run: Evidence) -> Assumption | None:
-    """Error of the contact area at the end of the first loading; the run warns of it by `Curve.unresolved`."""
+    """Error of the contact area at the end of the first loading; the run warns of it by `Curve.unresolved`.
+
+    A contact of single nodes has no area: its error is all of it.
+    """
     load = run.curve.loading()
-    if not len(load) or not load.area_fraction[-1] > 0.0:
+    if not len(load):
         return None
+    area, error = float(load.area_fraction[-1]), float(load.error_area_fraction[-1])
     return Assumption(
-        "resolution: error of the contact area over the area",
-        float(load.error_area_fraction[-1] / load.area_fraction[-1]), UNRESOLVED,
-        "", "about six facets in contact", "a smaller mesh.h_contact, or accuracy.tolerance", warned=True,
+        "resolution: error of the contact area over the area", error / area if area > 0.0 else float(error > 0.0),
+        UNRESOLVED, "", "about six facets in contact", "a smaller mesh.h_contact, or accuracy.tolerance", warned=True,
     )  # fmt: skip
 
 

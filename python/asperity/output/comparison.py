@@ -75,7 +75,7 @@ class Difference:
 
     Attributes:
         column: name of the column, or "rows" when the steps do not correspond
-        row: row of the greatest difference
+        row: row of the greatest difference, from 0
         a: value of the first curve there
         b: value of the second curve there
         error: |a - b| over the largest magnitude of the column in the second curve
@@ -92,9 +92,9 @@ class Difference:
     def __str__(self) -> str:
         """One line for a report."""
         if self.column == "rows":
-            return f"rows: {self.a} against {self.b}, first at row {self.row}"
+            return f"rows: {self.a} against {self.b}, first at step {self.row + 1}"
         return (
-            f"{self.column}: {self.a!r} against {self.b!r} at row {self.row}, relative difference "
+            f"{self.column}: {self.a!r} against {self.b!r} at step {self.row + 1}, relative difference "
             f"{self.error:.3g} > {self.tolerance:g}"
         )
 
@@ -113,7 +113,8 @@ def compare_curves(a: Curve, b: Curve, tolerances: Mapping[str, float] | None = 
         counterpart; empty if the curves agree. NaN agrees with NaN only.
 
     Raises:
-        InputError: a tolerance is negative or no number, or its column is unknown
+        InputError: a tolerance is negative or no number, its column is unknown, or nothing would be compared: no
+            tolerance, no step, or no value in the columns of the reference
 
     Examples:
         >>> a, b = (asp.Curve.from_rows([{"delta": 1.0, "force": force}]) for force in (2.0, 2.1))
@@ -123,6 +124,10 @@ def compare_curves(a: Curve, b: Curve, tolerances: Mapping[str, float] | None = 
     """
     chosen: Mapping[str, float] = b.header.get("tolerances", TOLERANCES) if tolerances is None else tolerances
     _check(chosen)
+    if not len(b):
+        raise InputError("The reference has no step, so nothing is compared.")
+    if not any(np.isfinite(getattr(b, name)).any() for name in chosen):
+        raise InputError(f"The reference has no value in {', '.join(chosen)}, so nothing is compared.")
     shared = min(len(a), len(b))
     changed = np.flatnonzero(a.branch[:shared] != b.branch[:shared])
     if changed.size:
@@ -146,8 +151,10 @@ def compare_curves(a: Curve, b: Curve, tolerances: Mapping[str, float] | None = 
 def _check(tolerances: Any) -> None:
     if not isinstance(tolerances, Mapping):
         raise InputError(f"tolerances = {show(tolerances)} must be one number for each column that is compared.")
+    if not tolerances:
+        raise InputError("No column has a tolerance, so nothing is compared: give one, for example force = 1e-6.")
     for name, tolerance in tolerances.items():
         if name not in COLUMNS or name == "branch":
             raise InputError(f"No tolerance can be set for {name!r}; legal: {', '.join(COLUMNS)}.")
-        if not (isinstance(tolerance, int | float | np.floating | np.integer) and tolerance >= 0):
-            raise InputError(f"The tolerance of {name} must be a number >= 0, not {tolerance!r}.")
+        if not (isinstance(tolerance, int | float | np.floating | np.integer) and 0 <= tolerance < math.inf):
+            raise InputError(f"The tolerance of {name} must be a finite number >= 0, not {tolerance!r}.")

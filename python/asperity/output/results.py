@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import tomllib
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -16,7 +15,7 @@ from numpy.typing import NDArray
 from asperity.curve import Curve
 from asperity.errors import InputError
 from asperity.runtime.display import short_repr
-from asperity.runtime.files import UNREADABLE, one_line, read_csv, read_npz
+from asperity.runtime.files import UNREADABLE, one_line, parse_toml, read_csv, read_npz, read_text
 from asperity.runtime.run_folder import (
     BAND,
     CASE,
@@ -126,11 +125,11 @@ class Results:
 
 
 def _read_toml(path: Path) -> Mapping[str, Any]:
-    return tomllib.loads(path.read_text(encoding="utf-8"))
+    return parse_toml(read_text(path))
 
 
 def _read_json(path: Path) -> Mapping[str, Any]:
-    data = json.loads(path.read_text(encoding="utf-8"))
+    data = json.loads(read_text(path))
     if not isinstance(data, dict):
         raise ValueError("it is not a JSON object")
     return data

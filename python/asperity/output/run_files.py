@@ -16,7 +16,7 @@ from asperity.case import Case
 from asperity.case.identity import identity, refuse_another, refuse_run_of_another
 from asperity.curve import Curve
 from asperity.errors import ConvergenceError, InputError
-from asperity.runtime.files import UNREADABLE, files_into, remove_asides, replace_file
+from asperity.runtime.files import UNREADABLE, files_into, read_text, remove_asides, replace_file
 from asperity.runtime.parallel import on_root_bcast
 from asperity.runtime.run_folder import (
     CASE,
@@ -105,7 +105,7 @@ class RunFiles:
             if summary.get("finished") is not True or summary.get("case_hash") != self._case.hash():
                 return None
             try:
-                text = (folder / CASE).read_text(encoding="utf-8")
+                text = read_text(folder / CASE)
                 curve = Curve.read(folder / CURVE)
             except (*UNREADABLE, InputError):
                 return None
@@ -232,7 +232,7 @@ class RunFiles:
 def read_summary(folder: Path) -> dict[str, Any]:
     """Contents of summary.json of a run; nothing where it is absent or damaged."""
     try:
-        found = json.loads((folder / SUMMARY).read_text(encoding="utf-8"))
+        found = json.loads(read_text(folder / SUMMARY))
     except UNREADABLE:
         return {}
     return found if isinstance(found, dict) else {}

@@ -20,7 +20,14 @@ import numpy as np
 
 from asperity.errors import CheckpointError
 from asperity.mesh.block import BlockMesh
-from asperity.quasistatic.checkpoint_state import DISPLACEMENTS, Saved, snapshot_fields, solver_fields, solver_numbers
+from asperity.quasistatic.checkpoint_state import (
+    DISPLACEMENTS,
+    Saved,
+    probe_names,
+    snapshot_fields,
+    solver_fields,
+    solver_numbers,
+)
 from asperity.quasistatic.contact_solver import ContactSolver
 from asperity.quasistatic.stepping import Position, Record
 from asperity.runtime.files import (
@@ -202,6 +209,7 @@ class Checkpoint:
                 "identity": self._identity,
                 "position": asdict(position),
                 "solver": solver_numbers(solver.state()),
+                "probes": probe_names(solver),
                 "rows": record.rows,
                 "snapshots": [{"step": s.step, "branch": s.branch, "delta": s.delta} for s in record.snapshots],
                 "seconds": solver.solid.phases.seconds,

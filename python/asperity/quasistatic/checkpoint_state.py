@@ -14,6 +14,7 @@ import numpy as np
 
 from asperity.arrays import Array, Floats, Indices
 from asperity.contact.contact_surface import facet_numbers
+from asperity.errors import CheckpointError
 from asperity.fem.global_numbering import at_built_nodes, cell_numbers, node_numbers, share_cells, share_nodes
 from asperity.fem.history import History
 from asperity.mesh.block import BlockMesh
@@ -39,6 +40,26 @@ class Saved:
     arrays: Mapping[str, DistributedArray]  # fields by name
     snapshots: tuple[Mapping[str, DistributedArray], ...]  # fields of each snapshot
     block: BlockMesh | None  # the mesh
+
+    def refuse_other_columns(self, solver: ContactSolver, legs: int) -> None:
+        """Refuse a solver that measures what the rows so far lack, or not what the rest of them would lack.
+
+        Args:
+            legs: of the load path
+
+        Raises:
+            CheckpointError: the curve would have empty cells
+        """
+        before, now = self.meta.get("probes"), probe_names(solver)
+        if before is None or not self.meta["rows"]:  # of an earlier version
+            return
+        begun = [f"output.{name} = true here, but not" for name in now if name not in before]
+        ended = [f"output.{name} = false here, but not" for name in before if name not in now]
+        for text in begun or (ended if self.meta["position"]["leg"] < legs else []):
+            raise CheckpointError(
+                f"{text} for the {len(self.meta['rows'])} steps saved: a part of its columns would be empty; resume "
+                "as it was, or start again with --force"
+            )
 
     def restore(self, solver: ContactSolver, record: Record) -> Position:
         """Restore the saved state to a solver in its initial state on the same mesh, and to the record; collective.
@@ -79,6 +100,11 @@ class Saved:
             for name, value in self.meta[kind].items():
                 totals[name] = totals.get(name, 0) + value
         return Position.from_dict(self.meta["position"])
+
+
+def probe_names(solver: ContactSolver) -> list[str]:
+    """Names of what measures each step, those of keys of the section output."""
+    return sorted(type(probe).__name__.lower() for probe in solver.probes)
 
 
 def solver_fields(solver: ContactSolver) -> dict[str, DistributedArray]:

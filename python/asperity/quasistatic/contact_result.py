@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from asperity.curve import Curve
-from asperity.errors import ConvergenceError
+from asperity.errors import CheckError, ConvergenceError
 from asperity.fem.global_numbering import share_mesh
 from asperity.mesh.block import BlockMesh
 from asperity.quasistatic.balance import Checks
@@ -99,6 +99,12 @@ class ContactResult:
         if block is None or points is None or tets is None:
             return None
         return BlockMesh(points * block.side, tets, block.side, block.height)
+
+
+def refuse_wrong(checks: Checks, result: object) -> None:
+    """Raise CheckError with a result where a balance is violated."""
+    if checks.violated:
+        raise CheckError(f"the result is wrong, do not use it: {'; '.join(checks.violated.values())}", result)
 
 
 class PartialResult(ConvergenceError):

@@ -16,7 +16,7 @@ from asperity.contact.friction import FrozenFriction, StickSlip
 from asperity.errors import ConvergenceError, InputError
 from asperity.model.kinds import refuse
 from asperity.model.problem import Problem
-from asperity.quasistatic.contact_result import ContactResult
+from asperity.quasistatic.contact_result import ContactResult, refuse_wrong
 from asperity.quasistatic.contact_solver import ContactSolver
 from asperity.quasistatic.force_loops import CLOSE as CLOSE_PRELOAD
 from asperity.quasistatic.force_loops import TRIALS, Leg, as_before
@@ -89,6 +89,7 @@ def slip_paths(
     with as_before(solver):
         leg = Leg(solver, CLOSE_PRELOAD * preload, stop)
         leg.follow(preload, steps)
+        refuse_wrong(solver.checks, None)
         solver.solid.kernels.restore(solver.history.copy())
         with solver.solid.kernels.holding():
             if rigid:

@@ -14,7 +14,7 @@ from asperity.mesh.resolution import judge_mesh, lowered_height
 from asperity.model.load_path import Schedule
 from asperity.model.problem import Problem
 from asperity.model.settings import H_CONTACT, MeshSize
-from asperity.quasistatic.contact_result import ContactResult, PartialResult
+from asperity.quasistatic.contact_result import ContactResult, PartialResult, refuse_wrong
 from asperity.quasistatic.contact_solver import ContactSolver
 from asperity.quasistatic.hooks import Hooks
 from asperity.quasistatic.make import make_block, solver_of
@@ -35,6 +35,7 @@ def solve_problem(
     judged: bool = True,
     comm: MPI.Comm | None = None,
     hooks: Hooks | None = None,
+    checked: bool = True,
 ) -> ContactResult:
     """Press the block of a problem with a rigid frictionless flat; collective over `comm`.
 
@@ -42,6 +43,7 @@ def solve_problem(
         block: a mesh to use instead of making one (on rank 0)
         judged: whether a given mesh needs no judgement, see `resolution.judge_mesh`, like one that is made here
         comm: communicator; default all ranks
+        checked: whether a result that violates a balance is an error
 
     Raises:
         InputError: the kinematics of the material is not chosen yet
@@ -49,6 +51,7 @@ def solve_problem(
         CheckpointError: the checkpoint cannot be continued from
         OutputError: the checkpoint cannot be written
         PartialResult: a step did not converge or the run was stopped; carries the curve up to there
+        CheckError: the result, which it carries, violates a balance
 
     Examples:
         >>> wave = asp.Surface.from_spec("sinusoid", L=1.0, amplitude=0.02)
@@ -90,6 +93,8 @@ def solve_problem(
         with phases.phase("compilation"):
             kernels.compile()
     record = Record(L, problem.material.E, problem.material.reduced_modulus)
+    if saved is not None:
+        saved.refuse_other_columns(solver, len(problem.schedule.legs))
     position = None if saved is None else saved.restore(solver, record)
     if hooks.on_ready is not None:
         hooks.on_ready()
@@ -116,6 +121,8 @@ def solve_problem(
     )
     if failure is not None:
         raise PartialResult(result.reason, result) from failure
+    if checked:
+        refuse_wrong(result.checks, result)
     return result
 
 

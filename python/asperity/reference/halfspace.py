@@ -66,7 +66,7 @@ class RoughHalfSpace:
     hardness: float = np.inf
 
     def heights(self, surface: Surface) -> Floats:
-        """Heights at the centres of the cells (n, n), index [iy, ix] [L]."""
+        """Heights at the centres of the cells (n, n), index [iy, ix], in L."""
         centres = (np.arange(self.n) + 0.5) * (surface.L / self.n)
         return surface.on_product(centres, centres) / surface.L
 

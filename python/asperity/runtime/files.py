@@ -1,13 +1,16 @@
-"""Read files, and write them completely or not at all: to a temporary file, flushed to the disk, renamed."""
+"""Read files, and write them completely or not at all: to a temporary file, flushed to the disk, renamed, flushed."""
 
 from __future__ import annotations
 
 import csv
+import errno
 import io
 import os
 import re
 import secrets
 import shutil
+import stat
+import tomllib
 import zlib
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
@@ -27,6 +30,10 @@ UNREADABLE = (
     MemoryError, SyntaxError, BadZipFile, TokenError, zlib.error, csv.Error,
 )  # fmt: skip
 NPZ = ".npz"
+MOST_TEXT = 2**26  # size of a text that is read, and of anything from a device or pipe [bytes]
+MOST_DATA = 2**32  # size of a file of arrays, and of its arrays unpacked [bytes]
+MOST_PARTS = 100  # of a key in TOML
+PACKED = 200  # ratio to which heights and fields are never packed; files of a megabyte are let through
 
 
 def _temporary_for(path: Path) -> Path:
@@ -39,9 +46,18 @@ def is_aside(name: str) -> bool:
     return re.fullmatch(r"\..+\.[0-9]+\.asperity", name) is not None
 
 
+def _sync(path: Path) -> None:
+    """Wait until a file, or the names in a folder, are on the disk."""
+    file = os.open(path, os.O_RDONLY)
+    try:
+        os.fsync(file)
+    finally:
+        os.close(file)
+
+
 @contextmanager
 def replacing(path: Path) -> Iterator[IO[bytes]]:
-    """File for the new content of `path`, which always has its old content or all of the new one.
+    """File for the new content of `path`, which always has its old content or all of the new one, on the disk too.
 
     Raises:
         OSError: no space, no permission, no such folder; the old content is unchanged
@@ -53,6 +69,8 @@ def replacing(path: Path) -> Iterator[IO[bytes]]:
             file.flush()
             os.fsync(file.fileno())
         aside.replace(path)
+        with suppress(OSError):  # a file system that keeps names in another way
+            _sync(path.parent)
     except OSError as error:
         with suppress(OSError):
             aside.unlink(missing_ok=True)
@@ -74,9 +92,42 @@ def files_into(folder: Path) -> Iterator[Path]:
         yield aside
         folder.mkdir(exist_ok=True)
         for path in aside.iterdir():
+            _sync(path)
+        for path in list(aside.iterdir()):
             path.replace(folder / path.name)
+        with suppress(OSError):
+            _sync(folder)
     finally:
         shutil.rmtree(aside, ignore_errors=True)
+
+
+def read_whole(path: str | Path, most: int = MOST_DATA) -> bytes:
+    """Content of a file, of a device or pipe too, whose size is bounded.
+
+    Raises:
+        OSError: it cannot be read, or is larger than `most`
+    """
+    with open(path, "rb") as file:
+        status = os.fstat(file.fileno())
+        regular = stat.S_ISREG(status.st_mode)
+        limit = most if regular else min(most, MOST_TEXT)
+        data = b"" if regular and status.st_size > limit else file.read(limit + 1)
+        if not (status.st_size <= limit and len(data) <= limit):
+            raise OSError(errno.EFBIG, os.strerror(errno.EFBIG), str(path))
+    return data
+
+
+def read_text(path: str | Path) -> str:
+    """Text of a file in UTF-8, errors as for `read_whole`; a ValueError where it is in another encoding."""
+    return read_whole(path, MOST_TEXT).decode("utf-8-sig")
+
+
+def parse_toml(text: str) -> dict[str, Any]:
+    """Tables of a text in TOML; ValueError where it is none, RecursionError where it is nested too deeply."""
+    # the parser takes a time of the square of the parts of a key
+    if any(piece.count(".") > MOST_PARTS for piece in re.split(r"[,=\[\]{}\n]", text)):
+        raise ValueError(f"a key has more than {MOST_PARTS} parts")
+    return tomllib.loads(text)
 
 
 def remove_asides(folder: Path) -> None:
@@ -138,8 +189,8 @@ def read_csv(path: Path) -> dict[str, tuple[str, ...]]:
         ValueError: a row and the header have different numbers of values, or there is no header
         OSError: it cannot be read
     """
-    with path.open(encoding="utf-8-sig", newline="") as file:  # spreadsheets begin a file with a mark
-        header, *rows = csv.reader((line for line in file if not line.startswith("#")), skipinitialspace=True)
+    lines = io.StringIO(read_text(path), newline="")
+    header, *rows = csv.reader((line for line in lines if not line.startswith("#")), skipinitialspace=True)
     header = [name.strip() for name in header]
     if any(len(row) != len(header) for row in rows):
         raise ValueError("a row and the header have different numbers of values")
@@ -195,15 +246,21 @@ def stored_arrays(path: Path) -> Iterator[Stored]:
 
 
 def read_npz(path: str | Path) -> dict[str, npt.NDArray[Any]]:
-    """Arrays of a .npz file; errors as for `stored_arrays`."""
-    data = io.BytesIO(Path(path).read_bytes())
+    """Arrays of a .npz file; errors as for `stored_arrays`, also for one that unpacks to far more than it is."""
+    data = io.BytesIO(read_whole(path))
+    with _readable(NPZ), ZipFile(data) as archive:
+        unpacked = sum(info.file_size for info in archive.infolist())
+    packed = data.seek(0, io.SEEK_END)
+    if unpacked > min(MOST_DATA, PACKED * max(packed, 2**20)):
+        raise ValueError(f"its {packed / 1e6:.3g} MB would unpack to {unpacked / 1e9:.3g} GB")
+    data.seek(0)
     with _readable(NPZ), np.load(data, allow_pickle=False) as file:
         return {name: np.asarray(file[name]) for name in file.files}
 
 
 def read_npy(path: str | Path) -> npt.NDArray[Any]:
     """Array of a .npy file; errors as for `stored_arrays`."""
-    data = io.BytesIO(Path(path).read_bytes())
+    data = io.BytesIO(read_whole(path))
     with _readable(".npy"):
         return np.asarray(np.lib.format.read_array(data, allow_pickle=False))
 

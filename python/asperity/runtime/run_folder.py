@@ -10,7 +10,6 @@ import errno
 import fcntl
 import os
 import threading
-import tomllib
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager, suppress
 from functools import wraps
@@ -18,7 +17,7 @@ from pathlib import Path
 from typing import Concatenate, ParamSpec, TypeVar
 
 from asperity.errors import InputError
-from asperity.runtime.files import is_aside
+from asperity.runtime.files import is_aside, parse_toml, read_text
 
 P, T = ParamSpec("P"), TypeVar("T")
 
@@ -178,8 +177,8 @@ def holds_run(folder: Path) -> bool:
     if any(any((folder / CHECKPOINT).glob(f"**/{name}")) for name in (MESH, STATE, SNAPSHOT.format("*"))):
         return True
     try:
-        text = (folder / CASE).read_text(encoding="utf-8")
-        case = tomllib.loads(text)
+        text = read_text(folder / CASE)
+        case = parse_toml(text)
     except (OSError, ValueError, RecursionError):
         return False
     return {"mesh", "solver", "output"} <= case.keys() and tomli_w.dumps(case) == text

@@ -17,6 +17,7 @@ from pathlib import Path
 import numpy as np
 
 from asperity.arrays import Array
+from asperity.runtime.files import read_whole
 
 SEPARATORS = {";": "semicolons", "\t": "tabs", ",": "commas", None: "white space"}
 DECIMALS = {"point": ".", "comma": ","}
@@ -57,7 +58,7 @@ class TextTable:
         Raises:
             ValueError: there is no row of numbers, or its decimals can be read in two ways
         """
-        lines = decoded(path.read_bytes()).rstrip().splitlines()
+        lines = decoded(read_whole(path)).rstrip().splitlines()
         first, separator = _start(lines, least)
         if decimal is None:
             decimal = _decimal(lines[first:], separator)

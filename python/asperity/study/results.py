@@ -13,7 +13,7 @@ from asperity.errors import InputError
 from asperity.output.assumption import DOUBTFUL
 from asperity.output.assumptions import ON_EDGE
 from asperity.output.run_files import read_summary
-from asperity.runtime.files import read_csv, write_csv
+from asperity.runtime.files import read_csv, read_text, write_csv
 from asperity.runtime.run_folder import CURVE
 from asperity.study.definition import Study
 
@@ -105,7 +105,7 @@ def case_folder(folder: str | Path, key: str) -> Path:
 def case_state(folder: Path, key: str) -> dict[str, Any] | None:
     """exit_reason and seconds [s] of a case; None if it has not ended."""
     try:
-        state: dict[str, Any] = json.loads((case_folder(folder, key) / DONE).read_text(encoding="utf-8"))
+        state: dict[str, Any] = json.loads(read_text(case_folder(folder, key) / DONE))
     except (OSError, ValueError):
         return None
     return state

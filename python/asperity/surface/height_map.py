@@ -16,7 +16,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from asperity.arrays import Array
-from asperity.runtime.files import UNREADABLE
+from asperity.errors import InputError
+from asperity.runtime.files import UNREADABLE, real
 from asperity.surface.base import Surface, SurfaceWarning, check, check_positive, nodes, short_wave_share
 from asperity.surface.height_files import read_heights
 from asperity.surface.maximum import global_maximum
@@ -79,6 +80,7 @@ class HeightMap(Surface):
         z.flags.writeable = False
         object.__setattr__(self, "L", float(L))
         object.__setattr__(self, "_z", z)
+        _ = self.left_out  # is judged with the rest of the file
 
     @classmethod
     def of(cls, z: Array, L: float | tuple[float, float]) -> HeightMap:
@@ -112,9 +114,19 @@ class HeightMap(Surface):
         """
         if Path(self.path).suffix.lower() != ".npz":
             return None
-        with np.load(self.path, allow_pickle=False) as file:  # reads this array only
-            found = file["left_out"] if "left_out" in file else None
-        return None if found is None else (float(found[0]), float(found[1]), float(found[2]))
+        try:
+            with np.load(self.path, allow_pickle=False) as file:  # reads this array only
+                if "left_out" not in file:
+                    return None
+                wavelength, force, area = map(float, real(file["left_out"]).ravel())
+        except UNREADABLE:
+            wavelength = force = area = math.nan
+        if not (0.0 < wavelength < math.inf and math.isfinite(force) and math.isfinite(area)):
+            raise InputError(
+                f"{self.path}: the array left_out must hold three numbers, a wavelength and the changes of force and "
+                "area, as asperity import-map writes it; leave it out"
+            )
+        return wavelength, force, area
 
     @cached_property
     def about(self) -> dict[str, Any]:
