@@ -1,4 +1,4 @@
-"""Numbers and pictures of docs/experiments.md: Hertzian vibration, stiffness of a rough joint, impact of a cap.
+"""Numbers and pictures of docs/verification.md: Hertzian vibration, stiffness of a rough joint, impact of a cap.
 
     ./run python3 benchmarks/experiments.py FOLDER [--pictures docs/experiments]
 

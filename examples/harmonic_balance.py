@@ -1,7 +1,7 @@
 """A computed joint in pyHarm, a harmonic balance program, and its response over ours: contact, then friction.
 
     pip install "asperity[hbm]"    # pyHarm-os
-    python3 examples/harmonic_balance.py [docs/experiments/harmonic_balance.png]
+    python3 examples/harmonic_balance.py [PICTURE.png]
 
 A rough patch is pressed and unloaded, and both programs compute the response of a mass on it: along the normal with
 the contact of `asperity export --to python` as an element of ours, and sideways with the sliders of `--to sliders` as

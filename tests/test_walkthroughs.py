@@ -18,7 +18,11 @@ from asperity.case import Case
 from asperity.cli import group
 
 ROOT = Path(__file__).parent.parent
-PAGES = [*sorted((ROOT / "docs/tutorials").glob("*.md")), *sorted((ROOT / "docs/how-to").glob("*.md"))]
+PAGES = [
+    *sorted((ROOT / "docs/tutorials").glob("*.md")),
+    *sorted((ROOT / "docs/how-to").glob("*.md")),
+    *(ROOT / f"docs/{name}.md" for name in ("measured", "slip", "stiffness")),
+]
 FENCE = re.compile(r'^```(\w+)(?: title="([\w./-]+)")?\n(.*?)^```$', re.MULTILINE | re.DOTALL)
 ANY = "…"  # for a word that is not compared; alone on a line: lines left out
 NUMBER = re.compile(r"[-+]?\d+\.?\d*(?:e[-+]?\d+)?")
