@@ -116,7 +116,7 @@ def test_files_are_taken_from_the_case_folder_and_hashed_by_content(tmp_path: Pa
     path.write_text(text)
     case = Case.load(path)
     assert case.surface.L == 2e-6 and case.block.height == 2e-6
-    assert Path(case.surface.parameters()["path"]) == tmp_path / "map.npz"
+    assert Path(case.surface.given()["path"]) == tmp_path / "map.npz"
     before = case.hash()
     np.savez(tmp_path / "map.npz", z=2 * heights, L=2e-6)
     assert Case.load(path).hash() != before

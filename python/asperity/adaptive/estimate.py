@@ -219,7 +219,7 @@ def further_meshes(case: Case, found: Estimate) -> list[MeshEstimate]:
 
 
 def _rates(case: Case) -> Rates:
-    return ELASTIC if case.material.yield_strength is None else PLASTIC
+    return PLASTIC if case.material.plastic else ELASTIC
 
 
 def _strain(case: Case, problem: Problem) -> tuple[MeshEstimate, ...]:

@@ -65,7 +65,9 @@ class LevelSolver:
         hooks: Hooks,
     ) -> None:  # fmt: skip
         material = problem.material
-        if material.plastic and problem.dilatation is None:  # elements as large as a spot that flows would lock
+        if (
+            material.plastic and problem.dilatation is None and not problem.forms
+        ):  # elements as large as a spot that flows would lock
             possible = not wrong_dilatation(MEAN, problem.formulation.method)
             problem = replace(problem, dilatation=MEAN if possible else POINT)
         self._problem, self._depth, self._max_dofs, self._hooks = problem, depth, max_dofs, hooks

@@ -19,7 +19,7 @@ from typing import TYPE_CHECKING, Any
 from pydantic import ValidationError
 
 from asperity.case.messages import sentence
-from asperity.case.schema import Input, LoadingSection
+from asperity.case.schema import SHARED, Input, LoadingSection, law_of_section
 from asperity.case.validation import Mistake, check_together, doubts, unused
 from asperity.errors import CaseWarning, InputError
 from asperity.model.problem import Problem
@@ -54,7 +54,7 @@ class Case(Input):
 
     def __repr__(self) -> str:
         load = f"{self.loading.driver} = {getattr(self.loading, self.loading.driver):g}"
-        solid = "elastic" if self.material.yield_strength is None else "plastic"
+        solid = "plastic" if self.material.plastic else "elastic"
         return f"Case({self.surface.kind} of side {self.surface.L:g}, {solid}, {load})"
 
     @classmethod
@@ -129,6 +129,8 @@ class Case(Input):
             if data.get(section, {}).get(name):
                 content = read_bytes(Path(data[section][name]), f"{section}.{name}")
                 data[section][name] = hashlib.sha256(content).hexdigest()
+        if "law_sha256" in data["material"]:
+            data["material"]["law"] = data["material"]["law"].rpartition(":")[2]
         return data
 
     @property
@@ -209,11 +211,13 @@ def override(data: dict[str, Any], text: str) -> str:
     name, equals, value = text.partition("=")
     name = name.strip()
     *sections, key = name.split(".")
-    if not equals or not all((*sections, key)) or len(sections) > 1:
+    if not equals or not all((*sections, key)) or (len(sections) > 1 and sections != ["material", "parameters"]):
         raise InputError(f"--set {show(text)}: write section.key=value, for example block.height=2e-6")
-    table = data.setdefault(sections[0], {}) if sections else data
-    if not isinstance(table, dict):
-        raise InputError(f"--set {show(text)}: {sections[0]} is not a section in the case file")
+    table: Any = data
+    for section in sections:
+        table = table.setdefault(section, {})
+        if not isinstance(table, dict):
+            raise InputError(f"--set {show(text)}: {section} is not a section in the case file")
     if not value.strip():
         table.pop(key, None)
         return name
@@ -236,6 +240,8 @@ def _complete(data: Mapping[str, Any], folder: Path) -> dict[str, Any]:
         table = full.get(section)
         if isinstance(table, dict) and isinstance(table.get(name), str):
             table[name] = _existing_file(folder, table[name], f"{section}.{name}")
+    if isinstance(full.get("material"), dict) and isinstance(full["material"].get("law"), str):
+        _complete_law(full["material"], folder)
     surface = full.get("surface")
     if isinstance(surface, dict):
         if surface.get("kind") == "file" and "L" not in surface:
@@ -251,6 +257,25 @@ def _complete(data: Mapping[str, Any], folder: Path) -> dict[str, Any]:
         steps = loading.get("steps", LoadingSection.model_fields["steps"].default)
         loading.setdefault("unload_steps", max(steps // 2, 1) if isinstance(steps, int) else 1)
     return full
+
+
+def _complete_law(table: dict[str, Any], folder: Path) -> None:
+    """Put path, digest and moduli at rest of a law into [material]; what is no number is refused later."""
+    path, colon, name = table["law"].rpartition(":")
+    if colon:
+        table["law"] = f"{_existing_file(folder, path, 'material.law')}:{name}"
+    numbers = table.get("parameters", {}), {key: table[key] for key in SHARED if key in table}
+    if not all(isinstance(n, dict) and all(isinstance(v, float | int) for v in n.values()) for n in numbers):
+        return
+    try:
+        solid = law_of_section(table)
+    except InputError as error:
+        raise Mistake(*str(error).split(" ", 1)) from None
+    assert solid.law is not None
+    found = {"E": solid.E, "nu": solid.nu, "kinematics": solid.kinematics, "law_sha256": solid.law.digest or None}
+    if solid.yield_strength is not None:
+        found["yield_strength"] = solid.yield_strength
+    table.update({key: value for key, value in found.items() if key not in table and value is not None})
 
 
 def _default(tables: dict[str, Any], section: str, **values: Any) -> None:

@@ -64,4 +64,4 @@ def legal(about: dict[str, Any]) -> str:
         low, high = about.get("exclusiveMinimum", low), about.get("exclusiveMaximum", high)
         left = "[" if "minimum" in about else "("
         return f"{left}{low:g}, {high:g}{']' if 'maximum' in about else ')'}"
-    return {"boolean": "true, false", "string": "text"}[about["type"]]
+    return {"boolean": "true, false", "string": "text", "object": "a table of numbers"}[about["type"]]

@@ -19,6 +19,7 @@ _PROBLEMS = {
     "bool_type": "must be true or false",
     "string_type": "must be a text in quotes",
     "tuple_type": "must be a list",
+    "dict_type": "must be a table of numbers",
     "finite_number": "must be a finite number",
     "model_type": "must be a section of keys",
     "model_attributes_type": "must be a section of keys",

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Literal
+from collections.abc import Mapping
+from typing import Annotated, Any, Literal
 
 from pydantic import BaseModel, ConfigDict, Field
 
@@ -16,6 +17,8 @@ from asperity.case.surfaces import (
     WeierstrassMandelbrotSection,
 )
 from asperity.dynamics.settings import FORCING, OMEGA, DynamicsSettings
+from asperity.errors import InputError
+from asperity.laws import load
 from asperity.model.load_path import greatest_force
 from asperity.model.material import MODULI, POISSON_RATIOS, Material
 from asperity.model.settings import (
@@ -31,11 +34,15 @@ from asperity.model.settings import (
     MeshSize,
     SolverOptions,
 )
+from asperity.runtime.display import show
 from asperity.slip.settings import LARGEST, SMALLEST, SlipSettings
+
+#: Keys that a law in UFL takes from [material] where it has a parameter of that name.
+SHARED = ("E", "nu", "yield_strength", "tangent_modulus")
 
 
 class MaterialSection(Section):
-    """Isotropic solid, elastic or elastic-plastic (J2, linear hardening)."""
+    """Isotropic solid, elastic or elastic-plastic (J2, linear hardening), or a law in UFL."""
 
     E: Real = key("Young's modulus", unit=STRESS, ge=MODULI[0], le=MODULI[1], hint="200e9 Pa for steel")
     nu: Real = key(
@@ -57,7 +64,12 @@ class MaterialSection(Section):
         "strain: small, finite (the same law in logarithmic strain), or chosen by pressing a coarse mesh both ways",
         None, shown="small",
     )  # fmt: skip
-
+    law: Text | None = key(
+        'law in UFL, one of asperity.laws or "file.py:name" (docs/extend.md); E and nu are those it has at rest',
+        None,
+    )
+    parameters: dict[str, Real] | None = key("of the law, by name: a section [material.parameters]", None)
+    law_sha256: Text | None = key("of the file of the law, which is refused where it has another", None)
     density: Real | None = key(
         "of the solid: for the inertia and the radiation that vibration has", None,
         shown="none", unit="mass/length^3", gt=0, hint="7800 kg/m^3 for steel",
@@ -74,14 +86,45 @@ class MaterialSection(Section):
     @property
     def solid(self) -> Material:
         """The material, with its moduli; the contact does not depend on the density."""
+        if self.law is not None:
+            return law_of_section(self.given())
         hardening = "isotropic" if self.hardening is None else self.hardening
         tangent_modulus, kinematics = self.tangent_modulus or 0.0, self.kinematics or "small"
         return Material(self.E, self.nu, self.yield_strength, tangent_modulus, hardening, kinematics)
 
     @property
+    def plastic(self) -> bool:
+        """Whether the solid can yield, or its law has a state."""
+        return self.yield_strength is not None if self.law is None else self.solid.plastic
+
+    @property
     def E_prime(self) -> float:
         """Contact modulus against a rigid flat, E/(1 - nu^2) [force/length^2]."""
         return self.solid.reduced_modulus
+
+
+def law_of_section(table: Mapping[str, Any]) -> Material:
+    """The material of a section with a law; E and nu may be missing.
+
+    Raises:
+        InputError: the law is refused, or its moduli at rest are not those given
+    """
+    made = load(table["law"], table.get("parameters", {}), {name: table[name] for name in SHARED if name in table})
+    for name in ("yield_strength", "tangent_modulus", "hardening"):
+        if name in table and name not in dict(made.parameters):
+            raise InputError(f"material.{name} = {show(table[name])} cannot go with material.law, which has none")
+    if table.get("law_sha256", made.digest) != made.digest:
+        raise InputError(
+            f"material.law_sha256 = {show(table['law_sha256'])} is of another content of the file of material.law: "
+            "leave it out, or take the file as it was"
+        )
+    solid = Material.of_law(made, kinematics=table.get("kinematics"))
+    for name, value in (("E", solid.E), ("nu", solid.nu)):
+        if abs(table.get(name, value) - value) > 1e-6 * solid.E ** (name == "E"):
+            raise InputError(
+                f"material.{name} = {table[name]:g} is not that of material.law at rest, {value:g}: leave it out"
+            )
+    return solid
 
 
 class BlockSection(Section):

@@ -25,6 +25,6 @@ class Section(BaseModel):
 
     model_config = ConfigDict(frozen=True, extra="forbid")
 
-    def parameters(self) -> dict[str, Any]:
+    def given(self) -> dict[str, Any]:
         """Keys and values, those without a value left out."""
         return self.model_dump(exclude_none=True)

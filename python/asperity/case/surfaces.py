@@ -19,7 +19,7 @@ class _Patch(Section):
         """The surface of these keys, made once: its spline and its summit take longer than its file."""
         from asperity.surface import Surface
 
-        return Surface.from_spec(**self.parameters())
+        return Surface.from_spec(**self.given())
 
 
 class WeierstrassMandelbrotSection(_Patch):

@@ -172,6 +172,18 @@ def _check_self_affine(surface: SelfAffineSection) -> None:
 
 def _check_material(case: Input) -> None:
     solid = case.material
+    if solid.law is not None:
+        law = solid.solid.law
+        needs = {"output.stiffness": case.output.stiffness, "slip.method": case.slip is not None}
+        for key in [key for key, wanted in needs.items() if wanted and law and law.state and not law.elastic]:
+            _refuse(
+                key,
+                f"needs the elastic part of material.law = {show(law.source)}, which does not say it: declare "
+                "@asp.law(state=..., elastic=...)",
+            )
+        return
+    if solid.parameters is not None or solid.law_sha256 is not None:
+        _refuse("material.parameters", "and material.law_sha256 need material.law, a law in UFL")
     if solid.yield_strength is None:
         if solid.tangent_modulus is not None:
             _refuse(
@@ -226,7 +238,7 @@ def unused(case: Input) -> Iterator[str]:
         ),
         (method != "penalty", ("contact.penalty",), by_method),
         (method != "nitsche", ("contact.gamma",), by_method),
-        (case.material.yield_strength is None, ("loading.integrator",), "the material is elastic"),
+        (not case.material.plastic, ("loading.integrator",), "the material is elastic"),
         (case.dynamics is None and case.joint is None, ("material.density",), "no [dynamics], no [joint]"),
         (not case.output.conductance, ("material.conductivity",), "output.conductance is false"),
         (case.material.conductivity is None, ("material.conductivity_other",), "there is no material.conductivity"),
@@ -240,12 +252,12 @@ def unused(case: Input) -> Iterator[str]:
             if value != defaults.get(key, type(section).model_fields[entry].default):
                 yield f"{key} = {show(value)} is not used: {why}"
     loading, least = case.loading, MIN_ROWS[case.has_stiffness]
-    if case.dynamics is not None and case.material.yield_strength is not None and loading.unload:
+    if case.dynamics is not None and case.material.plastic and loading.unload:
         if loading.unload_steps < least:
             yield (
                 f"loading.unload_steps = {loading.unload_steps} gives the law of the vibration {loading.unload_steps} "
                 f"rows in contact, and at least {least} show its curvature: raise it"
                 f"{'' if case.has_stiffness else ', or set output.stiffness = true'}"
             )
-    if case.loops is not None and case.material.yield_strength is None:
+    if case.loops is not None and not case.material.plastic:
         yield "[loops] finds loss factors of zero only: the material is elastic; leave it out, or give a yield_strength"

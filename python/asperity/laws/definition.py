@@ -103,9 +103,16 @@ class Law:
 
 
 def law_of_function(
-    function: Callable[..., Any], parameters: Mapping[str, Any], source: str = "", digest: str = ""
+    function: Callable[..., Any],
+    parameters: Mapping[str, Any],
+    source: str = "",
+    digest: str = "",
+    offered: Mapping[str, Any] | None = None,
 ) -> Law:
     """A law of a function and its parameters, checked as far as its signature shows.
+
+    Args:
+        offered: parameters that it need not have
 
     Raises:
         InputError: it is no law, or a parameter is missing, unknown or no number
@@ -131,9 +138,8 @@ def law_of_function(
             legal = "(), (3,) or (3, 3)" if right is None else str(right)
             refuse(source, f"declares the state {name!r} of shape {shape!r}: legal is {legal}")
     wanted = {name: p.default for name, p in inspect.signature(function).parameters.items() if name not in first}
-    full = {name: default for name, default in wanted.items() if default is not inspect.Parameter.empty} | dict(
-        parameters
-    )
+    full = {name: default for name, default in wanted.items() if default is not inspect.Parameter.empty}
+    full |= {name: value for name, value in (offered or {}).items() if name in wanted} | dict(parameters)
     if missing := [name for name in wanted if name not in full]:
         refuse(source, f"needs the parameter {missing[0]}: give it in [material.parameters]")
     for name, value in full.items():
@@ -159,4 +165,4 @@ class raising:
 
 def refuse(source: str, reason: str) -> Any:
     """Refuse a law with one sentence."""
-    raise InputError(f"{KEY} = {show(source)} {reason}")
+    raise InputError(f"{KEY} = {show(source.rpartition('/')[2])} {reason}")

@@ -14,7 +14,7 @@ from asperity.runtime.display import show
 from asperity.runtime.files import MOST_TEXT, read_whole
 
 
-def load(source: str, parameters: Mapping[str, Any]) -> Law:
+def load(source: str, parameters: Mapping[str, Any], offered: Mapping[str, Any] | None = None) -> Law:
     """The law that a case names: one of `asperity.laws`, or "file.py:name".
 
     Raises:
@@ -24,11 +24,11 @@ def load(source: str, parameters: Mapping[str, Any]) -> Law:
     if not colon:
         if source not in shipped.NAMES:
             refuse(source, f'is not one of {", ".join(shipped.NAMES)}, nor "file.py:name"')
-        return law_of_function(getattr(shipped, source), parameters, source)
+        return law_of_function(getattr(shipped, source), parameters, source, offered=offered)
     functions, digest = _run(path, _read(path, source))
     if name not in functions:
         refuse(source, f"names no function of that file: it has no {show(name)}")
-    return law_of_function(functions[name], parameters, source, digest)
+    return law_of_function(functions[name], parameters, source, digest, offered)
 
 
 def _read(path: str, source: str) -> Any:

@@ -122,7 +122,7 @@ def no_gap_left(
 def _strain(material: Material, pressure: float, sides: str) -> float:
     """Strain of a block under a mean pressure; with free sides it flows beyond yield, else its volume resists."""
     limit = material.yield_pressure(sides)
-    if sides != "free" or pressure <= limit:
+    if sides != "free" or pressure <= limit or material.law is not None:
         return pressure / material.block_modulus(sides)
     beyond = (pressure - limit) / material.tangent_modulus if material.tangent_modulus > 0.0 else inf
     return limit / material.E + beyond
@@ -146,7 +146,7 @@ def full_contact_pressure(z: np.ndarray[Any, Any], side: float, material: Materi
         pressure = -float(ifft2(stiffness * fft2(z[:-1, :-1] - z[:-1, :-1].mean())).real.min())
     else:
         pressure = -float(idctn(stiffness * dctn(z - z.mean(), type=1), type=1).min())
-    if material.yield_strength is None:
+    if material.yield_strength is None or material.law is not None:  # whose hardening is not known here
         return pressure
     slope = float(np.sqrt(np.mean(np.square(np.gradient(z, side / (n - 1))).sum(axis=0))))
     return min(pressure, 6 * (material.yield_strength + material.tangent_modulus * slope))

@@ -102,12 +102,14 @@ class Material:
             )
 
     @staticmethod
-    def of_law(law: str | Callable[..., Any], *, kinematics: str | None = None, **parameters: float) -> Material:
+    def of_law(
+        law: str | laws.Law | Callable[..., Any], *, kinematics: str | None = None, **parameters: float
+    ) -> Material:
         """A material of a law in UFL, see docs/extend.md.
 
         Args:
             law: function `stress(strain, ...)`, `stress(strain, state, ...)` or `energy(F, ...)`; the name of one of
-                `asperity.laws`, or "file.py:name"
+                `asperity.laws`, or "file.py:name"; or a law with its parameters
             kinematics: None takes "finite" for an energy, else "small"; a law of a strain is then one of the
                 logarithmic strain
             parameters: of the law
@@ -122,7 +124,10 @@ class Material:
             >>> alloy.plastic, round(alloy.E / 1e9, 6), alloy.kinematics
             (True, 70.0, 'small')
         """
-        made = load(law, parameters) if isinstance(law, str) else laws.law_of_function(law, parameters)
+        if isinstance(law, laws.Law):
+            made = law
+        else:
+            made = load(law, parameters) if isinstance(law, str) else laws.law_of_function(law, parameters)
         seen, given = traits(made), dict(made.parameters)
         if seen.E is None or seen.nu is None:
             if not {"E", "nu"} <= set(given):

@@ -117,10 +117,15 @@ class Problem:
                 "period of a map (asperity import-map --level mean)"
             )
 
+    @property
+    def forms(self) -> bool:
+        """Whether the elements are forms of UFL."""
+        return self.material.law is not None or self.options.forms
+
     def _wrong_kernels(self) -> Judgement:
         """Reason why forms, or a law in UFL, are refused with the other settings."""
         law, options = self.material.law, self.options
-        if law is None and not options.forms:
+        if not self.forms:
             return None
         if self.dilatation == MEAN:
             return "solver.dilatation", '= "mean" is an element of the compiled kernels only: leave it out with forms'

@@ -36,6 +36,7 @@ def summarise(case: Case, contact: ContactResult, ranks: int) -> dict[str, Any]:
         "seed": getattr(case.surface, "seed", None),
         **({"scan": about} if (about := getattr(case.build_surface(), "about", None)) else {}),
         "case_hash": case.hash(),
+        **({"law": {"source": case.material.law, "sha256": case.material.law_sha256}} if case.material.law else {}),
         "versions": versions(),
     }
 

@@ -1,0 +1,297 @@
+"""Laws in UFL: closed forms at a point, bad laws, and laws of the user in a case."""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from j2_path import uniaxial_stress
+from scipy.optimize import brentq
+
+import asperity as asp
+from asperity.arrays import Floats
+from asperity.laws import definition
+from asperity.laws.point import respond, traits
+
+E, NU = 200.0, 0.3
+MU, BULK = E / (2 * (1 + NU)), E / (3 * (1 - 2 * NU))
+
+
+def law(function: Callable[..., Any], **parameters: float) -> definition.Law:
+    return definition.law_of_function(function, parameters)
+
+
+def follow(it: definition.Law, path: Any) -> tuple[Floats, dict[str, Floats]]:
+    """Stress (m, 3, 3) along strains or deformation gradients (m, 3, 3), each a step, and the state at the end."""
+    state, stresses = None, []
+    for strain in path:
+        answer = respond(it, np.asarray(strain, float)[None], state)
+        state = answer.state
+        stresses.append(answer.stress[0])
+    return np.array(stresses), state or {}
+
+
+def free_sides(it: definition.Law, axial: float, state: Mapping[str, Floats] | None, near: float) -> Any:
+    """Response to an axial strain, or stretch, with sides free of stress; the lateral one is found."""
+
+    def at(lateral: float) -> Any:
+        return respond(it, np.diag([lateral, lateral, axial])[None], state)
+
+    return at(brentq(lambda lateral: float(at(lateral).stress[0, 0, 0]), near - 0.05, near + 0.05, xtol=1e-15))
+
+
+# --- closed forms ---------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("share", [0.0, 0.4, 1.0])
+def test_j2_in_tension_and_back(share: float) -> None:
+    strains = [0.002, 0.006, 0.01, 0.004, -0.004]
+    expected, accumulated = uniaxial_stress(strains, E, 0.6, 20.0, share)
+    it = law(asp.laws.j2, E=E, nu=NU, yield_strength=0.6, tangent_modulus=20.0, kinematic_share=share)
+    lateral = -NU * expected / E - 0.5 * (np.array(strains) - expected / E)
+    stress, state = follow(it, [np.diag([a, a, b]) for a, b in zip(lateral, strains, strict=True)])
+    np.testing.assert_allclose(stress[:, 2, 2], expected, rtol=1e-12)
+    np.testing.assert_allclose(stress[:, 0, 0], 0.0, atol=1e-12)
+    assert state["accumulated"][0] == pytest.approx(accumulated[-1], rel=1e-12)
+
+
+def test_voce_in_shear_and_tension() -> None:
+    """On a proportional path the strength is Y + Q (1 - exp(-b a)), and a follows from the total strain."""
+    Y, Q, b = 0.6, 0.4, 40.0
+    it = law(asp.laws.voce, E=E, nu=NU, yield_strength=Y, saturation=Q, rate=b)
+
+    def strength(a: float) -> float:
+        return Y + Q * (1.0 - math.exp(-b * a))
+
+    state = None
+    for axial in (0.002, 0.004, 0.01, 0.1):
+        answer = free_sides(it, axial, state, -0.5 * axial)
+        state, sigma = answer.state, float(answer.stress[0, 2, 2])
+        a = brentq(lambda a, e=axial: E * (e - a) - strength(a), 0.0, axial) if axial > Y / E else 0.0
+        assert sigma == pytest.approx(E * (axial - a), rel=1e-9)
+        assert answer.state["accumulated"][0] == pytest.approx(a, rel=1e-8, abs=1e-15)
+    gamma = 0.05  # one large step of simple shear: 3 mu (g - a) = strength, g = gamma/sqrt(3) the equivalent strain
+    (shear,), state = follow(it, [[[0, gamma / 2, 0], [gamma / 2, 0, 0], [0, 0, 0]]])
+    a = brentq(lambda a: 3 * MU * (gamma / math.sqrt(3.0) - a) - strength(a), 0.0, gamma)
+    assert state["accumulated"][0] == pytest.approx(a, rel=1e-12)
+    assert shear[0, 1] == pytest.approx(strength(a) / math.sqrt(3.0), rel=1e-12)
+
+
+@pytest.mark.parametrize(("friction", "dilation"), [(30.0, 30.0), (30.0, 10.0), (20.0, 0.0)])
+def test_drucker_prager_in_confined_compression(friction: float, dilation: float) -> None:
+    """The cone q = k - 3 eta p is met on a straight path: dq/dp = -3 eta, and flow direction (1.5 s/q, eta')."""
+    c = 0.1
+    it = law(asp.laws.drucker_prager, E=E, nu=NU, cohesion=c, friction=friction, dilation=dilation)
+    sine, tilt = math.sin(math.radians(friction)), math.sin(math.radians(dilation))
+    eta, eta_flow = 2 * sine / (3 - sine), 2 * tilt / (3 - tilt)
+    k = 6 * math.cos(math.radians(friction)) * c / (3 - sine)
+    for axial in (-0.0005, -0.004, -0.02):
+        (stress,), state = follow(it, [np.diag([0.0, 0.0, axial])])
+        q, p = 2 * MU * abs(axial), BULK * axial  # elastic
+        flow = max(0.0, (q + 3 * eta * p - k) / (3 * MU + 9 * BULK * eta * eta_flow))
+        q, p = q - 3 * MU * flow, p - 3 * BULK * eta_flow * flow
+        assert np.diag(stress) == pytest.approx([p + q / 3, p + q / 3, p - 2 * q / 3], rel=1e-12)
+        assert state["accumulated"][0] == pytest.approx(flow, rel=1e-10, abs=1e-16)
+        assert np.trace(state["plastic_strain"][0]) == pytest.approx(3 * eta_flow * flow, rel=1e-10, abs=1e-15)
+    (stress,), _ = follow(it, [np.diag([0.01, 0.01, 0.01])])  # beyond the apex
+    np.testing.assert_allclose(stress, k / (3 * eta) * np.eye(3), atol=1e-13)
+    assert traits(it).symmetric is (friction == dilation)
+
+
+def test_neo_hookean_uniaxial_and_confined() -> None:
+    it = law(asp.laws.neo_hookean, E=E, nu=NU)
+    lam = BULK - 2 / 3 * MU
+    for stretch in (0.5, 0.8, 1.3, 2.0):
+        P = respond(it, np.diag([1.0, 1.0, stretch])[None]).stress[0]
+        assert P[2, 2] == pytest.approx((MU * (stretch**2 - 1) + lam * math.log(stretch)) / stretch, rel=1e-10)
+        assert P[0, 0] == pytest.approx(lam * math.log(stretch), rel=1e-10)
+    for stretch in (0.8, 1.2):
+        answer = free_sides(it, stretch, None, stretch ** (-NU))
+        # sides free of stress: mu (b^2 - 1) + lambda ln J = 0, so the axial stress is mu (a^2 - b^2)/a
+        b = brentq(lambda b, a=stretch: MU * (b**2 - 1) + lam * math.log(a * b**2), 0.5, 1.5, xtol=1e-15)
+        assert answer.stress[0, 2, 2] == pytest.approx(MU * (stretch**2 - b**2) / stretch, rel=1e-10)
+
+
+def test_mooney_rivlin_of_constant_volume() -> None:
+    """Rivlin: uniaxial P = 2 (1 - a^-3) (c1 a + c2) of an incompressible solid, here a thousandfold bulk modulus."""
+    c1, c2 = 0.3, 0.1
+    it = law(asp.laws.mooney_rivlin, c1=c1, c2=c2, bulk=1e6)
+    for stretch in (0.6, 1.5):
+        answer = free_sides(it, stretch, None, stretch**-0.5)
+        assert answer.stress[0, 2, 2] == pytest.approx(2 * (1 - stretch**-3) * (c1 * stretch + c2), rel=1e-5)
+    seen, G = traits(it), 2 * (c1 + c2)
+    assert seen.E == pytest.approx(9e6 * G / (3e6 + G), rel=1e-9)
+
+
+def test_tangents_are_the_differences_of_stresses() -> None:
+    laws = [
+        law(asp.laws.voce, E=E, nu=NU, yield_strength=0.6, saturation=0.4, rate=40.0),
+        law(asp.laws.drucker_prager, E=E, nu=NU, cohesion=0.1, friction=30.0, dilation=10.0),
+        law(asp.laws.mooney_rivlin, c1=0.3, c2=0.1, bulk=50.0),
+    ]
+    rng = np.random.default_rng(4)
+    for it in laws:
+        strain = 0.01 * rng.normal(size=(3, 3)) + np.eye(3) * it.hyperelastic
+        strain = strain if it.hyperelastic else 0.5 * (strain + strain.T)
+        step = rng.normal(size=(3, 3))
+        step = step if it.hyperelastic else step + step.T
+        h = 1e-7
+        below, above = (respond(it, (strain + s * h * step)[None]).stress[0] for s in (-1, 1))
+        slope = np.einsum("ijkl,kl", respond(it, strain[None]).tangent[0], step)
+        np.testing.assert_allclose((above - below) / (2 * h), slope, rtol=0, atol=1e-6 * np.abs(slope).max())
+
+
+# --- bad laws -------------------------------------------------------------------------------------------------
+
+GOOD = """import ufl
+import asperity as asp
+
+
+@asp.law(state={"plastic_strain": (3, 3), "accumulated": ()}, elastic=asp.laws.without_flow)
+def mine(strain, state, E, nu, yield_strength):
+    return asp.laws.j2(strain, state, E, nu, yield_strength)
+
+
+@asp.law(state={"accumulated": ()})
+def silent(strain, state, E, nu):
+    return asp.laws.hooke(strain, E, nu), {"accumulated": state.accumulated}
+
+
+def skew(strain, E, nu):
+    return asp.laws.hooke(strain, E, nu) + E * strain[0, 0] * strain[1, 1] * ufl.Identity(3)
+
+
+"""
+STATE = "@asp.law(state={'a': ()})\ndef mine(strain, state, E, nu): return "
+BAD = {
+    "def mine(strain, E, nu, **more): return strain": "has the arguments",
+    "def mine(stress, E): return stress": "has the arguments",
+    "def mine(strain, state, E): return strain, {}": "has a state that is not declared",
+    "def mine(strain, E, nu, G): return strain": "needs the parameter G",
+    "def mine(strain, E, nu, *, alpha): return strain": "has the arguments",
+    "LAW ufl.tr(strain)": r"returns the stress of shape \(\), not \(3, 3\)",
+    "def mine(F, E, nu): return F": r"returns the energy of shape \(3, 3\)",
+    "LAW None": "raises",
+    "LAW strain / 0": "raises: ValueError: Division by zero",
+    "LAW E * strain + ufl.sqrt(strain[0, 0]) * strain": "not a number at",
+    "LAW E * ufl.sqrt(ufl.inner(strain, strain)) * strain": "tangent that is not a number at rest",
+    "LAW E * ufl.Identity(3)": "has no stiffness at rest",
+    "LAW asp.laws.hooke(strain, E, nu) + E * ufl.Identity(3)": "is stressed at rest",
+    "LAW E * strain + ufl.as_matrix([[0, strain[0, 0], 0]] + 2 * [[0] * 3])": "stress that is not symmetric",
+    "LAW asp.laws.hooke(strain, -E, nu)": "is not stable at rest",
+    "LAW asp.laws.hooke(strain, 2.0 * E, nu)": "material.E = 200 is not that of material.law",
+    "mine = 3": "is 3, not a function",
+    "def other(strain, E, nu): return strain": 'it has no "mine"',
+    "raise ValueError('no  good')": "raises when it is run: ValueError: no good",
+    "def mine(strain E": "raises when it is run: SyntaxError",
+    "import sys\nsys.exit(0)": "raises when it is run: SystemExit",
+    "@asp.law(state={'a': (2, 2)})\ndef mine(strain, state, E, nu): return strain, {}": "declares the state",
+    STATE + "asp.laws.hooke(strain, E, nu), {}": "returns the state",
+    STATE + "asp.laws.hooke(strain, E, nu)": "raises",
+    STATE + "asp.laws.hooke(strain, E, nu), {'a': strain}": r"returns the state a of shape \(3, 3\), not \(\)",
+}
+
+
+def case(law: str = "laws.py:mine", **material: Any) -> dict[str, Any]:
+    return {
+        "units": "other",
+        "surface": {"kind": "sphere", "L": 1.0, "radius": 2.0},
+        "material": {"law": law, "E": E, "nu": NU, **material},
+        "mesh": {"h_contact": 0.3, "h_max": 0.6},
+        "loading": {"delta_max": 0.01, "steps": 2},
+    }
+
+
+def refusal(folder: Path, data: Mapping[str, Any]) -> str:
+    with pytest.raises(asp.InputError) as caught:
+        asp.Case.from_dict(data, folder=folder).problem()
+    text = str(caught.value)
+    assert "\n" not in text
+    return text
+
+
+@pytest.mark.parametrize("text", BAD)
+def test_bad_laws_are_refused_with_a_sentence(text: str, tmp_path: Path) -> None:
+    (tmp_path / "laws.py").write_text(
+        "import asperity as asp\nimport ufl\n\n" + text.replace("LAW", "def mine(strain, E, nu): return"),
+        encoding="utf-8",
+    )
+    said = refusal(tmp_path, case())
+    assert re.search(BAD[text], said), said
+
+
+def test_laws_and_settings_that_do_not_fit_are_refused(tmp_path: Path) -> None:
+    (tmp_path / "laws.py").write_text(GOOD, encoding="utf-8")
+    plastic = {"parameters": {"yield_strength": 1.0}}
+    assert asp.Case.from_dict(case(**plastic), folder=tmp_path).problem().material.yield_strength == 1.0
+
+    def said(law: str = "laws.py:mine", settings: Mapping[str, Any] | None = None, **material: Any) -> str:
+        return refusal(tmp_path, {**case(law, **material), **(settings or {})})
+
+    assert "needs the parameter yield_strength" in said()
+    assert 'has no parameter "colour"' in said(parameters={"yield_strength": 1.0, "colour": 3.0})
+    assert 'material.parameters = "hard" must be a table' in said(parameters="hard")
+    assert "must be a number" in said(parameters={"yield_strength": "hard"})
+    assert "there is no such file" in said("other.py:mine")
+    assert "is not one of hooke, j2" in said("mine")
+    assert 'material.law = "laws.py:mine"' in said()
+    assert "cannot go with material.law, which has none" in said(**plastic, tangent_modulus=3.0)
+    assert "cannot go with material.law, which has none" in said(**plastic, hardening="kinematic")
+    assert "is of another content" in said(**plastic, law_sha256="abc")
+    assert 'kinematics = "auto" cannot go with' in said("neo_hookean", kinematics="auto")
+    assert "on forms" in said(settings={"solver": {"kernels": "compiled"}}, **plastic)
+    assert "on facets" in said(settings={"contact": {"method": "nitsche"}}, **plastic)
+    assert "compiled kernels only" in said(settings={"solver": {"dilatation": "mean"}}, **plastic)
+    assert "needs a symmetric tangent" in said("laws.py:skew", settings={"solver": {"linear": "cg"}})
+    assert "needs the elastic part" in said("laws.py:silent", settings={"output": {"stiffness": True}})
+    assert "need material.law" in refusal(tmp_path, {**case(), "material": {"E": E, "nu": NU, **plastic}})
+
+
+# --- runs -----------------------------------------------------------------------------------------------------
+
+
+def test_a_resumed_run_refuses_another_law_in_the_same_file(tmp_path: Path) -> None:
+    file, out = tmp_path / "laws.py", tmp_path / "out"
+    file.write_text(GOOD, encoding="utf-8")
+    data = case(parameters={"yield_strength": 1.0})
+    first = asp.run(asp.Case.from_dict(data, folder=tmp_path), out)
+    assert first.summary["law"]["source"].endswith("laws.py:mine")
+    digest = first.summary["law"]["sha256"]
+    assert f'law_sha256 = "{digest}"' in (out / "case.toml").read_text(encoding="utf-8")
+    assert asp.Case.load(out / "case.toml").hash() == first.summary["case_hash"]
+    file.write_text(GOOD + "# another\n", encoding="utf-8")
+    with pytest.raises(asp.CheckpointError, match="law_sha256"):
+        asp.run(asp.Case.from_dict(data, folder=tmp_path), out, resume=True)
+    with pytest.raises(asp.InputError, match="another content of the file"):
+        asp.Case.load(out / "case.toml")
+
+
+def test_a_law_of_the_user_presses_like_the_compiled_one(tmp_path: Path) -> None:
+    """Small and finite strain, and with a variable of its own in the history, through a checkpoint."""
+    (tmp_path / "laws.py").write_text(GOOD, encoding="utf-8")
+    data = case(parameters={"yield_strength": 1.0})
+    mine = asp.run(asp.Case.from_dict(data, folder=tmp_path)).curve
+    material = {"E": E, "nu": NU, "yield_strength": 1.0}
+    theirs = asp.run(asp.Case.from_dict({**data, "material": material, "solver": {"dilatation": "point"}})).curve
+    np.testing.assert_allclose(mine.force, theirs.force, rtol=1e-8)
+    np.testing.assert_allclose(mine.max_strain, theirs.max_strain, rtol=1e-6)
+    np.testing.assert_allclose(mine.plastic_fraction, theirs.plastic_fraction, rtol=1e-6)
+
+
+@pytest.mark.slow
+def test_voce_flattens_a_sphere_between_two_bilinear_solids() -> None:
+    """Its strength lies between its first one and its last one."""
+    sphere = asp.Surface.from_spec("sphere", L=1.0, radius=2.0)
+    size = asp.MeshSize(h_contact=0.12, h_max=0.4)
+
+    def force(material: asp.Material) -> float:
+        return float(asp.solve_contact(sphere, material, delta_max=0.02, steps=6, size=size).curve.force[-1])
+
+    voce = asp.Material.of_law(asp.laws.voce, E=E, nu=NU, yield_strength=0.6, saturation=0.6, rate=50.0)
+    soft, hard = (force(asp.Material(E, NU, strength)) for strength in (0.6, 1.2))
+    assert soft * 1.05 < force(voce) < hard * 0.98
