@@ -56,7 +56,7 @@ def test_all_figures_of_a_run_are_drawn(folder: Path) -> None:
 def test_figures_without_data_are_left_out(tmp_path: Path) -> None:
     write_run(tmp_path, material={"E": 200e9, "nu": 0.3})
     shutil.rmtree(tmp_path / "fields")
-    assert {*figures_of(Results.read(tmp_path))} == {"surface", "area", "curve"}
+    assert {*figures_of(Results.read(tmp_path))} == {"surface", "area", "area_load", "curve"}
     for name in ("case.toml", "summary.json"):
         (tmp_path / name).unlink()
     assert {path.stem for path in plot_run(tmp_path)} == {"area", "curve"}
@@ -177,7 +177,7 @@ def test_a_run_that_stopped_early_has_figures(tmp_path: Path, rows: int) -> None
     for name in ("steps", "branch", "delta", "pressure", "gap", "touched"):
         fields[name] = fields[name][:rows]  # the first level carries no load
     np.savez(tmp_path / "fields/top.npz", **fields)
-    expected = {"pressure", "area", "curve", "plasticity"} if rows else set()
+    expected = {"pressure", "area", "area_load", "curve", "plasticity"} if rows else set()
     assert {path.stem for path in plot_run(tmp_path)} == {"surface"} | expected
 
 

@@ -6,18 +6,21 @@ import json
 from collections.abc import Callable, Iterator
 from contextlib import suppress
 from dataclasses import asdict, dataclass
+from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
 
 from asperity.cli import options
+from asperity.cli.surface import iso_rows
 from asperity.errors import CompatError, InputError
 from asperity.runtime.text_table import DECIMALS
 from asperity.units import LENGTHS, quantity
 
 if TYPE_CHECKING:
     from asperity.surface import HeightMap, Spectrum, SurfaceStatistics
+    from asperity.surface.iso25178 import ISO25178
     from asperity.surface.measured import HeightField, Trend
     from asperity.surface.self_affine_fit import SelfAffineFit
     from asperity.surface.texture import Wave
@@ -91,7 +94,7 @@ def command(map_file: str, output: str | None, as_json: bool, **given: Any) -> N
 
     Levels the map, cuts a square patch, and computes its statistics, spectrum and Hurst exponent. MAP is .npz or .npy,
     text (a matrix, or x, y, z, with any separator), or a file of an instrument that SurfaceTopography reads. Lengths in
-    metres. OUT receives patch.npz, case.toml to start from, measured.json, surface.png and spectrum.png.
+    metres. OUT receives patch.npz, case.toml to start from, measured.json, surface.png, abbott.png and spectrum.png.
     """
     from asperity.runtime.files import files_into
     from asperity.runtime.progress import Progress, StepLines
@@ -109,6 +112,7 @@ def command(map_file: str, output: str | None, as_json: bool, **given: Any) -> N
     }
     for name, part in (("statistics", scan.statistics), ("self_affine", scan.affine), ("repeating_wave", scan.wave)):
         about[name] = None if part is None else asdict(part)
+    about["iso25178"] = scan.iso.to_dict()
     with files_into(folder) as aside:  # whole, or not at all
         origin = {name: about[name] for name in ("file", "channel", "level", "cutoff", "filled", "despike")}
         scan.patch.save(aside / "patch.npz", left_out=scan.left_out, about=origin)
@@ -237,10 +241,12 @@ def _case(surface: HeightMap) -> str:
 
 def _draw(folder: Path, scan: _Scan) -> None:
     from asperity.plot import save, surface_map
-    from asperity.plot.fields import spectrum_figure
+    from asperity.plot.fields import abbott_figure, spectrum_figure
+    from asperity.surface.iso25178 import AbbottCurve
 
     surface = scan.surface
     save(surface_map(surface.grid(401), surface.L, surface.maximum(), unit="m"), folder / "surface.png")
+    save(abbott_figure(AbbottCurve.of(scan.patch.z), scan.iso, "m"), folder / "abbott.png")
     save(spectrum_figure(scan.spectrum, "m", scan.affine), folder / "spectrum.png")
 
 
@@ -256,6 +262,7 @@ def _show(title: str, scan: _Scan) -> None:
         roll = "none on the patch" if affine.lambda_roll is None else _metres(affine.lambda_roll)
         rows += [("Hurst exponent", f"{affine.H:.2f} ± {affine.error_H:.2f}"), ("roll-off wavelength", roll)]
     options.table(title, rows)
+    options.table("ISO 25178", iso_rows(scan.iso, "m"))
 
 
 def _metres(length: float) -> str:
@@ -375,3 +382,10 @@ class _Scan:
     affine: SelfAffineFit | None
     channel: str
     notes: tuple[str, ...]
+
+    @cached_property
+    def iso(self) -> ISO25178:
+        """Parameters of ISO 25178 of the patch."""
+        from asperity.surface.iso25178 import iso25178
+
+        return iso25178(self.patch.z, self.patch.dx, self.patch.dy)

@@ -11,6 +11,7 @@ from matplotlib.figure import Figure
 
 from asperity.output.gap_conductance import gap_conductance
 from asperity.output.results import Results
+from asperity.plot.area_load import area_load
 from asperity.plot.contact import contact_area, pressure_maps
 from asperity.plot.curves import force_curve, plasticity
 from asperity.plot.fields import surface_map
@@ -20,6 +21,7 @@ from asperity.plot.stiffness import conductance, stiffness
 from asperity.plot.style import save, save_in
 from asperity.plot.vibration import frequency, response, results_of
 from asperity.runtime.run_folder import FIGURES, locking
+from asperity.surface.base import surface_kinds
 
 if TYPE_CHECKING:
     from asperity.dynamics import Dynamics
@@ -27,6 +29,7 @@ if TYPE_CHECKING:
 
 __all__ = [
     "CAPTIONS",
+    "area_load",
     "conductance",
     "contact_area",
     "force_curve",
@@ -47,9 +50,12 @@ __all__ = [
 
 # name of a figure -> caption, in the order of a report
 CAPTIONS = {
+    "surface": "Heights of the surface; the ring marks the first touch.",
     "curve": "(a) Load over approach with the fitted power law. (b) The same on logarithmic axes. (c) Local "
     "exponent of the loading; that of a power law is constant.",
     "area": "(a) Regions in contact at increasing approach. (b) Contact area over load. (c) Number of contact spots.",
+    "area_load": "(a) Contact area over load beside the theories of elastic rough contact, with the rms slope of the "
+    "surface. (b) Distribution of the contact pressure over the nominal area.",
     "pressure": "Contact pressure at selected approaches, with force and number of contact spots (grey: no contact).",
     "stiffness": "(a) Stiffness of the contact during loading. (b) Mean gap.",
     "conductance": "Conductance per nominal area over the nominal pressure, beside the law of summits that are elastic "
@@ -66,7 +72,6 @@ CAPTIONS = {
     "curve of like bodies; dots, where the solid was moved: its states. (b) Loss factor, twice the damping ratio. "
     "(c) Amplitude of the force over that of the displacement.",
     "slip_map": "Slip of the nodes in contact from rest to an amplitude, by the solid; grey nodes stick.",
-    "surface": "Heights of the surface; the ring marks the first touch.",
 }
 
 
@@ -100,11 +105,13 @@ def plot_dynamics(result: Dynamics, folder: str | Path) -> list[Path]:
 def figures_of(results: Results) -> dict[str, Callable[[Results], Figure]]:
     """Name and function of each figure for which there are data."""
     rows = len(results.curve)
+    rough = "surface" in results.case and surface_kinds()[results.case["surface"]["kind"]].rough
     plastic = np.any(results.curve.max_plastic_strain > 0)
     wanted: dict[str, tuple[bool, Callable[[Results], Figure]]] = {
         "surface": ("surface" in results.case, _surface),
         "pressure": (results.snapshots > 0, pressure_maps),
         "area": (rows > 0, contact_area),
+        "area_load": (rough and bool(np.any(results.curve.loading().area_fraction > 0)), area_load),
         "curve": (rows > 0, force_curve),
         "stiffness": (bool(np.any(results.curve.k_n_elastic > 0)), stiffness),
         "conductance": (bool(np.any(gap_conductance(results.case, results.curve)[1] > 0)), conductance),

@@ -74,6 +74,7 @@ def write_report(folder: str | Path, finished: bool | None = None) -> Path:
         exit_reason=str(summary.get("exit_reason", "")),
         warnings=warnings,
         law=_law(results),
+        subject=_subject(results),
         outcome=_outcome(results),
         assumptions=assumptions,
         turning=turning_surface(results),
@@ -121,6 +122,25 @@ def _law(results: Results) -> Rows:
     law.append(("range of δ*", f"{low:.4g} to {high:.4g}, {fit.get('points', '?')} points"))
     law.append(("least squares", f"{fit.get('norm', '?')} scale, R² = {fit.get('r2', 0):.5f}"))
     return law
+
+
+def _subject(results: Results) -> Rows:
+    """Surface and material of the run."""
+    if not {"surface", "material"} <= set(results.case):
+        return []
+    surface, solid = results.surface, results.case["material"]
+    rows = [("surface", results.case["surface"]["kind"])]
+    scan = results.summary.get("scan") or {}
+    rows += [(f"scan, {name}", str(scan[name])) for name in ("file", "channel") if scan.get(name)]
+    rows.append(("side of the patch", quantity(surface.L, results.unit("length"))))
+    if surface.rough:
+        found = surface.statistics(257)
+        rows += [("Sq", quantity(found.Sq, results.unit("length"))), ("rms slope", f"{found.rms_slope:.3g}")]
+    rows.append(("Young's modulus", quantity(solid["E"], results.unit("stress"))))
+    rows.append(("Poisson's ratio", f"{solid['nu']:.4g}"))
+    if solid.get("yield_strength") is not None:
+        rows.append(("yield strength", quantity(solid["yield_strength"], results.unit("stress"))))
+    return rows
 
 
 def _outcome(results: Results) -> Rows:

@@ -29,8 +29,8 @@ REPORT = "report.html"
 FIELDS, FIGURES, CHECKPOINT = "fields", "figures", "checkpoint"  # folders
 TOP, VTKHDF, VIEW = "top.npz", "contact.vtkhdf", "view.py"  # in fields
 PICTURES = (
-    "surface", "curve", "area", "pressure", "stiffness", "plasticity", "frequency", "response", "receptance",
-    "slip", "slip_map", "conductance", "scene",
+    "surface", "curve", "area", "area_load", "pressure", "stiffness", "plasticity", "frequency", "response",
+    "receptance", "slip", "slip_map", "conductance", "scene",
 )  # in figures # fmt: skip
 FIELD_PICTURES = ("surface", "pressure", "slip_map", "scene")  # the others consist of lines and are in .svg too
 #: Files of `asperity export` in the folder of a run, by program or kind of file.

@@ -1,0 +1,101 @@
+"""Figure of contact area and pressure beside the theories of rough contact."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+from matplotlib.figure import Figure
+
+from asperity.arrays import Array
+from asperity.output.results import Results
+from asperity.plot import style
+from asperity.plot.contact import Raster, touching
+from asperity.plot.curves import LOAD
+from asperity.units import prefix
+
+BINS = 40
+
+
+@style.styled
+def area_load(results: Results) -> Figure:
+    """Draw contact area over load on logarithmic axes, and the distribution of the pressure at the greatest load.
+
+    Persson's theory and that of Bush, Gibson and Thomas need the rms slope of the surface alone.
+    """
+    pressures = _pressures(results)
+    figure, axes = style.figure(style.DOUBLE, 3.6, columns=2)
+    style.titles(axes, ("area and load", "pressure at the greatest load"))
+    slope = results.surface.rms_slope()
+    _area(axes[0], results, slope)
+    if pressures is None:
+        axes[1].set_axis_off()
+    else:
+        _distribution(axes[1], results, slope, *pressures)
+    style.grid(*axes)
+    return figure
+
+
+def persson_area(load: Array, slope: float) -> Array:
+    """Contact area over the nominal one at loads P/(A0 E') (n,) (Persson, J. Chem. Phys. 115 (2001) 3840)."""
+    from scipy.special import erf
+
+    return np.asarray(erf(math.sqrt(2.0) * load / slope))
+
+
+def persson_density(pressure: Array, mean: float, slope: float) -> Array:
+    """Density of the pressure over E' on the nominal area at p/E' (n,), under the mean P/(A0 E')."""
+    width = slope / 2.0
+    low, high = ((pressure - sign * mean) / width for sign in (1.0, -1.0))
+    return np.asarray((np.exp(-(low**2) / 2.0) - np.exp(-(high**2) / 2.0)) / (math.sqrt(2.0 * math.pi) * width))
+
+
+def _area(axis: Any, results: Results, slope: float) -> None:
+    load = results.curve.loading()
+    there = (load.P_star > 0.0) & (load.area_fraction > 0.0)
+    p, area, bar = load.P_star[there], load.area_fraction[there], np.nan_to_num(load.error_area_fraction[there])
+    low = np.maximum(area - bar, 1e-3 * area)
+    axis.fill_between(p, low, np.minimum(area + bar, 1.0), color=style.BLUE, alpha=0.2, lw=0)
+    axis.loglog(p, area, "o-", mfc="white", color=style.BLUE, label="this run", zorder=3)
+    line = np.geomspace(p.min() / 2.0, p.max() * 2.0, 100)
+    axis.loglog(line, persson_area(line, slope), color=style.VERMILION, label="Persson, elastic")
+    bush = math.sqrt(2.0 * math.pi) * line / slope
+    axis.loglog(line[bush < 1.0], bush[bush < 1.0], "--", color=style.GREEN, label="Bush, Gibson, Thomas, elastic")
+    axis.set_xlabel(LOAD)
+    axis.set_ylabel("contact area over the nominal area")
+    axis.legend(loc="upper left", title=f"rms slope {slope:.3g}", title_fontsize="small")
+    style.logarithmic(axis)
+
+
+def _pressures(results: Results) -> tuple[Array, int] | None:
+    """Pressures in contact at equal parts of the area at the greatest load, and their snapshot."""
+    if not results.snapshots:
+        return None
+    top = results.top
+    i = int(np.argmax([p.mean() for p in top["pressure"]]))
+    on_grid = Raster(top)
+    found = np.where(touching(on_grid, top, i), on_grid(top["pressure"][i]), 0.0)
+    return (found, i) if (found > 0.0).any() else None
+
+
+def _distribution(axis: Any, results: Results, slope: float, found: Array, i: int) -> None:
+    scale, unit = prefix(float(found.max()), results.unit("stress"))
+    inside = found[found > 0.0] * scale
+    share = inside.size / found.size
+    edges = np.linspace(0.0, float(np.quantile(inside, 0.999)), BINS + 1)
+    axis.hist(inside, edges, weights=np.full(inside.size, 1.0 / (found.size * np.diff(edges)[0])), color=style.SKY,
+              label=f"this run, {100 * share:.3g} % in contact")  # fmt: skip
+    row = results.curve.where(results.curve.step == int(results.top["steps"][i]))
+    solid = results.case["material"]
+    if len(row) and not solid.get("yield_strength"):
+        modulus = solid["E"] / (1.0 - solid["nu"] ** 2)
+        p = np.linspace(0.0, edges[-1], 200)
+        axis.plot(p, persson_density(p / scale / modulus, float(row.P_star[0]), slope) / (scale * modulus),
+                  color=style.VERMILION, label="Persson")  # fmt: skip
+    axis.axvline(inside.mean(), color=style.BLACK, lw=0.8, ls=":", label=f"mean {inside.mean():.3g} {unit}".rstrip())
+    axis.set_xlabel(style.label("contact pressure", unit))
+    axis.set_ylabel(style.label("density on the nominal area", f"1/{unit}" if unit else ""))
+    axis.set_xlim(0.0, edges[-1])
+    axis.set_ylim(top=1.25 * axis.get_ylim()[1])
+    axis.legend(loc="upper left")

@@ -1,0 +1,184 @@
+"""Parameters of ISO 25178-2 and the Abbott curve of heights on a regular grid."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import asdict, dataclass
+
+import numpy as np
+
+from asperity.arrays import Array
+from asperity.errors import InputError
+from asperity.runtime.display import short_repr
+from asperity.surface.base import Surface
+from asperity.surface.height_map import HeightMap
+
+RATIOS = 10_001  # material ratios of the Abbott curve
+CORE = 0.4  # width of the secant of least slope (annex B)
+DECAYED = 0.2  # of the autocorrelation, for Sal and Str
+DIRECTIONS = 360  # of lags in half a turn
+LAGS = 2048  # heights per side for the autocorrelation, the most that its transform takes without gigabytes
+GRID = 513  # nodes per side of a surface that is no map
+
+
+@dataclass(frozen=True)
+class ISO25178:
+    """Areal parameters; heights are taken about their mean.
+
+    Attributes:
+        Sq, Sa, Sz, Sp, Sv: rms, mean absolute, total height, highest peak, deepest pit [length]
+        Ssk, Sku: skewness and kurtosis
+        Sdq: rms gradient
+        Sdr: developed over projected area, minus 1
+        Sal: lag of the fastest decay of the autocorrelation to 0.2 [length]; NaN where it does not decay on the patch
+        Str: Sal over the lag of the slowest decay; NaN where that is beyond the patch
+        Sk, Spk, Svk: core height, reduced peak height and reduced pit depth [length]
+        Smr1, Smr2: material ratios between peaks, core and pits
+    """
+
+    Sq: float
+    Sa: float
+    Sz: float
+    Sp: float
+    Sv: float
+    Ssk: float
+    Sku: float
+    Sdq: float
+    Sdr: float
+    Sal: float
+    Str: float
+    Sk: float
+    Spk: float
+    Svk: float
+    Smr1: float
+    Smr2: float
+
+    __repr__ = short_repr
+
+    def to_dict(self) -> dict[str, float | None]:
+        """Values by name, None where unknown."""
+        return {name: value if value == value else None for name, value in asdict(self).items()}
+
+
+@dataclass(frozen=True, eq=False)
+class AbbottCurve:
+    """Heights over their material ratio, and the line through the core.
+
+    Attributes:
+        ratio: 0 to 1 (n,)
+        height: which that share of the area exceeds, about the mean (n,) [length]
+        upper, lower: ends of the line at the ratios 0 and 1 [length]
+    """
+
+    ratio: Array
+    height: Array
+    upper: float
+    lower: float
+
+    @classmethod
+    def of(cls, z: Array) -> AbbottCurve:
+        """Curve of heights of any shape [length]."""
+        ratio = np.linspace(0.0, 1.0, RATIOS)
+        height = np.quantile(z - z.mean(), 1.0 - ratio)
+        width = round(CORE * (RATIOS - 1))
+        first = int(np.argmax(height[width:] - height[:-width]))  # the least slope, the first of equal ones
+        inside = slice(first, first + width + 1)
+        slope, upper = np.polyfit(ratio[inside], height[inside], 1)
+        return cls(ratio, height, float(upper), float(upper + slope))
+
+    def ratio_at(self, height: float) -> float:
+        """Material ratio at a height [length]."""
+        return float(np.interp(-height, -self.height, self.ratio))
+
+    def reduced_peaks(self) -> tuple[float, float]:
+        """Material ratio Smr1 of the peaks, and the height Spk of a triangle of their area on it [length]."""
+        return self._reduced(self.height - self.upper, self.ratio, self.ratio_at(self.upper))
+
+    def reduced_pits(self) -> tuple[float, float]:
+        """Material ratio Smr2 above the pits, and the depth Svk of a triangle of their area [length]."""
+        below, depth = self._reduced(self.lower - self.height, 1.0 - self.ratio, 1.0 - self.ratio_at(self.lower))
+        return 1.0 - below, depth
+
+    @staticmethod
+    def _reduced(beyond: Array, ratio: Array, share: float) -> tuple[float, float]:
+        order = np.argsort(ratio)
+        area = float(np.trapezoid(np.maximum(beyond, 0.0)[order], ratio[order]))
+        return share, 2.0 * area / share if share > 0.0 else 0.0
+
+
+def iso25178(z: Array, dx: float, dy: float) -> ISO25178:
+    """Parameters of heights.
+
+    Args:
+        z: complete heights (ny, nx), levelled before [length]
+        dx, dy: distances along x and y [length]
+
+    Raises:
+        InputError: the heights are all equal
+    """
+    z = z - z.mean()
+    Sq = float(np.sqrt(np.mean(z**2)))
+    if not Sq > 0.0:
+        raise InputError("the heights are all equal: there is no roughness")
+    curve = AbbottCurve.of(z)
+    (Smr1, Spk), (Smr2, Svk) = curve.reduced_peaks(), curve.reduced_pits()
+    zx, zy = np.diff(z, axis=1) / dx, np.diff(z, axis=0) / dy
+    shortest, longest = _decay_lengths(z, dx, dy)
+    return ISO25178(
+        Sq=Sq, Sa=float(np.mean(np.abs(z))), Sz=float(np.ptp(z)), Sp=float(z.max()), Sv=-float(z.min()),
+        Ssk=float(np.mean((z / Sq) ** 3)), Sku=float(np.mean((z / Sq) ** 4)),
+        Sdq=math.sqrt(float(np.mean(zx**2) + np.mean(zy**2))), Sdr=_developed(zx, zy),
+        Sal=shortest, Str=shortest / longest, Sk=curve.upper - curve.lower, Spk=Spk, Svk=Svk, Smr1=Smr1, Smr2=Smr2,
+    )  # fmt: skip
+
+
+def heights_of(surface: Surface) -> tuple[Array, float, float]:
+    """Heights (ny, nx) and their distances along x and y: those of a map, or of a grid on another surface [length]."""
+    z = surface.heights if isinstance(surface, HeightMap) else surface.grid(GRID)
+    ny, nx = z.shape
+    return z, surface.L / (nx - 1), surface.L / (ny - 1)
+
+
+def _developed(zx: Array, zy: Array) -> float:
+    """Developed over projected area, minus 1: the mean of both ways to split each cell into triangles."""
+    excess = [
+        float(np.mean(np.sqrt(1.0 + x**2 + y**2) - 1.0)) for x in (zx[:-1], zx[1:]) for y in (zy[:, :-1], zy[:, 1:])
+    ]
+    return sum(excess) / 4.0
+
+
+def _decay_lengths(z: Array, dx: float, dy: float) -> tuple[float, float]:
+    """Lags of the fastest and of the slowest decay of the autocorrelation [length]; NaN where it does not decay."""
+    from scipy.fft import irfft2, next_fast_len, rfft2
+    from scipy.ndimage import map_coordinates
+
+    stride = -(-max(z.shape) // LAGS)
+    z, dx, dy = z[::stride, ::stride], stride * dx, stride * dy
+    ny, nx = z.shape
+    shape = [next_fast_len(2 * n, real=True) for n in (ny, nx)]
+    power = np.abs(rfft2(z, s=shape)) ** 2
+    raw = np.fft.fftshift(irfft2(power, s=shape))
+    cy, cx = (n // 2 for n in shape)
+    at = raw[cy : cy + ny, cx - nx + 1 : cx + nx]  # lags of half a turn, y from 0
+    pairs = np.outer(ny - np.arange(ny), nx - np.abs(np.arange(-nx + 1, nx)))
+    at = at / pairs
+    at /= at[0, nx - 1]
+    angles = np.arange(DIRECTIONS) * math.pi / DIRECTIONS
+    step = 0.25 * min(dx, dy)
+    lag = step * np.arange(int(math.hypot(nx * dx, ny * dy) / step))
+    lengths = []
+    for angle in angles:
+        x, y = lag * math.cos(angle) / dx, lag * math.sin(angle) / dy
+        inside = (np.abs(x) <= nx - 1) & (y <= ny - 1)
+        along = map_coordinates(at, [y[inside], x[inside] + nx - 1], order=1)
+        below = np.flatnonzero(along < DECAYED)
+        if not below.size:
+            lengths.append(math.nan)
+            continue
+        i = int(below[0])
+        part = (along[i - 1] - DECAYED) / (along[i - 1] - along[i])
+        lengths.append(step * (i - 1 + part))
+    known = np.array(lengths)
+    if np.isnan(known).all():
+        return math.nan, math.nan
+    return float(np.nanmin(known)), float(known.max())
