@@ -10,8 +10,8 @@ import pytest
 from conftest import ELASTIC, here, world
 
 import asperity as asp
-from asperity.adaptive.extrapolation import SCATTER, Corrected, correct, without_omission
-from asperity.adaptive.guide import Guide, Omission, sizes_of_spots
+from asperity.adaptive.extrapolation import SCATTER, Corrected, Pair, correct, limit_of_meshes, without_omission
+from asperity.adaptive.guide import Guide, Omission, singular_part, sizes_of_spots
 from asperity.adaptive.mesh_levels import LevelSolver
 from asperity.adaptive.mesh_plan import weight
 from asperity.adaptive.solve_contact import solve_contact
@@ -65,6 +65,26 @@ def test_no_other_sizes_of_one_error_have_fewer_elements() -> None:
         assert np.sum(area / other**2) >= np.sum(area / h**2) * (1.0 - 1e-9)
 
 
+def test_flat_tops_with_sharp_edges_have_a_singular_pressure_and_smooth_ones_have_none() -> None:
+    """A spot of Hertz that carries a third of the force, and the punch of a plateau."""
+    x, y = np.meshgrid(*2 * [np.linspace(-1.0, 1.0, 201)])
+    smooth, punch = (np.clip(1.0 - ((x - c) ** 2 + y**2) / 0.16, 0.0, None) for c in (-0.5, 0.5))
+    smooth = np.sqrt(smooth)
+    punch = np.where(punch > 0.0, 1.0 / np.sqrt(np.maximum(punch, 0.01)), 0.0)
+    assert singular_part(smooth) == singular_part(np.zeros((5, 5))) == singular_part(np.ones((5, 5))) == 0.0
+    assert singular_part(punch) == 1.0
+    assert singular_part(np.minimum(punch, 1.0)) == 0.0  # of a solid that flows
+    both = smooth / smooth.sum() + 2.0 * punch / punch.sum()
+    assert singular_part(both) == pytest.approx(2.0 / 3.0)
+
+
+@pytest.mark.parametrize("order", [1.0, 1.5, 2.4])
+def test_the_bar_holds_the_first_order_of_a_singular_pressure(order: float) -> None:
+    coarse, fine = (np.exp(0.05 * np.full(5, scale) ** order) for scale in (2.0, 1.0))
+    (factor, bar), (_, smooth) = (limit_of_meshes(coarse, fine, 2.0, np.full(5, part)) for part in (1.0, 0.0))
+    assert np.all(np.abs(np.log(fine * factor)) <= bar * (1.0 + 1e-9)) and np.all(bar > 3.0 * smooth)
+
+
 def rows(factor: float, error: float) -> Curve:
     at = np.array([0.002, 0.004, 0.006])
     return Curve.from_rows([
@@ -78,7 +98,7 @@ def test_few_elements_in_the_spots_have_a_wider_bar() -> None:
     """Two meshes that agree by chance: what the edges of their contact leave open is the bar."""
     nothing = Omission(rows(1.0, 0.0).delta_star, np.zeros(3), np.zeros(3))
     coarse, fine = (Corrected(rows(1.0, error), nothing) for error in (0.004, 0.002))
-    _, budget = correct(fine, coarse, 2.0, np.ones(3, dtype=bool), np.zeros_like, 0.0)
+    _, budget = correct(Pair(fine, coarse, 2.0, np.zeros(3)), np.ones(3, dtype=bool), np.zeros_like, 0.0)
     both = np.hypot(
         (1.0 + weight(2.0)) * 0.2, weight(2.0) * 0.4
     )  # the limit is that of the fine one and of their change
@@ -107,8 +127,8 @@ def test_the_bar_holds_whatever_part_of_what_the_tops_leave_out_is_true(true: fl
     for stiff, left in ((1.2, 0.25), (1.05, 0.02)):
         missed = Omission(at, np.full(3, left), np.zeros(3))
         meshes.append(Corrected(without_omission(rows(stiff / (1.0 + true * left), 0.0), missed, 0.0), missed))
-    coarse, fine = meshes
-    found, budget = correct(fine, coarse, 2.0, np.ones(3, dtype=bool), np.zeros_like, 0.0)
+    pair = Pair(meshes[1], meshes[0], 2.0, np.zeros(3))
+    found, budget = correct(pair, np.ones(3, dtype=bool), np.zeros_like, 0.0)
     error = np.abs(found.P_star / at - 1.0)
     assert np.all(error < budget.total / at) and np.all(error < 0.035) and np.all(budget.total / at < 0.06)
     assert np.all(budget.roughness > 0.0)

@@ -83,38 +83,56 @@ class Corrected:
         return "no node is touched" if self.curve.untouched() else self.curve.unresolved()
 
 
+@dataclass(frozen=True)
+class Pair:
+    """The finest mesh and the one that it is extrapolated from.
+
+    Attributes:
+        fine, coarse: meshes
+        ratio: of their scales
+        singular: part of the force with a singular pressure along the first loading of the finer one (n,)
+    """
+
+    fine: Corrected
+    coarse: Corrected
+    ratio: float
+    singular: Floats
+
+    @property
+    def weight(self) -> Floats:
+        """Error of the finer mesh over the difference of both along the loading (n,)."""
+        return weight(self.ratio, self.singular)
+
+
 def along(delta_star: Floats, value: Floats) -> Along:
     """The error with these values at ascending approaches (n,), constant before the first and after the last."""
     return lambda at: np.interp(at, delta_star, value)
 
 
-def correct(
-    fine: Corrected, coarse: Corrected, ratio: float, judged: npt.NDArray[np.bool_], path: Along, algebraic: float
-) -> tuple[Curve, Budget]:
+def correct(pair: Pair, judged: npt.NDArray[np.bool_], path: Along, algebraic: float) -> tuple[Curve, Budget]:
     """Extrapolated curve of the finest level with its error bars.
 
     Later branches start from the end of the first loading: their bars keep its size.
 
     Args:
-        fine: finest level
-        coarse: the one it is extrapolated from
-        ratio: of their scales
+        pair: finest mesh and the one it is extrapolated from
         judged: rows whose bars are; those before have larger ones that say nothing about their neighbours
         path: relative error left of the load steps
         algebraic: relative error of the equations left unsolved
     """
-    curve, other, part = fine.curve, coarse.curve, weight(ratio)
+    curve, other, part = pair.fine.curve, pair.coarse.curve, pair.weight
     loading = curve.branch == "load"
     at, rows = curve.delta_star[loading], _rows_of_loading(loading)
-    factor, spread = limit_of_meshes(loading_force(other, at), curve.P_star[loading], ratio, judged[loading])
+    before = loading_force(other, at)
+    factor, spread = limit_of_meshes(before, curve.P_star[loading], pair.ratio, pair.singular, judged[loading])
     scatter = SCATTER * np.hypot((1.0 + part) * _open_area(curve, at), part * _open_area(other, at))
     mesh_bar = np.hypot(spread, scatter)
-    left_out = (np.abs(_left(mesh.missed.at(at)[0])) for mesh in (fine, coarse))
+    left_out = (np.abs(_left(mesh.missed.at(at)[0])) for mesh in (pair.fine, pair.coarse))
     rough_bar = np.hypot(*(w * left for w, left in zip((1.0 + part, part), left_out, strict=True)))
     area = curve.area_fraction[loading]
     change = np.interp(at, other.loading().delta_star, other.loading().area_fraction) - area
     change = np.divide(change, area, out=np.zeros(len(at)), where=area > 0.0)
-    left = _by_parts(steady, change / (ratio**AREA_ORDER - 1.0), judged[loading])
+    left = _by_parts(steady, change / (pair.ratio**AREA_ORDER - 1.0), judged[loading])
     curve = replace(scaled(curve, factor), error_area_fraction=curve.error_area_fraction + (left * area)[rows])
     P = curve.P_star
     scale = np.where(loading, P, P[loading][-1])
@@ -147,9 +165,7 @@ def without_omission(curve: Curve, missed: Omission, compliance: float) -> Curve
     return replace(corrected, mean_gap=curve.mean_gap + compliance * (corrected.P_star - curve.P_star))
 
 
-def with_measures(
-    fine: Curve, coarse: Curve, ratio: float, budget: Budget, compliance: float, exact_gap: float | None = None
-) -> Curve:
+def with_measures(fine: Curve, pair: Pair, budget: Budget, compliance: float, exact_gap: float | None = None) -> Curve:
     """A curve whose gap, stiffnesses and conductance are extrapolated from a coarser mesh, with their error bars.
 
     The mean plane of an elastic block whose sides stay plane sinks by the approach less the compression, which the
@@ -158,7 +174,7 @@ def with_measures(
     The slope k_n is that of the corrected force, see `slope_bar`.
 
     Args:
-        ratio: of the scales
+        pair: the meshes; `fine` is the corrected curve of its finer one
         budget: error bars of P*
         compliance: see `without_omission`
         exact_gap: mean gap without load where the force gives the gap [length]; None where it does not
@@ -176,10 +192,11 @@ def with_measures(
         # the sum of gap and approach changes slowly, and does not vanish where the gap closes
         gap = name == "mean_gap"
         value = getattr(fine, name) + gap * fine.delta
+        coarse = pair.coarse.curve
         before = _touched(coarse, name, at) + gap * _touched(coarse, "delta", at)
         if np.isnan(before).any() or not np.nanmax(value[loading], initial=0.0) > 0.0:
             continue
-        factor, bar = limit_of_meshes(before, value[loading], ratio)
+        factor, bar = limit_of_meshes(before, value[loading], pair.ratio, pair.singular)
         factor = factor[rows]
         columns[name] = value * factor - gap * fine.delta
         if gap:
@@ -291,7 +308,11 @@ def loading_force(curve: Curve, delta_star: Floats) -> Floats:
 
 
 def limit_of_meshes(
-    coarse: Floats, fine: Floats, ratio: float, judged: npt.NDArray[np.bool_] | None = None
+    coarse: Floats,
+    fine: Floats,
+    ratio: float,
+    singular: Floats | float = 0.0,
+    judged: npt.NDArray[np.bool_] | None = None,
 ) -> tuple[Floats, Floats]:
     """Limit of a quantity along the loading over its value on the finer of two meshes, and the relative error bar.
 
@@ -302,6 +323,7 @@ def limit_of_meshes(
     Args:
         coarse, fine: values on the meshes, not negative (n,)
         ratio: of their scales
+        singular: see `mesh_plan.weight`
         judged: rows that are averaged among themselves; None for all
 
     Returns:
@@ -310,9 +332,9 @@ def limit_of_meshes(
     known = (coarse > 0.0) & (fine > 0.0)
     change = np.log(np.divide(coarse, fine, out=np.ones(len(fine)), where=known))
     judged = np.ones(len(fine), dtype=bool) if judged is None else judged
-    error = weight(ratio) * change
+    error = weight(ratio, singular) * change
     smooth = _by_parts(_average, error, judged)
-    bar, rest = (_by_parts(steady, part, judged) for part in (bar_share(ratio) * change, error - smooth))
+    bar, rest = (_by_parts(steady, part, judged) for part in (bar_share(ratio, singular) * change, error - smooth))
     return np.where(known, np.exp(-smooth), 1.0), np.hypot(bar, rest)
 
 

@@ -31,6 +31,7 @@ PASSES = 2  # of the half-space: the first shows how fine the second must be
 MOST_STEPS = 10  # at which the half-space is pressed
 EARLY = 0.25  # power of the approach in the sizes: the first spots are the least of a mesh and have its largest errors
 LARGEST = 4.0  # size over the half-width of a spot: elements miss it in any case, and the half-space corrects it
+SINGULAR = 1.0 + 1e-6  # pressure at the edge over the mean one: more than round-off, of a solid that flows it is 1
 MOST = 10.0  # change beyond which nothing is known
 
 
@@ -66,6 +67,7 @@ class Guide:
     Attributes:
         delta_star: approaches at which it is pressed (k,) [L]
         sizes: of elements of scale 1 at the cells of a grid, inf where the surface is not touched (n, n) [L]
+        singular: at each approach the part of the force on spots with a singular pressure (k,), see `singular_part`
     """
 
     def __init__(
@@ -92,10 +94,11 @@ class Guide:
         heights = layer.heights(self._surface)
         self.sizes = np.full(heights.shape, inf)
         self._pressures: list[Array] = []
-        force, area = [], []
+        force, area, singular = [], [], []
         for k, p in enumerate(layer.pressures(heights, self._summit, steps)):
             force.append(float(p.mean()))
             area.append(layer.area(p))
+            singular.append(singular_part(p))
             self._pressures.append(p.astype(np.single))
             if not p.any():  # a spot between the centres of the cells
                 x, y, _ = self._surface.maximum()
@@ -104,7 +107,7 @@ class Guide:
             self.sizes = np.minimum(self.sizes, (steps[k] / steps[-1]) ** EARLY * sizes_of_spots(p))
             if self._on_part is not None:
                 self._on_part((k + 1) / len(steps))
-        self._force, self._area = np.array(force), np.array(area)
+        self._force, self._area, self.singular = np.array(force), np.array(area), np.array(singular)
 
     def left_out(self, top: Top) -> Omission:
         """What the top of a mesh leaves out; it changes little from step to step, and every other one is enough."""
@@ -151,6 +154,25 @@ def sizes_of_spots(pressure: Floats) -> Floats:
     sizes = (area * half_width**2 / share) ** 0.25
     sizes /= np.sqrt(np.sum(share * (sizes / half_width) ** 2))
     return np.asarray(np.append(np.inf, np.minimum(sizes, LARGEST * half_width))[spot])
+
+
+def singular_part(pressure: Floats) -> float:
+    """Part of the force on spots whose pressure is higher at their edge than on average.
+
+    That of a smooth top vanishes at the edge; that of a flat one with a sharp edge is singular there, and the error of
+    the force is then of first order in the element size.
+
+    Args:
+        pressure: at the cells, not negative (n, n)
+    """
+    touched = pressure > 0.0
+    spot, count = ndimage.label(touched, np.ones((3, 3)))
+    if count == 0:
+        return 0.0
+    edge = touched & ~ndimage.binary_erosion(touched, border_value=1)
+    force, area = (np.bincount(spot[touched], w, count + 1) for w in (pressure[touched], None))
+    at_edge, cells = (np.bincount(spot[edge], w, count + 1) for w in (pressure[edge], None))
+    return float(force[at_edge * area > SINGULAR * force * cells].sum() / force.sum())
 
 
 def _change(whole: Floats, part: Floats) -> Floats:

@@ -11,6 +11,7 @@ import numpy as np
 from asperity.adaptive.extrapolation import (
     Budget,
     Corrected,
+    Pair,
     at_given_forces,
     correct,
     judged_rows,
@@ -137,8 +138,10 @@ class MeshErrorEstimate:
         if ratio < 0.999 * LEAST_STEP:
             unresolved = unresolved or "two meshes are nearly the same"
         if not unresolved:
-            curve, budget = correct(fine, coarse, ratio, judged, bar_of_steps, algebraic)
-            curve = with_measures(curve, coarse.curve, ratio, budget, run.compliance, run.exact_gap)
+            singular = np.interp(fine.curve.loading().delta_star, run.delta_star, run.singular)
+            pair = Pair(fine, coarse, ratio, singular)
+            curve, budget = correct(pair, judged, bar_of_steps, algebraic)
+            curve = with_measures(curve, pair, budget, run.compliance, run.exact_gap)
             unresolved = curve.unresolved()
             if run.force_max is not None:  # it is the corrected curve that reaches it
                 curve, budget = at_given_forces(curve, budget, result.curve, run.compliance, run.force_max)

@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from asperity.model.problem import Problem
 
 MESH_ORDERS = (1.7, 2.4)  # range of the order of the force in the scale (docs/accuracy.md)
+EDGE_ORDER = 1.0  # lowest one where the pressure is singular at the edge of the contact, as that of a flat punch
 MESH_ORDER = sum(MESH_ORDERS) / 2.0  # typical one, to plan with
 AREA_ORDER = 1.5  # of the bar of the contact area, that of the edges of spots (docs/contact.md)
 RATIO = 2.0  # of the first two scales
@@ -97,15 +98,27 @@ def extrapolate(coarse: Floats, fine: Floats, ratio: float, order: float) -> tup
     return fine - error, error
 
 
-def weight(ratio: float) -> float:
-    """Error of the finer of two meshes over their difference; its mean for the range of orders."""
-    return sum(1.0 / (ratio**p - 1.0) for p in MESH_ORDERS) / len(MESH_ORDERS)
+def weight(ratio: float, singular: Floats | float = 0.0) -> Floats:
+    """Error of the finer of two meshes over their difference; its mean for the range of orders.
+
+    Args:
+        ratio: of their scales
+        singular: part of the force on spots whose pressure is singular at the edge (n,), see `guide.singular_part`
+    """
+    return np.asarray(0.5 * np.sum(_ends(ratio, singular), axis=0))
 
 
-def bar_share(ratio: float) -> float:
+def bar_share(ratio: float, singular: Floats | float = 0.0) -> Floats:
     """Error bar of the limit of two meshes over their difference; half of what the range of orders leaves open."""
-    low, high = (1.0 / (ratio**p - 1.0) for p in MESH_ORDERS)
-    return 0.5 * (low - high)
+    low, high = _ends(ratio, singular)
+    return np.asarray(0.5 * (low - high))
+
+
+def _ends(ratio: float, singular: Floats | float) -> tuple[Floats, Floats]:
+    """Error of the finer of two meshes over their difference at the ends of the range of orders; see `weight`."""
+    edge, low, high = (1.0 / (ratio**p - 1.0) for p in (EDGE_ORDER, *MESH_ORDERS))
+    part = np.asarray(singular, dtype=float)
+    return part * edge + (1.0 - part) * low, np.full(part.shape, high)
 
 
 def first_scale(tolerance: float) -> float:
@@ -139,7 +152,7 @@ def refinement(scales: Sequence[float], excess: float) -> float:
 
 def _bar_of_error(ratio: float) -> float:
     """Error bar of two meshes over the error of the finer one, when it has the typical order."""
-    return bar_share(ratio) * (ratio**MESH_ORDER - 1.0)
+    return float(bar_share(ratio) * (ratio**MESH_ORDER - 1.0))
 
 
 def partner(scales: Sequence[float]) -> int:
