@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import numpy as np
+import pytest
 from conftest import ELASTIC
 
 import asperity as asp
 from asperity import reference
-from asperity.curve import WITH_ERRORS
+from asperity.adaptive.extrapolation import shifted
+from asperity.curve import WITH_ERRORS, Curve
 from asperity.surface import SelfAffine, Sinusoid
 
 
@@ -43,3 +45,17 @@ def test_columns_that_were_not_computed_have_no_bar() -> None:
     ).curve
     assert np.isnan(curve.k_n_elastic).all() and np.isnan(curve.error_k_n_elastic).all()
     assert np.isfinite(curve.error_mean_gap).all() and np.isfinite(curve.error_k_n).all()  # these take no solve
+
+
+def test_on_unloading_the_bar_of_a_stiffness_holds_that_of_the_force() -> None:
+    """The force keeps its bar while it vanishes: where it is as small as its bar, nothing is known of the stiffness."""
+    P = np.array([1.0, 2.0, 3.0, 2.0, 1.0, 0.05, 0.0])
+    rows = [
+        {"delta": d, "delta_star": d, "force": p, "P_star": p, "branch": "load" if k < 3 else "unload"}
+        for k, (d, p) in enumerate(zip([1.0, 2.0, 3.0, 2.5, 2.2, 2.1, 2.0], P, strict=True))
+    ]
+    stiffness = P ** (1.0 / 3.0)
+    found = shifted(Curve.from_rows(rows), np.full(7, 0.1), stiffness)
+    assert np.all(found[:3] == 0.0) and found[5] == pytest.approx(stiffness[5])
+    part = found[3:6] / stiffness[3:6]
+    assert np.all(np.diff(part) > 0.0) and part[0] == pytest.approx(0.1 / 3.0 / 2.0, rel=0.35)

@@ -50,6 +50,7 @@ RESOLVED = 20  # cells in contact, from which on its force counts
 MOST_DOFS = 1e8  # that are counted
 START = 1.3  # seconds of a run besides meshes and steps: libraries, results
 HALF_SPACE = 4e-7  # seconds of a half-space with the surface, or with the top of a mesh, per cell and approach
+LIBRARIES, PER_CELL = 40e6, 250.0  # memory of a half-space, on one rank, for itself and per cell [bytes]
 
 
 @dataclass(frozen=True)
@@ -96,8 +97,8 @@ class Rates:
         return MeshEstimate(h, dofs, steps, seconds)
 
 
-ELASTIC = Rates(2.4e-5, 5.5e-6, 1.03, 246e6, 1.02e3, 2.17)
-PLASTIC = Rates(2.4e-5, 1.0e-5, 1.08, 245e6, 1.39e3, 1.45)
+ELASTIC = Rates(1.6e-5, 3.4e-6, 1.03, 246e6, 1.02e3, 2.17)
+PLASTIC = Rates(1.6e-5, 6.2e-6, 1.08, 245e6, 1.39e3, 1.45)
 
 
 @dataclass(frozen=True)
@@ -183,7 +184,7 @@ def estimate(case: Case, ranks: int = 1, surface: Surface | None = None, passes:
         path, tolerance = problem.load_path, case.accuracy.tolerance
         delta = path.delta_max or approach_of_force(problem)
         problem = replace(problem, load_path=replace(path, delta_max=delta, force_max=None))
-    bar, others = None, START
+    bar, others, cells = None, START, 0
     if tolerance is None:
         file = case.mesh.file
         dofs = _dofs(problem, problem.size) if file is None else 3 * BlockMesh.read(file).counts()[0]
@@ -191,11 +192,13 @@ def estimate(case: Case, ranks: int = 1, surface: Surface | None = None, passes:
             raise InputError(f"the mesh has more than {MOST_DOFS:g} dofs: raise mesh.h_contact")
         plan = [(case.mesh.h_contact, dofs, _steps(problem))]
     else:
-        plan, bar, solved = _plan(problem, case.accuracy, passes)
-        others += HALF_SPACE * solved
+        plan, bar, cells, approaches = _plan(problem, case.accuracy, passes)
+        others += HALF_SPACE * cells * approaches
     rates, finite = _rates(case), case.material.kinematics == "finite"
     levels = tuple(rates.of(h, dofs, steps, finite) for h, dofs, steps in plan)
     memory = ranks * rates.base + rates.per_dof * levels[-1].dofs
+    if cells:
+        memory += LIBRARIES + PER_CELL * cells
     strain, most = _strain(case, problem), None if tolerance is None else case.accuracy.max_dofs
     return Estimate(levels, ranks, memory, delta, bar, tolerance, strain, others, most)
 
@@ -260,12 +263,14 @@ def approach_of_force(problem: Problem) -> float:
     return L * float(np.exp(np.interp(np.log(wanted), P, delta) + lighter))
 
 
-def _plan(problem: Problem, goal: AccuracySection, passes: int) -> tuple[list[tuple[float, int, int]], float, float]:
+def _plan(
+    problem: Problem, goal: AccuracySection, passes: int
+) -> tuple[list[tuple[float, int, int]], float, int, float]:
     """Meshes that a run plans, see `mesh_levels.LevelSolver`.
 
     Returns:
         of each mesh the greatest size in the contact [length], dofs and load steps; the error bar expected of them; and
-        cells times approaches of all half-spaces
+        cells of the half-space and how many approaches it is solved at, with the surface and the tops of the meshes
     """
     path, tolerance, most = problem.load_path, goal.tolerance, min(goal.max_dofs, MOST_DOFS)
     assert path.delta_max is not None and tolerance is not None
@@ -293,7 +298,7 @@ def _plan(problem: Problem, goal: AccuracySection, passes: int) -> tuple[list[tu
         parts = [2**k for k in range(max(int(log2(substeps)), 1) + 1)]  # the first mesh measures the error of the steps
     plan = [(family.h(first), coarse, _steps(problem, n)) for n in parts]
     plan.append((family.h(second), fine, _steps(problem, substeps)))
-    return plan, expected_bar(second), (passes + 1.0) * guide.sizes.size * len(guide.delta_star)
+    return plan, expected_bar(second), guide.sizes.size, (passes + 1.0) * len(guide.delta_star)
 
 
 def _dofs(problem: Problem, size: MeshSize) -> int:

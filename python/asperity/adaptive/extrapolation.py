@@ -19,7 +19,7 @@ from asperity.adaptive.mesh_plan import AREA_ORDER, REACH, bar_share, weight
 from asperity.arrays import Floats
 from asperity.curve import WITH_ERRORS, Curve
 from asperity.errors import InputError
-from asperity.slope import SINGLE_CONTACT, slopes
+from asperity.slope import SINGLE_CONTACT, legs, slopes
 
 Along = Callable[[Floats], Floats]  # a relative error along the loading, at approaches (n,)
 
@@ -203,8 +203,29 @@ def with_measures(fine: Curve, pair: Pair, budget: Budget, compliance: float, ex
             of_mesh = np.maximum(bar[rows] * value * factor, compliance * budget.mesh)
             columns[f"error_{name}"] = of_mesh + compliance * rest
         else:
-            columns[f"error_{name}"] = ((bar + edges)[rows] + share) * value * factor
+            part = (bar + edges)[rows] + np.where(loading, share, 0.0)
+            columns[f"error_{name}"] = part * value * factor + shifted(fine, budget.total, value * factor)
     return replace(fine, **columns)
+
+
+def shifted(curve: Curve, bar: Floats, values: Floats) -> Floats:
+    """What an error of P* changes in a measure of the contact (n,), on the branches after the first loading.
+
+    There the force keeps its bar while it vanishes, and the measure follows the force: near the end, where the flat
+    lifts off, all of it is unknown.
+
+    Args:
+        bar: of P* (n,)
+        values: of the measure (n,)
+    """
+    found = np.zeros(len(curve))
+    for begin, end in legs(curve.branch)[1:]:
+        leg = slice(begin - 1, end)
+        order = np.argsort(curve.P_star[leg])
+        P, value = (np.append(0.0, column[leg][order]) for column in (curve.P_star, values))
+        ends = (np.interp(curve.P_star + sign * bar, P, value) for sign in (1.0, -1.0))
+        found[begin:end] = np.max([np.abs(at - values) for at in ends], axis=0)[begin:end]
+    return found
 
 
 def at_given_forces(

@@ -20,7 +20,7 @@ from asperity.model.settings import H_MAX
 if TYPE_CHECKING:
     from asperity.model.problem import Problem
 
-MESH_ORDERS = (1.7, 2.4)  # range of the order of the force in the scale (docs/accuracy.md)
+MESH_ORDERS = (1.7, 2.6)  # range of the order of the force in the scale (docs/accuracy.md)
 EDGE_ORDER = 1.0  # lowest one where the pressure is singular at the edge of the contact, as that of a flat punch
 MESH_ORDER = sum(MESH_ORDERS) / 2.0  # typical one, to plan with
 AREA_ORDER = 1.5  # of the bar of the contact area, that of the edges of spots (docs/contact.md)
@@ -28,7 +28,7 @@ RATIO = 2.0  # of the first two scales
 LEAST_STEP, GREATEST_STEP = 1.25, 3.0  # from one scale to the next
 LEAST_RATIO = RATIO / LEAST_STEP  # of two scales: below it scatter hides the order
 MOST_MESHES = 4  # of a run
-TYPICAL_BAR = 0.021  # relative, that two meshes of the scales RATIO and 1 give at the worst step
+TYPICAL_BAR = 0.0235  # relative, that two meshes of the scales RATIO and 1 give at the worst step
 GROWTH = 0.5  # growth of the element size around the contact at scale 1; it goes with the root of the scale
 MOST_SCALE = 8.0  # of a first mesh: its elements are larger than the spots, and few are left to save
 MARGIN = 0.9  # part of a limit, such as the tolerance, that is planned for
