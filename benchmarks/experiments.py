@@ -1,6 +1,6 @@
-"""Numbers and pictures of docs/verification.md: Hertzian vibration, stiffness of a rough joint, impact of a cap.
+"""Numbers of docs/verification.md: Hertzian vibration, stiffness of a rough joint, impact of a cap.
 
-    ./run python3 benchmarks/experiments.py FOLDER [--pictures docs/experiments]
+    ./run python3 benchmarks/experiments.py FOLDER
 
 FOLDER keeps the computed runs (about four minutes); those that are there are not computed again.
 """
@@ -9,18 +9,15 @@ from __future__ import annotations
 
 import argparse
 import math
-from collections.abc import Sequence
 from functools import cache
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from matplotlib.figure import Figure
 from scipy.integrate import quad
 from scipy.optimize import brentq
 
 import asperity as asp
-from asperity.plot import style
 from asperity.reference import Hertz, kogut_etsion, reduced_modulus
 
 E, NU, YIELD, TANGENT = 200e9, 0.3, 1e9, 2e9
@@ -108,7 +105,7 @@ def threshold(kind: str, zeta: float, window: tuple[float, float], bracket: tupl
     return math.sqrt(low * high)
 
 
-def vibration(pictures: Path | None) -> None:
+def vibration() -> None:
     """Onsets of contact loss and of the second subharmonic over the damping ratio."""
     loss = onset_by_energy(1.5)
     rows = []
@@ -120,48 +117,12 @@ def vibration(pictures: Path | None) -> None:
     print("| zeta | F/W, contact loss | 2 n zeta x that | F/W, second subharmonic | 36 zeta |\n|---|---|---|---|---|")
     for row in rows:
         print("| " + " | ".join(f"{x:.4g}" for x in row) + " |")
-    if pictures:
-        style.save(draw_vibration(rows), pictures / "vibration.png")
-
-
-@style.styled
-def draw_vibration(rows: Sequence[tuple[float, ...]]) -> Figure:
-    """Response at rising force, and both onsets over the damping ratio."""
-    figure, (left, right) = style.figure(style.DOUBLE, 3.4, columns=2)
-    oscillator = asp.ContactOscillator(asp.PowerLaw(1.5), zeta=0.005)
-    for forcing, colour in zip((0.002, 0.005, 0.00886, 0.015, 0.03), (style.GREY, style.SKY, style.BLUE, style.ORANGE,
-                               style.VERMILION), strict=True):  # fmt: skip
-        for line in oscillator.response(forcing, (0.75, 1.1)).lines():
-            stable = np.where(line.stable, line.u_max, np.nan)
-            left.plot(line.Omega, line.u_max, color=colour, lw=0.7, ls=":")
-            left.plot(line.Omega, stable, color=colour, lw=1.2)
-        left.plot([], [], color=colour, label=f"$F/W$ = {1.5 * forcing:.3g}")
-    left.axhline(2.5 ** (2 / 3) - 1.0, color=style.BLACK, lw=0.7, ls="--")
-    left.annotate("contact lost above", (0.76, 2.5 ** (2 / 3) - 0.97), fontsize=7)
-    left.set_xlabel("frequency over $\\omega_s$")
-    left.set_ylabel("largest displacement over $z_s$")
-    left.set_ylim(bottom=0)
-    left.legend(fontsize=7)
-    zeta, *columns = (np.array(c) for c in zip(*rows, strict=True))
-    for found, curve, colour, text in (
-        (columns[0], columns[1], style.BLUE, "contact loss"),
-        (columns[2], columns[3], style.VERMILION, "second subharmonic"),
-    ):
-        right.plot(zeta, curve, color=colour, label=f"{text}, light damping")
-        right.plot(zeta, found, "o", color=colour, mfc="white", label=f"{text}, computed")
-    style.logarithmic(right)
-    right.set_xlabel("damping ratio $\\zeta$")
-    right.set_ylabel("force over preload $F/W$ at the onset")
-    right.legend(fontsize=7)
-    style.grid(left, right)
-    style.titles([left, right], ["response at rising force", "onsets"])
-    return figure
 
 
 # -- stiffness of a rough joint over pressure --------------------------------------------------------------------
 
 
-def joint(folder: Path, pictures: Path | None) -> None:
+def joint(folder: Path) -> None:
     """Stiffness of the interface over the nominal pressure, in loading and unloading."""
     curve = run(JOINT, folder / "joint")
     case = asp.Case.from_dict(JOINT)
@@ -182,37 +143,11 @@ def joint(folder: Path, pictures: Path | None) -> None:
     for i in np.flatnonzero(touching)[:: max(1, touching.sum() // 7)]:
         back = np.interp(p[i], p[order], elastic[order])
         print(f"| {p[i]:.3g} | {static[i]:.3g} | {elastic[i]:.3g} | {back:.3g} | {shear[i] / elastic[i]:.3f} |")
-    if pictures:
-        style.save(draw_joint(p, static, elastic, shear, touching, down), pictures / "joint.png")
 
 
 def power(p: Any, k: Any, rows: Any) -> float:
     """Exponent of a stiffness over pressure at some rows."""
     return float(np.polyfit(np.log(p[rows]), np.log(k[rows]), 1)[0])
-
-
-@style.styled
-def draw_joint(p: Any, static: Any, elastic: Any, shear: Any, up: Any, down: Any) -> Figure:
-    """Stiffness per area over pressure, and the ratio of tangential and normal stiffness."""
-    figure, (left, right) = style.figure(style.DOUBLE, 3.2, columns=2)
-    left.plot(p[up], static[up], "s-", color=style.VERMILION, mfc="white", label="tangent of the loading (static)")
-    left.plot(p[up], elastic[up], "o-", color=style.BLUE, label="small vibration, loading")
-    left.plot(p[down], elastic[down], "v--", color=style.SKY, mfc="white", label="small vibration, unloading")
-    left.plot(p[up], elastic[up][-1] * p[up] / p[up][-1], ":", color=style.GREY, label="proportional to the pressure")
-    style.logarithmic(left)
-    left.set_xlabel("nominal pressure (MPa)")
-    left.set_ylabel("interface stiffness (GPa/µm)")
-    left.set_xlim(p[up].min() / 1.2, 1.2 * p[up].max())
-    left.set_ylim(static[up].min() / 1.5, 1.5 * elastic[down].max())
-    left.legend(fontsize=7)
-    right.plot(p[up], shear[up] / elastic[up], "o-", color=style.BLUE, label="loading")
-    right.axhline(2 * (1 - NU) / (2 - NU), color=style.GREY, lw=0.8, ls="--", label="one spot, $2(1-\\nu)/(2-\\nu)$")
-    right.set_xlabel("nominal pressure (MPa)")
-    right.set_ylabel("$k_t/k_n$")
-    right.legend(fontsize=7)
-    style.grid(left, right)
-    style.titles([left, right], ["stiffness of the interface", "tangential over normal stiffness"])
-    return figure
 
 
 # -- impact of a cap -----------------------------------------------------------------------------------------------
@@ -243,7 +178,7 @@ def thornton(work: float) -> float:
     return math.sqrt(0.3 * force**2 / (radius * E_PRIME) / work)
 
 
-def impact(folder: Path, pictures: Path | None) -> None:
+def impact(folder: Path) -> None:
     """Restitution and duration of impacts of a cap: from pressed curves, against closed forms."""
     hertz = Hertz(R=R, E_prime=E_PRIME)
     elastic_case = cap(DEPTHS[-1], plastic=False)
@@ -273,8 +208,6 @@ def impact(folder: Path, pictures: Path | None) -> None:
         rows.append((top / first, work / unit, e, thornton(work), lasting / hertz_duration(hertz, work, mass)))
         print("| " + " | ".join(f"{x:.3g}" for x in rows[-1]) + " |")
     critical = (math.pi * (0.454 + 0.41 * NU) * 2.8 * YIELD / (2.0 * E_PRIME)) ** 2 * R  # depth of Kogut and Etsion
-    if pictures:
-        style.save(draw_impact(rows, unit, pressed[-1], critical), pictures / "impact.png")
     kogut(pressed[-1], critical)
 
 
@@ -311,49 +244,14 @@ def hertz_duration(hertz: Hertz, work: float, mass: float) -> float:
     return 2.0 * share * top / math.sqrt(2.0 * work / mass)
 
 
-@style.styled
-def draw_impact(
-    rows: Sequence[tuple[float, ...]], unit: float, pressed: tuple[Any, asp.Curve], critical: float
-) -> Figure:
-    """Restitution over the speed, and the force of the deepest cap with that of Kogut and Etsion."""
-    figure, (left, right) = style.figure(style.DOUBLE, 3.2, columns=2)
-    speed = np.geomspace(1.0, 50.0, 200)
-    left.plot(speed, [thornton(v**2 * unit) for v in speed], color=style.BLUE, label="Thornton's model")
-    left.plot(np.sqrt([r[1] for r in rows]), [r[2] for r in rows], "o", color=style.VERMILION, label="pressed cap")
-    tail = speed[speed > 10]
-    left.plot(tail, thornton(tail[0] ** 2 * unit) * (tail / tail[0]) ** -0.25, ":", color=style.GREY,
-              label="power $-1/4$ of the speed")  # fmt: skip
-    style.logarithmic(left)
-    left.xaxis.set_major_formatter("{x:g}")
-    left.set_ylim(0.4, 1.1)
-    left.set_xlabel("impact speed over that of first yield")
-    left.set_ylabel("coefficient of restitution")
-    left.legend(fontsize=7)
-    z, curve = pressed
-    reference = Hertz(R=R, E_prime=E_PRIME)
-    depth = np.linspace(0.01, 1.0, 200) * z.max()
-    right.plot(1e9 * z, 1e6 * curve.force, ".-", color=style.VERMILION, label="pressed cap")
-    right.plot(1e9 * depth, 1e6 * np.asarray(reference.force(depth)), "--", color=style.GREY, label="Hertz")
-    inside = depth[depth > critical]
-    right.plot(1e9 * inside, 1e6 * kogut_etsion(inside, R, E, NU, YIELD)[0], color=style.BLUE, label="Kogut and Etsion")
-    right.set_ylim(0.0, 1.6e6 * curve.force.max())
-    right.set_xlabel("approach of the cap (nm)")
-    right.set_ylabel("force (µN)")
-    right.legend(fontsize=7)
-    style.grid(left, right)
-    style.titles([left, right], ["restitution", "force of the cap"])
-    return figure
-
-
 def main() -> None:
-    """Print the tables and draw the pictures."""
+    """Print the tables."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("folder", type=Path, help="keeps the runs")
-    parser.add_argument("--pictures", type=Path, help="folder of the pictures")
     options = parser.parse_args()
-    vibration(options.pictures)
-    joint(options.folder, options.pictures)
-    impact(options.folder, options.pictures)
+    vibration()
+    joint(options.folder)
+    impact(options.folder)
 
 
 if __name__ == "__main__":

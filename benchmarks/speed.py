@@ -3,8 +3,6 @@
     ./run python3 benchmarks/speed.py profile [H ...]      phases of elastic-plastic runs, one process
     ./run python3 benchmarks/speed.py step [H ...]         a single load step of large problems: growth and memory
     ./run python3 benchmarks/speed.py scaling [H ...]      that step on one rank and on two (starts mpirun)
-    ./run python3 benchmarks/speed.py path [PAIRS]         loading of cases/single.toml on one rank and on two, by turns
-    ./run python3 benchmarks/speed.py weak [H1 H2 ...]     that step on one rank (H1) and twice as large on two (H2)
     ./run mpirun -n 2 python3 benchmarks/speed.py one H    one run
 
 The surface of cases/single.toml with its material is pressed to 0.02 L in four planned steps. H is the element size in
@@ -24,7 +22,6 @@ from time import perf_counter, process_time
 from typing import Any
 
 import asperity as asp
-from asperity.model.settings import H_CONTACT
 
 L = 1e-6
 STEEL = asp.Material(200e9, 0.3, 1e9, 10e9)
@@ -33,13 +30,10 @@ SIZES = {
     "step": (0.03, 0.0125, 0.0066, 0.0053),
     "profile": (0.08, 0.04, 0.024, 0.0155, 0.0095),
     "scaling": (0.03, 0.0125),
-    "path": (2,),
-    "weak": (0.0193, 0.0125, 0.0125, 0.0081),
 }
 PATHS: dict[str, dict[str, Any]] = {
     "one": {},
     "single": {"steps": 1, "integrator": "backward-euler"},
-    "loading": {"delta_max": 0.008 * L, "steps": 20},  # of cases/single.toml
 }
 PHASES = ("residual", "tangent", "preconditioner", "linear solve")
 
@@ -147,37 +141,6 @@ def scaling(sizes: tuple[float, ...]) -> None:
         print(f"\ntwo runs side by side: {path:.3g} s each, efficiency {base / path:.2f}")
 
 
-def path(pairs: tuple[float, ...]) -> None:
-    """Loading of cases/single.toml on one rank and on two by turns: the machine's other work falls on both alike."""
-    row(("dofs", "ranks", *PHASES, "load path", "ratio", "Newton", "Krylov", "force"))
-    row(["---"] * (7 + len(PHASES)))
-    for _ in range(int(*pairs)):
-        alone = 0.0
-        for ranks in (1, 2):
-            facts = run_apart(H_CONTACT, ranks, "loading")
-            spent = [facts["seconds"].get(name, 0.0) for name in PHASES]
-            alone = alone or sum(spent)
-            row((facts["dofs"], ranks, *spent, sum(spent), alone / sum(spent), facts["newton"], facts["krylov"],
-                 f"{facts['force']:.9e}"))  # fmt: skip
-
-
-def weak(sizes: tuple[float, ...]) -> None:
-    """A problem on one rank against one of twice the size on two; a Newton iteration is the unit of work."""
-    row(("ranks", "dofs", "dofs a rank", *(f"{name}, s a Newton iteration" for name in PHASES), "sum", "efficiency",
-         "Newton", "Krylov", "contact nodes a rank"))  # fmt: skip
-    row(["---"] * (8 + len(PHASES)))
-    for pair in zip(sizes[::2], sizes[1::2], strict=True):
-        base = 0.0
-        for ranks, h in enumerate(pair, start=1):
-            facts = run_apart(h, ranks, "single")
-            spent = [facts["seconds"].get(name, 0.0) / facts["newton"] for name in PHASES]
-            share = facts["dofs"] / ranks
-            rate = sum(spent) / share
-            base = base or rate
-            row((ranks, facts["dofs"], round(share), *spent, sum(spent), base / rate, facts["newton"],
-                 facts["krylov"], ", ".join(str(nodes) for _, nodes in facts["spread"])))  # fmt: skip
-
-
 if __name__ == "__main__":
     job, *numbers = sys.argv[1:] or ["profile"]
     if job in PATHS:
@@ -187,5 +150,5 @@ if __name__ == "__main__":
         if MPI.COMM_WORLD.rank == 0:
             print(json.dumps(facts))
     else:
-        jobs = {"profile": profile, "step": step, "scaling": scaling, "path": path, "weak": weak}
+        jobs = {"profile": profile, "step": step, "scaling": scaling}
         jobs[job](tuple(map(float, numbers)) or SIZES[job])
