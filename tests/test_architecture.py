@@ -12,7 +12,7 @@ PACKAGE = Path(__file__).parent.parent / "python" / "asperity"
 
 # Packages and root modules from low to high. Each imports from the rows above it here, not from its own row.
 ORDER = (
-    ("_solver", "errors", "arrays", "units", "version"),
+    ("_solver", "_period_map", "errors", "arrays", "units", "version"),
     ("runtime",),
     ("surface", "power_law", "slope"),
     ("curve", "loops", "laws"),

@@ -9,9 +9,9 @@ from typing import Any
 
 import numpy as np
 import pytest
-from shooting import computed
+from twin import computed
 
-from asperity.dynamics import ContactOscillator, PowerLaw, continuation
+from asperity.dynamics import ContactOscillator, PowerLaw, orbits
 from asperity.errors import ConvergenceError
 from asperity.plot import vibration
 
@@ -124,7 +124,7 @@ def test_a_point_of_a_branch_is_one_orbit() -> None:
 
 def test_a_crossing_that_cannot_be_corrected_is_an_error(monkeypatch: pytest.MonkeyPatch) -> None:
     r = computed()
-    monkeypatch.setattr(continuation, "_NEWTON", 0)
+    monkeypatch.setattr(orbits, "_NEWTON", 0)
     with pytest.raises(ConvergenceError, match=r"an orbit at Omega = 0\.9 on branch 0 \(main\) could not be corrected"):
         r.at(0.9)
 

@@ -7,15 +7,13 @@ from typing import Any
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
-from shooting import computed, shoot
+from twin import computed, motion, shoot
 
 from asperity.dynamics import ContactOscillator, PowerLaw, TableLaw
-from asperity.dynamics.equation import Restoring
+from asperity.dynamics.equation import Equation, Restoring
 from asperity.dynamics.free import free_orbit
-from asperity.dynamics.harmonic_balance import Balance
-from asperity.dynamics.motion import integrate
+from asperity.dynamics.period_map import motions
 from asperity.dynamics.response import frequency_response
-from asperity.dynamics.stability import _floquet, floquet, state_at_phase_zero
 
 
 def one_period(n: float, zeta: float, forcing: float, omega: float, u: float, v: float, periods: int = 1):
@@ -86,12 +84,12 @@ def test_reference_curve() -> None:
     assert fine["grazing"][0].u_min == pytest.approx(-1.0, abs=1e-9)
 
 
-def test_harmonic_balance_agrees_with_shooting_to_1e_9() -> None:
+def test_orbits_agree_with_shooting_to_1e_9() -> None:
     o = ContactOscillator(PowerLaw(1.5), zeta=0.01)
     r = o.response(0.05, (0.8, 1.1), tol=1e-9)
     b = max(r.branches, key=lambda b: float(b.u_max.max()))
     for i in np.flatnonzero(b.u_min < -1.0)[3::24]:
-        shot = shoot(r.balance, b.Omega[i], 0.05, *state_at_phase_zero(b.coefficients[i], b.Omega[i]))
+        shot = shoot(r.equation, b.Omega[i], 0.05, *b.points[i].x[:2])
         found = b.u_max[i], b.u_min[i], b.a1[i]
         np.testing.assert_allclose(found, (shot.u_max, shot.u_min, shot.a1), rtol=2e-9)
         assert b.radius[i] == pytest.approx(max(abs(m) for m in shot.multipliers), rel=2e-4)
@@ -111,7 +109,7 @@ def test_branches_pass_the_force_at_which_the_contact_yields_again(load: float, 
     orbits = [s for omega in (0.7, 0.95, 1.02) for s in r.at(omega) if s.order == 1 and s.u_max > yields]
     assert len(orbits) >= 2
     for s in orbits:
-        shot = shoot(r.balance, s.Omega, forcing, *s.start)
+        shot = shoot(r.equation, s.Omega, forcing, *s.start)
         assert s.u_max == pytest.approx(shot.u_max, rel=2e-5) and s.u_min == pytest.approx(shot.u_min, rel=2e-5)
         assert s.stable == (max(abs(m) for m in shot.multipliers) < 1.0)
 
@@ -124,21 +122,27 @@ def test_every_damping_agrees_with_shooting(damping: str) -> None:
     flying = np.flatnonzero((b.u_min < -1.0) & steep)[::28]
     assert flying.size
     for i in flying:
-        shot = shoot(r.balance, b.Omega[i], 0.08, *state_at_phase_zero(b.coefficients[i], b.Omega[i]))
+        shot = shoot(r.equation, b.Omega[i], 0.08, *b.points[i].x[:2])
         assert b.u_max[i] == pytest.approx(shot.u_max, rel=1e-6)
         assert b.radius[i] == pytest.approx(max(abs(m) for m in shot.multipliers), rel=1e-3)
 
 
 @pytest.mark.parametrize("damping", ["always", "contact", "hunt-crossley"])
-@pytest.mark.parametrize(("n", "height"), [(2.5, 0.2), (2.5, 2.0), (1.5, 2.0)])
-def test_jacobian_of_the_balance(damping: str, n: float, height: float) -> None:
-    balance = Balance(Restoring(PowerLaw(n), 1.0), 0.03, damping)
-    k = np.concatenate([np.arange(8), np.arange(1, 8)])
-    x = height * np.random.default_rng(0).standard_normal(15) / (1.0 + k) ** 2
-    jacobian, h = balance.evaluate(x, 0.9, 0.1)[1], 1e-5
-    for j, e in enumerate(np.eye(15)):
-        column = (balance.evaluate(x + h * e, 0.9, 0.1)[0] - balance.evaluate(x - h * e, 0.9, 0.1)[0]) / (2 * h)
-        np.testing.assert_allclose(jacobian[:, j], column, atol=1e-5 * np.abs(jacobian).max())
+@pytest.mark.parametrize("law", [PowerLaw(1.2), PowerLaw(2.5), "table"])
+def test_the_period_map_and_its_derivatives_agree_with_scipy(damping: str, law: Any) -> None:
+    """Motions in contact, with flights and several separations in a period."""
+    if law == "table":
+        z = np.linspace(0.05, 1.0, 20)
+        law = TableLaw(z, 2.0 * z**1.5).yielding(TableLaw(z, z), reached=0.3)
+    e = Equation(Restoring(law, law.default_load), 0.03, damping)
+    for u, v, omega, forcing in ((0.3, 0.1, 0.8, 0.05), (1.1, -0.5, 0.7, 0.3), (-1.5, 0.2, 0.11, 0.8)):
+        start, found = np.array([u, v]), motions(e, [u, v], omega, forcing, rtol=1e-11)
+        expected = motion(e, omega, forcing, start)
+        own = (*found.end[0], found.high[0, 0], found.low[0, 0], np.hypot(*found.wave[0, :, 0]) / np.pi)
+        np.testing.assert_allclose(own, (*expected.end, expected.u_max, expected.u_min, expected.a1), atol=1e-8)
+        np.testing.assert_allclose(found.by_end[0], expected.by, atol=1e-6 * np.abs(expected.by).max())
+        liouville = np.exp(-2.0 * e.zeta * found.damping[0])
+        assert np.linalg.det(found.by_end[0, :, :2]) == pytest.approx(liouville, rel=1e-6)
 
 
 def test_linear_resonance() -> None:
@@ -216,7 +220,7 @@ def test_no_damping() -> None:
     assert all((b.det_error < 1e-6).all() for b in r.branches)
     at_resonance = ContactOscillator(PowerLaw(1.5), zeta=0.0).response(0.01, (1.0, 1.3))
     assert at_resonance.at(1.2)[0].u_max == pytest.approx(r.at(1.2)[0].u_max, rel=1e-6)
-    assert free_orbit(r.balance.restoring, 0.8648).omega == pytest.approx(0.95, abs=2e-3)
+    assert free_orbit(r.equation.restoring, 0.8648).omega == pytest.approx(0.95, abs=2e-3)
     _, lower, upper = r.at(0.95)
     assert lower.u_max < 0.88 < upper.u_max + 0.05
 
@@ -231,7 +235,7 @@ def test_undamped_orbits_above_a_superharmonic_resonance_are_all_those_that_rest
     """At rest at the greatest and at the least force: roots of the speed after half a period."""
     r = ContactOscillator(PowerLaw(1.5), zeta=0.0).response(0.05, window, tol=1e-4)
     starts = np.linspace(*ends, 80)  # no orbit begins between two
-    speed = [integrate(r.balance, omega, 0.05, u, 0.0, np.pi / omega, rtol=1e-8).v[-1] for u in starts]
+    speed = motions(r.equation, [(u, 0.0) for u in starts], omega, 0.05, length=np.pi).end[:, 1]
     known = sorted(s.start[0] for s in r.at(omega))
     roots = np.flatnonzero(np.diff(np.sign(speed)))
     assert len(known) == len(roots) == 3
@@ -306,34 +310,10 @@ def test_the_tolerance_includes_round_off() -> None:
     assert 1e-4 < miss.max() < r.tolerance < 0.1 and (miss < b.error).all()
 
 
-def test_stability_from_steps_too_long_is_unreliable() -> None:
-    r = ContactOscillator(PowerLaw(1.5)).response(0.01, (0.01, 0.012), subharmonics=False)
-    b = r.branches[0]
-    assert (_floquet(r.balance, b.coefficients, b.Omega, 256).error == 1.0).all()
-    assert b.stable.all() and (b.det_error < 1e-6).all()
-
-
-def test_multipliers_beyond_floating_point_range() -> None:
-    """An orbit near the rim of the Taylor well leaves it exponentially over a long period."""
-    balance = ContactOscillator(PowerLaw(1.5)).taylor().response(0.01, (0.9, 1.0)).balance
-    data = floquet(balance, np.array([[-3.0 + 0j, 1e-3, 0.0]]), np.array([0.01]))
-    assert data.radius[0] > 1e100 and not data.stable[0]
-    assert np.isfinite([data.trace, data.determinant, data.radius, data.error]).all()
-
-
 def test_work_is_bounded() -> None:
     o = ContactOscillator(PowerLaw(1.5))
-    r = frequency_response(o.balance(), o.setting(0.05), (0.5, 1.3), max_points=20)
+    r = frequency_response(o.equation, o.setting(0.05), (0.5, 1.3), max_points=20)
     assert any("ends early: too much work" in note for note in r.notes)
-
-
-def test_many_harmonics() -> None:
-    """Two tolerances of an orbit that needs hundreds of harmonics agree."""
-    o = ContactOscillator(PowerLaw(1.0), zeta=0.05)
-    fine, loose = (o.response(0.3, (0.77, 0.79), tol=tol, subharmonics=False) for tol in (1e-9, 1e-6))
-    assert max(p.x.size // 2 for b in fine.branches for p in b.points) > 128
-    for a, b in zip(fine.at(0.78), loose.at(0.78), strict=True):
-        assert a.u_max == pytest.approx(b.u_max, rel=1e-6)
 
 
 def test_mostly_flight() -> None:
@@ -342,7 +322,7 @@ def test_mostly_flight() -> None:
     top = max(r.at(0.25), key=lambda s: s.u_max)
     assert free_orbit(o.restoring, top.u_max).flight > 0.8
     u, v = top.start
-    shot = shoot(r.balance, 0.25, 0.2, u, v)
+    shot = shoot(r.equation, 0.25, 0.2, u, v)
     size = top.u_max - top.u_min
     assert shot.u_max == pytest.approx(top.u_max, abs=1e-5 * size)
     assert shot.u_min == pytest.approx(top.u_min, abs=1e-5 * size)

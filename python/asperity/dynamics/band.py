@@ -119,8 +119,8 @@ def response_band(
         own = float(np.sqrt(r.n_loc / r.z_s / (centre.n_loc / centre.z_s)))  # its omega_s over the central one
         moved = (stiff[0] / own, stiff[1] / own)
         ends = (low / own / moved[1], high / own / moved[0])
-        balance, setting = replace(oscillator.balance(), restoring=r), oscillator.setting(f * centre.scale / r.scale)
-        found = frequency_response(balance, setting, ends, tol=tol, subharmonics=False)
+        equation, setting = replace(oscillator.equation, restoring=r), oscillator.setting(f * centre.scale / r.scale)
+        found = frequency_response(equation, setting, ends, tol=tol, subharmonics=False)
         rows.append([u * (r.z_s / centre.z_s) for u in _moved(found, grid / own, moved)])
     upper, lower = np.transpose([_branches(*np.concatenate(u, axis=1)) for u in zip(*rows, strict=True)], (1, 2, 0))
     return Band(f, grid, upper, lower)

@@ -2,13 +2,15 @@
 
     u'' + 2 zeta g(u) u' + f(u) = F^ cos(Omega tau)
 
-With ``G(u)``, the integral of the damping factor g from 0, and Lienard's variable ``w = u' + 2 zeta G(u)``, the motion
-obeys ``u' = w - 2 zeta G(u), w' = F^ cos(Omega tau) - f(u)``, which is continuous at contact loss for every damping.
+The displacements are cut into cells, in each of which f and g are smooth: ln F is a cubic in ln(1 + u), or f a cubic
+in u (flight, and a Taylor law), and g is linear in u, or in the contact force.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from functools import cached_property
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -17,10 +19,12 @@ from asperity.arrays import Array
 from asperity.errors import InputError
 from asperity.force_law.damping import Damping, LoopDamping
 from asperity.force_law.law import Law
+from asperity.force_law.taylor import TaylorLaw
 from asperity.runtime.display import short_repr
 
 _SMALLEST = 1e-75  # its cube must not underflow
 _SMALL = 0.05  # below this |u| the potential is integrated: differences of potentials cancel
+_APART = 1e-13  # distance of edges that are one
 _GAUSS_X, _GAUSS_W = np.polynomial.legendre.leggauss(16)
 
 
@@ -112,13 +116,23 @@ class Restoring:
         value = self.pulled(inside) - self.pulled(0.0) - rest * inside
         small = np.abs(u) < _SMALL
         if small.any():
-            kink = np.minimum(u[small], max(self.kink, 0.0))
             value = np.array(value)
-            value[small] = 0.0
-            for start, half in ((0.0, 0.5 * kink), (kink, 0.5 * (u[small] - kink))):
-                at = np.asarray(start)[..., None] + half[..., None] * (1.0 + _GAUSS_X)
-                value[small] += half * (self.f(at) @ _GAUSS_W)
+            value[small] = self.work(np.zeros(small.sum()), u[small])
         return value + rest * (inside - u)
+
+    def work(self, start: Array, length: Array) -> Array:
+        """Integral of f over short intervals, (m,), by Gauss quadrature between the knots of the law."""
+        total = np.zeros(start.size)
+        if not start.size:
+            return total
+        knots = self.law.knots / self.z_s - 1.0
+        low, high = np.minimum(start, start + length).min(), np.maximum(start, start + length).max()
+        inner = knots[(knots > low) & (knots < high)]
+        for a, b in pairwise([-np.inf, *inner, np.inf]):
+            left, right = (np.clip(edge - start, np.minimum(length, 0.0), np.maximum(length, 0.0)) for edge in (a, b))
+            half = 0.5 * (right - left)
+            total += half * (self.f((start + left)[:, None] + half[:, None] * (1.0 + _GAUSS_X)) @ _GAUSS_W)
+        return np.where(length < 0.0, -total, total)
 
     def pulled(self, u: ArrayLike) -> Array:
         """Energy stored in the contact, the integral of `pull` from u = -1."""
@@ -140,10 +154,41 @@ class Equation:
     zeta: float
     damping: Damping = "always"
 
-    def loss(self, u: float) -> float:
-        """2 zeta G(u), the difference between w and the speed, at one displacement."""
-        stored = u if self.damping == "always" else float(primitive(self.restoring, self.damping, np.array([u]))[0])
-        return 2.0 * self.zeta * stored
+    @cached_property
+    def cells(self) -> tuple[Array, Array]:
+        """Edges (m,) in u, and cells (m + 1, 8) between them as in solver/period_map.cpp."""
+        r, rest = self.restoring, 1.0 / self.restoring.n_loc
+        edges: Array = np.empty(0)
+        rows: Array = np.zeros((1, 8))
+        if r.contact:
+            x, law = r.law.cells(r.z_s)
+            edges = np.append(-1.0, np.exp(x) / r.z_s - 1.0)
+            rows = np.zeros((x.size + 2, 8))
+            rows[0, 2] = -rest
+            rows[1:, 0], rows[1:, 1] = 1.0, law[:, 0] - np.log(r.z_s)
+            rows[1:, 2:6] = law[:, 1:]
+            rows[1:, 2] -= np.log(r.scale)
+        elif isinstance(r.law, TaylorLaw):
+            rows[0, 2:6] = 0.0, 1.0, r.a2, r.a3
+        else:
+            raise InputError("a law without contact loss must be a TaylorLaw")
+        added: Array = np.empty(0)
+        if isinstance(self.damping, LoopDamping):
+            at = np.array([0.0, *self.damping.deflection]) / r.z_s
+            added = np.concatenate([[-1.0], -at[(at > 0) & (at < 1.0)], at])
+        elif self.damping == "contact":
+            added = np.array([-1.0])
+        cuts = np.unique(np.concatenate([edges, added]))
+        cuts = cuts[np.diff(cuts, prepend=-np.inf) > _APART]
+        ends = np.concatenate([cuts[:1] - 2.0, cuts, cuts[-1:] + 2.0]) if cuts.size else np.array([-1.0, 1.0])
+        inside = 0.5 * (ends[1:] + ends[:-1])
+        rows = rows[np.searchsorted(edges, inside)]
+        if self.damping != "hunt-crossley":  # there g is the contact force over the preload
+            near = np.minimum(0.25 * np.min(np.diff(cuts), initial=1.0), 1e-3)
+            one, two = (rate(r, self.damping, inside + d) for d in (-near, near))
+            rows[:, 7] = (two - one) / (2.0 * near)
+            rows[:, 6] = 0.5 * (one + two) - rows[:, 7] * inside
+        return cuts, np.ascontiguousarray(rows)
 
 
 def rate(restoring: Restoring, damping: Damping, u: Array) -> Array:
@@ -156,16 +201,3 @@ def rate(restoring: Restoring, damping: Damping, u: Array) -> Array:
     if damping == "contact":
         return np.where(u > -1.0, 1.0, 0.0)
     return restoring.n_loc * restoring.pull(u)[0]
-
-
-def primitive(restoring: Restoring, damping: Damping, u: Array) -> Array:
-    """Integral G(u) of the damping factor from 0; constant in flight except for "always"."""
-    if isinstance(damping, LoopDamping):
-        u = np.maximum(u, -1.0)
-        added = damping.integral(restoring.z_s * np.abs(u)) / (restoring.z_s * damping.background)
-        return np.asarray(u + np.sign(u) * added)
-    if damping == "always":
-        return u
-    if damping == "contact":
-        return np.maximum(u, -1.0)
-    return restoring.n_loc * restoring.potential(u) + u

@@ -269,7 +269,7 @@ def _contact_part(
     # near an end the difference of potentials cancels: integrate the force instead
     below = 2.0 * half * np.sin(0.25 * np.pi - 0.5 * angle) ** 2
     near = below < 0.02 * half
-    gain[near] = below[near] * _mean_force(restoring, u0 - below[near], below[near])
+    gain[near] = -restoring.work(np.full(near.sum(), u0), -below[near])
     above = 2.0 * half * np.sin(0.25 * np.pi + 0.5 * angle) ** 2
     if restoring.contact and u_min < -0.5:  # measured from the flight side, exact down to u = -1
         near = u < -0.5
@@ -278,7 +278,7 @@ def _contact_part(
         near = above < _TOUCHING * (1.0 + u_min)
     else:
         near = above < 0.02 * half
-    gain[near] = -above[near] * _mean_force(restoring, np.full(near.sum(), u_min), above[near])
+    gain[near] = -restoring.work(np.full(near.sum(), u_min), above[near])
     if not gain.min() > 0:
         raise ConvergenceError("the amplitude is too small: V(u) is lost in round-off")
     speed = np.sqrt(2.0 * gain)
@@ -287,12 +287,6 @@ def _contact_part(
     start = panels.sum(axis=1)[::-1].cumsum()[::-1]  # time from the left end of each panel to u0
     t = start[:, None] - width * (slope @ _integration(order).T)
     return u.ravel(), panels.ravel(), t.ravel(), speed.ravel()
-
-
-def _mean_force(restoring: Restoring, start: Array, length: Array) -> Array:
-    """Mean of f over [start, start + length]."""
-    x, w = _gauss(12)
-    return 0.5 * (restoring.f(start[:, None] + 0.5 * length[:, None] * (1.0 + x)) @ w)
 
 
 @lru_cache(maxsize=16)

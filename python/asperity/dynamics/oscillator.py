@@ -5,15 +5,16 @@ from __future__ import annotations
 import warnings
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field, replace
+from functools import cached_property
+from math import cos
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from asperity.dynamics import sweep as _sweep
 from asperity.dynamics import thresholds as _thresholds
-from asperity.dynamics.equation import Restoring
+from asperity.dynamics.equation import Equation, Restoring
 from asperity.dynamics.free import FreeVibration, contact_limit, free_vibration, largest_amplitude
-from asperity.dynamics.harmonic_balance import Balance
 from asperity.dynamics.motion import Trajectory, integrate
 from asperity.dynamics.response import FrequencyResponse, frequency_response
 from asperity.dynamics.settings import FORCING, MIN_ZETA, OMEGA, Setting, forcings, window
@@ -124,12 +125,12 @@ class ContactOscillator:
         if u0 is None:
             top = min(1.5 * self.u_max if np.isfinite(self.u_max) else 1.5, largest_amplitude(self.restoring))
             u0 = np.linspace(top / 120, top, 120)
-        return free_vibration(self.balance(), u0, self.omega_s)
+        return free_vibration(self.equation, u0, self.omega_s)
 
     def thresholds(self, forcing: float | Iterable[float] = ()) -> Thresholds:
         """Onsets of contact loss, hysteresis and period doubling, and the peak for each F^ in `forcing`."""
         values = () if isinstance(forcing, Sequence) and not forcing else forcings(forcing)
-        return _thresholds.thresholds(self.balance(), values)
+        return _thresholds.thresholds(self.equation, values)
 
     def response(
         self, forcing: float, omega: Sequence[float] = (0.5, 1.3), *, tol: float = 1e-5, subharmonics: bool = True
@@ -139,7 +140,7 @@ class ContactOscillator:
         Args:
             forcing: F^ = F/(n_loc W), 1e-9 to 1e6
             omega: lowest and highest Omega, 0.01 to 100
-            tol: allowed truncation error, relative to the amplitude
+            tol: allowed error of the orbits, relative to the amplitude
             subharmonics: whether orbits of period 2 are searched
 
         Raises:
@@ -147,7 +148,7 @@ class ContactOscillator:
         """
         setting = self.setting(within("forcing", forcing, FORCING))
         ends, tol = window(omega), positive("tol", tol)
-        return frequency_response(self.balance(), setting, ends, tol=tol, subharmonics=subharmonics)
+        return frequency_response(self.equation, setting, ends, tol=tol, subharmonics=subharmonics)
 
     def sweep(
         self,
@@ -183,7 +184,7 @@ class ContactOscillator:
         if points < 2:
             raise InputError(f"points = {points} is not legal: a sweep needs at least 2")
         return _sweep.sweep(
-            self.balance(), [self.setting(f) for f in forcings(forcing)], np.linspace(*window(omega), points),
+            self.equation, [self.setting(f) for f in forcings(forcing)], np.linspace(*window(omega), points),
             directions=directions, tol=positive("tol", tol), max_periods=max_periods
         )  # fmt: skip
 
@@ -216,15 +217,16 @@ class ContactOscillator:
             raise InputError(f"the initial state u = {u}, v = {v} is not legal: it must be finite")
         period = 2.0 * np.pi / w
         path = integrate(
-            self.balance(), w, f, float(u), float(v), positive("periods", periods) * period,
-            rtol=positive("rtol", rtol), samples=samples / period
+            self.equation, lambda t: f * cos(w * t), float(u), float(v), positive("periods", periods) * period,
+            rtol=positive("rtol", rtol), samples=samples / period, max_step=min(0.25, np.pi / w / 8.0)
         )  # fmt: skip
         low = float(path.u.min())
         return replace(path, setting=self.setting(f), tolerance=rtol, valid=self.restoring.contact or low >= -1.0)
 
-    def balance(self) -> Balance:
-        """Equations of the harmonic balance."""
-        return Balance(self.restoring, self.zeta, self.damping)
+    @cached_property
+    def equation(self) -> Equation:
+        """Equation of motion."""
+        return Equation(self.restoring, self.zeta, self.damping)
 
     def setting(self, forcing: float) -> Setting:
         """Law, damping and forcing of a result for F^ = `forcing`."""

@@ -3,20 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from typing import Any
 
-import numpy as np
-
-from asperity.dynamics.branch import Branch, Event, Line, Solution, dense, measure
-from asperity.dynamics.continuation import Tracing, crossings, in_omega
-from asperity.dynamics.harmonic_balance import Balance, stack
+from asperity.dynamics.branch import Branch, Event, Line, Solution, dense, first_harmonic
+from asperity.dynamics.equation import Equation
+from asperity.dynamics.orbits import Orbits, Point, Tracing
 from asperity.dynamics.search import Search, distance
 from asperity.dynamics.settings import Setting
-from asperity.dynamics.stability import floquet
 from asperity.errors import ConvergenceError, InputError
 from asperity.runtime.display import short_repr
 
+_RTOL = 1e-4  # tolerance of the integrator over that of the orbits
+_FINEST, _COARSEST = 1e-13, 1e-9  # of it
 _SAME = 1e-6  # relative distance, in addition to their errors, within which two orbits may be identical
 _UNRELIABLE = 1e-3  # deviation of the determinant from Liouville's above which stability is unreliable
 
@@ -34,7 +33,7 @@ class FrequencyResponse:
         valid: whether every orbit is physical
         notes: limits of the result (unphysical parts, ends of branches, table limits), one sentence each
         searched: which orbits were searched and which were not, one sentence
-        balance: equations of the orbits
+        equation: of the orbits
 
     Examples:
         >>> response = asp.ContactOscillator(asp.PowerLaw(1.5)).response(0.02, (0.85, 1.05), tol=1e-3)
@@ -53,7 +52,8 @@ class FrequencyResponse:
     valid: bool
     notes: tuple[str, ...]
     searched: str
-    balance: Balance = field(repr=False)
+    equation: Equation = field(repr=False)
+    rtol: float = field(default=_COARSEST, repr=False)  # of the integrator
 
     __repr__ = short_repr
 
@@ -76,38 +76,38 @@ class FrequencyResponse:
         """
         if not self.omega[0] <= omega <= self.omega[1]:
             raise InputError(f"Omega = {omega:g} lies outside the computed window {self.omega}")
-        found: list[tuple[bool, Solution]] = []
+        found: list[tuple[Solution, Point]] = []
         for number, branch in enumerate(self.branches):
-            balance = replace(self.balance, order=branch.order)
             try:
-                points = list(crossings(in_omega(balance, self.setting.F_hat), branch.points, omega))
+                points = list(self._orbits(branch).crossings(branch.points, omega))
             except ConvergenceError as error:
                 raise ConvergenceError(
                     f"an orbit at Omega = {omega:g} on branch {number} ({branch.kind}) could not be corrected: "
                     f"{error}; use a smaller tol"
                 ) from error
-            if not points:
-                continue
-            multipliers = floquet(balance, stack([p.x for p in points]), np.full(len(points), omega))
-            data = measure(balance, points, branch.kind, "", multipliers)
-            for i, point in enumerate(points):
-                u_max, u_min, a1 = (float(column[i]) for column in (data.u_max, data.u_min, data.a1))
+            for p in points:
+                states = p.pieces(branch.order).x
+                u_max, u_min = (float(u) for u in p.extremes[:2])
                 s = Solution(
-                    number, branch.kind, branch.order, omega, u_max, u_min, a1, bool(data.stable[i]), point.error,
-                    data.coefficients[i],
+                    number, branch.kind, branch.order, omega, u_max, u_min, first_harmonic(p), p.stable, p.error,
+                    states.reshape(-1, 2),
                 )  # fmt: skip
-                sense = bool(multipliers.fold[i] > 0)  # differs on the two sides of a fold, however close
+                # the sense differs on the two sides of a fold, however close
                 if not any(
-                    sense == other and s.order == o.order
-                    and distance(s.coefficients, o.coefficients, s.order) < _SAME + 10.0 * max(s.error, o.error)
-                    for other, o in found
+                    (p.fold > 0) == (q.fold > 0) and s.order == o.order
+                    and distance(states, o.states.ravel(), s.order)
+                    < (_SAME + 10.0 * max(s.error, o.error)) * p.amplitude
+                    for o, q in found
                 ):  # fmt: skip
-                    found.append((sense, s))
-        return tuple(sorted((s for _, s in found), key=lambda s: s.u_max))
+                    found.append((s, p))
+        return tuple(sorted((s for s, _ in found), key=lambda s: s.u_max))
 
     def lines(self) -> tuple[Line, ...]:
         """Each branch as dense rows; straight lines between them have errors below 1e-3."""
-        return tuple(dense(self.balance, b) for b in self.branches)
+        return tuple(dense(self._orbits(b), b) for b in self.branches)
+
+    def _orbits(self, branch: Branch) -> Orbits:
+        return Orbits(self.equation, self.setting.F_hat, branch.order, rtol=self.rtol)
 
     def to_dict(self) -> dict[str, Any]:
         """Section of thresholds.json."""
@@ -134,7 +134,7 @@ class FrequencyResponse:
 
 
 def frequency_response(
-    balance: Balance,
+    equation: Equation,
     setting: Setting,
     omega: tuple[float, float],
     *,
@@ -144,17 +144,17 @@ def frequency_response(
 ) -> FrequencyResponse:
     """Compute all branches in a window; arguments and errors as in `ContactOscillator.response`.
 
-    `max_points` is that of `continuation.Tracing`.
+    `max_points` is that of `orbits.Tracing`.
     """
-    step, smooth = (omega[1] - omega[0]) / 25.0, not balance.restoring.singular
-    how = Tracing(omega, tol, balance.zeta, step, max_points=max_points, smooth=smooth)
-    search = Search(balance, setting.F_hat, how, subharmonics)
+    rtol = min(max(_RTOL * tol, _FINEST), _COARSEST)
+    how = Tracing(omega, (omega[1] - omega[0]) / 25.0, max_points)
+    search = Search(equation, setting.F_hat, how, subharmonics, rtol)
     search.run()
     branches = search.branches
     return FrequencyResponse(
         setting, omega, tuple(branches), tuple(search.events), max(float(b.error.max()) for b in branches),
         max(float(b.det_error.max()) for b in branches), all(bool(b.valid.all()) for b in branches),
-        (*search.notes, *_limitations(branches, balance.restoring.known_to)), search.describe(), balance,
+        (*search.notes, *_limitations(branches, equation.restoring.known_to)), search.describe(), equation, rtol,
     )  # fmt: skip
 
 

@@ -1,4 +1,4 @@
-"""Frequency sweeps by integration in time: each forcing and direction is a lane of the arrays.
+"""Frequency sweeps by integration in time, each forcing and direction a lane of the period map.
 
 The state of a lane is passed from one frequency to the next at forcing phase 0, as soon as the Poincare map has
 converged.
@@ -14,11 +14,12 @@ import numpy as np
 
 from asperity.arrays import Array
 from asperity.dynamics.equation import Equation
-from asperity.dynamics.motion import has_escaped, path_of, steps_for, turning_values
+from asperity.dynamics.period_map import motions
 from asperity.dynamics.settings import Setting
 from asperity.runtime.display import short_repr
 
 SETTLED, NOT_SETTLED, ESCAPED = "settled", "not settled", "escaped"
+_RTOL = 1e-8  # of the integrator
 _LONGEST = 4  # longest period distinguished from chaos, in forcing periods
 
 
@@ -101,7 +102,7 @@ def sweep(
 def _settle(
     equation: Equation, state: Array, omega: Array, forcing: Array, tol: float, limit: int
 ) -> tuple[Array, Array]:
-    """Steady state (u, w) of every lane from a state (2, lanes), NaN after an escape; u_max, u_min, a1, residual, kind.
+    """Steady state (u, v) of every lane from a state (2, lanes), NaN after an escape; u_max, u_min, a1, residual, kind.
 
     The change of the Poincare map over a period, divided by ``1 - exp(-2 pi zeta / Omega)``, estimates the remaining
     distance, `residual`. Slow convergence is accelerated by extrapolating the map, which is nearly affine there
@@ -115,25 +116,20 @@ def _settle(
     residual, a1, periods = np.full(lanes, np.inf), np.full(lanes, np.nan), np.zeros(lanes, int)
     highest, lowest = np.full((2, _LONGEST, lanes), np.nan)
     history = [state]
-    count = steps_for(equation, omega, state[0])
     for period in range(limit):
         active = np.flatnonzero(kind == 0)
         if active.size == 0:
             break
-        u, w = state[:, active]
-        us, vs, w = path_of(equation, u, w, omega[active], forcing[active], count)
-        with np.errstate(over="ignore", invalid="ignore"):
-            low, high = turning_values(us, vs * (2.0 * np.pi / omega[active] / count))
-            first = 2.0 / count * np.abs(np.exp(-2j * np.pi / count * np.arange(count)) @ us[:-1])
-        u = us[-1]
-        gone = has_escaped(equation, u, low)
+        m = motions(equation, state[:, active].T, omega[active], forcing[active], rtol=_RTOL, derivatives=False)
+        gone = ~np.isfinite(m.end[:, 0])
         kind[active[gone]] = -1
         state = state.copy()
-        state[:, active] = np.where(gone, np.nan, [u, w])
+        state[:, active] = m.end.T
+        high, low = m.high[:, 0], m.low[:, 0]
+        first = np.hypot(*m.wave[:, :, 0].T) / np.pi
         periods[active] += 1
         highest[period % _LONGEST, active], lowest[period % _LONGEST, active], a1[active] = high, low, first
         history = [*history, state][-(2 * _LONGEST + 1) :]
-        count = max(count, steps_for(equation, omega[active], np.where(gone, 0.0, high)))
         if len(history) < 4:
             continue
         size = 0.5 * (np.nanmax(highest[:, active], axis=0) - np.nanmin(lowest[:, active], axis=0)) + 1e-12

@@ -11,14 +11,17 @@ from abc import ABC, abstractmethod
 
 import numpy as np
 from numpy.typing import ArrayLike
+from scipy.interpolate import CubicHermiteSpline, PPoly
 from scipy.optimize import brentq
 
 from asperity.arrays import Array
-from asperity.errors import RangeError
+from asperity.errors import InputError, RangeError
 from asperity.force_law.checks import positive
 
 _FARTHEST = 1e100  # approach beyond which no load is sought (length)
 _STRAIGHT = 1e-10  # kappa below which a law is linear, far above round-off
+_SAMPLED = (-20.7, 13.8)  # ln of the approaches over a deflection between which a law without cells is sampled
+_SAMPLING = 1e-10  # relative error of the force of cells between sampled points
 
 
 class Law(ABC):
@@ -77,6 +80,31 @@ class Law(ABC):
     @abstractmethod
     def describe(self) -> str:
         """One line that names the law and its parameters."""
+
+    def cells(self, about: float) -> tuple[Array, Array]:
+        """Pieces of ln F over x = ln z: edges (m,), and rows (m + 1, 5) of a start x_0 and a cubic in x - x_0.
+
+        Those of a law defined by its force alone are sampled, to a relative error of about 1e-10 of the force.
+
+        Args:
+            about: approach of the operating point (length)
+
+        Raises:
+            InputError: the force is not positive for z > 0
+        """
+        x: Array = np.log(about) + np.linspace(*_SAMPLED, 40)
+        x = np.unique(np.concatenate([x, np.log(self.knots[self.knots > 0])]))
+        for _ in range(12):
+            force, slope = self.both(np.exp(x))
+            if not (np.isfinite(force).all() and np.all(force > 0)):
+                raise InputError(f"the force of the law ({self.describe()}) is not positive for every approach z > 0")
+            curve = CubicHermiteSpline(x, np.log(force), slope * np.exp(x) / force)
+            middle = 0.5 * (x[1:] + x[:-1])
+            off = np.abs(curve(middle) - np.log(self.both(np.exp(middle))[0])) > _SAMPLING
+            if not off.any() or x.size > 2000:
+                break
+            x = np.sort(np.append(x, middle[off]))
+        return x, continued(curve)
 
     @property
     def default_load(self) -> float:
@@ -139,6 +167,15 @@ class Law(ABC):
                 f"approach {z.max():g} lies outside the law, known up to {self.known_to:g}; compute the curve further"
             )
         return z
+
+
+def continued(curve: PPoly) -> Array:
+    """Rows of `Law.cells` of a piecewise cubic, with straight lines before and beyond."""
+    rows = np.column_stack([curve.x[:-1], curve.c[::-1].T])
+    ends = curve.x[[0, -1]]
+    value, slope = curve(ends), curve(ends, 1)
+    below, above = ([x, y, d, 0.0, 0.0] for x, y, d in zip(ends, value, slope, strict=True))
+    return np.array([below, *rows, above])
 
 
 def curvature(p: tuple[float, float, float], z: float) -> float:

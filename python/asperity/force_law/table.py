@@ -280,6 +280,10 @@ class TableLaw(Law):
         first = np.full(h.size, float(self._curve(x, 1)))
         return np.stack([first, (high - 2 * mid + low) / h**2, 6 * ((high - low) / (2 * h) - first) / h**2], axis=1)
 
+    def cells(self, about: float) -> tuple[Array, Array]:
+        curve = self._curve  # its outer cells, of which the edges are no points, are straight
+        return curve.x[1:-1], np.column_stack([curve.x[:-1], curve.c[::-1].T])
+
     def deflection(self, load: float) -> float:
         below = float(self._curve.c[2, 0])
         if load < self.F[0] and below < 1.0:

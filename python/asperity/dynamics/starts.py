@@ -1,8 +1,8 @@
 """Initial orbits of branches: from rest, and by Newton's method on the period map.
 
 The period map finds loops, and orbits of period 2 that no period doubling leads to. Some starts fill frequency and
-state evenly (a low-discrepancy sequence, Roberts 2018), the others lie on free orbits; motions are integrated in
-parallel, and each start converges to an orbit near it, stable or not.
+state evenly (a low-discrepancy sequence, Roberts 2018), the others lie on free orbits; each converges to an orbit near
+it, stable or not.
 """
 
 from __future__ import annotations
@@ -10,16 +10,15 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 
 from asperity.arrays import Array
-from asperity.dynamics.branch import Branch, on_cubic
-from asperity.dynamics.continuation import MIN_HARMONICS, Tracing, in_forcing, start, trace
-from asperity.dynamics.equation import Equation, primitive
+from asperity.dynamics.equation import Equation
 from asperity.dynamics.free import free_orbit, rough_states
-from asperity.dynamics.harmonic_balance import Balance, unstack
-from asperity.dynamics.motion import has_escaped, path_of, steps_for
+from asperity.dynamics.orbits import Orbits, Point, Tracing, value
+from asperity.dynamics.period_map import TURN, motions
 from asperity.dynamics.thresholds import resonance_peak
 from asperity.errors import ConvergenceError
 from asperity.force_law.damping import only_in_contact
@@ -28,36 +27,39 @@ _POINTS = 16  # amplitudes on the backbone; a chart of 12 finds the same loops o
 _LARGEST = 300.0  # amplitude of free orbits, above which the mass flies all the time
 _SMALLEST = 0.05  # of them in the chart
 _MOST_LOST = 2.0  # of `Chart.lost` with orbits of period 2: up to 1.1 in 250 random windows
-_LINEAR, _FAINT = 0.3, 0.02  # amplitudes up to which, and at which, an orbit from rest starts as the linear response
+_LINEAR, _FAINT = 0.3, (0.02, 1e-3, 1e-5)  # amplitudes up to which, and at which, orbits from rest start as linear
 _SINGULAR = 1e-9  # impedance below which there is no linear response to start from
 _NEWTON = 9  # iterations on the period map
-_TYPICAL = 2.0  # displacement whose stiffness sets the time step: rough, because the balance corrects the orbits
-_MOST_STEPS = 400  # per period
+_ROUGH = 1e-6  # tolerance of the motions of the search; the orbits are corrected later
 _CLOSE = 1e-4  # Newton step that ends the search, relative to the state
 _KNOWN = 1e-2  # distance within which an orbit is identical to a known one, relative to the state
-_HARMONICS = 24  # of an orbit found, per forcing period
 _ROWS = 8  # of a branch between two points
 _CYCLES = 5  # of free orbits in a forcing period
 _GOLDEN = {2: 1.3247179572447460, 3: 1.2207440846057596}  # roots of x^(d + 1) = x + 1
 
 
-def orbit_from_rest(balance: Balance, omega: float, forcing: float, tol: float) -> Array:
-    """Coefficients (2 K + 1) of the orbit reached at fixed Omega by raising the forcing from zero."""
-    impedance = complex(1.0 - omega * omega, 2.0 * balance.zeta * omega)
+def orbit_from_rest(equation: Equation, omega: float, forcing: float, rtol: float) -> Point:
+    """Orbit reached at fixed Omega by raising the forcing from zero."""
+    impedance = complex(1.0 - omega * omega, 2.0 * equation.zeta * omega)
     if abs(impedance) < _SINGULAR:
         raise ConvergenceError(f"no orbit found from rest at Omega = {omega:g}, the resonance without damping")
-    transfer, equations = 1.0 / impedance, in_forcing(balance, omega)
-    first = forcing if forcing * abs(transfer) < _LINEAR else _FAINT / abs(transfer)
-    x: Array = np.zeros(2 * MIN_HARMONICS + 1)
-    x[1], x[MIN_HARMONICS + 1] = first * transfer.real, -first * transfer.imag
-    how = Tracing((0.0, forcing), tol, balance.zeta, 0.5 * forcing)
-    point = start(equations, x, first, 1.0, how)
+    transfer, orbits = 1.0 / impedance, Orbits(equation, omega, by_forcing=True, rtol=rtol)
+    linear = forcing * abs(transfer) < _LINEAR
+    for first in [forcing] * linear + [share / abs(transfer) for share in _FAINT]:
+        if first > forcing:
+            continue
+        with suppress(ConvergenceError):
+            x = first * np.array([transfer.real, -omega * transfer.imag])
+            point = orbits.at(x, first, first * abs(transfer))
+            break
+    else:
+        raise ConvergenceError(f"no orbit found from rest at Omega = {omega:g}")
     if first < forcing:
-        path = trace(equations, point, how)
+        path = orbits.trace(point, Tracing((0.0, forcing), 0.5 * forcing))
         point = path.points[-1]
         if path.end != "window" or point.parameter < 0.5 * forcing:
             raise ConvergenceError(f"no orbit found from rest at Omega = {omega:g}, F^ = {forcing:g}")
-    return point.x
+    return point
 
 
 @dataclass(frozen=True)
@@ -108,23 +110,23 @@ def has_one_resonance(equation: Equation, forcing: float) -> bool:
 
 
 def random_starts(equation: Equation, forcing: float, window: tuple[float, float], count: int) -> Array:
-    """Omega, u and w (3, starts) at periods of even spacing: half of them in contact, half in flight."""
+    """Omega, u and v (3, starts) at periods of even spacing: half of them in contact, half in flight."""
     a, b, c = _even(count, 3)
     omega = 1.0 / (1.0 / window[1] + a * (1.0 / window[0] - 1.0 / window[1]))
     n = equation.restoring.n_loc
     drive = forcing / (2.0 * equation.zeta)
     radius = min(1.5 * drive + 2.0 * forcing, 2.5) * np.sqrt(b)
-    u, v = radius * np.cos(2.0 * np.pi * c), radius * np.sin(2.0 * np.pi * c)
+    u, v = radius * np.cos(TURN * c), radius * np.sin(TURN * c)
     if drive > 1.0 and equation.restoring.contact:
         flying = np.arange(count) % 2 == 0
-        v_s = b * np.minimum(2.0 * np.pi / (n * omega), drive)  # the flight lasts up to two periods of the forcing
+        v_s = b * np.minimum(TURN / (n * omega), drive)  # the flight lasts up to two periods of the forcing
         s = 2.0 * n * v_s * c
         u, v = np.where(flying, -1.0 - v_s * s + s * s / (2.0 * n), u), np.where(flying, s / n - v_s, v)
-    return _lienard(equation, omega, u, v)
+    return np.array([omega, u, v])
 
 
 def free_starts(equation: Equation, chart: Chart, window: tuple[float, float], order: int, count: int) -> Array:
-    """Omega, u and w (3, starts) on free orbits of 1 to 5 cycles in a forcing period, or of odd numbers in two.
+    """Omega, u and v (3, starts) on free orbits of 1 to 5 cycles in a forcing period, or of odd numbers in two.
 
     Superharmonic and subharmonic resonances follow these orbits, at a phase that balances the loss.
     """
@@ -135,9 +137,9 @@ def free_starts(equation: Equation, chart: Chart, window: tuple[float, float], o
         share = order / (1.0 + order * (np.arange(count) % _CYCLES))  # of the frequency of the free orbit
         rough = share * np.interp(np.log(amplitude), size, chart.frequency)
         for i in np.flatnonzero((rough > window[0]) & (rough < window[1])):
-            state = rough_states(equation.restoring, float(amplitude[i]), 2.0 * np.pi * phase[i])
+            state = rough_states(equation.restoring, float(amplitude[i]), TURN * phase[i])
             found.append((share[i] * state[0], *state[1:]))
-    lanes = _lienard(equation, *np.array(found).reshape(-1, 3).T)
+    lanes = np.array(found).reshape(-1, 3).T
     return lanes[:, (lanes[0] > window[0]) & (lanes[0] < window[1])]
 
 
@@ -147,68 +149,52 @@ def _even(count: int, dimensions: int) -> Array:
     return (0.5 + np.multiply.outer(ratio, np.arange(1.0, count + 1.0))) % 1.0
 
 
-def _lienard(equation: Equation, omega: Array, u: Array, v: Array) -> Array:
-    return np.array([omega, u, v + 2.0 * equation.zeta * primitive(equation.restoring, equation.damping, u)])
-
-
 def periodic_orbits(
     equation: Equation, forcing: float, lanes: Array, order: int, known: Sequence[Array]
-) -> Iterator[tuple[float, Array]]:
-    """Omega and rough coefficients of the orbits of `order` forcing periods near the starts (`lanes`: Omega, u, w).
+) -> Iterator[tuple[float, Array, float]]:
+    """Omega, rough states (2 order,) and amplitude of the orbits of `order` forcing periods near the starts.
 
     Orbits of shorter periods are left out, and the known ones (see `states`), which may grow in the meantime.
     """
-    omega, u, w = lanes
-    steps = min(max(64, steps_for(equation, omega, np.array([_TYPICAL])) // 2), _MOST_STEPS)
-
-    def mapped(omega: Array, u: Array, w: Array) -> tuple[Array, Array, Array]:
-        """Displacements and speeds (order * steps + 1, lanes) over the period, and w at its end."""
-        us, vs = [u[None]], []
-        for _ in range(order):
-            path, speed, w = path_of(equation, us[-1][-1], w, omega, np.full(u.size, forcing), steps)
-            us.append(path[1:])
-            vs.append(speed[:-1])
-        return np.concatenate(us), np.concatenate(vs), w
-
-    path, _, w = mapped(omega, u, w)
-    u = path[-1]
+    omega, y = lanes[0], lanes[1:].T
+    y = motions(equation, y, omega, forcing, length=TURN * order, rtol=_ROUGH, derivatives=False).end
     for _ in range(_NEWTON):
-        kept = np.isfinite(u) & np.isfinite(w) & ~has_escaped(equation, u, u)
-        omega, u, w = omega[kept], u[kept], w[kept]
-        if not u.size:
+        kept = np.isfinite(y).all(axis=1)
+        omega, y = omega[kept], y[kept]
+        if not y.size:
             return
-        size = 0.1 + np.abs(u) + np.abs(w)
-        h = 1e-4 * size
-        path, speed, ends = mapped(np.tile(omega, 3), np.concatenate([u, u + h, u]), np.concatenate([w, w, w + h]))
-        end = np.stack([path[-1].reshape(3, -1), ends.reshape(3, -1)])  # (u or w, lane of three, start)
+        size = 0.1 + np.abs(y).sum(axis=1)
+        m = motions(equation, y, omega, forcing, length=TURN * order, rtol=_ROUGH)
         with np.errstate(all="ignore"):
-            defect, ((a, b), (c, d)) = end[:, 0] - [u, w], (end[:, 1:] - end[:, :1]) / h
-            step = np.array([b * defect[1] - (d - 1.0) * defect[0], c * defect[0] - (a - 1.0) * defect[1]])
-            step /= (a - 1.0) * (d - 1.0) - b * c
+            (a, b), (c, d) = m.by_end[:, :, :2].transpose(1, 2, 0)
+            p, q = (m.end - y).T
+            step = np.array([b * q - (d - 1.0) * p, c * p - (a - 1.0) * q]) / ((a - 1.0) * (d - 1.0) - b * c)
         length = np.hypot(*step)
         for i in np.flatnonzero(length < _CLOSE * size):
-            if (
-                order > 1
-                and np.abs(path[steps, i] - path[0, i]) + np.abs(speed[steps, i] - speed[0, i]) < _KNOWN * size[i]
-            ):
-                continue
-            if not any(_near(rows, float(omega[i]), float(u[i]), float(speed[0, i])) for rows in known):
-                wave = np.fft.rfft(path[:-1, i])[: _HARMONICS * order + 1] / (steps * order)
-                wave[1:] *= 2.0
-                yield float(omega[i]), unstack(wave, _HARMONICS * order)
+            start, w = y[i] + step[:, i], float(omega[i])
+            both = [start]
+            if order > 1:
+                both.append(motions(equation, start, w, forcing, rtol=_ROUGH, derivatives=False).end[0])
+                if np.abs(both[1] - start).sum() < _KNOWN * size[i]:
+                    continue
+            if not any(_near(rows, w, *start) for rows in known):
+                yield w, np.concatenate(both), float(0.5 * (m.high[i, 0] - m.low[i, 0]))
         moving = np.isfinite(length) & (length >= _CLOSE * size)
-        omega, u, w, length, size, step = (x[..., moving] for x in (omega, u, w, length, size, step))
-        u, w = [u, w] + step * np.minimum(1.0, 0.3 * size / length)
+        omega, y, length, size, step = omega[moving], y[moving], length[moving], size[moving], step[:, moving]
+        y = y + (step * np.minimum(1.0, 0.3 * size / length)).T
 
 
-def states(branch: Branch) -> Array:
-    """Omega, u and v at forcing phase 0 (3, periods, rows) along a branch, once for each forcing period."""
-    places = np.linspace(0.0, len(branch) - 1.0, _ROWS * (len(branch) - 1) + 1)
-    omega, c = on_cubic(branch, places)
-    k = np.arange(c.shape[1])
-    turn = np.exp(2j * np.pi / branch.order * np.outer(k, np.arange(branch.order)))
-    u, v = (c @ turn).real, ((1j * k * c) @ turn).real * omega[:, None] / branch.order
-    return np.stack(np.broadcast_arrays(omega, u.T, v.T))
+def states(orbits: Orbits, points: Sequence[Point]) -> Array:
+    """Omega, u and v at forcing phase 0 (3, order, rows) along a branch, once for each forcing period."""
+    order, s = orbits.order, np.linspace(0.0, 1.0, _ROWS, endpoint=False)[:, None]
+    rows = [np.append(p.pieces(order).x, p.parameter) for p in points[-1:]]
+    for a, b in reversed(list(pairwise(points))):
+        cubic = orbits.segment(a, b)[0]
+        every = (cubic.shape[1] // 2) // order
+        columns = [2 * every * k + i for k in range(order) for i in (0, 1)]
+        rows[:0] = list(value(cubic[:, None, [*columns, -1]], s))
+    y = np.array(rows).T
+    return np.stack([np.broadcast_to(y[-1], (order, y.shape[1])), y[0:-1:2], y[1:-1:2]])
 
 
 def _near(rows: Array, omega: float, u: float, v: float) -> bool:
