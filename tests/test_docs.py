@@ -108,6 +108,20 @@ def test_command_is_legal(line: str, place: Path, capsys: pytest.CaptureFixture[
         command.make_context(arguments[0], arguments[1:], parent=context)
 
 
+def test_pages_do_not_share_the_folder_of_a_run() -> None:
+    """Unless they run the same case: the second is refused, and what follows reads the numbers of the first."""
+    runs: dict[str, set[str]] = {}
+    for page in ALL_PAGES:
+        for line in page.read_text(encoding="utf-8").splitlines():
+            if found := re.search(
+                r"asperity run (\S+) -o (out/[\w/-]+)(?![\w$])(.*?)(?: --ranks| --quiet|\s\s|$)", line
+            ):
+                case, folder, options = found.groups()
+                runs.setdefault(folder, set()).add(f"{case}{' '.join(re.findall(r'--set (?:[^ ]+)', options))}")
+    assert len(runs) > 8
+    assert {folder: cases for folder, cases in runs.items() if len(cases) > 1} == {}
+
+
 def test_the_files_of_the_architecture_exist() -> None:
     page = (ROOT / "docs/architecture.md").read_text(encoding="utf-8")
     names = set(re.findall(r"`([\w/]+\.(?:py|cpp|hpp))`", page))

@@ -152,3 +152,15 @@ def test_no_mpirun_is_a_sentence(tmp_path: Path) -> None:
     process = start(tmp_path, "-o", tmp_path / "out", "--ranks", "2", PATH=str(tmp_path))
     _, err = process.communicate(timeout=60)
     assert process.returncode == 4 and "there is no mpirun" in err
+
+
+def test_dolfinx_may_be_imported_after_asperity(tmp_path: Path) -> None:
+    """PyPI's wheel of it needs another module first, which loads its MPI."""
+    (tmp_path / "dolfinx_solver.py").write_text(
+        "import importlib.util\nimportlib.util.find_spec('dolfinx')\nready = True\n"
+    )
+    (tmp_path / "dolfinx.py").write_text("import sys\nassert sys.modules['dolfinx_solver'].ready\n")
+    code = "import sys, asperity; assert 'dolfinx_solver' not in sys.modules; import dolfinx; print(dolfinx.__file__)"
+    changed = os.environ | {"PYTHONPATH": str(tmp_path)}
+    done = subprocess.run([sys.executable, "-c", code], env=changed, capture_output=True, text=True, timeout=60)
+    assert done.stdout.strip() == str(tmp_path / "dolfinx.py"), done.stderr
