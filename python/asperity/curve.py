@@ -5,7 +5,6 @@ from __future__ import annotations
 import csv
 import json
 import math
-import warnings
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
 from pathlib import Path
@@ -14,7 +13,7 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 
 from asperity.arrays import Array
-from asperity.errors import AsperityWarning, InputError
+from asperity.errors import AsperityWarning, InputError, warn
 from asperity.runtime.display import nearest
 from asperity.runtime.files import MOST_TEXT, read_whole, write_csv
 from asperity.runtime.measured_curve import read_measured_curve, repaired
@@ -127,7 +126,7 @@ class Curve:
         for name in _REQUIRED:
             bad = np.flatnonzero(~np.isfinite(getattr(self, name)))
             if bad.size:
-                raise InputError(f"Curve column {name!r} is not finite in row {bad[0]}.")
+                raise InputError(f"Curve column {name!r} is not finite in step {bad[0] + 1}.")
 
     @staticmethod
     def from_rows(rows: Sequence[Mapping[str, Any]], header: Mapping[str, Any] | None = None) -> Curve:
@@ -281,7 +280,7 @@ class Curve:
         except (InputError, OSError, ValueError, OverflowError, RecursionError, csv.Error) as error:
             raise InputError(f"{path} cannot be read as a curve: {error}") from None
         for note in notes:
-            warnings.warn(f"{path}: {note}", AsperityWarning, stacklevel=2)
+            warn(f"{path}: {note}", AsperityWarning)
         return curve
 
 

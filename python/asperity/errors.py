@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import sys
+import warnings
+
 
 class AsperityError(Exception):
     """Base class of all errors that this package raises intentionally."""
@@ -71,3 +74,13 @@ class AssumptionWarning(AsperityWarning):
 
 class ResolutionWarning(AsperityWarning):
     """The mesh is too coarse for the contact, or for the waves of the surface."""
+
+
+def warn(text: str, category: type[AsperityWarning] = AsperityWarning) -> None:
+    """Issue a warning that points to the line which called this package, whatever is in between."""
+    frame, level, outside = sys._getframe(1), 2, 2  # 1 is this function
+    while frame is not None:
+        if frame.f_globals.get("__name__", "").partition(".")[0] == __name__.partition(".")[0]:
+            outside = level + 1
+        frame, level = frame.f_back, level + 1  # type: ignore[assignment]
+    warnings.warn(text, category, stacklevel=outside)

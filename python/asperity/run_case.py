@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import logging
-import warnings
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, nullcontext
 from dataclasses import dataclass
@@ -13,7 +12,15 @@ from typing import TYPE_CHECKING, Any
 
 from asperity.case import Case
 from asperity.curve import Curve
-from asperity.errors import AssumptionWarning, CaseWarning, InputError, Interrupted, OutputError, ResolutionWarning
+from asperity.errors import (
+    AssumptionWarning,
+    CaseWarning,
+    InputError,
+    Interrupted,
+    OutputError,
+    ResolutionWarning,
+    warn,
+)
 from asperity.model.problem import Problem
 from asperity.output.assumption import DOUBTFUL, Assumption, describe
 from asperity.output.assumptions import ledger
@@ -231,7 +238,7 @@ def _warn(case: Case, folder: Path | None, solved: SolvedCase, lines: Sequence[A
     for line in lines:
         text = describe(line.to_dict())
         if line.verdict == DOUBTFUL and line.warns:
-            warnings.warn(text, AssumptionWarning, stacklevel=4)
+            warn(text, AssumptionWarning)
         elif line.verdict == DOUBTFUL:
             logging.getLogger(__name__).info("doubtful: %s", text)
     contact, unresolved = solved.contact, solved.contact.curve.unresolved()
@@ -239,9 +246,9 @@ def _warn(case: Case, folder: Path | None, solved: SolvedCase, lines: Sequence[A
         why = "output.snapshots = 0"
         if case.output.snapshots:
             why = "the steps were computed without snapshots before the run was resumed; replace the run with --force"
-        warnings.warn(f"output.fields = true writes nothing: {why}", CaseWarning, stacklevel=4)
+        warn(f"output.fields = true writes nothing: {why}", CaseWarning)
     if unresolved and solved.accurate is None and not isinstance(solved.failure, Interrupted):
-        warnings.warn(f"{unresolved}; make mesh.h_contact smaller", ResolutionWarning, stacklevel=4)
+        warn(f"{unresolved}; make mesh.h_contact smaller", ResolutionWarning)
 
 
 def _draw(folder: Path, surface: Surface) -> None:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import warnings
 from collections.abc import Callable
 from contextlib import AbstractContextManager
 from dataclasses import dataclass, field
@@ -16,7 +15,7 @@ from asperity.curve import Curve
 from asperity.dynamics import Dynamics, DynamicsSettings, LoopDamping, run_dynamics
 from asperity.dynamics.joint import Numbers
 from asperity.dynamics.run import small_vibration
-from asperity.errors import AsperityError, AsperityWarning, ConvergenceError, InputError, Interrupted
+from asperity.errors import AsperityError, AsperityWarning, ConvergenceError, InputError, Interrupted, warn
 from asperity.force_law.damping import LOOPS as OF_LOOPS
 from asperity.loops import LoopTable
 from asperity.model.problem import Problem
@@ -89,7 +88,7 @@ def _vibrate(
                 )  # fmt: skip
             found.sections["loops"] = loops.to_dict()
             for text in loops.doubts(float(contact.curve.force.max())):
-                warnings.warn(text, AsperityWarning, stacklevel=2)
+                warn(text, AsperityWarning)
             if folder is not None:
                 on_root(comm, partial(loops.write, folder / LOOPS))
     except (ConvergenceError, InputError) as e:  # on all ranks; what does not need these parts follows all the same
@@ -133,7 +132,7 @@ def _slip(
 
     slip = on_root_bcast(contact.solver.solid.comm, by_curve)
     for text in slip.notes:
-        warnings.warn(text, AsperityWarning, stacklevel=2)
+        warn(text, AsperityWarning)
     mass = None if numbers is None or not math.isfinite(numbers.mass) else numbers.mass
     return slip.to_dict(mass, _settings(case).factor, units=case.units)
 
@@ -179,5 +178,5 @@ def _vibration(case: Case, curve: Curve, folder: Path | None, loops: LoopTable |
         settings = settings.replaced(damping=LoopDamping.of(loops))
     result = run_dynamics(curve, settings, out_dir=folder)
     if result.laws is not None and result.laws.choice.note:
-        warnings.warn(result.laws.choice.note, AsperityWarning, stacklevel=2)
+        warn(result.laws.choice.note, AsperityWarning)
     return result

@@ -11,7 +11,6 @@ from __future__ import annotations
 import hashlib
 import json
 import math
-import warnings
 from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -21,7 +20,7 @@ from pydantic import ValidationError
 from asperity.case.messages import sentence
 from asperity.case.schema import SHARED, Input, LoadingSection, law_of_section
 from asperity.case.validation import Mistake, check_together, doubts, unused
-from asperity.errors import CaseWarning, InputError
+from asperity.errors import CaseWarning, InputError, warn
 from asperity.model.problem import Problem
 from asperity.model.settings import H_CONTACT, SolverOptions
 from asperity.runtime.display import show
@@ -161,7 +160,7 @@ class Case(Input):
         surface = self.build_surface() if surface is None else surface
         loading, solver = self.loading, self.solver
         for text in self.warnings():
-            warnings.warn(text, CaseWarning, stacklevel=2)
+            warn(text, CaseWarning)
         return Problem.of(
             surface,
             self.material.solid,

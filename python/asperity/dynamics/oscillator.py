@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
@@ -20,7 +19,7 @@ from asperity.dynamics.response import FrequencyResponse, frequency_response
 from asperity.dynamics.settings import FORCING, MIN_ZETA, OMEGA, Setting, forcings, window
 from asperity.dynamics.sweep import Sweep
 from asperity.dynamics.thresholds import Thresholds
-from asperity.errors import AsperityWarning, InputError, RangeError
+from asperity.errors import AsperityWarning, InputError, RangeError, warn
 from asperity.force_law.checks import positive, within
 from asperity.force_law.damping import Damping, check_damping
 from asperity.force_law.law import Law
@@ -91,7 +90,7 @@ class ContactOscillator:
                 "curve further"
             )
         for doubt in self.law.doubts(self.restoring.load):
-            warnings.warn(doubt, AsperityWarning, stacklevel=3)
+            warn(doubt, AsperityWarning)
 
     @property
     def model(self) -> str:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import warnings
 from contextlib import suppress
 from dataclasses import dataclass
 from typing import Any
@@ -11,7 +10,7 @@ import numpy as np
 
 from asperity.arrays import Array
 from asperity.curve import fitted_rows
-from asperity.errors import AsperityError, AsperityWarning, InputError, RangeError
+from asperity.errors import AsperityError, AsperityWarning, InputError, RangeError, warn
 from asperity.force_law import LAWS, MIN_ROWS
 from asperity.force_law.checks import positive
 from asperity.force_law.columns import CurveColumns
@@ -83,7 +82,7 @@ def law_from(
         return source, source.default_load if load is None else load
     choice = choose(CurveColumns.of(source), law, load, overload=overload)
     if choice.note:
-        warnings.warn(choice.note, AsperityWarning, stacklevel=2)
+        warn(choice.note, AsperityWarning)
     return choice.law, choice.load
 
 

@@ -6,13 +6,12 @@ multigrid consists of many small steps, each with a message (benchmarks/linear.p
 
 from __future__ import annotations
 
-import warnings
 from typing import Any
 
 import numpy as np
 
 from asperity.arrays import Floats, Singles
-from asperity.errors import AsperityWarning
+from asperity.errors import AsperityWarning, warn
 from asperity.fem.ghosts import Ghosts
 from asperity.fem.sparsity import SparsityPattern
 from asperity.linear.petsc import GAMG, NodeMatrix, set_defaults, set_rigid_modes
@@ -46,7 +45,7 @@ def make_coarse(dofmap: Any, points: Floats, comm: Any, symmetric: bool) -> Dist
         return Distributed(dofmap, points, comm, symmetric, factorised=not symmetric and dofs <= GENERAL_LIMIT)
     if not hasattr(_solver, "Cholesky"):
         if comm.rank == 0:
-            warnings.warn(WITHOUT, AsperityWarning, stacklevel=2)
+            warn(WITHOUT, AsperityWarning)
         return Distributed(dofmap, points, comm, symmetric, factorised=True)
     interface = interface_of(dofmap.index_map, comm)
     if interface.dofs <= max(INTERFACE_FREE, min(INTERFACE_LIMIT, INTERFACE_SHARE * dofs)):

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import warnings
 import weakref
 from contextlib import suppress
 from typing import TYPE_CHECKING, Any
@@ -10,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from asperity.arrays import Floats, Integers
-from asperity.errors import AsperityWarning
+from asperity.errors import AsperityWarning, warn
 from asperity.linear.matrix_free import TangentOperator, tangent_product
 from asperity.linear.multigrid import ITERATIONS, PMultigrid
 from asperity.linear.petsc import GAMG, NodeMatrix, set_defaults, set_rigid_modes
@@ -108,7 +107,7 @@ class LinearSolver:
             self.rescue = True
             self.rescued += 1
             if self.rescued == RESCUES and self._solid.comm.rank == 0:
-                warnings.warn(RESCUED, AsperityWarning, stacklevel=2)
+                warn(RESCUED, AsperityWarning)
         # an iterative solver meets prescribed values only to its tolerance
         y.array[rows] = 0.0
         y.array[rows[len(rows) - len(values) :]] = values

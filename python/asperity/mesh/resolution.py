@@ -7,14 +7,13 @@ proportional to the height of these waves over the approach (measured in docs/ac
 
 from __future__ import annotations
 
-import warnings
-from math import inf, sqrt
+from math import floor, inf, log10, sqrt
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from asperity.arrays import Floats
-from asperity.errors import MeshError, ResolutionWarning
+from asperity.errors import MeshError, ResolutionWarning, warn
 from asperity.surface.cutoff import shortest_cutoff
 
 if TYPE_CHECKING:
@@ -58,7 +57,9 @@ def doubt_of_waves(surface: Surface, h: float, delta: float) -> str:
     part = unresolved_height(surface, h, delta)
     if part <= SHARE * ONE_MESH:
         return ""
-    size, limit = resolving_size(surface, delta, ONE_MESH, h), SHARE * ONE_MESH
+    size, limit = min(resolving_size(surface, delta, ONE_MESH, h), h / _CLOSE), SHARE * ONE_MESH
+    digit = 10.0 ** (floor(log10(size)) - 1)
+    size = floor(size / digit) * digit  # rounded down, so that it is another size and resolves them
     cutoff = shortest_cutoff(surface, delta, lambda filtered, depth: unresolved_height(filtered, h, depth) <= limit)
     other = "" if cutoff is None else f", or cut off what is shorter than {cutoff:g} ({surface.cutoff_key})"
     return (
@@ -70,7 +71,7 @@ def doubt_of_waves(surface: Surface, h: float, delta: float) -> str:
 def warn_of_missed_waves(surface: Surface, h: float, delta: float) -> None:
     """Warn (ResolutionWarning) of `doubt_of_waves`, if there is any."""
     if doubt := doubt_of_waves(surface, h, delta):
-        warnings.warn(doubt, ResolutionWarning, stacklevel=2)
+        warn(doubt, ResolutionWarning)
 
 
 def lowered_height(top: Floats, surface: Surface, height: float, delta: float, comm: MPI.Comm) -> float:
@@ -99,7 +100,7 @@ def judge_smoothing(off: float) -> None:
     )
     if off > MOST_LOWERED:
         raise MeshError(text)
-    warnings.warn(text, ResolutionWarning, stacklevel=2)
+    warn(text, ResolutionWarning)
 
 
 def judge_mesh(off: float, surface: Surface, h: float, delta: float) -> None:

@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import warnings
 from dataclasses import dataclass, field, replace
 from typing import TypedDict
 
 import numpy as np
 
-from asperity.errors import CaseWarning, InputError, ResolutionWarning
+from asperity.errors import CaseWarning, InputError, ResolutionWarning, warn
 from asperity.model.edges import doubt_of_edge
 from asperity.model.kinds import Judgement, check_kind, check_kinds, refuse
 from asperity.model.limits import no_gap_left, too_deep, wrong_force, wrong_length, wrong_sizes
@@ -217,16 +216,15 @@ class Problem:
         path = Schedule(delta_max, greatest, steps, unload_steps, cycles, integrator, substeps)
         check_kind("size", size, "MeshSize | None")
         if sides == "periodic" and size is not None and (size.h_max or 0.0) > WIDEST_JOINED * surface.L:
-            warnings.warn(
+            warn(
                 f"mesh.h_max = {size.h_max:g} is reduced to {WIDEST_JOINED * surface.L:g}: with block.sides = "
                 '"periodic" elements must be narrower than half the side; give that, or leave mesh.h_max out',
                 ResolutionWarning,
-                stacklevel=2,
             )
         settings = formulation or Formulation(), size or MeshSize(), dilatation, options or SolverOptions()
         problem = Problem(surface, material, path, height, sides, *settings)
         for text in problem.check_load():
-            warnings.warn(text, CaseWarning, stacklevel=2)
+            warn(text, CaseWarning)
         return problem
 
     @property

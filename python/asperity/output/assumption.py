@@ -46,7 +46,8 @@ class Assumption:
     @property
     def verdict(self) -> str:
         """Whether the value is within the limit: "fine" or "doubtful"."""
-        fine = self.value >= self.limit if self.least else self.value <= self.limit
+        slack = 1e-9 * abs(self.limit)  # rounding differs between systems of units
+        fine = self.value >= self.limit - slack if self.least else self.value <= self.limit + slack
         return FINE if fine else DOUBTFUL
 
     def to_dict(self) -> dict[str, Any]:

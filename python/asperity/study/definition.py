@@ -17,7 +17,6 @@ import copy
 import itertools
 import math
 import re
-import warnings
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -26,7 +25,7 @@ from typing import Any
 import numpy as np
 
 from asperity.case.case_file import Case, override, read_toml
-from asperity.errors import InputError
+from asperity.errors import InputError, warn
 from asperity.runtime.display import nearest, short_repr, show
 from asperity.surface import SurfaceWarning
 
@@ -132,11 +131,10 @@ class Study:
             cases.setdefault("c" + case.hash()[:15], case)
         keys = tuple(key for axis in axes for key in axis[0])
         if CUTOFFS & set(keys) and any(getattr(case.surface, "drawing", None) == "array" for case in cases.values()):
-            warnings.warn(
+            warn(
                 f"{source}: surfaces of one seed with different cut-offs are unrelated, because all phases are drawn "
                 'at once; surface.drawing = "nested" adds waves to the same surface',
                 SurfaceWarning,
-                stacklevel=2,
             )
         return Study(tuple(Entry(key, case) for key, case in cases.items()), keys)
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import numbers
 import sys
-import warnings
 from abc import ABC, abstractmethod
 from dataclasses import MISSING, dataclass, fields
 from functools import cached_property
@@ -14,7 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from asperity.arrays import Array
-from asperity.errors import AsperityWarning, InputError
+from asperity.errors import AsperityWarning, InputError, warn
 from asperity.runtime.display import nearest
 from asperity.surface.maximum import global_maximum
 from asperity.surface.scale_space import ScaleSpace
@@ -242,13 +241,12 @@ class Surface(ABC):
     def check_small_slope(self) -> None:
         """Warn (SurfaceWarning) when the rms slope exceeds SMALL_SLOPE, a limit of small strain."""
         slope = self.rms_slope()
-        if slope > SMALL_SLOPE:
-            warnings.warn(
+        if slope > SMALL_SLOPE * (1.0 + 1e-9):  # the same in all units
+            warn(
                 f"surface: rms slope {slope:.3g} exceeds {SMALL_SLOPE:g}; small-strain results are approximate, "
                 'material.kinematics = "auto" shows by how much'
                 + (f" ({self.smoother} is smoother)." if self.smoother else "."),
                 SurfaceWarning,
-                stacklevel=3,
             )
 
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import warnings
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from functools import cached_property
@@ -13,6 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from asperity.arrays import Array
+from asperity.errors import warn
 from asperity.surface.base import (
     Surface,
     SurfaceWarning,
@@ -123,10 +123,9 @@ class WeierstrassMandelbrot(Surface):
         expected = cut_off_index(self.L, self.L_s, self.gamma)
         if self.f_max is None or self.f_max == expected:
             return expected
-        warnings.warn(
+        warn(
             f"surface: L_s = {self.L_s:g} gives f_max = {expected}, but f_max = {self.f_max} is given and used.",
             SurfaceWarning,
-            stacklevel=5,
         )
         return self.f_max
 

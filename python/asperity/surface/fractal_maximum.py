@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-import warnings
-
 import numpy as np
 
 from asperity.arrays import Array
+from asperity.errors import warn
 from asperity.surface.base import Surface, SurfaceWarning
 from asperity.surface.maximum import climb
 from asperity.surface.plane_waves import BLOCK, DEVIATIONS, Waves
@@ -70,11 +69,10 @@ def highest_point(
             break
         x, y, bound = x[keep], y[keep], bound[keep]
     if missed * L > best[2]:
-        warnings.warn(
+        warn(
             f"surface: too many summits of similar height: the highest one found, {best[2]:.6g}, may be too low by "
             f"up to {missed * L - best[2]:.2g} (a smaller D or f_max gives fewer).",
             SurfaceWarning,
-            stacklevel=2,
         )
     return best
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 import itertools
 import json
 import math
-import warnings
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -16,7 +15,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from asperity.arrays import Array
-from asperity.errors import InputError
+from asperity.errors import InputError, warn
 from asperity.runtime.files import UNREADABLE, real
 from asperity.surface.base import Surface, SurfaceWarning, check, check_positive, nodes, short_wave_share
 from asperity.surface.height_files import read_heights
@@ -75,7 +74,7 @@ class HeightMap(Surface):
             check_positive("L", self.L)
         read = read_heights(Path(self.path))
         for note in read.notes:
-            warnings.warn(f"{self.path}: {note}", SurfaceWarning, stacklevel=3)
+            warn(f"{self.path}: {note}", SurfaceWarning)
         z, L = as_patch(read, self.L, f"{self.path}: ")
         z.flags.writeable = False
         object.__setattr__(self, "L", float(L))
