@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import importlib
 import re
+import sys
 from pathlib import Path
 from typing import Any
 
@@ -19,6 +20,18 @@ _PUBLIC = {
 }
 
 __all__ = sorted(set(_PUBLIC) - {"__version__"})
+
+
+class _LibrariesFirst:
+    """Finder that finds nothing, but loads the libraries of PyPI's wheels before dolfinx, which does not find them."""
+
+    @staticmethod
+    def find_spec(name: str, *_: Any) -> None:
+        if name == "dolfinx":
+            importlib.import_module("asperity.runtime.compat").load_libraries()
+
+
+sys.meta_path.insert(0, _LibrariesFirst)  # type: ignore[arg-type]
 
 
 def __getattr__(name: str) -> Any:

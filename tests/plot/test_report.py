@@ -7,7 +7,9 @@ import re
 import shutil
 from pathlib import Path
 
+import numpy as np
 import pytest
+from conftest import call
 from html_page import Page
 from made_up_run import write_run
 
@@ -92,3 +94,33 @@ def test_only_models_and_programs_in_use_are_cited() -> None:
     plastic = {**elastic, "material": {"yield_strength": 1.0}, "dynamics": {}}
     assert set(publications(plastic)) > set(publications(elastic))
     assert any("DOLFINx" in text for text in publications({}))
+
+
+SIDES = {
+    "free.csv": "u0,omega_ratio\n1\n", "response.csv": "Omega,u_max,F_hat\nx,y,z\n",
+    "slip.csv": "amplitude,step\n0.1,0\n", "band.csv": "Omega\n", "slip_loops.csv": "u,T\n0,0\n1,x\n",
+    "slip_nodes.csv": "slip\n1\n",
+    "curve.csv": "delta\n1\n",
+    "thresholds.json": '{"exact": 3, "laws": [1], "numbers": "x", "load": [], "notes": 1}',
+    "summary.json": '{"assumptions": [{"verdict": 1}], "fit": {"k": "x", "n": []}, "seconds": 3, "slip": 1}',
+    "case.toml": '[surface]\nkind = "sinusoid"\n', "fields/top.npz": "",
+}  # fmt: skip
+
+
+@pytest.mark.usefixtures("blank_figures")
+@pytest.mark.parametrize("name", SIDES)
+@pytest.mark.parametrize("command", ["report", "plot"])
+def test_a_file_that_does_not_fit_is_refused_in_one_line(
+    folder: Path, capsys: pytest.CaptureFixture[str], command: str, name: str
+) -> None:
+    """Read as a whole, but of other columns, types or shapes; a figure that does not need it is drawn."""
+    if name == "fields/top.npz":
+        np.savez(folder / name, pressure=np.ones((2, 3)), triangles=np.array("x"), points=np.ones(3))
+    else:
+        (folder / name).write_text(SIDES[name])
+    code = call(command, folder)
+    errors = capsys.readouterr().err.splitlines()
+    assert (code, len(errors)) in ((0, 0), (2, 1)), errors
+    assert code == 0 or errors[0].startswith("error: ")
+    must = {"summary.json", "thresholds.json"} if command == "report" else {"response.csv", "fields/top.npz"}
+    assert code == 2 or name not in must | {"free.csv", "case.toml", "curve.csv", "slip_loops.csv"}

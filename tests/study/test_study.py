@@ -358,10 +358,11 @@ def test_a_damaged_summary_leaves_the_row_of_its_curve(tmp_path: Path) -> None:
     made = study(grid=ONE)
     run_study(made, tmp_path)
     before = read_table(tmp_path)[0]
-    (case_folder(tmp_path, made.entries[0].key) / "summary.json").write_bytes(b"{")
-    run_study(made, tmp_path)
-    row = read_table(tmp_path)[0]
-    assert before["dofs"] and not row["dofs"] and row["n"] == before["n"]
+    for damaged in ("{", '{"assumptions": 3}', '{"assumptions": [{}]}', '{"seconds": "x"}'):
+        (case_folder(tmp_path, made.entries[0].key) / "summary.json").write_text(damaged)
+        run_study(made, tmp_path)
+        row = read_table(tmp_path)[0]
+        assert before["dofs"] and not row["dofs"] and row["n"] == before["n"]
 
 
 def test_a_mesh_that_cannot_be_written_is_recorded_with_its_case(

@@ -3,12 +3,16 @@
 from __future__ import annotations
 
 import functools
+import os
 import sys
-from collections.abc import Callable, Iterable
+import traceback
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import contextmanager
 from typing import Any
 
 import click
 
+from asperity.errors import InputError
 from asperity.runtime.progress import world_rank
 
 case_file = click.argument("case_file", metavar="CASE.toml", type=click.Path())
@@ -98,6 +102,29 @@ tolerances = click.option(
     callback=_tolerances,
     help="Compare this column to this relative tolerance; replaces the defaults. Repeatable.",
 )
+
+
+@contextmanager
+def files_of_run(folder: str) -> Iterator[None]:
+    """Refuse files of a run that can be read but not used: damaged, edited, or of another version.
+
+    Raises:
+        InputError: for the errors of a wrong type, shape, name or value
+    """
+    from asperity.runtime.files import UNREADABLE, one_line
+
+    try:
+        yield
+    except (OSError, MemoryError, SyntaxError):
+        raise
+    except UNREADABLE as error:
+        if os.environ.get("ASPERITY_TRACEBACK"):
+            traceback.print_exception(error)
+        where = "".join(f" of {note}" for note in getattr(error, "__notes__", ()))
+        raise InputError(
+            f"the files in {folder} do not fit together{where} ({type(error).__name__}: {one_line(error)}): one is "
+            "damaged, or of another version; run the case again with --resume or --force"
+        ) from None
 
 
 def serial(function: Callable[..., Any]) -> Callable[..., Any]:

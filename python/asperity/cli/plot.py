@@ -19,9 +19,12 @@ def command(folder: str, solid: bool) -> None:
     if solid:
         from asperity.plot.scene import scene
 
-        options.say(f"written {scene(folder)}")
+        with options.files_of_run(folder):
+            options.say(f"written {scene(folder)}")
         return
     from asperity.plot import plot_run
 
-    for path in plot_run(folder):
+    with options.files_of_run(folder):
+        written = plot_run(folder)
+    for path in written:
         options.say(f"written {path}")

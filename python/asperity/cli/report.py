@@ -18,5 +18,6 @@ def command(folder: str) -> None:
     from asperity.plot import plot_run
     from asperity.plot.report import write_report
 
-    plot_run(folder)
-    options.say(f"written {write_report(folder)}")
+    with options.files_of_run(folder):
+        plot_run(folder)
+        options.say(f"written {write_report(folder)}")

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -93,7 +93,17 @@ def plot_run(folder: str | Path, surface: Surface | None = None, names: Sequence
     target = results.folder / FIGURES
     target.mkdir(exist_ok=True)
     possible = figures_of(results)
-    return [path for name in names if name in possible for path in save_in(target, name, possible[name](results))]
+    return [
+        path for name in names if name in possible for path in save_in(target, name, _drawn(name, possible, results))
+    ]
+
+
+def _drawn(name: str, possible: Mapping[str, Callable[[Results], Figure]], results: Results) -> Figure:
+    try:
+        return possible[name](results)
+    except Exception as error:
+        error.add_note(f"the figure {name}")
+        raise
 
 
 def plot_dynamics(result: Dynamics, folder: str | Path) -> list[Path]:

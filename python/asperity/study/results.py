@@ -13,7 +13,7 @@ from asperity.errors import InputError
 from asperity.output.assumption import DOUBTFUL
 from asperity.output.assumptions import ON_EDGE
 from asperity.output.run_files import read_summary
-from asperity.runtime.files import read_csv, read_text, write_csv
+from asperity.runtime.files import UNREADABLE, read_csv, read_text, write_csv
 from asperity.runtime.run_folder import CURVE
 from asperity.study.definition import Study
 
@@ -78,7 +78,11 @@ def write_table(study: Study, folder: Path) -> None:
         row |= {name: done.get(name) for name in ("exit_reason", "seconds")}
         place = case_folder(folder, entry.key)
         if (place / CURVE).is_file():
-            row = summarise_case(entry.case, Curve.read(place / CURVE), read_summary(place)) | row
+            curve = Curve.read(place / CURVE)
+            try:
+                row = summarise_case(entry.case, curve, read_summary(place)) | row
+            except UNREADABLE:  # a summary with values of other types
+                row = summarise_case(entry.case, curve, {}) | row
         rows.append(row)
     write_csv(folder / TABLE, ("case", *study.keys, *RESULT_COLUMNS), rows)
 
