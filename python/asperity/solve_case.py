@@ -25,7 +25,7 @@ from asperity.output.summary import summarise
 from asperity.quasistatic.contact_result import ContactResult, PartialResult, refuse_wrong
 from asperity.quasistatic.hooks import Hooks
 from asperity.quasistatic.solve_problem import solve_problem
-from asperity.runtime.progress import Progress
+from asperity.runtime.progress import Progress, row_line
 
 if TYPE_CHECKING:
     from mpi4py import MPI
@@ -157,6 +157,7 @@ def _hooks(case: Case, files: RunFiles, progress: Progress, stop: Callable[[], s
     def on_step(rows: Sequence[Mapping[str, Any]], fraction: float) -> None:
         files.curve(Curve.from_rows(rows), whole=False)
         progress.step(rows[-1], fraction)
+        logging.getLogger(__name__).info("%s", row_line(rows[-1]))
 
     output = case.output
     return Hooks(

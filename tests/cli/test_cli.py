@@ -25,7 +25,7 @@ from asperity.curve import Curve
 from asperity.errors import ConvergenceError
 from asperity.plot import CAPTIONS
 from asperity.power_law import PowerLawFit
-from asperity.runtime.progress import COLUMNS, Progress, StepLines, duration, make_progress
+from asperity.runtime.progress import COLUMNS, LevelLines, Progress, StepLines, duration, make_progress
 
 ROOT = Path(__file__).parents[2]
 #: Environment without what an MPI process adds to it.
@@ -70,7 +70,7 @@ def calls(monkeypatch: pytest.MonkeyPatch) -> list[dict[str, Any]]:
 def test_run_hands_the_case_to_the_solver_and_shows_steps_and_fit(
     cli: Cli, calls: list[dict[str, Any]], tmp_path: Path
 ) -> None:
-    code, out, _ = cli("run", DEMO, "-o", tmp_path / "a/b", "--set", "block.height=2e-6")
+    code, out, _ = cli("run", DEMO, "-o", tmp_path / "a/b", "--set", "block.height=2e-6", "-v")
     assert code == 0
     assert calls[0]["folder"] == tmp_path / "a/b"
     assert calls[0]["case"].block.height == 2e-6
@@ -342,6 +342,31 @@ def test_a_long_phase_shows_how_much_is_done(
         lines.part(part)
     shown = capsys.readouterr().out.splitlines()
     assert [line.split()[-1] for line in shown] == ["half-space", "40%", "90%"]  # not more than one in 10 s
+
+
+@pytest.mark.parametrize("live", [True, False])
+def test_a_mesh_has_one_line(capsys: pytest.CaptureFixture[str], live: bool) -> None:
+    """The demo printed 152."""
+    lines = LevelLines(live)
+    row = dict(step=1, branch="load", delta_star=0.01, P_star=1e-3, area_fraction=0.1, newton=3, krylov=9, seconds=60.0)
+    for level in ("mesh 1", "mesh 2"):
+        lines.stage("set-up")
+        lines.stage(level)
+        for i in range(1, 21):
+            lines.step({**row, "step": i}, i / 20)
+    lines.done()
+    shown = capsys.readouterr().out
+    last = [line.rpartition("\r")[2].removesuffix("\x1b[K")[11:] for line in shown.strip().split("\n")]
+    assert last == (["mesh 1: 20 steps", "mesh 2: 20 steps", "end"] if live else
+                    ["set-up", "mesh 1: 20 steps", "set-up", "mesh 2: 20 steps", "end"])  # fmt: skip
+    assert ("step 7, load, 35%" in shown) == live and ("left on this mesh" in shown) == live
+
+
+def test_a_misspelled_command_is_refused_with_the_nearest(cli: Cli) -> None:
+    code, _, error = cli("rn", "case.toml")
+    assert code == 2 and "there is no command 'rn' (did you mean \"run\"?)" in error and len(error.splitlines()) == 1
+    code, _, error = cli("xyzzy")
+    assert code == 2 and "there is no command 'xyzzy'" in error
 
 
 def test_progress_is_silent_when_quiet_or_not_first(monkeypatch: pytest.MonkeyPatch) -> None:

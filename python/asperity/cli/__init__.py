@@ -34,6 +34,16 @@ class _Commands(click.Group):
         modules = {module.name.replace("_", "-") for module in pkgutil.iter_modules(__path__)}
         return sorted(modules - {"options"})
 
+    def resolve_command(
+        self, ctx: click.Context, args: list[str]
+    ) -> tuple[str | None, click.Command | None, list[str]]:
+        """The command of a line; a misspelled one is refused with the nearest."""
+        if args and not args[0].startswith("-") and args[0] not in (known := self.list_commands(ctx)):
+            from asperity.runtime.display import nearest
+
+            ctx.fail(f"there is no command {args[0]!r}{nearest(args[0], known)}")
+        return super().resolve_command(ctx, args)
+
     def get_command(self, ctx: click.Context, name: str) -> click.Command | None:
         if name not in self.list_commands(ctx):
             return None
@@ -108,6 +118,7 @@ def _show_once() -> Callable[..., None]:
     def show(message: Warning | str, *_: Any) -> None:
         if world_rank() == 0 and str(message) not in shown:
             shown.add(str(message))
-            click.echo(f"warning: {message}", err=True)
+            over = "\r\x1b[K" if sys.stdout.isatty() and sys.stderr.isatty() else ""  # a live line
+            click.echo(f"{over}warning: {message}", err=True)
 
     return show

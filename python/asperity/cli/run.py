@@ -21,6 +21,7 @@ if TYPE_CHECKING:
 @click.option("--force", is_flag=True, help="Replace the run in OUT.")
 @options.job_ranks
 @click.option("-q", "--quiet", is_flag=True, help="Show no progress.")
+@click.option("-v", "--verbose", is_flag=True, help="Show a row per load step; run.log has them in any case.")
 @options.overrides
 def command(
     case_file: str,
@@ -29,6 +30,7 @@ def command(
     force: bool,
     ranks: int | None,
     quiet: bool,
+    verbose: bool,
     overrides: tuple[str, ...],
 ) -> int | None:
     """Solve a case and write its results.
@@ -50,7 +52,7 @@ def command(
     from asperity.output.verdict import count_of_doubts, verdict
     from asperity.runtime.run_folder import REPORT
 
-    progress = make_progress(quiet)
+    progress = make_progress(quiet, verbose)
     try:
         result = run_case.run(case, folder, progress=progress, resume=resume, force=force)
     finally:

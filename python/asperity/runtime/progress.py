@@ -1,9 +1,11 @@
-"""Progress display of a run: nothing, or one line per step; and its log file."""
+"""Progress display of a run: nothing, one line per mesh or one per step; and its log file."""
 
 from __future__ import annotations
 
 import logging
 import os
+import shutil
+import sys
 import time
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager, suppress
@@ -107,9 +109,76 @@ class StepLines(Progress):
             _write(f"[{time.monotonic() - self._start:6.1f} s] end")
 
 
-def make_progress(quiet: bool = False) -> Progress:
-    """Display for this process: lines on rank 0, nothing on the others or where `quiet`."""
-    return Progress() if quiet or world_rank() > 0 else StepLines()
+class LevelLines(Progress):
+    """One line per phase, and so per mesh: on a terminal a live one, elsewhere when it ends and every ten seconds.
+
+    Args:
+        live: whether the line is written again and again; default on a terminal
+    """
+
+    def __init__(self, live: bool | None = None) -> None:
+        self._live = sys.stdout.isatty() if live is None else live
+        self._start = self._last = time.monotonic()
+        self._name = self._state = ""
+        self._first: float | None = None
+        self._steps = 0
+
+    def stage(self, name: str) -> None:
+        self._close()
+        self._name, self._state, self._first, self._steps = name, "", None, 0
+        self._last = time.monotonic()
+        self._show()
+
+    def part(self, fraction_done: float) -> None:
+        self._state = f"{fraction_done:.0%}"
+        self._show()
+
+    def step(self, row: Mapping[str, Any], fraction_done: float) -> None:
+        now = time.monotonic()
+        self._steps += 1
+        if self._first is None:
+            self._first = now - float(row["seconds"])
+        left = (now - self._first) * (1 / fraction_done - 1) if fraction_done > 0 else float("nan")
+        self._state = f"step {row['step']}, {row['branch']}, {fraction_done:.0%}, {duration(left)} left on this mesh"
+        self._show()
+
+    def done(self) -> None:
+        self._close()
+        if self._name:  # the case was not refused
+            _write(f"[{time.monotonic() - self._start:6.1f} s] end")
+
+    def _line(self) -> str:
+        return f"[{time.monotonic() - self._start:6.1f} s] {self._name}{': ' if self._state else ''}{self._state}"
+
+    def _show(self) -> None:
+        now = time.monotonic()
+        if self._live:
+            width = shutil.get_terminal_size().columns - 1
+            print(f"\r{self._line()[:width]}\x1b[K", end="", flush=True)
+        elif self._state and now - self._last >= SILENCE:
+            _write(self._line())
+            self._last = now
+
+    def _close(self) -> None:
+        """End the line of a phase; on a terminal a short phase without steps is written over."""
+        if self._steps:
+            self._state = f"{self._steps} step{'s' if self._steps > 1 else ''}"
+        elif self._live:
+            return
+        if self._name:
+            _write(f"\r{self._line()}\x1b[K" if self._live else self._line())
+
+
+def make_progress(quiet: bool = False, verbose: bool = False) -> Progress:
+    """Display for this process: on rank 0 a line per mesh, or per step where `verbose`; nothing where `quiet`."""
+    if quiet or world_rank() > 0:
+        return Progress()
+    return StepLines() if verbose else LevelLines()
+
+
+def row_line(row: Mapping[str, Any]) -> str:
+    """A load step in a line, with its names, for the log."""
+    return ", ".join(f"{name} {form.format(row[name])}" for name, form in _CELLS.items())
 
 
 def world_rank() -> int:
