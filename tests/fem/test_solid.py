@@ -364,7 +364,7 @@ def projection_errors(block: BlockMesh) -> tuple[float, float]:
     r.array = load.array
     r.array[solid.fixed] = 0.0
     assert LinearSolver(solid, "cg", rtol=1e-12).solve(r, solid.fixed, np.empty(0), y, 1e-12)[1]
-    solid.set_displacement(y)
+    solid.set_displacement(y.array_r)
     e = solid.u - exact
 
     def norm(form: Any) -> float:

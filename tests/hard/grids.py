@@ -102,7 +102,6 @@ def penalties() -> list[Scene]:
         for factor, ends, reason in (
             (0.1, "wrong", "penetrates the flat"),
             *((factor, "done", "") for factor in (1.0, 10.0, 1e4)),
-            (1e6, "stopped", "no convergence"),
         )
     ]
 

@@ -14,6 +14,8 @@ from asperity.fem.solid import Solid
 from asperity.mesh.element import BEARING, DEGREE, FACET_POINTS
 from asperity.runtime.compiled import solver as _solver
 
+SOFT, RAISED = 100.0, 10.0  # factor of the first solution of a step at most, and its growth from one to the next
+
 
 class PressureContact(Contact):
     """The flat presses with P = <g d - k t>_+, g = factor M p^2/h, d the penetration, p the degree of the elements.
@@ -54,9 +56,11 @@ class PressureContact(Contact):
             modulus, h = lam + 2.0 * mu, 3.0 * solid.kernels.volumes[surface.cells].sum(axis=1) / surface.area
         else:
             modulus, h = solid.material.E, surface.diameter
-        numbers = solid.material.finite, factor * modulus * DEGREE**2 / h, self._rule.height, traction
-        self._law = _solver.ContactLaw(law_of(solid.material), *numbers)
-        self._elastic_law = _solver.ContactLaw(law_of(solid.material, flows=False), *numbers)
+        self._stiffness, self._traction = modulus * DEGREE**2 / h, traction
+        self._factor, self._now = factor, 0.0
+        if factor > SOFT:
+            self.hint = f"a smaller contact.{'gamma' if traction else 'penalty'} than {factor:g}, "
+        self._set(factor)
         self._has_history = traction and solid.material.plastic
         rows = len(surface.cells) if self._has_history else 0
         self._committed, self._trial = History.zeros(rows, points[1]), History.zeros(rows, points[1])
@@ -64,8 +68,28 @@ class PressureContact(Contact):
         self._z = np.inf
         self.points = np.zeros(points)  # pressure at the quadrature points (facets, points)
 
+    def _set(self, factor: float) -> None:
+        """Use this factor."""
+        if factor == self._now:
+            return
+        material, self._now = self._solid.material, factor
+        numbers = material.finite, factor * self._stiffness, self._rule.height, self._traction
+        self._law = _solver.ContactLaw(law_of(material), *numbers)
+        self._elastic_law = _solver.ContactLaw(law_of(material, flows=False), *numbers)
+
     def begin(self, z: float) -> None:
         self._z = z
+        self._set(self._factor)
+
+    def expect(self, z: float, start: Floats, end: Floats, ratio: float) -> None:
+        """Begin with a softer contact where it is stiff: else points would come and go in turn, by many small steps."""
+        self._set(min(self._factor, SOFT))
+
+    def settle(self) -> bool:
+        """Raise the factor of a stiff contact."""
+        before = self._now
+        self._set(min(self._factor, RAISED * before))
+        return self._now > before
 
     def residual(self, force: Floats) -> tuple[Floats, Integers, Floats]:
         u, histories = self._solid.u.x.array.reshape(-1, 3), (compiled(self._committed), compiled(self._trial))

@@ -142,9 +142,9 @@ class Solid:
 
     # -- vectors and matrix ----------------------------------------------------------------------------------
 
-    def set_displacement(self, x: Any) -> None:
-        """Copy a PETSc vector to the displacement, ghosts included."""
-        self.u.x.array[: 3 * self.owned] = x.array_r
+    def set_displacement(self, x: Floats) -> None:
+        """Set the displacement by owned dof values (3 owned,), ghosts included; collective."""
+        self.u.x.array[: 3 * self.owned] = x
         self.u.x.scatter_forward()
 
     def vector(self) -> Any:

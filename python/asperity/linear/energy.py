@@ -1,9 +1,8 @@
-"""Least energy of a solid with prescribed displacements, where the matrix stays and the prescribed dofs change."""
+"""The end of CG by the energy of the error, and the least energy of a solid with prescribed displacements."""
 
 from __future__ import annotations
 
-import weakref
-from math import nan
+from math import nan, sqrt
 from typing import Any
 
 import numpy as np
@@ -13,24 +12,76 @@ from asperity.linear.matrix_free import TangentOperator
 from asperity.linear.multigrid import ITERATIONS, PMultigrid
 
 LEFT = 1e-3  # estimate of the relative error of the energy at which the iteration ends; the estimate is subtracted
+LEAST = 2  # iterations for an energy: one alone would let slow errors add up over the steps
+NEAR = 0.8  # least energy over that of its start, the solution of the step before, roughly
+PASSES = 5  # of the solver at most
+TIGHTEST = 1e-8  # relative tolerance where an absolute one counts
+PREFIX = "asperity_stiffness_"
 UNKNOWN = 1.0  # contraction before one was observed
-LATER = 2.0  # contraction of the third iteration over that of the second, 1.5 to 2 where the coarse matrix is new
-SLOWEST = 0.9  # contraction from which on an iteration tells nothing of what is left
+
+
+class EnergyTest:
+    """Test of convergence of CG with p-multigrid, by the energy norm of the error.
+
+    The energy of the residual after an iteration would cost a V-cycle at the end of each solution. It is predicted
+    instead: the energy falls from one iteration to the next as the square of the residual does.
+
+    Args:
+        ksp: CG; gets the test
+        multigrid: its preconditioner
+        least: number of iterations
+
+    Attributes:
+        left: energy of the error of the last iterate
+        contraction: by which it fell in the second iteration, in the last solve with two
+    """
+
+    def __init__(self, ksp: Any, multigrid: PMultigrid, comm: Any, least: int = 1) -> None:
+        from petsc4py import PETSc
+
+        self._multigrid, self._comm, self._least = multigrid, comm, least
+        self._norm = self._first = self.left = 0.0
+        self.contraction = UNKNOWN
+        ksp.setNormType(PETSc.KSP.NormType.UNPRECONDITIONED)
+        ksp.setConvergenceTest(self)
+
+    def __call__(self, ksp: Any, iteration: int, norm: float) -> int:
+        """Whether the energy of the error is small enough; called by PETSc."""
+        reasons = ksp.ConvergedReason
+        before, self._norm = self._norm, norm
+        if not np.isfinite(norm):
+            return int(reasons.DIVERGED_BREAKDOWN)
+        if norm == 0.0:
+            self.left = 0.0
+            return int(reasons.CONVERGED_ATOL)
+        if iteration == 0:
+            self.left = np.inf
+            return int(reasons.ITERATING)
+        energy = self._comm.allreduce(self._multigrid.energy)
+        if not energy > 0.0:
+            return int(reasons.DIVERGED_INDEFINITE_PC)
+        if iteration == 1:
+            self._first = energy
+        fall = (norm / before) ** 2
+        self.left = energy * fall
+        if iteration == 2:
+            self.contraction = fall
+        if iteration >= self._least:
+            if self.left <= ksp.atol**2:
+                return int(reasons.CONVERGED_ATOL)
+            if self.left <= ksp.rtol**2 * self._first:
+                return int(reasons.CONVERGED_RTOL)
+        return int(reasons.ITERATING if iteration < ksp.max_it else reasons.DIVERGED_MAX_IT)
 
 
 class EnergySolver:
     """Least energy w.K w with some dofs of w prescribed, by CG with p-multigrid; collective.
 
-    An iteration lowers the energy by an amount that follows from the right-hand side and the solution, because the
-    residual is orthogonal to the solution. The amounts fall about geometrically, so those of two iterations give what
-    is left (Strakos & Tichy, Electron. Trans. Numer. Anal. 13 (2002) 56). The end of the iteration costs no V-cycle,
-    which the norm of the residual would.
-
     The coarse matrix may be that of other prescribed dofs: the cycle masks those of today. The contraction shows when
     it is stale.
 
     Attributes:
-        contraction: second amount by which the energy fell over the first, in the last call with two
+        contraction: see `EnergyTest`
     """
 
     def __init__(self, tangent: TangentOperator) -> None:
@@ -39,18 +90,23 @@ class EnergySolver:
         solid = tangent.solid
         self._solid, self._tangent, self._multigrid = solid, tangent, PMultigrid(tangent)
         self._b, self._y = solid.vector(), solid.vector()
-        self._energy = self._fall = self._gain = self._left = self._seen = 0.0
-        self.contraction = UNKNOWN
         self._ksp = PETSc.KSP().create(solid.comm)
+        self._ksp.setOptionsPrefix(PREFIX)
         self._ksp.setType("cg")
-        self._ksp.setNormType(PETSc.KSP.NormType.UNPRECONDITIONED)
-        # the garbage collector cannot see references that PETSc holds: a strong one would never be freed
-        me = weakref.proxy(self)
-        self._ksp.setConvergenceTest(lambda *args: me._test(*args))
         pc = self._ksp.getPC()
         pc.setType("python")
         pc.setPythonContext(self._multigrid)
         self._ksp.setOperators(tangent.matrix())
+        self._ksp.setFromOptions()
+        self._test = EnergyTest(self._ksp, self._multigrid, solid.comm, LEAST)
+
+    @property
+    def contraction(self) -> float:
+        return self._test.contraction
+
+    @contraction.setter
+    def contraction(self, value: float) -> None:
+        self._test.contraction = value
 
     def renew(self, rows: Integers) -> bool:
         """Make the coarse matrix with these owned dofs prescribed; whether the matrix can be smoothed; collective."""
@@ -66,43 +122,25 @@ class EnergySolver:
             rigid: translation (3,), which strains nothing, near that of most of the solid
             rows: prescribed owned dofs
         """
-        solid, tangent = self._solid, self._tangent
+        solid, tangent, ksp = self._solid, self._tangent, self._ksp
         with solid.phases.phase("preconditioner"):
             tangent.hold(rows)
             if not self._multigrid.update(renew=False):
                 return nan, w
         with solid.phases.phase("linear solve"):
-            # without the translation most of the solid is at rest, and single precision will do
-            image = tangent.product((w - rigid).ravel())
-            self._energy = float(solid.comm.allreduce(float(np.vdot(w, image))))
-            self._b.array = -tangent.free * image
-            self._fall = self._gain = self._left = 0.0
-            self._seen = self.contraction
-            self._ksp.solve(self._b, self._y)
-        self.contraction = float(np.float32(self._seen))  # as a checkpoint keeps it
-        if self._ksp.getConvergedReason() < 0:
-            return nan, w
-        return self._energy - self._fall - self._left, w + self._y.array_r.reshape(-1, 3)
-
-    def _test(self, ksp: Any, iteration: int, norm: float) -> int:
-        """Whether enough of the energy has fallen; called by PETSc."""
-        reasons = ksp.ConvergedReason
-        if not np.isfinite(norm):
-            return int(reasons.DIVERGED_NANORINF)
-        if iteration == 0:
-            return int(reasons.ITERATING)
-        before, fall = self._gain, self._b.dot(self._y)
-        self._gain, self._fall = max(fall - self._fall, 0.0), fall
-        contraction = self.contraction
-        if iteration > 1:
-            seen = self._gain / before if before > 0.0 else 0.0
-            if iteration == 2:
-                self._seen = seen
-                seen *= LATER
-            contraction = seen if contraction == UNKNOWN else max(seen, contraction)
-        contraction = min(contraction, SLOWEST)
-        self._left = self._gain * contraction / (1.0 - contraction)
-        # one iteration alone would let slow errors add up over the steps
-        if iteration > 1 and self._left <= LEFT * (self._energy - fall):
-            return int(reasons.CONVERGED_ATOL)
-        return int(reasons.ITERATING if iteration < ITERATIONS else reasons.DIVERGED_MAX_IT)
+            guess = 0.0
+            for _ in range(PASSES):
+                # without the translation most of the solid is at rest, and single precision will do
+                image = tangent.product((w - rigid).ravel())
+                energy = float(solid.comm.allreduce(float(np.vdot(w, image))))
+                self._b.array = -tangent.free * image
+                ksp.setTolerances(rtol=TIGHTEST, atol=sqrt(LEFT * (guess or NEAR * energy)), max_it=ITERATIONS)
+                ksp.solve(self._b, self._y)
+                if ksp.getConvergedReason() < 0:
+                    break
+                w = w + self._y.array_r.reshape(-1, 3)
+                guess = energy - self._b.dot(self._y) - self._test.left
+                if self._test.left <= LEFT * guess:
+                    self.contraction = float(np.float32(self.contraction))  # as a checkpoint keeps it
+                    return guess, w
+        return nan, w

@@ -51,7 +51,7 @@ class TangentOperator:
         self.hold(np.empty(0, dtype=np.int32))
 
     def matrix(self) -> Any:
-        """The tangent on the free dofs, zero elsewhere, as a matrix of PETSc."""
+        """The tangent on the free dofs, the unit matrix on the others, as a matrix of PETSc."""
         from petsc4py import PETSc
 
         sizes = 3 * self.solid.owned, self.solid.dofs
@@ -126,4 +126,5 @@ class TangentOperator:
 
     def mult(self, A: Any, x: Any, y: Any) -> None:
         """y = A x; called by PETSc."""
-        y.array = self.free * self.product(self.free * x.array_r)
+        x = x.array_r
+        y.array = self.free * self.product(self.free * x) + (1.0 - self.free) * x

@@ -39,6 +39,7 @@ class PMultigrid:
         symmetric: whether it is symmetric; the smoother treats any operator as if it were
 
     Attributes:
+        ready: whether the last update succeeded
         energy: this rank's part of the product of the last residual and what the V-cycle made of it
     """
 
@@ -60,7 +61,7 @@ class PMultigrid:
         self._prolongation = self._interpolation()
         self._restriction = self._prolongation[: 4 * solid.owned].T.tocsr()
         self._coarse = make_coarse(coarse, solid.points[self._corners], solid.comm, symmetric)
-        self._version, self.energy = 0, 0.0
+        self._version, self.energy, self.ready = 0, 0.0, False
         # free dofs of the coarse matrix, and the iterations with it per digit of the residual
         self._reusable, self._of, self._usual = False, tangent.kept, 0.0
         noise = np.random.default_rng(solid.comm.rank).normal(size=3 * solid.owned)
@@ -90,6 +91,10 @@ class PMultigrid:
         Returns:
             whether the matrix can be smoothed, its diagonal is positive, and the coarse one solved
         """
+        self.ready = self._update(renew)
+        return self.ready
+
+    def _update(self, renew: bool | None) -> bool:
         from mpi4py import MPI
 
         solid, tangent = self._solid, self._tangent
@@ -168,6 +173,12 @@ class PMultigrid:
 
     def apply(self, pc: Any, r: Any, z: Any) -> None:
         """One V-cycle from zero: z approximates the solution for r; called by PETSc."""
+        from petsc4py import PETSc
+
+        if not self.ready:
+            pc.setFailedReason(PETSc.PC.FailedReason.SUBPC_ERROR)
+            z.set(np.inf)  # by which a KSP learns of it
+            return
         x = np.zeros_like(self._free)
         left = self._free * self._tangent.padded(r.array_r)
         left -= self._free * self._smooth(x, left)

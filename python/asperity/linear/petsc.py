@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import gc
+from collections.abc import Iterator
+from contextlib import contextmanager
 from typing import Any
 
 import numpy as np
@@ -11,6 +13,7 @@ from asperity.arrays import Floats
 from asperity.fem.solid import Solid
 from asperity.fem.sparsity import SparsityPattern
 
+OUT_OF_MEMORY = 55  # PETSC_ERR_MEM
 GAMG = {
     "pc_gamg_coarse_eq_limit": 1000,
     "pc_gamg_esteig_ksp_type": "cg",
@@ -123,3 +126,18 @@ def destroy_unused(comm: Any) -> None:
     for _ in range(2):
         gc.collect()
         PETSc.garbage_cleanup(comm)
+
+
+@contextmanager
+def own_errors() -> Iterator[None]:
+    """Raise the errors of call-backs, and MemoryError where PETSc lacks memory, instead of those of PETSc."""
+    from petsc4py import PETSc
+
+    try:
+        yield
+    except PETSc.Error as error:
+        if error.__cause__ is not None:
+            raise error.__cause__ from None
+        if error.ierr == OUT_OF_MEMORY:
+            raise MemoryError(str(error)) from None
+        raise

@@ -1,18 +1,19 @@
-"""The linear system of a Newton iteration: some dofs prescribed, then a Krylov method or a factorisation."""
+"""The linear system of a Newton iteration: a KSP of PETSc with some dofs prescribed."""
 
 from __future__ import annotations
 
 import weakref
-from contextlib import suppress
+from contextlib import AbstractContextManager
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from asperity.arrays import Floats, Integers
 from asperity.errors import AsperityWarning, warn
+from asperity.linear.energy import EnergyTest
 from asperity.linear.matrix_free import TangentOperator, tangent_product
 from asperity.linear.multigrid import ITERATIONS, PMultigrid
-from asperity.linear.petsc import GAMG, NodeMatrix, set_defaults, set_rigid_modes
+from asperity.linear.petsc import GAMG, NodeMatrix, own_errors, set_defaults, set_rigid_modes
 
 if TYPE_CHECKING:
     from asperity.fem.solid import Solid
@@ -27,13 +28,16 @@ RESCUED = (
     f"solver.linear failed for {RESCUES} systems so far, and LU solved them, each several times slower; the results "
     "are the same. run.log names the steps: smaller ones may help (steps)"
 )
-PREFIX, RESCUE_PREFIX = "asperity_linear_", "asperity_rescue_"
+PREFIX, RESCUE_PREFIX = "asperity_", "asperity_rescue_"
 #: Memory beyond the estimate of MUMPS, in per cent: on several ranks the need depends on the speed of each.
 WORKSPACE = 100
 
 
 class LinearSolver:
     """Solves A y = r with some dofs of y prescribed, A the tangent of a solid; collective.
+
+    A KSP of PETSc for the free dofs: before it begins, the part of the prescribed dofs is moved to the right side, and
+    their rows are those of the unit matrix; when it has ended, they get their values. SNES may call it.
 
     Where CG, GMRES or Cholesky's method fails, because the matrix is nearly singular or indefinite, LU factorises the
     system and those that follow in the same step.
@@ -46,28 +50,41 @@ class LinearSolver:
         rtol: smallest tolerance that will be requested
 
     Attributes:
-        operator: the tangent as a matrix of PETSc
+        ksp: the solver of PETSc
+        operator: its matrix
         rescue: whether systems are factorised because the solver failed in this step
         rescued: number of systems factorised for that reason
-        left: energy of the error of the last solution, the square of the energy norm of the residual, as CG predicts
-            it; 0 after a factorisation
+        iterations, total: of the last solution, and of all
+        solved: whether it was found
+        left: energy of its error, the square of the energy norm of the residual, as CG predicts it; 0 after a
+            factorisation
     """
 
     def __init__(self, solid: Solid, kind: str, symmetric: bool = True, rtol: float = SINGLE_RTOL) -> None:
+        from petsc4py import PETSc
+
         if kind == "auto":
             kind = "lu" if solid.dofs < (LU_LIMIT if symmetric else GENERAL_LU_LIMIT) else "cg"
-        self.rescue, self.rescued, self.left = False, 0, 0.0
+        self.rescue, self.rescued, self.left, self.iterations, self.total, self.solved = False, 0, 0.0, 0, 0, False
         self._solid = solid
         self._may_rescue = (symmetric or kind != "lu") and solid.dofs <= DIRECT_LIMIT
-        self._direct: Assembled | None = None
-        self._method: Krylov | Assembled
+        self._direct: tuple[Any, Assembled] | None = None
         single = rtol >= SINGLE_RTOL
         solid.halved = kind == "cg" and symmetric and single
+        self.ksp = PETSc.KSP().create(solid.comm)
+        self.ksp.setOptionsPrefix(PREFIX)
+        self._method: PMultigridMethod | Assembled
         if kind == "cg":
-            self._method = Krylov(TangentOperator(solid, symmetric, single), symmetric)
+            self._method = PMultigridMethod(self.ksp, TangentOperator(solid, symmetric, single), symmetric)
         else:
-            self._method = Assembled(solid, kind, symmetric, PREFIX)
+            self._method = Assembled(self.ksp, solid, kind, symmetric)
         self.operator = self._method.operator
+        # the garbage collector cannot see references that PETSc holds: a strong one would never be freed
+        me = weakref.proxy(self)
+        self.ksp.setPreSolve(lambda ksp, b, x: me._begin(b))
+        self.ksp.setPostSolve(lambda ksp, b, x: me._end(b, x))
+        self._again = False
+        self._phase: AbstractContextManager[None] = solid.phases.phase("linear solve")
 
     def forget(self) -> None:
         """Make the next solve independent of those before, as after a restart."""
@@ -77,16 +94,27 @@ class LinearSolver:
         """Current tangent times owned dof values (3 owned,), in the precision of the solver; collective."""
         return self._method.product(x)
 
+    def prescribe(self, rows: Integers, values: Floats, rtol: float, atol: float = 0.0) -> None:
+        """Prepare a solve with the current values of the solid's tangent.
+
+        Args:
+            rows: owned dofs to be zero in addition to the prescribed ones, which come last
+            values: of the prescribed dofs, for the last rows
+            rtol: relative tolerance of the iterative solvers: CG takes the energy norm as it predicts it
+            atol: absolute one, sufficient as well
+        """
+        self._rows, self._values, self._rtol = rows, values, rtol
+        self.ksp.setTolerances(rtol=rtol, atol=atol, max_it=0 if self.rescue else ITERATIONS)
+        if not self.rescue:
+            with self._solid.phases.phase("preconditioner"):
+                self._method.prepare(rows)
+
     def solve(self, r: Any, rows: Integers, values: Floats, y: Any, rtol: float, atol: float = 0.0) -> tuple[int, bool]:
-        """Solve with the current values of the solid's tangent.
+        """Solve with the current values of the solid's tangent, see `prescribe`.
 
         Args:
             r: right-hand side, unchanged
-            rows: owned dofs to be zero in addition to the prescribed ones, which come last
-            values: of the prescribed dofs, for the last rows
             y: receives the solution
-            rtol: relative tolerance of the iterative solvers: CG takes the energy norm as it predicts it
-            atol: absolute one, sufficient as well
 
         Returns:
             iterations, and whether the solver converged
@@ -94,174 +122,173 @@ class LinearSolver:
         Raises:
             MemoryError: there is not enough for a factorisation
         """
-        iterations, solved = 0, False
-        if not self.rescue:
-            iterations, solved = self._method.solve(r, rows, values, y, rtol, atol)
-            self.left = self._method.left
-        if not solved and self._may_rescue:
-            if self._direct is None:
-                self._direct = Assembled(self._solid, "lu", False, RESCUE_PREFIX)
-            with self._solid.phases.phase("direct rescue"), suppress(MemoryError):
-                _, solved = self._direct.solve(r, rows, values, y, rtol)
-            self.left = 0.0
-            self.rescue = True
-            self.rescued += 1
-            if self.rescued == RESCUES and self._solid.comm.rank == 0:
-                warn(RESCUED, AsperityWarning)
-        # an iterative solver meets prescribed values only to its tolerance
-        y.array[rows] = 0.0
-        y.array[rows[len(rows) - len(values) :]] = values
-        return iterations, solved
+        self.prescribe(rows, values, rtol, atol)
+        with own_errors():
+            self.ksp.solve(r, y)
+        return self.iterations, self.solved
 
+    def _begin(self, b: Any) -> None:
+        """Move the part of the prescribed dofs to the right side; called by PETSc."""
+        from mpi4py import MPI
 
-class Krylov:
-    """CG, or GMRES, with p-multigrid on the free dofs.
+        if self._again:
+            return
+        self._phase = self._solid.phases.phase("linear solve")
+        self._phase.__enter__()
+        self._given = b.array_r.copy()
+        lifted = np.zeros(3 * self._solid.owned)
+        lifted[self._rows[len(self._rows) - len(self._values) :]] = self._values
+        right = self._given.copy()
+        if not self.rescue and self._solid.comm.allreduce(bool(lifted.any()), op=MPI.LOR):
+            right -= self.product(lifted)
+        right[self._rows] = 0.0
+        b.array = right
 
-    The energy norm of the residual would cost CG a V-cycle at the end of each solution. It is predicted instead: the
-    energy falls from one iteration to the next as the square of the residual does.
-    """
-
-    def __init__(self, tangent: TangentOperator, symmetric: bool) -> None:
+    def _end(self, b: Any, x: Any) -> None:
+        """Try again where the solver failed, then a factorisation, and prescribe; called by PETSc."""
         from petsc4py import PETSc
 
-        solid = tangent.solid
-        self._solid, self._tangent = solid, tangent
+        if self._again:
+            return
+        ksp, method = self.ksp, self._method
+        if not self.rescue:
+            self.iterations, self.solved = self._outcome()
+            if not self.solved and method.renew():
+                self._again = True
+                ksp.solve(b, x)
+                self._again = False
+                self.iterations, self.solved = self._outcome()
+            method.judge(self.iterations, self._rtol, self.solved)
+            self.left = method.left()
+        else:
+            self.iterations, self.solved = 0, False
+        self.total += self.iterations
+        self._phase.__exit__(None, None, None)
+        if not self.solved and ksp.getPC().getFailedReason() == PETSc.PC.FailedReason.FACTOR_OUTMEMORY:
+            raise MemoryError
+        if not self.solved and self._may_rescue:
+            self._factorise(b, x)
+        b.array = self._given
+        if not self.solved:
+            x.set(0.0)
+        # an iterative solver meets prescribed values only to its tolerance
+        x.array[self._rows] = 0.0
+        x.array[self._rows[len(self._rows) - len(self._values) :]] = self._values
+
+    def _outcome(self) -> tuple[int, bool]:
+        return self.ksp.getIterationNumber(), self.ksp.getConvergedReason() > 0
+
+    def _factorise(self, b: Any, x: Any) -> None:
+        """Solve the system by LU, as those that follow in the same step."""
+        from petsc4py import PETSc
+
+        solid = self._solid
+        if self._direct is None:
+            ksp = PETSc.KSP().create(solid.comm)
+            ksp.setOptionsPrefix(RESCUE_PREFIX)
+            self._direct = ksp, Assembled(ksp, solid, "lu", False)
+        ksp, method = self._direct
+        with solid.phases.phase("direct rescue"):
+            method.prepare(self._rows)
+            ksp.solve(b, x)
+        self.solved, self.left, self.rescue = ksp.getConvergedReason() > 0, 0.0, True
+        self.rescued += 1
+        if self.rescued == RESCUES and solid.comm.rank == 0:
+            warn(RESCUED, AsperityWarning)
+
+
+class PMultigridMethod:
+    """CG, or GMRES, with p-multigrid on the free dofs."""
+
+    def __init__(self, ksp: Any, tangent: TangentOperator, symmetric: bool) -> None:
+        self._ksp, self._tangent = ksp, tangent
         self.operator = tangent.matrix()
         self._multigrid = PMultigrid(tangent, symmetric)
-        self._ksp = PETSc.KSP().create(solid.comm)
-        self._ksp.setOptionsPrefix(PREFIX)
-        self._ksp.setType("cg" if symmetric else "gmres")
-        self._ksp.setTolerances(max_it=ITERATIONS)
-        if symmetric:  # of the methods that a user may set instead
-            self._ksp.setNormType(PETSc.KSP.NormType.NATURAL)
-        pc = self._ksp.getPC()
+        ksp.setType("cg" if symmetric else "gmres")
+        pc = ksp.getPC()
         pc.setType("python")
         pc.setPythonContext(self._multigrid)
-        self._ksp.setOperators(self.operator)
-        self._ksp.setFromOptions()
-        self._predicts = self._ksp.getType() == "cg"
-        if self._predicts:
-            self._ksp.setNormType(PETSc.KSP.NormType.UNPRECONDITIONED)
-            # the garbage collector cannot see references that PETSc holds: a strong one would never be freed
-            me = weakref.proxy(self)
-            self._ksp.setConvergenceTest(lambda *args: me._test(*args))
-        self._b = solid.vector()
-        self._norm = self._first = self.left = 0.0
+        ksp.setOperators(self.operator)
+        ksp.setFromOptions()
+        self._test = EnergyTest(ksp, self._multigrid, tangent.solid.comm) if ksp.getType() == "cg" else None
 
     def forget(self) -> None:
-        """See `LinearSolver`; so for `product` and `solve`."""
+        """See `LinearSolver`; so for `product`."""
         self._multigrid.forget()
 
     def product(self, x: Floats) -> Floats:
         self._tangent.update()
         return self._tangent.product(x)
 
-    def solve(self, r: Any, rows: Integers, values: Floats, y: Any, rtol: float, atol: float = 0.0) -> tuple[int, bool]:
-        from mpi4py import MPI
+    def prepare(self, rows: Integers) -> None:
+        """Take up the current tangent with these owned dofs prescribed; collective."""
+        from petsc4py import PETSc
 
-        solid, tangent = self._solid, self._tangent
-        with solid.phases.phase("preconditioner"):
-            tangent.hold(rows)
-            tangent.update()
-            if not self._multigrid.update():
-                return 0, False
-        with solid.phases.phase("linear solve"):
-            lifted = np.zeros(3 * solid.owned)
-            lifted[rows[len(rows) - len(values) :]] = values
-            b = tangent.free * r.array_r
-            if solid.comm.allreduce(bool(lifted.any()), op=MPI.LOR):
-                b -= tangent.free * tangent.product(lifted)
-            self._b.array = b
-            self._ksp.setTolerances(rtol=rtol, atol=atol)
-            self._ksp.solve(self._b, y)
-            if self._ksp.getConvergedReason() < 0 and self._multigrid.renew():
-                self._ksp.solve(self._b, y)
-            if not self._predicts:
-                self.left = self._ksp.getResidualNorm() ** 2
-            iterations, solved = self._ksp.getIterationNumber(), self._ksp.getConvergedReason() > 0
-            self._multigrid.judge(iterations, rtol, solved)
-        return iterations, solved
+        self._tangent.hold(rows)
+        self._tangent.update()
+        self._multigrid.update()
+        self._ksp.getPC().setFailedReason(PETSc.PC.FailedReason.NOERROR)
 
-    def _test(self, ksp: Any, iteration: int, norm: float) -> int:
-        """Whether the energy of the error is small enough, as predicted; called by PETSc."""
-        reasons = ksp.ConvergedReason
-        before, self._norm = self._norm, norm
-        if not np.isfinite(norm):
-            return int(reasons.DIVERGED_NANORINF)
-        if norm == 0.0:
-            self.left = 0.0
-            return int(reasons.CONVERGED_ATOL)
-        if iteration == 0:
-            self.left = np.inf
-            return int(reasons.ITERATING)
-        energy = self._solid.comm.allreduce(self._multigrid.energy)
-        if not energy > 0.0:
-            return int(reasons.DIVERGED_INDEFINITE_PC)
-        if iteration == 1:
-            self._first = energy
-        self.left = energy * (norm / before) ** 2
-        if self.left <= max(ksp.rtol**2 * self._first, ksp.atol**2):
-            return int(reasons.CONVERGED_RTOL)
-        return int(reasons.ITERATING if iteration < ksp.max_it else reasons.DIVERGED_MAX_IT)
+    def renew(self) -> bool:
+        """Whether there is a better preconditioner after a solve that failed; collective."""
+        return self._multigrid.ready and self._multigrid.renew()
+
+    def judge(self, iterations: int, rtol: float, solved: bool) -> None:
+        """Decide by a solve how much of the preconditioner the next one takes."""
+        self._multigrid.judge(iterations, rtol, solved)
+
+    def left(self) -> float:
+        """Energy of the error of the last solution, or what stands for it."""
+        return float(self._ksp.getResidualNorm() ** 2) if self._test is None else self._test.left
 
 
 class Assembled:
-    """A matrix of PETSc, prescribed dofs eliminated in place: structure and near-null space stay as they are."""
+    """A matrix of PETSc, prescribed dofs eliminated in place: structure and near-null space stay as they are.
 
-    def __init__(self, solid: Solid, kind: str, symmetric: bool, prefix: str = "") -> None:
+    The methods are those of `PMultigridMethod`.
+    """
+
+    def __init__(self, ksp: Any, solid: Solid, kind: str, symmetric: bool) -> None:
         from petsc4py import PETSc
 
-        self._solid = solid
+        self._solid, self._ksp, prefix = solid, ksp, ksp.getOptionsPrefix()
         self._matrix = NodeMatrix(solid.sparsity, solid.V.dofmap.index_map, solid.comm)
         self.operator = A = self._matrix.A
         A.setOption(PETSc.Mat.Option.SYMMETRIC, symmetric)
         A.setOption(PETSc.Mat.Option.SPD, symmetric)
-        self._ksp = PETSc.KSP().create(solid.comm)
-        self._ksp.setOptionsPrefix(prefix)
-        pc = self._ksp.getPC()
+        pc = ksp.getPC()
         if kind == "lu":
-            self._ksp.setType("preonly")
+            ksp.setType("preonly")
             pc.setType("cholesky" if symmetric else "lu")
             pc.setFactorSolverType("mumps")
             set_defaults(prefix, {"mat_mumps_icntl_14": WORKSPACE})
         else:
-            self._ksp.setType("cg" if symmetric else "gmres")
-            self._ksp.setTolerances(max_it=ITERATIONS)
+            ksp.setType("cg" if symmetric else "gmres")
             if symmetric:
-                self._ksp.setNormType(PETSc.KSP.NormType.NATURAL)
+                ksp.setNormType(PETSc.KSP.NormType.NATURAL)
             pc.setType("gamg")
             set_defaults(prefix, GAMG)
             set_rigid_modes(A, solid.points)
-        self._ksp.setOperators(A)
-        self._ksp.setFromOptions()
-        self._b, self._y = solid.vector(), solid.vector()
-        self.left = 0.0
+        ksp.setOperators(A)
+        ksp.setFromOptions()
 
-    def forget(self) -> None:
-        """See `LinearSolver`; so for `product` and `solve`."""
+    def forget(self) -> None: ...
 
     def product(self, x: Floats) -> Floats:
         return tangent_product(self._solid, x)
 
-    def solve(self, r: Any, rows: Integers, values: Floats, y: Any, rtol: float, atol: float = 0.0) -> tuple[int, bool]:
-        from petsc4py import PETSc
-
+    def prepare(self, rows: Integers) -> None:
         A, solid = self.operator, self._solid
-        with solid.phases.phase("preconditioner"):
-            np.copyto(self._matrix.values, solid.values)
-            self._matrix.assemble()
-            r.copy(self._b)
-            self._y.set(0.0)
-            self._y.array[rows[len(rows) - len(values) :]] = values
-            diagonal = A.getDiagonal().sum() / solid.dofs
-            A.zeroRowsColumns(rows + A.getOwnershipRange()[0], diag=diagonal, x=self._y, b=self._b)
-            self._ksp.setOperators(A)
-            self._ksp.setUp()
-        with solid.phases.phase("linear solve"):
-            self._ksp.setTolerances(rtol=rtol, atol=atol)
-            self._ksp.solve(self._b, y)
-            if self._ksp.getType() != "preonly":
-                self.left = self._ksp.getResidualNorm() ** 2
-        if self._ksp.getPC().getFailedReason() == PETSc.PC.FailedReason.FACTOR_OUTMEMORY:
-            raise MemoryError
-        return self._ksp.getIterationNumber(), self._ksp.getConvergedReason() > 0
+        np.copyto(self._matrix.values, solid.values)
+        self._matrix.assemble()
+        diagonal = A.getDiagonal().sum() / solid.dofs
+        A.zeroRowsColumns(rows + A.getOwnershipRange()[0], diag=diagonal)
+        self._ksp.setOperators(A)
+
+    def renew(self) -> bool:
+        return False
+
+    def judge(self, iterations: int, rtol: float, solved: bool) -> None: ...
+
+    def left(self) -> float:
+        return 0.0 if self._ksp.getType() == "preonly" else float(self._ksp.getResidualNorm() ** 2)

@@ -173,7 +173,7 @@ class ContactSolver:
     def roll_back(self) -> None:
         """Restore the displacement of the last accepted step."""
         self.newton.x.array = self._u.reshape(-1)
-        self.solid.set_displacement(self.newton.x)
+        self.solid.set_displacement(self.newton.x.array_r)
 
     def commit(self, delta: float, extrapolation: float = 0.0) -> None:
         """Commit the last solve, made with the flat at `delta`; collective.

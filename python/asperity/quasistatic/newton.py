@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import weakref
-from collections.abc import Iterator
-from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import Any, Protocol, runtime_checkable
 
@@ -13,11 +11,10 @@ from mpi4py import MPI
 
 from asperity.arrays import Floats, Integers
 from asperity.fem.solid import Solid
-from asperity.linear.petsc import set_defaults
-from asperity.linear.solver import SINGLE_RTOL, LinearSolver
+from asperity.linear.petsc import own_errors, set_defaults
+from asperity.linear.solver import PREFIX, SINGLE_RTOL, LinearSolver
 from asperity.model.settings import SolverOptions
 
-OUT_OF_MEMORY = 55  # PETSC_ERR_MEM
 CURVATURE = 10.0  # error after a Newton iteration over the square of that before it, measured on a fractal surface
 ROUNDING = 1e-13  # rounding error of the residual, relative to displacements (E = L = 1)
 FEW = 0.01  # part of the active dofs; when fewer change, the set is practically found
@@ -71,9 +68,9 @@ class StepStats:
 class NewtonSolver:
     """Newton's method for the equilibrium displacement of a solid in contact; collective.
 
-    The linear system of an iteration prescribes the increment of some dofs (fixed ones, and the active ones of exact
-    contact). The preconditioner of an outer `preonly` KSP does that, see `linear.LinearSolver`, so the inner solver can
-    be CG.
+    The KSP of SNES is that of `linear.LinearSolver`, which prescribes the increment of some dofs: fixed ones, and the
+    active ones of exact contact. The line search of SNES takes the whole of a step that has been shortened before, see
+    `_shorten`; with another of its types chosen by an option none is.
 
     Args:
         fixed: owned dofs without displacement increment; default those of the solid
@@ -87,7 +84,7 @@ class NewtonSolver:
         self.solid, self.contact, self.options = solid, contact, options
         self._given = fixed
         self._residual_vec, self.x = solid.vector(), solid.vector()
-        self._krylov = self._shortened = 0
+        self._shortened = 0
         self.rows: Integers = NOT_YET
         # in nearly incompressible solids the error is larger than the residual indicates
         usual = 3e-2 if solid.material.linear and not contact.stiff else 1e-2
@@ -95,21 +92,22 @@ class NewtonSolver:
         self._symmetric = contact.symmetric and solid.material.symmetric
         self.linear = LinearSolver(solid, options.linear, self._symmetric, min(self._loosest, SINGLE_RTOL))
         snes = PETSc.SNES().create(solid.comm)
-        snes.setOptionsPrefix("asperity_")
+        snes.setOptionsPrefix(PREFIX)
         snes.setType("newtonls")
-        set_defaults("asperity_", {"snes_linesearch_type": "basic"})
+        set_defaults(PREFIX, {"snes_linesearch_type": "basic"})
         # the garbage collector cannot see references that PETSc holds: a strong one would never be freed
         me = weakref.proxy(self)
         snes.setFunction(lambda *args: me._function(*args), self._residual_vec)
         snes.setJacobian(lambda *args: me._jacobian(*args), self.linear.operator)
         snes.setConvergenceTest(lambda *args: me._test(*args))
-        snes.setTolerances(max_it=options.newton_max)
-        outer = snes.getKSP()
-        outer.setType("preonly")
-        pc = outer.getPC()
-        pc.setType("python")
-        pc.setPythonContext(_Preconditioner(me))
+        snes.setTolerances(stol=0.0, max_it=options.newton_max)  # a small step alone is no convergence
+        snes.setMaxLinearSolveFailures(2**31 - 1)  # `_test` knows of rescues
+        snes.setKSP(self.linear.ksp)
         snes.setFromOptions()
+        database = PETSc.Options(PREFIX)
+        if database.getString("snes_linesearch_type") == "basic":
+            snes.setLineSearchPreCheck(lambda x, y: me._shorten(y))
+        self._tells = database.hasName("snes_linesearch_monitor")
         self.snes = snes
 
     @property
@@ -124,18 +122,27 @@ class NewtonSolver:
     # -- SNES call-backs -------------------------------------------------------------------------------------
 
     def _function(self, snes: Any, x: Any, r: Any) -> None:
-        self.solid.set_displacement(x)
-        self.force = self.solid.internal_force().copy()
-        self._inverted = self._is_inverted()
-        before = self.rows
-        residual, self.rows, self._lacking = self.contact.residual(self.force)
+        if not self._at_trial:  # the last one of the line search
+            self._evaluate(x.array_r)
+        self._at_trial = False
+        residual, rows, self._lacking = self._found
+        before, self.rows = self.rows, rows
         self._changed = len(np.setxor1d(before, self.rows))
         flat = residual.reshape(-1)
         flat[self._fixed] = 0.0
         r.array = flat
 
+    def _evaluate(self, x: Floats) -> Floats:
+        """Forces out of balance (3 owned,) at owned dof values, prescribed dofs included; collective."""
+        self.solid.set_displacement(x)
+        self.force = self.solid.internal_force().copy()
+        self._inverted = self._is_inverted()
+        self._found = self.contact.residual(self.force)
+        return self._found[0].reshape(-1)
+
     def _jacobian(self, snes: Any, x: Any, A: Any, P: Any) -> None:
         self.solid.assemble_tangent(self.contact.add_tangent if self.contact.stiff else None)
+        self.linear.prescribe(np.concatenate([self._fixed, self.rows]), -self._lacking, self._krylov_rtol())
 
     def _test(self, snes: Any, it: int, norms: Any) -> int | bool:
         """Test of convergence: forces balance and nothing penetrates the flat, each relative to its own scale."""
@@ -146,6 +153,8 @@ class NewtonSolver:
         gap = self._greatest_lack()
         contact, unbalanced = np.sqrt(sums)
         reasons = snes.ConvergedReason
+        if it > 0 and not self.linear.solved:
+            return reasons.DIVERGED_LINEAR_SOLVE
         if self._inverted:
             return reasons.DIVERGED_FUNCTION_DOMAIN
         if not np.isfinite(unbalanced):
@@ -172,23 +181,7 @@ class NewtonSolver:
         """Displacement increment that a prescribed dof may lack at convergence [L]."""
         return self.options.rtol * self._scale + 1e-14
 
-    # -- python preconditioner of the outer KSP --------------------------------------------------
-
-    def apply(self, pc: Any, r: Any, y: Any) -> None:
-        """Solve J y = r for the Newton step -y, prescribed increments included, and scale it; called by PETSc."""
-        from petsc4py import PETSc
-
-        rows = np.concatenate([self._fixed, self.rows])
-        iterations, solved = self.linear.solve(r, rows, -self._lacking, y, self._krylov_rtol())
-        self._krylov += iterations
-        if not solved:
-            pc.setFailedReason(PETSc.PC.FailedReason.SUBPC_ERROR)
-        elif isinstance(self.contact, FrictionEquations):
-            y.scale(self._damped_length(self.contact, y))
-        elif not self.solid.material.linear:
-            length = self._step_length(r, y)
-            self._shortened += length < 1.0
-            y.scale(length)
+    # -- the step --------------------------------------------------------------------------------------------
 
     def _krylov_rtol(self) -> float:
         """Tolerance of the linear solver: loose while the active set changes, then as tight as the iteration can use.
@@ -207,14 +200,29 @@ class NewtonSolver:
             useful = max(useful, CURVATURE * self.balance)
         return float(min(max(useful, SINGLE_RTOL), self._loosest))
 
-    def _damped_length(self, contact: FrictionEquations, y: Any) -> float:
+    def _shorten(self, y: Any) -> bool:
+        """Scale the step -y from the present displacement; whether it changed; called by PETSc."""
+        if not self.linear.solved:
+            return False
+        start = self.solid.u.x.array[: len(y.array_r)].copy()
+        if isinstance(self.contact, FrictionEquations):
+            length = self._damped_length(self.contact, start, y.array_r)
+        elif self.contact.stiff or not self.solid.material.linear:
+            length = self._step_length(start, y.array_r)
+            self._shortened += length < 1.0
+        else:
+            return False
+        if self._tells and self.solid.comm.rank == 0:
+            print(f"      Line search: length {length:g}")
+        y.scale(length)
+        return length < 1.0
+
+    def _damped_length(self, contact: FrictionEquations, start: Floats, y: Floats) -> float:
         """Length of the step -y with which the forces out of balance fall, those of stick and slip included.
 
         With full steps a node on the verge of slip may stick and slip in turn. Of the lengths tried the best is taken
         where none is sufficient.
         """
-        trial = y.duplicate()
-        start = self.solid.u.x.array[: len(y.array_r)].copy()
 
         def merit(force: Floats) -> float:
             flat = contact.imbalance(force).reshape(-1)
@@ -223,45 +231,40 @@ class NewtonSolver:
 
         before, found = merit(self.force), []
         for length in DAMPED:
-            trial.array = start - length * y.array_r
-            self.solid.set_displacement(trial)
+            self.solid.set_displacement(start - length * y)
             found.append(merit(self.solid.internal_force()))
             if found[-1] <= (1.0 - SUFFICIENT * length) * before:
                 return length
         return DAMPED[int(np.nanargmin([np.inf, *found])) - 1]
 
-    def _step_length(self, r: Any, y: Any) -> float:
+    def _step_length(self, start: Floats, y: Floats) -> float:
         """Length in (0, 1] of the step -y: where the work rate of the free forces along it nearly vanishes.
 
-        Associative J2 plasticity minimises an incremental energy, convex in small strain, and the work rate is the
-        slope of this energy along the step. Regula falsi (Illinois) shortens a full step that overshoots the minimum; a
-        trial state needs one residual, a hundredth of the time of the linear solve. A step that starts uphill moves
-        prescribed dofs and is not shortened. Nor is a step whose slope at the beginning is negligible compared with the
-        slope that moving them causes, as when it begins in equilibrium: the sign of such a slope is a matter of
-        rounding. A step that turns a solid of finite strain inside out is halved until it does not.
+        Associative J2 plasticity and the penalty method minimise an incremental energy, convex in small strain, and the
+        work rate is the slope of this energy along the step. Regula falsi (Illinois) shortens a full step that
+        overshoots the minimum; a trial state needs one residual, a hundredth of the time of the linear solve, and the
+        last one is that of the next iteration. A step that starts uphill moves prescribed dofs and is not shortened.
+        Nor is a step whose slope at the beginning is negligible compared with the slope that moving them causes, as
+        when it begins in equilibrium: the sign of such a slope is a matter of rounding. A step that turns a solid of
+        finite strain inside out is halved until it does not.
         """
-        free = np.ones(len(y.array_r), dtype=bool)
+        free = np.ones(len(y), dtype=bool)
         free[self._fixed] = False
         free[self.rows] = False
-        trial = y.duplicate()
-        start, direction = self.solid.u.x.array[: len(free)].copy(), y.array_r[free]
+        direction, greatest_lack = y[free], self._greatest_lack()
 
         def slope(length: float) -> float:
-            trial.array = start - length * y.array_r
-            self.solid.set_displacement(trial)
-            force = self.solid.internal_force()
-            if self._is_inverted():
-                return np.inf
-            residual = self.contact.residual(force)[0].reshape(-1)
-            return -self.solid.comm.allreduce(float(direction @ residual[free]))
+            residual = self._evaluate(start - length * y)
+            self._at_trial = True
+            return np.inf if self._inverted else -float(self.solid.comm.allreduce(float(direction @ residual[free])))
 
-        s0 = -self.solid.comm.allreduce(float(direction @ r.array_r[free]))
+        s0 = -float(self.solid.comm.allreduce(float(direction @ self._found[0].reshape(-1)[free])))
         low, s_low, high, s_high = 0.0, s0, 1.0, slope(1.0)
         while s_high == np.inf and high > SMALLEST_PART:
             high *= 0.5
             s_high = slope(high)
         length = high
-        pushed = s_high > -PUSHED * s0 and self._greatest_lack() > self._gap_tolerance()
+        pushed = s_high > -PUSHED * s0 and greatest_lack > self._gap_tolerance()
         if s0 < 0.0 and np.inf > s_high > -SLOPE_DROP * s0 and not pushed:
             for _ in range(8):
                 if s_high < np.inf:
@@ -288,47 +291,23 @@ class NewtonSolver:
         largest = max(scale, self.solid.comm.allreduce(float(np.max(np.abs(start), initial=0.0)), op=MPI.MAX))
         self._scale, self._rounding = max(scale, 1e-6), ROUNDING * largest * stiffness
         self.rows = NOT_YET  # a step of a resumed run is the same to the last bit
-        self._krylov = self._shortened = 0
-        self.linear.rescue, rescued = False, self.linear.rescued
+        self._shortened, self._at_trial = 0, False
+        self.linear.rescue, krylov, rescued = False, self.linear.total, self.linear.rescued
         self.x.array = start.reshape(-1)
-        with _own_errors():
+        with own_errors():
             self.snes.solve(None, self.x)
         reason = self.snes.getConvergedReason()
         if reason <= 0:  # where it converged, the residual is that of `x`
+            self._at_trial = False
             self._function(self.snes, self.x, self._residual_vec)
         return StepStats(
             reason > 0,
             _reason_name(reason),
             self.snes.getIterationNumber(),
-            self._krylov,
+            self.linear.total - krylov,
             self._shortened,
             self.linear.rescued - rescued,
         )
-
-
-class _Preconditioner:
-    """Calls `apply` of a solver that may be gone when PETSc looks for other methods."""
-
-    def __init__(self, solver: Any) -> None:
-        self._solver = solver
-
-    def apply(self, pc: Any, r: Any, y: Any) -> None:
-        self._solver.apply(pc, r, y)
-
-
-@contextmanager
-def _own_errors() -> Iterator[None]:
-    """Raise the errors of call-backs, and MemoryError where PETSc lacks memory, instead of those of PETSc."""
-    from petsc4py import PETSc
-
-    try:
-        yield
-    except PETSc.Error as error:
-        if error.__cause__ is not None:
-            raise error.__cause__ from None
-        if error.ierr == OUT_OF_MEMORY:
-            raise MemoryError(str(error)) from None
-        raise
 
 
 def _reason_name(reason: int) -> str:

@@ -16,16 +16,13 @@ import numpy as np
 from asperity.arrays import Flags, Floats, Integers, Singles
 from asperity.curve import ELASTIC_STIFFNESSES
 from asperity.fem.solid import Solid
-from asperity.linear.energy import LEFT, UNKNOWN, EnergySolver
+from asperity.linear.energy import LEFT, NEAR, PASSES, TIGHTEST, UNKNOWN, EnergySolver
 from asperity.linear.matrix_free import TangentOperator, tangent_product
 from asperity.mesh.distribute import SIDE_X, SIDE_Y
 
 if TYPE_CHECKING:
     from asperity.quasistatic.contact_solver import ContactSolver
 
-NEAR = 0.8  # stiffness over that of its start from the step before, and tangential over normal stiffness, roughly
-PASSES = 5  # of the linear solver at most
-TIGHTEST = 1e-8  # relative tolerance where an absolute one counts
 STALE = 0.15  # contraction of an elastic system above which its coarse matrix is renewed, where also
 CHANGED = 0.1  # of the nodes in contact have changed
 FULL = 1e-3  # part of the compliance below which that of the interface is lost in rounding and discretisation

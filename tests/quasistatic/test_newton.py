@@ -1,0 +1,179 @@
+"""Newton's method as a user of PETSc sees it, and contact as stiff as the case file admits."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import pytest
+from conftest import ELASTIC, PLASTIC, here, world
+
+from asperity.contact.penalty_nitsche import SOFT
+from asperity.errors import ConvergenceError
+from asperity.linear.multigrid import PMultigrid
+from asperity.mesh.block import BlockMesh
+from asperity.model.load_path import Schedule
+from asperity.model.material import Material
+from asperity.model.settings import FACTORS, Formulation, MeshSize, SolverOptions
+from asperity.quasistatic.contact_solver import ContactSolver
+from asperity.quasistatic.make import make_block, make_contact_solver
+from asperity.quasistatic.stepping import Record, follow
+from asperity.quasistatic.stiffness import Stiffness
+from asperity.surface import Sinusoid, Sphere, Surface
+
+EXTEND = Path(__file__).parents[2] / "docs" / "extend.md"
+OPTIONS = re.findall(r"^\| `-(asperity_\S+?)(?: (\S+))?` \|", EXTEND.read_text(encoding="utf-8"), re.M)
+
+
+@pytest.fixture
+def option(request: pytest.FixtureRequest) -> Iterator[str]:
+    """An option in PETSc's database, and its name."""
+    from petsc4py import PETSc
+
+    (name, value), options = request.param, PETSc.Options()
+    before = options.getAll()
+    options[name] = value or None
+    yield name
+    for key in set(options.getAll()) - set(before):
+        options.delValue(key)
+    if name in before:
+        options[name] = before[name]
+
+
+def printed(solver: ContactSolver, capfd: pytest.CaptureFixture[str]) -> str:
+    """What a step prints, which must be right."""
+    assert solver.step(0.02).converged
+    return capfd.readouterr().out
+
+
+@pytest.mark.parametrize("option", OPTIONS, indirect=True, ids=[" ".join(o).strip() for o in OPTIONS])
+def test_options_of_the_table(
+    rough: Surface, coarse: BlockMesh, option: str, capfd: pytest.CaptureFixture[str]
+) -> None:
+    """Each does what it says, and the force stays."""
+    usual = make_contact_solver(here(), rough, coarse, PLASTIC, options=SolverOptions(linear="lu"))
+    usual.newton._tells = False
+    assert usual.step(0.02).converged
+    capfd.readouterr()
+    solver = make_contact_solver(here(), rough, coarse, PLASTIC, options=SolverOptions(linear="cg"))
+    solver.probes = (Stiffness(solver.solid),)
+    text, counts = printed(solver, capfd), solver.counts
+    assert solver.force == pytest.approx(usual.force, rel=1e-7)
+    lines = {
+        "asperity_snes_monitor": ("SNES Function norm", counts.newton + 1),
+        "asperity_ksp_monitor": ("KSP Residual norm", counts.krylov + counts.newton),
+        "asperity_snes_linesearch_monitor": ("Line search: length", counts.newton),
+    }
+    if option in lines:
+        assert text.count(lines[option][0]) == lines[option][1]
+    elif option.endswith("linesearch_type"):
+        assert not counts.shortened
+    elif option == "asperity_ksp_type":
+        assert solver.newton.linear.ksp.getType() == "minres"
+    elif option == "asperity_snes_view":
+        assert "type: cg" in text and "PMultigrid" in text and "TangentOperator" in text
+    elif option == "asperity_coarse_pc_type":
+        assert type(solver.newton.linear._method._multigrid._coarse).__name__ == "Distributed"
+    else:
+        assert option == "asperity_stiffness_ksp_monitor" and text.count("0 KSP Residual norm") >= 3
+
+
+def test_every_prefix_is_in_the_table() -> None:
+    """Of the solver objects in the package."""
+    text, package = EXTEND.read_text(encoding="utf-8"), Path(__file__).parents[2] / "python"
+    found = {m for path in package.rglob("*.py") for m in re.findall(r'"(asperity_(?:[a-z]+_)?)"', path.read_text())}
+    assert "asperity_coarse_" in found
+    assert {name for name in found if f"| `{name}` |" not in text} == set()
+
+
+@pytest.mark.mpi
+def test_the_ksp_of_snes_solves_the_system_that_it_shows(rough: Surface, coarse: BlockMesh | None) -> None:
+    """Its operator, on the right-hand side as moved, gives its solution: no search and no prescription hides in it."""
+    solver = make_contact_solver(world(), rough, coarse, ELASTIC, options=SolverOptions(linear="cg"))
+    linear, seen = solver.newton.linear, []
+    assert solver.newton.snes.getKSP().handle == linear.ksp.handle
+
+    def look(ksp: Any, iteration: int, norm: float) -> None:
+        if iteration == 0:
+            seen.append(ksp.getRhs().copy())
+
+    linear.ksp.setMonitor(look)
+    assert solver.step(0.02).converged
+    system, rows = seen[-1], linear._rows
+    x, image = (solver.solid.vector() for _ in range(2))
+    linear.ksp.getSolution().copy(x)
+    x.array[rows] = 0.0
+    linear.operator.mult(x, image)
+    image.axpy(-1.0, system)
+    assert image.norm() < 1e-3 * system.norm()
+    assert not system.array_r[rows].any()
+    x.array = rows[0] if len(rows) else 0.0
+    linear.operator.mult(x, image)
+    assert (image.array_r[rows] == x.array_r[rows]).all()  # unit rows
+
+
+@pytest.mark.mpi
+def test_a_preconditioner_that_cannot_be_made_is_rescued(
+    rough: Surface, coarse: BlockMesh | None, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """And the solves after it use the preconditioner again."""
+    solver = make_contact_solver(world(), rough, coarse, PLASTIC, options=SolverOptions(linear="cg"))
+    with monkeypatch.context() as patch:
+        patch.setattr(PMultigrid, "_update", lambda self, renew: False)
+        assert solver.step(0.01).converged
+    assert solver.counts.direct == solver.counts.newton > 0 == solver.counts.krylov
+    before = solver.counts.direct
+    assert solver.step(0.015).converged
+    assert solver.counts.direct == before and solver.counts.krylov > 0
+
+
+SCENES: dict[str, tuple[Surface, MeshSize, float]] = {
+    "rough": (
+        Surface.from_spec(
+            kind="self-affine", L=1.0, H=0.8, rms_slope=0.1, lambda_short=0.25, lambda_roll=0.5, seed=5, periodic=True
+        ),
+        MeshSize(0.12, growth=0.5),
+        0.015,
+    ),
+    "sphere": (Sphere(L=1.0, radius=2.0), MeshSize(0.1, growth=0.5), 0.01),
+    "wave": (Sinusoid(L=1.0, amplitude=0.02, dims=2), MeshSize(0.12, growth=0.5), 0.02),
+}
+
+
+@pytest.mark.parametrize(
+    "material", [ELASTIC, pytest.param(PLASTIC, marks=pytest.mark.slow)], ids=["elastic", "plastic"]
+)
+@pytest.mark.parametrize("name", SCENES)
+@pytest.mark.parametrize(
+    "formulation",
+    [Formulation("penalty", penalty=FACTORS[1]), Formulation("nitsche", gamma=FACTORS[1])],
+    ids=lambda f: f.method,
+)
+def test_the_stiffest_legal_contact_converges(name: str, formulation: Formulation, material: Material) -> None:
+    """Without a cut step, to a force next to that of a third of the factor."""
+    surface, size, depth = SCENES[name]
+    block = make_block(here(), surface, 1.0, depth, size)
+    factors = {f: getattr(formulation, f) / 3.0 for f in ("penalty", "gamma")}
+    force = []
+    for each in (formulation, replace(formulation, **factors)):
+        solver = make_contact_solver(here(), surface, block, material, formulation=each)
+        record = Record(1.0, 1.0, material.reduced_modulus)
+        follow(solver, Schedule(delta_max=depth, steps=1, unload_steps=1), record)
+        force.append(record.curve().force.max())
+        assert solver.counts.cutbacks == 0
+    assert force[0] == pytest.approx(force[1], rel=1e-3)
+
+
+def test_a_stiff_contact_that_does_not_converge_names_its_factor(rough: Surface, coarse: BlockMesh) -> None:
+    for formulation, hint in (
+        (Formulation("penalty", penalty=1e4), "a smaller contact.penalty than 10000, "),
+        (Formulation("nitsche", gamma=1e4), "a smaller contact.gamma than 10000, "),
+        (Formulation("penalty", penalty=SOFT), ""),
+    ):
+        options = SolverOptions(newton_max=1)
+        solver = make_contact_solver(here(), rough, coarse, ELASTIC, formulation=formulation, options=options)
+        with pytest.raises(ConvergenceError, match=f"is kept: use {hint}more loading.steps"):
+            follow(solver, Schedule(delta_max=0.03, steps=3), Record(1.0, 1.0, ELASTIC.reduced_modulus))
