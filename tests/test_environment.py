@@ -236,6 +236,57 @@ def test_wheels_of_pypi_need_no_root(clone: Clone, compiles: bool, installed: st
     assert clone.roots() == []
 
 
+@pytest.mark.parametrize("what", ["cache", "root", "python"])
+@pytest.mark.parametrize("how", ["another user", "all may write", "a group may write", "a link of another"])
+def test_what_others_may_have_written_is_not_entered(clone: Clone, what: str, how: str) -> None:
+    """Neither the cache, nor the root or the clone's environment in it."""
+    if "another" in how and os.geteuid():
+        pytest.skip("only root can give files away")
+    assert clone.start().communicate(timeout=60)[0] == "inside\n"
+    place = clone.cache if what == "cache" else next(p for p in clone.cache.glob(f"{what}-*") if p.is_dir())
+    if how == "another user":
+        os.chown(place, 12345, 12345)
+    elif how == "a link of another":
+        place.rename(theirs := clone.path.parent / "theirs")
+        os.chown(theirs, 12345, 12345)
+        place.symlink_to(theirs)
+    else:
+        place.chmod(0o777 if how == "all may write" else 0o775)
+    process = clone.start()
+    output, errors = process.communicate(timeout=60)
+    assert (process.returncode, output) == (4, "") and f"{place} belongs to another user, or others" in errors
+    assert len(errors.splitlines()) == 2
+
+
+def test_what_is_made_others_may_not_write_whatever_the_umask(clone: Clone) -> None:
+    """The command has the umask of the user."""
+    script = clone.path / "run"
+    started = subprocess.run(
+        ["sh", "-c", 'umask 002; exec bash "$0" sh -c umask', script],
+        env=clone.environment,
+        capture_output=True,
+        text=True,
+    )
+    assert int(started.stdout, 8) == 0o002, started.stderr
+    for path in (clone.cache, *clone.cache.iterdir()):
+        assert not path.stat().st_mode & 0o022
+
+
+def test_without_a_home_the_cache_is_in_that_of_the_user_and_never_where_all_may_write(clone: Clone) -> None:
+    del clone.environment["XDG_CACHE_HOME"]
+    clone.environment.pop("HOME", None)
+    tools = clone.path.parent / "tools"
+    (tools / "getent").write_text(f'#!/bin/sh\necho "me:x:$2:$2::{clone.path.parent}/home:/bin/sh"\n')
+    (tools / "getent").chmod(0o755)
+    output, errors = clone.start("sh", "-c", "echo $HOME").communicate(timeout=60)
+    assert output == f"{clone.path.parent}/home\n", errors
+    assert (clone.path.parent / "home/.cache/asperity").is_dir()
+    (tools / "getent").write_text("#!/bin/sh\nexit 2\n")
+    process = clone.start()
+    _, errors = process.communicate(timeout=60)
+    assert process.returncode == 4 and "neither XDG_CACHE_HOME nor HOME" in errors and len(errors.splitlines()) == 1
+
+
 def test_a_failure_says_which_step_and_what_to_do(clone: Clone) -> None:
     clone.fail.touch()
     process = clone.start()
