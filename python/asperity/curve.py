@@ -17,8 +17,9 @@ from asperity.errors import AsperityWarning, InputError, warn
 from asperity.runtime.display import nearest
 from asperity.runtime.files import MOST_TEXT, read_whole, write_csv
 from asperity.runtime.measured_curve import read_measured_curve, repaired
+from asperity.runtime.notebook import line_picture, optional
 from asperity.runtime.text_table import decoded
-from asperity.slope import legs, slopes
+from asperity.slope import fitted_rows, legs, planned_rows, slopes
 
 if TYPE_CHECKING:
     from asperity.power_law import PowerLawFit
@@ -257,6 +258,16 @@ class Curve:
         except InputError:
             return None
 
+    def to_pandas(self) -> Any:
+        """Data frame of the steps, a column each; needs the package pandas."""
+        frame = optional("pandas").DataFrame({name: getattr(self, name) for name in COLUMNS})
+        frame.attrs = dict(self.header)
+        return frame
+
+    def _repr_html_(self) -> str:
+        """Picture of force over approach, for a notebook."""
+        return line_picture(self.delta, self.force, f"{self!r}", "approach", "force")
+
     def write(self, path: str | Path) -> None:
         """Write a CSV file, whole or not at all, that is read back to the same bits; NaNs are empty cells."""
         comment = json.dumps(dict(self.header), sort_keys=True) if self.header else ""
@@ -343,34 +354,6 @@ STIFFNESSES = tuple(name for name, of in DIMENSIONS.items() if of == "force/leng
 ELASTIC_STIFFNESSES = STIFFNESSES[1:]
 #: Columns with error bars in runs with a tolerance, in addition to P_star and area_fraction.
 WITH_ERRORS = tuple(name.removeprefix("error_") for name in COLUMNS if name.startswith("error_"))[2:]
-
-
-def planned_rows(delta: Array) -> Array:
-    """Indices (m,) of the steps at equal increments of the approach delta (n,), see `Curve.planned`."""
-    every = np.arange(len(delta))
-    if not len(delta) or np.any(np.diff(delta, prepend=0.0) <= 0):
-        return every
-    whole = delta / delta[-1]
-    for part in whole[:-2]:
-        if part * len(whole) < 0.5:
-            continue  # more increments than rows
-        ends = part * np.arange(1, round(1 / part) + 1)
-        rows = np.minimum(np.searchsorted(whole, ends - 1e-6 * part), len(whole) - 1)
-        if np.all(np.abs(whole[rows] - ends) < 1e-6 * part) and rows[-1] == len(whole) - 1:
-            return rows
-    return every
-
-
-def fitted_rows(delta: Array, force: Array) -> Array:
-    """Indices (m,) of the steps to which the power law of a loading is fitted: the planned or measured ones in contact.
-
-    Every power law of a curve uses these steps; approach and force (n,) in any unit.
-    """
-    steps = np.diff(delta)
-    # evenly sampled from some approach on: measured, for a run cuts steps in halves
-    sampled = len(steps) > 1 and delta[0] > 2.5 * steps[0] > 0.0 and np.ptp(steps) < 0.1 * steps[0]
-    rows = np.arange(len(delta)) if sampled else planned_rows(delta)
-    return rows[(delta[rows] > 0) & (force[rows] > 0)]
 
 
 def _check_names(names: Any) -> None:

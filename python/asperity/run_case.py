@@ -34,6 +34,7 @@ from asperity.runtime.run_folder import LOG
 from asperity.runtime.timing import Phases
 
 if TYPE_CHECKING:
+    from matplotlib.figure import Figure
     from mpi4py import MPI
 
     from asperity.mesh.block import BlockMesh
@@ -59,6 +60,30 @@ class RunResult:
     summary: dict[str, Any]
     contact: ContactResult | None
     dynamics: Any = None
+
+    def plot(self, name: str = "curve") -> Figure:
+        """Draw a figure of the curve: "curve", "area" or "stiffness"; those of a folder are `plot.plot_run`'s.
+
+        Raises:
+            InputError: there is no such figure, or it has no data
+        """
+        from asperity.output.results import Results
+        from asperity.plot import figures_of
+
+        drawn = figures_of(Results(Path(), self.curve, summary=self.summary))
+        if name not in drawn:
+            raise InputError(f"there is no figure {name!r} of this result: choose {', '.join(drawn) or 'none'}")
+        return drawn[name](Results(Path(), self.curve, summary=self.summary))
+
+    def _repr_html_(self) -> str:
+        """Picture and sentences for a notebook."""
+        from html import escape
+
+        from asperity.output.results import Results
+        from asperity.output.verdict import verdict
+
+        sentences = verdict(Results(Path(), self.curve, summary=self.summary))
+        return self.curve._repr_html_() + "".join(f"<p>{escape(text)}</p>" for text in sentences)
 
     def __repr__(self) -> str:
         law = "no fit" if self.fit is None else "k = {}, n = {}".format(*with_misfit(self.fit.to_dict()))

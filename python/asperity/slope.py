@@ -80,3 +80,31 @@ def _of_branch(x: Array, F: Array, touch: float | None) -> tuple[Array, Array]:
     size = np.maximum(np.abs(exponent), np.finfo(float).tiny)
     change[n:] = np.pad(steps, (X.size - 1 - steps.size, 1), mode="edge") / size if steps.size else np.nan
     return slope, change
+
+
+def planned_rows(delta: Array) -> Array:
+    """Indices (m,) of the steps at equal increments of the approach delta (n,), see `Curve.planned`."""
+    every = np.arange(len(delta))
+    if not len(delta) or np.any(np.diff(delta, prepend=0.0) <= 0):
+        return every
+    whole = delta / delta[-1]
+    for part in whole[:-2]:
+        if part * len(whole) < 0.5:
+            continue  # more increments than rows
+        ends = part * np.arange(1, round(1 / part) + 1)
+        rows = np.minimum(np.searchsorted(whole, ends - 1e-6 * part), len(whole) - 1)
+        if np.all(np.abs(whole[rows] - ends) < 1e-6 * part) and rows[-1] == len(whole) - 1:
+            return rows
+    return every
+
+
+def fitted_rows(delta: Array, force: Array) -> Array:
+    """Indices (m,) of the steps to which the power law of a loading is fitted: the planned or measured ones in contact.
+
+    Every power law of a curve uses these steps; approach and force (n,) in any unit.
+    """
+    steps = np.diff(delta)
+    # evenly sampled from some approach on: measured, for a run cuts steps in halves
+    sampled = len(steps) > 1 and delta[0] > 2.5 * steps[0] > 0.0 and np.ptp(steps) < 0.1 * steps[0]
+    rows = np.arange(len(delta)) if sampled else planned_rows(delta)
+    return rows[(delta[rows] > 0) & (force[rows] > 0)]
