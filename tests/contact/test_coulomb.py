@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 from conftest import PLASTIC, here, world
-from scipy.integrate import quad
+from scipy.integrate import quad, trapezoid
 from scipy.optimize import brentq
 from scipy.special import ellipk
 
@@ -258,6 +258,8 @@ def test_a_loop_closes_and_loses(wave: Surface, block: BlockMesh) -> None:
     assert np.all(np.diff(path.dissipated) >= 0.0)
     assert path.u[-1] == pytest.approx(path.u[top], rel=0.05)
     u, T = path.u[bottom:], path.T[bottom:]
+    work = trapezoid(path.T[top:], path.u[top:])  # the least by few steps; by the force at their ends the most
+    assert work < path.energy < work + 0.5 * (np.diff(path.T[top:]) @ np.diff(path.u[top:]))
     assert 0.0 < path.energy and np.all(np.abs(path.T) <= 0.4 * load)
     assert T[-1] == pytest.approx(path.T[top], rel=3e-3) and np.all(np.diff(u) > 0.0)
 
