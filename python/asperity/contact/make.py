@@ -12,14 +12,10 @@ from asperity.model.settings import Formulation
 
 
 def make_contact(formulation: Formulation, solid: Solid, surface: ContactSurface) -> Contact:
-    """Make the contact of a solid by a formulation.
-
-    A subclass of `Formulation` may bring a contact of its own: by a method build(solid, surface) that returns it.
-    """
-    build = getattr(formulation, "build", None)
-    if build is not None:
-        contact: Contact = build(solid, surface)
-        return contact
+    """Make the contact of a solid by a formulation: its own (`Formulation.build`), or one of this package."""
+    own: Contact | None = formulation.build(solid, surface)
+    if own is not None:
+        return own
     if formulation.method == "active-set":
         if isinstance(formulation.friction, str):
             return ActiveSet(solid, surface)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from math import inf
+from typing import Any
 
 from asperity.arrays import Floats
 from asperity.errors import InputError
@@ -58,6 +59,14 @@ class Formulation:
             refuse(gamma_too_small(self.gamma))
         check_kinds(self, "contact", penalty=FACTORS, gamma=FACTORS)
         refuse(wrong_friction(self.method, self.friction))
+
+    def build(self, solid: Any, surface: Any) -> Any:
+        """Contact of an own formulation, `asperity.contact.Contact`; None for the three that come along.
+
+        Args:
+            solid: `asperity.fem.solid.Solid`, in units of L and E
+            surface: its top, `asperity.contact.contact_surface.ContactSurface`
+        """
 
     @property
     def sticks(self) -> bool:
