@@ -15,10 +15,11 @@ from asperity.mesh.element import LINEAR_TETS, VTK_TYPE
 from asperity.output.results import Results
 from asperity.runtime.files import files_into
 from asperity.runtime.run_folder import FIELDS, FIGURES, VTKHDF, locking
-from asperity.units import prefix
+from asperity.units import prefix, quantity
 
 SIZE = (2400, 1060)  # pixels
 DEPTH = 0.35  # share of the height that is shown
+RELIEF = 0.12  # range of the heights as shown [L]
 HIGH = 0.8  # stress at which a block may be cut open, over that which a thousandth of it exceeds
 FIELD_FILE = f"{FIELDS}/{VTKHDF}"
 ABOVE = 1e-4  # of the triangles under pressure above the surface that they lie on [L]
@@ -53,6 +54,7 @@ def scene(folder: str | Path, path: str | Path | None = None) -> Path:
     pressure = np.asarray(grid.point_data["pressure"])
     scale, unit = prefix(float(pressure.max()) or float(stress.max()), results.unit("stress"))
     block = _linear(grid, stress * scale)
+    factor = _stretch(block, results.top)
     # a small region of high stress must not determine the colour scale
     highest = float(np.quantile(stress, 0.999)) * scale
     plotter = pv.Plotter(off_screen=True, shape=(1, 2), window_size=list(SIZE), border=False)
@@ -63,9 +65,11 @@ def scene(folder: str | Path, path: str | Path | None = None) -> Path:
     _view(plotter, block)
     plotter.subplot(0, 1)
     plotter.add_mesh(_cut(block).extract_surface(algorithm="dataset_surface"), color="#B8B8B8", ambient=0.2)
-    plotter.add_mesh(_touched(results.top, block, scale), scalars="pressure shown", cmap="inferno_r", n_colors=256,
-                     ambient=0.2, **_scale("contact pressure", unit, float(pressure.max()) * scale))  # fmt: skip
+    plotter.add_mesh(_touched(results.top, block, scale, factor), scalars="pressure shown", cmap="inferno_r",
+                     n_colors=256, ambient=0.2, **_scale("contact pressure", unit, float(pressure.max()) * scale))  # fmt: skip
     _view(plotter, block)
+    side = quantity(float(np.ptp(results.top["points"][:, 0])), results.unit("length"), 3)
+    plotter.add_text(f"side {side}, heights {factor:.2g} times enlarged", "upper_right", font_size=16, color="black")
     target = Path(path) if path is not None else results.folder / FIGURES / "scene.png"
     target.parent.mkdir(exist_ok=True)
     with files_into(target.parent) as aside:
@@ -98,12 +102,28 @@ def _linear(grid: Any, stress: Any) -> Any:
     return block
 
 
-def _touched(top: Any, block: Any, scale: float) -> Any:
-    """Triangles of the top under pressure in the last snapshot."""
+def _stretch(block: Any, top: Any) -> float:
+    """Enlarge the heights of the deformed top, less so below it, until they can be seen; return the factor."""
+    from scipy.interpolate import LinearNDInterpolator, NearestNDInterpolator
+
+    side = float(np.ptp(top["points"][:, 0]))
+    xy, heights = top["points"] / side, -top["gap"][-1] / side
+    factor = max(RELIEF / (float(np.ptp(heights)) or RELIEF), 1.0)
+    at = np.clip(block.points[:, :2], 0.0, 1.0)
+    relief = LinearNDInterpolator(xy, heights - heights.max())(at)
+    lost = np.isnan(relief)
+    relief[lost] = NearestNDInterpolator(xy, heights - heights.max())(at[lost])
+    z = block.points[:, 2]
+    block.points[:, 2] = z + (factor - 1.0) * relief * np.clip(z / z.max(), 0.0, 1.0) ** 4  # little in the depth
+    return factor
+
+
+def _touched(top: Any, block: Any, scale: float, factor: float) -> Any:
+    """Triangles of the top under pressure in the last snapshot, with heights enlarged by a factor."""
     import pyvista as pv
 
     xyz = np.column_stack([top["points"], -top["gap"][-1]]) / np.ptp(top["points"][:, 0])
-    xyz[:, 2] += block.bounds[5] + ABOVE
+    xyz[:, 2] = factor * (xyz[:, 2] - xyz[:, 2].max()) + block.bounds[5] + ABOVE
     pressure, triangles = top["pressure"][-1], top["triangles"]
     out = pv.PolyData.from_regular_faces(xyz, triangles[(pressure[triangles] > 0.0).all(axis=1)])
     out.point_data["pressure shown"] = scale * pressure
