@@ -7,9 +7,13 @@ import warnings
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
+from mpi4py import MPI
 
+import asperity as asp
 from asperity.errors import AsperityWarning
+from asperity.quasistatic.make import make_block, make_contact_solver
 
 EXAMPLES = Path(__file__).parent.parent / "examples"
 
@@ -32,6 +36,27 @@ def test_hertz() -> None:
 
 def test_tangent_modulus() -> None:
     assert run("tangent_modulus") == pytest.approx([1.795, 1.833, 1.830], abs=0.02)
+
+
+def test_pressed_block() -> None:
+    """The forces of the example are those of asperity on the same mesh, and its penalty is soft where its mesh is."""
+    exponent, lacking = run("pressed_block")
+    assert 1.0 < exponent < 2.0 and abs(lacking) < 0.05
+    block_of = runpy.run_path(str(EXAMPLES / "pressed_block.py"))["Block"]
+    wave, approaches = asp.Surface.from_spec("sinusoid", L=1.0, amplitude=0.02, dims=2), np.linspace(0.005, 0.02, 4)
+    mesh = make_block(MPI.COMM_WORLD, wave, 1.0, 0.02, asp.MeshSize(h_contact=0.7, h_max=0.9))
+    solid = asp.Material(1.0, 0.3, 0.005, 0.05 / 1.05)  # whose plastic modulus is 0.05
+    for method in ("active-set", "penalty"):
+        exact = method == "active-set"
+        settings = {"formulation": asp.Formulation(method), "options": asp.SolverOptions(rtol=1e-10)}
+        ours = make_contact_solver(MPI.COMM_WORLD, wave, mesh, solid, **settings)
+        expected = [ours.step(delta).converged * ours.force for delta in approaches]
+        theirs = block_of(ours.solid.mesh)
+        if not exact:
+            top = ours.contact_surface
+            theirs.stiffness.x.array[top.cells] = 10.0 * 2**2 / top.diameter
+        forces = theirs.press(ours.summit, approaches, exact)
+        assert np.abs(forces - expected).max() < 1e-6 * max(expected)
 
 
 def test_custom_surface() -> None:

@@ -32,7 +32,7 @@ def hertz(tolerance: float) -> Claim:
 
     def claim(case: Case, curve: Curve) -> tuple[bool, str]:
         load = curve.branch == "load"
-        R = case.surface.parameters()["radius"]
+        R = case.surface.given()["radius"]
         expected = 4.0 / 3.0 * case.material.E_prime * np.sqrt(R) * curve.delta[load] ** 1.5
         error = float(np.max(np.abs(curve.force[load] - expected)) / np.max(expected))
         text = f"Hertz within {error:.1%}"

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import field, make_dataclass
 from functools import cached_property
@@ -16,7 +16,7 @@ from asperity.arrays import Floats, Integers, Singles
 from asperity.errors import CompatError, InputError
 from asperity.fem.history import History
 from asperity.fem.sparsity import SparsityPattern
-from asperity.fem.weak_form import WeakForm
+from asperity.fem.weak_form import WeakForm, measure
 from asperity.laws.definition import SHAPES, USUAL, Law
 from asperity.mesh.element import QUADRATURE_DEGREE
 from asperity.model.material import Material
@@ -77,9 +77,10 @@ class FormKernels:
             self._state = fem.Function(fem.functionspace(mesh, element))
             self._at = self._state.function_space.dofmap.list[: len(cell_nodes)]
             self._width = width
+        self._where = sparsity, self._cells, self._points
         constants = {name: fem.Constant(mesh, np.float64(value)) for name, value in self._law.parameters}
         flowing = WeakForm(self._u, self._state, self._law, constants, self._finite)
-        self._flowing = self._now = _Compiled(flowing, self._cells, self._points)
+        self._flowing = self._now = _Compiled(flowing, *self._where)
         self._held: _Compiled | None = None if self._law.state else self._flowing
         self._weak_held = lambda: WeakForm(self._u, self._state, self._law, constants, self._finite, held=True)
         rows = len(cell_nodes) if self._law.state else 0
@@ -101,7 +102,7 @@ class FormKernels:
                     f'material.law = "{self._law.source}" does not say what it is without flow, which stiffness and '
                     "slip need: declare @asp.law(state=..., elastic=...)"
                 )
-            self._held = _Compiled(self._weak_held(), self._cells, self._points)
+            self._held = _Compiled(self._weak_held(), *self._where)
         return self._held
 
     @cached_property
@@ -156,7 +157,7 @@ class FormKernels:
         from scipy import sparse
 
         self._set(u, history, keep=False)
-        blocks, pattern = forms.blocks(self._sparsity), self._sparsity
+        blocks, pattern = forms.matrix.blocks(), self._sparsity
         nodes = len(pattern.indptr) - 1
         full = sparse.bsr_array((blocks, pattern.indices, pattern.indptr), shape=(3 * nodes, 3 * nodes)).tocsr().data
         if values.dtype == np.float32:
@@ -168,7 +169,7 @@ class FormKernels:
         """Free stored matrices; they are made again when they are needed."""
         for forms in (self._flowing, self._held):
             if forms is not None:
-                forms.drop()
+                forms.matrix.drop()
 
     def commit(self) -> None:
         """Make the trial history the committed one."""
@@ -229,6 +230,13 @@ class FormKernels:
         return self._trial
 
 
+def _compiled(form: Any) -> Any:
+    from dolfinx import fem
+
+    with compiling():
+        return fem.form(form, jit_options=jit_options())
+
+
 class _Values:
     """Values of an expression at the quadrature points of the owned cells."""
 
@@ -248,24 +256,16 @@ class _Values:
 class _Compiled:
     """A weak form compiled, each of its parts at first use."""
 
-    def __init__(self, weak: WeakForm, cells: Integers, points: Floats) -> None:
-        self._weak, self._at = weak, (weak.mesh, cells, points)
-        self._blocks: Integers | None = None
-        self._matrix: Any = None
-
-    def _form(self, form: Any) -> Any:
-        from dolfinx import fem
-
-        with compiling():
-            return fem.form(form, jit_options=jit_options())
+    def __init__(self, weak: WeakForm, sparsity: SparsityPattern, cells: Integers, points: Floats) -> None:
+        self._weak, self._sparsity, self._at = weak, sparsity, (weak.mesh, cells, points)
 
     @cached_property
     def residual(self) -> Any:
-        return self._form(self._weak.residual)
+        return _compiled(self._weak.residual)
 
     @cached_property
-    def matrix(self) -> Any:
-        return self._form(self._weak.tangent)
+    def matrix(self) -> _Matrix:
+        return _Matrix(self._weak.tangent, self._sparsity)
 
     @cached_property
     def stresses(self) -> _Values:
@@ -280,20 +280,45 @@ class _Compiled:
     def gradient(self) -> _Values:
         return _Values(self._weak.gradient, 9, *self._at)
 
-    def blocks(self, sparsity: SparsityPattern) -> Floats:
-        """Tangent as blocks of the node pattern (blocks, 3, 3), this rank's part."""
+
+class _Matrix:
+    """Matrix of a form as blocks of the node pattern, this rank's part."""
+
+    def __init__(self, form: Any, sparsity: SparsityPattern) -> None:
+        self._form, self._sparsity = _compiled(form), sparsity
+        self._matrix: Any = None
+
+    def blocks(self) -> Floats:
+        """At the current coefficients (blocks, 3, 3)."""
         from dolfinx import fem
 
         if self._matrix is None:
-            self._matrix = fem.create_matrix(self.matrix)
-            self._blocks = _positions(self._matrix, sparsity)
+            self._matrix = fem.create_matrix(self._form)
+            self._at = _positions(self._matrix, self._sparsity)
         self._matrix.set_value(0.0)
-        fem.assemble_matrix(self._matrix, self.matrix)
-        values: Floats = self._matrix.data.reshape(-1, 3, 3)[self._blocks]
+        fem.assemble_matrix(self._matrix, self._form)
+        values: Floats = self._matrix.data.reshape(-1, 3, 3)[self._at]
         return values
 
     def drop(self) -> None:
-        self._matrix = self._blocks = None
+        """Free the values."""
+        self._matrix = None
+
+
+def nodal_matrix(V: Any, sparsity: SparsityPattern, of: Callable[[Any, Any], Any], degree: int) -> Any:
+    """Matrix of one component of a form that treats the components alike, SciPy CSR (nodes, nodes), this rank's part.
+
+    Args:
+        of: integrand of trial and test function
+        degree: of the quadrature
+    """
+    import ufl
+    from scipy import sparse
+
+    form = of(ufl.TrialFunction(V), ufl.TestFunction(V)) * measure(V.mesh, degree)
+    data = _Matrix(form, sparsity).blocks()[:, 0, 0].copy()
+    nodes = len(sparsity.indptr) - 1
+    return sparse.csr_array((data, sparsity.indices, sparsity.indptr), shape=(nodes, nodes))
 
 
 def _positions(matrix: Any, sparsity: SparsityPattern) -> Integers:

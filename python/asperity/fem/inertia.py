@@ -10,10 +10,8 @@ from typing import Any
 import numpy as np
 
 from asperity.arrays import Floats
+from asperity.fem.forms import nodal_matrix
 from asperity.fem.solid import Solid
-from asperity.mesh.element import quadrature, shape_functions, shape_gradients
-from asperity.runtime import compat
-from asperity.runtime.compiled import solver as _solver
 
 MASS_DEGREE = 6  # of the quadrature of the consistent mass: second-order shapes squared, on curved cells
 
@@ -57,17 +55,6 @@ class Inertia:
 
 def consistent_mass(solid: Solid) -> Any:
     """Integrals of products of shape functions over the cells of this rank, SciPy CSR (nodes, nodes) [L^3]."""
-    from scipy import sparse
+    import ufl
 
-    points, weights = quadrature(MASS_DEGREE)
-    N = shape_functions(points)
-    nodes, x_nodes = solid.cell_nodes, compat.geometry_dofmap(solid.mesh)[: len(solid.cell_nodes)]
-    cells = _solver.Cells(solid.mesh.geometry.x, x_nodes, nodes, shape_gradients(points), weights)
-    volumes = np.empty((len(nodes), len(weights)))
-    _solver.volumes(cells, volumes)
-    local = np.einsum("cq,qa,qb->cab", volumes, N, N)
-    sparsity = solid.sparsity
-    keys = np.repeat(np.arange(solid.nodes), np.diff(sparsity.indptr)) * solid.nodes + sparsity.indices
-    wanted = nodes[:, :, None].astype(np.int64) * solid.nodes + nodes[:, None, :]
-    data = np.bincount(np.searchsorted(keys, wanted).ravel(), local.ravel(), minlength=len(keys))
-    return sparse.csr_array((data, sparsity.indices, sparsity.indptr), shape=(solid.nodes, solid.nodes))
+    return nodal_matrix(solid.V, solid.sparsity, ufl.inner, MASS_DEGREE)

@@ -2,16 +2,15 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from asperity.arrays import Floats
+from asperity.fem.forms import nodal_matrix
 from asperity.fem.solid import Solid
 from asperity.linear.petsc import GAMG, empty_matrix, set_defaults
-from asperity.mesh.element import NODES, QUADRATURE_DEGREE, quadrature, shape_gradients
+from asperity.mesh.element import QUADRATURE_DEGREE
 from asperity.quasistatic.stiffness import without_block
-from asperity.runtime import compat
 
 if TYPE_CHECKING:
     from asperity.quasistatic.contact_solver import ContactSolver
@@ -28,13 +27,11 @@ class Conductance:
     """
 
     def __init__(self, solid: Solid) -> None:
+        import ufl
         from petsc4py import PETSc
-        from scipy import sparse
 
-        n = solid.nodes
-        rows = np.repeat(solid.cell_nodes, NODES, axis=1).ravel()
-        columns = np.tile(solid.cell_nodes, (1, NODES)).ravel()
-        local = sparse.coo_array((_laplace(solid).ravel(), (rows, columns)), shape=(n, n)).tocsr()
+        degree = QUADRATURE_DEGREE
+        local = nodal_matrix(solid.V, solid.sparsity, lambda u, v: ufl.inner(ufl.grad(u), ufl.grad(v)), degree)
         self._A = A = empty_matrix(solid.V.dofmap.index_map, 1, solid.comm)
         indptr, indices = (part.astype(PETSc.IntType) for part in (local.indptr, local.indices))
         A.setValuesLocalCSR(indptr, indices, local.data, PETSc.InsertMode.ADD)
@@ -76,14 +73,3 @@ class Conductance:
 
     def drop_matrices(self) -> None:
         """Nothing is freed: a matrix with one unknown a node is small compared with that of the displacements."""
-
-
-def _laplace(solid: Solid) -> Floats:
-    """Integrals of grad N_i . grad N_j over the owned cells (cells, 10, 10) [L]."""
-    points, weights = quadrature(QUADRATURE_DEGREE)
-    reference = shape_gradients(points)
-    x: Any = solid.mesh.geometry.x[compat.geometry_dofmap(solid.mesh)[: len(solid.cell_nodes)]]
-    jacobian = np.einsum("cni,qnj->cqij", x, reference)
-    gradients = np.einsum("qnj,cqji->cqni", reference, np.linalg.inv(jacobian))
-    volumes = np.abs(np.linalg.det(jacobian)) * weights
-    return np.einsum("cq,cqni,cqmi->cnm", volumes, gradients, gradients, optimize=True)
