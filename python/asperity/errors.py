@@ -23,7 +23,9 @@ class MeshError(InputError):
 
 
 class RangeError(InputError):
-    """A law or a table was evaluated outside its range."""
+    """A law or a table was evaluated outside its range, as by a preload beyond the curve."""
+
+    exit_code = 3
 
 
 class ConvergenceError(AsperityError):

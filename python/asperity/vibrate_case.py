@@ -16,13 +16,13 @@ from asperity.dynamics import Dynamics, DynamicsSettings, LoopDamping, run_dynam
 from asperity.dynamics.joint import Numbers
 from asperity.dynamics.run import small_vibration
 from asperity.errors import AsperityError, AsperityWarning, ConvergenceError, InputError, Interrupted, warn
+from asperity.force_law.choice import met
 from asperity.force_law.damping import LOOPS as OF_LOOPS
 from asperity.loops import LoopTable
 from asperity.model.problem import Problem
 from asperity.quasistatic.contact_result import ContactResult
 from asperity.quasistatic.force_loops import solve_loops
 from asperity.quasistatic.slip_paths import solve_slip
-from asperity.quasistatic.stepping import FORCE_TOLERANCE
 from asperity.runtime.parallel import on_root, on_root_bcast
 from asperity.runtime.run_folder import LOOPS
 from asperity.slip import JointSlip, SlipSettings
@@ -141,20 +141,16 @@ def _preload(case: Case, curve: Curve, section: str, preload: float | None) -> f
     """Normal force on the patch about which a section moves the flat: its own, that of the vibration, or a half.
 
     Raises:
-        InputError: it exceeds the greatest force of the curve
+        RangeError: it exceeds the greatest force of the curve
     """
     top, key, settings = float(curve.force.max()), f"{section}.preload", _settings(case)
     if preload is None and settings.preload is not None:
         preload, key = settings.preload / settings.factor, f"the preload of the {section}"
     preload = 0.5 * top if preload is None else preload
     # a load path by force ends within a small tolerance of it, and a tolerance corrects the curve
-    if top < preload <= top * (1.0 + max(2.0 * FORCE_TOLERANCE, case.accuracy.tolerance or 0.0)):
-        preload = top
-    if not 0.0 < preload <= top:
-        raise InputError(
-            f"{key} = {preload:g} must lie between 0 and {top:g}, the greatest force of the curve: lower it, or load "
-            "the contact further"
-        )
+    preload, lowered = met(preload, top, case.accuracy.tolerance or 0.0, key)
+    if lowered:
+        warn(lowered)
     return preload
 
 

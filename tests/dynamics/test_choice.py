@@ -12,7 +12,7 @@ import pytest
 
 import asperity as asp
 from asperity.case import Case
-from asperity.dynamics import DynamicsSettings, PowerLaw, TableLaw, law_from, run_dynamics
+from asperity.dynamics import DynamicsSettings, Joint, PowerLaw, TableLaw, law_from, run_dynamics
 from asperity.dynamics.run import small_vibration
 from asperity.errors import AsperityWarning, InputError, RangeError
 from asperity.force_law.choice import LACK, choose
@@ -368,3 +368,40 @@ def test_contradictory_cases_are_refused(sections: dict[str, Any], words: str) -
 def test_a_completed_case_with_a_joint_is_legal() -> None:
     case = Case.from_dict({**MINIMAL, "joint": {"pressure": 1e8, "mass": 1.0, "damping": 0.1}, "dynamics": {}})
     assert Case.from_dict(case.to_dict()) == case and "joint" in case.to_dict()
+
+
+def exponential(**changes: float) -> dict[str, np.ndarray]:
+    """Force of 20 N (exp(z/0.5 um) - 1), 240 MN/m at 100 N; `changes` are factors of the force of rows, "r8" = 0.9."""
+    z = np.linspace(0.0, 2.5e-6, 26)
+    force = 20.0 * np.expm1(z / 0.5e-6)
+    for name, factor in changes.items():
+        force[int(name[1:])] *= factor
+    return {"delta": z, "force": force}
+
+
+@pytest.mark.parametrize(("row", "factor"), [("r8", 0.75), ("r12", 0.75), ("r6", 0.7)])
+def test_a_row_that_falls_costs_neither_law_nor_bar(row: str, factor: float) -> None:
+    joint = {"joint": Joint(mass=5.0), "model": "exact", "bands": False, "units": "SI", "omega": (0.9, 1.1)}
+    with pytest.warns(AsperityWarning, match="merged with their neighbours"):
+        r = run_dynamics(exponential(**{row: factor}), preload=100.0, **joint)
+    assert r.laws is not None and r.laws.choice.name == "table"
+    assert any("do not rise, and are merged" in note for note in r.notes)
+    assert abs(r.numbers.stiffness / 240e6 - 1.0) < r.numbers.bar < 1.5
+
+
+def test_where_no_table_is_possible_a_note_says_why_and_there_is_a_bar() -> None:
+    curve = {name: column[[0, 6, 12, 18, 24]] for name, column in exponential().items()}
+    choice = choose(CurveColumns.of(curve), load=100.0)
+    assert choice.name == "paper" and "the points of the loading are no law" in choice.note
+    chosen = tabulate(CurveColumns.of(curve), choice).chosen
+    assert chosen.known is not None and chosen.known.k_n.low < 240e6 < chosen.known.k_n.high
+
+
+def test_a_preload_just_above_a_curve_with_an_error_bar_is_lowered_with_a_note() -> None:
+    curve = exponential() | {"P_star": np.ones(26), "error_P_star": np.full(26, 0.02)}
+    top = float(curve["force"][-1])
+    choice = choose(CurveColumns.of(curve), load=1.01 * top)
+    assert choice.load == top and "exceeds the greatest force of the curve by 1 %" in choice.note
+    with pytest.raises(RangeError, match=r"load = 3036\.\d+ lies outside the curve, which ends at force 2948"):
+        choose(CurveColumns.of(curve), load=1.03 * top)
+    assert RangeError.exit_code == 3

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -14,8 +14,8 @@ from asperity.force_law import LAWS, MIN_ROWS
 from asperity.force_law.checks import positive
 from asperity.force_law.columns import CurveColumns
 from asperity.force_law.law import Law
-from asperity.force_law.points import MIN_POINTS, TOUCH, fit_origin
-from asperity.force_law.power import PowerLaw
+from asperity.force_law.points import FALL, MIN_POINTS, TOUCH, fit_origin
+from asperity.force_law.power import EXPONENT, PowerLaw
 from asperity.force_law.table import TableLaw
 from asperity.power_law import fit_power_law
 from asperity.slope import fitted_rows
@@ -28,8 +28,8 @@ LACK = (
     "the contact has yielded, and the curve has neither an unloading through the preload nor the elastic stiffness: "
     f"{TOO_LOW}; compute the curve with loading.unload = true or output.stiffness = true"
 )
-_NOISE = 0.05  # share of the largest force by which the force of a measured curve may fall
 _SAME = 1e-9  # relative difference of forces that are equal
+_SHORT = 2e-6  # the same where a load path by force ends
 
 
 @dataclass(frozen=True, eq=False)
@@ -44,6 +44,7 @@ class Choice:
     reason: str  # why it is this law, a part of a sentence
     note: str = ""  # sentence on a law to be doubted
     bounds: tuple[Law, ...] = ()  # other laws that bound this one
+    bounds_of: str = "unknown branch of the overload"  # what they are
 
     @property
     def yields_at(self) -> float | None:
@@ -93,12 +94,7 @@ def choose(
     if law not in LAWS:
         raise InputError(f'law = "{law}" is unknown: choose one of {", ".join(LAWS)}')
     top = float(np.max(columns.force))
-    load = 0.5 * top if load is None else positive("load", load)
-    if not 0.0 < load <= top * (1 + _SAME):
-        raise RangeError(
-            f"load = {load:g} lies outside the curve, which ends at force {top:g}; lower the load, or compute the "
-            "curve further"
-        )
+    load, lowered = met(0.5 * top if load is None else positive("load", load), top, columns.bar_at(top))
     if overload is not None:
         if law != "auto":
             raise InputError(f'overload = {overload:g} cannot go with law = "{law}": it is for law = "auto"')
@@ -108,14 +104,33 @@ def choose(
                 "curve; compute the curve further"
             )
         overload = min(overload, top)
-    load = min(load, top)
     if law == "auto":
-        return _automatic(columns, load, overload)
+        choice = _automatic(columns, load, overload)
+        return replace(choice, note="; ".join(filter(None, (choice.note, lowered))))
     found = law_named(columns, law, load)
     yielded = columns.yielded(top if law == "unload-reload" else load)
     reached = found.top if law == "unload-reload" and isinstance(found, TableLaw) else load
     known = yielded and law in ("unload-reload", "elastic")
-    return Choice(law, found, load, reached if known else None, yielded, "named")
+    return Choice(law, found, load, reached if known else None, yielded, "named", lowered)
+
+
+def met(load: float, top: float, bar: float, name: str = "load") -> tuple[float, str]:
+    """Preload on a curve that ends at a force: lowered to that within the error bar of the force, with a note, or "".
+
+    Raises:
+        RangeError: the curve does not reach it
+    """
+    if load <= top * (1 + _SAME):
+        return min(load, top), ""
+    if load <= top * (1 + max(_SHORT, bar if bar > 0 else 0.0)):
+        return top, (
+            f"{name} = {load:.6g} exceeds the greatest force of the curve by {100 * (load / top - 1):.2g} %, which is "
+            f"within its error: the preload is {top:.6g}"
+        )
+    raise RangeError(
+        f"{name} = {load:.6g} lies outside the curve, which ends at force {top:.6g}; lower it, or compute the curve "
+        "further"
+    )
 
 
 def law_named(columns: CurveColumns, name: str, load: float) -> Law:
@@ -131,14 +146,30 @@ def law_named(columns: CurveColumns, name: str, load: float) -> Law:
     if not (length > 0 and unit > 0):
         raise InputError("the loading branch of the curve never makes contact: no power law can be fitted")
     up = force[np.argsort(delta, kind="stable")]
-    if (fall := float(np.max(np.maximum.accumulate(up) - up))) > _NOISE * unit:
+    if (fall := float(np.max(np.maximum.accumulate(up) - up))) > FALL * unit:
         raise InputError(
             f"the force of the curve does not rise with the approach: it falls by {fall:g}, by more than "
-            f"{100 * _NOISE:g} % of its largest value, the limit for noise: smooth it, or name its unloading in a "
+            f"{100 * FALL:g} % of its largest value, the limit for noise: smooth it, or name its unloading in a "
             "column branch"
         )
     rows = fitted_rows(delta, force)
     return PowerLaw.from_fit(fit_power_law(delta[rows] / length, force[rows] / unit), length, unit)
+
+
+def _secants(columns: CurveColumns, load: float) -> tuple[Law, ...]:
+    """Power laws through the point next to a preload, with the extreme slopes between those around it, and more."""
+    rows = columns.rising(columns.loading & (columns.delta > 0) & (columns.force > 0))
+    x, y = np.log(columns.delta[rows]), np.log(columns.force[rows])
+    middle = int(np.searchsorted(y, np.log(load)))
+    some = slice(max(middle - 2, 0), middle + 2)
+    with np.errstate(all="ignore"):
+        n = np.diff(y[some]) / np.diff(x[some])
+    n = n[np.isfinite(n)]
+    if not n.size:
+        return ()
+    spare, i = 0.5 * float(n.max() - n.min()), min(middle, x.size - 1)
+    ends = np.clip([n.min() - spare, n.max() + spare], *EXPONENT)
+    return tuple(PowerLaw(float(e), float(np.exp(y[i] - e * x[i]))) for e in ends)
 
 
 def unload_reload(curve: Any, load: float | None = None) -> TableLaw:
@@ -223,7 +254,10 @@ def _automatic(columns: CurveColumns, load: float, overload: float | None) -> Ch
             found = law_named(columns, "paper", load)
         except InputError as error:
             raise InputError(f"{lack}; no power law either: {error}") from error
-        return Choice("paper", found, load, None, yielded, lack.split(":")[0])
+        reason = lack.split(":")[0]
+        note = f"the points of the loading are no law ({reason}): the law is the power law through all of them"
+        bounds = _secants(columns, load)
+        return Choice("paper", found, load, None, yielded, reason, note, bounds, "slopes between the points")
     above = None
     with suppress(InputError):
         above = TableLaw.from_curve(columns)

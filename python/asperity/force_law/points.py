@@ -12,6 +12,7 @@ from asperity.errors import InputError
 MIN_POINTS = 5  # of a table without slopes, and of a fitted origin
 TOUCH = 1e-9  # share of the largest force above which a row is in contact
 MAX_ROUGHNESS = 0.12  # relative uncertainty of the stiffness through points above which they are noisy
+FALL = 0.05  # share of the largest force by which the force of a measured curve may fall
 _HEAVY = 0.25  # share of the largest force above which points are judged: at light loads few facets touch
 _DEVIATION = 0.683  # share of a normal distribution within its standard deviation
 
@@ -63,3 +64,27 @@ def fit_origin(delta: Array, force: Array) -> float:
         return lowest
     ends = (lowest, first - 1e-6 * span)
     return float(minimize_scalar(misfit, bounds=ends, method="bounded", options={"xatol": 1e-12 * span}).x)
+
+
+def rising(z: Array, F: Array) -> tuple[Array, Array, str]:
+    """Points in the order of the approach, those that do not rise merged to their means, and a note on these or "".
+
+    Larger falls than `FALL` of the greatest force are left.
+    """
+    order = np.argsort(z, kind="stable")
+    groups: list[tuple[float, float, int]] = []
+    for x, y in zip(z[order].tolist(), F[order].tolist(), strict=True):
+        group = (x, y, 1)
+        while groups and (group[0] <= groups[-1][0] or group[1] <= groups[-1][1]) and group[1] > 0:
+            (x_0, y_0, n_0), (x_1, y_1, n_1) = groups[-1], group
+            if y_0 - y_1 > FALL * F.max():
+                break
+            groups.pop()
+            n = n_0 + n_1
+            group = ((n_0 * x_0 + n_1 * x_1) / n, (n_0 * y_0 + n_1 * y_1) / n, n)
+        groups.append(group)
+    merged = sum(n for _, _, n in groups if n > 1)
+    if not merged:
+        return z, F, ""
+    x, y, _ = np.array(groups).T
+    return x, y, f"{merged} rows of the loading do not rise, and are merged with their neighbours to means"

@@ -22,7 +22,7 @@ from asperity.errors import InputError, RangeError
 from asperity.force_law.checks import positive
 from asperity.force_law.columns import CurveColumns
 from asperity.force_law.law import Law, curvature
-from asperity.force_law.points import MAX_ROUGHNESS, MIN_POINTS, fit_origin, roughness, smoothed
+from asperity.force_law.points import MAX_ROUGHNESS, MIN_POINTS, fit_origin, rising, roughness, smoothed
 from asperity.force_law.power import EXPONENT
 from asperity.runtime.display import short_repr
 
@@ -45,6 +45,7 @@ class TableLaw(Law):
         yields_at: approach of a point at which the slope changes (length): a contact that was loaded to it yields
             beyond
         k_above: stiffness there on the side of larger approaches (force/length)
+        repaired: what was done to points that do not rise, a sentence
         noise: relative uncertainty of the stiffness through points that scatter, 0 if they do not (derived)
 
     Raises:
@@ -66,6 +67,7 @@ class TableLaw(Law):
     k: Array | None = field(default=None, kw_only=True)
     yields_at: float = field(default=np.inf, kw_only=True)
     k_above: float = field(default=np.nan, kw_only=True)
+    repaired: str = field(default="", kw_only=True)
     noise: float = field(default=0.0, init=False)
     known_to: float = field(init=False, repr=False)
     knots: Array = field(init=False, repr=False)
@@ -138,7 +140,13 @@ class TableLaw(Law):
             if origin != "fit":
                 raise InputError(f'origin = "{origin}" is unknown: give an approach or "fit"')
             origin = fit_origin(delta, force)
-        return cls(delta, force, origin=float(origin))
+        try:
+            return cls(delta, force, origin=float(origin))
+        except InputError:
+            delta, force, repaired = rising(delta, force)
+            if not repaired:
+                raise
+            return cls(delta, force, origin=float(origin), repaired=repaired)
 
     @classmethod
     def of_stiffness(cls, force: ArrayLike, k: ArrayLike, name: str = "table") -> TableLaw:
@@ -247,19 +255,26 @@ class TableLaw(Law):
         return _derivatives(rows[best], float(self.both(np.array([z]))[0][0]), z)
 
     def kappa_bar(self, z: float) -> float:
-        """How much kappa at `z` changes with another reach of the differences, and without some points."""
-        _, error, best = self._reaches(z)
-        return float(error[best])
+        """How much kappa at `z` differs between all reaches down to the distance of the points, and without some."""
+        _, kappa, best = self._reaches(z)
+        last = int(np.searchsorted(self.z, z))
+        first, last = max(last - 2, 0), min(last + 1, self.z.size - 1)
+        apart = np.log(self.z[last] / self.z[first]) / max(last - first, 1)
+        resolved = max(int(np.abs(np.log(_REACHES / apart)).argmin()), 1) + 1
+        changes = np.abs(kappa - kappa[0]).sum(axis=0) + np.abs(kappa[0] - kappa[0, best])
+        return float(
+            max(np.abs(kappa[:, :resolved] - kappa[0, best]).max(), changes[max(best - 1, 0) : best + 2].max())
+        )
 
     def _reaches(self, z: float) -> tuple[Array, Array, int]:
-        """Differences and the error of kappa for each reach, and the reach with the least error."""
+        """Differences and kappa for each reach, with kappa without some points, and the reach with the least error."""
         branch = self.elastic if z <= self.yields_at * (1 + 1e-12) else self
         rows = [law._differences(z) for law in (branch, *branch.thinned)]
         kappa = np.array([[curvature(_derivatives(y, 1.0, 1.0), 1.0) for y in row] for row in rows])
         change = np.abs(np.diff(kappa[0]))
         change = np.maximum(change, np.append(0.0, change[:-1]))
         error = change + np.abs(kappa - kappa[0]).sum(axis=0)[:-1]
-        return rows[0], error, int(error.argmin())
+        return rows[0], kappa, int(error.argmin())
 
     @cached_property
     def elastic(self) -> TableLaw:
@@ -301,9 +316,11 @@ class TableLaw(Law):
                 f"load {load:g} lies below the first point of the table (force {self.F[0]:g}): the law there is the "
                 f"power {self._curve.c[2, 0]:.3g} of the approach, that of the first points",
             )
+        repaired = (self.repaired,) if self.repaired else ()
         if not self.noise:
-            return ()
+            return repaired
         return (
+            *repaired,
             f"the points scatter so that the stiffness through them is uncertain by {100 * self.noise:.0f} %: the "
             "table is noisy, and the law a smoothing spline through it",
         )
