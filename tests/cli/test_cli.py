@@ -151,7 +151,10 @@ def test_an_empty_name_is_refused(
         (("rum",), "rum"),
         (("plot", "nowhere"), "nowhere"),
         (("report", str(ROOT / "tests")), "curve.csv"),
-        (("compare", DEMO, DEMO), "column"),
+        (("export", "."), "--to"),
+        (("surface", DEMO, "a\nb\x1b[31m"), "a b?[31m"),
+        (("compare", DEMO, str(ROOT / "cases/quick.toml")), "column"),
+        (("compare", DEMO, DEMO), "the same curve"),
     ],
 )
 def test_bad_input_is_one_line_and_exit_code_2(

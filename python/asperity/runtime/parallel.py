@@ -128,4 +128,5 @@ def _attempt(work: Callable[[], T]) -> tuple[T | None, AsperityError | None]:
 
 def _print_error(message: str) -> None:
     if message:
-        print(f"error: {message}", file=sys.stderr, flush=True)
+        line = "".join(c if c.isprintable() else "?" for c in " ".join(message.split()))
+        print(f"error: {line}", file=sys.stderr, flush=True)
