@@ -11,7 +11,7 @@ from typing import Any
 import click
 
 from asperity.cli import options
-from asperity.errors import InputError
+from asperity.errors import CompatError, InputError
 
 #: Values of the keys that have no default, in SI units; "file" is that of --from.
 SURFACES: Mapping[str, Mapping[str, Any]] = {
@@ -34,7 +34,7 @@ WIDTH = 34  # of "key = value"
 
 
 @click.command()
-@click.argument("file", metavar="[FILE]", default="case.toml", type=click.Path(dir_okay=False, path_type=Path))
+@click.argument("file", metavar="[FILE]", required=False, type=click.Path(dir_okay=False, path_type=Path))
 @click.option("--surface", "kind", type=click.Choice(list(SURFACES)), default="weierstrass-mandelbrot",
               show_default=True, help="Kind of surface.")  # fmt: skip
 @click.option("--from", "scan", metavar="MAP", type=click.Path(exists=True, dir_okay=False, path_type=Path),
@@ -42,15 +42,18 @@ WIDTH = 34  # of "key = value"
 @click.option("--elastic/--plastic", default=False, show_default=True, help="Solid.")
 @click.option("--joint", type=(float, float, float), metavar="AREA FORCE MASS",
               help="Joint with this nominal area (m²), preload (N) and vibrating mass (kg).")  # fmt: skip
+@click.option("--example", type=click.Choice(("demo", "scan", "joint")),
+              help="The case of the demo, a map as of an instrument (FILE is scan.csv then), or a joint.")  # fmt: skip
 @click.option("--Sq", "sq", type=float, metavar="LENGTH", help="Rms height of the surface (m); with --slope.")
 @click.option("--slope", type=float, metavar="SLOPE", help="Rms slope of the surface; with --Sq.")
 @options.serial
 def command(
-    file: Path,
+    file: Path | None,
     kind: str,
     scan: Path | None,
     elastic: bool,
     joint: tuple[float, float, float] | None,
+    example: str | None,
     sq: float | None,
     slope: float | None,
 ) -> None:
@@ -63,6 +66,7 @@ def command(
     """
     from asperity.runtime.files import replace_file
 
+    file = Path("scan.csv" if example == "scan" else "case.toml") if file is None else file
     if file.exists():
         raise InputError(f"{file} exists: give another name, or remove it")
     if joint is not None and not all(0.0 < value < math.inf for value in joint):
@@ -75,10 +79,18 @@ def command(
             "--Sq 0.4e-6 --slope 0.1, or a map of one with --from"
         )
     roughness = None if sq is None or slope is None else surface_of(sq, slope)
-    text = starting_case(kind, "elastic" if elastic else "plastic", scan, joint, file.parent, roughness)
+    advice = f"asperity check {file}"
+    if example == "joint":
+        text = starting_case(kind, "plastic", joint=(1e-5, 250.0, 5.0), roughness=surface_of(0.4e-6, 0.1))
+    elif example == "scan":
+        text, advice = _scan(), f"asperity import-map {file} --pixel 0.2e-6 --cutoff 4e-6"
+    elif example == "demo":
+        text = _demo()
+    else:
+        text = starting_case(kind, "elastic" if elastic else "plastic", scan, joint, file.parent, roughness)
     file.parent.mkdir(parents=True, exist_ok=True)
     replace_file(file, text.encode())
-    options.say(f"written {file}; next: asperity check {file}")
+    options.say(f"written {file}; next: {advice}")
 
 
 def starting_case(
@@ -139,6 +151,29 @@ def starting_case(
             lines.append(_line(f'kind = "{kind}"', "kind of surface; " + ", ".join(map(kind_of, models))))
         lines += _keys(model, chosen.get(name, {}), skip=("kind",))
     return "\n".join(lines) + "\n"
+
+
+def _demo() -> str:
+    """The case of the demo, as the wheel or the clone has it."""
+    package = Path(__file__).parent.parent
+    for folder in (package / "cases", package.parent.parent / "cases"):
+        if (folder / "demo.toml").is_file():
+            return (folder / "demo.toml").read_text(encoding="utf-8")
+    raise CompatError(f"this installation has no example: {package / 'cases/demo.toml'} is missing; install it again")
+
+
+def _scan() -> str:
+    """A map as an instrument writes it, in metres and without lengths: that of the tutorial."""
+    from io import StringIO
+
+    import numpy as np
+
+    from asperity.surface import SelfAffine
+
+    text = StringIO()
+    surface = SelfAffine(L=50e-6, H=0.8, rms_height=0.2e-6, lambda_short=2e-6, seed=5)
+    np.savetxt(text, surface.grid(256), delimiter=",", fmt="%.6e")
+    return text.getvalue()
 
 
 def surface_of(sq: float, slope: float) -> dict[str, Any]:

@@ -65,8 +65,9 @@ def scene(folder: str | Path, path: str | Path | None = None) -> Path:
     _view(plotter, block)
     plotter.subplot(0, 1)
     plotter.add_mesh(_cut(block).extract_surface(algorithm="dataset_surface"), color="#B8B8B8", ambient=0.2)
+    colours = _scale("contact pressure", unit, float(pressure.max()) * scale)
     plotter.add_mesh(_touched(results.top, block, scale, factor), scalars="pressure shown", cmap="inferno_r",
-                     n_colors=256, ambient=0.2, **_scale("contact pressure", unit, float(pressure.max()) * scale))  # fmt: skip
+                     n_colors=256, ambient=0.2, **colours)  # fmt: skip
     _view(plotter, block)
     side = quantity(float(np.ptp(results.top["points"][:, 0])), results.unit("length"), 3)
     plotter.add_text(f"side {side}, heights {factor:.2g} times enlarged", "upper_right", font_size=16, color="black")
