@@ -8,13 +8,16 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 from conftest import ELASTIC, PLASTIC, here, world
 
 from asperity.contact.penalty_nitsche import SOFT
 from asperity.errors import ConvergenceError
+from asperity.fem.solid import Solid
 from asperity.linear.multigrid import PMultigrid
 from asperity.mesh.block import BlockMesh
+from asperity.mesh.distribute import distribute
 from asperity.model.load_path import Schedule
 from asperity.model.material import Material
 from asperity.model.settings import FACTORS, Formulation, MeshSize, SolverOptions
@@ -165,6 +168,42 @@ def test_the_stiffest_legal_contact_converges(name: str, formulation: Formulatio
         force.append(record.curve().force.max())
         assert solver.counts.cutbacks == 0
     assert force[0] == pytest.approx(force[1], rel=1e-3)
+
+
+def test_steep_slopes_in_finite_strain_need_no_factorisation() -> None:
+    """Where the tangent is indefinite, elastic stiffness is added: 99 of 214 systems were factorised, 4 steps cut."""
+    surface = Surface.from_spec(
+        kind="self-affine", L=1.0, H=0.8, rms_slope=1.0, lambda_short=0.25, lambda_roll=0.5, seed=5, periodic=True
+    )
+    material = Material(1.0, 0.3, 0.005, 0.02, kinematics="finite")
+    block = make_block(here(), surface, 1.0, 0.2, MeshSize(0.12, growth=0.5))
+    solver = make_contact_solver(here(), surface, block, material, options=SolverOptions(linear="cg"))
+    shifted: list[float] = []
+    write = solver.solid.assemble_tangent
+
+    def noted(add: Any = None, shift: float = 0.0) -> None:
+        shifted.append(shift)
+        write(add, shift)
+
+    solver.solid.assemble_tangent = noted  # type: ignore[method-assign]
+    follow(solver, Schedule(delta_max=0.2, steps=4), Record(1.0, 1.0, material.reduced_modulus))
+    assert max(shifted) > 0.0
+    assert solver.counts.direct == 0 and solver.counts.cutbacks <= 1
+    assert solver.counts.newton < 150
+
+
+def test_a_shift_is_a_part_of_the_elastic_stiffness(coarse: BlockMesh) -> None:
+    """Undeformed, where the tangent of finite strain is the elastic stiffness itself."""
+    solid = Solid(*distribute(here(), coarse, 1.0), replace(PLASTIC, kinematics="finite"))
+    solid.internal_force()
+    for halved in (False, True):
+        solid.halved = halved
+        matrices = []
+        for shift in (0.0, 0.25):
+            solid.assemble_tangent(shift=shift)
+            matrices.append((solid.half.copy(), solid.values.copy()))
+        for plain, shifted in zip(*matrices, strict=True):
+            np.testing.assert_allclose(shifted, 1.25 * plain, rtol=1e-4, atol=1e-6)
 
 
 def test_a_stiff_contact_that_does_not_converge_names_its_factor(rough: Surface, coarse: BlockMesh) -> None:

@@ -108,18 +108,32 @@ class ElementKernels:
     def _pattern(self, values: Floats | Singles) -> _solver.BlockPattern | _solver.HalfPattern:
         return self._half if values.dtype == np.float32 else self._full
 
-    def tangent(self, u: Floats, values: Floats | Singles) -> None:
-        """Write the local matrix at u, the state of the last internal force."""
-        self._write(self._law, self._committed, u, values)
+    def tangent(self, u: Floats, values: Floats | Singles, shift: float = 0.0) -> None:
+        """Write the local matrix at u, the state of the last internal force.
+
+        Args:
+            shift: in finite strain, part of the elastic stiffness in small strain that is added
+        """
+        self._write(self._law, self._committed, u, values, shift)
 
     def elastic_tangent(self, u: Floats, values: Floats | Singles) -> None:
         """Write the local matrix at u for a motion without plastic flow."""
         self._write(self._held, self._trial, u, values)
 
-    def _write(self, law: _solver.Elastic | _solver.J2, history: History, u: Floats, values: Floats | Singles) -> None:
+    def _write(
+        self,
+        law: _solver.Elastic | _solver.J2,
+        history: History,
+        u: Floats,
+        values: Floats | Singles,
+        shift: float = 0.0,
+    ) -> None:
         pattern = self._pattern(values)
         if self._finite:
             values[:] = 0.0
+            if shift > 0.0:
+                self._write_elastic(values)
+                values *= shift
             _solver.stiffness_finite(self._cells, law, u, compiled(history), pattern, values)
             return
         self._write_elastic(values)

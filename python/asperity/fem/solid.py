@@ -7,6 +7,7 @@ every case. Each residual writes a trial history; `commit` alone makes it the co
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import partial
 from typing import Any, Protocol
 
 import numpy as np
@@ -214,9 +215,12 @@ class Solid:
         """Whether the tangent of the solid, without that of the contact, never changes."""
         return self.kernels.linear and self.body_force is None
 
-    def assemble_tangent(self, add: Callable[[], None] | None = None) -> None:
-        """Write the tangent at the state of the last internal force; `add` adds that of the contact to `values`."""
-        self._assemble(self.kernels.tangent, add)
+    def assemble_tangent(self, add: Callable[[], None] | None = None, shift: float = 0.0) -> None:
+        """Write the tangent at the state of the last internal force; `add` adds that of the contact to `values`.
+
+        With a `shift`, see `ElementKernels.tangent`.
+        """
+        self._assemble(partial(self.kernels.tangent, shift=shift) if shift else self.kernels.tangent, add)
 
     def assemble_elastic(self, add: Callable[[], None] | None = None) -> None:
         """Write the stiffness without plastic flow; `add` adds that of the contact to `values`."""

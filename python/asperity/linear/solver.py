@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import weakref
+from collections.abc import Callable
 from contextlib import AbstractContextManager
 from typing import TYPE_CHECKING, Any
 
@@ -84,6 +85,7 @@ class LinearSolver:
         self.ksp.setPreSolve(lambda ksp, b, x: me._begin(b))
         self.ksp.setPostSolve(lambda ksp, b, x: me._end(b, x))
         self._again = False
+        self._shift: Callable[[], bool] | None = None
         self._phase: AbstractContextManager[None] = solid.phases.phase("linear solve")
 
     def forget(self) -> None:
@@ -94,7 +96,14 @@ class LinearSolver:
         """Current tangent times owned dof values (3 owned,), in the precision of the solver; collective."""
         return self._method.product(x)
 
-    def prescribe(self, rows: Integers, values: Floats, rtol: float, atol: float = 0.0) -> None:
+    def prescribe(
+        self,
+        rows: Integers,
+        values: Floats,
+        rtol: float,
+        atol: float = 0.0,
+        shift: Callable[[], bool] | None = None,
+    ) -> None:
         """Prepare a solve with the current values of the solid's tangent.
 
         Args:
@@ -102,8 +111,10 @@ class LinearSolver:
             values: of the prescribed dofs, for the last rows
             rtol: relative tolerance of the iterative solvers: CG takes the energy norm as it predicts it
             atol: absolute one, sufficient as well
+            shift: after a solve that failed, writes a tangent that is closer to a positive definite one; whether it
+                did, collective
         """
-        self._rows, self._values, self._rtol = rows, values, rtol
+        self._rows, self._values, self._rtol, self._shift = rows, values, rtol, shift
         self.ksp.setTolerances(rtol=rtol, atol=atol, max_it=0 if self.rescue else ITERATIONS)
         if not self.rescue:
             with self._solid.phases.phase("preconditioner"):
@@ -154,10 +165,11 @@ class LinearSolver:
         if not self.rescue:
             self.iterations, self.solved = self._outcome()
             if not self.solved and method.renew():
-                self._again = True
-                ksp.solve(b, x)
-                self._again = False
-                self.iterations, self.solved = self._outcome()
+                self._solve_again(b, x)
+            while not self.solved and self._shift is not None and self._shift():
+                method.forget()
+                method.prepare(self._rows)
+                self._solve_again(b, x)
             method.judge(self.iterations, self._rtol, self.solved)
             self.left = method.left()
         else:
@@ -174,6 +186,12 @@ class LinearSolver:
         # an iterative solver meets prescribed values only to its tolerance
         x.array[self._rows] = 0.0
         x.array[self._rows[len(self._rows) - len(self._values) :]] = self._values
+
+    def _solve_again(self, b: Any, x: Any) -> None:
+        self._again = True
+        self.ksp.solve(b, x)
+        self._again = False
+        self.iterations, self.solved = self._outcome()
 
     def _outcome(self) -> tuple[int, bool]:
         return self.ksp.getIterationNumber(), self.ksp.getConvergedReason() > 0

@@ -22,6 +22,7 @@ NOT_YET = np.array([-1], dtype=np.int32)  # differs from any active set
 SLOPE_DROP = 0.3  # the line search ends when the work rate has dropped to this part
 SMALLEST_PART = 1e-3  # of a Newton step, to which it is halved where it turns a solid inside out
 DAMPED, SUFFICIENT = (1.0, 0.5, 0.25, 0.125), 0.2  # lengths of a step with friction, and the fall of the square wanted
+SHIFT, LARGEST_SHIFT, RAISED = 0.01, 100.0, 4.0  # of a tangent that is not positive definite, and its growth
 PUSHED = 10.0  # growth of the work rate along a step from which on the flat moves the nodes
 
 
@@ -85,18 +86,20 @@ class NewtonSolver:
         self._given = fixed
         self._residual_vec, self.x = solid.vector(), solid.vector()
         self._shortened = 0
+        self._shift = self._last_shift = 0.0
         self.rows: Integers = NOT_YET
         # in nearly incompressible solids the error is larger than the residual indicates
         usual = 3e-2 if solid.material.linear and not contact.stiff else 1e-2
         self._loosest = options.krylov_rtol or (usual if solid.material.nu <= 0.45 else 1e-3)
         self._symmetric = contact.symmetric and solid.material.symmetric
         self.linear = LinearSolver(solid, options.linear, self._symmetric, min(self._loosest, SINGLE_RTOL))
+        # the garbage collector cannot see references that PETSc holds: a strong one would never be freed
+        me = weakref.proxy(self)
+        self._shifts = (lambda: me._raise_shift()) if solid.material.finite and self._symmetric else None
         snes = PETSc.SNES().create(solid.comm)
         snes.setOptionsPrefix(PREFIX)
         snes.setType("newtonls")
         set_defaults(PREFIX, {"snes_linesearch_type": "basic"})
-        # the garbage collector cannot see references that PETSc holds: a strong one would never be freed
-        me = weakref.proxy(self)
         snes.setFunction(lambda *args: me._function(*args), self._residual_vec)
         snes.setJacobian(lambda *args: me._jacobian(*args), self.linear.operator)
         snes.setConvergenceTest(lambda *args: me._test(*args))
@@ -141,8 +144,27 @@ class NewtonSolver:
         return self._found[0].reshape(-1)
 
     def _jacobian(self, snes: Any, x: Any, A: Any, P: Any) -> None:
-        self.solid.assemble_tangent(self.contact.add_tangent if self.contact.stiff else None)
-        self.linear.prescribe(np.concatenate([self._fixed, self.rows]), -self._lacking, self._krylov_rtol())
+        self._shift = 0.0
+        self._assemble()
+        self.linear.prescribe(
+            np.concatenate([self._fixed, self.rows]), -self._lacking, self._krylov_rtol(), shift=self._shifts
+        )
+
+    def _assemble(self) -> None:
+        self.solid.assemble_tangent(self.contact.add_tangent if self.contact.stiff else None, self._shift)
+
+    def _raise_shift(self) -> bool:
+        """Add more elastic stiffness to a tangent that is not positive definite; whether it did.
+
+        In finite strain the stress of a flowing solid may exceed its stiffness. The shifted step descends, and the line
+        search finds how far.
+        """
+        if self._shift >= LARGEST_SHIFT:
+            return False
+        self._shift = RAISED * self._shift if self._shift else max(self._last_shift / RAISED, SHIFT)
+        self._last_shift = self._shift
+        self._assemble()
+        return True
 
     def _test(self, snes: Any, it: int, norms: Any) -> int | bool:
         """Test of convergence: forces balance and nothing penetrates the flat, each relative to its own scale."""
@@ -292,6 +314,7 @@ class NewtonSolver:
         self._scale, self._rounding = max(scale, 1e-6), ROUNDING * largest * stiffness
         self.rows = NOT_YET  # a step of a resumed run is the same to the last bit
         self._shortened, self._at_trial = 0, False
+        self._last_shift = 0.0  # a step of a resumed run is the same to the last bit
         self.linear.rescue, krylov, rescued = False, self.linear.total, self.linear.rescued
         self.x.array = start.reshape(-1)
         with own_errors():
