@@ -10,7 +10,15 @@ import pytest
 from conftest import ELASTIC, here, world
 
 import asperity as asp
-from asperity.adaptive.extrapolation import SCATTER, Corrected, Pair, correct, limit_of_meshes, without_omission
+from asperity.adaptive.extrapolation import (
+    FLOWING,
+    SCATTER,
+    Corrected,
+    Pair,
+    correct,
+    limit_of_meshes,
+    without_omission,
+)
 from asperity.adaptive.guide import Guide, Omission, singular_part, sizes_of_spots
 from asperity.adaptive.mesh_levels import LevelSolver
 from asperity.adaptive.mesh_plan import weight
@@ -78,6 +86,14 @@ def test_flat_tops_with_sharp_edges_have_a_singular_pressure_and_smooth_ones_hav
     assert singular_part(both) == pytest.approx(2.0 / 3.0)
 
 
+def test_the_part_of_the_force_that_flows() -> None:
+    ball = asp.Surface.from_spec("sphere", L=1.0, radius=6.0, shape="paraboloid")
+    solids = (ELASTIC, Material(1.0, 0.3, 0.02, 0.05), Material(1.0, 0.3, 0.002, 0.05))
+    elastic, hard, soft = (Guide(Problem.of(ball, m, delta_max=0.004, steps=5), 0.004, 5).flowing for m in solids)
+    assert np.all(elastic == 0.0) and np.all(hard == 0.0)
+    assert np.all(soft > 0.5) and np.all(np.diff(soft) > 0.0) and soft[-1] < 1.0
+
+
 @pytest.mark.parametrize("order", [1.0, 1.5, 2.4])
 def test_the_bar_holds_the_first_order_of_a_singular_pressure(order: float) -> None:
     coarse, fine = (np.exp(0.05 * np.full(5, scale) ** order) for scale in (2.0, 1.0))
@@ -98,11 +114,15 @@ def test_few_elements_in_the_spots_have_a_wider_bar() -> None:
     """Two meshes that agree by chance: what the edges of their contact leave open is the bar."""
     nothing = Omission(rows(1.0, 0.0).delta_star, np.zeros(3), np.zeros(3))
     coarse, fine = (Corrected(rows(1.0, error), nothing) for error in (0.004, 0.002))
-    _, budget = correct(Pair(fine, coarse, 2.0, np.zeros(3)), np.ones(3, dtype=bool), np.zeros_like, 0.0)
+    _, budget = correct(
+        Pair(fine, coarse, 2.0, np.zeros(3), np.array([0.0, 0.5, 1.0])), np.ones(3, dtype=bool), np.zeros_like, 0.0
+    )
     both = np.hypot(
         (1.0 + weight(2.0)) * 0.2, weight(2.0) * 0.4
     )  # the limit is that of the fine one and of their change
-    assert budget.mesh / fine.curve.P_star == pytest.approx(np.full(3, SCATTER * both))
+    assert budget.mesh / fine.curve.P_star == pytest.approx(
+        np.array([SCATTER, 0.5 * (SCATTER + FLOWING), FLOWING]) * both
+    )
 
 
 def test_the_force_of_a_spot_scatters_with_its_place_by_a_part_of_what_its_area_does() -> None:
@@ -127,7 +147,7 @@ def test_the_bar_holds_whatever_part_of_what_the_tops_leave_out_is_true(true: fl
     for stiff, left in ((1.2, 0.25), (1.05, 0.02)):
         missed = Omission(at, np.full(3, left), np.zeros(3))
         meshes.append(Corrected(without_omission(rows(stiff / (1.0 + true * left), 0.0), missed, 0.0), missed))
-    pair = Pair(meshes[1], meshes[0], 2.0, np.zeros(3))
+    pair = Pair(meshes[1], meshes[0], 2.0, np.zeros(3), np.zeros(3))
     found, budget = correct(pair, np.ones(3, dtype=bool), np.zeros_like, 0.0)
     error = np.abs(found.P_star / at - 1.0)
     assert np.all(error < budget.total / at) and np.all(error < 0.035) and np.all(budget.total / at < 0.06)

@@ -67,7 +67,8 @@ class Guide:
     Attributes:
         delta_star: approaches at which it is pressed (k,) [L]
         sizes: of elements of scale 1 at the cells of a grid, inf where the surface is not touched (n, n) [L]
-        singular: at each approach the part of the force on spots with a singular pressure (k,), see `singular_part`
+        singular: at each approach the part of the edges with a singular pressure (k,), see `singular_part`
+        flowing: at each approach the part of the force under the greatest pressure of a solid that yields (k,)
     """
 
     def __init__(
@@ -94,11 +95,13 @@ class Guide:
         heights = layer.heights(self._surface)
         self.sizes = np.full(heights.shape, inf)
         self._pressures: list[Array] = []
-        force, area, singular = [], [], []
+        force, area, singular, flowing = [], [], [], []
         for k, p in enumerate(layer.pressures(heights, self._summit, steps)):
             force.append(float(p.mean()))
             area.append(layer.area(p))
             singular.append(singular_part(p))
+            full = p >= layer.hardness / SINGULAR
+            flowing.append(float(p[full].sum() / p.sum()) if full.any() else 0.0)
             self._pressures.append(p.astype(np.single))
             if not p.any():  # a spot between the centres of the cells
                 x, y, _ = self._surface.maximum()
@@ -107,7 +110,8 @@ class Guide:
             self.sizes = np.minimum(self.sizes, (steps[k] / steps[-1]) ** EARLY * sizes_of_spots(p))
             if self._on_part is not None:
                 self._on_part((k + 1) / len(steps))
-        self._force, self._area, self.singular = np.array(force), np.array(area), np.array(singular)
+        self._force, self._area = np.array(force), np.array(area)
+        self.singular, self.flowing = np.array(singular), np.array(flowing)
 
     def left_out(self, top: Top) -> Omission:
         """What the top of a mesh leaves out; it changes little from step to step, and every other one is enough."""
@@ -157,10 +161,10 @@ def sizes_of_spots(pressure: Floats) -> Floats:
 
 
 def singular_part(pressure: Floats) -> float:
-    """Part of the force on spots whose pressure is higher at their edge than on average.
+    """Part of the edges of the spots where the pressure is higher than the mean one of the spot, by their forces.
 
-    That of a smooth top vanishes at the edge; that of a flat one with a sharp edge is singular there, and the error of
-    the force is then of first order in the element size.
+    The pressure of a smooth top vanishes at the edge. Where a flat one ends in a sharp edge it is singular, and the
+    error of the force is of first order in the element size.
 
     Args:
         pressure: at the cells, not negative (n, n)
@@ -171,8 +175,10 @@ def singular_part(pressure: Floats) -> float:
         return 0.0
     edge = touched & ~ndimage.binary_erosion(touched, border_value=1)
     force, area = (np.bincount(spot[touched], w, count + 1) for w in (pressure[touched], None))
-    at_edge, cells = (np.bincount(spot[edge], w, count + 1) for w in (pressure[edge], None))
-    return float(force[at_edge * area > SINGULAR * force * cells].sum() / force.sum())
+    mean = force / np.maximum(area, 1)
+    edges = np.bincount(spot[edge], minlength=count + 1)
+    high = np.bincount(spot[edge & (pressure > SINGULAR * mean[spot])], minlength=count + 1)
+    return float(np.sum(force * high / np.maximum(edges, 1)) / force.sum())
 
 
 def _change(whole: Floats, part: Floats) -> Floats:

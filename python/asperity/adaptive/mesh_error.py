@@ -138,8 +138,9 @@ class MeshErrorEstimate:
         if ratio < 0.999 * LEAST_STEP:
             unresolved = unresolved or "two meshes are nearly the same"
         if not unresolved:
-            singular = np.interp(fine.curve.loading().delta_star, run.delta_star, run.singular)
-            pair = Pair(fine, coarse, ratio, singular)
+            at = fine.curve.loading().delta_star
+            seen = (np.interp(at, run.delta_star, part) for part in (run.singular, run.flowing))
+            pair = Pair(fine, coarse, ratio, *seen)
             curve, budget = correct(pair, judged, bar_of_steps, algebraic)
             curve = with_measures(curve, pair, budget, run.compliance, run.exact_gap)
             unresolved = curve.unresolved()

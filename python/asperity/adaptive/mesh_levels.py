@@ -54,7 +54,7 @@ class LevelSolver:
         comm: communicator
         side, height: of the block [length]
         compliance: of the block under a uniform pressure, compression over P* [length]
-        delta_star, singular: approaches of the guide and what it says of them (k,), see `Guide`
+        delta_star, singular, flowing: approaches of the guide and what it says of them (k,), see `Guide`
         force_max: greatest force of a load path that gives it [force]
         exact_gap: mean gap without load if the gap is known from approach and force, see `with_measures` [length]
         levels: what was computed, in order
@@ -81,8 +81,8 @@ class LevelSolver:
         self._family = None if guide is None else MeshFamily(problem, depth, guide)
         self._first_scale = scale
         self._start = perf_counter()
-        seen = None if guide is None else (guide.delta_star, guide.singular)
-        self.delta_star, self.singular = comm.bcast(seen, root=0)
+        seen = None if guide is None else (guide.delta_star, guide.singular, guide.flowing)
+        self.delta_star, self.singular, self.flowing = comm.bcast(seen, root=0)
         self._block: BlockMesh | None = None  # the last mesh, on rank 0
         self._first: ContactResult | None = None  # the result of the first mesh, until there is another
         self.levels: list[Level] = []

@@ -103,7 +103,7 @@ def weight(ratio: float, singular: Floats | float = 0.0) -> Floats:
 
     Args:
         ratio: of their scales
-        singular: part of the force on spots whose pressure is singular at the edge (n,), see `guide.singular_part`
+        singular: part of the edges of spots where the pressure is singular (n,), see `guide.singular_part`
     """
     return np.asarray(0.5 * np.sum(_ends(ratio, singular), axis=0))
 
