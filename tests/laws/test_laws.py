@@ -295,3 +295,17 @@ def test_voce_flattens_a_sphere_between_two_bilinear_solids() -> None:
     voce = asp.Material.of_law(asp.laws.voce, E=E, nu=NU, yield_strength=0.6, saturation=0.6, rate=50.0)
     soft, hard = (force(asp.Material(E, NU, strength)) for strength in (0.6, 1.2))
     assert soft * 1.05 < force(voce) < hard * 0.98
+
+
+@pytest.mark.slow
+def test_a_rubber_wave_is_pressed_flat() -> None:
+    """In full contact, at the small strains of a flat wave, like Hencky's solid; no pull, no gap."""
+    wave = asp.Surface.from_spec("sinusoid", L=1.0, amplitude=0.004, dims=1)
+    settings = {"delta_max": 0.0089, "steps": 3, "sides": "periodic", "size": asp.MeshSize(h_contact=0.2, h_max=0.2)}
+    found = []
+    for solid in (asp.Material.of_law("neo_hookean", E=1.0, nu=0.45), asp.Material(1.0, 0.45, kinematics="finite")):
+        with pytest.warns(asp.AsperityWarning):
+            found.append(asp.solve_contact(wave, solid, **settings).curve)
+    rubber, hencky = found
+    assert rubber.area_fraction[-1] == pytest.approx(1.0) and abs(rubber.mean_gap[-1]) < 1e-12
+    np.testing.assert_allclose(rubber.force, hencky.force, rtol=5e-3)
