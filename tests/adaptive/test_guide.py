@@ -166,7 +166,7 @@ def test_a_stop_while_a_mesh_is_judged_keeps_its_curve() -> None:
     stopped: list[str] = []
     problem = Problem.of(surface_of(4, lambda_short=0.1), ELASTIC, delta_max=0.02, steps=5)
     with pytest.raises(PartialResult, match="stopped by the test") as e:
-        refine(problem, asp.AccuracyTarget(0.01), hooks=Hooks(on_stage=stage))
+        refine(problem, asp.AccuracyTarget(0.1, area_tolerance=1e-3), hooks=Hooks(on_stage=stage))
     assert len(stopped) == 1 and np.isfinite(e.value.result.curve.error_P_star).all()
 
 
