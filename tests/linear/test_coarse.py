@@ -162,8 +162,22 @@ def test_way_to_solve_the_coarse_problem(coarse: BlockMesh | None, monkeypatch: 
     options.delValue("pc_type")
     assert kind(symmetric=False) is Distributed
     if mesh.comm.size > 1:
-        monkeypatch.setattr(coarse_problem, "INTERFACE_FREE", 3)
-        monkeypatch.setattr(coarse_problem, "INTERFACE_LIMIT", 3)
-        assert kind() is Distributed
+        shared = interface_of(index_map, mesh.comm).dofs ** 2 * mesh.comm.size / (3 * index_map.size_global)
+        for dense, expected in ((1.01 * shared, Substructures), (0.99 * shared, Distributed)):
+            monkeypatch.setattr(coarse_problem, "DENSE", dense)
+            assert kind() is expected
     monkeypatch.setattr(coarse_problem, "DIRECT_LIMIT", 3)
     assert kind() is Distributed
+
+
+@pytest.mark.mpi
+def test_algebraic_multigrid_aggregates_nodes(coarse: BlockMesh | None) -> None:
+    """Three dofs together, on one rank too."""
+    from dolfinx import fem
+
+    mesh, _ = distribute(world(), coarse, 1.0)
+    dofmap = fem.functionspace(mesh, ("Lagrange", 1, (3,))).dofmap
+    index_map = dofmap.index_map
+    points = np.random.default_rng(0).random((index_map.size_local + index_map.num_ghosts, 3))
+    problem = Distributed(dofmap, points, mesh.comm, symmetric=True, factorised=False)
+    assert problem._matrix.A.getBlockSize() == 3

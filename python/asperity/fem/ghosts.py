@@ -1,4 +1,4 @@
-"""Ghost updates: exchange of nodal values between ranks, by the names of dolfinx."""
+"""Ghost updates: exchange of nodal values between ranks, by the names of dolfinx, and sums in one exchange."""
 
 from __future__ import annotations
 
@@ -7,6 +7,9 @@ from typing import Any, TypeVar
 import numpy as np
 import numpy.typing as npt
 
+from asperity.runtime import compat
+
+TAG = 52  # of the messages of a sum
 Real = TypeVar("Real", np.float32, np.float64)
 
 
@@ -50,3 +53,39 @@ class Ghosts:
             self._buffers[key] = la.vector(self._map, width, like.dtype)
         vector = self._buffers[key]
         return vector, vector.array.reshape(-1, width)
+
+
+class SharedSums:
+    """Sums of nodal values over the ranks that hold a node, on each of them: one exchange between neighbours.
+
+    All add the parts of a node in the order of the ranks, so they have the same sum to the last bit.
+    """
+
+    def __init__(self, index_map: Any, comm: Any) -> None:
+        self._comm = comm
+        nodes = np.arange(index_map.size_local + index_map.num_ghosts, dtype=np.int32)
+        holders = compat.ghost_holders(index_map)
+        of_node, rank = np.repeat(nodes, np.diff(holders.offsets)), holders.array
+        order = np.lexsort((index_map.local_to_global(nodes)[of_node], rank))
+        self._nodes = of_node[order]  # by the other rank, then in an order that both know
+        ranks, starts = np.unique(rank[order], return_index=True)
+        self._parts = [*zip(ranks.tolist(), map(slice, starts, [*starts[1:], len(order)]), strict=True)]
+        self._shared = np.unique(of_node)
+
+    def add(self, values: npt.NDArray[Real]) -> None:
+        """Add the parts of the other ranks to nodal values (nodes, k) in place; collective."""
+        from mpi4py import MPI
+
+        out, into = values[self._nodes], np.empty((len(self._nodes), values.shape[1]), dtype=values.dtype)
+        requests = [self._comm.Irecv(into[part], rank, TAG) for rank, part in self._parts]
+        requests += [self._comm.Isend(out[part], rank, TAG) for rank, part in self._parts]
+        own = values[self._shared]
+        values[self._shared] = 0.0
+        MPI.Request.Waitall(requests)
+        for rank, part in self._parts:
+            if own is not None and rank > self._comm.rank:
+                values[self._shared] += own
+                own = None
+            values[self._nodes[part]] += into[part]
+        if own is not None:
+            values[self._shared] += own

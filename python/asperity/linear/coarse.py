@@ -1,7 +1,8 @@
 """Coarse problem of the p-multigrid: factorised by substructures, or by algebraic multigrid.
 
 Substructures serve while the corners that ranks share are few: a solution takes one sum over the ranks, where algebraic
-multigrid consists of many small steps, each with a message (benchmarks/linear.py coarse).
+multigrid consists of many small steps, each with a message (benchmarks/linear.py coarse). The corners that are shared
+are a dense matrix, which each rank has and factorises.
 """
 
 from __future__ import annotations
@@ -20,9 +21,7 @@ from asperity.runtime.compiled import solver as _solver
 
 DIRECT_LIMIT = 450_000  # coarse dofs up to which they are factorised
 GENERAL_LIMIT = 60_000  # the same where the matrix is not symmetric
-INTERFACE_LIMIT = 6_000  # dofs of the interface up to which it is by substructures
-INTERFACE_SHARE = 1 / 6  # of all coarse dofs, up to which the dense interface costs less than the factors of the whole
-INTERFACE_FREE = 1_500  # dofs of it that cost little whatever their share: on four ranks less than any other way
+DENSE = 300.0  # square of the interface over the coarse dofs of a rank, up to which it costs less than multigrid
 SWEEPS = 4  # of algebraic multigrid: a tenth fewer iterations on the fine level than with two
 PREFIX = "asperity_coarse_"
 WITHOUT = (
@@ -48,7 +47,7 @@ def make_coarse(dofmap: Any, points: Floats, comm: Any, symmetric: bool) -> Dist
             warn(WITHOUT, AsperityWarning)
         return Distributed(dofmap, points, comm, symmetric, factorised=True)
     interface = interface_of(dofmap.index_map, comm)
-    if interface.dofs <= max(INTERFACE_FREE, min(INTERFACE_LIMIT, INTERFACE_SHARE * dofs)):
+    if interface.dofs**2 <= DENSE * dofs / comm.size:
         return Substructures(dofmap, comm, interface)
     return Distributed(dofmap, points, comm, symmetric, factorised=False)
 

@@ -10,6 +10,8 @@ import numpy as np
 from asperity.arrays import Floats, Integers
 from asperity.linear.matrix_free import TangentOperator
 from asperity.linear.multigrid import ITERATIONS, PMultigrid
+from asperity.linear.petsc import combine_sums
+from asperity.runtime.parallel import summed
 
 LEFT = 1e-3  # estimate of the relative error of the energy at which the iteration ends; the estimate is subtracted
 LEAST = 2  # iterations for an energy: one alone would let slow errors add up over the steps
@@ -36,10 +38,10 @@ class EnergyTest:
         contraction: by which it fell in the second iteration, in the last solve with two
     """
 
-    def __init__(self, ksp: Any, multigrid: PMultigrid, comm: Any, least: int = 1) -> None:
+    def __init__(self, ksp: Any, multigrid: PMultigrid, least: int = 1) -> None:
         from petsc4py import PETSc
 
-        self._multigrid, self._comm, self._least = multigrid, comm, least
+        self._multigrid, self._least, multigrid.measures = multigrid, least, True
         self._norm = self._first = self.left = 0.0
         self.contraction = UNKNOWN
         ksp.setNormType(PETSc.KSP.NormType.UNPRECONDITIONED)
@@ -57,7 +59,7 @@ class EnergyTest:
         if iteration == 0:
             self.left = np.inf
             return int(reasons.ITERATING)
-        energy = self._comm.allreduce(self._multigrid.energy)
+        energy = self._multigrid.energy()
         if not energy > 0.0:
             return int(reasons.DIVERGED_INDEFINITE_PC)
         if iteration == 1:
@@ -97,8 +99,9 @@ class EnergySolver:
         pc.setType("python")
         pc.setPythonContext(self._multigrid)
         self._ksp.setOperators(tangent.matrix())
+        combine_sums(PREFIX, solid.comm)
         self._ksp.setFromOptions()
-        self._test = EnergyTest(self._ksp, self._multigrid, solid.comm, LEAST)
+        self._test = EnergyTest(self._ksp, self._multigrid, LEAST)
 
     @property
     def contraction(self) -> float:
@@ -132,7 +135,7 @@ class EnergySolver:
             for _ in range(PASSES):
                 # without the translation most of the solid is at rest, and single precision will do
                 image = tangent.product((w - rigid).ravel())
-                energy = float(solid.comm.allreduce(float(np.vdot(w, image))))
+                energy = float(summed(solid.comm, float(np.vdot(w, image)))[0])
                 self._b.array = -tangent.free * image
                 ksp.setTolerances(rtol=TIGHTEST, atol=sqrt(LEFT * (guess or NEAR * energy)), max_it=ITERATIONS)
                 ksp.solve(self._b, self._y)

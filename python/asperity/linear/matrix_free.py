@@ -8,6 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from asperity.arrays import Floats, Integers, Singles
+from asperity.fem.ghosts import SharedSums
 from asperity.runtime.compiled import solver as _solver
 
 if TYPE_CHECKING:
@@ -47,6 +48,8 @@ class TangentOperator:
         self._starts, self._columns = solid.sparsity.upper
         self._blocks: Singles = np.empty(0, dtype=np.float32)
         self._sums = la.vector(solid.V.dofmap.index_map, 4, np.float32)
+        if solid.comm.size > 1:
+            self._shared = SharedSums(solid.V.dofmap.index_map, solid.comm)
         self.version = 0
         self.hold(np.empty(0, dtype=np.int32))
 
@@ -91,18 +94,20 @@ class TangentOperator:
             fine = self.solid.sparsity
             _solver.galerkin(fine.indptr, fine.indices, self.solid.values, *onto)
 
-    def single_product(self, x: Singles) -> Singles:
+    def single_product(self, x: Singles, ghosts: bool = True) -> Singles:
         """The tangent by its upper half times dof values, both `padded`; collective.
 
-        The next call overwrites the result.
+        The next call overwrites the result, which is that of the owned nodes alone without `ghosts`.
         """
         from dolfinx import la
 
         image: Singles = self._sums.array
         _solver.symmetric_product(self._starts, self._columns, self._blocks, x.reshape(-1, 4), image.reshape(-1, 4))
         if self.solid.comm.size > 1:
-            self._sums.scatter_reverse(la.InsertMode.add)
-            self._sums.scatter_forward()
+            if ghosts:
+                self._shared.add(image.reshape(-1, 4))
+            else:
+                self._sums.scatter_reverse(la.InsertMode.add)
         return image
 
     def padded(self, owned: Floats) -> Singles:
@@ -121,7 +126,7 @@ class TangentOperator:
     def product(self, x: Floats) -> Floats:
         """Tangent times owned dof values (3 owned,), in the precision that PETSc uses; collective."""
         if self._single:
-            return self.unpadded(self.single_product(self.padded(x)))
+            return self.unpadded(self.single_product(self.padded(x), ghosts=False))
         return tangent_product(self.solid, x)
 
     def mult(self, A: Any, x: Any, y: Any) -> None:

@@ -18,6 +18,7 @@ from asperity.linear.coarse import make_coarse
 from asperity.linear.matrix_free import TangentOperator
 from asperity.mesh.element import node_ends
 from asperity.runtime.compiled import solver as _solver
+from asperity.runtime.parallel import summed
 
 ITERATIONS = 1000  # of a Krylov method with it, at most
 SWEEPS = 3  # of the smoother, before and after the coarse correction
@@ -40,7 +41,7 @@ class PMultigrid:
 
     Attributes:
         ready: whether the last update succeeded
-        energy: this rank's part of the product of the last residual and what the V-cycle made of it
+        measures: whether `energy` will be asked for after each V-cycle
     """
 
     def __init__(self, tangent: TangentOperator, symmetric: bool = True) -> None:
@@ -61,7 +62,8 @@ class PMultigrid:
         self._prolongation = self._interpolation()
         self._restriction = self._prolongation[: 4 * solid.owned].T.tocsr()
         self._coarse = make_coarse(coarse, solid.points[self._corners], solid.comm, symmetric)
-        self._version, self.energy, self.ready = 0, 0.0, False
+        self._version, self.ready, self.measures = 0, False, False
+        self._energy, self._sum = np.zeros(1), None  # of the last V-cycle, and the message that sums it over the ranks
         # free dofs of the coarse matrix, and the iterations with it per digit of the residual
         self._reusable, self._of, self._usual = False, tangent.kept, 0.0
         noise = np.random.default_rng(solid.comm.rank).normal(size=3 * solid.owned)
@@ -128,7 +130,7 @@ class PMultigrid:
         """Number of dofs that were held or released since the coarse matrix was made; collective."""
         owned = self._solid.owned
         changed = np.count_nonzero(self._of[:owned] != self._tangent.kept[:owned])
-        return int(self._solid.comm.allreduce(changed))
+        return int(summed(self._solid.comm, changed)[0])
 
     def _galerkin(self) -> None:
         """This rank's part of the coarse matrix of the free dofs, with a unit row for each other dof of a corner."""
@@ -173,6 +175,7 @@ class PMultigrid:
 
     def apply(self, pc: Any, r: Any, z: Any) -> None:
         """One V-cycle from zero: z approximates the solution for r; called by PETSc."""
+        from mpi4py import MPI
         from petsc4py import PETSc
 
         if not self.ready:
@@ -188,7 +191,18 @@ class PMultigrid:
         left -= self._free * self._tangent.single_product(correction)
         self._smooth(x, left, last=True)
         z.array = self._tangent.unpadded(x)
-        self.energy = float(r.array_r @ z.array_r)
+        if self.measures:
+            self.energy()
+            self._energy[0] = r.array_r @ z.array_r
+            if self._solid.comm.size > 1:  # on its way while the next product is made
+                self._sum = self._solid.comm.Iallreduce(MPI.IN_PLACE, self._energy)
+
+    def energy(self) -> float:
+        """Product of the residual of the last V-cycle and what it made of it; collective."""
+        if self._sum is not None:
+            self._sum.Wait()
+            self._sum = None
+        return float(self._energy[0])
 
     def _smooth(self, x: Singles, residual: Singles, last: bool = False) -> Singles:
         """Chebyshev's iteration (Saad, Iterative Methods, 2003, algorithm 12.1) on x and its residual, in place.
@@ -215,23 +229,26 @@ class PMultigrid:
         root = np.sqrt(free * self._inverse)
 
         def dot(a: Singles, b: Singles) -> float:
-            return float(comm.allreduce(float(np.dot(a[:owned], b[:owned]))))
+            return float(np.dot(a[:owned], b[:owned]))
 
-        v = free * self._extreme
-        v /= np.float32(np.sqrt(dot(v, v)))
-        before, beta = np.zeros_like(v), 0.0
-        basis, diagonal, off_diagonal = [], [], []
-        for _ in range(steps):
+        w, before = free * self._extreme, np.zeros_like(free)
+        basis: list[Singles] = []
+        diagonal, beside = [], []
+        for step in range(steps):
+            image = root * self._tangent.single_product(root * w)
+            square, along = summed(comm, dot(w, w), dot(w, image))
+            beta = np.sqrt(square)
+            if step:
+                if beta <= 1e-5 * diagonal[0]:  # the space is exhausted
+                    break
+                beside.append(beta)
+            v = w / np.float32(beta)
             basis.append(v)
-            w = root * self._tangent.single_product(root * v) - np.float32(beta) * before
-            diagonal.append(dot(w, v))
-            w -= np.float32(diagonal[-1]) * v
-            beta = np.sqrt(dot(w, w))
-            if beta <= 1e-5 * diagonal[0]:  # the space is exhausted
-                break
-            off_diagonal.append(beta)
-            before, v = v, w / np.float32(beta)
-        beside = off_diagonal[: len(diagonal) - 1]
+            diagonal.append(along / square)
+            w = image / np.float32(beta) - np.float32(diagonal[-1]) * v
+            if step:
+                w -= np.float32(beta) * before
+            before = v
         values, vectors = np.linalg.eigh(np.diag(diagonal) + np.diag(beside, 1) + np.diag(beside, -1))
         # noise, so that a mode that has become the greatest elsewhere can grow
         self._extreme = np.stack(basis, axis=1) @ vectors[:, -1].astype(np.float32) + self._noise

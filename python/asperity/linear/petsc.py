@@ -41,6 +41,7 @@ class NodeMatrix:
             return
         csr, size = (sparsity.rows, sparsity.columns, self.values), len(sparsity.rows) - 1
         self.A = PETSc.Mat().createAIJWithArrays((size, size), csr, bsize=3, comm=comm)
+        self.A.setBlockSize(3)  # without which algebraic multigrid would aggregate dofs instead of nodes
 
     def assemble(self) -> None:
         """Assemble the matrix from `values`; collective."""
@@ -113,6 +114,12 @@ def set_defaults(prefix: str, options: dict[str, Any]) -> None:
     for key, value in options.items():
         if not database.hasName(key):
             database[key] = value
+
+
+def combine_sums(prefix: str, comm: Any) -> None:
+    """Let CG sum two products over several ranks in one message, by default."""
+    if comm.size > 1:
+        set_defaults(prefix, {"ksp_cg_single_reduction": True})
 
 
 def destroy_unused(comm: Any) -> None:

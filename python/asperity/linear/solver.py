@@ -14,7 +14,8 @@ from asperity.errors import AsperityWarning, warn
 from asperity.linear.energy import EnergyTest
 from asperity.linear.matrix_free import TangentOperator, tangent_product
 from asperity.linear.multigrid import ITERATIONS, PMultigrid
-from asperity.linear.petsc import GAMG, NodeMatrix, own_errors, set_defaults, set_rigid_modes
+from asperity.linear.petsc import GAMG, NodeMatrix, combine_sums, own_errors, set_defaults, set_rigid_modes
+from asperity.runtime.parallel import summed
 
 if TYPE_CHECKING:
     from asperity.fem.solid import Solid
@@ -140,8 +141,6 @@ class LinearSolver:
 
     def _begin(self, b: Any) -> None:
         """Move the part of the prescribed dofs to the right side; called by PETSc."""
-        from mpi4py import MPI
-
         if self._again:
             return
         self._phase = self._solid.phases.phase("linear solve")
@@ -150,7 +149,7 @@ class LinearSolver:
         lifted = np.zeros(3 * self._solid.owned)
         lifted[self._rows[len(self._rows) - len(self._values) :]] = self._values
         right = self._given.copy()
-        if not self.rescue and self._solid.comm.allreduce(bool(lifted.any()), op=MPI.LOR):
+        if not self.rescue and summed(self._solid.comm, lifted.any())[0]:
             right -= self.product(lifted)
         right[self._rows] = 0.0
         b.array = right
@@ -227,8 +226,9 @@ class PMultigridMethod:
         pc.setType("python")
         pc.setPythonContext(self._multigrid)
         ksp.setOperators(self.operator)
+        combine_sums(PREFIX, tangent.solid.comm)
         ksp.setFromOptions()
-        self._test = EnergyTest(ksp, self._multigrid, tangent.solid.comm) if ksp.getType() == "cg" else None
+        self._test = EnergyTest(ksp, self._multigrid) if ksp.getType() == "cg" else None
 
     def forget(self) -> None:
         """See `LinearSolver`; so for `product`."""

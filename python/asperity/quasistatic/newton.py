@@ -14,6 +14,7 @@ from asperity.fem.solid import Solid
 from asperity.linear.petsc import own_errors, set_defaults
 from asperity.linear.solver import PREFIX, SINGLE_RTOL, LinearSolver
 from asperity.model.settings import SolverOptions
+from asperity.runtime.parallel import summed
 
 CURVATURE = 10.0  # error after a Newton iteration over the square of that before it, measured on a fractal surface
 ROUNDING = 1e-13  # rounding error of the residual, relative to displacements (E = L = 1)
@@ -130,7 +131,7 @@ class NewtonSolver:
         self._at_trial = False
         residual, rows, self._lacking = self._found
         before, self.rows = self.rows, rows
-        self._changed = len(np.setxor1d(before, self.rows))
+        self._changed_here = len(np.setxor1d(before, self.rows))
         flat = residual.reshape(-1)
         flat[self._fixed] = 0.0
         r.array = flat
@@ -171,7 +172,9 @@ class NewtonSolver:
         comm = self.solid.comm
         held = self.contact.nodal_force(self.force)
         out = self._residual_vec.array_r
-        sums = comm.allreduce(np.array([np.sum(held**2), np.sum(out**2)]))
+        *sums, self._changed, self._active = summed(
+            comm, np.sum(held**2), np.sum(out**2), self._changed_here, len(self.rows)
+        )
         gap = self._greatest_lack()
         contact, unbalanced = np.sqrt(sums)
         reasons = snes.ConvergedReason
@@ -213,7 +216,7 @@ class NewtonSolver:
         Comput. 17 (1996) 16). An elastic one has no such error: with the right active set an iteration is the last one
         if its linear system is solved to the end, and the set is often right before it has stayed the same.
         """
-        changed, active = self.solid.comm.allreduce(np.array([self._changed, len(self.rows)]))
+        changed, active = self._changed, self._active
         exact = self.solid.material.linear and not self.contact.stiff
         if changed > (FEW * active if exact else 0):
             return self._loosest
@@ -249,7 +252,7 @@ class NewtonSolver:
         def merit(force: Floats) -> float:
             flat = contact.imbalance(force).reshape(-1)
             flat[self._fixed] = 0.0
-            return float(self.solid.comm.allreduce(float(flat @ flat)))
+            return float(summed(self.solid.comm, flat @ flat)[0])
 
         before, found = merit(self.force), []
         for length in DAMPED:
@@ -278,9 +281,9 @@ class NewtonSolver:
         def slope(length: float) -> float:
             residual = self._evaluate(start - length * y)
             self._at_trial = True
-            return np.inf if self._inverted else -float(self.solid.comm.allreduce(float(direction @ residual[free])))
+            return np.inf if self._inverted else -summed(self.solid.comm, direction @ residual[free])[0]
 
-        s0 = -float(self.solid.comm.allreduce(float(direction @ self._found[0].reshape(-1)[free])))
+        s0 = -summed(self.solid.comm, direction @ self._found[0].reshape(-1)[free])[0]
         low, s_low, high, s_high = 0.0, s0, 1.0, slope(1.0)
         while s_high == np.inf and high > SMALLEST_PART:
             high *= 0.5

@@ -8,6 +8,7 @@ import traceback
 from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING, Any, TypeVar, cast
 
+from asperity.arrays import Floats
 from asperity.errors import AsperityError, OutputError
 from asperity.runtime.launch import started_ranks
 
@@ -114,6 +115,17 @@ def all_ranks(comm: MPI.Comm, values: Mapping[str, float], greatest: bool = Fals
     found = np.array([*values.values()])
     comm.Allreduce(MPI.IN_PLACE, found, op=MPI.MAX if greatest else MPI.SUM)
     return {name: float(value) for name, value in zip(values, found, strict=True)}
+
+
+def summed(comm: MPI.Comm, *values: float) -> Floats:
+    """Sums of numbers over the ranks, in one message without pickling; collective."""
+    import numpy as np
+    from mpi4py import MPI
+
+    found = np.array(values, dtype=float)
+    if comm.size > 1:
+        comm.Allreduce(MPI.IN_PLACE, found)
+    return found
 
 
 def _attempt(work: Callable[[], T]) -> tuple[T | None, AsperityError | None]:
