@@ -50,11 +50,15 @@ def test_each_compiled_kernel_is_its_form(rough: Surface, coarse: BlockMesh | No
             half = np.zeros(9 * len(solid.sparsity.upper[1]) + 1, dtype=np.float32)
             kernels.tangent(u, tangent)
             kernels.tangent(u, half)
+            shifted = np.empty_like(tangent)
+            kernels.tangent(u, shifted, shift=0.1)
             points = kernels.plastic_points
             kernels.elastic_tangent(u, elastic)
             kernels.commit()
             stresses = kernels.stress(u), kernels.conjugate_stress(u)
-            found.append((b, tangent, elastic, *stresses, kernels.volumes, *kernels.history().arrays().values()))
+            found.append(
+                (b, tangent, shifted, elastic, *stresses, kernels.volumes, *kernels.history().arrays().values())
+            )
             assert material.plastic or points == 0
             if solid is ours:
                 flowing, single = points, half

@@ -309,3 +309,16 @@ def test_a_rubber_wave_is_pressed_flat() -> None:
     rubber, hencky = found
     assert rubber.area_fraction[-1] == pytest.approx(1.0) and abs(rubber.mean_gap[-1]) < 1e-12
     np.testing.assert_allclose(rubber.force, hencky.force, rtol=5e-3)
+
+
+@pytest.mark.slow
+def test_the_bar_of_a_rough_surface_with_voce_holds_a_finer_mesh() -> None:
+    surface = asp.Surface.from_spec(
+        "self-affine", L=1.0, H=0.8, rms_slope=0.08, lambda_short=0.25, lambda_roll=0.5, seed=2
+    )
+    voce = asp.Material.of_law("voce", E=E, nu=NU, yield_strength=0.6, saturation=0.4, rate=40.0)
+    curve = asp.solve_contact(surface, voce, delta_max=0.012, steps=4, tolerance=0.05).curve
+    bar = float(curve.error_P_star[-1] / curve.P_star[-1])
+    finer = asp.solve_contact(surface, voce, delta_max=0.012, steps=16, size=asp.MeshSize(h_contact=0.04)).curve
+    print(f"{curve.force[-1]:.5f} with a bar of {bar:.2%}, on a finer mesh {finer.force[-1]:.5f}")
+    assert bar < 0.05 and abs(curve.force[-1] / finer.force[-1] - 1.0) < bar

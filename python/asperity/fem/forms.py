@@ -18,6 +18,7 @@ from asperity.fem.history import History
 from asperity.fem.sparsity import SparsityPattern
 from asperity.fem.weak_form import WeakForm, measure
 from asperity.laws.definition import SHAPES, USUAL, Law
+from asperity.laws.shipped import hooke
 from asperity.mesh.element import QUADRATURE_DEGREE
 from asperity.model.material import Material
 from asperity.runtime.compiled import solver as _solver
@@ -78,6 +79,7 @@ class FormKernels:
             self._at = self._state.function_space.dofmap.list[: len(cell_nodes)]
             self._width = width
         self._where = sparsity, self._cells, self._points
+        self._moduli = fem.Constant(mesh, np.float64(material.E)), fem.Constant(mesh, np.float64(material.nu))
         constants = {name: fem.Constant(mesh, np.float64(value)) for name, value in self._law.parameters}
         flowing = WeakForm(self._u, self._state, self._law, constants, self._finite)
         self._flowing = self._now = _Compiled(flowing, *self._where)
@@ -145,19 +147,32 @@ class FormKernels:
         assemble_vector(b.reshape(-1), self._now.residual)
         self._stale = True
 
-    def tangent(self, u: Floats, values: Floats | Singles) -> None:
-        """Write the local matrix at u, the state of the last internal force."""
-        self._write(self._now, self._committed, u, values)
+    def tangent(self, u: Floats, values: Floats | Singles, shift: float = 0.0) -> None:
+        """Write the local matrix at u, the state of the last internal force; with a shift as compiled kernels do."""
+        self._write(self._now, self._committed, u, values, shift)
+
+    @cached_property
+    def _small_elastic(self) -> _Matrix:
+        """Elastic stiffness in small strain."""
+        import ufl
+
+        v, w = ufl.TestFunction(self._u.function_space), ufl.TrialFunction(self._u.function_space)
+        stress = hooke(ufl.sym(ufl.grad(w)), *self._moduli)
+        return _Matrix(ufl.inner(stress, ufl.sym(ufl.grad(v))) * measure(self._u.function_space.mesh), self._sparsity)
 
     def elastic_tangent(self, u: Floats, values: Floats | Singles) -> None:
         """Write the local matrix at u for a motion without plastic flow."""
         self._write(self._without_flow, self._find_trial(), u, values)
 
-    def _write(self, forms: _Compiled, history: History, u: Floats, values: Floats | Singles) -> None:
+    def _write(
+        self, forms: _Compiled, history: History, u: Floats, values: Floats | Singles, shift: float = 0.0
+    ) -> None:
         from scipy import sparse
 
         self._set(u, history, keep=False)
         blocks, pattern = forms.matrix.blocks(), self._sparsity
+        if shift > 0.0 and self._finite:
+            blocks += shift * self._small_elastic.blocks()
         nodes = len(pattern.indptr) - 1
         full = sparse.bsr_array((blocks, pattern.indices, pattern.indptr), shape=(3 * nodes, 3 * nodes)).tocsr().data
         if values.dtype == np.float32:
