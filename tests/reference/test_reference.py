@@ -122,6 +122,21 @@ def critical_approach(R: float) -> float:
     return (math.pi * C * 1e9 / (2 * 200e9 / 0.91)) ** 2 * R
 
 
+def test_jackson_green_is_hertz_up_to_1_9_critical_approaches_and_its_own_fit_beyond():
+    """Eqs. 13 and 21 of the paper written out; its two laws meet within two per cent."""
+    R, C, yields = 1e-3, 1.295 * math.exp(0.736 * 0.3), 1e9 / (200e9 / 0.91)
+    critical, hertz = critical_approach(R), ref.Hertz(R, ref.reduced_modulus(200e9, 0.3))
+    for w in (1.0, 1.85):
+        assert ref.jackson_green(w * critical, R, **STEEL)[0] == pytest.approx(hertz.force(w * critical), rel=1e-12)
+    for w in (1.95, 2.5, 3.5):
+        a = math.pi * C * yields / 2 * math.sqrt(w * (w / 1.9) ** (0.14 * math.exp(23 * yields)))  # over R
+        hardness = 2.84 * (1 - math.exp(-0.82 * a**-0.7))
+        force = math.exp(-0.25 * w ** (5 / 12)) * w**1.5 + 4 * hardness / C * (1 - math.exp(-(w ** (5 / 9)) / 25)) * w
+        found = ref.jackson_green(w * critical, R, **STEEL)[0] / hertz.force(critical)
+        assert found == pytest.approx(force, rel=1e-9)
+        assert w > 2.0 or force == pytest.approx(w**1.5, rel=0.02)
+
+
 def test_jackson_green_numbers():
     w, R = np.array([6.0, 10.0, 50.0, 110.0]), 1e-3
     hertz = ref.Hertz(R, ref.reduced_modulus(200e9, 0.3))

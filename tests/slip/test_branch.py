@@ -8,7 +8,7 @@ import pytest
 from asperity.force_law.table import TableLaw
 from asperity.model.material import Material
 from asperity.slip import SlipSettings, slip_of_curve
-from asperity.slip.branch import left_out
+from asperity.slip.branch import left_out, stuck_law
 from asperity.slip.joint_slip import slip_of_case
 
 STEEL, SIDE, HEIGHT = Material(200e9, 0.3), 1e-6, 1e-6
@@ -90,3 +90,11 @@ def test_groups_that_are_left_out() -> None:
     assert forces[0].k is not None and np.isnan(forces[0].k).all()
     assert [law.z.size for law in thinned] == [4, 4] and all(law.z[-1] == 1.0 for law in thinned)
     assert left_out(TableLaw(z[-1:], z[-1:] ** 2, k=2.0 * z[-1:])) == [[], [], []]
+
+
+def test_a_ratio_of_stiffnesses_that_changes_along_the_curve_is_followed() -> None:
+    """dw = r dz with r = 1 + 2 F and F = z: w = z + z^2, by trapezoids without error between rows."""
+    z = np.linspace(0.0, 1.0, 9)[1:]
+    law = stuck_law(TableLaw(z, z, k=np.ones(8)), z, 1.0 + 2.0 * z, 0.0, 0.5)
+    np.testing.assert_allclose(np.diff(law.z), np.diff(z + z**2), rtol=1e-12)
+    np.testing.assert_allclose(law.slopes, 1.0 / (1.0 + 2.0 * z), rtol=1e-12)  # dF/dw = k_t
