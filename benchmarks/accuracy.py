@@ -28,7 +28,7 @@ from asperity.adaptive.family import dofs_of
 from asperity.adaptive.mesh_plan import extrapolate
 from asperity.arrays import Floats
 from asperity.mesh.size_field import SizeField
-from asperity.model.settings import MEAN, MeshSize
+from asperity.model.settings import MeshSize
 from asperity.reference import RoughHalfSpace
 from asperity.reference.halfspace import HARDNESS
 from asperity.surface import HeightMap, SelfAffine, Sphere, Surface
@@ -235,7 +235,7 @@ def yielding_truth(surface: Surface, at: Floats, dofs: int) -> Truth:
         size *= (dofs_of(SizeField.on_cells(size * cells, GROWTH), 0, 1.0) / (FINER * dofs)) ** 0.5
     for h in (RATIO * size, size):
         mesh = MeshSize(h, GROWTH, cells=h * cells)
-        fine = asp.solve_contact(surface, YIELDING, delta_max=depth, steps=2 * STEPS, size=mesh, dilatation=MEAN)
+        fine = asp.solve_contact(surface, YIELDING, delta_max=depth, steps=2 * STEPS, size=mesh)
         loading = fine.curve.loading()
         P.append(np.interp(at, loading.delta_star, loading.P_star))
         area, unsure = (

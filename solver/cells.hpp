@@ -1,27 +1,24 @@
 // Kernels over cells: internal force, stiffness, stress, volumes.
 //
-// With mean dilatation the volumetric strain of each point of a cell, or its logarithmic one, is replaced by the mean over
-// the cell, in the strain and in the virtual strain (B-bar: Hughes, Int. J. Numer. Methods Eng. 15 (1980) 1413; of finite
-// strain: Simo, Taylor & Pister, Comput. Methods Appl. Mech. Engrg. 51 (1985) 177), from the step after the plastic strain
-// of any point has exceeded a limit. The four points of a second-order tetrahedron cannot all keep their volume in plastic
-// flow: it locks. Where little or nothing flows, the mean would only make it softer.
+// The points of a cell that flows share their volumetric strain, see relaxation.hpp.
 #pragma once
 
 #include "arrays.hpp"
 #include "laws.hpp"
 #include "log_strain.hpp"
 #include "patterns.hpp"
+#include "relaxation.hpp"
 
 #include <cstdint>
 #include <utility>
 
 namespace asperity
 {
-/// A quadrature point in a cell: its number among those of all cells, gradients of the shape functions, Jacobian
-/// determinant, volume.
+/// A quadrature point in a cell: its number there and among those of all cells, gradients of the shape functions,
+/// Jacobian determinant, volume.
 struct Point
 {
-  std::size_t index;
+  std::size_t at, index;
   const Gradients& g;
   double det, volume;
 };
@@ -34,11 +31,11 @@ struct Cells
   Array<const int> u_dofs;       // (cells, nodes)
   Array<const double> gradients; // reference gradients at the points (points, nodes, 3)
   Array<const double> weights;   // quadrature weights on the reference cell (points)
-  double mean_beyond;            // plastic strain beyond which all points of a cell have its mean volumetric strain
+  Relaxation relaxation;         // of volumetric strain
   std::size_t u_nodes;           // least number of nodes of a nodal array
 
   Cells(Array<const double> x, Array<const int> x_dofs, Array<const int> u_dofs, Array<const double> gradients,
-        Array<const double> weights, double mean_beyond);
+        Array<const double> weights, double spent, double threshold);
 
   std::size_t count() const { return x_dofs.shape(0); }
   std::size_t points() const { return weights.shape(0); }
@@ -53,7 +50,7 @@ struct Cells
     for (std::size_t q = 0; q < points(); ++q)
     {
       const double det = push_forward(gradients.data() + dofs * q, corners, g);
-      at(Point{c * points() + q, g, det, det * weights.data()[q]});
+      at(Point{q, c * points() + q, g, det, det * weights.data()[q]});
     }
   }
 
@@ -65,14 +62,14 @@ struct Cells
   }
 };
 
-/// Committed or trial history of a solid: plastic strain (rows, points, 6), accumulated (rows, points), a row per cell
-/// or facet. Without rows it is that of a virgin material and nothing is written. The class History of
+/// Committed or trial history of a solid: plastic strain (rows, points, 6), accumulated and permanent volumetric strain
+/// (rows, points), a row per cell or facet. Without rows it is that of a virgin material and nothing is written. The class History of
 /// asperity.fem.history has the same variables.
 struct History
 {
-  Array<double> plastic_strain, accumulated;
+  Array<double> plastic_strain, accumulated, dilatation;
 
-  History(Array<double> plastic_strain, Array<double> accumulated);
+  History(Array<double> plastic_strain, Array<double> accumulated, Array<double> dilatation);
 
   bool empty() const { return accumulated.shape(0) == 0; }
 
@@ -86,6 +83,7 @@ struct History
       return state;
     std::copy_n(plastic_strain.data() + 6 * index, 6, state.plastic_strain.begin());
     state.accumulated = accumulated.data()[index];
+    state.dilatation = dilatation.data()[index];
     return state;
   }
   void put(std::size_t index, const State& state) const
@@ -94,6 +92,7 @@ struct History
       return;
     std::copy_n(state.plastic_strain.begin(), 6, plastic_strain.data() + 6 * index);
     accumulated.data()[index] = state.accumulated;
+    dilatation.data()[index] = state.dilatation;
   }
 };
 

@@ -1,16 +1,23 @@
 // Kernels of the contact of facets with a rigid flat, see facets.hpp.
 #include "facets.hpp"
 
+#include "cell_flow.hpp"
+
+#include <optional>
+
 namespace asperity
 {
 namespace
 {
 /// Refuse a law or a displacement of other facets.
-void expect_state(const Facets& facets, const ContactLaw& law, const Array<const double>& u, const History& committed)
+void expect_state(const Facets& facets, const ContactLaw& law, const Array<const double>& u, const History& committed,
+                  const History& below)
 {
   expect("height of the law", law.height, {facets.count(), facets.points()});
   expect("u", u, {at_least(facets.u_nodes), 3});
   committed.expect_shape("committed", facets.count(), facets.points());
+  below.expect_shape("below", law.cells.count(), law.cells.points());
+  expect("u_dofs of the cells", law.cells.u_dofs, {facets.count(), nodes});
 }
 
 double traction(const Sym& stress, const std::array<double, 3>& normal)
@@ -31,6 +38,56 @@ Gradients traction_slope(const Tangent& C, const FacetPoint& p)
   return out;
 }
 
+/// The flow of the cell of a facet, and its derivatives if wanted; of a law without flow nothing.
+struct FlowBelow
+{
+  CellFlow cell;
+  CommonSlopes common;
+  std::array<Gradients, most_points> dilatation; // derivatives of the volumetric strains of its points
+  bool flows = false;
+
+  FlowBelow(const ContactLaw& law, std::size_t f, const Gradients& u, const History& committed, bool differentiate)
+  {
+    with_law(law.material,
+             [&]<MaterialLaw L>(const L& material)
+             {
+               if constexpr (L::flows)
+                 law.finite ? find<true>(material, law.cells, f, u, committed, differentiate)
+                            : find<false>(material, law.cells, f, u, committed, differentiate);
+             });
+  }
+
+private:
+  template <bool finite, FlowLaw L>
+  void find(const L& material, const Cells& cells, std::size_t f, const Gradients& u, const History& committed,
+            bool differentiate)
+  {
+    flows = true;
+    cell = flow_of<finite>(cells, f, material, committed, u);
+    if (!differentiate || !(cell.flow > 0.0))
+      return;
+    cells.at_points(f,
+                    [&](const Point& p)
+                    {
+                      constexpr Sym one{1.0, 1.0, 1.0, 0.0, 0.0, 0.0};
+                      dilatation[p.at] = {};
+                      with_strain<finite>(p.g, u,
+                                          [&](const auto& x)
+                                          {
+                                            const auto r
+                                                = respond(material, cell, p.at, x.strain, committed.at(p.index));
+                                            common.add(material, cell, p, x, r);
+                                            add_residual(p.g, x.nominal(one), 1.0, dilatation[p.at]);
+                                          });
+                    });
+  }
+};
+
+double traction(const Matrix& P, const std::array<double, 3>& normal)
+{
+  return P[2][0] * normal[0] + P[2][1] * normal[1] + P[2][2] * normal[2];
+}
+
 /// Traction of the solid at a point, its derivative if wanted, and the new state.
 struct Traction
 {
@@ -38,40 +95,71 @@ struct Traction
   Gradients slope{};
   State state;
 
-  Traction(const ContactLaw& law, const FacetPoint& p, const Gradients& u, const State& committed, bool differentiate)
+  Traction(const ContactLaw& law, const FacetPoint& p, const Gradients& u, const State& committed,
+           const FlowBelow& below, const double* linear, bool differentiate)
       : state(committed)
   {
-    with_law(law.material, [&](const auto& material)
-             { law.finite ? of_finite(material, p, u, differentiate) : of_small(material, p, u, differentiate); });
+    // where strain is inside out t = 0; the cells reject such a state
+    with_law(law.material,
+             [&](const auto& material)
+             {
+               const auto at = [&](const auto& x) { find(material, p, x, below, linear, differentiate); };
+               law.finite ? with_strain<true>(p.g, u, at) : with_strain<false>(p.g, u, at);
+             });
   }
 
 private:
-  template <MaterialLaw L>
-  void of_small(const L& material, const FacetPoint& p, const Gradients& u, bool differentiate)
+  template <MaterialLaw L, typename Strain>
+  void find(const L& material, const FacetPoint& p, const Strain& x, const FlowBelow& below, const double* linear,
+            bool differentiate)
   {
-    const auto r = material.respond(strain(p.g, u), state);
-    t = traction(r.stress, p.normal);
+    const auto r = [&]
+    {
+      if constexpr (L::flows)
+      {
+        double permanent = 0.0;
+        for (std::size_t q = 0; q < below.cell.points(); ++q)
+          permanent += linear[q] * below.cell.permanent(q);
+        return material.respond(dilated(x.strain, -permanent), state, below.cell.relief);
+      }
+      else
+        return material.respond(x.strain, state);
+    }();
+    t = traction(x.nominal(r.stress), p.normal);
     if (differentiate)
-      slope = traction_slope(nominal_tangent(material.tangent(r), r.direction), p);
+    {
+      slope = traction_slope(x.tangent(r.stress, material.tangent(r), r.direction), p);
+      if constexpr (L::flows)
+        if (below.cell.flow > 0.0)
+          add_slope_below(material, p, x, r, below, linear);
+    }
     state = r.state;
   }
 
-  template <MaterialLaw L>
-  void of_finite(const L& material, const FacetPoint& p, const Gradients& u, bool differentiate)
+  /// Add what follows from the flow of the cell: the traction of the change of its permanent volumetric strain and relief.
+  template <FlowLaw L, typename Strain, typename Response>
+  void add_slope_below(const L& material, const FacetPoint& p, const Strain& x, const Response& r,
+                       const FlowBelow& below, const double* linear)
   {
-    const Deformation deformation(p.g, u);
-    if (!deformation.valid()) // t = 0; the cells reject such a state
-      return;
-    with_log_strain(deformation,
-                    [&](const auto& x)
-                    {
-                      const auto r = material.respond(x.strain, state);
-                      const Matrix P = x.nominal(r.stress);
-                      t = P[2][0] * p.normal[0] + P[2][1] * p.normal[1] + P[2][2] * p.normal[2];
-                      if (differentiate)
-                        slope = traction_slope(x.tangent(r.stress, material.tangent(r), r.direction), p);
-                      state = r.state;
-                    });
+    const CellFlow& cell = below.cell;
+    const double bulk = bulk_modulus(material) * traction(x.nominal({1.0, 1.0, 1.0, 0.0, 0.0, 0.0}), p.normal);
+    const double relieved
+        = r.plastic ? material.drive() / material.resistance() * traction(x.nominal(r.direction), p.normal) : 0.0;
+    double deviation = 0.0;
+    for (std::size_t q = 0; q < cell.points(); ++q)
+      deviation += linear[q] * cell.deviation(q);
+    const double kept = bulk * deviation;
+    const Gradients of_flow
+        = below.common.of_flow(material, cell, kept * cell.kept_slope, -relieved, kept * cell.kept_curvature);
+    const double lost = bulk * (1.0 - cell.kept);
+    for (int a = 0; a < nodes; ++a)
+      for (int i = 0; i < 3; ++i)
+      {
+        double permanent = -below.common.dilatation[a][i] / cell.volume;
+        for (std::size_t q = 0; q < cell.points(); ++q)
+          permanent += linear[q] * below.dilatation[q][a][i];
+        slope[a][i] += of_flow[a][i] - lost * permanent;
+      }
   }
 };
 
@@ -105,11 +193,13 @@ Facets::Facets(Array<const double> x, Array<const int> x_dofs, Array<const int> 
 }
 
 ContactLaw::ContactLaw(const Law& material, bool finite, Array<const double> stiffness, Array<const double> height,
-                       bool traction)
-    : material(material), finite(finite), stiffness(stiffness), height(height), traction(traction)
+                       bool traction, const Cells& cells, Array<const double> linear)
+    : material(material), finite(finite), stiffness(stiffness), height(height), traction(traction), cells(cells),
+      linear(linear)
 {
   expect("stiffness", stiffness, {any()});
   expect("height", height, {stiffness.shape(0), any()});
+  expect("linear", linear, {4, height.shape(1), cells.points()});
 }
 
 void facet_weights(const Facets& facets, const Array<double>& out)
@@ -124,9 +214,10 @@ void facet_weights(const Facets& facets, const Array<double>& out)
 }
 
 void facet_pressure(const Facets& facets, const ContactLaw& law, double z, const Array<const double>& u,
-                    const History& committed, const History& trial, const Array<double>& pressure)
+                    const History& committed, const History& below, const History& trial,
+                    const Array<double>& pressure)
 {
-  expect_state(facets, law, u, committed);
+  expect_state(facets, law, u, committed, below);
   trial.expect_shape("trial", facets.count(), facets.points());
   expect("pressure", pressure, {facets.count(), facets.points()});
   const std::size_t points = facets.points();
@@ -135,13 +226,17 @@ void facet_pressure(const Facets& facets, const ContactLaw& law, double z, const
     const Gradients x = gather(facets.x.data(), facets.x_dofs.data() + nodes * f);
     const Gradients uc = gather(u.data(), facets.dofs_of(f));
     const double g = law.stiffness.data()[f];
+    std::optional<FlowBelow> flow;
+    if (law.traction)
+      flow.emplace(law, f, uc, below, false);
     for (std::size_t q = 0; q < points; ++q)
     {
       const std::size_t at = f * points + q;
       double excess = g * penetration(facets.shape_at(f, q), uc, z - law.height.data()[at]);
       if (law.traction)
       {
-        const Traction body(law, FacetPoint(facets, x, f, q), uc, committed.at(at), false);
+        const FacetPoint p(facets, x, f, q);
+        const Traction body(law, p, uc, committed.at(at), *flow, law.linear_at(facets, f, q), false);
         trial.put(at, body.state);
         excess -= body.t;
       }
@@ -168,10 +263,10 @@ void facet_load(const Facets& facets, const Array<const double>& weights, const 
 }
 
 void facet_stiffness(const Facets& facets, const ContactLaw& law, const Array<const double>& u,
-                     const History& committed, const Array<const double>& pressure, const BlockPattern& pattern,
-                     const Array<double>& values)
+                     const History& committed, const History& below, const Array<const double>& pressure,
+                     const BlockPattern& pattern, const Array<double>& values)
 {
-  expect_state(facets, law, u, committed);
+  expect_state(facets, law, u, committed, below);
   expect("pressure", pressure, {facets.count(), facets.points()});
   double* out = pattern.start(values, facets.count());
   const std::size_t points = facets.points();
@@ -185,6 +280,9 @@ void facet_stiffness(const Facets& facets, const ContactLaw& law, const Array<co
     const Gradients x = gather(facets.x.data(), facets.x_dofs.data() + nodes * f);
     const Gradients uc = gather(u.data(), facets.dofs_of(f));
     const double g = law.stiffness.data()[f];
+    std::optional<FlowBelow> flow;
+    if (law.traction)
+      flow.emplace(law, f, uc, below, true);
     for (std::size_t q = 0; q < points; ++q)
     {
       if (!(P[q] > 0.0))
@@ -193,7 +291,7 @@ void facet_stiffness(const Facets& facets, const ContactLaw& law, const Array<co
       const double* shape = facets.shape_at(f, q);
       Gradients slope{}, dP{};
       if (law.traction)
-        slope = Traction(law, p, uc, committed.at(f * points + q), true).slope;
+        slope = Traction(law, p, uc, committed.at(f * points + q), *flow, law.linear_at(facets, f, q), true).slope;
       for (int a = 0; a < nodes; ++a)
       {
         for (int j = 0; j < 3; ++j)

@@ -3,7 +3,8 @@
 // P = < g d - k t >_+ is the pressure of the flat, d = height + u_z - z its penetration, t the z component of the
 // traction of the body, both per area projected on the flat: k = 0 is the penalty method, k = 1 Nitsche's method in its
 // incomplete variant (Chouly, Hild & Renard, Math. Comp. 84 (2015) 1089, eq. (9) with theta = 0). The virtual work of the
-// contact is int P v_z. t follows from the material law, in an elastic-plastic body with a history at the points.
+// contact is int P v_z. t follows from the material law, in an elastic-plastic body with a history at the points; the
+// permanent volumetric strain and the relief there are those of the cell (relaxation.hpp).
 #pragma once
 
 #include "cells.hpp"
@@ -65,18 +66,28 @@ struct ContactLaw
   Array<const double> stiffness; // g of each facet [force/length^3] (facets)
   Array<const double> height;    // of the undeformed surface at the points (facets, points)
   bool traction;                 // k
+  Cells cells;                   // of the facets, in their order
+  Array<const double> linear;    // of values at the points of a cell, those of their linear function at the points of its
+                                 // facets (4, points, points of a cell)
 
-  ContactLaw(const Law& material, bool finite, Array<const double> stiffness, Array<const double> height,
-             bool traction);
+  ContactLaw(const Law& material, bool finite, Array<const double> stiffness, Array<const double> height, bool traction,
+             const Cells& cells, Array<const double> linear);
+
+  const double* linear_at(const Facets& facets, std::size_t f, std::size_t q) const
+  {
+    return linear.data() + cells.points() * (facets.local.data()[f] * facets.points() + q);
+  }
 };
 
 /// Projected weight of each point, out (facets, points).
 void facet_weights(const Facets& facets, const Array<double>& out);
 
 /// Pressure (facets, points) for the flat at height z and the displacement u (nodes, 3), and the trial history. A
-/// committed history without facets means zeros; a trial history without facets is not written.
+/// committed history without facets, or one of the cells `below`, means zeros; a trial history without facets is not
+/// written.
 void facet_pressure(const Facets& facets, const ContactLaw& law, double z, const Array<const double>& u,
-                    const History& committed, const History& trial, const Array<double>& pressure);
+                    const History& committed, const History& below, const History& trial,
+                    const Array<double>& pressure);
 
 /// Add the nodal force of a pressure at the points to b (nodes); `weights` are those of `facet_weights`.
 void facet_load(const Facets& facets, const Array<const double>& weights, const Array<const double>& pressure,
@@ -84,6 +95,6 @@ void facet_load(const Facets& facets, const Array<const double>& weights, const 
 
 /// Add the derivative of the virtual work to the values of the matrix; `pressure` is that of the same displacement.
 void facet_stiffness(const Facets& facets, const ContactLaw& law, const Array<const double>& u,
-                     const History& committed, const Array<const double>& pressure, const BlockPattern& pattern,
-                     const Array<double>& values);
+                     const History& committed, const History& below, const Array<const double>& pressure,
+                     const BlockPattern& pattern, const Array<double>& values);
 } // namespace asperity

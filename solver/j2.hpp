@@ -23,10 +23,12 @@ struct J2
     Sym stress, direction; // the unit direction of flow
     State state;
     double theta, chi; // of the consistent tangent kappa 1x1 + 2 mu theta I_dev + chi n x n
+    double excess;     // of the trial stress over the yield stress
     bool plastic;
   };
+  static constexpr bool flows = true;
 
-  Response respond(const Sym& strain, const State& committed) const
+  Response respond(const Sym& strain, const State& committed, double relief = 0.0) const
   {
     Response r;
     const double trace = strain[0] + strain[1] + strain[2];
@@ -38,7 +40,8 @@ struct J2
              - back * committed.plastic_strain[i];
     const double norm = std::sqrt(contract(s, s));
     const double q = std::sqrt(1.5) * norm;
-    const double overstress = q - (yield + (1.0 - kinematic_share) * hardening * committed.accumulated);
+    r.excess = q - (yield + (1.0 - kinematic_share) * hardening * committed.accumulated);
+    const double overstress = r.excess + relief;
     r.plastic = overstress > 0.0;
     const double dgamma = r.plastic ? overstress / (3.0 * mu + hardening) : 0.0;
     const double ratio = r.plastic ? dgamma / q : 0.0;
@@ -55,6 +58,8 @@ struct J2
   }
 
   Moduli elastic() const { return {lambda, mu, 0.0}; }
+  double resistance() const { return 3.0 * mu + hardening; }
+  double drive() const { return std::sqrt(6.0) * mu; }
 
   /// The consistent tangent.
   Moduli tangent(const Response& r) const { return {lambda + 2.0 / 3.0 * mu * (1.0 - r.theta), mu * r.theta, r.chi}; }

@@ -35,6 +35,7 @@ struct State
 {
   Sym plastic_strain{};
   double accumulated = 0.0; // plastic strain
+  double dilatation = 0.0;  // volumetric strain that flow has made permanent, see relaxation.hpp
 };
 
 /// A law: the response to a total strain from the committed state, and what it makes of the stiffness.
@@ -49,5 +50,16 @@ concept MaterialLaw
         { law.elastic() } -> std::same_as<Moduli>;
         { law.tangent(r) } -> std::same_as<Moduli>;   // the consistent tangent
         { law.softening(r) } -> std::same_as<Moduli>; // the same less the elastic stiffness
+        { Law::flows } -> std::convertible_to<bool>;  // whether it has a plastic strain
+      };
+
+/// A law with plastic strain, whose yield stress is lower by a `relief`.
+template <typename Law>
+concept FlowLaw
+    = MaterialLaw<Law> && Law::flows && requires(const Law& law, const Sym& strain, const State& committed) {
+        { law.respond(strain, committed, 1.0) } -> std::same_as<typename Law::Response>;
+        { law.respond(strain, committed).excess } -> std::convertible_to<double>; // of trial over yield stress
+        { law.resistance() } -> std::same_as<double>; // by which the excess falls with the plastic strain
+        { law.drive() } -> std::same_as<double>;      // by which it rises with the strain along n
       };
 } // namespace asperity

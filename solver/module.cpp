@@ -59,11 +59,12 @@ void bind_cells(nb::module_& m)
   nb::class_<Cells>(m, "Cells")
       .def(
           nb::init<Array<const double>, Array<const int>, Array<const int>, Array<const double>, Array<const double>,
-                   double>(),
+                   double, double>(),
           "x"_a, "x_dofs"_a, "u_dofs"_a, "gradients"_a, "weights"_a,
-          "mean_beyond"_a = std::numeric_limits<double>::infinity());
+          "spent"_a = std::numeric_limits<double>::infinity(), "threshold"_a = std::numeric_limits<double>::infinity());
   nb::class_<History>(m, "History")
-      .def(nb::init<Array<double>, Array<double>>(), out("plastic_strain"), out("accumulated"));
+      .def(nb::init<Array<double>, Array<double>, Array<double>>(), out("plastic_strain"), out("accumulated"),
+           out("dilatation"));
   nb::class_<BlockPattern>(m, "BlockPattern")
       .def(nb::init<Array<const int>, Array<const int>, Array<const int>>(), "cell_dofs"_a, "indptr"_a, "indices"_a);
   nb::class_<HalfPattern>(m, "HalfPattern")
@@ -84,14 +85,15 @@ void bind_facets(nb::module_& m)
                     Array<const double>, Array<const double>, Array<const double>>(),
            "x"_a, "x_dofs"_a, "u_dofs"_a, "local"_a, "gradients"_a, "shape"_a, "normals"_a, "weights"_a);
   nb::class_<ContactLaw>(m, "ContactLaw")
-      .def(nb::init<const Law&, bool, Array<const double>, Array<const double>, bool>(), "material"_a, "finite"_a,
-           "stiffness"_a, "height"_a, "traction"_a);
+      .def(nb::init<const Law&, bool, Array<const double>, Array<const double>, bool, const Cells&,
+                    Array<const double>>(),
+           "material"_a, "finite"_a, "stiffness"_a, "height"_a, "traction"_a, "cells"_a, "linear"_a);
   m.def("facet_weights", &facet_weights, "facets"_a, out("out"), unlocked);
-  m.def("facet_pressure", &facet_pressure, "facets"_a, "law"_a, "z"_a, "u"_a, "committed"_a, "trial"_a, out("pressure"),
-        unlocked);
+  m.def("facet_pressure", &facet_pressure, "facets"_a, "law"_a, "z"_a, "u"_a, "committed"_a, "below"_a, "trial"_a,
+        out("pressure"), unlocked);
   m.def("facet_load", &facet_load, "facets"_a, "weights"_a, "pressure"_a, out("b"), unlocked);
-  m.def("facet_stiffness", &facet_stiffness, "facets"_a, "law"_a, "u"_a, "committed"_a, "pressure"_a, "pattern"_a,
-        out("values"), unlocked);
+  m.def("facet_stiffness", &facet_stiffness, "facets"_a, "law"_a, "u"_a, "committed"_a, "below"_a, "pressure"_a,
+        "pattern"_a, out("values"), unlocked);
 }
 
 void bind_linear(nb::module_& m)

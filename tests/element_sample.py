@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 import numpy.typing as npt
+import pytest
 from conftest import here
 from scipy import sparse
 
@@ -66,8 +67,12 @@ class Sample:
         return np.array(stress), np.array(accumulated)
 
 
-def sample(block: BlockMesh | None, material: Material, forms: bool = False, mean: bool = False) -> Sample:
-    solid = Solid(*distribute(here(), block, 1.0), material, mean_dilatation=mean, forms=forms)
+def sample(block: BlockMesh | None, material: Material, forms: bool = False, pointwise: bool = False) -> Sample:
+    """A sample; `pointwise` without the relaxation of volumetric strain in a cell, which forms do not have."""
+    with pytest.MonkeyPatch.context() as patch:
+        if pointwise:
+            patch.setattr("asperity.fem.kernels.RELAXATION", (np.inf, np.inf))
+        solid = Solid(*distribute(here(), block, 1.0), material, forms=forms)
     return Sample(solid, solid.kernels)
 
 

@@ -34,7 +34,7 @@ def solve(
     """
     if by == "size":
         size = asp.MeshSize(value)
-        result = asp.solve_contact(top, law, delta_max=depth, steps=steps, size=size, dilatation="mean")
+        result = asp.solve_contact(top, law, delta_max=depth, steps=steps, size=size)
         curve, dofs = result.curve, result.dofs
     else:
         goal = asp.AccuracyTarget(value, max_dofs=2_000_000)

@@ -25,6 +25,7 @@ MATERIALS = {
     "finite": Material(E, NU, kinematics="finite"),
     "finite, mixed": Material(E, NU, Y, E_T, 0.4, kinematics="finite"),
 }
+pytestmark = pytest.mark.usefixtures("pointwise")
 EACH = pytest.mark.parametrize("material", MATERIALS.values(), ids=MATERIALS)
 STEPS = (0.004, 0.008, 0.012, 0.011, 0.01)  # approaches, up and back [L]
 

@@ -9,13 +9,19 @@ import pytest
 from conftest import PLASTIC
 
 from asperity import _solver
-from asperity.fem.kernels import law_of
+from asperity.fem.history import History
+from asperity.fem.kernels import compiled, law_of
 from asperity.mesh import element
 
 KERNELS = sorted(name for name in dir(_solver) if name[0].islower())
 NODES = 10
 
 Arguments = dict[str, Any]
+
+
+def zeros(rows: int, points: int) -> Any:
+    """A history that the compiled kernels write into."""
+    return compiled(History.zeros(rows, points))
 
 
 def many(n: int) -> dict[str, Arguments]:
@@ -48,7 +54,9 @@ def many(n: int) -> dict[str, Arguments]:
 
     out: dict[str, Arguments] = {
         "Cells": dict(x=x, x_dofs=cells, u_dofs=cells, gradients=gradients, weights=weights),
-        "History": dict(plastic_strain=np.zeros((n, points, 6)), accumulated=np.zeros((n, points))),
+        "History": dict(
+            plastic_strain=np.zeros((n, points, 6)), accumulated=np.zeros((n, points)), dilatation=np.zeros((n, points))
+        ),
         "BlockPattern": dict(cell_dofs=cells, **graph),
         "HalfPattern": dict(cell_dofs=cells, **upper_graph),
         "Cholesky": dict(**graph, interface=np.array([3, 7], dtype=np.int32)),
@@ -58,17 +66,20 @@ def many(n: int) -> dict[str, Arguments]:
         ),
         "ContactLaw": dict(
             material=law_of(PLASTIC), finite=False, stiffness=np.ones(n), height=np.ones(quadrature), traction=True,
+            cells=_solver.Cells(x, cells, cells, gradients, weights),
+            linear=np.stack([element.linear_through(reference, p) for p in at_facets]),
         ),
     }  # fmt: skip
     made = {name: getattr(_solver, name)(**arguments) for name, arguments in out.items()}
     at: Arguments = dict(cells=made["Cells"])
     law = law_of(PLASTIC)
     history: Arguments = dict(committed=made["History"])
-    trial = _solver.History(np.zeros((n, points, 6)), np.zeros((n, points)))
+    trial = zeros(n, points)
     matrix: Arguments = dict(pattern=made["BlockPattern"], values=values.copy())
     half: Arguments = dict(pattern=made["HalfPattern"], values=np.zeros(9 * upper.sum(), dtype=np.float32))
     on: Arguments = dict(facets=made["Facets"])
-    held = {name: _solver.History(np.zeros((*quadrature, 6)), np.zeros(quadrature)) for name in ("committed", "trial")}
+    held = {name: zeros(*quadrature) for name in ("committed", "trial")}
+    below = dict(below=made["History"])
     pressure = np.ones(quadrature)
     stiffness: dict[str, Arguments] = {
         "stiffness_elastic": at | dict(law=law),
@@ -90,10 +101,10 @@ def many(n: int) -> dict[str, Arguments]:
         "stress": at | dict(law=law, finite=False, conjugate=False, u=u, **history, out=np.empty((n, points, 6))),
         "facet_weights": on | dict(out=np.empty(quadrature)),
         "facet_pressure": on
-        | dict(law=made["ContactLaw"], z=0.0, u=u, **held, pressure=pressure),
+        | dict(law=made["ContactLaw"], z=0.0, u=u, **held, **below, pressure=pressure),
         "facet_load": on | dict(weights=np.ones(quadrature), pressure=pressure, b=np.zeros(NODES * n)),
         "facet_stiffness": on
-        | dict(law=made["ContactLaw"], u=u, committed=held["committed"], pressure=pressure)
+        | dict(law=made["ContactLaw"], u=u, committed=held["committed"], **below, pressure=pressure)
         | matrix,
         "product": dict(**graph, values=values, x=u, y=np.empty_like(u)),
         "upper_half": dict(**graph, values=values, out=np.empty(9 * upper.sum(), dtype=np.float32)),

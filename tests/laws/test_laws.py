@@ -246,7 +246,6 @@ def test_laws_and_settings_that_do_not_fit_are_refused(tmp_path: Path) -> None:
     assert 'kinematics = "auto" cannot go with' in said("neo_hookean", kinematics="auto")
     assert "on forms" in said(settings={"solver": {"kernels": "compiled"}}, **plastic)
     assert "on facets" in said(settings={"contact": {"method": "nitsche"}}, **plastic)
-    assert "compiled kernels only" in said(settings={"solver": {"dilatation": "mean"}}, **plastic)
     assert "needs a symmetric tangent" in said("laws.py:skew", settings={"solver": {"linear": "cg"}})
     assert "needs the elastic part" in said("laws.py:silent", settings={"output": {"stiffness": True}})
     assert "need material.law" in refusal(tmp_path, {**case(), "material": {"E": E, "nu": NU, **plastic}})
@@ -271,13 +270,13 @@ def test_a_resumed_run_refuses_another_law_in_the_same_file(tmp_path: Path) -> N
         asp.Case.load(out / "case.toml")
 
 
-def test_a_law_of_the_user_presses_like_the_compiled_one(tmp_path: Path) -> None:
+def test_a_law_of_the_user_presses_like_the_compiled_one(tmp_path: Path, pointwise: None) -> None:
     """Small and finite strain, and with a variable of its own in the history, through a checkpoint."""
     (tmp_path / "laws.py").write_text(GOOD, encoding="utf-8")
     data = case(parameters={"yield_strength": 1.0})
     mine = asp.run(asp.Case.from_dict(data, folder=tmp_path)).curve
     material = {"E": E, "nu": NU, "yield_strength": 1.0}
-    theirs = asp.run(asp.Case.from_dict({**data, "material": material, "solver": {"dilatation": "point"}})).curve
+    theirs = asp.run(asp.Case.from_dict({**data, "material": material})).curve
     np.testing.assert_allclose(mine.force, theirs.force, rtol=1e-8)
     np.testing.assert_allclose(mine.max_strain, theirs.max_strain, rtol=1e-6)
     np.testing.assert_allclose(mine.plastic_fraction, theirs.plastic_fraction, rtol=1e-6)

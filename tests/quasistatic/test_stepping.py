@@ -443,7 +443,7 @@ def test_flow_is_extrapolated_as_far_as_it_keeps_its_direction() -> None:
     )
     a, da = np.full(4, 5e-3), np.full(4, 2e-3)
     for extrapolation in (1.0, 0.5):
-        carried = extrapolate(History(strain, a), History(strain + flow, a + da), extrapolation)
+        carried = extrapolate(History(strain, a, 0.0 * a), History(strain + flow, a + da, 0.0 * a), extrapolation)
         part = extrapolation * np.array([1.0, np.sqrt(0.5), 1.0, 0.0])
         rounding = 8 * np.finfo(float).eps * flow.max()
         np.testing.assert_allclose(carried.plastic_strain, strain + (1.0 + part[:, None]) * flow, rtol=0, atol=rounding)

@@ -13,7 +13,7 @@ from asperity.errors import InputError
 from asperity.mesh.block import BlockMesh
 from asperity.mesh.resolution import SHARE, unresolved_height
 from asperity.model.problem import Problem
-from asperity.model.settings import MEAN, POINT, AccuracyTarget, wrong_dilatation
+from asperity.model.settings import AccuracyTarget
 from asperity.quasistatic.contact_result import ContactResult, PartialResult
 from asperity.quasistatic.hooks import Hooks
 from asperity.quasistatic.solve_problem import solve_problem
@@ -27,15 +27,12 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Level:
-    """One computed curve: greatest element size in the contact [length], dofs, parts of each load step, seconds, and
-    `Problem.dilatation`.
-    """
+    """One computed curve: greatest element size in the contact [length], dofs, parts of each load step, seconds."""
 
     h: float
     dofs: int
     substeps: int
     seconds: float
-    dilatation: str
 
 
 class LevelSolver:
@@ -66,11 +63,6 @@ class LevelSolver:
         hooks: Hooks,
     ) -> None:  # fmt: skip
         material = problem.material
-        if (
-            material.plastic and problem.dilatation is None and not problem.forms
-        ):  # elements as large as a spot that flows would lock
-            possible = not wrong_dilatation(MEAN, problem.formulation.method)
-            problem = replace(problem, dilatation=MEAN if possible else POINT)
         self._problem, self._depth, self._max_dofs, self._hooks = problem, depth, max_dofs, hooks
         self.comm, self.side, self.height = comm, problem.surface.L, problem.height
         self.compliance = problem.height * material.reduced_modulus / material.block_modulus(problem.sides)
@@ -149,7 +141,7 @@ class LevelSolver:
         plane = self.side * top.mean(of_solid[:, 2]) - self.height
         result = replace(result, curve=replace(result.curve, mean_gap=result.curve.mean_gap + plane))
         seconds = max(perf_counter() - start, float(result.curve.seconds.sum()))  # of a run continued too
-        self.levels.append(Level(h, result.dofs, substeps, seconds, self._problem.dilatation or POINT))
+        self.levels.append(Level(h, result.dofs, substeps, seconds))
         self._first = result if len(self.scales) == 1 else None
         return result
 

@@ -78,7 +78,6 @@ def solve_contact(
     formulation: Formulation | None = None,
     integrator: str = MIDPOINT,
     substeps: int = 1,
-    dilatation: str | None = None,
     options: SolverOptions | None = None,
     block: BlockMesh | None = None,
     comm: MPI.Comm | None = None,
@@ -110,7 +109,6 @@ def solve_contact(
         sides: "rollers", "free" or "periodic"
         formulation: of the contact
         integrator, substeps: of plasticity, see `load_path.Schedule`
-        dilatation: "point" or "mean", see `Problem`
         options: of the solver
         block: a mesh to use instead of making one (on rank 0), without a tolerance
         comm: communicator; default all ranks
@@ -137,7 +135,7 @@ def solve_contact(
     problem = Problem.of(
         surface, material, height=height, sides=sides, delta_max=delta_max, force_max=force_max,
         pressure_max=pressure_max, steps=steps, unload_steps=unload_steps, cycles=cycles, integrator=integrator,
-        substeps=substeps, size=size, formulation=formulation, dilatation=dilatation, options=options,
+        substeps=substeps, size=size, formulation=formulation, options=options,
     )  # fmt: skip
     hooks = Hooks(on_stage, on_step, stop, checkpoint, snapshots, stiffness=stiffness, conductance=conductance)
     if tolerance is None:

@@ -175,7 +175,6 @@ class Case(Input):
             integrator=loading.integrator,
             size=self.mesh.size,
             formulation=self.contact.formulation,
-            dilatation=solver.dilatation,
             options=SolverOptions(solver.linear, solver.rtol, solver.newton_max, kernels=solver.kernels),
         )
 

@@ -298,11 +298,6 @@ class SlipSection(Section):
 class SolverSection(Section):
     """Solution of the equations."""
 
-    dilatation: Literal["point", "mean"] | None = key(
-        "volumetric strain of the elements, see docs/contact.md",
-        None,
-        shown='"mean" in runs with a tolerance where rough solids yield, otherwise "point"',
-    )
     kernels: Literal["compiled", "forms"] | None = key(
         "of the elements: compiled, or forms of UFL", None, shown='"forms" with material.law, otherwise "compiled"'
     )

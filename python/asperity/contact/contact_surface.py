@@ -42,6 +42,8 @@ class FacetRule:
         nearest: number of the node of the facet next to each point (Q,)
         edge: number of the edge next to each point, that of the corner opposite to it (Q,)
         of_nodes: shape functions of the nodes of a facet at the points (Q, 6)
+        cells: of the facets, for the compiled kernels
+        of_cells: the linear function through the quadrature points of a cell at those of its facets (4, Q, points)
     """
 
     def __init__(self, surface: ContactSurface, degree: int) -> None:
@@ -59,6 +61,11 @@ class FacetRule:
         _solver.facet_weights(self.facets, self.weights)
         self.nearest = np.linalg.norm(points[:, None] - element.FACET_POINTS, axis=2).argmin(axis=1)
         self.edge = np.column_stack([1.0 - points.sum(axis=1), points]).argmin(axis=1)
+        of_cell, in_cell = element.quadrature(element.QUADRATURE_DEGREE)
+        self.cells = _solver.Cells(
+            x, x_nodes, surface.cell_nodes, element.shape_gradients(of_cell), in_cell, *solid.kernels.relaxation
+        )
+        self.of_cells = np.stack([element.linear_through(of_cell, p) for p in at_facets])
         self.of_nodes = shape[0][:, element.facet_nodes()[0]]
         self.height = self.at_points(solid.points[surface.nodes, 2])
 

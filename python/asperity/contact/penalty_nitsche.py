@@ -9,7 +9,7 @@ from asperity.arrays import Flags, Floats, Integers
 from asperity.contact.contact_surface import FACET_DEGREE, ContactSurface, FacetRule
 from asperity.contact.interface import Contact
 from asperity.fem.history import History
-from asperity.fem.kernels import compiled, law_of
+from asperity.fem.kernels import ElementKernels, compiled, law_of
 from asperity.fem.solid import Solid
 from asperity.mesh.element import BEARING, DEGREE, FACET_POINTS
 from asperity.runtime.compiled import solver as _solver
@@ -25,7 +25,7 @@ class PressureContact(Contact):
 
     k = 0: penalty method. k = 1: Nitsche's method (Chouly, Hild & Renard, Math. Comp. 84 (2015) 1089, theta = 0),
     consistent. t of an elastic-plastic solid comes from the return map at the quadrature points, with a history of
-    their own.
+    their own; its pressure and the relief of its yield stress come from the cell (solver/relaxation.hpp).
 
     The penalty method has M = E and h the diameter of the facet. Nitsche's has M = lambda + 2 mu, the stiffness along
     the normal, which is unbounded towards nu = 0.5 (Hansbo & Larson, Comput. Methods Appl. Mech. Engrg. 191
@@ -73,7 +73,8 @@ class PressureContact(Contact):
         if factor == self._now:
             return
         material, self._now = self._solid.material, factor
-        numbers = material.finite, factor * self._stiffness, self._rule.height, self._traction
+        rule = self._rule
+        numbers = material.finite, factor * self._stiffness, rule.height, self._traction, rule.cells, rule.of_cells
         self._law = _solver.ContactLaw(law_of(material), *numbers)
         self._elastic_law = _solver.ContactLaw(law_of(material, flows=False), *numbers)
 
@@ -92,7 +93,8 @@ class PressureContact(Contact):
         return self._now > before
 
     def residual(self, force: Floats) -> tuple[Floats, Integers, Floats]:
-        u, histories = self._solid.u.x.array.reshape(-1, 3), (compiled(self._committed), compiled(self._trial))
+        u = self._solid.u.x.array.reshape(-1, 3)
+        histories = compiled(self._committed), compiled(self._below()), compiled(self._trial)
         _solver.facet_pressure(self._rule.facets, self._law, self._z, u, *histories, self.points)
         load = np.zeros((self._solid.nodes, 1))
         _solver.facet_load(self._rule.facets, self._rule.weights, self.points, load[:, 0])
@@ -102,14 +104,23 @@ class PressureContact(Contact):
         return out, np.empty(0, dtype=np.int32), np.empty(0)
 
     def add_tangent(self) -> None:
-        self._add_stiffness(self._law, self._committed)
+        self._add_stiffness(self._law, self._committed, self._below())
 
     def add_elastic_tangent(self) -> None:
-        self._add_stiffness(self._elastic_law, self._trial)
+        self._add_stiffness(self._elastic_law, self._trial, self._below(trial=True))
 
-    def _add_stiffness(self, law: _solver.ContactLaw, history: History) -> None:
+    def _add_stiffness(self, law: _solver.ContactLaw, history: History, below: History) -> None:
         u, values = self._solid.u.x.array.reshape(-1, 3), self._solid.values
-        _solver.facet_stiffness(self._rule.facets, law, u, compiled(history), self.points, self._pattern, values)
+        histories = compiled(history), compiled(below)
+        _solver.facet_stiffness(self._rule.facets, law, u, *histories, self.points, self._pattern, values)
+
+    def _below(self, trial: bool = False) -> History:
+        """History of the cells of the facets, where the traction depends on it."""
+        kernels = self._solid.kernels
+        if not self._has_history or not isinstance(kernels, ElementKernels):
+            return History.zeros(0, 0)
+        history, cells = kernels.last if trial else kernels.history(), self._surface.cells
+        return History(**{name: values[cells] for name, values in history.arrays().items()})
 
     def nodes(self) -> Integers:
         """Owned nodes most of whose surroundings are under pressure; collective.

@@ -29,21 +29,32 @@ def energies(solid: Solid, force: Floats) -> tuple[float, float]:
     return stored, float(np.vdot(volumes, material.dissipated_energy(history.accumulated[yielded])))
 
 
-def dissipation(solid: Solid, before: History) -> tuple[float, float]:
-    """Plastic work of a step less what the back stress X stores, sum (sigma - X) : d eps_p [E L^3], and the greatest
-    decrease of the accumulated plastic strain.
+def dissipation(solid: Solid, before: History) -> tuple[float, float, float]:
+    """Plastic work of a step less what the back stress X stores, sum (sigma - X) : d eps_p [E L^3], that of the
+    relaxation of volumetric strain included; of the latter what the step spends (solver/relaxation.hpp) [E L^3]; and
+    the greatest decrease of the accumulated plastic strain.
 
     Part of this rank; zero for an elastic solid, and the work for a law in UFL.
     """
-    after = solid.kernels.history()
+    kernels = solid.kernels
+    after = kernels.history()
     if not after.rows:
-        return 0.0, 0.0
+        return 0.0, 0.0, 0.0
     decrease = float(np.max(before.accumulated - after.accumulated))
     if solid.material.law is not None:
-        return 0.0, decrease
+        return 0.0, 0.0, decrease
     yielded = after.changed()
-    driving = solid.kernels.conjugate_stress(solid.u.x.array.reshape(-1, 3))[yielded]
+    driving = kernels.conjugate_stress(solid.u.x.array.reshape(-1, 3))[yielded]
+    pressure, volumes = driving[..., :3].mean(axis=-1), kernels.volumes[yielded]
     driving -= solid.material.back_stress(after.plastic_strain[yielded])
     flow = after.plastic_strain[yielded] - before.plastic_strain[yielded]
-    work = float(np.einsum("cq,cqi,cqi,i", solid.kernels.volumes[yielded], driving, flow, PAIRS))
-    return work, decrease
+    work = float(np.einsum("cq,cqi,cqi,i", volumes, driving, flow, PAIRS))
+    relaxed = after.dilatation[yielded] - before.dilatation[yielded]
+    strain = np.sum(volumes * (after.accumulated[yielded] - before.accumulated[yielded]), axis=1)
+    squares = np.sum(volumes, axis=1) * np.sum(volumes * relaxed**2, axis=1)
+    flowing = (strain > 0.0) & (squares > 0.0)  # elsewhere it is rounding
+    work += float(np.vdot(volumes[flowing], (pressure * relaxed)[flowing]))
+    strain, squares = strain[flowing], squares[flowing]
+    by_flow, threshold = kernels.relaxation
+    spent = float(np.sum(0.5 * by_flow * squares / strain + threshold * np.sqrt(squares)))
+    return work, spent, decrease

@@ -61,6 +61,8 @@ class FormKernels:
         sparsity: of the local matrix
     """
 
+    relaxation = np.inf, np.inf  # of volumetric strain: none
+
     def __init__(self, V: Any, cell_nodes: Integers, material: Material, sparsity: SparsityPattern) -> None:
         import basix
         import basix.ufl
@@ -209,10 +211,6 @@ class FormKernels:
     def history(self) -> History:
         """Committed history itself, not a copy; without rows where the law has no state."""
         return self._committed
-
-    def softened(self, before: History) -> bool:
-        """No cell takes its mean volumetric strain."""
-        return False
 
     def stress(self, u: Floats) -> Floats:
         """Cauchy's stress (cells, points, 6) [E] of u over the committed history."""

@@ -21,11 +21,14 @@ class History:
     Attributes:
         plastic_strain: xx, yy, zz, xy, xz, yz (rows, points, 6)
         accumulated: accumulated plastic strain (rows, points)
+        dilatation: volumetric strain that flow has made permanent, in the cells only (solver/relaxation.hpp)
+            (rows, points)
     """
 
     # the shape is that of the components at one quadrature point
     plastic_strain: Floats = field(metadata={"shape": (6,)})
     accumulated: Floats = field(metadata={"shape": ()})
+    dilatation: Floats = field(metadata={"shape": ()})
 
     @classmethod
     def zeros(cls, rows: int, points: int) -> Self:

@@ -35,8 +35,8 @@ def law_of(material: Material, flows: bool = True) -> _solver.Elastic | _solver.
     return law
 
 
-#: Plastic strain from which on a cell takes its mean volumetric strain, over the strain at yield (docs/contact.md).
-FLOWED = 1.0
+#: Stresses S and T of solver/relaxation.hpp over the yield strength (docs/contact.md); infinite is no relaxation.
+RELAXATION = (0.2, 0.04)
 
 
 class ElementKernels:
@@ -54,10 +54,10 @@ class ElementKernels:
         cell_nodes: displacement nodes of each cell (cells, 10)
         material: with stresses in units of E
         sparsity: of the local matrix
-        mean_dilatation: whether all points of a cell that has flowed take its mean volumetric strain
 
     Attributes:
         linear: whether the tangent never changes
+        relaxation: the stresses S and T of solver/relaxation.hpp [E]; infinite where nothing flows
         volumes: of the quadrature points before deformation (cells, points) [L^3]
         plastic_points: that yielded in the last internal force
         inverted_points: that finite strain turned inside out there: no valid state
@@ -70,14 +70,11 @@ class ElementKernels:
         cell_nodes: npt.NDArray[np.int32],
         material: Material,
         sparsity: SparsityPattern,
-        mean_dilatation: bool = False,
     ) -> None:
         at, weights = quadrature(QUADRATURE_DEGREE)
-        strength = material.yield_strength
-        self._mean_beyond = np.inf
-        if mean_dilatation and strength is not None:
-            self._mean_beyond = FLOWED * strength / material.E
-        self._cells = _solver.Cells(x, x_nodes, cell_nodes, shape_gradients(at), weights, self._mean_beyond)
+        strength = material.yield_strength or np.inf
+        self.relaxation = RELAXATION[0] * strength, RELAXATION[1] * strength
+        self._cells = _solver.Cells(x, x_nodes, cell_nodes, shape_gradients(at), weights, *self.relaxation)
         self._law, self._held = law_of(material), law_of(material, flows=False)
         self._finite, self.linear = material.finite, material.linear
         cells, points = len(cell_nodes), len(weights)
@@ -137,8 +134,7 @@ class ElementKernels:
             _solver.stiffness_finite(self._cells, law, u, compiled(history), pattern, values)
             return
         self._write_elastic(values)
-        # flow changes the elastic stiffness, and so does the mean dilatation of cells that have flowed
-        if self._flowing.any() and (law is not self._held or np.isfinite(self._mean_beyond)):
+        if self._flowing.any() and law is not self._held:
             committed = compiled(self._committed)
             _solver.stiffness_plastic(self._cells, law, u, committed, self._flowing, pattern, values)
 
@@ -158,6 +154,11 @@ class ElementKernels:
         """Free stored matrices; they are made again when they are needed."""
         self._elastic.clear()
         self._once.clear()
+
+    @property
+    def last(self) -> History:
+        """History of the last internal force, not a copy."""
+        return self._trial
 
     def commit(self) -> None:
         """Make the trial history the committed one."""
@@ -179,13 +180,6 @@ class ElementKernels:
     def history(self) -> History:
         """Committed history itself, not a copy; without rows for an elastic material."""
         return self._committed
-
-    def softened(self, before: History) -> bool:
-        """Whether a cell of this rank takes its mean volumetric strain in the committed history but not in `before`."""
-        if not np.isfinite(self._mean_beyond):
-            return False
-        after, earlier = (np.any(h.accumulated > self._mean_beyond, axis=1) for h in (self._committed, before))
-        return bool(np.any(after & ~earlier))
 
     def stress(self, u: Floats) -> Floats:
         """Cauchy's stress (cells, points, 6) [E] of u over the committed history."""

@@ -46,7 +46,6 @@ class Solid:
         mesh, tags: returned by `mesh.distribute`
         material: with stresses in units of E
         sides: "rollers" (no normal displacement), "free", or "periodic" for a mesh with joined sides
-        mean_dilatation: see `kernels.ElementKernels`
         forms: whether the kernels are forms of UFL, as they are for a material with a law of its own
         phases: collects the time spent in each phase
         comm: communicator of PETSc's objects; None takes that of the mesh, which no other mesh has
@@ -77,7 +76,6 @@ class Solid:
         tags: Any,
         material: Material,
         sides: str = "rollers",
-        mean_dilatation: bool = False,
         forms: bool = False,
         phases: Phases | None = None,
         comm: Any = None,
@@ -106,9 +104,7 @@ class Solid:
         if forms or material.law is not None:
             self.kernels = FormKernels(self.V, self.cell_nodes, material, self.sparsity)
         else:
-            self.kernels = ElementKernels(
-                mesh.geometry.x, x_nodes, self.cell_nodes, material, self.sparsity, mean_dilatation
-            )
+            self.kernels = ElementKernels(mesh.geometry.x, x_nodes, self.cell_nodes, material, self.sparsity)
         self.body_force: BodyForce | None = None
         self.ghosts = Ghosts(index_map)
         self._values: Floats | None = None

@@ -66,6 +66,12 @@ def quadrature(degree: int) -> tuple[Floats, Floats]:
     return points, weights
 
 
+def linear_through(points: Floats, at: Floats) -> Floats:
+    """Values at reference points `at` (N, 3) of the linear function nearest to those at others (Q, 3): (N, Q)."""
+    here, there = (np.column_stack([np.ones(len(p)), p]) for p in (points, at))
+    return np.asarray(there @ np.linalg.pinv(here))
+
+
 def facet_quadrature(degree: int) -> tuple[Floats, Floats]:
     """Gauss rule of a given degree on the reference triangle: points (Q, 2), weights (Q,)."""
     import basix

@@ -16,12 +16,10 @@ from asperity.model.material import Material
 from asperity.model.settings import (
     H_CONTACT,
     H_MAX,
-    MEAN,
     WIDEST_JOINED,
     Formulation,
     MeshSize,
     SolverOptions,
-    wrong_dilatation,
 )
 from asperity.runtime.display import short_repr
 from asperity.surface import Surface
@@ -46,7 +44,6 @@ class ProblemArguments(TypedDict, total=False):
     substeps: int
     size: MeshSize | None
     formulation: Formulation | None
-    dilatation: str | None
     options: SolverOptions | None
 
 
@@ -68,9 +65,6 @@ class Problem:
         sides: "rollers" (no normal displacement), "free", or "periodic" (opposite sides joined)
         formulation: of the contact
         size: of the elements
-        dilatation: volumetric strain of the elements: "point", that of each quadrature point, or "mean", that of the
-            cell once it has flowed, which does not lock where elements are as large as the spots (docs/contact.md);
-            None takes that of the points, except where a run with a tolerance chooses
         options: of the solver
 
     Raises:
@@ -85,7 +79,6 @@ class Problem:
     sides: str = "rollers"
     formulation: Formulation = field(default_factory=Formulation)
     size: MeshSize = field(default_factory=MeshSize)
-    dilatation: str | None = None
     options: SolverOptions = field(default_factory=SolverOptions)
 
     __repr__ = short_repr
@@ -103,7 +96,6 @@ class Problem:
             wrong_sizes(size.h_contact or H_CONTACT * L, size.h_max, H_MAX * L),
             too_deep(path.delta_max, self.height),
             wrong_force("force_max", path.force_max, L**2 * self.material.reduced_modulus),
-            wrong_dilatation(self.dilatation, self.formulation.method),
             self._wrong_kernels(),
         )
         if (path.delta_max is None) == (path.force_max is None):
@@ -126,8 +118,6 @@ class Problem:
         law, options = self.material.law, self.options
         if not self.forms:
             return None
-        if self.dilatation == MEAN:
-            return "solver.dilatation", '= "mean" is an element of the compiled kernels only: leave it out with forms'
         if law is None:
             return None
         if options.kernels == "compiled":
@@ -186,7 +176,6 @@ class Problem:
         substeps: int = 1,
         size: MeshSize | None = None,
         formulation: Formulation | None = None,
-        dilatation: str | None = None,
         options: SolverOptions | None = None,
     ) -> Problem:
         """Make a problem of flat arguments, as scripts write them.
@@ -221,7 +210,7 @@ class Problem:
                 '"periodic" elements must be narrower than half the side; give that, or leave mesh.h_max out',
                 ResolutionWarning,
             )
-        settings = formulation or Formulation(), size or MeshSize(), dilatation, options or SolverOptions()
+        settings = formulation or Formulation(), size or MeshSize(), options or SolverOptions()
         problem = Problem(surface, material, path, height, sides, *settings)
         for text in problem.check_load():
             warn(text, CaseWarning)

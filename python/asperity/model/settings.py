@@ -14,7 +14,6 @@ from asperity.runtime.display import show
 H_CONTACT, H_MAX = 0.04, 0.25  # element sizes of a mesh when none are given [L]
 MOST_REFINEMENTS = 6  # of a mesh: each makes eight elements of one
 WIDEST_JOINED = 0.2  # greatest size with periodic sides: elements are up to twice as wide, see `periodic.joined` [L]
-POINT, MEAN = "point", "mean"  # volumetric strain of the elements, see `problem.Problem`
 METHODS = ("active-set", "penalty", "nitsche")  # of the contact
 FACTORS = (0.01, 1e4)  # legal penalty and gamma; larger ones lose the balance of forces in rounding
 LINEAR_SOLVERS = ("auto", "lu", "cg", "gamg")
@@ -85,18 +84,6 @@ def wrong_friction(method: str, friction: str | float) -> Judgement:
         f'= {show(friction)} holds nodes, which contact.method = "{method}" does not: take '
         'contact.method = "active-set", or contact.friction = "none"'
     )
-
-
-def wrong_dilatation(dilatation: str | None, method: str) -> Judgement:
-    """Reason why a volumetric strain of the elements, None where it is chosen, is refused with a contact method."""
-    if dilatation not in (None, POINT, MEAN):
-        return "solver.dilatation", f'= "{dilatation}" is not one of {POINT}, {MEAN}'
-    if dilatation == MEAN and method == "nitsche":
-        return "solver.dilatation", (
-            '= "mean" cannot go with contact.method = "nitsche", whose traction is that of points, '
-            'which the mean leaves free: take contact.method = "active-set", or solver.dilatation = "point"'
-        )
-    return None
 
 
 def penalty_too_soft(method: str, penalty: float) -> Judgement:

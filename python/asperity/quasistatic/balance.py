@@ -8,16 +8,15 @@ because the flat moves each node that it touches at the end by at most d_delta, 
 beginning by at least d_delta. Friction adds f_n du on the left and f_n+1 du on the right, f the tangential forces. The
 dissipation (sigma - X) : d eps_p, X the back stress of kinematic hardening, lies
 between those with the stress of either end (maximum dissipation). The dissipated energy sigma_y a + (1 - beta) H a^2/2
-follows from the accumulated plastic strain a; the rest of the hardening, beta H eps_p:eps_p/3, is stored.
-
-Cells that take their mean volumetric strain from a step on set energy free there: the bound on the left does not hold.
+follows from the accumulated plastic strain a; the rest of the hardening, beta H eps_p:eps_p/3, is stored. What the
+relaxation of volumetric strain within cells spends (solver/relaxation.hpp) is dissipated too, step by step.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import asdict, astuple, dataclass, field
-from math import inf, isfinite
+from math import isfinite
 from typing import Any
 
 # Limits, unless the tolerance of the equations is larger
@@ -36,6 +35,7 @@ UNITS = {
     "work": "force*length",
     "stored": "force*length",
     "dissipated": "force*length",
+    "relaxed": "force*length",
     "peak": "force*length",
 }
 
@@ -54,7 +54,8 @@ class Checks:
     least_dissipation: float = 0.0  # least sum (sigma - X) : d eps_p of a step, X the back stress, at most 0
     work: float = 0.0  # done by the flat, trapezoidal rule
     stored: float = 0.0  # energy of elastic strain and back stress
-    dissipated: float = 0.0  # by plastic flow
+    dissipated: float = 0.0  # by plastic flow, the next one included
+    relaxed: float = 0.0  # by the relaxation of volumetric strain within cells
     peak: tuple[float, float] = (0.0, 0.0)  # greatest energy stored and dissipated, and the work done until then
     energy_excess: float = 0.0  # greatest violation of the energy bounds of a step, over the energy so far
     violated: dict[str, str] = field(default_factory=dict)  # sentences, the first of each kind
@@ -92,8 +93,9 @@ class StepBalance:
     reaction: float  # of the base
     residual: float  # sum of the magnitudes of the residual forces
     stored: float  # energy of elastic strain and back stress at the end
-    dissipated: float  # by plastic flow so far
-    dissipation: float  # of the step, sum (sigma - X) : d eps_p with the back stress X
+    dissipated: float  # by plastic strain so far
+    dissipation: float  # of the step, sum (sigma - X) : d eps_p with the back stress X, relaxation included
+    relaxed: float  # of the step, by relaxation
     penetration_work: float  # force times penetration of a compliant contact
     work_low: float  # of the internal force at the beginning of the step along it
     work_high: float  # of that at its end
@@ -103,7 +105,6 @@ class StepBalance:
     suction: float  # greatest tension
     pressure: float  # greatest
     strain_decrease: float  # greatest, of the accumulated plastic strain; negative when there is none
-    softened: float  # 1 where cells have taken their mean volumetric strain since the step before, else 0
 
 
 def audit(
@@ -186,20 +187,22 @@ def _judge_energy(checks: Checks, step: StepBalance, judge: Judge, rtol: float, 
     checks.strain_decrease = max(checks.strain_decrease, step.strain_decrease)
     judge("plastic_strain", step.strain_decrease <= ROUNDING, "the accumulated plastic strain decreased")
     checks.least_dissipation = min(checks.least_dissipation, step.dissipation)
-    scale = checks.stored + checks.dissipated + step.stored + step.dissipated
+    checks.relaxed += step.relaxed
+    dissipated = step.dissipated + checks.relaxed
+    scale = checks.stored + checks.dissipated + step.stored + dissipated
     judge("dissipation", step.dissipation >= -max(ENERGY, rtol) * scale, "plastic flow gained energy")
     move = step.delta - step.delta_before
-    gained = step.stored + step.dissipated - checks.stored - checks.dissipated
+    gained = step.stored + dissipated - checks.stored - checks.dissipated
     if compliant:
         low, high = step.work_low, step.work_high
     else:
         left = max(step.force, step.force_before) * step.penetration
         low, high = step.force_before * move - left, step.force * move + left
         low, high = low + step.tangential_low, high + step.tangential_high
-    beyond = max(-inf if step.softened else low - gained, gained - high)
+    beyond = max(low - gained, gained - high)
     checks.work += 0.5 * (step.force_before + step.force) * move
-    checks.stored, checks.dissipated = step.stored, step.dissipated
-    checks.peak = max(checks.peak, (step.stored + step.dissipated, checks.work))
+    checks.stored, checks.dissipated = step.stored, dissipated
+    checks.peak = max(checks.peak, (step.stored + dissipated, checks.work))
     if scale > 0.0:
         checks.energy_excess = max(checks.energy_excess, beyond / scale)
     slack = max(ENERGY, rtol) if exact else MIDPOINT_ENERGY

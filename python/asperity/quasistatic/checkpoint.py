@@ -48,7 +48,7 @@ from asperity.version import __version__
 if TYPE_CHECKING:
     from mpi4py import MPI
 
-FORMAT = 7  # of the files, which other versions refuse
+FORMAT = 8  # of the files, which other versions refuse
 META = "meta"  # array of letters: the numbers of a state as JSON
 Headers = dict[str, tuple[str, tuple[int, ...]]]  # type and shape of arrays by name
 

@@ -98,7 +98,6 @@ class ContactSolver:
         self._u, self._internal = np.zeros((solid.owned, 3)), np.zeros((solid.owned, 3))
         self._previous: tuple[float, Floats] | None = None
         self._extrapolated = False  # whether the committed history is ahead of the displacement
-        self._softened = False  # whether cells have taken their mean volumetric strain after the last solve
         self._own: History | None = None  # history of the displacement where the committed one is ahead
         self._first_touch = self._highest()
         self.probes: tuple[Probe, ...] = ()
@@ -218,7 +217,6 @@ class ContactSolver:
                 self.contact.restore(midpoint.extrapolate(contact_before, contact_after, extrapolation))
             if self.contact.stiff or self.contact.held is not None:  # for the energy balance, as after a restart
                 self._internal = solid.internal_force().copy()
-        self._softened = solid.kernels.softened(history)
         self.counts.steps += 1
 
     def _balance(
@@ -228,7 +226,7 @@ class ContactSolver:
         solid, internal, contact = self.solid, self.newton.force, self.contact
         owned = self.contact_surface.owned_nodes
         pressure = self.pressure[owned]
-        dissipation_of_step, decrease = dissipation(solid, history)
+        dissipation_of_step, relaxed, decrease = dissipation(solid, history)
         move = solid.u.x.array.reshape(-1, 3)[: solid.owned] - displacement
         stored, dissipated = energies(solid, internal)
         sums = {
@@ -236,6 +234,7 @@ class ContactSolver:
             "stored": stored,
             "dissipated": dissipated,
             "dissipation": dissipation_of_step,
+            "relaxed": relaxed,
             "penetration_work": contact.penetration_work(),
             "work_low": float(np.vdot(self._internal, move)),
             "work_high": float(np.vdot(internal, move)),
@@ -247,7 +246,6 @@ class ContactSolver:
             "suction": float(np.max(-pressure, initial=0.0)),
             "pressure": float(np.max(pressure, initial=0.0)),
             "strain_decrease": decrease,
-            "softened": float(self._softened or solid.kernels.softened(history)),
         }
         return StepBalance(
             delta=self.delta, delta_before=delta, force=self.force, force_before=force, reaction=reaction,
@@ -302,8 +300,6 @@ class ContactSolver:
     def restore(self, state: SolverState) -> None:
         """Restore a state returned by `state`, after the histories of solid and contact; collective."""
         self.delta, self._u, self._extrapolated = state.delta, state.displacement, state.extrapolated
-        committed = self.solid.kernels.history()
-        self._softened = self.solid.kernels.softened(History.zeros(*committed.accumulated.shape))  # in any step before
         self.counts, self.checks = deepcopy(state.counts), deepcopy(state.checks)
         self._previous = None if state.before is None else (state.before, state.previous)
         self.contact.begin(self.summit - self.delta)

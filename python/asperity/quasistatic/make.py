@@ -14,7 +14,7 @@ from asperity.mesh.generate import build_block
 from asperity.mesh.size_field import size_field
 from asperity.model.material import Material
 from asperity.model.problem import Problem
-from asperity.model.settings import MEAN, POINT, Formulation, MeshSize, SolverOptions
+from asperity.model.settings import Formulation, MeshSize, SolverOptions
 from asperity.quasistatic.contact_solver import ContactSolver
 from asperity.runtime.parallel import on_root, on_root_bcast
 from asperity.runtime.timing import Phases
@@ -54,7 +54,6 @@ def make_contact_solver(
     *,
     sides: str = "rollers",
     formulation: Formulation | None = None,
-    dilatation: str = POINT,
     options: SolverOptions | None = None,
     phases: Phases | None = None,
 ) -> ContactSolver:
@@ -64,7 +63,6 @@ def make_contact_solver(
         surface: the top the block was built for
         block: mesh on rank 0, None elsewhere
         material: in physical units
-        dilatation: see `Problem`
 
     Raises:
         InputError: the kinematics of the material is not chosen yet
@@ -93,7 +91,7 @@ def make_contact_solver(
     mesh, tags = distribute(comm, block, 1.0 / L, sides == "periodic", surface)
     check_distortion(mesh, surface)
     options = options or SolverOptions()
-    solid = Solid(mesh, tags, material.scaled(material.E), sides, dilatation == MEAN, options.forms, phases, comm)
+    solid = Solid(mesh, tags, material.scaled(material.E), sides, options.forms, phases, comm)
     top = ContactSurface(solid)
     contact = make_contact(formulation or Formulation(), solid, top)
     summit = (height + surface.maximum()[2] - surface.mean()) / L
@@ -109,7 +107,6 @@ def solver_of(problem: Problem, block: BlockMesh | None, comm: MPI.Comm, phases:
         problem.material,
         sides=problem.sides,
         formulation=problem.formulation,
-        dilatation=problem.dilatation or POINT,
         options=problem.options,
         phases=phases,
     )

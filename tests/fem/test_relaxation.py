@@ -1,0 +1,253 @@
+"""Relaxation of the volumetric strain within cells that flow: its potential, its tangent, forces that are held, energy,
+orders, a spot as small as an element."""
+
+from __future__ import annotations
+
+import itertools
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+import pytest
+from element_sample import Sample, difference, sample
+from scipy.optimize import minimize
+
+import asperity as asp
+from asperity.arrays import Flags
+from asperity.errors import CheckError
+from asperity.fem.kernels import RELAXATION
+from asperity.mesh.block import BlockMesh
+from asperity.mesh.generate import build_block
+from asperity.mesh.size_field import SizeField
+from asperity.model.load_path import BACKWARD_EULER, MIDPOINT
+from asperity.model.material import PAIRS, Material
+from asperity.quasistatic import midpoint
+from asperity.quasistatic.contact_result import ContactResult
+from asperity.surface import Surface
+
+Array = npt.NDArray[np.float64]
+
+E, NU, Y = 1.0, 0.3, 0.005
+STEEL = Material(E, NU, Y, 0.05)
+STRETCHED = Material(E, NU, Y, 0.05, kinematics="finite")
+KINDS = pytest.mark.parametrize("material", [STEEL, STRETCHED], ids=["small", "finite"])
+
+
+def noise(it: Sample, scale: float, seed: int = 0) -> Array:
+    return scale * np.random.default_rng(seed).normal(size=(it.solid.nodes, 3))
+
+
+def flowed(it: Sample, u: Array) -> Flags:
+    """Bring a solid to a displacement and commit it; whether a cell has flowed (cells,)."""
+    it.bring([u], u)
+    return np.asarray(np.any(it.kernels.history().accumulated > 0.0, axis=1))
+
+
+def strains(it: Sample, u: Array) -> Array:
+    """Small strain at the points (cells, points, 6), by the stress of an elastic solid without lateral contraction."""
+    stress = sample_of(it, Material(1.0, 0.0)).kernels.stress(u)
+    return np.asarray(stress)
+
+
+def sample_of(it: Sample, material: Material) -> Sample:
+    """The same mesh of another material."""
+    from asperity.fem.solid import Solid
+
+    solid = Solid(it.solid.mesh, it.solid.tags, material)
+    return Sample(solid, solid.kernels)
+
+
+def test_a_step_of_a_cell_minimises_its_potential(coarse: BlockMesh) -> None:
+    """Plastic and permanent volumetric strains are those of a general minimiser, from a state that has flowed."""
+    it = sample(coarse, STEEL)
+    u0 = noise(it, 5e-4)
+    it.bring([u0], u0)
+    before = it.kernels.history().copy()
+    u = u0 + noise(it, 3e-4, seed=1)
+    it.force(u)
+    it.kernels.commit()
+    after, volumes, strain = it.kernels.history(), it.kernels.volumes, strains(it, u)
+    lam, mu = STEEL.lame
+    bulk, hardening, (spent, threshold) = lam + 2.0 / 3.0 * mu, STEEL.plastic_modulus, Y * np.array(RELAXATION)
+    trace = strain[..., :3].sum(axis=-1)
+    trial = 2.0 * mu * (strain - before.plastic_strain)
+    trial[..., :3] -= 2.0 / 3.0 * mu * trace[..., None]
+    q = np.sqrt(1.5 * np.sum(trial**2 * PAIRS, axis=-1))
+    tried = 0
+    for c in np.flatnonzero(np.any(after.accumulated > before.accumulated, axis=1))[:12]:
+        w = volumes[c] / volumes[c].sum()
+        own = trace[c] - before.dilatation[c]
+        own -= w @ own
+        size = Y + hardening * before.accumulated[c]
+
+        def potential(x: Array, c: int = c, w: Array = w, own: Array = own, size: Array = size) -> float:
+            gamma, de = Y * x[:4], np.append(Y * x[4:], -(w[:3] @ (Y * x[4:])) / w[3])  # de without a mean
+            elastic = (q[c] - 3.0 * mu * gamma) ** 2 / (6.0 * mu) + size * gamma + 0.5 * hardening * gamma**2
+            flow = max(w @ gamma, 1e-14)
+            relaxed = 0.5 * spent * (w @ de**2) / flow + threshold * np.sqrt(w @ de**2)
+            return float((w @ elastic + 0.5 * bulk * (w @ (own - de) ** 2) + relaxed) / Y**2)
+
+        found = minimize(
+            potential, np.r_[np.full(4, 0.1), np.full(3, 0.01)], method="L-BFGS-B",
+            bounds=[(0, None)] * 4 + [(None, None)] * 3,
+            options={"maxiter": 5000, "maxfun": 100000, "ftol": 1e-15, "gtol": 1e-9},
+        )  # fmt: skip
+        gamma, de = after.accumulated[c] - before.accumulated[c], after.dilatation[c] - before.dilatation[c]
+        ours = potential(np.r_[gamma, de[:3]] / Y)
+        assert ours <= found.fun + 1e-9 * abs(found.fun)
+        np.testing.assert_allclose(gamma / Y, found.x[:4], rtol=0, atol=2e-3)
+        assert abs(w @ de) < 1e-15
+        tried += 1
+    assert tried == 12
+
+
+def test_below_yield_the_solid_is_the_elastic_one(coarse: BlockMesh) -> None:
+    it = sample(coarse, STEEL)
+    elastic = sample_of(it, Material(E, NU))
+    u = noise(it, 1e-5)
+    assert difference(it.force(u), elastic.force(u)) < 1e-13
+    assert it.kernels.plastic_points == 0
+    assert difference(it.tangent(u).data, elastic.tangent(u).data) < 1e-13
+
+
+@KINDS
+def test_tangent_is_the_derivative_of_the_force(coarse: BlockMesh, material: Material) -> None:
+    it = sample(coarse, material)
+    cells = flowed(it, noise(it, 2e-4))
+    assert 0.2 < np.mean(cells) < 1.0
+    for scale in (1e-3, 3e-3):
+        u = noise(it, 2e-4) + noise(it, scale, seed=1)
+        it.force(u)
+        K = it.tangent(u)
+        assert difference(K.data, K.T.tocsr().sorted_indices().data) < 1e-12
+        du, step = noise(it, scale, seed=2), 1e-5
+        slope = (it.force(u + step * du) - it.force(u - step * du)) / (2.0 * step)
+        assert difference(K @ du.ravel(), slope.ravel()) < 1e-6
+
+
+@KINDS
+def test_a_state_that_is_committed_stays(coarse: BlockMesh, material: Material) -> None:
+    it = sample(coarse, material)
+    u = noise(it, 1e-3)
+    force = it.force(u)
+    for _ in range(3):
+        it.kernels.commit()
+        assert difference(it.force(u), force) < 1e-12
+
+
+def test_stiffness_of_small_vibration_is_the_elastic_one(coarse: BlockMesh) -> None:
+    it = sample(coarse, STEEL)
+    flowed(it, noise(it, 1e-2))
+    u = 0.999 * noise(it, 1e-2)
+    it.force(u)
+    held = np.empty(it.solid.sparsity.size)
+    it.kernels.elastic_tangent(u, held)
+    elastic = sample_of(it, Material(E, NU))
+    assert difference(held, elastic.tangent(u).data) < 1e-13
+
+
+@KINDS
+def test_only_the_deviation_from_the_mean_relaxes(coarse: BlockMesh, material: Material) -> None:
+    """The mean pressure of a cell is that of its mean volumetric strain, logarithmic in finite strain."""
+    it, point = (sample(coarse, material, pointwise=p) for p in (False, True))
+    u = noise(it, 1e-3)
+    for each in (it, point):
+        flowed(each, u)
+    volumes = it.kernels.volumes
+    ours, usual = (each.kernels.conjugate_stress(u)[..., :3].mean(axis=-1) for each in (it, point))
+    means = [np.sum(p * volumes, axis=1) / volumes.sum(axis=1) for p in (ours, usual)]
+    assert difference(*means) < 1e-10
+    deviations = [np.sqrt(np.sum((p - m[:, None]) ** 2 * volumes)) for p, m in zip((ours, usual), means, strict=True)]
+    assert deviations[0] < 0.5 * deviations[1]
+
+
+@KINDS
+def test_the_midpoint_rule_keeps_its_order(coarse: BlockMesh, material: Material) -> None:
+    """Force and history at the end of a smooth path of displacements, with steps that halve."""
+
+    def end(steps: int, rule: str) -> Array:
+        it = sample(coarse, material)
+        first, second = noise(it, 1e-3), noise(it, 1e-3, seed=1)
+        at: float | None = None
+        for k in range(1, steps + 1):
+            t = k / steps
+            force = it.force(t * first + t**2 * second)
+            before = it.kernels.history().copy()
+            it.kernels.commit()
+            after = (k + 1) / steps if k < steps and rule == MIDPOINT else None
+            part, at = midpoint.extrapolation(at, t, after)
+            it.kernels.restore(midpoint.extrapolate(before, it.kernels.history().copy(), part))
+        return force
+
+    changes = {}
+    for rule in (MIDPOINT, BACKWARD_EULER):
+        ends = [end(steps, rule) for steps in (8, 16, 32)]
+        changes[rule] = np.array([np.linalg.norm(b - a) for a, b in itertools.pairwise(ends)])
+    # the cosine of the extrapolation makes the former a little less than 4, with and without relaxation
+    ratios = {rule: change[0] / change[1] for rule, change in changes.items()}
+    assert ratios[MIDPOINT] > 2.6 and ratios[BACKWARD_EULER] < 2.2
+    assert np.all(changes[MIDPOINT] < 0.2 * changes[BACKWARD_EULER])
+
+
+# --- the solver ---------------------------------------------------------------------------------------------------
+
+SPHERE = Surface.from_spec("sphere", L=1.0, radius=1.0)
+SOFT = Material(E, NU, 0.002)
+
+
+def even(h: float, growth: float = 0.25) -> BlockMesh:
+    """Block with elements of the same size all over the contact at an approach of 0.003."""
+    x = np.linspace(-0.5, 0.5, 257)
+    away = np.maximum(np.hypot(x, x[:, None]) - np.sqrt(0.006), 0.0)
+    return build_block(SPHERE, 1.0, SizeField(np.array([h]), away[:, :, None], (0.0, 0.0, 1.0), growth, 0.25).at)
+
+
+def pressed(block: BlockMesh, material: Material = SOFT, **settings: Any) -> ContactResult:
+    return asp.solve_contact(SPHERE, material, block=block, **{"delta_max": 0.003, "steps": 3} | settings)
+
+
+@pytest.fixture(scope="module")
+def spot() -> BlockMesh:
+    return even(0.06)
+
+
+@pytest.mark.parametrize("unload_steps", [0, 3])
+@pytest.mark.parametrize("kinematics", ["small", "finite"])
+@pytest.mark.parametrize("method", ["active-set", "penalty", "nitsche"])
+def test_a_force_that_is_held_stays(spot: BlockMesh, method: str, kinematics: str, unload_steps: int) -> None:
+    material = Material(E, NU, 0.002, kinematics=kinematics)
+    solver = pressed(spot, material, formulation=asp.Formulation(method)).solver
+    for delta in np.linspace(1.0, 0.97, unload_steps + 1) * solver.delta:
+        solver.step(delta)
+        force = solver.force
+        for _ in range(2):
+            assert solver.step(delta).converged
+            assert solver.force == pytest.approx(force, rel=1e-10)
+
+
+def test_a_spot_as_small_as_an_element_does_not_lock(spot: BlockMesh, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A sphere pressed in far beyond yield: the limit is that of the usual elements on much finer meshes."""
+    free = pressed(spot).curve.P_star[-1]
+    monkeypatch.setattr("asperity.fem.kernels.RELAXATION", (np.inf, np.inf))
+    locked, limit = (pressed(block).curve.P_star[-1] for block in (spot, even(0.028, growth=0.125)))
+    assert locked > 1.08 * limit
+    assert abs(free / limit - 1.0) < 0.03
+
+
+@pytest.mark.parametrize("method", ["active-set", "penalty"])
+def test_the_energy_that_relaxes_is_dissipated(spot: BlockMesh, method: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Many small steps, whose energy bounds are narrow, from both sides."""
+    steps: dict[str, Any] = {"steps": 40, "unload_steps": 3, "integrator": "backward-euler"}
+    steps["formulation"] = asp.Formulation(method)
+    checks = pressed(spot, **steps).checks
+    assert not checks.violated and checks.energy_excess < 1e-8 and checks.least_dissipation > -1e-12 * checks.dissipated
+    assert checks.relaxed > 1e-3 * checks.dissipated
+    right = asp.quasistatic.contact_solver.dissipation
+
+    def forgotten(*arguments: Any) -> tuple[float, float, float]:
+        work, _, decrease = right(*arguments)
+        return work, 0.0, decrease
+
+    monkeypatch.setattr("asperity.quasistatic.contact_solver.dissipation", forgotten)
+    with pytest.raises(CheckError, match="work and energy of the step do not balance"):
+        pressed(spot, **steps)
