@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 
+from asperity.force_law.columns import CurveColumns
 from asperity.force_law.table import TableLaw
 from asperity.model.material import Material
 from asperity.slip import SlipSettings, slip_of_curve
-from asperity.slip.branch import left_out, stuck_law
+from asperity.slip.branch import branch_rows, left_out, stuck_law
 from asperity.slip.joint_slip import slip_of_case
 
 STEEL, SIDE, HEIGHT = Material(200e9, 0.3), 1e-6, 1e-6
@@ -98,3 +101,13 @@ def test_a_ratio_of_stiffnesses_that_changes_along_the_curve_is_followed() -> No
     law = stuck_law(TableLaw(z, z, k=np.ones(8)), z, 1.0 + 2.0 * z, 0.0, 0.5)
     np.testing.assert_allclose(np.diff(law.z), np.diff(z + z**2), rtol=1e-12)
     np.testing.assert_allclose(law.slopes, 1.0 / (1.0 + 2.0 * z), rtol=1e-12)  # dF/dw = k_t
+
+
+def test_the_rows_of_an_unloading_are_those_of_the_last_one_not_of_its_reloading() -> None:
+    delta = np.array([1.0, 2.0, 3.0, 2.5, 2.0, 2.6, 3.1, 2.7, 2.2, 2.8])
+    force = np.array([1.0, 4.0, 9.0, 5.0, 1.0, 5.2, 9.5, 6.0, 0.5, 6.2])
+    branch = np.array(["load"] * 3 + ["unload"] * 2 + ["reload"] * 2 + ["unload"] * 2 + ["reload"])
+    columns = CurveColumns.of({"delta": delta, "force": force, "branch": branch})
+    rows = branch_rows(columns, SimpleNamespace(name="unload-reload"))
+    assert force[rows].tolist() == [0.5, 6.0, 9.5]
+    assert force[branch_rows(columns, SimpleNamespace(name="table"))].tolist() == [1.0, 4.0, 9.0]

@@ -169,3 +169,15 @@ def test_the_share_that_slips_is_that_of_cattaneo_whatever_the_unit_of_area(sphe
         first = 1.0 - (1.0 - np.linspace(0.0, 0.8, 11)) ** (2 / 3)
         np.testing.assert_allclose(path.slip_share[:11], first, atol=1e-12)
         np.testing.assert_allclose(path.slip_share[[30, 50]], first[-1], rtol=1e-12)
+
+
+def test_the_numbers_of_a_loop_follow_from_its_path_in_any_units(sphere: SlipLaw) -> None:
+    path = path_of_law(sphere, 0.6, steps=8)
+    top = path.end(0)
+    u, T = path.u[top], path.T[top]
+    assert path.k_secant == pytest.approx(T / u, rel=1e-12) and path.eta == pytest.approx(path.energy / (np.pi * T * u))
+    other = path.scaled(3.0, 5.0)
+    loop, scaled = path.loop(), other.loop()
+    factors = {"T": 3.0, "u": 5.0, "k_secant": 0.6, "energy": 15.0, "eta": 1.0, "amplitude": 1.0}
+    for name, factor in factors.items():
+        assert scaled[name] == pytest.approx(factor * loop[name], rel=1e-12)
