@@ -257,6 +257,11 @@ def test_summary(full: tuple[Path, RunResult]) -> None:
     assert {"asperity", "python", "dolfinx", "numpy", "petsc4py", "gmsh"} <= set(summary["versions"])
     assert summary["case_hash"] == Case.load(folder / "case.toml").hash()
     assert 10 < summary["peak_memory_MiB"] < 10_000
+    parallel, seconds = summary["parallel"], summary["seconds"]
+    assert len(parallel["peak_memory_MiB"]) == summary["ranks"] and min(parallel["peak_memory_MiB"]) > 10
+    assert parallel["slowest_seconds"] == {name: pytest.approx(value, abs=1e-3) for name, value in seconds.items()}
+    assert seconds["mesh"] + seconds["figures"] < parallel["rank_0_alone_seconds"] < sum(seconds.values())
+    assert 0.0 < parallel["serial_share"] < 1.0
     stiffness = summary["stiffness_per_area"]
     assert stiffness["k_n_elastic"] == load.k_n_elastic[-1] / 1e-12 and stiffness["k_n"] < stiffness["k_n_elastic"]
     page = (folder / "report.html").read_text(encoding="utf-8")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, nullcontext
 from dataclasses import dataclass
@@ -25,10 +26,11 @@ from asperity.model.problem import Problem
 from asperity.output.assumption import DOUBTFUL, Assumption, describe
 from asperity.output.assumptions import ledger
 from asperity.output.run_files import RunFiles
+from asperity.output.summary import of_ranks
 from asperity.power_law import PowerLawFit, with_misfit
 from asperity.runtime.display import brief
 from asperity.runtime.notices import Notices, log, noting
-from asperity.runtime.parallel import agree, on_root, on_root_bcast
+from asperity.runtime.parallel import agree, on_root, on_root_bcast, seconds_alone
 from asperity.runtime.progress import Progress, log_file
 from asperity.runtime.run_folder import LOG
 from asperity.runtime.timing import Phases
@@ -198,13 +200,20 @@ def _run(
     from asperity.solve_case import solve_case
     from asperity.vibrate_case import VibratedCase, vibrate_case
 
+    began, before = time.perf_counter(), seconds_alone()
     with _refusals(files):
         solved = solve_case(case, problem, files, progress, stop, comm, block)
     contact, failure, folder = solved.contact, solved.failure, files.folder
     summary = solved.summary(case, comm.size)
     summary["warnings"] = notices.texts  # those of what follows join them
     files.curve(contact.curve, whole=solved.accurate is not None)
-    files.summary(summary, failure)
+
+    def write() -> None:
+        alone, wall = seconds_alone() - before, time.perf_counter() - began
+        summary["parallel"] = of_ranks(comm, summary["seconds"], alone, wall)
+        files.summary(summary, failure)
+
+    write()
     phases, found = Phases(summary["seconds"]), VibratedCase()
 
     @contextmanager
@@ -230,17 +239,17 @@ def _run(
         summary["radiation"] = evidence.radiated
     _warn(case, folder, solved, lines)
     notices.share()
-    files.summary(summary, failure)
+    write()
 
     if solved.complete and not found.ends:
         if folder is not None and (case.output.figures or case.output.report):
             with stage("figures"):
                 on_root(comm, partial(_draw, folder, problem.surface))
-            files.summary(summary, failure)  # for the report, with the time of the figures
+            write()  # for the report, with the time of the figures
         if folder is not None and case.output.report:
             on_root(comm, partial(_report, folder, failure is None))
         summary["finished"] = failure is None  # not before all is there: a finished run is not continued
-        files.summary(summary, failure)
+        write()
     if failure is not None:
         raise failure
     return RunResult(contact.curve, contact.curve.fit_or_none(), summary, contact, found.dynamics)

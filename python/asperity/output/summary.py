@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import platform
+import resource
 import sys
 from dataclasses import asdict
 from importlib import metadata
@@ -38,6 +39,25 @@ def summarise(case: Case, contact: ContactResult, ranks: int) -> dict[str, Any]:
         "case_hash": case.hash(),
         **({"law": {"source": case.material.law, "sha256": case.material.law_sha256}} if case.material.law else {}),
         "versions": versions(),
+    }
+
+
+def of_ranks(comm: Any, seconds: dict[str, float], alone: float, wall: float) -> dict[str, Any]:
+    """Memory and time by ranks, as a section; collective.
+
+    Args:
+        seconds: by phase, of this rank
+        alone: time that rank 0 has worked while the others waited, or would have [s]
+        wall: time of the whole job so far, since its last start [s]
+    """
+    peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 2**10
+    peaks, times = zip(*comm.allgather((round(peak, 1), seconds)), strict=True)
+    slowest = {name: round(max(each.get(name, 0.0) for each in times), 4) for name in times[0]}
+    return {
+        "peak_memory_MiB": list(peaks),
+        "slowest_seconds": slowest,
+        "rank_0_alone_seconds": round(alone, 4),
+        "serial_share": round(alone / wall, 4) if wall > 0.0 else 0.0,
     }
 
 

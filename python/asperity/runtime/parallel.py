@@ -18,6 +18,7 @@ if TYPE_CHECKING:
 T = TypeVar("T")
 
 INTERNAL = 70  # exit code of an error that nobody has foreseen, EX_SOFTWARE of sysexits.h
+_alone = 0.0  # time that this process has worked while others waited for it [s]
 PATIENCE = 30.0  # time a failed rank waits for the others before it aborts the job [s]
 
 
@@ -76,7 +77,7 @@ def on_root(comm: MPI.Comm, work: Callable[[], T]) -> T | None:
         AsperityError: what `work` raised, on every rank
         OutputError: for an OSError of `work`, on every rank
     """
-    result, error = _attempt(work) if comm.rank == 0 else (None, None)
+    result, error = _attempt_alone(work) if comm.rank == 0 else (None, None)
     if failure := comm.bcast(error, root=0):
         raise failure
     return result
@@ -91,11 +92,28 @@ def on_root_bcast(comm: MPI.Comm | None, work: Callable[[], T]) -> T:
         from mpi4py import MPI
 
         comm = MPI.COMM_WORLD
-    outcome = _attempt(work) if comm is None or comm.rank == 0 else (None, None)
+    outcome = _attempt_alone(work) if comm is None or comm.rank == 0 else (None, None)
     result, failure = outcome if comm is None else comm.bcast(outcome, root=0)
     if failure is not None:
         raise failure
     return cast(T, result)
+
+
+def seconds_alone() -> float:
+    """Time that rank 0 has worked alone in this process, the serial part of a job, also where it is the only rank [s].
+
+    0 on other ranks.
+    """
+    return _alone
+
+
+def _attempt_alone(work: Callable[[], T]) -> tuple[T | None, AsperityError | None]:
+    global _alone
+    since = time.perf_counter()
+    try:
+        return _attempt(work)
+    finally:
+        _alone += time.perf_counter() - since
 
 
 def agree(comm: MPI.Comm, work: Callable[[], T]) -> T:
