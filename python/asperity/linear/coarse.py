@@ -7,6 +7,7 @@ are a dense matrix, which each rank has and factorises.
 
 from __future__ import annotations
 
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -58,12 +59,16 @@ class Distributed:
     Attributes:
         sparsity: of this rank's part of the matrix, on its corners, ghosts included
         values: of this rank's part; the matrix is the sum of the parts
+        factorisation: makes the same problem factorised by MUMPS; None where it is, or where the user has chosen
     """
 
     def __init__(self, dofmap: Any, points: Floats, comm: Any, symmetric: bool, factorised: bool) -> None:
         from petsc4py import PETSc
 
         index_map = dofmap.index_map
+        self.factorisation = None
+        if not (factorised or PETSc.Options(PREFIX).hasName("pc_type")):
+            self.factorisation = partial(Distributed, dofmap, points, comm, symmetric, factorised=True)
         self._matrix = NodeMatrix(SparsityPattern(dofmap.list, len(points)), index_map, comm)
         self.sparsity = self._matrix.sparsity
         self.values: Floats = self._matrix.values

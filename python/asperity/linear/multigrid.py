@@ -153,6 +153,14 @@ class PMultigrid:
             self.estimate()
         return done
 
+    def factorise_coarse(self) -> bool:
+        """Factorise the coarse matrix where algebraic multigrid has failed; whether it does now, collective."""
+        make = getattr(self._coarse, "factorisation", None)
+        if make is None:
+            return False
+        self._coarse = make()
+        return self.renew()
+
     def judge(self, iterations: int, rtol: float, solved: bool) -> None:
         """Decide by the iterations of a solve to `rtol` and its success if the next one may use the same coarse matrix.
 

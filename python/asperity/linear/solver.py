@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import weakref
 from collections.abc import Callable
 from contextlib import AbstractContextManager
@@ -29,6 +30,10 @@ RESCUES = 10  # systems rescued by a factorisation before a word of it
 RESCUED = (
     f"solver.linear failed for {RESCUES} systems so far, and LU solved them, each several times slower; the results "
     "are the same. run.log names the steps: smaller ones may help (steps)"
+)
+TOO_LARGE = (
+    "the linear solver failed on %d dofs, too many for LU to rescue, and the step is cut: of the values of "
+    "solver.linear, cg is the most robust iterative one, lu solves by MUMPS on all ranks; take more of them where memory is short"
 )
 PREFIX, RESCUE_PREFIX = "asperity_", "asperity_rescue_"
 #: Memory beyond the estimate of MUMPS, in per cent: on several ranks the need depends on the speed of each.
@@ -169,6 +174,8 @@ class LinearSolver:
                 method.forget()
                 method.prepare(self._rows)
                 self._solve_again(b, x)
+            if not self.solved and method.factorise_coarse():
+                self._solve_again(b, x)
             method.judge(self.iterations, self._rtol, self.solved)
             self.left = method.left()
         else:
@@ -179,6 +186,8 @@ class LinearSolver:
             raise MemoryError
         if not self.solved and self._may_rescue:
             self._factorise(b, x)
+        if not self.solved and not self._may_rescue and self._solid.comm.rank == 0:
+            logging.getLogger(__name__).info(TOO_LARGE, self._solid.dofs)
         b.array = self._given
         if not self.solved:
             x.set(0.0)
@@ -187,6 +196,9 @@ class LinearSolver:
         x.array[self._rows[len(self._rows) - len(self._values) :]] = self._values
 
     def _solve_again(self, b: Any, x: Any) -> None:
+        from petsc4py import PETSc
+
+        self.ksp.getPC().setFailedReason(PETSc.PC.FailedReason.NOERROR)
         self._again = True
         self.ksp.solve(b, x)
         self._again = False
@@ -251,6 +263,10 @@ class PMultigridMethod:
         """Whether there is a better preconditioner after a solve that failed; collective."""
         return self._multigrid.ready and self._multigrid.renew()
 
+    def factorise_coarse(self) -> bool:
+        """Whether the coarse problem, by algebraic multigrid so far, is factorised now; collective."""
+        return self._multigrid.factorise_coarse()
+
     def judge(self, iterations: int, rtol: float, solved: bool) -> None:
         """Decide by a solve how much of the preconditioner the next one takes."""
         self._multigrid.judge(iterations, rtol, solved)
@@ -304,6 +320,9 @@ class Assembled:
         self._ksp.setOperators(A)
 
     def renew(self) -> bool:
+        return False
+
+    def factorise_coarse(self) -> bool:
         return False
 
     def judge(self, iterations: int, rtol: float, solved: bool) -> None: ...
