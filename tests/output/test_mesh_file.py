@@ -116,4 +116,4 @@ def test_without_a_solve_and_of_a_run(tmp_path: Path, capsys: pytest.CaptureFixt
 
 def test_another_suffix_is_refused(made: Any, tmp_path: Path) -> None:
     with pytest.raises(InputError, match=r"meshes are written as \.inp, \.vtu"):
-        write_mesh(*made, tmp_path / "a.step")
+        write_mesh(made[0], made[1], tmp_path / "a.step")

@@ -7,6 +7,7 @@ from dataclasses import replace
 from io import StringIO
 from pathlib import Path
 from tempfile import TemporaryDirectory
+from typing import Any
 
 import numpy as np
 
@@ -50,7 +51,7 @@ def block_of_case(case: Case, h: float | None = None) -> tuple[BlockMesh, Surfac
         block: BlockMesh | None = BlockMesh.read(case.mesh.file)
     else:
         delta = case.loading.delta_max or (approach_of_share(surface) if surface.rough else 1e-3 * surface.L)
-        size = replace(case.mesh.size, refinements=0, **({} if h is None else {"h_contact": h}))
+        size = replace(case.mesh.size, refinements=0, h_contact=case.mesh.size.h_contact if h is None else h)
         block = make_block(MPI.COMM_SELF, surface, case.problem().height, delta, size, case.block.sides)
     assert block is not None
     if block.refinements:
@@ -114,10 +115,12 @@ def _inp(block: BlockMesh, faces: dict[str, Indices], about: str) -> str:
     """Deck with nodes, elements, and node sets and element surfaces of the faces."""
     out = StringIO()
     out.write(f"** {comment(about)}\n*NODE, NSET=ALL\n")
-    for i, (x, y, z) in enumerate(block.points, 1):
+    points: Any = block.points.tolist()
+    for i, (x, y, z) in enumerate(points, 1):
         out.write(f"{i}, {x:.12g}, {y:.12g}, {z:.12g}\n")
     out.write("*ELEMENT, TYPE=C3D10, ELSET=BLOCK\n")
-    for i, nodes in enumerate(block.tets[:, GMSH_TO_VTK] + 1, 1):
+    tets: Any = (block.tets[:, GMSH_TO_VTK] + 1).tolist()
+    for i, nodes in enumerate(tets, 1):
         out.write(f"{i}, {', '.join(map(str, nodes))}\n")
     for name, of_set in faces.items():
         out.write(f"*NSET, NSET=N{name}\n")
@@ -129,16 +132,21 @@ def _inp(block: BlockMesh, faces: dict[str, Indices], about: str) -> str:
 
 def _lines(numbers: Array) -> Iterator[str]:
     for i in range(0, len(numbers), _LINE):
-        yield ", ".join(map(str, numbers[i : i + _LINE])) + "\n"
+        yield ", ".join(f"{n}" for n in numbers[i : i + _LINE]) + "\n"
 
 
 def _element_faces(tets: Indices, faces: Indices) -> Iterator[tuple[int, int]]:
     """Element and number of its face, as of ABAQUS_FACES, of faces by their corners."""
-    wanted = {tuple(sorted(face)) for face in faces[:, :3].tolist()}
+    count = int(tets.max()) + 1
+
+    def numbers(corners: Indices) -> Indices:
+        """One number for the three corners of each face, in any order."""
+        return np.asarray(np.sort(corners, axis=1) @ np.array([count**2, count, 1], dtype=np.int64))
+
+    wanted = numbers(faces[:, :3])
     for side, corners in enumerate(ABAQUS_FACES):
-        for cell, face in enumerate(np.sort(tets[:, corners], axis=1).tolist()):
-            if tuple(face) in wanted:
-                yield cell, side
+        for cell in np.flatnonzero(np.isin(numbers(tets[:, corners]), wanted)):
+            yield int(cell), side
 
 
 def _vtu(block: BlockMesh, faces: dict[str, Indices]) -> str:

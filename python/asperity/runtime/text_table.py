@@ -26,7 +26,10 @@ BLANK = frozenset(
 )
 WIDE = 8  # cells from which a row of numbers is one of a table, whatever follows
 _NUMBER = re.compile(r"[-+]?(\d[\d.,]*|[.,]\d+)([eEdD][-+]?\d+)?")
-_GROUPS = {point: re.compile(rf"[-+]?\d{{1,3}}(\{mark}\d{{3}})+(\{point}\d*)?") for point, mark in (".,", ",.")}
+_MARKS = ((".", ","), (",", "."))  # of decimals, and of groups of digits
+_GROUPS = {
+    point: re.compile(rf"[-+]?\d{{1,3}}(\{mark}\d{{3}})+(\{point}\d*)?") for point, mark in ((".", ","), (",", "."))
+}
 _COMMENT = ("#", "%", "!")
 
 
