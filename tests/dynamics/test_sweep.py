@@ -15,7 +15,15 @@ from hypothesis import strategies as st
 
 import asperity as asp
 from asperity.case import Case
-from asperity.dynamics import ContactOscillator, DynamicsSettings, PowerLaw, TableLaw, response_band, run_dynamics
+from asperity.dynamics import (
+    ContactOscillator,
+    DynamicsSettings,
+    Joint,
+    PowerLaw,
+    TableLaw,
+    response_band,
+    run_dynamics,
+)
 from asperity.dynamics.run import small_vibration
 from asperity.dynamics.settings import forcings, window
 from asperity.errors import AsperityError, InputError, RangeError
@@ -325,3 +333,40 @@ def test_every_result_contains_its_setting() -> None:
         assert 0 <= result.tolerance < 1e-2 and np.all(result.valid)
     assert not o.thresholds(0.1).valid
     assert not o.simulate(0.9, 0.3, periods=1.0, u=1.2).valid
+
+
+def test_force_in_newtons_window_in_hertz_several_dampings_and_jumps(tmp_path: Path) -> None:
+    """The same response as with F^ and Omega, and jumps where sweeps in time jump."""
+    delta = np.linspace(0.0, 1e-7, 21)
+    curve = {"delta": delta, "force": 400.0 * (delta / 1e-7) ** 2}
+    joint = {"joint": Joint(preload=100.0, mass=2.0), "model": "exact", "bands": False, "units": "SI"}
+    plain = run_dynamics(curve, forcing=0.02, omega=(0.8, 1.1), **joint)
+    scale, hertz = plain.first.restoring.scale, plain.numbers.frequency
+    found = run_dynamics(
+        curve,
+        forcing_newton=(0.02 * scale,),
+        window=(0.8 * hertz, 1.1 * hertz),
+        zetas=(0.05,),
+        out_dir=tmp_path,
+        **joint,
+    )
+    same, other = found.responses["exact"]
+    light = plain.responses["exact"][0]
+    assert same.peak == pytest.approx(light.peak, rel=1e-6) and other.setting.zeta == 0.05
+    down, up = sorted(found.jumps(), key=lambda jump: float(jump["Omega"]))
+    assert (down["sweep"], up["sweep"]) == ("down", "up")
+    assert [j["frequency"] / hertz for j in (down, up)] == pytest.approx(sorted(e.Omega for e in light["fold"]))
+    assert down["x_max"] > up["x_max_after"] > up["x_max"] > down["x_max_after"]
+    sweep = {s.direction: s for s in found.first.sweep(0.02, (0.83, 0.98), points=61)}
+    for jump in (down, up):
+        s = sweep[jump["sweep"]]
+        at = int(np.abs(np.diff(s.u_max)).argmax())
+        assert min(s.Omega[at : at + 2]) - 1e-3 <= jump["Omega"] <= max(s.Omega[at : at + 2]) + 1e-3
+    assert len(json.loads((tmp_path / "thresholds.json").read_text())["jumps"]) == 2
+    with pytest.raises(InputError, match="a window in Hz needs the mass"):
+        run_dynamics(curve, window=(1.0, 2.0), units="other", model="exact")
+
+
+def test_the_end_of_a_window_is_no_peak() -> None:
+    o = ContactOscillator(PowerLaw(1.5), zeta=0.02)
+    assert o.response(0.01, (0.8, 1.2)).has_peak and not o.response(0.01, (1.1, 1.2)).has_peak

@@ -57,7 +57,7 @@ def legal(about: dict[str, Any]) -> str:
     if "enum" in about:
         return ", ".join(show(choice) for choice in about["enum"])
     if about.get("type") == "array":
-        count = f"{about['minItems']} values " if about["minItems"] == about.get("maxItems") else "values "
+        count = f"{about['minItems']} values " if about.get("minItems", -1) == about.get("maxItems") else "values "
         return f"a list of {count}from {legal(about.get('items') or about['prefixItems'][0])}"
     if about.get("type") in ("number", "integer"):
         low, high = about.get("minimum", -math.inf), about.get("maximum", math.inf)

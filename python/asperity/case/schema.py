@@ -211,6 +211,8 @@ class AccuracySection(Section):
 
 Model = Literal["exact", "taylor"]
 Frequency = Annotated[Real, Field(ge=OMEGA[0], le=OMEGA[1])]
+Positive = Annotated[Real, Field(gt=0)]
+Ratio = Annotated[Real, Field(gt=0, lt=1)]
 
 
 class DynamicsSection(Section):
@@ -237,6 +239,13 @@ class DynamicsSection(Section):
     )
     forcing: tuple[Annotated[Real, Field(ge=FORCING[0], le=FORCING[1])], ...] = key(
         "amplitudes F/(m omega_s^2 z_s)", DynamicsSettings.forcing, min_length=1, max_length=100
+    )
+    forcing_newton: tuple[Positive, ...] = key(
+        "amplitudes of the force, instead of forcing", DynamicsSettings.forcing_newton, unit=FORCE, max_length=100
+    )
+    zetas: tuple[Ratio, ...] = key("further damping ratios", DynamicsSettings.zetas, max_length=20)
+    window: tuple[Positive, Positive] | None = key(
+        "range of excitation frequency, instead of omega", None, shown="that of omega", unit="1/time"
     )
     model: tuple[Model, ...] = key(
         "restoring force: exact, its Taylor expansion", DynamicsSettings.model, min_length=1,

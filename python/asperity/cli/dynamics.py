@@ -20,6 +20,24 @@ if TYPE_CHECKING:
     from asperity.force_law.laws import LawTable
 
 
+class WithUnit(click.ParamType):
+    """A number, with its unit as a string, "" where it has none."""
+
+    def __init__(self, unit: str) -> None:
+        self.name, self.unit = f"number or number with {unit}", unit
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> tuple[float, str]:
+        """Read a number like 0.01 or 3N."""
+        if isinstance(value, tuple):
+            return value
+        text = str(value).strip()
+        unit = self.unit if text.endswith(self.unit) else ""
+        try:
+            return float(text.removesuffix(unit)), unit
+        except ValueError:
+            self.fail(f"{value!r} is neither a number nor one with the unit {self.unit}", param, ctx)
+
+
 @click.command()
 @click.argument("source", required=False, metavar="[OUT|CURVE.csv]")
 @click.option("--power-law", "exponent", type=float, metavar="N", help="P* = k (delta*)^N instead.")
@@ -37,12 +55,19 @@ if TYPE_CHECKING:
 @click.option("--frequency", type=float, metavar="F", help="Frequency of small vibration instead of the mass.")
 @click.option("--gravity", type=float, metavar="G", help="In the units of the curve, for mass and omega_s; else "
               "9.80665 with SI units.")  # fmt: skip
-@click.option("--zeta", type=float, help="Damping ratio; else 0.01. Tangential: in addition to that of slip, else 0.")
+@click.option(
+    "--zeta",
+    type=float,
+    multiple=True,
+    help="Damping ratio; repeatable; else 0.01. Tangential: in addition to that of slip, else 0.",
+)
 @click.option("--damping", type=click.Choice((*DAMPING, LOOPS)),
               help="When the damping acts, or that of the loops of OUT in addition; else always.")  # fmt: skip
-@click.option("--forcing", type=float, multiple=True, help="F^ = F/(n W) with the preload W; repeatable; else 0.01.")
+@click.option("--forcing", type=WithUnit("N"), multiple=True, metavar="F",
+              help="F^ = F/(n W) with the preload W, or a force as in 3N; repeatable; else 0.01.")  # fmt: skip
 @click.option("--model", type=click.Choice(MODELS), multiple=True, help="Restoring force; repeatable; else both.")
-@click.option("--omega", type=float, nargs=2, help="Range of excitation frequency over omega_s; else 0.5 1.3.")
+@click.option("--omega", type=WithUnit("Hz"), nargs=2, metavar="LOW HIGH",
+              help="Range of excitation frequency over omega_s, or as 800Hz 1200Hz; else 0.5 1.3.")  # fmt: skip
 @click.option("--direction", type=click.Choice(("normal", "tangential")), default="normal", show_default=True,
               help="tangential: micro-slip of OUT, whose case has [slip]; --forcing is then over the friction "
               "limit.")  # fmt: skip
@@ -81,12 +106,21 @@ def command(
     joint = None
     if any(value is not None for value in given.values()):
         joint = (DynamicsSettings.of_source(source).joint or Joint()).replaced(given)
-    for name in ("forcing", "model"):
-        settings[name] = settings[name] or None
+    settings["model"] = settings["model"] or None
+    forcing, ends = settings["forcing"], settings["omega"] or ()
+    settings["forcing"] = tuple(value for value, unit in forcing if not unit) or None
+    settings["forcing_newton"] = tuple(value for value, unit in forcing if unit) or None
+    if len({unit for _, unit in ends}) > 1:
+        raise InputError("--omega: give both ends in Hz, or none")
+    name = "window" if any(unit for _, unit in ends) else "omega"
+    settings |= {"omega": None, name: tuple(value for value, _ in ends) or None}
+    settings["zeta"], *zetas = settings["zeta"] or (None,)
+    settings["zetas"] = tuple(zetas) or None
     if direction == "tangential":
         if source is None:
             raise InputError("--direction tangential needs the folder of a run with [slip]")
-        _refuse(settings, ("law", "overload", "damping", "model", "omega", "sweeps", "bands"), "the normal direction")
+        names = ("law", "overload", "damping", "model", "omega", "window", "forcing_newton", "zetas", "sweeps", "bands")
+        _refuse(settings, names, "the normal direction")
         with writing_into(output):
             _tangential(source, joint, settings | {"pressure": given["pressure"]}, output, as_json)
         return
@@ -169,11 +203,15 @@ def _show(result: Dynamics) -> None:
     for responses in zip(*result.responses.values(), strict=True):
         setting = responses[0].setting
         name = f"F^ = {setting.F_hat:g}, F/W = {setting.F_over_mg:g}"
-        peaks = (response.peak for response in responses)
-        rows.append((name, *(f"peak {u:.4g} at {omega:.4g}" for omega, u in peaks)))
+        if len(result.settings.zetas):
+            name += f", zeta = {setting.zeta:g}"
+        words = ("peak {:.4g} at {:.4g}", "no peak inside: {:.4g} at the end {:.4g}")
+        rows.append((name, *(words[not one.has_peak].format(one.peak[1], one.peak[0]) for one in responses)))
     options.table(about, rows, ("", *onsets))
     if result.laws is not None:
         _show_laws(result.laws, units)
+    if jumps := result.jumps():
+        _show_jumps(jumps, bool(units))
     if (spread := result.uncertainty) is not None:
         n, kappa = (plus_minus(one.value, one.half) for one in (spread.n_loc, spread.kappa))
         options.say(f"n = {n}, kappa = {kappa}, {spread.softening}, by the {spread.origin}")
@@ -197,6 +235,19 @@ def _show_laws(laws: LawTable, units: str) -> None:
         options.say(
             f"the contact yields again above u = {choice.yields_at:.4g}, where the force passes {choice.reached:.5g}"
         )
+
+
+def _show_jumps(jumps: list[dict[str, Any]], si: bool) -> None:
+    """Print where slow sweeps jump."""
+    rows = []
+    for jump in jumps:
+        hertz, after = jump["frequency"], jump["x_max_after"]
+        rows.append((
+            f"{jump['model']}, {quantity(jump['force'], 'N' if si else '')}, zeta = {jump['zeta']:g}", jump["sweep"],
+            f"{jump['Omega']:.5g}" if hertz is None else quantity(hertz, "Hz" if si else "", 5),
+            quantity(jump["x_max"], "m" if si else ""), "-" if after is None else quantity(after, "m" if si else ""),
+        ))  # fmt: skip
+    options.table("jumps of slow sweeps", rows, ("law and force", "sweep", "frequency", "amplitude", "after"))
 
 
 def _text(value: Any) -> str:

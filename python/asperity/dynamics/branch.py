@@ -21,7 +21,8 @@ from asperity.dynamics.orbits import Orbits, Path, Point, hermite, value
 from asperity.errors import ConvergenceError
 from asperity.runtime.display import short_repr
 
-_RTOL = 3e-4  # relative error of a straight line between rows; the error of the cubic adds to it
+_RTOL = 7.5e-4  # relative error of a straight line between rows; the error of the cubic adds to it
+_MISSED = 2e-4  # that error, over the amplitude
 _FLAT = (1e-9, 1e-4)  # relative changes of Omega and of u_max below which the other is not checked
 _CHECKS = 4  # largest number of times that points are added between points
 _DEPTH = 12  # largest number of halvings of a segment
@@ -171,13 +172,16 @@ class _Cubics:
         return np.array([omega, u_max, u_min, np.hypot(c, s), phase])
 
 
-def dense(orbits: Orbits, branch: Branch) -> Line:
-    """Compute rows along a branch, so close that straight lines between them deviate from the cubic by `_RTOL`."""
+def dense(orbits: Orbits, branch: Branch, *, checked: bool = True) -> Line:
+    """Compute rows along a branch, so close that straight lines between them deviate from the cubic by `_RTOL`.
+
+    The cubics are checked by orbits in the middle of each, unless `checked` is false.
+    """
     if len(branch) == 1:
         c, s = branch.points[0].extremes[2:]
         phase = np.degrees((np.arctan2(-s, c) + 1.5 * np.pi) % (2.0 * np.pi) - 1.5 * np.pi)
         return Line(branch.Omega, branch.u_max, branch.u_min, branch.a1, np.array([phase]), branch.stable)
-    branch = _checked(orbits, branch)
+    branch = _checked(orbits, branch) if checked else branch
     cubics = _Cubics(orbits, branch.points)
     places: Array = np.arange(len(branch), dtype=float)
     values = cubics.at(places)
@@ -188,8 +192,10 @@ def dense(orbits: Orbits, branch: Branch) -> Line:
             break
         middle = 0.5 * (places[left] + places[left + 1])
         between = cubics.at(middle)
-        # a cubic may cross its chord in the middle: the quarters are always checked
-        off = (_deviation(values[:, left], values[:, left + 1], between) > _RTOL) | (depth == 0)
+        off = _deviation(values[:, left], values[:, left + 1], between) > _RTOL
+        if depth == 0:  # a cubic may cross its chord in the middle
+            quarters = cubics.at(0.75 * places[left] + 0.25 * places[left + 1])
+            off |= _deviation(values[:, left], values[:, left + 1], quarters) > _RTOL
         done[left[~off]] = True
         done = np.insert(done, left[off], False)
         places = np.insert(places, left[off] + 1, middle[off])
@@ -223,7 +229,7 @@ def _missed(orbits: Orbits, a: Point, b: Point, p: Point) -> bool:
     place = float((w * (p.pieces(count).y - a.pieces(count).y)) @ chord) / float(chord @ chord + 1e-300)
     cubic = _Cubics(orbits, (a, b)).at(np.array([np.clip(place, 0.0, 1.0)]))[:, 0]
     off = np.abs(np.array([p.parameter, *p.extremes[:2]]) - cubic[:3])
-    return bool(off[0] > _RTOL * p.parameter or max(off[1:]) > _RTOL * p.amplitude)
+    return bool(off[0] > _MISSED * p.parameter or max(off[1:]) > _MISSED * p.amplitude)
 
 
 def _deviation(a: Array, b: Array, middle: Array) -> Array:

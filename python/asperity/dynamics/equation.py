@@ -113,12 +113,29 @@ class Restoring:
         """Potential V(u), the integral of f from 0 to u, same shape as `u`."""
         u, rest = np.asarray(u, float), 1.0 / self.n_loc
         inside = np.maximum(u, -1.0) if self.contact else u
-        value = self.pulled(inside) - self.pulled(0.0) - rest * inside
+        value = self.pulled(inside) - self._still - rest * inside
         small = np.abs(u) < _SMALL
         if small.any():
             value = np.array(value)
             value[small] = self.work(np.zeros(small.sum()), u[small])
         return value + rest * (inside - u)
+
+    def level(self, u: float) -> float:
+        """Potential at one displacement."""
+        if abs(u) < _SMALL or not self.contact:
+            return float(self.potential(u))
+        z, rest = self.z_s * (1.0 + max(u, -1.0)), u / self.n_loc
+        return self.law.stored(z) / (self.scale * self.z_s) - float(self._still) - rest
+
+    @cached_property
+    def _still(self) -> Array:
+        """Energy stored in the contact at rest."""
+        return self.pulled(0.0)
+
+    @cached_property
+    def wall(self) -> float:
+        """Potential at separation."""
+        return self.level(-1.0)
 
     def work(self, start: Array, length: Array) -> Array:
         """Integral of f over short intervals, (m,), by Gauss quadrature between the knots of the law."""

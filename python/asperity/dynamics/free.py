@@ -113,12 +113,12 @@ def contact_limit(restoring: Restoring) -> float:
     """
     if not restoring.contact:
         return np.inf
-    wall, high = float(restoring.potential(-1.0)), 1.0
-    while float(restoring.potential(high)) < wall:
+    wall, high = restoring.wall, 1.0
+    while restoring.level(high) < wall:
         high *= 2.0
         if high > 1e9:
             return np.inf
-    return float(brentq(lambda u: float(restoring.potential(u)) - wall, 0.0, high, xtol=1e-15, rtol=1e-14))
+    return float(brentq(lambda u: restoring.level(u) - wall, 0.0, high, xtol=1e-15, rtol=1e-14))
 
 
 def free_orbit(restoring: Restoring, u0: float, damping: Damping = "always", *, rough: bool = False) -> FreeOrbit:
@@ -174,7 +174,7 @@ def _half_period(restoring: Restoring, u0: float, orders: tuple[int, ...]) -> _H
     theta[-1] = 0.5 * np.pi
     depth = 0.5 * restoring.n_loc * v_s**2  # of the flight below u = -1
     theta[0] = -0.5 * np.pi + 2.0 * np.arcsin(np.sqrt(0.5 * depth / half))
-    v0 = float(restoring.potential(u0))
+    v0 = restoring.level(u0)
     time, error = np.nan, np.inf
     for order in orders:
         u, dt, t, speed = _contact_part(restoring, theta, u_min, u0, v0, order)
@@ -225,19 +225,18 @@ def largest_amplitude(restoring: Restoring) -> float:
     low, high = law.rims()
     edge, ceiling = high, min(high, 1e3)
     if np.isfinite(low):
-        wall = float(restoring.potential(low))
-        if float(restoring.potential(ceiling)) > wall:
-            edge = brentq(lambda u: float(restoring.potential(u)) - wall, 0.0, ceiling)
+        wall = restoring.level(low)
+        if restoring.level(ceiling) > wall:
+            edge = brentq(lambda u: restoring.level(u) - wall, 0.0, ceiling)
     return 0.999 * edge
 
 
 def _turning_point(restoring: Restoring, u0: float) -> tuple[float, float]:
     """Lower turning point and the speed at separation (0 if contact is kept)."""
     law = restoring.law
-    energy = float(restoring.potential(u0))
+    energy = restoring.level(u0)
     if not isinstance(law, TaylorLaw):
-        wall = float(restoring.potential(-1.0))
-        surplus = energy - wall
+        surplus = energy - restoring.wall
         if surplus > 0:
             return -1.0 - surplus * restoring.n_loc, float(np.sqrt(2.0 * surplus))
         low = -1.0
@@ -250,9 +249,9 @@ def _turning_point(restoring: Restoring, u0: float) -> tuple[float, float]:
             )
         if not np.isfinite(low):
             low = -u0
-            while float(restoring.potential(low)) < energy:
+            while restoring.level(low) < energy:
                 low *= 2.0
-    root = brentq(lambda u: float(restoring.potential(u)) - energy, low, -1e-3 * min(u0, 1.0), xtol=1e-16, rtol=1e-14)
+    root = brentq(lambda u: restoring.level(u) - energy, low, -1e-3 * min(u0, 1.0), xtol=1e-16, rtol=1e-14)
     return float(root), 0.0
 
 

@@ -3,8 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import Any
+
+import numpy as np
 
 from asperity.dynamics.branch import Branch, Event, Line, Solution, dense, first_harmonic
 from asperity.dynamics.equation import Equation
@@ -79,7 +83,7 @@ class FrequencyResponse:
         found: list[tuple[Solution, Point]] = []
         for number, branch in enumerate(self.branches):
             try:
-                points = list(self._orbits(branch).crossings(branch.points, omega))
+                points = list(self.orbits(branch).crossings(branch.points, omega))
             except ConvergenceError as error:
                 raise ConvergenceError(
                     f"an orbit at Omega = {omega:g} on branch {number} ({branch.kind}) could not be corrected: "
@@ -102,11 +106,40 @@ class FrequencyResponse:
                     found.append((s, p))
         return tuple(sorted((s for s, _ in found), key=lambda s: s.u_max))
 
+    @property
+    def has_peak(self) -> bool:
+        """Whether `peak` is inside the window, not at one of its ends."""
+        return self.peak[0] not in self.omega
+
+    def jumps(self) -> Iterator[tuple[float, bool, float, float | None]]:
+        """Folds at which a stable branch ends: Omega, whether a rising frequency passes it, u_max before and after.
+
+        After the jump the motion is on the other stable orbit; None where there is none, or several.
+        """
+        for e in self["fold"]:
+            b = self.branches[e.branch]
+            i = int(np.abs(b.Omega - e.Omega).argmin())
+            sides = [j for j in (i - 1, i + 1) if 0 <= j < len(b)]
+            if not any(b.stable[j] for j in sides) or not (b.valid[i] and sides):
+                continue
+            upwards = bool(b.Omega[sides[0]] < e.Omega)
+            beyond = e.Omega * (1.0 + (1e-4 if upwards else -1e-4))
+            after: list[float] = []
+            if self.omega[0] <= beyond <= self.omega[1]:
+                with suppress(ConvergenceError):
+                    after = [s.u_max for s in self.at(beyond) if s.stable]
+            yield e.Omega, upwards, e.u_max, after[0] if len(after) == 1 else None
+
     def lines(self) -> tuple[Line, ...]:
         """Each branch as dense rows; straight lines between them have errors below 1e-3."""
-        return tuple(dense(self._orbits(b), b) for b in self.branches)
+        return self._lines
 
-    def _orbits(self, branch: Branch) -> Orbits:
+    @cached_property
+    def _lines(self) -> tuple[Line, ...]:
+        return tuple(dense(self.orbits(b), b) for b in self.branches)
+
+    def orbits(self, branch: Branch) -> Orbits:
+        """Equations of the orbits of a branch."""
         return Orbits(self.equation, self.setting.F_hat, branch.order, rtol=self.rtol)
 
     def to_dict(self) -> dict[str, Any]:

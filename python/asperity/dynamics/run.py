@@ -119,6 +119,21 @@ class Dynamics:
             text = json.dumps(self.to_dict(), indent=2, allow_nan=False)
             replace_file(path / run_folder.THRESHOLDS, f"{text}\n".encode())
 
+    def jumps(self) -> list[dict[str, Any]]:
+        """Where slow sweeps leave a stable branch: frequency (1/time), force, amplitudes before and after (length)."""
+        found = []
+        r, hertz = self.first.restoring, self.numbers.frequency
+        for model, responses in self.responses.items():
+            for one in responses:
+                for omega, upwards, before, after in one.jumps():
+                    found.append({
+                        "model": model, "zeta": one.setting.zeta, "F_hat": one.setting.F_hat,
+                        "force": r.scale * one.setting.F_hat, "sweep": "up" if upwards else "down", "Omega": omega,
+                        "frequency": hertz * omega if math.isfinite(hertz) else None, "x_max": r.z_s * before,
+                        "x_max_after": None if after is None else r.z_s * after,
+                    })  # fmt: skip
+        return found
+
     def to_dict(self) -> dict[str, Any]:
         """Content of thresholds.json."""
         first, numbers, joint = self.first, self.numbers.to_dict(), self.settings.joint
@@ -140,6 +155,7 @@ class Dynamics:
             "numbers": numbers,
             "joint": None if joint is None else {k: v for k, v in asdict(joint).items() if v is not None},
             "laws": None if self.laws is None else self.laws.to_dict(),
+            "jumps": self.jumps(),
         }
         for model, values in self.thresholds.items():
             out[model] = {
@@ -153,9 +169,16 @@ class Dynamics:
 
 
 def _cells(row: dict[str, Any]) -> dict[str, Any]:
-    """Cells of a row of a file, without those of NaN."""
-    known = {name: value for name, value in row.items() if value == value}
-    return {name: str(value).lower() if isinstance(value, bool) else value for name, value in known.items()}
+    """Cells of a row of a file, without those of NaN; seven digits are more than the rows have."""
+
+    def cell(value: Any) -> Any:
+        return str(value).lower() if isinstance(value, bool) else float(f"{value:.7g}") if _is_float(value) else value
+
+    return {name: cell(value) for name, value in row.items() if value == value}
+
+
+def _is_float(value: Any) -> bool:
+    return isinstance(value, float | np.floating)
 
 
 def run_dynamics(
@@ -192,11 +215,16 @@ def run_dynamics(
         settings = DynamicsSettings.of_source(source, changes.get("joint"))
     settings = settings.replaced(**changes)
     exact, gravity, laws, notes = _vibration(source, settings)
+    settings = settings.on(exact.restoring.scale, exact.omega_s / (2 * math.pi))
     oscillators = {name: exact if name == "exact" else exact.taylor() for name in settings.model}
     swept: dict[str, tuple[Sweep, ...]] = dict.fromkeys(oscillators, ())
     responses: dict[str, tuple[FrequencyResponse, ...]] = {}
     for name, oscillator in oscillators.items():
-        responses[name] = tuple(oscillator.response(f, settings.omega, tol=settings.tol) for f in settings.forcing)
+        responses[name] = tuple(
+            replace(oscillator, zeta=zeta).response(f, settings.omega, tol=settings.tol)
+            for zeta in dict.fromkeys((settings.zeta, *settings.zetas))
+            for f in settings.forcing
+        )
         if settings.sweeps and settings.zeta > 0:
             try:
                 swept[name] = oscillator.sweep(settings.forcing, settings.omega, points=_SWEEP_POINTS)

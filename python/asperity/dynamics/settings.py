@@ -13,6 +13,8 @@ from dataclasses import dataclass, fields, replace
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from asperity.dynamics.joint import Joint
 from asperity.errors import InputError
 from asperity.force_law.checks import positives, within
@@ -77,6 +79,9 @@ class DynamicsSettings:
         damping: "always", "contact", "hunt-crossley", or "loops": in addition to zeta that of the loops.csv of a run
             directory (or a `LoopDamping`)
         forcing: F^ = F/(n_loc W), one or several, each 1e-9 to 1e6
+        forcing_newton: amplitudes of the force itself (force), instead of or in addition to `forcing`
+        zetas: further damping ratios, for the responses
+        window: lowest and highest frequency of the excitation (1/time), instead of `omega`
         model: "exact" and/or "taylor"
         omega: lowest and highest Omega = omega/omega_s, 0.01 to 100
         sweeps: also integrate sweeps up and down (half a second per forcing; not for zeta = 0)
@@ -103,6 +108,9 @@ class DynamicsSettings:
     zeta: float = 0.01
     damping: Damping = "always"
     forcing: tuple[float, ...] = (0.01,)
+    forcing_newton: tuple[float, ...] = ()
+    zetas: tuple[float, ...] = ()
+    window: tuple[float, float] | None = None
     model: tuple[str, ...] = MODELS
     omega: tuple[float, float] = (0.5, 1.3)
     sweeps: bool = False
@@ -114,6 +122,16 @@ class DynamicsSettings:
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "forcing", forcings(self.forcing))
+        newton = positives("forcing_newton", self.forcing_newton) if np.size(self.forcing_newton) else ()
+        object.__setattr__(self, "forcing_newton", newton)
+        object.__setattr__(self, "zetas", positives("zetas", self.zetas) if np.size(self.zetas) else ())
+        if any(value >= 1 for value in self.zetas):
+            raise InputError(f"zetas = {list(self.zetas)} is not legal: each must be below 1")
+        if self.window is not None:
+            ends = positives("window", self.window)
+            if len(ends) != 2 or ends[0] >= ends[1]:
+                raise InputError(f"window = {list(ends)} is not legal: give two frequencies 0 < low < high")
+            object.__setattr__(self, "window", ends)
         object.__setattr__(self, "omega", window(self.omega))
         object.__setattr__(self, "model", (self.model,) if isinstance(self.model, str) else tuple(self.model))
         if self.joint is not None and self.joint.damping is not None:
@@ -136,6 +154,22 @@ class DynamicsSettings:
         if self.preload is not None or self.joint is None:
             return self.preload
         return self.joint.load(self.patch_area)
+
+    def on(self, scale: float, frequency: float) -> DynamicsSettings:
+        """Settings with force and window over `scale` and the frequency of small vibration, for which they were given.
+
+        Raises:
+            InputError: the frequency is unknown (NaN) and the window is one, or they are out of range
+        """
+        forcing, omega = self.forcing, self.omega
+        if self.forcing_newton:
+            own = () if forcing == type(self).forcing else forcing
+            forcing = (*own, *(force / scale for force in self.forcing_newton))
+        if self.window is not None:
+            if not math.isfinite(frequency):
+                raise InputError("a window in Hz needs the mass: give joint.mass, joint.frequency or gravity")
+            omega = (self.window[0] / frequency, self.window[1] / frequency)
+        return replace(self, forcing=forcing, forcing_newton=(), omega=omega, window=None)
 
     @classmethod
     def of_case(cls, case: Mapping[str, Any], joint: Joint | None = None) -> DynamicsSettings:

@@ -30,6 +30,7 @@ _GROUPS = 4  # of points that are left out in turn
 _REACHES = 0.4 * 0.5 ** np.arange(9)  # distances in ln z of the divided differences, tried in turn
 _STEEPEST = 0.9  # largest exponent of the stiffness over the force with which a law begins at zero approach
 _CELL_X, _CELL_W = np.polynomial.legendre.leggauss(10)
+_CELL = list(zip(_CELL_X.tolist(), _CELL_W.tolist(), strict=True))
 
 
 @dataclass(frozen=True, eq=False)
@@ -246,6 +247,16 @@ class TableLaw(Law):
         inside = half * (self.both(left[..., None] + half[..., None] * (1.0 + _CELL_X))[0] @ _CELL_W)
         return np.where(z < self.z[0], energy[0] * (z / self.z[0]) ** (n + 1.0), energy[cell] + inside)
 
+    def stored(self, z: float) -> float:
+        energy, n = self._energy
+        if z < self.z[0]:
+            return float(energy[0]) * (max(z, 0.0) / float(self.z[0])) ** (n + 1.0)
+        cell = int(np.searchsorted(self.z, z, side="right")) - 1
+        left = float(self.z[cell])
+        half = 0.5 * (z - left)
+        inside = sum(w * self.at(left + half * (1.0 + x))[0] for x, w in _CELL)
+        return float(energy[cell]) + half * inside
+
     def derivatives(self, z: float) -> tuple[float, float, float]:
         """First derivative of the law, and divided differences of ln F over ln z for the others.
 
@@ -261,10 +272,9 @@ class TableLaw(Law):
         first, last = max(last - 2, 0), min(last + 1, self.z.size - 1)
         apart = np.log(self.z[last] / self.z[first]) / max(last - first, 1)
         resolved = max(int(np.abs(np.log(_REACHES / apart)).argmin()), 1) + 1
-        changes = np.abs(kappa - kappa[0]).sum(axis=0) + np.abs(kappa[0] - kappa[0, best])
-        return float(
-            max(np.abs(kappa[:, :resolved] - kappa[0, best]).max(), changes[max(best - 1, 0) : best + 2].max())
-        )
+        without = float(np.abs(kappa[1:, best] - kappa[0, best]).sum())
+        change = float(np.abs(kappa[0, max(best - 1, 0) : best + 2] - kappa[0, best]).max())
+        return without + change + float(np.abs(kappa[0, :resolved] - kappa[0, best]).max())
 
     def _reaches(self, z: float) -> tuple[Array, Array, int]:
         """Differences and kappa for each reach, with kappa without some points, and the reach with the least error."""

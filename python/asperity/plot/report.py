@@ -85,6 +85,7 @@ def write_report(folder: str | Path, finished: bool | None = None) -> Path:
             ("Input: the completed case", tomli_w.dumps(dict(results.case))),
         ],
         laws=_laws(results),
+        jumps=_jumps(results),
         columns=COLUMNS,
         rows=[[_text(value) for value in row.values()] for row in results.curve.rows()],
         publications=publications(results.case),
@@ -229,6 +230,19 @@ def _laws(results: Results) -> list[tuple[str, ...]]:
         )
         remark = "chosen" if row["chosen"] else "" if row["applies"] else other
         rows.append((words, *(plus_minus(row[name], bars[name]) for name in ("n", "kappa")), k_n, f, remark))
+    return rows
+
+
+def _jumps(results: Results) -> list[tuple[str, ...]]:
+    """Where slow sweeps jump: law, force, damping ratio, direction, frequency, amplitudes before and after."""
+    rows, hertz, metre = [], results.unit("frequency"), results.unit("length")
+    for jump in results.thresholds.get("jumps") or ():
+        f, after = jump["frequency"], jump["x_max_after"]
+        rows.append((
+            jump["model"], quantity(jump["force"], results.unit("force")), f"{jump['zeta']:g}", jump["sweep"],
+            f"{jump['Omega']:.5g} ω_s" if f is None else quantity(f, hertz, 5), quantity(jump["x_max"], metre),
+            "–" if after is None else quantity(after, metre),
+        ))  # fmt: skip
     return rows
 
 
