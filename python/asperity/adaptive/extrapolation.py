@@ -29,8 +29,8 @@ TAKEN = 0.5  # part of what the half-space corrects that is taken: the bar holds
 # Deviation of the force over that of the area from mesh to mesh, both relative: 0.11 and 0.15 on meshes of scale 1 and
 # 2 of twelve single spots, each at another place of the block
 SCATTER = 0.12
-# The same where the pressure is that of a full indentation: the force is then that pressure times the area. Five solids
-# of hardening E/1000 to E/10 on three surfaces deviate by 0.75 of half the open area on one mesh, 0.5 on each
+# The same where the pressure is that of a full indentation: the force is then that pressure times the area. Limits of
+# two meshes of three solids, of hardening E/1000 to E/10, on three surfaces deviate by 0.75 of half the open area
 FLOWING = 0.5
 
 
