@@ -216,7 +216,7 @@ def test_an_odd_environment_or_argument_is_no_error_or_one_line(
         "mesh = {h_contact = 0.5, h_max = 1.0}\nloading = {delta_max = 0.01, steps = 1}\n"
     )
     changed = {name: value for name, value in (CLEAN | environment).items() if value is not None}
-    command = [sys.executable, "-m", "asperity", "run", path, *words]
+    command: list[Any] = [sys.executable, "-m", "asperity", "run", path, *words]
     done = subprocess.run(command, cwd=tmp_path, env=changed, capture_output=True, timeout=120)
     errors = done.stderr.decode().splitlines()
     assert done.returncode == code, errors

@@ -149,7 +149,8 @@ def test_a_column_that_begins_or_ends_inside_a_curve_is_refused(
 
     def attempt(place: str, wanted: bool, **more: Any) -> Any:
         checkpoint = Checkpoint(shared_path / place, {}, world())
-        return solve_contact(wave, ELASTIC, **{name: wanted}, checkpoint=checkpoint, **settings, **more)
+        asked: dict[str, Any] = {name: wanted, "checkpoint": checkpoint}
+        return solve_contact(wave, ELASTIC, **asked, **settings, **more)
 
     for place, before in (("without", False), ("with", True)):
         with pytest.raises(PartialResult):

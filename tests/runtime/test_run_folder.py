@@ -269,8 +269,8 @@ def test_a_finished_run_continues_with_more_cycles(tmp_path: Path) -> None:
 class Interfering(Progress):
     """Calls a function once, at the first load step of a run."""
 
-    def __init__(self, call: Callable[[], None]) -> None:
-        self.call: Callable[[], None] | None = call
+    def __init__(self, call: Callable[[], object]) -> None:
+        self.call: Callable[[], object] | None = call
 
     def step(self, row: Mapping[str, Any], fraction_done: float) -> None:
         once, self.call = self.call, None

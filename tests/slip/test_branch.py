@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from types import SimpleNamespace
+from typing import Any, cast
 
 import numpy as np
 import pytest
@@ -108,6 +109,6 @@ def test_the_rows_of_an_unloading_are_those_of_the_last_one_not_of_its_reloading
     force = np.array([1.0, 4.0, 9.0, 5.0, 1.0, 5.2, 9.5, 6.0, 0.5, 6.2])
     branch = np.array(["load"] * 3 + ["unload"] * 2 + ["reload"] * 2 + ["unload"] * 2 + ["reload"])
     columns = CurveColumns.of({"delta": delta, "force": force, "branch": branch})
-    rows = branch_rows(columns, SimpleNamespace(name="unload-reload"))
+    rows = branch_rows(columns, cast(Any, SimpleNamespace(name="unload-reload")))
     assert force[rows].tolist() == [0.5, 6.0, 9.5]
-    assert force[branch_rows(columns, SimpleNamespace(name="table"))].tolist() == [1.0, 4.0, 9.0]
+    assert force[branch_rows(columns, cast(Any, SimpleNamespace(name="table")))].tolist() == [1.0, 4.0, 9.0]

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from functools import partial
+
 import numpy as np
 import pytest
 from numpy.typing import ArrayLike
@@ -162,10 +164,14 @@ def test_a_curve_as_stiff_as_the_block_is_refused() -> None:
         SlipLaw(asp.PowerLaw(1.0, 2.0), preload=1.0, friction=0.3, nu=0.3, block=(0.5, 0.7))
 
 
+def _disc(unit: float, load: np.ndarray) -> np.ndarray:
+    return np.asarray(unit * load ** (2 / 3))
+
+
 def test_the_share_that_slips_is_that_of_cattaneo_whatever_the_unit_of_area(sphere: SlipLaw) -> None:
     """A ring outside the stick radius a (1 - t)^(1/3); on a leg of the loop of half the move."""
     for unit in (1.0, 7.0, 1e-12):
-        path = path_of_law(sphere, 0.8, steps=10, area=lambda load, unit=unit: unit * load ** (2 / 3))
+        path = path_of_law(sphere, 0.8, steps=10, area=partial(_disc, unit))
         first = 1.0 - (1.0 - np.linspace(0.0, 0.8, 11)) ** (2 / 3)
         np.testing.assert_allclose(path.slip_share[:11], first, atol=1e-12)
         np.testing.assert_allclose(path.slip_share[[30, 50]], first[-1], rtol=1e-12)

@@ -19,7 +19,8 @@ from typing import Concatenate, ParamSpec, TypeVar
 from asperity.errors import InputError
 from asperity.runtime.files import is_aside, parse_toml, read_text
 
-P, T = ParamSpec("P"), TypeVar("T")
+P = ParamSpec("P")
+T = TypeVar("T")
 
 CASE, CURVE, SUMMARY, LOG = "case.toml", "curve.csv", "summary.json", "run.log"
 FREE, RESPONSE, BAND, THRESHOLDS = "free.csv", "response.csv", "band.csv", "thresholds.json"
