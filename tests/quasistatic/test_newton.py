@@ -16,6 +16,7 @@ from asperity.contact.penalty_nitsche import SOFT
 from asperity.errors import ConvergenceError
 from asperity.fem.solid import Solid
 from asperity.linear.multigrid import PMultigrid
+from asperity.linear.solver import PMultigridMethod
 from asperity.mesh.block import BlockMesh
 from asperity.mesh.distribute import distribute
 from asperity.model.load_path import Schedule
@@ -44,6 +45,12 @@ def option(request: pytest.FixtureRequest) -> Iterator[str]:
         options.delValue(key)
     if name in before:
         options[name] = before[name]
+
+
+def multigrid_of(solver: ContactSolver) -> PMultigrid:
+    method = solver.newton.linear._method
+    assert isinstance(method, PMultigridMethod)
+    return method._multigrid
 
 
 def printed(solver: ContactSolver, capfd: pytest.CaptureFixture[str]) -> str:
@@ -79,7 +86,7 @@ def test_options_of_the_table(
     elif option == "asperity_snes_view":
         assert "type: cg" in text and "PMultigrid" in text and "TangentOperator" in text
     elif option == "asperity_coarse_pc_type":
-        assert type(solver.newton.linear._method._multigrid._coarse).__name__ == "Distributed"
+        assert multigrid_of(solver)._coarse.__class__.__name__ == "Distributed"
     else:
         assert option == "asperity_stiffness_ksp_monitor" and text.count("0 KSP Residual norm") >= 3
 

@@ -79,13 +79,13 @@ class SharedSums:
         out, into = values[self._nodes], np.empty((len(self._nodes), values.shape[1]), dtype=values.dtype)
         requests = [self._comm.Irecv(into[part], rank, TAG) for rank, part in self._parts]
         requests += [self._comm.Isend(out[part], rank, TAG) for rank, part in self._parts]
-        own = values[self._shared]
+        own, added = values[self._shared], False
         values[self._shared] = 0.0
         MPI.Request.Waitall(requests)
         for rank, part in self._parts:
-            if own is not None and rank > self._comm.rank:
+            if not added and rank > self._comm.rank:
                 values[self._shared] += own
-                own = None
+                added = True
             values[self._nodes[part]] += into[part]
-        if own is not None:
+        if not added:
             values[self._shared] += own

@@ -241,7 +241,8 @@ class PMultigrid:
 
         w, before = free * self._extreme, np.zeros_like(free)
         basis: list[Singles] = []
-        diagonal, beside = [], []
+        diagonal: list[float] = []
+        beside: list[float] = []
         for step in range(steps):
             image = root * self._tangent.single_product(root * w)
             square, along = summed(comm, dot(w, w), dot(w, image))

@@ -33,7 +33,8 @@ RESCUED = (
 )
 TOO_LARGE = (
     "the linear solver failed on %d dofs, too many for LU to rescue, and the step is cut: of the values of "
-    "solver.linear, cg is the most robust iterative one, lu solves by MUMPS on all ranks; take more of them where memory is short"
+    "solver.linear, cg is the most robust iterative one, lu solves by MUMPS on all ranks; take more of them where "
+    "memory is short"
 )
 PREFIX, RESCUE_PREFIX = "asperity_", "asperity_rescue_"
 #: Memory beyond the estimate of MUMPS, in per cent: on several ranks the need depends on the speed of each.
@@ -154,7 +155,7 @@ class LinearSolver:
         lifted = np.zeros(3 * self._solid.owned)
         lifted[self._rows[len(self._rows) - len(self._values) :]] = self._values
         right = self._given.copy()
-        if not self.rescue and summed(self._solid.comm, lifted.any())[0]:
+        if not self.rescue and summed(self._solid.comm, float(lifted.any()))[0]:
             right -= self.product(lifted)
         right[self._rows] = 0.0
         b.array = right

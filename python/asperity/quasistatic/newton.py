@@ -86,7 +86,7 @@ class NewtonSolver:
         self.solid, self.contact, self.options = solid, contact, options
         self._given = fixed
         self._residual_vec, self.x = solid.vector(), solid.vector()
-        self._shortened = 0
+        self._shortened, self._at_trial = 0, False
         self._shift = self._last_shift = 0.0
         self.rows: Integers = NOT_YET
         # in nearly incompressible solids the error is larger than the residual indicates
@@ -252,7 +252,7 @@ class NewtonSolver:
         def merit(force: Floats) -> float:
             flat = contact.imbalance(force).reshape(-1)
             flat[self._fixed] = 0.0
-            return float(summed(self.solid.comm, flat @ flat)[0])
+            return float(summed(self.solid.comm, float(flat @ flat))[0])
 
         before, found = merit(self.force), []
         for length in DAMPED:
