@@ -15,6 +15,7 @@ from asperity.mesh.element import BEARING, DEGREE, FACET_POINTS
 from asperity.runtime.compiled import solver as _solver
 
 SOFT, RAISED = 100.0, 10.0  # factor of the first solution of a step at most, and its growth from one to the next
+OUTWEIGHED = 2.0  # measured with Hertz: mean error of the area below 1 % with 10 and 100 E/h and Nitsche's method
 
 
 class PressureContact(Contact):
@@ -128,7 +129,7 @@ class PressureContact(Contact):
         The surroundings are the quadrature points next to the node. The greatest share of a node counts as whole, so a
         contact of a few points has nodes too.
         """
-        touched, weights = self.touched()
+        touched, weights = self.points > 0.0, self._rule.weights
         under, total = (self._of_surroundings(values) for values in (weights * touched, weights))
         owned = self._surface.owned_nodes
         share = np.divide(under[owned], total[owned], out=np.zeros(len(owned)), where=total[owned] > 0.0)
@@ -160,11 +161,27 @@ class PressureContact(Contact):
         self._committed.assign(history)
 
     def touched(self) -> tuple[Flags, Floats]:
-        """Quadrature points under pressure."""
+        """Edge nodes in contact, each with a third of its facet, as with exact contact; collective.
+
+        A contact within a few facets that no edge node belongs to consists of the points under pressure.
+        """
+        surface, bearing = self._surface, self.touched_edges()[self._surface.nodes[:, BEARING]]
+        if self._solid.comm.allreduce(bool(bearing.any()), op=MPI.LOR):
+            return bearing, np.repeat(surface.area[:, None] / len(BEARING), len(BEARING), axis=1)
         return self.points > 0.0, self._rule.weights
 
     def touched_edges(self) -> Flags:
-        """Edge nodes with a point under pressure in one of their thirds."""
-        touched = self.points > 0.0
-        thirds = np.stack([touched[:, self._rule.edge == k].any(axis=1) for k in range(3)], axis=1)
-        return self._surface.assemble(self._surface.nodes[:, BEARING], thirds.astype(float)) > 0.0
+        """Edge nodes whose force outweighs their gap: P a > 2 E g, P their mean pressure, a the root of their area.
+
+        Pressures at points oscillate where the contact is stiff or the solid nearly incompressible. The force of a node
+        does not; and of exact contact, whose gap is zero where there is a force, the nodes are the same.
+        """
+        nodes, z = self._surface.owned_nodes, self._z
+        solid, area = self._solid, self._surface.bearing_area()
+        gap = z - solid.points[:, 2] - solid.u.x.array.reshape(-1, 3)[:, 2]
+        force = np.zeros(3 * solid.owned)
+        force[3 * nodes] = self._force[nodes]
+        force = solid.scatter_forward(force)[:, 0]
+        pressed = (area > 0.0) & (force > 0.0)
+        pressed[pressed] = force[pressed] > OUTWEIGHED * np.sqrt(area[pressed]) * gap[pressed]
+        return pressed
