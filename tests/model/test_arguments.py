@@ -110,7 +110,7 @@ def of_command(changes: dict[str, Any]) -> Problem:
         ("mesh.refinements", 9),
         ("material.E", 0.0),
         ("material.E", float("inf")),
-        ("material.nu", 0.49999),
+        ("material.nu", 0.4951),
         ("material.nu", -1.0),
         ("material.yield_strength", 1.0),  # GPa for Pa
         ("material.yield_strength", 300e9),

@@ -46,7 +46,7 @@ class MaterialSection(Section):
 
     E: Real = key("Young's modulus", unit=STRESS, ge=MODULI[0], le=MODULI[1], hint="200e9 Pa for steel")
     nu: Real = key(
-        "Poisson's ratio", ge=POISSON_RATIOS[0], le=POISSON_RATIOS[1], hint="0.3 for steel, 0.499 for rubber"
+        "Poisson's ratio", ge=POISSON_RATIOS[0], le=POISSON_RATIOS[1], hint="0.3 for steel, 0.495 for rubber"
     )
     yield_strength: Real | None = key(
         "yield strength", None, shown="elastic", unit=STRESS, gt=0,
