@@ -33,9 +33,9 @@ from scipy.sparse.linalg import LinearOperator, cg
 
 import asperity as asp
 from asperity.arrays import Floats
+from asperity.quasistatic.callbacks import Callbacks
 from asperity.quasistatic.contact_solver import ContactSolver
 from asperity.quasistatic.force_loops import Leg, as_before
-from asperity.quasistatic.hooks import Hooks
 from asperity.quasistatic.slip_paths import Sliding, solve_slip
 from asperity.reference import HalfSpaceContact, half_space_contact
 from asperity.runtime.files import read_csv
@@ -241,7 +241,7 @@ def solid(n: int, h: float, slopes: list[float]) -> None:
                 surface, material, sides="periodic", pressure_max=pressure, steps=8, size=size,
                 formulation=asp.Formulation(method="active-set"),
             )  # fmt: skip
-            result = asp.solve_problem(problem, hooks=Hooks(stiffness=True))
+            result = asp.solve_problem(problem, hooks=Callbacks(stiffness=True))
             pressed = process_time()
             settings = SlipSettings(MU, AMPLITUDES, float(result.curve.force[-1]), steps=1, method="solid")
             paths = solve_slip(problem, result, settings)
@@ -286,7 +286,7 @@ def yielded(h: float) -> None:
                 surface, material, sides="periodic", delta_max=0.01 * slope / SLOPE, steps=8, unload_steps=10,
                 size=asp.MeshSize(h_contact=h),
             )  # fmt: skip
-            result = asp.solve_problem(problem, hooks=Hooks(stiffness=True))
+            result = asp.solve_problem(problem, hooks=Callbacks(stiffness=True))
             curve = {name: getattr(result.curve, name) for name in CURVE}
             curve["error_P_star"] = 1e-9 * curve["P_star"]
             for part in (1.0, 0.5):

@@ -10,7 +10,7 @@
 #pragma once
 
 #include "eigenvectors.hpp"
-#include "resolvents.hpp"
+#include "log_by_quadrature.hpp"
 
 namespace asperity
 {

@@ -11,8 +11,8 @@ from scipy.stats import linregress
 from scipy.stats import t as student
 
 from asperity.curve import Curve
+from asperity.curve.power_law import fit_power_law, interface_approach
 from asperity.errors import InputError
-from asperity.power_law import fit_power_law, interface_approach
 
 
 @pytest.mark.parametrize(("k", "n", "norm"), [(2.0, 1.5, "log"), (1e6, 3.2, "linear"), (1e-4, 0.8, "linear")])

@@ -17,14 +17,14 @@ import asperity
 from asperity.adaptive.mesh_levels import LevelSolver
 from asperity.case import Case
 from asperity.curve import COLUMNS, Curve
+from asperity.curve.loops import LoopTable
+from asperity.curve.power_law import with_misfit
 from asperity.dynamics import DynamicsSettings, Joint, LoopDamping, PowerLaw, TableLaw, law_from, run_dynamics
 from asperity.dynamics.run import small_vibration
 from asperity.errors import CheckError, CheckpointError, ConvergenceError, InputError, MeshError, OutputError
-from asperity.loops import LoopTable
 from asperity.mesh.block import BlockMesh
 from asperity.model.material import Material
 from asperity.output.results import Results
-from asperity.power_law import with_misfit
 from asperity.quasistatic.newton import NewtonSolver
 from asperity.run_case import RunResult, run
 from asperity.runtime.run_folder import PRODUCTS

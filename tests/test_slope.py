@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from asperity.curve import Curve
-from asperity.slope import slopes
+from asperity.curve.slope import slopes
 
 CURVES = Path(__file__).parent / "curves"
 

@@ -7,6 +7,8 @@ from asperity.adaptive.solve_contact import solve_contact as solve_contact
 from asperity.adaptive.solve_to_tolerance import solve_to_tolerance as solve_to_tolerance
 from asperity.case import Case as Case
 from asperity.curve import Curve as Curve
+from asperity.curve.power_law import PowerLawFit as PowerLawFit
+from asperity.curve.power_law import fit_power_law as fit_power_law
 from asperity.dynamics import ContactOscillator as ContactOscillator
 from asperity.dynamics import Joint as Joint
 from asperity.dynamics import PowerLaw as PowerLaw
@@ -32,8 +34,6 @@ from asperity.model.settings import Formulation as Formulation
 from asperity.model.settings import MeshSize as MeshSize
 from asperity.model.settings import SolverOptions as SolverOptions
 from asperity.output.export import export as export
-from asperity.power_law import PowerLawFit as PowerLawFit
-from asperity.power_law import fit_power_law as fit_power_law
 from asperity.quasistatic.solve_problem import solve_problem as solve_problem
 from asperity.run_case import run as run
 from asperity.surface import Surface as Surface

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 from asperity.case import Case
 from asperity.curve import Curve
+from asperity.curve.power_law import PowerLawFit, with_misfit
 from asperity.errors import (
     AssumptionWarning,
     CaseWarning,
@@ -27,13 +28,12 @@ from asperity.output.assumption import DOUBTFUL, Assumption, describe
 from asperity.output.assumptions import ledger
 from asperity.output.run_files import RunFiles
 from asperity.output.summary import of_ranks
-from asperity.power_law import PowerLawFit, with_misfit
 from asperity.runtime.display import brief
-from asperity.runtime.notices import Notices, log, noting
 from asperity.runtime.parallel import agree, on_root, on_root_bcast, seconds_alone
 from asperity.runtime.progress import Progress, log_file
 from asperity.runtime.run_folder import LOG
 from asperity.runtime.timing import Phases
+from asperity.runtime.warnings_log import Notices, log, noting
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

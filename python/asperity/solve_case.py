@@ -22,8 +22,8 @@ from asperity.output.assumptions import Evidence
 from asperity.output.patches import Spread, spread_of_patches
 from asperity.output.run_files import RunFiles
 from asperity.output.summary import summarise
+from asperity.quasistatic.callbacks import Callbacks
 from asperity.quasistatic.contact_result import ContactResult, PartialResult, refuse_wrong
-from asperity.quasistatic.hooks import Hooks
 from asperity.quasistatic.solve_problem import solve_problem
 from asperity.runtime.progress import Progress, row_line
 
@@ -145,7 +145,7 @@ def solve_case(
     return SolvedCase(chosen, contact, accurate=accurate, strain=strain, failure=failure)
 
 
-def _hooks(case: Case, files: RunFiles, progress: Progress, stop: Callable[[], str] | None) -> Hooks:
+def _hooks(case: Case, files: RunFiles, progress: Progress, stop: Callable[[], str] | None) -> Callbacks:
     """Progress, checkpoint and snapshots of a run, whose curve is written step by step."""
 
     def on_stage(name: str) -> None:
@@ -160,7 +160,7 @@ def _hooks(case: Case, files: RunFiles, progress: Progress, stop: Callable[[], s
         logging.getLogger(__name__).info("%s", row_line(rows[-1]))
 
     output = case.output
-    return Hooks(
+    return Callbacks(
         on_stage, on_step, stop, files.checkpoint,
         snapshots=output.snapshots if output.figures or output.fields else 0,
         on_ready=files.begin,
@@ -169,7 +169,7 @@ def _hooks(case: Case, files: RunFiles, progress: Progress, stop: Callable[[], s
 
 
 def _with_kinematics(
-    case: Case, problem: Problem, hooks: Hooks, comm: MPI.Comm, note: Callable[[str], None]
+    case: Case, problem: Problem, hooks: Callbacks, comm: MPI.Comm, note: Callable[[str], None]
 ) -> tuple[Problem, SmallStrain | None]:
     """The problem with the kinematics of the run, and what small strain changes; collective.
 

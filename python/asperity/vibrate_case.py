@@ -12,13 +12,13 @@ from typing import Any
 
 from asperity.case import Case
 from asperity.curve import Curve
+from asperity.curve.loops import LoopTable
 from asperity.dynamics import Dynamics, DynamicsSettings, LoopDamping, run_dynamics
 from asperity.dynamics.joint import Numbers
 from asperity.dynamics.run import small_vibration
 from asperity.errors import AsperityError, AsperityWarning, ConvergenceError, InputError, Interrupted, warn
 from asperity.force_law.choice import met
 from asperity.force_law.damping import LOOPS as OF_LOOPS
-from asperity.loops import LoopTable
 from asperity.model.problem import Problem
 from asperity.quasistatic.contact_result import ContactResult
 from asperity.quasistatic.force_loops import solve_loops

@@ -31,8 +31,8 @@ from asperity.mesh.top import Top
 from asperity.model.material import Material
 from asperity.model.problem import Problem
 from asperity.model.settings import MeshSize
+from asperity.quasistatic.callbacks import Callbacks
 from asperity.quasistatic.contact_result import PartialResult
-from asperity.quasistatic.hooks import Hooks
 from asperity.surface import HeightMap, SelfAffine, SurfaceWarning
 
 
@@ -131,7 +131,7 @@ def test_the_force_of_a_spot_scatters_with_its_place_by_a_part_of_what_its_area_
     for x, y in np.random.default_rng(5).uniform(0.4, 0.6, (6, 2)):
         sphere = asp.Surface.from_spec("sphere", L=1.0, radius=20.0, centre=(float(x), float(y)), shape="paraboloid")
         problem = Problem.of(sphere, ELASTIC, delta_max=2.8e-3, steps=5)
-        run = LevelSolver(problem, 2.8e-3, Guide(problem, 2.8e-3, 5), 2.0, 10**6, here(), Hooks())
+        run = LevelSolver(problem, 2.8e-3, Guide(problem, 2.8e-3, 5), 2.0, 10**6, here(), Callbacks())
         coarse, fine = (run(finer).curve.loading() for finer in (1.0, 2.0))
         change.append(np.log(coarse.P_star / fine.P_star))
         left_open.append(np.hypot(*(0.5 * c.error_area_fraction / c.area_fraction for c in (coarse, fine))))
@@ -166,7 +166,7 @@ def test_a_stop_while_a_mesh_is_judged_keeps_its_curve() -> None:
     stopped: list[str] = []
     problem = Problem.of(surface_of(4, lambda_short=0.1), ELASTIC, delta_max=0.02, steps=5)
     with pytest.raises(PartialResult, match="stopped by the test") as e:
-        refine(problem, asp.AccuracyTarget(0.1, area_tolerance=1e-3), hooks=Hooks(on_stage=stage))
+        refine(problem, asp.AccuracyTarget(0.1, area_tolerance=1e-3), hooks=Callbacks(on_stage=stage))
     assert len(stopped) == 1 and np.isfinite(e.value.result.curve.error_P_star).all()
 
 

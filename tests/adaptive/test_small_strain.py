@@ -23,7 +23,7 @@ from asperity.errors import InputError, Interrupted
 from asperity.model.material import Material
 from asperity.model.problem import Problem
 from asperity.model.settings import AccuracyTarget, MeshSize
-from asperity.quasistatic.hooks import Hooks
+from asperity.quasistatic.callbacks import Callbacks
 from asperity.quasistatic.make import make_contact_solver
 from asperity.run_case import run
 from asperity.surface import Flat, Sinusoid, Surface
@@ -260,6 +260,6 @@ def test_a_run_with_a_tolerance_chooses_too(tmp_path: Path) -> None:
 
 
 def test_an_interrupted_comparison_is_no_failure() -> None:
-    hooks = Hooks(stop=lambda: "the test")
+    hooks = Callbacks(stop=lambda: "the test")
     with pytest.raises(Interrupted, match="coarse mesh, small strain: stopped by the test"):
         choose_kinematics(plane(0.01), comm=here(), hooks=hooks)

@@ -22,9 +22,9 @@ from made_up_run import write_run
 
 from asperity.cli.import_map import CASE
 from asperity.curve import Curve
+from asperity.curve.power_law import PowerLawFit
 from asperity.errors import ConvergenceError
 from asperity.plot import CAPTIONS
-from asperity.power_law import PowerLawFit
 from asperity.runtime.progress import COLUMNS, LevelLines, Progress, StepLines, duration, make_progress
 
 ROOT = Path(__file__).parents[2]

@@ -20,7 +20,7 @@ from asperity.mesh.block import BlockMesh
 from asperity.mesh.distribute import distribute
 from asperity.mesh.element import AT_CORNERS, DIAGONALS, EDGES
 from asperity.mesh.generate import build_block
-from asperity.mesh.lift import lift
+from asperity.mesh.morph import lift
 from asperity.mesh.refine import split
 from asperity.mesh.top import Top, heights_of_top
 from asperity.model.material import Material

@@ -42,7 +42,7 @@ from asperity.output.assumptions import (
 )
 from asperity.quasistatic.solve_problem import solve_problem
 from asperity.run_case import run
-from asperity.runtime.notices import noting
+from asperity.runtime.warnings_log import noting
 from asperity.surface import Flat, Sinusoid, Sphere, Surface
 from asperity.surface import fractal as fractal_module
 

@@ -10,8 +10,8 @@ import pytest
 from conftest import PLASTIC, here, world
 
 from asperity.adaptive.solve_contact import solve_contact
+from asperity.curve.loops import Loop, LoopTable
 from asperity.errors import InputError, Interrupted
-from asperity.loops import Loop, LoopTable
 from asperity.mesh.block import BlockMesh
 from asperity.model.material import Material
 from asperity.model.settings import Formulation, MeshSize

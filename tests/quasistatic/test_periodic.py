@@ -29,7 +29,7 @@ from asperity.quasistatic.checkpoint import Checkpoint
 from asperity.quasistatic.contact_result import PartialResult
 from asperity.quasistatic.make import make_block
 from asperity.runtime import compat
-from asperity.runtime.shares import collect
+from asperity.runtime.distributed_array import collect
 from asperity.surface import Flat, HeightMap, SelfAffine, Sinusoid, Sphere, Surface
 
 FINITE = Material(E=1.0, nu=0.3, yield_strength=0.005, tangent_modulus=0.05, kinematics="finite")

@@ -32,13 +32,13 @@ from asperity.adaptive.mesh_plan import (
     size_for_strain,
     step_rule,
 )
+from asperity.curve.slope import SINGLE_CONTACT
 from asperity.errors import InputError
 from asperity.mesh.block import BlockMesh
 from asperity.mesh.size_field import size_field
 from asperity.model.problem import Problem
 from asperity.model.settings import MeshSize
 from asperity.runtime.display import short_repr
-from asperity.slope import SINGLE_CONTACT
 
 if TYPE_CHECKING:
     from asperity.case import Case

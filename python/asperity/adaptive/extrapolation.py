@@ -18,8 +18,8 @@ from asperity.adaptive.guide import Omission
 from asperity.adaptive.mesh_plan import AREA_ORDER, REACH, bar_share, weight
 from asperity.arrays import Floats
 from asperity.curve import WITH_ERRORS, Curve
+from asperity.curve.slope import SINGLE_CONTACT, legs, slopes
 from asperity.errors import InputError
-from asperity.slope import SINGLE_CONTACT, legs, slopes
 
 Along = Callable[[Floats], Floats]  # a relative error along the loading, at approaches (n,)
 

@@ -14,8 +14,8 @@ from asperity.mesh.block import BlockMesh
 from asperity.mesh.resolution import SHARE, unresolved_height
 from asperity.model.problem import Problem
 from asperity.model.settings import AccuracyTarget
+from asperity.quasistatic.callbacks import Callbacks
 from asperity.quasistatic.contact_result import ContactResult, PartialResult
-from asperity.quasistatic.hooks import Hooks
 from asperity.quasistatic.solve_problem import solve_problem
 from asperity.runtime.parallel import on_root_bcast
 
@@ -45,7 +45,7 @@ class LevelSolver:
         scale: of the first mesh
         max_dofs: size no mesh may exceed
         comm: communicator
-        hooks: see `solve_contact.Hooks`; each level has a checkpoint of its own
+        hooks: see `solve_contact.Callbacks`; each level has a checkpoint of its own
 
     Attributes:
         comm: communicator
@@ -60,7 +60,7 @@ class LevelSolver:
 
     def __init__(
         self, problem: Problem, depth: float, guide: Guide | None, scale: float, max_dofs: int, comm: MPI.Comm,
-        hooks: Hooks,
+        hooks: Callbacks,
     ) -> None:  # fmt: skip
         material = problem.material
         self._problem, self._depth, self._max_dofs, self._hooks = problem, depth, max_dofs, hooks

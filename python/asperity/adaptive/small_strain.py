@@ -26,8 +26,8 @@ from asperity.mesh.top import Top, heights_of_top
 from asperity.model.material import AUTO
 from asperity.model.problem import Problem
 from asperity.model.settings import Formulation, MeshSize
+from asperity.quasistatic.callbacks import Callbacks
 from asperity.quasistatic.contact_result import PartialResult
-from asperity.quasistatic.hooks import Hooks
 from asperity.quasistatic.make import make_block
 from asperity.quasistatic.solve_problem import estimate_approach, solve_problem
 from asperity.runtime.parallel import on_root_bcast
@@ -106,7 +106,7 @@ class SmallStrain:
 
 
 def choose_kinematics(
-    problem: Problem, tolerance: float | None = None, comm: MPI.Comm | None = None, hooks: Hooks | None = None
+    problem: Problem, tolerance: float | None = None, comm: MPI.Comm | None = None, hooks: Callbacks | None = None
 ) -> tuple[Problem, SmallStrain]:
     """The problem with small or finite strain, and what small strain changes in its force; collective.
 
@@ -135,7 +135,7 @@ def choose_kinematics(
     """
     from mpi4py import MPI
 
-    comm, hooks = MPI.COMM_WORLD if comm is None else comm, hooks or Hooks()
+    comm, hooks = MPI.COMM_WORLD if comm is None else comm, hooks or Callbacks()
     limit = 100.0 * (ONE_MESH if tolerance is None else SHARE * tolerance)
     found = None
     for found in islice(_comparisons(problem, tolerance, limit, comm, hooks), MOST_MESHES):
@@ -151,7 +151,7 @@ def choose_kinematics(
 
 
 def _comparisons(
-    problem: Problem, tolerance: float | None, limit: float, comm: MPI.Comm, hooks: Hooks
+    problem: Problem, tolerance: float | None, limit: float, comm: MPI.Comm, hooks: Callbacks
 ) -> Iterator[SmallStrain]:
     """Comparisons on meshes from coarse to fine."""
     surface, L = problem.surface, problem.surface.L
@@ -188,7 +188,7 @@ def _with(problem: Problem, kinematics: str) -> Problem:
 
 
 def _press(
-    problem: Problem, kinematics: str, block: BlockMesh | None, h: float, comm: MPI.Comm, hooks: Hooks
+    problem: Problem, kinematics: str, block: BlockMesh | None, h: float, comm: MPI.Comm, hooks: Callbacks
 ) -> tuple[Curve, str]:
     """Curve on the coarse mesh, and why it ends early; empty where it does not; collective.
 
@@ -197,7 +197,7 @@ def _press(
     """
     name = f"coarse mesh, {kinematics} strain"
     part = None if hooks.checkpoint is None else hooks.checkpoint.part(f"{kinematics}-{h / problem.surface.L:.6g}")
-    own = Hooks(
+    own = Callbacks(
         lambda stage: hooks.stage(f"{name}: {stage}"), stop=hooks.stop, checkpoint=part, on_ready=hooks.on_ready
     )
     try:

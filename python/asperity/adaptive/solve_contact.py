@@ -12,8 +12,8 @@ from asperity.model.load_path import MIDPOINT
 from asperity.model.material import Material
 from asperity.model.problem import Problem, ProblemArguments
 from asperity.model.settings import AccuracyTarget, Formulation, MeshSize, SolverOptions
+from asperity.quasistatic.callbacks import Callbacks
 from asperity.quasistatic.contact_result import ContactResult
-from asperity.quasistatic.hooks import Hooks
 from asperity.quasistatic.solve_problem import solve_problem
 from asperity.quasistatic.stepping import Callback
 from asperity.surface import Surface
@@ -112,7 +112,7 @@ def solve_contact(
         options: of the solver
         block: a mesh to use instead of making one (on rank 0), without a tolerance
         comm: communicator; default all ranks
-        snapshots, on_stage, on_step, checkpoint, stop, stiffness, conductance: see `Hooks`
+        snapshots, on_stage, on_step, checkpoint, stop, stiffness, conductance: see `Callbacks`
 
     Raises:
         InputError: an argument of another type or outside its range, or not exactly one of delta_max, force_max and
@@ -137,7 +137,7 @@ def solve_contact(
         pressure_max=pressure_max, steps=steps, unload_steps=unload_steps, cycles=cycles, integrator=integrator,
         substeps=substeps, size=size, formulation=formulation, options=options,
     )  # fmt: skip
-    hooks = Hooks(on_stage, on_step, stop, checkpoint, snapshots, stiffness=stiffness, conductance=conductance)
+    hooks = Callbacks(on_stage, on_step, stop, checkpoint, snapshots, stiffness=stiffness, conductance=conductance)
     if tolerance is None:
         return solve_problem(problem, block=block, comm=comm, hooks=hooks)
     check_free(problem, block is not None)

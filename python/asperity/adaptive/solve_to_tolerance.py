@@ -21,12 +21,12 @@ from asperity.adaptive.mesh_levels import LevelSolver
 from asperity.adaptive.mesh_plan import RATIO, first_scale, planned_steps, step_rule
 from asperity.curve import Curve
 from asperity.errors import InputError, Interrupted, MeshError
-from asperity.model.kinds import check_kind, refuse
+from asperity.model.argument_checks import check_kind, refuse
 from asperity.model.material import Material
 from asperity.model.problem import Problem, ProblemArguments
 from asperity.model.settings import AccuracyTarget, MeshSize, penalty_too_soft
+from asperity.quasistatic.callbacks import Callbacks
 from asperity.quasistatic.contact_result import PartialResult
-from asperity.quasistatic.hooks import Hooks
 from asperity.quasistatic.solve_problem import estimate_approach
 from asperity.quasistatic.stepping import Callback
 from asperity.runtime.parallel import on_root
@@ -60,7 +60,7 @@ def solve_to_tolerance(
         surface, material: as in `solve_contact`
         goal: tolerance and limits
         comm: communicator; default all ranks
-        snapshots, on_stage, on_step, checkpoint, stop, stiffness, conductance: see `Hooks`
+        snapshots, on_stage, on_step, checkpoint, stop, stiffness, conductance: see `Callbacks`
         on_curve: called with the curve with error bars that each mesh after the first gives
         problem: see `solve_contact`; the steps of the result are a multiple, see `mesh_plan.planned_steps`
 
@@ -79,7 +79,7 @@ def solve_to_tolerance(
     check_kind("goal", goal, "AccuracyTarget")
     whole = Problem.of(surface, material, **problem)
     check_free(whole, False)
-    hooks = Hooks(on_stage, on_step, stop, checkpoint, snapshots, stiffness=stiffness, conductance=conductance)
+    hooks = Callbacks(on_stage, on_step, stop, checkpoint, snapshots, stiffness=stiffness, conductance=conductance)
     return refine(whole, goal, comm, hooks, on_curve).checked()
 
 
@@ -95,7 +95,7 @@ def refine(
     problem: Problem,
     target: AccuracyTarget,
     comm: MPI.Comm | None = None,
-    hooks: Hooks | None = None,
+    hooks: Callbacks | None = None,
     on_curve: Callable[[Curve], None] | None = None,
 ) -> AccurateResult:
     """Refine mesh and load steps until the force along the first loading has the requested error bar; collective.
@@ -127,7 +127,7 @@ def refine(
     steps = planned_steps(problem.load_path.steps)
     planned = replace(problem, load_path=replace(problem.load_path, steps=steps))
     comm = MPI.COMM_WORLD if comm is None else comm
-    hooks = hooks or Hooks()
+    hooks = hooks or Callbacks()
     depth = planned.load_path.delta_max
     if depth is None:
         hooks.stage("deflection estimate")

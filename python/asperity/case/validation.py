@@ -16,7 +16,7 @@ from asperity.case.schema import (
 )
 from asperity.case.surfaces import SelfAffineSection
 from asperity.force_law import MIN_ROWS
-from asperity.model.kinds import Judgement
+from asperity.model.argument_checks import Judgement
 from asperity.model.limits import FRACTIONS, improbable, too_deep, wrong_force, wrong_length, wrong_preload, wrong_sizes
 from asperity.model.material import wrong_slope, wrong_yield
 from asperity.model.settings import H_CONTACT, H_MAX, gamma_too_small, penalty_too_soft, wrong_friction

@@ -11,7 +11,7 @@ from asperity.cli import options
 from asperity.runtime.progress import make_progress, world_rank
 
 if TYPE_CHECKING:
-    from asperity.power_law import PowerLawFit
+    from asperity.curve.power_law import PowerLawFit
 
 
 @click.command()
@@ -80,7 +80,7 @@ def command(
 
 def _show_fit(fit: PowerLawFit | None) -> None:
     if fit is not None:
-        from asperity.power_law import with_misfit
+        from asperity.curve.power_law import with_misfit
 
         k, n = with_misfit(fit.to_dict())
         options.say(f"P* = k (delta/L)^n with k = {k}, n = {n} (misfit of the fit), R^2 = {fit.r2:.5f}")

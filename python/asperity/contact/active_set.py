@@ -21,7 +21,7 @@ class ActiveSet(Contact):
     """
 
     symmetric = True
-    stiff = False  # active dofs are prescribed by the solver
+    has_tangent = False  # active dofs are prescribed by the solver
 
     def __init__(self, solid: Solid, surface: ContactSurface) -> None:
         self._solid, self._surface = solid, surface

@@ -16,7 +16,7 @@ from asperity.mesh.distribute import TOP
 from asperity.mesh.top import Top
 from asperity.runtime import compat
 from asperity.runtime.compiled import solver as _solver
-from asperity.runtime.shares import collect, share_some
+from asperity.runtime.distributed_array import collect, share_some
 
 FACET_DEGREE = 8  # 16 points: four times closer on cut facets than the 6 of degree 4, at no cost (docs/contact.md)
 

@@ -32,7 +32,7 @@ class Coulomb(ActiveSet):
         goes_on: whether the next solves begin with the bounds and the slip of the last one
     """
 
-    stiff = True
+    has_tangent = True
     held: Floats
     goes_on = False
 

@@ -143,7 +143,7 @@ class FrozenFriction:
     """
 
     symmetric = True
-    stiff = True
+    has_tangent = True
 
     def __init__(self, solid: Solid, surface: ContactSurface, normal: Floats, fixed: Integers) -> None:
         self._normal = normal

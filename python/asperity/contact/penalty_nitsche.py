@@ -50,7 +50,7 @@ class PressureContact(Contact):
     ) -> None:
         self._solid, self._surface = solid, surface
         self._rule = FacetRule(surface, FACET_DEGREE)
-        self.symmetric, self.stiff = not traction, True
+        self.symmetric, self.has_tangent = not traction, True
         points = self._rule.weights.shape
         if traction:
             lam, mu = solid.material.lame

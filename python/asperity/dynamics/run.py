@@ -13,6 +13,7 @@ from typing import Any
 
 import numpy as np
 
+from asperity.curve.loops import LoopTable
 from asperity.dynamics.band import BAND_COLUMNS, Band, response_band
 from asperity.dynamics.free import FreeVibration
 from asperity.dynamics.joint import Numbers
@@ -29,7 +30,6 @@ from asperity.force_law.damping import LOOPS, LoopDamping
 from asperity.force_law.intervals import Uncertainty, intervals
 from asperity.force_law.law import Law
 from asperity.force_law.laws import LawTable, tabulate
-from asperity.loops import LoopTable
 from asperity.runtime import run_folder
 from asperity.runtime.display import short_repr
 from asperity.runtime.files import replace_file, write_csv

@@ -9,7 +9,7 @@ import numpy as np
 from asperity.arrays import Array, Indices
 from asperity.mesh.element import NODES
 from asperity.runtime import compat
-from asperity.runtime.shares import DistributedArray, count, share
+from asperity.runtime.distributed_array import DistributedArray, count, share
 
 if TYPE_CHECKING:
     from asperity.fem.solid import Solid

@@ -9,6 +9,8 @@ from typing import Any
 import numpy as np
 
 from asperity.arrays import Array
+from asperity.curve.power_law import fit_power_law
+from asperity.curve.slope import fitted_rows
 from asperity.errors import AsperityError, AsperityWarning, InputError, RangeError, warn
 from asperity.force_law import LAWS, MIN_ROWS
 from asperity.force_law.checks import positive
@@ -17,8 +19,6 @@ from asperity.force_law.law import Law
 from asperity.force_law.points import FALL, MIN_POINTS, TOUCH, fit_origin
 from asperity.force_law.power import EXPONENT, PowerLaw
 from asperity.force_law.table import TableLaw
-from asperity.power_law import fit_power_law
-from asperity.slope import fitted_rows
 
 TOO_LOW = (
     "the law is the paper's power law of the loading, whose frequency is too low, by a factor of 1.5 on a fractal "

@@ -13,9 +13,9 @@ import numpy as np
 
 from asperity.arrays import Array, Flags
 from asperity.curve import BRANCHES
+from asperity.curve.slope import legs
 from asperity.errors import InputError
 from asperity.runtime.measured_curve import read_measured_curve
-from asperity.slope import legs
 
 _HYSTERESIS = 0.01  # share of the greatest force by which an unloading falls short of the loading after yield
 _CLOSED = 1e-3  # a reloading closes its loop if it ends within this share below the top, in approach or force

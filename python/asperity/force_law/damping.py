@@ -16,8 +16,8 @@ from functools import cached_property
 import numpy as np
 
 from asperity.arrays import Array
+from asperity.curve.loops import LoopTable
 from asperity.errors import InputError
-from asperity.loops import LoopTable
 
 _POINTS = 4000  # of the mean over a cycle
 _SAME_PRELOAD = 0.01  # relative difference up to which loops are about the preload

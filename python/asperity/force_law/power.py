@@ -8,9 +8,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from asperity.arrays import Array
+from asperity.curve.power_law import PowerLawFit
 from asperity.force_law.checks import positive, within
 from asperity.force_law.law import Law
-from asperity.power_law import PowerLawFit
 from asperity.runtime.display import short_repr
 
 EXPONENT = (0.25, 100.0)  # outside, no practical number of harmonics describes the orbits

@@ -16,10 +16,10 @@ import numpy.typing as npt
 from asperity.arrays import Floats
 from asperity.errors import MeshError
 from asperity.mesh.block import BlockMesh
-from asperity.mesh.copies import Copies
 from asperity.mesh.element import DEGREE, NODES
-from asperity.mesh.lift import lift
+from asperity.mesh.morph import lift
 from asperity.mesh.periodic import same_nodes
+from asperity.mesh.shared_nodes import SharedNodes
 from asperity.mesh.size_field import rounded
 from asperity.runtime import compat
 from asperity.surface.base import EDGE
@@ -72,7 +72,7 @@ def build_block(
     points *= L
     if refinements:
         return BlockMesh(points, tets, L, height, refinements=refinements)
-    copies = Copies(same_nodes(points, L)) if periodic else None
+    copies = SharedNodes(same_nodes(points, L)) if periodic else None
     points, smoothing = lift(points, tets, surface, height, copies)
     return BlockMesh(points, tets, L, height, smoothing if smoothing.any() else None)
 

@@ -17,11 +17,11 @@ import numpy as np
 
 from asperity.arrays import Floats, Indices
 from asperity.mesh.block import NEAR
-from asperity.mesh.copies import Copies, Exchange
 from asperity.mesh.element import AT_CORNERS, DEGREE, DIAGONALS, EDGES, NODES
-from asperity.mesh.lift import lift
+from asperity.mesh.morph import lift
+from asperity.mesh.shared_nodes import Exchange, SharedNodes
 from asperity.runtime import compat
-from asperity.runtime.shares import places
+from asperity.runtime.distributed_array import places
 
 if TYPE_CHECKING:
     from asperity.surface import Surface
@@ -104,7 +104,7 @@ def _lifted(mesh: Any, numbers: Indices, corners: Floats, surface: Surface, heig
     points: Floats = np.empty((len(keys), 3))
     points[tets] = x
     exchange = Exchange(index_map)
-    points, _ = lift(points, tets, surface, height, Copies(keys // SIDES, exchange))
+    points, _ = lift(points, tets, surface, height, SharedNodes(keys // SIDES, exchange))
     own = np.full((index_map.size_local + index_map.num_ghosts, SIDES), -np.inf)
     np.maximum.at(own.ravel(), keys[tets], -(NODES * numbers[:, None] + np.arange(NODES)).astype(float))
     of_nodes = _ranked(own, index_map.size_local, exchange).ravel()[keys]

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from asperity.model.kinds import Judgement
+from asperity.model.argument_checks import Judgement
 from asperity.model.material import Material
 
 # key -> legal range as a fraction of the side: wide enough for any sensible model, narrow enough to catch metres mixed

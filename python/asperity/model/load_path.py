@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from math import inf
 
 from asperity.errors import InputError
-from asperity.model.kinds import check_kind, check_kinds
+from asperity.model.argument_checks import check_kind, check_kinds
 
 BACKWARD_EULER, MIDPOINT = "backward-euler", "midpoint"
 INTEGRATORS = (MIDPOINT, BACKWARD_EULER)

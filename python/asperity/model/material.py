@@ -15,7 +15,7 @@ from asperity.laws import definition as laws
 from asperity.laws import shipped
 from asperity.laws.loading import load
 from asperity.laws.point import ISOTROPY, traits
-from asperity.model.kinds import Judgement, check_kinds, refuse
+from asperity.model.argument_checks import Judgement, check_kinds, refuse
 from asperity.runtime.display import short_repr
 
 AUTO = "auto"  # kinematics that a run chooses, see adaptive.small_strain

@@ -8,8 +8,8 @@ from typing import TypedDict
 import numpy as np
 
 from asperity.errors import CaseWarning, InputError, ResolutionWarning, warn
+from asperity.model.argument_checks import Judgement, check_kind, check_kinds, refuse
 from asperity.model.edges import doubt_of_edge
-from asperity.model.kinds import Judgement, check_kind, check_kinds, refuse
 from asperity.model.limits import no_gap_left, too_deep, wrong_force, wrong_length, wrong_sizes
 from asperity.model.load_path import BACKWARD_EULER, MIDPOINT, Schedule, greatest_force
 from asperity.model.material import Material

@@ -8,7 +8,7 @@ from typing import Any
 
 from asperity.arrays import Floats
 from asperity.errors import InputError
-from asperity.model.kinds import Judgement, check_kinds, refuse
+from asperity.model.argument_checks import Judgement, check_kinds, refuse
 from asperity.runtime.display import show
 
 H_CONTACT, H_MAX = 0.04, 0.25  # element sizes of a mesh when none are given [L]

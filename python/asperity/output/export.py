@@ -17,6 +17,7 @@ import numpy as np
 from asperity.arrays import Array
 from asperity.case import Case
 from asperity.curve import Curve
+from asperity.curve.power_law import interface_approach
 from asperity.dynamics.joint import Joint
 from asperity.errors import InputError
 from asperity.force_law.choice import choose, unload_reload
@@ -27,7 +28,6 @@ from asperity.output.export_slip import sliders_module, sliders_table
 from asperity.output.gap_conductance import gap_conductance
 from asperity.output.mesh_file import export_mesh
 from asperity.output.results import Results
-from asperity.power_law import interface_approach
 from asperity.runtime.display import comment
 from asperity.runtime.files import replace_file
 from asperity.runtime.run_folder import EXPORTS

@@ -18,8 +18,8 @@ from asperity.mesh.element import FACE_TRIANGLES, GMSH_TO_VTK, NODES, VTK_TYPE
 from asperity.quasistatic.contact_result import ContactResult
 from asperity.quasistatic.measures import Snapshot
 from asperity.runtime.display import short_repr
+from asperity.runtime.distributed_array import DistributedArray, collect, on_root_of, pieces, steps, stream
 from asperity.runtime.files import Stream
-from asperity.runtime.shares import DistributedArray, collect, on_root_of, pieces, steps, stream
 
 TO_VTK_TENSOR = (0, 1, 2, 3, 5, 4)  # xx yy zz xy yz xz
 

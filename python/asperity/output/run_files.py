@@ -16,6 +16,7 @@ from asperity.case import Case
 from asperity.case.identity import identity, refuse_another, refuse_run_of_another
 from asperity.curve import Curve
 from asperity.errors import ConvergenceError, InputError
+from asperity.runtime.distributed_array import on_root_of
 from asperity.runtime.files import UNREADABLE, files_into, read_text, remove_asides, replace_file
 from asperity.runtime.parallel import on_root_bcast
 from asperity.runtime.run_folder import (
@@ -37,7 +38,6 @@ from asperity.runtime.run_folder import (
     is_empty,
     working_in,
 )
-from asperity.runtime.shares import on_root_of
 
 if TYPE_CHECKING:
     from mpi4py import MPI

@@ -9,10 +9,10 @@ from matplotlib.figure import Figure
 
 from asperity.arrays import Array
 from asperity.curve import Curve
+from asperity.curve.power_law import with_misfit
+from asperity.curve.slope import fitted_rows
 from asperity.output.results import Results
 from asperity.plot import style
-from asperity.power_law import with_misfit
-from asperity.slope import fitted_rows
 
 DELTA, LOAD = "approach $\\delta^{*}{=}\\,\\delta/L$", "load $P^{*}{=}\\,P/(A_0E')$"
 LOOKS = {  # branch -> format, colour, words

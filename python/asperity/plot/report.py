@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from asperity.curve import COLUMNS, WITH_ERRORS, Curve
+from asperity.curve.power_law import with_misfit
 from asperity.force_law.laws import WORDS
 from asperity.output.assumption import DOUBTFUL
 from asperity.output.gap_conductance import gap_conductance
@@ -21,7 +22,6 @@ from asperity.plot import CAPTIONS
 from asperity.plot.citations import publications
 from asperity.plot.style import DPI
 from asperity.plot.turning import turning_surface
-from asperity.power_law import with_misfit
 from asperity.runtime.files import replace_file
 from asperity.runtime.run_folder import FIGURES, REPORT, locking
 from asperity.units import plus_minus, quantity

@@ -30,6 +30,7 @@ from asperity.quasistatic.checkpoint_state import (
 )
 from asperity.quasistatic.contact_solver import ContactSolver
 from asperity.quasistatic.stepping import Position, Record
+from asperity.runtime.distributed_array import DistributedArray, deal, on_root_of, steps, stream
 from asperity.runtime.files import (
     UNREADABLE,
     Stream,
@@ -42,7 +43,6 @@ from asperity.runtime.files import (
 )
 from asperity.runtime.parallel import on_root_bcast
 from asperity.runtime.run_folder import MESH, SNAPSHOT, STATE
-from asperity.runtime.shares import DistributedArray, deal, on_root_of, steps, stream
 from asperity.version import __version__
 
 if TYPE_CHECKING:

@@ -23,7 +23,7 @@ from asperity.quasistatic.contact_solver import ContactSolver, Counts, SolverSta
 from asperity.quasistatic.measures import Snapshot
 from asperity.quasistatic.stepping import Position, Record
 from asperity.quasistatic.stiffness import Stiffness
-from asperity.runtime.shares import DistributedArray, look_up, look_up_some, share_some
+from asperity.runtime.distributed_array import DistributedArray, look_up, look_up_some, share_some
 
 DISPLACEMENTS = ("displacement", "previous")  # of a state
 OF_CELLS = ("stress", "plastic_strain")  # fields of a snapshot with a row per cell

@@ -13,7 +13,7 @@ from asperity.quasistatic.balance import Checks
 from asperity.quasistatic.contact_solver import ContactSolver, Counts
 from asperity.quasistatic.measures import Snapshot, mean_stress
 from asperity.runtime.display import brief
-from asperity.runtime.shares import collect
+from asperity.runtime.distributed_array import collect
 from asperity.runtime.timing import Phases
 
 

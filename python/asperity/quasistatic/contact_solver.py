@@ -204,7 +204,7 @@ class ContactSolver:
                 self._balance(delta_before, force_before, u_before, history, reaction),
                 bound=sqrt(solid.dofs) * self.newton.bound(self.force),
                 rtol=self._options.rtol,
-                compliant=self.contact.stiff,
+                compliant=self.contact.has_tangent,
                 exact=extrapolation == 0.0 and not self._extrapolated,
                 energies=solid.material.law is None,
             )
@@ -215,7 +215,7 @@ class ContactSolver:
             solid.kernels.restore(midpoint.extrapolate(history, self._own, extrapolation))
             if contact_before is not None and (contact_after := self.contact.history()) is not None:
                 self.contact.restore(midpoint.extrapolate(contact_before, contact_after, extrapolation))
-            if self.contact.stiff or self.contact.held is not None:  # for the energy balance, as after a restart
+            if self.contact.has_tangent or self.contact.held is not None:  # for the energy balance, as after a restart
                 self._internal = solid.internal_force().copy()
         self.counts.steps += 1
 

@@ -8,8 +8,8 @@ from contextlib import contextmanager
 from math import isfinite
 from typing import Protocol
 
+from asperity.curve.loops import SETTLED, SHAKEN_DOWN, Loop, LoopTable
 from asperity.errors import CheckError, ConvergenceError, InputError, Interrupted
-from asperity.loops import SETTLED, SHAKEN_DOWN, Loop, LoopTable
 from asperity.model.problem import Problem
 from asperity.quasistatic.contact_result import ContactResult
 from asperity.quasistatic.contact_solver import ContactSolver

@@ -31,7 +31,7 @@ class ContactEquations(Protocol):
     """What Newton's method needs of a contact, see `Contact`."""
 
     symmetric: bool
-    stiff: bool
+    has_tangent: bool
 
     def residual(self, force: Floats) -> tuple[Floats, Integers, Floats]: ...
 
@@ -90,7 +90,7 @@ class NewtonSolver:
         self._shift = self._last_shift = 0.0
         self.rows: Integers = NOT_YET
         # in nearly incompressible solids the error is larger than the residual indicates
-        usual = 3e-2 if solid.material.linear and not contact.stiff else 1e-2
+        usual = 3e-2 if solid.material.linear and not contact.has_tangent else 1e-2
         self._loosest = options.krylov_rtol or (usual if solid.material.nu <= 0.45 else 1e-3)
         self._symmetric = contact.symmetric and solid.material.symmetric
         self.linear = LinearSolver(solid, options.linear, self._symmetric, min(self._loosest, SINGLE_RTOL))
@@ -152,7 +152,7 @@ class NewtonSolver:
         )
 
     def _assemble(self) -> None:
-        self.solid.assemble_tangent(self.contact.add_tangent if self.contact.stiff else None, self._shift)
+        self.solid.assemble_tangent(self.contact.add_tangent if self.contact.has_tangent else None, self._shift)
 
     def _raise_shift(self) -> bool:
         """Add more elastic stiffness to a tangent that is not positive definite; whether it did.
@@ -217,7 +217,7 @@ class NewtonSolver:
         if its linear system is solved to the end, and the set is often right before it has stayed the same.
         """
         changed, active = self._changed, self._active
-        exact = self.solid.material.linear and not self.contact.stiff
+        exact = self.solid.material.linear and not self.contact.has_tangent
         if changed > (FEW * active if exact else 0):
             return self._loosest
         useful = 0.3 * self.options.rtol / max(self.balance, 1e-15)
@@ -232,7 +232,7 @@ class NewtonSolver:
         start = self.solid.u.x.array[: len(y.array_r)].copy()
         if isinstance(self.contact, FrictionEquations):
             length = self._damped_length(self.contact, start, y.array_r)
-        elif self.contact.stiff or not self.solid.material.linear:
+        elif self.contact.has_tangent or not self.solid.material.linear:
             length = self._step_length(start, y.array_r)
             self._shortened += length < 1.0
         else:

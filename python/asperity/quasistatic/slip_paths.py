@@ -14,7 +14,7 @@ from asperity.contact.active_set import ActiveSet
 from asperity.contact.coulomb import Coulomb
 from asperity.contact.friction import FrozenFriction, StickSlip
 from asperity.errors import ConvergenceError, InputError
-from asperity.model.kinds import refuse
+from asperity.model.argument_checks import refuse
 from asperity.model.problem import Problem
 from asperity.quasistatic.contact_result import ContactResult, refuse_wrong
 from asperity.quasistatic.contact_solver import ContactSolver

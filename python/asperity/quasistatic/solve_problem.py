@@ -14,9 +14,9 @@ from asperity.mesh.resolution import judge_mesh, lowered_height
 from asperity.model.load_path import Schedule
 from asperity.model.problem import Problem
 from asperity.model.settings import H_CONTACT, MeshSize
+from asperity.quasistatic.callbacks import Callbacks
 from asperity.quasistatic.contact_result import ContactResult, PartialResult, refuse_wrong
 from asperity.quasistatic.contact_solver import ContactSolver
-from asperity.quasistatic.hooks import Hooks
 from asperity.quasistatic.make import make_block, solver_of
 from asperity.quasistatic.stepping import Position, Record, follow
 from asperity.runtime.parallel import on_root
@@ -34,7 +34,7 @@ def solve_problem(
     block: BlockMesh | None = None,
     judged: bool = True,
     comm: MPI.Comm | None = None,
-    hooks: Hooks | None = None,
+    hooks: Callbacks | None = None,
     checked: bool = True,
 ) -> ContactResult:
     """Press the block of a problem with a rigid frictionless flat; collective over `comm`.
@@ -65,7 +65,7 @@ def solve_problem(
 
     problem.material.check_decided()
     comm = MPI.COMM_WORLD if comm is None else comm
-    hooks = hooks or Hooks()
+    hooks = hooks or Callbacks()
     checkpoint, phases = hooks.checkpoint, Phases()
     saved = None if checkpoint is None else checkpoint.load()
     own_mesh = not comm.bcast(block is not None, root=0)  # made for the problem, now or before the run was stopped
@@ -144,7 +144,9 @@ def _depth_of_mesh(problem: Problem, comm: MPI.Comm, phases: Phases) -> float:
         return estimate_approach(problem, comm)
 
 
-def _follow(problem: Problem, solver: ContactSolver, record: Record, position: Position | None, hooks: Hooks) -> None:
+def _follow(
+    problem: Problem, solver: ContactSolver, record: Record, position: Position | None, hooks: Callbacks
+) -> None:
     """Follow the load path, saving the state and stopping as the hooks request; collective.
 
     Raises:

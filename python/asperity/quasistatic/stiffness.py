@@ -62,17 +62,17 @@ class Stiffness:
                 motion.take(None)
             return dict.fromkeys(ELASTIC_STIFFNESSES, 0.0)
         held, symmetric = solver.newton.rows, contact.symmetric and solid.material.symmetric
-        normal = _Translation(solver, 2, np.concatenate([solid.fixed, held]), held, symmetric, contact.stiff)
+        normal = _Translation(solver, 2, np.concatenate([solid.fixed, held]), held, symmetric, contact.has_tangent)
         self._elastic = self._elastic or TangentOperator(solid, symmetric=True, single=True, keeps=True)
         found = {}
-        if contact.stiff:
+        if contact.has_tangent:
             solid.assemble_elastic(contact.add_elastic_tangent)
             found["k_n_elastic"], w = normal.force(normal.start(self._along_z.before))
             self._along_z.take(w)
         if solid.material.finite or not self._elastic.version:  # in small strain it never changes
             solid.assemble_elastic()
             self._elastic.update()
-        if not contact.stiff:
+        if not contact.has_tangent:
             found["k_n_elastic"], w = self._along_z.force(self._elastic, normal, nodes, normal.start(), None)
         k_x, k_y = self._tangential(solver, nodes, w)
         found["k_t"], found["k_t_x"] = 0.5 * (k_x + k_y), k_x

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 from asperity.errors import InputError
 from asperity.force_law.checks import positive
-from asperity.model.kinds import Judgement
+from asperity.model.argument_checks import Judgement
 
 LARGEST = 0.99  # amplitude over the limit of friction: beyond, the displacement is arbitrary
 SMALLEST = 1e-3

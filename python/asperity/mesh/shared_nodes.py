@@ -37,7 +37,7 @@ class Exchange:
         return np.concatenate([owned, ghosts])
 
 
-class Copies:
+class SharedNodes:
     """What the copies of a node share. All methods are collective where the nodes belong to several ranks.
 
     Args:

@@ -13,9 +13,17 @@ import pytest
 
 from asperity.errors import OutputError
 from asperity.quasistatic.checkpoint import read_arrays, scan, write_arrays
-from asperity.runtime import shares
+from asperity.runtime import distributed_array
+from asperity.runtime.distributed_array import (
+    DistributedArray,
+    look_up,
+    look_up_some,
+    pieces,
+    places,
+    share,
+    share_some,
+)
 from asperity.runtime.files import read_npz
-from asperity.runtime.shares import DistributedArray, look_up, look_up_some, pieces, places, share, share_some
 
 
 def world() -> Any:
@@ -45,7 +53,7 @@ def whole(array: DistributedArray) -> Any:
 @pytest.fixture(params=[2**22, 100])
 def piece(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> None:
     """All rows fit into one buffer, or two of them."""
-    monkeypatch.setattr(shares, "PIECE", request.param)
+    monkeypatch.setattr(distributed_array, "PIECE", request.param)
 
 
 @pytest.mark.mpi
@@ -64,7 +72,7 @@ def test_rows_of_any_rank_make_the_array(total: int) -> None:
     gathered = list(pieces(array))
     if comm.rank == 0:
         np.testing.assert_array_equal(np.concatenate([array.values[:0], *gathered]), rows_of(np.arange(total)))
-        assert all(part.nbytes <= max(shares.PIECE, 48) for part in gathered)
+        assert all(part.nbytes <= max(distributed_array.PIECE, 48) for part in gathered)
     else:
         assert not gathered
 
@@ -132,7 +140,7 @@ def test_a_file_that_cannot_be_written_is_an_error_on_every_rank(
 def write_and_read_on(folder: Path, most: int) -> None:
     """Files written by each number of ranks are the same, and each number of ranks reads them; in a job of `most`."""
     comm = world()
-    shares.PIECE = 100
+    distributed_array.PIECE = 100
     for writers in range(1, most + 1):
         path, group = folder / f"{writers}.npz", comm.Split(comm.rank < writers)
         if comm.rank < writers:
@@ -161,7 +169,7 @@ def write_and_read_on(folder: Path, most: int) -> None:
 def test_one_to_four_ranks_write_the_same_file_and_read_those_of_the_others(tmp_path: Path) -> None:
     from conftest import MPIRUN  # the ranks, which import this module, do not find it
 
-    code = f"from test_shares import *; write_and_read_on(Path({str(tmp_path)!r}), 4)"
+    code = f"from test_distributed_array import *; write_and_read_on(Path({str(tmp_path)!r}), 4)"
     command = (*MPIRUN, "4", sys.executable, "-c", code)
     done = subprocess.run(command, cwd=Path(__file__).parent, capture_output=True, text=True, timeout=120)
     assert done.returncode == 0, done.stderr

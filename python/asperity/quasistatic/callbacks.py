@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True)
-class Hooks:
+class Callbacks:
     """Callbacks of a load path, and what to keep of it.
 
     Attributes:

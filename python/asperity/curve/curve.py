@@ -13,16 +13,16 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 
 from asperity.arrays import Array
+from asperity.curve.slope import fitted_rows, legs, planned_rows, slopes
 from asperity.errors import AsperityWarning, InputError, warn
 from asperity.runtime.display import nearest
 from asperity.runtime.files import MOST_TEXT, read_whole, write_csv
 from asperity.runtime.measured_curve import read_measured_curve, repaired
 from asperity.runtime.notebook import line_picture, optional
 from asperity.runtime.text_table import decoded
-from asperity.slope import fitted_rows, legs, planned_rows, slopes
 
 if TYPE_CHECKING:
-    from asperity.power_law import PowerLawFit
+    from asperity.curve.power_law import PowerLawFit
 
 
 UNRESOLVED = 0.5  # error of the contact area over the area, reached when the contact has fewer than about six facets
@@ -239,7 +239,7 @@ class Curve:
         Raises:
             InputError: fewer than three such points, or delta_star and P_star are unknown
         """
-        from asperity.power_law import fit_power_law
+        from asperity.curve.power_law import fit_power_law
 
         load = self.loading()
         rows = fitted_rows(load.delta, load.force)

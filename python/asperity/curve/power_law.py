@@ -82,7 +82,7 @@ def with_misfit(fit: Mapping[str, Any]) -> tuple[str, str]:
         fit: section "fit" of summary.json
 
     Examples:
-        >>> from asperity.power_law import with_misfit
+        >>> from asperity.curve.power_law import with_misfit
         >>> with_misfit({"k": 35.179, "n": 2.2203, "ci": {"k": [29.4, 41.9], "n": [2.10, 2.34]}})
         ('35 ± 19 %', '2.22 ± 0.12')
         >>> with_misfit({"k": 35.179, "n": 2.2203})

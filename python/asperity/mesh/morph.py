@@ -19,8 +19,8 @@ import numpy as np
 from asperity.arrays import Flags, Floats, Indices
 from asperity.errors import MeshError
 from asperity.mesh.block import NEAR, heights_at
-from asperity.mesh.copies import Copies
 from asperity.mesh.element import EDGES, ON_EDGES, corner_derivatives
+from asperity.mesh.shared_nodes import SharedNodes
 
 if TYPE_CHECKING:
     from asperity.surface import Surface
@@ -41,7 +41,7 @@ FREE = np.inf  # width at nodes inside that have left their columns
 
 
 def lift(
-    points: Floats, tets: Indices, surface: Surface, height: float, copies: Copies | None = None
+    points: Floats, tets: Indices, surface: Surface, height: float, copies: SharedNodes | None = None
 ) -> tuple[Floats, Floats]:
     """Lift the nodes of a flat block so that its top follows a surface; collective where several ranks hold parts.
 
@@ -61,7 +61,7 @@ def lift(
     Raises:
         MeshError: a valley reaches the base, no smoothing makes the elements sound, or periodic sides do not fit
     """
-    copies = copies or Copies()
+    copies = copies or SharedNodes()
     gradients, size = _vertical_gradients(points, tets), _sizes(points, tets, copies)
     width: Floats = np.zeros(len(points))
     free: Flags = np.zeros(len(points), dtype=bool)
@@ -89,7 +89,7 @@ def lift(
     )
 
 
-def _rise(points: Floats, width: Floats, surface: Surface, height: float, copies: Copies) -> Floats:
+def _rise(points: Floats, width: Floats, surface: Surface, height: float, copies: SharedNodes) -> Floats:
     """Rise (n,) [length] of some nodes of the flat block, in proportion to the smoothed surface above; collective.
 
     Raises:
@@ -106,7 +106,7 @@ def _rise(points: Floats, width: Floats, surface: Surface, height: float, copies
     return np.asarray(z_of_flat * above / height)
 
 
-def _check_joined(rise: Floats, L: float, copies: Copies) -> None:
+def _check_joined(rise: Floats, L: float, copies: SharedNodes) -> None:
     """Refuse copies of a node that do not rise alike (MeshError); collective."""
     apart = -copies.least(-float(np.max(copies.greatest(rise) - rise, initial=0.0)))
     if apart > NEAR * L:
@@ -116,7 +116,7 @@ def _check_joined(rise: Floats, L: float, copies: Copies) -> None:
         )
 
 
-def _relax(rise: Floats, points: Floats, tets: Indices, gradients: Floats, height: float, copies: Copies) -> Flags:
+def _relax(rise: Floats, points: Floats, tets: Indices, gradients: Floats, height: float, copies: SharedNodes) -> Flags:
     """Move nodes between base and top vertically until their elements are sound or it hardly helps; collective.
 
     A stretch below SOUND breaks an inequality of the rises of its nodes. The step to AIM along its gradient is the
@@ -155,7 +155,7 @@ def _relax(rise: Floats, points: Floats, tets: Indices, gradients: Floats, heigh
     return moved
 
 
-def _widened(width: Floats, size: Floats, points: Floats, tets: Indices, bad: Indices, copies: Copies) -> Floats:
+def _widened(width: Floats, size: Floats, points: Floats, tets: Indices, bad: Indices, copies: SharedNodes) -> Floats:
     """Widths (N,) [length] of the next round: larger at the nodes of bad elements, falling with the distance."""
     wider = width.copy()
     own = np.maximum(WIDER * width[bad].max(axis=1), FIRST_WIDTH * size[bad].max(axis=1))
@@ -176,7 +176,7 @@ def _widened(width: Floats, size: Floats, points: Floats, tets: Indices, bad: In
     return wider
 
 
-def _sizes(points: Floats, tets: Indices, copies: Copies) -> Floats:
+def _sizes(points: Floats, tets: Indices, copies: SharedNodes) -> Floats:
     """Mean length of the edges that meet at each corner; mean of two corners for a mid-edge node (N,) [length]."""
     ends = tets[:, EDGES]
     lengths = np.linalg.norm(points[ends[:, :, 0]] - points[ends[:, :, 1]], axis=2)

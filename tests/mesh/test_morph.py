@@ -14,7 +14,7 @@ from asperity.errors import MeshError, ResolutionWarning
 from asperity.mesh.block import NEAR, BlockMesh
 from asperity.mesh.element import least_jacobians, projected_area
 from asperity.mesh.generate import build_block
-from asperity.mesh.lift import FREE, _least_stretch, _vertical_gradients
+from asperity.mesh.morph import FREE, _least_stretch, _vertical_gradients
 from asperity.mesh.resolution import judge_smoothing, lowered_height
 from asperity.mesh.size_field import SizeField
 from asperity.mesh.top import Top
