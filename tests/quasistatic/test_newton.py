@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import json
 import re
 from collections.abc import Iterator
-from dataclasses import replace
+from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
 
@@ -196,6 +197,7 @@ def test_steep_slopes_in_finite_strain_need_no_factorisation() -> None:
     follow(solver, Schedule(delta_max=0.2, steps=4), Record(1.0, 1.0, material.reduced_modulus))
     assert max(shifted) > 0.0
     assert solver.counts.direct == 0 and solver.counts.cutbacks <= 1
+    assert solver.counts.shortened and json.loads(json.dumps(asdict(solver.counts))) == asdict(solver.counts)
     assert solver.counts.newton < 150
 
 

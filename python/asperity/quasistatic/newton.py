@@ -234,7 +234,7 @@ class NewtonSolver:
             length = self._damped_length(self.contact, start, y.array_r)
         elif self.contact.has_tangent or not self.solid.material.linear:
             length = self._step_length(start, y.array_r)
-            self._shortened += length < 1.0
+            self._shortened += int(length < 1.0)
         else:
             return False
         if self._tells and self.solid.comm.rank == 0:
@@ -281,9 +281,9 @@ class NewtonSolver:
         def slope(length: float) -> float:
             residual = self._evaluate(start - length * y)
             self._at_trial = True
-            return np.inf if self._inverted else -summed(self.solid.comm, direction @ residual[free])[0]
+            return np.inf if self._inverted else -float(summed(self.solid.comm, direction @ residual[free])[0])
 
-        s0 = -summed(self.solid.comm, direction @ self._found[0].reshape(-1)[free])[0]
+        s0 = -float(summed(self.solid.comm, direction @ self._found[0].reshape(-1)[free])[0])
         low, s_low, high, s_high = 0.0, s0, 1.0, slope(1.0)
         while s_high == np.inf and high > SMALLEST_PART:
             high *= 0.5
