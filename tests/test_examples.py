@@ -48,7 +48,7 @@ def test_pressed_block() -> None:
     solid = asp.Material(1.0, 0.3, 0.005, 0.05 / 1.05)  # whose plastic modulus is 0.05
     for method in ("active-set", "penalty"):
         exact = method == "active-set"
-        settings = {"formulation": asp.Formulation(method), "options": asp.SolverOptions(rtol=1e-10)}
+        settings: dict[str, Any] = {"formulation": asp.Formulation(method), "options": asp.SolverOptions(rtol=1e-10)}
         ours = make_contact_solver(MPI.COMM_WORLD, wave, mesh, solid, **settings)
         expected = [ours.step(delta).converged * ours.force for delta in approaches]
         theirs = block_of(ours.solid.mesh)

@@ -174,8 +174,9 @@ def _check_material(case: Input) -> None:
     solid = case.material
     if solid.law is not None:
         law = solid.solid.law
+        assert law is not None
         needs = {"output.stiffness": case.output.stiffness, "slip.method": case.slip is not None}
-        for key in [key for key, wanted in needs.items() if wanted and law and law.state and not law.elastic]:
+        for key in [key for key, wanted in needs.items() if wanted and law.state and law.elastic is None]:
             _refuse(
                 key,
                 f"needs the elastic part of material.law = {show(law.source)}, which does not say it: declare "
