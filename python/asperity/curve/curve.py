@@ -329,6 +329,9 @@ def _measured(path: Path, names: list[str]) -> tuple[Curve, Sequence[str]]:
             _check_names(names)
         raise
     _check_names(list(measured.columns))
+    texts = [name for name, values in measured.columns.items() if values.dtype.kind == "U" and name != "branch"]
+    if texts:
+        raise InputError(f"{texts[0]} has a cell that is not a number.")
     return _of_columns(measured.columns, {}), measured.notes
 
 
