@@ -73,8 +73,8 @@ def rising(z: Array, F: Array) -> tuple[Array, Array, str]:
     """
     order = np.argsort(z, kind="stable")
     groups: list[tuple[float, float, int]] = []
-    for x, y in zip(z[order].tolist(), F[order].tolist(), strict=True):
-        group = (x, y, 1)
+    for i in order:
+        group = (float(z[i]), float(F[i]), 1)
         while groups and (group[0] <= groups[-1][0] or group[1] <= groups[-1][1]) and group[1] > 0:
             (x_0, y_0, n_0), (x_1, y_1, n_1) = groups[-1], group
             if y_0 - y_1 > FALL * F.max():
@@ -86,5 +86,5 @@ def rising(z: Array, F: Array) -> tuple[Array, Array, str]:
     merged = sum(n for _, _, n in groups if n > 1)
     if not merged:
         return z, F, ""
-    x, y, _ = np.array(groups).T
-    return x, y, f"{merged} rows of the loading do not rise, and are merged with their neighbours to means"
+    x, y, _ = zip(*groups, strict=True)
+    return np.array(x), np.array(y), f"{merged} rows of the loading do not rise, and are merged with their neighbours to means"
