@@ -83,7 +83,7 @@ def test_a_step_of_a_cell_minimises_its_potential(coarse: BlockMesh) -> None:
         def potential(x: Array, c: int = c, w: Array = w, own: Array = own, size: Array = size) -> float:
             gamma, de = Y * x[:4], np.append(Y * x[4:], -(w[:3] @ (Y * x[4:])) / w[3])  # de without a mean
             elastic = (q[c] - 3.0 * mu * gamma) ** 2 / (6.0 * mu) + size * gamma + 0.5 * hardening * gamma**2
-            flow = max(w @ gamma, 1e-14)
+            flow = max(float(w @ gamma), 1e-14)
             relaxed = 0.5 * spent * (w @ de**2) / flow + threshold * np.sqrt(w @ de**2)
             return float((w @ elastic + 0.5 * bulk * (w @ (own - de) ** 2) + relaxed) / Y**2)
 

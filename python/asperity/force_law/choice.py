@@ -256,8 +256,8 @@ def _automatic(columns: CurveColumns, load: float, overload: float | None) -> Ch
             raise InputError(f"{lack}; no power law either: {error}") from error
         reason = lack.split(":")[0]
         note = f"the points of the loading are no law ({reason}): the law is the power law through all of them"
-        bounds = _secants(columns, load)
-        return Choice("paper", found, load, None, yielded, reason, note, bounds, "slopes between the points")
+        slopes = _secants(columns, load)
+        return Choice("paper", found, load, None, yielded, reason, note, slopes, "slopes between the points")
     above = None
     with suppress(InputError):
         above = TableLaw.from_curve(columns)

@@ -87,4 +87,5 @@ def rising(z: Array, F: Array) -> tuple[Array, Array, str]:
     if not merged:
         return z, F, ""
     x, y, _ = zip(*groups, strict=True)
-    return np.array(x), np.array(y), f"{merged} rows of the loading do not rise, and are merged with their neighbours to means"
+    note = f"{merged} rows of the loading do not rise, and are merged with their neighbours to means"
+    return np.array(x), np.array(y), note

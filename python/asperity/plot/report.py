@@ -235,7 +235,8 @@ def _laws(results: Results) -> list[tuple[str, ...]]:
 
 def _jumps(results: Results) -> list[tuple[str, ...]]:
     """Where slow sweeps jump: law, force, damping ratio, direction, frequency, amplitudes before and after."""
-    rows, hertz, metre = [], results.unit("frequency"), results.unit("length")
+    rows: list[tuple[str, ...]] = []
+    hertz, metre = results.unit("frequency"), results.unit("length")
     for jump in results.thresholds.get("jumps") or ():
         f, after = jump["frequency"], jump["x_max_after"]
         rows.append((
