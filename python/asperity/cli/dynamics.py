@@ -113,7 +113,7 @@ def command(
     if len({unit for _, unit in ends}) > 1:
         raise InputError("--omega: give both ends in Hz, or none")
     name = "window" if any(unit for _, unit in ends) else "omega"
-    settings |= {"omega": None, name: tuple(value for value, _ in ends) or None}
+    settings |= {"omega": None, "window": None, name: tuple(value for value, _ in ends) or None}
     settings["zeta"], *zetas = settings["zeta"] or (None,)
     settings["zetas"] = tuple(zetas) or None
     if direction == "tangential":

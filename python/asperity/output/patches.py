@@ -143,10 +143,11 @@ def representative(found: Spread | None, spots: int) -> Assumption | None:
     """Line of the ledger: whether a patch with so many spots stands for the joint that is made of many."""
     if found is None:
         return None
+    word = "softer" if found.change < 0.0 else "stiffer"
     return Assumption(
         "joint: stiffness by other patches of its roughness", 100 * found.bar, 100 * DIFFERENT, "%",
         f"half-space pressed with {found.patches} patches under one plane",
         "a larger surface.L, or the mean of several seeds (asperity study)",
-        f"the mean of the patches is {found.change:+.0%} ± {found.error:.0%} stiffer; this one has {spots} spot(s) at "
-        "the greatest force",
+        f"the mean of the patches is {abs(found.change):.0%} ± {found.error:.0%} {word}; this one has {spots} spot(s) "
+        "at the greatest force",
     )  # fmt: skip

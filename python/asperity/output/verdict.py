@@ -70,9 +70,10 @@ def _vibration(results: Results) -> Iterator[str]:
         text += f" and a frequency of {quantity(numbers['f'], (si and 'Hz') or '', bar=nan if given else 0.5 * bar)}"
     yield f"{text}."
     if of == "joint" and (patches := results.summary.get("patches")):
+        word = "softer" if patches["change"] < 0.0 else "stiffer"
         yield (
             f"That is of this patch; the mean of {patches['patches']} patches of its roughness is "
-            f"{patches['change']:+.0%} ± {patches['error']:.0%} stiffer by a half-space."
+            f"{abs(patches['change']):.0%} ± {patches['error']:.0%} {word} by a half-space."
         )
     if doubt := (results.thresholds.get("laws") or {}).get("doubt"):
         yield f"Its law is doubtful: {doubt}."
