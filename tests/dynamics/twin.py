@@ -21,13 +21,17 @@ Vector = np.ndarray
 
 @dataclass(frozen=True)
 class Motion:
-    """End (u, v) of a motion, its derivatives by the start and Omega (2, 3), extremes, a1 at the forcing frequency."""
+    """End (u, v) of a motion, its derivatives by the start and Omega (2, 3), extremes, a1 at the forcing frequency.
+
+    `wave` are the integrals of u cos s and u sin s over the phase s.
+    """
 
     end: Vector
     by: Vector
     u_max: float
     u_min: float
     a1: float
+    wave: Vector
 
 
 def motion(e: Equation, omega: float, forcing: float, y: Vector, periods: int = 1, rtol: float = 1e-11) -> Motion:
@@ -85,7 +89,7 @@ def motion(e: Equation, omega: float, forcing: float, y: Vector, periods: int = 
             jump = acceleration(s, x[0], x[1], after)[0] - acceleration(s, x[0], x[1], region)[0]
             x[5:8] += jump * x[2:5] / x[1]
             region = after
-    return Motion(x[:2], x[2:8].reshape(2, 3), highest, lowest, float(np.hypot(*x[8:])) / (np.pi * periods))
+    return Motion(x[:2], x[2:8].reshape(2, 3), highest, lowest, float(np.hypot(*x[8:])) / (np.pi * periods), x[8:])
 
 
 def _crossing(edge: float, direction: float) -> Any:
