@@ -8,21 +8,25 @@ import numpy as np
 import numpy.typing as npt
 import pytest
 from conftest import ELASTIC, PLASTIC, here, world
+from element_sample import PAIRS
 from scipy import sparse
 from scipy.sparse.linalg import splu
 
 from asperity import reference as ref
 from asperity.adaptive.solve_contact import solve_contact
 from asperity.contact import PressureContact
-from asperity.contact.contact_surface import ContactSurface
+from asperity.contact.contact_surface import FACET_DEGREE, ContactSurface
 from asperity.errors import InputError
+from asperity.fem.kernels import ElementKernels
 from asperity.linear.petsc import assembled
+from asperity.mesh import element
 from asperity.mesh.block import BlockMesh
 from asperity.mesh.generate import build_block
 from asperity.mesh.size_field import SizeField
 from asperity.model.material import Material
 from asperity.model.settings import LEAST_GAMMA, Formulation, MeshSize, SolverOptions, gamma_too_small
 from asperity.quasistatic.make import make_block, make_contact_solver
+from asperity.runtime import compat
 from asperity.surface import Flat, Sinusoid, Surface
 
 Array = npt.NDArray[np.float64]
@@ -84,6 +88,46 @@ def test_facets_carry_the_history_of_the_cells() -> None:
             expected, of_facets = of_cells.reshape(-1, *of_cells.shape[2:])[0], history.arrays()[name]
             np.testing.assert_allclose(of_facets, np.broadcast_to(expected, of_facets.shape), atol=1e-12)
     assert history.accumulated.min() > 0.0
+
+
+def test_the_traction_of_facets_has_the_relief_and_the_pressure_of_their_cells(
+    rough: Surface, coarse: BlockMesh
+) -> None:
+    """Recomputed from strains at the points: the deviator beyond yield, and what is left of the volumetric strain."""
+    solver = make_contact_solver(here(), rough, coarse, PLASTIC, formulation=NITSCHE)
+    assert solver.solve(0.02).converged
+    contact, surface, kernels = solver.contact, solver.contact_surface, solver.solid.kernels
+    assert isinstance(contact, PressureContact) and isinstance(kernels, ElementKernels)
+    rule, facets, cells, u = contact._rule, contact._trial, surface.cells, solver.solid.u.x.array.reshape(-1, 3)
+    lam, mu = PLASTIC.lame
+    reference = [element.at_facet(k, element.facet_quadrature(FACET_DEGREE)[0]) for k in range(4)]
+    slopes = np.stack([element.shape_gradients(points) for points in reference])[surface.local]
+    x = solver.solid.mesh.geometry.x[compat.geometry_dofmap(solver.solid.mesh)[cells]]
+    J = np.einsum("fai,fqaj->fqij", x, slopes)
+    F = np.einsum("fai,fqaj,fqjk->fqik", u[surface.cell_nodes], slopes, np.linalg.inv(J))
+    strain = 0.5 * (F + np.swapaxes(F, 2, 3))
+    volume = np.trace(strain, axis1=2, axis2=3)
+    deviator = 2.0 * mu * (strain - volume[..., None, None] / 3.0 * np.eye(3) - facets.plastic_strain[..., PAIRS])
+    relaxed = np.einsum("fqp,fp->fq", rule.of_cells[surface.local], kernels.last.dilatation[cells])
+    stress = deviator + ((lam + 2.0 / 3.0 * mu) * (volume - relaxed))[..., None, None] * np.eye(3)
+    normal = np.einsum("fqji,fj->fqi", np.linalg.inv(J), element.area_vectors()[surface.local])
+    t = np.einsum("fqi,fqi->fq", stress[..., 2, :], normal / normal[..., 2:])
+    depth = rule.height + rule.at_points(u[surface.nodes, 2]) - contact._z
+    pressed = contact.points > 0.0
+    expected = contact._factor * contact._stiffness[:, None] * depth - t
+    np.testing.assert_allclose(contact.points[pressed], expected[pressed], rtol=0, atol=1e-9 * contact.points.max())
+    of_cells = kernels.stress(u)[cells][..., PAIRS]
+    of_cells = of_cells - np.trace(of_cells, axis1=2, axis2=3)[..., None, None] / 3.0 * np.eye(3)
+
+    def below(s: Any, accumulated: Any) -> Any:
+        """By how much the stress beyond yield is below the yield stress."""
+        yielded = 0.005 + accumulated * 0.05 / 0.95
+        return np.where(accumulated > 0.0, yielded - np.sqrt(1.5 * np.einsum("fqij,fqij->fq", s, s)), 0.0).max(axis=1)
+
+    at_facets, in_cells = below(deviator, facets.accumulated), below(of_cells, kernels.last.accumulated[cells])
+    both = (facets.accumulated.max(axis=1) > 0.0) & (in_cells > 0.0)
+    assert in_cells[both].max() > 5e-6
+    np.testing.assert_allclose(at_facets[both], in_cells[both], rtol=0, atol=5e-12)
 
 
 def test_failed_attempt_leaves_the_history(rough: Surface, coarse: BlockMesh) -> None:

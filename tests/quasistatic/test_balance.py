@@ -320,6 +320,12 @@ def balance(**changes: float) -> StepBalance:
         ("tension", SUCTION, {}, lambda x: {"suction": x}),
         ("penetration", EXACT, {}, lambda x: {"penetration": x}),
         ("compliance", COMPLIANT, {"compliant": True}, lambda x: {"penetration_work": x}),
+        (
+            "compliance",
+            COMPLIANT,
+            {"compliant": True},
+            lambda x: {"delta": 0.5, "force": 1.0, "penetration_work": 0.5 * x},
+        ),
         ("plastic_strain", 1e-12, {}, lambda x: {"strain_decrease": x}),
         ("force_balance", 1e-8, {}, lambda x: {"reaction": 1.0 + x}),
     ],
