@@ -93,7 +93,9 @@ def _distribution(axis: Any, results: Results, slope: float, found: Array, i: in
         p = np.linspace(0.0, edges[-1], 200)
         axis.plot(p, persson_density(p / scale / modulus, float(row.P_star[0]), slope) / (scale * modulus),
                   color=style.VERMILION, label="Persson")  # fmt: skip
-    axis.axvline(inside.mean(), color=style.BLACK, lw=0.8, ls=":", label=f"mean {inside.mean():.3g} {unit}".rstrip())
+    mean = float(row.mean_pressure[0]) * scale if len(row) else math.nan  # force over area, as in the report
+    if math.isfinite(mean):
+        axis.axvline(mean, color=style.BLACK, lw=0.8, ls=":", label=f"force over area {mean:.3g} {unit}".rstrip())
     axis.set_xlabel(style.label("contact pressure", unit))
     axis.set_ylabel(style.label("density on the nominal area", f"1/{unit}" if unit else ""))
     axis.set_xlim(0.0, edges[-1])
