@@ -149,9 +149,11 @@ def test_commands_print_json(tmp_path: Path, result: Any, call: Callable[..., An
     assert about == json.loads((tmp_path / "map/measured.json").read_text()) and about["statistics"]["Sq"] > 0
     assert (tmp_path / "map/surface.png").is_file() and (tmp_path / "map/spectrum.png").is_file()
     a, b = tmp_path / "a.csv", tmp_path / "b.csv"
-    result.curve.write(a)
+    for path in (a, tmp_path / "same.csv"):
+        result.curve.write(path)
     asp.Curve.from_rows([row | {"force": 1.1 * row["force"]} for row in result.curve.rows()]).write(b)
-    assert call("compare", a, a, "--json") == {"agree": True, "steps": len(result.curve), "differences": []}
+    same = call("compare", a, tmp_path / "same.csv", "--json")
+    assert same == {"agree": True, "steps": len(result.curve), "differences": []}
     assert call("compare", a, b, "--json", code=1)["differences"][0]["column"] == "force"
 
 

@@ -310,9 +310,9 @@ def test_files_hold_hertz_newton_and_metres(tmp_path: Path) -> None:
     f, z_s = result.numbers.frequency, result.numbers.approach
     with (tmp_path / "response.csv").open() as file:
         for row in csv.DictReader(file):
-            assert float(row["frequency"]) == pytest.approx(f * float(row["Omega"]), rel=1e-12)
-            assert float(row["x_max"]) == pytest.approx(z_s * float(row["u_max"]), rel=1e-12)
-            assert float(row["force"]) == pytest.approx(0.01 * result.first.restoring.scale, rel=1e-12)
+            assert float(row["frequency"]) == pytest.approx(f * float(row["Omega"]), rel=1e-6)
+            assert float(row["x_max"]) == pytest.approx(z_s * float(row["u_max"]), rel=1e-6)
+            assert float(row["force"]) == pytest.approx(0.01 * result.first.restoring.scale, rel=1e-6)
     with (tmp_path / "free.csv").open() as file:
         row = next(csv.DictReader(file))
     assert float(row["frequency"]) == pytest.approx(f * float(row["omega_ratio"]), rel=1e-12)

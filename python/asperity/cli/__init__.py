@@ -21,7 +21,7 @@ from typing import Any
 import click
 
 from asperity.errors import AsperityError, AsperityWarning
-from asperity.runtime.launch import ensure_home
+from asperity.runtime.launch import ensure_home, on_terminal
 from asperity.runtime.parallel import INTERNAL, Ranks
 from asperity.runtime.progress import world_rank
 from asperity.version import __version__
@@ -118,7 +118,7 @@ def _show_once() -> Callable[..., None]:
     def show(message: Warning | str, *_: Any) -> None:
         if world_rank() == 0 and str(message) not in shown:
             shown.add(str(message))
-            over = "\r\x1b[K" if sys.stdout.isatty() and sys.stderr.isatty() else ""  # a live line
+            over = "\r\x1b[K" if on_terminal() and sys.stderr.isatty() else ""  # a live line
             click.echo(f"{over}warning: {message}", err=True)
 
     return show

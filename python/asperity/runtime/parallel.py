@@ -8,12 +8,13 @@ import traceback
 from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING, Any, TypeVar, cast
 
-from asperity.arrays import Floats
 from asperity.errors import AsperityError, OutputError
 from asperity.runtime.launch import started_ranks
 
 if TYPE_CHECKING:
     from mpi4py import MPI
+
+    from asperity.arrays import Floats
 
 T = TypeVar("T")
 

@@ -5,13 +5,14 @@ from __future__ import annotations
 import logging
 import os
 import shutil
-import sys
 import time
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from logging.handlers import MemoryHandler
 from pathlib import Path
 from typing import Any
+
+from asperity.runtime.launch import on_terminal
 
 
 @contextmanager
@@ -117,7 +118,7 @@ class LevelLines(Progress):
     """
 
     def __init__(self, live: bool | None = None) -> None:
-        self._live = sys.stdout.isatty() if live is None else live
+        self._live = on_terminal() if live is None else live
         self._start = self._last = time.monotonic()
         self._name = self._state = ""
         self._first: float | None = None
