@@ -177,7 +177,7 @@ def _with_kinematics(
         Interrupted: the run was stopped
     """
     material = problem.material
-    if material.kinematics == "small" and not case.output.small_strain:
+    if not case.compares_strains:
         return problem, None
     chosen, found = choose_kinematics(problem, case.accuracy.tolerance, comm, hooks)
     if material.kinematics == AUTO:

@@ -18,6 +18,7 @@ from asperity.dynamics.joint import Numbers
 from asperity.dynamics.run import small_vibration
 from asperity.errors import AsperityError, AsperityWarning, ConvergenceError, InputError, Interrupted, warn
 from asperity.force_law.choice import met
+from asperity.force_law.columns import CurveColumns
 from asperity.force_law.damping import LOOPS as OF_LOOPS
 from asperity.model.problem import Problem
 from asperity.quasistatic.contact_result import ContactResult
@@ -147,8 +148,7 @@ def _preload(case: Case, curve: Curve, section: str, preload: float | None) -> f
     if preload is None and settings.preload is not None:
         preload, key = settings.preload / settings.factor, f"the preload of the {section}"
     preload = 0.5 * top if preload is None else preload
-    # a load path by force ends within a small tolerance of it, and a tolerance corrects the curve
-    preload, lowered = met(preload, top, case.accuracy.tolerance or 0.0, key)
+    preload, lowered = met(preload, top, CurveColumns.of(curve).bar_at(top), key)  # as the law of the vibration
     if lowered:
         warn(lowered)
     return preload

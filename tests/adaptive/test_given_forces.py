@@ -85,6 +85,24 @@ def test_a_joint_may_stand_under_nearly_the_force_of_its_path() -> None:
     assert found.curve.force[-1] == 0.69 and found.dynamics is not None
 
 
+@pytest.mark.parametrize("law", ["auto", "paper"])
+def test_joint_and_slip_may_stand_under_the_force_of_the_path(law: str, recwarn: pytest.WarningsRecorder) -> None:
+    """The law through the last points, a fit, ends below the curve; it goes on to its force, and nothing is lowered."""
+    case = {
+        "surface": {"kind": "sphere", "L": 240e-6, "radius": 2.8e-3},
+        "material": {"E": 192e9, "nu": 0.3},
+        "loading": {"pressure_max": 0.69 / 240e-6**2, "steps": 5},
+        "accuracy": {"tolerance": 0.05},
+        "joint": {"nominal_area": 5.76e-8, "preload": 0.69, "mass": 1e-3},
+        "dynamics": {"law": law, "model": ["exact"]},
+        "slip": {"friction": 0.3, "preload": 0.69},
+    }
+    found = asp.run(Case.from_dict(case))
+    assert found.dynamics is not None and found.dynamics.first.restoring.load == pytest.approx(0.69, rel=1e-12)
+    assert found.summary["slip"]["preload"] == pytest.approx(0.69, rel=1e-12)
+    assert not [w for w in recwarn if "exceeds the greatest force" in str(w.message)]
+
+
 def test_a_joint_of_the_area_of_its_patch_may_have_the_greatest_force() -> None:
     """240e-6 squared is not 5.76e-8 to the last digit."""
     case = {"surface": {"kind": "sphere", "L": 240e-6, "radius": 2.8e-3}, "material": {"E": 192e9, "nu": 0.3}}

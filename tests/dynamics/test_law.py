@@ -116,6 +116,21 @@ def test_a_noisy_table_is_a_smoothing_spline_near_the_true_law() -> None:
     assert falling.stiffness(falling.deflection(0.5)) == pytest.approx(1.5 * 0.5 ** (1 / 3), rel=0.05)
 
 
+@pytest.mark.filterwarnings("ignore:the points scatter")
+def test_laws_fitted_to_points_go_on_to_their_force() -> None:
+    """Smoothed or fitted, a law passes the last point below or above, which is a preload all the same."""
+    below = 0
+    for seed in range(12):
+        force = np.sort(Z**1.5 * (1 + 0.005 * np.random.default_rng(seed).standard_normal(Z.size)))
+        below += _noisy(seed).top < force[-1]
+        for name in ("table", "paper"):
+            law, load = law_from({"delta": Z, "force": force}, name, float(force[-1]))
+            assert ContactOscillator(law, load=load).restoring.load == pytest.approx(force[-1], rel=1e-12)
+            with pytest.raises(RangeError):
+                ContactOscillator(law, load=1.05 * load)
+    assert 3 <= below <= 9
+
+
 @pytest.mark.parametrize(
     "z", [np.linspace(0, 1, 33)[1:], np.sort(np.r_[np.linspace(0, 1, 21)[1:], 0.0125, 0.025, 0.075]), Z]
 )

@@ -2,17 +2,21 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 import pytest
 from conftest import ELASTIC, here, world
+from element_sample import sample
+from scipy.linalg import logm
 
 from asperity import reference as ref
 from asperity.adaptive.solve_contact import solve_contact
 from asperity.model.material import Material
 from asperity.model.settings import Formulation, MeshSize
 from asperity.output.fields import gather_top_states
+from asperity.quasistatic.measures import equivalent_strain
 from asperity.surface import Sinusoid, Surface
 
 NU = 0.3
@@ -93,6 +97,48 @@ def test_nodes_at_corners_alone_are_no_spots() -> None:
     curve = solve_contact(surface, ELASTIC, delta_max=1e-4, steps=1, size=MeshSize(0.125, h_max=0.3), comm=here()).curve
     assert curve.force[0] > 0.0
     assert (curve.spots[0] > 0) == (curve.area_fraction[0] > 0.0)
+
+
+LAWS = pytest.mark.parametrize(
+    "material",
+    [
+        Material(1.0, NU), Material(1.0, NU, kinematics="finite"), Material(1.0, NU, 0.01, 0.05),
+        Material(1.0, NU, 0.01, 0.05, hardening=0.4),
+    ],
+)  # fmt: skip
+
+
+@LAWS
+@pytest.mark.parametrize("forms", [False, True])
+def test_the_equivalent_strain_is_that_of_the_displacement(cube: Any, material: Material, forms: bool) -> None:
+    """Uniform gradients with all nine components, the second one after a step that has yielded."""
+    gradients = 0.03 * np.random.default_rng(4).normal(size=(2, 3, 3))
+    one = sample(cube, material, forms)
+    solver: Any = SimpleNamespace(solid=one.solid, history=one.kernels.history())
+    for H in gradients:
+        one.bring([], one.affine(H))
+        one.kernels.commit()
+        one.solid.u.x.array[:] = one.affine(H).ravel()
+        solver.history = one.kernels.history()
+        C = (np.eye(3) + H).T @ (np.eye(3) + H)
+        e = 0.5 * logm(C) if material.finite else 0.5 * (H + H.T)
+        e = e - np.trace(e) / 3.0 * np.eye(3)
+        np.testing.assert_allclose(equivalent_strain(solver), np.sqrt(2.0 / 3.0 * np.sum(e * e)), rtol=1e-9)
+
+
+@LAWS
+def test_both_kernels_find_the_same_strain(coarse_wave: Any, material: Material) -> None:
+    """Of a displacement at random: forms have it from the gradient, compiled kernels from the stress."""
+    found = []
+    for forms in (False, True):
+        rough = sample(coarse_wave, material, forms, pointwise=True)
+        u = 3e-4 * np.random.default_rng(5).normal(size=rough.solid.points.shape)
+        rough.bring([], u)
+        rough.kernels.commit()
+        rough.solid.u.x.array[:] = u.ravel()
+        solver: Any = SimpleNamespace(solid=rough.solid, history=rough.kernels.history())
+        found.append(equivalent_strain(solver))
+    np.testing.assert_allclose(found[0], found[1], rtol=1e-7)
 
 
 @pytest.mark.mpi

@@ -217,7 +217,7 @@ def further_meshes(case: Case, found: Estimate) -> list[MeshEstimate]:
     levels: list[MeshEstimate] = []
     for k in range(1, MOST_MESHES - 1):
         h, dofs = last.h_contact / GREATEST_STEP**k, min(int(last.dofs * GREATEST_STEP ** (k * DOFS_ORDER)), most)
-        levels.append(_rates(case).of(h, dofs, last.steps, case.material.kinematics != "small"))
+        levels.append(_rates(case).of(h, dofs, last.steps, case.material.solid.kinematics != "small"))
     return levels if last.dofs < most else []
 
 
@@ -227,7 +227,7 @@ def _rates(case: Case) -> Rates:
 
 def _strain(case: Case, problem: Problem) -> tuple[MeshEstimate, ...]:
     """The runs on a coarse mesh that compare small and finite strain; see `small_strain.choose_kinematics`."""
-    if case.material.kinematics == "small" and not case.output.small_strain:
+    if not case.compares_strains:
         return ()
     L, own = problem.surface.L, problem.size.h_contact
     h = L * size_for_strain(None if own is None else own / L, case.accuracy.tolerance)

@@ -364,6 +364,11 @@ class Input(BaseModel):
         return greatest_force(self.loading.force_max, self.loading.pressure_max, self.surface.L)
 
     @property
+    def compares_strains(self) -> bool:
+        """Whether a run presses a coarse mesh in both strains: requested, or not in small strain."""
+        return self.output.small_strain or self.material.solid.kinematics != "small"
+
+    @property
     def has_stiffness(self) -> bool:
         """Whether load steps compute the elastic stiffnesses: requested, or the slip needs them."""
         return self.output.stiffness or self.slip is not None

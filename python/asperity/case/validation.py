@@ -17,7 +17,16 @@ from asperity.case.schema import (
 from asperity.case.surfaces import SelfAffineSection
 from asperity.force_law import MIN_ROWS
 from asperity.model.argument_checks import Judgement
-from asperity.model.limits import FRACTIONS, improbable, too_deep, wrong_force, wrong_length, wrong_preload, wrong_sizes
+from asperity.model.limits import (
+    FRACTIONS,
+    ROUND,
+    improbable,
+    too_deep,
+    wrong_force,
+    wrong_length,
+    wrong_preload,
+    wrong_sizes,
+)
 from asperity.model.material import wrong_slope, wrong_yield
 from asperity.model.settings import H_CONTACT, H_MAX, gamma_too_small, penalty_too_soft, wrong_friction
 from asperity.runtime.display import show
@@ -86,6 +95,8 @@ def check_together(case: Input) -> None:
     load = dynamics.preload if dynamics else None
     if dynamics and dynamics.overload is not None and load is not None and dynamics.overload < load:
         _refuse("dynamics.overload", f"= {dynamics.overload:g} lies below dynamics.preload = {load:g}; raise it")
+    if dynamics and dynamics.overload is not None:
+        _check_reached(case, "dynamics.overload", f"= {dynamics.overload:g}", dynamics.overload, 1.0)
 
 
 def _check_joint(case: Input, joint: JointSection) -> None:
@@ -114,6 +125,10 @@ def _check_joint(case: Input, joint: JointSection) -> None:
         _check_preload(case, "joint.preload", joint.preload, area / patch)
     if joint.pressure is not None:
         _check_preload(case, "joint.pressure", joint.pressure, 1.0 / patch)
+    if joint.gravity is not None and joint.mass is not None:
+        load = (joint.preload or (joint.pressure or 0.0) * area) + joint.mass * joint.gravity
+        weight = f"= {joint.gravity:g} with joint.mass = {joint.mass:g} makes a preload of {load:.6g}, which"
+        _check_reached(case, "joint.gravity", weight, load, area / patch)
 
 
 def _check_rest_of_damping(dynamics: DynamicsSection, joint: JointSection | None) -> None:
@@ -156,6 +171,17 @@ def _check_preload(case: Input, key: str, value: float, factor: float) -> None:
     """Refuse a preload that no run reaches; `factor` turns the force of the patch into the unit of the key."""
     full, greatest = case.material.E_prime * case.surface.L**2 * factor, case.greatest_force
     _refuse_if(wrong_preload(key, value, None if greatest is None else greatest * factor, full))
+
+
+def _check_reached(case: Input, key: str, what: str, force: float, factor: float) -> None:
+    """Refuse a force above that at the end of the loading, where it is given; `factor` as in `_check_preload`."""
+    greatest = case.greatest_force
+    if greatest is not None and force > greatest * factor * ROUND:
+        _refuse(
+            key,
+            f"{what} exceeds {greatest * factor:.6g}, the greatest force of the run; lower it, or raise "
+            f"loading.{case.loading.driver}",
+        )
 
 
 def _check_self_affine(surface: SelfAffineSection) -> None:

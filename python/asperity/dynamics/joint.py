@@ -84,7 +84,10 @@ class Joint:
 
     def mass_at(self, stiffness: float) -> float | None:
         """Mass at a stiffness k_n of the joint (force/length); None if nothing gives it."""
-        return self.mass if self.frequency is None else stiffness / (2 * math.pi * self.frequency) ** 2
+        if self.frequency is None:
+            return self.mass
+        omega = 2 * math.pi * self.frequency
+        return positive(f"mass (of joint.frequency {self.frequency:g})", stiffness / omega / omega)
 
 
 def _known(patch: float | None, name: str) -> float:

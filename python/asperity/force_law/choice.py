@@ -153,7 +153,8 @@ def law_named(columns: CurveColumns, name: str, load: float) -> Law:
             "column branch"
         )
     rows = fitted_rows(delta, force)
-    return PowerLaw.from_fit(fit_power_law(delta[rows] / length, force[rows] / unit), length, unit)
+    fitted = PowerLaw.from_fit(fit_power_law(delta[rows] / length, force[rows] / unit), length, unit)
+    return replace(fitted, fitted_to=max(fitted.fitted_to, fitted.deflection(unit)))  # to the force of the curve
 
 
 def _secants(columns: CurveColumns, load: float) -> tuple[Law, ...]:

@@ -15,8 +15,10 @@ from asperity.arrays import Array, Flags
 from asperity.curve import BRANCHES
 from asperity.curve.slope import legs
 from asperity.errors import InputError
+from asperity.force_law.checks import within
 from asperity.runtime.measured_curve import read_measured_curve
 
+SIZES = (1e-100, 1e100)  # of the greatest approach and force, so that products do not overflow
 _HYSTERESIS = 0.01  # share of the greatest force by which an unloading falls short of the loading after yield
 _CLOSED = 1e-3  # a reloading closes its loop if it ends within this share below the top, in approach or force
 
@@ -81,6 +83,9 @@ class CurveColumns:
         delta, force, strain = number("delta"), number("force"), number("max_plastic_strain")
         if not (known := np.isfinite(delta) & np.isfinite(force)).all():
             raise InputError(f"row {int(np.argmin(known))} of the curve is not finite in delta or force")
+        for name, values in (("delta", delta), ("force", force)):
+            if greatest := float(np.abs(values).max()):
+                within(f"the greatest {name} of the curve", greatest, SIZES)
         names = ["load"] * size if sized("branch") is None else sized("branch")
         branch = np.array([str(name).strip() for name in names])
         if unknown := set(branch.tolist()) - set(BRANCHES):

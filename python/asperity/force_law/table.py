@@ -94,6 +94,10 @@ class TableLaw(Law):
             if isinstance(values, np.ndarray):
                 values.flags.writeable = False
             object.__setattr__(self, name, values)
+        if self.noise and (top := measured.max()) > F[-1]:
+            # the curve through scattered points may end below them: it goes on to their force, by one step at most
+            farther = z[-1] * (top / F[-1]) ** (1.0 / max(float(self._exponents[-1]), 0.1))
+            object.__setattr__(self, "known_to", float(min(farther, 2.0 * z[-1] - z[-2])))
 
     def _checked_points(self) -> tuple[Array, Array, Array | None]:
         """Points in contact, from first contact."""

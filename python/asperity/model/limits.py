@@ -66,7 +66,7 @@ def wrong_preload(key: str, value: float, greatest: float | None, full: float) -
         return None
     word = "pressure" if key == "joint.pressure" else "force"
     return key, (
-        f"= {value:g} must lie between {least:.3g} and {most:.3g}, the greatest {word} the run may reach; leave it out "
+        f"= {value:g} must lie between {least:.3g} and {most:.6g}, the greatest {word} the run may reach; leave it out "
         "for half of what it does reach"
     )
 
