@@ -437,14 +437,16 @@ def test_a_force_next_to_nothing(press_of: Callable[..., ContactSolver], linear:
 
 def test_flow_is_extrapolated_as_far_as_it_keeps_its_direction() -> None:
     """Angles between tensors by the double contraction, in which a shear component counts twice."""
-    strain = np.array([[2e-3, -1e-3, -1e-3, 0, 0, 0], [0, 0, 0, 3e-3, 0, 0], [0] * 6, [1e-3, -1e-3, 0, 0, 0, 0]])
-    flow = np.array(
-        [[4e-3, -2e-3, -2e-3, 0, 0, 0], [0, 0, 0, 1e-3, 1e-3, 0], [1e-3, 0, -1e-3, 0, 0, 0], [0, 0, 0, 0, 0, 1e-3]]
+    strain = (
+        np.array([[2, -1, -1, 0, 0, 0], [0, 0, 0, 3, 0, 0], [0] * 6, [1, -1, 0, 0, 0, 0], [1, -1, 0, 1, 0, 0]]) * 1e-3
     )
-    a, da = np.full(4, 5e-3), np.full(4, 2e-3)
+    flow = 1e-3 * np.array(
+        [[4, -2, -2, 0, 0, 0], [0, 0, 0, 1, 1, 0], [1, 0, -1, 0, 0, 0], [0, 0, 0, 0, 0, 1], [1, -1, 0, 0, 0, 0]]
+    )
+    a, da = np.full(5, 5e-3), np.full(5, 2e-3)
     for extrapolation in (1.0, 0.5):
         carried = extrapolate(History(strain, a, 0.0 * a), History(strain + flow, a + da, 0.0 * a), extrapolation)
-        part = extrapolation * np.array([1.0, np.sqrt(0.5), 1.0, 0.0])
+        part = extrapolation * np.array([1.0, np.sqrt(0.5), 1.0, 0.0, np.sqrt(0.5)])
         rounding = 8 * np.finfo(float).eps * flow.max()
         np.testing.assert_allclose(carried.plastic_strain, strain + (1.0 + part[:, None]) * flow, rtol=0, atol=rounding)
         np.testing.assert_allclose(carried.accumulated, a + (1.0 + part) * da, rtol=1e-14)
