@@ -259,4 +259,10 @@ def test_areas_are_those_of_the_deformed_top(rough: Surface, coarse: BlockMesh) 
     for material, expected in ((ELASTIC, 1.1 * 0.9 + 0.1 * 0.2), (Material(E, NU), 1.0)):
         it = sample(coarse, material)
         it.solid.u.x.array[:] = it.affine(F - np.eye(3)).ravel()
-        np.testing.assert_allclose(ContactSurface(it.solid).area_ratio(), expected, rtol=1e-12)
+        surface = ContactSurface(it.solid)
+        np.testing.assert_allclose(surface.area_ratio(), expected, rtol=1e-12)
+        thirds = np.repeat(surface.area[:, None] / 3.0, 3, axis=1)
+        whole = surface.area_of(np.ones(thirds.shape, dtype=bool), thirds)
+        assert (whole.value, whole.error) == (pytest.approx(expected * surface.area.sum()), 0.0)
+        pressure = surface.pressure(surface.bearing_area())[np.unique(surface.nodes[:, :3])]
+        np.testing.assert_allclose(pressure, 1.0 / expected, rtol=1e-12)
