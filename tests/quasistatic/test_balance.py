@@ -313,6 +313,8 @@ def balance(**changes: float) -> StepBalance:
     ("kind", "limit", "options", "change"),
     [
         ("energy", ENERGY, {}, lambda x: {"stored": 1.0 + x}),  # over the energy, which is the upper bound
+        ("energy", ENERGY, {}, lambda x: {"stored": 1.2 + x, "tangential_high": 0.2}),
+        ("energy", ENERGY, {}, lambda x: {"stored": 0.5, "tangential_low": 0.5 + 0.5 * x}),
         ("energy", MIDPOINT_ENERGY, {"exact": False}, lambda x: {"stored": 1.0 + x}),
         ("energy", ENERGY, {"compliant": True}, lambda x: {"stored": 1.0 + x}),
         ("energy", ENERGY, {}, lambda x: {"stored": 0.5, "dissipated": 0.5 + x}),
