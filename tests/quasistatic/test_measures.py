@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from conftest import ELASTIC, here, world
+from conftest import ELASTIC, PLASTIC, here, world
 from element_sample import sample
 from scipy.linalg import logm
 
@@ -16,7 +16,8 @@ from asperity.adaptive.solve_contact import solve_contact
 from asperity.model.material import Material
 from asperity.model.settings import Formulation, MeshSize
 from asperity.output.fields import gather_top_states
-from asperity.quasistatic.measures import equivalent_strain
+from asperity.quasistatic.make import make_contact_solver
+from asperity.quasistatic.measures import equivalent_strain, row
 from asperity.surface import Sinusoid, Surface
 
 NU = 0.3
@@ -153,3 +154,11 @@ def test_ranks_agree(wave: Surface, coarse_wave: Any) -> None:
     one, all_ = found
     for name in ("mean_gap", "mean_pressure", "spots", "largest_spot"):
         np.testing.assert_allclose(getattr(all_, name), getattr(one, name), rtol=1e-6)
+
+
+def test_the_plastic_fraction_is_one_of_volume(rough: Surface, coarse: Any) -> None:
+    solver = make_contact_solver(here(), rough, coarse, PLASTIC)
+    assert solver.step(0.02).converged
+    kernels, found = solver.solid.kernels, row(solver)["plastic_fraction"]
+    flows = kernels.history().accumulated > 0.0
+    assert found == pytest.approx(np.average(flows, weights=kernels.volumes)) != pytest.approx(flows.mean())
