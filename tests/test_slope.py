@@ -60,12 +60,12 @@ def test_few_steps_and_odd_ones() -> None:
 
 @pytest.mark.parametrize("name", ["elastic", "plastic"])
 def test_slopes_lie_between_those_before_and_after(name: str) -> None:
-    """Of computed curves, at every step; to half a per cent, where both are nearly the same."""
+    """Of computed curves, at every step; to one per cent, where the bend changes its sign."""
     curve = Curve.read(CURVES / f"{name}.csv")
     load = curve.loading()
     before_and_after = np.diff(np.append(0.0, load.force)) / np.diff(np.append(0.0, load.delta))
     low, high = (f(before_and_after[:-1], before_and_after[1:]) for f in (np.minimum, np.maximum))
-    assert np.all((0.995 * low <= load.k_n[:-1]) & (load.k_n[:-1] <= 1.005 * high))
+    assert np.all((0.99 * low <= load.k_n[:-1]) & (load.k_n[:-1] <= 1.01 * high))
 
 
 def test_a_curve_has_the_slopes_of_its_forces() -> None:
