@@ -11,7 +11,6 @@ from conftest import ELASTIC, PLASTIC, here, world
 
 from asperity.adaptive.solve_contact import solve_contact
 from asperity.curve import ELASTIC_STIFFNESSES, STIFFNESSES
-from asperity.linear.energy import LEFT
 from asperity.mesh.block import BlockMesh
 from asperity.mesh.generate import build_block
 from asperity.model.material import Material
@@ -146,8 +145,7 @@ def test_ranks_agree(rough: Surface, coarse: BlockMesh | None, formulation: Form
         curves.append(result.curve)
     for name in (*STIFFNESSES, "conductance"):
         one, all_ = (getattr(curve, name) for curve in curves)
-        # an iteration of CG more or less changes the energy by a part of LEFT, at which it ends
-        np.testing.assert_allclose(all_, one, rtol=0.5 * LEFT)
+        np.testing.assert_allclose(all_, one, rtol=2e-4)  # LEFT of the energy, and the block is subtracted
 
 
 @EACH
