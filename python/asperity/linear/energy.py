@@ -14,7 +14,7 @@ from asperity.linear.petsc import combine_sums
 from asperity.runtime.parallel import summed
 
 # Estimate of the relative error of the energy at which the iteration ends; the estimate is subtracted. With the penalty
-# method it is too small after few iterations: 1e-3 left 2.5e-3 in k_n_elastic of the scene of tests/quasistatic, this 1e-5.
+# method it is too small after few iterations: 1e-3 left 2.5e-3 in k_n_elastic of a scene of the tests, this 1e-5.
 LEFT = 1e-4
 LEAST = 2  # iterations for an energy: one alone would let slow errors add up over the steps
 NEAR = 0.8  # least energy over that of its start, the solution of the step before, roughly
