@@ -2,19 +2,22 @@
 
 from __future__ import annotations
 
+from contextlib import nullcontext
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 from conftest import here, world
 
+from asperity.errors import AsperityWarning, ConvergenceError
 from asperity.fem.solid import Solid
 from asperity.linear import coarse as coarse_problem
-from asperity.linear import solver as solver_module
 from asperity.linear.solver import LinearSolver
 from asperity.mesh.block import BlockMesh
 from asperity.mesh.distribute import TOP, distribute
 from asperity.model.material import Material
+from asperity.runtime import memory
 
 
 @pytest.mark.mpi
@@ -63,7 +66,6 @@ def test_a_coarse_problem_that_multigrid_does_not_solve_is_factorised(
 ) -> None:
     """By MUMPS on all ranks, whatever the size, before the whole system is."""
     monkeypatch.setattr(coarse_problem, "DIRECT_LIMIT", 3)
-    monkeypatch.setattr(solver_module, "DIRECT_LIMIT", 3)
     solid = Solid(*distribute(world(), coarse, 1.0), Material(1.0, 0.3))
     solid.assemble_tangent()
     r, y = solid.vector(), solid.vector()
@@ -81,18 +83,46 @@ def test_a_coarse_problem_that_multigrid_does_not_solve_is_factorised(
     assert solver.rescued == 0
 
 
-def test_a_system_too_large_for_a_rescue_says_what_to_set(
-    coarse: BlockMesh, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+@pytest.mark.mpi
+@pytest.mark.parametrize("kind", ["cg", "gamg", "lu"])
+def test_a_factorisation_that_lacks_memory_says_what_to_set(
+    coarse: BlockMesh | None, monkeypatch: pytest.MonkeyPatch, kind: str
 ) -> None:
-    monkeypatch.setattr(solver_module, "DIRECT_LIMIT", 3)
-    solid = Solid(*distribute(here(), coarse, 1.0), Material(1.0, 0.3))
+    """No rank takes it: as a rescue it fails, as the solver that was chosen it ends the path, which keeps its curve."""
+    comm = world()
+    solid = Solid(*distribute(comm, coarse, 1.0), Material(1.0, 0.3))
     solid.assemble_tangent()
     r, y = solid.vector(), solid.vector()
     r.array = 1.0
-    for kind in ("cg", "gamg"):
+    solver = LinearSolver(solid, kind)
+    monkeypatch.setattr("asperity.linear.petsc.free_share", lambda comm: 2e6)
+    if kind == "lu":
         solver = LinearSolver(solid, kind)
-        monkeypatch.setattr(solver, "_outcome", lambda: (7, False))
-        with caplog.at_level("INFO"):
+        with pytest.raises(ConvergenceError, match=r"MUMPS .* GiB on all ranks.* solver.linear"):
+            solver.solve(r, solid.fixed, np.empty(0), y, 1e-3)
+        return
+    with monkeypatch.context() as patch:
+        patch.setattr(solver, "_outcome", lambda: (7, False))
+        with pytest.warns(AsperityWarning, match="take more memory") if comm.rank == 0 else nullcontext():
             assert solver.solve(r, solid.fixed, np.empty(0), y, 1e-3) == (7, False)
-        assert "lu solves by MUMPS on all ranks" in caplog.text
-        caplog.clear()
+    assert not y.array_r.any()
+    solver.rescue = False  # the next step
+    assert solver.solve(r, solid.fixed, np.empty(0), y, 1e-3)[1]
+    monkeypatch.undo()
+    again = LinearSolver(solid, kind)
+    monkeypatch.setattr(again, "_outcome", lambda: (7, False))
+    assert again.solve(r, solid.fixed, np.empty(0), y, 1e-3)[1] and again.rescued == 1
+
+
+def test_memory_that_a_container_leaves(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Of a group of processes the least of its limits counts, without what the system can drop."""
+    whole = memory.free_share(here())
+    assert 0.0 < whole < np.inf and memory.peak() > 1e7
+    group = tmp_path / Path("/proc/self/cgroup").read_text().rpartition("0::")[2].strip().lstrip("/")
+    group.mkdir(parents=True, exist_ok=True)
+    (group / "memory.max").write_text("max\n")
+    (group / "memory.stat").write_text("anon 3000\nfile 900\n")
+    (tmp_path / "memory.max").write_text("5000\n")
+    (tmp_path / "memory.stat").write_text("anon 4000\nfile 900\n")
+    monkeypatch.setattr(memory, "GROUPS", tmp_path)
+    assert memory.free_share(here()) == 1000.0

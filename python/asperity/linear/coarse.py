@@ -16,7 +16,7 @@ from asperity.arrays import Floats, Singles
 from asperity.errors import AsperityWarning, warn
 from asperity.fem.ghosts import Ghosts
 from asperity.fem.sparsity import SparsityPattern
-from asperity.linear.petsc import GAMG, NodeMatrix, set_defaults, set_rigid_modes
+from asperity.linear.petsc import GAMG, NodeMatrix, factorise, set_defaults, set_rigid_modes
 from asperity.linear.substructures import Substructures, interface_of
 from asperity.runtime.compiled import solver as _solver
 
@@ -78,14 +78,13 @@ class Distributed:
         self._x, self._b = self._matrix.A.createVecs()
         self._ksp = PETSc.KSP().create(comm)
         self._ksp.setOptionsPrefix(PREFIX)
-        self._ksp.setType("preonly")
-        pc = self._ksp.getPC()
+        self._ksp.setOperators(self._matrix.A)
         if factorised:
-            pc.setType("cholesky" if symmetric else "lu")
-            pc.setFactorSolverType("mumps")
-        else:
-            pc.setType("gamg")
-            set_defaults(PREFIX, GAMG | {"mg_levels_ksp_max_it": SWEEPS})
+            factorise(self._ksp, symmetric)
+            return
+        self._ksp.setType("preonly")
+        self._ksp.getPC().setType("gamg")
+        set_defaults(PREFIX, GAMG | {"mg_levels_ksp_max_it": SWEEPS})
         self._ksp.setFromOptions()
 
     def update(self) -> bool:

@@ -12,6 +12,7 @@ import numpy as np
 from asperity.arrays import Floats
 from asperity.fem.solid import Solid
 from asperity.fem.sparsity import SparsityPattern
+from asperity.runtime.memory import free_share
 
 OUT_OF_MEMORY = 55  # PETSC_ERR_MEM
 GAMG = {
@@ -21,6 +22,10 @@ GAMG = {
     "mg_levels_ksp_type": "chebyshev",
     "mg_levels_pc_type": "jacobi",
 }
+#: Memory beyond the estimate of MUMPS, in per cent: on several ranks the need depends on the speed of each.
+WORKSPACE = 100
+MOST_MEMORY = 23  # control parameter of MUMPS: what a rank may take [MB]
+TOO_LITTLE = -19  # error of MUMPS: that is too little
 
 
 class NodeMatrix:
@@ -114,6 +119,36 @@ def set_defaults(prefix: str, options: dict[str, Any]) -> None:
     for key, value in options.items():
         if not database.hasName(key):
             database[key] = value
+
+
+def factorise(ksp: Any, symmetric: bool) -> None:
+    """Let a KSP, which has its matrix, factorise it by MUMPS, unless options of the user say otherwise; collective.
+
+    MUMPS takes no more than an equal share of the free memory for each rank: a system would end a job that takes more.
+    """
+    pc, comm = ksp.getPC(), ksp.getComm().tompi4py()
+    ksp.setType("preonly")
+    pc.setType("cholesky" if symmetric else "lu")
+    pc.setFactorSolverType("mumps")
+    set_defaults(ksp.getOptionsPrefix(), {"mat_mumps_icntl_14": WORKSPACE})
+    ksp.setFromOptions()
+    if pc.getType() in ("cholesky", "lu") and pc.getFactorSolverType() == "mumps":
+        pc.setFactorSetUpSolverType()
+        share = free_share(comm)
+        if np.isfinite(share):
+            pc.getFactorMatrix().setMumpsIcntl(MOST_MEMORY, max(min(int(share / 1e6), 2**31 - 1), 1))
+
+
+def memory_lacking(ksp: Any) -> float:
+    """Memory that a factorisation takes on all ranks where it failed for want of it, else 0 [bytes]."""
+    from petsc4py import PETSc
+
+    pc = ksp.getPC()
+    if pc.getType() not in ("cholesky", "lu") or pc.getFactorSolverType() != "mumps":
+        return 0.0
+    factor, failed = pc.getFactorMatrix(), pc.getFailedReason()
+    lacks = failed == PETSc.PC.FailedReason.FACTOR_OUTMEMORY or factor.getMumpsInfog(1) == TOO_LITTLE
+    return 1e6 * float(factor.getMumpsInfog(17)) if failed and lacks else 0.0
 
 
 def combine_sums(prefix: str, comm: Any) -> None:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import logging
 import weakref
 from collections.abc import Callable
 from contextlib import AbstractContextManager
@@ -11,11 +10,20 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from asperity.arrays import Floats, Integers
-from asperity.errors import AsperityWarning, warn
+from asperity.errors import AsperityWarning, ConvergenceError, warn
 from asperity.linear.energy import EnergyTest
 from asperity.linear.matrix_free import TangentOperator, tangent_product
 from asperity.linear.multigrid import ITERATIONS, PMultigrid
-from asperity.linear.petsc import GAMG, NodeMatrix, combine_sums, own_errors, set_defaults, set_rigid_modes
+from asperity.linear.petsc import (
+    GAMG,
+    NodeMatrix,
+    combine_sums,
+    factorise,
+    memory_lacking,
+    own_errors,
+    set_defaults,
+    set_rigid_modes,
+)
 from asperity.runtime.parallel import summed
 
 if TYPE_CHECKING:
@@ -25,20 +33,17 @@ if TYPE_CHECKING:
 SINGLE_RTOL = 1e-5  # smallest tolerance for which a product in single precision is exact enough
 LU_LIMIT = 1_000  # dofs below which a factorisation beats CG with multigrid (benchmarks/linear.py)
 GENERAL_LU_LIMIT = 6_000  # the same of a tangent that is not symmetric
-DIRECT_LIMIT = 200_000  # dofs up to which a factorisation may replace an iterative solver that fails
 RESCUES = 10  # systems rescued by a factorisation before a word of it
 RESCUED = (
     f"solver.linear failed for {RESCUES} systems so far, and LU solved them, each several times slower; the results "
     "are the same. run.log names the steps: smaller ones may help (steps)"
 )
-TOO_LARGE = (
-    "the linear solver failed on %d dofs, too many for LU to rescue, and the step is cut: of the values of "
-    "solver.linear, cg is the most robust iterative one, lu solves by MUMPS on all ranks; take more of them where "
-    "memory is short"
+FAILED = "the iterative solver failed, and the step is cut; "
+LACKS = (
+    "MUMPS would factorise the system of {} dofs, but takes about {:.2g} GiB on all ranks, more than is free: take "
+    "more memory, ranks on more machines, or a larger mesh.h_contact"
 )
 PREFIX, RESCUE_PREFIX = "asperity_", "asperity_rescue_"
-#: Memory beyond the estimate of MUMPS, in per cent: on several ranks the need depends on the speed of each.
-WORKSPACE = 100
 
 
 class LinearSolver:
@@ -75,7 +80,7 @@ class LinearSolver:
             kind = "lu" if solid.dofs < (LU_LIMIT if symmetric else GENERAL_LU_LIMIT) else "cg"
         self.rescue, self.rescued, self.left, self.iterations, self.total, self.solved = False, 0, 0.0, 0, 0, False
         self._solid = solid
-        self._may_rescue = (symmetric or kind != "lu") and solid.dofs <= DIRECT_LIMIT
+        self._may_rescue = symmetric or kind != "lu"
         self._direct: tuple[Any, Assembled] | None = None
         single = rtol >= SINGLE_RTOL
         solid.halved = kind == "cg" and symmetric and single
@@ -138,7 +143,7 @@ class LinearSolver:
             iterations, and whether the solver converged
 
         Raises:
-            MemoryError: there is not enough for a factorisation
+            ConvergenceError: there is not enough memory for the factorisation that was chosen
         """
         self.prescribe(rows, values, rtol, atol)
         with own_errors():
@@ -162,8 +167,6 @@ class LinearSolver:
 
     def _end(self, b: Any, x: Any) -> None:
         """Try again where the solver failed, then a factorisation, and prescribe; called by PETSc."""
-        from petsc4py import PETSc
-
         if self._again:
             return
         ksp, method = self.ksp, self._method
@@ -183,12 +186,10 @@ class LinearSolver:
             self.iterations, self.solved = 0, False
         self.total += self.iterations
         self._phase.__exit__(None, None, None)
-        if not self.solved and ksp.getPC().getFailedReason() == PETSc.PC.FailedReason.FACTOR_OUTMEMORY:
-            raise MemoryError
+        if not self.solved and (needed := memory_lacking(ksp)):
+            raise ConvergenceError(LACKS.format(self._solid.dofs, needed / 2**30) + ', or solver.linear = "cg"')
         if not self.solved and self._may_rescue:
             self._factorise(b, x)
-        if not self.solved and not self._may_rescue and self._solid.comm.rank == 0:
-            logging.getLogger(__name__).info(TOO_LARGE, self._solid.dofs)
         b.array = self._given
         if not self.solved:
             x.set(0.0)
@@ -223,7 +224,10 @@ class LinearSolver:
             ksp.solve(b, x)
         self.solved, self.left, self.rescue = ksp.getConvergedReason() > 0, 0.0, True
         self.rescued += 1
-        if self.rescued == RESCUES and solid.comm.rank == 0:
+        needed = memory_lacking(ksp)
+        if solid.comm.rank == 0 and needed:
+            warn(FAILED + LACKS.format(solid.dofs, needed / 2**30), AsperityWarning)
+        if solid.comm.rank == 0 and self.rescued == RESCUES:
             warn(RESCUED, AsperityWarning)
 
 
@@ -286,25 +290,21 @@ class Assembled:
     def __init__(self, ksp: Any, solid: Solid, kind: str, symmetric: bool) -> None:
         from petsc4py import PETSc
 
-        self._solid, self._ksp, prefix = solid, ksp, ksp.getOptionsPrefix()
+        self._solid, self._ksp = solid, ksp
         self._matrix = NodeMatrix(solid.sparsity, solid.V.dofmap.index_map, solid.comm)
         self.operator = A = self._matrix.A
         A.setOption(PETSc.Mat.Option.SYMMETRIC, symmetric)
         A.setOption(PETSc.Mat.Option.SPD, symmetric)
-        pc = ksp.getPC()
-        if kind == "lu":
-            ksp.setType("preonly")
-            pc.setType("cholesky" if symmetric else "lu")
-            pc.setFactorSolverType("mumps")
-            set_defaults(prefix, {"mat_mumps_icntl_14": WORKSPACE})
-        else:
-            ksp.setType("cg" if symmetric else "gmres")
-            if symmetric:
-                ksp.setNormType(PETSc.KSP.NormType.NATURAL)
-            pc.setType("gamg")
-            set_defaults(prefix, GAMG)
-            set_rigid_modes(A, solid.points)
         ksp.setOperators(A)
+        if kind == "lu":
+            factorise(ksp, symmetric)
+            return
+        ksp.setType("cg" if symmetric else "gmres")
+        if symmetric:
+            ksp.setNormType(PETSc.KSP.NormType.NATURAL)
+        ksp.getPC().setType("gamg")
+        set_defaults(ksp.getOptionsPrefix(), GAMG)
+        set_rigid_modes(A, solid.points)
         ksp.setFromOptions()
 
     def forget(self) -> None: ...

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import platform
-import resource
 import sys
 from dataclasses import asdict
 from importlib import metadata
@@ -12,6 +11,7 @@ from typing import Any
 from asperity.case import Case
 from asperity.curve import STIFFNESSES, Curve
 from asperity.quasistatic.contact_result import ContactResult
+from asperity.runtime.memory import peak
 from asperity.version import __version__
 
 PACKAGES = ("numpy", "scipy", "mpi4py", "petsc4py", "gmsh")
@@ -50,8 +50,7 @@ def of_ranks(comm: Any, seconds: dict[str, float], alone: float, wall: float) ->
         alone: time that rank 0 has worked while the others waited, or would have [s]
         wall: time of the whole job so far, since its last start [s]
     """
-    peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 2**10
-    peaks, times = zip(*comm.allgather((round(peak, 1), seconds)), strict=True)
+    peaks, times = zip(*comm.allgather((round(peak() / 2**20, 1), seconds)), strict=True)
     slowest = {name: round(max(each.get(name, 0.0) for each in times), 4) for name in times[0]}
     return {
         "peak_memory_MiB": list(peaks),

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import resource
 from contextlib import suppress
 from functools import partial
 from typing import TYPE_CHECKING
@@ -19,6 +18,7 @@ from asperity.quasistatic.contact_result import ContactResult, PartialResult, re
 from asperity.quasistatic.contact_solver import ContactSolver
 from asperity.quasistatic.make import make_block, solver_of
 from asperity.quasistatic.stepping import Position, Record, follow
+from asperity.runtime.memory import peak
 from asperity.runtime.parallel import on_root
 from asperity.runtime.timing import Phases
 
@@ -112,7 +112,7 @@ def solve_problem(
         dofs=solver.solid.dofs,
         cells=comm.allreduce(len(solver.solid.cell_nodes)),
         phases=phases,
-        memory=comm.allreduce(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024),
+        memory=comm.allreduce(peak()),
         snapshots=tuple(record.snapshots),
         block=block,
         solver=solver,

@@ -1,0 +1,49 @@
+"""Memory of this process, and what its machine has left."""
+
+from __future__ import annotations
+
+import resource
+from contextlib import suppress
+from math import inf
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from mpi4py import MPI
+
+GROUPS = Path("/sys/fs/cgroup")
+
+
+def peak() -> int:
+    """Greatest memory of this process so far [bytes]."""
+    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024
+
+
+def free_share(comm: MPI.Comm) -> float:
+    """Equal share of the free memory of a machine for each of its ranks, inf where it is unknown [bytes]; collective.
+
+    That of the machine, or what a batch system or container leaves of it (control groups).
+    """
+    from mpi4py import MPI
+
+    here = comm.Split_type(MPI.COMM_TYPE_SHARED)
+    share = float(here.allreduce(_free(), op=MPI.MIN)) / here.size
+    here.Free()
+    return share
+
+
+def _free() -> float:
+    free = inf
+    with suppress(OSError, KeyError, ValueError):  # where there is no Linux
+        free = 1024.0 * _numbers(Path("/proc/meminfo"))["MemAvailable:"]
+        name = Path("/proc/self/cgroup").read_text().rpartition("0::")[2].strip()
+        group = GROUPS / name.lstrip("/")
+        for each in (group, *group.parents):
+            with suppress(OSError, KeyError, ValueError):  # the first has no limit, and a limit may be "max"
+                free = min(free, int((each / "memory.max").read_text()) - _numbers(each / "memory.stat")["anon"])
+    return max(free, 0.0)
+
+
+def _numbers(path: Path) -> dict[str, int]:
+    """Names at the beginning of the lines of a file, and the numbers after them."""
+    return {words[0]: int(words[1]) for line in path.read_text().splitlines() if len(words := line.split()) > 1}
