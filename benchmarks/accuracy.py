@@ -253,7 +253,7 @@ def judge(name: str, seed: int, material: asp.Material, tolerance: float) -> Non
         surface, depth = flattened(surface), FLAT * depth
     at = depth * np.arange(1, STEPS + 1) / STEPS
     start = process_time()
-    run = asp.solve_to_tolerance(surface, material, asp.AccuracyTarget(tolerance), delta_max=depth, steps=STEPS)
+    run = asp.solve_contact(surface, material, tolerance=asp.AccuracyTarget(tolerance), delta_max=depth, steps=STEPS)
     seconds = process_time() - start
     loading = run.curve.loading()
     truth = yielding_truth(surface, at, run.levels[-1].dofs) if material.plastic else elastic_truth(surface, at)

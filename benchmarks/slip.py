@@ -241,7 +241,7 @@ def solid(n: int, h: float, slopes: list[float]) -> None:
                 surface, material, sides="periodic", pressure_max=pressure, steps=8, size=size,
                 formulation=asp.Formulation(method="active-set"),
             )  # fmt: skip
-            result = asp.solve_problem(problem, hooks=Callbacks(stiffness=True))
+            result = asp.solve_contact(problem, stiffness=True)
             pressed = process_time()
             settings = SlipSettings(MU, AMPLITUDES, float(result.curve.force[-1]), steps=1, method="solid")
             paths = solve_slip(problem, result, settings)
@@ -286,7 +286,7 @@ def yielded(h: float) -> None:
                 surface, material, sides="periodic", delta_max=0.01 * slope / SLOPE, steps=8, unload_steps=10,
                 size=asp.MeshSize(h_contact=h),
             )  # fmt: skip
-            result = asp.solve_problem(problem, hooks=Callbacks(stiffness=True))
+            result = asp.solve_contact(problem, stiffness=True)
             curve = {name: getattr(result.curve, name) for name in CURVE}
             curve["error_P_star"] = 1e-9 * curve["P_star"]
             for part in (1.0, 0.5):

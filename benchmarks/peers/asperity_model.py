@@ -38,7 +38,7 @@ def solve(
         curve, dofs = result.curve, result.dofs
     else:
         goal = asp.AccuracyTarget(value, max_dofs=2_000_000)
-        found = asp.solve_to_tolerance(top, law, goal, delta_max=depth, steps=steps)
+        found = asp.solve_contact(top, law, tolerance=goal, delta_max=depth, steps=steps)
         curve, dofs = found.curve, found.contact.dofs
     force = loading_force(curve, at) * law.reduced_modulus
     if MPI.COMM_WORLD.rank == 0:

@@ -18,7 +18,7 @@ import numpy.typing as npt
 
 import asperity as asp
 from asperity.adaptive.extrapolation import loading_force
-from asperity.adaptive.solve_to_tolerance import solve_to_tolerance
+from asperity.adaptive.solve_contact import solve_contact
 from asperity.arrays import Floats
 from asperity.model.settings import AccuracyTarget
 from asperity.surface import Surface
@@ -51,7 +51,7 @@ def reference(material: str, folder: Path) -> tuple[Floats, float]:
 def compute_reference(material: str, file: str) -> None:
     """Write the force and its error bar."""
     goal = AccuracyTarget(TOLERANCE[material])
-    found = solve_to_tolerance(surface(), MATERIALS[material], goal, delta_max=DELTA, steps=STEPS)
+    found = solve_contact(surface(), MATERIALS[material], tolerance=goal, delta_max=DELTA, steps=STEPS)
     modulus = MATERIALS[material].reduced_modulus
     kept = {
         "force": (loading_force(found.curve, AT) * modulus).tolist(),

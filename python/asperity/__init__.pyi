@@ -4,7 +4,6 @@ from asperity import laws as laws
 from asperity import reference as reference
 from asperity.adaptive.small_strain import choose_kinematics as choose_kinematics
 from asperity.adaptive.solve_contact import solve_contact as solve_contact
-from asperity.adaptive.solve_to_tolerance import solve_to_tolerance as solve_to_tolerance
 from asperity.case import Case as Case
 from asperity.curve import Curve as Curve
 from asperity.curve.power_law import PowerLawFit as PowerLawFit
@@ -34,7 +33,6 @@ from asperity.model.settings import Formulation as Formulation
 from asperity.model.settings import MeshSize as MeshSize
 from asperity.model.settings import SolverOptions as SolverOptions
 from asperity.output.export import export as export
-from asperity.quasistatic.solve_problem import solve_problem as solve_problem
 from asperity.run_case import run as run
 from asperity.surface import Surface as Surface
 from asperity.transient import Scheme as Scheme

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 from asperity.adaptive.mesh_error import AccurateResult
 from asperity.adaptive.small_strain import SmallStrain, choose_kinematics
-from asperity.adaptive.solve_to_tolerance import refine
+from asperity.adaptive.refine import refine
 from asperity.case import Case
 from asperity.curve import Curve
 from asperity.dynamics import DynamicsSettings
@@ -128,7 +128,7 @@ def solve_case(
             contact = solve_problem(chosen, block=block, judged=judged, comm=comm, hooks=hooks, checked=False)
         else:
             target = AccuracyTarget(wanted.tolerance, wanted.max_dofs, wanted.max_seconds, wanted.area_tolerance)
-            accurate = refine(chosen, target, comm, hooks, files.curve)
+            accurate = refine(chosen, target, comm, replace(hooks, on_curve=files.curve))
             contact = replace(accurate.contact, curve=accurate.curve, reason=accurate.reason)
             failure = None if accurate.met else ConvergenceError(accurate.reason)
     except PartialResult as e:

@@ -129,7 +129,7 @@ def test_a_force_has_the_estimate_of_its_approach(name: str, h: float) -> None:
     data["mesh"] = {"h_contact": h * L}
     data["output"], data["loading"] = {}, {"delta_max": data["loading"]["delta_max"], "steps": 3}
     given = Case.from_dict(data, folder=file.parent)
-    curve = asp.solve_problem(given.problem()).curve
+    curve = asp.solve_contact(given.problem()).curve
     data["loading"] = {"force_max": float(curve.force[-1]), "steps": 3}
     found, known = estimate(Case.from_dict(data, folder=file.parent)), estimate(given)
     assert found.approach == pytest.approx(known.approach, rel=0.25)

@@ -54,8 +54,8 @@ def test_half_of_what_a_top_leaves_out_is_taken() -> None:
 def test_a_force_that_is_given_is_met_by_the_corrected_curve() -> None:
     """Three times, in elastic cycles; the approach is that of boundary elements, and unloading retraces loading."""
     force = 1.0e-4
-    found = asp.solve_to_tolerance(
-        PATCH, ELASTIC, asp.AccuracyTarget(0.05), force_max=force, steps=5, unload_steps=2, cycles=2, comm=here()
+    found = asp.solve_contact(
+        PATCH, ELASTIC, tolerance=asp.AccuracyTarget(0.05), force_max=force, steps=5, unload_steps=2, cycles=2, comm=here()
     )
     curve = found.curve
     assert found.met and list(curve.force == force).count(True) == 2 and curve.force.max() == force
@@ -74,8 +74,8 @@ def test_a_force_that_is_given_is_met_by_the_corrected_curve() -> None:
 
 def test_a_pressure_that_is_given_is_met_after_yield() -> None:
     blunt = asp.Surface.from_spec(kind="sphere", L=1.0, radius=2.0, centre=(0.3, 0.4), shape="paraboloid")
-    found = asp.solve_to_tolerance(
-        blunt, PLASTIC, asp.AccuracyTarget(0.2), pressure_max=2e-3, steps=5, unload_steps=2, comm=here()
+    found = asp.solve_contact(
+        blunt, PLASTIC, tolerance=asp.AccuracyTarget(0.2), pressure_max=2e-3, steps=5, unload_steps=2, comm=here()
     )
     curve, last = found.curve, int(np.argmax(found.curve.force))
     assert curve.force[last] == 2e-3 and curve.branch[last] == "load" and curve.force[-1] == 0.0

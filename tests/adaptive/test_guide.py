@@ -23,7 +23,7 @@ from asperity.adaptive.guide import Guide, Omission, singular_part, sizes_of_spo
 from asperity.adaptive.mesh_levels import LevelSolver
 from asperity.adaptive.mesh_plan import weight
 from asperity.adaptive.solve_contact import solve_contact
-from asperity.adaptive.solve_to_tolerance import refine
+from asperity.adaptive.refine import refine
 from asperity.curve import Curve
 from asperity.errors import Interrupted
 from asperity.mesh.generate import build_block
@@ -175,7 +175,7 @@ def test_coarse_meshes_that_are_not_touched_lead_to_finer_ones() -> None:
     steep = surface_of(5, H=0.7, slope=10.0, lambda_roll=0.25, lambda_short=0.05)
     goal = asp.AccuracyTarget(0.05, max_dofs=8_000)
     with pytest.warns(SurfaceWarning):
-        found = asp.solve_to_tolerance(steep, Material(1.0, 0.3, 0.02, 0.05), goal, delta_max=0.005, steps=5)
+        found = asp.solve_contact(steep, Material(1.0, 0.3, 0.02, 0.05), tolerance=goal, delta_max=0.005, steps=5)
     assert not found.met and found.levels[-1].dofs > 1.5 * found.levels[0].dofs
     assert "the next mesh has about" in found.reason and not found.worst <= 0.05
 
@@ -191,7 +191,7 @@ def test_the_bar_of_an_unresolved_surface_holds(material: Material) -> None:
     A bar holds 95 % of the steps: one of the twelve may be outside, by as much again.
     """
     surface, depth = surface_of(4, lambda_roll=0.5, lambda_short=0.1), 0.03
-    found = asp.solve_to_tolerance(surface, material, asp.AccuracyTarget(0.08), delta_max=depth, steps=5)
+    found = asp.solve_contact(surface, material, tolerance=asp.AccuracyTarget(0.08), delta_max=depth, steps=5)
     assert found.met
     size = MeshSize(0.024, growth=0.2)
     fine = solve_contact(surface, material, delta_max=depth, steps=10, size=size)
@@ -209,6 +209,6 @@ def test_the_bar_of_an_unresolved_surface_holds(material: Material) -> None:
 @pytest.mark.mpi
 def test_all_ranks_have_the_same_bar() -> None:
     surface, comm = surface_of(3), world()
-    found = asp.solve_to_tolerance(surface, ELASTIC, asp.AccuracyTarget(0.2), delta_max=0.015, steps=5, comm=comm)
+    found = asp.solve_contact(surface, ELASTIC, tolerance=asp.AccuracyTarget(0.2), delta_max=0.015, steps=5, comm=comm)
     bars = comm.allgather(found.budget.roughness.tolist())
     assert all(bar == bars[0] for bar in bars) and max(bars[0]) > 0.0

@@ -16,8 +16,8 @@ from asperity.surface import SelfAffine, Sinusoid
 def test_gap_and_stiffness_are_inside_their_bars() -> None:
     surface = SelfAffine(L=1.0, H=0.8, slope=0.03, lambda_roll=0.5, lambda_short=0.25, seed=5)
     depth = 0.004
-    found = asp.solve_to_tolerance(
-        surface, ELASTIC, asp.AccuracyTarget(0.05), delta_max=depth, steps=5, stiffness=True, conductance=True
+    found = asp.solve_contact(
+        surface, ELASTIC, tolerance=asp.AccuracyTarget(0.05), delta_max=depth, steps=5, stiffness=True, conductance=True
     )
     curve = found.curve.loading()
     layer = reference.RoughHalfSpace(256, 1.0, ELASTIC.nu)
@@ -40,8 +40,8 @@ def test_gap_and_stiffness_are_inside_their_bars() -> None:
 
 
 def test_columns_that_were_not_computed_have_no_bar() -> None:
-    curve = asp.solve_to_tolerance(
-        Sinusoid(L=1.0, amplitude=0.01), ELASTIC, asp.AccuracyTarget(0.2), delta_max=0.005, steps=5
+    curve = asp.solve_contact(
+        Sinusoid(L=1.0, amplitude=0.01), ELASTIC, tolerance=asp.AccuracyTarget(0.2), delta_max=0.005, steps=5
     ).curve
     assert np.isnan(curve.k_n_elastic).all() and np.isnan(curve.error_k_n_elastic).all()
     assert np.isfinite(curve.error_mean_gap).all() and np.isfinite(curve.error_k_n).all()  # these take no solve

@@ -16,7 +16,7 @@ from asperity.adaptive import small_strain
 from asperity.adaptive.mesh_plan import COARSE
 from asperity.adaptive.small_strain import SmallStrain, choose_kinematics, differences
 from asperity.adaptive.solve_contact import solve_contact
-from asperity.adaptive.solve_to_tolerance import refine
+from asperity.adaptive.refine import refine
 from asperity.case import Case
 from asperity.curve import Curve
 from asperity.errors import InputError, Interrupted

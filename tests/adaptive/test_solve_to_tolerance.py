@@ -30,13 +30,14 @@ from asperity.adaptive.mesh_plan import (
     refinement,
     weight,
 )
-from asperity.adaptive.solve_to_tolerance import solve_to_tolerance
+from asperity.adaptive.solve_contact import solve_contact
 from asperity.case import Case
 from asperity.curve import Curve
 from asperity.errors import ResolutionWarning
 from asperity.mesh.resolution import ELEMENTS, doubt_of_waves, resolving_size
 from asperity.model.settings import AccuracyTarget, SolverOptions
 from asperity.quasistatic.contact_result import ContactResult, PartialResult
+from asperity.quasistatic.solve_problem import solve_problem
 from asperity.reference import half_space_contact
 
 SPHERE = asp.Surface.from_spec(kind="sphere", L=1.0, radius=3.0, centre=(0.3, 0.4))
@@ -146,9 +147,9 @@ def test_impossible_tolerance(tolerance: float) -> None:
 
 def test_mesh_and_tolerance_exclude_each_other() -> None:
     with pytest.raises(asp.InputError, match="chooses mesh and substeps"):
-        solve_to_tolerance(wave(), ELASTIC, AccuracyTarget(0.1), delta_max=0.01, size=asp.MeshSize(0.1))
+        solve_contact(wave(), ELASTIC, tolerance=AccuracyTarget(0.1), delta_max=0.01, size=asp.MeshSize(0.1))
     with pytest.raises(asp.InputError, match="chooses mesh and substeps"):
-        solve_to_tolerance(wave(), ELASTIC, AccuracyTarget(0.1), delta_max=0.01, substeps=2)
+        solve_contact(wave(), ELASTIC, tolerance=AccuracyTarget(0.1), delta_max=0.01, substeps=2)
 
 
 def test_load_steps_have_second_order_by_the_midpoint_rule_and_both_rules_one_limit() -> None:
@@ -176,7 +177,7 @@ def test_load_steps_have_second_order_by_the_midpoint_rule_and_both_rules_one_li
 def test_bar_holds_the_error_against_an_independent_solution() -> None:
     tolerance = 0.03
     flat = wave(0.001)  # slopes of 0.006: the small-slope theory of the reference holds to less than 1e-4
-    result = solve_to_tolerance(flat, ELASTIC, AccuracyTarget(tolerance), delta_max=0.0012, steps=3)
+    result = solve_contact(flat, ELASTIC, tolerance=AccuracyTarget(tolerance), delta_max=0.0012, steps=3)
     assert result.met and result.reason == "done"
     branch = result.curve.loading()
     reference = [half_space_contact(flat, 128, delta_star=float(d), height=1.0).P_star for d in branch.delta_star]
@@ -190,11 +191,11 @@ def test_bar_holds_the_error_against_an_independent_solution() -> None:
 def test_a_tolerance_under_force_control_with_unloading_refines_where_the_load_was() -> None:
     """Not where the flat has left the surface: the meshes are those of the loading alone."""
     cycle, loading = (
-        solve_to_tolerance(SPHERE, ELASTIC, AccuracyTarget(0.05), force_max=1e-3, steps=5, unload_steps=n)
+        solve_contact(SPHERE, ELASTIC, tolerance=AccuracyTarget(0.05), force_max=1e-3, steps=5, unload_steps=n)
         for n in (2, 0)
     )
     assert [level.dofs for level in cycle.levels] == [level.dofs for level in loading.levels]
-    same = solve_to_tolerance(SPHERE, ELASTIC, AccuracyTarget(0.05), delta_max=float(loading.curve.delta[-1]), steps=5)
+    same = solve_contact(SPHERE, ELASTIC, tolerance=AccuracyTarget(0.05), delta_max=float(loading.curve.delta[-1]), steps=5)
     top = int(np.argmax(cycle.curve.P_star))
     bars = cycle.curve.error_P_star[top] + same.curve.error_P_star[-1]
     assert cycle.met and np.abs(cycle.curve.P_star[top] - same.curve.P_star[-1]) <= bars
@@ -202,7 +203,7 @@ def test_a_tolerance_under_force_control_with_unloading_refines_where_the_load_w
 
 def test_unloading_follows_an_extrapolated_elastic_plastic_loading() -> None:
     """The finest curve is scaled as a whole at its greatest load, and keeps the bar it has there."""
-    result = solve_to_tolerance(bump(), PLASTIC, AccuracyTarget(0.2), delta_max=0.04, steps=3, unload_steps=2)
+    result = solve_contact(bump(), PLASTIC, tolerance=AccuracyTarget(0.2), delta_max=0.04, steps=3, unload_steps=2)
     curve, raw = result.curve, result.raw
     last = int(np.flatnonzero(curve.branch == "load")[-1])
     assert result.met and curve.branch[last + 1] == "unload"
@@ -213,7 +214,7 @@ def test_unloading_follows_an_extrapolated_elastic_plastic_loading() -> None:
 @pytest.mark.mpi
 def test_a_run_with_a_tolerance_does_not_depend_on_the_ranks() -> None:
     together, alone = (
-        solve_to_tolerance(bump(), PLASTIC, AccuracyTarget(0.2), delta_max=0.04, steps=2, comm=comm)
+        solve_contact(bump(), PLASTIC, tolerance=AccuracyTarget(0.2), delta_max=0.04, steps=2, comm=comm)
         for comm in (world(), here())
     )
     assert [level.dofs for level in together.levels] == [level.dofs for level in alone.levels]
@@ -240,7 +241,7 @@ def test_few_planned_steps_are_divided_until_their_bars_support_each_other(steps
 def test_limit_ends_the_refinement_with_what_is_known() -> None:
     """No mesh is larger than allowed, not even by little; the last one uses what is left."""
     target = AccuracyTarget(0.05, max_dofs=30_000, area_tolerance=1e-4)
-    result = solve_to_tolerance(SPHERE, ELASTIC, target, delta_max=0.01, steps=5)
+    result = solve_contact(SPHERE, ELASTIC, tolerance=target, delta_max=0.01, steps=5)
     assert not result.met and np.all(np.isfinite(result.curve.error_P_star))
     assert "the contact area is known to" in result.reason and "accuracy.max_dofs = 30000" in result.reason
     sizes = [level.dofs for level in result.levels]
@@ -250,7 +251,7 @@ def test_limit_ends_the_refinement_with_what_is_known() -> None:
 def test_a_run_ends_with_its_last_mesh(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("asperity.adaptive.mesh_error.MOST_MESHES", 2)
     target = AccuracyTarget(0.05, area_tolerance=1e-4)
-    result = solve_to_tolerance(SPHERE, ELASTIC, target, delta_max=0.01, steps=5)
+    result = solve_contact(SPHERE, ELASTIC, tolerance=target, delta_max=0.01, steps=5)
     assert not result.met and len(result.levels) == 2 and np.all(np.isfinite(result.curve.error_P_star))
     assert "accuracy.area_tolerance: a run takes 2 meshes at most" in result.reason
 
@@ -263,12 +264,12 @@ def test_a_mesh_that_does_not_converge_leaves_the_curve_of_the_one_before(monkey
         if curves:  # the second mesh is done; one mesh at a time has matrices
             assert results[-1].solver.solid._values is None
             raise PartialResult("no convergence", results[-1])
-        results.append(asp.solve_problem(*args, **kwargs))
+        results.append(solve_problem(*args, **kwargs))
         return results[-1]
 
     monkeypatch.setattr("asperity.adaptive.mesh_levels.solve_problem", solve)
     target = AccuracyTarget(0.05, area_tolerance=1e-4)
-    result = solve_to_tolerance(SPHERE, ELASTIC, target, delta_max=0.01, steps=5, on_curve=curves.append)
+    result = solve_contact(SPHERE, ELASTIC, tolerance=target, delta_max=0.01, steps=5, on_curve=curves.append)
     assert not result.met and len(result.levels) == 2 and len(curves) == 1
     np.testing.assert_array_equal(result.curve.error_P_star, curves[0].error_P_star)
     assert "no step converges beyond delta/L = 0.01, use more loading.steps" in result.reason
@@ -281,7 +282,7 @@ def test_a_tolerance_of_the_area_refines_until_its_bar_holds_it_too() -> None:
     """Of a sphere, whose force is known to 5 % on a mesh that leaves 5 % of its area open."""
     sphere = asp.Surface.from_spec(kind="sphere", L=1.0, radius=3.0, centre=(0.5, 0.5))
     force_only, both = (
-        solve_to_tolerance(sphere, ELASTIC, AccuracyTarget(0.05, area_tolerance=area), delta_max=0.004, steps=5)
+        solve_contact(sphere, ELASTIC, tolerance=AccuracyTarget(0.05, area_tolerance=area), delta_max=0.004, steps=5)
         for area in (None, 0.03)
     )
     assert force_only.met and force_only.worst_area > 0.05 and both.met and both.worst_area <= 0.03
@@ -294,14 +295,14 @@ def test_a_tolerance_of_the_area_refines_until_its_bar_holds_it_too() -> None:
 
 def test_what_the_equations_leave_is_not_blamed_on_the_load_steps() -> None:
     options = SolverOptions(rtol=1e-3)
-    result = solve_to_tolerance(SPHERE, ELASTIC, AccuracyTarget(1e-6), delta_max=0.01, steps=5, options=options)
+    result = solve_contact(SPHERE, ELASTIC, tolerance=AccuracyTarget(1e-6), delta_max=0.01, steps=5, options=options)
     assert not result.met and "is left by the equations, lower solver.rtol" in result.reason
 
 
 def test_a_contact_of_one_node_meets_no_tolerance() -> None:
     """Its force is that of the size of the elements, and the difference of two meshes no error."""
     sphere = asp.Surface.from_spec(kind="sphere", L=1.0, radius=1.0, centre=(0.31, 0.47))
-    result = solve_to_tolerance(sphere, ELASTIC, AccuracyTarget(0.9, max_dofs=15_000), delta_max=1e-7, steps=5)
+    result = solve_contact(sphere, ELASTIC, tolerance=AccuracyTarget(0.9, max_dofs=15_000), delta_max=1e-7, steps=5)
     assert not result.met and "the force has no error bar, the contact touches a few facets only" in result.reason
 
 
@@ -315,7 +316,7 @@ def rough(f_max: int, seed: int, slope: float = 0.05) -> asp.Surface:
 def test_the_bar_of_waves_shorter_than_the_elements_holds() -> None:
     """Two coarse meshes miss the same waves and may agree with each other; the half-space does not."""
     surface = rough(6, seed=2)
-    result = solve_to_tolerance(surface, ELASTIC, AccuracyTarget(0.05, max_dofs=100_000), delta_max=0.006, steps=5)
+    result = solve_contact(surface, ELASTIC, tolerance=AccuracyTarget(0.05, max_dofs=100_000), delta_max=0.006, steps=5)
     branch = result.curve.loading()
     reference = np.array([half_space_contact(surface, 256, delta_star=d, height=1.0).P_star for d in branch.delta_star])
     assert result.met and np.all(result.budget.roughness > 0.0)
@@ -342,7 +343,7 @@ def test_a_case_of_a_rough_surface_that_meets_no_tolerance_names_a_cut_off(tmp_p
 def test_light_contact_of_a_smooth_surface_has_a_bar_that_holds_its_error() -> None:
     """Spots of a few facets: two meshes agree by chance in the middle of the loading, both 2 % too stiff."""
     surface = rough(5, 0, slope=0.01)  # heights and approach scaled by 0.2: the reference knows no slopes
-    result = solve_to_tolerance(surface, ELASTIC, AccuracyTarget(0.05), delta_max=0.0012, steps=10)
+    result = solve_contact(surface, ELASTIC, tolerance=AccuracyTarget(0.05), delta_max=0.0012, steps=10)
     branch = result.curve.loading()
     reference = [half_space_contact(surface, 256, delta_star=float(d), height=1.0).P_star for d in branch.delta_star]
     error = np.abs(branch.P_star / np.array(reference) - 1.0)
@@ -375,23 +376,23 @@ def test_one_mesh_that_misses_waves_is_told() -> None:
 
 def test_a_soft_penalty_has_no_error_bar() -> None:
     with pytest.raises(asp.InputError, match=r"contact\.penalty = 5 is too soft .* need 10 or more"):
-        solve_to_tolerance(
-            wave(), ELASTIC, AccuracyTarget(0.1), delta_max=0.01, formulation=asp.Formulation("penalty", penalty=5.0)
+        solve_contact(
+            wave(), ELASTIC, tolerance=AccuracyTarget(0.1), delta_max=0.01, formulation=asp.Formulation("penalty", penalty=5.0)
         )
 
 
 def test_a_force_is_refused_with_too_few_dofs_before_the_first_step() -> None:
     with pytest.raises(asp.InputError, match=r"accuracy\.max_dofs = 1000 is too small, a coarse mesh .* has \d+ dofs"):
-        solve_to_tolerance(
-            wave(), ELASTIC, AccuracyTarget(0.1, max_dofs=1000), force_max=1e-3, on_step=lambda *_: pytest.fail()
+        solve_contact(
+            wave(), ELASTIC, tolerance=AccuracyTarget(0.1, max_dofs=1000), force_max=1e-3, on_step=lambda *_: pytest.fail()
         )
 
 
 def test_no_room_for_more_than_the_first_mesh_leaves_its_curve(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("asperity.adaptive.family.MOST_SCALE", 1.0)
-    dofs = solve_to_tolerance(SPHERE, ELASTIC, AccuracyTarget(0.9), delta_max=0.01, steps=5).levels[0].dofs
+    dofs = solve_contact(SPHERE, ELASTIC, tolerance=AccuracyTarget(0.9), delta_max=0.01, steps=5).levels[0].dofs
     with pytest.raises(PartialResult, match=r"the force has no error bar: accuracy\.max_dofs") as caught:
-        solve_to_tolerance(SPHERE, ELASTIC, AccuracyTarget(0.1, max_dofs=dofs), delta_max=0.01, steps=5)
+        solve_contact(SPHERE, ELASTIC, tolerance=AccuracyTarget(0.1, max_dofs=dofs), delta_max=0.01, steps=5)
     assert len(caught.value.result.curve) == 5
 
 
@@ -399,7 +400,7 @@ def test_no_room_for_more_than_the_first_mesh_leaves_its_curve(monkeypatch: pyte
 def test_load_steps_are_extrapolated_by_the_order_of_the_integrator() -> None:
     """Backward Euler is of first order: its steps have larger errors and bars, and the limit is the same."""
     midpoint, euler = (
-        solve_to_tolerance(bump(), PLASTIC, AccuracyTarget(0.06), delta_max=0.04, steps=3, integrator=rule)
+        solve_contact(bump(), PLASTIC, tolerance=AccuracyTarget(0.06), delta_max=0.04, steps=3, integrator=rule)
         for rule in ("midpoint", "backward-euler")
     )
     assert midpoint.levels[-1].substeps <= euler.levels[-1].substeps == 2

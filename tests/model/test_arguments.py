@@ -2,18 +2,20 @@
 
 from __future__ import annotations
 
-import inspect
 import warnings
 from collections.abc import Callable
-from typing import Any, get_type_hints
+from dataclasses import fields
+from typing import Any
 
 import pytest
 
 import asperity
+from asperity.adaptive.solve_contact import Arguments
 from asperity.case.case_file import Case
 from asperity.errors import CaseWarning, InputError
 from asperity.model.load_path import Schedule
-from asperity.model.problem import Problem, ProblemArguments
+from asperity.model.problem import Problem
+from asperity.quasistatic.callbacks import Callbacks
 from asperity.surface import Flat, Surface
 
 asp: Any = asperity  # wrong types on purpose
@@ -49,7 +51,6 @@ WAVE = Surface.from_spec("sinusoid", L=L, amplitude=5e-9)
         (lambda: asp.solve_contact(WAVE, STEEL, delta_max=1e-9, formulation="nitsche"), "must be .*asp.Formulation"),
         (lambda: asp.solve_contact(WAVE, STEEL, delta_max=1e-9, options="cg"), "options = 'cg' must be .*asp.Solver"),
         (lambda: asp.solve_contact(WAVE, STEEL, delta_max=1e-9, tolerance="1 %"), "accuracy.tolerance = '1 %' must be"),
-        (lambda: asp.solve_to_tolerance(WAVE, STEEL, 0.01, delta_max=1e-9), r"goal = 0.01 must be .*AccuracyTarget\("),
     ],
 )
 def test_a_value_of_another_type_is_refused_with_the_legal_form(call: Callable[[], Any], legal: str) -> None:
@@ -136,26 +137,25 @@ def test_script_and_command_warn_of_the_same(make: Callable[[dict[str, Any]], Pr
         make({})
 
 
-def test_arguments_are_explicit_and_agree() -> None:
-    """Those that `help` and completion show are those that type checkers know."""
-    shown = inspect.signature(asp.solve_contact).parameters
-    of = inspect.signature(Problem.of).parameters
-    assert all(p.kind is not p.VAR_KEYWORD for p in shown.values())
-    hints = get_type_hints(ProblemArguments)
-    assert set(hints) == set(of) - {"surface", "material"} < set(shown)
-    for name in hints:
-        assert shown[name].default == of[name].default
-        assert (
-            shown[name].annotation == of[name].annotation == str(ProblemArguments.__annotations__[name].__forward_arg__)
-        )
+def test_arguments_are_those_of_problem_load_path_and_callbacks() -> None:
+    known = {field.name for kind in (Problem, Schedule, Callbacks) for field in fields(kind)}
+    inside = {"surface", "material", "load_path", "block_height", "sticks"}
+    assert Arguments.__optional_keys__ == known - inside | {"height", "pressure_max"}
+    with pytest.raises(TypeError, match="stepz"):
+        asp.solve_contact(WAVE, STEEL, delta_max=1e-9, stepz=3)  # type: ignore[call-overload]
 
 
-def test_a_tolerance_gives_what_solve_to_tolerance_gives() -> None:
+def test_problem_and_flat_arguments_give_the_same() -> None:
     top, solid = Flat(L=1.0), asp.Material(1.0, 0.3)
     short = asp.solve_contact(top, solid, delta_max=0.01, steps=2, tolerance=0.01)
     same = asp.solve_contact(top, solid, delta_max=0.01, steps=2, tolerance=asp.AccuracyTarget(0.01))
-    long = asp.solve_to_tolerance(top, solid, asp.AccuracyTarget(0.01), delta_max=0.01, steps=2)
+    problem = Problem.of(top, solid, delta_max=0.01, steps=2)
+    long = asp.solve_contact(problem, tolerance=0.01)
     assert short.curve.force.tolist() == same.curve.force.tolist() == long.curve.force.tolist()
     for wrong in ({"size": asp.MeshSize(0.1)}, {"substeps": 2}):
         with pytest.raises(InputError, match="leave out block, size"):
             asp.solve_contact(top, solid, delta_max=0.01, tolerance=0.01, **wrong)
+    with pytest.raises(InputError, match="leave out material, steps"):
+        asp.solve_contact(problem, steps=3)
+    one, flat = asp.solve_contact(problem), asp.solve_contact(top, solid, delta_max=0.01, steps=2)
+    assert one.curve.force.tolist() == flat.curve.force.tolist()

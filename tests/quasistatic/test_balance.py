@@ -277,19 +277,16 @@ SMALL: dict[str, Any] = {
 }  # fmt: skip
 
 
-@pytest.mark.parametrize("call", ["solve_contact", "solve_problem", "solve_to_tolerance", "slip"])
+@pytest.mark.parametrize("call", ["mesh", "tolerance", "slip"])
 def test_a_wrong_result_is_an_error_in_python_too(monkeypatch: pytest.MonkeyPatch, wave: Surface, call: str) -> None:
     """Every call that returns a curve or loops; the error carries what was found."""
     calls: dict[str, Callable[[], Any]] = {
-        "solve_contact": lambda: asp.solve_contact(wave, ELASTIC, **SMALL),
-        "solve_problem": lambda: asp.solve_problem(asp.Problem.of(wave, ELASTIC, **SMALL)),
-        "solve_to_tolerance": lambda: asp.solve_to_tolerance(
-            wave, ELASTIC, asp.AccuracyTarget(0.2), delta_max=0.02, steps=2
-        ),
+        "mesh": lambda: asp.solve_contact(wave, ELASTIC, **SMALL),
+        "tolerance": lambda: asp.solve_contact(wave, ELASTIC, tolerance=0.2, delta_max=0.02, steps=2),
         "slip": lambda: slip_paths(pressed(make(wave, block)), SlipSettings(friction=0.3, preload=1e-3)),
     }
     block = build_block(wave, 1.0, lambda x, y, depth: 0.3)
-    if call in ("solve_to_tolerance", "slip"):
+    if call != "mesh":
         right = asperity.quasistatic.contact_solver.audit
 
         def wrong(checks: Checks, step: StepBalance, **rest: Any) -> None:

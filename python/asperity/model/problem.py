@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
-from typing import TypedDict
+from dataclasses import dataclass, field, fields, replace
+from typing import Any, TypedDict, Unpack
 
 import numpy as np
 
@@ -30,10 +30,26 @@ SAMPLES = 257  # heights along each side by which a load is judged
 
 
 class ProblemArguments(TypedDict, total=False):
-    """Keywords of `Problem.of`."""
+    """A problem as flat arguments: what `Problem.of` and `solve_contact` take besides surface and material.
 
-    height: float | None
-    sides: str
+    One of delta_max, force_max and pressure_max must be given; None is the same as leaving an argument out.
+
+    Attributes:
+        delta_max: greatest approach from first touch [length]
+        force_max: greatest force instead [force]
+        pressure_max: greatest nominal pressure instead, the force over L^2 [force/length^2]
+        steps: planned steps of a loading; default 10
+        unload_steps: planned steps of an unloading; default 0, for none
+        cycles: loadings, each followed by an unloading; default 1
+        integrator: of plasticity, "midpoint" (default) or "backward-euler"
+        substeps: equal parts that each step of a loading is divided into; default 1
+        height: mean height of the block [length]; default L
+        sides: "rollers" (default), "free" or "periodic"
+        size: of the elements
+        formulation: of the contact; default the active set
+        options: of the solver
+    """
+
     delta_max: float | None
     force_max: float | None
     pressure_max: float | None
@@ -42,6 +58,8 @@ class ProblemArguments(TypedDict, total=False):
     cycles: int
     integrator: str
     substeps: int
+    height: float | None
+    sides: str
     size: MeshSize | None
     formulation: Formulation | None
     options: SolverOptions | None
@@ -160,32 +178,13 @@ class Problem:
         return doubts
 
     @staticmethod
-    def of(
-        surface: Surface,
-        material: Material,
-        *,
-        height: float | None = None,
-        sides: str = "rollers",
-        delta_max: float | None = None,
-        force_max: float | None = None,
-        pressure_max: float | None = None,
-        steps: int = 10,
-        unload_steps: int = 0,
-        cycles: int = 1,
-        integrator: str = MIDPOINT,
-        substeps: int = 1,
-        size: MeshSize | None = None,
-        formulation: Formulation | None = None,
-        options: SolverOptions | None = None,
-    ) -> Problem:
+    def of(surface: Surface, material: Material, **given: Unpack[ProblemArguments]) -> Problem:
         """Make a problem of flat arguments, as scripts write them.
 
         Args:
-            height: mean height of the block [length]; default L
-            delta_max: greatest approach from first touch [length]
-            force_max: greatest force instead [force]
-            pressure_max: greatest nominal pressure instead, the force over L^2 [force/length^2]
-            steps, unload_steps, cycles, integrator, substeps: see `load_path.Schedule`; the others see `Problem`
+            surface: the rough top
+            material: of the block
+            given: see `ProblemArguments`
 
         Warns (ResolutionWarning) of a greatest size that periodic sides do not allow, and (CaseWarning) of a load that
         is doubtful, see `check_load`.
@@ -196,22 +195,24 @@ class Problem:
         """
         check_kind("surface", surface, "Surface")
         check_kind("material", material, "Material")
-        if (delta_max, force_max, pressure_max).count(None) != 2:
+        told: dict[str, Any] = {name: value for name, value in given.items() if value is not None}
+        if len({"delta_max", "force_max", "pressure_max"} & told.keys()) != 1:
             raise InputError(ONE_OF)
-        greatest = greatest_force(force_max, pressure_max, surface.L)
-        refuse(wrong_force("pressure_max", pressure_max, material.reduced_modulus))
+        pressure = told.pop("pressure_max", None)
+        greatest = greatest_force(told.pop("force_max", None), pressure, surface.L)
+        refuse(wrong_force("pressure_max", pressure, material.reduced_modulus))
         if surface.rough and material.kinematics == "small":
             surface.check_small_slope()
-        path = Schedule(delta_max, greatest, steps, unload_steps, cycles, integrator, substeps)
-        check_kind("size", size, "MeshSize | None")
-        if sides == "periodic" and size is not None and (size.h_max or 0.0) > WIDEST_JOINED * surface.L:
+        named = {field.name for field in fields(Schedule)} & told.keys() - {"sticks"}
+        path = Schedule(**{"integrator": MIDPOINT, "force_max": greatest} | {name: told.pop(name) for name in named})
+        height, sides = told.pop("height", None), told.pop("sides", "rollers")
+        problem = Problem(surface, material, path, height, sides, **told)
+        if sides == "periodic" and (problem.size.h_max or 0.0) > WIDEST_JOINED * surface.L:
             warn(
-                f"mesh.h_max = {size.h_max:g} is reduced to {WIDEST_JOINED * surface.L:g}: with block.sides = "
+                f"mesh.h_max = {problem.size.h_max:g} is reduced to {WIDEST_JOINED * surface.L:g}: with block.sides = "
                 '"periodic" elements must be narrower than half the side; give that, or leave mesh.h_max out',
                 ResolutionWarning,
             )
-        settings = formulation or Formulation(), size or MeshSize(), options or SolverOptions()
-        problem = Problem(surface, material, path, height, sides, *settings)
         for text in problem.check_load():
             warn(text, CaseWarning)
         return problem

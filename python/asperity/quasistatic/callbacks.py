@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, TypedDict
 
+from asperity.curve import Curve
 from asperity.fem.solid import Solid
 from asperity.quasistatic.conductance import Conductance
 from asperity.quasistatic.contact_solver import Probe
@@ -14,6 +15,21 @@ from asperity.quasistatic.stiffness import Stiffness
 
 if TYPE_CHECKING:
     from asperity.quasistatic.checkpoint import Checkpoint
+
+
+class CallbackArguments(TypedDict, total=False):
+    """The attributes of `Callbacks` as arguments."""
+
+    on_stage: Callable[[str], None] | None
+    on_step: Callback | None
+    stop: Callable[[], str] | None
+    checkpoint: Checkpoint | None
+    snapshots: int
+    on_ready: Callable[[], None] | None
+    stiffness: bool
+    conductance: bool
+    on_part: Callable[[float], None] | None
+    on_curve: Callable[[Curve], None] | None
 
 
 @dataclass(frozen=True)
@@ -30,6 +46,7 @@ class Callbacks:
         stiffness: whether to compute the columns k_n_elastic to k_t_interface
         conductance: whether to compute the column conductance
         on_part: called on rank 0 with the part of a stage without load steps that is done, 0 to 1
+        on_curve: with a tolerance, called with the curve with error bars that each mesh after the first gives
     """
 
     on_stage: Callable[[str], None] | None = None
@@ -41,6 +58,7 @@ class Callbacks:
     stiffness: bool = False
     conductance: bool = False
     on_part: Callable[[float], None] | None = None
+    on_curve: Callable[[Curve], None] | None = None
 
     def probes(self, solid: Solid) -> tuple[Probe, ...]:
         """Measurements of each accepted step that are requested; collective."""

@@ -36,7 +36,7 @@ def solve_loops(
 
     Args:
         problem: that was solved
-        result: of `solve_problem`; its state is as before afterwards
+        result: of `solve_contact`; its state is as before afterwards
         preload: mean force [force]
         amplitudes, cycles, steps, stop: see `force_loops`
 
@@ -49,7 +49,7 @@ def solve_loops(
         >>> solid = asp.Material(E=1.0, nu=0.3, yield_strength=0.005, tangent_modulus=0.05)
         >>> size = asp.MeshSize(h_contact=0.3, h_max=0.6)
         >>> problem = asp.Problem.of(wave, solid, delta_max=0.02, steps=3, size=size)
-        >>> result = asp.solve_problem(problem)
+        >>> result = asp.solve_contact(problem)
         >>> loops = solve_loops(problem, result, preload=result.curve.force[-1], amplitudes=[0.2], steps=2)
         >>> loops.loops[0].eta > 100.0 * loops.loops[-1].eta  # isotropic hardening shakes down
         True

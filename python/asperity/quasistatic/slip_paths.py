@@ -37,7 +37,7 @@ def solve_slip(
 
     Args:
         problem: that was solved
-        result: of `solve_problem`; its state is as before afterwards
+        result: of `solve_contact`; its state is as before afterwards
         settings: with the preload [force]
         stop: see `slip_paths`, whose errors are raised
 
@@ -47,7 +47,7 @@ def solve_slip(
         >>> wave = asp.Surface.from_spec("sinusoid", L=1.0, amplitude=0.02)
         >>> size = asp.MeshSize(h_contact=0.3, h_max=0.6)
         >>> problem = asp.Problem.of(wave, asp.Material(E=1.0, nu=0.3), delta_max=0.02, steps=3, size=size)
-        >>> result = asp.solve_problem(problem)
+        >>> result = asp.solve_contact(problem)
         >>> settings = SlipSettings(friction=0.3, amplitudes=(0.5,), preload=result.curve.force[-1], steps=1)
         >>> path = solve_slip(problem, result, settings)[0]
         >>> print(f"{path.force / (0.3 * settings.preload):.2f}", path.energy > 0.0)

@@ -57,7 +57,7 @@ def solve_problem(
         >>> wave = asp.Surface.from_spec("sinusoid", L=1.0, amplitude=0.02)
         >>> size = asp.MeshSize(h_contact=0.3, h_max=0.6)
         >>> block = asp.Problem.of(wave, asp.Material(E=1.0, nu=0.3), delta_max=0.02, steps=2, size=size)
-        >>> curve = asp.solve_problem(block).curve
+        >>> curve = asp.solve_contact(block).curve
         >>> bool(curve.force[1] > 2.0 * curve.force[0])  # the contact grows
         True
     """

@@ -38,51 +38,6 @@ if TYPE_CHECKING:
     from asperity.quasistatic.checkpoint import Checkpoint
 
 
-def solve_to_tolerance(
-    surface: Surface,
-    material: Material,
-    goal: AccuracyTarget,
-    *,
-    comm: MPI.Comm | None = None,
-    snapshots: int = 0,
-    on_stage: Callable[[str], None] | None = None,
-    on_step: Callback | None = None,
-    on_curve: Callable[[Curve], None] | None = None,
-    checkpoint: Checkpoint | None = None,
-    stop: Callable[[], str] | None = None,
-    stiffness: bool = False,
-    conductance: bool = False,
-    **problem: Unpack[ProblemArguments],
-) -> AccurateResult:
-    """`solve_contact` with a tolerance, where the curve of each mesh is of interest; collective.
-
-    Args:
-        surface, material: as in `solve_contact`
-        goal: tolerance and limits
-        comm: communicator; default all ranks
-        snapshots, on_stage, on_step, checkpoint, stop, stiffness, conductance: see `Callbacks`
-        on_curve: called with the curve with error bars that each mesh after the first gives
-        problem: see `solve_contact`; the steps of the result are a multiple, see `mesh_plan.planned_steps`
-
-    Raises:
-        InputError: mesh sizes or substeps are given, or see `refine`
-        PartialResult: see `refine`
-        CheckError: the result, which it carries, violates a balance
-
-    Examples:
-        >>> from asperity.surface import Flat
-        >>> steel = asp.Material(E=1.0, nu=0.3)
-        >>> result = asp.solve_to_tolerance(Flat(L=1.0), steel, asp.AccuracyTarget(0.01), delta_max=0.01, steps=2)
-        >>> print(f"{result.curve.force[-1] / 0.01:.6f} within {result.worst:.1%}, exact {steel.confined_modulus:.6f}")
-        1.346154 within 0.0%, exact 1.346154
-    """
-    check_kind("goal", goal, "AccuracyTarget")
-    whole = Problem.of(surface, material, **problem)
-    check_free(whole, False)
-    hooks = Callbacks(on_stage, on_step, stop, checkpoint, snapshots, stiffness=stiffness, conductance=conductance)
-    return refine(whole, goal, comm, hooks, on_curve).checked()
-
-
 def check_free(problem: Problem, meshed: bool) -> None:
     """Refuse a problem that is meshed already, or whose element sizes or substeps are given (InputError)."""
     if meshed or problem.size != MeshSize() or problem.load_path.substeps != 1:
@@ -96,7 +51,6 @@ def refine(
     target: AccuracyTarget,
     comm: MPI.Comm | None = None,
     hooks: Callbacks | None = None,
-    on_curve: Callable[[Curve], None] | None = None,
 ) -> AccurateResult:
     """Refine mesh and load steps until the force along the first loading has the requested error bar; collective.
 
@@ -105,7 +59,6 @@ def refine(
         target: tolerance and limits
         comm: communicator; default all ranks
         hooks: progress, checkpoints, snapshots
-        on_curve: called with the curve with error bars that each mesh after the first gives
 
     Raises:
         InputError: target.max_dofs does not even allow the guide; the contact is a penalty too soft for an error bar;
@@ -148,8 +101,8 @@ def refine(
         with suppress(Interrupted):  # this mesh is judged first; the next one is not begun
             hooks.stage("half-space with the top of the mesh")
         accurate, finer = estimate.judge(result)
-        if on_curve is not None:
-            on_curve(accurate.curve)
+        if hooks.on_curve is not None:
+            hooks.on_curve(accurate.curve)
         if finer is None:
             return accurate
         result.solver.drop_matrices()  # room for the next mesh; its state stays, in case that mesh fails
