@@ -33,7 +33,6 @@ from scipy.sparse.linalg import LinearOperator, cg
 
 import asperity as asp
 from asperity.arrays import Floats
-from asperity.quasistatic.callbacks import Callbacks
 from asperity.quasistatic.contact_solver import ContactSolver
 from asperity.quasistatic.force_loops import Leg, as_before
 from asperity.quasistatic.slip_paths import Sliding, solve_slip

@@ -8,8 +8,8 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 from asperity.adaptive.mesh_error import AccurateResult
-from asperity.adaptive.small_strain import SmallStrain, choose_kinematics
 from asperity.adaptive.refine import refine
+from asperity.adaptive.small_strain import SmallStrain, choose_kinematics
 from asperity.case import Case
 from asperity.curve import Curve
 from asperity.dynamics import DynamicsSettings

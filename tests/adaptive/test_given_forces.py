@@ -55,7 +55,14 @@ def test_a_force_that_is_given_is_met_by_the_corrected_curve() -> None:
     """Three times, in elastic cycles; the approach is that of boundary elements, and unloading retraces loading."""
     force = 1.0e-4
     found = asp.solve_contact(
-        PATCH, ELASTIC, tolerance=asp.AccuracyTarget(0.05), force_max=force, steps=5, unload_steps=2, cycles=2, comm=here()
+        PATCH,
+        ELASTIC,
+        tolerance=asp.AccuracyTarget(0.05),
+        force_max=force,
+        steps=5,
+        unload_steps=2,
+        cycles=2,
+        comm=here(),
     )
     curve = found.curve
     assert found.met and list(curve.force == force).count(True) == 2 and curve.force.max() == force

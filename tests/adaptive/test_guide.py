@@ -22,8 +22,8 @@ from asperity.adaptive.extrapolation import (
 from asperity.adaptive.guide import Guide, Omission, singular_part, sizes_of_spots
 from asperity.adaptive.mesh_levels import LevelSolver
 from asperity.adaptive.mesh_plan import weight
-from asperity.adaptive.solve_contact import solve_contact
 from asperity.adaptive.refine import refine
+from asperity.adaptive.solve_contact import solve_contact
 from asperity.curve import Curve
 from asperity.errors import Interrupted
 from asperity.mesh.generate import build_block

@@ -14,9 +14,9 @@ from conftest import here, world
 
 from asperity.adaptive import small_strain
 from asperity.adaptive.mesh_plan import COARSE
+from asperity.adaptive.refine import refine
 from asperity.adaptive.small_strain import SmallStrain, choose_kinematics, differences
 from asperity.adaptive.solve_contact import solve_contact
-from asperity.adaptive.refine import refine
 from asperity.case import Case
 from asperity.curve import Curve
 from asperity.errors import InputError, Interrupted

@@ -218,9 +218,10 @@ def test_tangent_is_the_derivative_of_the_residual(
     contact.commit()
     u = squeeze + 1e-3 * rng.normal(size=squeeze.shape)
     residual(solid, contact, u)
-    solid.assemble_tangent(contact.add_tangent)
+    solid.tangent.assemble(contact.add_tangent)
     J = sparse.csr_array(
-        (solid.values.copy(), solid.sparsity.columns, solid.sparsity.rows), shape=(3 * solid.nodes, 3 * solid.nodes)
+        (solid.tangent.values().copy(), solid.sparsity.columns, solid.sparsity.rows),
+        shape=(3 * solid.nodes, 3 * solid.nodes),
     )
     asymmetry = abs(J - J.T).max() / abs(J).max()
     assert (asymmetry < 1e-12) == contact.symmetric  # rounding leaves 1e-16, the other formulations 1e-2

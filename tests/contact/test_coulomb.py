@@ -12,7 +12,6 @@ from scipy.optimize import brentq
 from scipy.special import ellipk
 
 from asperity.adaptive.solve_contact import solve_contact
-from asperity.adaptive.solve_contact import solve_contact
 from asperity.case import Case
 from asperity.contact import Coulomb
 from asperity.errors import InputError
@@ -216,7 +215,13 @@ def test_a_failed_step_touches_no_history(rough: Surface, coarse: BlockMesh | No
 
 def test_a_tolerance_counts_the_error_of_the_load_steps(wave: Surface) -> None:
     result = solve_contact(
-        wave, ELASTIC, tolerance=AccuracyTarget(0.1), comm=world(), delta_max=0.02, steps=3, formulation=Formulation(friction=0.3)
+        wave,
+        ELASTIC,
+        tolerance=AccuracyTarget(0.1),
+        comm=world(),
+        delta_max=0.02,
+        steps=3,
+        formulation=Formulation(friction=0.3),
     )
     assert max(level.substeps for level in result.levels) >= 2
     assert result.met and np.all(result.budget.load_step > 0.0)

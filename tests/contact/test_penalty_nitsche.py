@@ -212,9 +212,9 @@ def test_least_gamma_keeps_full_contact_coercive(rough: Surface, coarse: BlockMe
     solver.contact.begin(-1.0)  # far below: all points are pressed
     solver.solid.u.x.array[:] = 0.0
     solver.contact.residual(solver.solid.internal_force().copy())
-    solver.solid.assemble_tangent(solver.contact.add_tangent)
+    solver.solid.tangent.assemble(solver.contact.add_tangent)
     n, graph = 3 * solver.solid.nodes, solver.solid.sparsity
-    J = sparse.csr_array((solver.solid.values.copy(), graph.columns, graph.rows), shape=(n, n))
+    J = sparse.csr_array((solver.solid.tangent.values().copy(), graph.columns, graph.rows), shape=(n, n))
     free = np.setdiff1d(np.arange(n), solver.solid.fixed)
     kept = (J + J.T)[free][:, free].tocsc()
     factor = splu(kept, permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options={"SymmetricMode": True})
@@ -236,7 +236,7 @@ def test_active_set_solves_the_variational_inequality(wave: Surface, coarse_wave
     assert solver.step(0.012).converged
     expected = solver.solid.u.x.array.copy()
     solid = make_contact_solver(here(), wave, coarse_wave, ELASTIC).solid
-    solid.assemble_tangent()
+    solid.tangent.assemble()
     A = assembled(solid)
     A.zeroRowsColumns(solid.fixed, diag=1.0)
     upper, lower = A.createVecRight(), A.createVecRight()

@@ -48,7 +48,7 @@ def solid_of(comm: Any, block: BlockMesh | None, **options: Any) -> Solid:
 
 def matrix_of(solid: Solid) -> Any:
     """Tangent of the last force as a matrix of PETSc."""
-    solid.assemble_tangent()
+    solid.tangent.assemble()
     return assembled(solid)
 
 
@@ -188,7 +188,7 @@ def test_tangent_that_is_never_assembled_is_the_matrix(coarse: BlockMesh | None,
     A = matrix_of(solid)
     rng = np.random.default_rng(world().rank)
     if not symmetric:
-        solid.values[:] *= rng.uniform(size=len(solid.values))
+        solid.tangent.values()[:] *= rng.uniform(size=len(solid.tangent.values()))
         A = assembled(solid)
     tangent = TangentOperator(solid, symmetric, single)
     tangent.update()
@@ -222,11 +222,11 @@ def test_half_of_a_matrix_alone_is_that_of_the_whole(
         solid.kernels.commit()
     solid.internal_force()
     found: list[Any] = []
-    for solid.halved in (False, True):
-        solid.drop_matrices()
-        for write in (solid.assemble_tangent, solid.assemble_elastic):
+    for solid.tangent.halved in (False, True):
+        solid.tangent.drop()
+        for write in (solid.tangent.assemble, solid.tangent.assemble_elastic):
             write()
-            found += [solid.half.copy(), solid.values.copy()]
+            found += [solid.tangent.half().copy(), solid.tangent.values().copy()]
     for theirs, ours in zip(found[:4], found[4:], strict=True):
         error = 1e-5 if ours.dtype == np.float32 else 1e-12
         np.testing.assert_allclose(ours, theirs, rtol=0, atol=error * np.abs(theirs).max())
@@ -235,22 +235,22 @@ def test_half_of_a_matrix_alone_is_that_of_the_whole(
 def test_the_stiffness_of_a_contact_needs_the_whole_matrix(coarse: BlockMesh) -> None:
     """Written after a half, and before one: each time the current matrix counts."""
     solid = solid_of(here(), coarse, material=Material(1.0, NU, 0.005))
-    solid.halved = True
+    solid.tangent.halved = True
     solid.internal_force()
-    solid.assemble_tangent()
-    half, whole = solid.half.copy(), solid.values.copy()
+    solid.tangent.assemble()
+    half, whole = solid.tangent.half().copy(), solid.tangent.values().copy()
 
     def add() -> None:
-        solid.values[solid.sparsity.diagonal] += 1.0
+        solid.tangent.values()[solid.sparsity.diagonal] += 1.0
 
-    solid.assemble_tangent(add)
+    solid.tangent.assemble(add)
     stiffer = whole.copy()
     stiffer[solid.sparsity.diagonal] += 1.0
-    np.testing.assert_array_equal(solid.values, stiffer)
-    assert np.sum(np.abs(solid.half - half) > 0.5) == solid.dofs  # the half by itself is rounded cell by cell
-    solid.assemble_tangent()
-    np.testing.assert_array_equal(solid.half, half)
-    np.testing.assert_array_equal(solid.values, whole)
+    np.testing.assert_array_equal(solid.tangent.values(), stiffer)
+    assert np.sum(np.abs(solid.tangent.half() - half) > 0.5) == solid.dofs  # the half by itself is rounded cell by cell
+    solid.tangent.assemble()
+    np.testing.assert_array_equal(solid.tangent.half(), half)
+    np.testing.assert_array_equal(solid.tangent.values(), whole)
 
 
 def test_galerkin_matrix_is_that_of_the_interpolation(coarse: BlockMesh) -> None:
@@ -276,8 +276,8 @@ def test_galerkin_matrix_is_that_of_the_interpolation(coarse: BlockMesh) -> None
     graph = SparsityPattern(number[cells[:, :4]], len(corners))
     full, half = np.empty((2, len(graph.columns)))
     onto = kept, parents, graph.indptr, graph.indices, above
-    _solver.galerkin(solid.sparsity.indptr, solid.sparsity.indices, solid.values, *onto, full)
-    _solver.symmetric_galerkin(*solid.sparsity.upper, solid.half, *onto, half)
+    _solver.galerkin(solid.sparsity.indptr, solid.sparsity.indices, solid.tangent.values(), *onto, full)
+    _solver.symmetric_galerkin(*solid.sparsity.upper, solid.tangent.half(), *onto, half)
     Pm = kept.reshape(-1, 1) * P * above.reshape(-1)
     rows, columns, entries = A.getValuesCSR()
     fine = sparse.csr_array((entries, columns, rows))
@@ -289,7 +289,7 @@ def test_galerkin_matrix_is_that_of_the_interpolation(coarse: BlockMesh) -> None
 def test_multigrid_is_symmetric_and_bounded() -> None:
     """A V-cycle M of a symmetric A has x.My = Mx.y, and the spectrum of M A lies in (0, 1 + a little)."""
     solid = solid_of(here(), block_of(here(), Flat(L=1.0), 1.0, 0.35))
-    solid.assemble_tangent()
+    solid.tangent.assemble()
     tangent = TangentOperator(solid, symmetric=True, single=False)
     tangent.hold(solid.fixed)
     tangent.update()
@@ -311,7 +311,7 @@ def test_multigrid_iterations_do_not_grow_with_the_mesh() -> None:
     counts = []
     for size in (0.35, 0.175):
         solid = solid_of(here(), block_of(here(), Flat(L=1.0), 1.0, size))
-        solid.assemble_tangent()
+        solid.tangent.assemble()
         r, y = solid.vector(), solid.vector()
         r.array = np.random.default_rng(0).normal(size=3 * solid.owned)
         counts.append(LinearSolver(solid, "cg", rtol=1e-8).solve(r, solid.fixed, np.empty(0), y, 1e-8)[0])
@@ -361,7 +361,7 @@ def projection_errors(block: BlockMesh, material: Material) -> tuple[float, floa
     dx = ufl.Measure("dx", solid.mesh, metadata={"quadrature_degree": 6})
     load = fem.assemble_vector(fem.form(ufl.inner(stress, ufl.sym(ufl.grad(ufl.TestFunction(solid.V)))) * dx))
     solid.internal_force()
-    solid.assemble_tangent()
+    solid.tangent.assemble()
     r, y = solid.vector(), solid.vector()
     r.array = load.array
     r.array[solid.fixed] = 0.0

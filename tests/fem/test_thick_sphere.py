@@ -52,7 +52,7 @@ def inflated(size: float) -> np.ndarray:
             r.array[solid.fixed] = 0.0
             if np.linalg.norm(r.array) < 1e-9 * np.linalg.norm(load):
                 break
-            solid.assemble_tangent()
+            solid.tangent.assemble()
             assert LinearSolver(solid, "lu").solve(r, solid.fixed, np.empty(0), step, 1e-10)[1]
             solid.u.x.array[:] += step.array
         else:

@@ -41,7 +41,7 @@ def test_messages_of_an_iteration(coarse: BlockMesh | None, monkeypatch: pytest.
 
     comm = world()
     solid = Solid(*distribute(comm, coarse, 1.0), Material(1.0, 0.3))
-    solid.assemble_tangent()
+    solid.tangent.assemble()
     r, y = solid.vector(), solid.vector()
     force = np.zeros((solid.owned, 3))
     force[solid.nodes_on(TOP), 2] = -1.0

@@ -29,7 +29,7 @@ def test_predicted_energy_of_the_error_is_that_of_the_exact_solution(
     """CG ends where the energy norm of the error is below the tolerance times that of the solution, about."""
     comm = world()
     solid = Solid(*distribute(comm, coarse, 1.0), Material(1.0, 0.3))
-    solid.assemble_tangent()
+    solid.tangent.assemble()
     r, y, exact = (solid.vector() for _ in range(3))
     force = np.zeros((solid.owned, 3))
     if load == "on the top":
@@ -52,7 +52,7 @@ def test_predicted_energy_of_the_error_is_that_of_the_exact_solution(
 
 def test_a_load_of_zero_is_solved_at_once(coarse: BlockMesh) -> None:
     solid = Solid(*distribute(here(), coarse, 1.0), Material(1.0, 0.3))
-    solid.assemble_tangent()
+    solid.tangent.assemble()
     r, y = solid.vector(), solid.vector()
     solver = LinearSolver(solid, "cg")
     assert solver.solve(r, solid.fixed, np.empty(0), y, 1e-2) == (0, True)
@@ -67,7 +67,7 @@ def test_a_coarse_problem_that_multigrid_does_not_solve_is_factorised(
     """By MUMPS on all ranks, whatever the size, before the whole system is."""
     monkeypatch.setattr(coarse_problem, "DIRECT_LIMIT", 3)
     solid = Solid(*distribute(world(), coarse, 1.0), Material(1.0, 0.3))
-    solid.assemble_tangent()
+    solid.tangent.assemble()
     r, y = solid.vector(), solid.vector()
     r.array = np.where(np.isin(np.arange(3 * solid.owned), solid.fixed), 0.0, 1.0)
     solver = LinearSolver(solid, "cg")
@@ -91,7 +91,7 @@ def test_a_factorisation_that_lacks_memory_says_what_to_set(
     """No rank takes it: as a rescue it fails, as the solver that was chosen it ends the path, which keeps its curve."""
     comm = world()
     solid = Solid(*distribute(comm, coarse, 1.0), Material(1.0, 0.3))
-    solid.assemble_tangent()
+    solid.tangent.assemble()
     r, y = solid.vector(), solid.vector()
     r.array = 1.0
     solver = LinearSolver(solid, kind)

@@ -12,8 +12,8 @@ import pytest
 from conftest import ELASTIC, here, world
 
 import asperity as asp
-from asperity.adaptive.solve_contact import solve_contact
 from asperity.adaptive.refine import refine
+from asperity.adaptive.solve_contact import solve_contact
 from asperity.contact.contact_surface import gather_top
 from asperity.fem.solid import Solid
 from asperity.mesh.block import BlockMesh

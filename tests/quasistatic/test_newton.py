@@ -187,13 +187,13 @@ def test_steep_slopes_in_finite_strain_need_no_factorisation() -> None:
     block = make_block(here(), surface, 1.0, 0.2, MeshSize(0.12, growth=0.5))
     solver = make_contact_solver(here(), surface, block, material, options=SolverOptions(linear="cg"))
     shifted: list[float] = []
-    write = solver.solid.assemble_tangent
+    write = solver.solid.tangent.assemble
 
     def noted(add: Any = None, shift: float = 0.0) -> None:
         shifted.append(shift)
         write(add, shift)
 
-    solver.solid.assemble_tangent = noted  # type: ignore[method-assign]
+    solver.solid.tangent.assemble = noted  # type: ignore[method-assign]
     follow(solver, Schedule(delta_max=0.2, steps=4), Record(1.0, 1.0, material.reduced_modulus))
     assert max(shifted) > 0.0
     assert solver.counts.direct == 0 and solver.counts.cutbacks <= 1
@@ -206,11 +206,11 @@ def test_a_shift_is_a_part_of_the_elastic_stiffness(coarse: BlockMesh) -> None:
     solid = Solid(*distribute(here(), coarse, 1.0), replace(PLASTIC, kinematics="finite"))
     solid.internal_force()
     for halved in (False, True):
-        solid.halved = halved
+        solid.tangent.halved = halved
         matrices = []
         for shift in (0.0, 0.25):
-            solid.assemble_tangent(shift=shift)
-            matrices.append((solid.half.copy(), solid.values.copy()))
+            solid.tangent.assemble(shift=shift)
+            matrices.append((solid.tangent.half().copy(), solid.tangent.values().copy()))
         for plain, shifted in zip(*matrices, strict=True):
             np.testing.assert_allclose(shifted, 1.25 * plain, rtol=1e-4, atol=1e-6)
 

@@ -8,34 +8,27 @@ steps than it found and all forces are corrected for them. The error of the mesh
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import replace
 from functools import partial
-from typing import TYPE_CHECKING, Unpack
+from typing import TYPE_CHECKING
 
 from asperity.adaptive.guide import Guide
 from asperity.adaptive.load_step_error import LoadStepError, choose_substeps
 from asperity.adaptive.mesh_error import AccurateResult, MeshErrorEstimate
 from asperity.adaptive.mesh_levels import LevelSolver
 from asperity.adaptive.mesh_plan import RATIO, first_scale, planned_steps, step_rule
-from asperity.curve import Curve
 from asperity.errors import InputError, Interrupted, MeshError
-from asperity.model.argument_checks import check_kind, refuse
-from asperity.model.material import Material
-from asperity.model.problem import Problem, ProblemArguments
+from asperity.model.argument_checks import refuse
+from asperity.model.problem import Problem
 from asperity.model.settings import AccuracyTarget, MeshSize, penalty_too_soft
 from asperity.quasistatic.callbacks import Callbacks
 from asperity.quasistatic.contact_result import PartialResult
 from asperity.quasistatic.solve_problem import estimate_approach
-from asperity.quasistatic.stepping import Callback
 from asperity.runtime.parallel import on_root
-from asperity.surface import Surface
 
 if TYPE_CHECKING:
     from mpi4py import MPI
-
-    from asperity.quasistatic.checkpoint import Checkpoint
 
 
 def check_free(problem: Problem, meshed: bool) -> None:

@@ -50,8 +50,8 @@ class StickSlip:
         nodes that hardly slip keep turning.
         """
         solid = self._solid
-        solid.assemble_elastic()
-        diagonal = solid.scatter_reverse(solid.values[solid.sparsity.diagonal].reshape(-1, 3))
+        solid.tangent.assemble_elastic()
+        diagonal = solid.scatter_reverse(solid.tangent.values()[solid.sparsity.diagonal].reshape(-1, 3))
         return np.asarray(diagonal[self._nodes, :2].mean(axis=1))
 
     def begin(self, stuck: Flags, move: float) -> None:
@@ -105,13 +105,13 @@ class StickSlip:
         r[self._nodes, :2] = self.traction - share[:, None] * trial
 
     def add_tangent(self) -> None:
-        """Add the stiffness across the slip to `solid.values`, the local matrix."""
+        """Add the stiffness across the slip to `solid.tangent.values()`, the local matrix."""
         loose = self._loose
         blocks = self._stiffness[:, None, None] * self._across
         blocks *= self._free[loose][:, :, None] * self._free[loose][:, None, :]
         diagonal = self._solid.sparsity.diagonal.reshape(-1, 3)[self._nodes[loose]]
         for i, j in np.ndindex(2, 2):
-            self._solid.values[diagonal[:, i] + j - i] += blocks[:, i, j]
+            self._solid.tangent.values()[diagonal[:, i] + j - i] += blocks[:, i, j]
 
     def step(self) -> Floats:
         """Work of friction in the step [E L^3], area that slips, area in contact [L^2]; parts of this rank (3,)."""

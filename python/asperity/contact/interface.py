@@ -86,7 +86,7 @@ class Contact(ABC):
         return False
 
     def add_tangent(self) -> None:  # noqa: B027
-        """Add the contact stiffness at the last residual to `solid.values`, the local matrix."""
+        """Add the contact stiffness at the last residual to `solid.tangent.values()`, the local matrix."""
 
     def add_elastic_tangent(self) -> None:  # noqa: B027
         """Add the contact stiffness for a solid that does not flow, with the points in contact held."""

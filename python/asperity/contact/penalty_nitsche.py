@@ -111,7 +111,7 @@ class PressureContact(Contact):
         self._add_stiffness(self._elastic_law, self._trial, self._below(trial=True))
 
     def _add_stiffness(self, law: _solver.ContactLaw, history: History, below: History) -> None:
-        u, values = self._solid.u.x.array.reshape(-1, 3), self._solid.values
+        u, values = self._solid.u.x.array.reshape(-1, 3), self._solid.tangent.values()
         histories = compiled(history), compiled(below)
         _solver.facet_stiffness(self._rule.facets, law, u, *histories, self.points, self._pattern, values)
 

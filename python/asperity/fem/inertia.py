@@ -44,12 +44,12 @@ class Inertia:
         self._diagonals = 9 * first[:, None] + 3 * width[row][:, None] * i + 3 * column[:, None] + i
 
     def add_force(self, u: Floats, b: Floats) -> None:
-        """See `fem.solid.BodyForce`."""
+        """See `fem.tangent.BodyForce`."""
         if self.shift:
             b += self.shift * (self.mass @ (u - self.anchor))
 
     def add_stiffness(self, values: Floats) -> None:
-        """See `fem.solid.BodyForce`."""
+        """See `fem.tangent.BodyForce`."""
         values[self._diagonals] += self.shift * self.mass.data[:, None]
 
 

@@ -1,4 +1,4 @@
-"""The deformable block: displacement space, internal force, tangent, history.
+"""The deformable block: displacement space, internal force, history.
 
 Inside the solver lengths are in units of the side L and stresses in units of E, so tolerances mean the same for
 every case. Each residual writes a trial history; `commit` alone makes it the committed one.
@@ -6,37 +6,22 @@ every case. Each residual writes a trial history; `commit` alone makes it the co
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from functools import partial
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
-from asperity.arrays import Floats, Singles
+from asperity.arrays import Floats
 from asperity.fem.forms import FormKernels
 from asperity.fem.ghosts import Ghosts
 from asperity.fem.kernels import ElementKernels
 from asperity.fem.node_order import displacement_space
 from asperity.fem.sparsity import SparsityPattern
+from asperity.fem.tangent import BodyForce, Tangent
 from asperity.mesh.distribute import BASE, SIDE_X, SIDE_Y
 from asperity.model.material import Material
 from asperity.runtime import compat
-from asperity.runtime.compiled import solver as _solver
 from asperity.runtime.timing import Phases
-
-#: Writes a matrix at a nodal displacement, see `ElementKernels.tangent`.
-Write = Callable[[Floats, Floats | Singles], None]
-
-
-class BodyForce(Protocol):
-    """A force on the whole block, such as that of inertia."""
-
-    def add_force(self, u: Floats, b: Floats) -> None:
-        """Add the force at the displacement u (nodes, 3) to the internal one b (nodes, 3) [E L^2]; this rank's part."""
-
-    def add_stiffness(self, values: Floats) -> None:
-        """Add its derivative to the values of the local matrix."""
 
 
 class Solid:
@@ -60,14 +45,9 @@ class Solid:
         fixed: owned dofs without displacement
         base: owned nodes on the clamped base
         kernels: internal force, tangent and history of the cells
-        body_force: counts as a part of the internal force; None in statics
         ghosts: ghost update of nodal values
         sparsity: of this rank's part of the tangent
-        values: of that part; the tangent is the sum of the parts of all ranks
-        half: upper half of that part in single precision
-        halved: whether a matrix without a stiffness of the contact is written as its half alone, a quarter of the
-            memory; `values` are then made on demand, at the state of that moment
-        version: number of matrices written
+        tangent: this rank's part
     """
 
     def __init__(
@@ -105,16 +85,8 @@ class Solid:
             self.kernels = FormKernels(self.V, self.cell_nodes, material, self.sparsity)
         else:
             self.kernels = ElementKernels(mesh.geometry.x, x_nodes, self.cell_nodes, material, self.sparsity)
-        self.body_force: BodyForce | None = None
         self.ghosts = Ghosts(index_map)
-        self._values: Floats | None = None
-        self._half: Singles | None = None
-        self._missing: Write | None = None  # writes the values of a matrix of which there is only the half
-        self._halved_version = 0  # of the matrix in `_half`
-        self.halved = False
-        self.version = 0
-        self._written = False
-        self._with_contact = False  # whether a stiffness of the contact is in `values`
+        self.tangent = Tangent(self.kernels, self.sparsity, self.u.x.array, self.phases)
 
     def positions(self, nodes: npt.NDArray[np.int32]) -> Floats:
         """Coordinates of the nodes (n, k) of cells or facets, across joined sides next to the first (n, k, 3) [L]."""
@@ -137,7 +109,16 @@ class Solid:
             fixed += [3 * self.nodes_on(SIDE_X), 3 * self.nodes_on(SIDE_Y) + 1]
         return np.unique(np.concatenate(fixed)).astype(np.int32)
 
-    # -- vectors and matrix ----------------------------------------------------------------------------------
+    @property
+    def body_force(self) -> BodyForce | None:
+        """Counts as a part of the internal force; None in statics."""
+        return self.tangent.body_force
+
+    @body_force.setter
+    def body_force(self, force: BodyForce | None) -> None:
+        self.tangent.body_force = force
+
+    # -- vectors ----------------------------------------------------------------------------------
 
     def set_displacement(self, x: Floats) -> None:
         """Set the displacement by owned dof values (3 owned,), ghosts included; collective."""
@@ -170,70 +151,3 @@ class Solid:
                 self.body_force.add_force(self.u.x.array.reshape(-1, 3), b.reshape(-1, 3))
             self.force.x.scatter_reverse(la.InsertMode.add)
         return b.reshape(-1, 3)[: self.owned]
-
-    @property
-    def values(self) -> Floats:
-        """Values of the local tangent, in the order of `sparsity`."""
-        if self._values is None:
-            self._values = np.zeros(self.sparsity.size)
-        if self._missing is not None:
-            with self.phases.phase("tangent"):
-                self._missing(self.u.x.array.reshape(-1, 3), self._values)
-            self._missing = None
-        return self._values
-
-    @property
-    def half(self) -> Singles:
-        """Upper half of the local tangent by the columns of its blocks (9 blocks + 1,), see `SparsityPattern.upper`.
-
-        The lower half counts for nothing. The next matrix overwrites it.
-        """
-        half = self._half_to_write()
-        if self._halved_version != self.version:
-            _solver.upper_half(self.sparsity.indptr, self.sparsity.indices, self.values, half)
-            self._halved_version = self.version
-        return half
-
-    def _half_to_write(self) -> Singles:
-        if self._half is None:
-            blocks = len(self.sparsity.upper[1])
-            self._half = np.zeros(9 * blocks + 1, dtype=np.float32)  # one more is read with the last
-        return self._half
-
-    def drop_matrices(self) -> None:
-        """Free the matrices, most of the memory of a solid; the next tangent makes them again."""
-        self._values = self._half = self._missing = None
-        self._written, self._halved_version = False, 0
-        self.kernels.drop_matrices()
-
-    @property
-    def constant(self) -> bool:
-        """Whether the tangent of the solid, without that of the contact, never changes."""
-        return self.kernels.linear and self.body_force is None
-
-    def assemble_tangent(self, add: Callable[[], None] | None = None, shift: float = 0.0) -> None:
-        """Write the tangent at the state of the last internal force; `add` adds that of the contact to `values`.
-
-        With a `shift`, see `ElementKernels.tangent`.
-        """
-        self._assemble(partial(self.kernels.tangent, shift=shift) if shift else self.kernels.tangent, add)
-
-    def assemble_elastic(self, add: Callable[[], None] | None = None) -> None:
-        """Write the stiffness without plastic flow; `add` adds that of the contact to `values`."""
-        self._assemble(self.kernels.elastic_tangent, add)
-
-    def _assemble(self, write: Write, add: Callable[[], None] | None) -> None:
-        if self._written and self.constant and add is None and not self._with_contact:
-            return
-        half = self.halved and add is None and self.body_force is None
-        with self.phases.phase("tangent"):
-            self._missing = None
-            write(self.u.x.array.reshape(-1, 3), self._half_to_write() if half else self.values)
-            if add is not None:
-                add()
-            if self.body_force is not None:
-                self.body_force.add_stiffness(self.values)
-        self._with_contact, self._written = add is not None, True
-        self.version += 1
-        if half:
-            self._missing, self._halved_version = write, self.version

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 def tangent_product(solid: Solid, x: Floats) -> Floats:
     """Tangent of a solid times owned dof values (3 owned,), in double precision; collective."""
     sparsity, image = solid.sparsity, np.empty((solid.nodes, 3))
-    _solver.product(sparsity.indptr, sparsity.indices, solid.values, solid.scatter_forward(x), image)
+    _solver.product(sparsity.indptr, sparsity.indices, solid.tangent.values(), solid.scatter_forward(x), image)
     return solid.scatter_reverse(image).ravel()
 
 
@@ -68,9 +68,9 @@ class TangentOperator:
 
     def update(self) -> None:
         """Take the current matrix of the solid, unless it has been taken."""
-        if self.version != self.solid.version:
-            self._blocks = self.solid.half.copy() if self._keeps else self.solid.half
-            self.version = self.solid.version
+        if self.version != self.solid.tangent.version:
+            self._blocks = self.solid.tangent.half().copy() if self._keeps else self.solid.tangent.half()
+            self.version = self.solid.tangent.version
 
     def diagonal(self) -> Floats:
         """Diagonal at the owned dofs (3 owned,); collective."""
@@ -92,7 +92,7 @@ class TangentOperator:
             _solver.symmetric_galerkin(self._starts, self._columns, self._blocks, *onto)
         else:
             fine = self.solid.sparsity
-            _solver.galerkin(fine.indptr, fine.indices, self.solid.values, *onto)
+            _solver.galerkin(fine.indptr, fine.indices, self.solid.tangent.values(), *onto)
 
     def single_product(self, x: Singles, ghosts: bool = True) -> Singles:
         """The tangent by its upper half times dof values, both `padded`; collective.

@@ -142,7 +142,7 @@ class PMultigrid:
     def forget(self) -> None:
         """Let the next `update` set everything up again, except for the eigenvalue of a tangent that never changed."""
         self._reusable = False
-        if self._solid.version > 1 or not self._solid.constant:
+        if self._solid.tangent.version > 1 or not self._solid.tangent.constant:
             self._greatest = 0.0
 
     def renew(self) -> bool:

@@ -77,7 +77,7 @@ def empty_matrix(index_map: Any, width: int, comm: Any) -> Any:
 def assembled(solid: Solid) -> Any:
     """Copy of the current tangent of a solid as a PETSc matrix; collective."""
     matrix = NodeMatrix(solid.sparsity, solid.V.dofmap.index_map, solid.comm)
-    np.copyto(matrix.values, solid.values)
+    np.copyto(matrix.values, solid.tangent.values())
     matrix.assemble()
     return matrix.A
 

@@ -83,7 +83,7 @@ class LinearSolver:
         self._may_rescue = symmetric or kind != "lu"
         self._direct: tuple[Any, Assembled] | None = None
         single = rtol >= SINGLE_RTOL
-        solid.halved = kind == "cg" and symmetric and single
+        solid.tangent.halved = kind == "cg" and symmetric and single
         self.ksp = PETSc.KSP().create(solid.comm)
         self.ksp.setOptionsPrefix(PREFIX)
         self._method: PMultigridMethod | Assembled
@@ -314,7 +314,7 @@ class Assembled:
 
     def prepare(self, rows: Integers) -> None:
         A, solid = self.operator, self._solid
-        np.copyto(self._matrix.values, solid.values)
+        np.copyto(self._matrix.values, solid.tangent.values())
         self._matrix.assemble()
         diagonal = A.getDiagonal().sum() / solid.dofs
         A.zeroRowsColumns(rows + A.getOwnershipRange()[0], diag=diagonal)

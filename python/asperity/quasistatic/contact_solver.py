@@ -118,7 +118,7 @@ class ContactSolver:
         self._newton = None
         for probe in self.probes:
             probe.drop_matrices()
-        self.solid.drop_matrices()
+        self.solid.tangent.drop()
         destroy_unused(self.solid.comm)
 
     def step(self, delta: float, extrapolation: float = 0.0) -> StepStats:

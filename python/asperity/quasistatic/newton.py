@@ -152,7 +152,7 @@ class NewtonSolver:
         )
 
     def _assemble(self) -> None:
-        self.solid.assemble_tangent(self.contact.add_tangent if self.contact.has_tangent else None, self._shift)
+        self.solid.tangent.assemble(self.contact.add_tangent if self.contact.has_tangent else None, self._shift)
 
     def _raise_shift(self) -> bool:
         """Add more elastic stiffness to a tangent that is not positive definite; whether it did.

@@ -66,11 +66,11 @@ class Stiffness:
         self._elastic = self._elastic or TangentOperator(solid, symmetric=True, single=True, keeps=True)
         found = {}
         if contact.has_tangent:
-            solid.assemble_elastic(contact.add_elastic_tangent)
+            solid.tangent.assemble_elastic(contact.add_elastic_tangent)
             found["k_n_elastic"], w = normal.force(normal.start(self._along_z.before))
             self._along_z.take(w)
         if solid.material.finite or not self._elastic.version:  # in small strain it never changes
-            solid.assemble_elastic()
+            solid.tangent.assemble_elastic()
             self._elastic.update()
         if not contact.has_tangent:
             found["k_n_elastic"], w = self._along_z.force(self._elastic, normal, nodes, normal.start(), None)
@@ -156,7 +156,7 @@ class _Motion:
         force, w = system.minimise(start, motion.unit, motion.rows)
         self._contraction = system.contraction
         if force != force:
-            self._solid.assemble_elastic()
+            self._solid.tangent.assemble_elastic()
             force, w = motion.force(motion.start(guess))
         self.take(w)
         self.change = None if before is None else w - before

@@ -1,0 +1,129 @@
+"""The tangent of a solid: this rank's part as a whole matrix in double precision, or its upper half in single."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import partial
+from typing import Protocol
+
+import numpy as np
+
+from asperity.arrays import Floats, Singles
+from asperity.fem.forms import FormKernels
+from asperity.fem.kernels import ElementKernels
+from asperity.fem.sparsity import SparsityPattern
+from asperity.runtime.compiled import solver as _solver
+from asperity.runtime.timing import Phases
+
+#: Writes a matrix at a nodal displacement, see `ElementKernels.tangent`.
+Write = Callable[[Floats, Floats | Singles], None]
+
+
+class BodyForce(Protocol):
+    """A force on the whole block, such as that of inertia."""
+
+    def add_force(self, u: Floats, b: Floats) -> None:
+        """Add the force at the displacement u (nodes, 3) to the internal one b (nodes, 3) [E L^2]; this rank's part."""
+
+    def add_stiffness(self, values: Floats) -> None:
+        """Add its derivative to the values of the local matrix."""
+
+
+class Tangent:
+    """Tangent of a solid; that of the whole solid is the sum of the parts of all ranks, which nobody adds up.
+
+    Args:
+        kernels: of the solid
+        sparsity: of this rank's part
+        u: displacement of the local dofs, read when a matrix is written (3 nodes,) [L]
+        phases: collects the time
+
+    Attributes:
+        body_force: whose stiffness counts too; None in statics
+        halved: whether a matrix without a stiffness of the contact is written as its half alone, a quarter of the
+            memory
+        version: number of matrices written
+    """
+
+    def __init__(
+        self, kernels: ElementKernels | FormKernels, sparsity: SparsityPattern, u: Floats, phases: Phases
+    ) -> None:
+        self._kernels, self._sparsity, self._u, self._phases = kernels, sparsity, u.reshape(-1, 3), phases
+        self.body_force: BodyForce | None = None
+        self.halved, self.version = False, 0
+        self._values: Floats | None = None
+        self._half: Singles | None = None
+        self._versions = {"values": 0, "half": 0}  # that the two hold
+        self._write: Write | None = None  # wrote the last one
+        self._alone = False  # whether the last one is that of the solid, without the contact
+
+    @property
+    def constant(self) -> bool:
+        """Whether the tangent of the solid, without that of the contact, never changes."""
+        return self._kernels.linear and self.body_force is None
+
+    def assemble(self, add: Callable[[], None] | None = None, shift: float = 0.0) -> None:
+        """Write the tangent at the state of the last internal force; `add` adds that of the contact to `values()`.
+
+        With a `shift`, see `ElementKernels.tangent`.
+        """
+        write = self._kernels.tangent
+        self._assemble(partial(write, shift=shift) if shift else write, add)
+
+    def assemble_elastic(self, add: Callable[[], None] | None = None) -> None:
+        """Write the stiffness without plastic flow; `add` adds that of the contact to `values()`."""
+        self._assemble(self._kernels.elastic_tangent, add)
+
+    def _assemble(self, write: Write, add: Callable[[], None] | None) -> None:
+        if self._alone and self.constant and add is None:
+            return
+        self.version += 1
+        self._write, self._alone = write, add is None
+        half = self.halved and add is None and self.body_force is None
+        with self._phases.phase("tangent"):
+            self._write_to("half" if half else "values")
+            if add is not None:
+                add()
+            if self.body_force is not None:
+                self.body_force.add_stiffness(self.values())
+
+    def _write_to(self, which: str) -> None:
+        assert self._write is not None
+        matrix = self._memory_of_half() if which == "half" else self._memory()
+        self._write(self._u, matrix)
+        self._versions[which] = self.version
+
+    def values(self) -> Floats:
+        """Values of the last matrix, in the order of `sparsity`; where there is the half alone they are written now,
+        at the displacement of now."""
+        if self._write is not None and self._versions["values"] != self.version:
+            with self._phases.phase("tangent"):
+                self._write_to("values")
+        return self._memory()
+
+    def _memory(self) -> Floats:
+        if self._values is None:
+            self._values = np.zeros(self._sparsity.size)
+        return self._values
+
+    def half(self) -> Singles:
+        """Upper half of the last matrix by the columns of its blocks (9 blocks + 1,), see `SparsityPattern.upper`.
+
+        The lower half counts for nothing. The next matrix overwrites it.
+        """
+        half, sparsity = self._memory_of_half(), self._sparsity
+        if self._versions["half"] != self.version:
+            _solver.upper_half(sparsity.indptr, sparsity.indices, self.values(), half)
+            self._versions["half"] = self.version
+        return half
+
+    def _memory_of_half(self) -> Singles:
+        if self._half is None:
+            self._half = np.zeros(9 * len(self._sparsity.upper[1]) + 1, dtype=np.float32)  # 1: read with the last
+        return self._half
+
+    def drop(self) -> None:
+        """Free the matrices, most of the memory of a solid; the next tangent makes them again."""
+        self._values = self._half = self._write = None
+        self._alone, self._versions = False, {"values": 0, "half": 0}
+        self._kernels.drop_matrices()
