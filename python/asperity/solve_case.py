@@ -15,7 +15,6 @@ from asperity.curve import Curve
 from asperity.dynamics import DynamicsSettings
 from asperity.errors import CheckError, ConvergenceError, Interrupted
 from asperity.mesh.block import BlockMesh
-from asperity.model.material import AUTO
 from asperity.model.problem import Problem
 from asperity.model.settings import AccuracyTarget
 from asperity.output.assumptions import Evidence
@@ -41,7 +40,7 @@ class SolvedCase:
         problem: that was solved, with the kinematics of the run
         contact: its result
         accurate: the same of a run with a tolerance
-        strain: what small strain changes, where known
+        strain: what small strain changes, of kinematics = "auto"
         failure: what stopped the run, or is wrong with its result
     """
 
@@ -74,8 +73,7 @@ class SolvedCase:
             h, roughness = accurate.levels[-1].h, accurate.roughness_share()
         elif case.mesh.file is None and tolerance is None:  # a run with a tolerance may have no bar
             h = case.mesh.h_contact
-        strain = self.strain
-        change = None if strain is None or strain.greatest is None else (strain.greatest, strain.limit)
+        change = None if self.strain is None else (self.strain.percent, self.strain.limit)
         return Evidence(
             self.contact.curve, self.problem, si=case.units == "SI", tolerance=tolerance, h=h, roughness=roughness,
             small_strain=change, density=case.material.density, vibration=vibration, side=case.nominal_side,
@@ -114,10 +112,10 @@ def solve_case(
         OutputError: a file cannot be written
     """
     hooks = _hooks(case, files, progress, stop)
-    chosen, strain = _with_kinematics(case, problem, hooks, comm, files.note)
-    if problem.material.kinematics == AUTO and hooks.checkpoint is not None:
-        # another choice, as of a continued run with more cycles, starts the path again
-        hooks = replace(hooks, checkpoint=hooks.checkpoint.part(chosen.material.kinematics))
+    chosen, strain = choose_kinematics(problem, case.accuracy.tolerance, comm)
+    if strain is not None:
+        hooks.stage(strain.describe())
+        files.note(f'kinematics = "auto" took "{strain.kinematics}"')
     accurate = failure = None
     try:
         wanted = case.accuracy
@@ -166,20 +164,3 @@ def _hooks(case: Case, files: RunFiles, progress: Progress, stop: Callable[[], s
         on_ready=files.begin,
         stiffness=case.has_stiffness, conductance=output.conductance, on_part=progress.part,
     )  # fmt: skip
-
-
-def _with_kinematics(
-    case: Case, problem: Problem, hooks: Callbacks, comm: MPI.Comm, note: Callable[[str], None]
-) -> tuple[Problem, SmallStrain | None]:
-    """The problem with the kinematics of the run, and what small strain changes; collective.
-
-    Raises:
-        Interrupted: the run was stopped
-    """
-    material = problem.material
-    if not case.compares_strains:
-        return problem, None
-    chosen, found = choose_kinematics(problem, case.accuracy.tolerance, comm, hooks)
-    if material.kinematics == AUTO:
-        note(f'kinematics = "auto" took "{chosen.material.kinematics}"')
-    return chosen, found

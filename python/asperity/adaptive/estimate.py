@@ -14,11 +14,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from asperity.adaptive.family import MeshFamily, dofs_of
-from asperity.adaptive.guide import CELLS, PASSES, Guide, half_space
+from asperity.adaptive.guide import PASSES, Guide, approach_of_force
 from asperity.adaptive.mesh_plan import (
     DOFS_ORDER,
     GREATEST_STEP,
-    GROWTH,
     LEAST_STEP,
     MESH_ORDER,
     MOST_MESHES,
@@ -29,13 +28,13 @@ from asperity.adaptive.mesh_plan import (
     expected_bar,
     first_scale,
     planned_steps,
-    size_for_strain,
     step_rule,
 )
-from asperity.curve.slope import SINGLE_CONTACT
+from asperity.adaptive.small_strain import judge
 from asperity.errors import InputError
 from asperity.mesh.block import BlockMesh
 from asperity.mesh.size_field import size_field
+from asperity.model.material import AUTO
 from asperity.model.problem import Problem
 from asperity.model.settings import MeshSize
 from asperity.runtime.display import short_repr
@@ -45,8 +44,6 @@ if TYPE_CHECKING:
     from asperity.case.schema import AccuracySection
     from asperity.surface import Surface
 
-PARTS = 24  # of its approaches, each a third beyond the one before
-RESOLVED = 20  # cells in contact, from which on its force counts
 MOST_DOFS = 1e8  # that are counted
 START = 1.3  # seconds of a run besides meshes and steps: libraries, results
 HALF_SPACE = 4e-7  # seconds of a half-space with the surface, or with the top of a mesh, per cell and approach
@@ -110,9 +107,9 @@ class Estimate:
         ranks: processes the memory is for
         memory: of all ranks [bytes]
         approach: greatest one, where the load path gives a force that of a half-space [length]
+        kinematics: of the run
         bar: relative error bar of the force expected of the last mesh, None without a tolerance
         tolerance: relative, of the force; None without one
-        strain: the coarse mesh that compares small and finite strain, in both; empty where nothing is compared
         others: time of one core for all that is no mesh [s]
         max_dofs: accuracy.max_dofs
     """
@@ -121,9 +118,9 @@ class Estimate:
     ranks: int
     memory: float
     approach: float
+    kinematics: str
     bar: float | None = None
     tolerance: float | None = None
-    strain: tuple[MeshEstimate, ...] = ()
     others: float = 0.0
     max_dofs: int | None = None
 
@@ -149,14 +146,14 @@ class Estimate:
     @property
     def seconds(self) -> float:
         """Time of one core for everything."""
-        return self.others + sum(level.seconds for level in self.strain + self.levels)
+        return self.others + sum(level.seconds for level in self.levels)
 
 
 def estimate(case: Case, ranks: int = 1, surface: Surface | None = None, passes: int = PASSES) -> Estimate:
     """Estimate the cost of a case, without meshing or solving it.
 
     The approach of a load path that gives a force is that of a half-space, see `approach_of_force`.
-    Of kinematics = "auto" the meshes are counted in small strain. With `accuracy.tolerance` they are those a run plans:
+    With `accuracy.tolerance` they are those a run plans:
     the half-space that guides it is solved here too.
 
     Args:
@@ -184,6 +181,9 @@ def estimate(case: Case, ranks: int = 1, surface: Surface | None = None, passes:
         path, tolerance = problem.load_path, case.accuracy.tolerance
         delta = path.delta_max or approach_of_force(problem)
         problem = replace(problem, load_path=replace(path, delta_max=delta, force_max=None))
+        kinematics = problem.material.kinematics
+        if kinematics == AUTO:
+            kinematics = judge(problem, tolerance).kinematics
     bar, others, cells = None, START, 0
     if tolerance is None:
         file = case.mesh.file
@@ -194,20 +194,19 @@ def estimate(case: Case, ranks: int = 1, surface: Surface | None = None, passes:
     else:
         plan, bar, cells, approaches = _plan(problem, case.accuracy, passes)
         others += HALF_SPACE * cells * approaches
-    rates, finite = _rates(case), case.material.kinematics == "finite"
+    rates, finite = _rates(case), kinematics == "finite"
     levels = tuple(rates.of(h, dofs, steps, finite) for h, dofs, steps in plan)
     memory = ranks * rates.base + rates.per_dof * levels[-1].dofs
     if cells:
         memory += LIBRARIES + PER_CELL * cells
-    strain, most = _strain(case, problem), None if tolerance is None else case.accuracy.max_dofs
-    return Estimate(levels, ranks, memory, delta, bar, tolerance, strain, others, most)
+    most = None if tolerance is None else case.accuracy.max_dofs
+    return Estimate(levels, ranks, memory, delta, kinematics, bar, tolerance, others, most)
 
 
 def further_meshes(case: Case, found: Estimate) -> list[MeshEstimate]:
     """All meshes that a run with a tolerance can add to the planned ones, up to `accuracy.max_dofs`.
 
-    They are MOST_MESHES in all, each as fine as may follow the one before; of kinematics = "auto" they are in finite
-    strain.
+    They are MOST_MESHES in all, each as fine as may follow the one before.
 
     Args:
         case: with accuracy.tolerance
@@ -217,7 +216,7 @@ def further_meshes(case: Case, found: Estimate) -> list[MeshEstimate]:
     levels: list[MeshEstimate] = []
     for k in range(1, MOST_MESHES - 1):
         h, dofs = last.h_contact / GREATEST_STEP**k, min(int(last.dofs * GREATEST_STEP ** (k * DOFS_ORDER)), most)
-        levels.append(_rates(case).of(h, dofs, last.steps, case.material.solid.kinematics != "small"))
+        levels.append(_rates(case).of(h, dofs, last.steps, found.kinematics == "finite"))
     return levels if last.dofs < most else []
 
 
@@ -225,42 +224,10 @@ def _rates(case: Case) -> Rates:
     return PLASTIC if case.material.plastic else ELASTIC
 
 
-def _strain(case: Case, problem: Problem) -> tuple[MeshEstimate, ...]:
-    """The runs on a coarse mesh that compare small and finite strain; see `small_strain.choose_kinematics`."""
-    if not case.compares_strains:
-        return ()
-    L, own = problem.surface.L, problem.size.h_contact
-    h = L * size_for_strain(None if own is None else own / L, case.accuracy.tolerance)
-    dofs, steps = _dofs(problem, MeshSize(h, GROWTH)), _steps(problem)
-    return tuple(_rates(case).of(h, dofs, steps, finite) for finite in (False, True))
-
-
 def _steps(problem: Problem, substeps: int = 1) -> int:
     """Load steps of a problem, those of its unloadings too, in so many equal parts of each step of a loading."""
     schedule = replace(problem.schedule, substeps=substeps)
     return sum(steps if branch == "unload" else len(schedule.stops()) for branch, steps in schedule.legs)
-
-
-def approach_of_force(problem: Problem) -> float:
-    """Approach at the greatest force of a load path, of a half-space [length]."""
-    surface, solid, height = problem.surface, problem.material, problem.height / problem.surface.L
-    L, wanted = surface.L, problem.schedule.force_max
-    assert wanted is not None
-    layer = half_space(problem, CELLS[0])
-    heights, summit = layer.heights(surface), surface.maximum()[2] / L
-    # all of the surface in contact, and the block below compressed
-    deepest = summit - float(heights.min()) + wanted * height * solid.reduced_modulus / solid.E
-    P: list[float] = []
-    delta: list[float] = []
-    for d in deepest * 0.75 ** np.arange(PARTS - 1, -1, -1):
-        state = layer.curve(heights, summit, [d], tolerance=1e-2)
-        if state.area_fraction[0] * layer.n**2 >= RESOLVED:
-            P.append(float(np.log(state.P_star[0])))
-            delta.append(float(np.log(d)))
-            if P[-1] >= np.log(wanted):
-                break
-    lighter = min(np.log(wanted) - P[0], 0.0) / SINGLE_CONTACT
-    return L * float(np.exp(np.interp(np.log(wanted), P, delta) + lighter))
 
 
 def _plan(

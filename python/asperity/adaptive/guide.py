@@ -17,6 +17,7 @@ import numpy as np
 from scipy import ndimage
 
 from asperity.arrays import Array, Floats
+from asperity.curve.slope import SINGLE_CONTACT
 from asperity.mesh.resolution import ELEMENTS, resolving_size
 from asperity.mesh.top import Top, heights_of_top
 from asperity.reference.halfspace import HARDNESS, RoughHalfSpace, cells_per_side
@@ -32,6 +33,10 @@ MOST_STEPS = 10  # at which the half-space is pressed
 EARLY = 0.25  # power of the approach in the sizes: the first spots are the least of a mesh and have its largest errors
 LARGEST = 4.0  # size over the half-width of a spot: elements miss it in any case, and the half-space corrects it
 SINGULAR = 1.0 + 1e-6  # pressure at the edge over the mean one: more than round-off, of a solid that flows it is 1
+PARTS, RESOLVED = (
+    24,
+    20,
+)  # approaches up to a given force, each a third beyond the one before; cells from which on it counts
 MOST = 10.0  # change beyond which nothing is known
 
 
@@ -130,6 +135,28 @@ def half_space(problem: Problem, cells: int) -> RoughHalfSpace:
     if solid.yield_strength is not None:
         hardness = HARDNESS * solid.yield_strength / solid.reduced_modulus
     return RoughHalfSpace(cells, problem.height / problem.surface.L, solid.nu, problem.sides, hardness)
+
+
+def approach_of_force(problem: Problem) -> float:
+    """Approach at the greatest force of a load path, of a half-space [length]."""
+    surface, solid, height = problem.surface, problem.material, problem.height / problem.surface.L
+    L, wanted = surface.L, problem.schedule.force_max
+    assert wanted is not None
+    layer = half_space(problem, CELLS[0])
+    heights, summit = layer.heights(surface), surface.maximum()[2] / L
+    # all of the surface in contact, and the block below compressed
+    deepest = summit - float(heights.min()) + wanted * height * solid.reduced_modulus / solid.E
+    P: list[float] = []
+    delta: list[float] = []
+    for d in deepest * 0.75 ** np.arange(PARTS - 1, -1, -1):
+        state = layer.curve(heights, summit, [d], tolerance=1e-2)
+        if state.area_fraction[0] * layer.n**2 >= RESOLVED:
+            P.append(float(np.log(state.P_star[0])))
+            delta.append(float(np.log(d)))
+            if P[-1] >= np.log(wanted):
+                break
+    lighter = min(np.log(wanted) - P[0], 0.0) / SINGLE_CONTACT
+    return L * float(np.exp(np.interp(np.log(wanted), P, delta) + lighter))
 
 
 def sizes_of_spots(pressure: Floats) -> Floats:

@@ -33,7 +33,6 @@ GROWTH = 0.5  # growth of the element size around the contact at scale 1; it goe
 MOST_SCALE = 8.0  # of a first mesh: its elements are larger than the spots, and few are left to save
 MARGIN = 0.9  # part of a limit, such as the tolerance, that is planned for
 DOFS_ORDER = 2.0  # time and dofs grow as scale^-order: refinement is nearly confined to the contact
-COARSE, COARSER = 0.1, 2.5  # size of the mesh that compares small and finite strain [L], at most so much of the run's
 STICK = "stick"  # where nodes are touched within a step (docs/contact.md)
 STEP_ORDERS = {MIDPOINT: 2.0, STICK: 1.5, BACKWARD_EULER: 1.0}  # of the force in the load step
 # Part of the load-step correction taken for its bar; of the rule of first order much more is corrected
@@ -69,16 +68,6 @@ def growth(scale: float) -> float:
 def widest(scale: float) -> float:
     """Greatest element size of a mesh [L], which goes with the growth and is H_MAX on the coarsest first mesh."""
     return float(H_MAX * min(1.0, growth(scale) / growth(RATIO)))
-
-
-def size_for_strain(h: float | None, tolerance: float | None) -> float:
-    """Element size of the coarse mesh on which small and finite strain are compared [L].
-
-    Args:
-        h: of the run [L]; None where it is not given
-        tolerance: of a run that chooses its meshes, None of one on one mesh
-    """
-    return COARSE if tolerance is not None or h is None else min(COARSE, COARSER * h)
 
 
 def extrapolate(coarse: Floats, fine: Floats, ratio: float, order: float) -> tuple[Floats, Floats]:

@@ -330,7 +330,6 @@ class OutputSection(Section):
         False,
     )
     conductance: Flag = key("column conductance of the curve", False)
-    small_strain: Flag = key("what small strain changes in the force; always with finite or auto kinematics", False)
     snapshots: Whole = key("load levels kept for pressure maps and fields", 4, ge=0, le=1000)
     checkpoint: Whole = key("accepted steps from one checkpoint to the next, 0 for none", 1, ge=0)
 
@@ -362,11 +361,6 @@ class Input(BaseModel):
     def greatest_force(self) -> float | None:
         """Force at the end of the loading [force]; None when it is driven by the approach."""
         return greatest_force(self.loading.force_max, self.loading.pressure_max, self.surface.L)
-
-    @property
-    def compares_strains(self) -> bool:
-        """Whether a run presses a coarse mesh in both strains: requested, or not in small strain."""
-        return self.output.small_strain or self.material.solid.kinematics != "small"
 
     @property
     def has_stiffness(self) -> bool:

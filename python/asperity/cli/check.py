@@ -78,14 +78,6 @@ def show_estimate(title: str, case: Case, ranks: int) -> None:
     surface = case.build_surface()
     found = estimate(case, ranks, surface)
     rows = [
-        (
-            f"coarse mesh of h_contact = {level.h_contact:.3g}, {level.steps} steps, {strain} strain",
-            f"{level.dofs}",
-            duration(level.seconds),
-        )
-        for strain, level in zip(("small", "finite"), found.strain, strict=False)
-    ]
-    rows += [
         (f"mesh of h_contact = {level.h_contact:.3g}, {level.steps} steps", f"{level.dofs}", duration(level.seconds))
         for level in found.levels
     ]
@@ -110,7 +102,7 @@ def show_estimate(title: str, case: Case, ranks: int) -> None:
     if case.accuracy.area_tolerance is not None:
         options.say("accuracy.area_tolerance is not in this estimate: it often takes finer meshes")
     if case.material.kinematics == "auto":
-        options.say("the meshes are counted in small strain; if the run chooses finite strain, up to 2.2 times")
+        options.say(f"the run takes {found.kinematics} strain")
 
 
 def _range_of_time(case: Case, found: Estimate) -> str:

@@ -146,7 +146,7 @@ def small_strain(run: Evidence) -> Assumption | None:
                 detail=f"small strain would change the force by up to {value:.2g} %; {detail}".rstrip("; "),
             )  # fmt: skip
         return Assumption(
-            "small strain", value, limit, "% of the force", "small and finite strain on a coarse mesh", advice, detail,
+            "small strain", value, limit, "% of the force", "the slope of the spots in contact", advice, detail,
             warns=True,
         )  # fmt: skip
     if finite:
