@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 MESH_ORDERS = (1.7, 2.6)  # range of the order of the force in the scale (docs/accuracy.md)
 EDGE_ORDER = 1.0  # lowest one where the pressure is singular at the edge of the contact, as that of a flat punch
 MESH_ORDER = sum(MESH_ORDERS) / 2.0  # typical one, to plan with
-AREA_ORDER = 1.5  # of the bar of the contact area, that of the edges of spots (docs/contact.md)
+AREA_ORDER = 1.5  # of the bar of the contact area, that of the edges of spots (docs/theory.md)
 RATIO = 2.0  # of the first two scales
 LEAST_STEP, GREATEST_STEP = 1.25, 3.0  # from one scale to the next
 LEAST_RATIO = RATIO / LEAST_STEP  # of two scales: below it scatter hides the order
@@ -33,7 +33,7 @@ GROWTH = 0.5  # growth of the element size around the contact at scale 1; it goe
 MOST_SCALE = 8.0  # of a first mesh: its elements are larger than the spots, and few are left to save
 MARGIN = 0.9  # part of a limit, such as the tolerance, that is planned for
 DOFS_ORDER = 2.0  # time and dofs grow as scale^-order: refinement is nearly confined to the contact
-STICK = "stick"  # where nodes are touched within a step (docs/contact.md)
+STICK = "stick"  # where nodes are touched within a step (docs/theory.md)
 STEP_ORDERS = {MIDPOINT: 2.0, STICK: 1.5, BACKWARD_EULER: 1.0}  # of the force in the load step
 # Part of the load-step correction taken for its bar; of the rule of first order much more is corrected
 PATH_TRANSFER = {MIDPOINT: 0.5, STICK: 1.0, BACKWARD_EULER: 1.0}

@@ -35,7 +35,7 @@ def law_of(material: Material, flows: bool = True) -> _solver.Elastic | _solver.
     return law
 
 
-#: Stresses S and T of solver/relaxation.hpp over the yield strength (docs/contact.md); infinite is no relaxation.
+#: Stresses S and T of solver/relaxation.hpp over the yield strength (docs/theory.md); infinite is no relaxation.
 RELAXATION = (0.2, 0.04)
 
 
