@@ -20,6 +20,6 @@ def test_a_case_of_another_formulation_agrees_with_exact_contact(method: str) ->
         warnings.simplefilter("ignore")
         other = asp.run(case).curve
         exact = asp.run(asp.Case.load(CASES / f"{method}.toml", ["contact.method=active-set"])).curve
-    # the first step touches a few facets only; the errors of the formulations at this mesh are 1 %, see docs/verification.md
+    # the first step touches few facets only; errors at this mesh are 1 %, see docs/verification.md
     assert other.force[1:] == pytest.approx(exact.force[1:], rel=0.025)
     assert other.force.tolist() != exact.force.tolist()
