@@ -298,7 +298,7 @@ def test_the_evidence_of_slip_gives_the_numbers_of_its_tables() -> None:
     assert f"up to {most_u} % off" in page and f"up to {most_energy} %" in page
     assert {row[name] for row in slip_table("rows") for name in ("inside u", "inside energy")} == {"120 of 120"}
     steep = [row for row in slip_table("solid") if row["slope"] == "0.1"]
-    for method, words in (("solid", ("{} to {} % softer", "{} to {} % more")), ("its curve", ("{} to {} % of", ) * 2)):
+    for method, words in (("solid", ("{} to {} % softer", "{} to {} % more")), ("its curve", ("{} to {} % of",) * 2)):
         some = [row for row in steep if row["method"] == method]
         for values, text in zip((numbers(some, u), numbers(some, energy)[:, 1:]), words, strict=True):
             assert text.format(f"{values.min():.1f}", f"{values.max():.1f}") in page
