@@ -134,12 +134,6 @@ def pytest_runtest_teardown(item: pytest.Item) -> Iterator[None]:
 
 
 @pytest.fixture
-def pointwise(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Compiled kernels without the relaxation of volumetric strain in a cell, as forms are."""
-    monkeypatch.setattr("asperity.fem.kernels.RELAXATION", (np.inf, np.inf))
-
-
-@pytest.fixture
 def several_ranks() -> None:
     """Skip what compares all ranks with one where there is one only."""
     if world().size == 1:

@@ -68,7 +68,7 @@ class Sample:
 
 
 def sample(block: BlockMesh | None, material: Material, forms: bool = False, pointwise: bool = False) -> Sample:
-    """A sample; `pointwise` without the relaxation of volumetric strain in a cell, which forms do not have."""
+    """A sample; `pointwise` without the relaxation of volumetric strain in a cell."""
     with pytest.MonkeyPatch.context() as patch:
         if pointwise:
             patch.setattr("asperity.fem.kernels.RELAXATION", (np.inf, np.inf))

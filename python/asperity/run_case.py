@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import logging
+import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, nullcontext
 from dataclasses import dataclass
-from functools import cache, partial
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -28,7 +29,7 @@ from asperity.output.assumptions import ledger
 from asperity.output.run_files import RunFiles
 from asperity.output.summary import of_ranks
 from asperity.runtime.display import brief
-from asperity.runtime.parallel import Clock, agree, clocked, on_root, on_root_bcast, spread
+from asperity.runtime.parallel import agree, on_root, on_root_bcast, seconds_alone
 from asperity.runtime.progress import Progress, log_file
 from asperity.runtime.run_folder import LOG
 from asperity.runtime.timing import Phases
@@ -155,12 +156,11 @@ def run(
             with (
                 log_file(None if out is None or comm.rank > 0 else out / LOG, append=continues) as files.open_log,
                 nullcontext() if out is None else StopRequest(comm) as request,
-                clocked() as clock,
             ):
                 for text in notices.texts:
                     log(text)
                 stop = None if request is None else request.agreed
-                return _run(whole, problem, files, notices, progress or Progress(), stop, block, comm, clock)
+                return _run(whole, problem, files, notices, progress or Progress(), stop, block, comm)
 
 
 def prepare(
@@ -195,12 +195,12 @@ def _run(
     stop: Callable[[], str] | None,
     block: BlockMesh | None,
     comm: MPI.Comm,
-    clock: Clock,
 ) -> RunResult:
     """Solve, vibrate, judge, write; collective."""
     from asperity.solve_case import solve_case
     from asperity.vibrate_case import VibratedCase, vibrate_case
 
+    began, before = time.perf_counter(), seconds_alone()
     with _refusals(files):
         solved = solve_case(case, problem, files, progress, stop, comm, block)
     contact, failure, folder = solved.contact, solved.failure, files.folder
@@ -209,7 +209,8 @@ def _run(
     files.curve(contact.curve, whole=solved.accurate is not None)
 
     def write() -> None:
-        summary["parallel"] = of_ranks(comm, summary["seconds"], clock)
+        alone, wall = seconds_alone() - before, time.perf_counter() - began
+        summary["parallel"] = of_ranks(comm, summary["seconds"], alone, wall)
         files.summary(summary, failure)
 
     write()
@@ -243,7 +244,7 @@ def _run(
     if solved.complete and not found.ends:
         if folder is not None and (case.output.figures or case.output.report):
             with stage("figures"):
-                _draw(comm, folder, problem.surface)
+                on_root(comm, partial(_draw, folder, problem.surface))
             write()  # for the report, with the time of the figures
         if folder is not None and case.output.report:
             on_root(comm, partial(_report, folder, failure is None))
@@ -284,18 +285,10 @@ def _warn(case: Case, folder: Path | None, solved: SolvedCase, lines: Sequence[A
         warn(f"{unresolved}; make mesh.h_contact smaller", ResolutionWarning)
 
 
-def _draw(comm: MPI.Comm, folder: Path, surface: Surface) -> None:
-    """Draw the figures, each on one rank; collective."""
-    from asperity.output.results import Results
-    from asperity.plot import draw, figures_of
+def _draw(folder: Path, surface: Surface) -> None:
+    from asperity.plot import plot_run
 
-    read = cache(partial(Results.read, folder, surface))
-    names = on_root_bcast(comm, lambda: list(figures_of(read())))
-
-    def task(name: str) -> None:
-        draw(read(), name)
-
-    spread(comm, [partial(task, name) for name in names], near=True)
+    plot_run(folder, surface)
 
 
 def _report(folder: Path, finished: bool) -> None:

@@ -25,7 +25,6 @@ MATERIALS = {
     "finite": Material(E, NU, kinematics="finite"),
     "finite, mixed": Material(E, NU, Y, E_T, 0.4, kinematics="finite"),
 }
-pytestmark = pytest.mark.usefixtures("pointwise")
 EACH = pytest.mark.parametrize("material", MATERIALS.values(), ids=MATERIALS)
 STEPS = (0.004, 0.008, 0.012, 0.011, 0.01)  # approaches, up and back [L]
 
@@ -70,7 +69,7 @@ def test_each_compiled_kernel_is_its_form(rough: Surface, coarse: BlockMesh | No
 
 
 @pytest.mark.mpi
-@pytest.mark.parametrize("method", ["active-set", "penalty"])
+@pytest.mark.parametrize("method", ["active-set", "penalty", "nitsche"])
 @EACH
 def test_forces_on_forms_are_those_of_compiled_kernels(
     rough: Surface, coarse: BlockMesh | None, material: Material, method: str
@@ -84,4 +83,4 @@ def test_forces_on_forms_are_those_of_compiled_kernels(
         assert not solver.checks.violated
     assert min(forces[0]) > 0.0
     assert difference(np.array(forces[1]), np.array(forces[0])) < 1e-8
-    assert abs(newton[1] - newton[0]) <= 2
+    assert abs(newton[1] - newton[0]) <= 0.1 * newton[0]  # rounding decides which points yield where a step begins

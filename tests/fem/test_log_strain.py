@@ -39,7 +39,7 @@ SQUEEZED = np.log([0.9, 0.7, 0.5])
 
 def twins(block: BlockMesh | None, material: Material) -> tuple[Sample, Sample]:
     """The compiled kernels, and their UFL twin."""
-    return sample(block, material, pointwise=True), sample(block, material, forms=True)
+    return sample(block, material), sample(block, material, forms=True)
 
 
 # --- closed forms -----------------------------------------------------------------------------------------------

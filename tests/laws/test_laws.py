@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from element_sample import difference, sample
 from j2_path import uniaxial_stress
 from scipy.optimize import brentq
 
@@ -17,6 +18,8 @@ import asperity as asp
 from asperity.arrays import Floats
 from asperity.laws import definition
 from asperity.laws.point import respond, traits
+from asperity.mesh.block import BlockMesh
+from asperity.output.assumptions import Evidence, ledger
 
 E, NU = 200.0, 0.3
 MU, BULK = E / (2 * (1 + NU)), E / (3 * (1 - 2 * NU))
@@ -146,6 +149,63 @@ def test_tangents_are_the_differences_of_stresses() -> None:
         np.testing.assert_allclose((above - below) / (2 * h), slope, rtol=0, atol=1e-6 * np.abs(slope).max())
 
 
+# --- cells ----------------------------------------------------------------------------------------------------
+
+VOCE = {"E": 1.0, "nu": NU, "yield_strength": 0.005, "saturation": 0.003, "rate": 40.0}
+
+
+@pytest.mark.parametrize("kinematics", ["small", pytest.param("finite", marks=pytest.mark.slow)])
+def test_cells_of_voce(cube: BlockMesh, coarse: BlockMesh, kinematics: str) -> None:
+    """Tension and back in closed form; the tangent of cells whose volumetric strains relax, by differences."""
+    material = asp.Material.of_law("voce", kinematics=kinematics, **VOCE)
+    strains, a, expected = np.array([0.002, 0.01, 0.1, 0.09]), [0.0], []
+
+    def excess(a: float, strain: float) -> float:
+        return strain - a - 0.005 - 0.003 * (1.0 - math.exp(-40.0 * a))
+
+    for strain in strains:
+        a.append(brentq(excess, a[-1], strain, args=(strain,)) if excess(a[-1], strain) > 0.0 else a[-1])
+        expected.append(strain - a[-1])
+    lateral = -NU * np.array(expected) - 0.5 * np.array(a[1:])
+    finite = kinematics == "finite"
+    ends = [np.diag([s, s, e]) for s, e in zip(lateral, strains, strict=True)]
+    gradients = [np.diag(np.expm1(np.diag(e))) for e in ends] if finite else ends
+    stress, accumulated = sample(cube, material, forms=True).follow(gradients)
+    volume = np.exp([np.trace(e) for e in ends]) if finite else 1.0
+    np.testing.assert_allclose(stress[:, 2, 2] * volume, expected, rtol=1e-9)
+    np.testing.assert_allclose(accumulated, a[1:], rtol=1e-9)
+
+    it, rng = sample(coarse, material, forms=True), np.random.default_rng(3)
+    u, step = (scale * rng.normal(size=it.solid.points.shape) for scale in (1e-4, 1e-9))
+    it.bring([u], 1.5 * u)
+    it.kernels.commit()
+    u = 2.0 * u + it.affine(np.diag([0.005, 0.005, -0.01]))
+    below, above = (it.force(u + sign * step) for sign in (-1, 1))
+    it.force(u)
+    K = it.tangent(u)
+    assert len(it.kernels._cell.flowing) > 0.5 * len(it.solid.cell_nodes)
+    assert difference((above - below).ravel() / 2, K @ step.ravel()) < 1e-5
+    assert difference(K.T.toarray(), K.toarray()) < 1e-12
+
+
+def test_locking_is_doubted_where_a_law_hides_its_strength(coarse: BlockMesh, rough: asp.Surface) -> None:
+    """The same law by another name of its parameter: points keep their volume, and the force is too large."""
+
+    @asp.law(state={"plastic_strain": (3, 3), "accumulated": ()}, elastic=asp.laws.without_flow)
+    def hidden(strain: Any, state: Any, E: float, nu: float, k: float) -> Any:
+        return asp.laws.j2(strain, state, E, nu, k)
+
+    forces = []
+    for material in (asp.Material(1.0, NU, 0.005), asp.Material.of_law(hidden, E=1.0, nu=NU, k=0.005)):
+        result = asp.solve_contact(rough, material, delta_max=0.012, steps=2, block=coarse)
+        problem = asp.Problem.of(rough, material, delta_max=0.012)
+        lines = [line for line in ledger(Evidence(result.curve, problem, h=0.05)) if "locking" in line.name]
+        forces.append((float(result.curve.force[-1]), len(lines)))
+    (relaxed, none), (locked, one) = forces
+    assert (none, one) == (0, 1) and lines[0].value == pytest.approx(3.5)
+    assert locked > 1.02 * relaxed
+
+
 # --- bad laws -------------------------------------------------------------------------------------------------
 
 GOOD = """import ufl
@@ -270,7 +330,7 @@ def test_a_resumed_run_refuses_another_law_in_the_same_file(tmp_path: Path) -> N
         asp.Case.load(out / "case.toml")
 
 
-def test_a_law_of_the_user_presses_like_the_compiled_one(tmp_path: Path, pointwise: None) -> None:
+def test_a_law_of_the_user_presses_like_the_compiled_one(tmp_path: Path) -> None:
     """Small and finite strain, and with a variable of its own in the history, through a checkpoint."""
     (tmp_path / "laws.py").write_text(GOOD, encoding="utf-8")
     data = case(parameters={"yield_strength": 1.0})

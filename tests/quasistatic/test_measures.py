@@ -132,7 +132,7 @@ def test_both_kernels_find_the_same_strain(coarse_wave: Any, material: Material)
     """Of a displacement at random: forms have it from the gradient, compiled kernels from the stress."""
     found = []
     for forms in (False, True):
-        rough = sample(coarse_wave, material, forms, pointwise=True)
+        rough = sample(coarse_wave, material, forms)
         u = 3e-4 * np.random.default_rng(5).normal(size=rough.solid.points.shape)
         rough.bring([], u)
         rough.kernels.commit()

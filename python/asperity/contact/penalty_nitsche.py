@@ -9,9 +9,10 @@ from asperity.arrays import Flags, Floats, Integers
 from asperity.contact.contact_surface import FACET_DEGREE, ContactSurface, FacetRule
 from asperity.contact.interface import Contact
 from asperity.fem.history import History
-from asperity.fem.kernels import ElementKernels, compiled, law_of
+from asperity.fem.kernels import compiled, law_of
 from asperity.fem.solid import Solid
 from asperity.mesh.element import BEARING, DEGREE, FACET_POINTS
+from asperity.model.material import Material
 from asperity.runtime.compiled import solver as _solver
 
 SOFT, RAISED = 100.0, 10.0  # factor of the first solution of a step at most, and its growth from one to the next
@@ -74,10 +75,10 @@ class PressureContact(Contact):
         if factor == self._now:
             return
         material, self._now = self._solid.material, factor
-        rule = self._rule
+        rule, of_traction = self._rule, material if self._traction else Material(material.E, material.nu)
         numbers = material.finite, factor * self._stiffness, rule.height, self._traction, rule.cells, rule.of_cells
-        self._law = _solver.ContactLaw(law_of(material), *numbers)
-        self._elastic_law = _solver.ContactLaw(law_of(material, flows=False), *numbers)
+        self._law = _solver.ContactLaw(law_of(of_traction), *numbers)
+        self._elastic_law = _solver.ContactLaw(law_of(of_traction, flows=False), *numbers)
 
     def begin(self, z: float) -> None:
         self._z = z
@@ -118,10 +119,10 @@ class PressureContact(Contact):
     def _below(self, trial: bool = False) -> History:
         """History of the cells of the facets, where the traction depends on it."""
         kernels = self._solid.kernels
-        if not self._has_history or not isinstance(kernels, ElementKernels):
+        if not self._has_history:
             return History.zeros(0, 0)
         history, cells = kernels.last if trial else kernels.history(), self._surface.cells
-        return History(**{name: values[cells] for name, values in history.arrays().items()})
+        return History(**{name: getattr(history, name)[cells] for name in History.names()})
 
     def nodes(self) -> Integers:
         """Owned nodes most of whose surroundings are under pressure; collective.

@@ -14,7 +14,9 @@ import numpy as np
 
 from asperity.arrays import Floats, Integers, Singles
 from asperity.errors import CompatError, InputError
+from asperity.fem.cell_flow import CellFlow
 from asperity.fem.history import History
+from asperity.fem.kernels import relaxation_of
 from asperity.fem.sparsity import SparsityPattern
 from asperity.fem.weak_form import WeakForm, measure
 from asperity.laws.definition import SHAPES, USUAL, Law
@@ -61,8 +63,6 @@ class FormKernels:
         sparsity: of the local matrix
     """
 
-    relaxation = np.inf, np.inf  # of volumetric strain: none
-
     def __init__(self, V: Any, cell_nodes: Integers, material: Material, sparsity: SparsityPattern) -> None:
         import basix
         import basix.ufl
@@ -70,52 +70,60 @@ class FormKernels:
 
         mesh, self._law = V.mesh, material.in_ufl
         self._finite, self.linear, self._sparsity = material.finite, material.linear, sparsity
-        self._cells = np.arange(len(cell_nodes), dtype=np.int32)
+        self._cell_nodes, self._cells = cell_nodes, np.arange(len(cell_nodes), dtype=np.int32)
         self._points, self._weights = basix.make_quadrature(basix.CellType.tetrahedron, QUADRATURE_DEGREE)
         self._u = fem.Function(V)
         self._state: Any = None
         if self._law.state:
-            width = sum(SHAPES[shape] for shape in self._law.state.values())
-            element = basix.ufl.quadrature_element("tetrahedron", value_shape=(width,), degree=QUADRATURE_DEGREE)
+            self._width = sum(SHAPES[shape] for shape in self._law.state.values())
+            element = basix.ufl.quadrature_element("tetrahedron", value_shape=(self._width,), degree=QUADRATURE_DEGREE)
             self._state = fem.Function(fem.functionspace(mesh, element))
             self._at = self._state.function_space.dofmap.list[: len(cell_nodes)]
-            self._width = width
-        self._where = sparsity, self._cells, self._points
         self._moduli = fem.Constant(mesh, np.float64(material.E)), fem.Constant(mesh, np.float64(material.nu))
-        constants = {name: fem.Constant(mesh, np.float64(value)) for name, value in self._law.parameters}
-        flowing = WeakForm(self._u, self._state, self._law, constants, self._finite)
-        self._flowing = self._now = _Compiled(flowing, *self._where)
-        self._held: _Compiled | None = None if self._law.state else self._flowing
-        self._weak_held = lambda: WeakForm(self._u, self._state, self._law, constants, self._finite, held=True)
+        self._constants = {name: fem.Constant(mesh, np.float64(value)) for name, value in self._law.parameters}
+        self.relaxation = relaxation_of(material)
+        self._cell: CellFlow | None = None
+        if np.isfinite(self.relaxation).all():
+            bulk = material.E / (3.0 * (1.0 - 2.0 * material.nu))
+            self._cell = CellFlow(mesh, self.volumes, bulk, self.relaxation)
+        self._flowing = self._now = self._forms(held=False)
         rows = len(cell_nodes) if self._law.state else 0
         kind = history_of(self._law)
         self._committed, self._trial = (kind.zeros(rows, len(self._weights)) for _ in range(2))
         self._stale = False  # whether the trial history is of an earlier force
 
+    def _forms(self, held: bool) -> _Compiled:
+        cell = self._cell and self._cell.coefficients
+        weak = WeakForm(self._u, self._state, self._law, self._constants, self._finite, held, cell)
+        return _Compiled(weak, self._sparsity, self._cells, self._points)
+
     def compile(self, elastic: bool = False) -> None:
         """Compile what a load path needs, and with `elastic` its stiffness without flow; collective."""
         for of in [self._flowing, *([self._without_flow] if elastic else [])]:
             _ = of.residual, of.matrix, of.stresses, of.after if self._law.state else None
+        if self._cell is not None:
+            _ = self._flowing.measures, self._flowing.measure_rows
         _ = self.volumes, self._flowing.gradient
 
-    @property
+    @cached_property
     def _without_flow(self) -> _Compiled:
-        if self._held is None:
-            if self._law.elastic is None:
-                raise InputError(
-                    f'material.law = "{self._law.source}" does not say what it is without flow, which stiffness and '
-                    "slip need: declare @asp.law(state=..., elastic=...)"
-                )
-            self._held = _Compiled(self._weak_held(), *self._where)
-        return self._held
+        if not self._law.state:
+            return self._flowing
+        if self._law.elastic is None:
+            raise InputError(
+                f'material.law = "{self._law.source}" does not say what it is without flow, which stiffness and '
+                "slip need: declare @asp.law(state=..., elastic=...)"
+            )
+        return self._forms(held=True)
 
     @cached_property
     def volumes(self) -> Floats:
         """Of the quadrature points before deformation (cells, points) [L^3]."""
         import ufl
 
-        J = ufl.JacobianDeterminant(self._u.function_space.mesh)
-        return np.abs(_Values(J, 1, self._u.function_space.mesh, self._cells, self._points)()[..., 0]) * self._weights
+        mesh = self._u.function_space.mesh
+        J = _Values(ufl.JacobianDeterminant(mesh), (1,), mesh, self._points)
+        return np.abs(J(self._cells)[..., 0]) * self._weights
 
     @property
     def plastic_points(self) -> int:
@@ -128,12 +136,12 @@ class FormKernels:
         return int(np.sum(np.linalg.det(np.eye(3) + self._gradient()) <= 0.0)) if self._finite else 0
 
     def _gradient(self) -> Floats:
-        values = self._flowing.gradient()
-        return values.reshape(*values.shape[:2], 3, 3)
+        return self._flowing.gradient(self._cells)
 
     def strain(self, u: Floats) -> Floats:
         """Strain of u, in finite strain the logarithmic one (cells, points, 3, 3)."""
-        self._set(u, self._committed)
+        self._find_trial()
+        self._u.x.array[:] = u.ravel()
         gradient = self._gradient()
         if not self._finite:
             return 0.5 * (gradient + np.swapaxes(gradient, 2, 3))
@@ -145,7 +153,7 @@ class FormKernels:
         """Add the internal force of the nodal displacement u (nodes, 3) to b."""
         from dolfinx.fem import assemble_vector
 
-        self._set(u, self._committed, keep=False)
+        self._set(self._now, u, self._committed)
         assemble_vector(b.reshape(-1), self._now.residual)
         self._stale = True
 
@@ -158,9 +166,10 @@ class FormKernels:
         """Elastic stiffness in small strain."""
         import ufl
 
-        v, w = ufl.TestFunction(self._u.function_space), ufl.TrialFunction(self._u.function_space)
+        V = self._u.function_space
+        w, v = ufl.TrialFunction(V), ufl.TestFunction(V)
         stress = hooke(ufl.sym(ufl.grad(w)), *self._moduli)
-        return _Matrix(ufl.inner(stress, ufl.sym(ufl.grad(v))) * measure(self._u.function_space.mesh), self._sparsity)
+        return _Matrix(ufl.inner(stress, ufl.sym(ufl.grad(v))) * measure(V.mesh), self._sparsity)
 
     def elastic_tangent(self, u: Floats, values: Floats | Singles) -> None:
         """Write the local matrix at u for a motion without plastic flow."""
@@ -171,10 +180,12 @@ class FormKernels:
     ) -> None:
         from scipy import sparse
 
-        self._set(u, history, keep=False)
+        self._set(forms, u, history)
         blocks, pattern = forms.matrix.blocks(), self._sparsity
         if shift > 0.0 and self._finite:
             blocks += shift * self._small_elastic.blocks()
+        if self._cell is not None and len(cells := self._cell.flowing):
+            self._add(cells, self._cell.stiffness(forms.measure_rows(cells)), blocks)
         nodes = len(pattern.indptr) - 1
         full = sparse.bsr_array((blocks, pattern.indices, pattern.indptr), shape=(3 * nodes, 3 * nodes)).tocsr().data
         if values.dtype == np.float32:
@@ -182,11 +193,21 @@ class FormKernels:
         else:
             values[:] = full
 
+    def _add(self, cells: Integers, matrices: Floats, blocks: Floats) -> None:
+        """Add matrices of cells (n, 30, 30) to the blocks of the node pattern."""
+        nodes = self._cell_nodes[cells]
+        at = self._sparsity.positions(nodes[:, :, None], nodes[:, None, :])
+        np.add.at(blocks, at, matrices.reshape(len(cells), 10, 3, 10, 3).swapaxes(2, 3))
+
     def drop_matrices(self) -> None:
         """Free stored matrices; they are made again when they are needed."""
-        for forms in (self._flowing, self._held):
-            if forms is not None:
-                forms.matrix.drop()
+        for forms in {self._flowing, self._now, self.__dict__.get("_without_flow", self._now)}:
+            forms.matrix.drop()
+
+    @property
+    def last(self) -> History:
+        """History of the last internal force, not a copy."""
+        return self._find_trial()
 
     def commit(self) -> None:
         """Make the trial history the committed one."""
@@ -214,31 +235,36 @@ class FormKernels:
 
     def stress(self, u: Floats) -> Floats:
         """Cauchy's stress (cells, points, 6) [E] of u over the committed history."""
-        self._set(u, self._committed)
-        return self._now.stresses()[..., :6]
+        return self._stresses(u)[..., :6]
 
     def conjugate_stress(self, u: Floats) -> Floats:
         """Stress conjugate to the strain of the law; Kirchhoff's of an energy."""
-        self._set(u, self._committed)
-        return self._now.stresses()[..., 6:]
+        return self._stresses(u)[..., 6:]
 
-    def _set(self, u: Floats, history: History, keep: bool = True) -> None:
-        """Set the coefficients of the forms; `keep` first finds the trial history, which depends on those before."""
-        if keep:
-            self._find_trial()
+    def _stresses(self, u: Floats) -> Floats:
+        self._find_trial()
+        self._set(self._now, u, self._committed)
+        return self._now.stresses(self._cells)
+
+    def _set(self, forms: _Compiled, u: Floats, history: History) -> None:
+        """Set the coefficients of some forms."""
         self._u.x.array[:] = u.ravel()
         if self._state is not None:
             stored = [np.atleast_3d(getattr(history, name)) for name in self._law.state]
             self._state.x.array.reshape(-1, self._width)[self._at] = np.concatenate(stored, axis=2)
+        if self._cell is not None:
+            self._cell.settle(history.dilatation, forms.measures if forms is self._flowing else None)
 
     def _find_trial(self) -> History:
         """History after the last internal force, whose displacement and committed history are still set."""
         if self._stale and self._state is not None:
-            values, at = self._now.after(), 0
+            values, at = self._now.after(self._cells), 0
             for name, shape in self._law.state.items():
                 part = values[..., at : at + SHAPES[shape]]
                 np.copyto(getattr(self._trial, name), part if shape else part[..., 0])
                 at += SHAPES[shape]
+            if self._cell is not None:
+                np.copyto(self._trial.dilatation, self._cell.permanent)
         self._stale = False
         return self._trial
 
@@ -251,18 +277,18 @@ def _compiled(form: Any) -> Any:
 
 
 class _Values:
-    """Values of an expression at the quadrature points of the owned cells."""
+    """Values of an expression at the quadrature points of cells; with an argument, by its dofs."""
 
-    def __init__(self, expression: Any, width: int, mesh: Any, cells: Integers, points: Floats) -> None:
+    def __init__(self, expression: Any, shape: tuple[int, ...], mesh: Any, points: Floats) -> None:
         from dolfinx import fem
 
-        self._mesh, self._cells, self._shape = mesh, cells, (len(cells), len(points), width)
+        self._mesh, self._shape = mesh, (len(points), *shape)
         with compiling():
             self._expression = fem.Expression(expression, points, mesh.comm, jit_options=jit_options())
 
-    def __call__(self) -> Floats:
-        """At the current coefficients (cells, points, width)."""
-        values: Floats = self._expression.eval(self._mesh, self._cells).reshape(self._shape)
+    def __call__(self, cells: Integers) -> Floats:
+        """At the current coefficients (cells, points, ...)."""
+        values: Floats = self._expression.eval(self._mesh, cells).reshape(len(cells), *self._shape)
         return values
 
 
@@ -270,7 +296,7 @@ class _Compiled:
     """A weak form compiled, each of its parts at first use."""
 
     def __init__(self, weak: WeakForm, sparsity: SparsityPattern, cells: Integers, points: Floats) -> None:
-        self._weak, self._sparsity, self._at = weak, sparsity, (weak.mesh, cells, points)
+        self._weak, self._sparsity, self._at = weak, sparsity, (weak.mesh, points)
 
     @cached_property
     def residual(self) -> Any:
@@ -282,16 +308,24 @@ class _Compiled:
 
     @cached_property
     def stresses(self) -> _Values:
-        return _Values(self._weak.stresses, 12, *self._at)
+        return _Values(self._weak.stresses, (12,), *self._at)
 
     @cached_property
     def after(self) -> _Values:
         after = self._weak.after
-        return _Values(after, after.ufl_shape[0], *self._at)
+        return _Values(after, after.ufl_shape, *self._at)
 
     @cached_property
     def gradient(self) -> _Values:
-        return _Values(self._weak.gradient, 9, *self._at)
+        return _Values(self._weak.gradient, (3, 3), *self._at)
+
+    @cached_property
+    def measures(self) -> _Values:
+        return _Values(self._weak.measures, (3,), *self._at)
+
+    @cached_property
+    def measure_rows(self) -> _Values:
+        return _Values(self._weak.measure_rows, (2, 30), *self._at)
 
 
 class _Matrix:
@@ -336,17 +370,13 @@ def nodal_matrix(V: Any, sparsity: SparsityPattern, of: Callable[[Any, Any], Any
 
 def _positions(matrix: Any, sparsity: SparsityPattern) -> Integers:
     """Where the blocks of a node pattern are in a matrix of dolfinx, whose rows have those of other ranks too."""
-
-    def keys(indptr: Integers, indices: Integers, numbers: Integers) -> Integers:
-        rows = np.repeat(np.arange(len(indptr) - 1), np.diff(indptr))
-        return rows * size + numbers[indices]
-
     rows, columns = matrix.index_map(0), matrix.index_map(1)
-    size = columns.size_global
-    numbers = [m.local_to_global(np.arange(m.size_local + m.num_ghosts, dtype=np.int32)) for m in (columns, rows)]
-    theirs = keys(matrix.indptr, matrix.indices, numbers[0])
+    of_rows, of_columns = (
+        m.local_to_global(np.arange(m.size_local + m.num_ghosts, dtype=np.int32)) for m in (rows, columns)
+    )
+    width = columns.size_global
+    theirs = np.repeat(np.arange(len(matrix.indptr) - 1), np.diff(matrix.indptr)) * width + of_columns[matrix.indices]
     order = np.argsort(theirs)
-    found: Integers = order[
-        np.searchsorted(theirs, keys(sparsity.indptr, sparsity.indices, numbers[1]), sorter=order)
-    ].astype(np.int32)
-    return found
+    nodes = np.repeat(np.arange(len(sparsity.indptr) - 1), np.diff(sparsity.indptr))
+    ours = nodes * width + of_rows[sparsity.indices]
+    return order[np.searchsorted(theirs, ours, sorter=order)].astype(np.int32)

@@ -39,6 +39,12 @@ def law_of(material: Material, flows: bool = True) -> _solver.Elastic | _solver.
 RELAXATION = (0.2, 0.04)
 
 
+def relaxation_of(material: Material) -> tuple[float, float]:
+    """The stresses S and T of solver/relaxation.hpp [E]; infinite where nothing relaxes."""
+    strength = material.yield_strength if material.relaxes else None
+    return RELAXATION[0] * (strength or np.inf), RELAXATION[1] * (strength or np.inf)
+
+
 class ElementKernels:
     """Internal force, tangent and history of a solid, cell by cell; the part of this rank, in units of L and E.
 
@@ -72,8 +78,7 @@ class ElementKernels:
         sparsity: SparsityPattern,
     ) -> None:
         at, weights = quadrature(QUADRATURE_DEGREE)
-        strength = material.yield_strength or np.inf
-        self.relaxation = RELAXATION[0] * strength, RELAXATION[1] * strength
+        self.relaxation = relaxation_of(material)
         self._cells = _solver.Cells(x, x_nodes, cell_nodes, shape_gradients(at), weights, *self.relaxation)
         self._law, self._held = law_of(material), law_of(material, flows=False)
         self._finite, self.linear = material.finite, material.linear

@@ -32,6 +32,17 @@ class SparsityPattern:
         self.indices = graph.indices.astype(np.int32)
         self.size = 9 * len(self.indices)
 
+    def positions(self, rows: Integers, columns: Integers) -> Integers:
+        """Positions of pairs of coupled nodes among the blocks."""
+        nodes = len(self.indptr) - 1
+        at: Integers = np.searchsorted(self._keys, rows.astype(np.int64) * nodes + columns)
+        return at
+
+    @cached_property
+    def _keys(self) -> Integers:
+        nodes = len(self.indptr) - 1
+        return np.repeat(np.arange(nodes), np.diff(self.indptr)) * nodes + self.indices
+
     @cached_property
     def upper(self) -> tuple[Integers, Integers]:
         """Row starts and columns of the upper half of the node pattern; the diagonal comes first in its row."""

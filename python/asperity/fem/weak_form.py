@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from asperity.laws.definition import SHAPES, SYMMETRIC, Law
+from asperity.laws.definition import SHAPES, STRENGTH, SYMMETRIC, Law
 from asperity.mesh.element import QUADRATURE_DEGREE
 
 POINTS = 8  # of Gauss' rule: relative error 4e-15 for stretches from 0.8 to 1.25, 2e-8 at 0.5 and 2
@@ -37,40 +37,73 @@ class WeakForm:
         parameters: constants by name
         finite: whether strains may be large
         held: whether the state stays as it is
+        cell: coefficients of `CellFlow`, where the volumetric strain within a cell relaxes
     """
 
     def __init__(
-        self, u: Any, state: Any, law: Law, parameters: dict[str, Any], finite: bool, held: bool = False
+        self,
+        u: Any,
+        state: Any,
+        law: Law,
+        parameters: dict[str, Any],
+        finite: bool,
+        held: bool = False,
+        cell: Any = None,
     ) -> None:
         import ufl
 
         self._u, self._law, self._finite, self.mesh = u, law, finite, u.function_space.mesh
         self.gradient = ufl.grad(u)
         self._F = ufl.variable(ufl.Identity(3) + self.gradient)
-        before = unpacked(law, state)
         if law.hyperelastic:
             self._P = ufl.diff(law.energy(self._F, parameters), self._F)
-        elif finite:
+            return
+        if finite:
             self._log = _LogStrain(self.gradient)
-            self._strain = ufl.variable(self._log.strain)
-        else:
-            self._strain = ufl.variable(ufl.sym(self.gradient))
-        if not law.hyperelastic:
-            self._stress, self._after = law.stress(self._strain, before, parameters, held)
+        self._strain = strain = ufl.variable(self._log.strain if finite else ufl.sym(self.gradient))
+        if cell is not None:
+            self._relief = ufl.variable(cell[3])
+            permanent = cell[0] + (1.0 - cell[2]) * (ufl.tr(strain) - cell[1] - cell[0])
+            strain = strain - permanent / 3.0 * ufl.Identity(3)
+            parameters = parameters | {STRENGTH: parameters[STRENGTH] - law.unit * self._relief}
+        self._before = unpacked(law, state)
+        self._stress, self._after = law.stress(strain, self._before, parameters, held)
 
     @property
     def residual(self) -> Any:
         """Virtual work of the stresses."""
+        return (self._work(self._P, nominal=True) if self._law.hyperelastic else self._work(self._stress)) * measure(
+            self.mesh
+        )
+
+    def _work(self, stress: Any, nominal: bool = False) -> Any:
+        """Of a stress, conjugate to the strain of the law or nominal, along a virtual displacement."""
         import ufl
 
         of_v = ufl.grad(ufl.TestFunction(self._u.function_space))
-        nominal = self._stress if not self._finite else self.nominal_stress
-        return ufl.inner(nominal, of_v if self._finite else ufl.sym(of_v)) * measure(self.mesh)
+        if not self._finite:
+            return ufl.inner(stress, ufl.sym(of_v))
+        return ufl.inner(stress if nominal else self._F * self._log.second_stress(stress), of_v)
 
     @property
-    def nominal_stress(self) -> Any:
-        """First stress of Piola and Kirchhoff."""
-        return self._P if self._law.hyperelastic else self._F * self._log.second_stress(self._stress)
+    def measures(self) -> Any:
+        """Dilatation, increment of the accumulated plastic strain, and its derivative by a relief (3,)."""
+        import ufl
+
+        flow = self._flow
+        return ufl.as_vector([ufl.tr(self._strain), flow, ufl.diff(flow, self._relief)])
+
+    @property
+    def measure_rows(self) -> Any:
+        """Derivatives of dilatation and flow along a virtual displacement (2,)."""
+        import ufl
+
+        driving = ufl.sym(ufl.diff(self._flow, self._strain))
+        return ufl.as_vector([self._work(ufl.Identity(3)), self._work(driving)])
+
+    @property
+    def _flow(self) -> Any:
+        return self._after["accumulated"] - self._before["accumulated"]
 
     @property
     def tangent(self) -> Any:
@@ -94,9 +127,11 @@ class WeakForm:
         if not self._finite:
             cauchy = conjugate = self._stress
         else:
-            kirchhoff = self.nominal_stress * self._F.T
+            hyperelastic = self._law.hyperelastic
+            nominal = self._P if hyperelastic else self._F * self._log.second_stress(self._stress)
+            kirchhoff = nominal * self._F.T
             cauchy = kirchhoff / ufl.det(self._F)
-            conjugate = kirchhoff if self._law.hyperelastic else self._stress
+            conjugate = kirchhoff if hyperelastic else self._stress
         return ufl.as_vector([tensor[ij] for tensor in (cauchy, conjugate) for ij in SYMMETRIC])
 
     @property

@@ -17,6 +17,7 @@ from asperity.runtime.display import brief, show
 Function = TypeVar("Function", bound=Callable[..., Any])
 Shape = tuple[int, ...]
 
+STRENGTH = "yield_strength"  # parameter that a relaxation of volumetric strain lowers, see `point.Traits`
 KEY = "material.law"
 SHAPES: dict[Shape, int] = {(): 1, (3,): 3, (3, 3): 6}  # of a state variable, and its stored components
 SYMMETRIC = ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))  # order of the components of a symmetric tensor

@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 from typing import Any
 
 import numpy as np
 
 from asperity.arrays import Floats
-from asperity.laws.definition import KEY, Law, raising, refuse
+from asperity.laws.definition import KEY, STRENGTH, Law, raising, refuse
 from asperity.runtime.display import show
 
 STRAINS = (1e-6, 1e-5, 1e-4, 1e-3, 1e-2)  # sizes of those at which a law is tried
@@ -27,11 +27,15 @@ class Response:
         stress: Cauchy's of a strain; of an energy the first stress of Piola and Kirchhoff (n, 3, 3)
         state: new state variables (n, ...)
         tangent: derivative of the stress (n, 3, 3, 3, 3)
+        raised: derivative of the stress by a higher yield strength, of a law that has one (n, 3, 3)
+        driven: derivative of its accumulated plastic strain (n, 3, 3)
     """
 
     stress: Floats
     state: dict[str, Floats]
     tangent: Floats
+    raised: Floats | None = None
+    driven: Floats | None = None
 
 
 def respond(law: Law, strains: Floats, state: Mapping[str, Floats] | None = None) -> Response:
@@ -55,6 +59,8 @@ def respond(law: Law, strains: Floats, state: Mapping[str, Floats] | None = None
     given = state or {name: np.zeros((n, *shape)) for name, shape in law.state.items()}
     before = {name: known(given[name], shape) for name, shape in law.state.items()}
     parameters = {name: known(np.full(n, value), ()) for name, value in law.parameters}
+    if STRENGTH in parameters:
+        parameters[STRENGTH] = ufl.variable(parameters[STRENGTH])
     strain = ufl.variable(known(strains, (3, 3)))
     after: dict[str, Any] = {}
     with raising(law.source, "raises"):
@@ -75,10 +81,14 @@ def respond(law: Law, strains: Floats, state: Mapping[str, Floats] | None = None
             for name, value in after.items():
                 _check_shape(law, f"the state {name}", value, law.state[name])
         evaluate = _Evaluator(values, n)
-        return Response(
+        found = Response(
             evaluate(stress), {name: evaluate(value) for name, value in after.items()},
             evaluate(ufl.diff(stress, strain)),
         )  # fmt: skip
+        if not (STRENGTH in parameters and "accumulated" in after):
+            return found
+        raised = law.unit * evaluate(ufl.diff(stress, parameters[STRENGTH]))
+        return replace(found, raised=raised, driven=evaluate(ufl.diff(after["accumulated"], strain)))
 
 
 def _check_shape(law: Law, what: str, value: Any, shape: tuple[int, ...]) -> None:
@@ -93,11 +103,14 @@ class Traits:
     Attributes:
         E, nu: moduli at rest [force/length^2]; None where it is not isotropic there
         symmetric: whether its tangent is
+        relaxes: whether a lower yield strength drives its flow, which leaves the volume to Hooke's law: the plastic
+            strain is then the derivative by the strength of the potential of which the stress is that by the strain
     """
 
     E: float | None
     nu: float | None
     symmetric: bool
+    relaxes: bool = False
 
 
 @lru_cache(maxsize=64)
@@ -109,7 +122,10 @@ def traits(law: Law) -> Traits:
             not stiff at rest
     """
     rng = np.random.default_rng(1)
-    strains = np.concatenate([np.zeros((1, 3, 3)), *(size * rng.uniform(-1.0, 1.0, (4, 3, 3)) for size in STRAINS)])
+    given = dict(law.parameters)
+    beyond = (2.0 * given[STRENGTH] / given["E"],) if STRENGTH in given and given.get("E") else ()
+    sizes = *STRAINS, *beyond
+    strains = np.concatenate([np.zeros((1, 3, 3)), *(size * rng.uniform(-1.0, 1.0, (4, 3, 3)) for size in sizes)])
     strains += np.swapaxes(strains, 1, 2)
     base = np.eye(3) if law.hyperelastic else np.zeros((3, 3))
     first = respond(law, base + strains)
@@ -141,7 +157,17 @@ def traits(law: Law) -> Traits:
         return Traits(None, None, symmetric)
     if not (mu > 0.0 and 3.0 * lam + 2.0 * mu > 0.0):
         refuse(law.source, "is not stable at rest: its shear and bulk moduli are not both positive")
-    return Traits(law.unit * mu * (3.0 * lam + 2.0 * mu) / (lam + mu), 0.5 * lam / (lam + mu), symmetric)
+    bulk = lam + 2.0 / 3.0 * mu
+    relaxes = symmetric and all(_relaxes(a, s * strains, bulk) for a, s in zip(answers, (1.0, 1.5), strict=False))
+    return Traits(law.unit * mu * (3.0 * lam + 2.0 * mu) / (lam + mu), 0.5 * lam / (lam + mu), symmetric, relaxes)
+
+
+def _relaxes(answer: Response, strains: Floats, bulk: float) -> bool:
+    if answer.raised is None or answer.driven is None or not answer.driven.any():
+        return False
+    pressure = np.trace(answer.stress, axis1=1, axis2=2) / 3.0
+    kept = _same(pressure, bulk * np.trace(strains, axis1=1, axis2=2))
+    return kept and _same(answer.raised, 0.5 * (answer.driven + np.swapaxes(answer.driven, 1, 2)))
 
 
 def _minor(answer: Response, law: Law) -> Response:

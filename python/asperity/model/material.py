@@ -151,6 +151,11 @@ class Material:
         return self.law is None or traits(self.law).symmetric
 
     @property
+    def relaxes(self) -> bool:
+        """Whether volumetric strain within a cell that flows can relax, see solver/relaxation.hpp."""
+        return self.plastic if self.law is None else traits(self.law).relaxes
+
+    @property
     def in_ufl(self) -> laws.Law:
         """The law as a function in UFL."""
         if self.law is not None:

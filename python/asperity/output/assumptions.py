@@ -50,6 +50,7 @@ SHORT_RANGE = 0.1  # greatest range of the attraction over the gaps next to cont
 POINTS = 257  # per side, for slope and curvature
 SLOW = 0.1  # frequency over the first one of the block: its stiffness is 0.8 % lower than that of a static block
 NEGLIGIBLE = 0.1  # part of the damping ratio that may be left out
+LOCKING = 70.0  # excess of the force over h/L: 4.7, 2.9 and 1.6 % at 0.08, 0.04 and 0.02, the greatest of three [%]
 ON_EDGE = "summit on edge"  # begins the name of a line
 
 
@@ -200,6 +201,19 @@ def resolution(run: Evidence) -> Assumption | None:
         unresolved_height(surface, run.h, float(run.curve.delta.max())), SHARE * tolerance, "",
         f"error of the force of {100 * tolerance:.2g} % (docs/accuracy.md)",
         "a smaller mesh.h_contact, or a cut-off", waves, warned=run.tolerance is None,
+    )  # fmt: skip
+
+
+def locking(run: Evidence) -> Assumption | None:
+    """Excess of the force where each point of a cell that flows keeps its volume, on one mesh."""
+    material = run.problem.material
+    if run.h is None or run.tolerance is not None or not material.plastic or material.relaxes:
+        return None
+    return Assumption(
+        "locking: force by a law whose cells keep their volume where they flow",
+        LOCKING * run.h / run.problem.surface.L, 100 * ONE_MESH, "% of the force",
+        "self-affine surfaces without hardening (docs/extend.md)",
+        "accuracy.tolerance, a smaller mesh.h_contact, or a law with yield_strength", warns=True,
     )  # fmt: skip
 
 
@@ -388,6 +402,7 @@ LINES: tuple[Callable[[Evidence], Assumption | None], ...] = (
     small_strain,
     elastic,
     resolution,
+    locking,
     instrument,
     lambda run: representative(run.patches, int(run.curve.spots[run.top])),
     facets,

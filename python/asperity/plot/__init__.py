@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -90,16 +90,17 @@ def plot_run(folder: str | Path, surface: Surface | None = None, names: Sequence
         InputError: the folder contains no run, or another process works in it
     """
     results = Results.read(folder, surface)
-    possible = figures_of(results)
-    return [path for name in names if name in possible for path in draw(results, name)]
-
-
-def draw(results: Results, name: str) -> list[Path]:
-    """Draw one of the figures that the files of a run allow into its folder figures/, and return the files."""
     target = results.folder / FIGURES
     target.mkdir(exist_ok=True)
+    possible = figures_of(results)
+    return [
+        path for name in names if name in possible for path in save_in(target, name, _drawn(name, possible, results))
+    ]
+
+
+def _drawn(name: str, possible: Mapping[str, Callable[[Results], Figure]], results: Results) -> Figure:
     try:
-        return save_in(target, name, figures_of(results)[name](results))
+        return possible[name](results)
     except Exception as error:
         error.add_note(f"the figure {name}")
         raise

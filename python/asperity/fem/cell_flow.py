@@ -1,0 +1,118 @@
+"""Volumetric strain within cells that flow, for any law in UFL that lowers its yield stress: solver/relaxation.hpp."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+
+from asperity.arrays import Floats, Integers
+from asperity.mesh.element import QUADRATURE_DEGREE
+
+ITERATIONS = 100  # of the flow of a cell, as in relaxation.hpp
+MOST = 4.99  # relief over S at which it begins to be sought: a yield stress is positive
+ROUNDING = 1e-15  # of the flow, at which it has settled
+#: Dilatation, flow and its derivative by a relief at the points of some cells (n, points, 3).
+Measures = Callable[[Integers], Floats]
+
+
+class CellFlow:
+    """What the points of each cell have in common; the members of relaxation.hpp, cells as arrays.
+
+    Args:
+        mesh: of dolfinx
+        volumes: of the quadrature points (cells, points) [L^3]
+        bulk: bulk modulus K [E]
+        relaxation: stresses S and T [E]
+
+    Attributes:
+        coefficients: for the forms: permanent part before, mean dilatation, kept part, relief at the quadrature points
+        flowing: cells in which volumetric strain relaxes
+        permanent: volumetric strain that flow has made permanent, at the end of the step (cells, points)
+    """
+
+    def __init__(self, mesh: Any, volumes: Floats, bulk: float, relaxation: tuple[float, float]) -> None:
+        import basix.ufl
+        from dolfinx import fem
+
+        element = basix.ufl.quadrature_element("tetrahedron", value_shape=(4,), degree=QUADRATURE_DEGREE)
+        self.coefficients = fem.Function(fem.functionspace(mesh, element))
+        self._at = self.coefficients.function_space.dofmap.list[: len(volumes)]
+        self._volumes, self._volume = volumes, volumes.sum(axis=1)
+        self._bulk, (self._spent, self._threshold) = bulk, relaxation
+        self._most = MOST * relaxation[0]
+
+    def _mean(self, values: Floats, cells: Any = slice(None)) -> Floats:
+        mean: Floats = np.einsum("cq,cq->c", self._volumes[cells], values) / self._volume[cells]
+        return mean
+
+    def settle(self, dilatation: Floats, measures: Measures | None) -> None:
+        """Find the flow over a permanent part (cells, points); without measures nothing flows."""
+        values = np.zeros((*self._at.shape, 4))
+        values[..., 0] = before = dilatation - self._mean(dilatation)[:, None]
+        values[..., 2] = 1.0
+        stored = self.coefficients.x.array.reshape(-1, 4)
+        stored[self._at] = values
+        self.permanent, self.flowing = before, np.empty(0, dtype=np.int32)
+        if measures is None:
+            return
+        theta = measures(np.arange(len(before), dtype=np.int32))[..., 0]
+        mean = self._mean(theta)[:, None]
+        own = theta - mean - before
+        squares = self._mean(own**2)
+        size, rate = np.sqrt(squares), self._bulk / self._spent
+        beyond = np.maximum(self._bulk * size - self._threshold, 0.0)
+        first = 0.5 * beyond**2 / self._spent
+        m = np.sqrt(np.minimum(1.0, self._most / np.maximum(first, 1e-300)))
+        flow, relief, softness = (1.0 / m - 1.0) / rate, first * m**2, np.zeros_like(size)
+        cells = np.flatnonzero(beyond).astype(np.int32)
+        for _ in range(ITERATIONS):
+            if not len(cells):
+                break
+            stored[self._at[cells], 3] = relief[cells, None]
+            found = measures(cells)
+            driven, softness[cells] = (self._mean(found[..., k], cells) for k in (1, 2))
+            steep = softness[cells] * 2.0 * rate * m[cells] * relief[cells]
+            step = (driven - flow[cells]) / (1.0 + steep)
+            flow[cells] += step
+            m[cells] = 1.0 / (1.0 + rate * flow[cells])
+            relief[cells] = first[cells] * m[cells] ** 2
+            cells = cells[np.abs(step) > ROUNDING * flow[cells]]
+        stored[self._at, 3] = relief[:, None]
+        self.flowing = cells = np.flatnonzero(flow * beyond > 0.0).astype(np.int32)
+        part = beyond[cells] / (self._bulk * size[cells])
+        lost = rate * flow[cells] * m[cells]  # 1 - m
+        kept = np.ones_like(size)
+        kept[cells] = 1.0 - part * lost
+        stored[self._at, 1], stored[self._at, 2] = mean, kept[:, None]
+        self.permanent = before + (1.0 - kept)[:, None] * own
+        # of the tangent
+        self._own, self._lost, self._softness = own[cells], 1.0 - kept[cells], softness[cells]
+        self._slope = -self._bulk * part * rate * m[cells] ** 2
+        self._curvature = -lost * self._threshold / (size * squares)[cells]
+        self._relief_slope = -2.0 * rate * (m * relief)[cells]
+
+    def stiffness(self, rows: Floats) -> Floats:
+        """What the flowing cells add to the tangent of their points (n, dofs, dofs).
+
+        Args:
+            rows: derivatives of dilatation and flow at their points with respect to the dofs (n, points, 2, dofs)
+        """
+        volumes, volume = self._volumes[self.flowing], self._volume[self.flowing]
+        common = np.stack(
+            [
+                np.einsum("cq,cqd->cd", volumes, rows[:, :, 0]),
+                np.einsum("cq,cqd->cd", volumes * self._own, rows[:, :, 0]),
+                np.einsum("cq,cqd->cd", volumes, rows[:, :, 1]),
+            ],
+            axis=1,
+        )  # of mean dilatation, D^2/2, and flow at a given relief; times the volume
+        share = 1.0 / (1.0 - self._softness * self._relief_slope)
+        C = np.zeros((len(volume), 3, 3))
+        C[:, 0, 0] = self._bulk * self._lost
+        C[:, 1, 1] = self._curvature - share * self._softness * self._slope**2
+        C[:, 1, 2] = C[:, 2, 1] = share * self._slope
+        C[:, 2, 2] = -share * self._relief_slope
+        added: Floats = np.swapaxes(common, 1, 2) @ (C / volume[:, None, None]) @ common
+        return added
