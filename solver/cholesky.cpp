@@ -10,86 +10,6 @@
 
 namespace asperity
 {
-namespace
-{
-/// Supernode of the factors: dense columns with common rows, of which the first are those of the columns.
-struct Supernode
-{
-  int first, columns, rows; // first column, number of columns and rows
-  const int* row;           // numbers of the rows
-  const float* entries;     // by columns
-
-  Supernode(const cholmod_factor& factor, std::size_t s)
-  {
-    const int *super = static_cast<int*>(factor.super), *at = static_cast<int*>(factor.pi);
-    first = super[s];
-    columns = super[s + 1] - first;
-    rows = at[s + 1] - at[s];
-    row = static_cast<int*>(factor.s) + at[s];
-    entries = static_cast<float*>(factor.x) + static_cast<int*>(factor.px)[s];
-  }
-  const float* column(int j) const { return entries + static_cast<std::ptrdiff_t>(j) * rows; }
-  /// Number of columns before column `end` of the factors.
-  int before(std::size_t end) const { return std::clamp(static_cast<int>(end) - first, 0, columns); }
-};
-
-/// sum -= the first `columns` columns of the rows below the diagonal block times x.
-void subtract_below(const Supernode& s, int columns, const float* x, float* sum)
-{
-  const int skip = s.columns, n = s.rows - skip;
-  int j = 0;
-  for (; j + 4 <= columns; j += 4)
-  {
-    const float *a = s.column(j) + skip, *b = s.column(j + 1) + skip, *c = s.column(j + 2) + skip,
-               *d = s.column(j + 3) + skip;
-#pragma omp simd
-    for (int i = 0; i < n; ++i)
-      sum[i] -= a[i] * x[j] + b[i] * x[j + 1] + c[i] * x[j + 2] + d[i] * x[j + 3];
-  }
-  for (; j < columns; ++j)
-  {
-    const float* a = s.column(j) + skip;
-#pragma omp simd
-    for (int i = 0; i < n; ++i)
-      sum[i] -= a[i] * x[j];
-  }
-}
-
-/// x -= the transpose of these entries times y.
-void subtract_transposed(const Supernode& s, int columns, const float* y, float* x)
-{
-  const int skip = s.columns, n = s.rows - skip;
-  int j = 0;
-  for (; j + 4 <= columns; j += 4)
-  {
-    const float *a = s.column(j) + skip, *b = s.column(j + 1) + skip, *c = s.column(j + 2) + skip,
-               *d = s.column(j + 3) + skip;
-    float p = 0.0f, q = 0.0f, r = 0.0f, t = 0.0f;
-#pragma omp simd reduction(+ : p, q, r, t)
-    for (int i = 0; i < n; ++i)
-    {
-      p += a[i] * y[i];
-      q += b[i] * y[i];
-      r += c[i] * y[i];
-      t += d[i] * y[i];
-    }
-    x[j] -= p;
-    x[j + 1] -= q;
-    x[j + 2] -= r;
-    x[j + 3] -= t;
-  }
-  for (; j < columns; ++j)
-  {
-    const float* a = s.column(j) + skip;
-    float p = 0.0f;
-#pragma omp simd reduction(+ : p)
-    for (int i = 0; i < n; ++i)
-      p += a[i] * y[i];
-    x[j] -= p;
-  }
-}
-} // namespace
-
 Cholesky::Library::Library() : cholmod_common{}
 {
   cholmod_start(this);
@@ -125,7 +45,7 @@ Cholesky::Cholesky(const Graph& indptr, const Graph& indices, const Array<const 
   for (const int node : nodal)
     for (int i = 0; i < 3; ++i)
       order.push_back(3 * node + i);
-  expand(indptr, indices, interface_chain(indptr, indices));
+  expand(indptr, indices);
   factor = analyse(*matrix, &order);
   const int* found = static_cast<int*>(factor->Perm);
   if (!std::equal(order.begin() + static_cast<std::ptrdiff_t>(interior), order.end(), found + interior))
@@ -144,6 +64,7 @@ Cholesky::Sparse Cholesky::allocate(std::size_t n, std::size_t entries, int kind
 Cholesky::Factor Cholesky::analyse(cholmod_sparse& of, std::vector<int>* order)
 {
   library.nmethods = order ? 1 : 3;
+  library.postorder = order == nullptr; // which would move parts of the interface forward
   Factor out(cholmod_analyze_p(&of, order ? order->data() : nullptr, nullptr, 0, &library), Release{&library});
   if (!out)
     throw std::bad_alloc();
@@ -180,55 +101,12 @@ std::vector<int> Cholesky::elimination_order(const Graph& indptr, const Graph& i
   return order;
 }
 
-/// Couplings by zeros that make the interface the end of the elimination tree, so that CHOLMOD moves none of it forward:
-/// each of its nodes with the next one, and its first one with each connected piece of the interior.
-Cholesky::Pairs Cholesky::interface_chain(const Graph& indptr, const Graph& indices) const
+/// The matrix by columns of its upper half, and where its entries come from.
+void Cholesky::expand(const Graph& indptr, const Graph& indices)
 {
-  Pairs out;
-  if (interface.empty())
-    return out;
-  const auto couple = [&](int a, int b)
-  {
-    const int *row = indices.data() + indptr.data()[a], *end = indices.data() + indptr.data()[a + 1];
-    if (std::find(row, end, b) == end) // CHOLMOD allows no entry twice
-      out.push_back({a, b});
-  };
-  for (std::size_t k = 1; k < interface.size(); ++k)
-    couple(interface[k - 1], interface[k]);
-  std::vector<char> seen = shared;
-  std::vector<int> stack;
-  for (std::size_t start = 0; start < seen.size(); ++start)
-  {
-    if (seen[start])
-      continue;
-    couple(interface[0], static_cast<int>(start));
-    stack.push_back(static_cast<int>(start));
-    seen[start] = 1;
-    while (!stack.empty())
-    {
-      const int node = stack.back();
-      stack.pop_back();
-      for (int k = indptr.data()[node]; k < indptr.data()[node + 1]; ++k)
-        if (const int next = indices.data()[k]; !seen[next])
-        {
-          seen[next] = 1;
-          stack.push_back(next);
-        }
-    }
-  }
-  return out;
-}
-
-/// The matrix by columns of its upper half, with zeros at the couplings `more`, and where its entries come from.
-void Cholesky::expand(const Graph& indptr, const Graph& indices, const Pairs& more)
-{
-  const std::size_t nodes = shared.size();
-  std::vector<std::vector<int>> zeros(nodes);
-  for (const auto& [a, b] : more)
-    zeros[std::max(a, b)].push_back(std::min(a, b));
-  matrix = allocate(dofs, 9 * (indices.shape(0) + more.size()), CHOLMOD_REAL);
+  matrix = allocate(dofs, given, CHOLMOD_REAL);
   int *starts = static_cast<int*>(matrix->p), *rows = static_cast<int*>(matrix->i), size = 0;
-  for (std::size_t j = 0; j < nodes; ++j)
+  for (std::size_t j = 0; j < shared.size(); ++j)
   {
     const int first = indptr.data()[j], width = indptr.data()[j + 1] - first;
     for (int c = 0; c < 3; ++c)
@@ -241,21 +119,14 @@ void Cholesky::expand(const Graph& indptr, const Graph& indices, const Pairs& mo
         for (int r = 0; r < end; ++r)
         {
           rows[size++] = 3 * i + r;
-          source.push_back(9 * static_cast<std::ptrdiff_t>(first) + 3 * (c * width + k) + r);
+          source.push_back(9 * static_cast<std::size_t>(first) + 3 * (c * width + k) + r);
         }
         if (i == static_cast<int>(j))
           diagonal.push_back(source.size() - 1);
       }
-      for (const int i : zeros[j])
-        for (int r = 0; r < 3; ++r)
-        {
-          rows[size++] = 3 * i + r;
-          source.push_back(-1);
-        }
     }
   }
   starts[dofs] = size;
-  matrix->sorted = more.empty();
 }
 
 bool Cholesky::factorise(const Array<const double>& values, const Array<const float>& shift)
@@ -266,7 +137,7 @@ bool Cholesky::factorise(const Array<const double>& values, const Array<const fl
     return false;
   cholmod_factorize(matrix.get(), factor.get(), &library);
   if (library.status == CHOLMOD_OUT_OF_MEMORY || library.status == CHOLMOD_TOO_LARGE)
-    throw std::bad_alloc();
+    return false;
   if (library.status != CHOLMOD_OK && library.status != CHOLMOD_NOT_POSDEF)
     throw std::runtime_error("CHOLMOD " + std::to_string(cholmod_version(nullptr) / 1000) + "." +
                              std::to_string(cholmod_version(nullptr) % 1000) + " failed, status " +
@@ -279,7 +150,7 @@ bool Cholesky::fill(const Array<const double>& values, const Array<const float>&
 {
   float* entries = static_cast<float*>(matrix->x);
   for (std::size_t k = 0; k < source.size(); ++k)
-    entries[k] = source[k] < 0 ? 0.0f : static_cast<float>(values.data()[source[k]]);
+    entries[k] = static_cast<float>(values.data()[source[k]]);
   for (std::size_t k = 0; k < shift.size(); ++k)
     entries[diagonal[3 * interface[k / 3] + k % 3]] += shift.data()[k];
   return std::all_of(entries, entries + source.size(), [](float a) { return std::isfinite(a); });
@@ -288,75 +159,54 @@ bool Cholesky::fill(const Array<const double>& values, const Array<const float>&
 void Cholesky::interface_factors(const Array<float>& out) const
 {
   expect("out", out, {dofs - interior, dofs - interior});
+  // of a supernode, dense columns with common rows, the first rows are those of its columns
   const std::size_t size = dofs - interior;
-  for (std::size_t k = 0; k < factor->nsuper; ++k)
-  {
-    const Supernode s(*factor, k);
-    for (int j = s.before(interior); j < s.columns; ++j)
-      for (int i = j; i < s.rows; ++i)
-        out.data()[(s.row[i] - interior) * size + (s.first + j - interior)] = s.column(j)[i];
-  }
+  const int *super = static_cast<int*>(factor->super), *at = static_cast<int*>(factor->pi),
+            *start = static_cast<int*>(factor->px), *row = static_cast<int*>(factor->s);
+  for (std::size_t s = 0; s < factor->nsuper; ++s)
+    for (int j = super[s]; j < super[s + 1]; ++j)
+    {
+      if (j < static_cast<int>(interior))
+        continue;
+      const int rows = at[s + 1] - at[s], skip = j - super[s];
+      const float* column = static_cast<float*>(factor->x) + start[s] + static_cast<std::ptrdiff_t>(skip) * rows;
+      for (int i = skip; i < rows; ++i)
+        out.data()[(row[at[s] + i] - interior) * size + j - interior] = column[i];
+    }
 }
 
-void Cholesky::forward(const Array<const float>& right, const Array<float>& work) const
+/// Solve a system of the factors in place.
+void Cholesky::solve(int system, float* values)
 {
-  expect("right", right, {dofs});
-  expect("work", work, {dofs});
+  cholmod_dense right{};
+  right.nrow = right.nzmax = right.d = dofs;
+  right.ncol = 1;
+  right.x = values;
+  right.xtype = CHOLMOD_REAL;
+  right.dtype = CHOLMOD_SINGLE;
+  if (!cholmod_solve2(system, factor.get(), &right, nullptr, &found.array, nullptr, &work.array, &more.array, &library))
+    throw std::bad_alloc();
+  std::copy_n(static_cast<float*>(found.array->x), dofs, values);
+}
+
+void Cholesky::forward(const Array<const float>& b, const Array<float>& y)
+{
+  expect("b", b, {dofs});
+  expect("y", y, {dofs});
   const int* order = static_cast<int*>(factor->Perm);
   for (std::size_t i = 0; i < dofs; ++i)
-    work.data()[i] = right.data()[order[i]];
-  float* x = work.data();
-  std::vector<float> below(factor->maxesize + 1);
-  for (std::size_t k = 0; k < factor->nsuper; ++k)
-  {
-    const Supernode s(*factor, k);
-    const int columns = s.before(interior), n = s.rows - s.columns;
-    if (columns == 0)
-      continue;
-    float* own = x + s.first;
-    for (int j = 0; j < columns; ++j)
-    {
-      const float* l = s.column(j);
-      own[j] /= l[j];
-      for (int i = j + 1; i < s.columns; ++i)
-        own[i] -= l[i] * own[j];
-    }
-    std::fill_n(below.begin(), n, 0.0f);
-    subtract_below(s, columns, own, below.data());
-    for (int i = 0; i < n; ++i)
-      x[s.row[s.columns + i]] += below[i];
-  }
+    y.data()[i] = b.data()[order[i]];
+  solve(CHOLMOD_L, y.data());
 }
 
-void Cholesky::backward(const Array<float>& work, const Array<float>& x) const
+void Cholesky::backward(const Array<float>& y, const Array<float>& x)
 {
-  expect("work", work, {dofs});
+  expect("y", y, {dofs});
   expect("x", x, {dofs});
-  float* y = work.data();
-  std::vector<float> below(factor->maxesize + 1);
-  for (std::size_t k = factor->nsuper; k-- > 0;)
-  {
-    const Supernode s(*factor, k);
-    const int columns = s.before(interior), n = s.rows - s.columns;
-    if (columns == 0)
-      continue;
-    float* own = y + s.first;
-    for (int i = 0; i < n; ++i)
-      below[i] = y[s.row[s.columns + i]];
-    subtract_transposed(s, columns, below.data(), own);
-    for (int j = columns - 1; j >= 0; --j)
-    {
-      const float* l = s.column(j);
-      float sum = 0.0f;
-#pragma omp simd reduction(+ : sum)
-      for (int i = j + 1; i < s.columns; ++i)
-        sum += l[i] * own[i];
-      own[j] = (own[j] - sum) / l[j];
-    }
-  }
+  solve(CHOLMOD_Lt, y.data());
   const int* order = static_cast<int*>(factor->Perm);
   for (std::size_t i = 0; i < dofs; ++i)
-    x.data()[order[i]] = y[i];
+    x.data()[order[i]] = y.data()[i];
 }
 } // namespace asperity
 #endif

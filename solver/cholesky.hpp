@@ -8,13 +8,12 @@
 
 #include <suitesparse/cholmod.h>
 
-#include <array>
 #include <memory>
 #include <vector>
 
 namespace asperity
 {
-/// Factors of one rank's part of a symmetric matrix with three dofs a node, on the square graph of its nodes.
+/// Factors L L^T of one rank's part of a symmetric matrix with three dofs a node, on the square graph of its nodes.
 class Cholesky
 {
 public:
@@ -24,18 +23,18 @@ public:
   /// Order of elimination and structure of the factors. The nodes of `interface` come last, in that order.
   Cholesky(const Graph& indptr, const Graph& indices, const Array<const int>& interface);
 
-  /// Factorise; false where the matrix is not positive definite to this precision. One rank's part alone may be
-  /// singular at the interface, so its diagonal gets `shift` (3 interface,) there.
+  /// Factorise; false where the matrix is not positive definite to this precision, or memory too small. One rank's part
+  /// alone may be singular at the interface, so its diagonal gets `shift` (3 interface,) there.
   bool factorise(const Array<const double>& values, const Array<const float>& shift);
 
   /// Factor, its lower half only, of the Schur complement at the interface (3 interface, 3 interface), shift included.
   void interface_factors(const Array<float>& out) const;
 
-  /// Eliminate the interior: `work` (dofs,) gets what is left of the right-hand side at the interface in its last places.
-  void forward(const Array<const float>& right, const Array<float>& work) const;
+  /// Solve L y = b, b (dofs,) in the order of the nodes, y in that of elimination.
+  void forward(const Array<const float>& b, const Array<float>& y);
 
-  /// Solution x (dofs,) from the result of `forward` with the solution at the interface put in its last places.
-  void backward(const Array<float>& work, const Array<float>& x) const;
+  /// Solve L^T x = y in the orders of `forward`; overwrites y.
+  void backward(const Array<float>& y, const Array<float>& x);
 
 private:
   struct Library : cholmod_common // made first and removed last: all that CHOLMOD allocates needs it
@@ -51,16 +50,21 @@ private:
     void operator()(cholmod_sparse* object) const { cholmod_free_sparse(&object, library); }
     void operator()(cholmod_factor* object) const { cholmod_free_factor(&object, library); }
   };
+  struct Dense // workspace of solutions
+  {
+    cholmod_common* library;
+    cholmod_dense* array = nullptr;
+    ~Dense() { cholmod_free_dense(&array, library); }
+  };
   using Sparse = std::unique_ptr<cholmod_sparse, Release>;
   using Factor = std::unique_ptr<cholmod_factor, Release>;
-  using Pairs = std::vector<std::array<int, 2>>;
 
   Sparse allocate(std::size_t n, std::size_t entries, int kind);
   Factor analyse(cholmod_sparse& of, std::vector<int>* order);
   std::vector<int> elimination_order(const Graph& indptr, const Graph& indices);
-  Pairs interface_chain(const Graph& indptr, const Graph& indices) const;
-  void expand(const Graph& indptr, const Graph& indices, const Pairs& more);
+  void expand(const Graph& indptr, const Graph& indices);
   bool fill(const Array<const double>& values, const Array<const float>& shift);
+  void solve(int system, float* values);
 
   Library library;
   std::size_t dofs = 0, interior = 0; // all, and those that are eliminated
@@ -69,7 +73,8 @@ private:
   std::vector<char> shared;                  // whether a node is of the interface
   Sparse matrix{nullptr, Release{&library}}; // upper half by columns
   Factor factor{nullptr, Release{&library}};
-  std::vector<std::ptrdiff_t> source; // place of each entry of the matrix among the values, -1 for zero
-  std::vector<std::size_t> diagonal;  // place of each diagonal entry in the matrix
+  Dense found{&library}, work{&library}, more{&library};
+  std::vector<std::size_t> source;   // place of each entry of the matrix among the values
+  std::vector<std::size_t> diagonal; // place of each diagonal entry in the matrix
 };
 } // namespace asperity

@@ -114,8 +114,8 @@ void bind_linear(nb::module_& m)
       .def(nb::init<Graph, Graph, Array<const int>>(), "indptr"_a, "indices"_a, "interface"_a)
       .def("factorise", &Cholesky::factorise, "values"_a, "shift"_a, unlocked)
       .def("interface_factors", &Cholesky::interface_factors, out("out"), unlocked)
-      .def("forward", &Cholesky::forward, "right"_a, out("work"), unlocked)
-      .def("backward", &Cholesky::backward, out("work"), out("x"), unlocked);
+      .def("forward", &Cholesky::forward, "b"_a, out("y"), unlocked)
+      .def("backward", &Cholesky::backward, out("y"), out("x"), unlocked);
 #endif
 }
 

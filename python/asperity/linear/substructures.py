@@ -2,6 +2,9 @@
 
 The interface, the corners that several ranks hold, is a small dense system, which every rank factorises. On one rank
 there is none, and the factors are those of the whole matrix (Przemieniecki, AIAA J. 1 (1963) 138).
+
+A rank's factors L L^T are those of its whole part, the interface last. L y = b leaves there what, times the last block
+of L, is the right side of the interface; L^T x = y goes on from its solution times the transpose of that block.
 """
 
 from __future__ import annotations
@@ -67,12 +70,13 @@ class Substructures:
             return False
         lower = np.zeros((len(self._at), len(self._at)), dtype=np.float32)
         self._factors.interface_factors(lower)
+        self._upper = lower.T  # as LAPACK stores it, by columns
         part = lower @ lower.T
         part[np.diag_indices_from(part)] -= shift
         whole = np.zeros_like(self._schur)
         whole[np.ix_(self._at, self._at)] = part
         self._comm.Allreduce(MPI.IN_PLACE, whole)
-        self._schur, failed = spotrf(whole.T, lower=True, overwrite_a=True)  # the transpose: LAPACK stores by columns
+        self._schur, failed = spotrf(whole.T, lower=True, overwrite_a=True)
         return failed == 0
 
     def _diagonal(self) -> Singles:
@@ -87,14 +91,21 @@ class Substructures:
         from mpi4py import MPI
 
         self._factors.forward(right, self._work)
-        if len(self._left):
-            from scipy.linalg.lapack import spotrs
-
-            tail = self._work[len(self._work) - len(self._at) :]
-            self._left[:] = 0.0
-            self._left[self._at] = tail
-            self._comm.Allreduce(MPI.IN_PLACE, self._left)
-            tail[:] = spotrs(self._schur, self._left, lower=True)[0][self._at]
         x = np.empty_like(self._work)
+        if not len(self._left):
+            self._factors.backward(self._work, x)
+            return x
+        from scipy.linalg.blas import strmv
+        from scipy.linalg.lapack import spotrs
+
+        tail = self._work[len(self._work) - len(self._at) :]
+        self._left[:] = 0.0
+        if len(tail):  # what is left of the right side there
+            self._left[self._at] = strmv(self._upper, tail, trans=1)
+        self._comm.Allreduce(MPI.IN_PLACE, self._left)
+        shared = spotrs(self._schur, self._left, lower=True)[0][self._at]
+        if len(tail):
+            tail[:] = strmv(self._upper, shared)
         self._factors.backward(self._work, x)
+        x.reshape(-1, 3)[self._nodes] = shared.reshape(-1, 3)  # the same bits on each rank
         return x
