@@ -63,8 +63,8 @@ def finite() -> list[Scene]:
         ),
         Scene(
             "finite/whole-block",
-            "flat block in uniaxial strain to 38 %, and back",
-            FLAT | FINITE | SOFT | {"loading.delta_max": 0.38 * L, "loading.steps": 20, "loading.unload": True},
+            "flat block in uniaxial strain to 45 %, and back",
+            FLAT | FINITE | SOFT | {"loading.delta_max": 0.45 * L, "loading.steps": 20, "loading.unload": True},
             claim=claims.uniaxial_strain,
             fast=True,
         ),

@@ -10,6 +10,9 @@ from asperity.contact.contact_surface import ContactSurface
 from asperity.contact.interface import Contact
 from asperity.fem.solid import Solid
 from asperity.mesh.element import BEARING
+from asperity.runtime.parallel import summed
+
+ROUNDING = 1e-7  # pull on a node over the rms force of the nodes in contact that no solution resolves
 
 
 class ActiveSet(Contact):
@@ -18,6 +21,9 @@ class ActiveSet(Contact):
     Hintermueller, Ito & Kunisch, SIAM J. Optim. 13 (2002) 865: a semismooth Newton method for
     lambda = max(0, lambda + c d), d the penetration, lambda the force of the flat. Active nodes are prescribed, so
     matrix structure and near-null space stay as they are.
+
+    A corner of a facet bears no force under a uniform pressure: it is held unless the flat pulls by more than rounding.
+    Released by rounding, it gives way where the pressure exceeds some tenths of the bulk modulus.
     """
 
     symmetric = True
@@ -27,8 +33,8 @@ class ActiveSet(Contact):
         self._solid, self._surface = solid, surface
         self._nodes = surface.owned_nodes
         self._height = solid.points[self._nodes, 2]
-        # any positive c gives the same solution; a force over a displacement of the size of an element's stiffness
-        self._c = 0.1
+        # any positive c gives the same solution; above the stiffness of a node no gap of rounding closes and opens
+        self._c = 1.0
         self._z, self._receded = np.inf, 0.0
         self.active = np.zeros(len(self._nodes), dtype=bool)
 
@@ -47,7 +53,11 @@ class ActiveSet(Contact):
 
     def residual(self, force: Floats) -> tuple[Floats, Integers, Floats]:
         d = self._penetration()
-        self.active = self._c * (d + self._receded) - force[self._nodes, 2] > 0.0
+        pushed = self._c * (d + self._receded) - force[self._nodes, 2]
+        self.active = pushed > 0.0
+        squares, count = summed(self._solid.comm, np.sum(pushed[self.active] ** 2), np.sum(self.active))
+        if count:
+            self.active = pushed > -ROUNDING * np.sqrt(squares / count)
         self._receded = 0.0
         r = force.copy()
         held = self._nodes[self.active]
