@@ -187,7 +187,7 @@ def stopping_early(patch: pytest.MonkeyPatch, solver: ContactSolver) -> None:
 
 def not_a_number(patch: pytest.MonkeyPatch, solver: ContactSolver) -> None:
     patch.setattr(
-        solver.solid.kernels, "conjugate_stress", lambda u: np.full((len(solver.solid.cell_nodes), 4, 6), np.nan)
+        solver.solid.kernels, "conjugate_stress", lambda *_: np.full((len(solver.solid.cell_nodes), 4, 6), np.nan)
     )
 
 

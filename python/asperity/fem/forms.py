@@ -233,17 +233,17 @@ class FormKernels:
         """Committed history itself, not a copy; without rows where the law has no state."""
         return self._committed
 
-    def stress(self, u: Floats) -> Floats:
-        """Cauchy's stress (cells, points, 6) [E] of u over the committed history."""
-        return self._stresses(u)[..., :6]
+    def stress(self, u: Floats, history: History | None = None) -> Floats:
+        """Cauchy's stress (cells, points, 6) [E] of u over a history, None for the committed one."""
+        return self._stresses(u, history)[..., :6]
 
-    def conjugate_stress(self, u: Floats) -> Floats:
+    def conjugate_stress(self, u: Floats, history: History | None = None) -> Floats:
         """Stress conjugate to the strain of the law; Kirchhoff's of an energy."""
-        return self._stresses(u)[..., 6:]
+        return self._stresses(u, history)[..., 6:]
 
-    def _stresses(self, u: Floats) -> Floats:
+    def _stresses(self, u: Floats, history: History | None) -> Floats:
         self._find_trial()
-        self._set(self._now, u, self._committed)
+        self._set(self._now, u, self._committed if history is None else history)
         return self._now.stresses(self._cells)
 
     def _set(self, forms: _Compiled, u: Floats, history: History) -> None:

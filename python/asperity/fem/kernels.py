@@ -186,16 +186,17 @@ class ElementKernels:
         """Committed history itself, not a copy; without rows for an elastic material."""
         return self._committed
 
-    def stress(self, u: Floats) -> Floats:
-        """Cauchy's stress (cells, points, 6) [E] of u over the committed history."""
-        return self._stress(u, conjugate=False)
+    def stress(self, u: Floats, history: History | None = None) -> Floats:
+        """Cauchy's stress (cells, points, 6) [E] of u over a history, None for the committed one."""
+        return self._stress(u, history, conjugate=False)
 
-    def conjugate_stress(self, u: Floats) -> Floats:
+    def conjugate_stress(self, u: Floats, history: History | None = None) -> Floats:
         """Stress whose product with the strain rate of the law is the power per volume before deformation: in small
         strain Cauchy's, in finite strain that of logarithmic strain."""
-        return self._stress(u, conjugate=True)
+        return self._stress(u, history, conjugate=True)
 
-    def _stress(self, u: Floats, conjugate: bool) -> Floats:
+    def _stress(self, u: Floats, history: History | None, conjugate: bool) -> Floats:
         out = np.zeros((*self.volumes.shape, 6))
-        _solver.stress(self._cells, self._law, self._finite, conjugate, u, compiled(self._committed), out)
+        over = compiled(self._committed if history is None else history)
+        _solver.stress(self._cells, self._law, self._finite, conjugate, u, over, out)
         return out

@@ -67,6 +67,18 @@ class SolverState:
     previous: Floats  # displacement of the step before (owned, 3) [L]; the same without `before`
 
 
+@dataclass(frozen=True)
+class _Before:
+    """State before the step that is committed."""
+
+    delta: float  # [L]
+    force: float  # [E L^2]
+    displacement: Floats  # (owned, 3) [L]
+    internal: Floats  # internal force (owned, 3) [E L^2]
+    history: History  # committed
+    of_contact: History | None
+
+
 class ContactSolver:
     """Solid under a rigid flat, solved step by step; collective.
 
@@ -175,7 +187,7 @@ class ContactSolver:
         self.solid.set_displacement(self.newton.x.array_r)
 
     def commit(self, delta: float, extrapolation: float = 0.0) -> None:
-        """Commit the last solve, made with the flat at `delta`; collective.
+        """Commit the last solve, made with the flat at `delta`: measure it, accept it, audit it; collective.
 
         Args:
             delta: approach [L]
@@ -183,62 +195,77 @@ class ContactSolver:
                 `midpoint`; with 1 the solve is the midpoint of what is committed, and the path is integrated to second
                 order
         """
-        solid = self.solid
-        self.probed = {}
-        with solid.phases.phase("checks"):
-            history = solid.kernels.history().copy()
-        for probe in self.probes:
-            self.probed |= probe(self)
-        delta_before, force_before, u_before = self.delta, self.force, self._u
-        of_contact = self.contact.history()
-        contact_before = None if of_contact is None else of_contact.copy()
-        solid.kernels.commit()
-        self.contact.commit()
-        self._previous = (delta_before, u_before)
-        self._u = solid.u.x.array.reshape(-1, 3)[: solid.owned].copy()
-        self.delta = delta
-        reaction = self._find_forces()
-        with solid.phases.phase("checks"):
-            audit(
-                self.checks,
-                self._balance(delta_before, force_before, u_before, history, reaction),
-                bound=sqrt(solid.dofs) * self.newton.bound(self.force),
-                rtol=self._options.rtol,
-                compliant=self.contact.has_tangent,
-                exact=extrapolation == 0.0 and not self._extrapolated,
-                energies=solid.material.law is None,
-            )
-        self._internal = self.newton.force
-        self._extrapolated, self._own = extrapolation > 0.0, None
-        if self._extrapolated:
-            self._own = solid.kernels.history().copy()
-            solid.kernels.restore(midpoint.extrapolate(history, self._own, extrapolation))
-            if contact_before is not None and (contact_after := self.contact.history()) is not None:
-                self.contact.restore(midpoint.extrapolate(contact_before, contact_after, extrapolation))
-            if self.contact.has_tangent or self.contact.held is not None:  # for the energy balance, as after a restart
-                self._internal = solid.internal_force().copy()
+        before = self._measure()
+        self._accept(delta)
+        self._audit(before, exact=extrapolation == 0.0 and not self._extrapolated)
+        self._extrapolate(before, extrapolation)
         self.counts.steps += 1
 
-    def _balance(
-        self, delta: float, force: float, displacement: Floats, history: History, reaction: float
-    ) -> StepBalance:
-        """Numbers of the step just committed, from the state before it and the reaction of the base; collective."""
+    def _measure(self) -> _Before:
+        """Let the probes measure the solve, while its tangent is valid; returns the state that it will replace."""
+        contact = self.contact.history()
+        with self.solid.phases.phase("checks"):
+            histories = self.solid.kernels.history().copy(), None if contact is None else contact.copy()
+        self.probed = {}
+        for probe in self.probes:
+            self.probed |= probe(self)
+        return _Before(self.delta, self.force, self._u, self._internal, *histories)
+
+    def _accept(self, delta: float) -> None:
+        """Make the last solve the state."""
+        solid = self.solid
+        solid.kernels.commit()
+        self.contact.commit()
+        self._previous = (self.delta, self._u)
+        self._u = solid.u.x.array.reshape(-1, 3)[: solid.owned].copy()
+        self.delta, self._internal, self._own = delta, self.newton.force, None
+        self._find_forces()
+
+    def _audit(self, before: _Before, exact: bool) -> None:
+        """Judge the balances of the step just accepted; `exact` see `balance.audit`."""
+        with self.solid.phases.phase("checks"):
+            audit(
+                self.checks,
+                self._balance(before),
+                bound=sqrt(self.solid.dofs) * self.newton.bound(self.force),
+                rtol=self._options.rtol,
+                compliant=self.contact.has_tangent,
+                exact=exact,
+                energies=self.solid.material.law is None,
+            )
+
+    def _extrapolate(self, before: _Before, part: float) -> None:
+        """Move the histories beyond the state by a part of the flow of the step."""
+        solid, contact = self.solid, self.contact
+        self._extrapolated = part > 0.0
+        if not self._extrapolated:
+            return
+        self._own = solid.kernels.history().copy()
+        solid.kernels.restore(midpoint.extrapolate(before.history, self._own, part))
+        if before.of_contact is not None and (after := contact.history()) is not None:
+            contact.restore(midpoint.extrapolate(before.of_contact, after, part))
+        if contact.has_tangent or contact.held is not None:  # for the energy balance, as after a restart
+            self._internal = solid.internal_force().copy()
+
+    def _balance(self, before: _Before) -> StepBalance:
+        """Numbers of the step just accepted; collective."""
         solid, internal, contact = self.solid, self.newton.force, self.contact
         owned = self.contact_surface.owned_nodes
         pressure = self.pressure[owned]
-        dissipation_of_step, relaxed, decrease = dissipation(solid, history)
-        move = solid.u.x.array.reshape(-1, 3)[: solid.owned] - displacement
+        dissipation_of_step, relaxed, decrease = dissipation(solid, before.history)
+        move = self._u - before.displacement
         stored, dissipated = energies(solid, internal)
         sums = {
+            "reaction": float(internal[solid.base, 2].sum()),
             "residual": float(np.abs(self.newton.residual).sum()),
             "stored": stored,
             "dissipated": dissipated,
             "dissipation": dissipation_of_step,
             "relaxed": relaxed,
             "penetration_work": contact.penetration_work(),
-            "work_low": float(np.vdot(self._internal, move)),
+            "work_low": float(np.vdot(before.internal, move)),
             "work_high": float(np.vdot(internal, move)),
-            "tangential_low": contact.tangential_work(self._internal, move),
+            "tangential_low": contact.tangential_work(before.internal, move),
             "tangential_high": contact.tangential_work(internal, move),
         }
         peaks = {
@@ -248,20 +275,18 @@ class ContactSolver:
             "strain_decrease": decrease,
         }
         return StepBalance(
-            delta=self.delta, delta_before=delta, force=self.force, force_before=force, reaction=reaction,
+            delta=self.delta, delta_before=before.delta, force=self.force, force_before=before.force,
             **all_ranks(solid.comm, sums), **all_ranks(solid.comm, peaks, greatest=True),
         )  # fmt: skip
 
-    def _find_forces(self) -> float:
-        """Force and pressure of the current state; returns the reaction of the base [E L^2]; collective."""
-        solid, internal = self.solid, self.newton.force
-        self.nodal_force = self.contact.nodal_force(internal)
-        sums = np.array([self.nodal_force.sum(), internal[solid.base, 2].sum()])
-        self.force, base = (float(x) for x in solid.comm.allreduce(sums))
+    def _find_forces(self) -> None:
+        """Force and pressure of the current state; collective."""
+        solid = self.solid
+        self.nodal_force = self.contact.nodal_force(self.newton.force)
+        self.force = float(solid.comm.allreduce(self.nodal_force.sum()))
         owned = np.zeros(3 * solid.owned)
         owned[::3] = self.nodal_force
         self.pressure = self.contact_surface.pressure(solid.scatter_forward(owned)[:, 0])
-        return base
 
     def gap(self) -> Floats:
         """Distance of each local node below the flat, meaningful on the contact surface only (nodes,) [L]."""

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
@@ -83,7 +82,7 @@ def equivalent_strain(solver: ContactSolver) -> Floats:
         e = kernels.strain(solver.solid.u.x.array.reshape(-1, 3))
         e -= np.trace(e, axis1=2, axis2=3)[..., None, None] / 3.0 * np.eye(3)
         return np.asarray(np.sqrt(2.0 / 3.0 * np.einsum("cqij,cqij->cq", e, e)))
-    stress = _with_history(solver, kernels.conjugate_stress, solver.solid.u.x.array.reshape(-1, 3))
+    stress = kernels.conjugate_stress(solver.solid.u.x.array.reshape(-1, 3), history)
     stress[..., :3] -= stress[..., :3].mean(axis=-1, keepdims=True)
     deviator = stress / (2.0 * material.lame[1])
     if history.rows:
@@ -106,16 +105,6 @@ def snapshot(solver: ContactSolver, step: int, branch: str) -> Snapshot:
 def mean_stress(solver: ContactSolver, u: Floats) -> tuple[Floats, Floats]:
     """Mean stress of the owned cells (cells, 6) and accumulated plastic strain (cells, points) at u."""
     kernels = solver.solid.kernels
-    stress = _with_history(solver, kernels.stress, u)
+    stress = kernels.stress(u, solver.history)
     mean = np.einsum("cq,cqi->ci", kernels.volumes, stress) / kernels.volumes.sum(axis=1, keepdims=True)
     return mean, solver.history.accumulated.copy()
-
-
-def _with_history(solver: ContactSolver, stress: Callable[[Floats], Floats], u: Floats) -> Floats:
-    """Stress of a displacement over its own history, where the committed one is ahead of it."""
-    kernels = solver.solid.kernels
-    committed = kernels.history().copy()
-    kernels.restore(solver.history)
-    found = stress(u)
-    kernels.restore(committed)
-    return found

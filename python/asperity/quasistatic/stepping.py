@@ -37,8 +37,9 @@ class Position:
     target: int = 0  # number of the current planned step in this leg, from 1
     origin: tuple[float, float] = (0.0, 0.0)  # approach and force at the beginning of the way to the target
     goal: float = 0.0  # approach of the target
-    planned: float = 0.0  # greatest step on this way; of a loading to a force, the smallest step planned so far
     step: float = 0.0  # length of the next step
+    longest: float = 0.0  # that it may have on the way to an approach
+    shortest: float = 0.0  # below it the run stops
     history: float | None = None  # approach of the committed history where the midpoint rule extrapolates it
 
     @staticmethod
@@ -145,7 +146,7 @@ def _begin(solver: ContactSolver, schedule: Schedule, at: Position, branch: str)
     if branch == "unload":
         return _next_unloading(solver, schedule, at)
     if schedule.delta_max is None:
-        return replace(at, planned=FIRST_MOVE, step=FIRST_MOVE)
+        return replace(at, step=FIRST_MOVE, shortest=SMALLEST_CUT * FIRST_MOVE)
     return _next_loading(schedule, at)
 
 
@@ -194,7 +195,7 @@ def _approach(
         # a remainder slightly longer than a whole step is one step
         move = left if abs(left) <= 1.001 * step else np.copysign(step, left)
         target = at.goal if move == left else solver.delta + move
-        after = min(at.planned, step * GROWTH)
+        after = min(at.longest, step * GROWTH)
         extrapolation, history = 0.0, None
         if following is not None:
             extrapolation, history = midpoint.extrapolation(at.history, target, following(target, after))
@@ -204,7 +205,7 @@ def _approach(
             return stats, at, abs(at.goal - solver.delta) <= 1e-12
         solver.counts.cutbacks += 1
         step = 0.5 * abs(move)
-        if step < SMALLEST_CUT * at.planned:
+        if step < at.shortest:
             raise ConvergenceError(
                 f"no convergence at delta/L = {solver.delta + move:.6g} ({stats.reason} after {stats.newton} Newton "
                 f"iterations) although the step was cut to {abs(move):.2g} L; the curve up to delta/L = "
@@ -234,8 +235,13 @@ def _next_loading(schedule: Schedule, at: Position) -> Position:
     assert at.start is not None and schedule.delta_max is not None
     first, k, stops = at.start[0], at.target + 1, schedule.stops()
     way = schedule.delta_max - first
-    planned = way * (stops[k - 1] - (stops[k - 2] if k > 1 else 0.0))
-    return replace(at, target=k, goal=first + way * stops[k - 1], planned=planned, step=planned)
+    step = way * (stops[k - 1] - (stops[k - 2] if k > 1 else 0.0))
+    return _towards(replace(at, target=k), first + way * stops[k - 1], step)
+
+
+def _towards(at: Position, goal: float, step: float) -> Position:
+    """Plan the way to an approach in one step, which may be cut."""
+    return replace(at, goal=goal, step=step, longest=step, shortest=SMALLEST_CUT * step)
 
 
 def _goal(solver: ContactSolver, schedule: Schedule) -> float:
@@ -265,7 +271,7 @@ def _load_to_force(solver: ContactSolver, schedule: Schedule, at: Position) -> O
         solver.counts.cutbacks += 1
         step *= 0.5
         logging.getLogger(__name__).info("delta/L = %.6g: step cut to %.3g L", solver.delta, step)
-        if step < SMALLEST_CUT * at.planned:
+        if step < at.shortest:
             raise ConvergenceError(
                 f"no convergence at delta/L = {target:.6g} on the way to the greatest force ({stats.reason}); the "
                 f"curve up to delta/L = {solver.delta:.6g} is kept: use {solver.contact.hint}more loading.steps"
@@ -287,7 +293,7 @@ def _load_to_force(solver: ContactSolver, schedule: Schedule, at: Position) -> O
         left = (goal - force) / slope if slope > 0.0 else step
         extrapolation, history = midpoint.extrapolation(at.history, target, target + min(step, left))
     solver.commit(target, extrapolation)
-    return stats, replace(at, planned=min(at.planned, step), step=step, history=history)
+    return stats, replace(at, step=step, shortest=min(at.shortest, SMALLEST_CUT * step), history=history)
 
 
 def _find_force(solver: ContactSolver, goal: float, high: float, stats: StepStats) -> tuple[float, StepStats]:
@@ -347,5 +353,5 @@ def _next_unloading(solver: ContactSolver, schedule: Schedule, at: Position) -> 
         if remaining >= 0.5 * drop:
             way = remaining / slope
             here = solver.delta, solver.force
-            return replace(at, target=k, origin=here, goal=solver.delta - way, planned=way, step=way)
+            return _towards(replace(at, target=k, origin=here), solver.delta - way, way)
     return replace(at, target=n)
