@@ -326,16 +326,6 @@ def test_a_saved_mesh_is_used(tmp_path: Path, full: tuple[Path, RunResult]) -> N
         run(case_of(mesh={**MESH, "file": str(tmp_path / "block.npz")}, surface={**SURFACE, "seed": 1}))
 
 
-def test_a_mesh_made_before_is_that_of_the_case(full: tuple[Path, RunResult]) -> None:
-    _, result = full
-    assert result.contact is not None
-    block = result.contact.block
-    with pytest.raises(InputError, match=r"leave out mesh\.file and accuracy\.tolerance"):
-        run(case_of(accuracy={"tolerance": 0.1}), block=block)
-    with pytest.raises(MeshError, match="the top of the mesh is not this surface"):
-        run(case_of(surface={**SURFACE, "seed": 1}), block=block)
-
-
 def test_the_points_of_the_curve_are_the_law_of_the_mass(tmp_path: Path) -> None:
     """In another system of units; a computed curve is not called noisy."""
     gravity = 9.80665e6

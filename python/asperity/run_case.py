@@ -39,7 +39,6 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
     from mpi4py import MPI
 
-    from asperity.mesh.block import BlockMesh
     from asperity.quasistatic.contact_result import ContactResult
     from asperity.solve_case import SolvedCase
     from asperity.surface import Surface
@@ -99,7 +98,6 @@ def run(
     progress: Progress | None = None,
     resume: bool = False,
     force: bool = False,
-    block: BlockMesh | None = None,
     comm: MPI.Comm | None = None,
 ) -> RunResult:
     """Run a case and write its results, as `asperity run` does; collective over `comm`.
@@ -115,7 +113,6 @@ def run(
         progress: receives stages and steps
         resume: continue the run of this case in `folder`
         force: replace the run in `folder`; files that no run has written stay
-        block: mesh that was made before for this surface, block, element sizes and approach (on rank 0); None makes it
         comm: communicator; default all ranks
 
     Raises:
@@ -146,7 +143,7 @@ def run(
     comm = MPI.COMM_WORLD if comm is None else comm
     out = None if folder is None else Path(folder)
     with noting(comm) as notices:
-        whole, problem = agree(comm, partial(prepare, case, out, resume=resume, force=force, block=block))
+        whole, problem = agree(comm, partial(prepare, case, out, resume=resume, force=force))
         files = RunFiles(whole, out, comm)
         with files.locked(resume, force):
             done = files.finished() if resume else None
@@ -160,7 +157,7 @@ def run(
                 for text in notices.texts:
                     log(text)
                 stop = None if request is None else request.agreed
-                return _run(whole, problem, files, notices, progress or Progress(), stop, block, comm)
+                return _run(whole, problem, files, notices, progress or Progress(), stop, comm)
 
 
 def prepare(
@@ -169,7 +166,6 @@ def prepare(
     *,
     resume: bool = False,
     force: bool = False,
-    block: BlockMesh | None = None,
 ) -> tuple[Case, Problem]:
     """A case that may be run, and its problem; warns of what is doubtful.
 
@@ -181,8 +177,6 @@ def prepare(
     if resume and folder is None:
         raise InputError("give the folder of the run to resume")
     case = case if isinstance(case, Case) else Case.load(case)
-    if block is not None and not (case.mesh.file is None and case.accuracy.tolerance is None):
-        raise InputError("block is the mesh of the run: leave out mesh.file and accuracy.tolerance, which name another")
     return case, case.problem()
 
 
@@ -193,7 +187,6 @@ def _run(
     notices: Notices,
     progress: Progress,
     stop: Callable[[], str] | None,
-    block: BlockMesh | None,
     comm: MPI.Comm,
 ) -> RunResult:
     """Solve, vibrate, judge, write; collective."""
@@ -202,7 +195,7 @@ def _run(
 
     began, before = time.perf_counter(), seconds_alone()
     with _refusals(files):
-        solved = solve_case(case, problem, files, progress, stop, comm, block)
+        solved = solve_case(case, problem, files, progress, stop, comm)
     contact, failure, folder = solved.contact, solved.failure, files.folder
     summary = solved.summary(case, comm.size)
     summary["warnings"] = notices.texts  # those of what follows join them

@@ -97,7 +97,6 @@ def solve_case(
     progress: Progress,
     stop: Callable[[], str] | None,
     comm: MPI.Comm,
-    block: BlockMesh | None = None,
 ) -> SolvedCase:
     """Solve the static part of a case, and write its curve step by step; collective.
 
@@ -105,7 +104,6 @@ def solve_case(
         files: of the run; they begin when there is a mesh, so that a surface that cannot be meshed changes no file
         progress: receives stages and steps
         stop: gives the reason to stop, empty for none; collective; None never stops
-        block: mesh made before, on rank 0; None makes it
 
     Raises:
         InputError: another mesh of a run with a tolerance cannot be made
@@ -120,8 +118,7 @@ def solve_case(
     try:
         wanted = case.accuracy
         if wanted.tolerance is None:
-            if case.mesh.file is not None:
-                block = BlockMesh.read(case.mesh.file)
+            block = None if case.mesh.file is None else BlockMesh.read(case.mesh.file)
             judged = case.mesh.file is not None or case.loading.delta_max is None
             contact = solve_problem(chosen, block=block, judged=judged, comm=comm, hooks=hooks, checked=False)
         else:

@@ -15,15 +15,14 @@ from typing import Any
 import numpy as np
 import pytest
 import tomli_w
-from conftest import call, here, world
+from conftest import call, world
 
 from asperity.case import Case
 from asperity.curve import Curve
-from asperity.errors import AsperityWarning, InputError, OutputError
+from asperity.errors import AsperityWarning, InputError
 from asperity.run_case import run
 from asperity.study import Study, case_folder, read_table, run_study
 from asperity.study.results import DONE, summarise_case
-from asperity.study.shared_mesh import mesh_key, meshes_first, shared_mesh
 from asperity.surface import SurfaceWarning
 
 ROOT = Path(__file__).parents[2]
@@ -124,35 +123,6 @@ def test_a_missing_base_is_named(tmp_path: Path) -> None:
         Study.load(path)
 
 
-def test_materials_share_a_mesh_and_groups_make_the_meshes_side_by_side() -> None:
-    made = study(grid={"block.height": [1.0, 2.0], "material.tangent_modulus": [0.01, 0.02, 0.03, 0.04]})
-    assert len({mesh_key(e.case) for e in made.entries}) == 2
-    assert meshes_first(made.entries, range(8)) == [0, 4, 1, 2, 3, 5, 6, 7]
-    assert meshes_first(made.entries, [3, 2, 5]) == [3, 5, 2]
-    free = Case.from_dict(BASE | {"loading": {"force_max": 1e-3}})
-    other = Case.from_dict(BASE | {"loading": {"force_max": 1e-3}, "material": {"E": 1.0, "nu": 0.3}})
-    assert mesh_key(free) != mesh_key(other)
-
-
-def test_periodic_sides_have_a_mesh_of_their_own(tmp_path: Path) -> None:
-    """Opposite sides of a mesh made for rollers do not fit."""
-    surface = {"kind": "self-affine", "L": 1.0, "H": 0.8, "rms_height": 0.002, "lambda_short": 0.5, "seed": 1}
-    base = BASE | {"surface": surface, "material": {"E": 1.0, "nu": 0.3}, "mesh": {"h_contact": 0.15, "h_max": 0.3}}
-    base |= {"loading": {"delta_max": 0.004, "steps": 1}}
-    made = Study.from_dict({"base": base, "grid": {"block.sides": ["rollers", "free", "periodic"]}})
-    rollers, free, periodic = (mesh_key(e.case) for e in made.entries)
-    assert rollers == free != periodic
-    assert run_study(made, tmp_path / "out").failed == 0
-
-
-def test_a_height_map_that_changed_has_another_mesh(tmp_path: Path) -> None:
-    path, keys = tmp_path / "map.npy", []
-    for height in (0.01, 0.02):
-        np.save(path, height * np.random.default_rng(0).random((9, 9)))
-        keys.append(mesh_key(Case.from_dict(BASE | {"surface": {"kind": "file", "path": str(path), "L": 1.0}})))
-    assert keys[0] != keys[1]
-
-
 def test_a_study_is_run_continued_and_tabled(tmp_path: Path) -> None:
     tables = {"material.tangent_modulus": [0.01, 0.1], "loading.delta_max": [0.02, 0.9]}
     made = study(grid=tables)
@@ -177,7 +147,6 @@ def test_a_study_is_run_continued_and_tabled(tmp_path: Path) -> None:
     assert (soft["k"], soft["n"]) == (curve.fit().k, curve.fit().n)
     assert soft["force"] == curve.force[-1] and soft["k_n"] == curve.k_n[-1]
     assert Case.load(place / "case.toml").material.tangent_modulus == 0.01
-    # the shared mesh has no effect: the case alone, with its own mesh, gives the same curve
     alone = run(next(e.case for e in made.entries if e.key == soft["case"]))
     np.testing.assert_allclose(alone.curve.force, curve.force, rtol=1e-9)
 
@@ -196,24 +165,6 @@ def test_a_case_warns_in_a_study_as_it_does_alone(tmp_path: Path) -> None:
     assert summary["warnings"] == alone.summary["warnings"]
     assert any("waves shorter than" in text for text in summary["warnings"])
     assert (place / "case.toml").read_text() == (tmp_path / "alone/case.toml").read_text()
-
-
-@pytest.mark.filterwarnings("ignore")
-def test_a_mesh_too_coarse_for_the_slopes_is_tried_once_and_refused_for_all_cases(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    tried: list[Case] = []
-
-    def once(case: Case, *arguments: Any) -> Any:
-        tried.append(case)
-        return shared_mesh(case, *arguments)
-
-    monkeypatch.setattr("asperity.study.run.shared_mesh", once)
-    steep = BASE | {"surface": ROUGH | {"G": 2e-3, "f_max": 8}, "loading": {"delta_max": 0.001, "steps": 1}}
-    made = study(base=steep, grid={"material.tangent_modulus": [0.01, 0.1]})
-    assert run_study(made, tmp_path).failed == 2 and len(tried) == 1
-    for row in read_table(tmp_path):
-        assert row["exit_reason"].startswith("MeshError: the elements are too large for the slopes")
 
 
 def test_the_table_marks_a_first_contact_on_an_edge(tmp_path: Path) -> None:
@@ -352,27 +303,3 @@ def test_a_saved_state_that_is_damaged_is_not_continued(tmp_path: Path) -> None:
     state = place / "checkpoint/state.npz"
     state.write_bytes(state.read_bytes()[:-100])
     assert run_study(made, tmp_path).done == 1
-
-
-def test_a_damaged_summary_leaves_the_row_of_its_curve(tmp_path: Path) -> None:
-    made = study(grid=ONE)
-    run_study(made, tmp_path)
-    before = read_table(tmp_path)[0]
-    for damaged in ("{", '{"assumptions": 3}', '{"assumptions": [{}]}', '{"seconds": "x"}'):
-        (case_folder(tmp_path, made.entries[0].key) / "summary.json").write_text(damaged)
-        run_study(made, tmp_path)
-        row = read_table(tmp_path)[0]
-        assert before["dofs"] and not row["dofs"] and row["n"] == before["n"]
-
-
-def test_a_mesh_that_cannot_be_written_is_recorded_with_its_case(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    def full(descriptor: int) -> None:
-        raise OSError(28, "No space left on device")
-
-    monkeypatch.setattr("os.fsync", full)
-    case = study(grid={"block.height": [1.0]}).entries[0].case
-    error = shared_mesh(case, tmp_path, here())
-    assert isinstance(error, OutputError) and "npz: No space left on device" in str(error)
-    assert list((tmp_path / "meshes").iterdir()) == []

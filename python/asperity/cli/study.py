@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 @click.option("--ranks-per-case", default=1, show_default=True, metavar="N", help="Ranks that work on one case.")
 @click.option("--only", metavar="I/N", help="Part I of N of the cases: one job of an array, in an OUT of its own.")
 @click.option("--retry", is_flag=True, help="Repeat the cases that failed.")
-@click.option("--dry-run", is_flag=True, help="Check the file, count the cases and meshes, run nothing.")
+@click.option("--dry-run", is_flag=True, help="Check the file, count the cases, run nothing.")
 @click.option("-q", "--quiet", is_flag=True, help="Show no progress.")
 @options.overrides
 def command(
@@ -39,8 +39,8 @@ def command(
 ) -> int | None:
     """Run a case over a grid of parameters.
 
-    As many cases at a time as there are ranks (--ranks, or mpirun). OUT receives results.csv (one row a case), cases/
-    and meshes/. Cases that are in OUT already are not repeated, so the same command continues a study that was
+    As many cases at a time as there are ranks (--ranks, or mpirun). OUT receives results.csv, one row a
+    case, and cases/. Cases that are in OUT already are not repeated, so the same command continues a study that was
     stopped. A case that fails is recorded in the table and does not stop the others; exit code 3 when one has failed.
     """
     from asperity.study import Study, run_study
@@ -50,7 +50,7 @@ def command(
     study = on_root_bcast(None, lambda: Study.load(study_file, overrides))
     study = study if only is None else study.part(only)
     if dry_run:
-        _describe(study)
+        options.say(f"{len(study.entries)} cases")
         return None
     folder = Path(output) if output else Path("out") / Path(study_file).stem
     say = None if quiet else lambda line: click.echo(line)
@@ -73,11 +73,3 @@ def _show_failed(study: Study, folder: Path) -> None:
     failed = (row for row in read_table(folder) if row["exit_reason"] != "done")
     rows = (tuple("" if row[name] is None else str(row[name]) for name in columns) for row in failed)
     options.table("failed", rows, ("case", *study.keys, "reason"))
-
-
-def _describe(study: Study) -> None:
-    """Print how many cases and meshes a study has."""
-    from asperity.study.shared_mesh import mesh_key
-
-    meshes = len({mesh_key(entry.case) for entry in study.entries})
-    options.say(f"{len(study.entries)} cases on {meshes} meshes")

@@ -21,7 +21,6 @@ from asperity.runtime.progress import duration
 from asperity.runtime.run_folder import LOCK, working_in
 from asperity.study.definition import Entry, Study
 from asperity.study.results import DONE, TABLE, case_folder, case_state, write_table
-from asperity.study.shared_mesh import MESHES, mesh_key, meshes_first, shared_mesh, shares_mesh
 
 if TYPE_CHECKING:
     from mpi4py import MPI
@@ -31,7 +30,6 @@ if TYPE_CHECKING:
 ERROR = "error.txt"  # traceback of a case that ended with an unexpected error
 
 Say = Callable[[str], None]
-Meshes = dict[str, Path | AsperityError]  # of the cases of a job, by `mesh_key`
 
 
 @dataclass(frozen=True)
@@ -70,7 +68,7 @@ def run_study(
 
     Args:
         study: the study to run
-        folder: receives results.csv, cases/HASH/ and meshes/
+        folder: receives results.csv and cases/HASH/
         ranks_per_case: number of ranks in a group
         retry: whether to repeat the cases that failed
         comm: communicator; default all ranks
@@ -104,11 +102,10 @@ def run_study(
         todo = on_root_bcast(comm, partial(_prepare, study, folder, lock, retry))
         group = comm.Split(comm.rank // ranks_per_case, comm.rank)
         turns, ended = Counter(comm=comm), Counter(comm=comm)
-        meshes: Meshes = {}
         start = perf_counter()
         while (turn := group.bcast(next(turns) if group.rank == 0 else None)) < len(todo):
             entry = study.entries[todo[turn]]
-            state = run_entry(entry, folder, group, meshes)
+            state = run_entry(entry, folder, group)
             if group.rank > 0:
                 continue
             run += 1
@@ -129,19 +126,11 @@ def _count(study: Study, folder: Path, run: int) -> StudyCounts:
     return StudyCounts(len(study.entries), done, len(states) - done, run)
 
 
-def run_entry(entry: Entry, folder: Path, comm: MPI.Comm, meshes: Meshes) -> dict[str, Any]:
-    """Run a case, and return its exit state; collective.
-
-    `meshes` receives its mesh, or why there is none, so that a surface that cannot be meshed is tried once.
-    """
-    place, start, mesh = case_folder(folder, entry.key), perf_counter(), None
-    if shares_mesh(entry.case):
-        key = mesh_key(entry.case)
-        if key not in meshes:
-            meshes[key] = shared_mesh(entry.case, folder, comm)
-        mesh = meshes[key]
+def run_entry(entry: Entry, folder: Path, comm: MPI.Comm) -> dict[str, Any]:
+    """Run a case, and return its exit state; collective."""
+    place, start = case_folder(folder, entry.key), perf_counter()
     again = on_root_bcast(comm, lambda: case_state(folder, entry.key) is not None)
-    reason = _attempt(entry.case, place, mesh, again, comm)
+    reason = _attempt(entry.case, place, again, comm)
     gc.collect()
     found = {"exit_reason": reason, "seconds": round(perf_counter() - start, 3)}
     if comm.rank == 0:
@@ -149,17 +138,14 @@ def run_entry(entry: Entry, folder: Path, comm: MPI.Comm, meshes: Meshes) -> dic
     return found
 
 
-def _attempt(case: Case, place: Path, mesh: Path | AsperityError | None, again: bool, comm: MPI.Comm) -> str:
+def _attempt(case: Case, place: Path, again: bool, comm: MPI.Comm) -> str:
     """Run a case in its folder and return its exit reason; collective.
 
-    `mesh` is the file of its mesh, None for one of its own, or why there is none. With `again` it has ended before, and
-    starts from the beginning.
+    With `again` it has ended before, and starts from the beginning.
     """
     try:
-        if isinstance(mesh, AsperityError):
-            raise mesh
         on_root(comm, partial(remove_outcome, place))
-        _run(case, place, mesh, again, comm)
+        _run(case, place, again, comm)
     except Interrupted:
         raise  # the case has not ended
     except AsperityError as error:
@@ -178,19 +164,17 @@ def remove_outcome(place: Path) -> None:
         (place / name).unlink(missing_ok=True)
 
 
-def _run(case: Case, place: Path, mesh: Path | None, again: bool, comm: MPI.Comm) -> None:
-    from asperity.mesh.block import BlockMesh
+def _run(case: Case, place: Path, again: bool, comm: MPI.Comm) -> None:
     from asperity.run_case import run
 
-    block = None if mesh is None else on_root(comm, partial(BlockMesh.read, mesh))
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", AssumptionWarning)  # the summary of each case has them
         try:
-            run(case, place, resume=not again, force=again, block=block, comm=comm)
+            run(case, place, resume=not again, force=again, comm=comm)
         except CheckpointError:  # what a killed job left cannot be continued
             if again:
                 raise
-            run(case, place, force=True, block=block, comm=comm)
+            run(case, place, force=True, comm=comm)
 
 
 def _prepare(study: Study, folder: Path, lock: ExitStack, retry: bool) -> list[int]:
@@ -207,15 +191,13 @@ def _prepare(study: Study, folder: Path, lock: ExitStack, retry: bool) -> list[i
             raise InputError(f"{folder} is not empty and holds no study; give another folder to -o")
         folder.mkdir(parents=True, exist_ok=True)
         lock.enter_context(working_in(folder))
-        for place in (folder, folder / MESHES):
-            remove_asides(place)
+        remove_asides(folder)
         write_table(study, folder)
     except OSError as error:
         raise InputError(f"{folder} cannot be written: {error.strerror}") from None
     lock.callback(write_table, study, folder)  # also where the study is stopped
     states = [case_state(folder, entry.key) for entry in study.entries]
-    due = [i for i, state in enumerate(states) if state is None or (retry and state["exit_reason"] != "done")]
-    return meshes_first(study.entries, due)
+    return [i for i, state in enumerate(states) if state is None or (retry and state["exit_reason"] != "done")]
 
 
 def _line(entry: Entry, state: dict[str, Any], keys: Sequence[str], done: int, total: int, left: float) -> str:
