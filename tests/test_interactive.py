@@ -61,16 +61,6 @@ def test_every_object_is_one_short_line(result: Any) -> None:
         assert type(thing).__name__ in text and " object at 0x" not in text
 
 
-def test_a_representation_has_the_numbers_of_its_object(result: Any) -> None:
-    assert repr(result.curve) == "Curve(3 load, 1 unload; delta up to 0.01, force up to 0.134615)"
-    assert repr(asp.Case.from_dict(FLAT)) == "Case(flat of side 2, elastic, delta_max = 0.01)"
-    assert "n=1.5" in repr(asp.PowerLaw(1.5)) and "dofs=" in repr(result.contact) and "'done'" in repr(result)
-
-
-def test_the_package_declares_its_types() -> None:
-    assert (Path(asp.__file__).parent / "py.typed").is_file()
-
-
 # --- functions of dolfinx -------------------------------------------------------------------------------------
 
 

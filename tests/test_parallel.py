@@ -76,12 +76,6 @@ def test_curve_does_not_depend_on_the_ranks(
     assert not all_.checks.violated
 
 
-@pytest.mark.parametrize("method", ["penalty", "nitsche"])
-def test_formulations_do_not_depend_on_the_ranks(rough: Surface, coarse: BlockMesh | None, method: str) -> None:
-    one, all_ = solve_both(rough, coarse, PLASTIC, steps=1, unload_steps=1, formulation=Formulation(method))
-    assert_same(all_.curve, one.curve)
-
-
 @pytest.mark.parametrize("method", ["active-set", "nitsche"])
 def test_ranks_without_top_facets(method: str) -> None:
     """A tower: the partitioner cuts it across, so only one of two ranks has a top."""
@@ -132,15 +126,6 @@ def test_a_run_writes_one_set_of_files(shared_path: Path) -> None:
     assert {path.name for path in folder.iterdir()} >= {"case.toml", "curve.csv", "summary.json", "fields"}
     drawn = {path.stem for path in (folder / FIGURES).glob("*.png")}
     assert drawn == {*figures_of(Results.read(folder))} >= {"frequency", "response", "curve", "pressure"}
-
-
-def test_force_control_does_not_depend_on_the_ranks(rough: Surface, coarse: BlockMesh | None) -> None:
-    alone, together = here(), world()
-    curves = [
-        solve_contact(rough, PLASTIC, force_max=0.004 / 0.91, steps=3, block=given, comm=comm).curve
-        for comm, given in ((alone, together.bcast(coarse)), (together, coarse))
-    ]
-    assert_same(curves[1], curves[0])
 
 
 def test_a_mesh_made_by_all_is_the_mesh_made_by_one(rough: Surface) -> None:

@@ -107,12 +107,6 @@ def test_an_interval_without_an_upper_end_is_infinite() -> None:
     assert np.isfinite(fit.k) and fit.ci_k[1] == np.inf and fit.ci_k[0] < fit.k
 
 
-def test_points_that_determine_no_law_have_no_fit() -> None:
-    assert (
-        Curve.from_rows([{"delta": x, "force": x, "delta_star": x, "P_star": x} for x in (1, 2)]).fit_or_none() is None
-    )
-
-
 def test_interface_approach_of_a_flat_block_is_zero():
     strain, M, L, height = np.array([0.001, 0.01]), 3.0, 2.0, 0.5
     force = M * strain * L**2

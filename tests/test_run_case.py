@@ -19,13 +19,11 @@ from asperity.case import Case
 from asperity.curve import COLUMNS, Curve
 from asperity.curve.loops import LoopTable
 from asperity.curve.power_law import with_misfit
-from asperity.dynamics import DynamicsSettings, Joint, LoopDamping, PowerLaw, TableLaw, law_from, run_dynamics
-from asperity.dynamics.run import small_vibration
-from asperity.errors import CheckError, CheckpointError, ConvergenceError, InputError, MeshError, OutputError
+from asperity.dynamics import LoopDamping, PowerLaw, TableLaw, law_from, run_dynamics
+from asperity.errors import CheckError, CheckpointError, ConvergenceError, MeshError, OutputError
 from asperity.mesh.block import BlockMesh
 from asperity.model.material import Material
 from asperity.output.results import Results
-from asperity.quasistatic.newton import NewtonSolver
 from asperity.run_case import RunResult, run
 from asperity.runtime.run_folder import PRODUCTS
 from asperity.study.results import summarise_case
@@ -197,13 +195,6 @@ def test_loops_and_ledger_take_the_vibration_that_was_computed() -> None:
     assert slow["detail"].startswith(f"{result.dynamics.numbers.frequency:.3g} and ")
 
 
-def test_small_vibration_of_a_joint_with_a_preload() -> None:
-    delta = np.linspace(0.0, 1.0, 41)
-    source, joint = {"delta": delta, "force": delta**1.5}, Joint(preload=0.05, mass=1.0)
-    numbers = small_vibration(source, DynamicsSettings(law="table", joint=joint))
-    assert numbers.stiffness == pytest.approx(1.5 * 0.05 ** (1 / 3), rel=1e-3)
-
-
 @pytest.mark.parametrize("summary", ['{"finished": true, "case_hash": 1}', "["])
 def test_a_summary_of_anything_is_written_again(tmp_path: Path, summary: str) -> None:
     """Of a finished run that is resumed."""
@@ -346,37 +337,6 @@ def test_the_points_of_the_curve_are_the_law_of_the_mass(tmp_path: Path) -> None
 
 
 # --- failures -------------------------------------------------------------------------------------------------
-
-
-def fail_from(monkeypatch: pytest.MonkeyPatch, call: int) -> None:
-    """Make all solves from a certain one on fail."""
-    true_solve, calls = NewtonSolver.solve, [0]
-
-    def solve(self: NewtonSolver, start: Any, scale: float) -> Any:
-        import dataclasses
-
-        calls[0] += 1
-        stats = true_solve(self, start, scale)
-        return stats if calls[0] < call else dataclasses.replace(stats, converged=False, reason="forced")
-
-    monkeypatch.setattr(NewtonSolver, "solve", solve)
-
-
-def test_a_run_that_does_not_converge_keeps_its_curve(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    fail_from(monkeypatch, 5)
-    case = write_case(tmp_path / "case.toml", output={"figures": True})
-    out = tmp_path / "out"
-    assert call("run", case, "-o", out) == 3
-    message = capsys.readouterr().err
-    assert "no convergence at delta/L = 0.0037" in message
-    assert "the curve up to delta/L = 0.00375 is kept" in message
-    curve = Curve.read(out / "curve.csv")
-    assert curve.delta[-1] == pytest.approx(0.00375e-6)  # three of the pieces of the first step
-    summary = json.loads((out / "summary.json").read_text(encoding="utf-8"))
-    assert "no convergence" in summary["exit_reason"] and summary["finished"] is False
-    assert summary["fit"]["points"] == len(curve.planned()) >= 3
 
 
 @pytest.mark.slow

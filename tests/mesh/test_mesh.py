@@ -117,12 +117,6 @@ def test_units_do_not_matter(kind: str) -> None:
 # --- sizes ----------------------------------------------------------------------------------------------------
 
 
-def edge_lengths(block: BlockMesh, facets: Array) -> tuple[Array, Array]:
-    """Midpoints (n, 2) and horizontal lengths (n,) of the facets' edges."""
-    ends = block.points[facets[:, [[0, 1], [1, 2], [2, 0]]], :2].reshape(-1, 2, 2)
-    return ends.mean(axis=1), np.linalg.norm(ends[:, 0] - ends[:, 1], axis=1)
-
-
 def test_size_field_is_fine_at_the_summit_and_grows_away() -> None:
     surface = Sphere(L=1.0, radius=5.0, shape="paraboloid")
     delta, h, growth, h_max = 0.004, 0.05, 0.4, 0.3  # reached up to r = 0.2
@@ -136,14 +130,6 @@ def test_size_field_is_fine_at_the_summit_and_grows_away() -> None:
         assert field.at(0.5, 0.5, depth) == pytest.approx(min(0.2 * h + growth * depth, h_max), rel=0.05)
     assert field.at(0.0, 0.0, 0.0) == pytest.approx(h + growth * (0.5 * 2**0.5 - 0.2), rel=0.05)
     assert field.at(0.5, 0.5, 1.0) == h_max
-
-
-def test_mesh_follows_the_size_field(rough: Surface, coarse: BlockMesh) -> None:
-    field = SizeField.of(rough, 0.03, 0.2, h_max=0.5)
-    middle, length = edge_lengths(coarse, top_facets(coarse))
-    wanted = np.array([field.at(x, y, 0.0) for x, y in middle])
-    assert 0.7 < np.median(length / wanted) < 1.2
-    assert np.quantile(length / wanted, 0.98) < 2.0
 
 
 def test_a_tiny_contact_is_resolved() -> None:
@@ -188,15 +174,6 @@ def test_refusals_reach_every_rank() -> None:
         make_contact_solver(world(), Flat(L=1.0), block, Material(1.0, 0.3))
 
 
-def test_a_mesh_of_another_surface_is_refused(rough: Surface, wave: Surface, coarse: BlockMesh) -> None:
-    """It would be used without an error, with wrong heights."""
-    with pytest.raises(MeshError, match=r"mesh\.file.* surface"):
-        make_contact_solver(here(), wave, coarse, Material(1.0, 0.3))
-    larger = Flat(L=2.0)
-    with pytest.raises(MeshError, match=r"mesh\.file.* side"):
-        make_contact_solver(here(), larger, uniform(Flat(L=1.0), 1.0), Material(1.0, 0.3))
-
-
 @pytest.mark.parametrize("change", ["missing", "doubled", "torn face", "torn edge", "sunk edge", "two blocks"])
 def test_a_mesh_that_does_not_fill_its_block_is_refused(rough: Surface, coarse: BlockMesh, change: str) -> None:
     """A hole inside would be treated as a part of the top that has not touched yet."""
@@ -224,14 +201,6 @@ def test_a_mesh_that_does_not_fill_its_block_is_refused(rough: Surface, coarse: 
 
 
 # --- files and ranks ------------------------------------------------------------------------------------------
-
-
-def test_a_saved_mesh_reads_back_to_the_same_bits(coarse: BlockMesh, tmp_path: Path) -> None:
-    coarse.save(tmp_path / "block.npz")
-    again = BlockMesh.read(tmp_path / "block.npz")
-    np.testing.assert_array_equal(again.points, coarse.points)
-    np.testing.assert_array_equal(again.tets, coarse.tets)
-    assert (again.side, again.height) == (coarse.side, coarse.height)
 
 
 NO_FILE = "not a whole .npz file of numbers"

@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 from conftest import here
 
-from asperity.adaptive.solve_contact import solve_contact
 from asperity.errors import MeshError, ResolutionWarning
 from asperity.mesh.block import NEAR, BlockMesh
 from asperity.mesh.element import least_jacobians, projected_area
@@ -18,8 +17,6 @@ from asperity.mesh.morph import FREE, _least_stretch, _vertical_gradients
 from asperity.mesh.resolution import judge_smoothing, lowered_height
 from asperity.mesh.size_field import SizeField
 from asperity.mesh.top import Top
-from asperity.model.material import Material
-from asperity.model.settings import MeshSize
 from asperity.reference import RoughHalfSpace
 from asperity.runtime import compat
 from asperity.surface import Flat, HeightMap, SelfAffine, Sinusoid, Surface
@@ -86,24 +83,6 @@ def test_the_heights_of_a_wave_are_damped_in_closed_form() -> None:
     k = 2.0 * np.pi / 0.25
     exact = STEEP.height(x, y) - STEEP.mean()
     np.testing.assert_allclose(z - 1.0, exact * np.exp(-((block.smoothing[top] * k) ** 2)), rtol=0.0, atol=1e-12)
-
-
-def test_a_mesh_file_keeps_the_smoothing(tmp_path: Path) -> None:
-    block = uniform(STEEP, 0.2)
-    block.save(tmp_path / "mesh.npz")
-    again = BlockMesh.read(tmp_path / "mesh.npz")
-    assert again.smoothing is not None and block.smoothing is not None
-    np.testing.assert_array_equal(again.smoothing, block.smoothing)
-    again.check(STEEP)
-
-
-@pytest.mark.mpi
-def test_a_rough_surface_is_pressed_on_coarse_elements() -> None:
-    """The slope of 0.46 turned elements of this size inside out."""
-    surface = self_affine()
-    result = solve_contact(surface, Material(1.0, 0.3), delta_max=0.02, steps=2, size=MeshSize(0.05))
-    assert result.complete and np.all(np.diff(result.curve.P_star) > 0.0)
-    assert result.checks.force_balance < 1e-6
 
 
 def test_a_spike_that_no_element_can_follow_is_refused(tmp_path: Path) -> None:

@@ -16,7 +16,6 @@ from asperity.adaptive.refine import refine
 from asperity.adaptive.solve_contact import solve_contact
 from asperity.contact.contact_surface import gather_top
 from asperity.fem.solid import Solid
-from asperity.mesh.block import BlockMesh
 from asperity.mesh.distribute import distribute
 from asperity.mesh.element import AT_CORNERS, DIAGONALS, EDGES
 from asperity.mesh.generate import build_block
@@ -178,15 +177,6 @@ def test_the_force_is_that_of_layer_theory() -> None:
     size = MeshSize(0.04, refinements=1)
     result = solve_contact(sphere, ELASTIC, delta_max=delta, steps=2, size=size, comm=alone)
     assert abs(result.curve.force[-1] / exact - 1.0) < 0.006 and not result.checks.violated
-
-
-def test_a_saved_mesh_is_refined_again(tmp_path: Path) -> None:
-    alone = here()
-    first = press(WAVE, 1, alone)
-    assert first.block is not None and first.block.refinements == 1
-    first.block.save(tmp_path / "block.npz")
-    again = press(WAVE, 0, alone, block=BlockMesh.read(tmp_path / "block.npz"))
-    np.testing.assert_array_equal(again.curve.force, first.curve.force)
 
 
 def test_a_run_with_a_tolerance_refines_its_meshes() -> None:

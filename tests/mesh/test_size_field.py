@@ -7,7 +7,6 @@ from math import hypot
 import numpy as np
 import pytest
 
-from asperity import _solver
 from asperity.mesh.size_field import SizeField
 from asperity.surface import Sphere
 
@@ -37,10 +36,3 @@ def test_the_compiled_field_has_the_bits_of_its_twin(rough, delta_max, periodic)
         sizes = [field.at(x, y, depth) for x, y, depth in points]
         assert sizes == [size_at(field, x, y, depth) for x, y, depth in points]
         assert max(sizes) > 2.0 * min(sizes)
-
-
-def test_a_field_of_another_shape_is_refused():
-    with pytest.raises(ValueError, match="distances has shape"):
-        _solver.SizeField(np.ones(3), np.ones((5, 5, 2)), (0.0, 0.0, 1.0), 0.25, 0.5, False)
-    with pytest.raises(ValueError, match="distances has shape"):
-        _solver.SizeField(np.ones(2), np.ones((5, 4, 2)), (0.0, 0.0, 1.0), 0.25, 0.5, False)

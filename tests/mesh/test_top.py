@@ -5,11 +5,10 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-import pytest
 
 from asperity.mesh.generate import build_block
 from asperity.mesh.top import Top, heights_of_top
-from asperity.surface import Flat, Sinusoid
+from asperity.surface import Flat
 
 
 def test_a_quadratic_top_is_exact() -> None:
@@ -32,14 +31,3 @@ def test_a_quadratic_top_is_exact() -> None:
     c = (np.arange(n) + 0.5) * 2.0 / n
     found = heights_of_top(Top.of(replace(block, points=points), Quadratic(L=2.0)), Quadratic(L=2.0), n)
     np.testing.assert_allclose(found, f(c[None, :], c[:, None]) / 2.0, atol=1e-13)
-
-
-@pytest.mark.parametrize("h, error", [(0.1, 6e-3), (0.05, 8e-4)])
-def test_the_top_tends_to_the_surface(h: float, error: float) -> None:
-    """Third order in the element size."""
-    surface = Sinusoid(L=1.0, amplitude=0.05, wavelength=0.5, dims=2)
-    block = build_block(surface, 1.0, lambda x, y, z: h)
-    n = 64
-    c = (np.arange(n) + 0.5) / n
-    found = heights_of_top(Top.of(block, surface), surface, n)
-    assert np.abs(found - surface.height(c[None, :], c[:, None])).max() < error

@@ -279,19 +279,6 @@ def test_a_checkpoint_of_another_case_names_the_keys(saved: Path) -> None:
         Checkpoint(saved, identity(other), world(), refuse=refuse_another).found()
 
 
-def test_a_checkpoint_of_another_identity_is_refused(saved: Path) -> None:
-    with pytest.raises(CheckpointError, match=r"state\.npz belongs to another run"):
-        Checkpoint(saved, {}, world()).load()
-
-
-def test_where_nothing_was_saved_nothing_is_found(tmp_path: Path) -> None:
-    assert Checkpoint(tmp_path, {}, world()).load() is None
-    (tmp_path / MESH).write_bytes(b"written before the first state")
-    assert not Checkpoint(tmp_path, {}, world()).found()
-    assert not Checkpoint(tmp_path / "none", {}, world()).found()
-    assert not (tmp_path / "none").exists()
-
-
 @pytest.mark.parametrize(
     ("section", "change", "free"),
     [
@@ -312,21 +299,6 @@ def test_what_may_change_before_a_continuation(section: str, change: Any, free: 
     one = identity(Case.from_dict(CASE))
     two = identity(Case.from_dict({**CASE, section: change}))
     assert (not differences(one, two)) == free
-
-
-def test_a_height_map_counts_by_its_content(tmp_path: Path) -> None:
-    heights = np.random.default_rng(0).normal(size=(9, 9)) * 1e-3
-    names = ("a", "b", "c")
-    for name, factor in zip(names, (1.0, 1.0, 1.1), strict=True):
-        np.save(tmp_path / f"{name}.npy", factor * heights)
-    a, b, c = (
-        identity(
-            Case.from_dict({**CASE, "surface": {"kind": "file", "path": f"{name}.npy", "L": 1.0}}, folder=tmp_path)
-        )
-        for name in names
-    )
-    assert not differences(a, b)
-    assert differences(a, c) == ["surface.path has another content"]
 
 
 def test_clear_removes_only_checkpoints(saved: Path) -> None:
@@ -381,9 +353,3 @@ def test_a_folder_that_vanishes_is_a_clear_error(wave: Surface, coarse_wave: Blo
             checkpoint=Checkpoint(folder, {}, world()),
             on_step=vanish,
         )
-
-
-def test_the_interval_says_when_to_save(tmp_path: Path) -> None:
-    every = Checkpoint(tmp_path, {}, world(), 3)
-    assert [n for n in range(7) if every.due(n)] == [0, 3, 6]
-    assert not any(Checkpoint(tmp_path, {}, world(), 0).due(n) for n in range(5))

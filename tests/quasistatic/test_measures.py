@@ -127,21 +127,6 @@ def test_the_equivalent_strain_is_that_of_the_displacement(cube: Any, material: 
         np.testing.assert_allclose(equivalent_strain(solver), np.sqrt(2.0 / 3.0 * np.sum(e * e)), rtol=1e-9)
 
 
-@LAWS
-def test_both_kernels_find_the_same_strain(coarse_wave: Any, material: Material) -> None:
-    """Of a displacement at random: forms have it from the gradient, compiled kernels from the stress."""
-    found = []
-    for forms in (False, True):
-        rough = sample(coarse_wave, material, forms)
-        u = 3e-4 * np.random.default_rng(5).normal(size=rough.solid.points.shape)
-        rough.bring([], u)
-        rough.kernels.commit()
-        rough.solid.u.x.array[:] = u.ravel()
-        solver: Any = SimpleNamespace(solid=rough.solid, history=rough.kernels.history())
-        found.append(equivalent_strain(solver))
-    np.testing.assert_allclose(found[0], found[1], rtol=1e-7)
-
-
 @pytest.mark.mpi
 @pytest.mark.usefixtures("several_ranks")
 def test_ranks_agree(wave: Surface, coarse_wave: Any) -> None:

@@ -8,12 +8,11 @@ from typing import Any
 
 import numpy as np
 import pytest
-from conftest import ELASTIC, PLASTIC, world
+from conftest import ELASTIC, world
 
 from asperity import reference
 from asperity.adaptive.solve_contact import solve_contact
 from asperity.contact.contact_surface import ContactSurface
-from asperity.curve import Curve
 from asperity.errors import InputError, MeshError, ResolutionWarning
 from asperity.fem.global_numbering import share_nodes
 from asperity.fem.solid import Solid
@@ -24,9 +23,7 @@ from asperity.mesh.periodic import joined
 from asperity.mesh.size_field import SizeField
 from asperity.model.material import Material
 from asperity.model.problem import Problem
-from asperity.model.settings import Formulation, MeshSize, SolverOptions
-from asperity.quasistatic.checkpoint import Checkpoint
-from asperity.quasistatic.contact_result import PartialResult
+from asperity.model.settings import MeshSize, SolverOptions
 from asperity.quasistatic.make import make_block
 from asperity.runtime import compat
 from asperity.runtime.distributed_array import collect
@@ -136,14 +133,6 @@ def test_sizes_pass_through_the_sides() -> None:
     assert plain > 1.2 * joined_sides
 
 
-def test_smoothed_heights_fit_too() -> None:
-    """A rough surface on elements larger than its waves is smoothed, by the same width at nodes that are joined."""
-    surface = SelfAffine(L=1.0, H=0.8, slope=1.0, lambda_short=0.05, seed=5)
-    block = build_block(surface, 1.0, lambda x, y, depth: 0.15, periodic=True)
-    assert block.smoothing is not None
-    np.testing.assert_array_equal(block.smoothing, block.smoothing[joined(block)])
-
-
 def test_a_periodic_map_stays_periodic_on_elements_larger_than_its_waves(tmp_path: Path) -> None:
     """Its smoothed heights are those of the surface it was sampled from."""
     rough = SelfAffine(L=1.0, H=0.8, slope=1.0, lambda_short=0.1, seed=5)
@@ -189,24 +178,6 @@ def test_a_flat_block_is_in_uniaxial_strain() -> None:
     np.testing.assert_allclose(result.curve.force, ELASTIC.confined_modulus * result.curve.delta / 0.7, rtol=1e-12)
 
 
-PLACES = ((0.5, 0.5), (0.23, 0.87))  # of the crest
-
-
-def test_force_does_not_depend_on_where_the_period_begins() -> None:
-    """To the accuracy of the mesh; where the surface is symmetric about its sides, rollers give the same force."""
-
-    def loading(at: tuple[float, float], sides: str) -> Curve:
-        return solve_contact(
-            wave(*at), ELASTIC, **HERE | {"sides": sides, "steps": 1}, formulation=Formulation("nitsche")
-        ).curve
-
-    first, second = (loading(at, "periodic") for at in PLACES)
-    symmetric, mirrored = (loading(at, "rollers") for at in PLACES)
-    assert [second.force[-1], symmetric.force[-1]] == pytest.approx([first.force[-1]] * 2, rel=2e-3)
-    assert abs(mirrored.force[-1] / first.force[-1] - 1.0) > 0.02
-    assert first.spots[-1] == second.spots[-1] == 2.0  # the sides cut one of them, and rollers leave its parts apart
-
-
 def test_a_wave_cut_by_the_sides_against_westergaard() -> None:
     """Plane strain; the height of the block is twice the wavelength, so its top answers like a half-space."""
     theory = reference.Westergaard(0.01, 0.5, ELASTIC.reduced_modulus)
@@ -249,25 +220,6 @@ def test_multigrid_solves_joined_systems() -> None:
     ours = found["periodic", "cg"]
     np.testing.assert_allclose(ours.curve.force, found["periodic", "lu"].curve.force, rtol=1e-7)
     assert ours.counts.krylov < 1.3 * found["rollers", "cg"].counts.krylov
-
-
-@pytest.mark.mpi
-def test_a_state_saved_on_one_rank_is_continued_on_all(shared_path: Path) -> None:
-    """Displacement and plastic history on both sides; to the last bit on one rank."""
-    from mpi4py import MPI
-
-    surface = wave(0.05, 0.5)
-    here: dict[str, Any] = HERE | dict(steps=1, unload_steps=1, formulation=Formulation("nitsche"), snapshots=1)
-    here["size"] = MeshSize(0.2, h_max=0.2)
-    whole = solve_contact(surface, PLASTIC, **here)
-    if world().rank == 0:
-        left = iter(("", "", "the test"))
-        with pytest.raises(PartialResult):
-            alone = Checkpoint(shared_path, {}, MPI.COMM_SELF)
-            solve_contact(surface, PLASTIC, **here, checkpoint=alone, stop=lambda: next(left), comm=MPI.COMM_SELF)
-    world().Barrier()
-    again = solve_contact(surface, PLASTIC, **here, checkpoint=Checkpoint(shared_path, {}, world()))
-    np.testing.assert_allclose(again.curve.force, whole.curve.force, rtol=0.0 if world().size == 1 else 1e-8)
 
 
 @pytest.mark.mpi

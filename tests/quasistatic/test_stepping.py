@@ -192,17 +192,6 @@ def test_unloading_ends_at_zero_force(press_of: Callable[..., ContactSolver]) ->
     assert not solver.checks.violated
 
 
-def test_elastic_unloading_retraces_the_loading(press_of: Callable[..., ContactSolver]) -> None:
-    solver, fresh = press_of(ELASTIC), press_of(ELASTIC)
-    curve = drive(solver, delta_max=DELTA, steps=5, unload_steps=6).curve()
-    assert abs(curve.delta[-1]) < 1e-12 and np.abs(solver.solid.u.x.array).max() < 1e-12
-    down = curve.unloading().where(curve.unloading().force > 0)
-    assert len(down) >= 4
-    for delta, force in sorted(zip(down.delta, down.force, strict=True)):
-        assert fresh.step(delta).converged
-        assert fresh.force == pytest.approx(force, rel=1e-7)
-
-
 def test_a_flat_unloads_along_confined_compression(cube: BlockMesh) -> None:
     """To the strain at which the axial stress has vanished."""
     solver = make_contact_solver(here(), Flat(L=1.0), cube, PLASTIC)
@@ -450,28 +439,6 @@ def test_flow_is_extrapolated_as_far_as_it_keeps_its_direction() -> None:
         rounding = 8 * np.finfo(float).eps * flow.max()
         np.testing.assert_allclose(carried.plastic_strain, strain + (1.0 + part[:, None]) * flow, rtol=0, atol=rounding)
         np.testing.assert_allclose(carried.accumulated, a + (1.0 + part) * da, rtol=1e-14)
-
-
-def test_a_history_with_one_more_variable_is_copied_and_extrapolated_like_the_others() -> None:
-    """A material law with a variable of its own needs no change outside the kernels."""
-
-    @dataclasses.dataclass(frozen=True, eq=False)
-    class Damaged(History):
-        damage: Array = dataclasses.field(metadata={"shape": (2,)})
-
-    before = Damaged.zeros(rows=3, points=4)
-    assert before.damage.shape == (3, 4, 2) and Damaged.names() == (*History.names(), "damage")
-    after = before.copy()
-    after.accumulated[1] = 0.5
-    assert not before.accumulated.any() and after.changed().tolist() == [1]
-    after.damage[:] = 1.0
-    assert not before.damage.any() and after.changed().tolist() == [0, 1, 2]
-    beyond = extrapolate(before, after, 0.5)
-    np.testing.assert_array_equal(beyond.arrays()["damage"], np.full((3, 4, 2), 1.5))
-    before.assign(after)
-    np.testing.assert_equal(before.arrays(), after.arrays())
-    after.damage[:] = 0.0
-    assert before.damage.all()
 
 
 def test_the_midpoint_rule_does_not_ring_where_the_yield_strain_is_negligible(

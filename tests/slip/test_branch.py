@@ -12,7 +12,7 @@ from asperity.force_law.columns import CurveColumns
 from asperity.force_law.table import TableLaw
 from asperity.model.material import Material
 from asperity.slip import SlipSettings, slip_of_curve
-from asperity.slip.branch import branch_rows, left_out, stuck_law
+from asperity.slip.branch import branch_rows, stuck_law
 from asperity.slip.joint_slip import slip_of_case
 
 STEEL, SIDE, HEIGHT = Material(200e9, 0.3), 1e-6, 1e-6
@@ -84,16 +84,6 @@ def test_one_body_on_a_rigid_flat_has_no_columns_of_its_curve() -> None:
     assert {"eta_curve", "error_eta"} <= set(like.loops()[0]) and "T_curve" in next(like.steps())
     assert list(rigid.loops()[0]) == list(computed[0].loop()) and "T_curve" not in next(rigid.steps())
     assert rigid.to_dict()["k_rest"] is None and rigid.notes == ()
-
-
-def test_groups_that_are_left_out() -> None:
-    z = np.linspace(0.0, 1.0, 8)[1:]
-    full = TableLaw(z, z**2, k=2.0 * z)
-    slopes, forces, thinned = left_out(full)
-    assert slopes[0].deflection(0.5) == pytest.approx(full.deflection(0.5), rel=1e-9)  # of a power law
-    assert forces[0].k is not None and np.isnan(forces[0].k).all()
-    assert [law.z.size for law in thinned] == [4, 4] and all(law.z[-1] == 1.0 for law in thinned)
-    assert left_out(TableLaw(z[-1:], z[-1:] ** 2, k=2.0 * z[-1:])) == [[], [], []]
 
 
 def test_a_ratio_of_stiffnesses_that_changes_along_the_curve_is_followed() -> None:

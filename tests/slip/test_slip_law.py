@@ -14,7 +14,6 @@ import asperity as asp
 from asperity.errors import InputError, RangeError
 from asperity.force_law.law import Law
 from asperity.slip import JenkinsArray, SlipLaw, tangential_response
-from asperity.slip.law import compliance_ratio
 from asperity.slip.path import path_of_law
 
 E, NU, RADIUS, LOAD, MU = 2.0, 0.3, 5.0, 1e-3, 0.4
@@ -36,19 +35,6 @@ def test_displacement_and_energy_of_cattaneo_and_mindlin(sphere: SlipLaw) -> Non
     np.testing.assert_allclose(sphere.energy(t), energy, rtol=1e-8)
     assert sphere.displacement(1.0) == pytest.approx(c, rel=1e-14)
     assert sphere.k_tangent(0.0) == pytest.approx(8 * G * SPOT / (2 - NU), rel=1e-12)  # Mindlin 1949
-
-
-def test_light_loops_lose_the_cube_of_the_force(sphere: SlipLaw) -> None:
-    """Mindlin & Deresiewicz, J. Appl. Mech. 20 (1953) 327: so the loss factor is linear in the force."""
-    ratio = sphere.energy(2e-3) / sphere.energy(1e-3), sphere.eta(2e-3) / sphere.eta(1e-3)
-    np.testing.assert_allclose(ratio, (8.0, 2.0), rtol=2e-3)
-
-
-def test_a_flat_punch_does_not_slip_before_the_limit() -> None:
-    punch = SlipLaw(asp.PowerLaw(1.0, 3.0), preload=2.0, friction=MU, nu=NU)
-    t = SHARES
-    np.testing.assert_allclose(punch.displacement(t), MU * 2.0 * t * compliance_ratio(NU) / 3.0, rtol=1e-12)
-    assert np.all(np.abs(punch.energy(t)) < 1e-14)
 
 
 def test_the_block_adds_its_compliance_and_no_loss(sphere: SlipLaw) -> None:

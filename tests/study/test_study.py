@@ -231,13 +231,12 @@ def on_two_ranks(path: Path, out: Path, *options: str) -> str:
     return done.stdout
 
 
-@pytest.mark.parametrize("ranks_per_case", [1, pytest.param(2, marks=pytest.mark.slow)])
-def test_two_ranks_continue_a_study_of_one_rank(tmp_path: Path, ranks_per_case: int) -> None:
+def test_two_ranks_continue_a_study_of_one_rank(tmp_path: Path) -> None:
     path, out = tmp_path / "s.toml", tmp_path / "out"
     base = BASE | {"block": {"sides": "free"}, "loading": {"delta_max": 0.01, "steps": 1}}
     path.write_text(tomli_w.dumps({"base": base, "grid": {"material.tangent_modulus": [0.01, 0.05, 0.1]}}))
     assert run_study(study(base=base, grid={"material.tangent_modulus": [0.05]}), out).done == 1
-    printed = on_two_ranks(path, out, "--ranks-per-case", str(ranks_per_case))
+    printed = on_two_ranks(path, out)
     assert "3 of 3 cases done, 0 failed, 2 run now" in printed
     with (out / "results.csv").open() as file:
         loads = [float(row["P_star_max"]) for row in csv.DictReader(file)]

@@ -26,21 +26,6 @@ L = 1e-6
 # ---------------------------------------------------------------------------------------- reading
 
 
-@pytest.mark.parametrize("name", ["a.npy", "a.csv", "a.txt"])
-def test_matrices_need_the_distance_between_heights(tmp_path: Path, name: str) -> None:
-    z = np.arange(120.0).reshape(10, 12)
-    path = tmp_path / name
-    if name == "a.npy":
-        np.save(path, z)
-    else:
-        np.savetxt(path, z, delimiter="," if name == "a.csv" else " ")
-    with pytest.raises(InputError, match="--pixel"):
-        HeightField.read(path)
-    read = HeightField.read(path, pixel=0.5)
-    np.testing.assert_array_equal(read.z, z)
-    assert read.size == (5.5, 4.5)
-
-
 def test_npz_files_store_lengths_in_three_ways(tmp_path: Path) -> None:
     z, path = np.random.default_rng(0).normal(size=(9, 11)), tmp_path / "a.npz"
     for lengths in ({"L": [20.0, 16.0]}, {"dx": 2.0}, {"x": np.arange(11) * 2.0, "y": np.arange(9) * 2.0}):
@@ -402,12 +387,3 @@ def test_the_sum_faces_the_turned_surface(tmp_path: Path) -> None:
     assert saved.maximum()[2] == pytest.approx(both.maximum()[2], rel=1e-4)
     with pytest.raises(InputError, match="no sum"):
         SumSurface(L=L, first=a, second=WeierstrassMandelbrot(L=2 * L))
-
-
-def test_a_saved_patch_is_the_surface_again(tmp_path: Path) -> None:
-    original = WeierstrassMandelbrot(L=L, seed=2)
-    saved = HeightField(original.grid(129), L / 128, L / 128).save(tmp_path / "p.npz")
-    surface = Surface.from_spec(kind="file", path=saved)
-    assert surface.maximum()[2] == pytest.approx(original.maximum()[2], rel=1e-4)
-    with pytest.raises(InputError, match="square"):
-        HeightField(np.zeros((10, 12)), 1, 1).save(tmp_path / "q.npz")

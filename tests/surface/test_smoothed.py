@@ -9,7 +9,7 @@ import pytest
 from scipy.ndimage import gaussian_filter
 
 from asperity.model.two_bodies import SumSurface
-from asperity.surface import Flat, HeightMap, SelfAffine, Sinusoid, Sphere, Surface, WeierstrassMandelbrot
+from asperity.surface import Flat, HeightMap, SelfAffine, Sinusoid, Surface, WeierstrassMandelbrot
 
 ROUGH = SelfAffine(L=1.0, H=0.6, slope=0.3, lambda_roll=0.5, lambda_short=0.06, aspect=1.5, seed=2)
 FRACTAL = WeierstrassMandelbrot(L=1.0, D=2.5, G=1e-4, M=5, f_max=6)
@@ -31,26 +31,6 @@ def test_formulas_against_quadrature_of_the_convolution(surface: Surface, error:
     exact = [convolved(surface, x, y, float(s)) for x, y, s in zip(X[:25], Y[:25], widths, strict=True)]
     found = surface.smoothed(X[:25], Y[:25], widths)
     np.testing.assert_allclose(found, exact, rtol=0, atol=error * surface.statistics(129).Sq)
-
-
-@pytest.mark.parametrize("surface", [FRACTAL, WAVE, ROUGH, Sphere(L=1.0, radius=3.0), Flat(L=1.0)])
-def test_no_width_is_the_surface_itself(surface: Surface) -> None:
-    np.testing.assert_allclose(surface.smoothed(X, Y, 0.0), surface.height(X, Y), rtol=1e-14, atol=1e-17)
-    assert surface.smoothed(X[:, None], Y[:6], np.zeros((3, 1, 1))).shape == (3, 200, 6)
-
-
-@pytest.mark.parametrize("surface", [FRACTAL, ROUGH])
-def test_the_limit_of_small_widths_is_smooth(surface: Surface) -> None:
-    """z + s^2/2 of the Laplacian to leading order; between the surface and the first level only roughly."""
-    s = 2e-4
-    xx, _, yy = surface.hessian(X, Y)
-    change = surface.smoothed(X, Y, s) - surface.height(X, Y)
-    np.testing.assert_allclose(change, s**2 / 2 * (xx + yy), atol=0.3 * np.abs(change).max())
-
-
-def test_smooth_shapes_are_left_alone() -> None:
-    sphere = Sphere(L=1.0, radius=3.0)
-    np.testing.assert_array_equal(sphere.smoothed(X, Y, 0.2), sphere.height(X, Y))
 
 
 def test_two_surfaces_are_smoothed_alike() -> None:
@@ -75,13 +55,6 @@ def test_maps_against_a_direct_convolution(shape: tuple[int, int]) -> None:
         np.testing.assert_allclose(found, exact[iy, ix], rtol=0, atol=0.015 * np.std(z))
     nodes = surface.smoothed(ix / (nx - 1), iy / (ny - 1), 0.0)
     np.testing.assert_allclose(nodes, z[iy, ix], rtol=1e-14)
-
-
-def test_each_point_has_its_own_width() -> None:
-    surface = HeightMap.of(RNG.normal(size=(65, 65)), 1.0)
-    widths = np.where(X > 0.5, 0.0, np.geomspace(1e-4, 1.0, X.size))
-    alone = [float(surface.smoothed(*point)) for point in zip(X, Y, widths, strict=True)]
-    np.testing.assert_allclose(surface.smoothed(X, Y, widths), alone, rtol=0, atol=1e-12)
 
 
 def test_a_constant_map_stays_and_the_mean_is_kept() -> None:

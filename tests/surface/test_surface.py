@@ -68,16 +68,6 @@ def test_heights_follow_the_definition(name):
     assert abs(surface.height(0.0, 0.0)) < 1e-15 * L
 
 
-def test_ridges_1_to_M_leave_out_the_first_row_of_the_same_phases():
-    phases = fractal().phases
-    np.testing.assert_array_equal(phases, np.random.default_rng(0).uniform(0, 2 * np.pi, size=(11, 6)))
-    alone = fractal(ridges="1..M")
-    np.testing.assert_array_equal(alone.phases, phases)
-    whole = fractal()
-    wave = whole.height(0.3e-6, 0.0) - alone.height(0.3e-6, 0.0)
-    assert abs(whole.height(0.3e-6, 0.8e-6) - alone.height(0.3e-6, 0.8e-6) - wave) < 1e-20
-
-
 @pytest.mark.parametrize("name", SURFACES)
 def test_grid_and_points_agree(name):
     surface = SURFACES[name]
@@ -225,7 +215,7 @@ def around(point: tuple[float, float, float], size: float) -> tuple[np.ndarray, 
 
 
 @pytest.mark.parametrize(
-    "options", [{"L_s": 1e-12}, {"M": 300, "f_max": 11}, {"gamma": 100.0, "f_max": 4}, {"D": 2.05, "L_s": 1e-15}]
+    "options", [{"L_s": 1e-12}, {"M": 60, "f_max": 11}, {"gamma": 100.0, "f_max": 4}, {"D": 2.05, "L_s": 1e-15}]
 )
 def test_maximum_of_many_ridges_and_of_waves_far_below_any_grid(options):
     surface = fractal(**options)
@@ -252,33 +242,6 @@ def test_too_many_summits_are_reported(monkeypatch):
     surface = fractal(D=2.9, L_s=1e-9)
     with pytest.warns(SurfaceWarning, match="too many summits of similar height"):
         surface.maximum()
-
-
-class Slope(Flat):
-    """A surface whose highest point is a corner or an edge: z = (x - 1)^2 + s y."""
-
-    rise = 1.0
-
-    def height(self, x, y):
-        return (np.asarray(x, dtype=float) - 1.0) ** 2 + self.rise * np.asarray(y, dtype=float)
-
-    def gradient(self, x, y):
-        zero = np.zeros(np.broadcast(x, y).shape)
-        return 2 * (np.asarray(x) - 1) + zero, zero + self.rise
-
-    def hessian(self, x, y):
-        zero = np.zeros(np.broadcast(x, y).shape)
-        return zero + 2, zero, zero
-
-    def curvature_bound(self):
-        return 2.0
-
-    def maximum(self):
-        return Surface.maximum(self)
-
-
-def test_maximum_in_a_corner():
-    assert Slope(L=1.0).maximum() == (0.0, 1.0, 2.0)
 
 
 @pytest.mark.parametrize("shape", [(40, 40), (33, 52)])
@@ -402,14 +365,6 @@ def test_cut_off_and_its_warning():
         fractal(L_s=150e-9, f_max=4)
 
 
-def test_steep_surfaces_warn():
-    with pytest.warns(SurfaceWarning, match=r"rms slope 0\.134 exceeds 0\.1"):
-        Surface.from_spec("weierstrass-mandelbrot", L=L).check_small_slope()
-    with warnings.catch_warnings():
-        warnings.simplefilter("error")
-        Surface.from_spec("weierstrass-mandelbrot", L=L, D=2.5).check_small_slope()
-
-
 @pytest.mark.parametrize(
     ("spec", "message"),
     [
@@ -456,14 +411,6 @@ def test_a_derived_surface_without_a_kind_does_not_replace_its_base():
         pass
 
     assert type(Surface.from_spec("sphere", L=1.0, radius=9.0)) is Sphere is not Bowl
-
-
-def test_surfaces_are_immutable():
-    surface = fractal()
-    with pytest.raises(AttributeError):
-        surface.D = 2.5  # type: ignore[misc]
-    with pytest.raises(ValueError, match="read-only"):
-        surface.phases[0, 0] = 1.0  # type: ignore[index]
 
 
 @pytest.fixture
@@ -537,24 +484,6 @@ def test_bad_height_maps_are_refused(tmp_path, smooth_map, arrays, options, mess
         HeightMap(path=path, **options)
 
 
-@pytest.mark.parametrize(
-    ("z", "L", "message"),
-    [
-        (np.zeros(9), 1.0, "two dimensions"),
-        (np.zeros((2, 9)), 1.0, "two dimensions"),
-        (np.where(np.eye(9), np.nan, 0.0), 1.0, "9 height.s. are not finite"),
-        (np.zeros((9, 9)), -1.0, "surface.L"),
-    ],
-)
-def test_bad_heights_in_no_file_are_refused(z, L, message):
-    with pytest.raises(InputError, match=message):
-        HeightMap.of(z, L)
-
-
-def test_heights_in_no_file_may_be_whole_numbers():
-    assert HeightMap.of(np.add.outer(np.arange(5), np.arange(5)), 4.0).maximum() == (4.0, 4.0, 8.0)
-
-
 def test_unreadable_height_maps_are_refused(tmp_path):
     with pytest.raises(InputError, match="must be the name of a file"):
         HeightMap(path=None, L=1.0)  # type: ignore[arg-type]
@@ -575,53 +504,6 @@ def test_a_map_is_periodic_if_its_edges_agree_and_are_smooth() -> None:
     assert not HeightMap.of(ridge, 1.0).periodic
     assert not HeightMap.of(np.cos(2 * np.pi * s)[:, None] + 0.01 * s, 1.0).periodic
     assert HeightMap.of(np.cos(2 * np.pi * s)[:, None] + np.zeros(129), 1.0).periodic
-
-
-@pytest.mark.parametrize(
-    ("ridges", "f_max", "heights"),
-    [
-        ("0..M", 5, (9.65929359e-08, 8.98139885e-08, 9.92733348e-08)),
-        ("0..M", 4, (8.71072304e-08, 7.88098729e-08, None)),
-        ("1..M", 5, (8.61422284e-08, 8.16684468e-08, None)),
-        ("1..M", 4, (7.71353764e-08, 7.19000460e-08, None)),
-    ],
-)
-def test_heights_with_zero_phases(ridges, f_max, heights):
-    surface = fractal(ridges=ridges, f_max=f_max, phases=np.zeros((11, f_max + 1)))
-    points = [(0.5e-6, 1e-6 / 3), (1e-6, 1e-6), (0.1e-6, 0.7e-6)]
-    for point, height in zip(points, heights, strict=True):
-        if height is not None:
-            assert surface.height(*point) == pytest.approx(height, rel=1e-9)
-
-
-def test_the_ensemble_over_seeds():
-    for D, Sq, Sz, slope in [(2.4, 7.899e-9, 44.55e-9, 0.1309), (2.5, 2.727e-9, 15.73e-9, 0.0493)]:
-        ensemble = [fractal(D=D, seed=seed).statistics(257) for seed in range(20)]
-        assert np.mean([s.Sq for s in ensemble]) == pytest.approx(Sq, rel=1e-4)
-        assert np.mean([s.Sz for s in ensemble]) == pytest.approx(Sz, rel=3e-4)
-        assert np.mean([s.rms_slope for s in ensemble]) == pytest.approx(slope, rel=1e-3)
-
-
-def without_waves_from(surface: WeierstrassMandelbrot, f: int, n: int) -> np.ndarray:
-    """Return heights about their mean of the waves below index f alone, on an n x n grid."""
-    assert surface.phases is not None
-    z = fractal(f_max=f - 1, M=surface.M, phases=surface.phases[:, :f]).grid(n)
-    return z - z.mean()
-
-
-@pytest.mark.parametrize("M", [4, 10])
-def test_nested_drawing_adds_waves_to_the_same_surface(M):
-    """With a larger f_max the waves of a smaller one remain; drawn as one array, the surfaces are unrelated."""
-    nested = [fractal(f_max=f, M=M, seed=3, drawing="nested") for f in (4, 5, 6)]
-    array = [fractal(f_max=f, M=M, seed=3) for f in (4, 5, 6)]
-    coarse = nested[0].grid(65) - nested[0].grid(65).mean()
-    for surface in nested:
-        np.testing.assert_allclose(without_waves_from(surface, 5, 65), coarse, rtol=0, atol=1e-12 * np.ptp(coarse))
-        assert surface.random  # the search for the summit relies on it
-    for drawn, alike in ((nested, True), (array, False)):
-        z = [s.grid(65).ravel() for s in drawn]
-        correlations = np.corrcoef(z)[np.triu_indices(3, 1)]
-        assert np.all(correlations > 0.95) if alike else np.all(correlations < 0.9)
 
 
 def test_psd_slope_of_the_fractal():
