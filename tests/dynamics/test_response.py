@@ -89,7 +89,7 @@ def test_orbits_agree_with_shooting_to_1e_9() -> None:
     r = o.response(0.05, (0.8, 1.1), tol=1e-9)
     b = max(r.branches, key=lambda b: float(b.u_max.max()))
     for i in np.flatnonzero(b.u_min < -1.0)[3::24]:
-        shot = shoot(r.equation, b.Omega[i], 0.05, *b.points[i].x[:2])
+        shot = shoot(r.equation, b.Omega[i], 0.05, *b.points[i].y[:2])
         found = b.u_max[i], b.u_min[i], b.a1[i]
         np.testing.assert_allclose(found, (shot.u_max, shot.u_min, shot.a1), rtol=2e-9)
         assert b.radius[i] == pytest.approx(max(abs(m) for m in shot.multipliers), rel=2e-4)
@@ -118,11 +118,11 @@ def test_branches_pass_the_force_at_which_the_contact_yields_again(load: float, 
 def test_every_damping_agrees_with_shooting(damping: str) -> None:
     r = ContactOscillator(PowerLaw(1.5), zeta=0.03, damping=damping).response(0.08, (0.7, 1.2), tol=1e-7)
     b = r.branches[0]
-    steep = np.abs([p.t_parameter for p in b.points]) > 1e-6  # shooting is singular at a fold
+    steep = np.abs([p.rate for p in b.points]) > 1e-6  # shooting is singular at a fold
     flying = np.flatnonzero((b.u_min < -1.0) & steep)[::28]
     assert flying.size
     for i in flying:
-        shot = shoot(r.equation, b.Omega[i], 0.08, *b.points[i].x[:2])
+        shot = shoot(r.equation, b.Omega[i], 0.08, *b.points[i].y[:2])
         assert b.u_max[i] == pytest.approx(shot.u_max, rel=1e-6)
         assert b.radius[i] == pytest.approx(max(abs(m) for m in shot.multipliers), rel=1e-3)
 

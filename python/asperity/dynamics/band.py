@@ -8,7 +8,6 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from asperity.arrays import Array
-from asperity.dynamics.branch import dense
 from asperity.dynamics.equation import Restoring
 from asperity.dynamics.oscillator import ContactOscillator
 from asperity.dynamics.response import FrequencyResponse, frequency_response
@@ -147,7 +146,7 @@ def _moved(response: FrequencyResponse, omega: Array, moved: tuple[float, float]
 
     A point (Omega, u) of the response is moved to (s Omega, u/s^2), with s from `moved[0]` to `moved[1]`.
     """
-    lines = [dense(response.orbits(b), b, checked=False) for b in response.branches]
+    lines = response.lines()
     left, right = omega / moved[1], omega / moved[0]
     at = np.unique(np.concatenate([left, right, *(line.Omega for line in lines)]))
     # largest and smallest stable u_max of the response, linear between rows

@@ -1,17 +1,18 @@
-"""Branches of periodic orbits with their extremes, stability and events, and dense rows along them.
+"""Branches of periodic orbits with their extremes, stability and events.
 
 Events are folds, grazing, period doublings and largest displacements; they are roots along the branch, and become
-points. Between two points the orbits follow the cubic through states and tangents. Rows are added until straight lines
-between them are accurate, in displacement at fixed frequency and in frequency at fixed displacement.
+points. Orbits are added until straight lines between them are accurate, in displacement at fixed frequency and in
+frequency at fixed displacement.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from functools import cached_property
 from itertools import pairwise
-from typing import NamedTuple
+from typing import Any
 
 import numpy as np
 from scipy.optimize import minimize_scalar
@@ -21,12 +22,9 @@ from asperity.dynamics.orbits import Orbits, Path, Point, hermite, value
 from asperity.errors import ConvergenceError
 from asperity.runtime.display import short_repr
 
-_RTOL = 7.5e-4  # relative error of a straight line between rows; the error of the cubic adds to it
-_MISSED = 2e-4  # that error, over the amplitude
+_RTOL = 7.5e-4  # relative error of a straight line between rows
 _FLAT = (1e-9, 1e-4)  # relative changes of Omega and of u_max below which the other is not checked
-_CHECKS = 4  # largest number of times that points are added between points
-_DEPTH = 12  # largest number of halvings of a segment
-_NEUTRAL = 1e-4  # largest multipliers this close to 1 do not determine the stability next to the point
+_PLACES = np.array([0.25, 0.5, 0.75])  # of a segment, where it is compared with its chord
 _TOP, _CHANGE = "largest u_max", "change of stability"  # points, but not events
 _TRIALS = 14  # orbits at which a pair of events between two points is searched
 _DIP = 2.5  # psi^2 of the multipliers below which it is
@@ -53,43 +51,51 @@ class Event:
     __repr__ = short_repr
 
 
+def _column(of: Callable[[Point], Any], words: str) -> Any:
+    def column(branch: Branch) -> Array:
+        return np.array([of(p) for p in branch.points])
+
+    column.__doc__ = f"{words}, shape (points,)."
+    return cached_property(column)
+
+
 @dataclass(frozen=True)
 class Branch:
-    """Periodic orbits in order along a branch (arrays of shape (points,)).
+    """Periodic orbits in order along a branch.
 
     Attributes:
         kind: "main", "sub2" (of period 2, from a period doubling) or "detached"
         order: forcing periods per period of the orbit
-        Omega: forcing frequency over omega_s
-        u_max, u_min: extreme displacements; contact is lost where u_min < -1
-        a1: amplitude at the forcing frequency
-        stable: linear stability
-        radius: largest modulus of a Floquet multiplier
-        error: estimated error of the orbit, relative to its amplitude
-        det_error: deviation of the monodromy determinant from Liouville's
-        valid: False where the law is unphysical (a Taylor law with u_min < -1)
-        points: points of the continuation, with their tangents
+        points: the orbits, with the tangents of the branch
         end: reason why the branch ends
+        contact: whether the law loses contact
     """
 
     kind: str
     order: int
-    Omega: Array
-    u_max: Array
-    u_min: Array
-    a1: Array
-    stable: Flags
-    radius: Array
-    error: Array
-    det_error: Array
-    valid: Flags
     points: tuple[Point, ...]
     end: str
+    contact: bool = field(default=True, repr=False)
 
     __repr__ = short_repr
 
+    Omega = _column(lambda p: p.parameter, "Forcing frequencies over omega_s")
+    u_max = _column(lambda p: p.extremes[0], "Largest displacements")
+    u_min = _column(lambda p: p.extremes[1], "Smallest displacements; contact is lost where they are below -1")
+    a1 = _column(lambda p: p.harmonic, "Amplitudes at the forcing frequency")
+    phase = _column(lambda p: p.phase, "Phases of u over the force in degrees, 0 to -180 if linear")
+    stable = _column(lambda p: p.stable, "Linear stability")
+    radius = _column(lambda p: p.radius, "Largest modulus of a Floquet multiplier")
+    error = _column(lambda p: p.error, "Estimated errors of the orbits, relative to their amplitude")
+    det_error = _column(lambda p: p.det_error, "Deviations of the monodromy determinant from Liouville's")
+
+    @cached_property
+    def valid(self) -> Flags:
+        """False where the law is unphysical (a Taylor law with u_min < -1), shape (points,)."""
+        return np.asarray(self.contact | (self.u_min >= -1.0))
+
     def __len__(self) -> int:
-        return self.Omega.size
+        return len(self.points)
 
 
 @dataclass(frozen=True)
@@ -120,139 +126,34 @@ class Solution:
         return float(u), float(v)
 
 
-def first_harmonic(p: Point) -> float:
-    """Amplitude at the forcing frequency."""
-    return float(np.hypot(*p.extremes[2:]))
-
-
-def measure(orbits: Orbits, points: Sequence[Point], kind: str, end: str) -> Branch:
-    """Collect the corrected points of a branch."""
-    u_max, u_min, a1, omega, radius, error, off = np.array(
-        [(*p.extremes[:2], first_harmonic(p), p.parameter, p.radius, p.error, p.det_error) for p in points]
-    ).T
-    contact = orbits.equation.restoring.contact
-    return Branch(
-        kind, orbits.order, omega, u_max, u_min, a1, np.array([p.stable for p in points]), radius, error, off,
-        np.ones(omega.size, bool) if contact else u_min >= -1.0, tuple(points), end,
-    )  # fmt: skip
-
-
-class Line(NamedTuple):
-    """Dense rows along a branch as in `Branch`; phase of u over the force in degrees, 0 to -180 if linear."""
-
-    Omega: Array
-    u_max: Array
-    u_min: Array
-    a1: Array
-    phase: Array
-    stable: Flags
-
-
-class _Cubics:
-    """Omega, u_max, u_min and the first harmonic along a branch: cubics between its points."""
-
-    def __init__(self, orbits: Orbits, points: Sequence[Point]) -> None:
-        cubics = []
-        for a, b in pairwise(points):
-            w, length = orbits.segment(a, b)[1:]
-            count = w.size // 2
-            at = [np.append(p.parameter, p.extremes) for p in (a, b)]
-            slopes = [
-                length / (np.linalg.norm(w * p.pieces(count).tangent) + 1e-300) * np.append(p.t_parameter, p.slopes)
-                for p in (a, b)
-            ]
-            cubics.append(hermite(at[0], at[1] - at[0], *slopes))
-        self._cubics = np.array(cubics)
-
-    def at(self, place: Array) -> Array:
-        """Omega, u_max, u_min, a1 and phase (5, rows); a place is a point's index plus the fraction of the way on."""
-        i = np.minimum(place.astype(int), len(self._cubics) - 1)
-        omega, u_max, u_min, c, s = value(np.moveaxis(self._cubics[i], 0, -1), place - i)
-        phase = np.degrees((np.arctan2(-s, c) + 1.5 * np.pi) % (2.0 * np.pi) - 1.5 * np.pi)  # so that -180 is no edge
-        return np.array([omega, u_max, u_min, np.hypot(c, s), phase])
-
-
-def dense(orbits: Orbits, branch: Branch, *, checked: bool = True) -> Line:
-    """Compute rows along a branch, so close that straight lines between them deviate from the cubic by `_RTOL`.
-
-    The cubics are checked by orbits in the middle of each, unless `checked` is false.
-    """
-    if len(branch) == 1:
-        c, s = branch.points[0].extremes[2:]
-        phase = np.degrees((np.arctan2(-s, c) + 1.5 * np.pi) % (2.0 * np.pi) - 1.5 * np.pi)
-        return Line(branch.Omega, branch.u_max, branch.u_min, branch.a1, np.array([phase]), branch.stable)
-    branch = _checked(orbits, branch) if checked else branch
-    cubics = _Cubics(orbits, branch.points)
-    places: Array = np.arange(len(branch), dtype=float)
-    values = cubics.at(places)
-    done: Flags = np.zeros(len(branch) - 1, bool)
-    for depth in range(_DEPTH):
-        left = np.flatnonzero(~done)
-        if not left.size:
-            break
-        middle = 0.5 * (places[left] + places[left + 1])
-        between = cubics.at(middle)
-        off = _deviation(values[:, left], values[:, left + 1], between) > _RTOL
-        if depth == 0:  # a cubic may cross its chord in the middle
-            quarters = cubics.at(0.75 * places[left] + 0.25 * places[left + 1])
-            off |= _deviation(values[:, left], values[:, left + 1], quarters) > _RTOL
-        done[left[~off]] = True
-        done = np.insert(done, left[off], False)
-        places = np.insert(places, left[off] + 1, middle[off])
-        values = np.insert(values, left[off] + 1, between[:, off], axis=1)
-    omega, u_max, u_min, a1, phase = values
-    return Line(omega, u_max, u_min, a1, phase, _stability(orbits, branch, places))
-
-
-def _checked(orbits: Orbits, branch: Branch) -> Branch:
-    """Branch with further orbits in the middle of segments whose cubics miss them."""
-    points = list(branch.points)
-    left = list(range(len(points) - 1))
-    for _ in range(_CHECKS):
-        new: list[tuple[int, Point]] = []
-        for i in left:
-            with suppress(ConvergenceError):
-                p = orbits.between(points[i], points[i + 1], 0.5)
-                if _missed(orbits, points[i], points[i + 1], p):
-                    new.append((i, p))
-        for shift, (i, p) in enumerate(new):
-            points.insert(i + 1 + shift, p)
-        left = [j for shift, (i, _) in enumerate(new) for j in (i + shift, i + shift + 1)]
-    return branch if len(points) == len(branch) else measure(orbits, points, branch.kind, branch.end)
-
-
-def _missed(orbits: Orbits, a: Point, b: Point, p: Point) -> bool:
-    """Whether the cubic from a to b misses an orbit between them, whose place on it is that of the nearest state."""
-    w, _ = orbits.segment(a, b)[1:]
-    count = w.size // 2
-    chord = w * (b.pieces(count).y - a.pieces(count).y)
-    place = float((w * (p.pieces(count).y - a.pieces(count).y)) @ chord) / float(chord @ chord + 1e-300)
-    cubic = _Cubics(orbits, (a, b)).at(np.array([np.clip(place, 0.0, 1.0)]))[:, 0]
-    off = np.abs(np.array([p.parameter, *p.extremes[:2]]) - cubic[:3])
-    return bool(off[0] > _MISSED * p.parameter or max(off[1:]) > _MISSED * p.amplitude)
-
-
-def _deviation(a: Array, b: Array, middle: Array) -> Array:
-    """Relative distance of rows from the line between their neighbours, along u_max and Omega."""
-    worst = np.zeros(middle.shape[1])
-    for x, y, flat in ((0, 1, _FLAT[0]), (1, 0, _FLAT[1])):
-        gap = b[x] - a[x]
-        part = np.clip((middle[x] - a[x]) / np.where(gap == 0, np.inf, gap), 0.0, 1.0)
-        off = np.abs(a[y] + part * (b[y] - a[y]) - middle[y]) / np.abs(middle[y])
-        worst = np.maximum(worst, np.where(np.abs(gap) > flat * np.abs(middle[x]), off, 0.0))
-    return worst
-
-
-def _stability(orbits: Orbits, branch: Branch, places: Array) -> Flags:
-    """Stability of the rows: it changes at points only, because special orbits are points."""
-    stable = branch.stable[:-1].copy()
-    neutral = np.abs(branch.radius - 1.0) < _NEUTRAL
-    for i in np.flatnonzero(neutral[:-1] | neutral[1:] | (branch.stable[:-1] != branch.stable[1:])):
+def dense(orbits: Orbits, points: Sequence[Point]) -> tuple[Point, ...]:
+    """Points with more orbits between them, so close that straight lines deviate from the cubics by `_RTOL`."""
+    rows, left = list(points[:1]), list(reversed(points[1:]))
+    while left:
+        a, b = rows[-1], left[-1]
         with suppress(ConvergenceError):
-            stable[i] = orbits.between(branch.points[i], branch.points[i + 1], 0.5).stable
-    segment = np.minimum(places.astype(int), len(branch) - 2)
-    at_point = places == np.round(places)
-    return np.where(at_point, branch.stable[np.round(places).astype(int)], stable[segment])
+            if _deviation(orbits, a, b) > _RTOL and a.parameter != b.parameter:
+                left.append(orbits.between(a, b, 0.5))
+                continue
+        rows.append(left.pop())
+    return tuple(rows)
+
+
+def _deviation(orbits: Orbits, a: Point, b: Point) -> float:
+    """Relative distance of the cubic from the line between two points, along u_max and Omega."""
+    w, length = orbits.segment(a, b)[1:]
+    (x, y), slopes = (
+        np.array([(p.parameter, p.extremes[0]) for p in (a, b)]).T,
+        [length / np.linalg.norm(w * p.tangent) * np.array([p.rate, p.slopes[0]]) for p in (a, b)],
+    )
+    start, chord = np.array([x[0], y[0]]), np.array([x[1] - x[0], y[1] - y[0]])
+    between = value(hermite(start, chord, *slopes)[:, :, None], _PLACES)
+    worst = 0.0
+    for i, j, flat in ((0, 1, _FLAT[0]), (1, 0, _FLAT[1])):
+        if abs(chord[i]) > flat * abs(start[i]):
+            part = np.clip((between[i] - start[i]) / chord[i], 0.0, 1.0)
+            worst = max(worst, float(np.max(np.abs(start[j] + part * chord[j] - between[j]) / np.abs(between[j]))))
+    return worst
 
 
 def locate_events(orbits: Orbits, path: Path, kind: str, number: int) -> tuple[Branch, list[Event], list[Point]]:
@@ -260,22 +161,21 @@ def locate_events(orbits: Orbits, path: Path, kind: str, number: int) -> tuple[B
     points = _with_pairs(orbits, path.points)
     flip = _flip(orbits)
     tests: list[_Test] = [
-        ("fold", lambda p: p.t_parameter),
+        ("fold", lambda p: p.rate),
         ("grazing", lambda p: float(p.extremes[1]) + 1.0),
         flip,
         (_TOP, lambda p: float(p.slopes[0])),
     ]
     found = _located(orbits, points, tests)
-    all_points = list(points)
-    for shift, (i, _, p) in enumerate(found):
-        all_points.insert(i + 1 + shift, p)
-    branch = measure(orbits, all_points, kind, path.end)
     events = [
-        Event(name, number, p.parameter, float(p.extremes[0]), float(p.extremes[1]), first_harmonic(p))
+        Event(name, number, p.parameter, float(p.extremes[0]), float(p.extremes[1]), p.harmonic)
         for _, name, p in found
         if name not in (_TOP, _CHANGE)
     ]
-    return branch, events, [p for _, name, p in found if name == flip[0]]
+    flips = [p for _, name, p in found if name == flip[0]]
+    for shift, (i, _, p) in enumerate(found):
+        points.insert(i + 1 + shift, p)
+    return Branch(kind, orbits.order, tuple(points), path.end, orbits.equation.restoring.contact), events, flips
 
 
 def doublings(orbits: Orbits, points: Sequence[Point]) -> list[Point]:
@@ -298,15 +198,10 @@ def _located(orbits: Orbits, points: Sequence[Point], tests: Sequence[_Test]) ->
             if name == _TOP and values[i] < 0:  # a minimum of u_max
                 continue
             a, b = points[i], points[i + 1]
-            try:
+            with suppress(ConvergenceError):
                 p = orbits.locate(a, b, at, values[i], values[i + 1])
-            except ConvergenceError:
-                continue
-            if p is not a:
-                w, _ = orbits.segment(a, p)[1:]
-                count = w.size // 2
-                gap = float(np.linalg.norm(w * (p.pieces(count).y - a.pieces(count).y)))
-                found.append((int(i), gap, name, p))
+                if p is not a:
+                    found.append((int(i), orbits.gap(a, p), name, p))
     found.sort(key=lambda item: item[:2])
     return [(i, name, p) for i, _, name, p in found]
 

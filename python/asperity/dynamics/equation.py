@@ -11,6 +11,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from functools import cached_property
 from itertools import pairwise
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -155,6 +156,22 @@ class Restoring:
         """Energy stored in the contact, the integral of `pull` from u = -1."""
         z = self.z_s * (1.0 + np.asarray(u, float))
         return self.law.potential(z) / (self.scale * self.z_s)
+
+
+@dataclass(frozen=True)
+class Forcing:
+    """Excitation F^ = amplitude Omega^power: 0 for a force, or an acceleration of the base; 2 for its displacement."""
+
+    amplitude: float
+    power: int = 0
+
+    def at(self, omega: Any) -> Any:
+        """F^ at frequencies Omega."""
+        return self.amplitude * omega**self.power
+
+    def rate(self, omega: float) -> float:
+        """Its derivative with respect to Omega."""
+        return self.power * self.at(omega) / omega
 
 
 @dataclass(frozen=True)

@@ -1,27 +1,28 @@
 """Periodic orbits as fixed points of the period map, and their branches by pseudo-arclength continuation.
 
-An orbit is known by its states at equally spaced phases of the forcing, one for each forcing period, or more where it
-is so unstable that a single piece would amplify every error. Lengths along a branch are relative: to the amplitude, and
-to the frequency. Near a resonance, however narrow, a Floquet multiplier comes close to 1 or -1: a step changes its
-phase by at most half of the distance, and so shrinks geometrically instead of jumping over the resonance.
+An orbit is known by its states at equally spaced phases of the forcing, a quarter of a period apart: a single piece of
+a very unstable one would amplify every error. Lengths along a branch are relative: to the amplitude, and to the
+frequency. Near a resonance, however narrow, a Floquet multiplier comes close to 1 or -1: a step changes its phase by at
+most half of the distance, and so shrinks geometrically instead of jumping over the resonance.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
 from itertools import pairwise
 from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 from scipy.optimize import brentq
 
 from asperity.arrays import Array
-from asperity.dynamics.equation import Equation
+from asperity.dynamics.equation import Equation, Forcing
 from asperity.dynamics.period_map import TURN, Motions, motions
 from asperity.errors import ConvergenceError
 
+PIECES = 4  # of a forcing period
 _NEWTON = 8  # iterations of the corrector
 _NEWTON_RTOL = 1e-6  # relative size of its last step; the remaining error is of the order of the square
 _LOST = 1e9  # relative state beyond which Newton's method has left the orbit
@@ -29,12 +30,10 @@ _CUT = 0.35  # of a step that does not converge
 _HMIN = 1e-9  # smallest step along the branch
 _LONGEST = 0.4  # longest step, relative to amplitude and frequency
 _STRIDE = 0.03  # longest step outside the window, over the parameter
-_CUBIC = 2e-4  # allowed error of the cubic between two points inside, at fixed parameter, over the orbit
 _PREDICTED = 0.03  # allowed error of the prediction
-_STEEP = 0.03  # smallest rate of the parameter along the branch in that error, which would diverge at a fold
+_INSIDE = 7e-3  # the same inside the window, over the rate of the parameter along the branch, at least `_STEEP`
+_STEEP = 0.03
 _WEAK = 1e-3  # relative amplitude of a resonance that steps may jump over
-_UNSTABLE, _TAME = 1e3, 10.0  # multiplier of a piece above which it is divided, and below which two are joined
-_PIECES = 4  # largest number for a forcing period
 _WORK = 500  # steps of the integrator that count as much as a point
 _CROSSING_RTOL = 1e-14  # tolerance of the fraction of a segment at which a parameter is crossed
 _ROUND_OFF = 1e-15  # relative round-off of the contact force
@@ -47,9 +46,8 @@ class Point:
     """One periodic orbit on a branch, with the tangent of the branch; arrays are float.
 
     Attributes:
-        x: states u, v at equally spaced phases, from 0 (2 pieces,)
-        parameter: Omega (or F^ while the forcing is raised)
-        t, t_parameter: tangent in x and in the parameter, which changes sign at a fold
+        y: states u, v at equally spaced phases, from 0, and the parameter: Omega (or F^ while the forcing is raised)
+        tangent: of the branch in these; its last entry changes sign at a fold
         extremes: u_max, u_min, and the cosine and sine coefficients at the forcing frequency (4,)
         slopes: their derivatives along the tangent (4,)
         trace, determinant: of the monodromy matrix over the period of the orbit
@@ -57,10 +55,8 @@ class Point:
         error: estimated error of the orbit, relative to its amplitude
     """
 
-    x: Array
-    parameter: float
-    t: Array
-    t_parameter: float
+    y: Array
+    tangent: Array
     extremes: Array
     slopes: Array
     trace: float
@@ -69,9 +65,35 @@ class Point:
     error: float
 
     @property
+    def parameter(self) -> float:
+        """Omega, or F^."""
+        return float(self.y[-1])
+
+    @property
+    def rate(self) -> float:
+        """Change of the parameter along the tangent."""
+        return float(self.tangent[-1])
+
+    @property
+    def states(self) -> Array:
+        """States at forcing phase 0, one for each forcing period (order, 2)."""
+        return self.y[:-1].reshape(-1, 2)[::PIECES]
+
+    @property
     def amplitude(self) -> float:
         """Half of the range of u."""
         return float(0.5 * (self.extremes[0] - self.extremes[1])) + 1e-300
+
+    @property
+    def harmonic(self) -> float:
+        """Amplitude at the forcing frequency."""
+        return float(np.hypot(*self.extremes[2:]))
+
+    @property
+    def phase(self) -> float:
+        """Of u over the force at the forcing frequency, -270 to 90 degrees, so that -180 is no edge."""
+        c, s = self.extremes[2:]
+        return float(np.degrees((np.arctan2(-s, c) + 1.5 * np.pi) % TURN - 1.5 * np.pi))
 
     @property
     def fold(self) -> float:
@@ -101,24 +123,11 @@ class Point:
 
     def turned(self) -> Point:
         """Same point with the opposite direction."""
-        return replace(self, t=-self.t, t_parameter=-self.t_parameter, slopes=-self.slopes)
+        return replace(self, tangent=-self.tangent, slopes=-self.slopes)
 
-    def pieces(self, count: int) -> Point:
-        """Same point with the states of fewer pieces."""
-        every = self.x.size // (2 * count)
-        if every == 1:
-            return self
-        return replace(self, x=self.x.reshape(-1, 2)[::every].ravel(), t=self.t.reshape(-1, 2)[::every].ravel())
-
-    @cached_property
-    def y(self) -> Array:
-        """States and parameter."""
-        return np.append(self.x, self.parameter)
-
-    @cached_property
-    def tangent(self) -> Array:
-        """Tangent in states and parameter."""
-        return np.append(self.t, self.t_parameter)
+    def pinned(self, parameter: float) -> Point:
+        """Same point with the parameter that it was computed for, to the last digit."""
+        return replace(self, y=np.append(self.y[:-1], parameter))
 
 
 @dataclass(frozen=True)
@@ -148,52 +157,37 @@ class Tracing:
 class Orbits:
     """Orbits of `order` forcing periods as zeros of a function of states and parameter.
 
-    The parameter is Omega at fixed forcing, or F^ at fixed Omega (`by_forcing`); the other one is `fixed`.
+    The parameter is Omega, or F^ at the frequency `raised_at`.
     """
 
     equation: Equation
-    fixed: float
+    forcing: Forcing
     order: int = 1
-    by_forcing: bool = False
     rtol: float = 1e-9
+    raised_at: float | None = None
 
-    def scales(self, amplitude: float, parameter: float, pieces: int) -> Array:
-        """Weights (2 pieces + 1,) of states and parameter in lengths along the branch."""
-        fast = max(1.0, self.fixed if self.by_forcing else parameter)
-        w = np.empty(2 * pieces + 1)
-        w[0::2], w[1::2] = 1.0 / amplitude, 1.0 / (amplitude * fast)
-        w[-1] = 1.0 / (self.fixed_forcing(parameter) if self.by_forcing else parameter)
+    def scales(self, amplitude: float, parameter: float) -> Array:
+        """Weights of states and parameter in lengths along the branch."""
+        w, size = np.empty(2 * PIECES * self.order + 1), amplitude * np.sqrt(PIECES * self.order)
+        w[0::2], w[1::2] = 1.0 / size, 1.0 / (size * max(1.0, self.raised_at or parameter))
+        w[-1] = 1.0 / parameter
         return w
 
-    def fixed_forcing(self, parameter: float) -> float:
-        """F^ at a parameter."""
-        return parameter if self.by_forcing else self.fixed
+    def map(self, states: Array, parameter: float, phase: Array, length: float, **more: Any) -> Motions:
+        """Motions from states (lanes, 2) at phases over a length of it."""
+        if self.raised_at is not None:
+            more |= {"omega": self.raised_at, "forcing": parameter, "by_forcing": True}
+        else:
+            more |= {"omega": parameter, "forcing": self.forcing.at(parameter), "grows": self.forcing.rate(parameter)}
+        return motions(self.equation, states, start=phase, length=length, rtol=self.rtol, **more)
 
-    def map(self, x: Array, parameter: float, split: int = 1) -> Motions:
-        """Motions of the pieces, or of their first parts."""
-        count = x.size // 2
-        length = TURN * self.order / count
-        omega, forcing = (self.fixed, parameter) if self.by_forcing else (parameter, self.fixed)
-        return motions(
-            self.equation, x, omega, forcing, start=length * np.arange(count), length=length / split, rtol=self.rtol,
-            by_forcing=self.by_forcing,
-        )  # fmt: skip
-
-    def refined(self, p: Point) -> Point:
-        """Same point with the states of twice as many pieces."""
-        m = self.map(p.x, p.parameter, 2)
-        start, t = p.x.reshape(-1, 2), p.t.reshape(-1, 2)
-        there = np.einsum("nij,nj->ni", m.by_end, np.column_stack([t, np.full(len(t), p.t_parameter)]))
-        return replace(p, x=np.stack([start, m.end], 1).ravel(), t=np.stack([t, there], 1).ravel())
-
-    def divided(self, p: Point) -> Point:
-        """Same point with as many pieces as its multipliers need."""
-        while (count := p.x.size // 2 // self.order) < _PIECES and p.radius ** (1.0 / count) > _UNSTABLE:
-            p = self.refined(p)
-        while count > 1 and p.radius ** (2.0 / count) < _TAME:
-            count //= 2
-            p = p.pieces(count * self.order)
-        return p
+    def through(self, states: ArrayLike, parameter: float) -> Array:
+        """Guess of the unknowns from the states at forcing phase 0 of each period (order, 2)."""
+        rows = [np.reshape(states, (-1, 2))]
+        for k in range(PIECES - 1):
+            phase = np.full(len(rows[0]), k * TURN / PIECES)
+            rows.append(self.map(rows[-1], parameter, phase, TURN / PIECES, derivatives=False).end)
+        return np.append(np.stack(rows, 1).ravel(), parameter)
 
     def correct(
         self, y: Array, normal: Array, amplitude: float, *, limit: float = np.inf, rtol: float = _NEWTON_RTOL
@@ -208,103 +202,95 @@ class Orbits:
         Raises:
             ConvergenceError: the iteration does not converge, or moves further than `limit`
         """
-        count = y.size // 2
-        w = self.scales(min(amplitude, 1.0) + 1e-300, abs(y[-1]) + 1e-300, count)
+        count = PIECES * self.order
+        w = self.scales(min(amplitude, 1.0) + 1e-300, abs(y[-1]) + 1e-300)
         plane = normal / w
         plane = plane / np.sqrt(plane @ plane)
         previous, travelled, work = np.inf, 0.0, 0.0
         rtol = max(rtol, _NOISE * _ROUND_OFF / (self.equation.restoring.n_loc * min(amplitude, 1.0) + 1e-300))
-        matrix = np.zeros((y.size, y.size))
+        phase, rows = TURN / PIECES * np.arange(count), np.arange(2 * count).reshape(-1, 2)
         for _ in range(_NEWTON):
-            m = self.map(y[:-1], float(y[-1]))
+            states = y[:-1].reshape(-1, 2)
+            m = self.map(states, float(y[-1]), phase, TURN / PIECES)
             work += 0.5 + m.steps / _WORK
-            residual = (m.end - np.roll(y[:-1].reshape(-1, 2), -1, axis=0)).ravel()
-            if not np.abs(residual * w[:-1]).max() < _LOST:
+            residual = (m.end - np.roll(states, -1, axis=0)).ravel() * w[:-1]
+            if not np.abs(residual).max() < _LOST:
                 break
-            matrix[:] = 0.0
-            for i in range(count):
-                rows, after = slice(2 * i, 2 * i + 2), 2 * ((i + 1) % count)
-                matrix[rows, rows] += m.by_end[i, :, :2]
-                matrix[rows, after : after + 2] -= np.eye(2)
-                matrix[rows, -1] = m.by_end[i, :, 2]
+            matrix = np.zeros((y.size, y.size))
+            matrix[np.arange(2 * count), np.roll(np.arange(2 * count), -2)] = -1.0
+            matrix[rows[:, :, None], rows[:, None, :]] += m.by_end[:, :, :2]
+            matrix[:-1, -1] = m.by_end[:, :, 2].ravel()
             matrix *= np.append(w[:-1], 0.0)[:, None] / w
             matrix[-1] = plane
             try:
                 inverse = np.linalg.inv(matrix)
             except np.linalg.LinAlgError as error:
                 raise ConvergenceError("singular Jacobian") from error
-            step = inverse[:, :-1] @ (residual * w[:-1])
+            step = inverse[:, :-1] @ residual
             y = y - step / w
             length = float(np.sqrt(step @ step))
             travelled += length
             if not travelled < limit or not length < 4.0 * previous:
                 break
             if length <= rtol:
-                tangent = inverse[:, -1] / w
-                local = float(m.error.sum()) * w[0] * float(np.abs(inverse[:-1, :-1]).sum(axis=1).max())
-                return self._point(y, tangent, m, -step / w, local), work
+                grown = float(np.abs(inverse[:-1, :-1]).sum(axis=1).max())
+                local = float(m.error.sum()) * grown / (min(amplitude, 1.0) + 1e-300)
+                return self._point(y, inverse[:, -1] / w, m, -step / w, local), work
             previous = length
         raise ConvergenceError("no convergence in the corrector")
 
     def _point(self, y: Array, tangent: Array, m: Motions, step: Array, error: float) -> Point:
         """Point from the last motions of Newton's method, moved by its last step."""
-        count = y.size // 2
-
-        def both(gradient: Array, lane: int) -> Array:
-            return np.array([
-                gradient[:2] @ change[2 * lane : 2 * lane + 2] + gradient[2] * change[-1] for change in (step, tangent)
-            ])  # fmt: skip
-
+        changes = np.array([step, tangent])
+        by_lane = np.concatenate(
+            [changes[:, :-1].reshape(2, -1, 2), np.broadcast_to(changes[:, None, -1:], (2, len(m.end), 1))], axis=2
+        )
         top, low = int(m.high[:, 0].argmax()), int(m.low[:, 0].argmin())
-        factor = 2.0 / (TURN * self.order)
-        waves = factor * m.wave
+        waves = 2.0 / (TURN * self.order) * m.wave
         moves = np.array([
-            both(m.high[top, 1:], top), both(m.low[low, 1:], low),
-            *(sum(both(waves[i, k, 1:], i) for i in range(count)) for k in (0, 1)),
+            by_lane[:, top] @ m.high[top, 1:], by_lane[:, low] @ m.low[low, 1:],
+            *np.einsum("cij,ikj->kc", by_lane, waves[:, :, 1:]),
         ])  # fmt: skip
         extremes = np.array([m.high[top, 0], m.low[low, 0], *waves[:, :, 0].sum(axis=0)]) + moves[:, 0]
-        monodromy = m.by_end[0, :, :2]
-        for matrix in m.by_end[1:, :, :2]:
-            monodromy = matrix @ monodromy
+        monodromy = np.linalg.multi_dot(m.by_end[::-1, :, :2])
         liouville = float(np.exp(-2.0 * self.equation.zeta * m.damping.sum()))
         size = max(liouville, 1e-6 * float(np.sum(monodromy**2)), 1e-12)
         off = abs(float(np.linalg.det(monodromy)) - liouville) / size
         a = 0.5 * (extremes[0] - extremes[1]) + 1e-300
-        unit = tangent * self.scales(a, abs(y[-1]) + 1e-300, count)
+        unit = tangent * self.scales(a, abs(y[-1]) + 1e-300)
         length = np.sqrt(unit @ unit)
         error = max(error * min(1.0, 1.0 / a), _ROUND_OFF / (self.equation.restoring.n_loc * a))
         return Point(
-            y[:-1], float(y[-1]), tangent[:-1] / length, float(tangent[-1] / length), extremes, moves[:, 1] / length,
-            float(np.trace(monodromy)), liouville, off, error,
-        )  # fmt: skip
+            y, tangent / length, extremes, moves[:, 1] / length, float(np.trace(monodromy)), liouville, off, error
+        )
 
-    def at(self, x: Array, parameter: float, amplitude: float, direction: float = 1.0) -> Point:
-        """Correct states at a fixed parameter, which first changes with the sign of `direction` along the tangent."""
-        normal = np.zeros(x.size + 1)
+    def at(self, y: Array, amplitude: float, direction: float = 1.0) -> Point:
+        """Correct a guess at its parameter, which first changes with the sign of `direction` along the tangent."""
+        normal = np.zeros(y.size)
         normal[-1] = np.copysign(1.0, direction)
-        return replace(self.correct(np.append(x, parameter), normal, amplitude)[0], parameter=parameter)
+        return self.correct(y, normal, amplitude)[0].pinned(float(y[-1]))
 
     def segment(self, a: Point, b: Point) -> tuple[Array, Array, float]:
         """Cubic (4, unknowns) from a to b over [0, 1], weights of the unknowns, and the length of the chord."""
-        count = min(a.x.size, b.x.size) // 2
-        a, b = a.pieces(count), b.pieces(count)
-        w = self.scales(a.amplitude, a.parameter, count)
+        w = self.scales(a.amplitude, a.parameter)
         chord = b.y - a.y
         length = float(np.linalg.norm(w * chord))
         out, into = (length / (np.linalg.norm(w * p.tangent) + 1e-300) * p.tangent for p in (a, b))
         return hermite(a.y, chord, out, into), w, length
 
+    def gap(self, a: Point, b: Point) -> float:
+        """Distance between two points along the branch."""
+        return float(np.linalg.norm(self.scales(a.amplitude, a.parameter) * (b.y - a.y)))
+
     def between(self, a: Point, b: Point, fraction: float, rtol: float = _NEWTON_RTOL) -> Point:
         """Point of the branch at a fraction of the way from a to b: cubic prediction, corrected."""
-        cubic, w, _ = self.segment(a, b)
+        cubic, w, length = self.segment(a, b)
         normal = w**2 * (cubic[1] + 2.0 * fraction * cubic[2] + 3.0 * fraction**2 * cubic[3])
         if not np.any(normal):
             normal = w**2 * cubic[1:].sum(axis=0)
-        guess, size = value(cubic, fraction), min(a.amplitude, b.amplitude)
-        point = self.correct(guess, normal, size, rtol=rtol)[0]
-        count = point.x.size // 2
-        room = 0.5 * float(np.linalg.norm(w * (b.pieces(count).y - a.pieces(count).y))) + 1e-6
-        if np.linalg.norm(w * (point.y - guess)) > room:
+        guess = value(cubic, fraction)
+        point = self.correct(guess, normal, min(a.amplitude, b.amplitude), rtol=rtol)[0]
+        if np.linalg.norm(w * (point.y - guess)) > 0.5 * length + 1e-6:
             raise ConvergenceError("another orbit was found between two points")
         return point
 
@@ -351,7 +337,7 @@ class Orbits:
         with_sense = b.parameter - a.parameter
         try:
             guess = value(cubic, s)
-            found = self.at(guess[:-1], parameter, min(a.amplitude, b.amplitude), with_sense)
+            found = self.at(np.append(guess[:-1], parameter), min(a.amplitude, b.amplitude), with_sense)
             if np.linalg.norm(w * (found.y - guess)) < 0.2 * length:
                 return found
         except ConvergenceError:
@@ -359,7 +345,7 @@ class Orbits:
         found = self.locate(
             a, b, lambda p: p.parameter - parameter, a.parameter - parameter, b.parameter - parameter, _CROSSING_RTOL
         )
-        return replace(found, parameter=parameter)
+        return found.pinned(parameter)
 
     def turns(self, a: Point, b: Point) -> list[float]:
         """Fractions of the segment, in order, at which the parameter of the cubic turns back."""
@@ -383,7 +369,7 @@ class Orbits:
         while True:
             here = points[-1]
             inside = how.is_inside(here.parameter)
-            w = self.scales(here.amplitude, here.parameter, here.x.size // 2)
+            w = self.scales(here.amplitude, here.parameter)
             unit = here.tangent / np.linalg.norm(w * here.tangent)
             longest = how.max_step if inside else min(_STRIDE * here.parameter, 5.0 * how.max_step + _STRIDE)
             h = min(h, longest / max(abs(unit[-1]), 1e-9), _LONGEST)
@@ -402,8 +388,12 @@ class Orbits:
                     work += 2.0
                     h *= _CUT
                     continue
-                error = self._error(guess, point, w, unit, how.is_inside(point.parameter))
-                aligned = float((w * point.tangent) @ (w * unit)) / np.linalg.norm(w * point.tangent)
+                miss, along = w * (point.y - guess), w * point.tangent / np.linalg.norm(w * point.tangent)
+                allowed = _PREDICTED
+                if how.is_inside(point.parameter):  # at a fold the error at fixed frequency would diverge
+                    allowed = min(allowed, _INSIDE * max(abs(along[-1]), abs(float((w * unit)[-1])), _STEEP))
+                error = float(np.linalg.norm(miss - (miss @ along) * along)) / allowed
+                aligned = float(along @ (w * unit))
                 if error > 2.0 or aligned < 0.5:
                     h *= max(0.2, min(0.6, (0.5 / max(error, 1e-9)) ** 0.25))
                     continue
@@ -420,7 +410,7 @@ class Orbits:
                     return Path(tuple(points), "window")
             if not limits[0] <= point.parameter <= limits[1]:
                 return Path(tuple(points), "window")
-            points.append(self.divided(point))
+            points.append(point)
             if passed and point.parameter in limits:
                 return Path(tuple(points), "window")
             reason = stop(points) if stop else None
@@ -430,12 +420,12 @@ class Orbits:
 
     def _resonance(self, p: Point, rate: float) -> float:
         """Longest step near a resonance, by the phase of the multipliers; `rate` is that of Omega along the branch."""
-        if self.by_forcing or p.determinant <= _SMALLEST:
+        if self.raised_at is not None or p.determinant <= _SMALLEST:
             return np.inf
         decay, turn = -0.5 * np.log(p.determinant), TURN * self.order / p.parameter**2
         near = min(abs(p.phase_square(sign)) for sign in (1.0, -1.0)) ** 0.5
-        w = self.scales(p.amplitude, p.parameter, p.x.size // 2)
-        drift = float(np.linalg.norm((w * p.tangent)[:-1])) / max(abs(p.t_parameter), 1e-9)
+        w = self.scales(p.amplitude, p.parameter)
+        drift = float(np.linalg.norm((w * p.tangent)[:-1])) / max(abs(p.rate), 1e-9)
         if drift * abs(p.fold) / turn < _WEAK * max(decay, 1e-6):
             return np.inf
         return (0.5 * near + max(0.5 * decay, 1e-3)) / (turn * max(abs(rate), 1e-9))
@@ -443,8 +433,8 @@ class Orbits:
     def _predictor(self, points: Sequence[Point], w: Array, unit: Array) -> Callable[[float], Array]:
         """Extrapolation by arc length with the cubic through the last two points and their tangents."""
         here = points[-1]
-        if len(points) > 1 and points[-2].x.size >= here.x.size:
-            before = points[-2].pieces(here.x.size // 2)
+        if len(points) > 1:
+            before = points[-2]
             chord = here.y - before.y
             length = float(np.linalg.norm(w * chord))
             if length > 1e-12:
@@ -452,21 +442,6 @@ class Orbits:
                 cubic = hermite(before.y, chord, out, length * unit)
                 return lambda h: value(cubic, 1.0 + h / length)
         return lambda h: here.y + h * unit
-
-    def _error(self, guess: Array, point: Point, w: Array, unit: Array, inside: bool) -> float:
-        """Error of the prediction over the allowed one.
-
-        With the fourth derivative D of the branch the error of the prediction is h^2 (h + g)^2 D / 24, where g is the
-        step before, and that of the cubic between its ends h^4 D / 384: at most 1/36 of it, as h is at most 2 g.
-        """
-        miss = w * (point.y - guess)
-        t = w * point.tangent
-        t = t / np.linalg.norm(t)
-        across = float(np.linalg.norm(miss - (miss @ t) * t))
-        if not inside:
-            return across / _PREDICTED
-        steep = max(abs(t[-1]), abs(float((w * unit)[-1])), _STEEP)
-        return max(across / _PREDICTED, across / (36.0 * _CUBIC * steep))
 
 
 def hermite(start: Any, chord: Any, out: Any, into: Any) -> Array:

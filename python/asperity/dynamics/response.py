@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from contextlib import suppress
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any
 
 import numpy as np
 
-from asperity.dynamics.branch import Branch, Event, Line, Solution, dense, first_harmonic
+from asperity.dynamics.branch import Branch, Event, Solution, dense
 from asperity.dynamics.equation import Equation
 from asperity.dynamics.orbits import Orbits, Point, Tracing
 from asperity.dynamics.search import Search, distance
@@ -90,17 +90,14 @@ class FrequencyResponse:
                     f"{error}; use a smaller tol"
                 ) from error
             for p in points:
-                states = p.pieces(branch.order).x
                 u_max, u_min = (float(u) for u in p.extremes[:2])
                 s = Solution(
-                    number, branch.kind, branch.order, omega, u_max, u_min, first_harmonic(p), p.stable, p.error,
-                    states.reshape(-1, 2),
-                )  # fmt: skip
+                    number, branch.kind, branch.order, omega, u_max, u_min, p.harmonic, p.stable, p.error, p.states
+                )
                 # the sense differs on the two sides of a fold, however close
                 if not any(
                     (p.fold > 0) == (q.fold > 0) and s.order == o.order
-                    and distance(states, o.states.ravel(), s.order)
-                    < (_SAME + 10.0 * max(s.error, o.error)) * p.amplitude
+                    and distance(p.states, q.states, s.order) < (_SAME + 10.0 * max(s.error, o.error)) * p.amplitude
                     for o, q in found
                 ):  # fmt: skip
                     found.append((s, p))
@@ -130,17 +127,17 @@ class FrequencyResponse:
                     after = [s.u_max for s in self.at(beyond) if s.stable]
             yield e.Omega, upwards, e.u_max, after[0] if len(after) == 1 else None
 
-    def lines(self) -> tuple[Line, ...]:
-        """Each branch as dense rows; straight lines between them have errors below 1e-3."""
+    def lines(self) -> tuple[Branch, ...]:
+        """Each branch with more orbits; straight lines between them have errors below 1e-3."""
         return self._lines
 
     @cached_property
-    def _lines(self) -> tuple[Line, ...]:
-        return tuple(dense(self.orbits(b), b) for b in self.branches)
+    def _lines(self) -> tuple[Branch, ...]:
+        return tuple(replace(b, points=dense(self.orbits(b), b.points)) for b in self.branches)
 
     def orbits(self, branch: Branch) -> Orbits:
         """Equations of the orbits of a branch."""
-        return Orbits(self.equation, self.setting.F_hat, branch.order, rtol=self.rtol)
+        return Orbits(self.equation, self.setting.forcing, branch.order, self.rtol)
 
     def to_dict(self) -> dict[str, Any]:
         """Section of thresholds.json."""
@@ -161,9 +158,10 @@ class FrequencyResponse:
 
     def rows(self) -> Iterator[dict[str, Any]]:
         """Rows of response.csv, in order along each branch, as dense as in `lines`."""
-        for branch, line in zip(self.branches, self.lines(), strict=True):
-            for omega, u_max, u_min, a1, phase, stable in zip(*line, strict=True):
-                yield self.setting.row(branch.kind, omega, u_max, u_min, a1, bool(stable), phase)
+        for line in self.lines():
+            for p in line.points:
+                u_max, u_min = (float(u) for u in p.extremes[:2])
+                yield self.setting.row(line.kind, p.parameter, u_max, u_min, p.harmonic, p.stable, p.phase)
 
 
 def frequency_response(
@@ -181,7 +179,7 @@ def frequency_response(
     """
     rtol = min(max(_RTOL * tol, _FINEST), _COARSEST)
     how = Tracing(omega, (omega[1] - omega[0]) / 25.0, max_points)
-    search = Search(equation, setting.F_hat, how, subharmonics, rtol)
+    search = Search(equation, setting.forcing, how, subharmonics, rtol)
     search.run()
     branches = search.branches
     return FrequencyResponse(

@@ -15,8 +15,9 @@ import numpy as np
 
 from asperity.arrays import Array
 from asperity.dynamics.branch import Branch, Event, doublings, locate_events
-from asperity.dynamics.equation import Equation
-from asperity.dynamics.orbits import Orbits, Path, Point, Tracing, root, value
+from asperity.dynamics.equation import Equation, Forcing
+from asperity.dynamics.orbits import PIECES, Orbits, Path, Point, Tracing, root, value
+from asperity.dynamics.period_map import TURN
 from asperity.dynamics.settings import MIN_ZETA
 from asperity.dynamics.starts import (
     backbone_chart,
@@ -45,12 +46,13 @@ class Search:
         notes: on what could not be found or continued
     """
 
-    def __init__(self, equation: Equation, forcing: float, how: Tracing, subharmonics: bool, rtol: float) -> None:
+    def __init__(self, equation: Equation, forcing: Forcing, how: Tracing, subharmonics: bool, rtol: float) -> None:
         self.equation, self.forcing, self.how = equation, forcing, how
         self.orders = (1, 2) if subharmonics else (1,)
         self.orbits = {order: Orbits(equation, forcing, order, rtol=rtol) for order in (1, 2)}
-        self.chart = backbone_chart(equation, forcing)
-        self.alone = has_one_resonance(equation, forcing)  # below the main resonance the orbit is unique
+        self.strong = float(forcing.at(max(1.0, how.window[1])))  # F^, the greatest in the window and at the resonance
+        self.chart = backbone_chart(equation, self.strong)
+        self.alone = has_one_resonance(equation, self.strong)  # below the main resonance the orbit is unique
         self.branches: list[Branch] = []
         self.events: list[Event] = []
         self.notes: list[str] = []
@@ -75,7 +77,7 @@ class Search:
                     self._from_rest(omega)
         self._finish()
         orders = self._searched_orders()
-        random = random_starts(self.equation, self.forcing, self.how.window, _STARTS) if orders else np.empty((3, 0))
+        random = random_starts(self.equation, self.strong, self.how.window, _STARTS) if orders else np.empty((3, 0))
         for order in orders:
             free = free_starts(self.equation, self.chart, self.how.window, order, _STARTS)
             lanes = np.concatenate([free, random], axis=1)
@@ -84,7 +86,7 @@ class Search:
                 self._finish()
         if not self.branches:
             raise ConvergenceError(
-                f"no periodic orbit found for Omega = {low:g} to {high:g} with F^ = {self.forcing:g}"
+                f"no periodic orbit found for Omega = {low:g} to {high:g} with F^ = {self.strong:g}"
             )
         missing = [
             f"at the end Omega = {edge:g} of the window at least one orbit of period {order} is missing: "
@@ -117,7 +119,7 @@ class Search:
         Those of period 1 are followed as far as their period doublings bear orbits in the window.
         """
         (low, high), chart = self.how.window, self.chart
-        above = max([order, *self._searched_orders()]) * _BEYOND * chart.highest * (1.0 + self.forcing)
+        above = max([order, *self._searched_orders()]) * _BEYOND * chart.highest * (1.0 + self.strong)
         below = chart.lowest / _BEYOND if order == 1 and self.alone else 0.0
         return max(_BELOW * low, below) if below < low < above else low, above if below < high < above else high
 
@@ -128,17 +130,18 @@ class Search:
     def _from_rest(self, omega: float) -> None:
         """Trace the branch from rest at a frequency in the window or above it."""
         try:
-            p = orbit_from_rest(self.equation, omega, self.forcing, self.orbits[1].rtol)
+            p = orbit_from_rest(self.equation, omega, float(self.forcing.at(omega)), self.orbits[1].rtol)
         except ConvergenceError as error:
             self._lost.append(f"the orbit from rest at Omega = {omega:.6g} was not found: {error}")
         else:
-            self._through("main", 1, p.x, omega, p.amplitude)
+            self._through("main", 1, p.states, omega, p.amplitude)
 
-    def _through(self, kind: str, order: int, x: Array, omega: float, amplitude: float) -> None:
-        """Trace the branch through an orbit, if it is new."""
+    def _through(self, kind: str, order: int, rough: Array, omega: float, amplitude: float) -> None:
+        """Trace the branch through an orbit near rough states (order, 2), if it is new."""
+        orbits = self.orbits[order]
         try:
-            first = self.orbits[order].at(x, omega, amplitude, -1.0)
-            path = through(self.orbits[order], first, self._tracing(order), self._known(order))
+            first = orbits.at(orbits.through(rough, omega), amplitude, -1.0)
+            path = through(orbits, first, self._tracing(order), self._known(order))
         except ConvergenceError as error:
             self.notes.append(f"an orbit at Omega = {omega:.6g} is on no branch and could not be continued: {error}")
         else:
@@ -163,16 +166,16 @@ class Search:
 
     def _joined(self, path: Path) -> Path:
         """Path of twice the period up to the period doubling at which it ends, from which it is not traced again."""
-        before, end = path.points[-2:]
-        ends = [doubled(self.orbits[2], p) for p in self._doublings]
-        gaps = [_gap(self.orbits[2], p, end) for p in ends]
-        if path.end != "period doubling" or min(gaps, default=np.inf) > _gap(self.orbits[2], before, end):
+        (before, end), orbits = path.points[-2:], self.orbits[2]
+        ends = [doubled(orbits, p) for p in self._doublings]
+        gaps = [orbits.gap(p, end) for p in ends]
+        if path.end != "period doubling" or min(gaps, default=np.inf) > orbits.gap(before, end):
             return path
         i = int(np.argmin(gaps))
         del self._doublings[i]
-        last = ends[i].pieces(2)
-        turn = np.sign(last.t @ end.t) or 1.0
-        return replace(path, points=(*path.points[:-1], replace(last, t=turn * last.t, slopes=-last.slopes)))
+        turn = np.sign(ends[i].tangent @ end.tangent) or 1.0
+        last = replace(ends[i], tangent=turn * ends[i].tangent, slopes=-ends[i].slopes)
+        return replace(path, points=(*path.points[:-1], last))
 
     def _measure(self, kind: str, order: int, path: Path) -> None:
         """Make branches of the pieces of a path in the window, with their events and period doublings."""
@@ -185,7 +188,7 @@ class Search:
             branch, events, flips = locate_events(orbits, piece, kind, len(self.branches))
             self.branches.append(branch)
             self._ends += [(order, piece.points[0]), (order, piece.points[-1])]
-            self._states.append(states(orbits, branch.points))
+            self._states.append(states(branch.points))
             self.events.extend(events)
             if 2 * order in self.orders:
                 self._doublings.extend(flips)
@@ -230,21 +233,19 @@ class Search:
 
 def doubled(orbits: Orbits, flip: Point) -> Point:
     """Period doubling as the first point of the branch of twice the period; `orbits` are those of that."""
-    m = replace(orbits, order=1).map(flip.x, flip.parameter)
-    monodromy = np.linalg.multi_dot([*m.by_end[::-1, :, :2], np.eye(2)])
-    e = np.linalg.svd(monodromy + np.eye(2))[2][-1]
-    directions = [e]
+    one = replace(orbits, order=1)
+    m = one.map(flip.y[:-1].reshape(-1, 2), flip.parameter, TURN / PIECES * np.arange(PIECES), TURN / PIECES)
+    monodromy = np.linalg.multi_dot(m.by_end[::-1, :, :2])
+    directions = [np.linalg.svd(monodromy + np.eye(2))[2][-1]]
     for piece in m.by_end[:-1, :, :2]:
         directions.append(piece @ directions[-1])
-    t = np.concatenate(directions)
-    w = orbits.scales(flip.amplitude, flip.parameter, t.size)
-    t = np.concatenate([t, -t])
-    t = t / np.linalg.norm(w[:-1] * t)
+    t = np.concatenate([*directions, *(-d for d in directions), [0.0]])
+    t = t / np.linalg.norm(orbits.scales(flip.amplitude, flip.parameter) * t)
     top, low = int(m.high[:, 0].argmax()), int(m.low[:, 0].argmin())
     rise = abs(m.high[top, 1:3] @ t[2 * top : 2 * top + 2])
     fall = abs(m.low[low, 1:3] @ t[2 * low : 2 * low + 2])
     return replace(
-        flip, x=np.tile(flip.x, 2), t=t, t_parameter=0.0, slopes=np.array([rise, -fall, 0.0, 0.0]),
+        flip, y=np.concatenate([flip.y[:-1], flip.y]), tangent=t, slopes=np.array([rise, -fall, 0.0, 0.0]),
         trace=flip.trace**2 - 2.0 * flip.determinant, determinant=flip.determinant**2,
     )  # fmt: skip
 
@@ -258,31 +259,26 @@ def subharmonic(orbits: Orbits, flip: Point, how: Tracing, known: Sequence[Path]
 
 def _doubling(orbits: Orbits, points: list[Point]) -> str | None:
     """Replace the last point of a branch of twice the period by the period doubling that its last step passes."""
-    a, b = (p.pieces(2) for p in points[-2:])
-    odd_a = _odd(a.x)
+    a, b = points[-2:]
+    odd_a = _odd(a)
 
     def side(p: Point) -> float:
-        return float(_odd(p.pieces(2).x) @ odd_a)
+        return float(_odd(p) @ odd_a)
 
     if len(points) < 3 or side(b) > 0:
         return None
     points.pop()  # it repeats an orbit of the branch, shifted by half of its period
     cubic, w, _ = orbits.segment(a, b)
-    y = value(cubic, root(lambda s: float(_odd(value(cubic, s)[:-1]) @ odd_a), side(a), side(b)))
-    t = -odd_a / np.linalg.norm(w[:-1] * odd_a)
-    points.append(replace(a, x=y[:-1] - _odd(y[:-1]), parameter=float(y[-1]), t=t, t_parameter=0.0))
+    at = root(lambda s: side(replace(a, y=value(cubic, s))), side(a), side(b))
+    end = replace(a, y=value(cubic, at), tangent=-odd_a / np.linalg.norm(w * odd_a))
+    points.append(replace(end, y=end.y - _odd(end)))
     return "period doubling"
 
 
-def _odd(x: Array) -> Array:
-    """Half of the difference of the two forcing periods of an orbit."""
-    return 0.5 * (x - np.roll(x, x.size // 2))
-
-
-def _gap(orbits: Orbits, a: Point, b: Point) -> float:
-    count = min(a.x.size, b.x.size) // 2
-    w = orbits.scales(a.amplitude, a.parameter, count)
-    return float(np.linalg.norm(w * (a.pieces(count).y - b.pieces(count).y)))
+def _odd(p: Point) -> Array:
+    """Half of the difference of the two forcing periods of an orbit, 0 for the parameter."""
+    x = p.y[:-1]
+    return np.append(0.5 * (x - np.roll(x, x.size // 2)), 0.0)
 
 
 def through(orbits: Orbits, first: Point, how: Tracing, known: Sequence[Path]) -> Path | None:
@@ -291,13 +287,14 @@ def through(orbits: Orbits, first: Point, how: Tracing, known: Sequence[Path]) -
     The result is None if its true period is shorter.
     """
     order = orbits.order
-    if order > 1 and np.abs(_odd(first.x))[::2].max() < 1e-3 * first.amplitude:
+    if order > 1 and np.abs(_odd(first))[::2].max() < 1e-3 * first.amplitude:
         return None  # its true period is shorter
     if any(is_same(q, first, order) for path in known for q in orbits.crossings(path.points, first.parameter)):
         return None
-    first = orbits.divided(first)
-    half = first.x.size // order
-    copies = [replace(first, x=np.roll(first.x, k * half), t=np.roll(first.t, k * half)) for k in range(order)]
+    copies = []
+    for k in range(order):  # the same orbit, seen from each forcing period
+        y, t = (np.append(np.roll(x[:-1], 2 * PIECES * k), x[-1]) for x in (first.y, first.tangent))
+        copies.append(replace(first, y=y, tangent=t))
 
     def closed(points: list[Point]) -> str | None:
         if order == 2 and (doubling := _doubling(orbits, points)):
@@ -306,13 +303,11 @@ def through(orbits: Orbits, first: Point, how: Tracing, known: Sequence[Path]) -
             return met
         if len(points) < 6:
             return None
-        a, b = points[-2], points[-1]
-        w = orbits.segment(a, b)[1]
-        count = min(w.size // 2, first.x.size // 2)
-        w = orbits.scales(a.amplitude, a.parameter, count)
-        chord = w * (b.pieces(count).y - a.pieces(count).y)
+        a, b = points[-2:]
+        w = orbits.scales(a.amplitude, a.parameter)
+        chord = w * (b.y - a.y)
         for f in copies:
-            to = w * (f.pieces(count).y - a.pieces(count).y)
+            to = w * (f.y - a.y)
             s = float(to @ chord) / float(chord @ chord)
             if 0 <= s <= 1 and np.linalg.norm(to - s * chord) < 0.1 * np.linalg.norm(chord):
                 points[-1] = f
@@ -324,7 +319,7 @@ def through(orbits: Orbits, first: Point, how: Tracing, known: Sequence[Path]) -
         edge = next((p for p in forward.points if p.parameter in how.window), None)
         if edge is None or first.parameter in how.window:
             return replace(forward, begin="closed")
-        again = orbits.at(edge.x, edge.parameter, edge.amplitude, -1.0)
+        again = orbits.at(edge.y, edge.amplitude, -1.0)
         return through(orbits, again, how, ())  # so that no piece begins in the window
     backward = orbits.trace(first.turned(), how, closed)
     turned = tuple(p.turned() for p in reversed(backward.points[1:]))
@@ -341,11 +336,10 @@ def is_same(a: Point, b: Point, order: int) -> bool:
     """Whether two points are one orbit, up to a shift by whole forcing periods."""
     if abs(a.parameter - b.parameter) > 1e-9:
         return False
-    return distance(a.pieces(order).x, b.pieces(order).x, order) < max(_SAME, 10.0 * max(a.error, b.error)) * max(
-        a.amplitude, 1e-300
-    )
+    close = max(_SAME, 10.0 * max(a.error, b.error)) * max(a.amplitude, 1e-300)
+    return distance(a.states, b.states, order) < close
 
 
 def distance(a: Array, b: Array, order: int) -> float:
-    """Greatest difference of the states (2 order,) of two orbits, up to a shift by whole forcing periods."""
-    return min(float(np.abs(a - np.roll(b, 2 * k)).max()) for k in range(order))
+    """Greatest difference of the states (order, 2) of two orbits, up to a shift by whole forcing periods."""
+    return min(float(np.abs(a - np.roll(b, k, axis=0)).max()) for k in range(order))

@@ -15,6 +15,7 @@ from typing import Any
 
 import numpy as np
 
+from asperity.dynamics.equation import Forcing
 from asperity.dynamics.joint import Joint
 from asperity.errors import InputError
 from asperity.force_law.checks import positives, within
@@ -37,6 +38,11 @@ class Setting:
     zeta: float
     damping: str
     F_hat: float
+
+    @property
+    def forcing(self) -> Forcing:
+        """F^ over the frequency."""
+        return Forcing(self.F_hat)
 
     @property
     def F_over_mg(self) -> float:

@@ -15,9 +15,9 @@ from itertools import pairwise
 import numpy as np
 
 from asperity.arrays import Array
-from asperity.dynamics.equation import Equation
+from asperity.dynamics.equation import Equation, Forcing
 from asperity.dynamics.free import free_orbit, rough_states
-from asperity.dynamics.orbits import Orbits, Point, Tracing, value
+from asperity.dynamics.orbits import PIECES, Orbits, Point, Tracing
 from asperity.dynamics.period_map import TURN, motions
 from asperity.dynamics.thresholds import resonance_peak
 from asperity.errors import ConvergenceError
@@ -39,18 +39,18 @@ _GOLDEN = {2: 1.3247179572447460, 3: 1.2207440846057596}  # roots of x^(d + 1) =
 
 
 def orbit_from_rest(equation: Equation, omega: float, forcing: float, rtol: float) -> Point:
-    """Orbit reached at fixed Omega by raising the forcing from zero."""
+    """Orbit reached at fixed Omega by raising F^ from zero."""
     impedance = complex(1.0 - omega * omega, 2.0 * equation.zeta * omega)
     if abs(impedance) < _SINGULAR:
         raise ConvergenceError(f"no orbit found from rest at Omega = {omega:g}, the resonance without damping")
-    transfer, orbits = 1.0 / impedance, Orbits(equation, omega, by_forcing=True, rtol=rtol)
-    linear = forcing * abs(transfer) < _LINEAR
-    for first in [forcing] * linear + [share / abs(transfer) for share in _FAINT]:
+    response = np.exp(1j * TURN / PIECES * np.arange(PIECES)) / impedance
+    unit = np.column_stack([response.real, -omega * response.imag]).ravel()
+    orbits, size = Orbits(equation, Forcing(forcing), rtol=rtol, raised_at=omega), 1.0 / abs(impedance)
+    for first in [forcing] * (forcing * size < _LINEAR) + [share / size for share in _FAINT]:
         if first > forcing:
             continue
         with suppress(ConvergenceError):
-            x = first * np.array([transfer.real, -omega * transfer.imag])
-            point = orbits.at(x, first, first * abs(transfer))
+            point = orbits.at(np.append(first * unit, first), first * size)
             break
     else:
         raise ConvergenceError(f"no orbit found from rest at Omega = {omega:g}")
@@ -150,21 +150,21 @@ def _even(count: int, dimensions: int) -> Array:
 
 
 def periodic_orbits(
-    equation: Equation, forcing: float, lanes: Array, order: int, known: Sequence[Array]
+    equation: Equation, forcing: Forcing, lanes: Array, order: int, known: Sequence[Array]
 ) -> Iterator[tuple[float, Array, float]]:
-    """Omega, rough states (2 order,) and amplitude of the orbits of `order` forcing periods near the starts.
+    """Omega, rough states (order, 2) and amplitude of the orbits of `order` forcing periods near the starts.
 
     Orbits of shorter periods are left out, and the known ones (see `states`), which may grow in the meantime.
     """
     omega, y = lanes[0], lanes[1:].T
-    y = motions(equation, y, omega, forcing, length=TURN * order, rtol=_ROUGH, derivatives=False).end
+    y = motions(equation, y, omega, forcing.at(omega), length=TURN * order, rtol=_ROUGH, derivatives=False).end
     for _ in range(_NEWTON):
         kept = np.isfinite(y).all(axis=1)
         omega, y = omega[kept], y[kept]
         if not y.size:
             return
         size = 0.1 + np.abs(y).sum(axis=1)
-        m = motions(equation, y, omega, forcing, length=TURN * order, rtol=_ROUGH)
+        m = motions(equation, y, omega, forcing.at(omega), length=TURN * order, rtol=_ROUGH)
         with np.errstate(all="ignore"):
             (a, b), (c, d) = m.by_end[:, :, :2].transpose(1, 2, 0)
             p, q = (m.end - y).T
@@ -174,27 +174,20 @@ def periodic_orbits(
             start, w = y[i] + step[:, i], float(omega[i])
             both = [start]
             if order > 1:
-                both.append(motions(equation, start, w, forcing, rtol=_ROUGH, derivatives=False).end[0])
+                both.append(motions(equation, start, w, forcing.at(w), rtol=_ROUGH, derivatives=False).end[0])
                 if np.abs(both[1] - start).sum() < _KNOWN * size[i]:
                     continue
             if not any(_near(rows, w, *start) for rows in known):
-                yield w, np.concatenate(both), float(0.5 * (m.high[i, 0] - m.low[i, 0]))
+                yield w, np.array(both), float(0.5 * (m.high[i, 0] - m.low[i, 0]))
         moving = np.isfinite(length) & (length >= _CLOSE * size)
         omega, y, length, size, step = omega[moving], y[moving], length[moving], size[moving], step[:, moving]
         y = y + (step * np.minimum(1.0, 0.3 * size / length)).T
 
 
-def states(orbits: Orbits, points: Sequence[Point]) -> Array:
+def states(points: Sequence[Point]) -> Array:
     """Omega, u and v at forcing phase 0 (3, order, rows) along a branch, once for each forcing period."""
-    order, s = orbits.order, np.linspace(0.0, 1.0, _ROWS, endpoint=False)[:, None]
-    rows = [np.append(p.pieces(order).x, p.parameter) for p in points[-1:]]
-    for a, b in reversed(list(pairwise(points))):
-        cubic = orbits.segment(a, b)[0]
-        every = (cubic.shape[1] // 2) // order
-        columns = [2 * every * k + i for k in range(order) for i in (0, 1)]
-        rows[:0] = list(value(cubic[:, None, [*columns, -1]], s))
-    y = np.array(rows).T
-    return np.stack([np.broadcast_to(y[-1], (order, y.shape[1])), y[0:-1:2], y[1:-1:2]])
+    u, v = np.moveaxis([p.states for p in points], (0, 1), (2, 1))
+    return np.stack([np.broadcast_to([p.parameter for p in points], u.shape), u, v])
 
 
 def _near(rows: Array, omega: float, u: float, v: float) -> bool:
