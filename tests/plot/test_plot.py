@@ -44,7 +44,7 @@ def results(folder: Path) -> Results:
 
 def test_all_figures_of_a_run_are_drawn(folder: Path) -> None:
     written = plot_run(folder)
-    other = {"conductance", "frequency", "response", "receptance", "slip", "slip_map", "stiffness"}
+    other = {"conductance", "frequency", "motion", "response", "receptance", "slip", "slip_map", "stiffness"}
     assert {path.stem for path in written} >= set(CAPTIONS) - other
     starts = {".png": b"\x89PNG", ".svg": b"<?xml"}
     assert all(path.read_bytes().startswith(starts[path.suffix]) for path in written)

@@ -237,11 +237,21 @@ class DynamicsSection(Section):
     damping: Literal["always", "contact", "hunt-crossley", "loops"] = key(
         "when damping acts; loops adds that of [loops], in contact", DynamicsSettings.damping
     )
-    forcing: tuple[Annotated[Real, Field(ge=FORCING[0], le=FORCING[1])], ...] = key(
-        "amplitudes F/(m omega_s^2 z_s)", DynamicsSettings.forcing, min_length=1, max_length=100
+    excitation: Literal["force", "base", "acceleration"] = key(
+        "a force on the mass, or a displacement (base) or an acceleration of the base", DynamicsSettings.excitation
     )
+    forcing: tuple[Annotated[Real, Field(ge=FORCING[0], le=FORCING[1])], ...] = key(
+        "amplitudes F/(m omega_s^2 z_s), b/z_s, or b''/(omega_s^2 z_s)", DynamicsSettings.forcing, min_length=1,
+        max_length=100,
+    )  # fmt: skip
     forcing_newton: tuple[Positive, ...] = key(
         "amplitudes of the force, instead of forcing", DynamicsSettings.forcing_newton, unit=FORCE, max_length=100
+    )
+    base: tuple[Positive, ...] = key(
+        "amplitudes of the displacement of the base", DynamicsSettings.base, unit="length", max_length=100
+    )
+    base_acceleration: tuple[Positive, ...] = key(
+        "amplitudes of its acceleration", DynamicsSettings.base_acceleration, unit="length/time^2", max_length=100
     )
     zetas: tuple[Ratio, ...] = key("further damping ratios", DynamicsSettings.zetas, max_length=20)
     window: tuple[Positive, Positive] | None = key(
@@ -252,6 +262,11 @@ class DynamicsSection(Section):
         max_length=2,
     )  # fmt: skip
     omega: tuple[Frequency, Frequency] = key("range of excitation frequency over omega_s", DynamicsSettings.omega)
+    simulate: tuple[Literal["harmonic", "step", "half-sine", "chirp"], ...] = key(
+        "short motions from rest under the first forcing, which the figure motion shows", DynamicsSettings.simulate
+    )
+    pulse: Positive | None = key("length of the half-sine", None, shown="half a period of small vibration", unit="time")
+    span: Positive = key("length of the short motions in periods of small vibration", DynamicsSettings.span)
     sweeps: Flag = key("also sweep up and down by time integration, as dots in the figure", DynamicsSettings.sweeps)
 
 

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from asperity.cli import options
-from asperity.dynamics.settings import MODELS, DynamicsSettings
+from asperity.dynamics.settings import MODELS, SHAPES, DynamicsSettings
 from asperity.errors import InputError
 from asperity.force_law import LAWS
 from asperity.force_law.damping import DAMPING, LOOPS
@@ -23,19 +23,19 @@ if TYPE_CHECKING:
 class WithUnit(click.ParamType):
     """A number, with its unit as a string, "" where it has none."""
 
-    def __init__(self, unit: str) -> None:
-        self.name, self.unit = f"number or number with {unit}", unit
+    def __init__(self, *units: str) -> None:
+        self.name, self.units = f"number or number with {' or '.join(units)}", units
 
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> tuple[float, str]:
         """Read a number like 0.01 or 3N."""
         if isinstance(value, tuple):
             return value
         text = str(value).strip()
-        unit = self.unit if text.endswith(self.unit) else ""
+        unit = next((unit for unit in self.units if text.endswith(unit)), "")
         try:
             return float(text.removesuffix(unit)), unit
         except ValueError:
-            self.fail(f"{value!r} is neither a number nor one with the unit {self.unit}", param, ctx)
+            self.fail(f"{value!r} is neither a number nor one with the unit {' or '.join(self.units)}", param, ctx)
 
 
 @click.command()
@@ -65,12 +65,20 @@ class WithUnit(click.ParamType):
               help="When the damping acts, or that of the loops of OUT in addition; else always.")  # fmt: skip
 @click.option("--forcing", type=WithUnit("N"), multiple=True, metavar="F",
               help="F^ = F/(n W) with the preload W, or a force as in 3N; repeatable; else 0.01.")  # fmt: skip
+@click.option("--base", type=WithUnit("m/s2", "m"), multiple=True, metavar="B",
+              help="The base moves instead, with an amplitude over z_s, or as in 2e-8m or 30m/s2; repeatable.")  # fmt: skip
 @click.option("--model", type=click.Choice(MODELS), multiple=True, help="Restoring force; repeatable; else both.")
 @click.option("--omega", type=WithUnit("Hz"), nargs=2, metavar="LOW HIGH",
               help="Range of excitation frequency over omega_s, or as 800Hz 1200Hz; else 0.5 1.3.")  # fmt: skip
 @click.option("--direction", type=click.Choice(("normal", "tangential")), default="normal", show_default=True,
               help="tangential: micro-slip of OUT, whose case has [slip]; --forcing is then over the friction "
               "limit.")  # fmt: skip
+@click.option("--simulate", type=click.Choice(SHAPES), multiple=True,
+              help="Also a short motion from rest under the first forcing; repeatable.")  # fmt: skip
+@click.option(
+    "--pulse", type=float, metavar="T", help="Length of its half-sine; else half a period of small vibration."
+)
+@click.option("--span", type=float, metavar="N", help="Its length in periods of small vibration; else 20.")
 @click.option("--sweeps/--no-sweeps", default=None, help="Also integrate sweeps up and down; else no.")
 @click.option("--bands/--no-bands", default=None, help="Carry the error bar of the force and the spread of the laws to "
               "the response; else yes.")  # fmt: skip
@@ -107,9 +115,8 @@ def command(
     if any(value is not None for value in given.values()):
         joint = (DynamicsSettings.of_source(source).joint or Joint()).replaced(given)
     settings["model"] = settings["model"] or None
-    forcing, ends = settings["forcing"], settings["omega"] or ()
-    settings["forcing"] = tuple(value for value, unit in forcing if not unit) or None
-    settings["forcing_newton"] = tuple(value for value, unit in forcing if unit) or None
+    settings |= _excitation(settings["forcing"], settings.pop("base"))
+    settings["simulate"], ends = settings["simulate"] or None, settings["omega"] or ()
     if len({unit for _, unit in ends}) > 1:
         raise InputError("--omega: give both ends in Hz, or none")
     name = "window" if any(unit for _, unit in ends) else "omega"
@@ -119,7 +126,10 @@ def command(
     if direction == "tangential":
         if source is None:
             raise InputError("--direction tangential needs the folder of a run with [slip]")
-        names = ("law", "overload", "damping", "model", "omega", "window", "forcing_newton", "zetas", "sweeps", "bands")
+        names = (
+            "law", "overload", "damping", "model", "omega", "window", "forcing_newton", "excitation", "zetas", "sweeps",
+            "bands", "simulate", "pulse", "span",
+        )  # fmt: skip
         _refuse(settings, names, "the normal direction")
         with writing_into(output):
             _tangential(source, joint, settings | {"pressure": given["pressure"]}, output, as_json)
@@ -138,6 +148,23 @@ def command(
     _show(result)
     if output:
         options.say(f"written to {Path(output)}")
+
+
+def _excitation(forcing: tuple[tuple[float, str], ...], base: tuple[tuple[float, str], ...]) -> dict[str, Any]:
+    """Settings of --forcing and --base."""
+    if forcing and base:
+        raise InputError("--forcing and --base are both given; give one of them")
+    units = sorted({unit for _, unit in base})
+    if len(units) > 1:
+        raise InputError("--base: give all amplitudes in one unit")
+    own = {"N": "forcing_newton", "m": "base", "m/s2": "base_acceleration"}
+    found: dict[str, Any] = dict.fromkeys(("forcing", "excitation", *own.values()))
+    if base and not units[0]:
+        found["excitation"] = "base"
+    for value, unit in (*forcing, *base):
+        name = own.get(unit, "forcing")
+        found[name] = (*(found[name] or ()), value)
+    return found
 
 
 def _refuse(settings: dict[str, Any], names: tuple[str, ...], where: str) -> None:
@@ -202,11 +229,18 @@ def _show(result: Dynamics) -> None:
         rows.insert(0, (f"omega_s{' in rad/s' if units else ''} with {by}", *omegas))
     for responses in zip(*result.responses.values(), strict=True):
         setting = responses[0].setting
-        name = f"F^ = {setting.F_hat:g}, F/W = {setting.F_over_mg:g}"
+        name = {
+            "force": f"F^ = {setting.F_hat:g}, F/W = {setting.F_over_mg:g}",
+            "base": f"base b/z_s = {setting.F_hat:g}",
+            "acceleration": f"base b''/(omega_s^2 z_s) = {setting.F_hat:g}",
+        }[setting.excitation]
         if len(result.settings.zetas):
             name += f", zeta = {setting.zeta:g}"
         words = ("peak {:.4g} at {:.4g}", "no peak inside: {:.4g} at the end {:.4g}")
         rows.append((name, *(words[not one.has_peak].format(one.peak[1], one.peak[0]) for one in responses)))
+        if setting.excitation != "force":
+            ratios = (max((r["transmissibility"], r["Omega"]) for r in one.rows()) for one in responses)
+            rows.append(("  transmissibility", *("at most {:.4g} at {:.4g}".format(*ratio) for ratio in ratios)))
     options.table(about, rows, ("", *onsets))
     if result.laws is not None:
         _show_laws(result.laws, units)
@@ -217,6 +251,10 @@ def _show(result: Dynamics) -> None:
         options.say(f"n = {n}, kappa = {kappa}, {spread.softening}, by the {spread.origin}")
     for note in result.notes:
         options.say(f"note: {note}")
+    for shape, path in result.motions.items():
+        top, low = float(path.u.max()), float(path.u.min())
+        lost = f"{len(path.flight)} flights" if len(path.flight) else "contact is kept"
+        options.say(f"{shape} from rest, {path.tau[-1]:.5g}/omega_s: u from {low:.4g} to {top:.4g}, {lost}")
     for searched in dict.fromkeys(r.searched for responses in result.responses.values() for r in responses):
         options.say(searched)
     options.say(result.numbers.sentence(units))

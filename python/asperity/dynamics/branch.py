@@ -113,6 +113,7 @@ class Solution:
     u_max: float
     u_min: float
     a1: float
+    phase: float
     stable: bool
     error: float
     states: Array

@@ -1,10 +1,14 @@
-"""A single motion in time with located separations and landings, by SciPy's DOP853 from one of them to the next."""
+"""A single motion in time with located separations and landings, by SciPy's DOP853 from one of them to the next.
+
+The force is harmonic, a step, half a period of a sine, or a chirp.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
+from math import cos, pi, sin
 from typing import Any
 
 import numpy as np
@@ -29,6 +33,7 @@ class Trajectory:
     Attributes:
         tau: times, including every separation, landing and turning point, shape (times,)
         u, v: displacement and speed at these times, shape (times,)
+        force: F^ at these times, shape (times,)
         flight: time intervals without contact, shape (flights, 2)
         setting: law, damping and forcing, if the motion is that of an oscillator
         tolerance: relative tolerance of the integrator
@@ -38,12 +43,25 @@ class Trajectory:
     tau: Array
     u: Array
     v: Array
+    force: Array
     flight: Array
     setting: Setting | None = None
     tolerance: float = np.nan
     valid: bool = True
 
     __repr__ = short_repr
+
+
+def course(shape: str, forcing: float, omega: tuple[float, float], duration: float) -> tuple[Force, list[float]]:
+    """F^ over the time, and the times at which it is not smooth; see `ContactOscillator.simulate`."""
+    low, high = omega
+    if shape == "step":
+        return lambda t: forcing, []
+    if shape == "half-sine":
+        end = pi / low
+        return lambda t: forcing * sin(low * t) if t < end else 0.0, [end]
+    rate = (high - low) / duration  # of the frequency
+    return lambda t: forcing * cos((low + 0.5 * rate * t) * t), []
 
 
 def integrate(
@@ -83,8 +101,8 @@ def integrate(
             times += [time for time, _ in found]
             states += [s for _, s in found]
             t = end
-    y = np.array(states)
-    return Trajectory(np.array(times), y[:, 0], y[:, 1], np.array(flights).reshape(-1, 2))
+    y, forces = np.array(states), np.array([force(t) for t in times])
+    return Trajectory(np.array(times), y[:, 0], y[:, 1], forces, np.array(flights).reshape(-1, 2))
 
 
 def _phase(
@@ -133,7 +151,9 @@ def _phase(
         if not missed or (changes.size and changes[0] <= missed[0]):
             break
         end = float(missed[0])
-    found = [(float(t), (float(s[0]), float(s[1]))) for t, s in [*zip(run.t[1:], run.y.T[1:], strict=True), *turns]]
+    found = [
+        (float(t), (float(s[0]), float(s[1]))) for t, s in [*zip(run.t, run.y.T, strict=True), *turns] if t > start
+    ]
     if changes.size:
         end = float(changes[0])
         if not r.contact:

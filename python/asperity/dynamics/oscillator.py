@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from math import cos
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -14,13 +13,13 @@ from asperity.dynamics import sweep as _sweep
 from asperity.dynamics import thresholds as _thresholds
 from asperity.dynamics.equation import Equation, Restoring
 from asperity.dynamics.free import FreeVibration, contact_limit, free_vibration, largest_amplitude
-from asperity.dynamics.motion import Trajectory, integrate
+from asperity.dynamics.motion import Trajectory, course, integrate
 from asperity.dynamics.response import FrequencyResponse, frequency_response
-from asperity.dynamics.settings import FORCING, MIN_ZETA, OMEGA, Setting, forcings, window
+from asperity.dynamics.settings import EXCITATIONS, FORCING, MIN_ZETA, OMEGA, SHAPES, Setting, forcings, window
 from asperity.dynamics.sweep import Sweep
 from asperity.dynamics.thresholds import Thresholds
 from asperity.errors import AsperityWarning, InputError, RangeError, warn
-from asperity.force_law.checks import positive, within
+from asperity.force_law.checks import positive, positives, within
 from asperity.force_law.damping import Damping, check_damping
 from asperity.force_law.law import Law
 from asperity.force_law.taylor import TaylorLaw
@@ -34,7 +33,8 @@ class ContactOscillator:
     """A rigid mass pressed on a contact by its weight, with damping, under harmonic forcing.
 
     The displacement is u = (z - z_s)/z_s > 0 in compression, and contact is lost at u = -1; time is in units of
-    1/omega_s, forcing is F^ = F/(n_loc W). See `asperity.dynamics.equation`.
+    1/omega_s, forcing is F^ = F/(n_loc W). See `asperity.dynamics.equation`. Where the base moves, by b, z is the
+    approach, so u is relative to the base; the mass moves by u + b/z_s.
 
     Attributes:
         law: static law, force over approach
@@ -126,18 +126,27 @@ class ContactOscillator:
             u0 = np.linspace(top / 120, top, 120)
         return free_vibration(self.equation, u0, self.omega_s)
 
-    def thresholds(self, forcing: float | Iterable[float] = ()) -> Thresholds:
-        """Onsets of contact loss, hysteresis and period doubling, and the peak for each F^ in `forcing`."""
+    def thresholds(self, forcing: float | Iterable[float] = (), excitation: str = "force") -> Thresholds:
+        """Onsets of contact loss, hysteresis and period doubling as F^, and the peak for each value of `forcing`."""
         values = () if isinstance(forcing, Sequence) and not forcing else forcings(forcing)
-        return _thresholds.thresholds(self.equation, values)
+        return _thresholds.thresholds(self.equation, [self.setting(value, excitation) for value in values])
 
     def response(
-        self, forcing: float, omega: Sequence[float] = (0.5, 1.3), *, tol: float = 1e-5, subharmonics: bool = True
+        self,
+        forcing: float,
+        omega: Sequence[float] = (0.5, 1.3),
+        *,
+        excitation: str = "force",
+        tol: float = 1e-5,
+        subharmonics: bool = True,
     ) -> FrequencyResponse:
         """All periodic orbits in a window of frequencies, stable and unstable, with their bifurcations.
 
         Args:
-            forcing: F^ = F/(n_loc W), 1e-9 to 1e6
+            forcing: F^ = F/(n_loc W), 1e-9 to 1e6; of the base see `excitation`
+            excitation: "force" on the mass; "base": the base moves by b = forcing z_s cos(omega t), which acts on the
+                approach like F^ = forcing Omega^2; "acceleration": its acceleration is forcing z_s omega_s^2 at any
+                Omega, which acts like F^ = forcing
             omega: lowest and highest Omega, 0.01 to 100
             tol: allowed error of the orbits, relative to the amplitude
             subharmonics: whether orbits of period 2 are searched
@@ -145,7 +154,7 @@ class ContactOscillator:
         Raises:
             ConvergenceError: no orbit is found
         """
-        setting = self.setting(within("forcing", forcing, FORCING))
+        setting = self.setting(within("forcing", forcing, FORCING), excitation)
         ends, tol = window(omega), positive("tol", tol)
         return frequency_response(self.equation, setting, ends, tol=tol, subharmonics=subharmonics)
 
@@ -154,6 +163,7 @@ class ContactOscillator:
         forcing: float | Iterable[float],
         omega: Sequence[float] = (0.5, 1.3),
         *,
+        excitation: str = "force",
         points: int = 81,
         directions: Sequence[str] = ("up", "down"),
         tol: float = 1e-4,
@@ -162,7 +172,7 @@ class ContactOscillator:
         """Frequency sweeps with carried state, one for each forcing and direction ("up", "down").
 
         Args:
-            forcing: F^, or several
+            forcing, excitation: as in `response`, or several values
             omega: lowest and highest Omega
             points: number of frequencies
             directions: one or both
@@ -183,15 +193,16 @@ class ContactOscillator:
         if points < 2:
             raise InputError(f"points = {points} is not legal: a sweep needs at least 2")
         return _sweep.sweep(
-            self.equation, [self.setting(f) for f in forcings(forcing)], np.linspace(*window(omega), points),
+            self.equation, [self.setting(f, excitation) for f in forcings(forcing)], np.linspace(*window(omega), points),
             directions=directions, tol=positive("tol", tol), max_periods=max_periods
         )  # fmt: skip
 
     def simulate(
         self,
-        omega: float,
+        omega: float | Sequence[float],
         forcing: float,
         *,
+        shape: str = "harmonic",
         u: float = 0.0,
         v: float = 0.0,
         periods: float = 50.0,
@@ -201,23 +212,31 @@ class ContactOscillator:
         """Motion in time from the state u, v = du/dtau, with each separation and landing located.
 
         Args:
-            omega: Omega (with forcing = 0: the unit of `periods` only)
-            forcing: F^, may be 0
+            omega: Omega (with forcing = 0, or a step: the unit of `periods` only), for a chirp that at its begin and end
+            forcing: F^, may be 0; for a base that accelerates by b'', b'' over -z_s omega_s^2
+            shape: "harmonic", cos(Omega tau); "step", constant; "half-sine", sin(Omega tau) for half a period; "chirp",
+                whose frequency changes evenly over the motion
             u, v: initial state
-            periods, samples: length in forcing periods, and output points in each
+            periods, samples: length in periods of (the first) Omega, and output points in each
             rtol: tolerance of the integrator
 
         Raises:
             RangeError: the motion escapes from a Taylor well
         """
-        w = within("omega", omega, OMEGA)
-        f = within("forcing", forcing, FORCING) if forcing != 0 else 0.0
+        if shape not in SHAPES:
+            raise InputError(f'shape = "{shape}" is unknown: choose one of {", ".join(SHAPES)}')
+        ends = [within("omega", value, OMEGA) for value in positives("omega", omega)]
+        if len(ends) != (2 if shape == "chirp" else 1):
+            raise InputError(f"omega = {ends} is not legal: a chirp has two frequencies, another excitation one")
+        w, f = ends[0], within("forcing", forcing, FORCING) if forcing != 0 else 0.0
         if not np.isfinite([u, v]).all():
             raise InputError(f"the initial state u = {u}, v = {v} is not legal: it must be finite")
         period = 2.0 * np.pi / w
+        duration = positive("periods", periods) * period
+        force, corners = course(shape, f, (w, ends[-1]), duration)
         path = integrate(
-            self.equation, lambda t: f * cos(w * t), float(u), float(v), positive("periods", periods) * period,
-            rtol=positive("rtol", rtol), samples=samples / period, max_step=min(0.25, np.pi / w / 8.0)
+            self.equation, force, float(u), float(v), duration, rtol=positive("rtol", rtol), samples=samples / period,
+            max_step=min(0.25, np.pi / max(ends) / 8.0), corners=corners,
         )  # fmt: skip
         low = float(path.u.min())
         return replace(path, setting=self.setting(f), tolerance=rtol, valid=self.restoring.contact or low >= -1.0)
@@ -227,7 +246,9 @@ class ContactOscillator:
         """Equation of motion."""
         return Equation(self.restoring, self.zeta, self.damping)
 
-    def setting(self, forcing: float) -> Setting:
-        """Law, damping and forcing of a result for F^ = `forcing`."""
-        r = self.restoring
-        return Setting(self.model, self.law.describe(), r.n_loc, self.zeta, str(self.damping), float(forcing))
+    def setting(self, forcing: float, excitation: str = "force") -> Setting:
+        """Law, damping and forcing of a result."""
+        if excitation not in EXCITATIONS:
+            raise InputError(f'excitation = "{excitation}" is unknown: choose one of {", ".join(EXCITATIONS)}')
+        r, law = self.restoring, self.law.describe()
+        return Setting(self.model, law, r.n_loc, self.zeta, str(self.damping), float(forcing), excitation)

@@ -92,8 +92,9 @@ class FrequencyResponse:
             for p in points:
                 u_max, u_min = (float(u) for u in p.extremes[:2])
                 s = Solution(
-                    number, branch.kind, branch.order, omega, u_max, u_min, p.harmonic, p.stable, p.error, p.states
-                )
+                    number, branch.kind, branch.order, omega, u_max, u_min, p.harmonic, p.phase, p.stable, p.error,
+                    p.states,
+                )  # fmt: skip
                 # the sense differs on the two sides of a fold, however close
                 if not any(
                     (p.fold > 0) == (q.fold > 0) and s.order == o.order

@@ -1,4 +1,4 @@
-"""Complete vibration analysis of one law, and its files free.csv, response.csv, band.csv, thresholds.json."""
+"""Complete vibration analysis of one law, and its files free.csv, response.csv, band.csv, motion.csv, thresholds.json."""
 
 from __future__ import annotations
 
@@ -17,6 +17,7 @@ from asperity.curve.loops import LoopTable
 from asperity.dynamics.band import BAND_COLUMNS, Band, response_band
 from asperity.dynamics.free import FreeVibration
 from asperity.dynamics.joint import Numbers
+from asperity.dynamics.motion import Trajectory
 from asperity.dynamics.oscillator import GRAVITY, ContactOscillator
 from asperity.dynamics.response import FrequencyResponse
 from asperity.dynamics.settings import DynamicsSettings
@@ -38,8 +39,10 @@ _SWEEP_POINTS = 41  # half a second per forcing
 FREE_COLUMNS = ("model", "u0", "omega_ratio", "u_min", "frequency", "amplitude", "a1")
 RESPONSE_COLUMNS = (
     "model", "F_hat", "zeta", "Omega", "u_max", "u_min", "a1", "stable", "branch", "contact_loss",
-    "frequency", "force", "x_max", "x_min", "receptance", "phase",
+    "frequency", "force", "x_max", "x_min", "receptance", "phase", "transmissibility",
 )  # fmt: skip
+MOTION_COLUMNS = ("shape", "tau", "u", "v", "F_hat", "time", "x", "force")
+_SAMPLES = 32  # of a period of small vibration
 
 
 def numbers_of(oscillator: ContactOscillator, bar: float = math.nan, given: bool = False) -> Numbers:
@@ -57,6 +60,7 @@ class Dynamics:
         responses, sweeps: one per forcing, and direction
         uncertainty: intervals by the error bar, the spread of the laws and the points of the law; None without these
         bands: bands of the exact response by the same, one per forcing
+        motions: short motions from rest, by the course of the force
         notes: limits and assumptions of the results, one sentence each
         gravity: for mass and omega_s (length/time^2), None if unknown or if the joint has a mass
         laws: all laws of the curve at the preload; None for a given `Law`
@@ -71,6 +75,7 @@ class Dynamics:
     uncertainty: Uncertainty | None
     bands: tuple[Band, ...]
     notes: tuple[str, ...]
+    motions: dict[str, Trajectory] = field(default_factory=dict)
     gravity: float | None = None
     laws: LawTable | None = None
     settings: DynamicsSettings = field(default_factory=DynamicsSettings)
@@ -90,7 +95,7 @@ class Dynamics:
     __repr__ = short_repr
 
     def write(self, out_dir: str | os.PathLike[str]) -> None:
-        """Write free.csv, response.csv and thresholds.json into `out_dir`; band.csv if there is a band."""
+        """Write free.csv, response.csv and thresholds.json into `out_dir`; band.csv and motion.csv if there are any."""
         path = Path(out_dir)
         path.mkdir(parents=True, exist_ok=True)
         z_s, scale, unit = self.first.restoring.z_s, self.first.restoring.scale, self.numbers.frequency
@@ -102,22 +107,34 @@ class Dynamics:
         results: list[FrequencyResponse | Sweep] = [*chain(*self.responses.values()), *chain(*self.sweeps.values())]
         forced = (
             row
-            | {"frequency": unit * row["Omega"], "force": scale * row["F_hat"]}
-            | {"x_max": z_s * row["u_max"], "x_min": z_s * row["u_min"]}
-            | {"receptance": z_s * row["a1"] / (scale * row["F_hat"])}
+            | {"frequency": unit * row["Omega"], "force": force}
+            | {"x_max": z_s * row["u_max"], "x_min": z_s * row["u_min"], "receptance": z_s * row["a1"] / force}
             for one in results
             for row in one.rows()
+            for force in [scale * one.setting.forcing.at(row["Omega"])]
         )
         with run_folder.writing_into(path):
             write_csv(path / run_folder.FREE, FREE_COLUMNS, map(_cells, free))
             write_csv(path / run_folder.RESPONSE, RESPONSE_COLUMNS, map(_cells, forced))
-            (path / run_folder.BAND).unlink(missing_ok=True)  # of an earlier analysis
-            if self.bands:
-                write_csv(
-                    path / run_folder.BAND, BAND_COLUMNS, (_cells(row) for band in self.bands for row in band.rows())
-                )
+            for name, columns, rows in (
+                (run_folder.BAND, BAND_COLUMNS, [row for band in self.bands for row in band.rows()]),
+                (run_folder.MOTION, MOTION_COLUMNS, self.moved()),
+            ):
+                (path / name).unlink(missing_ok=True)  # of an earlier analysis
+                if rows:
+                    write_csv(path / name, columns, map(_cells, rows))
             text = json.dumps(self.to_dict(), indent=2, allow_nan=False)
             replace_file(path / run_folder.THRESHOLDS, f"{text}\n".encode())
+
+    def moved(self) -> list[dict[str, Any]]:
+        """Rows of motion.csv."""
+        r, second = self.first.restoring, 1.0 / self.first.omega_s
+        return [
+            {"shape": shape, "tau": tau, "u": u, "v": v, "F_hat": f}
+            | {"time": second * tau, "x": r.z_s * u, "force": r.scale * f}
+            for shape, path in self.motions.items()
+            for tau, u, v, f in zip(path.tau, path.u, path.v, path.force, strict=True)
+        ]
 
     def jumps(self) -> list[dict[str, Any]]:
         """Where slow sweeps leave a stable branch: frequency (1/time), force, amplitudes before and after (length)."""
@@ -128,7 +145,8 @@ class Dynamics:
                 for omega, upwards, before, after in one.jumps():
                     found.append({
                         "model": model, "zeta": one.setting.zeta, "F_hat": one.setting.F_hat,
-                        "force": r.scale * one.setting.F_hat, "sweep": "up" if upwards else "down", "Omega": omega,
+                        "force": r.scale * float(one.setting.forcing.at(omega)),
+                        "sweep": "up" if upwards else "down", "Omega": omega,
                         "frequency": hertz * omega if math.isfinite(hertz) else None, "x_max": r.z_s * before,
                         "x_max_after": None if after is None else r.z_s * after,
                     })  # fmt: skip
@@ -149,6 +167,7 @@ class Dynamics:
             "kappa": first.restoring.kappa,
             "zeta": first.zeta,
             "damping": str(first.damping),
+            "excitation": self.settings.excitation,
             "uncertainty": self.uncertainty.to_dict() if self.uncertainty else None,
             "notes": list(self.notes),
             "units": self.settings.units,
@@ -215,19 +234,20 @@ def run_dynamics(
         settings = DynamicsSettings.of_source(source, changes.get("joint"))
     settings = settings.replaced(**changes)
     exact, gravity, laws, notes = _vibration(source, settings)
-    settings = settings.on(exact.restoring.scale, exact.omega_s / (2 * math.pi))
+    settings = settings.on(exact.restoring.scale, exact.restoring.z_s, exact.omega_s)
+    kind = settings.excitation
     oscillators = {name: exact if name == "exact" else exact.taylor() for name in settings.model}
     swept: dict[str, tuple[Sweep, ...]] = dict.fromkeys(oscillators, ())
     responses: dict[str, tuple[FrequencyResponse, ...]] = {}
     for name, oscillator in oscillators.items():
         responses[name] = tuple(
-            replace(oscillator, zeta=zeta).response(f, settings.omega, tol=settings.tol)
+            replace(oscillator, zeta=zeta).response(f, settings.omega, excitation=kind, tol=settings.tol)
             for zeta in dict.fromkeys((settings.zeta, *settings.zetas))
             for f in settings.forcing
         )
         if settings.sweeps and settings.zeta > 0:
             try:
-                swept[name] = oscillator.sweep(settings.forcing, settings.omega, points=_SWEEP_POINTS)
+                swept[name] = oscillator.sweep(settings.forcing, settings.omega, excitation=kind, points=_SWEEP_POINTS)
             except AsperityError as error:
                 notes.append(f"{name}: no sweep: {error}")
         notes.extend(_notes(name, oscillator, responses[name], swept[name]))
@@ -235,13 +255,13 @@ def run_dynamics(
     if spread is not None and not (spread.origin and np.isfinite(spread.k_n.half)):
         spread = None  # nothing bounds the law, or a law that does not reach the preload
     bands = []
-    for f in settings.forcing:
+    for f in settings.forcing if kind != "base" else ():
         try:
             if settings.bands and spread is not None and "exact" in oscillators:
                 bands.append(response_band(exact, f, spread, settings.omega))
         except AsperityError as error:
             notes.append(f"exact, F^ = {f:g}: no band: {error}")
-    onsets = {name: oscillator.thresholds(settings.forcing) for name, oscillator in oscillators.items()}
+    onsets = {name: oscillator.thresholds(settings.forcing, kind) for name, oscillator in oscillators.items()}
     if spread is not None:  # with the other laws and the error bar
         onsets = {name: replace(one, softening=spread.softening) for name, one in onsets.items()}
     result = Dynamics(
@@ -253,6 +273,7 @@ def run_dynamics(
         uncertainty=spread,
         bands=tuple(bands),
         notes=tuple(notes),
+        motions={shape: _moved(next(iter(oscillators.values())), shape, settings) for shape in settings.simulate},
         gravity=gravity,
         laws=laws,
         settings=settings,
@@ -260,6 +281,15 @@ def run_dynamics(
     if out_dir is not None:
         result.write(out_dir)
     return result
+
+
+def _moved(oscillator: ContactOscillator, shape: str, settings: DynamicsSettings) -> Trajectory:
+    """Motion from rest under the first forcing of the settings."""
+    omega = settings.omega if shape == "chirp" else (0.5 / (settings.pulse or 0.5),)
+    samples = math.ceil(_SAMPLES / omega[0])
+    return oscillator.simulate(
+        omega, settings.forcing[0], shape=shape, periods=settings.span * omega[0], samples=samples
+    )
 
 
 def small_vibration(source: Any, settings: DynamicsSettings) -> Numbers:

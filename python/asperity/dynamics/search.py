@@ -85,9 +85,7 @@ class Search:
                 self._through("detached", order, x, omega, amplitude)
                 self._finish()
         if not self.branches:
-            raise ConvergenceError(
-                f"no periodic orbit found for Omega = {low:g} to {high:g} with F^ = {self.strong:g}"
-            )
+            raise ConvergenceError(f"no periodic orbit found for Omega = {low:g} to {high:g} with F^ = {self.strong:g}")
         missing = [
             f"at the end Omega = {edge:g} of the window at least one orbit of period {order} is missing: "
             "give another window, which ends between the resonances"

@@ -5,6 +5,7 @@ Each default is here, and the section [dynamics] of a case takes it from here.
 
 from __future__ import annotations
 
+import cmath
 import math
 import os
 from collections.abc import Mapping, Sequence
@@ -18,7 +19,7 @@ import numpy as np
 from asperity.dynamics.equation import Forcing
 from asperity.dynamics.joint import Joint
 from asperity.errors import InputError
-from asperity.force_law.checks import positives, within
+from asperity.force_law.checks import positive, positives, within
 from asperity.force_law.damping import Damping
 from asperity.runtime.files import parse_toml, read_text
 
@@ -26,11 +27,20 @@ OMEGA = (0.01, 100.0)  # below, motion is quasi-static; above, the mass hardly m
 FORCING = (1e-9, 1e6)  # below, motion is linear in the forcing and lost in the round-off of the force
 MIN_ZETA = 1e-4  # smallest damping ratio with which motion settles in 20000 periods
 MODELS = ("exact", "taylor")
+#: Courses of the forcing of a short motion; the chirp runs through frequencies, the others have one.
+SHAPES = ("harmonic", "step", "half-sine", "chirp")
+#: What moves the mass: a force on it, a displacement of the base, or an acceleration of the base.
+EXCITATIONS = ("force", "base", "acceleration")
+#: Attribute of `DynamicsSettings` with an amplitude in its own unit -> the excitation.
+_PHYSICAL = dict(zip(("forcing_newton", "base", "base_acceleration"), EXCITATIONS, strict=True))
 
 
 @dataclass(frozen=True)
 class Setting:
-    """Model ("exact" or "taylor"), law, damping and forcing F/(n_loc W) of a forced result."""
+    """Model ("exact" or "taylor"), law, damping and forcing of a forced result.
+
+    F_hat is F/(n_loc W) of a force, b/z_s of a displacement of the base, and m b''/(n_loc W) of its acceleration.
+    """
 
     model: str
     law: str
@@ -38,11 +48,22 @@ class Setting:
     zeta: float
     damping: str
     F_hat: float
+    excitation: str = "force"
 
     @property
     def forcing(self) -> Forcing:
         """F^ over the frequency."""
-        return Forcing(self.F_hat)
+        return Forcing(self.F_hat, 2 if self.excitation == "base" else 0)
+
+    def transmissibility(self, omega: float, a1: float, phase: float) -> float:
+        """Motion of the mass over that of the base, both at the forcing frequency; NaN for a force.
+
+        The base moves by -F^/Omega^2 times the second derivative of its motion: as cos(Omega tau), like the force.
+        """
+        if self.excitation == "force":
+            return math.nan
+        base = self.forcing.at(omega) / omega**2
+        return abs(a1 * cmath.exp(1j * math.radians(phase)) + base) / base
 
     @property
     def F_over_mg(self) -> float:
@@ -56,7 +77,7 @@ class Setting:
         return {
             "model": self.model, "F_hat": self.F_hat, "zeta": self.zeta, "Omega": omega, "u_max": u_max,
             "u_min": u_min, "a1": a1, "stable": stable, "branch": branch, "contact_loss": bool(u_min < -1.0),
-            "phase": phase,
+            "phase": phase, "transmissibility": self.transmissibility(omega, a1, phase),
         }  # fmt: skip
 
 
@@ -84,12 +105,18 @@ class DynamicsSettings:
         zeta: damping ratio of small motion, 0 <= zeta < 1
         damping: "always", "contact", "hunt-crossley", or "loops": in addition to zeta that of the loops.csv of a run
             directory (or a `LoopDamping`)
-        forcing: F^ = F/(n_loc W), one or several, each 1e-9 to 1e6
-        forcing_newton: amplitudes of the force itself (force), instead of or in addition to `forcing`
+        excitation: "force" on the mass, or a displacement ("base") or an "acceleration" of the base
+        forcing: F^ = F/(n_loc W), or b/z_s, or m b''/(n_loc W), one or several, each 1e-9 to 1e6
+        forcing_newton, base, base_acceleration: amplitudes of the force itself (force), or of the displacement (length)
+            or acceleration (length/time^2) of the base, of one kind, instead of `forcing`
         zetas: further damping ratios, for the responses
         window: lowest and highest frequency of the excitation (1/time), instead of `omega`
         model: "exact" and/or "taylor"
         omega: lowest and highest Omega = omega/omega_s, 0.01 to 100
+        simulate: shapes of short motions from rest under the first forcing: "step", "half-sine", "chirp" over the
+            window, "harmonic"
+        pulse: length of the half-sine, half a period of the harmonic (time); default half a period of small vibration
+        span: length of these motions in periods of small vibration
         sweeps: also integrate sweeps up and down (half a second per forcing; not for zeta = 0)
         bands: also carry the uncertainty of the law to the response (about 1 s per forcing)
         tol: relative truncation error of the response
@@ -113,12 +140,18 @@ class DynamicsSettings:
     gravity: float | None = None
     zeta: float = 0.01
     damping: Damping = "always"
+    excitation: str = "force"
     forcing: tuple[float, ...] = (0.01,)
     forcing_newton: tuple[float, ...] = ()
+    base: tuple[float, ...] = ()
+    base_acceleration: tuple[float, ...] = ()
     zetas: tuple[float, ...] = ()
     window: tuple[float, float] | None = None
     model: tuple[str, ...] = MODELS
     omega: tuple[float, float] = (0.5, 1.3)
+    simulate: tuple[str, ...] = ()
+    pulse: float | None = None
+    span: float = 20.0
     sweeps: bool = False
     bands: bool = True
     tol: float = 1e-5
@@ -128,9 +161,30 @@ class DynamicsSettings:
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "forcing", forcings(self.forcing))
-        newton = positives("forcing_newton", self.forcing_newton) if np.size(self.forcing_newton) else ()
-        object.__setattr__(self, "forcing_newton", newton)
-        object.__setattr__(self, "zetas", positives("zetas", self.zetas) if np.size(self.zetas) else ())
+        for name in ("zetas", *_PHYSICAL):
+            values = getattr(self, name)
+            object.__setattr__(self, name, positives(name, values) if np.size(values) else ())
+        given = [name for name in _PHYSICAL if getattr(self, name)]
+        if len(given) > 1:
+            raise InputError(f"{' and '.join(given)} are given; give one of them")
+        if given:
+            if self.excitation not in (_PHYSICAL[given[0]], type(self).excitation):
+                raise InputError(f'{given[0]} is given, and excitation = "{self.excitation}"; give one of them')
+            object.__setattr__(self, "excitation", _PHYSICAL[given[0]])
+        if self.excitation not in EXCITATIONS:
+            raise InputError(f'excitation = "{self.excitation}" is unknown: choose one of {", ".join(EXCITATIONS)}')
+        shapes = (self.simulate,) if isinstance(self.simulate, str) else tuple(self.simulate)
+        object.__setattr__(self, "simulate", shapes)
+        for name in shapes:
+            if name not in SHAPES:
+                raise InputError(f'simulate = "{name}" is unknown: choose from {", ".join(SHAPES)}')
+        if shapes and self.excitation == "base":
+            raise InputError(
+                "simulate is for a force or an acceleration of the base: a displacement that jumps has no acceleration"
+            )
+        positive("span", self.span)
+        if self.pulse is not None:
+            positive("pulse", self.pulse)
         if any(value >= 1 for value in self.zetas):
             raise InputError(f"zetas = {list(self.zetas)} is not legal: each must be below 1")
         if self.window is not None:
@@ -161,21 +215,25 @@ class DynamicsSettings:
             return self.preload
         return self.joint.load(self.patch_area)
 
-    def on(self, scale: float, frequency: float) -> DynamicsSettings:
-        """Settings with force and window over `scale` and the frequency of small vibration, for which they were given.
+    def on(self, scale: float, length: float, omega_s: float) -> DynamicsSettings:
+        """Settings with excitation and window over a force, a length and a frequency of small vibration (rad/time).
 
         Raises:
-            InputError: the frequency is unknown (NaN) and the window is one, or they are out of range
+            InputError: the frequency is unknown (NaN) and needed, or they are out of range
         """
-        forcing, omega = self.forcing, self.omega
-        if self.forcing_newton:
-            own = () if forcing == type(self).forcing else forcing
-            forcing = (*own, *(force / scale for force in self.forcing_newton))
+        frequency = omega_s / (2 * math.pi)
+        for name, of in (("window", "window in Hz"), ("base_acceleration", "acceleration"), ("pulse", "pulse")):
+            if getattr(self, name) and not math.isfinite(frequency):
+                raise InputError(f"{name}: a {of} needs the mass: give joint.mass, joint.frequency or gravity")
+        forcing, omega, none = self.forcing, self.omega, dict.fromkeys(_PHYSICAL, ())
+        for name, unit in zip(_PHYSICAL, (scale, length, length * omega_s**2), strict=True):
+            if values := getattr(self, name):
+                own = () if forcing == type(self).forcing else forcing
+                forcing = (*own, *(value / unit for value in values))
         if self.window is not None:
-            if not math.isfinite(frequency):
-                raise InputError("a window in Hz needs the mass: give joint.mass, joint.frequency or gravity")
             omega = (self.window[0] / frequency, self.window[1] / frequency)
-        return replace(self, forcing=forcing, forcing_newton=(), omega=omega, window=None)
+        pulse = None if self.pulse is None else self.pulse * frequency
+        return replace(self, forcing=forcing, omega=omega, window=None, pulse=pulse, **none)
 
     @classmethod
     def of_case(cls, case: Mapping[str, Any], joint: Joint | None = None) -> DynamicsSettings:

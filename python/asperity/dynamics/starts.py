@@ -10,7 +10,6 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
-from itertools import pairwise
 
 import numpy as np
 
@@ -89,7 +88,7 @@ def backbone_chart(equation: Equation, forcing: float) -> Chart:
         return Chart(none, none, none, 0.0, 1.0)
     top = _SMALLEST
     with suppress(ConvergenceError):  # the law is too stiff at amplitudes far beyond any resonance
-        peak = None if only_in_contact(damping) else resonance_peak(r, forcing / (2.0 * zeta), damping, rough=True)
+        peak = None if only_in_contact(damping) else resonance_peak(r, Forcing(forcing), zeta, damping, rough=True)
         top = _LARGEST if peak is None else min(peak.u0, _LARGEST)
     amplitude = np.geomspace(min(_SMALLEST, 0.1 * top), top, _POINTS)
     orbits = [free_orbit(r, float(u), damping, rough=True) for u in amplitude]

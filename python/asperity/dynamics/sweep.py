@@ -75,12 +75,12 @@ def sweep(
 ) -> tuple[Sweep, ...]:
     """Sweep all forcings and directions in parallel; see `ContactOscillator.sweep`. The frequencies `omega` rise."""
     lanes = [(s, d) for s in settings for d in directions]
-    forcing = np.array([s.F_hat for s, _ in lanes])
     path = np.array([omega if d == "up" else omega[::-1] for _, d in lanes])
     state: Array = np.zeros((2, len(lanes)))
     limit = max_periods or int(np.clip(4.0 / equation.zeta, 100, 20000))
     columns = []
     for j in range(omega.size):
+        forcing = np.array([s.forcing.at(w) for (s, _), w in zip(lanes, path[:, j], strict=True)])
         state, found = _settle(equation, state, path[:, j], forcing, tol, limit)
         columns.append(found)
     u_max, u_min, a1, residual, kind, periods = np.moveaxis(np.array(columns), 0, -1)

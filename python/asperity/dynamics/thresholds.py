@@ -8,14 +8,16 @@ quadrature per amplitude gives the resonance peak for every damping ratio:
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from typing import Any
 
 import numpy as np
 from scipy.optimize import brentq
 
-from asperity.dynamics.equation import Equation, Restoring
+from asperity.dynamics.equation import Equation, Forcing, Restoring
 from asperity.dynamics.free import FreeOrbit, contact_limit, free_orbit, largest_amplitude
+from asperity.dynamics.settings import Setting
 from asperity.force_law.damping import Damping
 from asperity.force_law.law import bend
 from asperity.runtime.display import short_repr
@@ -66,12 +68,15 @@ class Thresholds:
         return asdict(self)
 
 
-def resonance_peak(restoring: Restoring, drive: float, damping: Damping, *, rough: bool = False) -> FreeOrbit | None:
-    """Free orbit that F^ = 2 zeta drive sustains at phase resonance; None if there is none. See `free_orbit`."""
-    limit = min(largest_amplitude(restoring), _LARGEST)
+def resonance_peak(
+    restoring: Restoring, forcing: Forcing, zeta: float, damping: Damping, *, rough: bool = False
+) -> FreeOrbit | None:
+    """Free orbit that a forcing sustains at phase resonance; None if there is none. See `free_orbit`."""
+    limit, drive = min(largest_amplitude(restoring), _LARGEST), forcing.amplitude / (2.0 * zeta)
 
     def surplus(u: float) -> float:
-        return free_orbit(restoring, u, damping, rough=rough).drive - drive
+        orbit = free_orbit(restoring, u, damping, rough=rough)
+        return orbit.drive - float(forcing.at(orbit.omega)) / (2.0 * zeta)
 
     low = high = min(1e-3, 0.1 * drive, 0.5 * limit)
     while surplus(high) < 0:
@@ -82,15 +87,16 @@ def resonance_peak(restoring: Restoring, drive: float, damping: Damping, *, roug
     return free_orbit(restoring, u, damping, rough=rough)
 
 
-def thresholds(equation: Equation, forcing: tuple[float, ...] = ()) -> Thresholds:
-    """Compute the onsets of `Thresholds` and the resonance peak of each F^ in `forcing`."""
+def thresholds(equation: Equation, settings: Sequence[Setting] = ()) -> Thresholds:
+    """Compute the onsets of `Thresholds` and the resonance peak of each setting."""
     restoring, zeta, damping = equation.restoring, equation.zeta, equation.damping
     limit = contact_limit(restoring)
     orbit = free_orbit(restoring, limit, damping) if np.isfinite(limit) else None
     kappa, bar = restoring.kappa, restoring.law.kappa_bar(restoring.z_s)
     peaks: list[dict[str, float | None]] = []
-    for f in forcing:
-        peak = resonance_peak(restoring, f / (2.0 * zeta), damping) if zeta > 0 else None
+    for setting in settings:
+        f = setting.F_hat
+        peak = resonance_peak(restoring, setting.forcing, zeta, damping) if zeta > 0 else None
         values = (peak.omega, peak.u0, peak.u_min, peak.a1) if peak else (None,) * 4
         at_peak = dict(zip(("Omega", "u_max", "u_min", "a1"), values, strict=True))
         peaks.append({"F_hat": f, "F_over_mg": restoring.n_loc * f, **at_peak})

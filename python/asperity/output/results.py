@@ -22,6 +22,7 @@ from asperity.runtime.run_folder import (
     CURVE,
     FIELDS,
     FREE,
+    MOTION,
     RESPONSE,
     SLIP,
     SLIP_LOOPS,
@@ -43,7 +44,7 @@ class Results:
 
     Attributes:
         case: completed input, as nested tables
-        free, response, band, slip, slip_loops, slip_nodes: columns of the files of these names
+        free, response, band, motion, slip, slip_loops, slip_nodes: columns of the files of these names
         top: arrays of fields/top.npz
         built: the surface of the case if it was passed to `read`, else None
 
@@ -63,6 +64,7 @@ class Results:
     response: Columns = field(default_factory=dict)
     thresholds: Mapping[str, Any] = field(default_factory=dict)
     band: Columns = field(default_factory=dict)
+    motion: Columns = field(default_factory=dict)
     slip: Columns = field(default_factory=dict)
     slip_loops: Columns = field(default_factory=dict)
     slip_nodes: Columns = field(default_factory=dict)
@@ -89,6 +91,7 @@ class Results:
             "response": (RESPONSE, _read_columns),
             "thresholds": (THRESHOLDS, _read_json),
             "band": (BAND, _read_columns),
+            "motion": (MOTION, _read_columns),
             "slip": (SLIP, _read_columns),
             "slip_loops": (SLIP_LOOPS, _read_columns),
             "slip_nodes": (SLIP_NODES, _read_columns),

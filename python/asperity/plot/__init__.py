@@ -15,6 +15,7 @@ from asperity.plot.area_load import area_load
 from asperity.plot.contact import contact_area, pressure_maps
 from asperity.plot.curves import force_curve, plasticity
 from asperity.plot.fields import surface_map
+from asperity.plot.motion import motion
 from asperity.plot.slip import slip, slip_map
 from asperity.plot.spectra import receptance
 from asperity.plot.stiffness import conductance, stiffness
@@ -34,6 +35,7 @@ __all__ = [
     "contact_area",
     "force_curve",
     "frequency",
+    "motion",
     "plasticity",
     "plot_dynamics",
     "plot_run",
@@ -68,6 +70,8 @@ CAPTIONS = {
     "dotted line mark the onset of contact loss.",
     "receptance": "Frequency response function: amplitude at the forcing frequency over the force. A linear contact "
     "has one curve for all forces; the peak of each force lies on its backbone.",
+    "motion": "Motion in time from rest, relative to the base where it moves: displacement, and the force above it. "
+    "Shaded: out of contact.",
     "slip": "(a) Tangential force over displacement: from rest to an amplitude and around one loop, by the normal "
     "curve of like bodies; dots, where the solid was moved: its states. (b) Loss factor, twice the damping ratio. "
     "(c) Amplitude of the force over that of the displacement.",
@@ -109,6 +113,7 @@ def _drawn(name: str, possible: Mapping[str, Callable[[Results], Figure]], resul
 def plot_dynamics(result: Dynamics, folder: str | Path) -> list[Path]:
     """Draw the figures of a result of `run_dynamics` into a folder, and return the files written."""
     drawn, results = {"frequency": frequency, "response": response, "receptance": receptance}, results_of(result)
+    drawn |= {"motion": motion} if result.motions else {}
     return [path for name, draw in drawn.items() for path in save_in(Path(folder), name, draw(results))]
 
 
@@ -131,6 +136,7 @@ def figures_of(results: Results) -> dict[str, Callable[[Results], Figure]]:
         "frequency": (len(results.free.get("u0", ())) > 0, frequency),
         "response": (len(results.response.get("Omega", ())) > 0, response),
         "receptance": (len(results.response.get("a1", ())) > 0 and "F_hat" in results.response, receptance),
+        "motion": (len(results.motion.get("tau", ())) > 0, motion),
     }
     return {name: draw for name, (possible, draw) in wanted.items() if possible}
 

@@ -1,4 +1,4 @@
-"""Figure of the frequency response function (receptance).
+"""Figure of the frequency response function: receptance, or transmissibility where the base moves.
 
 Axes are in hertz and in units of the case where these are known, else over omega_s and 1/k_n.
 """
@@ -15,7 +15,7 @@ from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 from asperity.arrays import Array
 from asperity.output.results import Results
 from asperity.plot import style
-from asperity.plot.vibration import COLOURS, DASHES, Scale, heading, is_sweep, pieces, truth, where
+from asperity.plot.vibration import COLOURS, DASHES, SYMBOLS, Scale, heading, is_sweep, pieces, truth, where
 from asperity.units import prefix
 
 _FLOOR = 1.5  # the axis of the receptance begins at its smallest value over this
@@ -33,29 +33,34 @@ def _axes(thresholds: Mapping[str, Any]) -> tuple[float, float, str, str]:
 
 @style.styled
 def receptance(results: Results) -> Figure:
-    """Draw amplitude over force with the backbone."""
+    """Draw amplitude over force with the backbone, or that of the mass over that of the base."""
     rows, free, thresholds = results.response, results.free, results.thresholds
     frequency, compliance, hertz, metre = _axes(thresholds)
     si = metre == "m"
     figure, (axis,) = style.figure(style.SINGLE + 1.6, 4.0)
     model = "exact" if "exact" in rows["model"] else str(rows["model"][0])
     rows = where(rows, (rows["model"] == model) & ~is_sweep(rows["branch"]))
-    free = where(free, free["model"] == model) if "a1" in free else {}
-    value: Array = rows["a1"] / rows["F_hat"]
+    driven = thresholds.get("excitation", "force")
+    of_base = driven != "force"
+    free = where(free, free["model"] == model) if "a1" in free and not of_base else {}
+    value: Array = rows["transmissibility"] if of_base else rows["a1"] / rows["F_hat"]
+    rows = {**rows, "value": value}
+    if of_base:
+        compliance, metre, si = 1.0, "", False
     low, high = value[value > 0.0].min() / _FLOOR, 1.3 * value.max()  # 0 where orbits have no first harmonic
     if si:
         factor, metre = prefix(compliance * high, metre)
         compliance *= factor
     grid = np.linspace(rows["Omega"].min(), rows["Omega"].max(), 2001)
     zeta = float(rows["zeta"][0])
-    linear = 1.0 / np.hypot(1.0 - grid**2, 2.0 * zeta * grid)
+    linear = (np.hypot(1.0, 2.0 * zeta * grid) if of_base else 1.0) / np.hypot(1.0 - grid**2, 2.0 * zeta * grid)
     axis.plot(frequency * grid, compliance * linear, color=style.GREY, lw=0.8, label="linear")
     forcings = np.unique(rows["F_hat"])
     for forcing, colour in zip(forcings, np.resize(COLOURS, len(forcings)), strict=True):
         of = where(rows, rows["F_hat"] == forcing)
         for name in np.unique(of["branch"]):
             branch = where(of, of["branch"] == name)
-            stable, y = truth(branch["stable"]), branch["a1"] / forcing
+            stable, y = truth(branch["stable"]), branch["value"]
             for start, stop in pieces(branch["Omega"], y, stable):
                 axis.plot(
                     frequency * branch["Omega"][start:stop], compliance * y[start:stop], color=colour, lw=1.2,
@@ -65,7 +70,8 @@ def receptance(results: Results) -> Figure:
             reached = free["a1"] <= of["a1"].max()
             x, y = free["omega_ratio"][reached], free["a1"][reached] / forcing
             axis.plot(frequency * x, compliance * y, ":", color=colour, lw=1.0)
-        axis.plot([], [], color=colour, label=_force(forcing, thresholds, si))
+        label = f"{SYMBOLS[driven]} = {forcing:.3g}" if of_base else _force(forcing, thresholds, si)
+        axis.plot([], [], color=colour, label=label)
     if free:
         axis.plot([], [], ":", color=style.GREY, label="backbone of each force")
     if not truth(rows["stable"]).all():
@@ -79,7 +85,8 @@ def receptance(results: Results) -> Figure:
     axis.yaxis.set_major_formatter(FuncFormatter(lambda y, _: f"{y:g}"))
     axis.set_xlabel(style.label("frequency", hertz) if hertz else "frequency $\\Omega = \\omega/\\omega_s$")
     force = "N" if si else "force"
-    axis.set_ylabel(f"receptance $|X/F|$ ({metre}/{force})" if metre else "receptance $k_n|X/F|$")
+    what = f"receptance $|X/F|$ ({metre}/{force})" if metre else "receptance $k_n|X/F|$"
+    axis.set_ylabel("transmissibility, mass over base" if of_base else what)
     axis.legend(loc="best")
     axis.set_title(heading([zeta], thresholds.get("damping"), thresholds.get("n_loc")), loc="left")
     style.grid(axis)

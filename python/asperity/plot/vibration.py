@@ -26,6 +26,8 @@ if TYPE_CHECKING:
 MODELS = {"exact": (style.BLUE, "-", "exact law"), "taylor": (style.VERMILION, "--", "Taylor law")}
 COLOURS = (style.BLUE, style.VERMILION, style.GREEN, style.PURPLE, style.ORANGE, style.BLACK)
 DASHES = (0, (3, 1.5))  # offset, and lengths of line and gap [line widths]
+#: Excitation -> symbol of its dimensionless amplitude.
+SYMBOLS = {"force": "$\\hat{F}$", "base": "base $b/z_s$", "acceleration": "base $\\ddot b/(\\omega_s^2 z_s)$"}
 _SWEEPS = {"sweep-up": ("^", "sweep up"), "sweep-down": ("v", "sweep down")}
 _MARKS = {"fold": ("o", "fold"), "period doubling": ("s", "period doubling")}
 _ACTS = {"contact": "in contact", "hunt-crossley": "after Hunt and Crossley", "loops": "as the loops"}
@@ -116,13 +118,14 @@ def response(results: Results) -> Figure:
     Sweeps are triangles, bands those of exact responses, by the error bar of the force and the spread of the laws.
     """
     t = results.thresholds
+    driven = t.get("excitation", "force")
     sections = {model: t.get(model, {}).get("responses", ()) for model in MODELS}
     events = [
         e | {"model": m, "F_hat": r["F_hat"]} for m, rs in sections.items() for r in rs for e in r.get("events", ())
     ]
     n_loc = t.get("n_loc")
     title = heading(np.unique(results.response["zeta"]), t.get("damping"), n_loc)
-    return _response(results.response, events, title, n_loc, results.band, Scale.of(t))
+    return _response(results.response, events, title, driven, n_loc, results.band, Scale.of(t))
 
 
 def amplitude_frequency(responses: Sequence[FrequencyResponse], sweeps: Sequence[Sweep] = ()) -> Figure:
@@ -133,13 +136,15 @@ def amplitude_frequency(responses: Sequence[FrequencyResponse], sweeps: Sequence
     results: list[FrequencyResponse | Sweep] = [*responses, *sweeps]
     rows = columns_of(row for result in results for row in result.rows())
     first = responses[0].setting
-    return _response(rows, events, heading([first.zeta], first.damping, first.n_loc), first.n_loc, {}, None)
+    title = heading([first.zeta], first.damping, first.n_loc)
+    return _response(rows, events, title, first.excitation, first.n_loc, {}, None)
 
 
 @style.styled
 def _response(
-    rows: Columns, events: Sequence[_Event], title: str, n_loc: float | None, bands: Columns, scale: Scale | None
-) -> Figure:
+    rows: Columns, events: Sequence[_Event], title: str, driven: str, n_loc: float | None, bands: Columns,
+    scale: Scale | None,
+) -> Figure:  # fmt: skip
     models = [model for model in MODELS if model in rows["model"]]
     figure, axes = style.figure(1.2 + 4.0 * len(models), 4.4, columns=len(models))
     style.titles(axes, [MODELS[model][2] for model in models])
@@ -154,7 +159,8 @@ def _response(
             if model == "exact" and bands:
                 _band(axis, where(bands, bands["F_hat"] == forcing), colour)
         axis.set_xlabel("frequency $\\Omega = \\omega/\\omega_s$")
-        axis.set_ylabel("largest displacement $u_{\\max}$")
+        about = "" if driven == "force" else " relative to the base"
+        axis.set_ylabel(f"largest displacement{about} $u_{{\\max}}$")
         axis.set_xlim(rows["Omega"].min(), rows["Omega"].max())
         axis.set_ylim(0, 1.1 * np.nanmax(rows["u_max"][physical]))
         style.grid(axis)
@@ -162,7 +168,7 @@ def _response(
             scale.frequencies(axis, "top")
             scale.lengths(axis, "right")
     shown = {*np.unique(rows["branch"]).tolist(), *(e["kind"] for e in events if _is_physical(e))}
-    keys = [*_forcing_keys(forcings, n_loc), *_line_keys(shown, bool(physical.all()), bool(bands))]
+    keys = [*_forcing_keys(forcings, n_loc, driven), *_line_keys(shown, bool(physical.all()), bool(bands))]
     figure.legend(handles=keys, loc="outside lower center", ncols=2 if len(models) == 1 else 4)
     figure.suptitle(title)
     return figure
@@ -225,12 +231,12 @@ def _is_physical(e: _Event) -> bool:
     return bool(e["model"] == "exact" or e["u_min"] >= -1.0)
 
 
-def _forcing_keys(forcings: Array, n_loc: float | None) -> list[Line2D]:
-    """Legend entries of the forcings, in both conventions if the local exponent is known."""
+def _forcing_keys(forcings: Array, n_loc: float | None, driven: str) -> list[Line2D]:
+    """Legend entries of the forcings, forces in both conventions if the local exponent is known."""
     keys = []
     for forcing, colour in zip(forcings, np.resize(COLOURS, len(forcings)), strict=True):
-        weight = f", $F/W$ = {n_loc * forcing:.3g}" if n_loc else ""
-        keys.append(Line2D([], [], color=colour, label=f"$\\hat{{F}}$ = {forcing:g}{weight}"))
+        weight = f", $F/W$ = {n_loc * forcing:.3g}" if n_loc and driven == "force" else ""
+        keys.append(Line2D([], [], color=colour, label=f"{SYMBOLS[driven]} = {forcing:g}{weight}"))
     return keys
 
 
@@ -262,6 +268,7 @@ def results_of(found: Dynamics) -> Results:
         free=columns_of(row for free in found.free.values() for row in free.rows()),
         response=columns_of(row for r in responses for row in r.rows()),
         band=columns_of(row for band in found.bands for row in band.rows()),
+        motion=columns_of(found.moved()),
     )  # fmt: skip
 
 

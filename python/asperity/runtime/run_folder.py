@@ -23,7 +23,7 @@ P = ParamSpec("P")
 T = TypeVar("T")
 
 CASE, CURVE, SUMMARY, LOG = "case.toml", "curve.csv", "summary.json", "run.log"
-FREE, RESPONSE, BAND, THRESHOLDS = "free.csv", "response.csv", "band.csv", "thresholds.json"
+FREE, RESPONSE, BAND, MOTION, THRESHOLDS = "free.csv", "response.csv", "band.csv", "motion.csv", "thresholds.json"
 LOOPS = "loops.csv"
 SLIP, SLIP_LOOPS, SLIP_NODES = "slip.csv", "slip_loops.csv", "slip_nodes.csv"
 REPORT = "report.html"
@@ -31,7 +31,7 @@ FIELDS, FIGURES, CHECKPOINT = "fields", "figures", "checkpoint"  # folders
 TOP, VTKHDF, VIEW = "top.npz", "contact.vtkhdf", "view.py"  # in fields
 PICTURES = (
     "surface", "curve", "area", "area_load", "pressure", "stiffness", "plasticity", "frequency", "response",
-    "receptance", "slip", "slip_map", "conductance", "scene",
+    "receptance", "motion", "slip", "slip_map", "conductance", "scene",
 )  # in figures # fmt: skip
 FIELD_PICTURES = ("surface", "pressure", "slip_map", "scene")  # the others consist of lines and are in .svg too
 #: Files of `asperity export` in the folder of a run, by program or kind of file.
@@ -50,7 +50,8 @@ MESH, STATE, SNAPSHOT = "mesh.npz", "state.npz", "snapshot-{}.npz"  # in checkpo
 
 #: All files and folders that a run writes, folders after their files; without those of the checkpoint.
 PRODUCTS = (
-    CURVE, SUMMARY, LOG, LOOPS, SLIP, SLIP_LOOPS, SLIP_NODES, FREE, RESPONSE, BAND, THRESHOLDS, REPORT,
+    CURVE, SUMMARY, LOG, LOOPS, SLIP, SLIP_LOOPS, SLIP_NODES, FREE, RESPONSE, BAND, MOTION, THRESHOLDS,
+    REPORT,
     *(f"{FIELDS}/{name}" for name in (TOP, VTKHDF, VIEW)), FIELDS,
     *(f"{FIGURES}/{name}.png" for name in PICTURES),
     *(f"{FIGURES}/{name}.svg" for name in PICTURES if name not in FIELD_PICTURES), FIGURES,

@@ -1,0 +1,171 @@
+"""Motion of the base, and short motions in time, against closed forms of a linear contact and SciPy's integration."""
+
+from __future__ import annotations
+
+import csv
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from click.testing import CliRunner
+from scipy.integrate import solve_ivp
+
+from asperity.cli.dynamics import command
+from asperity.dynamics import ContactOscillator, PowerLaw, run_dynamics
+from asperity.errors import InputError
+
+LINEAR = ContactOscillator(PowerLaw(1.0), zeta=0.05)
+
+
+@pytest.mark.parametrize("excitation", ["base", "acceleration"])
+def test_transmissibility_of_a_linear_contact(excitation: str) -> None:
+    rows = list(LINEAR.response(1e-3, (0.4, 2.0), excitation=excitation, tol=1e-8).rows())
+    w, found = (np.array([row[name] for row in rows]) for name in ("Omega", "transmissibility"))
+    np.testing.assert_allclose(found, np.hypot(1.0, 0.1 * w) / np.hypot(1.0 - w**2, 0.1 * w), rtol=1e-9)
+    assert np.isnan(next(iter(LINEAR.response(1e-3, (0.4, 0.5)).rows()))["transmissibility"])
+
+
+@pytest.mark.parametrize("damping", ["always", "contact", "hunt-crossley"])
+def test_base_motion_in_absolute_coordinates(damping: str) -> None:
+    """The mass and the base in their own coordinates; what the base does is what the damper takes."""
+    n, zeta, b, omega = 1.5, 0.015, 0.05, 0.9
+    r = ContactOscillator(PowerLaw(n), zeta=zeta, damping=damping).response(b, (0.6, 1.2), excitation="base")
+    assert len(r["fold"]) == 2 and len(r.at(omega)) == 3, r.at(omega)
+    for s in r.at(omega):
+
+        def field(t: float, y: np.ndarray) -> list[float]:
+            x, v, base, speed = y[0], y[1], b * np.cos(omega * t), -b * omega * np.sin(omega * t)
+            z = 1.0 + x - base
+            push = max(z, 0.0) ** n / n
+            g = {"always": 1.0, "contact": float(z > 0), "hunt-crossley": n * push}[damping]
+            drag = 2.0 * zeta * g * (v - speed)
+            work = (push + drag) * -speed
+            return [v, 1.0 / n - push - drag, work, drag * (v - speed), x * np.cos(omega * t), x * np.sin(omega * t)]
+
+        u, v = s.start
+        end = solve_ivp(
+            field,
+            (0, 2 * np.pi / omega),
+            [u + b, v, 0, 0, 0, 0],
+            method="DOP853",
+            rtol=1e-11,
+            atol=1e-13,
+            max_step=0.01,
+        ).y[:, -1]
+        np.testing.assert_allclose(end[:2], [u + b, v], atol=1e-4)
+        assert end[2] == pytest.approx(end[3], rel=1e-4)
+        ratio = np.hypot(*end[4:]) * omega / np.pi / b
+        assert r.setting.transmissibility(omega, s.a1, s.phase) == pytest.approx(ratio, rel=1e-4)
+
+
+def test_sweeps_and_peak_under_a_moving_base() -> None:
+    o = ContactOscillator(PowerLaw(1.5), zeta=0.03)
+    r, (up,) = (
+        o.response(0.02, (0.7, 1.3), excitation="base"),
+        o.sweep(0.02, (0.7, 1.3), excitation="base", points=7, directions=("up",)),
+    )
+    for omega, u in zip(up.Omega, up.u_max, strict=True):
+        assert min(abs(s.u_max - u) for s in r.at(float(omega))) < 1e-4
+    (peak,) = o.thresholds(0.02, "base").peaks
+    assert peak["u_max"] == pytest.approx(r.peak[1], rel=1e-2) and peak["Omega"] == pytest.approx(r.peak[0], rel=1e-2)
+
+
+def test_a_step_overshoots_as_a_linear_oscillator_does() -> None:
+    path = LINEAR.simulate(1.0, 1e-3, shape="step", periods=4)
+    decay = np.exp(-np.pi * 0.05 / np.sqrt(1 - 0.05**2))
+    assert path.u.max() == pytest.approx(1e-3 * (1.0 + decay), rel=1e-9)
+    assert path.tau[path.u.argmax()] == pytest.approx(np.pi / np.sqrt(1 - 0.05**2), rel=1e-6)
+    assert np.all(path.force == 1e-3) and np.all(np.diff(path.tau) > 0)
+
+
+@pytest.mark.parametrize("omega", [0.4, 1.0, 2.5])
+def test_the_shock_response_spectrum_of_a_half_sine(omega: float) -> None:
+    """Of a linear oscillator without damping: largest displacement during and after the pulse."""
+    path = ContactOscillator(PowerLaw(1.0), zeta=0.0).simulate(omega, 1e-3, shape="half-sine", periods=4)
+    t = np.linspace(0, np.pi / omega, 100001)
+    if omega == 1.0:
+        during, after = 0.5 * (np.sin(t) - t * np.cos(t)), 0.5 * np.pi
+    else:
+        during = (np.sin(omega * t) - omega * np.sin(t)) / (1.0 - omega**2)
+        after = abs(2.0 * omega * np.cos(0.5 * np.pi / omega) / (1.0 - omega**2))
+    assert path.u[path.tau <= np.pi / omega].max() == pytest.approx(1e-3 * during.max(), rel=1e-7)
+    assert path.u[path.tau >= np.pi / omega].max() == pytest.approx(1e-3 * after, rel=1e-8)
+
+
+def test_a_chirp_with_loss_of_contact() -> None:
+    o = ContactOscillator(PowerLaw(1.5), zeta=0.02)
+    path = o.simulate((0.6, 1.3), 0.08, shape="chirp", periods=12)
+    end = path.tau[-1]
+    assert end == pytest.approx(24.0 * np.pi / 0.6) and len(path.flight) == 2
+
+    def field(t: float, y: np.ndarray) -> list[float]:
+        force = 0.08 * np.cos(0.6 * t + 0.5 * (1.3 - 0.6) / end * t**2)
+        return [y[1], force - (max(1.0 + y[0], 0.0) ** 1.5 - 1.0) / 1.5 - 0.04 * y[1]]
+
+    run = solve_ivp(field, (0, end), [0.0, 0.0], method="DOP853", rtol=1e-11, atol=1e-13, max_step=0.01)
+    np.testing.assert_allclose([path.u[-1], path.v[-1]], run.y[:, -1], atol=1e-6)
+    assert path.u.min() == pytest.approx(run.y[0].min(), rel=1e-4)
+
+
+def test_base_and_shock_in_physical_units(tmp_path: Path) -> None:
+    """An acceleration of the base acts as the force m a; amplitudes in m, m/s^2 and s on the command line."""
+    delta = np.linspace(0.0, 1e-7, 21)
+    curve = {"delta": delta, "force": 400.0 * (delta / 1e-7) ** 2}
+    more: dict[str, Any] = {"model": "exact", "bands": False, "units": "SI", "omega": (0.9, 1.1), "preload": 100.0}
+    force = run_dynamics(curve, forcing_newton=(3.0,), joint=_joint(), **more)
+    moved = run_dynamics(curve, base_acceleration=(1.5,), joint=_joint(), simulate="half-sine", pulse=1e-4, **more)
+    assert moved.responses["exact"][0].peak == pytest.approx(force.responses["exact"][0].peak, rel=1e-9)
+    path = moved.motions["half-sine"]
+    assert path.tau[path.force > 0][-1] == pytest.approx(1e-4 * moved.first.omega_s, rel=0.05)
+
+    file, out = tmp_path / "curve.csv", tmp_path / "out"
+    file.write_text("delta,force\n" + "".join(f"{d},{f}\n" for d, f in zip(delta, curve["force"], strict=True)))
+    arguments = [
+        str(file),
+        "--mass",
+        "2",
+        "--preload",
+        "100",
+        "--model",
+        "exact",
+        "--no-bands",
+        "--omega",
+        "0.9",
+        "1.1",
+    ]
+    done = CliRunner().invoke(command, [*arguments, "--base", "1.5m/s2", "--simulate", "step", "-o", str(out)])
+    assert done.exit_code == 0 and "transmissibility" in done.output and "step from rest" in done.output
+    assert json.loads((out / "thresholds.json").read_text())["excitation"] == "acceleration"
+    with (out / "response.csv").open() as rows:
+        read = list(csv.DictReader(rows))
+    assert max(float(row["transmissibility"]) for row in read) == pytest.approx(50.0, rel=0.1)
+    assert {float(row["force"]) for row in read} == {3.0}
+    with (out / "motion.csv").open() as rows:
+        assert max(float(row["x"]) for row in csv.DictReader(rows)) > 0
+    assert (out / "motion.png").is_file()
+    by_length = run_dynamics(curve, base=(1e-9,), joint=_joint(), **more)
+    assert by_length.responses["exact"][0].setting.F_hat == pytest.approx(1e-9 / by_length.first.restoring.z_s)
+
+
+def _joint() -> Any:
+    from asperity import Joint
+
+    return Joint(mass=2.0)
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        ({"excitation": "wind"}, 'excitation = "wind" is unknown'),
+        ({"base": (1.0,), "forcing_newton": (1.0,)}, "forcing_newton and base are given"),
+        ({"base": (1.0,), "excitation": "acceleration"}, "base is given, and excitation"),
+        ({"excitation": "base", "simulate": "step"}, "simulate is for a force or an acceleration"),
+        ({"simulate": "saw"}, 'simulate = "saw" is unknown'),
+        ({"base_acceleration": (1.0,), "units": "other"}, "needs the mass"),
+    ],
+)
+def test_excitations_that_contradict_each_other_are_refused(options: dict[str, Any], words: str) -> None:
+    with pytest.raises(InputError, match=words):
+        run_dynamics(PowerLaw(1.5), **options)
