@@ -66,7 +66,7 @@ class WithUnit(click.ParamType):
 @click.option("--forcing", type=WithUnit("N"), multiple=True, metavar="F",
               help="F^ = F/(n W) with the preload W, or a force as in 3N; repeatable; else 0.01.")  # fmt: skip
 @click.option("--base", type=WithUnit("m/s2", "m"), multiple=True, metavar="B",
-              help="The base moves instead, with an amplitude over z_s, or as in 2e-8m or 30m/s2; repeatable.")  # fmt: skip
+              help="The base moves instead: amplitude over z_s, or as in 2e-8m or 30m/s2; repeatable.")  # fmt: skip
 @click.option("--model", type=click.Choice(MODELS), multiple=True, help="Restoring force; repeatable; else both.")
 @click.option("--omega", type=WithUnit("Hz"), nargs=2, metavar="LOW HIGH",
               help="Range of excitation frequency over omega_s, or as 800Hz 1200Hz; else 0.5 1.3.")  # fmt: skip

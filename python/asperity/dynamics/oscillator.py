@@ -192,10 +192,9 @@ class ContactOscillator:
             raise InputError(f'directions = {directions} is not legal: choose from "up" and "down"')
         if points < 2:
             raise InputError(f"points = {points} is not legal: a sweep needs at least 2")
-        return _sweep.sweep(
-            self.equation, [self.setting(f, excitation) for f in forcings(forcing)], np.linspace(*window(omega), points),
-            directions=directions, tol=positive("tol", tol), max_periods=max_periods
-        )  # fmt: skip
+        settings, path = [self.setting(f, excitation) for f in forcings(forcing)], np.linspace(*window(omega), points)
+        tol = positive("tol", tol)
+        return _sweep.sweep(self.equation, settings, path, directions=directions, tol=tol, max_periods=max_periods)
 
     def simulate(
         self,
@@ -212,7 +211,7 @@ class ContactOscillator:
         """Motion in time from the state u, v = du/dtau, with each separation and landing located.
 
         Args:
-            omega: Omega (with forcing = 0, or a step: the unit of `periods` only), for a chirp that at its begin and end
+            omega: Omega (with forcing = 0, or a step: the unit of `periods` only), of a chirp both ends
             forcing: F^, may be 0; for a base that accelerates by b'', b'' over -z_s omega_s^2
             shape: "harmonic", cos(Omega tau); "step", constant; "half-sine", sin(Omega tau) for half a period; "chirp",
                 whose frequency changes evenly over the motion

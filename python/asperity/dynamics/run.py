@@ -1,4 +1,4 @@
-"""Complete vibration analysis of one law, and its files free.csv, response.csv, band.csv, motion.csv, thresholds.json."""
+"""Complete vibration analysis of one law, and its files."""
 
 from __future__ import annotations
 
