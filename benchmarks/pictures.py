@@ -120,9 +120,25 @@ def peers() -> Figure:
     return figure
 
 
-DRAWN: dict[str, Callable[[], Figure]] = {
-    "peers": peers,
-}
+def layers() -> Figure:
+    """The packages, each above those that it may import: the order that tests/test_architecture.py keeps."""
+    from test_architecture import ORDER
+
+    rows = [[name for name in row if not name.startswith("_")] for row in ORDER]
+    rows = [row for row in rows if row]
+    figure = Figure(figsize=(6.4, 0.26 * len(rows)), layout="constrained")
+    axis = figure.subplots()
+    for height, row in enumerate(rows):
+        axis.barh(height, 1.0, height=0.84, color="0.92")
+        axis.text(0.5, height, "    ".join(row), ha="center", va="center", fontsize="small", family="monospace")
+    axis.annotate("imports", (1.04, -0.4), (1.04, len(rows) - 0.6), rotation=90, va="top", ha="center",
+                  fontsize="small", arrowprops={"arrowstyle": "->"})  # fmt: skip
+    axis.set(xlim=(0.0, 1.08), ylim=(-0.6, len(rows) - 0.4))
+    axis.set_axis_off()
+    return figure
+
+
+DRAWN: dict[str, Callable[[], Figure]] = {"peers": peers, "layers": layers}
 NAMES = (*DRAWN, *(Path(name).stem for name in OF_PAGES))
 
 
