@@ -124,7 +124,7 @@ def test_a_run_writes_one_set_of_files(shared_path: Path) -> None:
     np.testing.assert_array_equal(Curve.read(folder / "curve.csv").force, result.curve.force)
     assert result.summary["ranks"] == together.size
     assert {path.name for path in folder.iterdir()} >= {"case.toml", "curve.csv", "summary.json", "fields"}
-    drawn = {path.stem for path in (folder / FIGURES).glob("*.png")}
+    drawn = {path.stem for path in (folder / FIGURES).glob("*.*")}
     assert drawn == {*figures_of(Results.read(folder))} >= {"frequency", "response", "curve", "pressure"}
 
 

@@ -69,7 +69,7 @@ def test_files_of_a_run(full: tuple[Path, RunResult]) -> None:
     files = {str(p.relative_to(folder)) for p in folder.rglob("[!.]*") if p.is_file()}
     promised = ("case.toml curve.csv summary.json run.log free.csv response.csv thresholds.json loops.csv "
                 "report.html fields/top.npz fields/contact.vtkhdf fields/view.py")  # fmt: skip
-    assert files >= {*promised.split()} and any(name.endswith(".png") for name in files)
+    assert files >= {*promised.split()} and "figures/curve.svg" in files
     assert {name for name in files if not name.startswith("checkpoint/")} <= set(PRODUCTS)  # which --force removes
 
 
@@ -218,7 +218,7 @@ def test_a_finished_run_is_not_resumed_under_another_tolerance_of_the_equations(
     assert files(tmp_path) == before
     case = case_of(output={"figures": True}, **settings)
     run(case, tmp_path, resume=True)
-    assert (tmp_path / "figures/curve.png").is_file() and Case.load(tmp_path / "case.toml") == case
+    assert (tmp_path / "figures/curve.svg").is_file() and Case.load(tmp_path / "case.toml") == case
 
 
 def test_summary(full: tuple[Path, RunResult]) -> None:
@@ -367,7 +367,7 @@ def test_a_tolerance_that_is_not_met_leaves_all_that_was_found(tmp_path: Path) -
     bars = results.curve.error_P_star / results.curve.P_star
     assert results.summary["accuracy"]["met"] is False and results.summary["finished"] is False
     assert results.summary["accuracy"]["worst_relative_bar"] == pytest.approx(bars.max()) and bars.max() > 1e-4
-    assert list((tmp_path / "figures").glob("*.png"))
+    assert list((tmp_path / "figures").glob("*.svg"))
     text = Page(tmp_path / "report.html").text
     assert '"finished": false' in text and '"met": false' in text and "allows no more" in text
 
@@ -441,7 +441,7 @@ def test_slip_is_that_of_the_joint_by_the_curve_and_by_the_solid(tmp_path: Path)
     assert light["f"] == pytest.approx(np.sqrt(1e8 * loops["k_secant"][0] / 0.5) / (2 * np.pi))
     assert light["zeta"] == pytest.approx(0.5 * loops["eta"][0])
     assert section["in_words"][0].startswith("Slip at 0.3 of the friction limit: frequency ")
-    assert all((tmp_path / f"figures/{name}.png").is_file() for name in ("slip", "slip_map"))
+    assert all((tmp_path / f"figures/{name}").is_file() for name in ("slip.svg", "slip_map.png"))
     assert {"slip.csv", "slip_loops.csv", "slip_nodes.csv"} <= set(PRODUCTS)
 
 

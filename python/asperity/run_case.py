@@ -44,6 +44,9 @@ if TYPE_CHECKING:
     from asperity.surface import Surface
 
 
+DRAW = 4  # ranks that draw figures, at most: each loads Matplotlib
+
+
 @dataclass(frozen=True)
 class RunResult:
     """Outcome of a case.
@@ -237,7 +240,7 @@ def _run(
     if solved.complete and not found.ends:
         if folder is not None and (case.output.figures or case.output.report):
             with stage("figures"):
-                on_root(comm, partial(_draw, folder, problem.surface))
+                agree(comm, partial(_draw, folder, problem.surface, comm.rank, comm.size))
             write()  # for the report, with the time of the figures
         if folder is not None and case.output.report:
             on_root(comm, partial(_report, folder, failure is None))
@@ -278,10 +281,13 @@ def _warn(case: Case, folder: Path | None, solved: SolvedCase, lines: Sequence[A
         warn(f"{unresolved}; make mesh.h_contact smaller", ResolutionWarning)
 
 
-def _draw(folder: Path, surface: Surface) -> None:
-    from asperity.plot import plot_run
+def _draw(folder: Path, surface: Surface, rank: int, ranks: int) -> None:
+    """Draw the part of the figures that falls to a rank; rank 0 holds the lock of the folder."""
+    from asperity.plot import CAPTIONS, draw
 
-    plot_run(folder, surface)
+    share = min(ranks, DRAW)
+    if rank < share:
+        draw(folder, surface, tuple(CAPTIONS)[rank::share])
 
 
 def _report(folder: Path, finished: bool) -> None:

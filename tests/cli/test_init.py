@@ -153,7 +153,7 @@ def test_it_runs_as_written_in_about_a_minute(arguments: tuple[str, ...], tmp_pa
     subprocess.run([sys.executable, "-m", "asperity", "run", path, "-o", tmp_path / "out", "--quiet"], check=True)
     summary = json.loads((tmp_path / "out/summary.json").read_text())
     assert summary["newton"] * summary["dofs"] < 1e7
-    assert (tmp_path / "out/report.html").is_file() and (tmp_path / "out/figures/curve.png").is_file()
+    assert (tmp_path / "out/report.html").is_file() and (tmp_path / "out/figures/curve.svg").is_file()
 
 
 def test_a_file_is_never_replaced(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -10,9 +10,12 @@ import numpy as np
 import pytest
 from made_up_run import write_run
 
+import asperity as asp
+from asperity.output.fields import gather_top_states
 from asperity.output.results import Results
 from asperity.plot import figures_of
 from asperity.plot.area_load import area_load, persson_area, persson_density
+from asperity.plot.contact import pressed_thirds
 
 
 def test_persson_in_closed_form() -> None:
@@ -37,3 +40,17 @@ def test_the_figure_is_that_of_rough_surfaces(tmp_path: Path) -> None:
     assert any("in contact" in text for text in pressure.get_legend_handles_labels()[1])
     smooth = {**results.case, "surface": {"kind": "sphere", "L": 1e-6, "radius": 2e-6}}
     assert "area_load" not in figures_of(replace(results, case=smooth))
+
+
+def test_the_pressures_of_the_thirds_have_the_force_and_the_area_of_the_curve(tmp_path: Path) -> None:
+    """Unlike those at the nodes, which reach beyond the contact."""
+    wave = asp.Surface.from_spec("sinusoid", L=1e-6, amplitude=5e-9, dims=2)
+    size = asp.MeshSize(h_contact=0.1e-6)
+    result = asp.solve_contact(wave, asp.Material(E=200e9, nu=0.3), delta_max=4e-9, steps=3, size=size, snapshots=3)
+    top = gather_top_states(result, wave.L, 200e9)
+    assert top is not None and len(top["steps"]) == 3
+    for i, step in enumerate(top["steps"]):
+        row = result.curve.where(result.curve.step == step)
+        pressure, area = pressed_thirds(top, i)
+        assert pressure @ area == pytest.approx(row.force[0], rel=1e-6)
+        assert area.sum() == pytest.approx(row.area_fraction[0] * wave.L**2, rel=1e-9)

@@ -51,6 +51,9 @@ def test_all_figures_of_a_run_are_drawn(folder: Path) -> None:
     assert {path.stem for path in written if path.suffix == ".svg"}.isdisjoint(FIELD_PICTURES)
     assert {f"figures/{path.name}" for path in written} <= set(PRODUCTS)
     assert plot_run(folder, names=["area"]) == [path for path in written if path.stem == "area"]
+    assert [path.name for path in plot_run(folder, names=["area"], pixels=True)] == ["area.png"]
+    assert not (folder / "figures/area.svg").exists()  # one file a figure
+    plot_run(folder, names=["area"])
 
 
 def test_figures_without_data_are_left_out(tmp_path: Path) -> None:
@@ -126,16 +129,16 @@ def test_the_curve_shows_branches_fit_and_error_band(results: Results) -> None:
 
 
 def test_pressure_maps_share_one_scale_and_skip_empty_levels(results: Results) -> None:
-    figure = pressure_maps(results, count=3)
-    assert len(figure.axes) == 4  # with the colour bar
+    figure = pressure_maps(results, count=4)
+    assert len(figure.axes) == 5  # with the spot and the colour bar
     titles = [axis.get_title(loc="left") for axis in figure.axes[:3]]
     assert all("0.0000" not in title for title in titles)
     assert titles[-1].startswith("(c) unloading") and all(title.endswith("µN ± 3 %") for title in titles)
-    limits = {axis.images[0].get_clim() for axis in figure.axes[:3]}
+    limits = {axis.images[0].get_clim() for axis in figure.axes[:4]}
     assert len(limits) == 1
     step = int(results.top["steps"][-1])
     spots = np.where(results.curve.step == step, 7, 0)
-    counted = pressure_maps(replace(results, curve=replace(results.curve, spots=spots)), count=3)
+    counted = pressure_maps(replace(results, curve=replace(results.curve, spots=spots)), count=4)
     assert counted.axes[2].get_title(loc="left").endswith("µN ± 3 %, 7 spots")
     assert not any(axis.texts for axis in counted.axes)  # which would hide spots
 

@@ -10,9 +10,10 @@ import matplotlib.image
 import numpy as np
 import pytest
 from made_up_run import write_run
+from PIL import Image
 
 from asperity.output.results import Results
-from asperity.plot.turning import turning_surface
+from asperity.plot.turning import growing_spots, turning_surface
 
 MOST = 300_000  # bytes that the surface may add to a page
 
@@ -31,9 +32,12 @@ def test_the_data_of_the_page_are_those_of_the_run(tmp_path: Path) -> None:
     coloured = np.ptp(picture, axis=-1) > 0.01
     assert coloured.mean() == pytest.approx(results.top["touched"][4].mean(), rel=0.1)
     assert "30 nm" in shown.caption
+    moving = Image.open(io.BytesIO(base64.b64decode(growing_spots(results) or "")))
+    pressed = (results.top["branch"] == "load") & (results.top["pressure"].max(axis=1) > 0.0)
+    assert moving.n_frames == pressed.sum()  # type: ignore[attr-defined]
 
 
 def test_without_pressure_there_is_none(tmp_path: Path) -> None:
     folder = write_run(tmp_path)
     (folder / "fields/top.npz").unlink()
-    assert turning_surface(Results.read(folder)) is None
+    assert turning_surface(Results.read(folder)) is growing_spots(Results.read(folder)) is None

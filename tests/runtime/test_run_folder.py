@@ -216,7 +216,7 @@ def test_a_run_killed_while_adding_figures_is_not_finished(tmp_path: Path) -> No
             run(more, tmp_path, resume=True)
     assert not (tmp_path / "figures").exists()
     assert run(more, tmp_path, resume=True).contact is not None
-    assert (tmp_path / "figures/curve.png").is_file()
+    assert (tmp_path / "figures/curve.svg").is_file()
     assert json.loads((tmp_path / "summary.json").read_text())["finished"] is True
 
 
@@ -226,18 +226,18 @@ def test_a_run_that_continues_without_a_part_keeps_no_files_of_it(tmp_path: Path
     everything = {"fields": True, "figures": True, "report": True}
     steps: dict[str, Any] = {"loading": {"delta_max": 0.02, "steps": 3}}
     run(case_of(**steps, dynamics=quick, output=everything), tmp_path)
-    assert {"free.csv", "figures/frequency.png", "report.html"} <= {*files(tmp_path)}
+    assert {"free.csv", "figures/frequency.svg", "report.html"} <= {*files(tmp_path)}
     (tmp_path / "figures/mine.png").touch()
     (tmp_path / "band.csv").touch()  # of a run with an error bar
 
     run(case_of(**steps, output=everything), tmp_path, resume=True)
     left = {*files(tmp_path)}
-    assert not left & {"free.csv", "response.csv", "band.csv", "thresholds.json", "figures/frequency.png"}
-    assert {"report.html", "figures/curve.png", "fields/contact.vtkhdf"} <= left
+    assert not left & {"free.csv", "response.csv", "band.csv", "thresholds.json", "figures/frequency.svg"}
+    assert {"report.html", "figures/curve.svg", "fields/contact.vtkhdf"} <= left
 
     run(case_of(**steps, output={"fields": False, "report": False, "figures": True}), tmp_path, resume=True)
     left = {*files(tmp_path)}
-    assert not left & {"report.html", "fields/contact.vtkhdf"} and "figures/curve.png" in left
+    assert not left & {"report.html", "fields/contact.vtkhdf"} and "figures/curve.svg" in left
     run(case_of(**steps), tmp_path, resume=True)
     assert [path.name for path in (tmp_path / "figures").iterdir()] == ["mine.png"]
     assert "curve.csv" in files(tmp_path)

@@ -337,7 +337,7 @@ class SolverSection(Section):
 class OutputSection(Section):
     """Files in addition to the curve and the summary."""
 
-    figures: Flag = key("figures/*.png, and *.svg of those that consist of lines", False)
+    figures: Flag = key("figures/*.svg, and *.png of those with fields", False)
     fields: Flag = key("fields/ for ParaView", False)
     report: Flag = key("report.html", False)
     stiffness: Flag = key(

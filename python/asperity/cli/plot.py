@@ -10,11 +10,12 @@ from asperity.cli import options
 @click.command()
 @options.run_folder
 @click.option("--3d", "solid", is_flag=True, help="Draw figures/scene.png, the block in three dimensions, instead.")
+@click.option("--png", "pixels", is_flag=True, help="PNG files also of what consists of lines.")
 @options.serial
-def command(folder: str, solid: bool) -> None:
+def command(folder: str, solid: bool, pixels: bool) -> None:
     """Draw the figures of a run.
 
-    From the files of the run in OUT, into OUT/figures: PNG, and SVG where they consist of lines.
+    From the files of the run in OUT, into OUT/figures: SVG where they consist of lines, otherwise PNG.
     """
     if solid:
         from asperity.plot.scene import scene
@@ -25,6 +26,6 @@ def command(folder: str, solid: bool) -> None:
     from asperity.plot import plot_run
 
     with options.files_of_run(folder):
-        written = plot_run(folder)
+        written = plot_run(folder, pixels=pixels)
     for path in written:
         options.say(f"written {path}")

@@ -58,7 +58,8 @@ CAPTIONS = {
     "area": "(a) Regions in contact at increasing approach. (b) Contact area over load. (c) Number of contact spots.",
     "area_load": "(a) Contact area over load beside the theories of elastic rough contact, with the rms slope of the "
     "surface. (b) Distribution of the contact pressure over the nominal area.",
-    "pressure": "Contact pressure at selected approaches, with force and number of contact spots (grey: no contact).",
+    "pressure": "Contact pressure at selected approaches, with force and number of contact spots (grey: no contact). "
+    "Last: the spot of the greatest pressure, the blue square, with the facets of the mesh.",
     "stiffness": "(a) Stiffness of the contact during loading. (b) Mean gap.",
     "conductance": "Conductance per nominal area over the nominal pressure, beside the law of summits that are elastic "
     "or flow.",
@@ -72,34 +73,44 @@ CAPTIONS = {
     "has one curve for all forces; the peak of each force lies on its backbone.",
     "motion": "Motion in time from rest, relative to the base where it moves: displacement, and the force above it. "
     "Shaded: out of contact.",
-    "slip": "(a) Tangential force over displacement: from rest to an amplitude and around one loop, by the normal "
-    "curve of like bodies; dots, where the solid was moved: its states. (b) Loss factor, twice the damping ratio. "
+    "slip": "(a) Loops of the tangential force over the displacement, by the normal curve of like bodies: what it "
+    "has beyond the secant of the loop, over its greatest value, which the legend gives as a share of the amplitude; "
+    "dots, where the solid was moved: its states. (b) Loss factor, twice the damping ratio. "
     "(c) Amplitude of the force over that of the displacement.",
     "slip_map": "Slip of the nodes in contact from rest to an amplitude, by the solid; grey nodes stick.",
 }
 
 
 @locking
-def plot_run(folder: str | Path, surface: Surface | None = None, names: Sequence[str] = tuple(CAPTIONS)) -> list[Path]:
+def plot_run(
+    folder: str | Path, surface: Surface | None = None, names: Sequence[str] = tuple(CAPTIONS), pixels: bool = False
+) -> list[Path]:
     """Draw the figures that the files of a run allow, into its folder figures/, and return the files.
 
-    All are PNG files; those that consist of lines are SVG files too.
+    Those that consist of lines are SVG files, the others PNG files.
 
     Args:
         folder: of the run
         surface: of the case, if already built
         names: of the figures, keys of CAPTIONS
+        pixels: make all of them PNG files
 
     Raises:
         InputError: the folder contains no run, or another process works in it
     """
+    return draw(folder, surface, names, pixels)
+
+
+def draw(
+    folder: str | Path, surface: Surface | None, names: Sequence[str] = tuple(CAPTIONS), pixels: bool = False
+) -> list[Path]:
+    """Do what `plot_run` does in a folder that this process, or another rank of the run, has locked."""
     results = Results.read(folder, surface)
     target = results.folder / FIGURES
     target.mkdir(exist_ok=True)
     possible = figures_of(results)
-    return [
-        path for name in names if name in possible for path in save_in(target, name, _drawn(name, possible, results))
-    ]
+    drawn = (name for name in names if name in possible)
+    return [save_in(target, name, _drawn(name, possible, results), pixels) for name in drawn]
 
 
 def _drawn(name: str, possible: Mapping[str, Callable[[Results], Figure]], results: Results) -> Figure:
@@ -114,7 +125,7 @@ def plot_dynamics(result: Dynamics, folder: str | Path) -> list[Path]:
     """Draw the figures of a result of `run_dynamics` into a folder, and return the files written."""
     drawn, results = {"frequency": frequency, "response": response, "receptance": receptance}, results_of(result)
     drawn |= {"motion": motion} if result.motions else {}
-    return [path for name, draw in drawn.items() for path in save_in(Path(folder), name, draw(results))]
+    return [save_in(Path(folder), name, make(results)) for name, make in drawn.items()]
 
 
 def figures_of(results: Results) -> dict[str, Callable[[Results], Figure]]:

@@ -11,7 +11,7 @@ from matplotlib.figure import Figure
 from asperity.arrays import Array
 from asperity.output.results import Results
 from asperity.plot import style
-from asperity.plot.contact import Raster, touching
+from asperity.plot.contact import pressed_thirds
 from asperity.plot.curves import LOAD
 from asperity.units import prefix
 
@@ -24,15 +24,16 @@ def area_load(results: Results) -> Figure:
 
     Persson's theory and that of Bush, Gibson and Thomas need the rms slope of the surface alone.
     """
-    pressures = _pressures(results)
+    i = int(np.argmax([p.mean() for p in results.top["pressure"]])) if results.snapshots else -1
+    pressures, areas = pressed_thirds(results.top, i) if results.snapshots else (np.empty(0), np.empty(0))
     figure, axes = style.figure(style.DOUBLE, 3.6, columns=2)
     style.titles(axes, ("area and load", "pressure at the greatest load"))
     slope = results.surface.rms_slope()
     _area(axes[0], results, slope)
-    if pressures is None:
-        axes[1].set_axis_off()
+    if (pressures > 0.0).any():
+        _distribution(axes[1], results, slope, i, pressures, areas / results.surface.L**2)
     else:
-        _distribution(axes[1], results, slope, *pressures)
+        axes[1].set_axis_off()
     style.grid(*axes)
     return figure
 
@@ -68,24 +69,13 @@ def _area(axis: Any, results: Results, slope: float) -> None:
     style.logarithmic(axis)
 
 
-def _pressures(results: Results) -> tuple[Array, int] | None:
-    """Pressures in contact at equal parts of the area at the greatest load, and their snapshot."""
-    if not results.snapshots:
-        return None
-    top = results.top
-    i = int(np.argmax([p.mean() for p in top["pressure"]]))
-    on_grid = Raster(top)
-    found = np.where(touching(on_grid, top, i), on_grid(top["pressure"][i]), 0.0)
-    return (found, i) if (found > 0.0).any() else None
-
-
-def _distribution(axis: Any, results: Results, slope: float, found: Array, i: int) -> None:
-    scale, unit = prefix(float(found.max()), results.unit("stress"))
-    inside = found[found > 0.0] * scale
-    share = inside.size / found.size
-    edges = np.linspace(0.0, float(np.quantile(inside, 0.999)), BINS + 1)
-    axis.hist(inside, edges, weights=np.full(inside.size, 1.0 / (found.size * np.diff(edges)[0])), color=style.SKY,
-              label=f"this run, {100 * share:.3g} % in contact")  # fmt: skip
+def _distribution(axis: Any, results: Results, slope: float, i: int, pressures: Array, shares: Array) -> None:
+    """Draw the density of the pressures of a snapshot, each on a share of the patch."""
+    highest = float(results.top["pressure"][i].max())  # as in the table; few thirds have more
+    scale, unit = prefix(highest, results.unit("stress"))
+    edges = np.linspace(0.0, highest * scale, BINS + 1)
+    axis.hist(np.minimum(pressures, highest) * scale, edges, weights=shares / np.diff(edges)[0], color=style.SKY,
+              label=f"this run, {100 * shares.sum():.3g} % in contact")  # fmt: skip
     row = results.curve.where(results.curve.step == int(results.top["steps"][i]))
     solid = results.case["material"]
     if len(row) and not solid.get("yield_strength"):

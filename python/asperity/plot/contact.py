@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 from matplotlib import colormaps
 from matplotlib.colors import ListedColormap
 from matplotlib.figure import Figure
-from matplotlib.patches import Patch
+from matplotlib.patches import Patch, Rectangle
 from matplotlib.ticker import MaxNLocator
 from matplotlib.tri import Triangulation
 from numpy.typing import NDArray
@@ -26,13 +25,51 @@ PIXELS = 400  # of a map, along each side
 
 @style.styled
 def pressure_maps(results: Results, count: int = 4) -> Figure:
-    """Draw the contact pressure at up to `count` load levels, with one colour scale."""
-    chosen = _levels(results.top, count)
-    figure, axes = style.figure(1.1 + 2.5 * len(chosen), 3.0, columns=len(chosen))
-    style.titles(axes, [_title(results, i) for i in chosen])
-    image, unit = _maps(axes, results, chosen)
+    """Draw the contact pressure at up to `count` - 1 load levels and around its peak, with one colour scale."""
+    chosen = _levels(results.top, count - 1)
+    figure, axes = style.figure(1.1 + 2.5 * (len(chosen) + 1), 3.0, columns=len(chosen) + 1)
+    top = results.top
+    highest = float(top["pressure"][chosen].max())
+    scale, unit = prefix(highest, results.unit("stress"))
+    look = {"cmap": "inferno_r", "vmin": 0.0, "vmax": highest * scale or 1.0}
+    on_patch, image = Raster(top), None
+    for axis, i in zip(axes, chosen, strict=False):
+        image = _map(axis, results, on_patch, on_patch.pressure(i) * scale, **look)
+        axis.label_outer()
+    i = max(chosen, key=lambda level: float(top["pressure"][level].max()))
+    on_spot = Raster(top, _around_peak(results, i))
+    _map(axes[-1], results, on_spot, on_spot.pressure(i) * scale, **look)
+    across = _facets(axes[-1], results, on_spot.box)
+    axes[chosen.index(i)].add_patch(Rectangle(*across, fill=False, ec=style.BLUE, lw=0.9))
+    peak = quantity(highest, results.unit("stress"), 3) if highest > 0.0 else "no pressure"
+    style.titles(axes, [*(_title(results, level) for level in chosen), f"spot of the greatest\npressure, {peak}"])
     figure.colorbar(image, ax=axes, shrink=0.8).set_label(style.label("contact pressure", unit))
     return figure
+
+
+def _around_peak(results: Results, i: int) -> Array:
+    """Square around the greatest pressure of a snapshot, four radii of the largest spot wide (2, 2)."""
+    top, points = results.top, results.top["points"]
+    low, high = points.min(axis=0), points.max(axis=0)
+    row = results.curve.where(results.curve.step == int(top["steps"][i]))
+    spot = float(row.largest_spot[0]) if len(row) else np.nan
+    half = min(2.0 * np.sqrt(spot / np.pi) if spot > 0.0 else np.inf, float((high - low).min()) / 4.0)
+    middle = np.clip(points[top["pressure"][i].argmax()], low + half, high - half)
+    return np.array([middle - half, middle + half])
+
+
+def _facets(axis: Any, results: Results, box: Array) -> tuple[tuple[float, float], float, float]:
+    """Draw the edges of the facets in a box, which is returned as a corner, width and height in units of the axis."""
+    corners, _ = facets(results.top)
+    at = results.top["points"][corners]  # (3, facets, 2)
+    seen = ((at.max(axis=0) > box[0]) & (at.min(axis=0) < box[1])).all(axis=1)
+    across, _ = prefix(float(results.top["points"].max()) / 2, results.unit("length"))
+    for lines in np.moveaxis(at[:, seen] * across, 1, 0):
+        axis.plot(*np.vstack([lines, lines[:1]]).T, color=style.GREY, lw=0.4)
+    axis.set(xlim=box[:, 0] * across, ylim=box[:, 1] * across)
+    axis.set_ylabel("")
+    low, size = box[0] * across, (box[1] - box[0]) * across
+    return (float(low[0]), float(low[1])), float(size[0]), float(size[1])
 
 
 def _title(results: Results, i: int) -> str:
@@ -47,25 +84,10 @@ def _title(results: Results, i: int) -> str:
     return f"{text}\n{quantity(row.force[0], results.unit('force'), 3, bar=row.bar('P_star', 0))}{spots}"
 
 
-def _maps(axes: Sequence[Any], results: Results, chosen: Sequence[int]) -> tuple[Any, str]:
-    """Draw a map of each level; return an image for the colour bar, and the unit of pressure."""
-    top = results.top
-    highest = float(top["pressure"][list(chosen)].max())
-    scale, unit = prefix(highest, results.unit("stress"))
-    on_grid = Raster(top)
-    image: Any = None
-    for axis, i in zip(axes, chosen, strict=True):
-        shown = np.where(touching(on_grid, top, i), on_grid(top["pressure"][i]) * scale, np.nan)
-        image = _map(axis, results, shown, cmap="inferno_r", vmin=0.0, vmax=highest * scale or 1.0)
-        axis.label_outer()
-    return image, unit
-
-
-def _map(axis: Any, results: Results, values: Array, **look: Any) -> Any:
-    """Draw values on the squares of a `Raster` over the patch, unknown ones pale; return the image."""
-    points = results.top["points"]
-    across, unit = prefix(float(points.max()) / 2, results.unit("length"))
-    extent = (0, float(points[:, 0].max()) * across, 0, float(points[:, 1].max()) * across)
+def _map(axis: Any, results: Results, on_grid: Raster, values: Array, **look: Any) -> Any:
+    """Draw values on the squares of a `Raster`, unknown ones pale; return the image."""
+    across, unit = prefix(float(results.top["points"].max()) / 2, results.unit("length"))
+    extent = tuple((on_grid.box * across).T.ravel())
     axis.set_facecolor(style.PALE)
     axis.set_xlabel(style.label("$x$", unit))
     axis.set_ylabel(style.label("$y$", unit))
@@ -76,14 +98,17 @@ class Raster:
     """Values at the nodes of the top, linear in its triangles, at the middles of PIXELS x PIXELS equal squares.
 
     Attributes:
+        top: arrays of top.npz
+        box: lower and upper corner of what the squares cover, by default the patch (2, 2) [length]
         edge_nodes: node on the edge of a facet whose third each square lies in (PIXELS, PIXELS)
     """
 
-    def __init__(self, top: Any) -> None:
-        x, y = top["points"].T
-        mesh = Triangulation(x, y, top["triangles"])
+    def __init__(self, top: Any, box: Array | None = None) -> None:
+        points = top["points"]
+        self.top, self.box = top, np.array([points.min(axis=0), points.max(axis=0)]) if box is None else box
+        mesh = Triangulation(*points.T, top["triangles"])
         middles = (np.arange(PIXELS) + 0.5) / PIXELS
-        at = np.meshgrid(x.min() + middles * np.ptp(x), y.min() + middles * np.ptp(y))
+        at = np.meshgrid(*(low + middles * (high - low) for low, high in self.box.T))
         found: Any = mesh.get_trifinder()(*at)
         self._nodes = top["triangles"][found]
         self._shares = shares(np.stack(at, axis=-1), *np.moveaxis(top["points"][self._nodes], 2, 0))
@@ -95,10 +120,37 @@ class Raster:
     def __call__(self, values: Array) -> Array:
         return np.asarray((values[self._nodes] * self._shares).sum(axis=-1))
 
+    def touching(self, i: int) -> NDArray[np.bool_]:
+        """Where a snapshot is in contact: the touched thirds of facets, whose patches are the spots that count."""
+        return np.asarray(self.top["touched"][i][self.edge_nodes], dtype=bool)
 
-def touching(on_grid: Raster, top: Any, i: int) -> NDArray[np.bool_]:
-    """Where a snapshot is in contact: the touched thirds of facets, whose patches are the spots that count."""
-    return np.asarray(top["touched"][i][on_grid.edge_nodes], dtype=bool)
+    def pressure(self, i: int) -> Array:
+        """Pressure of a snapshot, NaN out of contact."""
+        return np.where(self.touching(i), self(self.top["pressure"][i]), np.nan)
+
+
+def facets(top: Any) -> tuple[NDArray[Any], NDArray[Any]]:
+    """Corners (3, facets) of the facets of a top, and the nodes on the edges that begin at them."""
+    thirds = top["triangles"][: 3 * len(top["triangles"]) // 4].reshape(3, -1, 3)  # see `element.FACE_TRIANGLES`
+    return thirds[..., 0], thirds[..., 1]
+
+
+def pressed_thirds(top: Any, i: int) -> tuple[Array, Array]:
+    """Pressure and area (n,) of the touched thirds of facets in a snapshot, with the force and area of the curve.
+
+    A pressure at nodes reaches beyond the contact by a facet: the force of each corner goes to the touched thirds
+    around it.
+    """
+    corner, edge = facets(top)
+    following, count = np.roll(corner, -1, axis=0), len(top["points"])
+    x, y = np.moveaxis(top["points"][corner], 2, 0)
+    third = np.abs((x[1] - x[0]) * (y[2] - y[0]) - (x[2] - x[0]) * (y[1] - y[0])) / 6.0
+    hats = np.bincount(corner.ravel(), np.tile(third, 3), count)
+    touched = top["touched"][i][edge].astype(bool)
+    area = np.where(touched, third, 0.0)
+    around = sum(np.bincount(ends.ravel(), area.ravel(), count) for ends in (corner, following))
+    share = np.divide(top["pressure"][i] * hats, around, out=np.zeros(count), where=around > 0.0)
+    return (share[corner] + share[following])[touched], area[touched]
 
 
 @style.styled
@@ -124,8 +176,8 @@ def _patches(axis: Any, results: Results, count: int) -> None:
     on_grid = Raster(top)
     first = np.full((PIXELS, PIXELS), np.nan)  # the level at which a point comes into contact
     for n, i in reversed(list(enumerate(loads))):
-        first[touching(on_grid, top, i)] = n
-    _map(axis, results, first, cmap=ListedColormap(shades), vmin=-0.5, vmax=len(loads) - 0.5)
+        first[on_grid.touching(i)] = n
+    _map(axis, results, on_grid, first, cmap=ListedColormap(shades), vmin=-0.5, vmax=len(loads) - 0.5)
     keys = [Patch(color=shade, label=f"{_strain(results, i):.3g}") for i, shade in zip(loads, shades, strict=True)]
     axis.legend(handles=keys, title="at $\\delta/L$", loc="upper left", bbox_to_anchor=(1.0, 1.0), handlelength=1)
 

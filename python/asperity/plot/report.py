@@ -6,6 +6,7 @@ import base64
 import hashlib
 import json
 import math
+import re
 from collections.abc import Iterator, Mapping
 from importlib.resources import files
 from pathlib import Path
@@ -21,7 +22,7 @@ from asperity.output.verdict import doubts, verdict
 from asperity.plot import CAPTIONS
 from asperity.plot.citations import publications
 from asperity.plot.style import DPI
-from asperity.plot.turning import turning_surface
+from asperity.plot.turning import growing_spots, turning_surface
 from asperity.runtime.files import replace_file
 from asperity.runtime.run_folder import FIGURES, REPORT, locking
 from asperity.units import plus_minus, quantity
@@ -78,6 +79,7 @@ def write_report(folder: str | Path, finished: bool | None = None) -> Path:
         outcome=_outcome(results),
         assumptions=assumptions,
         turning=turning_surface(results),
+        growing=growing_spots(results),
         figures=[_figure(path) for path in _figures(results.folder / FIGURES)],
         raw=[
             ("Run: counts, times, checks, versions", _json(summary)),
@@ -193,23 +195,26 @@ def _known(curve: Curve, row: int, results: Results) -> Rows:
 
 def _figures(folder: Path) -> list[Path]:
     """Figures of the run in their order."""
-    order = list(CAPTIONS)
-    return sorted(folder.glob("*.png"), key=lambda p: (order.index(p.stem) if p.stem in order else len(order), p.stem))
+    order, found = list(CAPTIONS), [p for p in folder.glob("*") if p.suffix in (".png", ".svg")]
+    return sorted(found, key=lambda p: (order.index(p.stem) if p.stem in order else len(order), p.stem))
 
 
 def _figure(path: Path) -> dict[str, Any]:
-    """Caption, size and data of a figure, those of the SVG file where it is as new as the PNG."""
-    lines, pixels = path.with_suffix(".svg"), path.read_bytes()
-    use_lines = lines.is_file() and lines.stat().st_mtime >= path.stat().st_mtime
-    width, height = (int.from_bytes(pixels[i : i + 4]) for i in (16, 20))  # from the PNG header
-    scale = 110 / DPI  # so that text has the size of that on the page
+    """Caption, size and data of a figure."""
+    data = path.read_bytes()
+    size = [int.from_bytes(data[i : i + 4]) / DPI for i in (16, 20)]
+    if path.suffix == ".svg":
+        size = [float(number) / 72.0 for number in re.findall(rb' (?:width|height)="([\d.]+)pt"', data[:2000])[:2]]
+    if len(size) < 2:  # a drawing of somebody else
+        size = [6.0, 4.0]
+    width, height = (110 * inches for inches in size)  # so that text has the size of that on the page
     return {
         "caption": CAPTIONS.get(path.stem, path.stem),
-        "width": f"{width * scale:.0f}",
-        "height": f"{height * scale:.0f}",
-        "wide": width * scale > 700,  # a narrow screen scrolls it
-        "kind": "svg+xml" if use_lines else "png",
-        "data": base64.b64encode(lines.read_bytes() if use_lines else pixels).decode(),
+        "width": f"{width:.0f}",
+        "height": f"{height:.0f}",
+        "wide": width > 700,  # a narrow screen scrolls it
+        "kind": "svg+xml" if path.suffix == ".svg" else "png",
+        "data": base64.b64encode(data).decode(),
     }
 
 

@@ -70,7 +70,9 @@ def scene(folder: str | Path, path: str | Path | None = None) -> Path:
                      n_colors=256, ambient=0.2, **colours)  # fmt: skip
     _view(plotter, block)
     side = quantity(float(np.ptp(results.top["points"][:, 0])), results.unit("length"), 3)
-    plotter.add_text(f"side {side}, heights {factor:.2g} times enlarged", "upper_right", font_size=16, color="black")
+    peak = quantity(float(pressure.max()), results.unit("stress"), 3)
+    plotter.add_text(f"side {side}, heights {factor:.2g} times enlarged, greatest pressure {peak}", "upper_right",
+                     font_size=16, color="black")  # fmt: skip
     target = Path(path) if path is not None else results.folder / FIGURES / "scene.png"
     target.parent.mkdir(exist_ok=True)
     with files_into(target.parent) as aside:

@@ -25,7 +25,7 @@ _SMOOTH = 40  # steps from rest to an amplitude
 
 @style.styled
 def slip(results: Results) -> Figure:
-    """Draw the loops, and loss factor and secant stiffness of slip_loops.csv over the amplitude.
+    """Draw the loops without their secants, and loss factor and secant stiffness of slip_loops.csv.
 
     Loops are those of the law, by Masing's rule, where there is one; points are those of the solid in slip.csv.
     """
@@ -103,8 +103,6 @@ def response(found: TangentialVibration) -> Figure:
 
 def _loops(axis: Any, results: Results) -> None:
     rows, loops, slip = results.slip, results.slip_loops, results.case["slip"]
-    factor, unit = prefix(float(np.abs(rows["u"]).max()), results.unit("length"))
-    force, of_force = prefix(float(np.abs(rows["T"]).max()), results.unit("force"))
     solid, law = slip.get("method") == "solid", None
     if not solid or "T_curve" in rows:
         preload = float(loops["T"][-1] / (loops["amplitude"][-1] * slip["friction"]))
@@ -114,13 +112,17 @@ def _loops(axis: Any, results: Results) -> None:
         u, T = rows["u"][of], rows["T"][of]
         if law is not None:
             smooth = path_of_law(law, float(amplitude), steps=_SMOOTH)
-            u, T = smooth.u, smooth.T
-        axis.plot(factor * u, force * T, "-", color=colour, label=f"{amplitude:g}")
+            u, T = smooth.u[_SMOOTH:], smooth.T[_SMOOTH:]  # without the way from rest
+        most_u, most_T = float(np.abs(u).max()), float(np.abs(T).max())
+        beyond = T / most_T - u / most_u
+        size = float(np.abs(beyond).max()) or 1.0
+        axis.plot(u / most_u, beyond / size, "-", color=colour, label=f"{amplitude:g}: {size:.2g}")
         if solid:
-            axis.plot(factor * rows["u"][of], force * rows["T"][of], "o", color=colour, markersize=3)
-    axis.set_xlabel(style.label("tangential displacement $u$", unit))
-    axis.set_ylabel(style.label("tangential force $T$", of_force))
-    axis.legend(title=r"$T/(\mu P)$", loc="best")
+            x, y = rows["u"][of] / most_u, rows["T"][of] / most_T
+            axis.plot(x, (y - x) / size, "o", color=colour, markersize=3)
+    axis.set_xlabel("displacement over its amplitude")
+    axis.set_ylabel("force beyond the secant, over its greatest")
+    axis.legend(title=r"$T/(\mu P)$: greatest over $T$", loc="center")
 
 
 def _over_amplitude(axis: Any, results: Results, name: str, factor: float) -> None:

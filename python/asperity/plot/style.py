@@ -109,13 +109,11 @@ def save(figure: Figure, path: str | Path) -> Path:
     return path
 
 
-def save_in(folder: Path, name: str, figure: Figure) -> list[Path]:
-    """Write a figure of a run as a PNG file, and one that consists of lines as an SVG file too; return the files."""
-    written = [save(figure, folder / f"{name}.png")]
-    if name not in FIELD_PICTURES:
-        figure.set_layout_engine("none")  # the places that the first file has found
-        written.append(save(figure, folder / f"{name}.svg"))
-    return written
+def save_in(folder: Path, name: str, figure: Figure, pixels: bool = False) -> Path:
+    """Write a figure of a run: as an SVG file, or as a PNG file where it has fields or `pixels` are wanted."""
+    form, other = ("png", "svg") if pixels or name in FIELD_PICTURES else ("svg", "png")
+    (folder / f"{name}.{other}").unlink(missing_ok=True)  # of an older drawing
+    return save(figure, folder / f"{name}.{form}")
 
 
 def grid(*axes: Axes) -> None:

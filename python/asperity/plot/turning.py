@@ -1,4 +1,4 @@
-"""The loaded surface in three dimensions, as data for templates/turn.js."""
+"""The loaded surface in three dimensions, as data for templates/turn.js, and its spots as they grow."""
 
 from __future__ import annotations
 
@@ -12,12 +12,13 @@ from matplotlib.colors import to_hex
 from matplotlib.image import imsave
 
 from asperity.output.results import Results
-from asperity.plot.contact import PIXELS, Raster, touching
+from asperity.plot.contact import PIXELS, Raster
 from asperity.units import quantity
 
 NODES = 134  # of the shape along each side, every third pixel of the map: 48 kB
 RELIEF = 0.25  # range of the heights shown, over the side
 UNLOADED = 0.72  # grey
+MILLISECONDS = 700  # of a picture of the growing spots
 
 
 @dataclass(frozen=True)
@@ -52,7 +53,7 @@ def turning_surface(results: Results) -> TurningSurface | None:
     on_grid = Raster(top)
     z = -on_grid(top["gap"][i])[:: PIXELS // (NODES - 1), :: PIXELS // (NODES - 1)]  # below the flat
     span = float(np.ptp(z)) or 1.0
-    pressure = np.where(touching(on_grid, top, i), on_grid(top["pressure"][i]), 0.0)
+    pressure = np.nan_to_num(on_grid.pressure(i))
     highest = float(pressure.max()) or 1.0
     picture = colormaps["inferno_r"](pressure / highest)[..., :3]
     picture[pressure <= 0.0] = UNLOADED
@@ -69,6 +70,26 @@ def turning_surface(results: Results) -> TurningSurface | None:
         caption=f"The surface under the flat at the greatest approach, {quantity(*_approach(results, i), 3)}, with the "
         f"contact pressure; heights {factor:.2g} times enlarged. Drag it, or use the arrow keys.",
     )
+
+
+def growing_spots(results: Results) -> str | None:
+    """Base64 of an animated PNG file of the pressure at the snapshots of the loading; None with fewer than two."""
+    from PIL import Image
+
+    top = results.top
+    levels = [i for i, name in enumerate(top.get("branch", ())) if name == "load" and top["pressure"][i].max() > 0.0]
+    if len(levels) < 2:
+        return None
+    on_grid, highest = Raster(top), max(float(top["pressure"][i].max()) for i in levels)
+    frames = []
+    for i in levels:
+        pressure = np.nan_to_num(on_grid.pressure(i))[::-1]
+        picture = colormaps["inferno_r"](pressure / highest)[..., :3]
+        picture[pressure <= 0.0] = UNLOADED
+        frames.append(Image.fromarray((255.0 * picture).astype(np.uint8)).quantize(64))
+    file = io.BytesIO()
+    frames[0].save(file, "PNG", save_all=True, append_images=frames[1:], duration=MILLISECONDS, loop=0)
+    return _text(file.getvalue())
 
 
 def _text(data: bytes) -> str:
