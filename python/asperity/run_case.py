@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 import logging
-import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, nullcontext
 from dataclasses import dataclass
-from functools import partial
+from functools import cache, partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -29,7 +28,7 @@ from asperity.output.assumptions import ledger
 from asperity.output.run_files import RunFiles
 from asperity.output.summary import of_ranks
 from asperity.runtime.display import brief
-from asperity.runtime.parallel import agree, on_root, on_root_bcast, seconds_alone
+from asperity.runtime.parallel import Clock, agree, clocked, on_root, on_root_bcast, spread
 from asperity.runtime.progress import Progress, log_file
 from asperity.runtime.run_folder import LOG
 from asperity.runtime.timing import Phases
@@ -42,9 +41,6 @@ if TYPE_CHECKING:
     from asperity.quasistatic.contact_result import ContactResult
     from asperity.solve_case import SolvedCase
     from asperity.surface import Surface
-
-
-DRAW = 4  # ranks that draw figures, at most: each loads Matplotlib
 
 
 @dataclass(frozen=True)
@@ -156,11 +152,12 @@ def run(
             with (
                 log_file(None if out is None or comm.rank > 0 else out / LOG, append=continues) as files.open_log,
                 nullcontext() if out is None else StopRequest(comm) as request,
+                clocked() as clock,
             ):
                 for text in notices.texts:
                     log(text)
                 stop = None if request is None else request.agreed
-                return _run(whole, problem, files, notices, progress or Progress(), stop, comm)
+                return _run(whole, problem, files, notices, progress or Progress(), stop, comm, clock)
 
 
 def prepare(
@@ -191,12 +188,12 @@ def _run(
     progress: Progress,
     stop: Callable[[], str] | None,
     comm: MPI.Comm,
+    clock: Clock,
 ) -> RunResult:
     """Solve, vibrate, judge, write; collective."""
     from asperity.solve_case import solve_case
     from asperity.vibrate_case import VibratedCase, vibrate_case
 
-    began, before = time.perf_counter(), seconds_alone()
     with _refusals(files):
         solved = solve_case(case, problem, files, progress, stop, comm)
     contact, failure, folder = solved.contact, solved.failure, files.folder
@@ -205,8 +202,7 @@ def _run(
     files.curve(contact.curve, whole=solved.accurate is not None)
 
     def write() -> None:
-        alone, wall = seconds_alone() - before, time.perf_counter() - began
-        summary["parallel"] = of_ranks(comm, summary["seconds"], alone, wall)
+        summary["parallel"] = of_ranks(comm, summary["seconds"], clock)
         files.summary(summary, failure)
 
     write()
@@ -240,7 +236,7 @@ def _run(
     if solved.complete and not found.ends:
         if folder is not None and (case.output.figures or case.output.report):
             with stage("figures"):
-                agree(comm, partial(_draw, folder, problem.surface, comm.rank, comm.size))
+                _draw(comm, folder, problem.surface)
             write()  # for the report, with the time of the figures
         if folder is not None and case.output.report:
             on_root(comm, partial(_report, folder, failure is None))
@@ -281,13 +277,18 @@ def _warn(case: Case, folder: Path | None, solved: SolvedCase, lines: Sequence[A
         warn(f"{unresolved}; make mesh.h_contact smaller", ResolutionWarning)
 
 
-def _draw(folder: Path, surface: Surface, rank: int, ranks: int) -> None:
-    """Draw the part of the figures that falls to a rank; rank 0 holds the lock of the folder."""
-    from asperity.plot import CAPTIONS, draw
+def _draw(comm: MPI.Comm, folder: Path, surface: Surface) -> None:
+    """Draw the figures, each on one rank; collective."""
+    from asperity.output.results import Results
+    from asperity.plot import draw, figures_of
 
-    share = min(ranks, DRAW)
-    if rank < share:
-        draw(folder, surface, tuple(CAPTIONS)[rank::share])
+    read = cache(partial(Results.read, folder, surface))
+    names = on_root_bcast(comm, lambda: list(figures_of(read())))
+
+    def task(name: str) -> None:
+        draw(read(), name)
+
+    spread(comm, [partial(task, name) for name in names], near=True)
 
 
 def _report(folder: Path, finished: bool) -> None:

@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 import sys
+import time
 from collections.abc import Callable
+from functools import partial
 from typing import Any
 
 import pytest
 from conftest import world
 
 from asperity.errors import InputError, OutputError
-from asperity.runtime.parallel import agree, on_root, on_root_bcast
+from asperity.runtime.parallel import agree, clocked, on_root, on_root_bcast, spread
 
 pytestmark = pytest.mark.mpi
 
@@ -45,6 +47,29 @@ def test_errors_of_rank_0_reach_every_rank(call: Callable[[Any, Callable[[], int
         call(world(), lose_the_disk)
     with pytest.raises(InputError, match="no"):
         agree(world(), refuse if world().rank == world().size - 1 else lambda: 1)
+
+
+def test_tasks_are_spread_and_their_errors_reach_every_rank() -> None:
+    """Each is done once; what the slowest rank works longer than the mean is time that rank 0 counts as serial."""
+    comm, done = world(), []
+
+    def task(number: int) -> None:
+        done.append(number)
+        time.sleep(0.05 if number == 3 else 0.0)
+
+    with clocked() as clock:
+        spread(comm, [partial(task, number) for number in range(5)], near=True)
+    assert sorted(number for numbers in comm.allgather(done) for number in numbers) == [0, 1, 2, 3, 4]
+    if comm.size > 1:
+        assert len(done) in (5 // comm.size, 5 // comm.size + 1)
+    parallel = 0.05 / comm.size
+    assert clock.alone == 0.0 if comm.rank or comm.size == 1 else 0.9 * (0.05 - parallel) < clock.alone < clock.wall
+    for tasks in ([partial(task, 0), refuse], [refuse, partial(task, 0)]):
+        with pytest.raises(InputError, match="no"):
+            spread(comm, tasks)
+    with clocked() as clock:
+        on_root(comm, partial(task, 3))
+    assert clock.alone == 0.0 if comm.rank else 0.05 <= clock.alone <= clock.wall
 
 
 def test_a_process_alone_does_not_start_mpi(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -12,6 +12,7 @@ from asperity.case import Case
 from asperity.curve import STIFFNESSES, Curve
 from asperity.quasistatic.contact_result import ContactResult
 from asperity.runtime.memory import peak
+from asperity.runtime.parallel import Clock
 from asperity.version import __version__
 
 PACKAGES = ("numpy", "scipy", "mpi4py", "petsc4py", "gmsh")
@@ -42,21 +43,20 @@ def summarise(case: Case, contact: ContactResult, ranks: int) -> dict[str, Any]:
     }
 
 
-def of_ranks(comm: Any, seconds: dict[str, float], alone: float, wall: float) -> dict[str, Any]:
+def of_ranks(comm: Any, seconds: dict[str, float], clock: Clock) -> dict[str, Any]:
     """Memory and time by ranks, as a section; collective.
 
     Args:
         seconds: by phase, of this rank
-        alone: time that rank 0 has worked while the others waited, or would have [s]
-        wall: time of the whole job so far, since its last start [s]
+        clock: of the job, since its last start
     """
     peaks, times = zip(*comm.allgather((round(peak() / 2**20, 1), seconds)), strict=True)
     slowest = {name: round(max(each.get(name, 0.0) for each in times), 4) for name in times[0]}
     return {
         "peak_memory_MiB": list(peaks),
         "slowest_seconds": slowest,
-        "rank_0_alone_seconds": round(alone, 4),
-        "serial_share": round(alone / wall, 4) if wall > 0.0 else 0.0,
+        "rank_0_alone_seconds": round(clock.alone, 4),
+        "serial_share": round(clock.alone / clock.wall, 4),
     }
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -98,24 +98,17 @@ def plot_run(
     Raises:
         InputError: the folder contains no run, or another process works in it
     """
-    return draw(folder, surface, names, pixels)
-
-
-def draw(
-    folder: str | Path, surface: Surface | None, names: Sequence[str] = tuple(CAPTIONS), pixels: bool = False
-) -> list[Path]:
-    """Do what `plot_run` does in a folder that this process, or another rank of the run, has locked."""
     results = Results.read(folder, surface)
+    possible = figures_of(results)
+    return [draw(results, name, pixels) for name in names if name in possible]
+
+
+def draw(results: Results, name: str, pixels: bool = False) -> Path:
+    """Draw one of the figures that the files of a run allow into its folder figures/, and return the file."""
     target = results.folder / FIGURES
     target.mkdir(exist_ok=True)
-    possible = figures_of(results)
-    drawn = (name for name in names if name in possible)
-    return [save_in(target, name, _drawn(name, possible, results), pixels) for name in drawn]
-
-
-def _drawn(name: str, possible: Mapping[str, Callable[[Results], Figure]], results: Results) -> Figure:
     try:
-        return possible[name](results)
+        return save_in(target, name, figures_of(results)[name](results), pixels)
     except Exception as error:
         error.add_note(f"the figure {name}")
         raise
@@ -149,7 +142,7 @@ def figures_of(results: Results) -> dict[str, Callable[[Results], Figure]]:
         "receptance": (len(results.response.get("a1", ())) > 0 and "F_hat" in results.response, receptance),
         "motion": (len(results.motion.get("tau", ())) > 0, motion),
     }
-    return {name: draw for name, (possible, draw) in wanted.items() if possible}
+    return {name: make for name, (possible, make) in wanted.items() if possible}
 
 
 def _surface(results: Results) -> Figure:

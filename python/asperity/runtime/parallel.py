@@ -5,7 +5,10 @@ from __future__ import annotations
 import sys
 import time
 import traceback
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from contextvars import ContextVar
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, TypeVar, cast
 
 from asperity.errors import AsperityError, OutputError
@@ -19,8 +22,34 @@ if TYPE_CHECKING:
 T = TypeVar("T")
 
 INTERNAL = 70  # exit code of an error that nobody has foreseen, EX_SOFTWARE of sysexits.h
-_alone = 0.0  # time that this process has worked while others waited for it [s]
 PATIENCE = 30.0  # time a failed rank waits for the others before it aborts the job [s]
+
+
+@dataclass
+class Clock:
+    """Time of a job, and its serial part: on rank 0 what it worked while others waited, or would have; else 0 [s]."""
+
+    alone: float = 0.0
+    began: float = field(default_factory=time.perf_counter)
+
+    @property
+    def wall(self) -> float:
+        """Time since the job began [s]."""
+        return time.perf_counter() - self.began
+
+
+_clock: ContextVar[Clock | None] = ContextVar("clock", default=None)  # of the job under way
+
+
+@contextmanager
+def clocked() -> Iterator[Clock]:
+    """Measure the job in a with-block."""
+    clock = Clock()
+    token = _clock.set(clock)
+    try:
+        yield clock
+    finally:
+        _clock.reset(token)
 
 
 class Ranks:
@@ -100,21 +129,41 @@ def on_root_bcast(comm: MPI.Comm | None, work: Callable[[], T]) -> T:
     return cast(T, result)
 
 
-def seconds_alone() -> float:
-    """Time that rank 0 has worked alone in this process, the serial part of a job, also where it is the only rank [s].
+def spread(comm: MPI.Comm, tasks: Sequence[Callable[[], None]], near: bool = False) -> None:
+    """Do tasks that do not need each other, each on one rank; collective, errors as for `on_root`.
 
-    0 on other ranks.
+    Args:
+        near: by the ranks on the machine of rank 0 alone, which see its files
     """
-    return _alone
+    from mpi4py import MPI
+
+    places = comm.allgather(MPI.Get_processor_name())
+    busy = [rank for rank, place in enumerate(places) if not near or place == places[0]]
+    since = time.perf_counter()
+    failure = None
+    if comm.rank in busy:
+        for task in tasks[busy.index(comm.rank) :: len(busy)]:
+            failure = failure or _attempt(task)[1]
+    spent = time.perf_counter() - since
+    spents, failures = zip(*comm.allgather((spent, failure)), strict=True)
+    if comm.rank == 0:
+        _count_alone(max(spents) - sum(spents) / len(busy))
+    for error in failures:
+        if error is not None:
+            raise error
 
 
 def _attempt_alone(work: Callable[[], T]) -> tuple[T | None, AsperityError | None]:
-    global _alone
     since = time.perf_counter()
     try:
         return _attempt(work)
     finally:
-        _alone += time.perf_counter() - since
+        _count_alone(time.perf_counter() - since)
+
+
+def _count_alone(seconds: float) -> None:
+    if (clock := _clock.get()) is not None:
+        clock.alone += seconds
 
 
 def agree(comm: MPI.Comm, work: Callable[[], T]) -> T:
