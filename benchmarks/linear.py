@@ -2,6 +2,7 @@
 
     ./run python3 benchmarks/linear.py krylov [H ...]     tolerance of the Krylov solver, elastic and elastic-plastic
     ./run python3 benchmarks/linear.py coarse [H ...]     ways to solve the coarse problem, also under mpirun
+    ./run mpirun --oversubscribe -n N python3 benchmarks/linear.py ranks [H]    counts of N ranks, and what they cost
 
 Load steps to 0.03 L; H is the element size in the contact in units of L; seconds are CPU seconds of the load path.
 """
@@ -13,11 +14,15 @@ import warnings
 from time import process_time
 from typing import Any
 
+from dolfinx import fem
 from mpi4py import MPI
 
 import asperity as asp
 from asperity.linear import coarse as coarse_problem
+from asperity.linear.substructures import interface_of
+from asperity.mesh.distribute import distribute
 from asperity.quasistatic.contact_result import ContactResult
+from asperity.quasistatic.make import make_block
 
 L = 1e-6
 MATERIALS = {"elastic": asp.Material(200e9, 0.3), "plastic": asp.Material(200e9, 0.3, 1e9, 10e9)}
@@ -73,6 +78,42 @@ def coarse(sizes: tuple[float, ...]) -> None:
             out("| " + " | ".join(map(str, row)) + f" | {seconds:.1f} | {result.memory / 2**20:.0f} |")
 
 
+# Elastic-plastic path of four steps, 221,919 dofs (h_contact 0.0125 L), on 16 cores of a Xeon: seconds of one rank that
+# are shared evenly, of the tangent, and of what no rank shares; iterations and factorisations.
+EVEN, TANGENT, ALONE, KRYLOV, FACTORS = 88.2, 7.2, 2.9, 857, 141
+BUSIEST = {1: 1.0, 2: 1.25, 4: 2.1, 8: 3.1, 16: 3.2}  # cells that flow on the busiest rank over the mean, counted
+STREAM, RATE = 3.6e9, 180e9  # bytes and flops a second of a rank, of the dense matrix on 8 ranks
+MULTIGRID = 1.26  # CPU seconds of the path with algebraic multigrid over those with substructures, one rank
+LATENCY, MESSAGES = 5e-6, {"substructures": 12, "multigrid": 112}  # seconds of one, and how many an iteration takes
+
+
+def ranks(sizes: tuple[float, ...]) -> None:
+    """Counts of a mesh on these ranks, nothing is solved: the interface and its dense matrix.
+
+    The last columns are a model: seconds and efficiency of the path above, exact counts times the costs of that
+    machine, and hold for H = 0.0125. Measured with substructures on 2, 4, 8 ranks: 51.9, 33.2, 27.9 s.
+    """
+    comm = MPI.COMM_WORLD
+    names = "ranks | dofs | coarse problem | interface | MB a solution | Gflop a factorisation | model s | efficiency"
+    out(f"| {names} |\n|---|---|---|---|---|---|---|---|")
+    for h in sizes:
+        surface = asp.Surface.from_spec(kind="weierstrass-mandelbrot", L=L, D=2.4, G=1.36e-11)
+        block = make_block(comm, surface, L, 0.02 * L, asp.MeshSize(h * L), "rollers")
+        mesh = distribute(comm, block, L)[0]
+        dofs = 3 * comm.bcast(None if block is None else len(block.points), root=0)
+        corners = fem.functionspace(mesh, ("Lagrange", 1, (3,))).dofmap.index_map
+        shared, coarse = interface_of(corners, comm).dofs, 3 * corners.size_global
+        by_rule = "substructures" if shared**2 <= coarse_problem.DENSE * coarse / comm.size else "multigrid"
+        for kind in dict.fromkeys((by_rule, "substructures")):
+            dense = kind == "substructures"
+            stored, flops = 4.0 * shared**2 * dense, shared**3 / 3.0 * dense
+            work = EVEN if dense else EVEN * MULTIGRID
+            seconds = ALONE + work / comm.size + TANGENT * BUSIEST.get(comm.size, 3.2) / comm.size
+            seconds += KRYLOV * (stored / STREAM + (comm.size > 1) * MESSAGES[kind] * LATENCY) + FACTORS * flops / RATE
+            row = comm.size, dofs, kind, shared, f"{stored / 1e6:.1f}", f"{flops / 1e9:.1f}", f"{seconds:.1f}"
+            out("| " + " | ".join(map(str, row)) + f" | {(EVEN + TANGENT + ALONE) / seconds / comm.size:.2f} |")
+
+
 def out(line: str) -> None:
     """Print on rank 0."""
     if MPI.COMM_WORLD.rank == 0:
@@ -80,5 +121,6 @@ def out(line: str) -> None:
 
 
 if __name__ == "__main__":
-    job, default = {"krylov": (krylov, (0.05,)), "coarse": (coarse, (0.1, 0.05, 0.022))}[sys.argv[1]]
+    jobs = {"krylov": (krylov, (0.05,)), "coarse": (coarse, (0.1, 0.05, 0.022)), "ranks": (ranks, (0.0125,))}
+    job, default = jobs[sys.argv[1]]
     job(tuple(map(float, sys.argv[2:])) or default)

@@ -5,6 +5,7 @@ Each case is solved by every rank alone (COMM_SELF) and by all together (COMM_WO
 
 from __future__ import annotations
 
+import gc
 from pathlib import Path
 from typing import Any
 
@@ -15,6 +16,7 @@ from conftest import ELASTIC, PLASTIC, here, world
 from asperity.adaptive.solve_contact import solve_contact
 from asperity.case import Case
 from asperity.curve import Curve
+from asperity.linear.coarse import DENSE
 from asperity.mesh.block import BlockMesh
 from asperity.mesh.generate import build_block
 from asperity.model.material import Material
@@ -136,3 +138,19 @@ def test_a_mesh_made_by_all_is_the_mesh_made_by_one(rough: Surface) -> None:
     if together.rank == 0:
         assert one.block is not None and all_.block is not None
         np.testing.assert_array_equal(one.block.tets, all_.block.tets)
+
+
+@pytest.mark.usefixtures("several_ranks")
+def test_no_rank_but_the_first_holds_an_array_of_the_mesh(rough: Surface, coarse: BlockMesh | None) -> None:
+    """Nodes, dofs, cells, or facets of the top; the dense matrix of the interface is bounded by the share of a rank."""
+    result = solve_contact(rough, PLASTIC, block=coarse, delta_max=DELTA, steps=1, snapshots=1, comm=world())
+    solid, top, comm = result.solver.solid, result.solver.contact_surface, world()
+    facets = comm.allreduce(len(top.nodes))
+    whole = {result.dofs, result.dofs // 3, result.cells, facets} - {3 * solid.nodes, solid.nodes, len(top.nodes)}
+    referred = (found for each in gc.get_objects() for found in gc.get_referents(each))
+    shapes = [array.shape for array in referred if isinstance(array, np.ndarray) and array.ndim]
+    assert len(shapes) > 100
+    assert comm.rank == 0 or not [shape for shape in shapes if shape[0] in whole]
+    multigrid: Any = result.solver.newton.linear._method
+    dense = multigrid._multigrid._coarse._schur
+    assert len(dense) > 0 and dense.nbytes <= 4 * DENSE * result.dofs / comm.size

@@ -47,7 +47,8 @@ if TYPE_CHECKING:
 MOST_DOFS = 1e8  # that are counted
 START = 1.3  # seconds of a run besides meshes and steps: libraries, results
 HALF_SPACE = 4e-7  # seconds of a half-space with the surface, or with the top of a mesh, per cell and approach
-LIBRARIES, PER_CELL = 40e6, 250.0  # memory of a half-space, on one rank, for itself and per cell [bytes]
+#: Memory of a rank without a mesh, what the first has beside it, and a cell of its half-space [bytes].
+BASE, ROOT, PER_CELL = 180e6, 120e6, 250.0
 
 
 @dataclass(frozen=True)
@@ -75,7 +76,6 @@ class Rates:
         mesh: seconds of meshing and set-up per dof
         step: seconds of a load step per dof at 10,000 dofs
         growth: exponent of the dofs in the seconds of a step
-        base: memory of a rank without a mesh [bytes]
         per_dof: memory per dof [bytes]
         finite: time of a step in finite strain over that in small strain
     """
@@ -83,7 +83,6 @@ class Rates:
     mesh: float
     step: float
     growth: float
-    base: float
     per_dof: float
     finite: float
 
@@ -94,8 +93,8 @@ class Rates:
         return MeshEstimate(h, dofs, steps, seconds)
 
 
-ELASTIC = Rates(1.6e-5, 3.4e-6, 1.03, 246e6, 1.02e3, 2.17)
-PLASTIC = Rates(1.6e-5, 6.2e-6, 1.08, 245e6, 1.39e3, 1.45)
+ELASTIC = Rates(1.6e-5, 3.4e-6, 1.03, 1.02e3, 2.17)
+PLASTIC = Rates(1.6e-5, 6.2e-6, 1.08, 1.39e3, 1.45)
 
 
 @dataclass(frozen=True)
@@ -104,8 +103,7 @@ class Estimate:
 
     Attributes:
         levels: the meshes, the last one the finest
-        ranks: processes the memory is for
-        memory: of all ranks [bytes]
+        of_ranks: memory of each rank, of which the first makes meshes and half-spaces [bytes]
         approach: greatest one, where the load path gives a force that of a half-space [length]
         kinematics: of the run
         bar: relative error bar of the force expected of the last mesh, None without a tolerance
@@ -115,8 +113,7 @@ class Estimate:
     """
 
     levels: tuple[MeshEstimate, ...]
-    ranks: int
-    memory: float
+    of_ranks: tuple[float, ...]
     approach: float
     kinematics: str
     bar: float | None = None
@@ -125,6 +122,11 @@ class Estimate:
     max_dofs: int | None = None
 
     __repr__ = short_repr
+
+    @property
+    def memory(self) -> float:
+        """Of all ranks [bytes]."""
+        return sum(self.of_ranks)
 
     @property
     def enough(self) -> bool:
@@ -196,11 +198,10 @@ def estimate(case: Case, ranks: int = 1, surface: Surface | None = None, passes:
         others += HALF_SPACE * cells * approaches
     rates, finite = _rates(case), kinematics == "finite"
     levels = tuple(rates.of(h, dofs, steps, finite) for h, dofs, steps in plan)
-    memory = ranks * rates.base + rates.per_dof * levels[-1].dofs
-    if cells:
-        memory += LIBRARIES + PER_CELL * cells
+    share = BASE + rates.per_dof * levels[-1].dofs / ranks
+    first = share + ROOT + PER_CELL * cells
     most = None if tolerance is None else case.accuracy.max_dofs
-    return Estimate(levels, ranks, memory, delta, kinematics, bar, tolerance, others, most)
+    return Estimate(levels, (first, *[share] * (ranks - 1)), delta, kinematics, bar, tolerance, others, most)
 
 
 def further_meshes(case: Case, found: Estimate) -> list[MeshEstimate]:

@@ -57,14 +57,14 @@ def judge(case: Case) -> None:
 
 
 def estimated(case: Case, ranks: int) -> dict[str, Any]:
-    """Estimate of a case: seconds of one core, bytes of all ranks that share the work.
+    """Estimate of a case: seconds of one core, bytes of each rank and of all.
 
     With a tolerance also the seconds with all meshes up to accuracy.max_dofs, "most_seconds".
     """
     from asperity.adaptive.estimate import estimate, further_meshes
 
     found = estimate(case, ranks)
-    totals = {"dofs": found.dofs, "seconds": found.seconds}
+    totals = {"dofs": found.dofs, "seconds": found.seconds, "memory": found.memory, "ranks": ranks}
     if case.accuracy.tolerance is not None:
         totals["most_seconds"] = found.seconds + sum(m.seconds for m in further_meshes(case, found))
     return asdict(found) | totals
@@ -85,7 +85,9 @@ def show_estimate(title: str, case: Case, ranks: int) -> None:
     if case.loading.delta_max is None:
         approach = quantity(found.approach, "m" if case.units == "SI" else "", 2)
         options.say(f"approach at loading.{case.loading.driver}: about {approach}, that of a half-space")
-    options.say(f"memory of {ranks} rank{'s' if ranks > 1 else ''}: about {found.memory / 2**30:.1f} GiB")
+    share = f", {found.of_ranks[0] / 2**30:.2f} on the first and {found.of_ranks[-1] / 2**30:.2f} on each other"
+    words = f"memory of {ranks} rank{'s' if ranks > 1 else ''}: about {found.memory / 2**30:.1f} GiB"
+    options.say(words + (share if ranks > 1 else ""))
     if ranks > 1:
         options.say(f"time on {ranks} ranks: at least {duration(found.seconds / ranks)}, if they share the work evenly")
     if note := note_on_steps(surface, found.approach):
