@@ -288,3 +288,10 @@ def test_the_evidence_of_slip_gives_the_numbers_of_its_tables() -> None:
         some = [row for row in rows if (row["hardening"], row["preload"]) == (hardening, "1")]
         ratio = numbers(some, "loops that flow")[:, loop]
         assert f"{ratio.min():.{digits}f} to {ratio.max():.{digits}f} times" in page
+
+
+def test_the_tuned_constants_on_the_page_exist() -> None:
+    page = (ROOT / "docs/verification.md").read_text(encoding="utf-8")
+    rows = re.findall(r"^\| `([\w/]+)\.py` \| ([A-Z_, ]+) \|$", page, re.MULTILINE)
+    found = [(f"asperity.{file.replace('/', '.')}", name) for file, names in rows for name in names.split(", ")]
+    assert len(found) > 40 and [pair for pair in found if member(*pair) is None] == []
