@@ -16,6 +16,7 @@ from conftest import ELASTIC, PLASTIC, here, world
 from asperity.adaptive.solve_contact import solve_contact
 from asperity.case import Case
 from asperity.curve import Curve
+from asperity.job.run_case import run
 from asperity.linear.coarse import DENSE
 from asperity.mesh.block import BlockMesh
 from asperity.mesh.generate import build_block
@@ -27,7 +28,6 @@ from asperity.plot import figures_of
 from asperity.quasistatic import measures
 from asperity.quasistatic.contact_result import ContactResult
 from asperity.quasistatic.make import make_contact_solver
-from asperity.run_case import run
 from asperity.runtime.parallel import on_root
 from asperity.runtime.run_folder import FIGURES
 from asperity.surface import Sinusoid, Surface

@@ -9,8 +9,8 @@ from conftest import call
 
 from asperity.case import Case
 from asperity.curve import Curve
+from asperity.job.run_case import run
 from asperity.output.comparison import compare_curves
-from asperity.run_case import run
 
 CURVES = Path(__file__).parent / "curves"
 

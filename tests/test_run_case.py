@@ -21,10 +21,10 @@ from asperity.curve.loops import LoopTable
 from asperity.curve.power_law import with_misfit
 from asperity.dynamics import LoopDamping, PowerLaw, TableLaw, law_from, run_dynamics
 from asperity.errors import CheckError, CheckpointError, ConvergenceError, MeshError, OutputError
+from asperity.job.run_case import RunResult, run
 from asperity.mesh.block import BlockMesh
 from asperity.model.material import Material
 from asperity.output.results import Results
-from asperity.run_case import RunResult, run
 from asperity.runtime.run_folder import PRODUCTS
 from asperity.study.results import summarise_case
 

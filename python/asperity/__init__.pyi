@@ -25,6 +25,7 @@ from asperity.errors import ConvergenceError as ConvergenceError
 from asperity.errors import InputError as InputError
 from asperity.errors import MeshError as MeshError
 from asperity.errors import RangeError as RangeError
+from asperity.job.run_case import run as run
 from asperity.laws import law as law
 from asperity.model.material import Material as Material
 from asperity.model.problem import Problem as Problem
@@ -33,7 +34,6 @@ from asperity.model.settings import Formulation as Formulation
 from asperity.model.settings import MeshSize as MeshSize
 from asperity.model.settings import SolverOptions as SolverOptions
 from asperity.output.export import export as export
-from asperity.run_case import run as run
 from asperity.surface import Surface as Surface
 from asperity.transient import Scheme as Scheme
 from asperity.transient import Transient as Transient

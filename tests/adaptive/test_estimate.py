@@ -16,8 +16,8 @@ from asperity.adaptive.estimate import BASE, estimate, further_meshes
 from asperity.adaptive.family import NODES, NODES_OF_SURFACE, nodes_of
 from asperity.case import Case
 from asperity.errors import ConvergenceError
+from asperity.job.run_case import run
 from asperity.quasistatic.make import make_block
-from asperity.run_case import run
 
 ROOT = Path(__file__).parents[2]
 QUICK = [

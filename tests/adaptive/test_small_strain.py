@@ -16,11 +16,11 @@ from asperity.adaptive.small_strain import choose_kinematics
 from asperity.adaptive.solve_contact import solve_contact
 from asperity.case import Case
 from asperity.errors import InputError
+from asperity.job.run_case import run
 from asperity.model.material import Material
 from asperity.model.problem import Problem
 from asperity.model.settings import AccuracyTarget, MeshSize
 from asperity.quasistatic.make import make_contact_solver
-from asperity.run_case import run
 from asperity.surface import Flat, SelfAffine, Sinusoid, Sphere, Surface
 
 AUTO = Material(1.0, 0.3, kinematics="auto")

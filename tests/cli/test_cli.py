@@ -63,7 +63,7 @@ def calls(monkeypatch: pytest.MonkeyPatch) -> list[dict[str, Any]]:
         fit = PowerLawFit(0.5123, 1.51234, "linear", (0.01, 0.05), 5, 0.999, (0.478, 0.549), (1.49, 1.53), 0.9, 0.95)
         return types.SimpleNamespace(summary={}, fit=fit, curve=(), contact=..., dynamics=None)
 
-    monkeypatch.setattr("asperity.run_case._run", run)
+    monkeypatch.setattr("asperity.job.run_case._run", run)
     return noted
 
 
@@ -188,7 +188,7 @@ def test_failures_have_their_exit_codes(
     def fail(*_: Any, **__: Any) -> None:
         raise failure
 
-    monkeypatch.setattr("asperity.run_case.run", fail)
+    monkeypatch.setattr("asperity.job.run_case.run", fail)
     left, _, err = cli("run", DEMO, "-o", tmp_path / "out")
     assert left == code and part in err.splitlines()[-1]
     assert [line for line in err.splitlines() if line and not line.startswith("warning: ")] == err.splitlines()[-1:]
@@ -299,7 +299,7 @@ def test_a_run_loads_the_vibration_only_when_it_is_requested() -> None:
     """It would take more time than everything else before the first stage."""
     later = "asperity.dynamics.oscillator", "scipy.stats", "scipy.optimize", "matplotlib", "gmsh", "dolfinx"
     code = (
-        "import sys; from asperity import Case, run_case\n"
+        "import sys; from asperity import Case; from asperity.job import run_case\n"
         f"Case.load({DEMO!r}); print([m for m in {later!r} if m in sys.modules])"
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)

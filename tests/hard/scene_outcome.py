@@ -19,10 +19,10 @@ from asperity.case import Case
 from asperity.case.identity import identity
 from asperity.curve import Curve
 from asperity.errors import CheckError, ConvergenceError, InputError
+from asperity.job.run_case import run
 from asperity.model.settings import MeshSize
 from asperity.quasistatic.checkpoint import Checkpoint
 from asperity.quasistatic.make import make_block
-from asperity.run_case import run
 from asperity.runtime.run_folder import CHECKPOINT, CURVE, SUMMARY
 
 

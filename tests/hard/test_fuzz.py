@@ -22,9 +22,9 @@ from hypothesis import strategies as st
 from asperity.case import Case
 from asperity.curve import Curve
 from asperity.errors import AsperityError, CheckError, ConvergenceError, InputError
+from asperity.job.run_case import prepare, run
 from asperity.mesh.block import BlockMesh
 from asperity.mesh.element import EDGES
-from asperity.run_case import prepare, run
 from asperity.surface import Flat
 
 ROOT = Path(__file__).parents[2]

@@ -19,6 +19,7 @@ from asperity.case import Case
 from asperity.curve import Curve
 from asperity.dynamics.joint import Numbers
 from asperity.errors import AsperityWarning, AssumptionWarning, Interrupted, ResolutionWarning
+from asperity.job.run_case import run
 from asperity.model.material import Material
 from asperity.model.problem import Problem
 from asperity.model.settings import MeshSize
@@ -41,7 +42,6 @@ from asperity.output.assumptions import (
     summit_on_edge,
 )
 from asperity.quasistatic.solve_problem import solve_problem
-from asperity.run_case import run
 from asperity.runtime.warnings_log import noting
 from asperity.surface import Flat, Sinusoid, Sphere, Surface
 from asperity.surface import fractal as fractal_module

@@ -17,6 +17,7 @@ import asperity.quasistatic.contact_solver
 from asperity.case import Case
 from asperity.contact import ActiveSet
 from asperity.errors import CheckError, ResolutionWarning
+from asperity.job.run_case import run
 from asperity.mesh.block import BlockMesh
 from asperity.mesh.generate import build_block
 from asperity.model.load_path import Schedule
@@ -37,7 +38,6 @@ from asperity.quasistatic.make import make_contact_solver
 from asperity.quasistatic.newton import NewtonSolver
 from asperity.quasistatic.slip_paths import slip_paths
 from asperity.quasistatic.stepping import Record, follow
-from asperity.run_case import run
 from asperity.slip import SlipSettings
 from asperity.surface import Surface
 

@@ -11,7 +11,7 @@ from conftest import make_curve
 
 from asperity.curve import COLUMNS, Curve
 from asperity.errors import CompatError, InputError
-from asperity.run_case import RunResult
+from asperity.job.run_case import RunResult
 from asperity.surface import Flat, Sinusoid
 
 

@@ -22,8 +22,8 @@ from conftest import call, files, world
 from asperity.case import Case
 from asperity.curve import Curve
 from asperity.errors import CaseWarning, CheckpointError, InputError
+from asperity.job.run_case import run
 from asperity.plot import CAPTIONS, plot_run
-from asperity.run_case import run
 from asperity.runtime.files import replace_file
 from asperity.runtime.progress import Progress
 from asperity.runtime.run_folder import PICTURES, PRODUCTS, check, holds_run, is_empty

@@ -20,7 +20,7 @@ from conftest import call, world
 from asperity.case import Case
 from asperity.curve import Curve
 from asperity.errors import AsperityWarning, InputError
-from asperity.run_case import run
+from asperity.job.run_case import run
 from asperity.study import Study, case_folder, read_table, run_study
 from asperity.study.results import DONE, summarise_case
 from asperity.surface import SurfaceWarning

@@ -46,7 +46,7 @@ def command(
     if ranks is not None and launch.started_ranks() is None:  # mpirun adds words of its own to a refusal
         run_folder.check(folder, resume=resume, force=force)
     options.start_ranks(ranks, quiet)
-    from asperity import run_case
+    from asperity.job import run_case
     from asperity.output.assumption import DOUBTFUL, describe
     from asperity.output.results import Results
     from asperity.output.verdict import count_of_doubts, verdict

@@ -165,7 +165,7 @@ def remove_outcome(place: Path) -> None:
 
 
 def _run(case: Case, place: Path, again: bool, comm: MPI.Comm) -> None:
-    from asperity.run_case import run
+    from asperity.job.run_case import run
 
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", AssumptionWarning)  # the summary of each case has them

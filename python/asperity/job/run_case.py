@@ -38,8 +38,8 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
     from mpi4py import MPI
 
+    from asperity.job.solve_case import SolvedCase
     from asperity.quasistatic.contact_result import ContactResult
-    from asperity.solve_case import SolvedCase
     from asperity.surface import Surface
 
 
@@ -191,8 +191,8 @@ def _run(
     clock: Clock,
 ) -> RunResult:
     """Solve, vibrate, judge, write; collective."""
-    from asperity.solve_case import solve_case
-    from asperity.vibrate_case import VibratedCase, vibrate_case
+    from asperity.job.solve_case import solve_case
+    from asperity.job.vibrate_case import VibratedCase, vibrate_case
 
     with _refusals(files):
         solved = solve_case(case, problem, files, progress, stop, comm)
