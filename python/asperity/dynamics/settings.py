@@ -12,16 +12,18 @@ from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, fields, replace
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from asperity.dynamics.equation import Forcing
 from asperity.dynamics.joint import Joint
 from asperity.errors import InputError
 from asperity.force_law.checks import positive, positives, within
 from asperity.force_law.damping import Damping
 from asperity.runtime.files import parse_toml, read_text
+
+if TYPE_CHECKING:
+    from asperity.dynamics.equation import Forcing
 
 OMEGA = (0.01, 100.0)  # below, motion is quasi-static; above, the mass hardly moves
 FORCING = (1e-9, 1e6)  # below, motion is linear in the forcing and lost in the round-off of the force
@@ -53,6 +55,8 @@ class Setting:
     @property
     def forcing(self) -> Forcing:
         """F^ over the frequency."""
+        from asperity.dynamics.equation import Forcing
+
         return Forcing(self.F_hat, 2 if self.excitation == "base" else 0)
 
     def transmissibility(self, omega: float, a1: float, phase: float) -> float:
