@@ -144,7 +144,7 @@ def test_base_and_shock_in_physical_units(tmp_path: Path) -> None:
     assert {float(row["force"]) for row in read} == {3.0}
     with (out / "motion.csv").open() as rows:
         assert max(float(row["x"]) for row in csv.DictReader(rows)) > 0
-    assert (out / "motion.png").is_file()
+    assert (out / "motion.svg").is_file()
     by_length = run_dynamics(curve, base=(1e-9,), joint=_joint(), **more)
     assert by_length.responses["exact"][0].setting.F_hat == pytest.approx(1e-9 / by_length.first.restoring.z_s)
 
