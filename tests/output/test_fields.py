@@ -18,6 +18,7 @@ from asperity.errors import CompatError, InputError, OutputError
 from asperity.mesh.block import BlockMesh
 from asperity.model.material import Material
 from asperity.output.fields import State, gather_states, gather_top_states, von_mises, write_vtkhdf
+from asperity.output.results import Results
 from asperity.quasistatic.contact_result import ContactResult
 from asperity.surface import Surface
 
@@ -135,6 +136,22 @@ def test_vtk_reads_every_step(file: Path, pressed: ContactResult, states: list[S
         # VTK has its own node order of second-order cells; a wrong one would turn them inside out
         volume = vtk_to_numpy(sizes.GetOutput().GetCellData().GetArray("Volume"))
         assert volume.min() > 0 and volume.sum() == pytest.approx(1.0, rel=1e-2)
+
+
+def test_fields_as_data_sets_of_other_packages(file: Path, states: list[State]) -> None:
+    results = Results.read(file.parent.parent)
+    pytest.importorskip("pyvista")
+    for k, state in enumerate(states):
+        grid = results.to_pyvista(k)
+        np.testing.assert_array_equal(grid.point_data["displacement"], state.displacement)
+    np.testing.assert_array_equal(results.to_pyvista().point_data["pressure"], states[-1].pressure)
+    with pytest.raises(InputError, match="no step 2"):
+        results.to_pyvista(2)
+    pytest.importorskip("xarray")
+    data = results.to_xarray().sel(step=states[-1].step)
+    assert float(data.delta) == pytest.approx(states[-1].delta)
+    assert float(data.pressure.max()) == pytest.approx(states[-1].pressure.max())
+    assert data.x.max() == data.y.max() == 1.0
 
 
 def test_plot_3d_draws_the_block(file: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -49,7 +49,7 @@ def scene(folder: str | Path, path: str | Path | None = None) -> Path:
         os.environ.setdefault("VTK_DEFAULT_OPENGL_WINDOW", "vtkEGLRenderWindow")
     import pyvista as pv
 
-    grid = _last_step(source)
+    grid = results.to_pyvista()
     stress = np.asarray(grid.cell_data["von Mises stress"])
     pressure = np.asarray(grid.point_data["pressure"])
     scale, unit = prefix(float(pressure.max()) or float(stress.max()), results.unit("stress"))
@@ -79,19 +79,6 @@ def scene(folder: str | Path, path: str | Path | None = None) -> Path:
         plotter.screenshot(aside / target.name)
     plotter.close()
     return target
-
-
-def _last_step(path: Path) -> Any:
-    """Read the last step of a time series of fields, with all arrays, as a PyVista grid; lengths in units of L."""
-    import pyvista as pv
-    from vtkmodules.vtkIOHDF import vtkHDFReader
-
-    reader = vtkHDFReader()
-    reader.SetFileName(str(path))
-    reader.UpdateInformation()
-    reader.SetStep(max(reader.GetNumberOfSteps() - 1, 0))
-    reader.Update()
-    return pv.wrap(reader.GetOutput())
 
 
 def _linear(grid: Any, stress: Any) -> Any:
