@@ -36,7 +36,6 @@ from test_walkthroughs import FENCE  # noqa: E402
 OF_PAGES = {name: ("gallery", f"out/demo/figures/{name}") for name in (
     "scene.png", "curve.svg", "pressure.png", "area.svg", "response.svg",
 )} | {
-    "wavy_pressure.png": ("gallery", "out/wavy/figures/pressure.png"),
     "tutorial_scan.png": ("tutorials/scan", "out/scan/surface.png"),
     "tangential.svg": ("tutorials/vibration", "out/tangential/slip_response.svg"),
 }  # fmt: skip
