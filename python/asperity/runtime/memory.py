@@ -22,7 +22,7 @@ def peak() -> int:
 def free_share(comm: MPI.Comm) -> float:
     """Equal share of the free memory of a machine for each of its ranks, inf where it is unknown [bytes]; collective.
 
-    That of the machine, or what a batch system or container leaves of it (control groups).
+    That of the machine, or what a limit of the process, a batch system or a container (control groups) leaves of it.
     """
     from mpi4py import MPI
 
@@ -33,9 +33,13 @@ def free_share(comm: MPI.Comm) -> float:
 
 
 def _free() -> float:
-    free = inf
+    most = resource.getrlimit(resource.RLIMIT_AS)[0]
+    free = inf if most == resource.RLIM_INFINITY else float(most)
     with suppress(OSError, KeyError, ValueError):  # where there is no Linux
-        free = 1024.0 * _numbers(Path("/proc/meminfo"))["MemAvailable:"]
+        machine = _numbers(Path("/proc/meminfo"))
+        free = min(free, 1024.0 * machine["MemAvailable:"])
+        if Path("/proc/sys/vm/overcommit_memory").read_text().strip() == "2":  # no more is given than there is
+            free = min(free, 1024.0 * (machine["CommitLimit:"] - machine["Committed_AS:"]))
         name = Path("/proc/self/cgroup").read_text().rpartition("0::")[2].strip()
         group = GROUPS / name.lstrip("/")
         for each in (group, *group.parents):
