@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from asperity.arrays import Floats, Integers
-from asperity.mesh.element import QUADRATURE_DEGREE
+from asperity.fem.form_compiler import PointValues
 
 ITERATIONS = 100  # of the flow of a cell, as in relaxation.hpp
 MOST = 4.99  # relief over S at which it begins to be sought: a yield stress is positive
@@ -33,12 +33,7 @@ class CellFlow:
     """
 
     def __init__(self, mesh: Any, volumes: Floats, bulk: float, relaxation: tuple[float, float]) -> None:
-        import basix.ufl
-        from dolfinx import fem
-
-        element = basix.ufl.quadrature_element("tetrahedron", value_shape=(4,), degree=QUADRATURE_DEGREE)
-        self.coefficients = fem.Function(fem.functionspace(mesh, element))
-        self._at = self.coefficients.function_space.dofmap.list[: len(volumes)]
+        self.coefficients = PointValues(mesh, len(volumes), 4)
         self._volumes, self._volume = volumes, volumes.sum(axis=1)
         self._bulk, (self._spent, self._threshold) = bulk, relaxation
         self._most = MOST * relaxation[0]
@@ -49,11 +44,9 @@ class CellFlow:
 
     def settle(self, dilatation: Floats, measures: Measures | None) -> None:
         """Find the flow over a permanent part (cells, points); without measures nothing flows."""
-        values = np.zeros((*self._at.shape, 4))
-        values[..., 0] = before = dilatation - self._mean(dilatation)[:, None]
-        values[..., 2] = 1.0
-        stored = self.coefficients.x.array.reshape(-1, 4)
-        stored[self._at] = values
+        before, put = dilatation - self._mean(dilatation)[:, None], self.coefficients.put
+        put((0.0, 0.0, 1.0, 0.0))
+        put(before, of=0)
         self.permanent, self.flowing = before, np.empty(0, dtype=np.int32)
         if measures is None:
             return
@@ -70,7 +63,7 @@ class CellFlow:
         for _ in range(ITERATIONS):
             if not len(cells):
                 break
-            stored[self._at[cells], 3] = relief[cells, None]
+            put(relief[cells, None], cells, of=3)
             found = measures(cells)
             driven, softness[cells] = (self._mean(found[..., k], cells) for k in (1, 2))
             steep = softness[cells] * 2.0 * rate * m[cells] * relief[cells]
@@ -79,13 +72,14 @@ class CellFlow:
             m[cells] = 1.0 / (1.0 + rate * flow[cells])
             relief[cells] = first[cells] * m[cells] ** 2
             cells = cells[np.abs(step) > ROUNDING * flow[cells]]
-        stored[self._at, 3] = relief[:, None]
+        put(relief[:, None], of=3)
         self.flowing = cells = np.flatnonzero(flow * beyond > 0.0).astype(np.int32)
         part = beyond[cells] / (self._bulk * size[cells])
         lost = rate * flow[cells] * m[cells]  # 1 - m
         kept = np.ones_like(size)
         kept[cells] = 1.0 - part * lost
-        stored[self._at, 1], stored[self._at, 2] = mean, kept[:, None]
+        put(mean, of=1)
+        put(kept[:, None], of=2)
         self.permanent = before + (1.0 - kept)[:, None] * own
         # of the tangent
         self._own, self._lost, self._softness = own[cells], 1.0 - kept[cells], softness[cells]

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from asperity.arrays import Floats
+from asperity.fem.forms import FormKernels
 from asperity.fem.history import History
 from asperity.fem.solid import Solid
 from asperity.model.material import PAIRS
@@ -13,12 +14,13 @@ from asperity.model.material import PAIRS
 def energies(solid: Solid, force: Floats) -> tuple[float, float]:
     """Stored and dissipated energy over the committed history, of an internal force (owned, 3) [E L^3]; this rank's.
 
-    Elastic strain and back stress store energy. That of a law in UFL is not known: zero.
+    Elastic strain and back stress store energy. That of a law in UFL is known where it is hyperelastic, else zero.
     """
     u = solid.u.x.array.reshape(-1, 3)
     kernels, material = solid.kernels, solid.material
     if material.law is not None:
-        return 0.0, 0.0
+        known = isinstance(kernels, FormKernels) and material.law.hyperelastic
+        return (float(np.vdot(kernels.volumes, kernels.energy(u))) if known else 0.0), 0.0
     if kernels.linear:
         return 0.5 * float(np.vdot(u[: solid.owned], force)), 0.0
     stored = float(np.vdot(kernels.volumes, material.elastic_energy(kernels.conjugate_stress(u))))

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from asperity.arrays import Floats
-from asperity.fem.forms import nodal_matrix
+from asperity.fem.form_compiler import nodal_matrix
 from asperity.fem.solid import Solid
 
 MASS_DEGREE = 6  # of the quadrature of the consistent mass: second-order shapes squared, on curved cells

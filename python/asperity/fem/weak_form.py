@@ -14,27 +14,22 @@ from typing import Any
 
 import numpy as np
 
+from asperity.fem.form_compiler import Matrix, Values, compiled, measure
+from asperity.fem.sparsity import SparsityPattern
 from asperity.laws.definition import SHAPES, STRENGTH, SYMMETRIC, Law
-from asperity.mesh.element import QUADRATURE_DEGREE
 
 POINTS = 8  # of Gauss' rule: relative error 4e-15 for stretches from 0.8 to 1.25, 2e-8 at 0.5 and 2
 
 
-def measure(mesh: Any, degree: int = QUADRATURE_DEGREE) -> Any:
-    """Integral over the block by the rule of the elements."""
-    import ufl
-
-    return ufl.Measure("dx", mesh, metadata={"quadrature_degree": degree})
-
-
 class WeakForm:
-    """Forms of a law, each made when it is first asked for.
+    """Weak form of a law, each of its parts compiled when it is first asked for.
 
     Args:
         u: displacement, a function of dolfinx
         state: its stored components at the quadrature points, a function of dolfinx; None without a state
         law: with stresses in units of E
         parameters: constants by name
+        sparsity: of the matrix
         finite: whether strains may be large
         held: whether the state stays as it is
         cell: coefficients of `CellFlow`, where the volumetric strain within a cell relaxes
@@ -46,21 +41,21 @@ class WeakForm:
         state: Any,
         law: Law,
         parameters: dict[str, Any],
+        sparsity: SparsityPattern,
         finite: bool,
         held: bool = False,
         cell: Any = None,
     ) -> None:
         import ufl
 
-        self._u, self._law, self._finite, self.mesh = u, law, finite, u.function_space.mesh
-        self.gradient = ufl.grad(u)
-        self._F = ufl.variable(ufl.Identity(3) + self.gradient)
+        self._u, self._law, self._sparsity, self._finite = u, law, sparsity, finite
+        self._F = ufl.variable(ufl.Identity(3) + ufl.grad(u))
+        self._log = _LogStrain(ufl.grad(u)) if finite else None
+        self._strain = strain = ufl.variable(self._log.strain if self._log else ufl.sym(ufl.grad(u)))
         if law.hyperelastic:
-            self._P = ufl.diff(law.energy(self._F, parameters), self._F)
+            self._energy = law.energy(self._F, parameters)
+            self._nominal = ufl.diff(self._energy, self._F)
             return
-        if finite:
-            self._log = _LogStrain(self.gradient)
-        self._strain = strain = ufl.variable(self._log.strain if finite else ufl.sym(self.gradient))
         if cell is not None:
             self._relief = ufl.variable(cell[3])
             permanent = cell[0] + (1.0 - cell[2]) * (ufl.tr(strain) - cell[1] - cell[0])
@@ -68,82 +63,96 @@ class WeakForm:
             parameters = parameters | {STRENGTH: parameters[STRENGTH] - law.unit * self._relief}
         self._before = unpacked(law, state)
         self._stress, self._after = law.stress(strain, self._before, parameters, held)
+        self._nominal = self._nominal_of(self._stress)
 
-    @property
-    def residual(self) -> Any:
-        """Virtual work of the stresses."""
-        return (self._work(self._P, nominal=True) if self._law.hyperelastic else self._work(self._stress)) * measure(
-            self.mesh
-        )
+    def _nominal_of(self, stress: Any) -> Any:
+        """First stress of Piola and Kirchhoff of a stress conjugate to the strain."""
+        return self._F * self._log.second_stress(stress) if self._log else stress
 
-    def _work(self, stress: Any, nominal: bool = False) -> Any:
-        """Of a stress, conjugate to the strain of the law or nominal, along a virtual displacement."""
+    def _work(self, nominal: Any) -> Any:
+        """Of a stress along a virtual displacement."""
         import ufl
 
         of_v = ufl.grad(ufl.TestFunction(self._u.function_space))
-        if not self._finite:
-            return ufl.inner(stress, ufl.sym(of_v))
-        return ufl.inner(stress if nominal else self._F * self._log.second_stress(stress), of_v)
+        return ufl.inner(nominal, of_v if self._finite else ufl.sym(of_v))
 
-    @property
-    def measures(self) -> Any:
-        """Dilatation, increment of the accumulated plastic strain, and its derivative by a relief (3,)."""
+    def _at_points(self, parts: list[Any], *shape: int) -> Values:
         import ufl
 
-        flow = self._flow
-        return ufl.as_vector([ufl.tr(self._strain), flow, ufl.diff(flow, self._relief)])
+        return Values(ufl.as_vector(parts), (len(parts), *shape), self._u.function_space.mesh)
 
-    @property
-    def measure_rows(self) -> Any:
-        """Derivatives of dilatation and flow along a virtual displacement (2,)."""
-        import ufl
+    @cached_property
+    def residual(self) -> Any:
+        """Virtual work of the stresses."""
+        from dolfinx import fem
 
-        driving = ufl.sym(ufl.diff(self._flow, self._strain))
-        return ufl.as_vector([self._work(ufl.Identity(3)), self._work(driving)])
+        return compiled(fem.form, self._work(self._nominal) * measure(self._u.function_space.mesh))
 
-    @property
-    def _flow(self) -> Any:
-        return self._after["accumulated"] - self._before["accumulated"]
-
-    @property
-    def tangent(self) -> Any:
+    @cached_property
+    def matrix(self) -> Matrix:
         """Linearisation of `residual`; by hand about the logarithm, which takes the form compiler a tenth."""
         import ufl
 
         V = self._u.function_space
-        of_w, of_v = ufl.grad(ufl.TrialFunction(V)), ufl.grad(ufl.TestFunction(V))
-        if self._law.hyperelastic or not self._finite:
-            return ufl.derivative(self.residual, self._u, ufl.TrialFunction(V))
-        stiffness = self._log.stiffness(self._stress, ufl.diff(self._stress, self._strain))
-        of_C = [_six(self._F.T * of + of.T * self._F) for of in (of_w, of_v)]
-        S = self._log.second_stress(self._stress)
-        return (ufl.inner(stiffness * of_C[0], of_C[1]) + ufl.inner(of_w * S, of_v)) * measure(self.mesh)
+        w, of_v = ufl.TrialFunction(V), ufl.grad(ufl.TestFunction(V))
+        if self._law.hyperelastic or self._log is None:
+            integrand = ufl.derivative(self._work(self._nominal), self._u, w)
+        else:
+            stiffness = self._log.stiffness(self._stress, ufl.diff(self._stress, self._strain))
+            of_C = [_six(self._F.T * of + of.T * self._F) for of in (ufl.grad(w), of_v)]
+            integrand = ufl.inner(stiffness * of_C[0], of_C[1])
+            integrand += ufl.inner(ufl.grad(w) * self._log.second_stress(self._stress), of_v)
+        return Matrix(integrand * measure(V.mesh), self._sparsity)
 
     @cached_property
-    def stresses(self) -> Any:
+    def stresses(self) -> Values:
         """Components of Cauchy's stress, and of the one that is conjugate to the strain of the law (12,)."""
         import ufl
 
-        if not self._finite:
-            cauchy = conjugate = self._stress
-        else:
-            hyperelastic = self._law.hyperelastic
-            nominal = self._P if hyperelastic else self._F * self._log.second_stress(self._stress)
-            kirchhoff = nominal * self._F.T
-            cauchy = kirchhoff / ufl.det(self._F)
-            conjugate = kirchhoff if hyperelastic else self._stress
-        return ufl.as_vector([tensor[ij] for tensor in (cauchy, conjugate) for ij in SYMMETRIC])
+        kirchhoff = self._nominal * self._F.T if self._finite else self._nominal
+        cauchy = kirchhoff / ufl.det(self._F) if self._finite else kirchhoff
+        conjugate = kirchhoff if self._law.hyperelastic else self._stress
+        return self._at_points([tensor[ij] for tensor in (cauchy, conjugate) for ij in SYMMETRIC])
 
-    @property
-    def after(self) -> Any:
-        """Stored components of the new state (k,)."""
+    @cached_property
+    def kinematics(self) -> Values:
+        """Strain, in finite strain the logarithmic one, and the volume after deformation over that before (10,)."""
         import ufl
 
+        return self._at_points([*(self._strain[i, j] for i in range(3) for j in range(3)), ufl.det(self._F)])
+
+    @cached_property
+    def energy(self) -> Values:
+        """Energy per volume of a hyperelastic law (1,)."""
+        return self._at_points([self._energy])
+
+    @cached_property
+    def after(self) -> Values:
+        """Stored components of the new state (k,)."""
         parts: list[Any] = []
         for name, shape in self._law.state.items():
             value = self._after[name]
             parts += [value] if shape == () else [value[ij] for ij in (SYMMETRIC if shape == (3, 3) else range(3))]
-        return ufl.as_vector(parts)
+        return self._at_points(parts)
+
+    @cached_property
+    def measures(self) -> Values:
+        """Dilatation, increment of the accumulated plastic strain, and its derivative by a relief (3,)."""
+        import ufl
+
+        return self._at_points([ufl.tr(self._strain), self._flow, ufl.diff(self._flow, self._relief)])
+
+    @cached_property
+    def measure_rows(self) -> Values:
+        """Derivatives of dilatation and flow along a virtual displacement, by the dofs of the cell (2, 30)."""
+        import ufl
+
+        driving = ufl.sym(ufl.diff(self._flow, self._strain))
+        return self._at_points([self._work(self._nominal_of(of)) for of in (ufl.Identity(3), driving)], 30)
+
+    @property
+    def _flow(self) -> Any:
+        return self._after["accumulated"] - self._before["accumulated"]
 
 
 def unpacked(law: Law, state: Any) -> dict[str, Any]:

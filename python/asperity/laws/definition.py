@@ -6,6 +6,7 @@ import inspect
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
+from keyword import iskeyword
 from math import isfinite
 from numbers import Real
 from types import SimpleNamespace
@@ -23,6 +24,8 @@ SHAPES: dict[Shape, int] = {(): 1, (3,): 3, (3, 3): 6}  # of a state variable, a
 SYMMETRIC = ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))  # order of the components of a symmetric tensor
 #: Every law has them, zero where it makes no use of them: measures and the midpoint rule read them by name.
 USUAL: dict[str, Shape] = {"plastic_strain": (3, 3), "accumulated": ()}
+#: Names of `fem.history.History` that no state variable may have.
+RESERVED = {"dilatation", "zeros", "names", "arrays", "copy", "assign", "rows", "changed"}
 
 
 def law(state: Mapping[str, Shape], elastic: Callable[..., Any] | None = None) -> Callable[[Function], Function]:
@@ -131,12 +134,17 @@ def law_of_function(
             f"has the arguments ({', '.join(names)}): a law is stress(strain, ...), stress(strain, state, ...) with "
             "@asp.law(state=...), or energy(F, ...), its parameters by name",
         )
+    elastic = getattr(function, "elastic", None)
+    held = list(inspect.signature(elastic).parameters) if callable(elastic) else []
+    if elastic is not None and (held[:2] != ["strain", "state"] or set(held) - set(names)):
+        refuse(source, "declares elastic, which is no function of strain, state and some of its parameters")
     if "state" in names and not state:
         refuse(source, "has a state that is not declared: put @asp.law(state={...}) above it, name and shape of each")
     for name, shape in state.items():
-        if not str(name).isidentifier() or shape not in SHAPES or USUAL.get(name, shape) != shape:
-            right = USUAL.get(name)
-            legal = "(), (3,) or (3, 3)" if right is None else str(right)
+        if not str(name).isidentifier() or iskeyword(name) or name in RESERVED:
+            refuse(source, f"declares a state by the name {show(str(name))}, which is taken: choose another")
+        if shape not in list(SHAPES) or USUAL.get(name, shape) != shape:
+            legal = str(USUAL.get(name, "(), (3,) or (3, 3)"))
             refuse(source, f"declares the state {name!r} of shape {shape!r}: legal is {legal}")
     wanted = {name: p.default for name, p in inspect.signature(function).parameters.items() if name not in first}
     full = {name: default for name, default in wanted.items() if default is not inspect.Parameter.empty}

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import hashlib
+import sys
 from collections.abc import Mapping
 from functools import lru_cache
-from pathlib import Path
+from types import ModuleType
 from typing import Any
 
 from asperity.laws import shipped
@@ -43,7 +44,9 @@ def _read(path: str, source: str) -> Any:
 @lru_cache(maxsize=16)
 def _run(path: str, content: bytes) -> tuple[dict[str, Any], str]:
     """Names that the file of a law defines, which is run, and its SHA-256."""
-    names: dict[str, Any] = {"__name__": Path(path).stem, "__file__": path}
+    digest = hashlib.sha256(content).hexdigest()
+    module = ModuleType(f"law_{digest[:12]}")
+    module.__file__, sys.modules[module.__name__] = path, module  # where a class of the file looks its names up
     with raising(path, "raises when it is run"):
-        exec(compile(content, path, "exec"), names)
-    return names, hashlib.sha256(content).hexdigest()
+        exec(compile(content, path, "exec"), vars(module))
+    return vars(module), digest

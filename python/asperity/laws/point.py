@@ -10,12 +10,15 @@ from typing import Any
 import numpy as np
 
 from asperity.arrays import Floats
-from asperity.laws.definition import KEY, STRENGTH, Law, raising, refuse
+from asperity.laws.definition import KEY, STRENGTH, SYMMETRIC, Law, raising, refuse
 from asperity.runtime.display import show
 
 STRAINS = (1e-6, 1e-5, 1e-4, 1e-3, 1e-2)  # sizes of those at which a law is tried
 REST = 1e-9  # stress at rest over the modulus that is rounding
 SYMMETRY = 1e-7  # part of a tangent by which it may differ from its transpose
+MOST = 1e100  # modulus, beyond which products overflow
+MANDEL = np.sqrt([1.0, 1.0, 1.0, 2.0, 2.0, 2.0])  # weights of the components of a tensor in a matrix of stiffness
+TURN = np.array([[2.0, -2.0, 1.0], [1.0, 2.0, 2.0], [-2.0, -1.0, 2.0]]) / 3.0  # a rotation
 ISOTROPY = 1e-6  # of the tangent at rest, and of the moduli a case gives
 
 
@@ -50,8 +53,12 @@ def respond(law: Law, strains: Floats, state: Mapping[str, Floats] | None = None
     mesh = ufl.Mesh(basix.ufl.element("Lagrange", "tetrahedron", 1, shape=(3,)))
     values: dict[Any, Floats] = {}
 
+    class Known(ufl.Constant):
+        def evaluate(self, *_: Any) -> Any:  # which UFL's own would seek without end
+            raise TypeError("an expression of UFL is no number: take ufl.sqrt for math.sqrt, and the like")
+
     def known(value: Any, shape: tuple[int, ...]) -> Any:
-        terminal = ufl.Constant(mesh, shape=shape)
+        terminal = Known(mesh, shape=shape)
         values[terminal] = np.asarray(value, dtype=float)
         return terminal
 
@@ -80,6 +87,9 @@ def respond(law: Law, strains: Floats, state: Mapping[str, Floats] | None = None
                 )
             for name, value in after.items():
                 _check_shape(law, f"the state {name}", value, law.state[name])
+            if law.elastic is not None:
+                held = ufl.as_ufl(law.stress(strain, before, parameters, held=True)[0])
+                _check_shape(law, "the elastic stress", held, (3, 3))
         evaluate = _Evaluator(values, n)
         found = Response(
             evaluate(stress), {name: evaluate(value) for name, value in after.items()},
@@ -144,8 +154,15 @@ def traits(law: Law) -> Traits:
     C = first.tangent[0]
     C = 0.25 * (C + C.transpose(1, 0, 2, 3) + C.transpose(0, 1, 3, 2) + C.transpose(1, 0, 3, 2))
     modulus = float(np.abs(C).max())
-    if not modulus > 0.0:
-        refuse(law.source, "has no stiffness at rest")
+    if not 0.0 < modulus < MOST:
+        refuse(law.source, f"has a modulus of {modulus:.3g} at rest")
+    matrix = np.array([[C[ij + kl] for kl in SYMMETRIC] for ij in SYMMETRIC]) * np.outer(MANDEL, MANDEL)
+    if np.linalg.eigvalsh(matrix)[0] <= REST * modulus:
+        refuse(law.source, "is not stable at rest: a strain has no stress along it")
+    if law.hyperelastic:
+        turned, turn = respond(law, TURN @ (base + strains)).stress, TURN @ first.stress
+        if not _same(turned, turn):
+            refuse(law.source, "changes with a rotation: an energy is a function of F.T * F")
     if np.abs(first.stress[0]).max() > REST * modulus:
         refuse(law.source, f"is stressed at rest, by {np.abs(first.stress[0]).max() * law.unit:.3g}")
     symmetric = all(_same(a.tangent, np.transpose(a.tangent, (0, 3, 4, 1, 2))) for a in map(_minor, answers, [law] * 2))
@@ -155,8 +172,6 @@ def traits(law: Law) -> Traits:
     isotropic += mu * (np.einsum("ik,jl->ijkl", one, one) + np.einsum("il,jk->ijkl", one, one))
     if np.abs(C - isotropic).max() > ISOTROPY * modulus:
         return Traits(None, None, symmetric)
-    if not (mu > 0.0 and 3.0 * lam + 2.0 * mu > 0.0):
-        refuse(law.source, "is not stable at rest: its shear and bulk moduli are not both positive")
     bulk = lam + 2.0 / 3.0 * mu
     relaxes = symmetric and all(_relaxes(a, s * strains, bulk) for a, s in zip(answers, (1.0, 1.5), strict=False))
     return Traits(law.unit * mu * (3.0 * lam + 2.0 * mu) / (lam + mu), 0.5 * lam / (lam + mu), symmetric, relaxes)

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from asperity.fem.forms import nodal_matrix
+from asperity.fem.form_compiler import nodal_matrix
 from asperity.fem.solid import Solid
 from asperity.linear.petsc import GAMG, empty_matrix, set_defaults
 from asperity.mesh.element import QUADRATURE_DEGREE

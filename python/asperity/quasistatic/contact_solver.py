@@ -231,7 +231,7 @@ class ContactSolver:
                 rtol=self._options.rtol,
                 compliant=self.contact.has_tangent,
                 exact=exact,
-                energies=self.solid.material.law is None,
+                energies=self.solid.material.law is None or self.solid.material.law.hyperelastic,
             )
 
     def _extrapolate(self, before: _Before, part: float) -> None:
