@@ -156,6 +156,6 @@ def test_problem_and_flat_arguments_give_the_same() -> None:
         with pytest.raises(InputError, match="leave out block, size"):
             asp.solve_contact(top, solid, delta_max=0.01, tolerance=0.01, **wrong)
     with pytest.raises(InputError, match="leave out material, steps"):
-        asp.solve_contact(problem, steps=3)
+        asp.solve_contact(problem, solid, steps=3)
     one, flat = asp.solve_contact(problem), asp.solve_contact(top, solid, delta_max=0.01, steps=2)
     assert one.curve.force.tolist() == flat.curve.force.tolist()

@@ -95,7 +95,8 @@ def solve_contact(
     elif material is None and not given:
         problem = surface
     else:
-        raise InputError("a problem has its material and load path: leave out material, " + ", ".join(given))
+        twice = ", ".join([*(["material"] if material is not None else []), *given])
+        raise InputError(f"a problem has its material, load path and settings: leave out {twice}")
     if tolerance is None:
         return solve_problem(problem, block=block, comm=comm, hooks=hooks)
     check_free(problem, block is not None)

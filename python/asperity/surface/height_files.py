@@ -18,7 +18,7 @@ from asperity.arrays import Array
 from asperity.errors import CompatError, InputError
 from asperity.runtime.files import UNREADABLE, one_line, read_npy, read_npz, real
 from asperity.runtime.text_table import DECIMALS
-from asperity.surface.text_map import PROFILE, read_text_map
+from asperity.surface.text_map import PROFILE, Heights, read_text_map
 from asperity.units import LENGTHS
 
 TEXT = (".csv", ".txt", ".dat", ".tsv", ".asc", ".xyz")
@@ -51,27 +51,6 @@ class Reading:
     channel: str | None = None
     array: str | None = None
     decimal: str | None = None
-
-
-@dataclass(frozen=True, eq=False)
-class Heights:
-    """Heights of a file.
-
-    Attributes:
-        z: heights (ny, nx), index [iy, ix], NaN where they are missing [m]
-        dx, dy: distances along x and y, None without one [m]
-        tip_radius, resolution: of the instrument, 0 where unknown [m]
-        channel: of the file, or name of the array; empty where there is one only
-        notes: what was read and what was left, a sentence each
-    """
-
-    z: Array
-    dx: float | None
-    dy: float | None
-    tip_radius: float = 0.0
-    resolution: float = 0.0
-    channel: str = ""
-    notes: tuple[str, ...] = ()
 
 
 def metres_of(unit: str | None) -> float | None:
@@ -118,8 +97,7 @@ def read_heights(path: Path, known: Reading = Reading()) -> Heights:  # immutabl
     try:
         if kind in TEXT:
             decimal = None if known.decimal is None else DECIMALS[known.decimal]
-            text = read_text_map(path, known.unit, lambda z: _without_marks(z, known.missing), known.pixel, decimal)
-            return Heights(text.z, text.dx, text.dy, notes=text.notes)
+            return read_text_map(path, known.unit, lambda z: _without_marks(z, known.missing), known.pixel, decimal)
         z, dx, dy, name = _read_arrays(path, known.array)
     except UNREADABLE as error:
         raise InputError(f"{path}: cannot be read as a height map ({one_line(error)})") from None

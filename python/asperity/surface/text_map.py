@@ -27,18 +27,23 @@ _FEW = 5  # rows that are compared with the first one
 
 
 @dataclass(frozen=True, eq=False)
-class TextMap:
-    """Heights of a text file.
+class Heights:
+    """Heights of a file.
 
     Attributes:
-        z: heights (ny, nx), NaN where they are missing [m]
-        dx, dy: distances between them [m], None without one
-        notes: what was read other than heights, a sentence each
+        z: heights (ny, nx), index [iy, ix], NaN where they are missing [m]
+        dx, dy: distances along x and y, None without one [m]
+        tip_radius, resolution: of the instrument, 0 where unknown [m]
+        channel: of the file, or name of the array; empty where there is one only
+        notes: what was read and what was left, a sentence each
     """
 
     z: Array
     dx: float | None
     dy: float | None
+    tip_radius: float = 0.0
+    resolution: float = 0.0
+    channel: str = ""
     notes: tuple[str, ...] = ()
 
 
@@ -48,7 +53,7 @@ def read_text_map(
     clean: Callable[[Array], Array],
     pixel: tuple[float, float] | None = None,
     decimal: str | None = None,
-) -> TextMap:
+) -> Heights:
     """Read a map.
 
     Args:
@@ -89,7 +94,7 @@ def read_text_map(
         table[table == value] = np.nan
     height = usual if header.height is None else header.height
     steps = _own_steps(header, dx, dy, usual, pixel)
-    return TextMap(height * clean(table), *steps, (*notes, *_said(header)))
+    return Heights(height * clean(table), *steps, notes=(*notes, *_said(header)))
 
 
 def _table(text: TextTable) -> Array:
@@ -214,7 +219,7 @@ def _monotonic(values: Array) -> bool:
 
 def _of_points(
     table: Array, lines: list[tuple[int, str]], names: list[str], unit: float | None, clean: Callable[[Array], Array]
-) -> TextMap:
+) -> Heights:
     """Map of points x, y, z in any order; places without a point are NaN."""
     usual = 1.0 if unit is None else unit
     if names:
@@ -244,7 +249,7 @@ def _of_points(
         raise ValueError(f"{len(ix)} points x, y, z fill a small part of a grid of {nx} x {ny}: give a map")
     z = np.full((ny, nx), np.nan)
     z[iy, ix] = clean(table[known, 2])
-    return TextMap(z * uz, dx * ux, dy * uy, tuple(_said(header)))
+    return Heights(z * uz, dx * ux, dy * uy, notes=tuple(_said(header)))
 
 
 def _places(values: Array, name: str) -> tuple[int, float, Array]:
