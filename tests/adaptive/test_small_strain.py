@@ -44,7 +44,7 @@ def change(problem: Problem, comm: Any = None) -> float:
 @pytest.mark.parametrize("e", [0.001, 0.05])
 def test_of_a_plane_block_it_is_the_closed_form(e: float, sides: str) -> None:
     """Uniaxial: -e against ln(1 - e)/(1 - e); pressed by a force its compression is found."""
-    driven = ({"delta_max": e}, {"force_max": e * AUTO.block_modulus(sides)})
+    driven: tuple[dict[str, Any], ...] = ({"delta_max": e}, {"force_max": e * AUTO.block_modulus(sides)})
     for found in [change(Problem.of(Flat(L=1.0), AUTO, sides=sides, **given)) for given in driven]:
         assert found == pytest.approx(-100 * (e * (1 - e) / -np.log1p(-e) - 1), rel=0.1)
 

@@ -142,7 +142,7 @@ def test_arguments_are_those_of_problem_load_path_and_callbacks() -> None:
     inside = {"surface", "material", "load_path", "block_height", "sticks"}
     assert Arguments.__optional_keys__ == known - inside | {"height", "pressure_max"}
     with pytest.raises(TypeError, match="stepz"):
-        asp.solve_contact(WAVE, STEEL, delta_max=1e-9, stepz=3)  # type: ignore[call-overload]
+        asp.solve_contact(WAVE, STEEL, delta_max=1e-9, stepz=3)
 
 
 def test_problem_and_flat_arguments_give_the_same() -> None:

@@ -84,7 +84,7 @@ def test_the_map_shows_the_spots_that_count(formulation: Formulation, monkeypatc
     assert fields is not None
     on_grid, shown = contact.Raster(fields), []
     for i in range(3):
-        drawn = contact.touching(on_grid, fields, i)
+        drawn = on_grid.touching(i)
         shown.append(ndimage.label(ndimage.binary_dilation(drawn, iterations=3))[1])
         if formulation.method == "active-set":
             assert drawn.mean() == pytest.approx(curve.area_fraction[i], rel=0.02, abs=1e-4)

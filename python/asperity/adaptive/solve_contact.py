@@ -89,9 +89,9 @@ def solve_contact(
         True
     """
     names = {field.name for field in fields(Callbacks)} & given.keys()
-    hooks = Callbacks(**{name: given.pop(name) for name in names})  # type: ignore[misc, arg-type]
+    hooks = Callbacks(**{name: given.pop(name) for name in names})  # type: ignore[misc]
     if not isinstance(surface, Problem):
-        problem = Problem.of(surface, material, **given)  # type: ignore[arg-type]
+        problem = Problem.of(surface, material, **given)  # type: ignore[arg-type, misc]
     elif material is None and not given:
         problem = surface
     else:
