@@ -419,3 +419,15 @@ def test_load_steps_are_extrapolated_by_the_order_of_the_integrator() -> None:
     assert other_step > 2.0 * step
     assert abs(P - other) <= bar + other_bar
     assert abs(P - other) < other_step  # what is corrected; errors of mesh and steps cancel in the raw force
+
+
+def test_what_is_left_is_that_of_all_meshes() -> None:
+    """The share that is done on the first mesh leaves room for the second; that on the last one ends at one."""
+    shares: list[list[float]] = []
+    solve_contact(
+        wave(), asp.Material(E=1.0, nu=0.3), delta_max=0.01, steps=3, tolerance=0.2,
+        on_stage=lambda name: shares.append([]) if "load path" in name else None,
+        on_step=lambda rows, done: shares[-1].append(done),
+    )  # fmt: skip
+    assert len(shares) > 1 and 0.02 < shares[0][-1] < 0.6
+    assert shares[-1][-1] == pytest.approx(1.0) and shares[0] == sorted(shares[0])

@@ -7,7 +7,7 @@ from time import perf_counter
 from typing import TYPE_CHECKING
 
 from asperity.adaptive.family import MeshFamily
-from asperity.adaptive.mesh_plan import GREATEST_STEP, LEAST_STEP
+from asperity.adaptive.mesh_plan import GREATEST_STEP, LEAST_STEP, RATIO
 from asperity.contact.contact_surface import gather_top
 from asperity.errors import InputError
 from asperity.mesh.block import BlockMesh
@@ -132,6 +132,9 @@ class LevelSolver:
             name = f"level-{len(self.levels) + 1}-{self.scales[-1]:.6g}-{substeps}"
             hooks = replace(hooks, checkpoint=hooks.checkpoint.part(name))
         level = f"h = {h / self.side:.3g} L" + (f", {substeps} substeps" if substeps > 1 else "")
+        whole, on_step = 1.0 + self._later(substeps), hooks.on_step
+        if on_step is not None:  # what is shown as left is that of all meshes that are planned
+            hooks = replace(hooks, on_step=lambda rows, done: on_step(rows, done / whole))
         hooks = replace(hooks, on_stage=lambda name: self._hooks.stage(f"{level}: {name}"))
         path = replace(self._problem.load_path, substeps=substeps)
         problem = replace(self._problem, load_path=path, size=replace(self._problem.size, h_contact=h))
@@ -144,6 +147,15 @@ class LevelSolver:
         self.levels.append(Level(h, result.dofs, substeps, seconds))
         self._first = result if len(self.scales) == 1 else None
         return result
+
+    def _later(self, substeps: int) -> float:
+        """Work of the meshes that follow the current one at least, over its own; on rank 0."""
+        if self._family is None or len(self.scales) > 1:
+            return 0.0
+        first = self.scales[0]
+        finer = self._family.dofs(min(first, self._first_scale) / RATIO) / self._family.dofs(first)
+        twice = 2.0 if self._problem.path_dependent and substeps == 1 else 0.0  # the same mesh with half the steps
+        return twice + finer / substeps
 
     def left_out(self, result: ContactResult) -> Omission:
         """What the top of the mesh of a result leaves out."""

@@ -54,7 +54,7 @@ def turning_surface(results: Results) -> TurningSurface | None:
     z = -on_grid(top["gap"][i])[:: PIXELS // (NODES - 1), :: PIXELS // (NODES - 1)]  # below the flat
     span = float(np.ptp(z)) or 1.0
     pressure = np.nan_to_num(on_grid.pressure(i))
-    highest = float(pressure.max()) or 1.0
+    highest = float(top["pressure"][i].max()) or 1.0  # as in the table; between the pixels
     picture = colormaps["inferno_r"](pressure / highest)[..., :3]
     picture[pressure <= 0.0] = UNLOADED
     file = io.BytesIO()
