@@ -18,6 +18,8 @@ import numpy as np
 import pytest
 
 from asperity.curve import COLUMNS, Curve
+from asperity.fem.solid import Solid
+from asperity.linear.petsc import NodeMatrix
 from asperity.mesh.block import BlockMesh
 from asperity.mesh.generate import build_block
 from asperity.mesh.size_field import SizeField
@@ -52,6 +54,14 @@ def here() -> Any:
     from mpi4py import MPI
 
     return MPI.COMM_SELF
+
+
+def assembled(solid: Solid) -> Any:
+    """Copy of the current tangent of a solid as a PETSc matrix; collective."""
+    matrix = NodeMatrix(solid.sparsity, solid.V.dofmap.index_map, solid.comm)
+    np.copyto(matrix.values, solid.tangent.values())
+    matrix.assemble()
+    return matrix.A
 
 
 def call(*arguments: object) -> int:

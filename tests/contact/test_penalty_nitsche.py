@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 import pytest
-from conftest import ELASTIC, PLASTIC, here, world
+from conftest import ELASTIC, PLASTIC, assembled, here, world
 from element_sample import PAIRS
 from scipy import sparse
 from scipy.sparse.linalg import splu
@@ -18,7 +18,6 @@ from asperity.contact import PressureContact
 from asperity.contact.contact_surface import FACET_DEGREE, ContactSurface
 from asperity.errors import InputError
 from asperity.fem.kernels import ElementKernels
-from asperity.linear.petsc import assembled
 from asperity.mesh import element
 from asperity.mesh.block import BlockMesh
 from asperity.mesh.generate import build_block

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 import pytest
-from conftest import ELASTIC, here, world
+from conftest import ELASTIC, assembled, here, world
 from j2_path import confined_stress
 from scipy import sparse
 
@@ -17,7 +17,7 @@ from asperity.fem.solid import Solid
 from asperity.linear import coarse as coarse_problem
 from asperity.linear.matrix_free import TangentOperator
 from asperity.linear.multigrid import PMultigrid
-from asperity.linear.petsc import assembled, set_rigid_modes
+from asperity.linear.petsc import set_rigid_modes
 from asperity.linear.solver import LinearSolver
 from asperity.mesh.block import BlockMesh
 from asperity.mesh.distribute import distribute

@@ -7,7 +7,6 @@ import time
 from collections.abc import Callable
 from functools import cache
 from pathlib import Path
-from typing import Any
 from zipfile import ZIP_DEFLATED, ZipFile
 
 import numpy as np
@@ -124,14 +123,6 @@ def test_two_processes_of_one_number_write_at_once(tmp_path: Path) -> None:
             other.write(b"a")
         (first / "number").write_text("1")
     assert {path.name: path.read_text() for path in out.iterdir()} == {"text": "long", "number": "1"}
-
-
-def test_a_saved_patch_reads_back(tmp_path: Path) -> None:
-    z = np.random.default_rng(1).normal(size=(9, 9))
-    path = HeightField(z, 0.125, 0.125).save(tmp_path / "patch")
-    stored: dict[str, Any] = read_npz(path)
-    assert path.name == "patch.npz" and float(stored["L"]) == 1.0
-    np.testing.assert_array_equal(stored["z"], z)
 
 
 @pytest.mark.parametrize("several", [False, True])

@@ -26,7 +26,7 @@ from asperity.job.run_case import run
 from asperity.plot import CAPTIONS, plot_run
 from asperity.runtime.files import replace_file
 from asperity.runtime.progress import Progress
-from asperity.runtime.run_folder import PICTURES, PRODUCTS, check, holds_run, is_empty
+from asperity.runtime.run_folder import PICTURES, PRODUCTS, holds_run
 
 pytestmark = pytest.mark.usefixtures("blank_figures")
 
@@ -415,20 +415,6 @@ def test_a_run_killed_while_it_is_replaced_can_be_replaced_again(tmp_path: Path)
             run(case_of(), out, force=True)
         assert (out / "notes.txt").exists()
     assert number > 5
-
-
-def test_a_state_alone_is_a_run(tmp_path: Path) -> None:
-    for name in ("state.npz", "level-2/mesh.npz", "snapshot-3.npz"):
-        out = tmp_path / Path(name).stem
-        path = out / "checkpoint" / name
-        path.parent.mkdir(parents=True)
-        path.touch()
-        assert holds_run(out) and not is_empty(out)
-        with pytest.raises(InputError, match="already holds a run"):
-            check(out)
-    (tmp_path / "other/checkpoint").mkdir(parents=True)
-    (tmp_path / "other/checkpoint/data.npz").touch()
-    assert not holds_run(tmp_path / "other") and not is_empty(tmp_path / "other")
 
 
 def test_the_list_names_every_picture_and_each_file_once() -> None:

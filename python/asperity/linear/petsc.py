@@ -10,7 +10,6 @@ from typing import Any
 import numpy as np
 
 from asperity.arrays import Floats
-from asperity.fem.solid import Solid
 from asperity.fem.sparsity import SparsityPattern
 from asperity.runtime.memory import free_share
 
@@ -74,38 +73,13 @@ def empty_matrix(index_map: Any, width: int, comm: Any) -> Any:
     return A
 
 
-def assembled(solid: Solid) -> Any:
-    """Copy of the current tangent of a solid as a PETSc matrix; collective."""
-    matrix = NodeMatrix(solid.sparsity, solid.V.dofmap.index_map, solid.comm)
-    np.copyto(matrix.values, solid.tangent.values())
-    matrix.assemble()
-    return matrix.A
-
-
 def set_rigid_modes(A: Any, points: Floats) -> None:
     """Set the near-null space that multigrid needs: the rigid-body modes of the nodes `points` (n, 3), ghosts last."""
     from petsc4py import PETSc
 
-    basis: list[Any] = []
-    for mode in rigid_modes(points):
-        v = A.createVecRight()
-        v.array = mode.ravel()[: v.getLocalSize()]
-        for b in basis:
-            v.axpy(-v.dot(b), b)
-        v.normalize()
-        basis.append(v)
-    A.setNearNullSpace(PETSc.NullSpace().create(vectors=basis, comm=A.getComm()))
-
-
-def rigid_modes(points: Floats) -> Floats:
-    """Three translations and three rotations about the middle of the unit cube at points (n, 3): (6, n, 3)."""
-    x = points - 0.5
-    modes = np.zeros((6, len(x), 3))
-    for k in range(3):
-        modes[k, :, k] = 1.0
-        i, j = (k + 1) % 3, (k + 2) % 3
-        modes[3 + k, :, i], modes[3 + k, :, j] = -x[:, j], x[:, i]
-    return modes
+    places = A.createVecRight()
+    places.array = points.ravel()[: places.getLocalSize()]
+    A.setNearNullSpace(PETSc.NullSpace().createRigidBody(places))
 
 
 def set_defaults(prefix: str, options: dict[str, Any]) -> None:
