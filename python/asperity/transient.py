@@ -32,7 +32,7 @@ from asperity.quasistatic.contact_solver import ContactSolver
 from asperity.quasistatic.newton import ROUNDING
 
 PLATE_TOLERANCE = 1e-7  # unbalanced force on the plate over the greatest force on it
-PLATE_ITERATIONS = 20
+PLATE_ITERATIONS = 20  # of the secant method, after which a step is cut
 LARGEST_CUT = 8  # greatest number of parts of a step before a run stops
 
 

@@ -21,14 +21,13 @@ from asperity.model.limits import (
     FRACTIONS,
     ROUND,
     improbable,
-    too_deep,
     wrong_force,
     wrong_length,
+    wrong_lengths,
     wrong_preload,
-    wrong_sizes,
 )
 from asperity.model.material import wrong_slope, wrong_yield
-from asperity.model.settings import H_CONTACT, H_MAX, gamma_too_small, penalty_too_soft, wrong_friction
+from asperity.model.settings import H_CONTACT, gamma_too_small, penalty_too_soft, wrong_friction
 from asperity.runtime.display import show
 from asperity.slip.settings import wrong_motion
 
@@ -229,11 +228,10 @@ def _check_material(case: Input) -> None:
 
 def _check_lengths(case: Input) -> None:
     side, E_prime = case.surface.L, case.material.E_prime
-    for key in FRACTIONS:
-        section, name = key.split(".")
-        _refuse_if(wrong_length(key, getattr(getattr(case, section), name, None), side))
-    _refuse_if(wrong_sizes(case.mesh.h_contact, case.mesh.h_max, H_MAX * side))
-    _refuse_if(too_deep(case.loading.delta_max, case.block.height))
+    for section, name in (key.split(".") for key in FRACTIONS):
+        if section == "surface":
+            _refuse_if(wrong_length(f"surface.{name}", getattr(case.surface, name, None), side))
+    _refuse_if(wrong_lengths(side, case.block.height, case.loading.delta_max, case.mesh.h_contact, case.mesh.h_max))
     _refuse_if(wrong_force("force_max", case.loading.force_max, E_prime * side**2))
     _refuse_if(wrong_force("pressure_max", case.loading.pressure_max, E_prime))
     if case.units == "SI" and side < 1e-4 and case.material.E < 1e3:

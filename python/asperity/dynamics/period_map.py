@@ -21,7 +21,7 @@ except ImportError as error:
 TURN = 2.0 * np.pi
 ESCAPE = 1e3  # displacement beyond which motion has left a Taylor well
 _FARTHEST = 1e13  # of a flight
-_COLUMNS = 27
+_COLUMNS = 27  # of the rows that the compiled map returns
 
 
 @dataclass(frozen=True)

@@ -25,7 +25,7 @@ FACE_TRIANGLES = ((0, 3, 5), (1, 4, 3), (2, 5, 4), (3, 4, 5))  # linear ones thr
 #: Split of a tetrahedron into eight whose corners are its nodes in the order of gmsh: four at its corners, and four in
 #: the octahedron between them, about one of its diagonals with the other four nodes in a ring. All are oriented alike.
 AT_CORNERS = ((0, 4, 6, 7), (4, 1, 5, 9), (6, 5, 2, 8), (7, 9, 8, 3))
-DIAGONALS = (((4, 8), (5, 6, 7, 9)), ((5, 7), (9, 8, 6, 4)), ((6, 9), (4, 5, 8, 7)))
+DIAGONALS = (((4, 8), (5, 6, 7, 9)), ((5, 7), (9, 8, 6, 4)), ((6, 9), (4, 5, 8, 7)))  # ends, and the ring around
 
 #: Points of the nodes of a facet on the reference triangle, in the order of dolfinx: corners, middles opposite to them.
 FACET_POINTS = np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0], [0.5, 0.5], [0.0, 0.5], [0.5, 0.0]])

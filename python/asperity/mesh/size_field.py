@@ -13,11 +13,11 @@ from scipy.ndimage import distance_transform_edt, minimum_filter
 from asperity.arrays import Flags, Floats
 from asperity.model.settings import H_CONTACT, H_MAX, WIDEST_JOINED, MeshSize
 from asperity.runtime.compiled import solver as _solver
+from asperity.surface.base import FLAT
 
 if TYPE_CHECKING:
     from asperity.surface import Surface
 
-FLAT = 1e-12  # difference of depths below which a surface touches the flat everywhere at once [L]
 POWER, LEAST = 0.5, 0.2  # of the size in the depth, for a spot grows with its root; least size over h_contact
 GRID = 257  # nodes per side of the grid on which the region of each size is found
 WIDEST, STEEPEST = 0.5, 0.5  # greatest size of an element that is to be split [L], and growth of it

@@ -9,6 +9,7 @@ import numpy as np
 
 from asperity.model.argument_checks import Judgement
 from asperity.model.material import Material
+from asperity.model.settings import H_CONTACT, H_MAX
 
 # key -> legal range as a fraction of the side: wide enough for any sensible model, narrow enough to catch metres mixed
 # with micrometres
@@ -71,19 +72,23 @@ def wrong_preload(key: str, value: float, greatest: float | None, full: float) -
     )
 
 
-def wrong_sizes(size: float, h_max: float | None, default: float) -> Judgement:
-    """A size at the contact above the greatest one h_max, or its default where that is None."""
-    if size <= (h_max or default):
-        return None
-    given = "" if h_max else ", its default: give that as well"
-    return "mesh.h_contact", f"= {size:g} exceeds mesh.h_max = {h_max or default:g}{given}"
+def wrong_lengths(
+    side: float, height: float, delta_max: float | None, h_contact: float | None, h_max: float | None
+) -> Judgement:
+    """Height of a block, approach and element sizes, None where they are not given, that no contact of a side has.
 
-
-def too_deep(delta: float | None, height: float) -> Judgement:
-    """An approach, None where a force is given, that leaves nothing of the block."""
-    if delta is None or delta < height:
+    A case file and a problem are judged by it alike.
+    """
+    given = {"block.height": height, "loading.delta_max": delta_max, "mesh.h_contact": h_contact, "mesh.h_max": h_max}
+    size, most = h_contact or H_CONTACT * side, h_max or H_MAX * side
+    if found := next(filter(None, (wrong_length(key, value, side) for key, value in given.items())), None):
+        return found
+    if size > most:
+        more = "" if h_max else ", its default: give that as well"
+        return "mesh.h_contact", f"= {size:g} exceeds mesh.h_max = {most:g}{more}"
+    if delta_max is None or delta_max < height:
         return None
-    return "loading.delta_max", f"= {delta:g} exceeds the block: block.height = {height:g}; about 0.03 L is usual"
+    return "loading.delta_max", f"= {delta_max:g} exceeds the block: block.height = {height:g}; about 0.03 L is usual"
 
 
 def wrong_force(key: str, value: float | None, full: float) -> Judgement:

@@ -10,12 +10,10 @@ import numpy as np
 from asperity.errors import CaseWarning, InputError, ResolutionWarning, warn
 from asperity.model.argument_checks import Judgement, check_kind, check_kinds, refuse
 from asperity.model.edges import doubt_of_edge
-from asperity.model.limits import no_gap_left, too_deep, wrong_force, wrong_length, wrong_sizes
+from asperity.model.limits import no_gap_left, wrong_force, wrong_lengths
 from asperity.model.load_path import BACKWARD_EULER, MIDPOINT, Schedule, greatest_force
 from asperity.model.material import Material
 from asperity.model.settings import (
-    H_CONTACT,
-    H_MAX,
     WIDEST_JOINED,
     Formulation,
     MeshSize,
@@ -107,12 +105,7 @@ class Problem:
             raise InputError(f'block.sides = "{self.sides}" is not one of {", ".join(SIDES)}')
         L, path, size = self.surface.L, self.load_path, self.size
         refuse(
-            wrong_length("block.height", self.height, L),
-            wrong_length("loading.delta_max", path.delta_max, L),
-            wrong_length("mesh.h_contact", size.h_contact, L),
-            wrong_length("mesh.h_max", size.h_max, L),
-            wrong_sizes(size.h_contact or H_CONTACT * L, size.h_max, H_MAX * L),
-            too_deep(path.delta_max, self.height),
+            wrong_lengths(L, self.height, path.delta_max, size.h_contact, size.h_max),
             wrong_force("force_max", path.force_max, L**2 * self.material.reduced_modulus),
             self._wrong_kernels(),
         )

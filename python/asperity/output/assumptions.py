@@ -30,12 +30,12 @@ from asperity.reference import (
     tabor_parameter,
 )
 from asperity.reference.conductance import TABOR
+from asperity.surface.base import FLAT
 from asperity.units import quantity
 
 if TYPE_CHECKING:
     from asperity.dynamics.joint import Numbers
 
-FLAT = 1e-12  # depth below which a surface counts as a plane [L]
 #: Strain up to which small-strain theory applies. The engineering strain e and the logarithmic strain ln(1 + e) have a
 #: relative difference of e/2 to first order: 5 % here.
 SMALL_STRAIN = 0.1

@@ -25,7 +25,7 @@ EXACT = 1e-6  # penetration over approach, exact contact
 COMPLIANT = 0.05  # mean penetration over approach, compliant contact; the force is too small by about twice that part
 ENERGY = 1e-6  # of the work done so far
 MIDPOINT_ENERGY = 0.05  # the same where the path is integrated by the midpoint rule
-ROUNDING = 1e-12
+ROUNDING = 1e-12  # of sums over the nodes, relative to the force; of strains
 
 # of the figures with a unit; the others are ratios
 UNITS = {

@@ -25,7 +25,7 @@ FLATTENED_SPHERE = {
     0.3: (13.77, 28.41, 272.07, 713.35),
     0.5: (14.16, 29.75, 306.22, 835.05),
 }
-FLATTENED_DEPTHS = (6.0, 10.0, 50.0, 100.0)
+FLATTENED_DEPTHS = (6.0, 10.0, 50.0, 100.0)  # of the columns: approach over that at first yield
 
 
 def hardening_modulus(E: float, E_t: float) -> float:

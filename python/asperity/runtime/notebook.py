@@ -14,7 +14,7 @@ from asperity.arrays import Array
 from asperity.errors import CompatError
 
 WIDTH, HEIGHT = 320, 200  # of a picture [pixels]
-_MARGIN = 12
+_MARGIN = 12  # around it [pixels]
 _BLUE = "#0072B2"
 
 

@@ -9,7 +9,7 @@ from asperity.force_law.checks import positive
 from asperity.model.argument_checks import Judgement
 
 LARGEST = 0.99  # amplitude over the limit of friction: beyond, the displacement is arbitrary
-SMALLEST = 1e-3
+SMALLEST = 1e-3  # below it a ring narrower than a facet slips
 METHODS = ("curve", "solid")
 
 

@@ -22,7 +22,7 @@ from asperity.slip.jenkins import JenkinsArray
 from asperity.slip.joint_slip import JointSlip, slip_of_case
 
 RESPONSE = "slip_response.csv"
-_SLIDERS = 100
+_SLIDERS = 100  # whose energy is that of the law to 0.3 %, see `SlipLaw.array`
 _POINTS = 200  # of each side of the resonance
 _FAR = 0.01  # amplitude at which the response begins, over that of the peak
 

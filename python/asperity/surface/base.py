@@ -28,6 +28,7 @@ from asperity.surface.statistics import (
 
 #: A summit closer to an edge of the patch than this counts as on the edge, and its mesh node is placed there [L].
 EDGE = 1e-3
+FLAT = 1e-12  # depth over the side below which a surface is a plane: that of round-off
 
 _SMALLEST, _LARGEST = 1e-50, 1e50  # lengths
 _STEEPNESS = 16  # exponent in `short_wave_share`

@@ -12,11 +12,11 @@ import numpy as np
 
 from asperity.arrays import Array
 from asperity.surface.base import Surface
+from asperity.surface.iso25178 import heights_of
 from asperity.surface.spline import LIGHT, light_depth
 
 KEPT = 0.75  # least rms height of the filtered surface over that of the surface
 RUNGS = 4  # cut-offs tried per octave
-_SAMPLES = 513  # nodes per side for shares of the heights
 
 
 def approach_of_share(surface: Surface, share: float = LIGHT) -> float:
@@ -60,8 +60,7 @@ def shortest_cutoff(surface: Surface, delta: float, accepts: Callable[[Surface, 
 
 
 def _heights(surface: Surface) -> Array:
-    found = getattr(surface, "heights", None)  # of a map
-    return surface.grid(_SAMPLES) if found is None else np.asarray(found)
+    return heights_of(surface)[0]
 
 
 def _rms(surface: Surface) -> float:

@@ -18,9 +18,9 @@ from asperity.arrays import Array
 from asperity.errors import InputError, warn
 from asperity.runtime.files import UNREADABLE, real
 from asperity.surface.base import Surface, SurfaceWarning, check, check_positive, nodes, short_wave_share
-from asperity.surface.height_files import read_heights
+from asperity.surface.height_files import REGULAR, read_heights
 from asperity.surface.maximum import global_maximum
-from asperity.surface.patch import ROUNDED, as_patch, check_heights, check_square
+from asperity.surface.patch import as_patch, check_heights, check_square
 from asperity.surface.scale_space import Heights, ScaleSpace, gaussian_filtered, spline_gain, spline_heights
 from asperity.surface.spline import DEGREE, interpolate, spline_rms, with_middles
 from asperity.surface.statistics import SurfaceStatistics
@@ -98,7 +98,7 @@ class HeightMap(Surface):
             check_square(z)
         side, other = L if isinstance(L, tuple) else (L, L)
         check_positive("L", side)
-        check(math.isclose(side, other, rel_tol=ROUNDED), "L", L, "two equal sides")
+        check(math.isclose(side, other, rel_tol=REGULAR), "L", L, "two equal sides")
         surface = object.__new__(cls)
         for name, value in {"path": "", "L": float(side), "_z": z}.items():
             object.__setattr__(surface, name, value)

@@ -21,18 +21,18 @@ from asperity.arrays import Array
 from asperity.errors import InputError
 from asperity.runtime.files import npz_bytes, replace_file
 from asperity.runtime.text_table import DECIMALS
+from asperity.surface.base import FLAT
 from asperity.surface.gaps import harmonic_fill
 from asperity.surface.height_files import PLAIN, TEXT, Heights, Reading, metres_of, read_heights, read_instrument
 from asperity.surface.patch import DEEPEST
 from asperity.surface.scale_space import gaussian_filtered
 from asperity.surface.spikes import without_spikes
+from asperity.surface.text_header import SAME
 
 Trend = Literal["mean", "plane", "curvature"]
 
 FEW_ZEROS, ODD = 5e-4, 10.0  # share of zeros that is noticed, and over that of the most frequent other height
-SAME_PIXEL = 1e-3  # relative difference of lengths that were rounded
 MOST_MISSING = 0.2  # share of heights that may be filled; more would be guesswork
-FLAT = 1e-12  # depth over the side below which a map is flat: that of round-off
 PASSES = 3  # of the search for spikes: what is left of a broad one stands out of what the last pass has filled
 SHARPEST = 0.5  # curvature of a summit times the tip radius from which the tip shows (Sanner et al.)
 STEEPEST = 30.0  # greatest plausible rms slope
@@ -342,7 +342,7 @@ def _read(path: Path, known: Reading) -> Heights:
 
 def _check_pixel(path: Path, name: str, own: float | None, given: float) -> None:
     """Refuse a distance between heights that is not that of the file (length)."""
-    if own is not None and not math.isclose(own, given, rel_tol=SAME_PIXEL):
+    if own is not None and not math.isclose(own, given, rel_tol=SAME):
         raise InputError(
             f"{path} has lengths of its own, {name} = {own:.6g} between heights, not {given:g}: leave out --pixel, "
             "or correct the file"

@@ -7,10 +7,9 @@ import numpy as np
 from asperity.arrays import Array
 from asperity.errors import InputError
 from asperity.surface.base import check_positive
-from asperity.surface.height_files import UNEQUAL, Heights
+from asperity.surface.height_files import REGULAR, UNEQUAL, Heights
 from asperity.surface.spline import DEGREE
 
-ROUNDED = 1e-6  # relative difference of sides that were rounded
 MOST = 6000  # heights along a side: beyond it the spline and its derivatives need more than 6 GiB
 DEEPEST, FARTHEST = 10.0, 1e6  # greatest plausible peak-to-valley height and distance of heights from zero [L]
 
@@ -36,9 +35,9 @@ def as_patch(read: Heights, side: float | None, where: str) -> tuple[Array, floa
     if dx is not None and dy is not None:
         L, other = dx * (z.shape[1] - 1), dy * (z.shape[0] - 1)
         check_positive("L", L)
-        if not np.isclose(L, other, rtol=ROUNDED):
+        if not np.isclose(L, other, rtol=REGULAR):
             raise InputError(f"{where}the patch must be square, not {L:g} x {other:g}; import-map cuts one.")
-        if side is not None and not np.isclose(L, side, rtol=ROUNDED):
+        if side is not None and not np.isclose(L, side, rtol=REGULAR):
             raise InputError(
                 f"{where}surface.L = {side:g} disagrees with the side {L:g} found in it; leave surface.L out or "
                 "correct it."

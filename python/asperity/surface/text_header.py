@@ -16,7 +16,7 @@ _ALIASES = {"micron": 1e-6, "microns": 1e-6, "mikrometer": 1e-6, "micrometer": 1
             "micrometre": 1e-6, "micrometres": 1e-6, "nanometer": 1e-9, "nanometers": 1e-9, "nanometre": 1e-9,
             "millimeter": 1e-3, "millimetre": 1e-3, "meter": 1.0, "metre": 1.0, "å": 1e-10,
             "angstrom": 1e-10}  # fmt: skip
-_SAME = 1e-3  # relative difference of lengths that were rounded
+SAME = 1e-3  # relative difference of lengths that were rounded
 
 
 def _words(text: str) -> frozenset[str]:
@@ -125,7 +125,7 @@ def read_header(lines: Iterable[tuple[int, str]], shape: tuple[int, int], unit: 
         if axis in extents and getattr(found, axis) is None:  # the extent of all pixels
             setattr(found, axis, extents[axis] / n)
     if factor is not None:
-        if found.height is not None and not math.isclose(found.height, factor, rel_tol=_SAME):
+        if found.height is not None and not math.isclose(found.height, factor, rel_tol=SAME):
             found.questions.append((0, f"a factor of {factor:g} m and a unit of {found.height:g} m for the heights"))
         found.height, found.other = factor, ""
     return found
@@ -211,7 +211,7 @@ def _take_length(
             continue
         if pixel:
             if getattr(found, axis) is not None and not math.isclose(
-                getattr(found, axis), value * length, rel_tol=_SAME
+                getattr(found, axis), value * length, rel_tol=SAME
             ):
                 return False
             setattr(found, axis, value * length)
