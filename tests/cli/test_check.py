@@ -11,7 +11,6 @@ from conftest import call
 
 import asperity as asp
 from asperity.case import Case
-from asperity.cli.check import judge
 from asperity.errors import AsperityError, AsperityWarning
 
 ROOT = Path(__file__).parents[2]
@@ -127,10 +126,3 @@ def test_a_rough_case_driven_by_a_force_to_a_tolerance(
         out.count("a run would need more than the 200000 dofs") == out.count("cut off what is shorter") == (f_max > 5)
     )
     assert "time on one core: from about" in " ".join(out.split())
-
-
-def test_every_case_of_the_project_is_accepted() -> None:
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore")
-        for path in (ROOT / "cases").glob("*.toml"):
-            judge(Case.load(path))

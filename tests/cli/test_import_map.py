@@ -75,23 +75,6 @@ def test_a_case_is_made_with_statistics(tmp_path: Path, capsys: pytest.CaptureFi
     assert 0.01 < cut < 0.03
 
 
-@pytest.mark.usefixtures("few_dofs", "coarse_guide")
-def test_edges_that_pixels_do_not_resolve_are_named(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    edge = SCAN + np.where(np.arange(256) > 100, 100e-9, 0.0)
-    assert import_map(write(tmp_path, edge), "-o", tmp_path / "out") == 0
-    said = capsys.readouterr().out
-    assert "has steps or edges" in said and "% of the approach" in said and "H may not be that" in said
-    assert import_map(write(tmp_path, edge), "-o", tmp_path / "out", "--cutoff", SIDE / 16) == 0
-    assert "steps or edges" not in capsys.readouterr().out
-
-
-def test_exponents_of_no_self_affine_surface_are_named(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    noise = 1e-10 * np.random.default_rng(0).normal(size=(256, 256))
-    for z, said in ((noise, True), (SCAN, False)):
-        assert import_map(write(tmp_path, z), "-o", tmp_path / "out") == 0
-        assert ("is outside 0 to 1: the spectrum is not that" in capsys.readouterr().out) is said
-
-
 def test_plateaus_are_pressed_as_lightly_as_summits(tmp_path: Path) -> None:
     """Half of the summit's height above the mean plane would press a worn surface by most of its roughness."""
     worn = np.minimum(SCAN, np.quantile(SCAN, 0.5)) + 0.02 * SCAN
@@ -201,12 +184,6 @@ def test_a_spike_is_reported_and_removed_on_request(tmp_path: Path, capsys: pyte
     assert isinstance(patch, HeightMap)
     clean = HeightField(SCAN, 1.0, 1.0).levelled("plane").z
     assert np.abs(patch.heights - clean).max() < 0.1 * np.ptp(clean) < 0.01 * 0.3e-6
-
-
-def test_a_high_bump_is_no_spike(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    x, y = np.meshgrid(*2 * [np.linspace(-1.0, 1.0, 256)])
-    assert import_map(write(tmp_path, SCAN + 60e-9 * np.exp(-300 * (x**2 + y**2))), "-o", tmp_path / "out") == 0
-    assert "if it does not belong to the surface" in capsys.readouterr().out
 
 
 def test_a_huge_map_is_cut_or_filtered(
@@ -331,15 +308,6 @@ def test_grooves_are_no_spikes_and_no_power_law(
     assert wave["length"] == pytest.approx(feed / np.hypot(1.0, 0.03), rel=2e-3) and wave["share"] > 0.5
 
 
-def test_despiking_is_recommended_only_where_it_works(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """Sharp pillars on more than a twentieth of a smooth map stand out, but `--despike` refuses them."""
-    pillars = 1e-9 * NOISE + 1e-6 * ((X % 7e-6 < 1.1e-6) & (Y % 7e-6 < 1.1e-6))
-    assert import_map(write(tmp_path, pillars, L=S[-1]), "-o", tmp_path / "out", "--despike") == 2
-    capsys.readouterr()
-    assert import_map(write(tmp_path, pillars, L=S[-1]), "-o", tmp_path / "out") == 0
-    assert "--despike" not in capsys.readouterr().out
-
-
 def test_heights_and_slopes_have_one_definition(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """Summary, `surface` and the surface of the run agree."""
     scan = write(tmp_path, MAPS["noisy"](), L=S[-1])
@@ -418,14 +386,6 @@ def test_waves_of_the_tip_are_filtered_and_named(
     assert HeightMap(path=tmp_path / "own/patch.npz").left_out is None
 
 
-def test_a_map_smoother_than_its_tip_is_not_filtered(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    assert import_map(write(tmp_path, rough(1), L=S[-1]), "-o", tmp_path / "out", "--tip-radius", 1e-7) == 0
-    assert "instrument" not in capsys.readouterr().out
-    assert json.loads((tmp_path / "out/measured.json").read_text())["instrument"] is None
-    assert import_map(write(tmp_path, SCAN), "-o", tmp_path / "out", "--tip-radius", 1.0) == 2
-    assert "leaves no reliable wavelength" in capsys.readouterr().err
-
-
 def test_units_zeros_and_form_are_treated_as_advised(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     z = 1e6 * (rough(4) - (X**2 + Y**2) / 6e-4) + 100.0
     scan = write(tmp_path, np.where(NOISE > 2.0, 0.0, z), L=100.0)
@@ -448,13 +408,3 @@ def test_channel_and_array_are_named_where_the_map_goes(tmp_path: Path, capsys: 
     assert about["file"].endswith("two.npz") and about["channel"] == "topo" and about["level"] == "plane"
     assert import_map(tmp_path / "two.npz", "--channel", "topo", "-o", tmp_path / "out") == 2
     assert "--channel is for files of instruments" in capsys.readouterr().err
-
-
-def test_two_distances_of_the_heights(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    np.save(tmp_path / "a.npy", SCAN[:128])
-    step = SIDE / 255
-    assert import_map(tmp_path / "a.npy", "--pixel", f"{step},{2 * step}", "--json", "-o", tmp_path / "out") == 0
-    assert json.loads(capsys.readouterr().out)["side"] == pytest.approx(127 * 2 * step)
-    for words in ("1,2,3", "wide", "1e-6,"):
-        assert import_map(tmp_path / "a.npy", "--pixel", words) == 2
-        assert "give a length in metres, or two" in capsys.readouterr().err

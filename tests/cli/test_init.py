@@ -31,11 +31,6 @@ def init(*arguments: str | Path) -> int:
     return call("init", *arguments)
 
 
-def test_every_kind_of_surface_has_values() -> None:
-    """Except for the measured one, of which `import-map` makes a case."""
-    assert {*SURFACES, "file"} == {kind_of(model) for model in MODELS}
-
-
 @pytest.mark.parametrize(("kind", "solid"), ALL)
 def test_the_case_is_accepted_without_a_warning(kind: str, solid: str, tmp_path: Path) -> None:
     path = tmp_path / "new/case.toml"
@@ -130,14 +125,6 @@ def test_a_map_is_taken_from_its_file(tmp_path: Path, monkeypatch: pytest.Monkey
     assert case.loading.delta_max is not None
     assert 0.01 < np.mean(heights > heights.max() - case.loading.delta_max) < 0.1
     assert init("absent.toml", "--from", "absent.npz") == 2
-
-
-def test_any_name_of_a_map_is_written_as_toml(tmp_path: Path) -> None:
-    """Long ones, and characters that JSON writes as two."""
-    name = f"{'long' * 30} \\ \U0001f600 #.npz"
-    np.savez(tmp_path / name, z=asp.Surface.from_spec(kind="sinusoid", L=1e-4, amplitude=1e-6).grid(33), L=1e-4)
-    assert init(tmp_path / "case.toml", "--from", tmp_path / name) == 0
-    assert Case.load(tmp_path / "case.toml").surface.path == str(tmp_path / name)  # type: ignore[union-attr]
 
 
 @pytest.mark.slow

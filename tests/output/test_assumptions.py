@@ -44,7 +44,6 @@ from asperity.output.assumptions import (
 from asperity.quasistatic.solve_problem import solve_problem
 from asperity.runtime.warnings_log import noting
 from asperity.surface import Flat, Sinusoid, Sphere, Surface
-from asperity.surface import fractal as fractal_module
 
 pytestmark = pytest.mark.usefixtures("blank_figures")
 
@@ -199,16 +198,6 @@ def test_approach_beyond_the_mean_plane() -> None:
     assert {line.name.partition(":")[0] for line in ledger(plane)} == {"small strain", "resolution", "block"}
 
 
-def test_all_assumptions_are_checked() -> None:
-    far = ledger(evidence(delta=1e-7, force=1.0, max_plastic_strain=0.5, si=True, h=1e-8))
-    assert len(far) >= 6 and sum(line.warns and line.verdict == DOUBTFUL for line in far) == 3
-    near = ledger(evidence(max_plastic_strain=0.05))
-    assert [line.verdict for line in near] == [FINE] * len(near)
-    assert ledger(Evidence(Curve.from_rows([]), evidence().problem)) == []
-    records = [line.to_dict() for line in far]
-    assert all({"name", "value", "limit", "unit", "source", "verdict", "advice"} <= record.keys() for record in records)
-
-
 def test_an_edge_and_the_base_of_the_block() -> None:
     """A wave whose crest lies inside or falls off at an edge; the longest wave keeps (1 + q L) exp(-q L) at depth L."""
     inside = summit_on_edge(evidence(Sinusoid(L=1.0, amplitude=0.01)))
@@ -291,17 +280,6 @@ def test_small_metal_contacts_are_doubtful_once_they_yield() -> None:
     assert verdict(size_effect(evidence(large, **columns, si=True, max_plastic_strain=0.01))) == FINE
 
 
-def test_stickiness_warns_of_a_long_range() -> None:
-    """Its paper needs an attraction that is short next to the gaps 16 h'^2/(3 h''): fooled by a very smooth surface."""
-    hard = Material(200e9, 0.3)
-    smooth = Surface.from_spec("weierstrass-mandelbrot", L=1e-6, D=2.4, G=1e-17)
-    slope, curvature = smooth.rms_slope(), smooth.statistics(257).rms_curvature
-    assert 0.3e-9 / (16 * slope**2 / (3 * curvature)) > 0.1
-    line, rough = (sticking(evidence(surface, hard, si=True)) for surface in (smooth, fractal()))
-    assert line is not None and "the attraction reaches over" in line.detail and line.verdict == DOUBTFUL
-    assert rough is not None and "reaches over" not in rough.detail
-
-
 # --- inertia --------------------------------------------------------------------------------------------------
 
 
@@ -350,29 +328,6 @@ def test_radiation_next_to_the_damping_of_the_model() -> None:
 def test_inertia_needs_density_and_mass(missing: str) -> None:
     known = moving() | {missing: None}
     assert slow_vibration(evidence(**known)) is None and radiation(evidence(**known)) is None
-
-
-def test_a_case_with_a_density_has_the_lines_of_inertia(tmp_path: Path) -> None:
-    """With a mass only: a preload without one gives no frequency. A density changes neither curve nor checkpoint."""
-    case: dict[str, Any] = {
-        "units": "other",
-        "surface": {"kind": "sphere", "L": 1.0, "radius": 1.5},
-        "material": {"E": 1.0, "nu": 0.3, "density": 2.0},
-        "mesh": {"h_contact": 0.1, "growth": 1.0},
-        "loading": {"delta_max": 0.02, "steps": 5},
-    }
-
-    def lines(joint: dict[str, float]) -> dict[str, dict[str, Any]]:
-        summary = run(Case.from_dict({**case, "joint": joint}), tmp_path, resume=True).summary
-        return {line["name"]: line for line in summary["assumptions"] if line["name"].startswith("inertia")}
-
-    found = lines({"frequency": 0.05})
-    slow = found["inertia: frequency of the vibration over the first of the block"]
-    modulus = 0.7 / (1.3 * 0.4)  # of uniaxial strain
-    assert slow["value"] == pytest.approx(0.05 * 4 * np.sqrt(2.0 / modulus)) and slow["verdict"] == DOUBTFUL
-    assert found["inertia: damping ratio by radiation"]["value"] > 0
-    assert lines({"preload": 1e-4}) == {}
-    assert (tmp_path / "curve.csv").is_file()
 
 
 # --- in the files of a run ------------------------------------------------------------------------------------
@@ -499,26 +454,3 @@ def test_the_filters_of_the_caller_decide_what_is_shown(caplog: pytest.LogCaptur
 
 
 # --- work done once -------------------------------------------------------------------------------------------
-
-
-def test_the_summit_is_searched_once_in_a_run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Checks, mesh, solver and the figures of surface and mesh share the result."""
-    searched: list[fractal_module.WeierstrassMandelbrot] = []
-    true_search = fractal_module.highest_point
-
-    def search(surface: fractal_module.WeierstrassMandelbrot, *waves: Any) -> tuple[float, float, float]:
-        searched.append(surface)
-        return true_search(surface, *waves)
-
-    monkeypatch.setattr(fractal_module, "highest_point", search)
-    case = {
-        "units": "other",
-        "surface": {"kind": "weierstrass-mandelbrot", "L": 1.0, "D": 2.3, "G": 1e-7, "f_max": 3},
-        "material": {"E": 1.0, "nu": 0.3},
-        "mesh": {"h_contact": 0.3, "growth": 1.0, "h_max": 0.6},
-        "loading": {"force_max": 1e-4, "steps": 1},
-        "output": {"figures": True, "report": True, "snapshots": 1},
-    }
-    run(Case.from_dict(case), tmp_path)
-    assert {path.stem for path in (tmp_path / "figures").iterdir()} >= {"surface", "curve"}
-    assert len([surface for surface in searched if surface.f_max == 3]) == 1  # others are tried as its filtered copies

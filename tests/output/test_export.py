@@ -18,7 +18,7 @@ import asperity as asp
 from asperity.arrays import Array
 from asperity.case import Case
 from asperity.errors import InputError
-from asperity.output.export import export, interface
+from asperity.output.export import interface
 from asperity.runtime.run_folder import EXPORTS
 
 L, HEIGHT, E, NU = 1e-6, 1e-6, 200e9, 0.3
@@ -148,16 +148,6 @@ def test_the_module_needs_numpy_only_and_has_a_continuous_slope(folder: Path) ->
     assert element(np.zeros((2, 3)))[0].shape == (2, 3)
 
 
-def test_after_yield_the_module_is_the_reloading(folder: Path) -> None:
-    """Small vibration about the preload, by the module and by the vibration of the run, without the block."""
-    names: dict[str, Any] = {}
-    exec(asp.export(folder, "python").read_text(encoding="utf-8"), names)
-    load = 0.5 * P0 * 3e-4
-    element = names["Contact"](area=3e-4)
-    k = float(element.stiffness(element.approach(load)))
-    assert k == pytest.approx(1.5 * load / ((Z0 - RESIDUE) * 0.5 ** (2 / 3)), rel=5e-3)
-
-
 def test_what_cannot_be_exported_is_refused(folder: Path) -> None:
     with pytest.raises(InputError, match='to = "ansys" is unknown'):
         asp.export(folder, "ansys")
@@ -224,19 +214,3 @@ def test_calculix_presses_a_plate_and_finds_the_curve(folder: Path) -> None:
     assert inside.sum() >= 6 and beyond.any()
     np.testing.assert_allclose(p[inside], pressure(z[inside]), rtol=8e-3)
     np.testing.assert_allclose(p[beyond], P0 * (1 + 2 * (z[beyond] / Z0 - 1)), rtol=1e-3)  # the last slope
-
-
-@pytest.mark.filterwarnings("error")
-def test_the_header_has_the_bar_of_the_greatest_force(folder: Path) -> None:
-    """The last row is that of an unloading, without a force and without a bar."""
-    curve = asp.Curve.read(folder / "curve.csv")
-    loading = curve.branch == "load"
-    asp.Curve.from_rows(
-        [
-            row | {"error_P_star": 0.04 * row["P_star"] if up else np.nan}
-            for row, up in zip(curve.rows(), loading, strict=True)
-        ]
-    ).write(folder / "curve.csv")
-    assert curve.P_star[-1] == 0.0
-    for to in ("csv", "abaqus", "python"):
-        assert "error bar of the force: 4 % at the greatest force" in export(folder, to).read_text(encoding="utf-8")

@@ -100,12 +100,6 @@ def test_stress_of_a_midpoint_step_is_on_the_yield_surface(states: list[State]) 
         assert np.all(ratio < 1 + 1e-6) and ratio.max() > 0.95  # the norm of a mean is at most the mean of the norms
 
 
-def test_von_mises_of_known_states() -> None:
-    assert von_mises(np.array([2.0, 0, 0, 0, 0, 0])) == pytest.approx(2.0)
-    assert von_mises(np.array([0.0, 0, 0, 0, 3.0, 0])) == pytest.approx(3.0 * np.sqrt(3.0))
-    assert von_mises(np.array([[5.0, 5, 5, 0, 0, 0]])) == pytest.approx([0.0])
-
-
 def test_vtk_reads_every_step(file: Path, pressed: ContactResult, states: list[State]) -> None:
     pytest.importorskip("vtk")
     from vtkmodules.util.numpy_support import vtk_to_numpy

@@ -12,7 +12,6 @@ import pytest
 from made_up_run import FIT, write_run
 
 from asperity.curve import Curve
-from asperity.errors import InputError
 from asperity.output.results import Results
 from asperity.plot import (
     CAPTIONS,
@@ -24,7 +23,6 @@ from asperity.plot import (
     plot_run,
     pressure_maps,
     response,
-    save,
     stiffness,
     surface_map,
 )
@@ -155,19 +153,6 @@ def test_settings_of_the_user_win_and_stay(results: Results) -> None:
     assert axis.yaxis.get_major_ticks()[0].get_tickdir() == "in"  # as the style has it
     plain = force_curve(results).axes[0]
     assert plain.xaxis.label.get_size() == 9.0 and plain.lines[0].get_linewidth() == 1.4
-
-
-def test_the_same_figure_gives_the_same_file(results: Results, tmp_path: Path) -> None:
-    first = save(force_curve(results), tmp_path / "curve.svg").read_bytes()
-    assert save(force_curve(results), tmp_path / "curve.svg").read_bytes() == first
-
-
-@pytest.mark.parametrize("name", ["summary.json", "fields/top.npz"])
-def test_a_damaged_file_is_named(tmp_path: Path, name: str) -> None:
-    write_run(tmp_path)
-    (tmp_path / name).write_bytes(b"{[,\x01")
-    with pytest.raises(InputError, match=Path(name).name):
-        Results.read(tmp_path)
 
 
 @pytest.mark.usefixtures("blank_figures")

@@ -140,7 +140,7 @@ class LevelLines(Progress):
         if self._first is None:
             self._first = now - float(row["seconds"])
         left = (now - self._first) * (1 / fraction_done - 1) if fraction_done > 0 else float("nan")
-        self._state = f"step {row['step']}, {row['branch']}, about {duration(left)} left"
+        self._state = f"{duration(left)} left, step {row['step']}, {row['branch']}"  # a narrow screen cuts the end
         self._show()
 
     def done(self) -> None:
