@@ -48,7 +48,7 @@ def objects(result: Any) -> list[Any]:
         result.contact.block, result.curve, result.fit, make_curve(), make_curve().where(np.zeros(4, dtype=bool)),
         asp.PowerLaw(1.5), law, oscillator, oscillator.taylor(), free, *free.orbits[:1],
         response, response.branches[0], oscillator.thresholds(0.01), *sweeps,
-        asp.run_dynamics(asp.PowerLaw(1.5), forcing=[0.01], sweeps=False, zeta=0.05), asp.Scheme(),
+        asp.run_dynamics(asp.PowerLaw(1.5), forcing=[0.01], sweeps=False, zeta=0.05), asp.GeneralisedAlpha(),
         asp.reference.Hertz(R=1.0, E_prime=1.0), Results(Path("out"), result.curve),
     ]  # fmt: skip
 

@@ -24,7 +24,7 @@ from asperity.quasistatic.make import make_contact_solver
 from asperity.quasistatic.stepping import Record, follow
 from asperity.runtime.parallel import on_root
 from asperity.surface import Flat, Sinusoid, Surface
-from asperity.transient import Motion, Scheme, TimeSeries, Transient
+from asperity.transient import GeneralisedAlpha, Motion, TimeSeries, Transient
 
 Array = npt.NDArray[np.float64]
 
@@ -47,7 +47,7 @@ def press_on(surface: Surface, size: float, material: Material | None = None) ->
 # --- the scheme on a single mass ---------------------------------------------------------------------------------
 
 
-def amplification(scheme: Scheme, omega_h: float) -> Array:
+def amplification(scheme: GeneralisedAlpha, omega_h: float) -> Array:
     """Matrix of a step h = 1 of x'' = -omega^2 x on (x, v, w, a)."""
     columns = []
     for start in np.eye(4):
@@ -60,7 +60,7 @@ def amplification(scheme: Scheme, omega_h: float) -> Array:
 
 @pytest.mark.parametrize("rho", [0.0, 0.8, 1.0])
 def test_scheme_has_the_requested_spectral_radius(rho: float) -> None:
-    scheme = Scheme(rho)
+    scheme = GeneralisedAlpha(rho)
     for omega_h in np.logspace(-2, 3, 26):
         assert np.abs(np.linalg.eigvals(amplification(scheme, omega_h))).max() < 1.0 + 1e-6
     # the largest eigenvalue at infinite frequency is repeated, so it is approached slowly
@@ -71,7 +71,7 @@ def test_scheme_hardly_damps_what_it_resolves() -> None:
     """The damping ratio of resolved motion is of third order in omega h, its frequency right to second order."""
     found = []
     for h in (0.1, 0.05):
-        values = np.linalg.eigvals(amplification(Scheme(0.8), h))
+        values = np.linalg.eigvals(amplification(GeneralisedAlpha(0.8), h))
         z = np.log(values[np.argmax(np.abs(values) * (values.imag > 0))])
         found.append((-z.real / h, 1.0 - z.imag / h))
     (damping, shift), (half_damping, half_shift) = found
@@ -81,7 +81,7 @@ def test_scheme_hardly_damps_what_it_resolves() -> None:
 
 def test_bad_input_is_refused() -> None:
     with pytest.raises(InputError, match="rho_inf"):
-        Scheme(1.2)
+        GeneralisedAlpha(1.2)
     solver = press_on(Flat(L=1.0), 0.6)
     for name, value in (("density", 0.0), ("mass", -1.0), ("load", np.nan), ("load", -1.0), ("dashpot", -0.1)):
         values: dict[str, Any] = {"density": 1.0, "mass": 1.0, "load": 1.0, name: value}
@@ -226,7 +226,7 @@ def released(bump: tuple[Surface, TableLaw], u: float, density: float, rho_inf: 
         assert solver.step(float(delta)).converged
     mass = r.scale / r.z_s
     transient = Transient(
-        solver, density=density, mass=mass, load=r.load, dashpot=2.0 * 0.02 * mass, scheme=Scheme(rho_inf)
+        solver, density=density, mass=mass, load=r.load, dashpot=2.0 * 0.02 * mass, scheme=GeneralisedAlpha(rho_inf)
     )
     return transient, oscillator
 

@@ -37,8 +37,8 @@ LARGEST_CUT = 8  # greatest number of parts of a step before a run stops
 
 
 @dataclass(frozen=True)
-class Scheme:
-    """Parameters of the generalised-alpha method for a spectral radius at infinite frequency.
+class GeneralisedAlpha:
+    """Time integration by the generalised-alpha method, by its spectral radius at infinite frequency.
 
     Attributes:
         rho_inf: in [0, 1], the factor a step by which motion is damped that it cannot resolve. With 1 the energy of a
@@ -49,7 +49,7 @@ class Scheme:
         InputError: rho_inf is outside [0, 1]
 
     Examples:
-        >>> Scheme(1.0).alphas
+        >>> GeneralisedAlpha(1.0).alphas
         (0.5, 0.5)
     """
 
@@ -81,14 +81,14 @@ class Motion:
     w: Any
     a: Any
 
-    def anchor(self, scheme: Scheme, h: float) -> tuple[Any, float]:
+    def anchor(self, scheme: GeneralisedAlpha, h: float) -> tuple[Any, float]:
         """(x*, c) with which the acceleration after a step h is c (x' - x*)."""
         (m, f), (beta, _) = scheme.alphas, scheme.newmark
         c = (1.0 - m) / ((1.0 - f) * beta * h * h)
         predicted = self.x + h * self.v + h * h * (0.5 - beta) * self.a
         return predicted - (m * self.a - f * self.w) / ((1.0 - f) * c), c
 
-    def at(self, x: Any, scheme: Scheme, h: float) -> Motion:
+    def at(self, x: Any, scheme: GeneralisedAlpha, h: float) -> Motion:
         """Motion after a step h to the position `x`."""
         beta, gamma = scheme.newmark
         anchor, c = self.anchor(scheme, h)
@@ -162,7 +162,7 @@ class Transient:
         mass: float,
         load: float,
         dashpot: float = 0.0,
-        scheme: Scheme | None = None,
+        scheme: GeneralisedAlpha | None = None,
     ) -> None:
         for name, value in (("density", density), ("mass", mass), ("load", load), ("dashpot", dashpot)):
             if not (np.isfinite(value) and value >= 0.0) or (value == 0.0 and name in ("density", "mass")):
@@ -170,7 +170,7 @@ class Transient:
         if solver.contact.held is not None:
             raise InputError("friction has no motion in time yet: give Transient a solver without it")
         self.solver, self.mass, self.load, self.dashpot = solver, mass, load, dashpot
-        self.scheme = scheme or Scheme()
+        self.scheme = scheme or GeneralisedAlpha()
         self.inertia = solver.solid.body_force = Inertia(solver.solid, density)
         self.time = 0.0
         self._force = self._before = solver.force
