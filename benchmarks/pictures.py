@@ -34,7 +34,7 @@ from test_walkthroughs import FENCE  # noqa: E402
 
 # picture -> page, file that its commands make
 OF_PAGES = {name: ("gallery", f"out/demo/figures/{name}") for name in (
-    "scene.png", "curve.svg", "pressure.png", "area.svg", "response.svg",
+    "scene.png", "curve.svg", "pressure.png", "area.svg", "area_load.svg", "response.svg",
 )} | {
     "tutorial_scan.png": ("tutorials/scan", "out/scan/surface.png"),
     "tangential.svg": ("tutorials/vibration", "out/tangential/slip_response.svg"),
