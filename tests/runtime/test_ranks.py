@@ -64,7 +64,8 @@ def test_tasks_are_spread_and_their_errors_reach_every_rank() -> None:
         assert len(done) in (5 // comm.size, 5 // comm.size + 1)
     parallel = 0.05 / comm.size
     assert clock.alone == 0.0 if comm.rank or comm.size == 1 else 0.9 * (0.05 - parallel) < clock.alone < clock.wall
-    for tasks in ([partial(task, 0), refuse], [refuse, partial(task, 0)]):
+    orders: list[list[Callable[[], object]]] = [[partial(task, 0), refuse], [refuse, partial(task, 0)]]
+    for tasks in orders:
         with pytest.raises(InputError, match="no"):
             spread(comm, tasks)
     with clocked() as clock:

@@ -236,7 +236,7 @@ class PMultigridMethod:
 
     def __init__(self, ksp: Any, tangent: TangentOperator, symmetric: bool) -> None:
         self._ksp, self._tangent = ksp, tangent
-        self.operator = tangent.matrix()
+        self.operator: Any = tangent.matrix()
         self._multigrid = PMultigrid(tangent, symmetric)
         ksp.setType("cg" if symmetric else "gmres")
         pc = ksp.getPC()
@@ -292,7 +292,8 @@ class Assembled:
 
         self._solid, self._ksp = solid, ksp
         self._matrix = NodeMatrix(solid.sparsity, solid.V.dofmap.index_map, solid.comm)
-        self.operator = A = self._matrix.A
+        A = self._matrix.A
+        self.operator: Any = A
         A.setOption(PETSc.Mat.Option.SYMMETRIC, symmetric)
         A.setOption(PETSc.Mat.Option.SPD, symmetric)
         ksp.setOperators(A)

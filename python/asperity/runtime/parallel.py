@@ -129,7 +129,7 @@ def on_root_bcast(comm: MPI.Comm | None, work: Callable[[], T]) -> T:
     return cast(T, result)
 
 
-def spread(comm: MPI.Comm, tasks: Sequence[Callable[[], None]], near: bool = False) -> None:
+def spread(comm: MPI.Comm, tasks: Sequence[Callable[[], object]], near: bool = False) -> None:
     """Do tasks that do not need each other, each on one rank; collective, errors as for `on_root`.
 
     Args:
