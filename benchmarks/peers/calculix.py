@@ -90,14 +90,19 @@ def write_own(path: Path, top: Surface, law: asp.Material, depth: float, steps: 
 def _write(path: Path, mesh: Mesh, top: Surface, law: asp.Material, depth: float, steps: int, h: float) -> int:
     points, cells, element, faces = mesh
     x, y, z = points.T
-    held = {
+    on_top = np.abs(z - 1.0 - top.height(x, y) + top.mean()) < 1e-9
+    held, stiffness = rollers(x, y, z), PENALTY / h
+    write(path, Model(points, cells, element, faces, on_top, held, law, depth, steps, scene.STEPS, stiffness))
+    return 3 * len(points)
+
+
+def rollers(x: Floats, y: Floats, z: Floats) -> dict[str, tuple[npt.NDArray[np.bool_], str]]:
+    """Nodes that are held, see `Model`: a clamped base, sides on rollers."""
+    return {
         "BASE": (np.abs(z) < 1e-12, "1, 3"),
         "XSIDES": (np.minimum(np.abs(x), np.abs(x - 1.0)) < 1e-12, "1"),
         "YSIDES": (np.minimum(np.abs(y), np.abs(y - 1.0)) < 1e-12, "2"),
     }
-    on_top = np.abs(z - 1.0 - top.height(x, y) + top.mean()) < 1e-9
-    write(path, Model(points, cells, element, faces, on_top, held, law, depth, steps, scene.STEPS, PENALTY / h))
-    return 3 * len(points)
 
 
 def write(path: Path, model: Model) -> None:
@@ -105,10 +110,9 @@ def write(path: Path, model: Model) -> None:
     first, count = len(model.points) + 1, len(model.cells)
     summit = float(model.points[model.on_top, 2].max())
     plate = np.array([(a, b, summit + c) for c in (0.0, 0.1) for a, b in PLATE])
-    elastic = f"*ELASTIC\n{model.material.E * STRESS}, {model.material.nu}\n"
     with path.open("w", encoding="ascii") as deck:
-        deck.write("*NODE, NSET=ALL\n" + _rows(np.vstack([model.points, plate]), "%.12g"))
-        deck.write(f"*ELEMENT, TYPE={model.element}, ELSET=BLOCK\n" + _rows(model.cells + 1, "%d"))
+        deck.write("*NODE, NSET=ALL\n" + rows(np.vstack([model.points, plate]), "%.12g"))
+        deck.write(f"*ELEMENT, TYPE={model.element}, ELSET=BLOCK\n" + rows(model.cells + 1, "%d"))
         deck.write(f"*ELEMENT, TYPE=C3D8, ELSET=PLATE\n{count + 1}, ")
         deck.write(", ".join(str(first + k) for k in range(8)) + "\n")
         for name, chosen in {**{name: nodes for name, (nodes, _) in model.held.items()}, "TOP": model.on_top}.items():
@@ -119,31 +123,44 @@ def write(path: Path, model: Model) -> None:
             for cell in np.flatnonzero(model.on_top[model.cells[:, list(face)]].all(axis=1)):
                 deck.write(f"{cell + 1}, S{k + 1}\n")
         deck.write(f"*SURFACE, NAME=FLAT, TYPE=ELEMENT\n{count + 1}, S1\n")
-        deck.write(f"*MATERIAL, NAME=STEEL\n{elastic}{_plastic(model.material)}")
-        deck.write(f"*MATERIAL, NAME=HARD\n{elastic}")
+        deck.write(f"*MATERIAL, NAME=STEEL\n{law(model.material)}")
+        deck.write(f"*MATERIAL, NAME=HARD\n{law(asp.Material(model.material.E, model.material.nu))}")
         deck.write("*SOLID SECTION, ELSET=PLATE, MATERIAL=HARD\n*SOLID SECTION, ELSET=BLOCK, MATERIAL=STEEL\n")
-        deck.write("*SURFACE INTERACTION, NAME=PENALTY\n*SURFACE BEHAVIOR, PRESSURE-OVERCLOSURE=LINEAR\n")
-        deck.write(f"{model.stiffness * STRESS:.6g}\n")
-        deck.write("*CONTACT PAIR, INTERACTION=PENALTY, TYPE=SURFACE TO SURFACE\nROUGH, FLAT\n")
+        deck.write(contact(model.stiffness, "ROUGH", "FLAT"))
         deck.write("*BOUNDARY\n" + "".join(f"{name}, {dofs}\n" for name, (_, dofs) in model.held.items()))
         deck.write("RIGID, 1, 2\n")
-        deck.write(f"*TIME POINTS, NAME=STEPS, GENERATE\n{1 / model.outputs}, 1.0, {1 / model.outputs}\n")
-        deck.write("*STEP, INC=10000\n*STATIC, SOLVER=ITERATIVE CHOLESKY\n")
-        deck.write(f"{1 / model.steps}, 1.0, 1e-6, {1 / model.steps}\n")
-        deck.write(f"*BOUNDARY\nRIGID, 3, 3, {-model.depth}\n")
-        deck.write("*NODE PRINT, NSET=RIGID, TOTALS=ONLY, TIME POINTS=STEPS\nRF\n")
-        deck.write("*END STEP\n")
+        deck.write(step(model.steps, model.outputs, f"RIGID, 3, 3, {-model.depth}\n", "RIGID"))
 
 
-def _plastic(material: asp.Material) -> str:
-    """Linear hardening of the yield strength; empty for an elastic solid."""
+def contact(stiffness: float, first: str, second: str) -> str:
+    """A pair of surfaces in contact, with the pressure over their penetration."""
+    return (
+        "*SURFACE INTERACTION, NAME=PENALTY\n*SURFACE BEHAVIOR, PRESSURE-OVERCLOSURE=LINEAR\n"
+        f"{stiffness * STRESS:.6g}\n"
+        f"*CONTACT PAIR, INTERACTION=PENALTY, TYPE=SURFACE TO SURFACE\n{first}, {second}\n"
+    )
+
+
+def step(steps: int, outputs: int, moved: str, pushed: str) -> str:
+    """A step whose greatest increment is one part of so many, and which writes the force on a set of nodes."""
+    return (
+        f"*TIME POINTS, NAME=STEPS, GENERATE\n{1 / outputs}, 1.0, {1 / outputs}\n"
+        "*STEP, INC=10000\n*STATIC, SOLVER=ITERATIVE CHOLESKY\n"
+        f"{1 / steps}, 1.0, 1e-6, {1 / steps}\n*BOUNDARY\n{moved}"
+        f"*NODE PRINT, NSET={pushed}, TOTALS=ONLY, TIME POINTS=STEPS\nRF\n*END STEP\n"
+    )
+
+
+def law(material: asp.Material) -> str:
+    """Elasticity, and linear hardening of the yield strength where there is one."""
+    elastic = f"*ELASTIC\n{material.E * STRESS}, {material.nu}\n"
     if material.yield_strength is None:
-        return ""
+        return elastic
     strength, modulus = material.yield_strength * STRESS, material.plastic_modulus * STRESS
-    return f"*PLASTIC\n{strength}, 0.0\n{strength + 10 * modulus}, 10.0\n"
+    return f"{elastic}*PLASTIC\n{strength}, 0.0\n{strength + 10 * modulus}, 10.0\n"
 
 
-def _rows(values: np.ndarray, form: str) -> str:
+def rows(values: np.ndarray, form: str) -> str:
     """Numbered rows of a table."""
     pattern = ", ".join(["%d"] + [form] * values.shape[1]) + "\n"
     return "".join(pattern % (k, *row) for k, row in enumerate(values.tolist(), 1))

@@ -23,6 +23,7 @@ from asperity.job.run_case import run
 from asperity.model.material import Material
 from asperity.model.problem import Problem
 from asperity.model.settings import MeshSize
+from asperity.model.two_bodies import SumSurface
 from asperity.output.assumption import DOUBTFUL, FINE, Assumption, describe
 from asperity.output.assumptions import (
     SLOW,
@@ -196,6 +197,14 @@ def test_approach_beyond_the_mean_plane() -> None:
     assert line is not None and line.value == pytest.approx(0.999) and line.verdict == FINE
     plane = evidence(Flat(L=1.0), sides="free", delta=0.5, si=True, h=0.1)
     assert {line.name.partition(":")[0] for line in ledger(plane)} == {"small strain", "resolution", "block"}
+
+
+def test_two_bodies_as_one_have_the_error_of_that_model(tmp_path: Path) -> None:
+    both = SumSurface.of(WAVE, WAVE)
+    for surface in (both, Surface.from_spec("file", path=both.save(tmp_path / "sum", 65))):
+        (line,) = (line for line in ledger(evidence(surface, tolerance=0.01)) if line.name.startswith("two bodies"))
+        assert line.verdict == FINE and 0.5 < line.value < line.limit == 1.0
+    assert not any(line.name.startswith("two bodies") for line in ledger(evidence()))
 
 
 def test_an_edge_and_the_base_of_the_block() -> None:

@@ -349,10 +349,27 @@ def test_the_equivalent_block_is_as_compliant_as_both() -> None:
 
         both = 1e-3 / modulus(steel) + 2e-3 / modulus(rubber)
         assert one.height / modulus(one.material) == pytest.approx(both)
-    with pytest.raises(InputError, match="yields"):
+    with pytest.raises(InputError, match="of the same metal"):
         equivalent_block(Material(1.0, 0.3, 0.01), steel, (1, 1))
+    with pytest.raises(InputError, match="law in UFL"):
+        equivalent_block(
+            steel, Material.of_law("voce", E=1.0, nu=0.3, yield_strength=0.01, saturation=0.01, rate=2.0), (1, 1)
+        )
     with pytest.raises(InputError, match="in small strain only"):
         equivalent_block(steel, Material(3e6, 0.45, kinematics="finite"), (1, 1))
+
+
+def test_two_blocks_of_one_metal_squeezed_whole() -> None:
+    """Flat blocks in uniaxial stress beyond yield: the one becomes as much shorter as both."""
+    metal = Material(2.0, 0.3, 0.01, 0.1, "kinematic")
+    one = equivalent_block(metal, metal, (1.0, 3.0))
+    assert one.height == pytest.approx(2.0) and one.material.hardening == metal.hardening
+    for stress in (0.009, 0.02, 0.05):
+        yielded = max(stress - 0.01, 0.0)
+        both = 4.0 * (stress / metal.E + yielded / metal.plastic_modulus)
+        ours = one.height * (stress / one.material.E + yielded / one.material.plastic_modulus)
+        assert ours == pytest.approx(both)
+        assert one.material.yield_strength == metal.yield_strength
 
 
 def test_two_spheres_are_one_of_half_the_radius() -> None:

@@ -1,15 +1,18 @@
-"""Two rough elastic bodies as one rough body under a rigid flat: E' and z1 + z2.
+"""Two rough bodies as one rough body under a rigid flat: E' and z1 + z2.
 
 Two elastic half-spaces with small slopes and no friction deform at a point under a pressure p there in proportion to
 1/E'_1 and 1/E'_2, so only the sum of the displacements and the sum of the heights matter (Johnson, Contact
 Mechanics, 1985, section 4.1 and 13.3): the pressure, the contact area and the approach are those of one body of
-modulus E' with the surface z1 + z2 under a rigid flat. docs/measured.md lists the limits.
+modulus E' with the surface z1 + z2 under a rigid flat. Of two bodies of one metal that yields the one has half the
+modulus and half the slope beyond yield, and the same strength: under the same stress it deforms twice as far.
+docs/measured.md lists the limits.
 """
 
 from __future__ import annotations
 
+import json
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import ClassVar
 
@@ -36,7 +39,7 @@ class EquivalentBlock:
     """One block under a rigid flat instead of two that press on each other.
 
     Attributes:
-        material: elastic, with the composite modulus
+        material: with the composite modulus; of metals that yield half the modulus and the strength of either
         height: of the block, so that its uniform compression is that of both [length]
     """
 
@@ -50,13 +53,13 @@ def equivalent_block(
     """Material and height of the block that represents two.
 
     Args:
-        first, second: the bodies; elastic
+        first, second: the bodies; elastic, or of one metal that yields
         heights: of their blocks [length]
         sides: of all blocks, "rollers" or "free"
-        nu: Poisson's ratio to give the equivalent one; free to choose, because only E' enters the contact
+        nu: Poisson's ratio to give an elastic equivalent one; free to choose, because only E' enters the contact
 
     Raises:
-        InputError: a body yields or has finite strain, or a height is not positive
+        InputError: one yields and the other is of another metal, a body has finite strain, or a height is not positive
 
     Examples:
         >>> steel = asp.Material(E=200e9, nu=0.3)
@@ -66,12 +69,21 @@ def equivalent_block(
     """
     if not first.kinematics == second.kinematics == "small":
         raise InputError("two bodies have an equivalent single one in small strain only; leave material.kinematics out")
-    if first.yield_strength is not None or second.yield_strength is not None:
-        raise InputError("two bodies of which one yields have no equivalent single body; give elastic materials")
+    if first.law is not None or second.law is not None:
+        raise InputError("bodies with a law in UFL have no equivalent single one here; leave material.law out")
+    yields = first.yield_strength is not None or second.yield_strength is not None
+    if yields and first != second:
+        raise InputError(
+            "two bodies of which one yields have an equivalent single one only if they are of the same metal; with "
+            "twice the yield strength in one of them its force is 2 to 6 % too small (docs/measured.md)"
+        )
     if min(heights) <= 0:
         raise InputError(f"heights = {heights} must be positive lengths")
-    E_prime = composite_modulus(first.E, first.nu, second.E, second.nu)
-    material = Material(E_prime * (1 - nu**2), nu)
+    if yields:
+        material = replace(first, E=0.5 * first.E, tangent_modulus=0.5 * first.tangent_modulus)
+    else:
+        E_prime = composite_modulus(first.E, first.nu, second.E, second.nu)
+        material = Material(E_prime * (1 - nu**2), nu)
     compliance = sum(h / body.block_modulus(sides) for h, body in zip(heights, (first, second), strict=True))
     return EquivalentBlock(material, compliance * material.block_modulus(sides))
 
@@ -98,6 +110,7 @@ class SumSurface(Surface):
     second: Surface
 
     rough: ClassVar[bool] = True
+    about: ClassVar[dict[str, int]] = {"bodies": 2}  # as `HeightMap.about` has it
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -155,5 +168,6 @@ class SumSurface(Surface):
     def save(self, path: str | Path, n: int = 513) -> Path:
         """Write heights on an n x n grid as .npz, for kind = "file" in a case; return the path."""
         path = Path(path).with_suffix(".npz")
-        replace_file(path, npz_bytes({"z": self.grid(n), "L": np.array(self.L)}, compress=True))
+        about = np.frombuffer(json.dumps(self.about).encode(), dtype=np.uint8)
+        replace_file(path, npz_bytes({"z": self.grid(n), "L": np.array(self.L), "about": about}, compress=True))
         return path

@@ -158,7 +158,7 @@ class NewtonSolver:
         """Add more elastic stiffness to a tangent that is not positive definite; whether it did.
 
         In finite strain the stress of a flowing solid may exceed its stiffness. The shifted step descends, and the line
-        search finds how far.
+        search finds how far. GMRES needs no shift: it also solves systems that are not definite.
         """
         if self._shift >= LARGEST_SHIFT:
             return False
