@@ -16,7 +16,8 @@ from scipy.ndimage import grey_dilation
 from asperity.case import Case
 from asperity.curve import Curve
 from asperity.errors import InputError
-from asperity.output.assumptions import Evidence, instrument
+from asperity.output.assumptions import instrument
+from asperity.output.evidence import Evidence
 from asperity.surface import HeightMap, SelfAffine, Surface
 from asperity.surface import patch as patches
 from asperity.surface.measured import HeightField

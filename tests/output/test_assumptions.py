@@ -28,7 +28,6 @@ from asperity.output.assumption import DOUBTFUL, FINE, Assumption, describe
 from asperity.output.assumptions import (
     SLOW,
     SMALL_STRAIN,
-    Evidence,
     approach_to_mean_plane,
     block_height,
     bulk_yield,
@@ -42,6 +41,7 @@ from asperity.output.assumptions import (
     sticking,
     summit_on_edge,
 )
+from asperity.output.evidence import Evidence
 from asperity.quasistatic.solve_problem import solve_problem
 from asperity.runtime.warnings_log import noting
 from asperity.surface import Flat, Sinusoid, Sphere, Surface
