@@ -10,6 +10,7 @@ is that of the whole file, by SurfaceTopography's reader too, which counts a pix
 
 from __future__ import annotations
 
+import importlib
 import importlib.metadata
 import sys
 import warnings
@@ -30,30 +31,28 @@ LAGS = 700  # heights per side, of which there may be more: surfalize interpolat
 
 def row(path: Path) -> list[str]:
     """Name, size and heights, Sq and Sdq over SurfaceTopography, then each parameter over surfalize."""
-    import SurfaceTopography
-    import surfalize
-
+    other, third = (importlib.import_module(name) for name in ("SurfaceTopography", "surfalize"))
     whole = HeightField.read(path)
     field = (whole.filled() if whole.missing else whole).square().levelled("plane")
     step = -(-max(field.z.shape) // LAGS)
     own = field.thinned(step) if step > 1 else field
     ours = iso25178(own.z, own.dx, own.dy).to_dict()
-    theirs = surfalize.Surface(own.z - own.z.mean(), own.dx, own.dy)
+    theirs = third.Surface(own.z - own.z.mean(), own.dx, own.dy)
     percent = {"Sdr": 100.0}
     cells = []
     for name in NAMES:
-        other, value = float(getattr(theirs, name)()) / percent.get(name, 1.0), ours[name]
-        if value is None or np.isnan(other):
-            cells.append("beyond the patch" if value is None and np.isnan(other) else f"{value} against {other:.4g}")
+        their, value = float(getattr(theirs, name)()) / percent.get(name, 1.0), ours[name]
+        if value is None or np.isnan(their):
+            cells.append("beyond the patch" if value is None and np.isnan(their) else f"{value} against {their:.4g}")
         else:
-            cells.append(f"{value:.4g} ({100.0 * (value / other - 1.0):+.1f} %)")
+            cells.append(f"{value:.4g} ({100.0 * (value / their - 1.0):+.1f} %)")
     ny, nx = own.z.shape
-    heights = SurfaceTopography.Topography(own.z.T - own.z.mean(), (nx * own.dx, ny * own.dy))  # its pixels have a size
+    heights = other.Topography(own.z.T - own.z.mean(), (nx * own.dx, ny * own.dy))  # its pixels have a size
     others = heights.rms_height_from_area(), heights.rms_gradient()
-    sizes = SurfaceTopography.open_topography(str(path)).topography().to_unit("um").physical_sizes
+    sizes = other.open_topography(str(path)).topography().to_unit("um").physical_sizes
     both = [" x ".join(f"{1e6 * side:.4g}" for side in whole.size), " x ".join(f"{side:.4g}" for side in sizes)]
-    over = (f"{100.0 * (float(ours[name] or 0.0) / other - 1.0):+.2f} %"
-            for name, other in zip(("Sq", "Sdq"), others, strict=True))  # fmt: skip
+    over = (f"{100.0 * (float(ours[name] or 0.0) / their - 1.0):+.2f} %"
+            for name, their in zip(("Sq", "Sdq"), others, strict=True))  # fmt: skip
     return [path.name, both[0], both[1], f"{own.z.shape[1]} x {own.z.shape[0]}", *over, *cells]
 
 
