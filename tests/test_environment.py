@@ -33,16 +33,6 @@ def wait_until(condition: Callable[[], object]) -> None:
         time.sleep(0.02)
 
 
-def run(*command: str) -> subprocess.CompletedProcess[str]:
-    return subprocess.run(
-        [PROJECT / "run", *command],
-        env=clean_environment(),
-        capture_output=True,
-        text=True,
-        timeout=60,
-    )
-
-
 # ---------------------------------------------------------------------------------- what it holds
 
 
@@ -54,17 +44,6 @@ def test_packages_are_named_once_and_installed() -> None:
         text=True,
     )
     assert set(answer.stdout.splitlines()) == {f"installed {name}" for name in PACKAGES}
-
-
-def test_mpirun_starts_more_ranks_than_cores() -> None:
-    ranks = 4
-    program = (
-        "import os; from mpi4py import MPI; world = MPI.COMM_WORLD;"
-        "os.write(1, b'sum %d\\n' % world.allreduce(world.rank))"  # one write: lines stay whole
-    )
-    answer = run("mpirun", "-n", str(ranks), "python3", "-c", program)
-    assert answer.returncode == 0, answer.stderr
-    assert answer.stdout.splitlines() == [f"sum {ranks * (ranks - 1) // 2}"] * ranks
 
 
 # --------------------------------------------------------------------------------- how it is made
@@ -260,21 +239,6 @@ def test_what_is_made_others_may_not_write_whatever_the_umask(clone: Clone) -> N
         assert not path.stat().st_mode & 0o022
 
 
-def test_without_a_home_the_cache_is_in_that_of_the_user_and_never_where_all_may_write(clone: Clone) -> None:
-    del clone.environment["XDG_CACHE_HOME"]
-    clone.environment.pop("HOME", None)
-    tools = clone.path.parent / "tools"
-    (tools / "getent").write_text(f'#!/bin/sh\necho "me:x:$2:$2::{clone.path.parent}/home:/bin/sh"\n')
-    (tools / "getent").chmod(0o755)
-    output, errors = clone.start("sh", "-c", "echo $HOME").communicate(timeout=60)
-    assert output == f"{clone.path.parent}/home\n", errors
-    assert (clone.path.parent / "home/.cache/asperity").is_dir()
-    (tools / "getent").write_text("#!/bin/sh\nexit 2\n")
-    process = clone.start()
-    _, errors = process.communicate(timeout=60)
-    assert process.returncode == 4 and "neither XDG_CACHE_HOME nor HOME" in errors and len(errors.splitlines()) == 1
-
-
 def test_a_failure_says_which_step_and_what_to_do(clone: Clone) -> None:
     clone.fail.touch()
     process = clone.start()
@@ -285,10 +249,3 @@ def test_a_failure_says_which_step_and_what_to_do(clone: Clone) -> None:
     assert not clone.roots()
     clone.fail.unlink()
     assert clone.start().communicate(timeout=60)[0] == "inside\n"
-
-
-def test_variables_of_another_python_do_not_enter(clone: Clone) -> None:
-    clone.environment |= {"PYTHONHOME": "/else", "LD_LIBRARY_PATH": "/else", "OMP_NUM_THREADS": "3"}
-    command = 'echo "$PYTHONHOME,$LD_LIBRARY_PATH,$OMP_NUM_THREADS"'
-    output, errors = clone.start("sh", "-c", command).communicate(timeout=60)
-    assert output == ",,3\n", errors
