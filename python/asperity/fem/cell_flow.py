@@ -58,7 +58,8 @@ class CellFlow:
         beyond = np.maximum(self._bulk * size - self._threshold, 0.0)
         first = 0.5 * beyond**2 / self._spent
         m = np.sqrt(np.minimum(1.0, self._most / np.maximum(first, 1e-300)))
-        flow, relief, softness = (1.0 / m - 1.0) / rate, first * m**2, np.zeros_like(size)
+        least = (1.0 / m - 1.0) / rate  # of the flow; less would make a yield stress negative
+        flow, relief, softness = least.copy(), first * m**2, np.zeros_like(size)
         cells = np.flatnonzero(beyond).astype(np.int32)
         for _ in range(ITERATIONS):
             if not len(cells):
@@ -67,7 +68,7 @@ class CellFlow:
             found = measures(cells)
             driven, softness[cells] = (self._mean(found[..., k], cells) for k in (1, 2))
             steep = softness[cells] * 2.0 * rate * m[cells] * relief[cells]
-            step = (driven - flow[cells]) / (1.0 + steep)
+            step = np.maximum((driven - flow[cells]) / (1.0 + steep), least[cells] - flow[cells])
             flow[cells] += step
             m[cells] = 1.0 / (1.0 + rate * flow[cells])
             relief[cells] = first[cells] * m[cells] ** 2
