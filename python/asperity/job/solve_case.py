@@ -119,8 +119,7 @@ def solve_case(
         wanted = case.accuracy
         if wanted.tolerance is None:
             block = None if case.mesh.file is None else BlockMesh.read(case.mesh.file)
-            judged = case.mesh.file is not None or case.loading.delta_max is None
-            contact = solve_problem(chosen, block=block, judged=judged, comm=comm, hooks=hooks, checked=False)
+            contact = solve_problem(chosen, block=block, comm=comm, hooks=hooks, checked=False)
         else:
             target = AccuracyTarget(wanted.tolerance, wanted.max_dofs, wanted.max_seconds, wanted.area_tolerance)
             accurate = refine(chosen, target, comm, replace(hooks, on_curve=files.curve))

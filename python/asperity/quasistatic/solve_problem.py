@@ -32,7 +32,6 @@ def solve_problem(
     problem: Problem,
     *,
     block: BlockMesh | None = None,
-    judged: bool = True,
     comm: MPI.Comm | None = None,
     hooks: Callbacks | None = None,
     checked: bool = True,
@@ -41,7 +40,6 @@ def solve_problem(
 
     Args:
         block: a mesh to use instead of making one (on rank 0)
-        judged: whether a given mesh needs no judgement, see `resolution.judge_mesh`, like one that is made here
         comm: communicator; default all ranks
         checked: whether a result that violates a balance is an error
 
@@ -77,7 +75,7 @@ def solve_problem(
         raise MeshError(f"mesh.file: the mesh has the height {given:g}, block.height is {wanted:g}: make them equal")
     if own_mesh and given is None:
         hooks.stage("mesh")
-    delta_max = _depth_of_mesh(problem, comm, phases) if own_mesh or not judged else 0.0
+    delta_max = _depth_of_mesh(problem, comm, phases) if own_mesh else 0.0
     if own_mesh and given is None:
         with phases.phase("mesh"):
             block = make_block(comm, problem.surface, problem.height, delta_max, problem.size, problem.sides)
@@ -85,7 +83,7 @@ def solve_problem(
     with phases.phase("set-up"):
         solver = solver_of(problem, block, comm, phases)
         solver.probes = hooks.probes(solver.solid)
-        if own_mesh or not judged:
+        if own_mesh:
             _judge(solver, block, problem, delta_max)
     kernels = solver.solid.kernels
     if isinstance(kernels, FormKernels):
