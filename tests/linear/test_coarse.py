@@ -89,7 +89,7 @@ def test_a_matrix_that_is_not_positive_definite_is_refused(capfd: pytest.Capture
 
 
 @pytest.mark.parametrize("method", ["factorise", "interface_factors", "forward", "backward"])
-def test_arrays_of_another_shape_are_refused(method: str) -> None:
+def test_arrays_of_another_shape_and_a_node_twice_are_refused(method: str) -> None:
     pattern, values = matrix(PIECES["pieces"][0])
     factors = _solver.Cholesky(pattern.indptr, pattern.indices, np.array([9, 3], dtype=np.int32))
     short, dofs = np.zeros(5, dtype=np.float32), np.zeros(36, dtype=np.float32)
@@ -102,10 +102,6 @@ def test_arrays_of_another_shape_are_refused(method: str) -> None:
     for arguments in wrong[method]:
         with pytest.raises(ValueError, match="has shape"):
             getattr(factors, method)(*arguments)
-
-
-def test_a_node_is_of_the_interface_once() -> None:
-    pattern, _ = matrix(PIECES["pieces"][0])
     with pytest.raises(ValueError, match="interface has node 3 twice"):
         _solver.Cholesky(pattern.indptr, pattern.indices, np.array([3, 3], dtype=np.int32))
 
@@ -126,6 +122,7 @@ def test_coarse_solution_solves_the_sum_of_the_parts(coarse: BlockMesh | None, k
     problem: Distributed | Substructures = Substructures(dofmap, mesh.comm, interface_of(index_map, mesh.comm))
     if kind == "distributed":
         problem = Distributed(dofmap, points, mesh.comm, symmetric=True, factorised=False)
+        assert problem._matrix.A.getBlockSize() == 3  # it aggregates nodes, not dofs, on one rank too
     sparsity = problem.sparsity
     rows = np.repeat(np.arange(3 * corners), np.diff(sparsity.rows))
     problem.values[:] = np.where(rows == sparsity.columns, 2.0, -0.01)
@@ -168,16 +165,3 @@ def test_way_to_solve_the_coarse_problem(coarse: BlockMesh | None, monkeypatch: 
             assert kind() is expected
     monkeypatch.setattr(coarse_problem, "DIRECT_LIMIT", 3)
     assert kind() is Distributed
-
-
-@pytest.mark.mpi
-def test_algebraic_multigrid_aggregates_nodes(coarse: BlockMesh | None) -> None:
-    """Three dofs together, on one rank too."""
-    from dolfinx import fem
-
-    mesh, _ = distribute(world(), coarse, 1.0)
-    dofmap = fem.functionspace(mesh, ("Lagrange", 1, (3,))).dofmap
-    index_map = dofmap.index_map
-    points = np.random.default_rng(0).random((index_map.size_local + index_map.num_ghosts, 3))
-    problem = Distributed(dofmap, points, mesh.comm, symmetric=True, factorised=False)
-    assert problem._matrix.A.getBlockSize() == 3

@@ -49,8 +49,10 @@ def test_errors_of_rank_0_reach_every_rank(call: Callable[[Any, Callable[[], int
         agree(world(), refuse if world().rank == world().size - 1 else lambda: 1)
 
 
-def test_tasks_are_spread_and_their_errors_reach_every_rank() -> None:
+def test_tasks_are_spread_and_their_errors_reach_every_rank(monkeypatch: pytest.MonkeyPatch) -> None:
     """Each is done once; what the slowest rank works longer than the mean is time that rank 0 counts as serial."""
+    from mpi4py import MPI
+
     comm, done = world(), []
 
     def task(number: int) -> None:
@@ -68,6 +70,10 @@ def test_tasks_are_spread_and_their_errors_reach_every_rank() -> None:
     for tasks in orders:
         with pytest.raises(InputError, match="no"):
             spread(comm, tasks)
+    monkeypatch.setattr(MPI, "Get_processor_name", lambda: f"node {comm.rank}")
+    done.clear()
+    spread(comm, [partial(task, number) for number in range(5)], near=True)
+    assert done == ([] if comm.rank else [0, 1, 2, 3, 4])
     with clocked() as clock:
         on_root(comm, partial(task, 3))
     assert clock.alone == 0.0 if comm.rank else 0.05 <= clock.alone <= clock.wall
