@@ -313,7 +313,7 @@ def test_the_tolerance_includes_round_off() -> None:
 
 def test_work_is_bounded() -> None:
     o = ContactOscillator(PowerLaw(1.5))
-    r = frequency_response(o.equation, o.setting(0.05), (0.5, 1.3), max_points=20)
+    r = frequency_response(o.equation, o.setting(0.05), (0.5, 1.3), max_work=20)
     assert any("ends early: too much work" in note for note in r.notes)
 
 

@@ -8,9 +8,12 @@ in u (flight, and a Taylor law), and g is linear in u, or in the contact force.
 
 from __future__ import annotations
 
+from bisect import bisect_left
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import cached_property
 from itertools import pairwise
+from math import exp, log
 from typing import Any
 
 import numpy as np
@@ -123,10 +126,7 @@ class Restoring:
 
     def level(self, u: float) -> float:
         """Potential at one displacement."""
-        if abs(u) < _SMALL or not self.contact:
-            return float(self.potential(u))
-        z, rest = self.z_s * (1.0 + max(u, -1.0)), u / self.n_loc
-        return self.law.stored(z) / (self.scale * self.z_s) - float(self._still) - rest
+        return float(self.potential(u))
 
     @cached_property
     def _still(self) -> Array:
@@ -223,6 +223,28 @@ class Equation:
             rows[:, 7] = (two - one) / (2.0 * near)
             rows[:, 6] = 0.5 * (one + two) - rows[:, 7] * inside
         return cuts, np.ascontiguousarray(rows)
+
+    @cached_property
+    def of_force(self) -> float:
+        """Damping factor over the contact force, where the damping follows that."""
+        return self.restoring.n_loc if self.damping == "hunt-crossley" else 0.0
+
+    @cached_property
+    def acceleration(self) -> Callable[[float, float], float]:
+        """Acceleration without forcing, -f - 2 zeta g v, at a displacement and a speed, as in solver/period_map.cpp."""
+        edges, rows = (of.tolist() for of in self.cells)
+        rest, of_force, twice = 1.0 / self.restoring.n_loc, self.of_force, 2.0 * self.zeta
+
+        def acceleration(u: float, v: float) -> float:
+            logarithmic, start, a, b, c, d, g0, g1 = rows[bisect_left(edges, u)]
+            if logarithmic:
+                t = log(1.0 + u) - start
+                pull = exp(a + t * (b + t * (c + t * d)))
+            else:
+                pull = rest + a + u * (b + u * (c + u * d))
+            return float(rest - pull - twice * (g0 + g1 * u + of_force * pull) * v)
+
+        return acceleration
 
 
 def rate(restoring: Restoring, damping: Damping, u: Array) -> Array:

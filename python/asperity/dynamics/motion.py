@@ -9,13 +9,12 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 from math import cos, pi, sin
-from typing import Any
 
 import numpy as np
 from scipy.integrate import solve_ivp
 
 from asperity.arrays import Array
-from asperity.dynamics.equation import Equation, rate
+from asperity.dynamics.equation import Equation
 from asperity.dynamics.period_map import ESCAPE
 from asperity.dynamics.settings import Setting
 from asperity.errors import ConvergenceError, RangeError
@@ -110,21 +109,11 @@ def _phase(
     samples: float, max_step: float
 ) -> tuple[float, list[tuple[float, tuple[float, float]]]]:  # fmt: skip
     """Integrate until contact changes, or to `stop`: the end, and times with states (samples, turning points, end)."""
-    r, side, rest, twice = (
-        equation.restoring,
-        -1.0 if flying else 1.0,
-        1.0 / equation.restoring.n_loc,
-        2.0 * equation.zeta,
-    )
-    simple = equation.damping in ("always", "contact")
-    constant = 0.0 if flying and equation.damping != "always" else 1.0
+    r, side, acceleration = equation.restoring, -1.0 if flying else 1.0, equation.acceleration
 
     def field(t: float, s: Array) -> list[float]:
-        numbers: Any = s.tolist()
-        x, v = numbers
-        pull = 0.0 if flying else r.law.at(r.z_s * (1.0 + x))[0] / r.scale
-        g = constant if simple or flying else float(rate(r, equation.damping, np.array([x]))[0])
-        return [v, force(t) - pull + rest - twice * g * v]
+        x, v = s.tolist()
+        return [v, force(t) + acceleration(x, v)]
 
     def change(t: float, s: Array) -> float:
         if not r.contact:

@@ -35,6 +35,7 @@ _INSIDE = 7e-3  # the same inside the window, over the rate of the parameter alo
 _STEEP = 0.03
 _WEAK = 1e-3  # relative amplitude of a resonance that steps may jump over
 _WORK = 500  # steps of the integrator that count as much as a point
+TOO_MUCH = "too much work"  # a reason why a path ends
 _CROSSING_RTOL = 1e-14  # tolerance of the fraction of a segment at which a parameter is crossed
 _ROUND_OFF = 1e-15  # relative round-off of the contact force
 _NOISE = 30.0  # steps of Newton's method that round-off causes, over it
@@ -137,6 +138,7 @@ class Path:
     points: tuple[Point, ...]
     end: str
     begin: str = "window"
+    work: float = 0.0  # in points; those whose integration is long count more
 
 
 @dataclass(frozen=True)
@@ -145,7 +147,7 @@ class Tracing:
 
     window: tuple[float, float]  # of the parameter
     max_step: float  # in the parameter
-    max_points: int = 3000  # work after which a path ends; points whose integration is long count more
+    max_work: float = 5000.0  # after which a path ends
     limits: tuple[float, float] | None = None  # up to which a branch is followed outside the window; None: its ends
 
     def is_inside(self, parameter: float) -> bool:
@@ -377,9 +379,9 @@ class Orbits:
             predict = self._predictor(points, w, unit)
             while True:
                 if h < _HMIN:
-                    return Path(tuple(points), "step too small")
-                if work > how.max_points:
-                    return Path(tuple(points), "too much work")
+                    return Path(tuple(points), "step too small", work=work)
+                if work > how.max_work:
+                    return Path(tuple(points), TOO_MUCH, work=work)
                 try:
                     guess = predict(h)
                     point, more = self.correct(guess, w**2 * unit, here.amplitude, limit=3.0 * h)
@@ -407,15 +409,15 @@ class Orbits:
                     if h > 1e-6:
                         h *= _CUT
                         continue
-                    return Path(tuple(points), "window")
+                    return Path(tuple(points), "window", work=work)
             if not limits[0] <= point.parameter <= limits[1]:
-                return Path(tuple(points), "window")
+                return Path(tuple(points), "window", work=work)
             points.append(point)
-            if passed and point.parameter in limits:
-                return Path(tuple(points), "window")
             reason = stop(points) if stop else None
+            if passed and point.parameter in limits:
+                reason = "window"
             if reason:
-                return Path(tuple(points), reason)
+                return Path(tuple(points), reason, work=work)
             h *= min(2.0, max(0.3, (0.6 / max(error, 1e-6)) ** 0.25))
 
     def _resonance(self, p: Point, rate: float) -> float:

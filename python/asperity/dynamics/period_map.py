@@ -70,12 +70,10 @@ def motions(
     for i, values in enumerate((omega, forcing, grows, start, length)):
         lanes[:, 2 + i] = values
     r = equation.restoring
-    of_force = r.n_loc if equation.damping == "hunt-crossley" else 0.0
     out = np.empty((len(y), _COLUMNS))
     limit = _FARTHEST if r.contact else ESCAPE
-    _period_map.period_map(
-        *equation.cells, 1.0 / r.n_loc, of_force, equation.zeta, limit, rtol, by_forcing, derivatives, lanes, out
-    )
+    numbers = (1.0 / r.n_loc, equation.of_force, equation.zeta, limit, rtol)
+    _period_map.period_map(*equation.cells, *numbers, by_forcing, derivatives, lanes, out)
     columns = out[:, 2:8].reshape(-1, 3, 2).transpose(0, 2, 1)
     wave = out[:, 16:24].reshape(-1, 2, 4)
     return Motions(

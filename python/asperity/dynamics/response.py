@@ -172,14 +172,14 @@ def frequency_response(
     *,
     tol: float = 1e-5,
     subharmonics: bool = True,
-    max_points: int = 3000,
+    max_work: float = 5000.0,
 ) -> FrequencyResponse:
     """Compute all branches in a window; arguments and errors as in `ContactOscillator.response`.
 
-    `max_points` is that of `orbits.Tracing`.
+    `max_work` is that of `orbits.Tracing`, for all branches together.
     """
     rtol = min(max(_RTOL * tol, _FINEST), _COARSEST)
-    how = Tracing(omega, (omega[1] - omega[0]) / 25.0, max_points)
+    how = Tracing(omega, (omega[1] - omega[0]) / 25.0, max_work)
     search = Search(equation, setting.forcing, how, subharmonics, rtol)
     search.run()
     branches = search.branches

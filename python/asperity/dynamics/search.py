@@ -16,7 +16,7 @@ import numpy as np
 from asperity.arrays import Array
 from asperity.dynamics.branch import Branch, Event, doublings, locate_events
 from asperity.dynamics.equation import Equation, Forcing
-from asperity.dynamics.orbits import PIECES, Orbits, Path, Point, Tracing, root, value
+from asperity.dynamics.orbits import PIECES, TOO_MUCH, Orbits, Path, Point, Tracing, root, value
 from asperity.dynamics.period_map import TURN
 from asperity.dynamics.settings import MIN_ZETA
 from asperity.dynamics.starts import (
@@ -86,6 +86,11 @@ class Search:
                 self._finish()
         if not self.branches:
             raise ConvergenceError(f"no periodic orbit found for Omega = {low:g} to {high:g} with F^ = {self.strong:g}")
+        if any(TOO_MUCH in (path.begin, path.end) for _, _, path in self._paths):
+            self.notes.append(
+                "the search ended after too much work, and orbits may be missing: give a narrower window, or one of "
+                "higher frequencies"
+            )
         missing = [
             f"at the end Omega = {edge:g} of the window at least one orbit of period {order} is missing: "
             "give another window, which ends between the resonances"
@@ -123,7 +128,8 @@ class Search:
 
     def _tracing(self, order: int) -> Tracing:
         """How branches of an order are traced."""
-        return replace(self.how, limits=self._limits(order))
+        spent = sum(path.work for _, _, path in self._paths)
+        return replace(self.how, limits=self._limits(order), max_work=max(self.how.max_work - spent, 0.0))
 
     def _from_rest(self, omega: float) -> None:
         """Trace the branch from rest at a frequency in the window or above it."""
@@ -191,7 +197,8 @@ class Search:
             if 2 * order in self.orders:
                 self._doublings.extend(flips)
         for end, reason in ((path.points[0], path.begin), (path.points[-1], path.end)):
-            if reason not in ("window", "closed", "period doubling") and not self.how.is_inside(end.parameter):
+            said = ("window", "closed", "period doubling", TOO_MUCH)
+            if reason not in said and not self.how.is_inside(end.parameter):
                 self.notes.append(
                     f"a branch of period {order} is lost outside the window at {end.parameter:.6g}, where it may "
                     f"return: {reason}"
@@ -321,7 +328,7 @@ def through(orbits: Orbits, first: Point, how: Tracing, known: Sequence[Path]) -
         return through(orbits, again, how, ())  # so that no piece begins in the window
     backward = orbits.trace(first.turned(), how, closed)
     turned = tuple(p.turned() for p in reversed(backward.points[1:]))
-    return Path(turned + forward.points, forward.end, backward.end)
+    return Path(turned + forward.points, forward.end, backward.end, forward.work + backward.work)
 
 
 def _met(point: Point, known: Sequence[Path], order: int) -> str | None:

@@ -105,8 +105,8 @@ def _settle(
     """Steady state (u, v) of every lane from a state (2, lanes), NaN after an escape; u_max, u_min, a1, residual, kind.
 
     The change of the Poincare map over a period, divided by ``1 - exp(-2 pi zeta / Omega)``, estimates the remaining
-    distance, `residual`. Slow convergence is accelerated by extrapolating the map, which is nearly affine there
-    (Aitken). `kind` is the period, 0 not settled, -1 escaped; the periods integrated are the last row (6, lanes).
+    distance, `residual`. Slow convergence is accelerated by steps of Newton's method to the fixed point of the map.
+    `kind` is the period, 0 not settled, -1 escaped; the periods integrated are the last row (6, lanes).
     """
     lanes = omega.size
     shrink = 1.0 - np.exp(-2.0 * np.pi * equation.zeta / omega)
@@ -136,12 +136,13 @@ def _settle(
         y = np.array(history)[:, :, active]
         repeats, residual[active] = _periods(y, shrink[active], size, tol)
         kind[active] = np.where(gone, -1, repeats)
-        if len(history) == 2 * _LONGEST + 1:
-            jump = _extrapolated(y[-5:])
-            near = (kind[active] == 0) & (np.abs(jump).max(axis=0) < 0.05 * size)
+        slow = np.flatnonzero(kind[active] == 0)
+        if len(history) == 2 * _LONGEST + 1 and slow.size:
+            jump = _to_fixed_point(equation, state[:, active[slow]], omega[active[slow]], forcing[active[slow]])
+            near = np.abs(jump).max(axis=0) < 0.05 * size[slow]
             if near.any():
                 state = state.copy()
-                state[:, active[near]] += jump[:, near]
+                state[:, active[slow[near]]] += jump[:, near]
                 history = [state]
     lost = np.where(kind < 0, np.nan, 1.0)
     top, bottom = (
@@ -170,16 +171,11 @@ def _periods(y: Array, shrink: Array, size: Array, tol: float) -> tuple[Array, A
     return found, distance
 
 
-def _extrapolated(y: Array) -> Array:
-    """Steps (2, lanes) to the fixed points of the affine maps through five Poincare points (5, 2, lanes)."""
-    d = np.nan_to_num(np.diff(y, axis=0))  # NaN where a lane has just escaped
-    # d[k+1] = M d[k]: fit the 2 x 2 matrix M to three pairs, then sum the geometric series
-    a, b = d[:-1].transpose(2, 1, 0), d[1:].transpose(2, 1, 0)
-    gram = a @ a.transpose(0, 2, 1)
-    usable = np.linalg.det(gram) > 1e-12 * np.trace(gram, axis1=1, axis2=2) ** 2
-    gram[~usable] = np.eye(2)
-    m = b @ a.transpose(0, 2, 1) @ np.linalg.inv(gram)
-    usable &= np.abs(np.linalg.eigvals(m)).max(axis=1) < 1.0
-    m[~usable] = 0.0
-    step = np.linalg.solve(np.eye(2) - m, m @ d[-1].T[..., None])[..., 0].T
-    return np.where(usable, step, np.inf)
+def _to_fixed_point(equation: Equation, state: Array, omega: Array, forcing: Array) -> Array:
+    """Steps (2, lanes) of Newton's method to attracting fixed points of the map, infinite where there is none."""
+    m = motions(equation, state.T, omega, forcing, rtol=_RTOL)
+    matrix = np.nan_to_num(m.by_end[:, :, :2])
+    attracting = (np.abs(np.linalg.eigvals(matrix)).max(axis=1) < 1.0) & np.isfinite(m.end[:, 0])
+    matrix[~attracting] = 0.0
+    step = np.linalg.solve(np.eye(2) - matrix, (m.end - state.T)[..., None])[..., 0].T
+    return np.where(attracting, step, np.inf)

@@ -73,10 +73,6 @@ class Law(ABC):
     def potential(self, z: ArrayLike) -> Array:
         """Energy stored at `z`, the integral of the force from 0 (force * length)."""
 
-    def stored(self, z: float) -> float:
-        """Potential at one approach, for searches of roots."""
-        return float(self.potential(z))
-
     @abstractmethod
     def derivatives(self, z: float) -> tuple[float, float, float]:
         """First three derivatives of the force at `z` (force/length, /length^2, /length^3)."""

@@ -74,12 +74,6 @@ class PowerLaw(Law):
     def push(self, z: Array) -> Array:
         return self.K * np.maximum(z, 0.0) ** self.n
 
-    def at(self, z: float) -> tuple[float, float]:
-        if z <= 0.0:
-            return 0.0, 0.0
-        slope = self.K * z ** (self.n - 1.0)
-        return slope * z, self.n * slope
-
     def potential(self, z: ArrayLike) -> Array:
         return self.K * np.maximum(np.asarray(z, float), 0.0) ** (self.n + 1.0) / (self.n + 1.0)
 

@@ -7,10 +7,8 @@ that scatter.
 
 from __future__ import annotations
 
-from bisect import bisect_right
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from math import exp, log
 from typing import Any
 
 import numpy as np
@@ -30,7 +28,6 @@ _GROUPS = 4  # of points that are left out in turn
 _REACHES = 0.4 * 0.5 ** np.arange(9)  # distances in ln z of the divided differences, tried in turn
 _STEEPEST = 0.9  # largest exponent of the stiffness over the force with which a law begins at zero approach
 _CELL_X, _CELL_W = np.polynomial.legendre.leggauss(10)
-_CELL = list(zip(_CELL_X.tolist(), _CELL_W.tolist(), strict=True))
 
 
 @dataclass(frozen=True, eq=False)
@@ -232,16 +229,6 @@ class TableLaw(Law):
     def push(self, z: Array) -> Array:
         return np.where(z > 0, np.exp(self._curve(np.log(np.maximum(z, 1e-300)))), 0.0)
 
-    def at(self, z: float) -> tuple[float, float]:
-        if z <= 0.0:
-            return 0.0, 0.0
-        x = log(z)
-        edges, cubics = self._cells
-        a, b, c, d, start = cubics[bisect_right(edges, x)]
-        t = x - start
-        force = exp(((a * t + b) * t + c) * t + d)
-        return force, force * ((3.0 * a * t + 2.0 * b) * t + c) / z
-
     def potential(self, z: ArrayLike) -> Array:
         z = np.maximum(np.asarray(z, float), 0.0)
         energy, n = self._energy
@@ -250,16 +237,6 @@ class TableLaw(Law):
         half = 0.5 * (z - left)
         inside = half * (self.both(left[..., None] + half[..., None] * (1.0 + _CELL_X))[0] @ _CELL_W)
         return np.where(z < self.z[0], energy[0] * (z / self.z[0]) ** (n + 1.0), energy[cell] + inside)
-
-    def stored(self, z: float) -> float:
-        energy, n = self._energy
-        if z < self.z[0]:
-            return float(energy[0]) * (max(z, 0.0) / float(self.z[0])) ** (n + 1.0)
-        cell = int(np.searchsorted(self.z, z, side="right")) - 1
-        left = float(self.z[cell])
-        half = 0.5 * (z - left)
-        inside = sum(w * self.at(left + half * (1.0 + x))[0] for x, w in _CELL)
-        return float(energy[cell]) + half * inside
 
     def derivatives(self, z: float) -> tuple[float, float, float]:
         """First derivative of the law, and divided differences of ln F over ln z for the others.
@@ -376,13 +353,6 @@ class TableLaw(Law):
             curve.c[:, i + 1] = spline(np.where(kink, self.k_above * self.z / self.F, slopes)).c[:, i + 1]
         curve.c[:2, [0, -1]] = 0.0
         return curve
-
-    @cached_property
-    def _cells(self) -> tuple[list[float], list[tuple[float, ...]]]:
-        """Edges in ln z, and for each cell the coefficients of ln F and where it starts."""
-        curve = self._curve
-        rows = [(*c, start) for c, start in zip(curve.c.T.tolist(), curve.x.tolist(), strict=False)]
-        return curve.x[1:-1].tolist(), rows
 
     @cached_property
     def _energy(self) -> tuple[Array, float]:
