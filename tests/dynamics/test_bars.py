@@ -41,9 +41,9 @@ def exact(f: Callable[[float], float], z: float, h: float = 1e-3) -> tuple[float
     return a, (3 * third - 5 * second**2) / 48, z, a * f(z) / z
 
 
-@pytest.mark.parametrize(("curve", "least"), [(smooth, 0.95), (summits, 0.75)])
-def test_the_bars_hold(curve: Callable[[np.random.Generator], Curve], least: float) -> None:
-    """For 95 % of 200 curves; curvature of summits for 75 %, for points show no summit that has just been touched."""
+@pytest.mark.parametrize("curve", [smooth, summits])
+def test_the_bars_hold(curve: Callable[[np.random.Generator], Curve]) -> None:
+    """For 95 % of 200 curves, though points show no summit that has just been touched."""
     inside = []
     for seed in range(200):
         rng = np.random.default_rng(7000 + seed)
@@ -56,5 +56,4 @@ def test_the_bars_hold(curve: Callable[[np.random.Generator], Curve], least: flo
         values = exact(f, brentq(lambda x, f=f, load=load: f(x) - load, 1e-9, 1.0))
         bars = (known.n_loc, known.kappa, known.z_s, known.k_n)
         inside.append([b.low - 1e-9 * abs(v) <= v <= b.high + 1e-9 * abs(v) for b, v in zip(bars, values, strict=True)])
-    n, kappa, z_s, k_n = np.mean(inside, axis=0)
-    assert min(n, z_s, k_n) >= 0.95 and kappa >= least, (n, kappa, z_s, k_n)
+    assert np.all(np.mean(inside, axis=0) >= 0.95), np.mean(inside, axis=0)

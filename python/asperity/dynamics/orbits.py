@@ -147,7 +147,7 @@ class Tracing:
 
     window: tuple[float, float]  # of the parameter
     max_step: float  # in the parameter
-    max_work: float = 5000.0  # after which a path ends
+    max_work: float = 2500.0  # after which a path ends
     limits: tuple[float, float] | None = None  # up to which a branch is followed outside the window; None: its ends
 
     def is_inside(self, parameter: float) -> bool:

@@ -32,6 +32,7 @@ from asperity.errors import ConvergenceError
 from asperity.force_law.damping import only_in_contact
 
 _STARTS = 240  # on the period map, and as many on free orbits
+_SLOW = 0.2  # Omega below which there are fewer, because each takes longer
 _BEYOND = 1.2  # frequency over that of a resonance, beyond which the orbit is unique
 _BELOW = 0.5  # lowest frequency outside the window, over its low end
 _RESONANCES = 6  # main and superharmonic ones, at Omega = 1/k, between which an undamped branch starts
@@ -51,6 +52,7 @@ class Search:
         self.orders = (1, 2) if subharmonics else (1,)
         self.orbits = {order: Orbits(equation, forcing, order, rtol=rtol) for order in (1, 2)}
         self.strong = float(forcing.at(max(1.0, how.window[1])))  # F^, the greatest in the window and at the resonance
+        self.starts = int(_STARTS * min(1.0, how.window[0] / _SLOW))
         self.chart = backbone_chart(equation, self.strong)
         self.alone = has_one_resonance(equation, self.strong)  # below the main resonance the orbit is unique
         self.branches: list[Branch] = []
@@ -77,16 +79,18 @@ class Search:
                     self._from_rest(omega)
         self._finish()
         orders = self._searched_orders()
-        random = random_starts(self.equation, self.strong, self.how.window, _STARTS) if orders else np.empty((3, 0))
+        random = random_starts(self.equation, self.strong, self.how.window, self.starts) if orders else np.empty((3, 0))
         for order in orders:
-            free = free_starts(self.equation, self.chart, self.how.window, order, _STARTS)
+            free = free_starts(self.equation, self.chart, self.how.window, order, self.starts)
             lanes = np.concatenate([free, random], axis=1)
             for omega, x, amplitude in periodic_orbits(self.equation, self.forcing, lanes, order, self._states):
                 self._through("detached", order, x, omega, amplitude)
                 self._finish()
+                if self._left < 0.0:
+                    break
         if not self.branches:
             raise ConvergenceError(f"no periodic orbit found for Omega = {low:g} to {high:g} with F^ = {self.strong:g}")
-        if any(TOO_MUCH in (path.begin, path.end) for _, _, path in self._paths):
+        if self._left < 0.0:
             self.notes.append(
                 "the search ended after too much work, and orbits may be missing: give a narrower window, or one of "
                 "higher frequencies"
@@ -109,7 +113,7 @@ class Search:
     def describe(self) -> str:
         """Sentence `FrequencyResponse.searched`."""
         periods, tried = (" and ".join(map(str, orders)) for orders in (self.orders, self._searched_orders()))
-        origins = f"rest and up to {2 * _STARTS} starts of period {tried}" if tried else "rest"
+        origins = f"rest and up to {2 * self.starts} starts of period {tried}" if tried else "rest"
         left = "that start from none of these states" if tried else "that so weak a forcing is not expected to sustain"
         return (
             f"searched: orbits of period {periods}, from {origins}; not searched: longer periods, which period "
@@ -128,8 +132,12 @@ class Search:
 
     def _tracing(self, order: int) -> Tracing:
         """How branches of an order are traced."""
-        spent = sum(path.work for _, _, path in self._paths)
-        return replace(self.how, limits=self._limits(order), max_work=max(self.how.max_work - spent, 0.0))
+        return replace(self.how, limits=self._limits(order), max_work=max(self._left, 0.0))
+
+    @property
+    def _left(self) -> float:
+        """Work that is left."""
+        return self.how.max_work - sum(path.work for _, _, path in self._paths)
 
     def _from_rest(self, omega: float) -> None:
         """Trace the branch from rest at a frequency in the window or above it."""
@@ -160,7 +168,7 @@ class Search:
             if self._measured < len(self._paths):
                 self._measured += 1
                 self._measure(*self._paths[self._measured - 1])
-            elif self._doublings:
+            elif self._doublings and self._left > 0.0:
                 flip = self._doublings.pop(0)
                 path = subharmonic(self.orbits[2], flip, self._tracing(2), self._known(2))
                 if len(path.points) > 2:

@@ -12,6 +12,7 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
+from numpy.polynomial import polynomial
 from numpy.typing import ArrayLike
 from scipy.interpolate import CubicHermiteSpline, PchipInterpolator, PPoly
 
@@ -26,6 +27,7 @@ from asperity.runtime.display import short_repr
 
 _GROUPS = 4  # of points that are left out in turn
 _REACHES = 0.4 * 0.5 ** np.arange(9)  # distances in ln z of the divided differences, tried in turn
+_UNSEEN = 12.0  # range of kappa between points over that which four points each show; for 95 % of curves of summits
 _STEEPEST = 0.9  # largest exponent of the stiffness over the force with which a law begins at zero approach
 _CELL_X, _CELL_W = np.polynomial.legendre.leggauss(10)
 
@@ -247,25 +249,37 @@ class TableLaw(Law):
         return _derivatives(rows[best], float(self.both(np.array([z]))[0][0]), z)
 
     def kappa_bar(self, z: float) -> float:
-        """How much kappa at `z` differs between all reaches down to the distance of the points, and without some."""
+        """How far kappa at `z` is from those of the cubics through four neighbouring points, and how these differ.
+
+        Where summits touch in turn, kappa differs more between two points than the points can tell. Of given slopes and
+        points that scatter: how much it differs without some, and, of slopes, for shorter reaches.
+        """
         _, kappa, best = self._reaches(z)
-        last = int(np.searchsorted(self.z, z))
-        first, last = max(last - 2, 0), min(last + 1, self.z.size - 1)
-        apart = np.log(self.z[last] / self.z[first]) / max(last - first, 1)
-        resolved = max(int(np.abs(np.log(_REACHES / apart)).argmin()), 1) + 1
-        without = float(np.abs(kappa[1:, best] - kappa[0, best]).sum())
-        change = float(np.abs(kappa[0, max(best - 1, 0) : best + 2] - kappa[0, best]).max())
-        return without + change + float(np.abs(kappa[0, :resolved] - kappa[0, best]).max())
+        branch = self._about(z)
+        x, i = np.log(branch.z / z), int(np.searchsorted(branch.z, z))
+        bar = 0.0 if self.k is None else float(np.abs(kappa[1:, best] - kappa[0, best]).sum())
+        if x.size < 4 or (self.k is not None and not self.noise):
+            first, last = max(i - 2, 0), min(i + 1, x.size - 1)
+            apart = max((x[last] - x[first]) / max(last - first, 1), _REACHES[-1])
+            return bar + float(np.abs(kappa[0, : int(np.sum(apart < 1.5 * _REACHES)) + 1] - kappa[0, best]).max())
+        near = []
+        for k in range(min(max(i - 4, 0), x.size - 4), min(i + 1, x.size - 3)):
+            fit = polynomial.polyfit(x[k : k + 4], np.log(branch.F[k : k + 4]), 3)[1:] * (1.0, 2.0, 6.0)
+            near.append(curvature(_derivatives(fit, 1.0, 1.0), 1.0))
+        return bar + float(np.abs(near - kappa[0, best]).max() + _UNSEEN * np.ptp(near))
 
     def _reaches(self, z: float) -> tuple[Array, Array, int]:
         """Differences and kappa for each reach, with kappa without some points, and the reach with the least error."""
-        branch = self.elastic if z <= self.yields_at * (1 + 1e-12) else self
+        branch = self._about(z)
         rows = [law._differences(z) for law in (branch, *branch.thinned)]
         kappa = np.array([[curvature(_derivatives(y, 1.0, 1.0), 1.0) for y in row] for row in rows])
         change = np.abs(np.diff(kappa[0]))
         change = np.maximum(change, np.append(0.0, change[:-1]))
         error = change + np.abs(kappa - kappa[0]).sum(axis=0)[:-1]
         return rows[0], kappa, int(error.argmin())
+
+    def _about(self, z: float) -> TableLaw:
+        return self.elastic if z <= self.yields_at * (1 + 1e-12) else self
 
     @cached_property
     def elastic(self) -> TableLaw:
