@@ -58,25 +58,6 @@ def test_force_is_the_derivative_of_the_potential(law: TableLaw) -> None:
         assert float(r.df(u)) == pytest.approx(float(slope), rel=1e-6)
 
 
-@pytest.mark.parametrize(
-    "law",
-    [
-        TableLaw(Z, Z**1.5 + 0.3 * Z**2),
-        TableLaw.of_stiffness(Z**1.5, 1.5 * Z**0.5),
-        TableLaw(Z, 2.0 * Z**1.5).yielding(TableLaw(Z, Z**1.2), 0.5),
-    ],
-)
-def test_the_scalar_force_is_that_of_arrays(law: Law) -> None:
-    """Below the first point, at the points, between and beyond them; and the dense force of time integration."""
-    z = np.concatenate([[-1.0, 0.0, 1e-6], Z, np.linspace(0.001, 3.0, 997)])
-    force, slope = law.both(z)
-    found = np.array([law.at(float(x)) for x in z])
-    np.testing.assert_allclose(found[:, 0], force, rtol=1e-13, atol=1e-300)
-    at_kink = np.abs(z - getattr(law, "yields_at", -9.0)) < 1e-9
-    np.testing.assert_allclose(found[~at_kink, 1], slope[~at_kink], rtol=1e-12, atol=1e-300)
-    np.testing.assert_allclose(law.push(z), force, rtol=1e-6, atol=1e-8)
-
-
 @pytest.mark.parametrize(("n", "rim"), [(1.2, -4.529), (1.5, -2.7446), (2.0, -2.0), (2.4, -1.9202)])
 def test_taylor_rim(n: float, rim: float) -> None:
     assert TaylorLaw.about(PowerLaw(n), 1.0).rims()[0] == pytest.approx(rim, abs=5e-4)

@@ -76,11 +76,6 @@ class Restoring:
             object.__setattr__(self, name, float(value))
 
     @property
-    def singular(self) -> bool:
-        """Whether the stiffness is infinite at contact loss (n < 1)."""
-        return self.contact and float(self.df(np.array([-1.0 + 1e-12]))[0]) > 10.0
-
-    @property
     def contact(self) -> bool:
         """Whether contact is lost at u = -1."""
         return self.law.contact

@@ -92,14 +92,6 @@ class LoopDamping:
         """Coefficient of the damper at distances z >= 0 (length), in units of a damping ratio, its shape."""
         return np.interp(z, *self._nodes)
 
-    def integral(self, z: Array) -> Array:
-        """Integral of `coefficient` from 0 (length), shape of `z`."""
-        x, y = self._nodes
-        sums = np.append(0.0, np.cumsum(0.5 * (y[1:] + y[:-1]) * np.diff(x)))
-        i = np.clip(np.searchsorted(x, z, side="right") - 1, 0, len(x) - 2)
-        inside = np.minimum(z, x[-1])
-        return np.asarray(sums[i] + 0.5 * (y[i] + np.interp(inside, x, y)) * (inside - x[i]) + y[-1] * (z - inside))
-
     @cached_property
     def _nodes(self) -> tuple[Array, Array]:
         """Distances and coefficients between which the damper is linear: the least squares of the damping ratios."""

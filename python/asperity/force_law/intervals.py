@@ -15,7 +15,7 @@ from asperity.force_law.law import Law, bend
 from asperity.force_law.table import TableLaw
 from asperity.runtime.display import short_repr
 
-_WIDER = 1.3  # bar from the points over the changes without some; for 95 % of curves
+_WIDER = 1.3  # bar from points without slopes, over the changes without some; for 95 % of curves
 
 
 class Interval(NamedTuple):
@@ -98,7 +98,9 @@ def intervals(
 
     members, centre, thinned = tuple(members), values(law), law.thinned if isinstance(law, TableLaw) else ()
     ends = np.stack([centre, *map(values, members)])
-    wider = _WIDER * np.sum([np.abs(values(one) - centre) for one in thinned], axis=0) if thinned else np.zeros(4)
+    wider = np.sum([np.abs(values(one) - centre) for one in thinned], axis=0) if thinned else np.zeros(4)
+    if isinstance(law, TableLaw) and law.k is None:
+        wider *= _WIDER
     wider[1] = law.kappa_bar(float(centre[2]))
     found = np.stack([centre, ends.min(axis=0) - wider, ends.max(axis=0) + wider], axis=1)
     frequency = np.sqrt(np.maximum(found[3], 0.0) / mass)

@@ -60,10 +60,6 @@ class Law(ABC):
     def both(self, z: Array) -> tuple[Array, Array]:
         """Force and stiffness (force/length) at approaches `z` (length, any shape)."""
 
-    def push(self, z: Array) -> Array:
-        """Force alone at `z`, without range check."""
-        return self.both(z)[0]
-
     def at(self, z: float) -> tuple[float, float]:
         """Force and stiffness at one approach, without range check, for the inner loop of integration."""
         force, slope = self.both(np.array([z]))

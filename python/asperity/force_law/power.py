@@ -71,9 +71,6 @@ class PowerLaw(Law):
             slope = np.where(s > 0, self.K * s ** (self.n - 1.0), 0.0)
         return slope * s, self.n * slope
 
-    def push(self, z: Array) -> Array:
-        return self.K * np.maximum(z, 0.0) ** self.n
-
     def potential(self, z: ArrayLike) -> Array:
         return self.K * np.maximum(np.asarray(z, float), 0.0) ** (self.n + 1.0) / (self.n + 1.0)
 

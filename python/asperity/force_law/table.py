@@ -225,11 +225,8 @@ class TableLaw(Law):
     def both(self, z: Array) -> tuple[Array, Array]:
         z = np.asarray(z, float)
         s = np.maximum(z, 1e-300)
-        force = self.push(z)
+        force = np.where(z > 0, np.exp(self._curve(np.log(s))), 0.0)
         return force, np.where(z > 0, force * self._curve(np.log(s), 1) / s, 0.0)
-
-    def push(self, z: Array) -> Array:
-        return np.where(z > 0, np.exp(self._curve(np.log(np.maximum(z, 1e-300)))), 0.0)
 
     def potential(self, z: ArrayLike) -> Array:
         z = np.maximum(np.asarray(z, float), 0.0)
