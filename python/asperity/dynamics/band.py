@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from asperity.arrays import Array
+from asperity.dynamics.branch import dense
 from asperity.dynamics.equation import Restoring
 from asperity.dynamics.oscillator import ContactOscillator
 from asperity.dynamics.response import FrequencyResponse, frequency_response
@@ -18,6 +19,7 @@ from asperity.force_law.law import Law
 from asperity.force_law.table import TableLaw
 from asperity.runtime.display import short_repr
 
+_RTOL = 4e-3  # relative error of the straight lines between orbits
 _SAME_SHAPE = 1e-3  # sum of differences in n and kappa up to which laws differ by their stiffness alone
 _SAME_ORBIT = 1e-9  # relative difference in u_max up to which two orbits at a frequency are one
 BAND_COLUMNS = ("F_hat", "Omega", "upper_low", "upper_high", "lower_low", "lower_high")
@@ -146,7 +148,7 @@ def _moved(response: FrequencyResponse, omega: Array, moved: tuple[float, float]
 
     A point (Omega, u) of the response is moved to (s Omega, u/s^2), with s from `moved[0]` to `moved[1]`.
     """
-    lines = response.lines()
+    lines = [replace(b, points=dense(response.orbits(b), b.points, _RTOL)) for b in response.branches]
     left, right = omega / moved[1], omega / moved[0]
     at = np.unique(np.concatenate([left, right, *(line.Omega for line in lines)]))
     # largest and smallest stable u_max of the response, linear between rows

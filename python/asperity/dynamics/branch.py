@@ -22,7 +22,7 @@ from asperity.dynamics.orbits import Orbits, Path, Point, hermite, value
 from asperity.errors import ConvergenceError
 from asperity.runtime.display import short_repr
 
-_RTOL = 7.5e-4  # relative error of a straight line between rows
+_RTOL = 9e-4  # relative error of a straight line between rows
 _FLAT = (1e-9, 1e-4)  # relative changes of Omega and of u_max below which the other is not checked
 _PLACES = np.array([0.25, 0.5, 0.75])  # of a segment, where it is compared with its chord
 _TOP, _CHANGE = "largest u_max", "change of stability"  # points, but not events
@@ -127,13 +127,13 @@ class Solution:
         return float(u), float(v)
 
 
-def dense(orbits: Orbits, points: Sequence[Point]) -> tuple[Point, ...]:
-    """Points with more orbits between them, so close that straight lines deviate from the cubics by `_RTOL`."""
+def dense(orbits: Orbits, points: Sequence[Point], rtol: float = _RTOL) -> tuple[Point, ...]:
+    """Points with more orbits between them, so close that straight lines deviate from the cubics by `rtol`."""
     rows, left = list(points[:1]), list(reversed(points[1:]))
     while left:
         a, b = rows[-1], left[-1]
         with suppress(ConvergenceError):
-            if _deviation(orbits, a, b) > _RTOL and a.parameter != b.parameter:
+            if _deviation(orbits, a, b) > rtol and a.parameter != b.parameter:
                 left.append(orbits.between(a, b, 0.5))
                 continue
         rows.append(left.pop())

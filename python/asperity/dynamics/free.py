@@ -27,7 +27,6 @@ from asperity.runtime.display import short_repr
 
 _ORDERS = (24, 48, 96, 192, 384)  # of the Gauss rule of a panel, until two of them agree
 _RTOL = 2e-13  # in which they agree: some hundred times round-off
-_ROUGH = 16  # harmonics of starting values
 _SHORT = 1e-12  # a knot this close to a turning point, over half the stroke, has no panel of its own
 _TOUCHING = 1e-5  # distance from a turning point, over that of this from separation, where potentials cancel
 
@@ -139,13 +138,6 @@ def free_orbit(restoring: Restoring, u0: float, damping: Damping = "always", *, 
         u0, half.u_min, 2.0 * np.pi / half.period, a1, a2, half.v_s, 2.0 * half.flight / half.period,
         _dissipation(restoring, half, damping), max(half.error, 1e-15),
     )  # fmt: skip
-
-
-def rough_states(restoring: Restoring, u0: float, phase: Array) -> tuple[float, Array, Array]:
-    """Frequency, and displacements and speeds at angles `phase` after the release, for starting values."""
-    half, k = _half_period(restoring, u0, _ORDERS[1:2]), np.arange(_ROUGH + 1)
-    omega, a = 2.0 * np.pi / half.period, _harmonics(half, k)
-    return omega, np.cos(np.multiply.outer(phase, k)) @ a, -omega * (np.sin(np.multiply.outer(phase, k)) @ (k * a))
 
 
 class _HalfPeriod(NamedTuple):

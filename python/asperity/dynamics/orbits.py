@@ -34,7 +34,7 @@ _PREDICTED = 0.03  # allowed error of the prediction
 _INSIDE = 7e-3  # the same inside the window, over the rate of the parameter along the branch, at least `_STEEP`
 _STEEP = 0.03
 _WEAK = 1e-3  # relative amplitude of a resonance that steps may jump over
-_WORK = 500  # steps of the integrator that count as much as a point
+_WORK = 250  # steps of the integrator that count as much as a point
 TOO_MUCH = "too much work"  # a reason why a path ends
 _CROSSING_RTOL = 1e-14  # tolerance of the fraction of a segment at which a parameter is crossed
 _ROUND_OFF = 1e-15  # relative round-off of the contact force
@@ -147,7 +147,7 @@ class Tracing:
 
     window: tuple[float, float]  # of the parameter
     max_step: float  # in the parameter
-    max_work: float = 2500.0  # after which a path ends
+    max_work: float = 4000.0  # after which a path ends
     limits: tuple[float, float] | None = None  # up to which a branch is followed outside the window; None: its ends
 
     def is_inside(self, parameter: float) -> bool:
@@ -211,15 +211,16 @@ class Orbits:
         previous, travelled, work = np.inf, 0.0, 0.0
         rtol = max(rtol, _NOISE * _ROUND_OFF / (self.equation.restoring.n_loc * min(amplitude, 1.0) + 1e-300))
         phase, rows = TURN / PIECES * np.arange(count), np.arange(2 * count).reshape(-1, 2)
+        ahead = -np.roll(np.eye(2 * count), 2, axis=1)
         for _ in range(_NEWTON):
             states = y[:-1].reshape(-1, 2)
             m = self.map(states, float(y[-1]), phase, TURN / PIECES)
             work += 0.5 + m.steps / _WORK
-            residual = (m.end - np.roll(states, -1, axis=0)).ravel() * w[:-1]
+            residual = (m.end - np.concatenate([states[1:], states[:1]])).ravel() * w[:-1]
             if not np.abs(residual).max() < _LOST:
                 break
             matrix = np.zeros((y.size, y.size))
-            matrix[np.arange(2 * count), np.roll(np.arange(2 * count), -2)] = -1.0
+            matrix[:-1, :-1] = ahead
             matrix[rows[:, :, None], rows[:, None, :]] += m.by_end[:, :, :2]
             matrix[:-1, -1] = m.by_end[:, :, 2].ravel()
             matrix *= np.append(w[:-1], 0.0)[:, None] / w

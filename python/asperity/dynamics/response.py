@@ -172,7 +172,7 @@ def frequency_response(
     *,
     tol: float = 1e-5,
     subharmonics: bool = True,
-    max_work: float = 2500.0,
+    max_work: float = 4000.0,
 ) -> FrequencyResponse:
     """Compute all branches in a window; arguments and errors as in `ContactOscillator.response`.
 

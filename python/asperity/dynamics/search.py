@@ -52,7 +52,7 @@ class Search:
         self.orders = (1, 2) if subharmonics else (1,)
         self.orbits = {order: Orbits(equation, forcing, order, rtol=rtol) for order in (1, 2)}
         self.strong = float(forcing.at(max(1.0, how.window[1])))  # F^, the greatest in the window and at the resonance
-        self.starts = int(_STARTS * min(1.0, how.window[0] / _SLOW))
+        self.starts = int(_STARTS * min(1.0, how.window[0] / _SLOW) ** 2)
         self.chart = backbone_chart(equation, self.strong)
         self.alone = has_one_resonance(equation, self.strong)  # below the main resonance the orbit is unique
         self.branches: list[Branch] = []
@@ -99,7 +99,7 @@ class Search:
             f"at the end Omega = {edge:g} of the window at least one orbit of period {order} is missing: "
             "give another window, which ends between the resonances"
             for order, edge in product(self.orders, self.how.window)
-            if self._excess(order, edge)
+            if self._left >= 0.0 and self._excess(order, edge)
         ]
         self.notes += missing if self._adds_up() and not missing else [*self._lost, *missing]
 

@@ -15,20 +15,22 @@ import numpy as np
 
 from asperity.arrays import Array
 from asperity.dynamics.equation import Equation, Forcing
-from asperity.dynamics.free import free_orbit, rough_states
+from asperity.dynamics.free import free_orbit
 from asperity.dynamics.orbits import PIECES, Orbits, Point, Tracing
 from asperity.dynamics.period_map import TURN, motions
 from asperity.dynamics.thresholds import resonance_peak
 from asperity.errors import ConvergenceError
 from asperity.force_law.damping import only_in_contact
 
-_POINTS = 16  # amplitudes on the backbone; a chart of 12 finds the same loops of period 2
+_POINTS = 12  # amplitudes on the backbone
 _LARGEST = 300.0  # amplitude of free orbits, above which the mass flies all the time
 _SMALLEST = 0.05  # of them in the chart
 _MOST_LOST = 2.0  # of `Chart.lost` with orbits of period 2: up to 1.1 in 250 random windows
 _LINEAR, _FAINT = 0.3, (0.02, 1e-3, 1e-5)  # amplitudes up to which, and at which, orbits from rest start as linear
+_RAISING = 500.0  # work while the forcing is raised
 _SINGULAR = 1e-9  # impedance below which there is no linear response to start from
 _NEWTON = 9  # iterations on the period map
+_MOST_STEPS = 1e5  # of the integrator in these iterations
 _ROUGH = 1e-6  # tolerance of the motions of the search; the orbits are corrected later
 _CLOSE = 1e-4  # Newton step that ends the search, relative to the state
 _KNOWN = 1e-2  # distance within which an orbit is identical to a known one, relative to the state
@@ -54,7 +56,7 @@ def orbit_from_rest(equation: Equation, omega: float, forcing: float, rtol: floa
     else:
         raise ConvergenceError(f"no orbit found from rest at Omega = {omega:g}")
     if first < forcing:
-        path = orbits.trace(point, Tracing((0.0, forcing), 0.5 * forcing))
+        path = orbits.trace(point, Tracing((0.0, forcing), 0.5 * forcing, _RAISING))
         point = path.points[-1]
         if path.end != "window" or point.parameter < 0.5 * forcing:
             raise ConvergenceError(f"no orbit found from rest at Omega = {omega:g}, F^ = {forcing:g}")
@@ -129,17 +131,17 @@ def free_starts(equation: Equation, chart: Chart, window: tuple[float, float], o
 
     Superharmonic and subharmonic resonances follow these orbits, at a phase that balances the loss.
     """
-    found = []
-    if chart.amplitude.size:
-        (place, phase), size = _even(count, 2), np.log(chart.amplitude)
-        amplitude = np.exp(np.interp(place * (size.size - 1), np.arange(size.size), size))
-        share = order / (1.0 + order * (np.arange(count) % _CYCLES))  # of the frequency of the free orbit
-        rough = share * np.interp(np.log(amplitude), size, chart.frequency)
-        for i in np.flatnonzero((rough > window[0]) & (rough < window[1])):
-            state = rough_states(equation.restoring, float(amplitude[i]), TURN * phase[i])
-            found.append((share[i] * state[0], *state[1:]))
-    lanes = np.array(found).reshape(-1, 3).T
-    return lanes[:, (lanes[0] > window[0]) & (lanes[0] < window[1])]
+    if not chart.amplitude.size:
+        return np.empty((3, 0))
+    (place, phase), size = _even(count, 2), np.log(chart.amplitude)
+    log_u = np.interp(place * (size.size - 1), np.arange(size.size), size)
+    share = order / (1.0 + order * (np.arange(count) % _CYCLES))  # of the frequency of the free orbit
+    omega = share * np.interp(log_u, size, chart.frequency)
+    kept = (omega > window[0]) & (omega < window[1])
+    omega, rest = omega[kept], np.column_stack([np.exp(log_u), np.zeros(count)])[kept]
+    lengths, free = TURN * phase[kept], Equation(equation.restoring, 0.0)
+    y = motions(free, rest, omega / share[kept], 0.0, length=lengths, rtol=_ROUGH, derivatives=False).end
+    return np.vstack([omega, y.T])
 
 
 def _even(count: int, dimensions: int) -> Array:
@@ -157,13 +159,15 @@ def periodic_orbits(
     """
     omega, y = lanes[0], lanes[1:].T
     y = motions(equation, y, omega, forcing.at(omega), length=TURN * order, rtol=_ROUGH, derivatives=False).end
+    steps = 0.0
     for _ in range(_NEWTON):
         kept = np.isfinite(y).all(axis=1)
         omega, y = omega[kept], y[kept]
-        if not y.size:
+        if not y.size or steps > _MOST_STEPS:
             return
         size = 0.1 + np.abs(y).sum(axis=1)
         m = motions(equation, y, omega, forcing.at(omega), length=TURN * order, rtol=_ROUGH)
+        steps += m.steps
         with np.errstate(all="ignore"):
             (a, b), (c, d) = m.by_end[:, :, :2].transpose(1, 2, 0)
             p, q = (m.end - y).T
