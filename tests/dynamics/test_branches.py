@@ -113,15 +113,6 @@ def test_two_orbits_on_one_side_of_a_fold(n: float, zeta: float, low: float) -> 
         assert len(r.at(e.Omega)) in (len(few), len(few) + 1, len(few) + 2)
 
 
-def test_a_point_of_a_branch_is_one_orbit() -> None:
-    r = computed()
-    (b,) = r.branches
-    for i in (0, 5, len(b) - 1):
-        found = r.at(float(b.Omega[i]))
-        assert min(abs(s.u_max - b.u_max[i]) for s in found) < 1e-9
-        assert all(y.u_max - x.u_max > 1e-6 for x, y in pairwise(found))
-
-
 def test_a_crossing_that_cannot_be_corrected_is_an_error(monkeypatch: pytest.MonkeyPatch) -> None:
     r = computed()
     monkeypatch.setattr(orbits, "_NEWTON", 0)
@@ -177,15 +168,6 @@ def test_straight_lines_between_rows(n, zeta, forcing, window) -> None:
             if i.size and not np.isclose(s.u_max, r.peak[1], rtol=1e-3):
                 place = omega[i] + (s.u_max - u[i]) / (u[i + 1] - u[i]) * (omega[i + 1] - omega[i])
                 assert np.abs(place - w).min() < 1e-3 * w
-
-
-def test_stability_of_rows_changes_at_events() -> None:
-    r = computed()
-    (line,) = r.lines()
-    changes = np.flatnonzero(line.stable[:-1] != line.stable[1:])
-    assert len(changes) == len(r["fold"]) == 2
-    for i, e in zip(changes, r["fold"], strict=True):
-        assert np.abs(line.Omega[i : i + 2] - e.Omega).min() == 0.0
 
 
 def test_a_branch_is_drawn_without_gaps() -> None:
