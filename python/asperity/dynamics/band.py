@@ -19,7 +19,7 @@ from asperity.force_law.law import Law
 from asperity.force_law.table import TableLaw
 from asperity.runtime.display import short_repr
 
-_RTOL = 4e-3  # relative error of the straight lines between orbits
+_RTOL = 1.5e-3  # relative error of the straight lines between orbits
 _SAME_SHAPE = 1e-3  # sum of differences in n and kappa up to which laws differ by their stiffness alone
 _SAME_ORBIT = 1e-9  # relative difference in u_max up to which two orbits at a frequency are one
 BAND_COLUMNS = ("F_hat", "Omega", "upper_low", "upper_high", "lower_low", "lower_high")
