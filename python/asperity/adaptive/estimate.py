@@ -155,7 +155,7 @@ def estimate(case: Case, ranks: int = 1, surface: Surface | None = None, passes:
     """Estimate the cost of a case, without meshing or solving it.
 
     The approach of a load path that gives a force is that of a half-space, see `approach_of_force`.
-    With `accuracy.tolerance` they are those a run plans:
+    With `accuracy.tolerance` the meshes are those a run plans:
     the half-space that guides it is solved here too.
 
     Args:

@@ -23,8 +23,6 @@ from asperity.errors import InputError
 
 Along = Callable[[Floats], Floats]  # a relative error along the loading, at approaches (n,)
 
-FOUND = 1e-5  # relative, within which a loading ends at its greatest force
-LEAST_EXPONENT = 0.1  # of the force in the approach: below it the approach at a force is not known by the slope
 TAKEN = 0.5  # part of what the half-space corrects that is taken: the bar holds the rest, whatever part of it is true
 # Deviation of the force over that of the area from mesh to mesh, both relative: 0.11 and 0.15 on meshes of scale 1 and
 # 2 of twelve single spots, each at another place of the block
@@ -127,7 +125,7 @@ def correct(pair: Pair, judged: npt.NDArray[np.bool_], path: Along, algebraic: f
     """
     curve, other, part = pair.fine.curve, pair.coarse.curve, pair.weight
     loading = curve.branch == "load"
-    at, rows = curve.delta_star[loading], _rows_of_loading(loading)
+    at, rows = curve.delta_star[loading], rows_of_loading(loading)
     before = loading_force(other, at)
     factor, spread = limit_of_meshes(before, curve.P_star[loading], pair.ratio, pair.singular, judged[loading])
     scatter = (SCATTER + (FLOWING - SCATTER) * pair.flowing) * np.hypot(
@@ -163,7 +161,7 @@ def without_omission(curve: Curve, missed: Omission, compliance: float) -> Curve
     """
     loading = curve.branch == "load"
     force, area = missed.at(curve.delta_star[loading])
-    area = area[_rows_of_loading(loading)]
+    area = area[rows_of_loading(loading)]
     areas, error = (column * (1.0 + TAKEN * area) for column in (curve.area_fraction, curve.error_area_fraction))
     error = error + np.abs(_left(area)) * areas
     pressure = np.divide(curve.mean_pressure, 1.0 + TAKEN * area)
@@ -172,46 +170,41 @@ def without_omission(curve: Curve, missed: Omission, compliance: float) -> Curve
     return replace(corrected, mean_gap=curve.mean_gap + compliance * (corrected.P_star - curve.P_star))
 
 
-def with_measures(fine: Curve, pair: Pair, budget: Budget, compliance: float, exact_gap: float | None = None) -> Curve:
-    """A curve whose gap, stiffnesses and conductance are extrapolated from a coarser mesh, with their error bars.
+def with_measures(fine: Curve, pair: Pair, budget: Budget, compliance: float) -> Curve:
+    """A curve whose gap, stiffnesses and conductance have error bars; those that follow the spots are extrapolated.
 
-    The mean plane of an elastic block whose sides stay plane sinks by the approach less the compression, which the
-    force gives: the gap has no error but that of the force. In another block it is larger by the compression that
-    belongs to an error of the force. A stiffness follows the size of the spots, whose edges cut the facets at random.
-    The slope k_n is that of the corrected force, see `slope_bar`.
+    The mean plane of a block sinks by the approach less the compression, which the force gives: the gap has its error,
+    and what flow, free sides or slopes add is that of the finer mesh, with its change from mesh to mesh as a bar. A
+    stiffness follows the size of the spots, whose edges cut the facets at random. The slope k_n is that of the
+    corrected force, see `slope_bar`.
 
     Args:
         pair: the meshes; `fine` is the corrected curve of its finer one
         budget: error bars of P*
         compliance: see `without_omission`
-        exact_gap: mean gap without load where the force gives the gap [length]; None where it does not
     """
     loading = fine.branch == "load"
-    at, rows = fine.delta_star[loading], _rows_of_loading(loading)
+    at, rows = fine.delta_star[loading], rows_of_loading(loading)
     edges = _open_area(fine, at)
-    rest = budget.apart_from_mesh()
-    share = np.divide(rest, fine.P_star, out=np.zeros(len(fine)), where=fine.P_star > 0.0)
+
+    def beside(curve: Curve) -> Floats:
+        """Gap along the loading but for the approach and the compression; a constant for a linear solid."""
+        gap = curve.mean_gap + curve.delta - compliance * curve.P_star
+        return np.interp(at, curve.loading().delta_star, gap[curve.branch == "load"])
+
+    of_mesh = steady(beside(pair.fine.curve) - beside(pair.coarse.curve))[rows]
     columns: dict[str, Any] = {"error_k_n": slope_bar(fine, budget, edges[rows])}
-    if exact_gap is not None:
-        columns["mean_gap"] = exact_gap - fine.delta + compliance * fine.P_star
-        columns["error_mean_gap"] = compliance * budget.total
+    columns["mean_gap"] = fine.mean_gap + compliance * (fine.P_star - pair.fine.curve.P_star)
+    columns["error_mean_gap"] = compliance * budget.total + of_mesh
+    rest = np.divide(budget.apart_from_mesh(), fine.P_star, out=np.zeros(len(fine)), where=fine.P_star > 0.0)
     for name in (name for name in WITH_ERRORS if f"error_{name}" not in columns):
-        # the sum of gap and approach changes slowly, and does not vanish where the gap closes
-        gap = name == "mean_gap"
-        value = getattr(fine, name) + gap * fine.delta
-        coarse = pair.coarse.curve
-        before = _touched(coarse, name, at) + gap * _touched(coarse, "delta", at)
+        value, before = getattr(fine, name), _touched(pair.coarse.curve, name, at)
         if np.isnan(before).any() or not np.nanmax(value[loading], initial=0.0) > 0.0:
             continue
         factor, bar = limit_of_meshes(before, value[loading], pair.ratio, pair.singular)
-        factor = factor[rows]
-        columns[name] = value * factor - gap * fine.delta
-        if gap:
-            of_mesh = np.maximum(bar[rows] * value * factor, compliance * budget.mesh)
-            columns[f"error_{name}"] = of_mesh + compliance * rest
-        else:
-            part = (bar + edges)[rows] + np.where(loading, share, 0.0)
-            columns[f"error_{name}"] = part * value * factor + shifted(fine, budget.total, value * factor)
+        columns[name] = value = value * factor[rows]
+        part = (bar + edges)[rows] + np.where(loading, rest, 0.0)
+        columns[f"error_{name}"] = part * value + shifted(fine, budget.total, value)
     return replace(fine, **columns)
 
 
@@ -233,55 +226,6 @@ def shifted(curve: Curve, bar: Floats, values: Floats) -> Floats:
         ends = (np.interp(curve.P_star + sign * bar, P, value) for sign in (1.0, -1.0))
         found[begin:end] = np.max([np.abs(at - values) for at in ends], axis=0)[begin:end]
     return found
-
-
-def at_given_forces(
-    curve: Curve, budget: Budget, raw: Curve, compliance: float, greatest: float
-) -> tuple[Curve, Budget]:
-    """A corrected curve at the forces that were computed, which a load path gives, with other approaches.
-
-    A correction of the force by f at an approach is one of the approach by f^(-1/n) at a force, n being the exponent of
-    the loading; what a change of n from step to step makes of it is in the bar. Later branches get the approach of the
-    end of the first loading. Other bars stay the same part of their columns.
-
-    Args:
-        curve, budget: with corrected forces
-        raw: the same rows as computed
-        compliance: see `without_omission`
-        greatest: force at which the loadings end [force]
-    """
-    loading = curve.branch == "load"
-    rows, first = _rows_of_loading(loading), curve.where(loading)
-    # the end of a loading is found within a small tolerance
-    ends = np.isclose(raw.force, greatest, rtol=FOUND, atol=0.0)
-    force = np.where(ends, greatest, raw.force)
-    P = np.where(ends, raw.P_star * greatest / np.where(ends, raw.force, 1.0), raw.P_star)
-    touched = (first.P_star > 0.0) & (P[loading] > 0.0)
-    factor = np.divide(P[loading], first.P_star, out=np.ones(len(first)), where=touched)
-    slope, change = slopes(first.delta, first.force, first.branch)
-    n = np.divide(slope * first.delta, first.force, out=np.full(len(first), nan), where=touched)
-    n = np.where(np.isfinite(n) & (n > LEAST_EXPONENT), n, SINGLE_CONTACT)
-    longer = factor ** (1.0 / n)
-
-    def scale(of: Floats) -> Floats:
-        """What the other approach makes of a column (n,), in all rows."""
-        if len(of) < 2 or not np.all(of > 0.0):
-            return np.ones(len(curve))
-        return np.asarray(longer ** np.gradient(np.log(of), np.log(first.delta)))[rows]
-
-    parts = {name: getattr(budget, name) * factor[rows] for name in ("mesh", "roughness", "load_step", "algebraic")}
-    parts["mesh"] = np.hypot(parts["mesh"], (np.nan_to_num(change) * np.abs(np.log(factor)) * P[loading])[rows])
-    budget = Budget(**parts)
-    columns: dict[str, Any] = {"delta": curve.delta * longer[rows], "delta_star": curve.delta_star * longer[rows]}
-    columns |= {"P_star": P, "error_P_star": budget.total}
-    columns["mean_gap"] = curve.mean_gap - (columns["delta"] - curve.delta) + compliance * (P - curve.P_star)
-    for name in ("area_fraction", *(name for name in WITH_ERRORS if name not in ("mean_gap", "k_n"))):
-        by = scale(getattr(first, name))
-        columns |= {key: by * getattr(curve, key) for key in (name, f"error_{name}")}
-    columns["mean_pressure"] = curve.mean_pressure * factor[rows] / scale(first.area_fraction)
-    moved = replace(curve, **columns).with_force(force)
-    steeper = np.divide(moved.k_n, curve.k_n, out=np.ones(len(P)), where=curve.k_n > 0.0)
-    return replace(moved, error_k_n=curve.error_k_n * steeper), budget
 
 
 def _touched(curve: Curve, name: str, delta_star: Floats) -> Floats:
@@ -406,12 +350,12 @@ def relative(bar: Floats, P_star: Floats) -> Floats:
 
 def scaled(curve: Curve, factor: Floats) -> Curve:
     """A curve with the forces of its first loading times a factor (n,), those of later branches times its last one."""
-    of_row = factor[_rows_of_loading(curve.branch == "load")]
+    of_row = factor[rows_of_loading(curve.branch == "load")]
     curve = replace(curve, P_star=curve.P_star * of_row, mean_pressure=curve.mean_pressure * of_row)
     return curve.with_force(curve.force * of_row)
 
 
-def _rows_of_loading(loading: npt.NDArray[np.bool_]) -> npt.NDArray[np.int64]:
+def rows_of_loading(loading: npt.NDArray[np.bool_]) -> npt.NDArray[np.int64]:
     """Place of each row among those of the first loading (rows,); of later branches that of its last one."""
     return np.where(loading, np.cumsum(loading), np.count_nonzero(loading)) - 1
 

@@ -20,6 +20,7 @@ from asperity.arrays import Array, Floats
 from asperity.curve.slope import SINGLE_CONTACT
 from asperity.mesh.resolution import ELEMENTS, resolving_size
 from asperity.mesh.top import Top, heights_of_top
+from asperity.reference.elastic import first_yield
 from asperity.reference.halfspace import HARDNESS, RoughHalfSpace, cells_per_side
 
 if TYPE_CHECKING:
@@ -31,7 +32,6 @@ NEGLIGIBLE = 0.004  # tolerance that the waves too short for that number of cell
 PASSES = 2  # of the half-space: the first shows how fine the second must be
 MOST_STEPS = 10  # at which the half-space is pressed
 EARLY = 0.25  # power of the approach in the sizes: the first spots are the least of a mesh and have its largest errors
-LARGEST = 4.0  # size over the half-width of a spot: elements miss it in any case, and the half-space corrects it
 SINGULAR = 1.0 + 1e-6  # pressure at the edge over the mean one: more than round-off, of a solid that flows it is 1
 PARTS, RESOLVED = (
     24,
@@ -73,7 +73,7 @@ class Guide:
         delta_star: approaches at which it is pressed (k,) [L]
         sizes: of elements of scale 1 at the cells of a grid, inf where the surface is not touched (n, n) [L]
         singular: at each approach the part of the edges with a singular pressure (k,), see `singular_part`
-        flowing: at each approach the part of the force under the greatest pressure of a solid that yields (k,)
+        flowing: at each approach the part of the force under pressures with which a Hertzian spot yields (k,)
     """
 
     def __init__(
@@ -101,12 +101,13 @@ class Guide:
         self.sizes = np.full(heights.shape, inf)
         self._pressures: list[Array] = []
         force, area, singular, flowing = [], [], [], []
+        first = first_yield(layer.nu)[0] / HARDNESS
         for k, p in enumerate(layer.pressures(heights, self._summit, steps)):
             force.append(float(p.mean()))
             area.append(layer.area(p))
             singular.append(singular_part(p))
-            full = p >= layer.hardness / SINGULAR
-            flowing.append(float(p[full].sum() / p.sum()) if full.any() else 0.0)
+            yields = p >= layer.hardness * first
+            flowing.append(float(p[yields].sum() / p.sum()) if yields.any() else 0.0)
             self._pressures.append(p.astype(np.single))
             if not p.any():  # a spot between the centres of the cells
                 x, y, _ = self._surface.maximum()
@@ -119,9 +120,9 @@ class Guide:
         self.singular, self.flowing = np.array(singular), np.array(flowing)
 
     def left_out(self, top: Top) -> Omission:
-        """What the top of a mesh leaves out; it changes little from step to step, and every other one is enough."""
+        """What the top of a mesh leaves out; it changes little from step to step, and three of them are enough."""
         heights, at = heights_of_top(top, self._surface, self._layer.n, nodal=True), self.delta_star
-        some = np.unique([0, *range(len(at) - 1, 0, -2)])
+        some = np.unique([0, len(at) // 2, len(at) - 1])
         starts = [self._pressures[k] for k in some]
         mesh = self._layer.curve(heights, self._summit, at[some], on_part=self._on_part, starts=starts)
         return Omission(
@@ -184,7 +185,7 @@ def sizes_of_spots(pressure: Floats) -> Floats:
     share = np.bincount(of, pressure[touched]) / pressure.sum()
     sizes = (area * half_width**2 / share) ** 0.25
     sizes /= np.sqrt(np.sum(share * (sizes / half_width) ** 2))
-    return np.asarray(np.append(np.inf, np.minimum(sizes, LARGEST * half_width))[spot])
+    return np.asarray(np.append(np.inf, sizes)[spot])
 
 
 def singular_part(pressure: Floats) -> float:

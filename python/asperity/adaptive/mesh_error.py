@@ -12,13 +12,13 @@ from asperity.adaptive.extrapolation import (
     Budget,
     Corrected,
     Pair,
-    at_given_forces,
     correct,
     judged_rows,
     relative,
     with_measures,
     without_omission,
 )
+from asperity.adaptive.given_forces import at_given_forces
 from asperity.adaptive.load_step_error import LoadStepError
 from asperity.adaptive.mesh_levels import Level, LevelSolver
 from asperity.adaptive.mesh_plan import (
@@ -142,7 +142,7 @@ class MeshErrorEstimate:
             seen = (np.interp(at, run.delta_star, part) for part in (run.singular, run.flowing))
             pair = Pair(fine, coarse, ratio, *seen)
             curve, budget = correct(pair, judged, bar_of_steps, algebraic)
-            curve = with_measures(curve, pair, budget, run.compliance, run.exact_gap)
+            curve = with_measures(curve, pair, budget, run.compliance)
             unresolved = curve.unresolved()
             if run.force_max is not None:  # it is the corrected curve that reaches it
                 curve, budget = at_given_forces(curve, budget, result.curve, run.compliance, run.force_max)
@@ -176,10 +176,11 @@ class MeshErrorEstimate:
         left = np.sqrt(
             np.maximum((goal.tolerance - algebraic) ** 2 - of_steps**2, ((1.0 - MARGIN) * goal.tolerance) ** 2)
         )
-        excess = float(np.max(relative(np.hypot(budget.mesh, budget.roughness)[judged], P) / left))
+        excesses = relative(np.hypot(budget.mesh, budget.roughness)[judged], P) / left
+        excess, place = float(np.max(excesses)), at[np.argmax(excesses)]
         if goal.area_tolerance is not None:  # as a bar that falls with the order of the force
             excess = max(excess, (worst_area / goal.area_tolerance) ** (MESH_ORDER / AREA_ORDER))
-        finer = refinement(self._scales, excess)
+        finer = refinement(self._scales, excess, float(np.interp(place, self._run.delta_star, self._run.singular)))
         limit = "" if worst <= goal.tolerance else self._unreachable(algebraic, float(of_steps.max()))
         return worst, worst_area, finer, limit
 

@@ -53,7 +53,6 @@ class LevelSolver:
         compliance: of the block under a uniform pressure, compression over P* [length]
         delta_star, singular, flowing: approaches of the guide and what it says of them (k,), see `Guide`
         force_max: greatest force of a load path that gives it [force]
-        exact_gap: mean gap without load if the gap is known from approach and force, see `with_measures` [length]
         levels: what was computed, in order
         scales: of the meshes
     """
@@ -66,10 +65,7 @@ class LevelSolver:
         self._problem, self._depth, self._max_dofs, self._hooks = problem, depth, max_dofs, hooks
         self.comm, self.side, self.height = comm, problem.surface.L, problem.height
         self.compliance = problem.height * material.reduced_modulus / material.block_modulus(problem.sides)
-        surface, linear = problem.surface, not material.plastic and material.kinematics == "small"
-        known = linear and problem.sides != "free"
         self.force_max = problem.load_path.force_max
-        self.exact_gap = surface.maximum()[2] - surface.mean() if known else None
         self._family = None if guide is None else MeshFamily(problem, depth, guide)
         self._first_scale = scale
         self._start = perf_counter()

@@ -124,24 +124,26 @@ def expected_bar(scale: float) -> float:
     return TYPICAL_BAR * scale**MESH_ORDER
 
 
-def refinement(scales: Sequence[float], excess: float) -> float:
+def refinement(scales: Sequence[float], excess: float, singular: float = 0.0) -> float:
     """How much finer the next mesh is, for its bar to be MARGIN times the wanted one.
 
     Args:
         scales: of the meshes so far
         excess: bar of the last one over the wanted bar
+        singular: part of the edges with a singular pressure where it is, see `weight`
     """
-    last, error = scales[-1], excess / _bar_of_error(scales[partner(scales)] / scales[-1])
+    order = MESH_ORDER + singular * (EDGE_ORDER - MESH_ORDER)
+
+    def bar_of_error(scales: Sequence[float]) -> float:
+        """Error bar of the last mesh over its error."""
+        ratio = scales[partner(scales)] / scales[-1]
+        return float(bar_share(ratio, singular) * (ratio**order - 1.0))
+
+    last, error = scales[-1], excess / bar_of_error(scales)
     for step in np.linspace(LEAST_STEP, GREATEST_STEP, 100):
-        new = [*scales, last / step]
-        if error * step**-MESH_ORDER * _bar_of_error(new[partner(new)] / new[-1]) <= MARGIN:
+        if error * step**-order * bar_of_error([*scales, last / step]) <= MARGIN:
             break
     return float(step)
-
-
-def _bar_of_error(ratio: float) -> float:
-    """Error bar of two meshes over the error of the finer one, when it has the typical order."""
-    return float(bar_share(ratio) * (ratio**MESH_ORDER - 1.0))
 
 
 def partner(scales: Sequence[float]) -> int:
