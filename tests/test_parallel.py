@@ -148,7 +148,8 @@ def test_no_rank_but_the_first_holds_an_array_of_the_mesh(rough: Surface, coarse
     facets = comm.allreduce(len(top.nodes))
     whole = {result.dofs, result.dofs // 3, result.cells, facets} - {3 * solid.nodes, solid.nodes, len(top.nodes)}
     referred = (found for each in gc.get_objects() for found in gc.get_referents(each))
-    shapes = [array.shape for array in referred if isinstance(array, np.ndarray) and array.ndim]
+    # the class of a dead proxy cannot be asked for
+    shapes = [array.shape for array in referred if issubclass(type(array), np.ndarray) and array.ndim]
     assert len(shapes) > 100
     assert comm.rank == 0 or not [shape for shape in shapes if shape[0] in whole]
     multigrid: Any = result.solver.newton.linear._method
