@@ -168,11 +168,3 @@ def test_compiled_and_ufl_kernels_agree(coarse: BlockMesh, material: Material) -
         ours, theirs = a.kernels.history().arrays(), b.kernels.history().arrays()
         for x, y in zip(ours.values(), theirs.values(), strict=True):
             assert not x.any() if not y.any() else difference(x, y) < TWINS, name
-
-
-def test_compiled_and_ufl_kernels_agree_on_an_elastic_material(coarse: BlockMesh) -> None:
-    a, b = (sample(coarse, Material(E, NU), twin) for twin in (False, True))
-    u = np.random.default_rng(3).normal(size=(a.solid.nodes, 3))
-    assert difference(a.force(u), b.force(u)) < TWINS
-    assert difference(a.tangent(u).data, b.tangent(u).data) < TWINS
-    assert difference(a.kernels.stress(u), b.kernels.stress(u)) < TWINS

@@ -6,7 +6,7 @@ from functools import cached_property
 
 import numpy as np
 
-from asperity.arrays import Integers
+from asperity.arrays import Indices, Integers
 
 
 class SparsityPattern:
@@ -32,14 +32,13 @@ class SparsityPattern:
         self.indices = graph.indices.astype(np.int32)
         self.size = 9 * len(self.indices)
 
-    def positions(self, rows: Integers, columns: Integers) -> Integers:
+    def positions(self, rows: Integers, columns: Integers) -> Indices:
         """Positions of pairs of coupled nodes among the blocks."""
         nodes = len(self.indptr) - 1
-        at: Integers = np.searchsorted(self._keys, rows.astype(np.int64) * nodes + columns)
-        return at
+        return np.asarray(np.searchsorted(self._keys, rows.astype(np.int64) * nodes + columns), dtype=np.int64)
 
     @cached_property
-    def _keys(self) -> Integers:
+    def _keys(self) -> Indices:
         nodes = len(self.indptr) - 1
         return np.repeat(np.arange(nodes), np.diff(self.indptr)) * nodes + self.indices
 
