@@ -79,7 +79,7 @@ def run_apart(what: str, *python: str) -> dict[str, Any]:
 
 if __name__ == "__main__":
     if sys.argv[1:] == ["one", "path"]:
-        print(json.dumps(one(SIZES[0], steps=10, unload_steps=5)))
+        print(json.dumps(one(0.06, steps=10, unload_steps=5)))
     elif sys.argv[1:2] == ["one"]:
         print(json.dumps(one(float(sys.argv[2]), steps=1, integrator="backward-euler")))
     elif sys.argv[1:2] == ["path"]:

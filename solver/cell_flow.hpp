@@ -39,26 +39,29 @@ double bulk_modulus(const L& law)
   return C.lambda + 2.0 / 3.0 * C.mu;
 }
 
-/// The flow of a cell, and the volumetric strains of its points.
-template <bool finite, FlowLaw L>
+/// The flow of a cell, and the volumetric strains of its points; of a law without flow nothing.
+template <bool finite, MaterialLaw L>
 CellFlow flow_of(const Cells& cells, std::size_t c, const L& material, const History& committed, const Gradients& u)
 {
-  if (cells.points() > most_points)
-    throw std::invalid_argument("weights has more than " + std::to_string(most_points) + " points");
   CellFlow out;
-  cells.at_points(c,
-                  [&](const Point& p)
-                  {
-                    const State state = committed.at(p.index);
-                    const auto at = [&](const auto& x)
+  if constexpr (FlowLaw<L>)
+  {
+    if (cells.points() > most_points)
+      throw std::invalid_argument("weights has more than " + std::to_string(most_points) + " points");
+    cells.at_points(c,
+                    [&](const Point& p)
                     {
-                      const double excess = material.respond(x.strain, state).excess;
-                      out.add(trace(x.strain), state.dilatation, excess, p.volume);
-                    };
-                    if (!with_strain<finite>(p.g, u, at))
-                      out.add(0.0, 0.0, -1.0, 0.0);
-                  });
-  out.solve(material.resistance(), bulk_modulus(material), cells.relaxation);
+                      const State state = committed.at(p.index);
+                      const auto at = [&](const auto& x)
+                      {
+                        const double excess = material.respond(x.strain, state).excess;
+                        out.add(trace(x.strain), state.dilatation, excess, p.volume);
+                      };
+                      if (!with_strain<finite>(p.g, u, at))
+                        out.add(0.0, 0.0, -1.0, 0.0);
+                    });
+    out.solve(material.resistance(), bulk_modulus(material), cells.relaxation);
+  }
   return out;
 }
 
@@ -71,13 +74,18 @@ inline Sym dilated(Sym strain, double change)
 }
 
 /// Response of a point of a cell.
-template <FlowLaw L>
+template <MaterialLaw L>
 typename L::Response respond(const L& material, const CellFlow& cell, std::size_t at, const Sym& strain,
                              const State& committed)
 {
-  auto r = material.respond(dilated(strain, -cell.permanent(at)), committed, cell.relief);
-  r.state.dilatation = cell.permanent(at);
-  return r;
+  if constexpr (FlowLaw<L>)
+  {
+    auto r = material.respond(dilated(strain, -cell.permanent(at)), committed, cell.relief);
+    r.state.dilatation = cell.permanent(at);
+    return r;
+  }
+  else
+    return material.respond(strain, committed);
 }
 
 /// Derivatives, with respect to the displacement, of what the points of a cell have in common.

@@ -103,28 +103,19 @@ std::pair<std::int64_t, std::int64_t> residual(const Cells& cells, const Law& la
   with_kind(law, finite,
             [&](const auto& material, auto kind)
             {
-              constexpr bool flows = std::remove_cvref_t<decltype(material)>::flows;
               for (std::size_t c = 0; c < cells.count(); ++c)
               {
                 const Gradients uc = gather(u.data(), cells.dofs_of(c));
                 Gradients f{};
                 int flowing = 0;
-                [[maybe_unused]] CellFlow cell;
-                if constexpr (flows)
-                  cell = flow_of<kind()>(cells, c, material, committed, uc);
+                const CellFlow cell = flow_of<kind()>(cells, c, material, committed, uc);
                 cells.at_points(c,
                                 [&](const Point& p)
                                 {
                                   const State state = committed.at(p.index);
                                   const auto at = [&](const auto& x)
                                   {
-                                    const auto r = [&]
-                                    {
-                                      if constexpr (flows)
-                                        return respond(material, cell, p.at, x.strain, state);
-                                      else
-                                        return material.respond(x.strain, state);
-                                    }();
+                                    const auto r = respond(material, cell, p.at, x.strain, state);
                                     trial.put(p.index, r.state);
                                     add_residual(p.g, x.nominal(r.stress), p.volume, f);
                                     flowing += r.plastic;
@@ -166,7 +157,7 @@ void stiffness_plastic(const Cells& cells, const Law& law, const Array<const dou
   with_law(law,
            [&]<MaterialLaw L>(const L& material)
            {
-             if constexpr (L::flows)
+             if constexpr (FlowLaw<L>)
                for (std::size_t c = 0; c < cells.count(); ++c)
                {
                  if (!plastic.data()[c])
@@ -202,37 +193,26 @@ void stiffness_finite(const Cells& cells, const Law& law, const Array<const doub
              for (std::size_t c = 0; c < cells.count(); ++c)
              {
                const Gradients uc = gather(u.data(), cells.dofs_of(c));
-               [[maybe_unused]] CellFlow cell;
-               [[maybe_unused]] CommonSlopes common;
-               if constexpr (L::flows)
-                 cell = flow_of<true>(cells, c, material, committed, uc);
+               const CellFlow cell = flow_of<true>(cells, c, material, committed, uc);
+               const double less = (1.0 - cell.kept) * bulk_modulus(material);
+               CommonSlopes common;
                const auto at_point = [&](const Point& p, double* A)
                {
-                 with_strain<true>(
-                     p.g, uc,
-                     [&](const auto& x)
-                     {
-                       const auto add = [&](const auto& r, const Moduli& moduli)
-                       { add_stiffness(p.g, x.tangent(r.stress, moduli, r.direction), p.volume, A); };
-                       if constexpr (L::flows)
-                       {
-                         const auto r = respond(material, cell, p.at, x.strain, committed.at(p.index));
-                         Moduli moduli = material.tangent(r);
-                         moduli.lambda -= (1.0 - cell.kept) * bulk_modulus(material);
-                         add(r, moduli);
-                         if (cell.flow > 0.0)
-                           common.add(material, cell, p, x, r);
-                       }
-                       else
-                       {
-                         const auto r = material.respond(x.strain, committed.at(p.index));
-                         add(r, material.tangent(r));
-                       }
-                     });
+                 with_strain<true>(p.g, uc,
+                                   [&](const auto& x)
+                                   {
+                                     const auto r = respond(material, cell, p.at, x.strain, committed.at(p.index));
+                                     Moduli moduli = material.tangent(r);
+                                     moduli.lambda -= less;
+                                     add_stiffness(p.g, x.tangent(r.stress, moduli, r.direction), p.volume, A);
+                                     if constexpr (FlowLaw<L>)
+                                       if (cell.flow > 0.0)
+                                         common.add(material, cell, p, x, r);
+                                   });
                };
                const auto at_end = [&](double* A)
                {
-                 if constexpr (L::flows)
+                 if constexpr (FlowLaw<L>)
                    if (cell.flow > 0.0)
                      common.add_to(material, cell, A);
                };
@@ -261,20 +241,12 @@ void stress(const Cells& cells, const Law& law, bool finite, bool conjugate, con
   with_kind(law, finite,
             [&](const auto& material, auto kind)
             {
-              constexpr bool flows = std::remove_cvref_t<decltype(material)>::flows;
               for (std::size_t c = 0; c < cells.count(); ++c)
               {
                 const Gradients uc = gather(u.data(), cells.dofs_of(c));
-                [[maybe_unused]] CellFlow cell;
-                if constexpr (flows)
-                  cell = flow_of<kind()>(cells, c, material, committed, uc);
+                const CellFlow cell = flow_of<kind()>(cells, c, material, committed, uc);
                 const auto at_point = [&](const Point& p, const Sym& strain)
-                {
-                  if constexpr (flows)
-                    return respond(material, cell, p.at, strain, committed.at(p.index)).stress;
-                  else
-                    return material.respond(strain, committed.at(p.index)).stress;
-                };
+                { return respond(material, cell, p.at, strain, committed.at(p.index)).stress; };
                 cells.at_points(c,
                                 [&](const Point& p)
                                 {

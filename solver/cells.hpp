@@ -1,6 +1,5 @@
-// Kernels over cells: internal force, stiffness, stress, volumes.
-//
-// The points of a cell that flows share their volumetric strain, see relaxation.hpp.
+// Kernels over cells: internal force, stiffness, stress, volumes. Those of a cell that flows know of all its points, see
+// relaxation.hpp.
 #pragma once
 
 #include "arrays.hpp"
@@ -103,9 +102,8 @@ void volumes(const Cells& cells, const Array<double>& out);
 void min_jacobian(const Cells& cells, const Array<double>& out);
 
 /// Add the internal force of the displacement `u` (nodes, 3) to `b` (nodes, 3), of small or `finite` strain. The same
-/// pass writes the trial history and `plastic` (cells), whether any point of a cell flows or all have its mean
-/// dilatation. Returns the number of points that flow, and of those where finite strain turns the solid inside out;
-/// these add nothing.
+/// pass writes the trial history and `plastic` (cells), whether any point of a cell flows. Returns the number of points that
+/// flow, and of those where finite strain turns the solid inside out; these add nothing.
 std::pair<std::int64_t, std::int64_t> residual(const Cells& cells, const Law& law, bool finite,
                                                const Array<const double>& u, const History& committed,
                                                const History& trial, const Array<bool>& plastic,

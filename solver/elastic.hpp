@@ -16,7 +16,6 @@ struct Elastic
     static constexpr Sym direction{};
     static constexpr bool plastic = false;
   };
-  static constexpr bool flows = false;
 
   Response respond(const Sym& strain, const State&) const
   {

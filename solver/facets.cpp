@@ -44,14 +44,13 @@ struct FlowBelow
   CellFlow cell;
   CommonSlopes common;
   std::array<Gradients, most_points> dilatation; // derivatives of the volumetric strains of its points
-  bool flows = false;
 
   FlowBelow(const ContactLaw& law, std::size_t f, const Gradients& u, const History& committed, bool differentiate)
   {
     with_law(law.material,
              [&]<MaterialLaw L>(const L& material)
              {
-               if constexpr (L::flows)
+               if constexpr (FlowLaw<L>)
                  law.finite ? find<true>(material, law.cells, f, u, committed, differentiate)
                             : find<false>(material, law.cells, f, u, committed, differentiate);
              });
@@ -62,7 +61,6 @@ private:
   void find(const L& material, const Cells& cells, std::size_t f, const Gradients& u, const History& committed,
             bool differentiate)
   {
-    flows = true;
     cell = flow_of<finite>(cells, f, material, committed, u);
     if (!differentiate || !(cell.flow > 0.0))
       return;
@@ -115,7 +113,7 @@ private:
   {
     const auto r = [&]
     {
-      if constexpr (L::flows)
+      if constexpr (FlowLaw<L>)
       {
         double permanent = 0.0;
         for (std::size_t q = 0; q < below.cell.points(); ++q)
@@ -129,7 +127,7 @@ private:
     if (differentiate)
     {
       slope = traction_slope(x.tangent(r.stress, material.tangent(r), r.direction), p);
-      if constexpr (L::flows)
+      if constexpr (FlowLaw<L>)
         if (below.cell.flow > 0.0)
           add_slope_below(material, p, x, r, below, linear);
     }

@@ -26,7 +26,6 @@ struct J2
     double excess;     // of the trial stress over the yield stress
     bool plastic;
   };
-  static constexpr bool flows = true;
 
   Response respond(const Sym& strain, const State& committed, double relief = 0.0) const
   {

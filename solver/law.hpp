@@ -50,13 +50,12 @@ concept MaterialLaw
         { law.elastic() } -> std::same_as<Moduli>;
         { law.tangent(r) } -> std::same_as<Moduli>;   // the consistent tangent
         { law.softening(r) } -> std::same_as<Moduli>; // the same less the elastic stiffness
-        { Law::flows } -> std::convertible_to<bool>;  // whether it has a plastic strain
       };
 
-/// A law with plastic strain, whose yield stress is lower by a `relief`.
+/// A law with a plastic strain, whose yield stress is lower by a `relief`.
 template <typename Law>
 concept FlowLaw
-    = MaterialLaw<Law> && Law::flows && requires(const Law& law, const Sym& strain, const State& committed) {
+    = MaterialLaw<Law> && requires(const Law& law, const Sym& strain, const State& committed) {
         { law.respond(strain, committed, 1.0) } -> std::same_as<typename Law::Response>;
         { law.respond(strain, committed).excess } -> std::convertible_to<double>; // of trial over yield stress
         { law.resistance() } -> std::same_as<double>; // by which the excess falls with the plastic strain
