@@ -404,3 +404,25 @@ def test_an_occupied_folder_is_refused_before_ranks_start(cli: Cli, tmp_path: Pa
     (tmp_path / "out/mine.txt").touch()
     code, out, err = cli("run", tmp_path / "case.toml", "-o", tmp_path / "out", "--ranks", "2")
     assert code == 2 and len(err.splitlines()) == 1 and "not empty and holds no run" in err and not out
+
+
+def test_a_run_loads_the_vibration_only_when_it_is_requested() -> None:
+    """It would take more time than everything else before the first stage."""
+    later = "asperity.dynamics.oscillator", "scipy.stats", "scipy.optimize", "matplotlib", "gmsh", "dolfinx"
+    code = (
+        "import sys; from asperity import Case, run\n"
+        f"Case.load({DEMO!r}); print([m for m in {later!r} if m in sys.modules])"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout.strip() == "[]"
+
+
+def test_dynamics_of_a_power_law(cli: Cli, tmp_path: Path) -> None:
+    options = ("--no-sweeps", "--omega", "0.9", "1.1", "-o", tmp_path / "out")
+    code, out, err = cli("dynamics", "--power-law", "1.5", "--forcing", "0.005", *options)
+    assert (code, err) == (0, "")
+    assert "0.84202" in out and "F/W = 0.0075" in out  # u_max = 2.5^(2/3) - 1
+    assert "note: mass and omega_s assume a law in SI units, gravity = 9.80665" in out
+    assert "searched: orbits of period 1 and 2, from rest" in out
+    names = {path.name for path in (tmp_path / "out").iterdir()}
+    assert names >= {"free.csv", "response.csv", "thresholds.json"}

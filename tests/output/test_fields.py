@@ -200,3 +200,9 @@ def test_paraview_shows_solid_and_flat(file: Path, pressed: ContactResult) -> No
         heights, pressed.solver.summit - np.array([s.delta for s in pressed.snapshots]), atol=1e-6
     )
     assert (file.parent / "shown.png").is_file()
+
+
+def test_von_mises_of_known_states() -> None:
+    assert von_mises(np.array([2.0, 0, 0, 0, 0, 0])) == pytest.approx(2.0)
+    assert von_mises(np.array([0.0, 0, 0, 0, 3.0, 0])) == pytest.approx(3.0 * np.sqrt(3.0))
+    assert von_mises(np.array([[5.0, 5, 5, 0, 0, 0]])) == pytest.approx([0.0])

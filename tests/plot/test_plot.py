@@ -12,6 +12,7 @@ import pytest
 from made_up_run import FIT, write_run
 
 from asperity.curve import Curve
+from asperity.errors import InputError
 from asperity.output.results import Results
 from asperity.plot import (
     CAPTIONS,
@@ -226,3 +227,11 @@ def test_the_receptance_of_a_run_has_the_units_of_the_joint(tmp_path: Path) -> N
         r = f / (thousand * numbers.frequency)
         expected = factor / numbers.stiffness / np.hypot(1 - r**2, 2 * numbers.damping * r)
         np.testing.assert_allclose(y, expected, rtol=2e-3)
+
+
+@pytest.mark.parametrize("name", ["summary.json", "fields/top.npz"])
+def test_a_damaged_file_is_named(tmp_path: Path, name: str) -> None:
+    write_run(tmp_path)
+    (tmp_path / name).write_bytes(b"{[,\x01")
+    with pytest.raises(InputError, match=Path(name).name):
+        Results.read(tmp_path)

@@ -14,6 +14,7 @@ import asperity as asp
 from asperity.errors import InputError, RangeError
 from asperity.force_law.law import Law
 from asperity.slip import JenkinsArray, SlipLaw, tangential_response
+from asperity.slip.law import compliance_ratio
 from asperity.slip.path import path_of_law
 
 E, NU, RADIUS, LOAD, MU = 2.0, 0.3, 5.0, 1e-3, 0.4
@@ -173,3 +174,16 @@ def test_the_numbers_of_a_loop_follow_from_its_path_in_any_units(sphere: SlipLaw
     factors = {"T": 3.0, "u": 5.0, "k_secant": 0.6, "energy": 15.0, "eta": 1.0, "amplitude": 1.0}
     for name, factor in factors.items():
         assert scaled[name] == pytest.approx(factor * loop[name], rel=1e-12)
+
+
+def test_light_loops_lose_the_cube_of_the_force(sphere: SlipLaw) -> None:
+    """Mindlin & Deresiewicz, J. Appl. Mech. 20 (1953) 327: so the loss factor is linear in the force."""
+    ratio = sphere.energy(2e-3) / sphere.energy(1e-3), sphere.eta(2e-3) / sphere.eta(1e-3)
+    np.testing.assert_allclose(ratio, (8.0, 2.0), rtol=2e-3)
+
+
+def test_a_flat_punch_does_not_slip_before_the_limit() -> None:
+    punch = SlipLaw(asp.PowerLaw(1.0, 3.0), preload=2.0, friction=MU, nu=NU)
+    t = SHARES
+    np.testing.assert_allclose(punch.displacement(t), MU * 2.0 * t * compliance_ratio(NU) / 3.0, rtol=1e-12)
+    assert np.all(np.abs(punch.energy(t)) < 1e-14)

@@ -524,3 +524,20 @@ def test_a_flat_sphere_has_the_mean_of_a_paraboloid(radius):
         Surface.from_spec("sphere", L=1.0, radius=radius, shape=shape).mean() for shape in ("sphere", "paraboloid")
     ]
     assert means == pytest.approx([-1.0 / (12.0 * radius)] * 2, rel=1.0 / radius**2 + 1e-12)
+
+
+@pytest.mark.parametrize(
+    ("ridges", "f_max", "heights"),
+    [
+        ("0..M", 5, (9.65929359e-08, 8.98139885e-08, 9.92733348e-08)),
+        ("0..M", 4, (8.71072304e-08, 7.88098729e-08, None)),
+        ("1..M", 5, (8.61422284e-08, 8.16684468e-08, None)),
+        ("1..M", 4, (7.71353764e-08, 7.19000460e-08, None)),
+    ],
+)
+def test_heights_with_zero_phases(ridges, f_max, heights):
+    surface = fractal(ridges=ridges, f_max=f_max, phases=np.zeros((11, f_max + 1)))
+    points = [(0.5e-6, 1e-6 / 3), (1e-6, 1e-6), (0.1e-6, 0.7e-6)]
+    for point, height in zip(points, heights, strict=True):
+        if height is not None:
+            assert surface.height(*point) == pytest.approx(height, rel=1e-9)
