@@ -187,22 +187,34 @@ class Plane:
             for one in (ksp, K, wrong, right):
                 one.destroy()
         else:
-            raise RuntimeError("Newton's method")
+            raise RuntimeError("Newton's method does not converge")
         force = -float(assemble_vector(self.residual).array[self.held].sum())
         cells = np.arange(self.domain.topology.index_map(2).size_local, dtype=np.int32)
         dofs = self.h.function_space.dofmap.list[cells]
         self.h.x.array.reshape(-1, 5)[dofs] = self.after.eval(self.domain, cells).reshape(*dofs.shape, 5)
         return force
 
+    def move(self, start: float, end: float, parts: int = 1) -> float:
+        """Force after a step, which is halved where Newton's method fails."""
+        kept = [self.u.x.array.copy(), self.h.x.array.copy(), self.held]
+        try:
+            return self.step(end)
+        except RuntimeError:
+            if parts > 8:
+                raise
+        self.u.x.array[:], self.h.x.array[:], self.held = kept
+        self.move(start, 0.5 * (start + end), 2 * parts)
+        return self.move(0.5 * (start + end), end, 2 * parts)
+
     def press(self, summit: float, depth: float, steps: int) -> tuple[Floats, Floats]:
         """Approaches and forces of a loading in equal steps and of its unloading until the flat lifts off."""
         at, force = [0.0], [0.0]
         for k in range(1, steps + 1):
             at.append(depth * k / steps)
-            force.append(self.step(summit - at[-1]))
+            force.append(self.move(summit - at[-2], summit - at[-1]))
         while force[-1] > 0.0:
             at.append(at[-1] - 0.5 * depth / steps)
-            force.append(self.step(summit - at[-1]))
+            force.append(self.move(summit - at[-2], summit - at[-1]))
         return np.array(at), np.array(force)
 
 
