@@ -47,7 +47,8 @@ class CellFlow:
         before, put = dilatation - self._mean(dilatation)[:, None], self.coefficients.put
         put((0.0, 0.0, 1.0, 0.0))
         put(before, of=0)
-        self.permanent, self.flowing = before, np.empty(0, dtype=np.int32)
+        self.permanent = before
+        self.flowing: Integers = np.empty(0, dtype=np.int32)
         if measures is None:
             return
         theta = measures(np.arange(len(before), dtype=np.int32))[..., 0]
@@ -60,7 +61,7 @@ class CellFlow:
         m = np.sqrt(np.minimum(1.0, self._most / np.maximum(first, 1e-300)))
         least = (1.0 / m - 1.0) / rate  # of the flow; less would make a yield stress negative
         flow, relief, softness = least.copy(), first * m**2, np.zeros_like(size)
-        cells = np.flatnonzero(beyond).astype(np.int32)
+        cells: Integers = np.flatnonzero(beyond).astype(np.int32)
         for _ in range(ITERATIONS):
             if not len(cells):
                 break

@@ -155,8 +155,8 @@ class FormKernels:
             added, nodes = self._cell.stiffness(rows(cells)), self._cell_nodes[cells]
             at = pattern.positions(nodes[:, :, None], nodes[:, None, :])
             np.add.at(blocks, at, added.reshape(len(cells), 10, 3, 10, 3).swapaxes(2, 3))
-        nodes = len(pattern.indptr) - 1
-        full = sparse.bsr_array((blocks, pattern.indices, pattern.indptr), shape=(3 * nodes, 3 * nodes)).tocsr().data
+        size = 3 * (len(pattern.indptr) - 1)
+        full = sparse.bsr_array((blocks, pattern.indices, pattern.indptr), shape=(size, size)).tocsr().data
         if values.dtype == np.float32:
             _solver.upper_half(pattern.indptr, pattern.indices, full, values)
         else:
