@@ -18,7 +18,8 @@ import numpy as np
 from scipy.optimize import minimize_scalar
 
 from asperity.arrays import Array, Flags
-from asperity.dynamics.orbits import Orbits, Path, Point, hermite, value
+from asperity.dynamics.orbits import Orbits
+from asperity.dynamics.point import Path, Point, hermite, value
 from asperity.errors import ConvergenceError
 from asperity.runtime.display import short_repr
 

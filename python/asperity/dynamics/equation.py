@@ -227,7 +227,7 @@ class Equation:
     @cached_property
     def acceleration(self) -> Callable[[float, float], float]:
         """Acceleration without forcing, -f - 2 zeta g v, at a displacement and a speed, as in solver/period_map.cpp."""
-        edges, rows = (of.tolist() for of in self.cells)
+        edges, rows = list(map(float, self.cells[0])), [tuple(map(float, row)) for row in self.cells[1]]
         rest, of_force, twice = 1.0 / self.restoring.n_loc, self.of_force, 2.0 * self.zeta
 
         def acceleration(u: float, v: float) -> float:

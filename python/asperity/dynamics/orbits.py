@@ -9,7 +9,7 @@ most half of the distance, and so shrinks geometrically instead of jumping over 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from itertools import pairwise
 from typing import Any
 
@@ -20,9 +20,9 @@ from scipy.optimize import brentq
 from asperity.arrays import Array
 from asperity.dynamics.equation import Equation, Forcing
 from asperity.dynamics.period_map import TURN, Motions, motions
+from asperity.dynamics.point import PIECES, SMALLEST, TOO_MUCH, Path, Point, Tracing, hermite, root, value
 from asperity.errors import ConvergenceError
 
-PIECES = 4  # of a forcing period
 _NEWTON = 8  # iterations of the corrector
 _NEWTON_RTOL = 1e-6  # relative size of its last step; the remaining error is of the order of the square
 _LOST = 1e9  # relative state beyond which Newton's method has left the orbit
@@ -35,124 +35,9 @@ _INSIDE = 7e-3  # the same inside the window, over the rate of the parameter alo
 _STEEP = 0.03
 _WEAK = 1e-3  # relative amplitude of a resonance that steps may jump over
 _WORK = 250  # steps of the integrator that count as much as a point
-TOO_MUCH = "too much work"  # a reason why a path ends
 _CROSSING_RTOL = 1e-14  # tolerance of the fraction of a segment at which a parameter is crossed
 _ROUND_OFF = 1e-15  # relative round-off of the contact force
 _NOISE = 30.0  # steps of Newton's method that round-off causes, over it
-_SMALLEST = 1e-200  # determinant of a motion that has decayed completely
-
-
-@dataclass(frozen=True)
-class Point:
-    """One periodic orbit on a branch, with the tangent of the branch; arrays are float.
-
-    Attributes:
-        y: states u, v at equally spaced phases, from 0, and the parameter: Omega (or F^ while the forcing is raised)
-        tangent: of the branch in these; its last entry changes sign at a fold
-        extremes: u_max, u_min, and the cosine and sine coefficients at the forcing frequency (4,)
-        slopes: their derivatives along the tangent (4,)
-        trace, determinant: of the monodromy matrix over the period of the orbit
-        det_error: deviation of the computed determinant from Liouville's, which is `determinant`
-        error: estimated error of the orbit, relative to its amplitude
-    """
-
-    y: Array
-    tangent: Array
-    extremes: Array
-    slopes: Array
-    trace: float
-    determinant: float
-    det_error: float
-    error: float
-
-    @property
-    def parameter(self) -> float:
-        """Omega, or F^."""
-        return float(self.y[-1])
-
-    @property
-    def rate(self) -> float:
-        """Change of the parameter along the tangent."""
-        return float(self.tangent[-1])
-
-    @property
-    def states(self) -> Array:
-        """States at forcing phase 0, one for each forcing period (order, 2)."""
-        return self.y[:-1].reshape(-1, 2)[::PIECES]
-
-    @property
-    def amplitude(self) -> float:
-        """Half of the range of u."""
-        return float(0.5 * (self.extremes[0] - self.extremes[1])) + 1e-300
-
-    @property
-    def harmonic(self) -> float:
-        """Amplitude at the forcing frequency."""
-        return float(np.hypot(*self.extremes[2:]))
-
-    @property
-    def phase(self) -> float:
-        """Of u over the force at the forcing frequency, -270 to 90 degrees, so that -180 is no edge."""
-        c, s = self.extremes[2:]
-        return float(np.degrees((np.arctan2(-s, c) + 1.5 * np.pi) % TURN - 1.5 * np.pi))
-
-    @property
-    def fold(self) -> float:
-        """Characteristic polynomial of the multipliers at 1."""
-        return 1.0 - self.trace + self.determinant
-
-    @property
-    def flip(self) -> float:
-        """Characteristic polynomial of the multipliers at -1."""
-        return 1.0 + self.trace + self.determinant
-
-    @property
-    def radius(self) -> float:
-        """Largest modulus of a multiplier."""
-        half, root = 0.5 * abs(self.trace), 0.25 * self.trace**2 - self.determinant
-        return half + float(np.sqrt(root)) if root > 0 else float(np.sqrt(self.determinant))
-
-    @property
-    def stable(self) -> bool:
-        """Whether all multipliers lie in the unit circle (up to round-off)."""
-        return self.radius <= 1.0 + 1e-7
-
-    def phase_square(self, sign: float) -> float:
-        """Psi^2 of multipliers sign * rho exp(+-i psi); negative where they are real and of that sign."""
-        h = 0.5 * sign * self.trace / np.sqrt(max(self.determinant, _SMALLEST))
-        return float(np.arccos(np.clip(h, -1.0, 1.0)) ** 2 if h <= 1.0 else -(np.arccosh(h) ** 2))
-
-    def turned(self) -> Point:
-        """Same point with the opposite direction."""
-        return replace(self, tangent=-self.tangent, slopes=-self.slopes)
-
-    def pinned(self, parameter: float) -> Point:
-        """Same point with the parameter that it was computed for, to the last digit."""
-        return replace(self, y=np.append(self.y[:-1], parameter))
-
-
-@dataclass(frozen=True)
-class Path:
-    """Points in order along a branch, and the reason why it ends."""
-
-    points: tuple[Point, ...]
-    end: str
-    begin: str = "window"
-    work: float = 0.0  # in points; those whose integration is long count more
-
-
-@dataclass(frozen=True)
-class Tracing:
-    """How branches are traced."""
-
-    window: tuple[float, float]  # of the parameter
-    max_step: float  # in the parameter
-    max_work: float = 4000.0  # after which a path ends
-    limits: tuple[float, float] | None = None  # up to which a branch is followed outside the window; None: its ends
-
-    def is_inside(self, parameter: float) -> bool:
-        """Whether a parameter is in the window."""
-        return self.window[0] <= parameter <= self.window[1]
 
 
 @dataclass(frozen=True)
@@ -423,7 +308,7 @@ class Orbits:
 
     def _resonance(self, p: Point, rate: float) -> float:
         """Longest step near a resonance, by the phase of the multipliers; `rate` is that of Omega along the branch."""
-        if self.raised_at is not None or p.determinant <= _SMALLEST:
+        if self.raised_at is not None or p.determinant <= SMALLEST:
             return np.inf
         decay, turn = -0.5 * np.log(p.determinant), TURN * self.order / p.parameter**2
         near = min(abs(p.phase_square(sign)) for sign in (1.0, -1.0)) ** 0.5
@@ -445,18 +330,3 @@ class Orbits:
                 cubic = hermite(before.y, chord, out, length * unit)
                 return lambda h: value(cubic, 1.0 + h / length)
         return lambda h: here.y + h * unit
-
-
-def hermite(start: Any, chord: Any, out: Any, into: Any) -> Array:
-    """Coefficients (4, ...), lowest first, of the cubic over [0, 1] with the given slopes at its ends."""
-    return np.array([start, out, 3.0 * chord - 2.0 * out - into, out + into - 2.0 * chord])
-
-
-def value(cubic: Array, s: Any) -> Array:
-    """Value of a cubic at the fraction s."""
-    return np.asarray(cubic[0] + s * (cubic[1] + s * (cubic[2] + s * cubic[3])))
-
-
-def root(at: Callable[[float], float], fa: float, fb: float) -> float:
-    """Zero of a function over [0, 1] with the values fa and fb, of opposite signs, at the ends."""
-    return float(brentq(lambda s: fa if s <= 0.0 else fb if s >= 1.0 else at(s), 0.0, 1.0, xtol=1e-15, rtol=1e-14))

@@ -12,7 +12,8 @@ import numpy as np
 
 from asperity.dynamics.branch import Branch, Event, Solution, dense
 from asperity.dynamics.equation import Equation
-from asperity.dynamics.orbits import Orbits, Point, Tracing
+from asperity.dynamics.orbits import Orbits
+from asperity.dynamics.point import Point, Tracing
 from asperity.dynamics.search import Search, distance
 from asperity.dynamics.settings import Setting
 from asperity.errors import ConvergenceError, InputError

@@ -16,8 +16,9 @@ import numpy as np
 from asperity.arrays import Array
 from asperity.dynamics.branch import Branch, Event, doublings, locate_events
 from asperity.dynamics.equation import Equation, Forcing
-from asperity.dynamics.orbits import PIECES, TOO_MUCH, Orbits, Path, Point, Tracing, root, value
+from asperity.dynamics.orbits import Orbits
 from asperity.dynamics.period_map import TURN
+from asperity.dynamics.point import PIECES, TOO_MUCH, Path, Point, Tracing, root, value
 from asperity.dynamics.settings import MIN_ZETA
 from asperity.dynamics.starts import (
     backbone_chart,

@@ -229,7 +229,8 @@ class DynamicsSettings:
         for name, of in (("window", "window in Hz"), ("base_acceleration", "acceleration"), ("pulse", "pulse")):
             if getattr(self, name) and not math.isfinite(frequency):
                 raise InputError(f"{name}: a {of} needs the mass: give joint.mass, joint.frequency or gravity")
-        forcing, omega, none = self.forcing, self.omega, dict.fromkeys(_PHYSICAL, ())
+        forcing, omega = self.forcing, self.omega
+        none: dict[str, Any] = dict.fromkeys(_PHYSICAL, ())
         for name, unit in zip(_PHYSICAL, (scale, length, length * omega_s**2), strict=True):
             if values := getattr(self, name):
                 own = () if forcing == type(self).forcing else forcing

@@ -16,8 +16,9 @@ import numpy as np
 from asperity.arrays import Array
 from asperity.dynamics.equation import Equation, Forcing
 from asperity.dynamics.free import free_orbit
-from asperity.dynamics.orbits import PIECES, Orbits, Point, Tracing
+from asperity.dynamics.orbits import Orbits
 from asperity.dynamics.period_map import TURN, motions
+from asperity.dynamics.point import PIECES, Point, Tracing
 from asperity.dynamics.thresholds import resonance_peak
 from asperity.errors import ConvergenceError
 from asperity.force_law.damping import only_in_contact
