@@ -14,7 +14,7 @@ from scipy.optimize import brentq
 from asperity import reference as ref
 from asperity.errors import ConvergenceError, InputError
 from asperity.reference.halfspace import compliance_of_waves
-from asperity.surface import Flat, Sinusoid, WeierstrassMandelbrot
+from asperity.surface import Flat, Sinusoid, Sphere, WeierstrassMandelbrot
 
 STEEL = {"E": 200e9, "nu": 0.3, "Y": 1e9}
 
@@ -90,6 +90,18 @@ def test_uniaxial_loading_and_reversal():
     assert p[4] - p[3] == pytest.approx(0.01 * (1 - E_T / E))
 
 
+def test_confined_compression():
+    onset = Y / (2 * MU)
+    axial, lateral, p = confined_stress([-onset, -2 * onset], E, NU, Y, E_T)
+    assert abs(axial[0] - lateral[0]) == pytest.approx(Y, rel=1e-12)
+    assert axial[0] == pytest.approx(-(BULK + 4 / 3 * MU) * onset)
+    assert p[0] == pytest.approx(0, abs=1e-15)
+    # plastic slope K + (4/3) mu H/(H + 3 mu)
+    slope = (axial[1] - axial[0]) / -onset
+    assert slope == pytest.approx(BULK + 4 / 3 * MU * H / (H + 3 * MU))
+    assert abs(axial[1] - lateral[1]) == pytest.approx(Y + H * p[1])
+
+
 def test_rate_integration_agrees_with_confined_compression():
     history = np.array([-0.002, -0.02, 0.01, -0.03])
     strain = np.zeros((4, 3, 3))
@@ -108,6 +120,21 @@ def critical_approach(R: float) -> float:
     """Return delta_c of Jackson and Green for STEEL."""
     C = 1.295 * math.exp(0.736 * 0.3)
     return (math.pi * C * 1e9 / (2 * 200e9 / 0.91)) ** 2 * R
+
+
+def test_jackson_green_is_hertz_up_to_1_9_critical_approaches_and_its_own_fit_beyond():
+    """Eqs. 13 and 21 of the paper written out; its two laws meet within two per cent."""
+    R, C, yields = 1e-3, 1.295 * math.exp(0.736 * 0.3), 1e9 / (200e9 / 0.91)
+    critical, hertz = critical_approach(R), ref.Hertz(R, ref.reduced_modulus(200e9, 0.3))
+    for w in (1.0, 1.85):
+        assert ref.jackson_green(w * critical, R, **STEEL)[0] == pytest.approx(hertz.force(w * critical), rel=1e-12)
+    for w in (1.95, 2.5, 3.5):
+        a = math.pi * C * yields / 2 * math.sqrt(w * (w / 1.9) ** (0.14 * math.exp(23 * yields)))  # over R
+        hardness = 2.84 * (1 - math.exp(-0.82 * a**-0.7))
+        force = math.exp(-0.25 * w ** (5 / 12)) * w**1.5 + 4 * hardness / C * (1 - math.exp(-(w ** (5 / 9)) / 25)) * w
+        found = ref.jackson_green(w * critical, R, **STEEL)[0] / hertz.force(critical)
+        assert found == pytest.approx(force, rel=1e-9)
+        assert w > 2.0 or force == pytest.approx(w**1.5, rel=0.02)
 
 
 def test_jackson_green_numbers():
@@ -169,6 +196,17 @@ def test_half_space_on_westergaard():
         assert abs(row - wave.pressure(x, pressure)).max() < 0.09 * row.max()
 
 
+def test_half_space_on_hertz():
+    """The contact radius is 5 % of the patch, so the images hardly change the peak."""
+    surface = Sphere(L=1.0, radius=1.0, centre=(0.0, 0.0), shape="paraboloid")
+    hertz = ref.Hertz(R=1.0, E_prime=1.0)
+    delta = 0.1**2
+    quarter = float(hertz.force(delta)) / 4
+    computed = ref.half_space_contact(surface, 256, P_star=quarter)
+    assert computed.pressure.max() == pytest.approx(float(hertz.peak_pressure(delta)), rel=0.01)
+    assert computed.area_fraction == pytest.approx(math.pi * delta / 4, rel=0.02)
+
+
 def layer_compliance(q: float, height: float, nu: float) -> float:
     """Return E' u/p for a wave cos(qx) on a bonded layer, by the exponential of its ODE.
 
@@ -198,6 +236,18 @@ def test_layer_compliance_against_its_differential_equation(nu, height):
         assert table[i, j] == pytest.approx(layer_compliance(q, height, nu), rel=1e-9)
     # confined compression h/M, E' = 1
     assert table[0, 0] == pytest.approx(height / ref.patch_test_slope(nu))
+
+
+def test_layer_under_approach_and_load_control():
+    surface = WeierstrassMandelbrot(L=1e-6, D=2.5)
+    load = ref.half_space_contact(surface, 64, P_star=0.004, height=1e-6)
+    driven = ref.half_space_contact(surface, 64, delta_star=load.delta_star, height=1e-6)
+    assert driven.P_star == pytest.approx(0.004, rel=1e-6)
+    half_space = ref.half_space_contact(surface, 64, P_star=0.004)
+    block = 0.004 / ref.patch_test_slope(0.3)
+    assert load.delta_star == pytest.approx(half_space.delta_star + block, rel=0.02)
+    again = ref.half_space_contact(surface, 64, P_star=0.0041, start=half_space.pressure)
+    assert again.iterations < half_space.iterations
 
 
 def test_a_flat_layer_is_the_patch_test():
