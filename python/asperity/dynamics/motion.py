@@ -112,7 +112,7 @@ def _phase(
     r, side, acceleration = equation.restoring, -1.0 if flying else 1.0, equation.acceleration
 
     def field(t: float, s: Array) -> list[float]:
-        x, v = s.tolist()
+        x, v = float(s[0]), float(s[1])
         return [v, force(t) + acceleration(x, v)]
 
     def change(t: float, s: Array) -> float:

@@ -70,7 +70,7 @@ class Orbits:
 
     def through(self, states: ArrayLike, parameter: float) -> Array:
         """Guess of the unknowns from the states at forcing phase 0 of each period (order, 2)."""
-        rows = [np.reshape(states, (-1, 2))]
+        rows: list[Array] = [np.reshape(states, (-1, 2))]
         for k in range(PIECES - 1):
             phase = np.full(len(rows[0]), k * TURN / PIECES)
             rows.append(self.map(rows[-1], parameter, phase, TURN / PIECES, derivatives=False).end)

@@ -190,7 +190,7 @@ def periodic_orbits(
 
 def states(points: Sequence[Point]) -> Array:
     """Omega, u and v at forcing phase 0 (3, order, rows) along a branch, once for each forcing period."""
-    u, v = np.moveaxis([p.states for p in points], (0, 1), (2, 1))
+    u, v = np.moveaxis(np.array([p.states for p in points]), (0, 1), (2, 1))
     return np.stack([np.broadcast_to([p.parameter for p in points], u.shape), u, v])
 
 

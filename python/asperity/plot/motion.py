@@ -15,7 +15,7 @@ from asperity.units import prefix
 def motion(results: Results) -> Figure:
     """Draw displacement and force over the time, a panel for each course of the force."""
     rows, scale = results.motion, Scale.of(results.thresholds)
-    shapes = list(dict.fromkeys(rows["shape"].tolist()))
+    shapes = [str(shape) for shape in dict.fromkeys(rows["shape"])]
     known = scale is not None and np.isfinite(scale.frequency)
     factor, second = prefix(float(np.nanmax(rows["time"])), "s" if scale.si else "") if scale and known else (1.0, "")
     figure, axes = style.figure(style.DOUBLE, 1.0 + 2.1 * len(shapes), rows=len(shapes), sharex=True)
