@@ -11,6 +11,7 @@ from scipy.special import beta
 
 from asperity.dynamics import ContactOscillator, PowerLaw, TableLaw
 from asperity.dynamics.free import free_orbit
+from asperity.dynamics.period_map import motions
 from asperity.errors import RangeError
 
 
@@ -115,3 +116,9 @@ def test_taylor_is_marked_unphysical_and_refused_beyond_the_rim() -> None:
 def test_false_hardening_of_the_truncated_law() -> None:
     o = ContactOscillator(PowerLaw(3.5))
     assert o.free(3.0).omega_ratio < 1 < o.taylor().free(3.0).omega_ratio
+
+
+def test_an_infinite_stiffness_at_contact_loss_is_integrated() -> None:
+    o = ContactOscillator(PowerLaw(0.25), zeta=0.0)
+    end = motions(o.equation, [3.0, 0.0], float(o.free(3.0).omega_ratio[0]), 0.0, rtol=1e-11).end[0]
+    np.testing.assert_allclose(end, [3.0, 0.0], atol=1e-9)
