@@ -3,8 +3,6 @@
 
 #include "cells.hpp"
 
-#include <string>
-
 namespace asperity
 {
 /// Strain of a point in small strain, with the members of the forms of log_strain.hpp.
@@ -41,26 +39,22 @@ double bulk_modulus(const L& law)
 
 /// The flow of a cell, and the volumetric strains of its points; of a law without flow nothing.
 template <bool finite, MaterialLaw L>
-CellFlow flow_of(const Cells& cells, std::size_t c, const L& material, const History& committed, const Gradients& u)
+CellFlow flow_of(const CellPoints& points, const Relaxation& relaxation, const L& material, const History& committed,
+                 const Gradients& u)
 {
   CellFlow out;
   if constexpr (FlowLaw<L>)
   {
-    if (cells.points() > most_points)
-      throw std::invalid_argument("weights has more than " + std::to_string(most_points) + " points");
-    cells.at_points(c,
-                    [&](const Point& p)
-                    {
-                      const State state = committed.at(p.index);
-                      const auto at = [&](const auto& x)
-                      {
-                        const double excess = material.respond(x.strain, state).excess;
-                        out.add(trace(x.strain), state.dilatation, excess, p.volume);
-                      };
-                      if (!with_strain<finite>(p.g, u, at))
-                        out.add(0.0, 0.0, -1.0, 0.0);
-                    });
-    out.solve(material.resistance(), bulk_modulus(material), cells.relaxation);
+    points.at_points(
+        [&](const Point& p)
+        {
+          const State state = committed.at(p.index);
+          const auto at = [&](const auto& x)
+          { out.add(trace(x.strain), state.dilatation, material.respond(x.strain, state).excess, p.volume); };
+          if (!with_strain<finite>(p.g, u, at))
+            out.add(0.0, 0.0, -1.0, 0.0);
+        });
+    out.solve(material.resistance(), bulk_modulus(material), relaxation);
   }
   return out;
 }

@@ -11,16 +11,13 @@ namespace asperity
 {
 namespace
 {
-/// Add the symmetric element matrix of a cell to the values: `at_point(p, A)` adds the part of a quadrature point to its
-/// upper triangle, `at_end(A)` that of the whole cell.
-template <typename Pattern, typename AtPoint, typename AtEnd>
-void add_cell(const Cells& cells, std::size_t c, const Pattern& pattern, typename Pattern::Value* values,
-              AtPoint at_point, AtEnd at_end)
+/// Add the symmetric element matrix of a cell to the values: `fill(A)` adds to its upper triangle.
+template <typename Pattern, typename Fill>
+void add_cell(const Cells& cells, std::size_t c, const Pattern& pattern, typename Pattern::Value* values, Fill fill)
 {
   double A[dofs * row_length] = {};
   pattern.prefetch(cells.dofs_of(c), c, values);
-  cells.at_points(c, [&](const Point& p) { at_point(p, A); });
-  at_end(A);
+  fill(A);
   for (int r = 1; r < dofs; ++r)
     for (int s = 0; s < r; ++s)
       A[r * row_length + s] = A[s * row_length + r];
@@ -108,23 +105,24 @@ std::pair<std::int64_t, std::int64_t> residual(const Cells& cells, const Law& la
                 const Gradients uc = gather(u.data(), cells.dofs_of(c));
                 Gradients f{};
                 int flowing = 0;
-                const CellFlow cell = flow_of<kind()>(cells, c, material, committed, uc);
-                cells.at_points(c,
-                                [&](const Point& p)
-                                {
-                                  const State state = committed.at(p.index);
-                                  const auto at = [&](const auto& x)
-                                  {
-                                    const auto r = respond(material, cell, p.at, x.strain, state);
-                                    trial.put(p.index, r.state);
-                                    add_residual(p.g, x.nominal(r.stress), p.volume, f);
-                                    flowing += r.plastic;
-                                  };
-                                  if (with_strain<kind()>(p.g, uc, at))
-                                    return;
-                                  trial.put(p.index, state);
-                                  ++inverted;
-                                });
+                const CellPoints points(cells, c);
+                const CellFlow cell = flow_of<kind()>(points, cells.relaxation, material, committed, uc);
+                points.at_points(
+                    [&](const Point& p)
+                    {
+                      const State state = committed.at(p.index);
+                      const auto at = [&](const auto& x)
+                      {
+                        const auto r = respond(material, cell, p.at, x.strain, state);
+                        trial.put(p.index, r.state);
+                        add_residual(p.g, x.nominal(r.stress), p.volume, f);
+                        flowing += r.plastic;
+                      };
+                      if (with_strain<kind()>(p.g, uc, at))
+                        return;
+                      trial.put(p.index, state);
+                      ++inverted;
+                    });
                 plastic.data()[c] = flowing > 0;
                 total += flowing;
                 scatter(f, cells.dofs_of(c), b.data());
@@ -140,9 +138,9 @@ void stiffness_elastic(const Cells& cells, const Law& law, const Pattern& patter
   auto* out = pattern.start(values, cells.count());
   const Tangent tangent = nominal_tangent(with_law(law, [](const auto& material) { return material.elastic(); }), {});
   for (std::size_t c = 0; c < cells.count(); ++c)
-    add_cell(
-        cells, c, pattern, out, [&](const Point& p, double* A) { add_stiffness(p.g, tangent, p.volume, A); },
-        [](double*) {});
+    add_cell(cells, c, pattern, out,
+             [&](double* A)
+             { cells.at_points(c, [&](const Point& p) { add_stiffness(p.g, tangent, p.volume, A); }); });
 }
 
 template <typename Pattern>
@@ -163,19 +161,27 @@ void stiffness_plastic(const Cells& cells, const Law& law, const Array<const dou
                  if (!plastic.data()[c])
                    continue;
                  const Gradients uc = gather(u.data(), cells.dofs_of(c));
-                 const CellFlow cell = flow_of<false>(cells, c, material, committed, uc);
+                 const CellPoints points(cells, c);
+                 const CellFlow cell = flow_of<false>(points, cells.relaxation, material, committed, uc);
                  const double less = (1.0 - cell.kept) * bulk_modulus(material);
                  CommonSlopes common;
-                 const auto at_point = [&](const Point& p, double* A)
+                 const auto fill = [&](double* A)
                  {
-                   const SmallStrain x{strain(p.g, uc)};
-                   const auto r = respond(material, cell, p.at, x.strain, committed.at(p.index));
-                   Moduli moduli = r.plastic ? material.softening(r) : Moduli{};
-                   moduli.lambda -= less;
-                   add_stiffness(p.g, nominal_tangent(moduli, r.direction), p.volume, A);
-                   common.add(material, cell, p, x, r);
+                   points.at_points(
+                       [&](const Point& p)
+                       {
+                         const SmallStrain x{strain(p.g, uc)};
+                         const auto r = respond(material, cell, p.at, x.strain, committed.at(p.index));
+                         Moduli moduli = r.plastic ? material.softening(r) : Moduli{};
+                         moduli.lambda -= less;
+                         add_stiffness(p.g, nominal_tangent(moduli, r.direction), p.volume, A);
+                         if (cell.relaxes())
+                           common.add(material, cell, p, x, r);
+                       });
+                   if (cell.relaxes())
+                     common.add_to(material, cell, A);
                  };
-                 add_cell(cells, c, pattern, out, at_point, [&](double* A) { common.add_to(material, cell, A); });
+                 add_cell(cells, c, pattern, out, fill);
                }
            });
 }
@@ -193,30 +199,32 @@ void stiffness_finite(const Cells& cells, const Law& law, const Array<const doub
              for (std::size_t c = 0; c < cells.count(); ++c)
              {
                const Gradients uc = gather(u.data(), cells.dofs_of(c));
-               const CellFlow cell = flow_of<true>(cells, c, material, committed, uc);
+               const CellPoints points(cells, c);
+               const CellFlow cell = flow_of<true>(points, cells.relaxation, material, committed, uc);
                const double less = (1.0 - cell.kept) * bulk_modulus(material);
                CommonSlopes common;
                const auto at_point = [&](const Point& p, double* A)
                {
-                 with_strain<true>(p.g, uc,
-                                   [&](const auto& x)
-                                   {
-                                     const auto r = respond(material, cell, p.at, x.strain, committed.at(p.index));
-                                     Moduli moduli = material.tangent(r);
-                                     moduli.lambda -= less;
-                                     add_stiffness(p.g, x.tangent(r.stress, moduli, r.direction), p.volume, A);
-                                     if constexpr (FlowLaw<L>)
-                                       if (cell.flow > 0.0)
-                                         common.add(material, cell, p, x, r);
-                                   });
+                 const auto at = [&](const auto& x)
+                 {
+                   const auto r = respond(material, cell, p.at, x.strain, committed.at(p.index));
+                   Moduli moduli = material.tangent(r);
+                   moduli.lambda -= less;
+                   add_stiffness(p.g, x.tangent(r.stress, moduli, r.direction), p.volume, A);
+                   if constexpr (FlowLaw<L>)
+                     if (cell.relaxes())
+                       common.add(material, cell, p, x, r);
+                 };
+                 with_strain<true>(p.g, uc, at);
                };
-               const auto at_end = [&](double* A)
+               const auto fill = [&](double* A)
                {
+                 points.at_points([&](const Point& p) { at_point(p, A); });
                  if constexpr (FlowLaw<L>)
-                   if (cell.flow > 0.0)
+                   if (cell.relaxes())
                      common.add_to(material, cell, A);
                };
-               add_cell(cells, c, pattern, out, at_point, at_end);
+               add_cell(cells, c, pattern, out, fill);
              }
            });
 }
@@ -244,27 +252,28 @@ void stress(const Cells& cells, const Law& law, bool finite, bool conjugate, con
               for (std::size_t c = 0; c < cells.count(); ++c)
               {
                 const Gradients uc = gather(u.data(), cells.dofs_of(c));
-                const CellFlow cell = flow_of<kind()>(cells, c, material, committed, uc);
+                const CellPoints points(cells, c);
+                const CellFlow cell = flow_of<kind()>(points, cells.relaxation, material, committed, uc);
                 const auto at_point = [&](const Point& p, const Sym& strain)
                 { return respond(material, cell, p.at, strain, committed.at(p.index)).stress; };
-                cells.at_points(c,
-                                [&](const Point& p)
-                                {
-                                  Sym s{};
-                                  if constexpr (kind())
-                                  {
-                                    if (const Deformation deformation(p.g, uc); deformation.valid())
-                                    {
-                                      const LogStrain x(deformation);
-                                      s = at_point(p, x.strain);
-                                      if (!conjugate)
-                                        s = x.cauchy(s);
-                                    }
-                                  }
-                                  else
-                                    s = at_point(p, strain(p.g, uc));
-                                  std::copy_n(s.begin(), 6, out.data() + 6 * p.index);
-                                });
+                points.at_points(
+                    [&](const Point& p)
+                    {
+                      Sym s{};
+                      if constexpr (kind())
+                      {
+                        if (const Deformation deformation(p.g, uc); deformation.valid())
+                        {
+                          const LogStrain x(deformation);
+                          s = at_point(p, x.strain);
+                          if (!conjugate)
+                            s = x.cauchy(s);
+                        }
+                      }
+                      else
+                        s = at_point(p, strain(p.g, uc));
+                      std::copy_n(s.begin(), 6, out.data() + 6 * p.index);
+                    });
               }
             });
 }

@@ -9,6 +9,8 @@
 #include "relaxation.hpp"
 
 #include <cstdint>
+#include <stdexcept>
+#include <string>
 #include <utility>
 
 namespace asperity
@@ -59,6 +61,40 @@ struct Cells
   {
     expect(name, values, {at_least(u_nodes), 3});
   }
+};
+
+/// The quadrature points of a cell, for kernels that need them twice.
+class CellPoints
+{
+public:
+  CellPoints(const Cells& cells, std::size_t c)
+  {
+    if (cells.points() > most_points)
+      throw std::invalid_argument("weights has more than " + std::to_string(most_points) + " points");
+    cells.at_points(c,
+                    [&](const Point& p)
+                    {
+                      g[p.at] = p.g;
+                      points[count++] = {p.index, p.det, p.volume};
+                    });
+  }
+
+  template <typename At>
+  void at_points(At at) const
+  {
+    for (std::size_t q = 0; q < count; ++q)
+      at(Point{q, points[q].index, g[q], points[q].det, points[q].volume});
+  }
+
+private:
+  struct Measures
+  {
+    std::size_t index;
+    double det, volume;
+  };
+  std::size_t count = 0;
+  std::array<Gradients, most_points> g;
+  std::array<Measures, most_points> points;
 };
 
 /// Committed or trial history of a solid: plastic strain (rows, points, 6), accumulated and permanent volumetric strain

@@ -61,23 +61,23 @@ private:
   void find(const L& material, const Cells& cells, std::size_t f, const Gradients& u, const History& committed,
             bool differentiate)
   {
-    cell = flow_of<finite>(cells, f, material, committed, u);
-    if (!differentiate || !(cell.flow > 0.0))
+    const CellPoints points(cells, f);
+    cell = flow_of<finite>(points, cells.relaxation, material, committed, u);
+    if (!differentiate || !cell.relaxes())
       return;
-    cells.at_points(f,
-                    [&](const Point& p)
-                    {
-                      constexpr Sym one{1.0, 1.0, 1.0, 0.0, 0.0, 0.0};
-                      dilatation[p.at] = {};
-                      with_strain<finite>(p.g, u,
-                                          [&](const auto& x)
-                                          {
-                                            const auto r
-                                                = respond(material, cell, p.at, x.strain, committed.at(p.index));
-                                            common.add(material, cell, p, x, r);
-                                            add_residual(p.g, x.nominal(one), 1.0, dilatation[p.at]);
-                                          });
-                    });
+    points.at_points(
+        [&](const Point& p)
+        {
+          constexpr Sym one{1.0, 1.0, 1.0, 0.0, 0.0, 0.0};
+          dilatation[p.at] = {};
+          with_strain<finite>(p.g, u,
+                              [&](const auto& x)
+                              {
+                                const auto r = respond(material, cell, p.at, x.strain, committed.at(p.index));
+                                common.add(material, cell, p, x, r);
+                                add_residual(p.g, x.nominal(one), 1.0, dilatation[p.at]);
+                              });
+        });
   }
 };
 
@@ -128,7 +128,7 @@ private:
     {
       slope = traction_slope(x.tangent(r.stress, material.tangent(r), r.direction), p);
       if constexpr (FlowLaw<L>)
-        if (below.cell.flow > 0.0)
+        if (below.cell.relaxes())
           add_slope_below(material, p, x, r, below, linear);
     }
     state = r.state;
