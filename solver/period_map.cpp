@@ -66,7 +66,7 @@ struct Result
   State end{};
   std::array<double, 4> high{}, low{};          // extreme of u, and its derivatives
   std::array<double, 8> wave{};                 // integrals of u cos s and u sin s, and their derivatives
-  double damping = 0, error = 0, steps = 0;     // integral of g over tau, sum of the errors of steps, their number
+  double damping = 0, error = 0, steps = 0;     // integral of g over tau, sum of the errors of steps, number of trials
 };
 constexpr std::size_t result_numbers = sizeof(Result) / sizeof(double);
 
@@ -90,7 +90,8 @@ public:
     const double end = s + length;
     double h = std::min({length, 0.05, 0.05 * omega});
     slope(cell_, s_, y_, k_[0]);
-    for (int trial = 0; trial < 1000000; ++trial)
+    const double most = 2e4 + 1e3 * length / omega;
+    for (out.steps = 1; out.steps < most; ++out.steps)
     {
       if (!(std::abs(y_[0]) < limit))
         return false;
@@ -342,7 +343,6 @@ private:
       }
       out.damping += h * B[j] * acceleration(cell_, y[0], y[1])[2] / omega;
     }
-    out.steps += 1;
     out.error += error_;
     y_ = next_;
     s_ += h;
@@ -357,7 +357,8 @@ private:
   }
 };
 
-/// Map `lanes` (n, 7): u, v, Omega, F, dF/dOmega, phase at the start, length in s; NaN for a motion that escapes.
+/// Map `lanes` (n, 7): u, v, Omega, F, dF/dOmega, phase at the start, length in s; NaN, but for the number
+/// of steps, for a motion that escapes or takes too many.
 void period_map(const Array<const double>& edges, const Array<const double>& cells, double rest, double of_force,
                 double zeta, double limit, double rtol, bool by_forcing, bool derivatives,
                 const Array<const double>& lanes, const Array<double>& out)
@@ -390,6 +391,7 @@ void period_map(const Array<const double>& edges, const Array<const double>& cel
       std::copy_n(reinterpret_cast<const double*>(&result), result_numbers, to);
     else
       std::fill_n(to, result_numbers, std::numeric_limits<double>::quiet_NaN());
+    to[result_numbers - 1] = result.steps;
   }
 }
 } // namespace

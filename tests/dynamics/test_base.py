@@ -145,7 +145,8 @@ def test_base_and_shock_in_physical_units(tmp_path: Path) -> None:
     with (out / "motion.csv").open() as rows:
         assert max(float(row["x"]) for row in csv.DictReader(rows)) > 0
     assert (out / "motion.svg").is_file()
-    by_length = run_dynamics(curve, base=(1e-9,), joint=_joint(), **more)
+    by_length = run_dynamics(curve, base=(1e-9,), joint=_joint(), **more | {"bands": True})
+    assert not by_length.bands and "no band" in by_length.notes[-1]
     assert by_length.responses["exact"][0].setting.F_hat == pytest.approx(1e-9 / by_length.first.restoring.z_s)
 
 

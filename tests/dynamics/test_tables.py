@@ -11,8 +11,11 @@ import pytest
 from scipy.integrate import solve_ivp
 from twin import attractors, motion
 
-from asperity.dynamics import ContactOscillator, FrequencyResponse, TableLaw
+from asperity.dynamics import ContactOscillator, FrequencyResponse, PowerLaw, TableLaw
+from asperity.dynamics.equation import Forcing
+from asperity.dynamics.orbits import Orbits
 from asperity.dynamics.period_map import motions
+from asperity.errors import ConvergenceError
 
 TABLES: dict[str, dict[str, Any]] = json.loads((Path(__file__).parent / "tables.json").read_text(encoding="utf-8"))
 
@@ -101,3 +104,34 @@ def test_the_period_of_a_table_with_a_knot_beside_the_preload() -> None:
     free = ContactOscillator(o.law, load=o.load, zeta=0.0).equation
     end = motions(free, [table["u0"], 0.0], omega, 0.0, rtol=1e-13).end[0]
     np.testing.assert_allclose(end, [table["u0"], 0.0], atol=1e-11)
+
+
+def test_a_contact_whose_stiffness_is_infinite_where_it_is_lost() -> None:
+    """F ~ z^0.25 below the first points: no step meets the tolerance up to z = 0, and the response must end."""
+    table = TABLES["stiff at contact loss"]
+    o = oscillator(table)
+    m = motions(o.equation, [-9.8, 3.2], 0.80264, table["forcing"], length=4.0 * np.pi, rtol=1e-10)
+    assert m.steps < 600
+    decay = np.exp(-2.0 * o.zeta * 4.0 * np.pi / 0.80264)
+    assert np.linalg.det(m.by_end[0, :, :2]) == pytest.approx(decay, rel=1e-7)
+    r = o.response(table["forcing"], table["omega"])
+    assert len(list(r.rows())) < 1000
+    (orbit,) = (s for s in r.at(0.80264) if s.order == 2 and s.stable)
+
+    def field(t: float, y: np.ndarray) -> list[float]:
+        pull = float(o.restoring.f(y[:1])[0])
+        return [y[1], table["forcing"] * np.cos(0.80264 * t) - pull - 2.0 * o.zeta * y[1]]
+
+    run = solve_ivp(field, (0, 2.0 * np.pi / 0.80264), orbit.states[0], method="RK45", rtol=1e-8, atol=1e-10)
+    np.testing.assert_allclose(run.y[:, -1], orbit.states[1], atol=1e-5)
+
+
+def test_motions_that_fail_count_as_work() -> None:
+    taylor = ContactOscillator(PowerLaw(1.5), zeta=0.01).taylor()
+    m = motions(taylor.equation, [[0.1, 0.0], [50.0, -50.0]], 1.0, 0.0)
+    assert np.isfinite(m.end[0]).all() and np.isnan(m.end[1]).all()
+    assert m.steps > motions(taylor.equation, [0.1, 0.0], 1.0, 0.0).steps
+    orbits = Orbits(taylor.equation, Forcing(0.1))
+    with pytest.raises(ConvergenceError):
+        orbits.at(np.append(np.full(8, 50.0), 1.0), 50.0)
+    assert orbits.effort > 0

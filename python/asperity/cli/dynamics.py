@@ -229,11 +229,7 @@ def _show(result: Dynamics) -> None:
         rows.insert(0, (f"omega_s{' in rad/s' if units else ''} with {by}", *omegas))
     for responses in zip(*result.responses.values(), strict=True):
         setting = responses[0].setting
-        name = {
-            "force": f"F^ = {setting.F_hat:g}, F/W = {setting.F_over_mg:g}",
-            "base": f"base b/z_s = {setting.F_hat:g}",
-            "acceleration": f"base b''/(omega_s^2 z_s) = {setting.F_hat:g}",
-        }[setting.excitation]
+        name = setting.amplitude + (f", F/W = {setting.F_over_mg:g}" if setting.excitation == "force" else "")
         if len(result.settings.zetas):
             name += f", zeta = {setting.zeta:g}"
         words = ("peak {:.4g} at {:.4g}", "no peak inside: {:.4g} at the end {:.4g}")

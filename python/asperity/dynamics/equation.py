@@ -29,6 +29,7 @@ from asperity.runtime.display import short_repr
 _SMALLEST = 1e-75  # its cube must not underflow
 _SMALL = 0.05  # below this |u| the potential is integrated: differences of potentials cancel
 _APART = 1e-13  # distance of edges that are one
+_CLOSEST = 1e-9  # u + 1 at which a contact of infinite initial stiffness is lost: its force there is a jump
 _GAUSS_X, _GAUSS_W = np.polynomial.legendre.leggauss(16)
 
 
@@ -191,7 +192,7 @@ class Equation:
         rows: Array = np.zeros((1, 8))
         if r.contact:
             x, law = r.law.cells(r.z_s)
-            edges = np.append(-1.0, np.exp(x) / r.z_s - 1.0)
+            edges = np.append(_CLOSEST - 1.0 if law[0, 2] < 1.0 else -1.0, np.exp(x) / r.z_s - 1.0)
             rows = np.zeros((x.size + 2, 8))
             rows[0, 2] = -rest
             rows[1:, 0], rows[1:, 1] = 1.0, law[:, 0] - np.log(r.z_s)
@@ -202,11 +203,12 @@ class Equation:
         else:
             raise InputError("a law without contact loss must be a TaylorLaw")
         added: Array = np.empty(0)
+        lost = edges[0] if edges.size else -1.0
         if isinstance(self.damping, LoopDamping):
             at = np.array([0.0, *self.damping.deflection]) / r.z_s
-            added = np.concatenate([[-1.0], -at[(at > 0) & (at < 1.0)], at])
+            added = np.concatenate([[lost], -at[(at > 0) & (at < 1.0)], at])
         elif self.damping == "contact":
-            added = np.array([-1.0])
+            added = np.array([lost])
         cuts = np.unique(np.concatenate([edges, added]))
         cuts = cuts[np.diff(cuts, prepend=-np.inf) > _APART]
         ends = np.concatenate([cuts[:1] - 2.0, cuts, cuts[-1:] + 2.0]) if cuts.size else np.array([-1.0, 1.0])

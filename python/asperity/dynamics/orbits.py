@@ -9,7 +9,7 @@ most half of the distance, and so shrinks geometrically instead of jumping over 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from itertools import pairwise
 from typing import Any
 
@@ -52,6 +52,12 @@ class Orbits:
     order: int = 1
     rtol: float = 1e-9
     raised_at: float | None = None
+    steps: list[float] = field(default_factory=lambda: [0.0], repr=False, compare=False)  # of the integrator so far
+
+    @property
+    def effort(self) -> float:
+        """Steps of the integrator so far, in points."""
+        return self.steps[0] / _WORK
 
     def scales(self, amplitude: float, parameter: float) -> Array:
         """Weights of states and parameter in lengths along the branch."""
@@ -66,7 +72,9 @@ class Orbits:
             more |= {"omega": self.raised_at, "forcing": parameter, "by_forcing": True}
         else:
             more |= {"omega": parameter, "forcing": self.forcing.at(parameter), "grows": self.forcing.rate(parameter)}
-        return motions(self.equation, states, start=phase, length=length, rtol=self.rtol, **more)
+        m = motions(self.equation, states, start=phase, length=length, rtol=self.rtol, **more)
+        self.steps[0] += m.steps
+        return m
 
     def through(self, states: ArrayLike, parameter: float) -> Array:
         """Guess of the unknowns from the states at forcing phase 0 of each period (order, 2)."""
@@ -268,12 +276,13 @@ class Orbits:
                     return Path(tuple(points), "step too small", work=work)
                 if work > how.max_work:
                     return Path(tuple(points), TOO_MUCH, work=work)
+                before = self.effort
                 try:
                     guess = predict(h)
                     point, more = self.correct(guess, w**2 * unit, here.amplitude, limit=3.0 * h)
                     work += more
                 except ConvergenceError:
-                    work += 2.0
+                    work += 2.0 + self.effort - before
                     h *= _CUT
                     continue
                 miss, along = w * (point.y - guess), w * point.tangent / np.linalg.norm(w * point.tangent)

@@ -34,7 +34,7 @@ class Motions:
         wave: integrals of u cos s and u sin s over the phase, and their derivatives (lanes, 2, 4)
         damping: integral of g over the time (lanes,)
         error: sum of the local errors (lanes,)
-        steps: of the integrator, all lanes
+        steps: of the integrator, all lanes, rejected ones and those of motions that escape included
     """
 
     end: Array
@@ -77,5 +77,5 @@ def motions(
     columns = out[:, 2:8].reshape(-1, 3, 2).transpose(0, 2, 1)
     wave = out[:, 16:24].reshape(-1, 2, 4)
     return Motions(
-        out[:, :2], columns, out[:, 8:12], out[:, 12:16], wave, out[:, 24], out[:, 25], float(np.nansum(out[:, 26]))
+        out[:, :2], columns, out[:, 8:12], out[:, 12:16], wave, out[:, 24], out[:, 25], float(out[:, 26].sum())
     )

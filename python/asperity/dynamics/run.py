@@ -261,6 +261,8 @@ def run_dynamics(
                 bands.append(response_band(exact, f, spread, settings.omega))
         except AsperityError as error:
             notes.append(f"exact, F^ = {f:g}: no band: {error}")
+    if settings.bands and kind == "base" and spread is not None and "exact" in oscillators:
+        notes.append("exact: no band of the response, which is for a force or an acceleration of the base")
     onsets = {name: oscillator.thresholds(settings.forcing, kind) for name, oscillator in oscillators.items()}
     if spread is not None:  # with the other laws and the error bar
         onsets = {name: replace(one, softening=spread.softening) for name, one in onsets.items()}
@@ -356,7 +358,7 @@ def _notes(
     """Notes on the results of a model."""
     again = oscillator.restoring.kink
     for r in responses:
-        where, top = f"{name}, F^ = {r.setting.F_hat:g}:", max(float(b.u_max.max()) for b in r.branches)
+        where, top = f"{name}, {r.setting.amplitude}:", max(float(b.u_max.max()) for b in r.branches)
         if 1e-9 < again < top:
             yield (
                 f"{where} the response reaches u = {top:.4g}, and above u = {again:.4g} the contact yields again: "
@@ -366,7 +368,7 @@ def _notes(
         yield from (f"{where} {note}" for note in r.notes)
     for s in (s for s in sweeps if ESCAPED in s.status):
         where = f"at Omega = {s.Omega[s.status.index(ESCAPED)]:.4g}, a property of the truncation"
-        yield f"{name}, F^ = {s.setting.F_hat:g}: the sweep {s.direction} escapes from the Taylor well {where}"
+        yield f"{name}, {s.setting.amplitude}: the sweep {s.direction} escapes from the Taylor well {where}"
 
 
 def _gravity(settings: DynamicsSettings, source: str) -> tuple[float | None, str]:

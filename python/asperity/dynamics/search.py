@@ -137,8 +137,9 @@ class Search:
 
     @property
     def _left(self) -> float:
-        """Work that is left."""
-        return self.how.max_work - sum(path.work for _, _, path in self._paths)
+        """Work that is left, by that of the paths, or by the steps of the integrator for everything."""
+        spent = max(sum(path.work for _, _, path in self._paths), sum(orbits.effort for orbits in self.orbits.values()))
+        return self.how.max_work - spent
 
     def _from_rest(self, omega: float) -> None:
         """Trace the branch from rest at a frequency in the window or above it."""

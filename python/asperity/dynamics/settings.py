@@ -59,6 +59,12 @@ class Setting:
 
         return Forcing(self.F_hat, 2 if self.excitation == "base" else 0)
 
+    @property
+    def amplitude(self) -> str:
+        """Amplitude of the excitation, in words."""
+        name = {"force": "F^", "base": "base b/z_s", "acceleration": "base b''/(omega_s^2 z_s)"}[self.excitation]
+        return f"{name} = {self.F_hat:g}"
+
     def transmissibility(self, omega: float, a1: float, phase: float) -> float:
         """Motion of the mass over that of the base, both at the forcing frequency; NaN for a force.
 
