@@ -84,7 +84,9 @@ class Search:
         for order in orders:
             free = free_starts(self.equation, self.chart, self.how.window, order, self.starts)
             lanes = np.concatenate([free, random], axis=1)
-            for omega, x, amplitude in periodic_orbits(self.equation, self.forcing, lanes, order, self._states):
+            for omega, x, amplitude in periodic_orbits(
+                self.equation, self.forcing, lanes, order, self._states, self.notes
+            ):
                 self._through("detached", order, x, omega, amplitude)
                 self._finish()
                 if self._left < 0.0:

@@ -31,7 +31,8 @@ _LINEAR, _FAINT = 0.3, (0.02, 1e-3, 1e-5)  # amplitudes up to which, and at whic
 _RAISING = 500.0  # work while the forcing is raised
 _SINGULAR = 1e-9  # impedance below which there is no linear response to start from
 _NEWTON = 9  # iterations on the period map
-_MOST_STEPS = 3e5  # of the integrator in these iterations
+_MOST_STEPS = 5e5  # of the integrator in these iterations
+_TOGETHER = 8  # starts whose motions are followed at once
 _ROUGH = 1e-6  # tolerance of the motions of the search; the orbits are corrected later
 _CLOSE = 1e-4  # Newton step that ends the search, relative to the state
 _KNOWN = 1e-2  # distance within which an orbit is identical to a known one, relative to the state
@@ -152,20 +153,30 @@ def _even(count: int, dimensions: int) -> Array:
 
 
 def periodic_orbits(
-    equation: Equation, forcing: Forcing, lanes: Array, order: int, known: Sequence[Array]
+    equation: Equation, forcing: Forcing, lanes: Array, order: int, known: Sequence[Array], notes: list[str]
 ) -> Iterator[tuple[float, Array, float]]:
     """Omega, rough states (order, 2) and amplitude of the orbits of `order` forcing periods near the starts.
 
-    Orbits of shorter periods are left out, and the known ones (see `states`), which may grow in the meantime.
+    Orbits of shorter periods are left out, and the known ones (see `states`), which may grow in the meantime. A search
+    that is too long ends with a note.
     """
-    omega, y = lanes[0], lanes[1:].T
-    y = motions(equation, y, omega, forcing.at(omega), length=TURN * order, rtol=_ROUGH, derivatives=False).end
-    steps = 0.0
+    steps, given = 0.0, lanes.shape[1]
+    ends: list[Array] = [np.empty((0, 3))]
+    parts = max(given // _TOGETHER, 1)
+    for i in range(parts):  # each spread over all starts
+        if steps < _MOST_STEPS / _NEWTON * 2.0:
+            omega, y = lanes[0, i::parts], lanes[1:, i::parts].T
+            m = motions(equation, y, omega, forcing.at(omega), length=TURN * order, rtol=_ROUGH, derivatives=False)
+            steps += m.steps
+            ends.append(np.column_stack([omega, m.end]))
+    tried = np.concatenate(ends)
+    omega, y, skipped = tried[:, 0], tried[:, 1:], given - len(tried)
     for _ in range(_NEWTON):
         kept = np.isfinite(y).all(axis=1)
         omega, y = omega[kept], y[kept]
-        if not y.size or steps > _MOST_STEPS:
-            return
+        if steps > _MOST_STEPS or not y.size:
+            skipped += len(y)
+            break
         size = 0.1 + np.abs(y).sum(axis=1)
         m = motions(equation, y, omega, forcing.at(omega), length=TURN * order, rtol=_ROUGH)
         steps += m.steps
@@ -186,6 +197,11 @@ def periodic_orbits(
         moving = np.isfinite(length) & (length >= _CLOSE * size)
         omega, y, length, size, step = omega[moving], y[moving], length[moving], size[moving], step[:, moving]
         y = y + (step * np.minimum(1.0, 0.3 * size / length)).T
+    if skipped:
+        notes.append(
+            f"the search from {skipped} of {given} starts of period {order} ended after too much work, and orbits may "
+            "be missing: give a narrower window"
+        )
 
 
 def states(points: Sequence[Point]) -> Array:
