@@ -31,7 +31,7 @@ _LINEAR, _FAINT = 0.3, (0.02, 1e-3, 1e-5)  # amplitudes up to which, and at whic
 _RAISING = 500.0  # work while the forcing is raised
 _SINGULAR = 1e-9  # impedance below which there is no linear response to start from
 _NEWTON = 9  # iterations on the period map
-_MOST_STEPS = 5e5  # of the integrator in these iterations
+_MOST_STEPS = 8e5  # of the integrator in these iterations
 _TOGETHER = 8  # starts whose motions are followed at once
 _ROUGH = 1e-6  # tolerance of the motions of the search; the orbits are corrected later
 _CLOSE = 1e-4  # Newton step that ends the search, relative to the state
@@ -164,17 +164,18 @@ def periodic_orbits(
     ends: list[Array] = [np.empty((0, 3))]
     parts = max(given // _TOGETHER, 1)
     for i in range(parts):  # each spread over all starts
-        if steps < _MOST_STEPS / _NEWTON * 2.0:
+        if steps < _MOST_STEPS / _NEWTON:
             omega, y = lanes[0, i::parts], lanes[1:, i::parts].T
             m = motions(equation, y, omega, forcing.at(omega), length=TURN * order, rtol=_ROUGH, derivatives=False)
             steps += m.steps
             ends.append(np.column_stack([omega, m.end]))
     tried = np.concatenate(ends)
     omega, y, skipped = tried[:, 0], tried[:, 1:], given - len(tried)
+    most = 0.5 * _MOST_STEPS if skipped else _MOST_STEPS  # not for long where there is little hope
     for _ in range(_NEWTON):
         kept = np.isfinite(y).all(axis=1)
         omega, y = omega[kept], y[kept]
-        if steps > _MOST_STEPS or not y.size:
+        if steps > most or not y.size:
             skipped += len(y)
             break
         size = 0.1 + np.abs(y).sum(axis=1)
