@@ -85,8 +85,8 @@ def test_flat_tops_with_sharp_edges_have_a_singular_pressure_and_smooth_ones_hav
 
 
 def test_the_part_of_the_force_that_flows() -> None:
-    ball = asp.Surface.from_spec("sphere", L=1.0, radius=6.0, shape="paraboloid")
     """From the pressure on with which a Hertzian spot begins to: in its middle, of 1.6 times the yield strength."""
+    ball = asp.Surface.from_spec("sphere", L=1.0, radius=6.0, shape="paraboloid")
     peak = asp.reference.Hertz(R=6.0, E_prime=1.0).peak_pressure(0.0024) * ELASTIC.reduced_modulus
     solids = (ELASTIC, Material(1.0, 0.3, peak / 1.6, 0.05), Material(1.0, 0.3, 0.002, 0.05))
     elastic, hard, soft = (Guide(Problem.of(ball, m, delta_max=0.004, steps=5), 0.004, 5).flowing for m in solids)
@@ -178,6 +178,32 @@ def test_coarse_meshes_that_are_not_touched_lead_to_finer_ones() -> None:
         found = asp.solve_contact(steep, Material(1.0, 0.3, 0.02, 0.05), tolerance=goal, delta_max=0.005, steps=5)
     assert not found.met and found.levels[-1].dofs > 1.5 * found.levels[0].dofs
     assert "the next mesh has about" in found.reason and not found.worst <= 0.05
+
+
+@pytest.mark.parametrize(
+    "material",
+    [ELASTIC, pytest.param(Material(1.0, 0.3, 0.02, 0.05), marks=pytest.mark.slow)],
+    ids=["elastic", "plastic"],
+)
+def test_the_bar_of_an_unresolved_surface_holds(material: Material) -> None:
+    """Shortest waves of 0.1 L; the reference resolves them with elements of 0.024 L everywhere in the contact.
+
+    A bar holds 95 % of the steps: one of the twelve may be outside, by as much again.
+    """
+    surface, depth = surface_of(4, lambda_roll=0.5, lambda_short=0.1), 0.03
+    found = asp.solve_contact(surface, material, tolerance=asp.AccuracyTarget(0.08), delta_max=depth, steps=5)
+    assert found.met
+    size = asp.MeshSize(0.024, growth=0.2)
+    fine = asp.solve_contact(surface, material, delta_max=depth, steps=10, size=size)
+    loading = found.curve.loading()
+    judged = loading.delta_star >= 0.999 * depth / 5
+    P = np.interp(loading.delta_star, fine.curve.delta_star, fine.curve.P_star)
+    beyond = (np.abs(loading.P_star - P) - 0.01 * P)[judged] / loading.error_P_star[judged]
+    assert np.count_nonzero(beyond > 1.0) <= 1 and np.all(beyond < 2.0)
+    A = np.interp(loading.delta_star, fine.curve.delta_star, fine.curve.area_fraction)
+    e = np.interp(loading.delta_star, fine.curve.delta_star, fine.curve.error_area_fraction)
+    assert np.mean(np.abs(loading.area_fraction - A)[judged] <= (loading.error_area_fraction + e)[judged]) >= 0.8
+    assert np.all(found.budget.roughness[found.curve.branch == "load"][judged] > 0.0)
 
 
 @pytest.mark.mpi
