@@ -148,6 +148,6 @@ def representative(found: Spread | None, spots: int) -> Assumption | None:
         "joint: stiffness by other patches of its roughness", 100 * found.bar, 100 * DIFFERENT, "%",
         f"half-space pressed with {found.patches} patches under one plane",
         "a larger surface.L, or the mean of several seeds (asperity study)",
-        f"the mean of the patches is {abs(found.change):.0%} ± {found.error:.0%} {word}; this one has {spots} spot(s) "
-        "at the greatest force",
+        f"the mean of the patches is {100 * abs(found.change):.0f} % ± {100 * found.error:.0f} % {word}; "
+        f"this one has {spots} spot(s) at the greatest force",
     )  # fmt: skip

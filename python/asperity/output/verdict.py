@@ -73,7 +73,7 @@ def _vibration(results: Results) -> Iterator[str]:
         word = "softer" if patches["change"] < 0.0 else "stiffer"
         yield (
             f"That is of this patch; the mean of {patches['patches']} patches of its roughness is "
-            f"{abs(patches['change']):.0%} ± {patches['error']:.0%} {word} by a half-space."
+            f"{100 * abs(patches['change']):.0f} % ± {100 * patches['error']:.0f} % {word} by a half-space."
         )
     if doubt := (results.thresholds.get("laws") or {}).get("doubt"):
         yield f"Its law is doubtful: {doubt}."
