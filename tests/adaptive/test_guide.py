@@ -87,7 +87,7 @@ def test_flat_tops_with_sharp_edges_have_a_singular_pressure_and_smooth_ones_hav
 def test_the_part_of_the_force_that_flows() -> None:
     """From the pressure on with which a Hertzian spot begins to: in its middle, of 1.6 times the yield strength."""
     ball = asp.Surface.from_spec("sphere", L=1.0, radius=6.0, shape="paraboloid")
-    peak = asp.reference.Hertz(R=6.0, E_prime=1.0).peak_pressure(0.0024) * ELASTIC.reduced_modulus
+    peak = float(asp.reference.Hertz(R=6.0, E_prime=1.0).peak_pressure(0.0024)) * ELASTIC.reduced_modulus
     solids = (ELASTIC, Material(1.0, 0.3, peak / 1.6, 0.05), Material(1.0, 0.3, 0.002, 0.05))
     elastic, hard, soft = (Guide(Problem.of(ball, m, delta_max=0.004, steps=5), 0.004, 5).flowing for m in solids)
     assert np.all(elastic == 0.0) and np.all(hard[:2] == 0.0) and np.all(hard[3:] > 0.0)

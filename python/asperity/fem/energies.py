@@ -19,8 +19,9 @@ def energies(solid: Solid, force: Floats) -> tuple[float, float]:
     u = solid.u.x.array.reshape(-1, 3)
     kernels, material = solid.kernels, solid.material
     if material.law is not None:
-        known = isinstance(kernels, FormKernels) and material.law.hyperelastic
-        return (float(np.vdot(kernels.volumes, kernels.energy(u))) if known else 0.0), 0.0
+        if isinstance(kernels, FormKernels) and material.law.hyperelastic:
+            return float(np.vdot(kernels.volumes, kernels.energy(u))), 0.0
+        return 0.0, 0.0
     if kernels.linear:
         return 0.5 * float(np.vdot(u[: solid.owned], force)), 0.0
     stored = float(np.vdot(kernels.volumes, material.elastic_energy(kernels.conjugate_stress(u))))

@@ -85,7 +85,7 @@ class Problem:
 
     Raises:
         InputError: a value of another type or outside its range, not exactly one of delta_max and force_max, periodic
-            sides of a surface that is not periodic, or mean volumetric strains with Nitsche's method
+            sides of a surface that is not periodic, or a law in UFL with settings that it cannot go with
     """
 
     surface: Surface
@@ -127,8 +127,6 @@ class Problem:
     def _wrong_kernels(self) -> Judgement:
         """Reason why forms, or a law in UFL, are refused with the other settings."""
         law, options = self.material.law, self.options
-        if not self.forms:
-            return None
         if law is None:
             return None
         if options.kernels == "compiled":

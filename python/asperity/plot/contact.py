@@ -32,7 +32,7 @@ def pressure_maps(results: Results, count: int = 4) -> Figure:
     highest = float(top["pressure"][chosen].max())
     scale, unit = prefix(highest, results.unit("stress"))
     look = {"cmap": "inferno_r", "vmin": 0.0, "vmax": highest * scale or 1.0}
-    on_patch, image = Raster(top), None
+    on_patch = Raster(top)
     for axis, i in zip(axes, chosen, strict=False):
         image = _map(axis, results, on_patch, on_patch.pressure(i) * scale, **look)
         axis.label_outer()
@@ -106,7 +106,7 @@ class Raster:
     def __init__(self, top: Any, box: Array | None = None) -> None:
         points = top["points"]
         self.top, self.box = top, np.array([points.min(axis=0), points.max(axis=0)]) if box is None else box
-        mesh = Triangulation(*points.T, top["triangles"])
+        mesh = Triangulation(points[:, 0], points[:, 1], top["triangles"])
         middles = (np.arange(PIXELS) + 0.5) / PIXELS
         at = np.meshgrid(*(low + middles * (high - low) for low, high in self.box.T))
         found: Any = mesh.get_trifinder()(*at)
