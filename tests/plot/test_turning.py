@@ -35,6 +35,10 @@ def test_the_data_of_the_page_are_those_of_the_run(tmp_path: Path) -> None:
     moving = Image.open(io.BytesIO(base64.b64decode(growing_spots(results) or "")))
     pressed = (results.top["branch"] == "load") & (results.top["pressure"].max(axis=1) > 0.0)
     assert moving.n_frames == pressed.sum()  # type: ignore[attr-defined]
+    for frame, touched in enumerate(results.top["touched"][pressed]):
+        moving.seek(frame)
+        coloured = np.ptp(np.asarray(moving.convert("RGB"), float), axis=-1) > 10.0
+        assert coloured.mean() == pytest.approx(touched.mean(), rel=0.1)
 
 
 def test_without_pressure_there_is_none(tmp_path: Path) -> None:

@@ -81,12 +81,14 @@ def growing_spots(results: Results) -> str | None:
     if len(levels) < 2:
         return None
     on_grid, highest = Raster(top), max(float(top["pressure"][i].max()) for i in levels)
-    frames = []
+    frames: list[Image.Image] = []
     for i in levels:
         pressure = np.nan_to_num(on_grid.pressure(i))[::-1]
         picture = colormaps["inferno_r"](pressure / highest)[..., :3]
         picture[pressure <= 0.0] = UNLOADED
-        frames.append(Image.fromarray((255.0 * picture).astype(np.uint8)).quantize(64))
+        frames.append(Image.fromarray((255.0 * picture).astype(np.uint8)))
+    palette = frames[-1].quantize(64)  # one for all frames, as the format has it
+    frames = [frame.quantize(palette=palette, dither=Image.Dither.NONE) for frame in frames]
     file = io.BytesIO()
     frames[0].save(file, "PNG", save_all=True, append_images=frames[1:], duration=MILLISECONDS, loop=0)
     return _text(file.getvalue())
