@@ -33,10 +33,8 @@ PASSES = 2  # of the half-space: the first shows how fine the second must be
 MOST_STEPS = 10  # at which the half-space is pressed
 EARLY = 0.25  # power of the approach in the sizes: the first spots are the least of a mesh and have its largest errors
 SINGULAR = 1.0 + 1e-6  # pressure at the edge over the mean one: more than round-off, of a solid that flows it is 1
-PARTS, RESOLVED = (
-    24,
-    20,
-)  # approaches up to a given force, each a third beyond the one before; cells from which on it counts
+PARTS = 24  # approaches up to a given force, each a third beyond the one before
+RESOLVED = 20  # cells in contact from which on an approach of them counts
 MOST = 10.0  # change beyond which nothing is known
 
 
