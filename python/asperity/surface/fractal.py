@@ -6,7 +6,7 @@ import math
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import Any, ClassVar, Literal
+from typing import ClassVar, Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -22,11 +22,19 @@ from asperity.surface.base import (
     is_number,
     short_wave_share,
 )
-from asperity.surface.fractal_maximum import highest_point
-from asperity.surface.plane_waves import Waves, at_points, mean_squares, on_product
 
-_SHORTEST = 1e-9  # least wavelength over L: for shorter waves the round-off of the angles destroys the heights
-_MOST_RIDGES, _MAX_WAVES = 1000, 25_000  # more would take minutes
+_SHORTEST = 1 / 2048  # least wavelength over L, that of `self_affine`: no mesh resolves shorter waves
+_MOST_RIDGES, _MAX_WAVES = 1000, 2500  # more would take minutes
+_BLOCK = 2**20  # waves times points evaluated at once: 8 MiB per temporary array
+
+
+class Waves(NamedTuple):
+    """Plane waves a cos(kx x + ky y + phi), one entry per wave, each (n,)."""
+
+    a: Array  # amplitude (length)
+    kx: Array  # wave vector (1/length)
+    ky: Array
+    phi: Array
 
 
 def cut_off_index(L: float, L_s: float, gamma: float) -> int:
@@ -67,7 +75,7 @@ class WeierstrassMandelbrot(Surface):
         M: sets the ridge directions pi mu/M, 1 to 1000
         gamma: ratio of successive wave numbers, > 1
         f_max: highest frequency index, >= 0; default from L_s, or 5 without it. The shortest wavelength
-            L/gamma^f_max is at least 1e-9 L, and there are at most 25000 waves, (M+1)(f_max+1).
+            L/gamma^f_max is at least L/2048, and there are at most 2500 waves, (M+1)(f_max+1).
         L_s: cut-off wavelength (length), optional; f_max = cut_off_index(L, L_s, gamma)
         seed: seed of the random phases
         drawing: "array" draws default_rng(seed).uniform(0, 2 pi, size=(M+1, f_max+1)): a different f_max gives an
@@ -148,23 +156,11 @@ class WeierstrassMandelbrot(Surface):
 
     def _resolve_phases(self) -> Array:
         drawn = self._draw_phases()
-        if self.phases is None:
-            phases = drawn
-        else:
-            phases = np.array(self.phases, dtype=float)
-            check(
-                phases.shape == drawn.shape and bool(np.isfinite(phases).all()),
-                "phases",
-                phases.shape,
-                f"a finite array of shape (M+1, f_max+1) = {drawn.shape}",
-            )
+        phases = drawn if self.phases is None else np.array(self.phases, dtype=float)
+        legal = phases.shape == drawn.shape and bool(np.isfinite(phases).all())
+        check(legal, "phases", phases.shape, f"a finite array of shape (M+1, f_max+1) = {drawn.shape}")
         phases.flags.writeable = False
         return phases
-
-    @cached_property
-    def random(self) -> bool:
-        """Whether the phases are the random ones of the seed."""
-        return bool(np.array_equal(self.phases, self._draw_phases()))  # type: ignore[arg-type]
 
     @cached_property
     def _waves(self) -> Waves:
@@ -198,20 +194,36 @@ class WeierstrassMandelbrot(Surface):
         return float(np.sqrt(0.5 * np.sum((a * part) ** 2)))
 
     def _at_points(
-        self, x: ArrayLike, y: ArrayLike, wave: Callable[[Array], Array], weights: list[Array]
+        self, x: ArrayLike, y: ArrayLike, wave: Callable[[Array], Array], weights: list[Array], s: ArrayLike = 0.0
     ) -> tuple[Array, ...]:
-        """sum_j weights[i][j] wave(theta_j) at every point: one array in the broadcast shape for each i."""
-        x, y = np.broadcast_arrays(np.asarray(x, dtype=float), np.asarray(y, dtype=float))
-        return tuple(z.reshape(x.shape) for z in at_points(self._waves, x.ravel(), y.ravel(), wave, weights))
+        """sum_j weights[i][j] wave(theta_j) at every point: one array in the broadcast shape for each i.
+
+        With standard deviations s (length) the sum is convolved with a Gaussian at each point.
+        """
+        points = np.broadcast_arrays(*(np.asarray(v, dtype=float) for v in (x, y, s)))
+        shape, (x, y, s) = points[0].shape, (v.ravel() for v in points)
+        _, kx, ky, phi = self._waves
+        w, smooth = np.stack(weights, axis=1), bool(s.any())
+        out = np.empty((x.size, len(weights)))
+        step = max(1, 2 * _BLOCK // kx.size)
+        for i in range(0, x.size, step):
+            part = slice(i, i + step)
+            theta = np.multiply.outer(x[part], kx)
+            theta += np.multiply.outer(y[part], ky)
+            theta += phi
+            values = wave(theta)
+            if smooth:
+                values *= np.exp(np.multiply.outer(s[part] ** 2, -0.5 * (kx**2 + ky**2)))
+            out[part] = values @ w
+        return tuple(z.reshape(shape) for z in out.T)
 
     def height(self, x: ArrayLike, y: ArrayLike) -> Array:
         (z,) = self._at_points(x, y, np.cos, [-self._waves.a])
         return z + self._offset
 
     def smoothed(self, x: ArrayLike, y: ArrayLike, s: ArrayLike) -> Array:
-        x, y, s = np.broadcast_arrays(*(np.asarray(v, dtype=float) for v in (x, y, s)))
-        (z,) = at_points(self._waves, x.ravel(), y.ravel(), np.cos, [-self._waves.a], s.ravel())
-        return z.reshape(x.shape) + self._offset
+        (z,) = self._at_points(x, y, np.cos, [-self._waves.a], s)
+        return z + self._offset
 
     def gradient(self, x: ArrayLike, y: ArrayLike) -> tuple[Array, Array]:
         a, kx, ky, _ = self._waves
@@ -224,51 +236,27 @@ class WeierstrassMandelbrot(Surface):
         return xx, xy, yy
 
     def on_product(self, x: Array, y: Array, dx: int = 0, dy: int = 0) -> Array:
-        a, kx, ky, _ = self._waves
-        (z,) = on_product(self._waves, x, y, -a * (1j * kx) ** dx * (1j * ky) ** dy)
+        # a plane wave separates, so the sum over all waves is one real product (len(y), 2 waves) (2 waves, len(x))
+        z = np.zeros((y.size, x.size))
+        step = max(1, _BLOCK // max(x.size, y.size))
+        for i in range(0, self._waves.a.size, step):
+            a, kx, ky, phi = (entry[i : i + step] for entry in self._waves)
+            along_x = np.exp(1j * np.multiply.outer(kx, x))
+            along_y = np.exp(1j * (np.multiply.outer(y, ky) + phi)) * (-a * (1j * kx) ** dx * (1j * ky) ** dy)
+            z += np.hstack([along_y.real, -along_y.imag]) @ np.vstack([along_x.real, along_x.imag])
         return z if dx + dy else z + self._offset
 
     def mean(self) -> float:
         """Mean height over the patch (length), in closed form."""
         a, kx, ky, phi = self._waves
-        return self._offset - float((a * np.exp(1j * phi) * self._patch_mean(kx, ky)).real.sum())
-
-    def _patch_mean(self, kx: Any, ky: Any) -> Any:
-        """Mean of exp(i(kx x + ky y)) over the patch, in the shape of kx and ky (1/length)."""
-
-        def side(k: Any) -> Any:
-            half = k * self.L / 2
-            return np.exp(1j * half) * np.sinc(half / np.pi)
-
-        return side(kx) * side(ky)
+        hx, hy = 0.5 * self.L * kx, 0.5 * self.L * ky
+        return self._offset - float(np.sum(a * np.cos(phi + hx + hy) * np.sinc(hx / np.pi) * np.sinc(hy / np.pi)))
 
     def cut_off(self, wavelength: float) -> WeierstrassMandelbrot:
         assert self.f_max is not None and self.phases is not None
         f_max = min(cut_off_index(self.L, min(wavelength, self.L), self.gamma), self.f_max)
         return replace(self, f_max=f_max, L_s=None, phases=self.phases[:, : f_max + 1])
 
-    def exact_rms(self) -> tuple[float, float, float]:
-        """(Sq, rms slope, rms curvature) over the patch in closed form.
-
-        Units: length, 1, 1/length; curvature is half the Laplacian, as in SurfaceStatistics.
-        """
-        return self._exact_rms
-
-    @cached_property
-    def _exact_rms(self) -> tuple[float, float, float]:
-        square, slope2, laplacian2 = mean_squares(self._waves, self.L)
-        variance = square - (self.mean() - self._offset) ** 2
-        return math.sqrt(variance), math.sqrt(slope2), math.sqrt(laplacian2) / 2
-
-    def rms_slope(self) -> float:
-        """sqrt(<|grad z|^2>) over the patch, in closed form (dimensionless)."""
-        return self.exact_rms()[1]
-
     def curvature_bound(self) -> float:
         a, kx, ky, _ = self._waves
         return float(a @ (kx**2 + ky**2))
-
-    @cached_property
-    def _maximum(self) -> tuple[float, float, float]:
-        assert self.f_max is not None
-        return highest_point(self, self._waves, self._offset, self.f_max + 1, self.random)

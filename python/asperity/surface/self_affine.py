@@ -22,10 +22,10 @@ from asperity.surface.base import (
     short_wave_share,
 )
 from asperity.surface.maximum import global_maximum
-from asperity.surface.plane_waves import DEVIATIONS
 from asperity.surface.scale_space import Heights, ScaleSpace, spline_gain, spline_heights
 from asperity.surface.wave_grid import WaveGrid
 
+_DEVIATIONS = 10.0  # waves of random phases exceed this many with a probability below exp(-50) (Chernoff)
 _MOST = 2048  # waves of the shortest length along a side of the period: grids of 8192 x 8192 nodes
 _STRETCH = 16.0  # largest anisotropy
 _SUMMED = 256  # waves per period up to which the ideal spectrum is summed; beyond that it is integrated
@@ -253,7 +253,7 @@ class SelfAffine(Surface):
 
     @cached_property
     def _maximum(self) -> tuple[float, float, float]:
-        return global_maximum(self, K=min(self.curvature_bound(), DEVIATIONS * math.sqrt(self._moment(2))))
+        return global_maximum(self, K=min(self.curvature_bound(), _DEVIATIONS * math.sqrt(self._moment(2))))
 
     def smoothed(self, x: ArrayLike, y: ArrayLike, s: ArrayLike) -> Array:
         return self._smoothed(self._scales, x, y, s)
