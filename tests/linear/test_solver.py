@@ -105,13 +105,13 @@ def test_a_factorisation_that_lacks_memory_says_what_to_set(
         patch.setattr(solver, "_outcome", lambda: (7, False))
         with pytest.warns(AsperityWarning, match="take more memory") if comm.rank == 0 else nullcontext():
             assert solver.solve(r, solid.fixed, np.empty(0), y, 1e-3) == (7, False)
-    assert not y.array_r.any()
+    assert not y.array_r.any() and "take more memory" in solver.lacks
     solver.rescue = False  # the next step
     assert solver.solve(r, solid.fixed, np.empty(0), y, 1e-3)[1]
     monkeypatch.undo()
     again = LinearSolver(solid, kind)
     monkeypatch.setattr(again, "_outcome", lambda: (7, False))
-    assert again.solve(r, solid.fixed, np.empty(0), y, 1e-3)[1] and again.rescued == 1
+    assert again.solve(r, solid.fixed, np.empty(0), y, 1e-3)[1] and again.rescued == 1 and not again.lacks
 
 
 def test_memory_that_a_container_leaves(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -137,7 +137,8 @@ def test_a_step_that_never_converges_ends_the_run_with_the_curve_so_far(
     assert len(record.curve()) == 2
     assert solver.delta == record.curve().delta[-1] == 2 * DELTA / 5
     assert solver.counts.cutbacks - np.log2(1 / SMALLEST_CUT) in (0, 1)
-    with pytest.raises(ConvergenceError, match=r"on the way to the greatest force \(forced\)"):
+    solver.newton.linear.lacks = "take more memory"  # a finer mesh would not help
+    with pytest.raises(ConvergenceError, match=r"on the way to the greatest force \(forced\); .*: take more memory"):
         follow(solver, Schedule(force_max=0.01, steps=5), record)
     assert len(record.curve()) == 2
 

@@ -131,5 +131,5 @@ class TangentOperator:
 
     def mult(self, A: Any, x: Any, y: Any) -> None:
         """y = A x; called by PETSc."""
-        x = x.array_r
-        y.array = self.free * self.product(self.free * x) + (1.0 - self.free) * x
+        free, x = self.free > 0.0, x.array_r
+        y.array = np.where(free, self.product(np.where(free, x, 0.0)), x)  # x is infinite where it was not found

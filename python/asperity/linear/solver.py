@@ -69,6 +69,7 @@ class LinearSolver:
         rescued: number of systems factorised for that reason
         iterations, total: of the last solution, and of all
         solved: whether it was found
+        lacks: what to do where a rescue wanted for memory, else empty
         left: energy of its error, the square of the energy norm of the residual, as CG predicts it; 0 after a
             factorisation
     """
@@ -80,6 +81,7 @@ class LinearSolver:
             kind = "lu" if solid.dofs < (LU_LIMIT if symmetric else GENERAL_LU_LIMIT) else "cg"
         self.rescue, self.rescued, self.left, self.iterations, self.total, self.solved = False, 0, 0.0, 0, 0, False
         self._solid = solid
+        self.lacks = ""
         self._may_rescue = symmetric or kind != "lu"
         self._direct: tuple[Any, Assembled] | None = None
         single = rtol >= SINGLE_RTOL
@@ -225,8 +227,9 @@ class LinearSolver:
         self.solved, self.left, self.rescue = ksp.getConvergedReason() > 0, 0.0, True
         self.rescued += 1
         needed = memory_lacking(ksp)
+        self.lacks = LACKS.format(solid.dofs, needed / 2**30) if needed else ""
         if solid.comm.rank == 0 and needed:
-            warn(FAILED + LACKS.format(solid.dofs, needed / 2**30), AsperityWarning)
+            warn(FAILED + self.lacks, AsperityWarning)
         if solid.comm.rank == 0 and self.rescued == RESCUES:
             warn(RESCUED, AsperityWarning)
 

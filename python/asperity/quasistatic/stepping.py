@@ -209,10 +209,15 @@ def _approach(
             raise ConvergenceError(
                 f"no convergence at delta/L = {solver.delta + move:.6g} ({stats.reason} after {stats.newton} Newton "
                 f"iterations) although the step was cut to {abs(move):.2g} L; the curve up to delta/L = "
-                f"{solver.delta:.6g} is kept: use {solver.contact.hint}more loading.steps, a larger "
-                "solver.newton_max, or a finer mesh.h_contact"
+                f"{solver.delta:.6g} is kept: {_advice(solver)}"
             )
         logging.getLogger(__name__).info("delta/L = %.6g: step cut to %.3g L", solver.delta, step)
+
+
+def _advice(solver: ContactSolver) -> str:
+    """What may help where no step converges."""
+    more = f"use {solver.contact.hint}more loading.steps, a larger solver.newton_max, or a finer mesh.h_contact"
+    return solver.newton.linear.lacks or more
 
 
 def _load(solver: ContactSolver, schedule: Schedule, at: Position) -> Outcome:
@@ -274,7 +279,7 @@ def _load_to_force(solver: ContactSolver, schedule: Schedule, at: Position) -> O
         if step < at.shortest:
             raise ConvergenceError(
                 f"no convergence at delta/L = {target:.6g} on the way to the greatest force ({stats.reason}); the "
-                f"curve up to delta/L = {solver.delta:.6g} is kept: use {solver.contact.hint}more loading.steps"
+                f"curve up to delta/L = {solver.delta:.6g} is kept: {_advice(solver)}"
             )
     force = solver.solved_force()
     if force >= goal * (1.0 - FORCE_TOLERANCE):
