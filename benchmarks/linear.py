@@ -19,7 +19,7 @@ from mpi4py import MPI
 
 import asperity as asp
 from asperity.linear import coarse as coarse_problem
-from asperity.linear.substructures import interface_of
+from asperity.linear.coarse import interface_of
 from asperity.mesh.distribute import distribute
 from asperity.quasistatic.contact_result import ContactResult
 from asperity.quasistatic.make import make_block

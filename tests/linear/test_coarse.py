@@ -14,8 +14,7 @@ from asperity.arrays import Floats
 from asperity.fem.ghosts import Ghosts
 from asperity.fem.sparsity import SparsityPattern
 from asperity.linear import coarse as coarse_problem
-from asperity.linear.coarse import Distributed, make_coarse
-from asperity.linear.substructures import Substructures, interface_of
+from asperity.linear.coarse import Distributed, Substructures, interface_of, make_coarse
 from asperity.mesh.block import BlockMesh
 from asperity.mesh.distribute import distribute
 
@@ -163,5 +162,8 @@ def test_way_to_solve_the_coarse_problem(coarse: BlockMesh | None, monkeypatch: 
         for dense, expected in ((1.01 * shared, Substructures), (0.99 * shared, Distributed)):
             monkeypatch.setattr(coarse_problem, "DENSE", dense)
             assert kind() is expected
-    monkeypatch.setattr(coarse_problem, "DIRECT_LIMIT", 3)
+    with monkeypatch.context() as patch:
+        patch.setattr(coarse_problem, "DIRECT_LIMIT", 3)
+        assert kind() is Distributed
+    monkeypatch.delattr(_solver, "Cholesky")
     assert kind() is Distributed

@@ -7,7 +7,6 @@ import gc
 import warnings
 import weakref
 from collections.abc import Callable
-from contextlib import nullcontext
 from dataclasses import asdict, replace
 from types import SimpleNamespace
 from typing import Any, cast
@@ -19,7 +18,6 @@ from conftest import ELASTIC, PLASTIC, here, world
 from j2_path import confined_stress
 from scipy.optimize import brentq
 
-from asperity import _solver
 from asperity.dynamics import unload_reload
 from asperity.errors import AsperityWarning, ConvergenceError
 from asperity.fem.history import History
@@ -396,22 +394,6 @@ def test_systems_that_cg_or_cholesky_fails_on_are_factorised_by_lu(
     assert rescued.force == pytest.approx(direct.force, rel=1e-9)
     assert rescued.counts.direct == rescued.counts.newton > 0 and direct.counts.direct == 0
     assert rescued.counts.krylov == 14  # after a step that the solver requested is tried
-
-
-@pytest.mark.mpi
-def test_a_build_without_cholmod_says_so_and_rescues_nothing(
-    press_of: Callable[..., ContactSolver], monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """Force and iterations as with it."""
-    usual = press_of(ELASTIC, linear="cg")
-    monkeypatch.delattr(_solver, "Cholesky", raising=False)
-    with pytest.warns(AsperityWarning, match="no CHOLMOD 5.1") if usual.solid.comm.rank == 0 else nullcontext():
-        solver = press_of(ELASTIC, linear="cg")
-    for each in (usual, solver):
-        assert each.step(0.01).converged
-    assert solver.counts.direct == 0
-    assert abs(solver.counts.krylov - usual.counts.krylov) <= 1
-    assert solver.force == pytest.approx(usual.force, rel=1e-6)
 
 
 @pytest.mark.mpi

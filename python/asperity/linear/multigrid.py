@@ -155,10 +155,9 @@ class PMultigrid:
 
     def factorise_coarse(self) -> bool:
         """Factorise the coarse matrix where algebraic multigrid has failed; whether it does now, collective."""
-        make = getattr(self._coarse, "factorisation", None)
-        if make is None:
+        if self._coarse.factorisation is None:
             return False
-        self._coarse = make()
+        self._coarse = self._coarse.factorisation()
         return self.renew()
 
     def judge(self, iterations: int, rtol: float, solved: bool) -> None:
