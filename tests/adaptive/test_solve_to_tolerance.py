@@ -131,7 +131,7 @@ def test_bars_do_not_vanish_with_a_change_of_sign() -> None:
 
 @pytest.mark.parametrize("tolerance", [0.0, -0.1, 1.0, 1.5, float("nan")])
 def test_impossible_tolerance(tolerance: float) -> None:
-    with pytest.raises(asp.InputError, match=r"accuracy\.tolerance = .* between 0 and 1"):
+    with pytest.raises(asp.InputError, match=r"accuracy\.tolerance = .* must lie in \(0, 1\)"):
         AccuracyTarget(tolerance)
 
 

@@ -34,8 +34,8 @@ WAVE = Surface.from_spec("sinusoid", L=L, amplitude=5e-9)
         (lambda: asp.MeshSize("40 nm"), "mesh.h_contact = '40 nm' must be a number"),
         (lambda: asp.Formulation(1), "contact.method = 1 must be a text"),
         (lambda: asp.SolverOptions(newton_max=2.5), "solver.newton_max = 2.5 must be a whole number"),
-        (lambda: asp.SolverOptions(krylov_rtol=-1.0), r"krylov_rtol = -1.0 must lie between 0 and 1"),
-        (lambda: asp.SolverOptions(krylov_rtol=float("nan")), r"krylov_rtol = nan must lie between 0 and 1"),
+        (lambda: asp.SolverOptions(krylov_rtol=-1.0), r"krylov_rtol = -1.0 must lie in \(0, 1\)"),
+        (lambda: asp.SolverOptions(krylov_rtol=float("nan")), r"krylov_rtol = nan must lie in \(0, 1\)"),
         (lambda: asp.AccuracyTarget("1 %"), "accuracy.tolerance = '1 %' must be a number"),
         (
             lambda: Schedule(delta_max="1e-9"),  # type: ignore[arg-type]

@@ -19,9 +19,8 @@ from asperity.adaptive.mesh_error import AccurateResult, MeshErrorEstimate
 from asperity.adaptive.mesh_levels import LevelSolver
 from asperity.adaptive.mesh_plan import RATIO, first_scale, planned_steps, step_rule
 from asperity.errors import InputError, Interrupted, MeshError
-from asperity.model.argument_checks import refuse
 from asperity.model.problem import Problem
-from asperity.model.settings import AccuracyTarget, MeshSize, penalty_too_soft
+from asperity.model.settings import AccuracyTarget, MeshSize
 from asperity.quasistatic.callbacks import Callbacks
 from asperity.quasistatic.contact_result import PartialResult
 from asperity.quasistatic.solve_problem import estimate_approach
@@ -69,7 +68,7 @@ def refine(
     from mpi4py import MPI
 
     problem.material.check_decided()
-    refuse(penalty_too_soft(problem.formulation.method, problem.formulation.penalty))
+    problem.formulation.check_bar()
     steps = planned_steps(problem.load_path.steps)
     planned = replace(problem, load_path=replace(problem.load_path, steps=steps))
     comm = MPI.COMM_WORLD if comm is None else comm

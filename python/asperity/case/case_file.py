@@ -12,24 +12,24 @@ import hashlib
 import json
 import math
 from collections.abc import Iterable, Mapping
+from contextlib import suppress
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from pydantic import ValidationError
 
-from asperity.case.messages import sentence
+from asperity.case.keys import sentence
 from asperity.case.schema import SHARED, Input, LoadingSection, law_of_section
-from asperity.case.validation import Mistake, check_together, doubts, unused
+from asperity.case.validation import check_together, doubts
 from asperity.errors import CaseWarning, InputError, warn
 from asperity.model.problem import Problem
 from asperity.model.settings import H_CONTACT, SolverOptions
 from asperity.runtime.display import show
 from asperity.runtime.files import MOST_DATA, parse_toml, read_whole
-
-if TYPE_CHECKING:
-    from asperity.surface import Surface
+from asperity.surface import Surface
 
 MOST_CASE = 2**24  # size of a case file [bytes]
+LARGEST = 1e300  # number that others follow from; a larger one is refused
 NAMED_FILES = (("surface", "path"), ("mesh", "file"))
 
 
@@ -98,13 +98,11 @@ class Case(Input):
             return case
         except ValidationError as error:
             # a misspelt key also shows as a missing one: name the misspelling
-            first = min(error.errors(), key=lambda e: e["type"] != "extra_forbidden")
-            key, message = sentence(first)
-        except Mistake as mistake:
-            key, message = mistake.key, mistake.message
-        where = "--set" if key in set(changed) else source
-        name = key if key.isprintable() and len(key) < 80 else show(key)
-        raise InputError(f"{where}: {name} {message}")
+            message = sentence(min(error.errors(), key=lambda e: e["type"] != "extra_forbidden"))
+        except InputError as error:
+            message = str(error)
+        key = message.partition(" ")[0].rstrip(",")
+        raise InputError(f"{'--set' if key in set(changed) else source}: {message}")
 
     def to_dict(self) -> dict[str, Any]:
         """Nested tables of plain values; keys without a value are left out."""
@@ -180,7 +178,7 @@ class Case(Input):
 
     def warnings(self) -> list[str]:
         """Sentences about values that are legal but improbable, or not used."""
-        return [*([] if self.units == "other" else doubts(self)), *unused(self)]
+        return list(doubts(self))
 
 
 def read_bytes(path: Path, what: str, most: int = MOST_DATA) -> bytes:
@@ -228,31 +226,30 @@ def override(data: dict[str, Any], text: str) -> str:
 
 
 def _complete(data: Mapping[str, Any], folder: Path) -> dict[str, Any]:
-    """Copy of `data` with the keys that follow from others, and absolute file paths."""
+    """Copy of `data` with the keys that follow from others, and absolute file paths; validation judges the rest."""
     full = {
         name: {key: value for key, value in table.items() if value is not None} if isinstance(table, Mapping) else table
         for name, table in data.items()
         if table is not None
     }
+    tables = {name: table for name, table in full.items() if isinstance(table, dict)}
+    surface, material, loading = (tables.get(name, {}) for name in ("surface", "material", "loading"))
     for section, name in NAMED_FILES:
-        table = full.get(section)
-        if isinstance(table, dict) and isinstance(table.get(name), str):
-            table[name] = _existing_file(folder, table[name], f"{section}.{name}")
-    if isinstance(full.get("material"), dict) and isinstance(full["material"].get("law"), str):
-        _complete_law(full["material"], folder)
-    surface = full.get("surface")
-    if isinstance(surface, dict):
-        if surface.get("kind") == "file" and "L" not in surface:
-            surface["L"] = _side_of_map(surface)
-        side = surface.get("L")
-        if isinstance(side, float | int):
-            _default(full, "block", height=side)
-            _default(full, "mesh", h_contact=H_CONTACT * _as_float(side))
-        if surface.get("kind") == "weierstrass-mandelbrot" and "L_s" not in surface:
-            surface.setdefault("f_max", 5)
-    loading = full.get("loading")
-    if isinstance(loading, dict):
-        steps = loading.get("steps", LoadingSection.model_fields["steps"].default)
+        if isinstance(path := tables.get(section, {}).get(name), str):
+            tables[section][name] = _existing_file(folder, path, f"{section}.{name}")
+    if isinstance(material.get("law"), str):
+        _complete_law(material, folder)
+    if surface.get("kind") == "file" and "L" not in surface and isinstance(surface.get("path"), str):
+        surface["L"] = Surface.from_spec(kind="file", path=surface["path"]).L
+    side = surface.get("L")
+    if isinstance(side, float | int) and abs(side) < LARGEST:
+        for section, name, value in (("block", "height", side), ("mesh", "h_contact", H_CONTACT * side)):
+            if isinstance(table := full.setdefault(section, {}), dict):
+                table.setdefault(name, value)
+    if surface.get("kind") == "weierstrass-mandelbrot" and "L_s" not in surface:
+        surface.setdefault("f_max", 5)
+    steps = loading.get("steps", LoadingSection.model_fields["steps"].default)
+    if "loading" in tables:
         loading.setdefault("unload_steps", max(steps // 2, 1) if isinstance(steps, int) else 1)
     return full
 
@@ -265,10 +262,7 @@ def _complete_law(table: dict[str, Any], folder: Path) -> None:
     numbers = table.get("parameters", {}), {key: table[key] for key in SHARED if key in table}
     if not all(isinstance(n, dict) and all(isinstance(v, float | int) for v in n.values()) for n in numbers):
         return
-    try:
-        solid = law_of_section(table)
-    except InputError as error:
-        raise Mistake(*str(error).split(" ", 1)) from None
+    solid = law_of_section(table)
     assert solid.law is not None
     found = {"E": solid.E, "nu": solid.nu, "kinematics": solid.kinematics, "law_sha256": solid.law.digest or None}
     if solid.yield_strength is not None:
@@ -276,35 +270,8 @@ def _complete_law(table: dict[str, Any], folder: Path) -> None:
     table.update({key: value for key, value in found.items() if key not in table and value is not None})
 
 
-def _default(tables: dict[str, Any], section: str, **values: Any) -> None:
-    table = tables.setdefault(section, {})
-    if isinstance(table, dict):
-        for name, value in values.items():
-            table.setdefault(name, value)
-
-
-def _as_float(value: float) -> float:
-    try:
-        return float(value)
-    except OverflowError:
-        return math.inf
-
-
 def _existing_file(folder: Path, name: str, key: str) -> str:
-    path = folder / name
-    try:
-        found = path.is_file()
-    except (OSError, ValueError):
-        found = False
-    if not found:
-        raise Mistake(key, f"= {show(name)}: there is no such file in {show(str(folder))}")
-    return str(path.resolve())
-
-
-def _side_of_map(table: dict[str, Any]) -> Any:
-    """Side of the patch stored in a height map; None when validation has to complain anyway."""
-    from asperity.surface import Surface
-
-    if not isinstance(table.get("path"), str):
-        return None
-    return Surface.from_spec(kind="file", path=table["path"]).L
+    with suppress(OSError, ValueError):
+        if (folder / name).is_file():
+            return str((folder / name).resolve())
+    raise InputError(f"{key} = {show(name)}: there is no such file in {show(str(folder))}")

@@ -8,34 +8,27 @@ from typing import Annotated, Any, Literal
 from pydantic import BaseModel, ConfigDict, Field
 
 from asperity.case.section import FORCE, LENGTH, STRESS, Flag, Real, Section, Text, Whole, key
-from asperity.case.surfaces import (
-    FileSection,
-    FlatSection,
-    SelfAffineSection,
-    SinusoidSection,
-    SphereSection,
-    WeierstrassMandelbrotSection,
-)
+from asperity.case.surfaces import SurfaceSection
 from asperity.dynamics.settings import FORCING, OMEGA, DynamicsSettings
 from asperity.errors import InputError
 from asperity.laws import load
-from asperity.model.load_path import greatest_force
+from asperity.model.limits import bounds
 from asperity.model.material import MODULI, POISSON_RATIOS, Material
 from asperity.model.settings import (
     FACTORS,
-    FASTEST_GROWTH,
-    LARGEST_FRICTION,
-    LEAST_DOFS,
-    LOOSEST_RTOL,
+    FRICTION,
+    GROWTH,
+    MAX_DOFS,
     MOST_REFINEMENTS,
     NEWTON_STEPS,
+    RTOL,
     AccuracyTarget,
     Formulation,
     MeshSize,
     SolverOptions,
-)
+)  # fmt: skip
 from asperity.runtime.display import show
-from asperity.slip.settings import LARGEST, SMALLEST, SlipSettings
+from asperity.slip.settings import AMPLITUDES, SlipSettings
 
 #: Keys that a law in UFL takes from [material] where it has a parameter of that name.
 SHARED = ("E", "nu", "yield_strength", "tangent_modulus")
@@ -44,18 +37,14 @@ SHARED = ("E", "nu", "yield_strength", "tangent_modulus")
 class MaterialSection(Section):
     """Isotropic solid, elastic or elastic-plastic (J2, linear hardening), or a law in UFL."""
 
-    E: Real = key("Young's modulus", unit=STRESS, ge=MODULI[0], le=MODULI[1], hint="200e9 Pa for steel")
-    nu: Real = key(
-        "Poisson's ratio", ge=POISSON_RATIOS[0], le=POISSON_RATIOS[1], hint="0.3 for steel, 0.495 for rubber"
-    )
+    E: Real = key("Young's modulus", unit=STRESS, **bounds(MODULI), hint="200e9 Pa for steel")
+    nu: Real = key("Poisson's ratio", hint="0.3 for steel, 0.495 for rubber", **bounds(POISSON_RATIOS))
     yield_strength: Real | None = key(
-        "yield strength", None, shown="elastic", unit=STRESS, gt=0,
-        hint="leave it out for an elastic material",
-    )  # fmt: skip
+        "yield strength", None, shown="elastic", unit=STRESS, gt=0, hint="leave it out for an elastic material"
+    )
     tangent_modulus: Real | None = key(
-        "slope of stress over strain after yield, below E", None,
-        shown="0, perfectly plastic", unit=STRESS, ge=0,
-    )  # fmt: skip
+        "slope of stress over strain after yield, below E", None, shown="0, perfectly plastic", unit=STRESS, ge=0
+    )
     hardening: Literal["isotropic", "kinematic"] | Annotated[Real, Field(ge=0, le=1)] | None = key(
         "the yield surface grows (isotropic) or moves (kinematic), or the share of hardening that moves it", None,
         shown="isotropic",
@@ -138,9 +127,9 @@ class ContactSection(Section):
     """Contact formulation."""
 
     method: Literal["active-set", "penalty", "nitsche"] = key("formulation", Formulation.method)
-    penalty: Real = key("factor of E p^2/h (penalty)", Formulation.penalty, ge=FACTORS[0], le=FACTORS[1])
-    gamma: Real = key("factor of (lambda + 2 mu) p^2/h (nitsche)", Formulation.gamma, ge=FACTORS[0], le=FACTORS[1])
-    friction: Literal["none"] | Annotated[Real, Field(gt=0, le=LARGEST_FRICTION)] | None = key(
+    penalty: Real = key("factor of E p^2/h (penalty)", Formulation.penalty, **bounds(FACTORS))
+    gamma: Real = key("factor of (lambda + 2 mu) p^2/h (nitsche)", Formulation.gamma, **bounds(FACTORS))
+    friction: Literal["none"] | Annotated[Real, Field(**bounds(FRICTION))] | None = key(
         "Coulomb's coefficient of the solid on the rigid flat (active-set)", None, shown="none"
     )
 
@@ -154,7 +143,7 @@ class MeshSection(Section):
     """Element sizes, or a saved mesh."""
 
     h_contact: Real = key("size at the surface where it is reached last", shown="0.04 L", unit=LENGTH, gt=0)
-    growth: Real = key("increase of size per unit distance", MeshSize.growth, gt=0, le=FASTEST_GROWTH)
+    growth: Real = key("increase of size per unit distance", MeshSize.growth, **bounds(GROWTH))
     h_max: Real | None = key("largest size", None, shown="0.25 L, less where slopes need it", unit=LENGTH, gt=0)
     refinements: Whole = key(
         "number n of times the ranks split each element of a mesh of 2^n times these sizes into eight", 0,
@@ -198,14 +187,13 @@ class AccuracySection(Section):
     """Error control; without a tolerance one mesh of size h_contact is used."""
 
     tolerance: Real | None = key(
-        "relative error of the force", None, shown="one mesh", ge=1e-6, lt=1,
-        hint="0.01 for one per cent",
-    )  # fmt: skip
+        "relative error of the force", None, shown="one mesh", ge=1e-6, lt=1, hint="0.01 for one per cent"
+    )
     area_tolerance: Real | None = key(
         "relative error of the contact area as well", None, shown="not judged", ge=1e-6, lt=1,
         hint="0.05 for five per cent, with accuracy.tolerance",
     )  # fmt: skip
-    max_dofs: Whole = key("limit of the dofs", AccuracyTarget.max_dofs, ge=LEAST_DOFS)
+    max_dofs: Whole = key("limit of the dofs", AccuracyTarget.max_dofs, **bounds(MAX_DOFS))
     max_seconds: Real | None = key("limit of time", None, shown="none", unit="s", gt=0)
 
 
@@ -258,9 +246,8 @@ class DynamicsSection(Section):
         "range of excitation frequency, instead of omega", None, shown="that of omega", unit="1/time"
     )
     model: tuple[Model, ...] = key(
-        "restoring force: exact, its Taylor expansion", DynamicsSettings.model, min_length=1,
-        max_length=2,
-    )  # fmt: skip
+        "restoring force: exact, its Taylor expansion", DynamicsSettings.model, min_length=1, max_length=2
+    )
     omega: tuple[Frequency, Frequency] = key("range of excitation frequency over omega_s", DynamicsSettings.omega)
     simulate: tuple[Literal["harmonic", "step", "half-sine", "chirp"], ...] = key(
         "short motions from rest under the first forcing, which the figure motion shows", DynamicsSettings.simulate
@@ -292,9 +279,7 @@ class LoopsSection(Section):
     amplitudes: tuple[Annotated[Real, Field(ge=1e-3, le=0.99)], ...] = key(
         "amplitudes of the force over the preload", (0.1, 0.3, 0.6), min_length=1, max_length=100
     )
-    preload: Real | None = key(
-        "mean force on the patch", None, shown="that of the vibration", unit=FORCE, gt=0
-    )  # fmt: skip
+    preload: Real | None = key("mean force on the patch", None, shown="that of the vibration", unit=FORCE, gt=0)
     cycles: Whole = key("greatest number of loops of an amplitude; fewer when two are alike", 4, ge=1, le=1000)
     steps: Whole = key("steps of a quarter of a loop", 4, ge=1, le=1000)
 
@@ -303,12 +288,10 @@ class SlipSection(Section):
     """Micro-slip of the joint of two like bodies: tangential loops with Coulomb friction about a preload."""
 
     friction: Real = key("Coulomb's coefficient mu", gt=0, le=10, hint="0.1 to 0.6 for dry metals")
-    amplitudes: tuple[Annotated[Real, Field(ge=SMALLEST, le=LARGEST)], ...] = key(
+    amplitudes: tuple[Annotated[Real, Field(**bounds(AMPLITUDES))], ...] = key(
         "amplitudes of the tangential force over mu P", SlipSettings.amplitudes, min_length=1, max_length=100
     )
-    preload: Real | None = key(
-        "normal force P on the patch", None, shown="that of the vibration", unit=FORCE, gt=0
-    )  # fmt: skip
+    preload: Real | None = key("normal force P on the patch", None, shown="that of the vibration", unit=FORCE, gt=0)
     method: Literal["curve", "solid"] = key(
         "by the normal curve, without a solve; or a flat that moves on the solid (active-set, frictionless load path)",
         SlipSettings.method,
@@ -328,10 +311,8 @@ class SolverSection(Section):
     linear: Literal["auto", "lu", "cg", "gamg"] = key(
         "linear solver: direct, CG with p-multigrid, or with algebraic multigrid", "auto"
     )
-    newton_max: Whole = key(
-        "Newton steps before cutback", SolverOptions.newton_max, ge=NEWTON_STEPS[0], le=NEWTON_STEPS[1]
-    )
-    rtol: Real = key("relative residual at convergence", SolverOptions.rtol, gt=0, le=LOOSEST_RTOL)
+    newton_max: Whole = key("Newton steps before cutback", SolverOptions.newton_max, **bounds(NEWTON_STEPS))
+    rtol: Real = key("relative residual at convergence", SolverOptions.rtol, **bounds(RTOL))
 
 
 class OutputSection(Section):
@@ -355,10 +336,7 @@ class Input(BaseModel):
     model_config = ConfigDict(frozen=True, extra="forbid")
 
     units: Literal["SI", "other"] = key("'other' drops SI labels and checks", "SI")
-    surface: Annotated[
-        WeierstrassMandelbrotSection | SelfAffineSection | SphereSection | SinusoidSection | FlatSection | FileSection,
-        Field(discriminator="kind"),
-    ]
+    surface: Annotated[SurfaceSection, Field(discriminator="kind")]
     material: MaterialSection
     block: BlockSection
     contact: ContactSection = ContactSection()
@@ -375,7 +353,8 @@ class Input(BaseModel):
     @property
     def greatest_force(self) -> float | None:
         """Force at the end of the loading [force]; None when it is driven by the approach."""
-        return greatest_force(self.loading.force_max, self.loading.pressure_max, self.surface.L)
+        pressure = self.loading.pressure_max
+        return self.loading.force_max if pressure is None else pressure * self.surface.L**2
 
     @property
     def has_stiffness(self) -> bool:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from functools import cached_property
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING, Literal, get_args
 
 from asperity.case.section import LENGTH, Flag, Real, Section, Text, Whole, key
 
@@ -89,11 +89,7 @@ class FileSection(_Patch):
     path: Text = key("file .npz, .npy or .csv", hint="a path relative to the case file")
 
 
-SURFACES = (
-    WeierstrassMandelbrotSection,
-    SelfAffineSection,
-    SphereSection,
-    SinusoidSection,
-    FlatSection,
-    FileSection,
+SurfaceSection = (
+    WeierstrassMandelbrotSection | SelfAffineSection | SphereSection | SinusoidSection | FlatSection | FileSection
 )
+SURFACES: tuple[type[Section], ...] = get_args(SurfaceSection)

@@ -3,28 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from math import inf
 
-from asperity.errors import InputError
-from asperity.model.argument_checks import check_kind, check_kinds
+from asperity.model.limits import check
 
 BACKWARD_EULER, MIDPOINT = "backward-euler", "midpoint"
 INTEGRATORS = (MIDPOINT, BACKWARD_EULER)
 FIRST_PIECES = (4, 4, 3, 2, 2, 2)  # into which the midpoint rule and stick divide the first planned steps
-
-
-def greatest_force(force_max: float | None, pressure_max: float | None, side: float) -> float | None:
-    """Greatest force of a loading, given as such or as a pressure on the nominal area side^2; None for neither.
-
-    Raises:
-        InputError: pressure_max is not positive and finite
-    """
-    check_kind("loading.pressure_max", pressure_max, "float | None")
-    if pressure_max is None:
-        return force_max
-    if not 0.0 < pressure_max < inf:
-        raise InputError(f"loading.pressure_max must be positive and finite, it is {pressure_max!r} of its unit")
-    return pressure_max * side**2
 
 
 @dataclass(frozen=True)
@@ -52,12 +36,11 @@ class Schedule:
     sticks: bool = False
 
     def __post_init__(self) -> None:
-        at_least_one = dict.fromkeys(("steps", "cycles", "substeps"), (1, inf))
-        check_kinds(self, "loading", integrator=INTEGRATORS, unload_steps=(0, inf), **at_least_one)
-        for name in ("delta_max", "force_max"):
-            value = getattr(self, name)
-            if value is not None and not 0.0 < value < inf:
-                raise InputError(f"loading.{name} must be positive and finite, it is {value!r} of its unit")
+        counts = dict.fromkeys(("steps", "cycles", "substeps"), "[1, inf)")
+        check(
+            self, "loading", integrator=INTEGRATORS, unload_steps="[0, inf)", delta_max="(0, inf)",
+            force_max="(0, inf)", **counts,
+        )  # fmt: skip
 
     def stops(self) -> list[float]:
         """Ends of the steps of a loading, as fractions of it; the planned steps are among them.

@@ -15,34 +15,16 @@ from asperity.laws import definition as laws
 from asperity.laws import shipped
 from asperity.laws.loading import load
 from asperity.laws.point import ISOTROPY, traits
-from asperity.model.argument_checks import Judgement, check_kinds, refuse
+from asperity.model.limits import check
 from asperity.runtime.display import short_repr
 
 AUTO = "auto"  # kinematics that a run chooses, see adaptive.small_strain
 KINEMATICS = ("small", "finite", AUTO)
-MODULI = (1e-20, 1e40)  # legal E [force/length^2]
-POISSON_RATIOS = (-0.99, 0.495)  # legal nu; beyond, area and pressure are off by more than 1.3 % (docs/theory.md)
+MODULI = "[1e-20, 1e40]"  # legal E [force/length^2]
+POISSON_RATIOS = "[-0.99, 0.495]"  # legal nu; beyond, area and pressure are off by more than 1.3 % (docs/theory.md)
 YIELD_STRAINS = (1e-7, 1.0)  # legal yield strength over E; the second one excluded
 SHARES = {"isotropic": 0.0, "kinematic": 1.0}  # of the hardening that are kinematic
 PAIRS = np.array([1.0, 1.0, 1.0, 2.0, 2.0, 2.0])  # in products of tensors (..., 6): off-diagonal components count twice
-
-
-def wrong_yield(E: float, strength: float | None) -> Judgement:
-    """Reason why a yield strength, None for an elastic material, is refused."""
-    low, high = YIELD_STRAINS
-    if strength is None or low <= strength / E < high:
-        return None
-    return "material.yield_strength", (
-        f"= {strength:g} with E = {E:g} means yield at a strain of {strength / E:.2g}, legal "
-        f"are {low:g} to {high:g}; give both in the same unit (Pa), or leave it out for an elastic material"
-    )
-
-
-def wrong_slope(E: float, slope: float | None) -> Judgement:
-    """Reason why a tangent modulus is refused."""
-    if slope is None or 0.0 <= slope < E:
-        return None
-    return "material.tangent_modulus", f"= {slope:g} must be below material.E = {E:g}; 0 is perfectly plastic"
 
 
 @dataclass(frozen=True)
@@ -82,8 +64,18 @@ class Material:
     __repr__ = short_repr
 
     def __post_init__(self) -> None:
-        check_kinds(self, "material", E=MODULI, nu=POISSON_RATIOS, kinematics=KINEMATICS)
-        refuse(wrong_yield(self.E, self.yield_strength) or wrong_slope(self.E, self.tangent_modulus))
+        check(self, "material", E=MODULI, nu=POISSON_RATIOS, kinematics=KINEMATICS)
+        (low, high), strength, slope = YIELD_STRAINS, self.yield_strength, self.tangent_modulus
+        if strength is not None and not low <= strength / self.E < high:
+            raise InputError(
+                f"material.yield_strength = {strength:g} with E = {self.E:g} means yield at a strain of "
+                f"{strength / self.E:.2g}, legal are {low:g} to {high:g}; give both in the same unit (Pa), or leave it "
+                "out for an elastic material"
+            )
+        if not 0.0 <= slope < self.E:
+            raise InputError(
+                f"material.tangent_modulus = {slope:g} must be below material.E = {self.E:g}; 0 is perfectly plastic"
+            )
         share = SHARES.get(self.hardening, -1.0) if isinstance(self.hardening, str) else self.hardening
         if not 0 <= share <= 1:
             raise InputError(
@@ -129,14 +121,12 @@ class Material:
         else:
             made = load(law, parameters) if isinstance(law, str) else laws.law_of_function(law, parameters)
         seen, given = traits(made), dict(made.parameters)
-        if seen.E is None or seen.nu is None:
-            if not {"E", "nu"} <= set(given):
-                laws.refuse(made.source, "is not isotropic at rest: give it parameters E and nu, for the scales")
-            E, nu = given["E"], given["nu"]
-        else:
-            E, nu = seen.E, seen.nu
-            if abs(given.get("E", E) - E) <= ISOTROPY * E and abs(given.get("nu", nu) - nu) <= ISOTROPY:
-                E, nu = given.get("E", E), given.get("nu", nu)
+        E, nu = given.get("E", seen.E), given.get("nu", seen.nu)
+        if E is None or nu is None:
+            laws.refuse(made.source, "is not isotropic at rest: give it parameters E and nu, for the scales")
+        if seen.E is not None and seen.nu is not None:
+            if abs(E - seen.E) > ISOTROPY * seen.E or abs(nu - seen.nu) > ISOTROPY:
+                E, nu = seen.E, seen.nu
         kinematics = kinematics or ("finite" if made.hyperelastic else "small")
         return Material(E, nu, given.get("yield_strength"), kinematics=kinematics, law=made)
 
@@ -162,16 +152,8 @@ class Material:
             return self.law
         if self.yield_strength is None:
             return laws.law_of_function(shipped.hooke, {"E": self.E, "nu": self.nu})
-        return laws.law_of_function(
-            shipped.j2,
-            {
-                "E": self.E,
-                "nu": self.nu,
-                "yield_strength": self.yield_strength,
-                "tangent_modulus": self.tangent_modulus,
-                "kinematic_share": self.kinematic_share,
-            },
-        )
+        names = ("E", "nu", "yield_strength", "tangent_modulus", "kinematic_share")
+        return laws.law_of_function(shipped.j2, {name: getattr(self, name) for name in names})
 
     @property
     def finite(self) -> bool:
@@ -251,13 +233,8 @@ class Material:
         lam, mu = self.lame
         if self.yield_strength is None:
             return "Elastic", {"lam": lam, "mu": mu}
-        return "J2", {
-            "lam": lam,
-            "mu": mu,
-            "yield_stress": self.yield_strength,
-            "hardening": self.plastic_modulus,
-            "kinematic_share": self.kinematic_share,
-        }
+        law = {"yield_stress": self.yield_strength, "hardening": self.plastic_modulus}
+        return "J2", {"lam": lam, "mu": mu, **law, "kinematic_share": self.kinematic_share}
 
     def elastic_energy(self, stress: Floats) -> Floats:
         """Elastic energy per volume of a stress (..., 6) [force/length^2]."""

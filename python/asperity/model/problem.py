@@ -3,28 +3,24 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field, fields, replace
+from math import inf
 from typing import Any, TypedDict, Unpack
 
 import numpy as np
 
 from asperity.errors import CaseWarning, InputError, ResolutionWarning, warn
-from asperity.model.argument_checks import Judgement, check_kind, check_kinds, refuse
-from asperity.model.edges import doubt_of_edge
-from asperity.model.limits import no_gap_left, wrong_force, wrong_lengths
-from asperity.model.load_path import BACKWARD_EULER, MIDPOINT, Schedule, greatest_force
+from asperity.model.edges import edge_of_summit
+from asperity.model.limits import check, check_force, check_kind, check_length
+from asperity.model.load_path import BACKWARD_EULER, MIDPOINT, Schedule
 from asperity.model.material import Material
-from asperity.model.settings import (
-    WIDEST_JOINED,
-    Formulation,
-    MeshSize,
-    SolverOptions,
-)
+from asperity.model.settings import WIDEST_JOINED, Formulation, MeshSize, SolverOptions
 from asperity.runtime.display import short_repr
 from asperity.surface import Surface
 
 ONE_OF = "give exactly one of delta_max, force_max and pressure_max"
 SIDES = ("rollers", "free", "periodic")
 SAMPLES = 257  # heights along each side by which a load is judged
+_MARGIN = 1.2  # on the compression of the block, whose surface answers a little stiffer than a half-space does
 
 
 class ProblemArguments(TypedDict, total=False):
@@ -100,15 +96,13 @@ class Problem:
     __repr__ = short_repr
 
     def __post_init__(self) -> None:
-        check_kinds(self)
+        check(self)
         if self.sides not in SIDES:
             raise InputError(f'block.sides = "{self.sides}" is not one of {", ".join(SIDES)}')
-        L, path, size = self.surface.L, self.load_path, self.size
-        refuse(
-            wrong_lengths(L, self.height, path.delta_max, size.h_contact, size.h_max),
-            wrong_force("force_max", path.force_max, L**2 * self.material.reduced_modulus),
-            self._wrong_kernels(),
-        )
+        L, path = self.surface.L, self.load_path
+        check_lengths(L, self.height, path.delta_max, self.size)
+        check_force("force_max", path.force_max, L**2 * self.material.reduced_modulus)
+        self._check_kernels()
         if (path.delta_max is None) == (path.force_max is None):
             raise InputError(ONE_OF)
         if self.sides == "periodic" and not self.surface.periodic:
@@ -124,24 +118,25 @@ class Problem:
         """Whether the elements are forms of UFL."""
         return self.material.law is not None or self.options.forms
 
-    def _wrong_kernels(self) -> Judgement:
-        """Reason why forms, or a law in UFL, are refused with the other settings."""
+    def _check_kernels(self) -> None:
+        """Refuse a law in UFL with settings that it cannot go with."""
         law, options = self.material.law, self.options
         if law is None:
-            return None
+            return
         if options.kernels == "compiled":
-            return "solver.kernels", '= "compiled" cannot go with material.law, which runs on forms: leave it out'
+            raise InputError(
+                'solver.kernels = "compiled" cannot go with material.law, which runs on forms: leave it out'
+            )
         if self.formulation.method == "nitsche":
-            return "contact.method", (
-                '= "nitsche" cannot go with material.law, whose state is in the cells and not on facets: take '
-                '"active-set" or "penalty"'
+            raise InputError(
+                'contact.method = "nitsche" cannot go with material.law, whose state is in the cells and not on '
+                'facets: take "active-set" or "penalty"'
             )
         if options.linear == "cg" and not self.material.symmetric:
-            return "solver.linear", (
-                f'= "cg" needs a symmetric tangent, and that of material.law = "{law.source}" is not: take "auto" or '
-                '"lu"'
+            raise InputError(
+                f'solver.linear = "cg" needs a symmetric tangent, and that of material.law = "{law.source}" is not: '
+                'take "auto" or "lu"'
             )
-        return None
 
     def check_load(self) -> list[str]:
         """Refuse a load at which no gap is left.
@@ -157,16 +152,32 @@ class Problem:
         depth = float(np.ptp(z))
         if depth <= 1e-12 * surface.L:
             return []
-        doubts = [text] if (text := doubt_of_edge(self.sides, surface)) else []
+        edge = edge_of_summit(self.sides, surface)
+        doubts = [edge.doubt] if edge is not None and edge.doubt else []
         if delta is None:
             return doubts
-        refuse(no_gap_left(delta, z, surface.maximum()[2], surface.L, self.material, self.height, self.sides))
+        # the flat has come down to the mean plane, and the block is compressed by the mean pressure
+        pressure = full_contact_pressure(z, surface.L, self.material, self.height, self.sides)
+        limit = surface.maximum()[2] - float(z.mean()) + _MARGIN * self.height * self._strain(pressure)
+        if delta >= limit:
+            raise InputError(
+                f"loading.delta_max = {delta:g} leaves no gap at all: the surface is {depth:.3g} deep from peak to "
+                f"valley and in full contact before {limit:.3g}; choose a smaller delta_max"
+            )
         if delta > depth:
             doubts.append(
                 f"loading.delta_max = {delta:g} is more than the surface's depth from peak to valley, {depth:.3g}: the "
                 "compression of the whole block is a large part of the curve"
             )
         return doubts
+
+    def _strain(self, pressure: float) -> float:
+        """Strain of the block under a mean pressure; with free sides it flows beyond yield, else its volume resists."""
+        solid, limit = self.material, self.material.yield_pressure(self.sides)
+        if self.sides != "free" or pressure <= limit or solid.law is not None:
+            return pressure / solid.block_modulus(self.sides)
+        beyond = (pressure - limit) / solid.tangent_modulus if solid.tangent_modulus > 0.0 else inf
+        return limit / solid.E + beyond
 
     @staticmethod
     def of(surface: Surface, material: Material, **given: Unpack[ProblemArguments]) -> Problem:
@@ -189,13 +200,14 @@ class Problem:
         told: dict[str, Any] = {name: value for name, value in given.items() if value is not None}
         if len({"delta_max", "force_max", "pressure_max"} & told.keys()) != 1:
             raise InputError(ONE_OF)
-        pressure = told.pop("pressure_max", None)
-        greatest = greatest_force(told.pop("force_max", None), pressure, surface.L)
-        refuse(wrong_force("pressure_max", pressure, material.reduced_modulus))
+        if (pressure := told.pop("pressure_max", None)) is not None:
+            check_kind("loading.pressure_max", pressure, "float")
+            check_force("pressure_max", pressure, material.reduced_modulus)
+            told["force_max"] = pressure * surface.L**2
         if surface.rough and material.kinematics == "small":
             surface.check_small_slope()
         named = {field.name for field in fields(Schedule)} & told.keys() - {"sticks"}
-        path = Schedule(**{"integrator": MIDPOINT, "force_max": greatest} | {name: told.pop(name) for name in named})
+        path = Schedule(**{"integrator": MIDPOINT} | {name: told.pop(name) for name in named})
         height, sides = told.pop("height", None), told.pop("sides", "rollers")
         problem = Problem(surface, material, path, height, sides, **told)
         if sides == "periodic" and (problem.size.h_max or 0.0) > WIDEST_JOINED * surface.L:
@@ -232,3 +244,42 @@ class Problem:
             integrator=path.integrator if self.material.plastic else BACKWARD_EULER,
             sticks=self.formulation.sticks,
         )
+
+
+def check_lengths(side: float, height: float, delta_max: float | None, size: MeshSize) -> None:
+    """Refuse height of a block, approach and element sizes that no contact of a side has [length].
+
+    Raises:
+        InputError: one is far from the side, or they do not go together
+    """
+    check_length("block.height", height, side)
+    check_length("loading.delta_max", delta_max, side)
+    size.check_on(side)
+    if delta_max is not None and delta_max >= height:
+        raise InputError(
+            f"loading.delta_max = {delta_max:g} exceeds the block: block.height = {height:g}; about 0.03 L is usual"
+        )
+
+
+def full_contact_pressure(z: np.ndarray[Any, Any], side: float, material: Material, height: float, sides: str) -> float:
+    """Estimate of the mean pressure above which no gap is left [force/length^2].
+
+    To flatten a wave z(q) of an elastic half-space takes the pressure E' q z(q)/2 (Johnson, Contact Mechanics, 1985,
+    eq. 13.5), and of a thin block M z(q)/h at least; contact is full when the mean makes up for the lowest. Rollers
+    mirror the surface, hence the cosine transform. Plastic flow bounds it by twice the hardness: 6 times the flow
+    stress at a strain of the rms slope.
+    """
+    from scipy.fft import dctn, fft2, fftfreq, idctn, ifft2
+
+    n, periodic = len(z), sides == "periodic"
+    wave = 2 * np.pi / side * (n - 1) * fftfreq(n - 1) if periodic else np.pi / side * np.arange(n)
+    q = np.hypot(wave[:, None], wave)
+    stiffness = np.maximum(material.reduced_modulus * q / 2, material.block_modulus(sides) / height)
+    if periodic:
+        pressure = -float(ifft2(stiffness * fft2(z[:-1, :-1] - z[:-1, :-1].mean())).real.min())
+    else:
+        pressure = -float(idctn(stiffness * dctn(z - z.mean(), type=1), type=1).min())
+    if material.yield_strength is None or material.law is not None:  # whose hardening is not known here
+        return pressure
+    slope = float(np.sqrt(np.mean(np.square(np.gradient(z, side / (n - 1))).sum(axis=0))))
+    return min(pressure, 6 * (material.yield_strength + material.tangent_modulus * slope))

@@ -3,27 +3,26 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from math import inf
 from typing import Any
 
 from asperity.arrays import Floats
 from asperity.errors import InputError
-from asperity.model.argument_checks import Judgement, check_kinds, refuse
+from asperity.model.limits import bounds, check, check_length
 from asperity.runtime.display import show
 
 H_CONTACT, H_MAX = 0.04, 0.25  # element sizes of a mesh when none are given [L]
 MOST_REFINEMENTS = 6  # of a mesh: each makes eight elements of one
 WIDEST_JOINED = 0.2  # greatest size with periodic sides: elements are up to twice as wide, see `periodic.joined` [L]
 METHODS = ("active-set", "penalty", "nitsche")  # of the contact
-FACTORS = (0.01, 1e4)  # legal penalty and gamma; larger ones lose the balance of forces in rounding
+FACTORS = "[0.01, 1e4]"  # legal penalty and gamma; larger ones lose the balance of forces in rounding
 LINEAR_SOLVERS = ("auto", "lu", "cg", "gamg")
 KERNELS = ("compiled", "forms")  # of the elements
-NEWTON_STEPS = (1, 1000)  # legal newton_max
-LOOSEST_RTOL = 1e-2  # of the equations
-FASTEST_GROWTH = 10.0  # of the size of the elements
-LEAST_DOFS = 1000  # as a limit of the dofs
+NEWTON_STEPS = "[1, 1000]"  # legal newton_max
+RTOL = "(0, 0.01]"  # of the equations
+GROWTH = "(0, 10]"  # of the size of the elements
+MAX_DOFS = "[1000, inf)"
 LEAST_PENALTY = 10.0  # factor below which the penalty leaves an error of first order (docs/accuracy.md)
-LARGEST_FRICTION = 2.0  # Coulomb's coefficient; beyond it nearly all sticks, and the bounds do not settle
+FRICTION = "(0, 2]"  # Coulomb's coefficient; beyond it nearly all sticks, and the bounds do not settle
 LEAST_GAMMA = 0.75  # from which Nitsche's method is coercive: 1/2 where cells are straight, 0.73 seen under rough tops
 
 
@@ -53,11 +52,20 @@ class Formulation:
     friction: str | float = "none"
 
     def __post_init__(self) -> None:
-        check_kinds(self, "contact", method=METHODS)
-        if self.method == "nitsche":
-            refuse(gamma_too_small(self.gamma))
-        check_kinds(self, "contact", penalty=FACTORS, gamma=FACTORS)
-        refuse(wrong_friction(self.method, self.friction))
+        check(self, "contact", method=METHODS, penalty=FACTORS, gamma=FACTORS)
+        if self.method == "nitsche" and self.gamma < LEAST_GAMMA:
+            raise InputError(
+                f"contact.gamma = {self.gamma:g} is below {LEAST_GAMMA:g}, from which Nitsche's method is stable: "
+                'raise it, leave it out, or take contact.method = "active-set"'
+            )
+        mu, legal = self.friction, bounds(FRICTION)
+        if mu != "none" and (isinstance(mu, str) or not legal["gt"] < mu <= legal["le"]):
+            raise InputError(f"contact.friction = {show(mu)} is not none or a coefficient in {FRICTION}")
+        if self.sticks and self.method != "active-set":
+            raise InputError(
+                f'contact.friction = {show(mu)} holds nodes, which contact.method = "{self.method}" does not: take '
+                'contact.method = "active-set", or contact.friction = "none"'
+            )
 
     def build(self, solid: Any, surface: Any) -> Any:
         """Contact of an own formulation, `asperity.contact.Contact`; None for the three that come along.
@@ -72,38 +80,17 @@ class Formulation:
         """Whether points in contact may stick to the flat; the force then depends on the path, elastic or not."""
         return self.friction != "none"
 
+    def check_bar(self) -> None:
+        """Refuse a penalty so soft that its error dominates, which no error bar covers.
 
-def wrong_friction(method: str, friction: str | float) -> Judgement:
-    """Reason why a friction is refused with a method of the contact."""
-    known = friction == "none" if isinstance(friction, str) else 0.0 < friction <= LARGEST_FRICTION
-    if not known:
-        return "contact.friction", f"= {show(friction)} is not none or a coefficient in (0, {LARGEST_FRICTION:g}]"
-    if friction == "none" or method == "active-set":
-        return None
-    return "contact.friction", (
-        f'= {show(friction)} holds nodes, which contact.method = "{method}" does not: take '
-        'contact.method = "active-set", or contact.friction = "none"'
-    )
-
-
-def penalty_too_soft(method: str, penalty: float) -> Judgement:
-    """Reason why a formulation has no error bar: a penalty so soft that its error dominates."""
-    if method != "penalty" or penalty >= LEAST_PENALTY:
-        return None
-    return "contact.penalty", (
-        f"= {penalty:g} is too soft for accuracy.tolerance, whose error bars need {LEAST_PENALTY:g} or "
-        'more: raise it, or take contact.method = "active-set"'
-    )
-
-
-def gamma_too_small(gamma: float) -> Judgement:
-    """Reason why a factor of (lambda + 2 mu) p^2/h of Nitsche's method is refused: an indefinite tangent."""
-    if gamma >= LEAST_GAMMA:
-        return None
-    return "contact.gamma", (
-        f"= {gamma:g} is below {LEAST_GAMMA:g}, from which Nitsche's method is stable: "
-        'raise it, leave it out, or take contact.method = "active-set"'
-    )
+        Raises:
+            InputError: it is
+        """
+        if self.method == "penalty" and self.penalty < LEAST_PENALTY:
+            raise InputError(
+                f"contact.penalty = {self.penalty:g} is too soft for accuracy.tolerance, whose error bars need "
+                f'{LEAST_PENALTY:g} or more: raise it, or take contact.method = "active-set"'
+            )
 
 
 @dataclass(frozen=True)
@@ -135,18 +122,21 @@ class MeshSize:
     refinements: int = 0
 
     def __post_init__(self) -> None:
-        if self.refinements not in range(MOST_REFINEMENTS + 1):
-            raise InputError(
-                f"mesh.refinements = {self.refinements!r} must be a whole number from 0 to {MOST_REFINEMENTS}: each "
-                "makes eight elements of one"
-            )
-        check_kinds(self, "mesh")
-        for name, most in (("h_contact", inf), ("growth", FASTEST_GROWTH), ("h_max", inf)):
-            value = getattr(self, name)
-            if value is not None and not 0.0 < value <= most:
-                raise InputError(
-                    f"mesh.{name} = {value!r} must be positive" + (f", at most {most:g}" if most < inf else "")
-                )
+        refinements = f"[0, {MOST_REFINEMENTS}]"
+        check(self, "mesh", h_contact="(0, inf)", growth=GROWTH, h_max="(0, inf)", refinements=refinements)
+
+    def check_on(self, side: float) -> None:
+        """Refuse sizes that no mesh of a patch of this side has [length].
+
+        Raises:
+            InputError: a size far from the side, or one in contact above the greatest
+        """
+        check_length("mesh.h_contact", self.h_contact, side)
+        check_length("mesh.h_max", self.h_max, side)
+        size, most = self.h_contact or H_CONTACT * side, self.h_max or H_MAX * side
+        if size > most:
+            more = "" if self.h_max else ", its default: give that as well"
+            raise InputError(f"mesh.h_contact = {size:g} exceeds mesh.h_max = {most:g}{more}")
 
 
 @dataclass(frozen=True)
@@ -176,13 +166,8 @@ class SolverOptions:
     kernels: str | None = None
 
     def __post_init__(self) -> None:
-        check_kinds(self, "solver", linear=LINEAR_SOLVERS, newton_max=NEWTON_STEPS)
-        if self.kernels not in (None, *KERNELS):
-            raise InputError(f'solver.kernels = "{self.kernels}" is not one of {", ".join(KERNELS)}')
-        if not 0.0 < self.rtol <= LOOSEST_RTOL:
-            raise InputError(f"solver.rtol = {self.rtol!r} must lie in (0, {LOOSEST_RTOL:g}]")
-        if self.krylov_rtol is not None and not 0.0 < self.krylov_rtol < 1.0:
-            raise InputError(f"krylov_rtol = {self.krylov_rtol!r} must lie between 0 and 1, for example 1e-3")
+        words = {"linear": LINEAR_SOLVERS, "kernels": KERNELS}
+        check(self, "solver", rtol=RTOL, newton_max=NEWTON_STEPS, krylov_rtol="(0, 1)", **words)
 
     @property
     def forms(self) -> bool:
@@ -215,10 +200,5 @@ class AccuracyTarget:
     area_tolerance: float | None = None
 
     def __post_init__(self) -> None:
-        check_kinds(self, "accuracy", max_dofs=(LEAST_DOFS, inf))
-        for name in ("tolerance", "area_tolerance"):
-            value = getattr(self, name)
-            if value is not None and not 0.0 < value < 1.0:
-                raise InputError(f"accuracy.{name} = {value!r} must lie between 0 and 1, for example 0.01 for 1 %")
-        if self.max_seconds is not None and not self.max_seconds > 0:
-            raise InputError(f"accuracy.max_seconds = {self.max_seconds!r} must be positive")
+        shares = {"tolerance": "(0, 1)", "area_tolerance": "(0, 1)"}
+        check(self, "accuracy", max_dofs=MAX_DOFS, max_seconds="(0, inf)", **shares)

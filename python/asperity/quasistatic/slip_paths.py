@@ -14,7 +14,6 @@ from asperity.contact.active_set import ActiveSet
 from asperity.contact.coulomb import Coulomb
 from asperity.contact.friction import FrozenFriction, StickSlip
 from asperity.errors import ConvergenceError, InputError
-from asperity.model.argument_checks import refuse
 from asperity.model.problem import Problem
 from asperity.quasistatic.contact_result import ContactResult, refuse_wrong
 from asperity.quasistatic.contact_solver import ContactSolver
@@ -23,7 +22,7 @@ from asperity.quasistatic.force_loops import TRIALS, Leg, as_before
 from asperity.quasistatic.newton import NewtonSolver, StepStats
 from asperity.quasistatic.stiffness import mirrored
 from asperity.slip.path import DOWN, FIRST, UP, SlipPath
-from asperity.slip.settings import SlipSettings, wrong_motion
+from asperity.slip.settings import SlipSettings, check_motion
 
 CLOSE = 1e-3  # tolerance of the force at the end of a leg, over its amplitude
 RTOL = 1e-6  # of the forces out of balance over the normal force; 1e-8 costs an iteration in six, and changes nothing
@@ -84,7 +83,7 @@ def slip_paths(
     rigid = isinstance(solver.contact, Coulomb)
     if not isinstance(solver.contact, ActiveSet):
         raise InputError('slip.method = "solid" needs contact.method = "active-set"')
-    refuse(wrong_motion(solver.solid.sides, settings.direction, rigid))
+    check_motion(solver.solid.sides, settings.direction, rigid)
     found = []
     with as_before(solver):
         leg = Leg(solver, CLOSE_PRELOAD * preload, stop)

@@ -5,27 +5,30 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from asperity.errors import InputError
-from asperity.force_law.checks import positive
-from asperity.model.argument_checks import Judgement
+from asperity.model.limits import bounds, check
 
-LARGEST = 0.99  # amplitude over the limit of friction: beyond, the displacement is arbitrary
-SMALLEST = 1e-3  # below it a ring narrower than a facet slips
+#: Amplitudes over the limit of friction: below, a ring narrower than a facet slips; above, the displacement is
+#: arbitrary.
+AMPLITUDES = "[0.001, 0.99]"
 METHODS = ("curve", "solid")
 
 
-def wrong_motion(sides: str, direction: float, rigid: bool) -> Judgement:
-    """Reason why a flat cannot move in a direction; `rigid` for one with friction, whose pressures change."""
+def check_motion(sides: str, direction: float, rigid: bool) -> None:
+    """Refuse a direction in which a flat cannot move; `rigid` for one with friction, whose pressures change.
+
+    Raises:
+        InputError: between rollers
+    """
     if sides == "rollers" and rigid:
-        return "block.sides", (
-            '= "rollers" stand for mirror images, which admit no motion of a flat with friction: take "periodic" or '
-            '"free"'
+        raise InputError(
+            'block.sides = "rollers" stand for mirror images, which admit no motion of a flat with friction: take '
+            '"periodic" or "free"'
         )
     if sides == "rollers" and direction % 90.0 != 0.0:
-        return "slip.direction", (
-            f"= {direction:g} is not possible between rollers, which stand for mirror images: give a multiple of 90, "
-            'or block.sides = "free" or "periodic"'
+        raise InputError(
+            f"slip.direction = {direction:g} is not possible between rollers, which stand for mirror images: give a "
+            'multiple of 90, or block.sides = "free" or "periodic"'
         )
-    return None
 
 
 @dataclass(frozen=True)
@@ -57,17 +60,11 @@ class SlipSettings:
     direction: float = 0.0
 
     def __post_init__(self) -> None:
-        positive("slip.friction", self.friction)
-        if self.preload is not None:
-            positive("slip.preload", self.preload)
+        check(self, "slip", friction="(0, inf)", preload="(0, inf)", steps="[1, inf)", method=METHODS)
         object.__setattr__(self, "amplitudes", tuple(sorted({float(t) for t in self.amplitudes})))
-        for t in self.amplitudes:
-            if not SMALLEST <= t <= LARGEST:
-                raise InputError(
-                    f"slip.amplitudes = {t:g} must lie in [{SMALLEST:g}, {LARGEST:g}]: it is the tangential force over "
-                    "the limit of friction"
-                )
-        if not self.amplitudes or self.steps < 1:
-            raise InputError("slip.amplitudes is empty, or slip.steps is below 1")
-        if self.method not in METHODS:
-            raise InputError(f'slip.method = "{self.method}" is unknown: choose one of {", ".join(METHODS)}')
+        low, high = bounds(AMPLITUDES).values()
+        if not self.amplitudes or not all(low <= t <= high for t in self.amplitudes):
+            raise InputError(
+                f"slip.amplitudes = {list(self.amplitudes)} must be some in {AMPLITUDES}: they are the tangential "
+                "force over the limit of friction"
+            )
