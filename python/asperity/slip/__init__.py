@@ -3,15 +3,7 @@
 from __future__ import annotations
 
 import importlib
-from typing import TYPE_CHECKING, Any
-
-if TYPE_CHECKING:  # the names below, for type checkers and editors
-    from asperity.slip.jenkins import JenkinsArray as JenkinsArray
-    from asperity.slip.joint_slip import JointSlip as JointSlip
-    from asperity.slip.joint_slip import slip_of_curve as slip_of_curve
-    from asperity.slip.law import SlipLaw as SlipLaw
-    from asperity.slip.settings import SlipSettings as SlipSettings
-    from asperity.slip.tangential import tangential_response as tangential_response
+from typing import Any
 
 # public name -> module that defines it; a module is loaded by its first use
 _PUBLIC = {

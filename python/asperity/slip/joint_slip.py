@@ -92,9 +92,7 @@ class JointSlip:
                 yield {"amplitude": path.amplitude, "step": step} | values
 
     def vibration(self, mass: float, factor: float = 1.0) -> list[dict[str, float]]:
-        """Frequency (1/time) and damping ratio of the tangential vibration at each amplitude.
-
-        The secant stiffness gives the frequency and the loop the damping ratio, half of its loss factor.
+        """Frequency (1/time), of the secant stiffness, and damping ratio, half of the loss factor, at each amplitude.
 
         Args:
             mass: that vibrates on the joint (mass)
@@ -108,7 +106,7 @@ class JointSlip:
 
         Args:
             mass, factor: see `vibration`; without a mass no frequency follows
-            units: see `lines`
+            units: "SI" shows SI units in its words
         """
         return {
             "method": "solid" if self.computed else "curve",
@@ -123,12 +121,7 @@ class JointSlip:
         }
 
     def lines(self, mass: float | None = None, factor: float = 1.0, *, units: str = "SI") -> list[str]:
-        """Frequency, or stiffness without a mass, and damping ratio at up to three amplitudes, in words.
-
-        Args:
-            mass, factor: see `vibration`
-            units: "SI" shows SI units
-        """
+        """Frequency, or stiffness without a mass, and damping ratio at up to three amplitudes; see `to_dict`."""
         si, found, rows = units == "SI", [], self.vibration(mass or math.nan, factor)
         for i in sorted({0, len(rows) // 2, len(rows) - 1}):
             path, row = self.paths[i], rows[i]
@@ -210,7 +203,7 @@ def slip_of_curve(
     unloaded = not choice.yielded or choice.name == "unload-reload"
     if math.isfinite(laws.bar) and ((ratio is not None and unloaded) or computed):
         with suppress(AsperityError):  # at the end of its bar the curve may not reach the preload
-            bars = _changes(law, [law_on(member) for member in (*laws.chosen.sides(), *choice.bounds)], t)
+            bars = _change(law, [law_on(member) for member in (*laws.chosen.sides(), *choice.bounds)], t)
     if computed and bars is not None:  # the mesh of the solid, of which only the curve gives an estimate
         ours, theirs = (np.array([[path.loop()[k] for k in WITH_ERRORS] for path in of]) for of in (computed, paths))
         bars = bars + np.abs(ours - theirs).T
@@ -219,7 +212,15 @@ def slip_of_curve(
         slopes = np.array(STEEP_YIELDED if choice.yielded else STEEP) * mean / material.reduced_modulus
         of_u, of_energy = material.nu * np.array(METHOD) + slopes
         of_u += abs(math.sin(2.0 * math.radians(settings.direction))) * material.nu / (2.0 - material.nu)
-        bars = bars + _bars_of_method(law, t, of_u, of_energy) + _bars_of_rows(law, t, left_out(choice.law), law_on)
+        values = _columns(law, t)
+        of_all = of_u * (1.0 - law.block[1] * law.limit * t / values[0])  # of the interface alone
+        bars = bars + values * np.stack([of_all, of_all, np.full(t.shape, of_energy), of_energy + of_all])
+        for group in left_out(choice.law):  # what lies between the rows; all of a value where no law exists
+            changes = []
+            for other in group:
+                with suppress(AsperityError):
+                    changes.append(_change(law, [law_on(other)], t))
+            bars += np.max(changes, axis=0) if changes else np.abs(values)
     rows_of_bars = () if bars is None else bars.T
     errors = tuple({k: float(x) for k, x in zip(WITH_ERRORS, row, strict=True)} for row in rows_of_bars)
     return JointSlip(law, paths, computed, errors, tuple(_doubts(choice, ratio is not None, paths)))
@@ -250,40 +251,15 @@ def slip_of_case(
     return replace(found, notes=(*found.notes, KINEMATIC))
 
 
-def _of_law(law: SlipLaw, t: Array) -> Array:
+def _columns(law: SlipLaw, t: Array) -> Array:
     """Columns `WITH_ERRORS` of a law at amplitudes (n,), (4, n)."""
     return np.stack([law.displacement(t), law.k_secant(t), law.energy(t), law.eta(t)])
 
 
-def _changes(law: SlipLaw, others: list[SlipLaw], t: Array) -> Array:
+def _change(law: SlipLaw, others: list[SlipLaw], t: Array) -> Array:
     """Greatest change of the columns `WITH_ERRORS` from a law to others (4, n)."""
-    values = _of_law(law, t)
-    return np.asarray(np.max([np.abs(_of_law(other, t) - values) for other in (law, *others)], axis=0))
-
-
-def _bars_of_method(law: SlipLaw, t: Array, of_u: float, of_energy: float) -> Array:
-    """Bars of Jaeger's law (4, n), from those of the displacement of the interface and of the energy over them."""
-    values = _of_law(law, t)
-    of_all = of_u * (1.0 - law.block[1] * law.limit * t / values[0])
-    return values * np.stack([of_all, of_all, np.full(t.shape, of_energy), of_energy + of_all])
-
-
-def _bars_of_rows(law: SlipLaw, t: Array, groups: list[list[TableLaw]], law_on: Callable[[Law], SlipLaw]) -> Array:
-    """Bars of what lies between the rows (4, n): what each group changes, all of a value where its laws do not exist.
-
-    Args:
-        law, t: of the joint, amplitudes
-        groups: see `left_out`
-        law_on: law of slip on a normal one
-    """
-    bars = np.zeros((len(WITH_ERRORS), t.size))
-    for group in groups:
-        found = []
-        for other in group:
-            with suppress(AsperityError):
-                found.append(_changes(law, [law_on(other)], t))
-        bars += np.max(found, axis=0) if found else np.abs(_of_law(law, t))
-    return bars
+    values = _columns(law, t)
+    return np.asarray(np.max([np.abs(_columns(other, t) - values) for other in (law, *others)], axis=0))
 
 
 def _area_of(curve: Any, columns: CurveColumns, rows: Array) -> Callable[[Array], Array] | None:
