@@ -5,8 +5,7 @@ from __future__ import annotations
 import json
 from collections.abc import Callable, Iterator
 from contextlib import suppress
-from dataclasses import asdict, dataclass
-from functools import cached_property
+from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -19,11 +18,8 @@ from asperity.runtime.text_table import DECIMALS
 from asperity.units import LENGTHS, quantity
 
 if TYPE_CHECKING:
-    from asperity.surface import HeightMap, Spectrum, SurfaceStatistics
-    from asperity.surface.iso25178 import ISO25178
+    from asperity.surface import HeightMap
     from asperity.surface.measured import HeightField, Trend
-    from asperity.surface.self_affine_fit import SelfAffineFit
-    from asperity.surface.texture import Wave
 
 CASE = """# The measured patch of patch.npz pressed by a rigid flat: set material and approach. SI units.
 
@@ -50,26 +46,19 @@ LARGEST = 0.1  # side of a patch [m]
 SMOOTHEST = 1e-4  # rms slope; below it, heights and distances may have different units
 
 
-class Pixel(click.ParamType):
+def _pixel(text: str) -> tuple[float, float]:
     """A length, or those along x and y with a comma."""
-
-    name = "length"
-
-    def convert(
-        self, value: str, parameter: click.Parameter | None, context: click.Context | None
-    ) -> tuple[float, float]:
-        """Both lengths."""
-        try:
-            x, y = (float(part) for part in (value.split(",") * 2 if "," not in value else value.split(",")))
-        except ValueError:
-            self.fail(f"{value}: give a length in metres, or two as 1e-6,2e-6")
-        return x, y
+    try:
+        x, y = (float(part) for part in (text.split(",") if "," in text else (text, text)))
+    except ValueError:
+        raise click.BadParameter(f"{text}: give a length in metres, or two as 1e-6,2e-6") from None
+    return x, y
 
 
 @click.command()
 @click.argument("map_file", metavar="MAP")
 @options.output("OUT", "Folder; default out/<name of the file>.")
-@click.option("--pixel", type=Pixel(), metavar="LENGTH[,LENGTH]",
+@click.option("--pixel", type=_pixel, metavar="LENGTH[,LENGTH]",
               help="Distance between heights in metres, or those along x and y, where the file has none.")  # fmt: skip
 @click.option("--unit", metavar="UNIT",
               help=f"Of lengths whose unit the file does not name: {', '.join(filter(str.isascii, LENGTHS))}, or a "
@@ -88,7 +77,6 @@ class Pixel(click.ParamType):
 @click.option("--shortest", type=float, metavar="LENGTH",
               help="Shortest wavelength for the Hurst exponent; default 4 pixels.")  # fmt: skip
 @options.as_json
-@options.serial
 def command(map_file: str, output: str | None, as_json: bool, **given: Any) -> None:
     """Make a case from a measured height map.
 
@@ -101,18 +89,14 @@ def command(map_file: str, output: str | None, as_json: bool, **given: Any) -> N
 
     progress = Progress() if as_json else StepLines()
     folder = Path(output) if output else Path("out") / Path(map_file).stem
-    scan = _scan(map_file, progress.stage, **given)
-    about: dict[str, Any] = {"file": map_file, "channel": scan.channel or None, "notes": scan.notes}
-    about |= {"side": scan.surface.L, "nodes": len(scan.patch.z), "level": given["level"]}
-    about |= {
-        "cutoff": scan.cutoff,
-        "filled": scan.filled,
-        "despike": given["despike"],
-        "instrument": scan.left_out,
-    }
+    scan = _Scan(map_file, progress.stage, **given)
+    about: dict[str, Any] = {
+        "file": map_file, "channel": scan.channel or None, "notes": scan.notes, "side": scan.surface.L,
+        "nodes": len(scan.patch.z), "level": given["level"], "cutoff": scan.cutoff, "filled": scan.filled,
+        "despike": given["despike"], "instrument": scan.left_out, "iso25178": scan.iso.to_dict(),
+    }  # fmt: skip
     for name, part in (("statistics", scan.statistics), ("self_affine", scan.affine), ("repeating_wave", scan.wave)):
         about[name] = None if part is None else asdict(part)
-    about["iso25178"] = scan.iso.to_dict()
     with files_into(folder) as aside:  # whole, or not at all
         origin = {name: about[name] for name in ("file", "channel", "level", "cutoff", "filled", "despike")}
         scan.patch.save(aside / "patch.npz", left_out=scan.left_out, about=origin)
@@ -133,102 +117,106 @@ def command(map_file: str, output: str | None, as_json: bool, **given: Any) -> N
     for sentence in scan.notes:
         options.say(sentence)
     _show(map_file, scan)
-    for sentence in _doubts(scan):
-        options.say(sentence)
     spike, despiking = _spike(scan)
-    for sentence in (spike, "" if despiking else cost):
+    for sentence in (*_doubts(scan), spike, "" if despiking else cost):
         if sentence:
             options.say(sentence)
     options.say(f"written to {folder}; next: asperity check {folder / 'case.toml'}")
 
 
-def _scan(
-    map_file: str, stage: Callable[[str], None], *, pixel: tuple[float, float] | None, unit: str | None,
-    missing: float | None, channel: str | None, array: str | None, decimal: str | None, level: Trend,
-    window: tuple[float, float, float] | None, despike: bool, cutoff: float | None,
-    tip_radius: float | None, shortest: float | None,
-) -> _Scan:  # fmt: skip
-    """Read, level, filter and cut a map; `stage` announces the parts, the others are the options of the command."""
-    from asperity.surface.height_map import HeightMap
-    from asperity.surface.measured import HeightField
-    from asperity.surface.patch import MOST
+class _Scan:
+    """A map read, levelled, filtered and cut; what is known of it, and of its patch that becomes the surface.
 
-    if tip_radius is not None and not tip_radius > 0:
-        raise InputError(f"tip-radius = {tip_radius:g} is not a positive length")
-    stage(f"read {map_file}")
-    whole = HeightField.read(
-        map_file, pixel=pixel, unit=unit, missing=missing, channel=channel, array=array, decimal=decimal
-    )
-    named, notes = whole.channel, whole.notes
-    zeros, filled = whole.odd_zeros(), whole.missing if window is None else whole.missing_in(*window)
-    ny, nx = whole.z.shape
-    if min(nx, ny) > MOST and window is None and cutoff is None:
-        raise InputError(
-            f"{map_file}: {nx} x {ny} heights are more than the {MOST} x {MOST} of a surface; cut a window (--window), "
-            "or filter the map (--cutoff): a patch of fewer heights, a fifth of the cut-off apart, is kept"
-        )
-    stage(f"level {nx} x {ny} heights")
-    whole = whole.filled(window).levelled(level)
-    if despike:
-        stage("remove spikes")
-        whole = whole.despiked()
-    reliable = whole.reliable(tip_radius)
-    limited = cutoff is None and reliable > 2 * min(whole.dx, whole.dy)
-    cutoff = reliable if limited else cutoff
+    Args:
+        map_file: to read
+        stage: announces the parts
+        given: options of the command
+    """
 
-    def cut(field: HeightField) -> HeightField:
-        return (field.square() if window is None else field.window(*window)).levelled(level)
+    def __init__(
+        self, map_file: str, stage: Callable[[str], None], *, level: Trend, window: tuple[float, float, float] | None,
+        despike: bool, cutoff: float | None, tip_radius: float | None, shortest: float | None, **given: Any,
+    ) -> None:  # fmt: skip
+        from asperity.surface.height_map import HeightMap
+        from asperity.surface.iso25178 import iso25178
+        from asperity.surface.measured import HeightField
+        from asperity.surface.patch import MOST
 
-    patch = bare = cut(whole)
-    if cutoff is not None:
-        stage("filter")
-        patch = cut(whole.filtered(cutoff))
-        if len(patch.z) > MOST:
-            patch = patch.thinned(max(1, int(cutoff / (KEPT * patch.dx)))).square()
-    patch.check_plausible()
-    stage("statistics")
-    spectrum, wave, affine = _spectrum(bare, shortest)
-    surface = HeightMap.of(patch.z, patch.size[0])
-    statistics = surface.statistics(min(len(patch.z), 1025))
-    left_out = (reliable, *_left_out(surface, bare)) if limited else None
-    return _Scan(
-        whole, cut, bare, patch, filled, zeros, cutoff, reliable, left_out, surface, statistics, spectrum, wave,
-        affine, named, notes,
-    )  # fmt: skip
+        if tip_radius is not None and not tip_radius > 0:
+            raise InputError(f"tip-radius = {tip_radius:g} is not a positive length")
+        stage(f"read {map_file}")
+        whole = HeightField.read(map_file, **given)
+        self.channel, self.notes = whole.channel, whole.notes
+        # shares of the heights that are exactly 0, and that were missing, in the window if there is one
+        self.zeros, self.filled = whole.odd_zeros(), whole.missing if window is None else whole.missing_in(*window)
+        ny, nx = whole.z.shape
+        if min(nx, ny) > MOST and window is None and cutoff is None:
+            raise InputError(
+                f"{map_file}: {nx} x {ny} heights are more than the {MOST} x {MOST} of a surface; cut a window "
+                "(--window), or filter the map (--cutoff): a patch of fewer heights, a fifth of the cut-off apart, is "
+                "kept"
+            )
+        stage(f"level {nx} x {ny} heights")
+        whole = whole.filled(window).levelled(level)
+        if despike:
+            stage("remove spikes")
+            whole = whole.despiked()
+        self.whole, self._level, self._window = whole, level, window
+        self.reliable = whole.reliable(tip_radius)  # wavelength below which the map shows its instrument [m]
+        limited = cutoff is None and self.reliable > 2 * min(whole.dx, whole.dy)
+        self.cutoff = self.reliable if limited else cutoff
+        self.bare = self.patch = self.cut(whole)  # without a filter, which would bend the spectrum near its cut-off
+        if self.cutoff is not None:
+            stage("filter")
+            self.patch = self.cut(whole.filtered(self.cutoff))
+            if len(self.patch.z) > MOST:
+                self.patch = self.patch.thinned(max(1, int(self.cutoff / (KEPT * self.patch.dx)))).square()
+        self.patch.check_plausible()
+        stage("statistics")
+        self._analyse(shortest)
+        self.surface = HeightMap.of(self.patch.z, self.patch.size[0])
+        self.statistics = self.surface.statistics(min(len(self.patch.z), 1025))
+        self.iso = iso25178(self.patch.z, self.patch.dx, self.patch.dy)
+        self.left_out = (self.reliable, *self._change_by_filter()) if limited else None  # see `HeightMap.left_out`
 
+    def cut(self, field: HeightField) -> HeightField:
+        """The patch of a levelled map."""
+        return (field.square() if self._window is None else field.window(*self._window)).levelled(self._level)
 
-def _left_out(smooth: HeightMap, bare: HeightField) -> tuple[float, float]:
-    """Relative change of force and area of a light contact by the waves that a filter has taken from a patch."""
-    from asperity.reference.halfspace import RoughHalfSpace, cells_per_side
-    from asperity.surface import HeightMap
-    from asperity.surface.cutoff import approach_of_share
+    def _analyse(self, shortest: float | None) -> None:
+        """Spectrum, wave that repeats, and where there is none the self-affine equivalent down to a wavelength [m]."""
+        from asperity.surface.self_affine_fit import fit_self_affine
+        from asperity.surface.statistics import psd
+        from asperity.surface.texture import repeating_wave
 
-    layer = RoughHalfSpace(cells_per_side(min(len(smooth.heights), CELLS)), height=1.0, nu=0.3)
-    plane = smooth.maximum()[2] - approach_of_share(smooth)  # of the flat, the same for both
-    found = []
-    for surface in (smooth, HeightMap.of(bare.z, bare.size[0])):
-        summit, side = surface.maximum()[2], surface.L
-        curve = layer.curve(layer.heights(surface), summit / side, [(summit - plane) / side])
-        found.append((float(curve.P_star[0]), float(curve.area_fraction[0])))
-    (force, area), (more, larger) = found
-    return more / force - 1.0, larger / area - 1.0
+        bare, side = self.bare, self.bare.size[0]
+        shortest = 4 * bare.dx if shortest is None else shortest
+        if not 2 * bare.dx <= shortest < side:
+            between = f"two pixels, {2 * bare.dx:g}, and the side {side:g}"
+            raise InputError(f"shortest = {shortest:g} must lie between {between}")
+        self.spectrum, self.wave = psd(bare.z, len(bare.z) * bare.dx), repeating_wave(bare.z, side)
+        self.affine = None
+        if self.wave is None:
+            try:
+                self.affine = fit_self_affine(self.spectrum, shortest)
+            except InputError as error:
+                click.echo(f"no Hurst exponent: {error}", err=True)
 
+    def _change_by_filter(self) -> tuple[float, float]:
+        """Relative change of force and area of a light contact by the waves that the filter has taken."""
+        from asperity.reference.halfspace import RoughHalfSpace, cells_per_side
+        from asperity.surface import HeightMap
+        from asperity.surface.cutoff import approach_of_share
 
-def _spectrum(bare: HeightField, shortest: float | None) -> tuple[Spectrum, Wave | None, SelfAffineFit | None]:
-    """Spectrum, wave that repeats, and self-affine equivalent down to a wavelength [m] where there is no such wave."""
-    from asperity.surface.self_affine_fit import fit_self_affine
-    from asperity.surface.statistics import psd
-    from asperity.surface.texture import repeating_wave
-
-    shortest, side = 4 * bare.dx if shortest is None else shortest, bare.size[0]
-    if not 2 * bare.dx <= shortest < side:
-        raise InputError(f"shortest = {shortest:g} must lie between two pixels, {2 * bare.dx:g}, and the side {side:g}")
-    spectrum, wave = psd(bare.z, len(bare.z) * bare.dx), repeating_wave(bare.z, side)
-    try:
-        return spectrum, wave, None if wave is not None else fit_self_affine(spectrum, shortest)
-    except InputError as error:
-        click.echo(f"no Hurst exponent: {error}", err=True)
-        return spectrum, wave, None
+        smooth, found = self.surface, []
+        layer = RoughHalfSpace(cells_per_side(min(len(smooth.heights), CELLS)), height=1.0, nu=0.3)
+        plane = smooth.maximum()[2] - approach_of_share(smooth)  # of the flat, the same for both
+        for surface in (smooth, HeightMap.of(self.bare.z, self.bare.size[0])):
+            summit, side = surface.maximum()[2], surface.L
+            curve = layer.curve(layer.heights(surface), summit / side, [(summit - plane) / side])
+            found.append((float(curve.P_star[0]), float(curve.area_fraction[0])))
+        (force, area), (more, larger) = found
+        return more / force - 1.0, larger / area - 1.0
 
 
 def _case(surface: HeightMap) -> str:
@@ -347,45 +335,3 @@ def _cost(case_file: Path, surface: HeightMap) -> str:
     found = estimate(case, surface=surface)
     notes = note_on_steps(surface, found.approach), filter_advice(case, found, surface)
     return "\n".join(filter(None, notes))
-
-
-@dataclass(frozen=True)
-class _Scan:
-    """A map, its patch, and what is known of it.
-
-    Attributes:
-        whole: the levelled map
-        cut: makes the patch of a levelled map
-        bare: the patch without a filter, which would bend the spectrum near its cut-off
-        patch: what becomes the surface
-        filled, zeros: shares of the heights that were missing, in the window if there is one, and that are exactly 0
-        cutoff: of the filter [m], None without
-        reliable: wavelength below which the map shows its instrument [m]
-        left_out: see `HeightMap.left_out`; None unless the filter is that of the instrument
-        channel, notes: see `HeightField`
-        statistics: of the surface; spectrum, repeating wave and self-affine equivalent are those of `bare`
-    """
-
-    whole: HeightField
-    cut: Callable[[HeightField], HeightField]
-    bare: HeightField
-    patch: HeightField
-    filled: float
-    zeros: float
-    cutoff: float | None
-    reliable: float
-    left_out: tuple[float, float, float] | None
-    surface: HeightMap
-    statistics: SurfaceStatistics
-    spectrum: Spectrum
-    wave: Wave | None
-    affine: SelfAffineFit | None
-    channel: str
-    notes: tuple[str, ...]
-
-    @cached_property
-    def iso(self) -> ISO25178:
-        """Parameters of ISO 25178 of the patch."""
-        from asperity.surface.iso25178 import iso25178
-
-        return iso25178(self.patch.z, self.patch.dx, self.patch.dy)
