@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import asdict
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import click
 
@@ -14,6 +15,7 @@ from asperity.units import per_cent, quantity
 if TYPE_CHECKING:
     from asperity.adaptive.estimate import Estimate
     from asperity.case import Case
+    from asperity.surface import Surface
 
 
 @click.command()
@@ -21,7 +23,6 @@ if TYPE_CHECKING:
 @click.option("--ranks", type=click.IntRange(min=1), default=1, show_default=True, help="Ranks that share the work.")
 @options.as_json
 @options.overrides
-@options.serial
 def command(case_file: str, ranks: int, as_json: bool, overrides: tuple[str, ...]) -> None:
     """Check and estimate a case without solving it.
 
@@ -29,14 +30,27 @@ def command(case_file: str, ranks: int, as_json: bool, overrides: tuple[str, ...
     the mesh and rates measured on one machine: expect a factor of two. What depends on the solution, such as plastic
     strains, only the run can judge. Exit code 0 when a run accepts the case, 2 when it refuses it.
     """
+    from asperity.adaptive.estimate import estimate, further_meshes
     from asperity.case import Case
 
     case = Case.load(case_file, overrides)
     judge(case)
+    surface = case.build_surface()
+    found = estimate(case, ranks, surface)
+    further = [] if case.accuracy.tolerance is None else further_meshes(case, found)
+    most = found.seconds + sum(mesh.seconds for mesh in further)  # with all that accuracy.max_dofs allows
     if as_json:
-        options.print_json({"case": case_file, "accepted": True, "estimate": estimated(case, ranks)})
+        totals = {"dofs": found.dofs, "seconds": found.seconds, "memory": found.memory, "ranks": ranks}
+        totals |= {} if case.accuracy.tolerance is None else {"most_seconds": most}
+        options.print_json({"case": case_file, "accepted": True, "estimate": asdict(found) | totals})
         return
-    show_estimate(case_file, case, ranks)
+    rows = [
+        (f"mesh of h_contact = {level.h_contact:.3g}, {level.steps} steps", f"{level.dofs}", duration(level.seconds))
+        for level in found.levels
+    ]
+    options.table(case_file, rows, ("", "dofs", "one core"))
+    for sentence in _sentences(case, surface, found, ranks, most if further else None):
+        options.say(sentence)
     options.say(f"{case_file}: a run accepts this case")
 
 
@@ -56,66 +70,35 @@ def judge(case: Case) -> None:
         warn_of_missed_waves(surface, case.mesh.h_contact, case.loading.delta_max)
 
 
-def estimated(case: Case, ranks: int) -> dict[str, Any]:
-    """Estimate of a case: seconds of one core, bytes of each rank and of all.
-
-    With a tolerance also the seconds with all meshes up to accuracy.max_dofs, "most_seconds".
-    """
-    from asperity.adaptive.estimate import estimate, further_meshes
-
-    found = estimate(case, ranks)
-    totals = {"dofs": found.dofs, "seconds": found.seconds, "memory": found.memory, "ranks": ranks}
-    if case.accuracy.tolerance is not None:
-        totals["most_seconds"] = found.seconds + sum(m.seconds for m in further_meshes(case, found))
-    return asdict(found) | totals
-
-
-def show_estimate(title: str, case: Case, ranks: int) -> None:
-    """Print the estimate of a case, a table under a title and sentences."""
+def _sentences(case: Case, surface: Surface, found: Estimate, ranks: int, most: float | None) -> Iterator[str]:
+    """What an estimate says; `most` is the time with all finer meshes [s], None where there are none."""
     from asperity.adaptive.cutoff import filter_advice, note_on_steps
-    from asperity.adaptive.estimate import estimate
 
-    surface = case.build_surface()
-    found = estimate(case, ranks, surface)
-    rows = [
-        (f"mesh of h_contact = {level.h_contact:.3g}, {level.steps} steps", f"{level.dofs}", duration(level.seconds))
-        for level in found.levels
-    ]
-    options.table(title, rows, ("", "dofs", "one core"))
     if case.loading.delta_max is None:
         approach = quantity(found.approach, "m" if case.units == "SI" else "", 2)
-        options.say(f"approach at loading.{case.loading.driver}: about {approach}, that of a half-space")
+        yield f"approach at loading.{case.loading.driver}: about {approach}, that of a half-space"
     share = f", {found.of_ranks[0] / 2**30:.2f} on the first and {found.of_ranks[-1] / 2**30:.2f} on each other"
     words = f"memory of {ranks} rank{'s' if ranks > 1 else ''}: about {found.memory / 2**30:.1f} GiB"
-    options.say(words + (share if ranks > 1 else ""))
+    yield words + (share if ranks > 1 else "")
     if ranks > 1:
-        options.say(f"time on {ranks} ranks: at least {duration(found.seconds / ranks)}, if they share the work evenly")
+        yield f"time on {ranks} ranks: at least {duration(found.seconds / ranks)}, if they share the work evenly"
     if note := note_on_steps(surface, found.approach):
-        options.say(note)
+        yield note
+    limit = f"accuracy.max_dofs = {case.accuracy.max_dofs}"
     if case.accuracy.tolerance is not None:
         if advice := filter_advice(case, found, surface):
-            options.say(advice)
+            yield advice
         if found.enough:
-            options.say("finer meshes follow where the error bar of the last one is above the tolerance")
+            yield "finer meshes follow where the error bar of the last one is above the tolerance"
         if found.least_bar is not None:
-            least = per_cent(found.least_bar)
-            options.say(f"accuracy.max_dofs = {case.accuracy.max_dofs} gives about {least} of the force at best")
-        options.say(_range_of_time(case, found))
+            yield f"{limit} gives about {per_cent(found.least_bar)} of the force at best"
+        least = f"about {duration(found.seconds)}"
+        if most is None:
+            yield f"time on one core: {least}; {limit} allows no further mesh"
+        else:
+            all_finer = f"about {duration(most)} for all finer ones that {limit} allows"
+            yield f"time on one core: from {least} for these meshes to {all_finer}"
     if case.accuracy.area_tolerance is not None:
-        options.say("accuracy.area_tolerance is not in this estimate: it often takes finer meshes")
+        yield "accuracy.area_tolerance is not in this estimate: it often takes finer meshes"
     if case.material.kinematics == "auto":
-        options.say(f"the run takes {found.kinematics} strain")
-
-
-def _range_of_time(case: Case, found: Estimate) -> str:
-    """The time of the planned meshes, and of all that a run may add to them, a sentence."""
-    from asperity.adaptive.estimate import further_meshes
-
-    least, further = duration(found.seconds), further_meshes(case, found)
-    if not further:
-        return f"time on one core: about {least}; accuracy.max_dofs = {case.accuracy.max_dofs} allows no further mesh"
-    most = duration(found.seconds + sum(level.seconds for level in further))
-    return (
-        f"time on one core: from about {least} for these meshes to about {most} for all finer ones that "
-        f"accuracy.max_dofs = {case.accuracy.max_dofs} allows"
-    )
+        yield f"the run takes {found.kinematics} strain"

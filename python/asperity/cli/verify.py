@@ -57,13 +57,6 @@ class Row:
         """Whether the error is within the bar."""
         return self.error <= self.bar
 
-    def texts(self) -> tuple[str, ...]:
-        """Cells of the table."""
-        return (
-            self.case, self.quantity, self.source, f"{self.reference:.5g}", f"{self.value:.5g}", f"{self.error:.1e}",
-            f"{self.bar:.1e}", "yes" if self.passed else "NO",
-        )  # fmt: skip
-
 
 def patch() -> Iterator[Row]:
     """A flat block in full contact: stiffness and uniform pressure; Johnson, Contact Mechanics (1985), 1.3."""
@@ -104,7 +97,7 @@ def hertz() -> Iterator[Row]:
     for method in METHODS:
         result = _solve(sphere, CONTACT**2 / RADIUS, 2, tolerance=TOLERANCE, formulation=Formulation(method))
         yield from _forces("hertz", method, sphere, result)
-        for row in _judged(result):
+        for row in _half_and_whole(result):
             radius = theory.radius(theory.approach(4.0 * result.curve.force[row]))
             area, bar = float(result.curve.area_fraction[row]), result.curve.bar("area_fraction", row)
             name = f"area at a = {radius:.3f} L, {method}"
@@ -126,7 +119,7 @@ def _forces(case: str, method: str, surface: Surface, result: AccurateResult) ->
     """Force at half and at the whole approach against small-slope theory for the whole block."""
     from asperity.reference import half_space_contact
 
-    for row in _judged(result):
+    for row in _half_and_whole(result):
         delta = float(result.curve.delta_star[row])
         coarse, fine = (
             half_space_contact(surface, n, delta_star=delta, height=1.0, nu=NU).P_star for n in (CELLS // 2, CELLS)
@@ -136,7 +129,7 @@ def _forces(case: str, method: str, surface: Surface, result: AccurateResult) ->
         yield Row(case, name, "boundary elements", fine, float(result.curve.P_star[row]), bar)
 
 
-def _judged(result: AccurateResult) -> tuple[int, int]:
+def _half_and_whole(result: AccurateResult) -> tuple[int, int]:
     """Rows of half and of the whole approach."""
     return len(result.curve) // 2 - 1, len(result.curve) - 1
 
@@ -151,43 +144,31 @@ def _solve(surface: Surface, delta: float, steps: int, nu: float = NU, **setting
     return solve_contact(surface, Material(1.0, nu), delta_max=delta, steps=steps, comm=MPI.COMM_SELF, **settings)
 
 
-def verify(names: tuple[str, ...], on_case: Callable[[str, list[Row]], None]) -> list[Row]:
-    """Rows of the named cases, of all where none is named; `on_case` is called after each with its name and rows."""
-    out: list[Row] = []
-    for name in names or tuple(CASES):
-        rows = list(CASES[name]())
-        on_case(name, rows)
-        out += rows
-    return out
-
-
 @click.command()
 @click.argument("names", metavar="[NAME]...", nargs=-1, type=click.Choice(tuple(CASES)))
-@click.option("--markdown", is_flag=True, help="Print a Markdown table.")
 @options.as_json
-@options.serial
-def command(names: tuple[str, ...], markdown: bool, as_json: bool) -> int:
+def command(names: tuple[str, ...], as_json: bool) -> None:
     """Compare the solver with reference solutions.
 
     A flat block, a sphere and a rough surface, against closed forms and boundary elements; all cases if no NAME is
     given. A row passes when its error is within its bar, what the run promises and the uncertainty of the reference.
     Errors and bars are relative. Exit code 0 when all rows pass, 3 when not.
     """
-    start = process_time()
-
-    def done(name: str, rows: list[Row]) -> None:
-        passed = sum(row.passed for row in rows)
-        click.echo(f"{name}: {passed} of {len(rows)} within the bar, {process_time() - start:.0f} s so far", err=True)
-
-    rows = verify(names, done)
+    start, rows = process_time(), []
+    for name in names or tuple(CASES):
+        found = list(CASES[name]())
+        rows += found
+        passed = sum(row.passed for row in found)
+        click.echo(f"{name}: {passed} of {len(found)} within the bar, {process_time() - start:.0f} s so far", err=True)
     if as_json:
         options.print_json([asdict(row) | {"error": row.error, "passed": row.passed} for row in rows])
-    elif markdown:
-        for line in (HEADER, ("---",) * len(HEADER), *(row.texts() for row in rows)):
-            options.say("| " + " | ".join(line) + " |")
     else:
-        options.table("Verification", (row.texts() for row in rows), HEADER)
+        texts = (
+            (row.case, row.quantity, row.source, f"{row.reference:.5g}", f"{row.value:.5g}", f"{row.error:.1e}",
+             f"{row.bar:.1e}", "yes" if row.passed else "NO")
+            for row in rows
+        )  # fmt: skip
+        options.table("Verification", texts, HEADER)
     missed = [f"{row.case}: {row.quantity}" for row in rows if not row.passed]
     if missed:
         raise ConvergenceError(f"{len(missed)} of {len(rows)} rows outside their bar ({'; '.join(missed)})")
-    return 0
