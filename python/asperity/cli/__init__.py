@@ -31,13 +31,12 @@ class _Commands(click.Group):
     """The modules of this package with a `command`, imported when they are used."""
 
     def list_commands(self, ctx: click.Context) -> list[str]:
-        modules = {module.name.replace("_", "-") for module in pkgutil.iter_modules(__path__)}
-        return sorted(modules - {"options"})
+        modules = (module.name.replace("_", "-") for module in pkgutil.iter_modules(__path__))
+        return sorted(name for name in modules if name != "options")
 
     def resolve_command(
         self, ctx: click.Context, args: list[str]
     ) -> tuple[str | None, click.Command | None, list[str]]:
-        """The command of a line; a misspelled one is refused with the nearest."""
         if args and not args[0].startswith("-") and args[0] not in (known := self.list_commands(ctx)):
             from asperity.runtime.display import nearest
 
@@ -75,6 +74,8 @@ def _outcome(arguments: Sequence[str] | None) -> tuple[int, str]:
     """Exit code and message of a command."""
     try:
         words = sys.argv[1:] if arguments is None else list(arguments)
+        if world_rank() and words[:1] not in (["run"], ["study"]):
+            return 0, ""  # the others are for the first rank
         for word in words:
             if not word.isascii() and any("\ud800" <= c <= "\udfff" for c in word):  # bytes that Python cannot decode
                 return 2, f"{word.encode(errors='replace').decode()}: an argument that is not UTF-8; rename the file"

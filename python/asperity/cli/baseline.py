@@ -14,7 +14,6 @@ from asperity.cli import options
 @options.run_folder
 @click.argument("file", metavar="FILE", type=click.Path(dir_okay=False, path_type=Path))
 @options.tolerances
-@options.serial
 def command(case_file: str, folder: str, file: Path, tolerances: dict[str, float] | None) -> int:
     """Store the curve of a run as a reference.
 

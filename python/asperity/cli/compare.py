@@ -17,7 +17,6 @@ from asperity.runtime.run_folder import CURVE
 @click.argument("second", metavar="B", type=click.Path(exists=True, path_type=Path))
 @options.tolerances
 @options.as_json
-@options.serial
 def command(first: Path, second: Path, tolerances: dict[str, float] | None, as_json: bool) -> int:
     """Compare two curves, column by column.
 

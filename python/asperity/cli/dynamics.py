@@ -84,7 +84,6 @@ class WithUnit(click.ParamType):
               "the response; else yes.")  # fmt: skip
 @options.output("DIR", "Folder for free.csv, response.csv, thresholds.json and the figures.")
 @options.as_json
-@options.serial
 def command(
     source: str | None,
     exponent: float | None,

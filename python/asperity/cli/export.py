@@ -19,7 +19,6 @@ from asperity.runtime.run_folder import EXPORTS
 @click.option("--preload", "load", type=float, metavar="W", help="Force on the patch that the branch passes through; "
               "default that of the joint, or half of the greatest force.")  # fmt: skip
 @options.output("FILE", "File to write; default in OUT.")
-@options.serial
 def command(folder: str, to: str, output: str | None, **settings: Any) -> None:
     """Write the contact of a run for another program.
 

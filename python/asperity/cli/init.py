@@ -14,14 +14,14 @@ from asperity.cli import options
 from asperity.errors import CompatError, InputError
 
 #: Values of the keys that have no default, in SI units; "file" is that of --from.
-SURFACES: Mapping[str, Mapping[str, Any]] = {
+SURFACES: dict[str, dict[str, Any]] = {
     "weierstrass-mandelbrot": {"L": 1e-6, "D": 2.4, "G": 5e-12},
     "self-affine": {"L": 1e-6, "H": 0.8, "rms_slope": 0.1, "lambda_short": 1e-7, "lambda_roll": 5e-7},
     "sphere": {"L": 1e-6, "radius": 2e-6},
     "sinusoid": {"L": 1e-6, "amplitude": 1e-8, "dims": 2},
     "flat": {"L": 1e-6},
 }
-SOLIDS: Mapping[str, Mapping[str, Any]] = {
+SOLIDS: dict[str, dict[str, Any]] = {
     "elastic": {"E": 200e9, "nu": 0.3},
     "plastic": {"E": 200e9, "nu": 0.3, "yield_strength": 1e9, "tangent_modulus": 10e9},
 }
@@ -46,7 +46,6 @@ WIDTH = 34  # of "key = value"
               help="The case of the demo, a map as of an instrument (FILE is scan.csv then), or a joint.")  # fmt: skip
 @click.option("--Sq", "sq", type=float, metavar="LENGTH", help="Rms height of the surface (m); with --slope.")
 @click.option("--slope", type=float, metavar="SLOPE", help="Rms slope of the surface; with --Sq.")
-@options.serial
 def command(
     file: Path | None,
     kind: str,
@@ -69,6 +68,8 @@ def command(
     file = Path("scan.csv" if example == "scan" else "case.toml") if file is None else file
     if file.exists():
         raise InputError(f"{file} exists: give another name, or remove it")
+    if example == "joint":
+        elastic, scan, joint, sq, slope = False, None, (1e-5, 250.0, 5.0), 0.4e-6, 0.1
     if joint is not None and not all(0.0 < value < math.inf for value in joint):
         raise InputError(f"--joint {joint}: area, force and mass must be positive")
     if (sq is None) != (slope is None) or (scan is not None and sq is not None):
@@ -78,15 +79,22 @@ def command(
             "the stiffness of a joint follows from the roughness of its faces: give their rms height and rms slope, as "
             "--Sq 0.4e-6 --slope 0.1, or a map of one with --from"
         )
-    roughness = None if sq is None or slope is None else surface_of(sq, slope)
     advice = f"asperity check {file}"
-    if example == "joint":
-        text = starting_case(kind, "plastic", joint=(1e-5, 250.0, 5.0), roughness=surface_of(0.4e-6, 0.1))
-    elif example == "scan":
-        text, advice = _scan(), f"asperity import-map {file} --pixel 0.2e-6 --cutoff 4e-6"
+    if example == "scan":
+        from asperity.surface import SelfAffine
+
+        # in metres and without lengths: that of the tutorial
+        surface = SelfAffine(L=50e-6, H=0.8, rms_height=0.2e-6, lambda_short=2e-6, seed=5)
+        text = "\n".join(",".join(f"{z:.6e}" for z in row) for row in surface.grid(256).tolist()) + "\n"
+        advice = f"asperity import-map {file} --pixel 0.2e-6 --cutoff 4e-6"
     elif example == "demo":
-        text = _demo()
+        package = Path(__file__).parent.parent
+        demos = [folder / "cases/demo.toml" for folder in (package, package.parent.parent)]  # of a wheel, of a clone
+        if not any(path.is_file() for path in demos):
+            raise CompatError(f"this installation has no example: {demos[0]} is missing; install it again")
+        text = next(path for path in demos if path.is_file()).read_text(encoding="utf-8")
     else:
+        roughness = None if sq is None or slope is None else surface_of(sq, slope)
         text = starting_case(kind, "elastic" if elastic else "plastic", scan, joint, file.parent, roughness)
     file.parent.mkdir(parents=True, exist_ok=True)
     replace_file(file, text.encode())
@@ -99,32 +107,35 @@ def starting_case(
     scan: Path | None = None,
     joint: tuple[float, float, float] | None = None,
     folder: Path = Path(),
-    roughness: Mapping[str, Any] | None = None,
+    roughness: dict[str, Any] | None = None,
 ) -> str:
     """Text of a case file made from the schema.
 
     Args:
-        kind: of surface, one of SURFACES
+        kind: of surface, one of SURFACES; or a map `scan`, or self-affine with the keys of a `roughness`
         solid: one of SOLIDS
-        scan: height map, instead of a surface of that kind
+        scan: height map
         joint: nominal area [length^2], preload [force] and mass of a joint; the load is then twice its pressure
         folder: of the case file
-        roughness: keys of a self-affine surface, instead of a surface of that kind
+        roughness: keys of a self-affine surface
     """
     from asperity.case.keys import kind_of, sections
     from asperity.case.schema import Input
 
-    loading = {"delta_max": 1e-9 if kind == "flat" else 1e-8}
-    if scan is not None:
-        kind, loading = "file", {"delta_max": _light_load(scan)}
-    surface: Mapping[str, Any] = SURFACES[kind] if scan is None else {"path": os.path.relpath(scan, folder)}
     if roughness is not None:
-        kind, surface = "self-affine", roughness
-        loading = {"delta_max": float(f"{0.5 * roughness['rms_height']:.3g}")}
+        kind, surface, delta = "self-affine", roughness, 0.5 * roughness["rms_height"]
+    elif scan is not None:
+        from asperity.surface import HeightMap
+        from asperity.surface.cutoff import approach_of_share
+
+        surface = {"path": os.path.relpath(scan, folder)}
+        kind, delta = "file", approach_of_share(HeightMap(path=scan))  # a few per cent of the heights
+    else:
+        surface, delta = SURFACES[kind], 1e-9 if kind == "flat" else 1e-8
     chosen: dict[str, Mapping[str, Any]] = {
         "surface": surface,
         "material": {**SOLIDS[solid], "kinematics": "auto"},
-        "loading": loading,
+        "loading": {"delta_max": float(f"{delta:.3g}")},
         "accuracy": {"tolerance": 0.05},
         "output": {"figures": True, "report": True},
     }
@@ -146,28 +157,12 @@ def starting_case(
             continue
         model = next((m for m in models if name == "surface" and kind_of(m) == kind), models[0])
         optional = field.default is None and name not in chosen
-        lines += ["", f"# {_first_line(model)}", f"# [{name}]" if optional else f"[{name}]"]
+        about = str(model.__doc__).partition("\n")[0].removesuffix(".")
+        lines += ["", f"# {about}", f"# [{name}]" if optional else f"[{name}]"]
         if name == "surface":
             lines.append(_line(f'kind = "{kind}"', "kind of surface; " + ", ".join(map(kind_of, models))))
         lines += _keys(model, chosen.get(name, {}), skip=("kind",))
     return "\n".join(lines) + "\n"
-
-
-def _demo() -> str:
-    """The case of the demo, as the wheel or the clone has it."""
-    package = Path(__file__).parent.parent
-    for folder in (package / "cases", package.parent.parent / "cases"):
-        if (folder / "demo.toml").is_file():
-            return (folder / "demo.toml").read_text(encoding="utf-8")
-    raise CompatError(f"this installation has no example: {package / 'cases/demo.toml'} is missing; install it again")
-
-
-def _scan() -> str:
-    """A map as an instrument writes it, in metres and without lengths: that of the tutorial."""
-    from asperity.surface import SelfAffine
-
-    surface = SelfAffine(L=50e-6, H=0.8, rms_height=0.2e-6, lambda_short=2e-6, seed=5)
-    return "\n".join(",".join(f"{z:.6e}" for z in row) for row in surface.grid(256).tolist()) + "\n"
 
 
 def surface_of(sq: float, slope: float) -> dict[str, Any]:
@@ -190,18 +185,6 @@ def surface_of(sq: float, slope: float) -> dict[str, Any]:
         "L": float(f"{SIDE * short:.4g}"), "H": HURST, "rms_height": float(f"{height:.4g}"), "lambda_short": short,
         "lambda_roll": float(f"{ROLL * short:.4g}"), "seed": 1,
     }  # fmt: skip
-
-
-def _light_load(scan: Path) -> float:
-    """Approach that puts a few per cent of the heights of a map above the flat [length]."""
-    from asperity.surface import HeightMap
-    from asperity.surface.cutoff import approach_of_share
-
-    return float(f"{approach_of_share(HeightMap(path=scan)):.3g}")
-
-
-def _first_line(model: Any) -> str:
-    return str(model.__doc__).partition("\n")[0].removesuffix(".")
 
 
 def _keys(model: Any, values: Mapping[str, Any], skip: tuple[str, ...]) -> Iterator[str]:

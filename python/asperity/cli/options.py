@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import functools
 import os
 import sys
 import traceback
@@ -18,38 +17,27 @@ from asperity.runtime.progress import world_rank
 case_file = click.argument("case_file", metavar="CASE.toml", type=click.Path())
 run_folder = click.argument("folder", metavar="OUT", type=click.Path(exists=True, file_okay=False))
 overrides = click.option(
-    "--set",
-    "overrides",
-    multiple=True,
-    metavar="SECTION.KEY=VALUE",
+    "--set", "overrides", multiple=True, metavar="SECTION.KEY=VALUE",
     help="Replace a key of the case file; an empty value removes it. Repeatable.",
-)
+)  # fmt: skip
 
 
-class _Ranks(click.ParamType):
+def _ranks(text: str) -> int:
     """A number of ranks, or 0 for "auto"."""
-
-    name = "ranks"
-
-    def convert(self, value: str, parameter: click.Parameter | None, context: click.Context | None) -> int:
-        """The number; any word but auto, or a number below 1, fails."""
-        if value == "auto":
-            return 0
-        count = int(value) if value.isdecimal() else 0
-        return count or self.fail(f"{value} is no number of ranks; give auto, or a number from 1")
+    count = int(text) if text.isdecimal() else 0
+    if not count and text != "auto":
+        raise click.BadParameter(f"{text} is no number of ranks; give auto, or a number from 1")
+    return count
 
 
 job_ranks = click.option(
-    "--ranks", metavar="N|auto", type=_Ranks(),
+    "--ranks", metavar="N|auto", type=_ranks,
     help="Start mpirun with so many ranks, one thread each; auto: as many as there are cores.",
 )  # fmt: skip
 
 
 def start_ranks(ranks: int | None, quiet: bool, multiple: int = 1) -> None:
-    """Replace this process by the ranks that are requested, 0 for auto, unless it is one of them or alone.
-
-    Auto is a multiple of `multiple`.
-    """
+    """Replace this process by the ranks that are requested, 0 for auto (a multiple), unless it is one of them."""
     from asperity.runtime import launch
 
     size = launch.started_ranks()
@@ -71,19 +59,15 @@ def print_json(data: Any) -> None:
     say(to_json(data, indent=2, inf_nan_mode="null", fallback=lambda value: value.item()).decode())
 
 
-class _Name(click.ParamType):
-    """Name of a file or folder."""
-
-    name = "text"
-
-    def convert(self, value: str, parameter: click.Parameter | None, context: click.Context | None) -> str:
-        """The name, unless it is empty."""
-        return value if value.strip() else self.fail("the name is empty; leave the option out, or give a name")
+def _name(text: str) -> str:
+    if not text.strip():
+        raise click.BadParameter("the name is empty; leave the option out, or give a name")
+    return text
 
 
 def output(metavar: str, help: str) -> Callable[..., Any]:
     """Option -o of a command."""
-    return click.option("-o", "--output", metavar=metavar, type=_Name(), help=help)
+    return click.option("-o", "--output", metavar=metavar, type=_name, help=help)
 
 
 def _tolerances(context: click.Context, parameter: click.Parameter, texts: tuple[str, ...]) -> dict[str, float] | None:
@@ -95,13 +79,9 @@ def _tolerances(context: click.Context, parameter: click.Parameter, texts: tuple
 
 
 tolerances = click.option(
-    "--rtol",
-    "tolerances",
-    multiple=True,
-    metavar="COLUMN=VALUE",
-    callback=_tolerances,
+    "--rtol", "tolerances", multiple=True, metavar="COLUMN=VALUE", callback=_tolerances,
     help="Compare this column to this relative tolerance; replaces the defaults. Repeatable.",
-)
+)  # fmt: skip
 
 
 @contextmanager
@@ -125,16 +105,6 @@ def files_of_run(folder: str) -> Iterator[None]:
             f"the files in {folder} do not fit together{where} ({type(error).__name__}: {one_line(error)}): one is "
             "damaged, or of another version; run the case again with --resume or --force"
         ) from None
-
-
-def serial(function: Callable[..., Any]) -> Callable[..., Any]:
-    """Run a command on the first rank only."""
-
-    @functools.wraps(function)
-    def on_root(*args: Any, **kwargs: Any) -> Any:
-        return function(*args, **kwargs) if world_rank() == 0 else 0
-
-    return on_root
 
 
 def say(text: str = "") -> None:

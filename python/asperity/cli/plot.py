@@ -11,7 +11,6 @@ from asperity.cli import options
 @options.run_folder
 @click.option("--3d", "solid", is_flag=True, help="Draw figures/scene.png, the block in three dimensions, instead.")
 @click.option("--png", "pixels", is_flag=True, help="PNG files also of what consists of lines.")
-@options.serial
 def command(folder: str, solid: bool, pixels: bool) -> None:
     """Draw the figures of a run.
 

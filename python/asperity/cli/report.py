@@ -9,7 +9,6 @@ from asperity.cli import options
 
 @click.command()
 @options.run_folder
-@options.serial
 def command(folder: str) -> None:
     """Write the report of a run.
 

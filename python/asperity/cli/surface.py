@@ -22,7 +22,6 @@ if TYPE_CHECKING:
               ".msh, .vtu, .stl, .bdf or .unv.")  # fmt: skip
 @options.as_json
 @options.overrides
-@options.serial
 def command(case_file: str, output: str | None, mesh: str | None, as_json: bool, overrides: tuple[str, ...]) -> None:
     """Show the roughness of a case's surface.
 
