@@ -35,7 +35,6 @@ CUTOFFS = {"surface.f_max", "surface.L_s"}
 MOST_CASES = 100_000
 
 Point = dict[str, Any]
-_KEYS = ("base", "grid")
 
 
 @dataclass(frozen=True)
@@ -117,17 +116,27 @@ class Study:
             InputError: the study is illegal; the message is one sentence
         """
         for name in data:
-            if name not in _KEYS:
-                raise InputError(
-                    f"{source}: {show(name)} is not a key of the study file{nearest(name, _KEYS)}; legal: base, grid"
-                )
-        base, base_folder = _base(data, Path(folder), source)
+            if name not in ("base", "grid"):
+                near = nearest(name, ("base", "grid"))
+                raise InputError(f"{source}: {show(name)} is not a key of the study file{near}; legal: base, grid")
+        base, folder = data.get("base"), Path(folder)
+        if isinstance(base, str):
+            path = folder / base
+            if not path.is_file():
+                raise InputError(f"{source}: base = {show(base)}: there is no such file in {show(str(folder))}")
+            base, folder = read_toml(path), path.parent
+        if not isinstance(base, Mapping):
+            raise InputError(
+                f'{source}: base is missing: give base = "case.toml", or a table [base] with the sections of a case'
+            )
+        base = copy.deepcopy(dict(base))
         for text in overrides:
             override(base, text)
         axes = _axes(data.get("grid"), source)
         cases: dict[str, Case] = {}
         for parts in itertools.product(*axes):
-            case = _case(base, {key: value for part in parts for key, value in part.items()}, base_folder, source)
+            point = {key: value for part in parts for key, value in part.items()}
+            case = _case(base, point, folder, source)
             cases.setdefault("c" + case.hash()[:15], case)
         keys = tuple(key for axis in axes for key in axis[0])
         if CUTOFFS & set(keys) and any(getattr(case.surface, "drawing", None) == "array" for case in cases.values()):
@@ -137,21 +146,6 @@ class Study:
                 SurfaceWarning,
             )
         return Study(tuple(Entry(key, case) for key, case in cases.items()), keys)
-
-
-def _base(data: Mapping[str, Any], folder: Path, source: str) -> tuple[dict[str, Any], Path]:
-    """Tables of the base case and the folder where its relative paths start."""
-    base = data.get("base")
-    if isinstance(base, str):
-        path = folder / base
-        if not path.is_file():
-            raise InputError(f"{source}: base = {show(base)}: there is no such file in {show(str(folder))}")
-        return read_toml(path), path.parent
-    if isinstance(base, Mapping):
-        return copy.deepcopy(dict(base)), folder
-    raise InputError(
-        f'{source}: base is missing: give base = "case.toml", or a table [base] with the sections of a case'
-    )
 
 
 def _axes(grid: Any, source: str) -> list[list[Point]]:
@@ -182,27 +176,23 @@ def _axes(grid: Any, source: str) -> list[list[Point]]:
 
 def _values(value: Any, where: str) -> list[Any]:
     """Values of an axis: a list, {first, count}, or {from, to, count, log}."""
-    if isinstance(value, list):
-        if not value:
+    match value:
+        case []:
             raise InputError(f"{where} is an empty list; give at least one value")
-        if any(value.count(v) > 1 for v in value):
-            raise InputError(f"{where} = {show(value)} contains a value twice; give each once")
-        return value
-    if isinstance(value, Mapping):
-        count = value.get("count")
-        whole = isinstance(count, int) and not isinstance(count, bool) and 1 <= count <= MOST_CASES
-        if whole and set(value) == {"first", "count"} and isinstance(value["first"], int):
-            return list(range(value["first"], value["first"] + value["count"]))
-        if whole and {"from", "to", "count"} <= set(value) <= {"from", "to", "count", "log"}:
-            low, high = value["from"], value["to"]
-            if all(isinstance(v, int | float) and abs(v) < 1e300 for v in (low, high)):
-                if not value.get("log"):
-                    return [float(v) for v in np.linspace(low, high, value["count"])]
-                if low > 0 and high > 0:
-                    return [float(v) for v in np.geomspace(low, high, value["count"])]
+        case [*values]:
+            if any(values.count(v) > 1 for v in values):
+                raise InputError(f"{where} = {show(value)} contains a value twice; give each once")
+            return values
+        case {"first": int(first), "count": int(count), **rest} if not rest and 1 <= count <= MOST_CASES:
+            return list(range(first, first + count))
+        case {"from": int() | float() as low, "to": int() | float() as high, "count": int(count), **rest}:
+            log = bool(rest.get("log"))
+            legal = set(rest) <= {"log"} and 1 <= count <= MOST_CASES and max(abs(low), abs(high)) < 1e300
+            if legal and (not log or min(low, high) > 0):
+                return [float(v) for v in (np.geomspace if log else np.linspace)(low, high, count)]
     raise InputError(
-        f"{where} = {show(dict(value)) if isinstance(value, Mapping) else show(value)} is not an axis; give a list "
-        "[..], {first = 0, count = 10}, or {from = 1.0, to = 2.0, count = 5} with log = true for equal ratios"
+        f"{where} = {show(value)} is not an axis; give a list [..], {{first = 0, count = 10}}, or {{from = 1.0, "
+        "to = 2.0, count = 5} with log = true for equal ratios"
     )
 
 
@@ -213,9 +203,6 @@ def _case(base: Mapping[str, Any], point: Point, folder: Path, where: str) -> Ca
         table = data.setdefault(section, {})
         if not isinstance(table, dict):
             raise InputError(f"{where}: {section} is not a section in the base case")
-        if value == "":
-            table.pop(name, None)
-        else:
-            table[name] = value
+        table[name] = None if value == "" else value
     varied = ", ".join(f"{key} = {show(value)}" for key, value in point.items())
     return Case.from_dict(data, folder=folder, source=f"{where} ({varied})")

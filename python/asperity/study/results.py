@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
@@ -39,10 +40,8 @@ def summarise_case(case: Case, curve: Curve, summary: Mapping[str, Any]) -> Row:
         summary: contents of its summary.json, or an empty mapping
 
     Returns:
-        columns of the curve at the greatest load, with delta_star_max and P_star_max;
-        k, n, n_low, n_high, r2: power law of the planned steps of the loading, with the interval of n;
-        block_load: mean pressure over that at which the block itself yields;
-        doubtful: names of the doubtful assumptions of the run
+        columns of the curve at the greatest load; k, n, n_low, n_high, r2 of its power law, with the interval of n;
+        block_load, the mean pressure over that at which the block itself yields; names of doubtful assumptions
     """
     load = curve.loading()
     if not len(load):
@@ -97,8 +96,16 @@ def read_table(folder: str | Path) -> list[Row]:
         columns = read_csv(Path(folder) / TABLE)
     except (OSError, ValueError) as error:
         raise InputError(f"{folder} holds no study: {error}; run asperity study first") from None
+
+    def value(name: str, text: str) -> float | str | None:
+        if text == "" or name in TEXTS:
+            return text or None
+        with suppress(ValueError):
+            return float(text)
+        return text
+
     rows = zip(*columns.values(), strict=True)
-    return [dict(zip(columns, map(_value, columns, row), strict=True)) for row in rows]
+    return [{name: value(name, text) for name, text in zip(columns, row, strict=True)} for row in rows]
 
 
 def case_folder(folder: str | Path, key: str) -> Path:
@@ -113,12 +120,3 @@ def case_state(folder: Path, key: str) -> dict[str, Any] | None:
     except (OSError, ValueError):
         return None
     return state
-
-
-def _value(name: str, text: str) -> Any:
-    if text == "" or name in TEXTS:
-        return text or None
-    try:
-        return float(text)
-    except ValueError:
-        return text

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import gc
 import json
-import traceback
 import warnings
 from collections.abc import Callable, Sequence
 from contextlib import ExitStack
@@ -26,10 +25,6 @@ if TYPE_CHECKING:
     from mpi4py import MPI
 
     from asperity.case import Case
-
-ERROR = "error.txt"  # traceback of a case that ended with an unexpected error
-
-Say = Callable[[str], None]
 
 
 @dataclass(frozen=True)
@@ -56,7 +51,7 @@ def run_study(
     ranks_per_case: int = 1,
     retry: bool = False,
     comm: MPI.Intracomm | None = None,
-    say: Say | None = None,
+    say: Callable[[str], None] | None = None,
 ) -> StudyCounts:
     """Run the missing cases of a study and write its table; collective over `comm`.
 
@@ -105,7 +100,7 @@ def run_study(
         start = perf_counter()
         while (turn := group.bcast(next(turns) if group.rank == 0 else None)) < len(todo):
             entry = study.entries[todo[turn]]
-            state = run_entry(entry, folder, group)
+            state = _run_entry(entry, folder, group)
             if group.rank > 0:
                 continue
             run += 1
@@ -126,55 +121,39 @@ def _count(study: Study, folder: Path, run: int) -> StudyCounts:
     return StudyCounts(len(study.entries), done, len(states) - done, run)
 
 
-def run_entry(entry: Entry, folder: Path, comm: MPI.Comm) -> dict[str, Any]:
+def _run_entry(entry: Entry, folder: Path, comm: MPI.Comm) -> dict[str, Any]:
     """Run a case, and return its exit state; collective."""
     place, start = case_folder(folder, entry.key), perf_counter()
-    again = on_root_bcast(comm, lambda: case_state(folder, entry.key) is not None)
-    reason = _attempt(entry.case, place, again, comm)
+    reason = _attempt(entry.case, place, on_root_bcast(comm, (place / DONE).exists), comm)
     gc.collect()
     found = {"exit_reason": reason, "seconds": round(perf_counter() - start, 3)}
     if comm.rank == 0:
-        _write(place / DONE, json.dumps(found, indent=2) + "\n")
+        place.mkdir(parents=True, exist_ok=True)
+        replace_file(place / DONE, (json.dumps(found, indent=2) + "\n").encode())
     return found
 
 
 def _attempt(case: Case, place: Path, again: bool, comm: MPI.Comm) -> str:
-    """Run a case in its folder and return its exit reason; collective.
-
-    With `again` it has ended before, and starts from the beginning.
-    """
-    try:
-        on_root(comm, partial(remove_outcome, place))
-        _run(case, place, again, comm)
-    except Interrupted:
-        raise  # the case has not ended
-    except AsperityError as error:
-        return f"{type(error).__name__}: {error}"
-    except Exception as error:
-        if comm.size > 1:
-            raise
-        _write(place / ERROR, traceback.format_exc())
-        return f"{type(error).__name__}: {error}"
-    return "done"
-
-
-def remove_outcome(place: Path) -> None:
-    """Remove the files that record the end of an earlier run of a case; `run` does not know them."""
-    for name in (DONE, ERROR):
-        (place / name).unlink(missing_ok=True)
-
-
-def _run(case: Case, place: Path, again: bool, comm: MPI.Comm) -> None:
+    """Run a case in its folder and return its exit reason; `again` from the beginning; collective."""
     from asperity.job.run_case import run
 
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", AssumptionWarning)  # the summary of each case has them
-        try:
-            run(case, place, resume=not again, force=again, comm=comm)
-        except CheckpointError:  # what a killed job left cannot be continued
-            if again:
-                raise
-            run(case, place, force=True, comm=comm)
+    try:
+        on_root(comm, partial((place / DONE).unlink, missing_ok=True))
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", AssumptionWarning)  # the summary of each case has them
+            try:
+                run(case, place, resume=not again, force=again, comm=comm)
+            except CheckpointError:  # what a killed job left cannot be continued
+                if again:
+                    raise
+                run(case, place, force=True, comm=comm)
+    except Interrupted:
+        raise  # the case has not ended
+    except Exception as error:
+        if comm.size > 1 and not isinstance(error, AsperityError):
+            raise
+        return f"{type(error).__name__}: {error}"
+    return "done"
 
 
 def _prepare(study: Study, folder: Path, lock: ExitStack, retry: bool) -> list[int]:
@@ -204,8 +183,3 @@ def _line(entry: Entry, state: dict[str, Any], keys: Sequence[str], done: int, t
     values = ", ".join(f"{k.split('.')[1]} {v:.6g}" for k in keys if isinstance(v := entry.value(k), int | float))
     end = "" if state["exit_reason"] == "done" else f"  FAILED {state['exit_reason']}"
     return f"{done:{len(str(total))}}/{total}  {values}  {state['seconds']:.1f} s, {duration(left)} left{end}"
-
-
-def _write(path: Path, text: str) -> None:
-    path.parent.mkdir(parents=True, exist_ok=True)
-    replace_file(path, text.encode())
