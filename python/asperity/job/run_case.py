@@ -70,10 +70,11 @@ class RunResult:
         from asperity.output.results import Results
         from asperity.plot import figures_of
 
-        drawn = figures_of(Results(Path(), self.curve, summary=self.summary))
+        results = Results(Path(), self.curve, summary=self.summary)
+        drawn = figures_of(results)
         if name not in drawn:
             raise InputError(f"there is no figure {name!r} of this result: choose {', '.join(drawn) or 'none'}")
-        return drawn[name](Results(Path(), self.curve, summary=self.summary))
+        return drawn[name](results)
 
     def _repr_html_(self) -> str:
         """Picture and sentences for a notebook."""
@@ -194,8 +195,13 @@ def _run(
     from asperity.job.solve_case import solve_case
     from asperity.job.vibrate_case import VibratedCase, vibrate_case
 
-    with _refusals(files):
+    try:
         solved = solve_case(case, problem, files, progress, stop, comm)
+    except InputError:
+        files.withdraw()
+        raise
+    except OutputError as e:
+        raise OutputError(f"{e}{'; --resume continues from the last step saved' if files.saved() else ''}") from None
     contact, failure, folder = solved.contact, solved.failure, files.folder
     summary = solved.summary(case, comm.size)
     summary["warnings"] = notices.texts  # those of what follows join them
@@ -239,24 +245,14 @@ def _run(
                 _draw(comm, folder, problem.surface)
             write()  # for the report, with the time of the figures
         if folder is not None and case.output.report:
-            on_root(comm, partial(_report, folder, failure is None))
+            from asperity.plot.report import write_report
+
+            on_root(comm, partial(write_report, folder, failure is None))
         summary["finished"] = failure is None  # not before all is there: a finished run is not continued
         write()
     if failure is not None:
         raise failure
     return RunResult(contact.curve, contact.curve.fit_or_none(), summary, contact, found.dynamics)
-
-
-@contextmanager
-def _refusals(files: RunFiles) -> Iterator[None]:
-    """Remove what a refused run has written; a run that cannot write says how to continue."""
-    try:
-        yield
-    except InputError:
-        files.withdraw()
-        raise
-    except OutputError as e:
-        raise OutputError(f"{e}{'; --resume continues from the last step saved' if files.saved() else ''}") from None
 
 
 def _warn(case: Case, folder: Path | None, solved: SolvedCase, lines: Sequence[Assumption]) -> None:
@@ -289,9 +285,3 @@ def _draw(comm: MPI.Comm, folder: Path, surface: Surface) -> None:
         draw(read(), name)
 
     spread(comm, [partial(task, name) for name in names], near=True)
-
-
-def _report(folder: Path, finished: bool) -> None:
-    from asperity.plot.report import write_report
-
-    write_report(folder, finished)

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
-from contextlib import AbstractContextManager
+from collections.abc import Callable, Iterator
+from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
@@ -49,12 +49,13 @@ class VibratedCase:
     ends: bool = False
 
 
-Stage = Callable[[str], AbstractContextManager[None]]
-Stop = Callable[[], str] | None
-
-
 def vibrate_case(
-    case: Case, problem: Problem, contact: ContactResult, folder: Path | None, stage: Stage, stop: Stop = None
+    case: Case,
+    problem: Problem,
+    contact: ContactResult,
+    folder: Path | None,
+    stage: Callable[[str], AbstractContextManager[None]],
+    stop: Callable[[], str] | None = None,
 ) -> VibratedCase:
     """Compute what a case requests in addition to its curve; collective.
 
@@ -64,61 +65,49 @@ def vibrate_case(
         stage: announces a part by its name, and takes its time
         stop: polled by the loops and the slip; a reason ends them
     """
-    found = _vibrate(case, problem, contact, folder, stage, stop)
-    if case.slip is None or found.ends:
-        return found
-    try:
-        with stage("slip"):
-            found.sections["slip"] = _slip(case, problem, contact, folder, found.numbers, stop)
-    except (ConvergenceError, InputError) as e:
-        found.failure, found.ends = _kept(e), isinstance(e, Interrupted)
-    return found
+    found, comm = VibratedCase(), contact.solver.solid.comm
+    loops: LoopTable | None = None
 
+    @contextmanager
+    def kept(ends: bool = False) -> Iterator[None]:
+        """Note an error, on all ranks: what does not need this part follows, and the run has a curve all the same."""
+        try:
+            yield
+        except (ConvergenceError, InputError) as e:
+            found.failure = e if isinstance(e, ConvergenceError) else ConvergenceError(f"{e}; the curve is kept")
+            found.ends = ends or isinstance(e, Interrupted)
 
-def _vibrate(
-    case: Case, problem: Problem, contact: ContactResult, folder: Path | None, stage: Stage, stop: Stop
-) -> VibratedCase:
-    """Loops and vibration of a case; see `vibrate_case`."""
-    found, loops, comm = VibratedCase(), None, contact.solver.solid.comm
-    try:
-        if (wanted := case.loops) is not None:
-            with stage("loops"):
-                loops = solve_loops(
-                    problem, contact, _preload(case, contact.curve, "loops", wanted.preload), wanted.amplitudes,
-                    cycles=wanted.cycles, steps=wanted.steps, stop=stop,
-                )  # fmt: skip
+    if (wanted := case.loops) is not None:
+        with kept(), stage("loops"):
+            preload = _preload(case, contact.curve, "loops", wanted.preload)
+            loops = solve_loops(
+                problem, contact, preload, wanted.amplitudes, cycles=wanted.cycles, steps=wanted.steps, stop=stop
+            )
             found.sections["loops"] = loops.to_dict()
             for text in loops.doubts(float(contact.curve.force.max())):
                 warn(text, AsperityWarning)
             if folder is not None:
                 on_root(comm, partial(loops.write, folder / LOOPS))
-    except (ConvergenceError, InputError) as e:  # on all ranks; what does not need these parts follows all the same
-        found.failure, found.ends = _kept(e), isinstance(e, Interrupted)
     if case.dynamics is None and case.joint is not None and not found.ends:
         found.numbers = on_root_bcast(comm, partial(_small_vibration, case, contact.curve))
     lacks_loops = case.loops is not None and loops is None
-    if case.dynamics is None or found.ends or (lacks_loops and case.dynamics.damping == OF_LOOPS):
-        return found
-    try:
-        with stage("dynamics"):  # the other ranks wait, for a process that ends with an error would end all
-            found.dynamics = on_root_bcast(comm, partial(_vibration, case, contact.curve, folder, loops))
-    except (ConvergenceError, InputError) as e:
-        found.failure, found.ends = _kept(e), True
-        return found
-    section, numbers = found.dynamics.to_dict(), found.dynamics.numbers
-    found.sections["dynamics"] = {name: section[name] for name in ("law", "load", "numbers", "laws", "notes")}
-    found.numbers = numbers if math.isfinite(numbers.frequency) else None
+    if case.dynamics is not None and not found.ends and not (lacks_loops and case.dynamics.damping == OF_LOOPS):
+        with kept(ends=True):
+            with stage("dynamics"):  # the other ranks wait, for a process that ends with an error would end all
+                found.dynamics = on_root_bcast(comm, partial(_vibration, case, contact.curve, folder, loops))
+            section, numbers = found.dynamics.to_dict(), found.dynamics.numbers
+            found.sections["dynamics"] = {name: section[name] for name in ("law", "load", "numbers", "laws", "notes")}
+            found.numbers = numbers if math.isfinite(numbers.frequency) else None
+    if case.slip is not None and not found.ends:
+        with kept(), stage("slip"):
+            found.sections["slip"] = _slip(case, problem, contact, folder, found.numbers, stop)
     return found
 
 
-def _kept(error: ConvergenceError | InputError) -> ConvergenceError:
-    """An error for the exit code of a run with a curve, which alone shows what is wrong with the input."""
-    return error if isinstance(error, ConvergenceError) else ConvergenceError(f"{error}; the curve is kept")
-
-
 def _slip(
-    case: Case, problem: Problem, contact: ContactResult, folder: Path | None, numbers: Numbers | None, stop: Stop
-) -> dict[str, Any]:
+    case: Case, problem: Problem, contact: ContactResult, folder: Path | None, numbers: Numbers | None,
+    stop: Callable[[], str] | None,
+) -> dict[str, Any]:  # fmt: skip
     """Section "slip" of summary.json, and its files; the mass of the normal vibration is on the joint; collective."""
     assert case.slip is not None
     preload = _preload(case, contact.curve, "slip", case.slip.preload)
