@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -20,22 +21,21 @@ if TYPE_CHECKING:
     from asperity.force_law.laws import LawTable
 
 
-class WithUnit(click.ParamType):
-    """A number, with its unit as a string, "" where it has none."""
+Amplitudes = tuple[tuple[float, str], ...]  # numbers with their units, "" where there is none
 
-    def __init__(self, *units: str) -> None:
-        self.name, self.units = f"number or number with {' or '.join(units)}", units
 
-    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> tuple[float, str]:
-        """Read a number like 0.01 or 3N."""
-        if isinstance(value, tuple):
-            return value
-        text = str(value).strip()
-        unit = next((unit for unit in self.units if text.endswith(unit)), "")
+def with_unit(*units: str) -> Callable[[Any], tuple[float, str]]:
+    """Reader of a number like 0.01 or 3N, with its unit as a string, "" where it has none."""
+
+    def number(text: str) -> tuple[float, str]:
+        unit = next((unit for unit in units if text.strip().endswith(unit)), "")
         try:
-            return float(text.removesuffix(unit)), unit
+            return float(text.strip().removesuffix(unit)), unit
         except ValueError:
-            self.fail(f"{value!r} is neither a number nor one with the unit {' or '.join(self.units)}", param, ctx)
+            legal = f"one with the unit {' or '.join(units)}"
+            raise click.BadParameter(f"{text!r} is neither a number nor {legal}") from None
+
+    return number
 
 
 @click.command()
@@ -55,29 +55,24 @@ class WithUnit(click.ParamType):
 @click.option("--frequency", type=float, metavar="F", help="Frequency of small vibration instead of the mass.")
 @click.option("--gravity", type=float, metavar="G", help="In the units of the curve, for mass and omega_s; else "
               "9.80665 with SI units.")  # fmt: skip
-@click.option(
-    "--zeta",
-    type=float,
-    multiple=True,
-    help="Damping ratio; repeatable; else 0.01. Tangential: in addition to that of slip, else 0.",
-)
+@click.option("--zeta", type=float, multiple=True, help="Damping ratio; repeatable; else 0.01. Tangential: in "
+              "addition to that of slip, else 0.")  # fmt: skip
 @click.option("--damping", type=click.Choice((*DAMPING, LOOPS)),
               help="When the damping acts, or that of the loops of OUT in addition; else always.")  # fmt: skip
-@click.option("--forcing", type=WithUnit("N"), multiple=True, metavar="F",
+@click.option("--forcing", type=with_unit("N"), multiple=True, metavar="F",
               help="F^ = F/(n W) with the preload W, or a force as in 3N; repeatable; else 0.01.")  # fmt: skip
-@click.option("--base", type=WithUnit("m/s2", "m"), multiple=True, metavar="B",
+@click.option("--base", type=with_unit("m/s2", "m"), multiple=True, metavar="B",
               help="The base moves instead: amplitude over z_s, or as in 2e-8m or 30m/s2; repeatable.")  # fmt: skip
 @click.option("--model", type=click.Choice(MODELS), multiple=True, help="Restoring force; repeatable; else both.")
-@click.option("--omega", type=WithUnit("Hz"), nargs=2, metavar="LOW HIGH",
+@click.option("--omega", type=with_unit("Hz"), nargs=2, metavar="LOW HIGH",
               help="Range of excitation frequency over omega_s, or as 800Hz 1200Hz; else 0.5 1.3.")  # fmt: skip
 @click.option("--direction", type=click.Choice(("normal", "tangential")), default="normal", show_default=True,
               help="tangential: micro-slip of OUT, whose case has [slip]; --forcing is then over the friction "
               "limit.")  # fmt: skip
 @click.option("--simulate", type=click.Choice(SHAPES), multiple=True,
               help="Also a short motion from rest under the first forcing; repeatable.")  # fmt: skip
-@click.option(
-    "--pulse", type=float, metavar="T", help="Length of its half-sine; else half a period of small vibration."
-)
+@click.option("--pulse", type=float, metavar="T",
+              help="Length of its half-sine; else half a period of small vibration.")  # fmt: skip
 @click.option("--span", type=float, metavar="N", help="Its length in periods of small vibration; else 20.")
 @click.option("--sweeps/--no-sweeps", default=None, help="Also integrate sweeps up and down; else no.")
 @click.option("--bands/--no-bands", default=None, help="Carry the error bar of the force and the spread of the laws to "
@@ -85,14 +80,9 @@ class WithUnit(click.ParamType):
 @options.output("DIR", "Folder for free.csv, response.csv, thresholds.json and the figures.")
 @options.as_json
 def command(
-    source: str | None,
-    exponent: float | None,
-    k_fit: float | None,
-    output: str | None,
-    as_json: bool,
-    direction: str,
-    **settings: Any,
-) -> None:
+    source: str | None, exponent: float | None, k_fit: float | None, output: str | None, as_json: bool,
+    direction: str, **settings: Any,
+) -> None:  # fmt: skip
     """Compute the vibration of a mass on a contact.
 
     Free and forced vibration about the equilibrium under the preload, with thresholds and stability. The law comes from
@@ -114,27 +104,21 @@ def command(
     if any(value is not None for value in given.values()):
         joint = (DynamicsSettings.of_source(source).joint or Joint()).replaced(given)
     settings["model"] = settings["model"] or None
-    settings |= _excitation(settings["forcing"], settings.pop("base"))
-    settings["simulate"], ends = settings["simulate"] or None, settings["omega"] or ()
-    if len({unit for _, unit in ends}) > 1:
-        raise InputError("--omega: give both ends in Hz, or none")
-    name = "window" if any(unit for _, unit in ends) else "omega"
-    settings |= {"omega": None, "window": None, name: tuple(value for value, _ in ends) or None}
+    settings |= _excitation(settings["forcing"], settings.pop("base")) | _frequencies(settings["omega"] or ())
+    settings["simulate"] = settings["simulate"] or None
     settings["zeta"], *zetas = settings["zeta"] or (None,)
     settings["zetas"] = tuple(zetas) or None
-    if direction == "tangential":
-        if source is None:
-            raise InputError("--direction tangential needs the folder of a run with [slip]")
-        names = (
-            "law", "overload", "damping", "model", "omega", "window", "forcing_newton", "excitation", "zetas", "sweeps",
-            "bands", "simulate", "pulse", "span",
-        )  # fmt: skip
-        _refuse(settings, names, "the normal direction")
+    tangential = direction == "tangential"
+    if tangential and source is None:
+        raise InputError("--direction tangential needs the folder of a run with [slip]")
+    alien = set(settings) - {"preload", "gravity", "forcing", "zeta"} if tangential else {"law", "overload"}
+    for name in settings if tangential or source is None else ():
+        if name in alien and settings[name] is not None:
+            raise InputError(f"--{name} is for {'the normal direction' if tangential else 'a curve'}: leave it out")
+    if tangential:
         with writing_into(output):
-            _tangential(source, joint, settings | {"pressure": given["pressure"]}, output, as_json)
+            _tangential(str(source), joint, settings | {"pressure": given["pressure"]}, output, as_json)
         return
-    if source is None:
-        _refuse(settings, ("law", "overload"), "a curve")
     with writing_into(output):
         result = run_dynamics(law, joint=joint, out_dir=output, **settings)
         if output:
@@ -149,16 +133,15 @@ def command(
         options.say(f"written to {Path(output)}")
 
 
-def _excitation(forcing: tuple[tuple[float, str], ...], base: tuple[tuple[float, str], ...]) -> dict[str, Any]:
+def _excitation(forcing: Amplitudes, base: Amplitudes) -> dict[str, Any]:
     """Settings of --forcing and --base."""
     if forcing and base:
         raise InputError("--forcing and --base are both given; give one of them")
-    units = sorted({unit for _, unit in base})
-    if len(units) > 1:
+    if len({unit for _, unit in base}) > 1:
         raise InputError("--base: give all amplitudes in one unit")
     own = {"N": "forcing_newton", "m": "base", "m/s2": "base_acceleration"}
     found: dict[str, Any] = dict.fromkeys(("forcing", "excitation", *own.values()))
-    if base and not units[0]:
+    if base and not base[0][1]:
         found["excitation"] = "base"
     for value, unit in (*forcing, *base):
         name = own.get(unit, "forcing")
@@ -166,10 +149,12 @@ def _excitation(forcing: tuple[tuple[float, str], ...], base: tuple[tuple[float,
     return found
 
 
-def _refuse(settings: dict[str, Any], names: tuple[str, ...], where: str) -> None:
-    for name in names:
-        if settings[name] is not None:
-            raise InputError(f"--{name} is for {where}: leave it out")
+def _frequencies(ends: Amplitudes) -> dict[str, Any]:
+    """Settings of --omega."""
+    units, values = {unit for _, unit in ends}, tuple(value for value, _ in ends)
+    if len(units) > 1:
+        raise InputError("--omega: give both ends in Hz, or none")
+    return {"omega": None, "window": None, "window" if "Hz" in units else "omega": values or None}
 
 
 def _tangential(source: str, joint: Joint | None, settings: dict[str, Any], output: str | None, as_json: bool) -> None:
@@ -177,11 +162,10 @@ def _tangential(source: str, joint: Joint | None, settings: dict[str, Any], outp
     from asperity.slip.tangential import tangential_vibration
 
     results = Results.read(source)
-    own = {name: settings[name] for name in ("preload", "gravity")}
-    case = dict(results.case)
-    if "slip" in case and (own["preload"], settings["pressure"]) != (None, None):
+    case, preload = dict(results.case), settings["preload"]
+    if "slip" in case and (preload, settings["pressure"]) != (None, None):
         case["slip"] = {name: value for name, value in case["slip"].items() if name != "preload"}
-    given = DynamicsSettings.of_source(source, joint).replaced(**own)
+    given = DynamicsSettings.of_source(source, joint).replaced(preload=preload, gravity=settings["gravity"])
     forcing, zeta = settings["forcing"] or (0.01,), settings["zeta"] or 0.0
     found = tangential_vibration(case, results.curve, given, forcing, zeta)
     if output:
@@ -239,8 +223,16 @@ def _show(result: Dynamics) -> None:
     options.table(about, rows, ("", *onsets))
     if result.laws is not None:
         _show_laws(result.laws, units)
-    if jumps := result.jumps():
-        _show_jumps(jumps, bool(units))
+    jumps = []
+    for jump in result.jumps():
+        hertz, after = jump["frequency"], jump["x_max_after"]
+        jumps.append((
+            f"{jump['model']}, {quantity(jump['force'], 'N' if units else '')}, zeta = {jump['zeta']:g}", jump["sweep"],
+            f"{jump['Omega']:.5g}" if hertz is None else quantity(hertz, "Hz" if units else "", 5),
+            *("-" if x is None else quantity(x, "m" if units else "") for x in (jump["x_max"], after)),
+        ))  # fmt: skip
+    if jumps:
+        options.table("jumps of slow sweeps", jumps, ("law and force", "sweep", "frequency", "amplitude", "after"))
     if (spread := result.uncertainty) is not None:
         n, kappa = (plus_minus(one.value, one.half) for one in (spread.n_loc, spread.kappa))
         options.say(f"n = {n}, kappa = {kappa}, {spread.softening}, by the {spread.origin}")
@@ -268,19 +260,6 @@ def _show_laws(laws: LawTable, units: str) -> None:
         options.say(
             f"the contact yields again above u = {choice.yields_at:.4g}, where the force passes {choice.reached:.5g}"
         )
-
-
-def _show_jumps(jumps: list[dict[str, Any]], si: bool) -> None:
-    """Print where slow sweeps jump."""
-    rows = []
-    for jump in jumps:
-        hertz, after = jump["frequency"], jump["x_max_after"]
-        rows.append((
-            f"{jump['model']}, {quantity(jump['force'], 'N' if si else '')}, zeta = {jump['zeta']:g}", jump["sweep"],
-            f"{jump['Omega']:.5g}" if hertz is None else quantity(hertz, "Hz" if si else "", 5),
-            quantity(jump["x_max"], "m" if si else ""), "-" if after is None else quantity(after, "m" if si else ""),
-        ))  # fmt: skip
-    options.table("jumps of slow sweeps", rows, ("law and force", "sweep", "frequency", "amplitude", "after"))
 
 
 def _text(value: Any) -> str:
