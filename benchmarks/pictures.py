@@ -96,8 +96,8 @@ def peers() -> Figure:
     tables = {"elastic": table("peers_elastic"), "plastic": table("peers_plastic")}
     programs = {"CalculiX": ("CalculiX", "CalculiX, mesh of asperity"), "GetFEM": ("GetFEM, Q1", "GetFEM, Q2"),
                 "Tamaas (half-space)": ("Tamaas (half-space)",)}  # fmt: skip
-    figure, axes = style.figure(style.WIDE, 6.4, columns=3, rows=2, sharex="row", sharey="row")
-    style.titles(axes, [f"{material}: {name}" for material in tables for name in programs])
+    titles = [f"{material}: {name}" for material in tables for name in programs]
+    figure, axes = style.figure(style.WIDE, 6.4, *titles, rows=2, sharex="row", sharey="row")
     for number, axis in enumerate(axes):
         rows = list(tables.values())[number // 3]
         names = list(programs.values())[number % 3]
@@ -115,7 +115,6 @@ def peers() -> Figure:
         axis.tick_params(labelbottom=True)
         axis.set_ylabel("" if number % 3 else "rms error of the force (%)")
         plain_log_ticks(axis)
-        style.grid(axis)
     return figure
 
 

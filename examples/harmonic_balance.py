@@ -1,11 +1,11 @@
 """A computed joint in pyHarm, a harmonic balance program, and its response over ours: contact, then friction.
 
     pip install "asperity[hbm]"    # pyHarm-os
-    python3 examples/harmonic_balance.py [PICTURE.png]
+    python3 examples/harmonic_balance.py
 
 A rough patch is pressed and unloaded, and both programs compute the response of a mass on it: along the normal with
-the contact of `asperity export --to python` as an element of ours, and sideways with the sliders of `--to sliders` as
-Jenkins elements of pyHarm.
+the contact of `asperity export --to python` as an element of ours, and sideways with the sliders of
+`--to sliders-python` as Jenkins elements of pyHarm.
 """
 
 from __future__ import annotations
@@ -15,7 +15,6 @@ import importlib
 import io
 import logging
 import runpy
-import sys
 import tempfile
 import warnings
 from collections.abc import Callable
@@ -25,7 +24,6 @@ from typing import Any
 import numpy as np
 
 import asperity as asp
-from asperity.runtime.files import read_csv
 from asperity.slip import JenkinsArray, tangential_response
 
 CASE: dict[str, Any] = {
@@ -134,9 +132,11 @@ def largest(coefficients: Any) -> Any:
 
 def sideways(sliders: Path) -> tuple[float, float]:
     """Return pyHarm's amplitude and frequency at the resonance on sliders over ours, the latter by one harmonic."""
-    rows = read_csv(sliders)
-    k, f = (np.array(rows[name], float) for name in ("k", "f"))
-    k /= k.sum()  # lengths in units of the limit of friction over the stiffness at rest
+    module = runpy.run_path(str(sliders))
+    k, f = (
+        module["K"] / module["K"].sum(),
+        module["F"],
+    )  # lengths in units of the limit of friction over the stiffness at rest
     jenkins = {
         f"slider{i}": {"type": "Jenkins", "connect": {"mass": [0]}, "dirs": [0], "k": k[i], "mu": 1.0, "N0": f[i]}
         for i in range(k.size)
@@ -149,13 +149,13 @@ def sideways(sliders: Path) -> tuple[float, float]:
     return found
 
 
-def main(picture: str | None = None) -> tuple[float, float, float]:
+def main() -> tuple[float, float, float]:
     """Return the largest relative difference of the amplitudes, without the tips of the folds, and of `sideways`."""
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name) / "run"
         asp.run(asp.Case.from_dict(CASE), folder)
         contact = runpy.run_path(str(asp.export(folder, "python")))
-        slips = sideways(asp.export(folder, "sliders"))
+        slips = sideways(asp.export(folder, "sliders-python"))
     element, load = contact["Contact"](), CASE["joint"]["preload"]
     z = np.geomspace(contact["Z"][1], contact["Z"][-1], 300)
     oscillator = asp.ContactOscillator(asp.TableLaw(z, element.force(z)), load=load, zeta=ZETA)
@@ -182,16 +182,8 @@ def main(picture: str | None = None) -> tuple[float, float, float]:
         f"peak u = {theirs.max():.4f} by pyHarm, {ours.peak[1]:.4f} by asperity; "
         f"difference {np.median(different):.1e} in the median, {worst:.1e} at most"
     )
-    if picture:
-        from asperity.plot.style import save
-        from asperity.plot.vibration import amplitude_frequency
-
-        figure = amplitude_frequency([ours])
-        figure.axes[0].plot(omega, theirs, "+", color="black", ms=4, mew=0.6, zorder=6)
-        figure.axes[0].set_title("line: asperity; crosses: pyHarm, 40 harmonics", loc="left", fontsize=9)
-        save(figure, picture)
     return worst, *slips
 
 
 if __name__ == "__main__":
-    main(*sys.argv[1:2])
+    main()

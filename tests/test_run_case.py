@@ -68,7 +68,7 @@ def test_files_of_a_run(full: tuple[Path, RunResult]) -> None:
     folder, _ = full
     files = {str(p.relative_to(folder)) for p in folder.rglob("[!.]*") if p.is_file()}
     promised = ("case.toml curve.csv summary.json run.log free.csv response.csv thresholds.json loops.csv "
-                "report.html fields/top.npz fields/contact.vtkhdf fields/view.py")  # fmt: skip
+                "report.html fields/top.npz fields/contact.vtkhdf")  # fmt: skip
     assert files >= {*promised.split()} and "figures/curve.svg" in files
     assert {name for name in files if not name.startswith("checkpoint/")} <= set(PRODUCTS)  # which --force removes
 

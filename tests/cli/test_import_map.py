@@ -16,8 +16,8 @@ from scipy.ndimage import grey_dilation
 from asperity.case import Case
 from asperity.curve import Curve
 from asperity.errors import InputError
-from asperity.output.assumptions import instrument
-from asperity.output.evidence import Evidence
+from asperity.output.assumption import Evidence
+from asperity.output.assumptions import ledger
 from asperity.surface import HeightMap, SelfAffine, Surface
 from asperity.surface import patch as patches
 from asperity.surface.measured import HeightField
@@ -374,8 +374,9 @@ def test_waves_of_the_tip_are_filtered_and_named(
     found = HeightMap(path=tmp_path / "out/patch.npz")
     assert found.left_out == (wavelength, force, area) and 2 * step < wavelength < SIDE and force != 0.0
     curve = Curve.from_rows([{"delta": 1e-9, "force": 1.0}])
-    line = instrument(Evidence(curve, Case.load(tmp_path / "out/case.toml").problem(), tolerance=0.05))
-    assert line is not None and line.value == 100 * abs(force) and line.limit == 5.0
+    run = Evidence(curve, Case.load(tmp_path / "out/case.toml").problem(), tolerance=0.05)
+    (line,) = (line for line in ledger(run) if line.name.startswith("instrument"))
+    assert line.value == 100 * abs(force) and line.limit == 5.0
     slopes = [
         HeightField(z, step, step).levelled().filtered(cutoff).levelled().z
         for z, cutoff in ((SCAN, 2 * step), (scanned(SCAN, step, radius), 2 * step), (SCAN, wavelength))

@@ -11,8 +11,10 @@ import numpy as np
 import pytest
 from twin import computed
 
+from asperity.curve import Curve
 from asperity.dynamics import ContactOscillator, PowerLaw, orbits
 from asperity.errors import ConvergenceError
+from asperity.output.results import Results
 from asperity.plot import vibration
 
 BENCHMARK = runpy.run_path(str(Path(__file__).parents[2] / "benchmarks" / "dynamics.py"))
@@ -173,7 +175,8 @@ def test_straight_lines_between_rows(n, zeta, forcing, window) -> None:
 def test_a_branch_is_drawn_without_gaps() -> None:
     """Stable, unstable, stable: three lines that share their ends, for any distance of the rows."""
     r = computed(3.0, 0.005, 0.02, (0.3, 1.3))
-    figure = vibration.amplitude_frequency([r])
+    drawn = Results(Path(), Curve.from_rows([]), response=vibration.columns_of(r.rows()))
+    figure = vibration.response(drawn)
     lines = [line for line in figure.axes[0].lines if line.get_marker() == "None"]
     ends = [(np.asarray(line.get_xdata())[[0, -1]], np.asarray(line.get_ydata())[[0, -1]]) for line in lines]
     assert len(lines) == 1 + len(r["fold"])

@@ -19,8 +19,8 @@ from asperity.arrays import Floats
 from asperity.laws import definition
 from asperity.laws.point import respond, traits
 from asperity.mesh.block import BlockMesh
+from asperity.output.assumption import Evidence
 from asperity.output.assumptions import ledger
-from asperity.output.evidence import Evidence
 
 E, NU = 200.0, 0.3
 MU, BULK = E / (2 * (1 + NU)), E / (3 * (1 - 2 * NU))

@@ -6,6 +6,7 @@ import json
 import logging
 import warnings
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -24,24 +25,8 @@ from asperity.model.material import Material
 from asperity.model.problem import Problem
 from asperity.model.settings import MeshSize
 from asperity.model.two_bodies import SumSurface
-from asperity.output.assumption import DOUBTFUL, FINE, Assumption, describe
-from asperity.output.assumptions import (
-    SLOW,
-    SMALL_STRAIN,
-    approach_to_mean_plane,
-    block_height,
-    bulk_yield,
-    elastic,
-    first_pull_off,
-    ledger,
-    radiation,
-    size_effect,
-    slow_vibration,
-    small_strain,
-    sticking,
-    summit_on_edge,
-)
-from asperity.output.evidence import Evidence
+from asperity.output.assumption import DOUBTFUL, FINE, Assumption, Evidence, describe
+from asperity.output.assumptions import SLOW, SMALL_STRAIN, ledger
 from asperity.quasistatic.solve_problem import solve_problem
 from asperity.runtime.warnings_log import noting
 from asperity.surface import Flat, Sinusoid, Sphere, Surface
@@ -85,6 +70,24 @@ def evidence(
 def verdict(line: Assumption | None) -> str:
     assert line is not None
     return line.verdict
+
+
+def line_of(run: Evidence, beginning: str | tuple[str, ...]) -> Assumption | None:
+    """The line of the ledger whose name begins so."""
+    return next((line for line in ledger(run) if line.name.startswith(beginning)), None)
+
+
+small_strain = partial(line_of, beginning=("small strain", "finite strain"))
+elastic = partial(line_of, beginning="elastic")
+bulk_yield = partial(line_of, beginning="block: mean pressure")
+approach_to_mean_plane = partial(line_of, beginning="block: approach")
+sticking = partial(line_of, beginning="adhesion: stickiness")
+first_pull_off = partial(line_of, beginning="adhesion: pull-off")
+size_effect = partial(line_of, beginning="size effect")
+slow_vibration = partial(line_of, beginning="inertia: frequency")
+radiation = partial(line_of, beginning="inertia: damping")
+summit_on_edge = partial(line_of, beginning="summit on edge")
+block_height = partial(line_of, beginning=("block: pressure", "block: contact"))
 
 
 def test_plastic_strain_beyond_small_strain() -> None:
@@ -460,6 +463,3 @@ def test_the_filters_of_the_caller_decide_what_is_shown(caplog: pytest.LogCaptur
         for _ in range(3):
             assert warn() == ["ours"]
     assert [str(w.message) for w in caught].count("ours") == 3
-
-
-# --- work done once -------------------------------------------------------------------------------------------

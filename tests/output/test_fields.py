@@ -2,11 +2,6 @@
 
 from __future__ import annotations
 
-import os
-import re
-import shutil
-import subprocess
-from importlib.resources import files
 from pathlib import Path
 
 import numpy as np
@@ -169,37 +164,6 @@ def test_plot_3d_names_what_is_missing(file: Path, tmp_path: Path, monkeypatch: 
     monkeypatch.setattr("importlib.util.find_spec", lambda name: name)
     with pytest.raises(InputError, match=r"output\.fields = true"):
         scene(tmp_path)
-
-
-VIEW = files("asperity").joinpath("templates", "view.py").read_text(encoding="utf-8")
-
-
-def test_the_script_for_paraview_names_what_the_file_holds(file: Path) -> None:
-    import h5py
-
-    compile(VIEW, "view.py", "exec")
-    with h5py.File(file) as stored:
-        for kind, name in re.findall(r'\W"(POINTS|CELLS)", "(.*?)"', VIEW):
-            assert name in stored[f"VTKHDF/{kind[:-1].title()}Data"]
-    assert f'"{file.name}"' in VIEW
-
-
-@pytest.mark.skipif(
-    shutil.which("pvpython") is None or "DISPLAY" not in os.environ,
-    reason="needs a screen and ParaView: ASPERITY_PACKAGES=python3-paraview",
-)
-def test_paraview_shows_solid_and_flat(file: Path, pressed: ContactResult) -> None:
-    """The flat is at the height of the first touch less the approach."""
-    script = file.with_name("shown.py")
-    script.write_text(VIEW + "print([frame.KeyValues[0] for frame in frames])", encoding="utf-8")
-    done = subprocess.run(
-        ["pvpython", script, "shown.png"], cwd=file.parent, capture_output=True, text=True, check=True
-    )
-    heights = np.array(eval(done.stdout.splitlines()[-1]))
-    np.testing.assert_allclose(
-        heights, pressed.solver.summit - np.array([s.delta for s in pressed.snapshots]), atol=1e-6
-    )
-    assert (file.parent / "shown.png").is_file()
 
 
 def test_von_mises_of_known_states() -> None:

@@ -35,7 +35,7 @@ def test_the_figure_is_that_of_rough_surfaces(tmp_path: Path) -> None:
     assert results.surface.rough and "area_load" in figures_of(results)
     area, pressure = area_load(results).axes
     labels = area.get_legend_handles_labels()[1]
-    assert labels == ["this run", "Persson, elastic", "Bush, Gibson, Thomas, elastic"]
+    assert labels == ["this run", "error bar", "Persson, elastic", "Bush, Gibson, Thomas, elastic"]
     assert area.get_xscale() == area.get_yscale() == "log"
     assert any("in contact" in text for text in pressure.get_legend_handles_labels()[1])
     smooth = {**results.case, "surface": {"kind": "sphere", "L": 1e-6, "radius": 2e-6}}

@@ -17,7 +17,7 @@ from asperity.errors import CheckError, ConvergenceError, Interrupted
 from asperity.mesh.block import BlockMesh
 from asperity.model.problem import Problem
 from asperity.model.settings import AccuracyTarget
-from asperity.output.evidence import Evidence
+from asperity.output.assumption import Evidence
 from asperity.output.patches import Spread, spread_of_patches
 from asperity.output.run_files import RunFiles
 from asperity.output.summary import summarise

@@ -23,8 +23,7 @@ from asperity.errors import InputError
 from asperity.force_law.choice import choose, unload_reload
 from asperity.force_law.columns import CurveColumns
 from asperity.force_law.table import TableLaw
-from asperity.output.export_element import python_module
-from asperity.output.export_slip import sliders_module, sliders_table
+from asperity.output.export_module import contact_module, sliders_module
 from asperity.output.gap_conductance import gap_conductance
 from asperity.output.mesh_file import export_mesh
 from asperity.output.results import Results
@@ -155,9 +154,8 @@ def export(
         folder: of the run
         to: "calculix" or "abaqus" (a contact property with tabular pressure-overclosure, to be included in a deck),
             "csv", or "python" (a module that needs NumPy only: force and stiffness over the approach). With
-            `material.conductivity` the decks have the conductance of the gap too, and "conductance" (CSV) is this
-            alone: a header and numbers, as MOOSE reads. With the section [slip] the decks have friction and stick slope
-            too, and "sliders" (CSV) and "sliders-python" (a module with state) are the tangential force as an array of
+            `material.conductivity` the decks have the conductance of the gap too. With the section [slip] they have
+            friction and stick slope, and "sliders-python" (a module with state) is the tangential force as an array of
             sliders. "mesh" is the block itself, see `mesh_file.write_mesh`.
         path: of the file; default in the folder
         law: see `interface`; default "auto" for "python", whose use is vibration, and "table" for the others
@@ -193,10 +191,8 @@ def export(
         "calculix": lambda t: _deck(_short(t), t, _ADVICE) + _gap_at_preload(t) + _friction(t, slope=True),
         "abaqus": lambda t: _deck(np.stack([t.pressure, t.approach], axis=1), t) + _gap(t) + _friction(t, slope=False),
         "csv": _csv,
-        "python": lambda t: python_module(*_hermite(t), t.area, t.about),
-        "conductance": _conductance_table,
-        "sliders": lambda t: sliders_table(_slip_of(t), t.patch, t.about),
-        "sliders-python": lambda t: sliders_module(_slip_of(t), t.patch, t.area, t.about),
+        "python": lambda t: contact_module(*_hermite(t), t.area, t.about),
+        "sliders-python": _sliders,
     }
     target.parent.mkdir(parents=True, exist_ok=True)
     replace_file(target, writers[to](table).encode())
@@ -277,10 +273,10 @@ def _deck(rows: Array, table: Interface, *advice: str) -> str:
     return "\n".join(lines) + "\n"
 
 
-def _slip_of(table: Interface) -> SlipLaw:
+def _sliders(table: Interface) -> str:
     if table.slip is None:
         raise InputError("the case has no section [slip]: add it with slip.friction, and run it with --resume")
-    return table.slip
+    return sliders_module(table.slip, table.patch, table.area, table.about)
 
 
 def _friction(table: Interface, *, slope: bool) -> str:
@@ -320,17 +316,6 @@ def _gap_at_preload(table: Interface) -> str:
         f"** conductance at the pressure {at}, and so at any: CalculiX 2.20 takes the first row of a table\n"
         f"*GAP CONDUCTANCE\n{h:.8e}, 0.\n"
     )
-
-
-def _conductance_table(table: Interface) -> str:
-    if not len(table.conduction):
-        raise InputError(
-            "the run has no conductance per area: set material.conductivity and output.conductance = true, and run it "
-            "again"
-        )
-    bars = bool(np.isfinite(table.conduction).all())
-    rows = [",".join(map(repr, row if bars else row[:2])) for row in table.conduction.tolist()]
-    return "\n".join(["pressure,h,error_h" if bars else "pressure,h", *rows]) + "\n"
 
 
 def _csv(table: Interface) -> str:

@@ -16,7 +16,6 @@ import numpy as np
 
 from asperity.arrays import Array, Floats
 from asperity.model.problem import Problem
-from asperity.output.assumption import Assumption
 from asperity.reference.halfspace import HARDNESS, RoughHalfSpace, cells_per_side
 from asperity.surface import HeightMap, Surface
 
@@ -24,7 +23,6 @@ OTHERS = 4  # patches with other seeds; a map is compared with its quarters
 CELLS = 64, 128  # fewest and most per side
 PER_WAVE = 3.0  # cells per shortest wave
 PLANES, DEEPER = 16, 4.0  # heights of the flat, and the lowest over the approach of the patch under the preload
-DIFFERENT = 0.2  # change of the stiffness beyond which a patch does not stand for its joint
 PRECISION = 3e-3  # of the gap, over the greatest approach
 
 
@@ -137,17 +135,3 @@ def _stiffness(planes: Array, carried: Floats, target: float) -> float | None:
     law = PchipInterpolator(np.log(carried[some]), -planes[some])
     slope = float(law(math.log(target), 1))  # of the approach over the logarithm of the pressure
     return target / slope if slope > 0.0 else None
-
-
-def representative(found: Spread | None, spots: int) -> Assumption | None:
-    """Line of the ledger: whether a patch with so many spots stands for the joint that is made of many."""
-    if found is None:
-        return None
-    word = "softer" if found.change < 0.0 else "stiffer"
-    return Assumption(
-        "joint: stiffness by other patches of its roughness", 100 * found.bar, 100 * DIFFERENT, "%",
-        f"half-space pressed with {found.patches} patches under one plane",
-        "a larger surface.L, or the mean of several seeds (asperity study)",
-        f"the mean of the patches is {100 * abs(found.change):.0f} % ± {100 * found.error:.0f} % {word}; "
-        f"this one has {spots} spot(s) at the greatest force",
-    )  # fmt: skip

@@ -6,7 +6,6 @@ import json
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager
 from functools import cached_property, partial
-from importlib.resources import files
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
@@ -29,7 +28,6 @@ from asperity.runtime.run_folder import (
     STATE,
     SUMMARY,
     TOP,
-    VIEW,
     VTKHDF,
     check,
     check_writable,
@@ -218,7 +216,6 @@ class RunFiles:
                 np.savez_compressed(aside / TOP, **top)
                 if grid:
                     fields.write_vtkhdf_streams(aside / VTKHDF, grid, [s.step for s in contact.snapshots])
-                    (aside / VIEW).write_bytes(files("asperity").joinpath("templates", VIEW).read_bytes())
 
         on_root_of(self._comm, grid.values(), write)
 

@@ -12,7 +12,7 @@ from asperity.arrays import Array
 from asperity.output.results import Results
 from asperity.plot import style
 from asperity.plot.contact import pressed_thirds
-from asperity.plot.curves import LOAD
+from asperity.plot.curves import LOAD, draw_branches
 from asperity.units import prefix
 
 BINS = 40
@@ -26,15 +26,13 @@ def area_load(results: Results) -> Figure:
     """
     i = int(np.argmax([p.mean() for p in results.top["pressure"]])) if results.snapshots else -1
     pressures, areas = pressed_thirds(results.top, i) if results.snapshots else (np.empty(0), np.empty(0))
-    figure, axes = style.figure(style.DOUBLE, 3.6, columns=2)
-    style.titles(axes, ("area and load", "pressure at the greatest load"))
+    figure, axes = style.figure(style.DOUBLE, 3.6, "area and load", "pressure at the greatest load")
     slope = results.surface.rms_slope()
     _area(axes[0], results, slope)
     if (pressures > 0.0).any():
         _distribution(axes[1], results, slope, i, pressures, areas / results.surface.L**2)
     else:
         axes[1].set_axis_off()
-    style.grid(*axes)
     return figure
 
 
@@ -54,19 +52,16 @@ def persson_density(pressure: Array, mean: float, slope: float) -> Array:
 
 def _area(axis: Any, results: Results, slope: float) -> None:
     load = results.curve.loading()
-    there = (load.P_star > 0.0) & (load.area_fraction > 0.0)
-    p, area, bar = load.P_star[there], load.area_fraction[there], np.nan_to_num(load.error_area_fraction[there])
-    low = np.maximum(area - bar, 1e-3 * area)
-    axis.fill_between(p, low, np.minimum(area + bar, 1.0), color=style.BLUE, alpha=0.2, lw=0)
-    axis.loglog(p, area, "o-", mfc="white", color=style.BLUE, label="this run", zorder=3)
+    p = load.P_star[(load.P_star > 0.0) & (load.area_fraction > 0.0)]
+    draw_branches(axis, results, "P_star", "area_fraction", names=("load",))
+    axis.lines[0].set_label("this run")
     line = np.geomspace(p.min() / 2.0, p.max() * 2.0, 100)
-    axis.loglog(line, persson_area(line, slope), color=style.VERMILION, label="Persson, elastic")
+    axis.plot(line, persson_area(line, slope), color=style.VERMILION, label="Persson, elastic")
     bush = math.sqrt(2.0 * math.pi) * line / slope
-    axis.loglog(line[bush < 1.0], bush[bush < 1.0], "--", color=style.GREEN, label="Bush, Gibson, Thomas, elastic")
-    axis.set_xlabel(LOAD)
-    axis.set_ylabel("contact area over the nominal area")
-    axis.legend(loc="upper left", title=f"rms slope {slope:.3g}", title_fontsize="small")
+    axis.plot(line[bush < 1.0], bush[bush < 1.0], "--", color=style.GREEN, label="Bush, Gibson, Thomas, elastic")
+    axis.set(xlabel=LOAD, ylabel="contact area over the nominal area")
     style.logarithmic(axis)
+    axis.legend(loc="upper left", title=f"rms slope {slope:.3g}", title_fontsize="small")
 
 
 def _distribution(axis: Any, results: Results, slope: float, i: int, pressures: Array, shares: Array) -> None:
@@ -86,8 +81,7 @@ def _distribution(axis: Any, results: Results, slope: float, i: int, pressures: 
     mean = float(row.mean_pressure[0]) * scale if len(row) else math.nan  # force over area, as in the report
     if math.isfinite(mean):
         axis.axvline(mean, color=style.BLACK, lw=0.8, ls=":", label=f"force over area {mean:.3g} {unit}".rstrip())
-    axis.set_xlabel(style.label("contact pressure", unit))
-    axis.set_ylabel(style.label("density on the nominal area", f"1/{unit}" if unit else ""))
-    axis.set_xlim(0.0, edges[-1])
+    density = style.label("density on the nominal area", f"1/{unit}" if unit else "")
+    axis.set(xlabel=style.label("contact pressure", unit), ylabel=density, xlim=(0.0, edges[-1]))
     axis.set_ylim(top=1.25 * axis.get_ylim()[1])
     axis.legend(loc="upper left")

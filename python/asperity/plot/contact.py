@@ -26,23 +26,30 @@ PIXELS = 400  # of a map, along each side
 @style.styled
 def pressure_maps(results: Results, count: int = 4) -> Figure:
     """Draw the contact pressure at up to `count` - 1 load levels and around its peak, with one colour scale."""
-    chosen = _levels(results.top, count - 1)
-    figure, axes = style.figure(1.1 + 2.5 * (len(chosen) + 1), 3.0, columns=len(chosen) + 1)
     top = results.top
+    chosen = _levels(top, count - 1)
+    last = max(chosen, key=lambda level: float(top["pressure"][level].max()))
     highest = float(top["pressure"][chosen].max())
+    peak = quantity(highest, results.unit("stress"), 3) if highest > 0.0 else "no pressure"
+    titles = [*(_title(results, level) for level in chosen), f"spot of the greatest\npressure, {peak}"]
+    figure, axes = style.figure(1.1 + 2.5 * len(titles), 3.0, *titles)
     scale, unit = prefix(highest, results.unit("stress"))
     look = {"cmap": "inferno_r", "vmin": 0.0, "vmax": highest * scale or 1.0}
     on_patch = Raster(top)
     for axis, i in zip(axes, chosen, strict=False):
         image = _map(axis, results, on_patch, on_patch.pressure(i) * scale, **look)
         axis.label_outer()
-    i = max(chosen, key=lambda level: float(top["pressure"][level].max()))
-    on_spot = Raster(top, _around_peak(results, i))
-    _map(axes[-1], results, on_spot, on_spot.pressure(i) * scale, **look)
-    across = _facets(axes[-1], results, on_spot.box)
-    axes[chosen.index(i)].add_patch(Rectangle(*across, fill=False, ec=style.BLUE, lw=0.9))
-    peak = quantity(highest, results.unit("stress"), 3) if highest > 0.0 else "no pressure"
-    style.titles(axes, [*(_title(results, level) for level in chosen), f"spot of the greatest\npressure, {peak}"])
+    on_spot = Raster(top, _around_peak(results, last))
+    _map(axes[-1], results, on_spot, on_spot.pressure(last) * scale, **look)
+    # the facets there, and the box on the patch
+    corners, across = facets(top)[0], _across(results)[0]
+    at = top["points"][corners]  # (3, facets, 2)
+    seen = ((at.max(axis=0) > on_spot.box[0]) & (at.min(axis=0) < on_spot.box[1])).all(axis=1)
+    axes[-1].triplot(*(across * top["points"]).T, corners[:, seen].T, color=style.GREY, lw=0.4)
+    low, high = across * on_spot.box
+    axes[-1].set(xlim=(low[0], high[0]), ylim=(low[1], high[1]), ylabel="")
+    box = Rectangle(tuple(low), *(high - low), fill=False, ec=style.BLUE, lw=0.9)
+    axes[chosen.index(last)].add_patch(box)
     figure.colorbar(image, ax=axes, shrink=0.8).set_label(style.label("contact pressure", unit))
     return figure
 
@@ -58,20 +65,6 @@ def _around_peak(results: Results, i: int) -> Array:
     return np.array([middle - half, middle + half])
 
 
-def _facets(axis: Any, results: Results, box: Array) -> tuple[tuple[float, float], float, float]:
-    """Draw the edges of the facets in a box, which is returned as a corner, width and height in units of the axis."""
-    corners, _ = facets(results.top)
-    at = results.top["points"][corners]  # (3, facets, 2)
-    seen = ((at.max(axis=0) > box[0]) & (at.min(axis=0) < box[1])).all(axis=1)
-    across, _ = prefix(float(results.top["points"].max()) / 2, results.unit("length"))
-    for lines in np.moveaxis(at[:, seen] * across, 1, 0):
-        axis.plot(*np.vstack([lines, lines[:1]]).T, color=style.GREY, lw=0.4)
-    axis.set(xlim=box[:, 0] * across, ylim=box[:, 1] * across)
-    axis.set_ylabel("")
-    low, size = box[0] * across, (box[1] - box[0]) * across
-    return (float(low[0]), float(low[1])), float(size[0]), float(size[1])
-
-
 def _title(results: Results, i: int) -> str:
     """Approach, force and number of contact spots of a snapshot."""
     top = results.top
@@ -84,13 +77,17 @@ def _title(results: Results, i: int) -> str:
     return f"{text}\n{quantity(row.force[0], results.unit('force'), 3, bar=row.bar('P_star', 0))}{spots}"
 
 
+def _across(results: Results) -> tuple[float, str]:
+    """Factor and unit of lengths on the patch."""
+    return prefix(float(results.top["points"].max()) / 2, results.unit("length"))
+
+
 def _map(axis: Any, results: Results, on_grid: Raster, values: Array, **look: Any) -> Any:
     """Draw values on the squares of a `Raster`, unknown ones pale; return the image."""
-    across, unit = prefix(float(results.top["points"].max()) / 2, results.unit("length"))
+    across, unit = _across(results)
+    axis.grid(False)
+    axis.set(facecolor=style.PALE, xlabel=style.label("$x$", unit), ylabel=style.label("$y$", unit))
     extent = tuple((on_grid.box * across).T.ravel())
-    axis.set_facecolor(style.PALE)
-    axis.set_xlabel(style.label("$x$", unit))
-    axis.set_ylabel(style.label("$y$", unit))
     return axis.imshow(values, origin="lower", extent=extent, interpolation="nearest", **look)
 
 
@@ -156,15 +153,23 @@ def pressed_thirds(top: Any, i: int) -> tuple[Array, Array]:
 @style.styled
 def contact_area(results: Results, count: int = 6) -> Figure:
     """Draw the regions in contact at up to `count` load levels, and contact area and number of spots over the load."""
-    figure, axes = style.figure(style.WIDE, 3.9, columns=3, width_ratios=(1.25, 1, 1))
-    style.titles(axes, ("regions in contact", "contact area", "contact spots"))
+    titles = ("regions in contact", "contact area", "contact spots")
+    figure, (patches, area, spots) = style.figure(style.WIDE, 3.9, *titles, width_ratios=(1.25, 1, 1))
     if results.snapshots:
-        _patches(axes[0], results, count)
+        _patches(patches, results, count)
     else:
-        axes[0].set_axis_off()
-    for draw, axis in zip((_area_curve, _spots), axes[1:], strict=True):
-        axis.set_xlabel(LOAD)
-        draw(axis, results)
+        patches.set_axis_off()
+    draw_branches(area, results, "P_star", "area_fraction", 100.0)
+    area.set(xlabel=LOAD, ylabel="share of $A_0$ (%)", xlim=(0, None), ylim=(0, None))
+    area.legend(loc="best")
+    load_axis(area, results, "top")
+    if np.any(results.curve.spots > 0):
+        draw_branches(spots, results, "P_star", "spots")
+        spots.set(xlabel=LOAD, ylabel="number of spots", xlim=(0, None), ylim=(0, None))
+        spots.yaxis.set_major_locator(MaxNLocator(integer=True))
+        load_axis(spots, results, "top")
+    else:
+        spots.annotate("not counted", (0.5, 0.5), xycoords="axes fraction", ha="center", color=style.GREY)
     return figure
 
 
@@ -180,30 +185,6 @@ def _patches(axis: Any, results: Results, count: int) -> None:
     _map(axis, results, on_grid, first, cmap=ListedColormap(shades), vmin=-0.5, vmax=len(loads) - 0.5)
     keys = [Patch(color=shade, label=f"{_strain(results, i):.3g}") for i, shade in zip(loads, shades, strict=True)]
     axis.legend(handles=keys, title="at $\\delta/L$", loc="upper left", bbox_to_anchor=(1.0, 1.0), handlelength=1)
-
-
-def _area_curve(axis: Any, results: Results) -> None:
-    draw_branches(axis, results, "P_star", "area_fraction", 100.0)
-    for piece in results.branches("load"):
-        area, bar = piece.area_fraction, np.nan_to_num(piece.error_area_fraction)
-        if np.any(bar > 0):
-            low, high = 100.0 * np.maximum(area - bar, 0.0), 100.0 * (area + bar)
-            axis.fill_between(piece.P_star, low, high, color=style.BLUE, alpha=0.2, lw=0, label="error bar")
-    axis.set_ylabel("share of $A_0$ (%)")
-    axis.set_ylim(bottom=0)
-    axis.legend(loc="best")
-    load_axis(axis, results, "top")
-
-
-def _spots(axis: Any, results: Results) -> None:
-    if not np.any(results.curve.spots > 0):
-        axis.annotate("not counted", (0.5, 0.5), xycoords="axes fraction", ha="center", color=style.GREY)
-        return
-    draw_branches(axis, results, "P_star", "spots")
-    axis.set_ylabel("number of spots")
-    axis.yaxis.set_major_locator(MaxNLocator(integer=True))
-    axis.set_ylim(bottom=0)
-    load_axis(axis, results, "top")
 
 
 def _levels(top: Any, count: int) -> list[int]:

@@ -23,34 +23,30 @@ def surface_map(heights: Array, side: float, touch: tuple[float, float, float], 
         touch: x, y, z of the highest point [length]
         unit: of length, "" if unknown
     """
-    figure, (axis,) = style.figure(style.SINGLE + 0.6, 4.3)
+    figure, (axis,) = style.figure(style.SINGLE + 0.6, 4.3, "")
+    axis.grid(False)
     across, across_unit = prefix(side / 2, unit)
     up, up_unit = prefix(np.ptp(heights) or side, unit)
     extent = (0, side * across, 0, side * across)
     mean = heights.mean()
-    image = axis.imshow(
-        (heights - mean) * up, origin="lower", extent=extent, cmap="cividis",
-        interpolation="bilinear",
-    )  # fmt: skip
+    look = {"origin": "lower", "cmap": "cividis", "interpolation": "bilinear"}
+    image = axis.imshow((heights - mean) * up, extent=extent, **look)
     axis.plot(
         touch[0] * across, touch[1] * across, "o", mfc="none", mec=style.VERMILION, ms=9, mew=1.6,
         clip_on=False, zorder=5, label=f"first touch, {(touch[2] - mean) * up:.3g} {up_unit}",
     )  # fmt: skip
-    axis.set_xlabel(style.label("$x$", across_unit))
-    axis.set_ylabel(style.label("$y$", across_unit))
+    axis.set(xlabel=style.label("$x$", across_unit), ylabel=style.label("$y$", across_unit))
     axis.legend(loc="lower left", bbox_to_anchor=(0.0, 1.0), borderaxespad=0.2, handlelength=1)
     rough = f"$S_q$ = {heights.std() * up:.3g} {up_unit}".rstrip()
     axis.annotate(rough, (1.0, 1.0), (0, 5), xycoords="axes fraction", textcoords="offset points", ha="right")
-    bar = figure.colorbar(image, ax=axis, shrink=0.9)
-    bar.set_label(style.label("height above the mean plane", up_unit))
+    figure.colorbar(image, ax=axis, shrink=0.9).set_label(style.label("height above the mean plane", up_unit))
     return figure
 
 
 @style.styled
 def abbott_figure(curve: AbbottCurve, found: ISO25178, unit: str = "") -> Figure:
     """Draw heights over their material ratio, the line through the core, and Sk, Spk and Svk; `unit` of length."""
-    figure, (axis,) = style.figure(style.SINGLE, 3.4)
-    style.titles([axis], ("Abbott curve",))
+    figure, (axis,) = style.figure(style.SINGLE, 3.4, "Abbott curve")
     scale, name = prefix(found.Sz / 2.0, unit)
     axis.plot(100.0 * curve.ratio, scale * curve.height, color=style.BLUE)
     axis.plot([0.0, 100.0], [scale * curve.upper, scale * curve.lower], "--", color=style.VERMILION, lw=1.0)
@@ -62,23 +58,15 @@ def abbott_figure(curve: AbbottCurve, found: ISO25178, unit: str = "") -> Figure
     ):  # fmt: skip
         at = (70.0 if label == "Spk" else 2.0, scale * (height + up / 2.0))
         axis.annotate(f"{label} = {scale * up:.3g} {name}".rstrip(), at, va="center")
-    axis.set_xlim(0.0, 100.0)
-    axis.set_xlabel(f"material ratio (%), Smr1 = {100 * found.Smr1:.3g}, Smr2 = {100 * found.Smr2:.3g}")
-    axis.set_ylabel(style.label("height above the mean", name))
-    style.grid(axis)
+    ratio = f"material ratio (%), Smr1 = {100 * found.Smr1:.3g}, Smr2 = {100 * found.Smr2:.3g}"
+    axis.set(xlabel=ratio, ylabel=style.label("height above the mean", name), xlim=(0.0, 100.0))
     return figure
 
 
 @style.styled
-def spectrum_figure(
-    spectrum: Spectrum, unit: str = "", affine: SelfAffineFit | None = None
-) -> Figure:  # fmt: skip
-    """Draw the power spectral density.
-
-    The self-affine equivalent is drawn over the spectrum; `unit` is that of length.
-    """
-    figure, (axis,) = style.figure(style.SINGLE, 3.4)
-    style.titles([axis], ("power spectral density",))
+def spectrum_figure(spectrum: Spectrum, unit: str = "", affine: SelfAffineFit | None = None) -> Figure:
+    """Draw the power spectral density, over it that of the self-affine equivalent; `unit` is that of length."""
+    figure, (axis,) = style.figure(style.SINGLE, 3.4, "power spectral density")
     there = spectrum.density > 0
     axis.loglog(spectrum.q[there], spectrum.density[there], color=style.BLUE)
     if affine is not None:
@@ -88,7 +76,6 @@ def spectrum_figure(
         axis.loglog(q, affine.density(q), color=style.VERMILION, label=label)
         axis.set_ylim(bottom=affine.density(q).min() / 100)  # what lies below is rounding
         axis.legend(loc="lower left")
-    axis.set_xlabel(style.label("wave number $q$", f"1/{unit}" if unit else ""))
-    axis.set_ylabel(style.label("density $C(q)$", f"{unit}$^4$" if unit else ""))
-    style.grid(axis)
+    per, fourth = (f"1/{unit}", f"{unit}$^4$") if unit else ("", "")
+    axis.set(xlabel=style.label("wave number $q$", per), ylabel=style.label("density $C(q)$", fourth))
     return figure

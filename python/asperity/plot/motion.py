@@ -18,8 +18,7 @@ def motion(results: Results) -> Figure:
     shapes = [str(shape) for shape in dict.fromkeys(rows["shape"])]
     known = scale is not None and np.isfinite(scale.frequency)
     factor, second = prefix(float(np.nanmax(rows["time"])), "s" if scale.si else "") if scale and known else (1.0, "")
-    figure, axes = style.figure(style.DOUBLE, 1.0 + 2.1 * len(shapes), rows=len(shapes), sharex=True)
-    style.titles(axes, shapes)
+    figure, axes = style.figure(style.DOUBLE, 1.0 + 2.1 * len(shapes), *shapes, rows=len(shapes), sharex=True)
     driven = results.thresholds.get("excitation", "force")
     for axis, shape in zip(axes, shapes, strict=True):
         of = where(rows, rows["shape"] == shape)
@@ -27,9 +26,7 @@ def motion(results: Results) -> Figure:
         axis.fill_between(t, 0, 1, where=u < -1.0, transform=axis.get_xaxis_transform(), color=style.PALE, lw=0)
         axis.plot(t, of["F_hat"], color=style.VERMILION, lw=0.9, label=SYMBOLS[driven])
         axis.plot(t, u, color=style.BLUE, lw=1.1, label="displacement $u$")
-        axis.set_xlim(t[0], t[-1])
-        axis.set_ylabel("$u = (z - z_s)/z_s$")
-        style.grid(axis)
+        axis.set(xlim=(t[0], t[-1]), ylabel="$u = (z - z_s)/z_s$")
         if scale is not None:
             scale.lengths(axis, "right")
     axes[0].legend(loc="best", ncols=2)

@@ -13,38 +13,64 @@ from matplotlib.figure import Figure
 
 from asperity.output.results import Results
 from asperity.plot import style
-from asperity.slip.joint_slip import slip_of_case
-from asperity.slip.path import path_of_law
 from asperity.slip.tangential import TangentialVibration
 from asperity.units import prefix
 
-_COLOURS = (style.BLUE, style.VERMILION, style.GREEN, style.PURPLE, style.ORANGE, style.SKY)
 STICK = 1e-6  # slip over the greatest one, below which a node sticks
-_SMOOTH = 40  # steps from rest to an amplitude
+_SMOOTH = 40  # points of a leg of a loop
 
 
 @style.styled
 def slip(results: Results) -> Figure:
     """Draw the loops without their secants, and loss factor and secant stiffness of slip_loops.csv.
 
-    Loops are those of the law, by Masing's rule, where there is one; points are those of the solid in slip.csv.
+    A loop is a smooth line through the states of slip.csv, by the law where there is one; dots are those of the solid.
     """
-    figure, axes = style.figure(style.WIDE, 3.4, columns=3)
-    style.titles(axes, ("loops", "loss factor", "secant stiffness"))
+    figure, axes = style.figure(style.WIDE, 3.4, "loops", "loss factor", "secant stiffness")
     _loops(axes[0], results)
-    factor, unit = prefix(float(results.slip_loops["k_secant"].max()), results.unit("stiffness"))
+    rows = results.slip_loops
+    factor, unit = prefix(float(rows["k_secant"].max()), results.unit("stiffness"))
     for axis, name, scale in ((axes[1], "eta", 1.0), (axes[2], "k_secant", factor)):
-        _over_amplitude(axis, results, name, scale)
+        x, bar = rows["amplitude"], scale * rows[f"error_{name}"] if f"error_{name}" in rows else None
+        look: dict[str, Any] = {"mfc": "white", "fmt": "o-", "color": style.BLUE, "label": "solid"}
+        axis.errorbar(x, scale * rows[name], yerr=bar, **look)
+        if f"{name}_curve" in rows:
+            look |= {"fmt": "s--", "color": style.VERMILION, "label": "normal curve"}
+            axis.errorbar(x, scale * rows[f"{name}_curve"], **look)
+            axis.legend(loc="best")
         axis.set_xlabel(r"amplitude $T/(\mu P)$")
     style.logarithmic(axes[1])
     axes[1].set_ylabel(r"loss factor $\eta = W/(\pi T u)$")
-    axes[2].set(xlim=(0, 1), ylabel=style.label("$T/u$", unit))
-    axes[2].set_ylim(bottom=0)
-    if "eta_curve" in results.slip_loops:
-        axes[1].legend(loc="best")
-    for axis in axes:
-        style.grid(axis)
+    axes[2].set(xlim=(0, 1), ylim=(0, None), ylabel=style.label("$T/u$", unit))
     return figure
+
+
+def _loops(axis: Any, results: Results) -> None:
+    from scipy.interpolate import CubicSpline
+
+    solid = results.case["slip"].get("method") == "solid"
+    colours = cycle(style.COLOURS)
+    for amplitude in np.unique(results.slip["amplitude"])[::-1]:
+        of = results.slip["amplitude"] == amplitude
+        u, T = results.slip["u"][of], results.slip["T"][of]
+        low = int(u.argmin())  # where the loop turns
+        first = int(u[:low].argmax())
+        u, T = u[first:] / np.abs(u).max(), T[first:] / np.abs(T).max()
+        by_law = results.slip["T_curve"][of][first:] if "T_curve" in results.slip else T
+        by_law = by_law / np.abs(by_law).max()
+        legs = []
+        for leg in (slice(None, low - first + 1), slice(low - first, None)):
+            at = np.linspace(u[leg][0], u[leg][-1], _SMOOTH)
+            forth = np.argsort(u[leg])
+            legs.append((at, CubicSpline(u[leg][forth], by_law[leg][forth])(at) - at))
+        at, beyond = np.concatenate(legs, axis=1)
+        size = float(np.abs(beyond).max()) or 1.0
+        colour = next(colours)
+        axis.plot(at, beyond / size, "-", color=colour, label=f"{amplitude:g}: {size:.2g}")
+        if solid:
+            axis.plot(u, (T - u) / size, "o", color=colour, markersize=3)
+    axis.set(xlabel="displacement over its amplitude", ylabel="force beyond the secant, over its greatest")
+    axis.legend(title=r"$T/(\mu P)$: greatest over $T$", loc="center")
 
 
 @style.styled
@@ -52,15 +78,15 @@ def slip_map(results: Results, count: int = 4) -> Figure:
     """Draw the slip of each node in contact at up to `count` amplitudes, each node a disc of its area."""
     nodes = results.slip_nodes
     amplitudes = np.unique(nodes["amplitude"])[-count:]
-    figure, axes = style.figure(0.5 + 2.6 * len(amplitudes), 2.8, columns=len(amplitudes))
-    style.titles(axes, [rf"$T/(\mu P)$ = {amplitude:g}" for amplitude in amplitudes])
+    titles = [rf"$T/(\mu P)$ = {amplitude:g}" for amplitude in amplitudes]
+    figure, axes = style.figure(0.5 + 2.6 * len(titles), 2.8, *titles)
     box = np.array([(nodes[name].min(), nodes[name].max()) for name in ("x", "y")])
     across, unit = prefix(float(box.max()), results.unit("length"))
     middle, half = across * box.mean(axis=1), 0.6 * across * np.ptp(box, axis=1).max() * np.array([-1.0, 1.0])
     most = float(nodes["slip"].max())
     scale, unit_of_slip = prefix(most, results.unit("length"))
     discs: Any = None
-    for axis, amplitude in zip(axes, amplitudes, strict=False):
+    for axis, amplitude in zip(axes, amplitudes, strict=True):
         of = (nodes["amplitude"] == amplitude) & (nodes["area"] > 0.0)
         size = 2.0 * across * np.sqrt(nodes["area"][of] / np.pi)
         slips = np.ma.masked_less(scale * nodes["slip"][of], STICK * scale * most)
@@ -71,9 +97,9 @@ def slip_map(results: Results, count: int = 4) -> Figure:
             norm=Normalize(0.0, scale * most),
         )  # fmt: skip
         axis.add_collection(discs)
+        axis.grid(False)
         axis.set(xlim=middle[0] + half, ylim=middle[1] + half, aspect="equal", facecolor=style.PALE)
-        axis.set_xlabel(style.label("$x$", unit))
-        axis.set_ylabel(style.label("$y$", unit))
+        axis.set(xlabel=style.label("$x$", unit), ylabel=style.label("$y$", unit))
         axis.label_outer()
     figure.colorbar(discs, ax=axes, shrink=0.8).set_label(style.label("slip", unit_of_slip))
     return figure
@@ -82,56 +108,17 @@ def slip_map(results: Results, count: int = 4) -> Figure:
 @style.styled
 def response(found: TangentialVibration) -> Figure:
     """Draw the amplitude of the tangential vibration over frequency, one curve per force."""
-    figure, axes = style.figure(style.SINGLE, 3.4)
-    axis, si = axes[0], found.units == "SI"
-    of_a, unit_a = prefix(max(float(a.max()) for _, a in found.responses.values()), "m" if si else "")
-    of_f, unit_f = prefix(max(float(f.max()) for f, _ in found.responses.values()), "Hz" if si else "")
-    for colour, (share, (f, a)) in zip(cycle(_COLOURS), found.responses.items(), strict=False):
+    figure, (axis,) = style.figure(style.SINGLE, 3.4, "")
+    si, curves = found.units == "SI", found.responses
+    of_a, unit_a = prefix(max(float(a.max()) for _, a in curves.values()), "m" if si else "")
+    of_f, unit_f = prefix(max(float(f.max()) for f, _ in curves.values()), "Hz" if si else "")
+    for colour, (share, (f, a)) in zip(cycle(style.COLOURS), curves.items(), strict=False):
         axis.plot(of_f * f, of_a * a, "-", color=colour, label=f"{share:g}")
         axis.plot(of_f * f[a.argmax()], of_a * a.max(), "o", color=style.BLACK, markersize=3)
-    middle = [float(f[a.argmax()]) for f, a in found.responses.values()]
+    middle = [float(f[a.argmax()]) for f, a in curves.values()]
     low, high = 0.8 * min(middle), 1.15 * max(middle)
-    axis.set_xlim(of_f * low, of_f * high)
-    axis.set_yscale("log")
-    axis.set_ylim(bottom=0.8 * of_a * min(float(a[(low < f) & (f < high)].min()) for f, a in found.responses.values()))
-    axis.set_xlabel(style.label("frequency", unit_f))
-    axis.set_ylabel(style.label("amplitude of $u$", unit_a))
+    least = min(float(a[(low < f) & (f < high)].min()) for f, a in curves.values())
+    axis.set(xlim=(of_f * low, of_f * high), yscale="log", ylim=(0.8 * of_a * least, None))
+    axis.set(xlabel=style.label("frequency", unit_f), ylabel=style.label("amplitude of $u$", unit_a))
     axis.legend(title=r"$F/(\mu P)$", loc="best")
-    style.grid(axis)
     return figure
-
-
-def _loops(axis: Any, results: Results) -> None:
-    rows, loops, slip = results.slip, results.slip_loops, results.case["slip"]
-    solid, law = slip.get("method") == "solid", None
-    if not solid or "T_curve" in rows:
-        preload = float(loops["T"][-1] / (loops["amplitude"][-1] * slip["friction"]))
-        law = slip_of_case(results.case, results.curve, min(preload, float(results.curve.force.max()))).law
-    for colour, amplitude in zip(cycle(_COLOURS), np.unique(rows["amplitude"])[::-1], strict=False):
-        of = rows["amplitude"] == amplitude
-        u, T = rows["u"][of], rows["T"][of]
-        if law is not None:
-            smooth = path_of_law(law, float(amplitude), steps=_SMOOTH)
-            u, T = smooth.u[_SMOOTH:], smooth.T[_SMOOTH:]  # without the way from rest
-        most_u, most_T = float(np.abs(u).max()), float(np.abs(T).max())
-        beyond = T / most_T - u / most_u
-        size = float(np.abs(beyond).max()) or 1.0
-        axis.plot(u / most_u, beyond / size, "-", color=colour, label=f"{amplitude:g}: {size:.2g}")
-        if solid:
-            x, y = rows["u"][of] / most_u, rows["T"][of] / most_T
-            axis.plot(x, (y - x) / size, "o", color=colour, markersize=3)
-    axis.set_xlabel("displacement over its amplitude")
-    axis.set_ylabel("force beyond the secant, over its greatest")
-    axis.legend(title=r"$T/(\mu P)$: greatest over $T$", loc="center")
-
-
-def _over_amplitude(axis: Any, results: Results, name: str, factor: float) -> None:
-    """Draw a column over the amplitude with its error bars, and that by the normal curve where both are known."""
-    rows = results.slip_loops
-    bar = factor * rows[f"error_{name}"] if f"error_{name}" in rows else None
-    axis.errorbar(
-        rows["amplitude"], factor * rows[name], yerr=bar, fmt="o-", color=style.BLUE, mfc="white", label="solid"
-    )
-    if f"{name}_curve" in rows:
-        curve = factor * rows[f"{name}_curve"]
-        axis.plot(rows["amplitude"], curve, "s--", color=style.VERMILION, mfc="white", label="normal curve")

@@ -15,7 +15,7 @@ from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 from asperity.arrays import Array
 from asperity.output.results import Results
 from asperity.plot import style
-from asperity.plot.vibration import COLOURS, DASHES, SYMBOLS, Scale, heading, is_sweep, pieces, truth, where
+from asperity.plot.vibration import DASHES, SYMBOLS, Scale, heading, is_sweep, pieces, truth, where
 from asperity.units import prefix
 
 _FLOOR = 1.5  # the axis of the receptance begins at its smallest value over this
@@ -37,7 +37,8 @@ def receptance(results: Results) -> Figure:
     rows, free, thresholds = results.response, results.free, results.thresholds
     frequency, compliance, hertz, metre = _axes(thresholds)
     si = metre == "m"
-    figure, (axis,) = style.figure(style.SINGLE + 1.6, 4.0)
+    title = heading([float(rows["zeta"][0])], thresholds.get("damping"), thresholds.get("n_loc"))
+    figure, (axis,) = style.figure(style.SINGLE + 1.6, 4.0, title)
     model = "exact" if "exact" in rows["model"] else str(rows["model"][0])
     rows = where(rows, (rows["model"] == model) & ~is_sweep(rows["branch"]))
     driven = thresholds.get("excitation", "force")
@@ -56,7 +57,7 @@ def receptance(results: Results) -> Figure:
     linear = (np.hypot(1.0, 2.0 * zeta * grid) if of_base else 1.0) / np.hypot(1.0 - grid**2, 2.0 * zeta * grid)
     axis.plot(frequency * grid, compliance * linear, color=style.GREY, lw=0.8, label="linear")
     forcings = np.unique(rows["F_hat"])
-    for forcing, colour in zip(forcings, np.resize(COLOURS, len(forcings)), strict=True):
+    for forcing, colour in zip(forcings, np.resize(style.COLOURS, len(forcings)), strict=True):
         of = where(rows, rows["F_hat"] == forcing)
         for name in np.unique(of["branch"]):
             branch = where(of, of["branch"] == name)
@@ -76,9 +77,7 @@ def receptance(results: Results) -> Figure:
         axis.plot([], [], ":", color=style.GREY, label="backbone of each force")
     if not truth(rows["stable"]).all():
         axis.plot([], [], ls=DASHES, color=style.GREY, label="unstable")
-    axis.set_yscale("log")
-    axis.set_xlim(frequency * grid[0], frequency * grid[-1])
-    axis.set_ylim(compliance * low, compliance * high)
+    axis.set(yscale="log", xlim=(frequency * grid[0], frequency * grid[-1]), ylim=(compliance * low, compliance * high))
     if high < 300 * low:
         axis.yaxis.set_major_locator(LogLocator(subs=(1, 2, 5)))
         axis.yaxis.set_minor_formatter(NullFormatter())
@@ -88,8 +87,6 @@ def receptance(results: Results) -> Figure:
     what = f"receptance $|X/F|$ ({metre}/{force})" if metre else "receptance $k_n|X/F|$"
     axis.set_ylabel("transmissibility, mass over base" if of_base else what)
     axis.legend(loc="best")
-    axis.set_title(heading([zeta], thresholds.get("damping"), thresholds.get("n_loc")), loc="left")
-    style.grid(axis)
     return figure
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import functools
 import io
 import re
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any, ParamSpec
 
@@ -25,6 +25,7 @@ P = ParamSpec("P")
 BLACK, ORANGE, SKY, GREEN = "#000000", "#E69F00", "#56B4E9", "#009E73"
 BLUE, VERMILION, PURPLE = "#0072B2", "#D55E00", "#CC79A7"
 GREY, PALE = "#7F7F7F", "#EDEDED"
+COLOURS = (BLUE, VERMILION, GREEN, PURPLE, ORANGE, BLACK)  # of curves of one kind
 
 SINGLE, DOUBLE, WIDE = 4.6, 8.0, 10.5  # widths, inches
 DPI = 200
@@ -48,6 +49,9 @@ _RC: dict[str, Any] = {
     "xtick.top": True,
     "ytick.right": True,
     "axes.formatter.limits": (-3, 4),
+    "axes.grid": True,
+    "grid.color": "#E2E2E2",
+    "grid.linewidth": 0.6,
 }
 
 
@@ -67,13 +71,30 @@ def styled(draw: Callable[P, Figure]) -> Callable[P, Any]:
     return in_style
 
 
-def figure(width: float, height: float, columns: int = 1, rows: int = 1, **grid: Any) -> tuple[Figure, list[Any]]:
-    """New figure of a size in inches and its panels; `grid`: see `Figure.subplots`."""
+def figure(width: float, height: float, *titles: str, rows: int = 1, **grid: Any) -> tuple[Figure, list[Any]]:
+    """New figure of a size in inches and its panels.
+
+    Args:
+        width, height: of the figure
+        titles: of the panels, row by row, with letters (a), (b), ... where there are several
+        rows: of panels
+        grid: see `Figure.subplots`
+    """
     new = Figure(figsize=(width, height), layout="constrained")
-    axes = list(np.ravel(new.subplots(rows, columns, **grid)))
-    for axis in axes:
-        freeze_ticks(axis)
+    axes = list(np.ravel(new.subplots(rows, len(titles) // rows, **grid)))
+    for axis, letter, text in zip(axes, "abcdefghijkl", titles, strict=False):
+        axis.set_title(f"({letter}) {text}".rstrip() if len(axes) > 1 else text, loc="left")
+        for name, sides in (("x", ("bottom", "top")), ("y", ("left", "right"))):
+            getattr(axis, f"{name}axis").set_major_formatter(Numbers())
+            _freeze(axis, name, **{side: mpl.rcParams[f"{name}tick.{side}"] for side in sides})
     return new, axes
+
+
+def _freeze(axis: Any, name: str, **more: Any) -> None:
+    """Keep the style of the ticks and the grid, which matplotlib makes when it saves the figure."""
+    look = {key: mpl.rcParams[f"{name}tick.{key}"] for key in ("direction", "labelsize")}
+    look |= {f"grid_{key}": mpl.rcParams[f"grid.{key}"] for key in ("color", "linewidth")}
+    axis.tick_params(axis=name, which="both", **look, **more)
 
 
 class Numbers(ScalarFormatter):
@@ -83,16 +104,6 @@ class Numbers(ScalarFormatter):
         """Power of ten, for example ×10⁻³."""
         power = re.compile(r"1e([\u2212-]?\d+)")
         return power.sub(lambda found: "×10" + found[1].translate(_RAISED), str(super().get_offset()))
-
-
-def freeze_ticks(axis: Any) -> None:
-    """Keep the style of the ticks, which matplotlib makes when it saves the figure."""
-    for name in "xy":
-        getattr(axis, f"{name}axis").set_major_formatter(Numbers())
-        sides = {side: mpl.rcParams[f"{name}tick.{side}"] for side in ("bottom", "top", "left", "right")
-                 if f"{name}tick.{side}" in mpl.rcParams}  # fmt: skip
-        axis.tick_params(axis=name, which="both", direction=mpl.rcParams[f"{name}tick.direction"], **sides)
-        axis.tick_params(axis=name, labelsize=mpl.rcParams[f"{name}tick.labelsize"])
 
 
 def save(figure: Figure, path: str | Path) -> Path:
@@ -116,21 +127,9 @@ def save_in(folder: Path, name: str, figure: Figure, pixels: bool = False) -> Pa
     return save(figure, folder / f"{name}.{form}")
 
 
-def grid(*axes: Axes) -> None:
-    """Draw faint lines at the major ticks."""
-    for axis in axes:
-        axis.grid(color="#E2E2E2", linewidth=0.6)
-
-
 def label(quantity: str, unit: str) -> str:
     """Label of an axis: "name (unit)"."""
     return f"{quantity} ({unit})" if unit else quantity
-
-
-def titles(axes: Sequence[Axes], texts: Sequence[str]) -> None:
-    """Write the titles of panels, with letters (a), (b), ... where there are several."""
-    for axis, letter, text in zip(axes, "abcdefghijkl", texts, strict=False):
-        axis.set_title(f"({letter}) {text}".rstrip() if len(axes) > 1 else text, loc="left")
 
 
 def second_axis(axis: Any, side: str, factor: float, text: str) -> None:
@@ -141,7 +140,7 @@ def second_axis(axis: Any, side: str, factor: float, text: str) -> None:
     name = "x" if side == "top" else "y"
     if axis.get_xscale() == axis.get_yscale() == "linear":
         getattr(second, f"{name}axis").set_major_formatter(Numbers())
-    second.tick_params(direction=mpl.rcParams[f"{name}tick.direction"], labelsize=mpl.rcParams[f"{name}tick.labelsize"])
+    _freeze(second, name)
     if side == "top":
         axis.yaxis.get_offset_text().set_x(-0.17)  # left of the labels at the top
     (second.set_xlabel if side == "top" else second.set_ylabel)(text)
@@ -150,8 +149,10 @@ def second_axis(axis: Any, side: str, factor: float, text: str) -> None:
 def physical_axis(axis: Any, side: str, quantity: str, scale: float, unit: str) -> None:
     """Draw a second axis of a physical quantity at a side, "top" or "right", after the limits of the axis are set.
 
-    `scale` is the physical value of 1 in `unit`, which is "" if unknown.
+    `scale` is the physical value of 1 in `unit`, which is "" if unknown; no axis is drawn where the scale is NaN.
     """
+    if not np.isfinite(scale):
+        return
     _, high = axis.get_xlim() if side == "top" else axis.get_ylim()
     factor, name = prefix(high * scale, unit)
     second_axis(axis, side, scale * factor, label(quantity, name))

@@ -21,10 +21,9 @@ from asperity.plot import style
 from asperity.units import prefix
 
 if TYPE_CHECKING:
-    from asperity.dynamics import Dynamics, FrequencyResponse, Sweep
+    from asperity.dynamics import Dynamics
 
 MODELS = {"exact": (style.BLUE, "-", "exact law"), "taylor": (style.VERMILION, "--", "Taylor law")}
-COLOURS = (style.BLUE, style.VERMILION, style.GREEN, style.PURPLE, style.ORANGE, style.BLACK)
 DASHES = (0, (3, 1.5))  # offset, and lengths of line and gap [line widths]
 #: Excitation -> symbol of its dimensionless amplitude.
 SYMBOLS = {"force": "$\\hat{F}$", "base": "base $b/z_s$", "acceleration": "base $\\ddot b/(\\omega_s^2 z_s)$"}
@@ -82,8 +81,7 @@ class Scale:
 @style.styled
 def frequency(results: Results) -> Figure:
     """Draw the natural frequency over the release amplitude, a curve for each model."""
-    figure, (axis,) = style.figure(style.SINGLE + 0.8, 3.7)
-    axis.set_title("natural frequency of free vibration", loc="left")
+    figure, (axis,) = style.figure(style.SINGLE + 0.8, 3.7, "natural frequency of free vibration")
     for model, (colour, line, text) in MODELS.items():
         rows = where(results.free, results.free["model"] == model)
         u, omega, low = rows["u0"], rows["omega_ratio"], rows["u_min"]
@@ -100,11 +98,9 @@ def frequency(results: Results) -> Figure:
                 label="contact lost beyond" if model == "exact" else "unphysical beyond",
             )  # fmt: skip
     axis.axhline(1.0, color=style.GREY, lw=0.7)
-    axis.set_xlabel("amplitude $u_0 = (z_0 - z_s)/z_s$")
-    axis.set_ylabel("natural frequency $\\omega_n/\\omega_s$")
+    axis.set(xlabel="amplitude $u_0 = (z_0 - z_s)/z_s$", ylabel="natural frequency $\\omega_n/\\omega_s$")
     axis.set_xlim(left=0)
     axis.legend(loc="best")
-    style.grid(axis)
     scale = Scale.of(results.thresholds)
     if scale is not None:
         scale.lengths(axis, "top")
@@ -112,65 +108,44 @@ def frequency(results: Results) -> Figure:
     return figure
 
 
+@style.styled
 def response(results: Results) -> Figure:
     """Draw the largest displacement over the excitation frequency: one panel per model, one colour per forcing.
 
     Sweeps are triangles, bands those of exact responses, by the error bar of the force and the spread of the laws.
     """
-    t = results.thresholds
-    driven = t.get("excitation", "force")
-    sections = {model: t.get(model, {}).get("responses", ()) for model in MODELS}
-    events = [
-        e | {"model": m, "F_hat": r["F_hat"]} for m, rs in sections.items() for r in rs for e in r.get("events", ())
-    ]
-    n_loc = t.get("n_loc")
-    title = heading(np.unique(results.response["zeta"]), t.get("damping"), n_loc)
-    return _response(results.response, events, title, driven, n_loc, results.band, Scale.of(t))
-
-
-def amplitude_frequency(responses: Sequence[FrequencyResponse], sweeps: Sequence[Sweep] = ()) -> Figure:
-    """Draw responses and sweeps of any oscillators as `response` does, without units."""
-    events = [
-        e | {"model": r.setting.model, "F_hat": r.setting.F_hat} for r in responses for e in r.to_dict()["events"]
-    ]
-    results: list[FrequencyResponse | Sweep] = [*responses, *sweeps]
-    rows = columns_of(row for result in results for row in result.rows())
-    first = responses[0].setting
-    title = heading([first.zeta], first.damping, first.n_loc)
-    return _response(rows, events, title, first.excitation, first.n_loc, {}, None)
-
-
-@style.styled
-def _response(
-    rows: Columns, events: Sequence[_Event], title: str, driven: str, n_loc: float | None, bands: Columns,
-    scale: Scale | None,
-) -> Figure:  # fmt: skip
+    rows, bands, t = results.response, results.band, results.thresholds
+    driven, n_loc, scale = t.get("excitation", "force"), t.get("n_loc"), Scale.of(t)
     models = [model for model in MODELS if model in rows["model"]]
-    figure, axes = style.figure(1.2 + 4.0 * len(models), 4.4, columns=len(models))
-    style.titles(axes, [MODELS[model][2] for model in models])
+    events = [
+        e | {"model": model, "F_hat": r["F_hat"]}
+        for model in MODELS for r in t.get(model, {}).get("responses", ()) for e in r.get("events", ())
+    ]  # fmt: skip
+    figure, axes = style.figure(1.2 + 4.0 * len(models), 4.4, *(MODELS[model][2] for model in models))
     forcings = np.unique(rows["F_hat"])
     physical = (rows["model"] == "exact") | (rows["u_min"] >= -1.0)
     for axis, model in zip(axes, models, strict=True):
-        for forcing, colour in zip(forcings, np.resize(COLOURS, len(forcings)), strict=True):
+        for forcing, colour in zip(forcings, np.resize(style.COLOURS, len(forcings)), strict=True):
             chosen = where(rows, (rows["model"] == model) & (rows["F_hat"] == forcing))
             for name in np.unique(chosen["branch"]):
                 _branch(axis, where(chosen, chosen["branch"] == name), str(name), model, colour)
             _events(axis, [e for e in events if e["model"] == model and e["F_hat"] == forcing])
             if model == "exact" and bands:
                 _band(axis, where(bands, bands["F_hat"] == forcing), colour)
-        axis.set_xlabel("frequency $\\Omega = \\omega/\\omega_s$")
         about = "" if driven == "force" else " relative to the base"
-        axis.set_ylabel(f"largest displacement{about} $u_{{\\max}}$")
-        axis.set_xlim(rows["Omega"].min(), rows["Omega"].max())
-        axis.set_ylim(0, 1.1 * np.nanmax(rows["u_max"][physical]))
-        style.grid(axis)
+        axis.set(xlabel="frequency $\\Omega = \\omega/\\omega_s$", ylabel=f"largest displacement{about} $u_{{\\max}}$")
+        axis.set(xlim=(rows["Omega"].min(), rows["Omega"].max()), ylim=(0, 1.1 * np.nanmax(rows["u_max"][physical])))
         if scale is not None:
             scale.frequencies(axis, "top")
             scale.lengths(axis, "right")
+    keys = []
+    for forcing, colour in zip(forcings, np.resize(style.COLOURS, len(forcings)), strict=True):
+        weight = f", $F/W$ = {n_loc * forcing:.3g}" if n_loc and driven == "force" else ""
+        keys.append(Line2D([], [], color=colour, label=f"{SYMBOLS[driven]} = {forcing:g}{weight}"))
     shown = {*np.unique(rows["branch"]).tolist(), *(e["kind"] for e in events if _is_physical(e))}
-    keys = [*_forcing_keys(forcings, n_loc, driven), *_line_keys(shown, bool(physical.all()), bool(bands))]
+    keys += _line_keys(shown, bool(physical.all()), bool(bands))
     figure.legend(handles=keys, loc="outside lower center", ncols=2 if len(models) == 1 else 4)
-    figure.suptitle(title)
+    figure.suptitle(heading(np.unique(rows["zeta"]), t.get("damping"), n_loc))
     return figure
 
 
@@ -229,15 +204,6 @@ def _events(axis: Any, events: Sequence[_Event]) -> None:
 
 def _is_physical(e: _Event) -> bool:
     return bool(e["model"] == "exact" or e["u_min"] >= -1.0)
-
-
-def _forcing_keys(forcings: Array, n_loc: float | None, driven: str) -> list[Line2D]:
-    """Legend entries of the forcings, forces in both conventions if the local exponent is known."""
-    keys = []
-    for forcing, colour in zip(forcings, np.resize(COLOURS, len(forcings)), strict=True):
-        weight = f", $F/W$ = {n_loc * forcing:.3g}" if n_loc and driven == "force" else ""
-        keys.append(Line2D([], [], color=colour, label=f"{SYMBOLS[driven]} = {forcing:g}{weight}"))
-    return keys
 
 
 def _line_keys(shown: set[str], physical: bool, band: bool) -> list[Line2D]:

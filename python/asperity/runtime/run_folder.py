@@ -28,7 +28,7 @@ LOOPS = "loops.csv"
 SLIP, SLIP_LOOPS, SLIP_NODES = "slip.csv", "slip_loops.csv", "slip_nodes.csv"
 REPORT = "report.html"
 FIELDS, FIGURES, CHECKPOINT = "fields", "figures", "checkpoint"  # folders
-TOP, VTKHDF, VIEW = "top.npz", "contact.vtkhdf", "view.py"  # in fields
+TOP, VTKHDF = "top.npz", "contact.vtkhdf"  # in fields
 PICTURES = (
     "surface", "curve", "area", "area_load", "pressure", "stiffness", "plasticity", "frequency", "response",
     "receptance", "motion", "slip", "slip_map", "conductance", "scene",
@@ -40,8 +40,6 @@ EXPORTS = {
     "abaqus": "contact_abaqus.inp",
     "csv": "contact.csv",
     "python": "contact.py",
-    "conductance": "conductance.csv",
-    "sliders": "sliders.csv",
     "sliders-python": "sliders.py",
     "mesh": "block.inp",
 }
@@ -52,7 +50,7 @@ MESH, STATE, SNAPSHOT = "mesh.npz", "state.npz", "snapshot-{}.npz"  # in checkpo
 PRODUCTS = (
     CURVE, SUMMARY, LOG, LOOPS, SLIP, SLIP_LOOPS, SLIP_NODES, FREE, RESPONSE, BAND, MOTION, THRESHOLDS,
     REPORT,
-    *(f"{FIELDS}/{name}" for name in (TOP, VTKHDF, VIEW)), FIELDS,
+    *(f"{FIELDS}/{name}" for name in (TOP, VTKHDF)), FIELDS,
     *(f"{FIGURES}/{name}.png" for name in PICTURES),
     *(f"{FIGURES}/{name}.svg" for name in PICTURES if name not in FIELD_PICTURES), FIGURES,
     CASE,
