@@ -17,7 +17,6 @@ from asperity.errors import AsperityWarning, InputError, warn
 from asperity.runtime.display import nearest
 from asperity.runtime.notebook import map_picture, optional
 from asperity.surface.maximum import global_maximum
-from asperity.surface.scale_space import ScaleSpace
 from asperity.surface.statistics import (
     SMALL_SLOPE,
     Spectrum,
@@ -160,10 +159,6 @@ class Surface(ABC):
         """
         x, y, _ = np.broadcast_arrays(x, y, s)
         return self.height(x, y)
-
-    def _smoothed(self, scales: ScaleSpace, x: ArrayLike, y: ArrayLike, s: ArrayLike) -> Array:
-        x, y, s = np.broadcast_arrays(*(np.asarray(v, dtype=float) for v in (x, y, s)))
-        return scales.heights(x.ravel(), y.ravel(), s.ravel()).reshape(x.shape)
 
     def maximum(self) -> tuple[float, float, float]:
         """(x, y, z) of the highest point of the closed patch, edges and corners included.

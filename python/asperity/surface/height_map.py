@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import itertools
 import json
 import math
 from contextlib import suppress
@@ -17,12 +16,12 @@ from numpy.typing import ArrayLike
 from asperity.arrays import Array
 from asperity.errors import InputError, warn
 from asperity.runtime.files import UNREADABLE, real
-from asperity.surface.base import Surface, SurfaceWarning, check, check_positive, nodes, short_wave_share
+from asperity.surface.base import Surface, SurfaceWarning, check, check_positive, short_wave_share
 from asperity.surface.height_files import REGULAR, read_heights
 from asperity.surface.maximum import global_maximum
 from asperity.surface.patch import as_patch, check_heights, check_square
-from asperity.surface.scale_space import Heights, ScaleSpace, gaussian_filtered, spline_gain, spline_heights
-from asperity.surface.spline import DEGREE, interpolate, spline_rms, with_middles
+from asperity.surface.scale_space import ScaleSpace, gaussian_filtered
+from asperity.surface.spline import DEGREE, interpolate, with_middles
 from asperity.surface.statistics import SurfaceStatistics
 
 if TYPE_CHECKING:
@@ -30,9 +29,8 @@ if TYPE_CHECKING:
 
 
 _FIRST = 0.225  # width that the levels of smoothed maps start from, over the distance of the heights
-_SPACING = 0.5  # distance of the heights of a smoothed map over its width
-_RINGS = 0.75  # width below which the spline of smoothed heights overshoots at steps, over the distance of the heights
 _TREND = 8  # degree of the polynomial trend removed before the waves are separated by length
+_CELLS = 1024  # along a side in which rms values are integrated
 _SAME = 1e-6  # greatest difference of opposite edges of a periodic map, over the range of heights
 
 
@@ -104,6 +102,13 @@ class HeightMap(Surface):
             object.__setattr__(surface, name, value)
         return surface
 
+    def _beside(self, name: str) -> Any:
+        """Array of an .npz file beside the heights, None without one."""
+        if Path(self.path).suffix.lower() == ".npz":
+            with suppress(*UNREADABLE), np.load(self.path, allow_pickle=False) as file:  # reads this array only
+                return file[name] if name in file else None
+        return None
+
     @cached_property
     def left_out(self) -> tuple[float, float, float] | None:
         """Waves left out because of the instrument, as `asperity import-map` has written them into the file.
@@ -111,15 +116,11 @@ class HeightMap(Surface):
         Their greatest wavelength (length), and the change of force and area of a light contact by what the instrument
         shows of them.
         """
-        if Path(self.path).suffix.lower() != ".npz":
+        if (given := self._beside("left_out")) is None:
             return None
-        try:
-            with np.load(self.path, allow_pickle=False) as file:  # reads this array only
-                if "left_out" not in file:
-                    return None
-                wavelength, force, area = map(float, real(file["left_out"]).ravel())
-        except UNREADABLE:
-            wavelength = force = area = math.nan
+        wavelength = force = area = math.nan
+        with suppress(*UNREADABLE):
+            wavelength, force, area = map(float, real(given).ravel())
         if not (0.0 < wavelength < math.inf and math.isfinite(force) and math.isfinite(area)):
             raise InputError(
                 f"{self.path}: the array left_out must hold three numbers, a wavelength and the changes of force and "
@@ -130,10 +131,8 @@ class HeightMap(Surface):
     @cached_property
     def about(self) -> dict[str, Any]:
         """How `asperity import-map` has read the map: file, channel, treatment; empty for other maps."""
-        if Path(self.path).suffix.lower() != ".npz":
-            return {}
-        with suppress(*UNREADABLE), np.load(self.path, allow_pickle=False) as file:
-            found = json.loads(bytes(file["about"]))
+        with suppress(*UNREADABLE, TypeError):
+            found = json.loads(bytes(self._beside("about")))
             return found if isinstance(found, dict) else {}
         return {}
 
@@ -148,10 +147,6 @@ class HeightMap(Surface):
         return interpolate(self.heights, self.L)
 
     @property
-    def _spline(self) -> BivariateSpline:
-        return self._interpolation[0]
-
-    @property
     def spline_rise(self) -> float:
         """Rise above all heights that the spline without limited slopes has (length), 0 if none is limited."""
         return self._interpolation[1]
@@ -163,12 +158,12 @@ class HeightMap(Surface):
 
     @cached_property
     def _derivatives(self) -> dict[tuple[int, int], Any]:
-        return {(0, 0): self._spline}
+        return {(0, 0): self._interpolation[0]}
 
     def _derivative(self, dx: int, dy: int) -> Any:
         """Derivative as a spline, made once: it takes as long as 10,000 points."""
         if (dx, dy) not in self._derivatives:
-            self._derivatives[dx, dy] = self._spline.partial_derivative(dx, dy)
+            self._derivatives[dx, dy] = self._derivatives[0, 0].partial_derivative(dx, dy)
         return self._derivatives[dx, dy]
 
     @property
@@ -191,7 +186,7 @@ class HeightMap(Surface):
             trends.append(np.linalg.qr(np.polynomial.legendre.legvander(s, min(_TREND, n - 1)))[0])
         of_y, of_x = trends
         z = (z - of_y @ (of_y.T @ z @ of_x) @ of_x.T).astype(np.float32)  # enough for an rms value
-        margins = [(m, m) for m in self._margins]
+        margins = [(n // 8, n // 8) for n in z.shape]
         straight = np.pad(z, margins, mode="reflect", reflect_type="odd")
         mirrored = np.pad(z, margins, mode="reflect", reflect_type="even")
         halves = [  # half waves per side
@@ -199,17 +194,6 @@ class HeightMap(Surface):
         ]
         lengths = 2 * self.L / np.maximum(np.hypot(halves[0][:, None], halves[1]), 0.5)
         return [dctn(wide, type=1) for wide in (straight, mirrored)], lengths
-
-    @property
-    def _margins(self) -> tuple[int, ...]:
-        """Nodes added at each end along y and x, an eighth of the map and a few more for a fast transform."""
-        from scipy.fft import next_fast_len
-
-        least = (n // 8 for n in self.heights.shape)
-        return tuple(
-            next(m for m in itertools.count(m) if next_fast_len(n + 2 * m - 1, real=True) == n + 2 * m - 1)
-            for n, m in zip(self.heights.shape, least, strict=True)
-        )
 
     def short_waves(self, wavelength: float, depth: float) -> float:
         """Rms height (length) of the waves shorter than a cut-off; see :meth:`Surface.short_waves`.
@@ -225,7 +209,7 @@ class HeightMap(Surface):
         found = []
         for waves in transforms:
             rest = idctn(waves * part, type=1)
-            rest = rest[tuple(slice(m, n - m) for n, m in zip(rest.shape, self._margins, strict=True))]
+            rest = rest[tuple(slice(n // 8, n // 8 + n) for n in gap.shape)]
             edge = [int(min(wavelength / self.L, 0.25) * n) for n in rest.shape]
             inner = tuple(slice(m, n - m) for n, m in zip(rest.shape, edge, strict=True))
             places = []
@@ -236,79 +220,22 @@ class HeightMap(Surface):
         return min(found)
 
     def smoothed(self, x: ArrayLike, y: ArrayLike, s: ArrayLike) -> Array:
-        return self._smoothed(self._scales, x, y, s)
+        return self._scales.heights(x, y, s)
 
     @cached_property
     def _scales(self) -> ScaleSpace:
-        spacing = self.L / (max(self.heights.shape) - 1)
-        if self.limited:
-            return ScaleSpace(2 * _FIRST * spacing, 2 * self.L, self._limited_level)
-        return ScaleSpace(_FIRST * spacing, 2 * self.L, self._level)
-
-    @cached_property
-    def _dense(self) -> HeightMap:
-        """Map of heights twice as dense."""
-        ny, nx = self.heights.shape
-        return self.of(self.on_product(nodes(self.L, 2 * nx - 1), nodes(self.L, 2 * ny - 1)), (self.L, self.L))
-
-    def _limited_level(self, s: float) -> Heights:
-        """Smoothed heights, see :meth:`_level`; a spline of little smoothed samples would ring as without limits."""
-        rings = 0 < s < _RINGS * self.L / (max(self.heights.shape) - 1)
-        return self._dense._level(s) if rings else self._level(s)
-
-    @cached_property
-    def _cosines(self) -> Array:
-        """Cosine transform of the heights."""
-        from scipy.fft import dctn
-
-        return np.asarray(dctn(self.heights, type=1))
-
-    def _level(self, s: float) -> Heights:
-        """Heights, as a function of points, smoothed with the standard deviation s (length).
-
-        The Gaussian multiplies the cosine transform, so the map is mirrored at its edges; of a periodic map the Fourier
-        transform. What is left has no waves shorter than a few s, and a coarser grid holds it.
-        """
-        from scipy.fft import idctn
-
-        if s == 0:
-            return self.height
+        """Levels of smoothed heights; the map is mirrored at its edges unless it is periodic."""
+        z, first = self.heights, _FIRST * self.L / (max(self.heights.shape) - 1)
+        if self.limited:  # a spline of little smoothed samples would ring as one without limits
+            y, x = (np.linspace(0.0, self.L, 2 * n - 1) for n in z.shape)
+            z, first = self.on_product(x, y), 2 * first
+        mean = float(z.mean())
+        z = (z - mean).astype(np.float32)
         if self.periodic:
-            return self._periodic_level(s)
-        shape = self.heights.shape
-        fewer = [min(n, max(8, math.ceil(self.L / (_SPACING * s)) + 1)) for n in shape]
-        waves = self._cosines[: fewer[0], : fewer[1]].astype(np.float32)
-        mean = float(self._cosines[0, 0]) / math.prod(2 * (n - 1) for n in shape)
-        waves[0, 0] = 0.0
-        for axis, (m, n) in enumerate(zip(fewer, shape, strict=True)):
-            omega = np.linspace(0, np.pi, m)
-            gain = np.exp(-((omega * s * (m - 1) / self.L) ** 2) / 2) / spline_gain(omega) * ((m - 1) / (n - 1))
-            waves *= np.expand_dims(gain.astype(np.float32), 1 - axis)
-        ny, nx = fewer
-        spacing = self.L / (ny - 1), self.L / (nx - 1)
-        return spline_heights(idctn(waves, type=1, overwrite_x=True), spacing, "mirror", mean)
-
-    @cached_property
-    def _fourier(self) -> Array:
-        """Fourier coefficients of a period of the heights (ny - 1, (nx - 1)//2 + 1) (length)."""
-        from scipy.fft import rfft2
-
-        return np.asarray(rfft2(self.heights[:-1, :-1], norm="forward"))
-
-    def _periodic_level(self, s: float) -> Heights:
-        """Smoothed heights of a periodic map, see :meth:`_level`."""
-        from scipy.fft import fftfreq, irfft2
-
-        period = [n - 1 for n in self.heights.shape]
-        ny, nx = (min(n, max(8, math.ceil(self.L / (_SPACING * s)))) for n in period)
-        rows = np.rint(fftfreq(ny, 1 / ny)).astype(int)
-        waves = self._fourier[rows, : nx // 2 + 1].copy()
-        mean, waves[0, 0] = float(waves[0, 0].real), 0.0
-        for axis, (k, n) in enumerate(((rows, ny), (np.arange(nx // 2 + 1), nx))):
-            gain = np.exp(-((2 * np.pi * k * s / self.L) ** 2) / 2) / spline_gain(2 * np.pi * k / n)
-            waves *= np.expand_dims(gain, 1 - axis)
-        coefficients = irfft2(waves, s=(ny, nx), norm="forward")
-        return spline_heights(coefficients, (self.L / ny, self.L / nx), "grid-wrap", mean)
+            return ScaleSpace(self.height, z[:-1, :-1], self.L, first, mean)
+        return ScaleSpace(
+            self.height, np.pad(z, [(0, n - 2) for n in z.shape], mode="reflect"), 2 * self.L, first, mean
+        )
 
     def _at(self, x: ArrayLike, y: ArrayLike, dx: int = 0, dy: int = 0) -> Array:
         x, y = np.broadcast_arrays(np.asarray(x, dtype=float), np.asarray(y, dtype=float))
@@ -331,7 +258,7 @@ class HeightMap(Surface):
 
     def mean(self) -> float:
         """Exact mean of the spline over the patch (length)."""
-        return float(self._spline.integral(0, self.L, 0, self.L)) / self.L**2
+        return float(self._derivatives[0, 0].integral(0, self.L, 0, self.L)) / self.L**2
 
     @cached_property
     def periodic(self) -> bool:
@@ -349,12 +276,37 @@ class HeightMap(Surface):
         return all(found)
 
     def exact_rms(self) -> tuple[float, float, float]:
-        """(Sq, rms slope, rms curvature) of the spline over the patch; see :func:`spline_rms`."""
+        """(Sq, rms slope, rms curvature) of the spline over the patch (length, 1, 1/length).
+
+        Curvature is half the Laplacian. Gauss's rule is exact in each cell; of more than 1024 along a side every second
+        or third is taken. A grid of the same or of half the spacing would favour some places.
+        """
         return self._exact_rms
 
     @cached_property
     def _exact_rms(self) -> tuple[float, float, float]:
-        return spline_rms(self._spline.tck[:2], self._coefficients)
+        at, weight = np.polynomial.legendre.leggauss(DEGREE + 1)
+        points, weights = [], []
+        for ends in self._knots:
+            every = -(-(len(ends) - 1) // _CELLS)
+            half = 0.5 * np.diff(ends)[::every, None]
+            points.append((ends[:-1:every, None] + half * (1 + at)).ravel())
+            weights.append((half * weight).ravel() / (2 * half.sum()))
+        (x, y), (of_x, of_y), step = points, weights, 2**22 // points[0].size
+        sums = np.zeros(4)
+        for i in range(0, y.size, step):
+            z, zx, zy, xx, yy = (
+                self.on_product(x, y[i : i + step], *d) for d in ((0, 0), (1, 0), (0, 1), (2, 0), (0, 2))
+            )
+            for j, values in enumerate((z - self.mean(), (z - self.mean()) ** 2, zx**2 + zy**2, (xx + yy) ** 2)):
+                sums[j] += of_y[i : i + step] @ values @ of_x
+        return math.sqrt(max(sums[1] - sums[0] ** 2, 0.0)), math.sqrt(sums[2]), math.sqrt(sums[3]) / 2
+
+    @property
+    def _knots(self) -> tuple[Array, Array]:
+        """Ends of the polynomials of the spline along x and y (length)."""
+        along_x, along_y = (np.unique(t) for t in self._derivatives[0, 0].get_knots())
+        return along_x, along_y
 
     def rms_slope(self) -> float:
         """sqrt(<|grad z|^2>) of the spline over the patch (dimensionless)."""
@@ -375,16 +327,10 @@ class HeightMap(Surface):
 
     @cached_property
     def _curvature_bound(self) -> float:
-        xx, xy, yy = (float(np.abs(self._coefficients(*order)).max()) for order in ((2, 0), (1, 1), (0, 2)))
+        xx, xy, yy = (float(np.abs(self._derivative(*order).tck[2]).max()) for order in ((2, 0), (1, 1), (0, 2)))
         return max(xx, yy) + xy
-
-    def _coefficients(self, dx: int, dy: int) -> Array:
-        """B-spline coefficients of a derivative, index [iy, ix]; degree and number are less by its order."""
-        c = self._derivative(dx, dy).tck[2]
-        nx, ny = (len(t) - DEGREE - 1 for t in self._spline.get_knots())
-        return np.asarray(c).reshape(nx - dx, ny - dy).T
 
     @cached_property
     def _maximum(self) -> tuple[float, float, float]:
-        x, y = (with_middles(np.unique(t)) for t in self._spline.get_knots())
-        return global_maximum(self, (x, y))
+        x, y = self._knots
+        return global_maximum(self, (with_middles(x), with_middles(y)))

@@ -22,14 +22,13 @@ from asperity.surface.base import (
     short_wave_share,
 )
 from asperity.surface.maximum import global_maximum
-from asperity.surface.scale_space import Heights, ScaleSpace, spline_gain, spline_heights
+from asperity.surface.scale_space import ScaleSpace
 from asperity.surface.wave_grid import WaveGrid
 
 _DEVIATIONS = 10.0  # waves of random phases exceed this many with a probability below exp(-50) (Chernoff)
 _MOST = 2048  # waves of the shortest length along a side of the period: grids of 8192 x 8192 nodes
 _STRETCH = 16.0  # largest anisotropy
 _SUMMED = 256  # waves per period up to which the ideal spectrum is summed; beyond that it is integrated
-_NEGLIGIBLE = 4.5  # k s beyond which a smoothed wave is left out: exp(-10)
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -256,24 +255,11 @@ class SelfAffine(Surface):
         return global_maximum(self, K=min(self.curvature_bound(), _DEVIATIONS * math.sqrt(self._moment(2))))
 
     def smoothed(self, x: ArrayLike, y: ArrayLike, s: ArrayLike) -> Array:
-        return self._smoothed(self._scales, x, y, s)
+        return self._scales.heights(x, y, s)
 
     @cached_property
     def _scales(self) -> ScaleSpace:
-        return ScaleSpace(self.feature_size / (4 * np.pi), self.period, self._level)
-
-    def _level(self, s: float) -> Heights:
-        """Heights, as a function of points, smoothed with the standard deviation s (length)."""
         from scipy.fft import next_fast_len
 
-        if s == 0:
-            return self.height
-        most = self._waves.waves.shape[1] - 1
-        kept = min(most, max(1, math.ceil(_NEGLIGIBLE / s * self.period / (2 * np.pi))))
-        waves = self._waves.waves[most - kept : most + kept + 1, : kept + 1]
-        n = next_fast_len(max(16, 4 * kept), real=True)
-        spacing = self.period / n
-        omega = 2 * np.pi / n * np.arange(-kept, kept + 1)
-        gain = np.exp(-((omega * s / spacing) ** 2) / 2) / spline_gain(omega)
-        damped = WaveGrid(waves * gain[:, None] * gain[kept:], self.period)
-        return spline_heights(damped.on_grid(n, n), (spacing, spacing), "grid-wrap")
+        n = next_fast_len(4 * self._shortest, real=True)  # nodes for a spline of the shortest wave
+        return ScaleSpace(self.height, self._waves.on_grid(n, n), self.period, self.feature_size / (4 * np.pi))

@@ -1,4 +1,4 @@
-"""Cubic spline of a height map that does not ring at steps and at edges of plateaus, and its exact mean squares.
+"""Cubic spline of a height map that does not ring at steps and at edges of plateaus.
 
 The slopes of a spline are limited at heights where the data are no samples of a smooth surface (Huynh, SIAM J. Numer.
 Anal. 30 (1993) 57, limiter M3): to those of a monotone cubic between heights that rise or fall, and near a summit to
@@ -8,9 +8,7 @@ Hermite polynomials of the limited slopes are a spline with double knots.
 
 from __future__ import annotations
 
-import math
-from collections.abc import Callable
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -24,7 +22,6 @@ Knots = tuple[Array, Array, Array]  # along x and y (length), coefficients (leng
 BULGE = 4.0 / 27.0  # greatest value of a cubic on [0, 1] with values 0 at both ends and slope 1 at one of them
 MATTERS = 0.03  # rise of the spline above the limited one, over the depth of a light contact
 
-Order = tuple[int, int]
 DEGREE = 3  # of the spline
 LIGHT = 0.02  # share of the heights above the flat at a light load
 LEAST = 0.02  # that depth over the range of heights, where more of them are equally high
@@ -98,48 +95,6 @@ def _limited(slope: Array, secant: Array) -> Array:
 def _minmod(a: Array, b: Array) -> Array:
     """The smaller of two numbers of one sign, else 0."""
     return 0.5 * (np.sign(a) + np.sign(b)) * np.minimum(np.abs(a), np.abs(b))
-
-
-def spline_rms(knots: tuple[Array, Array], coefficients: Callable[[int, int], Array]) -> tuple[float, float, float]:
-    """(Sq, rms slope, rms curvature) (length, 1, 1/length); curvature is half the Laplacian.
-
-    A grid of the same or of half the spacing of the knots would favour some places between them.
-
-    Args:
-        knots: of the spline along x and along y (length)
-        coefficients: of its derivative of orders (dx, dy), index [iy, ix]
-    """
-    across = [_products(t) for t in knots]
-    area = math.prod(float(t[-1] - t[0]) for t in knots)
-
-    def mean(first: Order, second: Order) -> float:
-        along_x, along_y = (products(first[i], second[i]) for i, products in enumerate(across))
-        f, g = (shifted if order == (0, 0) else coefficients(*order) for order in (first, second))
-        return float(np.sum(f * (along_y @ (along_x @ g.T).T))) / area
-
-    shifted = coefficients(0, 0)
-    shifted = shifted - shifted.mean()  # a constant is the same constant in all coefficients
-    total = [np.asarray(products(0, 0).sum(axis=0)).ravel() for products in across]
-    level = float(total[1] @ shifted @ total[0]) / area
-    square = mean((0, 0), (0, 0)) - level**2
-    slope2 = mean((1, 0), (1, 0)) + mean((0, 1), (0, 1))
-    laplacian2 = mean((2, 0), (2, 0)) + mean((0, 2), (0, 2)) + 2 * mean((2, 0), (0, 2))
-    return math.sqrt(max(square, 0.0)), math.sqrt(slope2), math.sqrt(max(laplacian2, 0.0)) / 2
-
-
-def _products(knots: Array) -> Callable[[int, int], Any]:
-    """Integrals (n, m) of products of B-splines of the a-th and of the b-th derivative, for orders a, b."""
-    from scipy.interpolate import BSpline
-    from scipy.sparse import diags_array
-
-    ends = np.unique(knots)
-    at, weight = np.polynomial.legendre.leggauss(DEGREE + 1)
-    half = np.diff(ends)[:, None] / 2
-    points = (ends[:-1, None] + half * (1 + at)).ravel()
-    weights = diags_array((half * weight).ravel())
-    inner = [knots[k : len(knots) - k] for k in range(3)]
-    values = [BSpline.design_matrix(points, t, DEGREE - k) for k, t in enumerate(inner)]
-    return lambda a, b: (values[a].T @ weights @ values[b]).tocsr()
 
 
 def light_depth(z: Array, share: float = LIGHT, summit: float | None = None) -> float:
