@@ -49,8 +49,8 @@ class GeneralisedAlpha:
         InputError: rho_inf is outside [0, 1]
 
     Examples:
-        >>> GeneralisedAlpha(1.0).alphas
-        (0.5, 0.5)
+        >>> GeneralisedAlpha(1.0).constants
+        (0.5, 0.5, 0.25, 0.5)
     """
 
     rho_inf: float = 0.8
@@ -60,16 +60,11 @@ class GeneralisedAlpha:
             raise InputError(f"rho_inf = {self.rho_inf!r} must lie in [0, 1]: 1 damps nothing, 0 all it cannot resolve")
 
     @property
-    def alphas(self) -> tuple[float, float]:
-        """alpha_m and alpha_f (Chung & Hulbert 1993, equation 25)."""
+    def constants(self) -> tuple[float, float, float, float]:
+        """alpha_m, alpha_f, beta and gamma (Chung & Hulbert 1993, equations 25, 17 and 20)."""
         rho = self.rho_inf
-        return (2.0 * rho - 1.0) / (rho + 1.0), rho / (rho + 1.0)
-
-    @property
-    def newmark(self) -> tuple[float, float]:
-        """beta and gamma (Chung & Hulbert 1993, equations 17 and 20)."""
-        m, f = self.alphas
-        return 0.25 * (1.0 - m + f) ** 2, 0.5 - m + f
+        m, f = (2.0 * rho - 1.0) / (rho + 1.0), rho / (rho + 1.0)
+        return m, f, 0.25 * (1.0 - m + f) ** 2, 0.5 - m + f
 
 
 @dataclass(frozen=True)
@@ -83,14 +78,14 @@ class Motion:
 
     def anchor(self, scheme: GeneralisedAlpha, h: float) -> tuple[Any, float]:
         """(x*, c) with which the acceleration after a step h is c (x' - x*)."""
-        (m, f), (beta, _) = scheme.alphas, scheme.newmark
+        m, f, beta, _ = scheme.constants
         c = (1.0 - m) / ((1.0 - f) * beta * h * h)
         predicted = self.x + h * self.v + h * h * (0.5 - beta) * self.a
         return predicted - (m * self.a - f * self.w) / ((1.0 - f) * c), c
 
     def at(self, x: Any, scheme: GeneralisedAlpha, h: float) -> Motion:
         """Motion after a step h to the position `x`."""
-        beta, gamma = scheme.newmark
+        _, _, beta, gamma = scheme.constants
         anchor, c = self.anchor(scheme, h)
         a = (x - self.x - h * self.v) / (beta * h * h) - (0.5 / beta - 1.0) * self.a
         return Motion(x, self.v + h * ((1.0 - gamma) * self.a + gamma * a), c * (x - anchor), a)
@@ -220,36 +215,30 @@ class Transient:
         if not (h > 0.0 and duration > 0.0):
             raise InputError(f"duration = {duration!r} and h = {h!r} must be positive")
         push = forcing or (lambda t: 0.0)
-        newton = self.solver.counts.newton
-        rows = [self._row(self._energy(), self._energy())]
+        newton, smallest = self.solver.counts.newton, h / LARGEST_CUT
+        supplied = self._energy()
+        rows = [self._row(supplied)]
         for _ in range(int(np.ceil(duration / h * (1.0 - 1e-12)))):
-            old, was = self.plate, push(self.time)
-            self._advance(h, push, self.time + h)
-            moved = self.plate.x - old.x
-            work = (self.load + 0.5 * (was + push(self.time))) * moved
-            work -= 0.5 * h * self.dashpot * (old.v**2 + self.plate.v**2)
-            rows.append(self._row(self._energy(), rows[-1][5] + work))
-        time, approach, velocity, force, energy, supplied = np.array(rows).T
-        return TimeSeries(time, approach, velocity, force, energy, supplied, self.solver.counts.newton - newton)
-
-    def _advance(self, h: float, push: Callable[[float], float], end: float) -> None:
-        """Integrate to the time `end` by steps of `h`, halved where one does not converge."""
-        smallest = h / LARGEST_CUT
-        while self.time < end - 1e-9 * h:
-            try:
-                self.step(h, push(self.time + h))
-            except ConvergenceError:
-                self.solver.counts.cutbacks += 1
-                if h <= smallest:
-                    raise
-                h *= 0.5
+            old, was, end, part = self.plate, push(self.time), self.time + h, h
+            while self.time < end - 1e-9 * part:
+                try:
+                    self.step(part, push(self.time + part))
+                except ConvergenceError:  # shorter steps
+                    self.solver.counts.cutbacks += 1
+                    if part <= smallest:
+                        raise
+                    part *= 0.5
+            supplied += (self.load + 0.5 * (was + push(self.time))) * (self.plate.x - old.x)
+            supplied -= 0.5 * h * self.dashpot * (old.v**2 + self.plate.v**2)
+            rows.append(self._row(supplied))
+        return TimeSeries(*np.array(rows).T, newton=self.solver.counts.newton - newton)
 
     def step(self, h: float, push: float) -> None:
         """Make one step `h`; the forcing at its end is `push` [E L^2]."""
         solver, scheme = self.solver, self.scheme
         anchor, self.inertia.shift = self.block.anchor(scheme, h)
         self.inertia.anchor = solver.solid.scatter_forward(anchor.ravel())
-        beta, gamma = scheme.newmark
+        _, _, beta, gamma = scheme.constants
         q_anchor, c = self.plate.anchor(scheme, h)
         drive = self.load + push
 
@@ -275,7 +264,14 @@ class Transient:
             greatest = max(self.load, abs(drive), abs(force), abs(self._force), self.mass * abs(self.plate.w))
             rounding = ROUNDING * stiffness * max(abs(q), abs(self.plate.x))
             if abs(unbalanced) <= PLATE_TOLERANCE * greatest + rounding:
-                self._accept(q, guess, force, h)
+                self.plate, self.block = self.plate.at(q, scheme, h), self.block.at(guess, scheme, h)
+                held = solver.newton.rows  # nodes in contact move with the plate
+                for name in "vwa":
+                    getattr(self.block, name).reshape(-1)[held] = -getattr(self.plate, name)
+                solver.solid.kernels.commit()
+                solver.contact.commit()
+                self._before, self._force = self._force, force
+                self.time += h
                 return
             if tried is not None and abs(q - tried[0]) > 1e-6 * abs(q - self.plate.x):
                 self._slope = max((force - tried[1]) / (q - tried[0]), 0.0)
@@ -286,18 +282,8 @@ class Transient:
             "a smaller time step"
         )
 
-    def _accept(self, q: float, u: Floats, force: float, h: float) -> None:
-        self.plate, self.block = self.plate.at(q, self.scheme, h), self.block.at(u, self.scheme, h)
-        held = self.solver.newton.rows  # nodes in contact move with the plate
-        for name in "vwa":
-            getattr(self.block, name).reshape(-1)[held] = -getattr(self.plate, name)
-        self.solver.solid.kernels.commit()
-        self.solver.contact.commit()
-        self._before, self._force = self._force, force
-        self.time += h
-
-    def _row(self, energy: float, supplied: float) -> list[float]:
-        return [self.time, self.plate.x, self.plate.v, self._force, energy, supplied]
+    def _row(self, supplied: float) -> list[float]:
+        return [self.time, self.plate.x, self.plate.v, self._force, self._energy(), supplied]
 
     def _kinetic(self, v: Floats) -> float:
         """Kinetic energy of the block at velocities of the owned nodes (owned, 3) [E L^3]."""
@@ -308,7 +294,7 @@ class Transient:
         """Kinetic, stored and dissipated energy of plate and block [E L^3]."""
         solid = self.solver.solid
         shift, self.inertia.shift = self.inertia.shift, 0.0
-        stored, dissipated = energies(solid, solid.internal_force())
+        stored_and_dissipated = energies(solid, solid.internal_force())
         self.inertia.shift = shift
-        sums = solid.comm.allreduce(np.array([stored, dissipated]))
-        return 0.5 * self.mass * self.plate.v**2 + self._kinetic(self.block.v) + float(sums.sum())
+        of_solid = float(solid.comm.allreduce(np.array(stored_and_dissipated)).sum())
+        return 0.5 * self.mass * self.plate.v**2 + self._kinetic(self.block.v) + of_solid

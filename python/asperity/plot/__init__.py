@@ -15,12 +15,11 @@ from asperity.plot.area_load import area_load
 from asperity.plot.contact import contact_area, pressure_maps
 from asperity.plot.curves import force_curve, plasticity
 from asperity.plot.fields import surface_map
-from asperity.plot.motion import motion
 from asperity.plot.slip import slip, slip_map
 from asperity.plot.spectra import receptance
 from asperity.plot.stiffness import conductance, stiffness
 from asperity.plot.style import save, save_in
-from asperity.plot.vibration import frequency, response, results_of
+from asperity.plot.vibration import frequency, motion, response, results_of
 from asperity.runtime.run_folder import FIGURES, locking
 from asperity.surface.base import surface_kinds
 
@@ -126,8 +125,13 @@ def figures_of(results: Results) -> dict[str, Callable[[Results], Figure]]:
     rows = len(results.curve)
     rough = "surface" in results.case and surface_kinds()[results.case["surface"]["kind"]].rough
     plastic = np.any(results.curve.max_plastic_strain > 0)
+
+    def heights(results: Results) -> Figure:
+        surface = results.surface
+        return surface_map(surface.grid(401), surface.L, surface.maximum(), results.unit("length"))
+
     wanted: dict[str, tuple[bool, Callable[[Results], Figure]]] = {
-        "surface": ("surface" in results.case, _surface),
+        "surface": ("surface" in results.case, heights),
         "pressure": (results.snapshots > 0, pressure_maps),
         "area": (rows > 0, contact_area),
         "area_load": (rough and bool(np.any(results.curve.loading().area_fraction > 0)), area_load),
@@ -143,8 +147,3 @@ def figures_of(results: Results) -> dict[str, Callable[[Results], Figure]]:
         "motion": (len(results.motion.get("tau", ())) > 0, motion),
     }
     return {name: make for name, (possible, make) in wanted.items() if possible}
-
-
-def _surface(results: Results) -> Figure:
-    surface = results.surface
-    return surface_map(surface.grid(401), surface.L, surface.maximum(), results.unit("length"))

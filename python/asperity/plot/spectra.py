@@ -5,9 +5,6 @@ Axes are in hertz and in units of the case where these are known, else over omeg
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from typing import Any
-
 import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
@@ -15,33 +12,28 @@ from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 from asperity.arrays import Array
 from asperity.output.results import Results
 from asperity.plot import style
-from asperity.plot.vibration import DASHES, SYMBOLS, Scale, heading, is_sweep, pieces, truth, where
+from asperity.plot.vibration import DASHES, SWEEPS, SYMBOLS, Scale, heading, pieces, truth, where
 from asperity.units import prefix
 
 _FLOOR = 1.5  # the axis of the receptance begins at its smallest value over this
-
-
-def _axes(thresholds: Mapping[str, Any]) -> tuple[float, float, str, str]:
-    """Factors to frequency and compliance (1 where unknown), and units of frequency and length."""
-    scale = Scale.of(thresholds)
-    if scale is None or not np.isfinite(scale.frequency):
-        return 1.0, 1.0, "", ""
-    hertz, metre = ("Hz", "m") if scale.si else ("1/time", "length")
-    factor, hertz = prefix(scale.frequency, hertz) if scale.si else (1.0, hertz)
-    return factor * scale.frequency, 1.0 / float(thresholds["numbers"]["k_n"]), hertz, metre
 
 
 @style.styled
 def receptance(results: Results) -> Figure:
     """Draw amplitude over force with the backbone, or that of the mass over that of the base."""
     rows, free, thresholds = results.response, results.free, results.thresholds
-    frequency, compliance, hertz, metre = _axes(thresholds)
-    si = metre == "m"
-    title = heading([float(rows["zeta"][0])], thresholds.get("damping"), thresholds.get("n_loc"))
-    figure, (axis,) = style.figure(style.SINGLE + 1.6, 4.0, title)
+    driven, n_loc, load = thresholds.get("excitation", "force"), thresholds.get("n_loc"), thresholds.get("load")
+    frequency, compliance, hertz, metre, si = Scale.of(thresholds).frequency, 1.0, "", "", False
+    if np.isfinite(frequency):
+        si, compliance = Scale.of(thresholds).si, 1.0 / float(thresholds["numbers"]["k_n"])
+        factor, hertz = prefix(frequency, "Hz") if si else (1.0, "1/time")
+        frequency, metre = factor * frequency, "m" if si else "length"
+    else:
+        frequency = 1.0
     model = "exact" if "exact" in rows["model"] else str(rows["model"][0])
-    rows = where(rows, (rows["model"] == model) & ~is_sweep(rows["branch"]))
-    driven = thresholds.get("excitation", "force")
+    rows = where(rows, (rows["model"] == model) & ~np.isin(rows["branch"], list(SWEEPS)))
+    zeta = float(rows["zeta"][0])
+    figure, (axis,) = style.figure(style.SINGLE + 1.6, 4.0, heading([zeta], thresholds.get("damping"), n_loc))
     of_base = driven != "force"
     free = where(free, free["model"] == model) if "a1" in free and not of_base else {}
     value: Array = rows["transmissibility"] if of_base else rows["a1"] / rows["F_hat"]
@@ -53,7 +45,6 @@ def receptance(results: Results) -> Figure:
         factor, metre = prefix(compliance * high, metre)
         compliance *= factor
     grid = np.linspace(rows["Omega"].min(), rows["Omega"].max(), 2001)
-    zeta = float(rows["zeta"][0])
     linear = (np.hypot(1.0, 2.0 * zeta * grid) if of_base else 1.0) / np.hypot(1.0 - grid**2, 2.0 * zeta * grid)
     axis.plot(frequency * grid, compliance * linear, color=style.GREY, lw=0.8, label="linear")
     forcings = np.unique(rows["F_hat"])
@@ -71,7 +62,10 @@ def receptance(results: Results) -> Figure:
             reached = free["a1"] <= of["a1"].max()
             x, y = free["omega_ratio"][reached], free["a1"][reached] / forcing
             axis.plot(frequency * x, compliance * y, ":", color=colour, lw=1.0)
-        label = f"{SYMBOLS[driven]} = {forcing:.3g}" if of_base else _force(forcing, thresholds, si)
+        label = f"{SYMBOLS[driven]} = {forcing:.3g}"
+        if n_loc and not of_base:  # in newton where that is known, and over the preload
+            newton = f"{n_loc * forcing * load:.3g} N, " if si and load else ""
+            label = f"$F$ = {newton}{n_loc * forcing:.3g} $W$"
         axis.plot([], [], color=colour, label=label)
     if free:
         axis.plot([], [], ":", color=style.GREY, label="backbone of each force")
@@ -88,12 +82,3 @@ def receptance(results: Results) -> Figure:
     axis.set_ylabel("transmissibility, mass over base" if of_base else what)
     axis.legend(loc="best")
     return figure
-
-
-def _force(forcing: float, thresholds: Mapping[str, Any], si: bool) -> str:
-    """Label of a forcing: its amplitude in newton where that is known, and over the preload."""
-    n_loc, load = thresholds.get("n_loc"), thresholds.get("load")
-    if not n_loc:
-        return f"$\\hat F$ = {forcing:g}"
-    newton = f"{n_loc * forcing * load:.3g} N, " if si and load else ""
-    return f"$F$ = {newton}{n_loc * forcing:.3g} $W$"

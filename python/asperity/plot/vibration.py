@@ -1,4 +1,4 @@
-"""Figures of natural frequency over amplitude, and of amplitude over excitation frequency."""
+"""Figures of vibration: natural frequency over amplitude, amplitude over excitation frequency, short motions."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ MODELS = {"exact": (style.BLUE, "-", "exact law"), "taylor": (style.VERMILION, "
 DASHES = (0, (3, 1.5))  # offset, and lengths of line and gap [line widths]
 #: Excitation -> symbol of its dimensionless amplitude.
 SYMBOLS = {"force": "$\\hat{F}$", "base": "base $b/z_s$", "acceleration": "base $\\ddot b/(\\omega_s^2 z_s)$"}
-_SWEEPS = {"sweep-up": ("^", "sweep up"), "sweep-down": ("v", "sweep down")}
+SWEEPS = {"sweep-up": ("^", "sweep up"), "sweep-down": ("v", "sweep down")}
 _MARKS = {"fold": ("o", "fold"), "period doubling": ("s", "period doubling")}
 _ACTS = {"contact": "in contact", "hunt-crossley": "after Hunt and Crossley", "loops": "as the loops"}
 _Event = Mapping[str, Any]  # special orbit as in thresholds.json, with its model and forcing
@@ -38,10 +38,8 @@ _CLOSE = 0.03  # share of the extent of a curve within which consecutive rows ar
 def heading(zeta: Iterable[float], damping: str | None, n_loc: float | None) -> str:
     """Title: local exponent, damping ratio, damping model."""
     exponent = f"$n_{{loc}}$ = {n_loc:.4g}, " if n_loc else ""
-    ratios = ", ".join(f"{value:g}" for value in zeta)
-    return f"{exponent}damping ratio $\\zeta$ = {ratios}" + (
-        f", acting {_ACTS.get(damping, damping)}" if damping else ""
-    )
+    acting = f", acting {_ACTS.get(damping, damping)}" if damping else ""
+    return f"{exponent}damping ratio $\\zeta$ = {', '.join(f'{value:g}' for value in zeta)}{acting}"
 
 
 @dataclass(frozen=True)
@@ -49,7 +47,7 @@ class Scale:
     """Physical units of the second axes of a figure.
 
     Attributes:
-        length: static approach z_s [length]
+        length: static approach z_s [length]; NaN for an assumed law, which has no units
         frequency: natural frequency of small vibration [1/time], NaN if unknown
         si: whether these are metres and hertz
     """
@@ -59,23 +57,20 @@ class Scale:
     si: bool
 
     @classmethod
-    def of(cls, thresholds: Mapping[str, Any]) -> Scale | None:
-        """Scale of the content of thresholds.json; None for an assumed law, which has no units."""
-        if not (thresholds.get("laws") is not None or thresholds.get("joint")):
-            return None
+    def of(cls, thresholds: Mapping[str, Any]) -> Scale:
+        """Scale of the content of thresholds.json."""
+        if thresholds.get("laws") is None and not thresholds.get("joint"):
+            return cls(np.nan, np.nan, False)
         frequency = (thresholds.get("numbers") or {}).get("f")
-        si = thresholds.get("units") != "other"
-        return cls(float(thresholds["z_s"]), np.nan if frequency is None else float(frequency), si)
+        frequency = np.nan if frequency is None else float(frequency)
+        return cls(float(thresholds["z_s"]), frequency, thresholds.get("units") != "other")
 
-    def lengths(self, axis: Any, side: str) -> None:
-        """Draw a second axis of lengths at a side, "top" or "right"."""
-        style.physical_axis(axis, side, "amplitude", self.length, "m" if self.si else "")
-
-    def frequencies(self, axis: Any, side: str) -> None:
-        """Draw a second axis of frequencies at a side, "top" or "right", if they are known."""
-        if np.isfinite(self.frequency):
+    def axes(self, axis: Any, lengths: str, frequencies: str = "") -> None:
+        """Draw second axes of lengths and frequencies at sides, "top" or "right", if they are known."""
+        style.physical_axis(axis, lengths, "amplitude", self.length, "m" if self.si else "")
+        if frequencies and np.isfinite(self.frequency):
             factor, unit = prefix(self.frequency, "Hz" if self.si else "")
-            style.second_axis(axis, side, self.frequency * factor, style.label("frequency", unit))
+            style.second_axis(axis, frequencies, self.frequency * factor, style.label("frequency", unit))
 
 
 @style.styled
@@ -87,24 +82,18 @@ def frequency(results: Results) -> Figure:
         u, omega, low = rows["u0"], rows["omega_ratio"], rows["u_min"]
         if not len(u):
             continue
-        kept = low >= -1.0
         axis.plot(u, omega, line, color=colour, label=text)
-        if kept.any() and not kept.all():
-            i = int(np.flatnonzero(kept)[-1])
-            j = min(i + 1, len(u) - 1)
-            s = (low[i] + 1.0) / (low[i] - low[j]) if low[i] > low[j] else 0.0
-            axis.plot(
-                u[i] + s * (u[j] - u[i]), omega[i] + s * (omega[j] - omega[i]), "o", color=colour, ms=5, zorder=4,
-                label="contact lost beyond" if model == "exact" else "unphysical beyond",
-            )  # fmt: skip
+        kept = np.flatnonzero(low >= -1.0)
+        if 0 < len(kept) < len(u):
+            last = slice(kept[-1], kept[-1] + 2)
+            at = (np.interp(1.0, -low[last], values[last]) for values in (u, omega))
+            words = "contact lost beyond" if model == "exact" else "unphysical beyond"
+            axis.plot(*at, "o", color=colour, ms=5, zorder=4, label=words)
     axis.axhline(1.0, color=style.GREY, lw=0.7)
     axis.set(xlabel="amplitude $u_0 = (z_0 - z_s)/z_s$", ylabel="natural frequency $\\omega_n/\\omega_s$")
     axis.set_xlim(left=0)
     axis.legend(loc="best")
-    scale = Scale.of(results.thresholds)
-    if scale is not None:
-        scale.lengths(axis, "top")
-        scale.frequencies(axis, "right")
+    Scale.of(results.thresholds).axes(axis, "top", "right")
     return figure
 
 
@@ -115,11 +104,12 @@ def response(results: Results) -> Figure:
     Sweeps are triangles, bands those of exact responses, by the error bar of the force and the spread of the laws.
     """
     rows, bands, t = results.response, results.band, results.thresholds
-    driven, n_loc, scale = t.get("excitation", "force"), t.get("n_loc"), Scale.of(t)
+    driven, n_loc = t.get("excitation", "force"), t.get("n_loc")
     models = [model for model in MODELS if model in rows["model"]]
     events = [
         e | {"model": model, "F_hat": r["F_hat"]}
         for model in MODELS for r in t.get(model, {}).get("responses", ()) for e in r.get("events", ())
+        if model == "exact" or e["u_min"] >= -1.0  # physical
     ]  # fmt: skip
     figure, axes = style.figure(1.2 + 4.0 * len(models), 4.4, *(MODELS[model][2] for model in models))
     forcings = np.unique(rows["F_hat"])
@@ -135,14 +125,12 @@ def response(results: Results) -> Figure:
         about = "" if driven == "force" else " relative to the base"
         axis.set(xlabel="frequency $\\Omega = \\omega/\\omega_s$", ylabel=f"largest displacement{about} $u_{{\\max}}$")
         axis.set(xlim=(rows["Omega"].min(), rows["Omega"].max()), ylim=(0, 1.1 * np.nanmax(rows["u_max"][physical])))
-        if scale is not None:
-            scale.frequencies(axis, "top")
-            scale.lengths(axis, "right")
+        Scale.of(t).axes(axis, "right", "top")
     keys = []
     for forcing, colour in zip(forcings, np.resize(style.COLOURS, len(forcings)), strict=True):
         weight = f", $F/W$ = {n_loc * forcing:.3g}" if n_loc and driven == "force" else ""
         keys.append(Line2D([], [], color=colour, label=f"{SYMBOLS[driven]} = {forcing:g}{weight}"))
-    shown = {*np.unique(rows["branch"]).tolist(), *(e["kind"] for e in events if _is_physical(e))}
+    shown = {*np.unique(rows["branch"]).tolist(), *(e["kind"] for e in events)}
     keys += _line_keys(shown, bool(physical.all()), bool(bands))
     figure.legend(handles=keys, loc="outside lower center", ncols=2 if len(models) == 1 else 4)
     figure.suptitle(heading(np.unique(rows["zeta"]), t.get("damping"), n_loc))
@@ -152,8 +140,8 @@ def response(results: Results) -> Figure:
 def _branch(axis: Any, rows: Columns, name: str, model: str, colour: str) -> None:
     """Draw one branch: solid where stable, otherwise dashed, faint where unphysical; triangles for a sweep."""
     omega, u, stable = rows["Omega"], rows["u_max"], truth(rows["stable"])
-    if name in _SWEEPS:
-        axis.plot(omega[stable], u[stable], _SWEEPS[name][0], color=colour, mfc="white", ms=3, mew=0.7, zorder=3)
+    if name in SWEEPS:
+        axis.plot(omega[stable], u[stable], SWEEPS[name][0], color=colour, mfc="white", ms=3, mew=0.7, zorder=3)
         return
     valid = (rows["u_min"] >= -1.0) | (model == "exact")
     for start, stop in pieces(omega, u, stable + 2 * valid):
@@ -194,16 +182,12 @@ def pieces(omega: Array, u: Array, state: NDArray[Any]) -> Iterator[tuple[int, i
 
 def _events(axis: Any, events: Sequence[_Event]) -> None:
     """Draw folds, period doublings, and the line through the onsets of contact loss."""
-    for e in filter(_is_physical, events):
+    for e in events:
         if e["kind"] in _MARKS:
             axis.plot(e["Omega"], e["u_max"], _MARKS[e["kind"]][0], color=style.BLACK, ms=3.5, mfc="white", zorder=5)
     points = sorted((e["Omega"], e["u_max"]) for e in events if e["kind"] == "grazing" and e["model"] == "exact")
     if points:
         axis.plot(*zip(*points, strict=True), "d:", color=style.GREEN, ms=4, lw=1.0, zorder=5)
-
-
-def _is_physical(e: _Event) -> bool:
-    return bool(e["model"] == "exact" or e["u_min"] >= -1.0)
 
 
 def _line_keys(shown: set[str], physical: bool, band: bool) -> list[Line2D]:
@@ -213,9 +197,9 @@ def _line_keys(shown: set[str], physical: bool, band: bool) -> list[Line2D]:
         Line2D([], [], color=style.GREY, label="stable"),
         Line2D([], [], color=style.GREY, ls=DASHES, label="unstable"),
     ]
-    for name, (marker, text) in (_MARKS | _SWEEPS).items():
+    for name, (marker, text) in (_MARKS | SWEEPS).items():
         if name in shown:
-            colour = style.GREY if name in _SWEEPS else style.BLACK
+            colour = style.GREY if name in SWEEPS else style.BLACK
             keys.append(Line2D([], [], label=text, marker=marker, color=colour, **mark))
     if "grazing" in shown:
         keys.append(Line2D([], [], color=style.GREEN, marker="d", ls=":", ms=4, label="contact loss begins"))
@@ -224,6 +208,30 @@ def _line_keys(shown: set[str], physical: bool, band: bool) -> list[Line2D]:
     if band:
         keys.append(Line2D([], [], color=style.GREY, lw=6, alpha=0.5 * _FAINT, label="error bar and laws"))
     return keys
+
+
+@style.styled
+def motion(results: Results) -> Figure:
+    """Draw displacement and force over the time of short motions, a panel for each course of the force."""
+    rows, scale = results.motion, Scale.of(results.thresholds)
+    shapes = [str(shape) for shape in dict.fromkeys(rows["shape"])]
+    known, factor, text = bool(np.isfinite(scale.frequency)), 1.0, "time $\\omega_s t$"
+    if known:
+        factor, second = prefix(float(np.nanmax(rows["time"])), "s" if scale.si else "")
+        text = style.label("time", second)
+    figure, axes = style.figure(style.DOUBLE, 1.0 + 2.1 * len(shapes), *shapes, rows=len(shapes), sharex=True)
+    for axis, shape in zip(axes, shapes, strict=True):
+        of = where(rows, rows["shape"] == shape)
+        t, u = factor * of["time" if known else "tau"], of["u"]
+        axis.fill_between(t, 0, 1, where=u < -1.0, transform=axis.get_xaxis_transform(), color=style.PALE, lw=0)
+        driven = SYMBOLS[results.thresholds.get("excitation", "force")]
+        axis.plot(t, of["F_hat"], color=style.VERMILION, lw=0.9, label=driven)
+        axis.plot(t, u, color=style.BLUE, lw=1.1, label="displacement $u$")
+        axis.set(xlim=(t[0], t[-1]), ylabel="$u = (z - z_s)/z_s$")
+        scale.axes(axis, "right")
+    axes[0].legend(loc="best", ncols=2)
+    axes[-1].set_xlabel(text)
+    return figure
 
 
 def results_of(found: Dynamics) -> Results:
@@ -247,11 +255,6 @@ def columns_of(rows: Iterable[Mapping[str, Any]]) -> Columns:
 def where(columns: Columns, mask: NDArray[np.bool_]) -> Columns:
     """Some rows of columns."""
     return {name: column[mask] for name, column in columns.items()}
-
-
-def is_sweep(branch: NDArray[Any]) -> NDArray[np.bool_]:
-    """Which rows belong to sweeps."""
-    return np.isin(branch, list(_SWEEPS))
 
 
 def truth(column: NDArray[Any]) -> NDArray[np.bool_]:
