@@ -49,27 +49,39 @@ def scene(folder: str | Path, path: str | Path | None = None) -> Path:
         os.environ.setdefault("VTK_DEFAULT_OPENGL_WINDOW", "vtkEGLRenderWindow")
     import pyvista as pv
 
-    grid = results.to_pyvista()
-    stress = np.asarray(grid.cell_data["von Mises stress"])
-    pressure = np.asarray(grid.point_data["pressure"])
+    grid, top = results.to_pyvista(), results.top
+    stress, pressure = grid.cell_data["von Mises stress"], grid.point_data["pressure"]
     scale, unit = prefix(float(pressure.max()) or float(stress.max()), results.unit("stress"))
-    block = _linear(grid, stress * scale)
-    factor = _stretch(block, results.top)
-    # a small region of high stress must not determine the colour scale
-    highest = float(np.quantile(stress, 0.999)) * scale
+    block, factor = _with_relief(grid, top)
+    x0, x1, y0, y1, z0, z1 = block.bounds
+    upper = block.clip_box((x0 - 1, x1 + 1, y0 - 1, y1 + 1, z0 - 1, z1 - DEPTH * (z1 - z0)), invert=True)
     plotter = pv.Plotter(off_screen=True, shape=(1, 2), window_size=list(SIZE), border=False)
-    plotter.subplot(0, 0)
-    smooth = _open(block).cell_data_to_point_data()  # the mean of the cells around each node
-    plotter.add_mesh(smooth, scalars="stress shown", cmap="cividis", ambient=0.2, n_colors=256,
-                     **_scale("von Mises stress", unit, highest))  # fmt: skip
-    _view(plotter, block)
-    plotter.subplot(0, 1)
-    plotter.add_mesh(_cut(block).extract_surface(algorithm="dataset_surface"), color="#B8B8B8", ambient=0.2)
-    colours = _scale("contact pressure", unit, float(pressure.max()) * scale)
-    plotter.add_mesh(_touched(results.top, block, scale, factor), scalars="pressure shown", cmap="inferno_r",
-                     n_colors=256, ambient=0.2, **colours)  # fmt: skip
-    _view(plotter, block)
-    side = quantity(float(np.ptp(results.top["points"][:, 0])), results.unit("length"), 3)
+    middle = np.array([(x0 + x1) / 2, (y0 + y1) / 2, z1 - 1.25 * DEPTH * (z1 - z0)])
+    away = 2.65 * np.array([0.6, -0.6, 0.65]) * max(x1 - x0, DEPTH * (z1 - z0))
+
+    def show(column: int, mesh: Any, colours: str, values: Any, name: str, highest: float) -> None:
+        """Draw a mesh; its colours go from zero to the round number above the highest value."""
+        ticks = MaxNLocator(5).tick_values(0.0, scale * highest if highest > 0.0 else 1.0)
+        bar = {"title": f"{name} ({unit})\n" if unit else f"{name}\n", "title_font_size": 38, "label_font_size": 34,
+               "color": "black", "fmt": "%.3g", "width": 0.6, "height": 0.07, "position_x": 0.2, "position_y": 0.03,
+               "n_labels": len(ticks)}  # fmt: skip
+        plotter.subplot(0, column)
+        plotter.add_mesh(mesh, scalars=scale * values, cmap=colours, ambient=0.2, n_colors=256,
+                         clim=(0.0, ticks[-1]), scalar_bar_args=bar)  # fmt: skip
+        plotter.set_background("white")
+        plotter.camera_position = [tuple(middle + away), tuple(middle), (0, 0, 1)]
+
+    # the mean of the cells around each node; a small region of high stress must not determine the colours
+    opened = _open(block, upper).cell_data_to_point_data()
+    show(0, opened, "cividis", opened["stress"], "von Mises stress", float(np.quantile(stress, 0.999)))
+    # triangles under pressure in the last snapshot
+    xyz = np.column_stack([top["points"], -top["gap"][-1]]) / np.ptp(top["points"][:, 0])
+    xyz[:, 2] = factor * (xyz[:, 2] - xyz[:, 2].max()) + z1 + ABOVE
+    loaded = top["triangles"][(top["pressure"][-1][top["triangles"]] > 0.0).all(axis=1)]
+    touched = pv.PolyData.from_regular_faces(xyz, loaded)
+    show(1, touched, "inferno_r", top["pressure"][-1], "contact pressure", float(pressure.max()))
+    plotter.add_mesh(upper.extract_surface(algorithm="dataset_surface"), color="#B8B8B8", ambient=0.2)
+    side = quantity(float(np.ptp(top["points"][:, 0])), results.unit("length"), 3)
     peak = quantity(float(pressure.max()), results.unit("stress"), 3)
     plotter.add_text(f"side {side}, heights {factor:.2g} times enlarged, greatest pressure {peak}", "upper_right",
                      font_size=16, color="black")  # fmt: skip
@@ -81,76 +93,36 @@ def scene(folder: str | Path, path: str | Path | None = None) -> Path:
     return target
 
 
-def _linear(grid: Any, stress: Any) -> Any:
-    """Deformed block as linear tetrahedra through all nodes, which can be clipped."""
+def _with_relief(grid: Any, top: Any) -> tuple[Any, float]:
+    """Deformed block as linear tetrahedra through all nodes, which can be clipped, its heights enlarged; the factor.
+
+    Below the top the heights are enlarged less, and little in the depth.
+    """
     import pyvista as pv
-
-    tets = grid.cells_dict[VTK_TYPE]
-    cells = tets[:, np.array(LINEAR_TETS)].reshape(-1, 4)
-    block = pv.UnstructuredGrid({pv.CellType.TETRA: cells}, grid.points + grid.point_data["displacement"])
-    block.cell_data["stress shown"] = np.repeat(stress, len(LINEAR_TETS))
-    return block
-
-
-def _stretch(block: Any, top: Any) -> float:
-    """Enlarge the heights of the deformed top, less so below it, until they can be seen; return the factor."""
     from scipy.interpolate import LinearNDInterpolator, NearestNDInterpolator
 
+    cells = grid.cells_dict[VTK_TYPE][:, np.array(LINEAR_TETS)].reshape(-1, 4)
+    points = grid.points + grid.point_data["displacement"]
     side = float(np.ptp(top["points"][:, 0]))
     xy, heights = top["points"] / side, -top["gap"][-1] / side
     factor = max(RELIEF / (float(np.ptp(heights)) or RELIEF), 1.0)
-    at = np.clip(block.points[:, :2], 0.0, 1.0)
-    relief = LinearNDInterpolator(xy, heights - heights.max())(at)
-    lost = np.isnan(relief)
-    relief[lost] = NearestNDInterpolator(xy, heights - heights.max())(at[lost])
-    z = block.points[:, 2]
-    block.points[:, 2] = z + (factor - 1.0) * relief * np.clip(z / z.max(), 0.0, 1.0) ** 4  # little in the depth
-    return factor
+    at, below = np.clip(points[:, :2], 0.0, 1.0), heights - heights.max()
+    relief = LinearNDInterpolator(xy, below)(at)
+    relief = np.where(np.isnan(relief), NearestNDInterpolator(xy, below)(at), relief)
+    z = points[:, 2]
+    points[:, 2] = z + (factor - 1.0) * relief * np.clip(z / z.max(), 0.0, 1.0) ** 4
+    block = pv.UnstructuredGrid({pv.CellType.TETRA: cells}, points)
+    block.cell_data["stress"] = np.repeat(grid.cell_data["von Mises stress"], len(LINEAR_TETS))
+    return block, factor
 
 
-def _touched(top: Any, block: Any, scale: float, factor: float) -> Any:
-    """Triangles of the top under pressure in the last snapshot, with heights enlarged by a factor."""
-    import pyvista as pv
-
-    xyz = np.column_stack([top["points"], -top["gap"][-1]]) / np.ptp(top["points"][:, 0])
-    xyz[:, 2] = factor * (xyz[:, 2] - xyz[:, 2].max()) + block.bounds[5] + ABOVE
-    pressure, triangles = top["pressure"][-1], top["triangles"]
-    out = pv.PolyData.from_regular_faces(xyz, triangles[(pressure[triangles] > 0.0).all(axis=1)])
-    out.point_data["pressure shown"] = scale * pressure
-    return out
-
-
-def _cut(block: Any) -> Any:
-    """Upper part of the block."""
+def _open(block: Any, upper: Any) -> Any:
+    """Upper part of a block without the quarter in front of a highly stressed point: of those inside the foremost."""
     x0, x1, y0, y1, z0, z1 = block.bounds
-    return block.clip_box((x0 - 1, x1 + 1, y0 - 1, y1 + 1, z0 - 1, z1 - DEPTH * (z1 - z0)), invert=True)
-
-
-def _open(block: Any) -> Any:
-    """Upper part of the block without the quarter in front of a highly stressed point: of those inside the foremost."""
-    x0, x1, y0, y1, z0, z1 = block.bounds
-    low, high = (
-        (1 - s) * np.array([x0, y0]) + s * np.array([x1, y1]) for s in (0.2, 0.8)
-    )  # nearer a side shows nothing
-    centres, stress = block.cell_centers().points[:, :2], block.cell_data["stress shown"]
+    sides = np.array([(x0, y0), (x1, y1)])
+    low, high = 0.8 * sides + 0.2 * sides[::-1]  # nearer a side shows nothing
+    centres, stress = block.cell_centers().points[:, :2], block.cell_data["stress"]
     inside = np.all((centres > low) & (centres < high), axis=1) & (stress > HIGH * np.quantile(stress, 0.999))
     at = np.argmax(np.where(inside, centres @ [1.0, -1.0], -np.inf) if inside.any() else stress)
     x, y = np.clip(centres[at], low, high).tolist()
-    return _cut(block).clip_box((x, x1 + 1, y0 - 1, y, z0 - 1, z1 + 1), invert=True)
-
-
-def _scale(name: str, unit: str, highest: float) -> dict[str, Any]:
-    """Limits and bar of the colours: from zero to the round number above the highest value, labels at round numbers."""
-    ticks = MaxNLocator(5).tick_values(0.0, highest if highest > 0.0 else 1.0)
-    bar = {"title": f"{name} ({unit})\n" if unit else f"{name}\n", "title_font_size": 38, "label_font_size": 34,
-           "color": "black", "fmt": "%.3g", "width": 0.6, "height": 0.07, "position_x": 0.2, "position_y": 0.03,
-           "n_labels": len(ticks)}  # fmt: skip
-    return {"clim": (0.0, ticks[-1]), "scalar_bar_args": bar}
-
-
-def _view(plotter: Any, block: Any) -> None:
-    plotter.set_background("white")
-    x0, x1, y0, y1, z0, z1 = block.bounds
-    middle = np.array([(x0 + x1) / 2, (y0 + y1) / 2, z1 - 1.25 * DEPTH * (z1 - z0)])
-    away = 2.65 * np.array([0.6, -0.6, 0.65]) * max(x1 - x0, DEPTH * (z1 - z0))
-    plotter.camera_position = [tuple(middle + away), tuple(middle), (0, 0, 1)]
+    return upper.clip_box((x, x1 + 1, y0 - 1, y, z0 - 1, z1 + 1), invert=True)
