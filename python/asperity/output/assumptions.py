@@ -133,13 +133,12 @@ def _patch(run: Evidence) -> Iterator[Assumption]:
             "two rough blocks with slopes of 0.05 in CalculiX (docs/measured.md)", "a larger tolerance, smaller slopes",
         )  # fmt: skip
     if (found := run.patches) is not None:
-        word = "softer" if found.change < 0.0 else "stiffer"
         yield Assumption(
             "joint: stiffness by other patches of its roughness", 100 * found.bar, DIFFERENT, "%",
             f"half-space pressed with {found.patches} patches under one plane",
             "a larger surface.L, or the mean of several seeds (asperity study)",
-            f"the mean of the patches is {100 * abs(found.change):.0f} % ± {100 * found.error:.0f} % {word}; "
-            f"this one has {int(run.curve.spots[run.top])} spot(s) at the greatest force",
+            f"the mean of the patches is {found}; this one has {int(run.curve.spots[run.top])} spot(s) at the greatest "
+            "force",
         )  # fmt: skip
     load = run.curve.loading()
     if len(load):

@@ -45,6 +45,11 @@ class Spread:
         """Relative bar of a joint's stiffness by its patch."""
         return abs(self.change) + self.error
 
+    def __str__(self) -> str:
+        """The change and its standard error in words."""
+        word = "softer" if self.change < 0.0 else "stiffer"
+        return f"{100 * abs(self.change):.0f} % ± {100 * self.error:.0f} % {word}"
+
     def to_dict(self) -> dict[str, Any]:
         """Section "patches" of summary.json."""
         return {"change": self.change, "error": self.error, "bar": self.bar, "patches": self.patches}
@@ -68,24 +73,23 @@ def spread_of_patches(problem: Problem, pressure: float) -> Spread | None:
     n = cells_per_side(float(np.clip(PER_WAVE * surface.L / surface.feature_size, *CELLS)))
     layer = RoughHalfSpace(n, problem.height / surface.L, solid.nu, problem.sides, hardness)
     own = layer.heights(surface)
-    plane = _plane(layer, own, target)
-    others = list(_others(surface, layer, own))
-    if plane is None or not others:
+    patches = [own, *_others(surface, layer, own)]
+    top, depth = float(own.max()), float(np.ptp(own)) * np.geomspace(1e-3, 1.0, 13)
+    alone = _carried(layer, own, top - depth)
+    if len(patches) == 1 or not alone[0] < target < alone[-1]:
         return None
-    top, highest = float(own.max()), max(float(heights.max()) for heights in (own, *others))
-    deepest = highest - top + DEEPER * (top - plane)
-    planes = highest - np.geomspace(0.1 * (top - plane), deepest, PLANES)
-    carried = [_carried(layer, heights, planes) for heights in (own, *others)]
-    mine = _stiffness(planes, carried[0], target)
-    whole = _stiffness(planes, np.mean(carried, axis=0), target)
-    if mine is None or whole is None:
+    approach = float(np.exp(np.interp(math.log(target), np.log(np.maximum(alone, 1e-300)), np.log(depth))))
+    highest = max(float(heights.max()) for heights in patches)
+    planes = highest - np.geomspace(0.1 * approach, highest - top + DEEPER * approach, PLANES)
+    carried = np.array([_carried(layer, heights, planes) for heights in patches])
+    without = [np.delete(carried, i, axis=0).mean(axis=0) for i in range(len(patches))]
+    found = [_stiffness(planes, mean, target) for mean in (carried[0], carried.mean(axis=0), *without)]
+    known = np.array([k for k in found if k is not None])
+    if len(known) < len(found):
         return None
-    parts = [_stiffness(planes, np.mean(np.delete(carried, i, axis=0), axis=0), target) for i in range(len(carried))]
-    known = np.array([part for part in parts if part is not None])
-    if len(known) < len(parts):
-        return None
-    error = math.sqrt((len(known) - 1) / len(known) * float(np.sum((known - known.mean()) ** 2)))  # jackknife
-    return Spread(whole / mine - 1.0, error / mine, len(carried))
+    mine, whole, *parts = known.tolist()
+    error = math.sqrt(len(patches) - 1) * float(np.std(parts))  # jackknife
+    return Spread(whole / mine - 1.0, error / mine, len(patches))
 
 
 def _others(surface: Surface, layer: RoughHalfSpace, own: Floats) -> Iterator[Floats]:
@@ -102,16 +106,6 @@ def _others(surface: Surface, layer: RoughHalfSpace, own: Floats) -> Iterator[Fl
             whole = np.vstack([np.hstack([part, part[:, ::-1]]), np.hstack([part, part[:, ::-1]])[::-1]])
             wide = np.pad(whole, [(0, len(own) - len(whole))] * 2, mode="edge")
             yield wide - float(wide.mean() - own.mean())
-
-
-def _plane(layer: RoughHalfSpace, heights: Floats, target: float) -> float | None:
-    """Height of the flat at which it carries a mean pressure [L], None where it carries less at any approach."""
-    top, deepest = float(heights.max()), float(heights.max() - heights.min())
-    depth = np.geomspace(1e-3, 1.0, 13) * deepest
-    carried = layer.curve(heights, top, depth, PRECISION).P_star
-    if not carried[0] < target < carried[-1]:
-        return None
-    return top - float(np.exp(np.interp(math.log(target), np.log(np.maximum(carried, 1e-300)), np.log(depth))))
 
 
 def _carried(layer: RoughHalfSpace, heights: Floats, planes: Array) -> Floats:

@@ -7,6 +7,7 @@ from math import isfinite, nan
 from typing import Any
 
 from asperity.output.assumption import DOUBTFUL
+from asperity.output.patches import Spread
 from asperity.output.results import Results
 from asperity.units import plus_minus, quantity
 
@@ -19,11 +20,11 @@ def verdict(results: Results) -> list[str]:
         >>> verdict(Results("out", asp.Curve.from_rows(rows), case={"units": "SI"}))
         ['The force on the patch is 2.00 µN ± 2 % at an approach of 1 nm; 1 % of the nominal area is in contact.']
     """
-    return [*_contact(results), *_stiffness(results), *_vibration(results), *_slip(results)]
+    return [*_contact(results), *_vibration(results)]
 
 
 def _contact(results: Results) -> Iterator[str]:
-    """Force, error bar and area of the patch at the largest force."""
+    """Force, error bar, area and stiffness of the patch at the largest force."""
     curve = results.curve
     if not len(curve):
         yield "No load step was accepted."
@@ -37,14 +38,7 @@ def _contact(results: Results) -> Iterator[str]:
     yield f"The force on the patch is {force} at an approach of {delta}{area}."
     if not isfinite(curve.bar("P_star", top)):
         yield "It has no error bar: the case requests no tolerance."
-
-
-def _stiffness(results: Results) -> Iterator[str]:
-    """Normal and tangential stiffness of the patch at the largest force."""
-    curve = results.curve
-    if not len(curve):
-        return
-    top, known = int(curve.force.argmax()), []
+    known = []
     for name, axis in (("k_n_elastic", "normal"), ("k_t", "tangential, without slip,")):
         value = float(getattr(curve, name)[top])
         if isfinite(value) and value > 0.0:
@@ -54,35 +48,27 @@ def _stiffness(results: Results) -> Iterator[str]:
 
 
 def _vibration(results: Results) -> Iterator[str]:
-    """Stiffness and frequency of small vibration."""
-    found = results.thresholds
-    numbers, si = found.get("numbers") or {}, found.get("units") != "other"
-    if numbers.get("k_n") is None:
-        return
-    bar = (found.get("laws") or {}).get("error_bar_of_k_n")
-    bar = nan if bar is None else float(bar)
-    of, load = "joint" if results.case.get("joint") else "patch", found.get("load")
-    about = "" if load is None else f" about a load of {quantity(load, (si and 'N') or '')}"
-    stiffness = quantity(numbers["k_n"], (si and "N/m") or "", bar=bar)
-    text = f"Small vibration of the {of}{about} has a stiffness of {stiffness}"
-    if numbers.get("f") is not None:  # sqrt(k_n/m): half the bar, and none of one that the case gives
-        given = (results.case.get("joint") or {}).get("frequency") is not None
-        text += f" and a frequency of {quantity(numbers['f'], (si and 'Hz') or '', bar=nan if given else 0.5 * bar)}"
-    yield f"{text}."
-    if of == "joint" and (patches := results.summary.get("patches")):
-        word = "softer" if patches["change"] < 0.0 else "stiffer"
-        yield (
-            f"That is of this patch; the mean of {patches['patches']} patches of its roughness is "
-            f"{100 * abs(patches['change']):.0f} % ± {100 * patches['error']:.0f} % {word} by a half-space."
-        )
-    if doubt := (results.thresholds.get("laws") or {}).get("doubt"):
-        yield f"Its law is doubtful: {doubt}."
-
-
-def _slip(results: Results) -> Iterator[str]:
-    """Frequency or stiffness, and damping ratio, of the slip of the joint at a few amplitudes."""
-    found = results.summary.get("slip") or {}
-    for line in found.get("in_words", ()):
+    """Stiffness and frequency of small vibration; damping of the slip of the joint at a few amplitudes."""
+    found, joint = results.thresholds, results.case.get("joint") or {}
+    numbers, laws = found.get("numbers") or {}, found.get("laws") or {}
+    newton, metre, hertz = ("", "", "") if found.get("units") == "other" else ("N", "N/m", "Hz")
+    if numbers.get("k_n") is not None:
+        bar = laws.get("error_bar_of_k_n")
+        bar = nan if bar is None else float(bar)
+        about = "" if found.get("load") is None else f" about a load of {quantity(found['load'], newton)}"
+        text = f"Small vibration of the {'joint' if joint else 'patch'}{about} has a stiffness of "
+        text += quantity(numbers["k_n"], metre, bar=bar)
+        if numbers.get("f") is not None:  # sqrt(k_n/m): half the bar, and none of one that the case gives
+            of_f = nan if joint.get("frequency") is not None else 0.5 * bar
+            text += f" and a frequency of {quantity(numbers['f'], hertz, bar=of_f)}"
+        yield f"{text}."
+        if joint and (record := results.summary.get("patches")):
+            known = Spread(record["change"], record["error"], record["patches"])
+            many = f"the mean of {known.patches} patches of its roughness is {known} by a half-space"
+            yield f"That is of this patch; {many}."
+        if doubt := laws.get("doubt"):
+            yield f"Its law is doubtful: {doubt}."
+    for line in (results.summary.get("slip") or {}).get("in_words", ()):
         yield f"{line}."
 
 
