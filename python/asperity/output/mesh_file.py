@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
 from dataclasses import replace
 from io import StringIO
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import Any
 
 import numpy as np
 
@@ -29,7 +27,6 @@ BY_GMSH = (".msh", ".stl", ".bdf", ".unv")
 SUFFIXES = (".inp", ".vtu", *BY_GMSH)
 #: Corners of the faces of an element in CalculiX and Abaqus, S1 to S4, counted from 0.
 ABAQUS_FACES = ((0, 1, 2), (0, 3, 1), (1, 3, 2), (2, 3, 0))
-_LINE = 8  # numbers of a set in a line
 
 
 def block_of_case(case: Case, h: float | None = None) -> tuple[BlockMesh, Surface]:
@@ -91,52 +88,43 @@ def write_mesh(block: BlockMesh, surface: Surface, path: str | Path, about: str 
     kind = path.suffix.lower()
     if kind not in SUFFIXES:
         raise InputError(f"{path}: meshes are written as {', '.join(SUFFIXES)}")
-    faces = _faces(block, surface)
-    writers: dict[str, Callable[[], bytes]] = {
-        ".inp": lambda: _inp(block, faces, about).encode(),
-        ".vtu": lambda: _vtu(block, faces).encode(),
-    }
+    outer, z, near = outer_faces(block.tets), block.points[:, 2], NEAR * block.side
+    on_top = (np.abs(block.heights(surface) - z) < near)[outer].all(axis=1)
+    on_base = (np.abs(z) < near)[outer].all(axis=1) & ~on_top
+    faces = {"TOP": outer[on_top], "BASE": outer[on_base], "SIDES": outer[~on_top & ~on_base]}
     path.parent.mkdir(parents=True, exist_ok=True)
-    replace_file(path, writers.get(kind, lambda: _by_gmsh(block, faces, kind))())
+    if kind == ".inp":
+        data = _inp(block, faces, about).encode()
+    elif kind == ".vtu":
+        data = _vtu(block, faces).encode()
+    else:
+        data = _by_gmsh(block, faces, kind)
+    replace_file(path, data)
     return path
-
-
-def _faces(block: BlockMesh, surface: Surface) -> dict[str, Indices]:
-    """Outer faces of the sets, their nodes in the order of gmsh (F, 6)."""
-    faces = outer_faces(block.tets)
-    z = block.points[:, 2]
-    near = NEAR * block.side
-    on_top = (np.abs(block.heights(surface) - z) < near)[faces].all(axis=1)
-    on_base = (np.abs(z) < near)[faces].all(axis=1)
-    return {"TOP": faces[on_top], "BASE": faces[on_base & ~on_top], "SIDES": faces[~on_top & ~on_base]}
 
 
 def _inp(block: BlockMesh, faces: dict[str, Indices], about: str) -> str:
     """Deck with nodes, elements, and node sets and element surfaces of the faces."""
     out = StringIO()
-    out.write(f"** {comment(about)}\n*NODE, NSET=ALL\n")
-    points: Any = block.points.tolist()
-    for i, (x, y, z) in enumerate(points, 1):
-        out.write(f"{i}, {x:.12g}, {y:.12g}, {z:.12g}\n")
-    out.write("*ELEMENT, TYPE=C3D10, ELSET=BLOCK\n")
-    tets: Any = (block.tets[:, GMSH_TO_VTK] + 1).tolist()
-    for i, nodes in enumerate(tets, 1):
-        out.write(f"{i}, {', '.join(map(str, nodes))}\n")
+
+    def write(head: str, rows: Array, form: str) -> None:
+        out.write(f"*{head}\n")
+        np.savetxt(out, rows, fmt=form, delimiter=", ")
+
+    def numbered(rows: Array) -> Array:
+        return np.column_stack([np.arange(1, len(rows) + 1), rows])
+
+    out.write(f"** {comment(about)}\n")
+    write("NODE, NSET=ALL", numbered(block.points), "%d, %.12g, %.12g, %.12g")
+    write("ELEMENT, TYPE=C3D10, ELSET=BLOCK", numbered(block.tets[:, GMSH_TO_VTK] + 1), "%d")
     for name, of_set in faces.items():
-        out.write(f"*NSET, NSET=N{name}\n")
-        out.writelines(_lines(np.unique(of_set) + 1))
-        out.write(f"*SURFACE, NAME=S{name}, TYPE=ELEMENT\n")
-        out.writelines(f"{cell + 1}, S{side + 1}\n" for cell, side in _element_faces(block.tets, of_set))
+        write(f"NSET, NSET=N{name}", np.unique(of_set) + 1, "%d")
+        write(f"SURFACE, NAME=S{name}, TYPE=ELEMENT", _element_faces(block.tets, of_set) + 1, "%d, S%d")
     return out.getvalue()
 
 
-def _lines(numbers: Array) -> Iterator[str]:
-    for i in range(0, len(numbers), _LINE):
-        yield ", ".join(f"{n}" for n in numbers[i : i + _LINE]) + "\n"
-
-
-def _element_faces(tets: Indices, faces: Indices) -> Iterator[tuple[int, int]]:
-    """Element and number of its face, as of ABAQUS_FACES, of faces by their corners."""
+def _element_faces(tets: Indices, faces: Indices) -> Array:
+    """Element and number of its face, as of ABAQUS_FACES, of faces by their corners, (n, 2)."""
     count = int(tets.max()) + 1
 
     def numbers(corners: Indices) -> Indices:
@@ -144,9 +132,8 @@ def _element_faces(tets: Indices, faces: Indices) -> Iterator[tuple[int, int]]:
         return np.asarray(np.sort(corners, axis=1) @ np.array([count**2, count, 1], dtype=np.int64))
 
     wanted = numbers(faces[:, :3])
-    for side, corners in enumerate(ABAQUS_FACES):
-        for cell in np.flatnonzero(np.isin(numbers(tets[:, corners]), wanted)):
-            yield int(cell), side
+    sides = [np.isin(numbers(tets[:, corners]), wanted) for corners in ABAQUS_FACES]
+    return np.argwhere(np.transpose(sides))
 
 
 def _vtu(block: BlockMesh, faces: dict[str, Indices]) -> str:

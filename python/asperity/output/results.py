@@ -32,7 +32,7 @@ from asperity.runtime.run_folder import (
     THRESHOLDS,
     TOP,
     VTKHDF,
-)
+)  # fmt: skip
 from asperity.surface import Surface
 
 Columns = Mapping[str, NDArray[Any]]
@@ -85,22 +85,8 @@ class Results:
         folder = Path(folder)
         if not (folder / CURVE).is_file():
             raise InputError(f"{folder} holds no curve.csv; give the folder of a run")
-        readers: dict[str, tuple[str, Callable[[Path], Any]]] = {
-            "case": (CASE, _read_toml),
-            "summary": (SUMMARY, _read_json),
-            "curve": (CURVE, Curve.read),
-            "free": (FREE, _read_columns),
-            "response": (RESPONSE, _read_columns),
-            "thresholds": (THRESHOLDS, _read_json),
-            "band": (BAND, _read_columns),
-            "motion": (MOTION, _read_columns),
-            "slip": (SLIP, _read_columns),
-            "slip_loops": (SLIP_LOOPS, _read_columns),
-            "slip_nodes": (SLIP_NODES, _read_columns),
-            "top": (f"{FIELDS}/{TOP}", read_npz),
-        }
         found = {}
-        for attribute, (name, reader) in readers.items():
+        for attribute, (name, reader) in _FILES.items():
             if (folder / name).is_file():
                 try:
                     found[attribute] = reader(folder / name)
@@ -178,10 +164,6 @@ class Results:
         return [leg for leg in self.curve.legs() if leg.branch[-1] in names]
 
 
-def _read_toml(path: Path) -> Mapping[str, Any]:
-    return parse_toml(read_text(path))
-
-
 def _read_json(path: Path) -> Mapping[str, Any]:
     data = json.loads(read_text(path))
     if not isinstance(data, dict):
@@ -190,12 +172,25 @@ def _read_json(path: Path) -> Mapping[str, Any]:
 
 
 def _read_columns(path: Path) -> Columns:
-    return {name: _column(values) for name, values in read_csv(path).items()}
+    """Columns of numbers, NaN where one is missing, or of texts where a value is no number, each (n,)."""
+    columns: dict[str, NDArray[Any]] = {}
+    for name, values in read_csv(path).items():
+        try:
+            columns[name] = np.array([float(value) if value else np.nan for value in values])
+        except ValueError:
+            columns[name] = np.array(values, dtype=str)
+    return columns
 
 
-def _column(values: tuple[str, ...]) -> NDArray[Any]:
-    """Convert a column to numbers if every value is a number or missing, else to texts, (n,)."""
-    try:
-        return np.array([float(value) if value else np.nan for value in values])
-    except ValueError:
-        return np.array(values, dtype=str)
+#: Attribute of `Results` -> file in the folder and its reader.
+_FILES: dict[str, tuple[str, Callable[[Path], Any]]] = {
+    "case": (CASE, lambda path: parse_toml(read_text(path))),
+    "summary": (SUMMARY, _read_json),
+    "curve": (CURVE, Curve.read),
+    "thresholds": (THRESHOLDS, _read_json),
+    "top": (f"{FIELDS}/{TOP}", read_npz),
+    **{
+        name.removesuffix(".csv"): (name, _read_columns)
+        for name in (FREE, RESPONSE, BAND, MOTION, SLIP, SLIP_LOOPS, SLIP_NODES)
+    },
+}

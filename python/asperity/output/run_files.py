@@ -35,7 +35,7 @@ from asperity.runtime.run_folder import (
     holds_run,
     is_empty,
     working_in,
-)
+)  # fmt: skip
 
 if TYPE_CHECKING:
     from mpi4py import MPI
