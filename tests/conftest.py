@@ -64,6 +64,21 @@ def assembled(solid: Solid) -> Any:
     return matrix.A
 
 
+def stored_fields(result: Any, path: Path, E: float = 1.0) -> dict[str, Any] | None:
+    """What the file for ParaView holds of a result, one state after the other, on rank 0; None elsewhere."""
+    import h5py
+
+    from asperity.output.fields import write_vtkhdf
+
+    write_vtkhdf(path, result, E)
+    if result.solver.solid.comm.rank > 0:
+        return None
+    with h5py.File(path) as file:
+        root = file["VTKHDF"]
+        arrays = {**root, **root["PointData"], **root["CellData"]}
+        return {name: values[:] for name, values in arrays.items() if hasattr(values, "shape")}
+
+
 def call(*arguments: object) -> int:
     """Exit code of the command line."""
     from asperity.cli import main

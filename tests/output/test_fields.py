@@ -6,13 +6,15 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from conftest import call
+from conftest import call, stored_fields
 
 from asperity.adaptive.solve_contact import solve_contact
+from asperity.arrays import Array
 from asperity.errors import CompatError, InputError, OutputError
+from asperity.fem.global_numbering import cell_numbers
 from asperity.mesh.block import BlockMesh
 from asperity.model.material import Material
-from asperity.output.fields import State, gather_states, gather_top_states, von_mises, write_vtkhdf
+from asperity.output.fields import gather_top_states, von_mises, write_vtkhdf
 from asperity.output.results import Results
 from asperity.quasistatic.contact_result import ContactResult
 from asperity.surface import Surface
@@ -28,11 +30,6 @@ def pressed(wave: Surface, coarse_wave: BlockMesh | None) -> ContactResult:
 
 
 @pytest.fixture(scope="module")
-def states(pressed: ContactResult) -> list[State]:
-    return gather_states(pressed, 1.0, 1.0)
-
-
-@pytest.fixture(scope="module")
 def file(pressed: ContactResult, tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The file at the path where a run writes it."""
     folder = tmp_path_factory.mktemp("run")
@@ -45,80 +42,79 @@ def file(pressed: ContactResult, tmp_path_factory: pytest.TempPathFactory) -> Pa
     return folder / "fields/contact.vtkhdf"
 
 
+@pytest.fixture(scope="module")
+def stored(pressed: ContactResult, tmp_path_factory: pytest.TempPathFactory) -> list[dict[str, Array]]:
+    """Fields of each state in the file."""
+    found = stored_fields(pressed, tmp_path_factory.mktemp("stored") / "contact.vtkhdf")
+    assert found is not None
+    names = ("displacement", "pressure", "stress", "plastic strain")
+    return [{name: np.array_split(found[name], 2)[k] for name in names} for k in range(2)]
+
+
 @pytest.mark.mpi
 def test_all_ranks_write_one_file(wave: Surface, coarse_wave: BlockMesh | None, shared_path: Path) -> None:
     """Or none: then all of them know."""
-    import h5py
-
     result = solve_contact(wave, SOLID, delta_max=DELTA, steps=2, block=coarse_wave, snapshots=2)
-    states, whole = gather_states(result, 1.0, 3.0), result.whole_mesh()
-    write_vtkhdf(shared_path / "contact.vtkhdf", result, 3.0)
+    whole, found = result.whole_mesh(), stored_fields(result, shared_path / "contact.vtkhdf", 3.0)
     with pytest.raises(OutputError, match="cannot write"):
         write_vtkhdf(shared_path / "none" / "contact.vtkhdf", result, 3.0)
-    if whole is None:
+    if whole is None or found is None:
         return
-    with h5py.File(shared_path / "contact.vtkhdf") as file:
-        root = file["VTKHDF"]
-        np.testing.assert_allclose(root["Points"], whole.points, atol=1e-15)
-        np.testing.assert_array_equal(np.diff(root["Offsets"]), 10)
-        np.testing.assert_array_equal(root["Types"], np.full(len(whole.tets), 24))  # VTK_QUADRATIC_TETRA
-        np.testing.assert_array_equal(np.sort(root["Connectivity"][:].reshape(-1, 10)), np.sort(whole.tets))
-        for name, of_state in (
-            ("PointData/displacement", lambda s: s.displacement),
-            ("PointData/pressure", lambda s: s.pressure),
-            ("CellData/von Mises stress", lambda s: von_mises(s.stress)),
-            ("CellData/plastic strain", lambda s: s.plastic_strain),
-        ):
-            written = np.concatenate([of_state(s) for s in states])
-            np.testing.assert_allclose(root[name], written, rtol=1e-14, atol=1e-15, err_msg=name)
+    np.testing.assert_allclose(found["Points"], whole.points, atol=1e-15)
+    np.testing.assert_array_equal(np.diff(found["Offsets"]), 10)
+    np.testing.assert_array_equal(found["Types"], np.full(len(whole.tets), 24))  # VTK_QUADRATIC_TETRA
+    np.testing.assert_array_equal(np.sort(found["Connectivity"].reshape(-1, 10)), np.sort(whole.tets))
+    solid, last, cells = result.solver.solid, result.snapshots[-1], len(whole.tets)
+    rows = cells + cell_numbers(solid)  # of the second state, those of this rank
+    np.testing.assert_allclose(found["stress"][rows], 3.0 * last.stress[:, [0, 1, 2, 3, 5, 4]], rtol=1e-14, atol=1e-15)
+    np.testing.assert_allclose(found["plastic strain"][rows], last.plastic_strain.mean(axis=1), rtol=1e-14)
+    np.testing.assert_allclose(found["von Mises stress"], von_mises(found["stress"]), rtol=1e-13)
 
 
-def test_stress_is_in_balance_with_the_force(pressed: ContactResult, states: list[State]) -> None:
+def test_stress_is_in_balance_with_the_force(pressed: ContactResult) -> None:
     """The integral of the vertical stress is the force times the height it acts at (virtual displacement z e_z)."""
     volumes = pressed.solver.solid.kernels.volumes.sum(axis=1)
-    cells = pressed.solver.solid.mesh.topology.original_cell_index
-    summit = pressed.solver.summit
-    for state in states:
+    for state in pressed.snapshots:
         force = pressed.curve.force[state.step - 1]
-        moment = float(np.sum(volumes * state.stress[cells, 2]))
-        assert -moment == pytest.approx(force * summit, rel=DELTA)
+        moment = float(np.sum(volumes * state.stress[:, 2]))
+        assert -moment == pytest.approx(force * pressed.solver.summit, rel=DELTA)
 
 
-def test_stress_of_a_midpoint_step_is_on_the_yield_surface(states: list[State]) -> None:
+def test_stress_of_a_midpoint_step_is_on_the_yield_surface(stored: list[dict[str, Array]]) -> None:
     """If the whole cell yields: at the hardened yield stress of its history, not of the extrapolated one."""
-    lam = SOLID.plastic_modulus
-    for state in states:
-        flowing = state.plastic_strain > 1e-3
+    for state in stored:
+        strain = state["plastic strain"]
+        flowing = strain > 1e-3
         assert flowing.any()
-        bound = SOLID.compiled[1]["yield_stress"] + lam * state.plastic_strain[flowing]
-        ratio = von_mises(state.stress[flowing]) / bound
+        bound = SOLID.compiled[1]["yield_stress"] + SOLID.plastic_modulus * strain[flowing]
+        ratio = von_mises(state["stress"][flowing]) / bound
         assert np.all(ratio < 1 + 1e-6) and ratio.max() > 0.95  # the norm of a mean is at most the mean of the norms
 
 
-def test_vtk_reads_every_step(file: Path, pressed: ContactResult, states: list[State]) -> None:
+def test_vtk_reads_every_step(file: Path, pressed: ContactResult, stored: list[dict[str, Array]]) -> None:
     pytest.importorskip("vtk")
     from vtkmodules.util.numpy_support import vtk_to_numpy
     from vtkmodules.vtkFiltersVerdict import vtkCellSizeFilter
     from vtkmodules.vtkIOHDF import vtkHDFReader
 
     block = pressed.block
-    assert block is not None and len(states) == 2
+    assert block is not None
     reader = vtkHDFReader()
     reader.SetFileName(str(file))
     reader.UpdateInformation()
-    assert reader.GetNumberOfSteps() == len(states)
-    for k, state in enumerate(states):
+    assert reader.GetNumberOfSteps() == len(stored)
+    for k, state in enumerate(stored):
         reader.SetStep(k)
         reader.Update()
         grid = reader.GetOutput()
-        assert reader.GetTimeValue() == state.step
-        points, cells = grid.GetPointData(), grid.GetCellData()
+        assert reader.GetTimeValue() == pressed.snapshots[k].step
         np.testing.assert_array_equal(vtk_to_numpy(grid.GetPoints().GetData()), block.points)
-        np.testing.assert_array_equal(vtk_to_numpy(points.GetArray("displacement")), state.displacement)
-        np.testing.assert_array_equal(vtk_to_numpy(points.GetArray("pressure")), state.pressure)
-        np.testing.assert_array_equal(vtk_to_numpy(cells.GetArray("plastic strain")), state.plastic_strain)
-        xx_yy_zz_xy_yz_xz = vtk_to_numpy(cells.GetArray("stress"))
-        np.testing.assert_array_equal(xx_yy_zz_xy_yz_xz[:, [0, 1, 2, 3, 5, 4]], state.stress)
+        for data, names in (
+            (grid.GetPointData(), ("displacement", "pressure")),
+            (grid.GetCellData(), ("stress", "plastic strain")),
+        ):
+            for name in names:
+                np.testing.assert_array_equal(vtk_to_numpy(data.GetArray(name)), state[name])
         sizes = vtkCellSizeFilter()
         sizes.SetInputData(grid)
         sizes.Update()
@@ -127,19 +123,19 @@ def test_vtk_reads_every_step(file: Path, pressed: ContactResult, states: list[S
         assert volume.min() > 0 and volume.sum() == pytest.approx(1.0, rel=1e-2)
 
 
-def test_fields_as_data_sets_of_other_packages(file: Path, states: list[State]) -> None:
-    results = Results.read(file.parent.parent)
+def test_fields_as_data_sets_of_other_packages(
+    file: Path, pressed: ContactResult, stored: list[dict[str, Array]]
+) -> None:
+    results, last = Results.read(file.parent.parent), pressed.snapshots[-1]
     pytest.importorskip("pyvista")
-    for k, state in enumerate(states):
-        grid = results.to_pyvista(k)
-        np.testing.assert_array_equal(grid.point_data["displacement"], state.displacement)
-    np.testing.assert_array_equal(results.to_pyvista().point_data["pressure"], states[-1].pressure)
+    for k, state in enumerate(stored):
+        np.testing.assert_array_equal(results.to_pyvista(k).point_data["displacement"], state["displacement"])
     with pytest.raises(InputError, match="no step 2"):
         results.to_pyvista(2)
     pytest.importorskip("xarray")
-    data = results.to_xarray().sel(step=states[-1].step)
-    assert float(data.delta) == pytest.approx(states[-1].delta)
-    assert float(data.pressure.max()) == pytest.approx(states[-1].pressure.max())
+    data = results.to_xarray().sel(step=last.step)
+    assert float(data.delta) == pytest.approx(last.delta)
+    assert float(data.pressure.max()) == pytest.approx(stored[-1]["pressure"].max())
     assert data.x.max() == data.y.max() == 1.0
 
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
 from itertools import chain
 from pathlib import Path
 from typing import Any
@@ -17,54 +16,10 @@ from asperity.fem.solid import Solid
 from asperity.mesh.element import FACE_TRIANGLES, GMSH_TO_VTK, NODES, VTK_TYPE
 from asperity.quasistatic.contact_result import ContactResult
 from asperity.quasistatic.measures import Snapshot
-from asperity.runtime.display import short_repr
-from asperity.runtime.distributed_array import DistributedArray, collect, on_root_of, pieces, steps, stream
+from asperity.runtime.distributed_array import DistributedArray, on_root_of, pieces, steps, stream
 from asperity.runtime.files import Stream
 
 TO_VTK_TENSOR = (0, 1, 2, 3, 5, 4)  # xx yy zz xy yz xz
-
-
-@dataclass(frozen=True)
-class State:
-    """A snapshot of the whole mesh, in physical units, rows in the order of `ContactResult.whole_mesh`.
-
-    Attributes:
-        step, branch, delta: as in the curve, delta in [length]
-        displacement: of the nodes (N, 3) [length]
-        pressure: contact pressure at the nodes, on an edge the mean of its corners (N,) [force/length^2]
-        gap: distance of the nodes of the top from the flat (N,) [length]
-        stress: mean over each cell, xx yy zz xy xz yz (M, 6) [force/length^2]
-        plastic_strain: mean accumulated plastic strain of each cell (M,); empty for an elastic material
-    """
-
-    step: int
-    branch: str
-    delta: float
-    displacement: Array
-    pressure: Array
-    gap: Array
-    stress: Array
-    plastic_strain: Array
-
-    __repr__ = short_repr
-
-
-def gather_states(result: ContactResult, side: float, E: float) -> list[State]:
-    """Gather the snapshots of all ranks on rank 0, an empty list elsewhere; collective.
-
-    `side` is the side L of the patch [length], `E` the modulus, the solver's unit of stress [force/length^2].
-    """
-    solid, top = result.solver.solid, result.solver.contact_surface
-    states = []
-    for s in result.snapshots:
-        u = collect(share_nodes(solid, s.displacement * side))
-        p = collect(share_nodes(solid, top.linear_on_facets(s.pressure) * E))
-        gap = collect(share_nodes(solid, s.gap * side))
-        stress = collect(share_cells(solid, s.stress * E))
-        alpha = collect(share_cells(solid, s.plastic_strain.mean(axis=1))) if solid.material.plastic else np.empty(0)
-        if u is not None and p is not None and gap is not None and stress is not None and alpha is not None:
-            states.append(State(s.step, s.branch, s.delta * side, u, p, gap, stress, alpha))
-    return states
 
 
 def gather_top_states(result: ContactResult, side: float, E: float) -> dict[str, Any] | None:
@@ -72,7 +27,8 @@ def gather_top_states(result: ContactResult, side: float, E: float) -> dict[str,
 
     points (N, 2) [length]; triangles (T, 3), four of each facet; steps, branch, delta (K,); pressure, on an edge the
     mean of its corners (K, N) [force/length^2]; gap, distance from the flat (K, N) [length]; touched, whether the
-    thirds of facets at an edge node are in contact (K, N). `side` and `E`: see `gather_states`.
+    thirds of facets at an edge node are in contact (K, N). `side` is the side L of the patch [length], `E` the modulus,
+    the solver's unit of stress [force/length^2].
     """
     solid, surface = result.solver.solid, result.solver.contact_surface
     top, found = gather_top(surface, 0.0), result.snapshots
