@@ -118,9 +118,9 @@ def test_a_run_in_pieces_gives_the_same_curve(
     one, two = (stored_fields(r, shared_path / f"{i}.vtkhdf") for i, r in enumerate((straight, pieces)))
     assert [(s.step, s.branch) for s in straight.snapshots] == [(s.step, s.branch) for s in pieces.snapshots]
     if one is not None and two is not None:
-        assert len(one["displacement"])
+        assert len(one["displacement"]) and ("plastic strain" in one) == material.plastic
         for name, atol in (("pressure", 1e-9), ("displacement", 1e-11), ("plastic strain", 1e-11), ("stress", 1e-9)):
-            np.testing.assert_allclose(one[name], two[name], atol=atol, err_msg=name)
+            np.testing.assert_allclose(one.get(name, []), two.get(name, []), atol=atol, err_msg=name)
 
 
 @pytest.mark.mpi
