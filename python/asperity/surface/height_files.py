@@ -6,9 +6,7 @@ import logging
 import math
 import re
 import warnings
-from collections.abc import Iterator, Mapping
-from contextlib import contextmanager, redirect_stdout, suppress
-from dataclasses import dataclass
+from contextlib import redirect_stdout, suppress
 from pathlib import Path
 from typing import Any
 
@@ -32,27 +30,6 @@ _HEIGHT = re.compile(r"height|topograph|h(ö|oe)he|zsensor|^z\b", re.IGNORECASE)
 MOST_READ = 400_000_000  # heights of a file, 3.2 GB; the largest instruments have 1e8
 
 
-@dataclass(frozen=True, kw_only=True)
-class Reading:
-    """What a user knows of a file that the file may not say.
-
-    Attributes:
-        pixel: distances between heights along x and y [m]
-        unit: metres of one unit of the lengths whose unit the file does not name; default metres
-        missing: value that stands for a missing height, besides those of MARKS
-        channel: name, or number from 1, of the channel of an instrument's file
-        array: name of the heights in an .npz file
-        decimal: "point" or "comma"; default as found
-    """
-
-    pixel: tuple[float, float] | None = None
-    unit: float | None = None
-    missing: float | None = None
-    channel: str | None = None
-    array: str | None = None
-    decimal: str | None = None
-
-
 def metres_of(unit: str | None) -> float | None:
     """Metres of one unit of length, given by its name or as a number; None stays.
 
@@ -71,13 +48,24 @@ def metres_of(unit: str | None) -> float | None:
     raise InputError(f"unit = {unit!r} is unknown; choose {', '.join(LENGTHS)}, or give the metres of one unit")
 
 
-def read_heights(path: Path, known: Reading = Reading()) -> Heights:  # immutable
+def read_heights(
+    path: Path,
+    *,
+    pixel: tuple[float, float] | None = None,
+    unit: float | None = None,
+    missing: float | None = None,
+    channel: str | None = None,
+    array: str | None = None,
+    decimal: str | None = None,
+) -> Heights:
     """Read an array of NumPy, or text.
 
     Args:
         path: .npz with z and with x and y, dx and dy, or L, the extent along x and y; .npy with z; or text, see
             `text_map`
-        known: what the file may not say
+        unit: metres of one unit of the lengths whose unit the file does not name; default metres
+
+    The others are those of `HeightField.read`.
 
     Raises:
         InputError: the file is missing, of another type, damaged, or no regular map
@@ -90,20 +78,21 @@ def read_heights(path: Path, known: Reading = Reading()) -> Heights:  # immutabl
             f"{path}: files of type {path.suffix!r} are none of {', '.join(PLAIN)}; asperity import-map makes a "
             "surface of the files of instruments"
         )
-    if known.channel is not None or (known.array is not None and kind != ".npz"):
-        name = "--channel" if known.channel is not None else "--array"
+    if channel is not None or (array is not None and kind != ".npz"):
+        name = "--channel" if channel is not None else "--array"
         raise InputError(f"{path}: {name} is for files of {'instruments' if name == '--channel' else 'type .npz'}")
-    unit = 1.0 if known.unit is None else known.unit
     try:
         if kind in TEXT:
-            decimal = None if known.decimal is None else DECIMALS[known.decimal]
-            return read_text_map(path, known.unit, lambda z: _without_marks(z, known.missing), known.pixel, decimal)
-        z, dx, dy, name = _read_arrays(path, known.array)
+            mark = None if decimal is None else DECIMALS[decimal]
+            return read_text_map(path, unit, lambda z: _without_marks(z, missing), pixel, mark)
+        z, dx, dy, name = _read_arrays(path, array)
     except UNREADABLE as error:
         raise InputError(f"{path}: cannot be read as a height map ({one_line(error)})") from None
-    dx, dy = (None if step is None else unit * step for step in (dx, dy))
-    notes = (f"the heights are the array {name!r}",) if name not in ("", "z") else ()
-    return Heights(unit * _without_marks(z, known.missing), dx, dy, channel=name if notes else "", notes=notes)
+    factor = 1.0 if unit is None else unit
+    dx, dy = (None if step is None else factor * step for step in (dx, dy))
+    named = name not in ("", "z")
+    notes = (f"the heights are the array {name!r}",) if named else ()
+    return Heights(factor * _without_marks(z, missing), dx, dy, channel=name if named else "", notes=notes)
 
 
 def _without_marks(z: Array, missing: float | None) -> Array:
@@ -127,7 +116,11 @@ def _read_arrays(path: Path, wanted: str | None) -> tuple[Array, float | None, f
     if path.suffix.lower() == ".npy":
         return real(read_npy(path)), None, None, ""
     data = read_npz(path)
-    name = _named_array(data, wanted)
+    maps = [name for name, array in data.items() if np.ndim(array) == 2 and name not in ("x", "y")]
+    name = wanted or ("z" if "z" in data or len(maps) != 1 else maps[0])
+    if name not in data:
+        more = "" if wanted else ": name the heights with --array"
+        raise ValueError(f"no array {name!r}; it has {', '.join(data) or 'none'}{more}")
     z = real(data[name])
     if "x" in data and "y" in data:
         x, y = real(data["x"]), real(data["y"])
@@ -140,29 +133,14 @@ def _read_arrays(path: Path, wanted: str | None) -> tuple[Array, float | None, f
         return z, _step("x", x), _step("y", y), name
     if "dx" in data:
         return z, float(data["dx"]), float(data["dy"] if "dy" in data else data["dx"]), name
-    if "L" in data:
-        sides, (ny, nx) = real(data["L"]).ravel(), z.shape if z.ndim == 2 else (1, z.shape[-1])
-        if sides.size == 1 and nx != ny and min(nx, ny) > 3:
-            raise ValueError(f"{UNEQUAL.format(nx, ny)}: write dx and dy, or both sides as L = [Lx, Ly]")
-        if not 0 < sides.size < 3:
-            raise ValueError("L must be the side of the patch, or its two sides")
-        dx, dy = float(sides[0]) / max(nx - 1, 1), float(sides[-1]) / max(ny - 1, 1)
-        return z, dx, dy, name
-    return z, None, None, name
-
-
-def _named_array(data: Mapping[str, Any], wanted: str | None) -> str:
-    """Name of the heights among the arrays of a file: that which is wanted, z, or the only map."""
-    maps = [name for name, array in data.items() if np.ndim(array) == 2 and name not in ("x", "y")]
-    if wanted is not None:
-        if wanted not in data:
-            raise ValueError(f"no array {wanted!r}; it has {', '.join(data) or 'none'}")
-        return wanted
-    if "z" in data:
-        return "z"
-    if len(maps) == 1:
-        return maps[0]
-    raise ValueError(f"no array 'z'; it has {', '.join(data) or 'none'}: name the heights with --array")
+    if "L" not in data:
+        return z, None, None, name
+    sides, (ny, nx) = real(data["L"]).ravel(), z.shape if z.ndim == 2 else (1, z.shape[-1])
+    if sides.size == 1 and nx != ny and min(nx, ny) > 3:
+        raise ValueError(f"{UNEQUAL.format(nx, ny)}: write dx and dy, or both sides as L = [Lx, Ly]")
+    if not 0 < sides.size < 3:
+        raise ValueError("L must be the side of the patch, or its two sides")
+    return z, float(sides[0]) / max(nx - 1, 1), float(sides[-1]) / max(ny - 1, 1), name
 
 
 def _step(name: str, values: Array) -> float:
@@ -177,8 +155,10 @@ def _step(name: str, values: Array) -> float:
     return float(np.mean(steps))
 
 
-def read_instrument(path: Path, known: Reading) -> Heights:
-    """Read the file of an instrument by SurfaceTopography.
+def read_instrument(
+    path: Path, pixel: tuple[float, float] | None = None, unit: float | None = None, channel: str | None = None
+) -> Heights:
+    """Read the file of an instrument by SurfaceTopography, with the arguments of `HeightField.read`; `unit` in metres.
 
     Raises:
         InputError: the file cannot be read as a map, lacks pixel or unit, or has no such channel
@@ -194,12 +174,13 @@ def read_instrument(path: Path, known: Reading) -> Heights:
         CannotDetectFileFormat,
     )
 
-    reader = None
+    reader, logged = None, logging.root.manager.disable
     try:
-        with warnings.catch_warnings(), redirect_stdout(None), _silent_log():
+        with warnings.catch_warnings(), redirect_stdout(None):
             warnings.simplefilter("ignore")
+            logging.disable(logging.CRITICAL)
             reader = SurfaceTopography.open_topography(str(path))
-            return _of_reader(path, reader, known)
+            return _of_reader(path, reader, pixel, unit, channel)
     except (InputError, CompatError):
         raise
     except CannotDetectFileFormat:
@@ -207,98 +188,78 @@ def read_instrument(path: Path, known: Reading) -> Heights:
     except Exception as error:  # readers of forty formats raise what they like
         who = "SurfaceTopography" if reader is None else f"{type(reader).__name__} of SurfaceTopography"
         raise InputError(f"{path}: cannot be read as a height map by {who} ({one_line(error)})") from None
-
-
-@contextmanager
-def _silent_log() -> Iterator[None]:
-    """Nothing of what other packages log."""
-    before = logging.root.manager.disable
-    logging.disable(logging.CRITICAL)
-    try:
-        yield
     finally:
-        logging.disable(before)
+        logging.disable(logged)
 
 
-def _of_reader(path: Path, reader: Any, known: Reading) -> Heights:
+def _of_reader(
+    path: Path, reader: Any, pixel: tuple[float, float] | None, unit: float | None, wanted: str | None
+) -> Heights:
     """Heights of a channel of a file."""
-    channels = list(reader.channels)
-    if not channels:
-        raise InputError(f"{path}: {type(reader).__name__} of SurfaceTopography finds no channel with heights in it")
-    channel, notes = _channel(path, reader, channels, known.channel)
-    _check_plausible(path, reader, channel)
+    who = f"{type(reader).__name__} of SurfaceTopography"
+    channel, name, notes = _channel(path, reader, wanted, who)
+    grid = tuple(int(n) for n in channel.nb_grid_pts)
+    seen = f"channel {_printable(channel.name)!r} of {' x '.join(map(str, grid))} heights by {who}"
+    if math.prod(grid) > MOST_READ:  # before memory for it is allocated
+        raise InputError(
+            f"{path} is read as {seen}, more than {MOST_READ:.0e} heights: probably a file of another format; export "
+            "the map as .npz or .gwy"
+        )
     sizes: dict[str, Any] = {}
     if channel.physical_sizes is None:
-        if known.pixel is None:
+        if pixel is None:
             raise InputError(
-                f"{path} contains heights without lengths, as {_seen_as(reader, channel)}; if they are a map, "
-                "give the distance between heights (--pixel)"
+                f"{path} contains heights without lengths, as {seen}; if they are a map, give the distance between "
+                "heights (--pixel)"
             )
-        sizes = {
-            "physical_sizes": tuple(n * step for n, step in zip(channel.nb_grid_pts, known.pixel, strict=True)),
-            "unit": "m",
-        }
+        sizes = {"physical_sizes": tuple(n * step for n, step in zip(grid, pixel, strict=True)), "unit": "m"}
     topography = reader.topography(channel_index=channel.index, **sizes)
     if topography.dim != 2 or not topography.is_uniform:
         raise InputError(f"{path} holds a line scan: {PROFILE}")
-    if topography.unit is None and known.unit is None:
+    if topography.unit is None and unit is None:
         raise InputError(f"{path} does not give the unit of its lengths: give it (--unit)")
-    in_metres, factor = (
-        (topography, known.unit) if topography.unit is None and known.unit else (topography.to_unit("m"), 1.0)
-    )
+    in_metres, factor = (topography, unit) if topography.unit is None and unit else (topography.to_unit("m"), 1.0)
     dx, dy = (factor * float(p) for p in in_metres.pixel_size)
     side = max(dx * topography.nb_grid_pts[0], dy * topography.nb_grid_pts[1])
     if not 0.0 < side < WIDEST:
         raise InputError(
-            f"{path} is read as {_seen_as(reader, channel)}, {side:.3g} m wide: the reader mistakes its unit or its "
-            "format; export the map as .npz, .gwy or text"
+            f"{path} is read as {seen}, {side:.3g} m wide: the reader mistakes its unit or its format; export the map "
+            "as .npz, .gwy or text"
         )
     z = np.ma.filled(np.ma.masked_invalid(np.ma.asarray(in_metres.heights(), dtype=float)), np.nan)
     limits = (topography.info.get("instrument") or {}).get("parameters") or {}
     tip, resolution = (
-        float(given["value"]) * LENGTHS[given["unit"]] if (given := limits.get(name)) else 0.0
-        for name in ("tip_radius", "resolution")
+        float(given["value"]) * LENGTHS[given["unit"]] if (given := limits.get(limit)) else 0.0
+        for limit in ("tip_radius", "resolution")
     )
-    name = _printable(channel.name) if len(channels) > 1 else ""
     return Heights(factor * np.asarray(z).T, dx, dy, tip, resolution, name, notes)  # its first index is x
 
 
-def _channel(path: Path, reader: Any, channels: list[Any], wanted: str | None) -> tuple[Any, tuple[str, ...]]:
-    """Channel with the heights, and a sentence where there are several."""
+def _channel(path: Path, reader: Any, wanted: str | None, who: str) -> tuple[Any, str, tuple[str, ...]]:
+    """Channel with the heights, its name where there are several, and a sentence then."""
+    channels = list(reader.channels)
+    if not channels:
+        raise InputError(f"{path}: {who} finds no channel with heights in it")
     names = [_printable(channel.name) for channel in channels]
     numbered = [f"{i} {name!r}" for i, name in enumerate(names, 1)]
-    listed = ", ".join(numbered)
+    listed, more = ", ".join(numbered), ""
     if wanted is not None:
-        found = [channel for channel, name in zip(channels, names, strict=True) if name == wanted]
-        if not found and wanted.isdecimal() and 0 < int(wanted) <= len(channels):
-            found = [channels[int(wanted) - 1]]
-        if not found:
+        if wanted in names:
+            at = names.index(wanted)
+        elif wanted.isdecimal() and 0 < int(wanted) <= len(channels):
+            at = int(wanted) - 1
+        else:
             raise InputError(f"{path} has no channel {wanted!r}: choose a name or a number of {listed}")
-        return found[0], (f"channel {numbered[channels.index(found[0])]} of {listed}",)
-    channel = reader.default_channel
-    if len(channels) == 1:
-        return channel, ()
-    if not _HEIGHT.search(str(channel.name)):
-        better = [one for one in channels if _HEIGHT.search(str(one.name)) and one.dim == 2]
-        channel = better[0] if better else channel
-    at = next((i for i, one in enumerate(channels) if one is channel or one.index == channel.index), 0)
-    return channels[at], (f"channel {numbered[at]} of {listed}: --channel chooses another",)
+    elif len(channels) == 1:
+        return reader.default_channel, "", ()
+    else:
+        own, more = reader.default_channel, ": --channel chooses another"
+        at = next((i for i, one in enumerate(channels) if one is own or one.index == own.index), 0)
+        if not _HEIGHT.search(str(own.name)):
+            maps = (i for i, one in enumerate(channels) if _HEIGHT.search(str(one.name)) and one.dim == 2)
+            at = next(maps, at)
+    return channels[at], names[at] if len(channels) > 1 else "", (f"channel {numbered[at]} of {listed}{more}",)
 
 
 def _printable(name: Any) -> str:
     return "".join(c for c in str(name) if c.isprintable())
-
-
-def _check_plausible(path: Path, reader: Any, channel: Any) -> None:
-    """Refuse what a reader sees in a file that it mistakes for one of its own, before memory for it is allocated."""
-    if math.prod(map(int, channel.nb_grid_pts)) > MOST_READ:
-        raise InputError(
-            f"{path} is read as {_seen_as(reader, channel)}, more than {MOST_READ:.0e} heights: probably a file of "
-            "another format; export the map as .npz or .gwy"
-        )
-
-
-def _seen_as(reader: Any, channel: Any) -> str:
-    """Format, channel and grid that SurfaceTopography found, for messages."""
-    grid = " x ".join(str(int(n)) for n in channel.nb_grid_pts)
-    return f"channel {_printable(channel.name)!r} of {grid} heights by {type(reader).__name__} of SurfaceTopography"

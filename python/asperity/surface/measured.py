@@ -9,7 +9,6 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Mapping, Sequence
-from contextlib import suppress
 from dataclasses import dataclass, replace
 from importlib.util import find_spec
 from pathlib import Path
@@ -23,7 +22,7 @@ from asperity.runtime.files import npz_bytes, replace_file
 from asperity.runtime.text_table import DECIMALS
 from asperity.surface.base import FLAT
 from asperity.surface.gaps import harmonic_fill
-from asperity.surface.height_files import PLAIN, TEXT, Heights, Reading, metres_of, read_heights, read_instrument
+from asperity.surface.height_files import PLAIN, TEXT, metres_of, read_heights, read_instrument
 from asperity.surface.patch import DEEPEST
 from asperity.surface.scale_space import gaussian_filtered
 from asperity.surface.spikes import without_spikes
@@ -146,14 +145,29 @@ class HeightField:
         both = (pixel, pixel) if isinstance(pixel, (int, float)) else pixel
         if decimal not in (None, *DECIMALS):
             raise InputError(f"decimal = {decimal!r} is unknown; choose {', '.join(DECIMALS)}")
-        known = Reading(
-            pixel=both, unit=metres_of(unit), missing=missing, channel=channel, array=array, decimal=decimal
-        )  # fmt: skip
-        read = _read(path, known)
+        metres, kind = metres_of(unit), path.suffix.lower()
+        if path.is_file() and kind not in PLAIN:
+            read = read_instrument(path, both, metres, channel)
+        else:
+            try:
+                read = read_heights(
+                    path, pixel=both, unit=metres, missing=missing, channel=channel, array=array, decimal=decimal
+                )
+            except InputError as error:  # perhaps of an instrument, with all lengths
+                if kind not in TEXT or find_spec("SurfaceTopography") is None:
+                    raise
+                try:
+                    read = read_instrument(path, channel=channel)
+                except InputError:
+                    raise error from None
         dx, dy = read.dx, read.dy
         if both is not None:
             for name, own, given in (("dx", dx, both[0]), ("dy", dy, both[1])):
-                _check_pixel(path, name, own, given)
+                if own is not None and not math.isclose(own, given, rel_tol=SAME):
+                    raise InputError(
+                        f"{path} has lengths of its own, {name} = {own:.6g} between heights, not {given:g}: leave out "
+                        "--pixel, or correct the file"
+                    )
             dx, dy = both[0] if dx is None else dx, both[1] if dy is None else dy
         if dx is None or dy is None:
             raise InputError(f"{path} contains heights without lengths; give the distance between heights (--pixel)")
@@ -326,40 +340,12 @@ class HeightField:
             raise InputError(f"{self.missing:.2%} of the heights are missing; fill them before the map is {what}")
 
 
-def _read(path: Path, known: Reading) -> Heights:
-    """Heights of a file, of text perhaps by the readers of instruments."""
-    kind = path.suffix.lower()
-    if path.is_file() and kind not in PLAIN:
-        return read_instrument(path, known)
-    try:
-        return read_heights(path, known)
-    except InputError:
-        if kind in TEXT and find_spec("SurfaceTopography") is not None:  # perhaps of an instrument, with all lengths
-            with suppress(InputError):
-                return read_instrument(path, Reading(channel=known.channel))
-        raise
-
-
-def _check_pixel(path: Path, name: str, own: float | None, given: float) -> None:
-    """Refuse a distance between heights that is not that of the file (length)."""
-    if own is not None and not math.isclose(own, given, rel_tol=SAME):
-        raise InputError(
-            f"{path} has lengths of its own, {name} = {own:.6g} between heights, not {given:g}: leave out --pixel, "
-            "or correct the file"
-        )
-
-
 def _reliable_wavelength(z: Array, dx: float, dy: float, tip_radius: float) -> float:
-    """Shortest wavelength of which the heights are not those of the tip, 0 where all are reliable; inf where none is.
+    """Shortest wavelength that is not that of the tip, 0 where all are reliable; inf where none is (length).
 
     A tip rounds summits and sharpens valleys, for heights scanned by a sphere are at most as curved as the sphere. The
     second difference over a distance is compared with half of that curvature, as in Sanner, Nöhring, Thimons, Jacobs &
     Pastewka, Appl. Surf. Sci. Adv. 7 (2022) 100190; the wavelength is the length of its stencil.
-
-    Args:
-        z: heights (ny, nx) without gaps [length]
-        dx, dy: distances between them [length]
-        tip_radius: of the instrument [length]
     """
     found = 0.0
     for rows, step in ((z.T, dx), (z, dy)):
@@ -374,10 +360,7 @@ def _reliable_wavelength(z: Array, dx: float, dy: float, tip_radius: float) -> f
 
 
 def _trend(z: Array, trend: str) -> Array:
-    """Least-squares polynomial of the known heights, evaluated at every node, (ny, nx) (length).
-
-    Its terms are products of powers of y and x, so the normal equations need matrices of a few columns only.
-    """
+    """Least-squares polynomial of the known heights at every node (ny, nx) (length); terms are powers of y and x."""
     powers = POWERS[trend]
     y, x = (np.linspace(-1, 1, n)[:, None] ** np.arange(5) for n in z.shape)
     known = np.isfinite(z)

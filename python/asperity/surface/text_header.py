@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable
 from dataclasses import dataclass, field
 
 from asperity.units import LENGTHS
@@ -64,9 +64,11 @@ def length_unit(word: str) -> float | None:
 
 @dataclass
 class Header:
-    """Lengths of a header [m], those without a unit in `unnamed` as they stand; None where it says nothing.
+    """Lengths that the lines before the heights give [m]; None where they say nothing.
 
     Attributes:
+        shape: heights along y and x
+        unit: of lengths without one
         dx, dy: distances between heights
         height: metres of one unit of the heights
         lateral: metres of one unit of coordinates
@@ -76,6 +78,8 @@ class Header:
         said: what was understood of the heights, for messages
     """
 
+    shape: tuple[int, int]
+    unit: float
     dx: float | None = None
     dy: float | None = None
     height: float | None = None
@@ -85,58 +89,98 @@ class Header:
     questions: list[tuple[int, str]] = field(default_factory=list)
     said: list[str] = field(default_factory=list)
 
+    @staticmethod
+    def read(lines: Iterable[tuple[int, str]], shape: tuple[int, int], unit: float) -> Header:
+        """Understand lines, each with its number; see the attributes."""
+        header = Header(shape, unit)
+        factor: float | None = None
+        extents: dict[str, float] = {}
+        for number, line in lines:
+            pairs = _PAIR.findall(line)
+            if not pairs and (match := _PLAIN.fullmatch(line)):
+                pairs = [(match[1], match[2])]
+            understood = bool(pairs) or header._take_words(line)
+            for key, value in pairs:
+                words = _normal(key)
+                values = [float(text.replace(",", ".")) for text, _ in _VALUE.findall(value)]
+                named = _named(key, value)
+                if words & _IDLE and not words & _STRONG:
+                    break  # the rest of the line is its text
+                if words & _MISSING and _VALUE.fullmatch(value.rstrip(",; ")):
+                    header.nodata += (values[0],)
+                elif words & _PLACE:
+                    continue
+                elif words & _UNIT and not values:
+                    header._take_unit(words, value.strip(" []().,;\"'"))
+                elif words & _FACTOR and not words & (_LATERAL | _PIXEL) and len(values) == 1:
+                    if named is not None:
+                        factor = values[0] * named
+                        header.said.append(f"height factor {values[0]:g}")
+                    understood &= named is not None or values[0] == 1.0
+                else:
+                    understood &= header._take_length(words, values, named, extents)
+            if not understood:
+                header.questions.append((number, line))
+        for axis, n in (("dy", shape[0]), ("dx", shape[1])):
+            if axis in extents and getattr(header, axis) is None:  # the extent of all pixels
+                setattr(header, axis, extents[axis] / n)
+        if factor is not None:
+            if header.height is not None and not math.isclose(header.height, factor, rel_tol=SAME):
+                text = f"a factor of {factor:g} m and a unit of {header.height:g} m for the heights"
+                header.questions.append((0, text))
+            header.height, header.other = factor, ""
+        return header
 
-def read_header(lines: Iterable[tuple[int, str]], shape: tuple[int, int], unit: float) -> Header:
-    """Understand the lines before the heights.
+    def _take_words(self, line: str) -> bool:
+        """Understand a line without a number to a key: the unit of the heights in brackets, or idle words."""
+        words = _normal(line)
+        units = [length for word in _BRACKET.findall(line) if (length := length_unit(word)) is not None]
+        if units and words & _OF_Z and len(set(units)) == 1:
+            self.height = units[0]
+            return True
+        return (not units and not re.search(r"\d", line)) or bool(words & _IDLE and not words & _STRONG)
 
-    Args:
-        lines: number and text of each
-        shape: heights along y and x
-        unit: of lengths without one [m]
-    """
-    found = Header()
-    factor: float | None = None
-    extents: dict[str, float] = {}
-    for number, line in lines:
-        for key, value in _pairs(line):
-            words = _normal(key)
-            match = _VALUE.fullmatch(value.rstrip(",; "))
-            values = [_float(v) for v, _ in _VALUE.findall(value)]
-            named = _named(key, value)
-            if words & _IDLE and not words & _STRONG:
-                break  # the rest of the line is its text
-            if words & _MISSING and match:
-                found.nodata += (values[0],)
-            elif words & _PLACE:
-                continue
-            elif words & _UNIT and not values:
-                _take_unit(found, words, value)
-            elif words & _FACTOR and not words & (_LATERAL | _PIXEL) and len(values) == 1:
-                if named is None and values[0] != 1.0:
-                    found.questions.append((number, line))
-                elif named is not None:
-                    factor = values[0] * named
-                    found.said.append(f"height factor {values[0]:g}")
-            elif not _take_length(found, words, values, named, shape, unit, extents):
-                found.questions.append((number, line))
-        if not any(_pairs(line)) and not _take_words(found, line):
-            found.questions.append((number, line))
-    for axis, n in (("dy", shape[0]), ("dx", shape[1])):
-        if axis in extents and getattr(found, axis) is None:  # the extent of all pixels
-            setattr(found, axis, extents[axis] / n)
-    if factor is not None:
-        if found.height is not None and not math.isclose(found.height, factor, rel_tol=SAME):
-            found.questions.append((0, f"a factor of {factor:g} m and a unit of {found.height:g} m for the heights"))
-        found.height, found.other = factor, ""
-    return found
+    def _take_unit(self, words: frozenset[str], word: str) -> None:
+        """Take a unit of heights, of coordinates, or of both."""
+        length, of_z = length_unit(word), bool(words & _OF_Z)
+        if not of_z and length is not None:
+            self.lateral = length
+        if of_z or not words & _LATERAL:
+            self.height, self.other = length, "" if length is not None else word
+            self.said.append(f"unit {word}")
 
-
-def _pairs(line: str) -> Iterator[tuple[str, str]]:
-    """Keys and values of a line: h=24 w=24, Width: 5 um, cellsize 0.5."""
-    pairs = [(key, value) for key, value in _PAIR.findall(line)]
-    if not pairs and (match := _PLAIN.fullmatch(line)):
-        pairs = [(match[1], match[2])]
-    yield from pairs
+    def _take_length(
+        self, words: frozenset[str], values: list[float], named: float | None, extents: dict[str, float]
+    ) -> bool:
+        """Understand numbers of heights, their distance, or their extent; `named` is the unit of the length."""
+        ny, nx = self.shape
+        x, y = bool(words & _OF_X), bool(words & _OF_Y)
+        if not values:
+            return not words & _STRONG
+        if words & _COUNT and named is None and all(v == int(v) for v in values):
+            wanted = [nx, ny] if x == y else [nx] if x else [ny]
+            if values in (wanted, wanted[::-1], [nx * ny]) or (len(values) == 1 and nx == ny == values[0]):
+                return True
+        pixel = bool(words & _PIXEL)
+        if not (pixel or (words & _EXTENT and named is not None)) or words & (_OF_Z - _OF_Y) or min(values) <= 0:
+            return False
+        if len(values) == 2 and x == y:
+            lengths = dict(zip(("dx", "dy"), values, strict=True))
+        elif len(values) == 1 and x != y:
+            lengths = {"dx" if x else "dy": values[0]}
+        elif len(values) == 1 and (pixel or nx == ny):
+            lengths = {"dx": values[0], "dy": values[0]}
+        else:
+            return False
+        for axis, value in lengths.items():
+            length, known = value * (self.unit if named is None else named), getattr(self, axis)
+            if not pixel:
+                extents[axis] = length
+            elif known is not None and not math.isclose(known, length, rel_tol=SAME):
+                return False
+            else:
+                setattr(self, axis, length)
+        return True
 
 
 def _normal(key: str) -> frozenset[str]:
@@ -150,81 +194,8 @@ def _normal(key: str) -> frozenset[str]:
 def _named(key: str, value: str) -> float | None:
     """Unit of a length [m], in brackets or at the end of its key, or after its value."""
     after = [word for _, word in _VALUE.findall(value) if word and word.lower() != "x"]
-    inside = _BRACKET.findall(key)
     last = re.findall(r"[^\W\d]+", key.replace("_", " "))
-    for word in (*after, *inside, *(last[-1:] if len(last) > 1 else ())):
+    for word in (*after, *_BRACKET.findall(key), *(last[-1:] if len(last) > 1 else ())):
         if (length := length_unit(word)) is not None:
             return length
     return None
-
-
-def _float(text: str) -> float:
-    return float(text.replace(",", "."))
-
-
-def _take_unit(found: Header, words: frozenset[str], value: str) -> None:
-    """Unit of heights, of coordinates, or of both."""
-    word = value.strip(" []().,;\"'")
-    length = length_unit(word)
-    of_z = bool(words & _OF_Z)
-    if (words & _LATERAL and not of_z) or not of_z:
-        found.lateral = length if length is not None else found.lateral
-    if of_z or not words & _LATERAL:
-        found.height, found.other = length, "" if length is not None else word
-        found.said.append(f"unit {word}")
-
-
-def _take_length(
-    found: Header,
-    words: frozenset[str],
-    values: list[float],
-    named: float | None,
-    shape: tuple[int, int],
-    unit: float,
-    extents: dict[str, float],
-) -> bool:
-    """Numbers of heights, their distance, or their extent; whether the line is understood."""
-    ny, nx = shape
-    x, y = bool(words & _OF_X), bool(words & _OF_Y)
-    if not values:
-        return not words & (_UNIT | _FACTOR | _PIXEL)
-    if words & _COUNT and named is None and all(v == int(v) for v in values):
-        wanted = [nx, ny] if x == y else [nx] if x else [ny]
-        if values in (wanted, wanted[::-1], [nx * ny]) or (len(values) == 1 and nx == ny == values[0]):
-            return True
-    pixel, extent = bool(words & _PIXEL), bool(words & _EXTENT)
-    if not (pixel or extent) or words & (_OF_Z - _OF_Y) or not all(v > 0 for v in values):
-        return False
-    if not pixel and named is None:
-        return False
-    length = named if named is not None else unit
-    if len(values) == 2 and x == y:
-        pair = values
-    elif len(values) == 1 and x != y:
-        pair = [values[0] if x else math.nan, values[0] if y else math.nan]
-    elif len(values) == 1 and (pixel or nx == ny):
-        pair = [values[0], values[0]]
-    else:
-        return False
-    for axis, value in zip(("dx", "dy"), pair, strict=True):
-        if math.isnan(value):
-            continue
-        if pixel:
-            if getattr(found, axis) is not None and not math.isclose(
-                getattr(found, axis), value * length, rel_tol=SAME
-            ):
-                return False
-            setattr(found, axis, value * length)
-        else:
-            extents[axis] = value * length
-    return True
-
-
-def _take_words(found: Header, line: str) -> bool:
-    """A line without a number to a key: the unit of the heights in brackets, or idle words."""
-    words = _normal(line)
-    units = [length for word in _BRACKET.findall(line) if (length := length_unit(word)) is not None]
-    if units and words & _OF_Z and len(set(units)) == 1:
-        found.height = units[0]
-        return True
-    return (not units and not re.search(r"\d", line)) or bool(words & _IDLE and not words & _STRONG)

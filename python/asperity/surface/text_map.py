@@ -11,7 +11,7 @@ import numpy as np
 
 from asperity.arrays import Array
 from asperity.runtime.text_table import SEPARATORS, TextTable
-from asperity.surface.text_header import Header, length_unit, read_header
+from asperity.surface.text_header import Header, length_unit
 
 OFF_GRID = 0.1  # greatest distance of a point from its place on the grid, over the step; coordinates are rounded
 STRAIGHT = 0.02  # the same for coordinates in the first row or column of a matrix
@@ -69,9 +69,15 @@ def read_text_map(
             give
     """
     text = TextTable.read(path, 2, decimal)
-    table = _table(text)
+    try:
+        table = text.numbers()
+    except ValueError:  # the first row and column may be coordinates, with a word in their corner
+        table = text.numbers(corner=True)
+        if np.isfinite(table[0, 0]) or _progression(table[0, 1:]) is None:
+            raise
     lines, names = text.header, []
-    if lines and lines[-1][0] == _last_filled(text) and len(last := text.cells(lines[-1][1])) == table.shape[1]:
+    above = max((i for i, line in enumerate(text.lines[: text.first], 1) if line.strip()), default=0)
+    if lines and lines[-1][0] == above and len(last := text.cells(lines[-1][1])) == table.shape[1]:
         lines, names = lines[:-1], last
     if table.shape[1] == 4 and names and names[0] == "" and _progression(table[:, 0]) is not None:
         table, names = table[:, 1:], names[1:]  # the index of a data frame
@@ -88,29 +94,16 @@ def read_text_map(
             f"{text.first + 1} on, are no map: give at least {LEAST} x {LEAST} heights, or lines of x, y, z"
         )
     usual = 1.0 if unit is None else unit
-    header = read_header(lines, (table.shape[0], table.shape[1]), usual)
+    header = Header.read(lines, (table.shape[0], table.shape[1]), usual)
     _ask(header, unit, pixel)
-    for value in header.nodata:
-        table[table == value] = np.nan
+    table[np.isin(table, header.nodata)] = np.nan
+    lateral = header.lateral
+    if lateral is None and pixel is not None and (dx is not None or dy is not None):  # they follow the pixel
+        lateral = pixel[0] / dx if dx is not None else pixel[1] / dy  # type: ignore[operator]
+    factor = usual if lateral is None else lateral
+    dx, dy = (own if own is not None else step and factor * step for own, step in ((header.dx, dx), (header.dy, dy)))
     height = usual if header.height is None else header.height
-    steps = _own_steps(header, dx, dy, usual, pixel)
-    return Heights(height * clean(table), *steps, notes=(*notes, *_said(header)))
-
-
-def _table(text: TextTable) -> Array:
-    """All numbers; the first row and column may be coordinates, with a word in their corner."""
-    try:
-        return text.numbers()
-    except ValueError:
-        table = text.numbers(corner=True)
-        if np.isfinite(table[0, 0]) or _progression(table[0, 1:]) is None:
-            raise
-        return table
-
-
-def _last_filled(text: TextTable) -> int:
-    """Number of the last line with text before the rows."""
-    return max((i for i, line in enumerate(text.lines[: text.first], 1) if line.strip()), default=0)
+    return Heights(height * clean(table), dx, dy, notes=(*notes, *_said(header)))
 
 
 def _ask(header: Header, unit: float | None, pixel: tuple[float, float] | None) -> None:
@@ -130,53 +123,35 @@ def _ask(header: Header, unit: float | None, pixel: tuple[float, float] | None) 
         )
 
 
-def _own_steps(
-    header: Header, dx: float | None, dy: float | None, unit: float, pixel: tuple[float, float] | None
-) -> tuple[float | None, float | None]:
-    """Distances of header and coordinates [m]; coordinates without a unit follow the pixel that is given."""
-    lateral = header.lateral
-    if lateral is None and pixel is not None and (dx is not None or dy is not None):
-        lateral = pixel[0] / dx if dx is not None else pixel[1] / dy  # type: ignore[operator]
-    factor = unit if lateral is None else lateral
-    of_x, of_y = (None if step is None else factor * step for step in (dx, dy))
-    return of_x if header.dx is None else header.dx, of_y if header.dy is None else header.dy
-
-
 def _said(header: Header) -> list[str]:
     return [f"the header gives {' and '.join(header.said)} of the heights"] if header.said else []
 
 
 def _coordinates(table: Array) -> tuple[Array, float | None, float | None, list[str]]:
-    """Take coordinates or an index out of the first column and row of a matrix.
-
-    Returns:
-        Heights, distances of the coordinates along y and x (None without), and what was taken
+    """Heights of a matrix, the steps along y and x of coordinates in its first column and row, and what was taken.
 
     Raises:
         ValueError: they may be coordinates or heights, or are on no regular grid
     """
     notes: list[str] = []
-    steps: list[float | None] = []
-    bare = not np.isfinite(table[0, 0])
-    found = [_progression(table[1:, 0]), _progression(table[0, 1:])]
-    others = [_any_straight(table[:, 1:].T), _any_straight(table[1:])]
+    steps: list[float | None] = [None, None]
+    taken, signs = [0, 0], [1, 1]
     edges = table[1:, 0], table[0, 1:]
-    if found == [None, None] and all(map(_monotonic, edges)) and not any(map(_monotonic, table[1::7, 1:])):
-        raise ValueError(
-            "the first row and column look like coordinates in steps that differ: give them in equal steps, or heights "
-            "only"
-        )
+    found = [_progression(edge) for edge in edges]
+    bare = not np.isfinite(table[0, 0])
+    both = found == [None, None] and all(map(_monotonic, edges)) and not any(map(_monotonic, table[1::7, 1:]))
     for axis, name in enumerate(("column", "row")):
-        whole = _progression(table[:, 0] if axis == 0 else table[0])
-        if found[axis] is None or (others[axis] and whole is not None):  # a plane
-            if bare and _monotonic(edges[axis]) and not others[axis]:
-                raise ValueError(
-                    f"the first {name} is no row of heights, for its first cell is empty, and its steps differ: give "
-                    "coordinates in equal steps, or heights only"
-                )
-            steps.append(None)
+        rows = table[:, 1:].T if axis == 0 else table[1:]
+        straight = any(_progression(row) is not None for row in rows[:: max(1, len(rows) // _FEW)])
+        plane = straight and _progression(table[:, 0] if axis == 0 else table[0]) is not None
+        if both or (found[axis] is None and bare and _monotonic(edges[axis]) and not straight):
+            raise ValueError(
+                f"the first {name} looks like coordinates in steps that differ: give them in equal steps, or heights "
+                "only"
+            )
+        if found[axis] is None or plane:
             continue
-        if others[axis]:
+        if straight:
             raise ValueError(
                 f"the first {name} may be coordinates or heights, for others rise in equal steps as it does: give "
                 "heights only, with --pixel, or lines of x, y, z"
@@ -184,15 +159,8 @@ def _coordinates(table: Array) -> tuple[Array, float | None, float | None, list[
         first, step = found[axis]  # type: ignore[misc]
         index = step == 1.0 and first in (0.0, 1.0, 2.0)
         notes.append(f"the first {name} is {'an index' if index else 'coordinates'}, not heights")
-        steps.append(None if index else abs(step))
-    column, row = (found[axis] is not None and any(f"first {name} " in note for note in notes)
-                   for axis, name in enumerate(("column", "row")))  # fmt: skip
-    table = table[int(row) :, int(column) :]
-    if column and found[0] is not None and found[0][1] < 0:
-        table = table[::-1]
-    if row and found[1] is not None and found[1][1] < 0:
-        table = table[:, ::-1]
-    return table, steps[0], steps[1], notes
+        steps[axis], taken[axis], signs[axis] = None if index else abs(step), 1, -1 if step < 0 else 1
+    return table[taken[1] :, taken[0] :][:: signs[0], :: signs[1]], steps[0], steps[1], notes
 
 
 def _progression(values: Array) -> tuple[float, float] | None:
@@ -204,12 +172,6 @@ def _progression(values: Array) -> tuple[float, float] | None:
         return None
     off = np.abs(values - values[0] - step * np.arange(len(values))).max()
     return (float(values[0]), step) if off <= STRAIGHT * abs(step) else None
-
-
-def _any_straight(rows: Array) -> bool:
-    """Whether some of the rows rise in equal steps."""
-    chosen = rows[:: max(1, len(rows) // _FEW)]
-    return any(_progression(row) is not None for row in chosen)
 
 
 def _monotonic(values: Array) -> bool:
@@ -228,7 +190,7 @@ def _of_points(
             raise ValueError(f"the columns {', '.join(names)[:60]} are not x, y and z: name them x, y, z")
         places = [order.index(axis) for axis in "xyz"]
         table, names = table[:, places], [names[i] for i in places]
-    header = read_header(lines, (len(table), 1), usual)
+    header = Header.read(lines, (len(table), 1), usual)
     header.questions = [(i, line) for i, line in header.questions if _SCALE.search(line)]
     _ask(header, unit, None if unit is None else (unit, unit))
     own = [
