@@ -20,32 +20,13 @@ CHANGEABLE = frozenset(
         *("solver.linear", "accuracy.max_seconds", "accuracy.max_dofs"),
     }
 )
-CYCLES = "loading.cycles"
-FILES = frozenset(".".join(names) for names in NAMED_FILES)
 
 
 def identity(case: Case) -> dict[str, Any]:
     """Keys of a case that its checkpoint depends on, with their values; SHA-256 of the content for a file."""
-    keys: dict[str, Any] = {}
-    for section, table in case.content().items():
-        if section not in CHANGEABLE:
-            keys |= {f"{section}.{key}": value for key, value in table.items()}
+    tables = {name: table for name, table in case.content().items() if name not in CHANGEABLE}
+    keys = {f"{section}.{key}": value for section, table in tables.items() for key, value in table.items()}
     return {name: value for name, value in keys.items() if name not in CHANGEABLE}
-
-
-def differences(saved: Mapping[str, Any], now: Mapping[str, Any]) -> list[str]:
-    """Differences that forbid a continuation, one phrase for each key."""
-    found = []
-    for name in sorted({*saved, *now}):
-        old, new = saved.get(name), now.get(name)
-        if old == new or (name == CYCLES and isinstance(old, int) and isinstance(new, int) and new > old):
-            continue
-        if name in FILES:
-            found.append(f"{name} has another content")
-        else:
-            words = ["absent" if value is None else show(value) for value in (old, new)]
-            found.append(f"{name} = {words[0]} there, {words[1]} here")
-    return found
 
 
 def refuse_another(path: Path, saved: Mapping[str, Any], now: Mapping[str, Any]) -> None:
@@ -54,12 +35,19 @@ def refuse_another(path: Path, saved: Mapping[str, Any], now: Mapping[str, Any])
     Raises:
         CheckpointError: they differ in a key that changes the result
     """
-    different = differences(saved, now)
+    different = []
+    for name in sorted({*saved, *now}):
+        old, new = saved.get(name), now.get(name)
+        more_cycles = name == "loading.cycles" and isinstance(old, int) and isinstance(new, int) and new > old
+        if old != new and not more_cycles:
+            there, here = ("absent" if value is None else show(value) for value in (old, new))
+            is_file = tuple(name.split(".")) in NAMED_FILES
+            different.append(f"{name} has another content" if is_file else f"{name} = {there} there, {here} here")
     if different:
+        more = f"; and {len(different) - 3} more keys" if len(different) > 3 else ""
         raise CheckpointError(
-            f"{path} belongs to another case: {'; '.join(different[:3])}"
-            + (f"; and {len(different) - 3} more keys" if len(different) > 3 else "")
-            + "; resume with the case it was made for, or start again with --force"
+            f"{path} belongs to another case: {'; '.join(different[:3])}{more}; resume with the case it was made for, "
+            "or start again with --force"
         )
 
 
@@ -71,11 +59,10 @@ def refuse_run_of_another(case: Case, folder: Path) -> None:
     """
     if is_empty(folder):
         return
-    path = folder / CASE
     try:
-        there = Case.load(path)
+        there = Case.load(folder / CASE)
     except InputError as error:
         raise CheckpointError(
             f"{folder} holds no state to resume from, and no case to start again: {error}; start again with --force"
         ) from None
-    refuse_another(path, identity(there), identity(case))
+    refuse_another(folder / CASE, identity(there), identity(case))

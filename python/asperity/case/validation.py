@@ -7,6 +7,7 @@ from itertools import pairwise
 
 from asperity.case.schema import DRIVERS, DynamicsSection, Input, JointSection, SlipSection
 from asperity.case.surfaces import SelfAffineSection
+from asperity.dynamics.settings import DynamicsSettings
 from asperity.errors import InputError
 from asperity.force_law import MIN_ROWS
 from asperity.model.limits import FRACTIONS, LEAST_FORCE, check_force, check_length
@@ -27,7 +28,7 @@ def check_together(case: Input) -> None:
         InputError: key and the rest of the sentence
     """
     _check_material(case)
-    side, loading, dynamics, formulation = case.surface.L, case.loading, case.dynamics, case.contact.formulation
+    side, loading, formulation = case.surface.L, case.loading, case.contact.formulation
     for key in FRACTIONS:
         if key.startswith("surface."):
             check_length(key, getattr(case.surface, key.removeprefix("surface."), None), side)
@@ -56,12 +57,10 @@ def check_together(case: Input) -> None:
         table = getattr(case, section)
         if table and any(b <= a for a, b in pairwise(table.amplitudes)):
             raise InputError(f"{section}.amplitudes = {show(table.amplitudes)} must rise, for example [0.1, 0.3, 0.6]")
-        if table and table.preload is not None:
-            _check_preload(case, f"{section}.preload", table.preload, 1.0)
-    if case.joint:
-        _check_joint(case, case.joint)
-    if dynamics:
-        _check_dynamics(case, dynamics)
+        if table:
+            _check_reached(case, f"{section}.preload", table.preload)
+    if case.dynamics or case.joint:
+        _check_vibration(case)
     if case.slip:
         _check_slip(case, case.slip)
 
@@ -93,47 +92,21 @@ def _check_self_affine(surface: SelfAffineSection) -> None:
         )
 
 
-def _check_dynamics(case: Input, dynamics: DynamicsSection) -> None:
-    joint, overload = case.joint, dynamics.overload
+def _check_vibration(case: Input) -> None:
+    """Checks of [dynamics] and [joint]."""
+    dynamics, joint = case.dynamics or DynamicsSection(), case.joint or JointSection()
     if len(set(dynamics.model)) < len(dynamics.model):
         raise InputError(f"dynamics.model = {show(dynamics.model)} names a model twice")
-    if dynamics.omega[0] >= dynamics.omega[1]:
-        raise InputError(f"dynamics.omega = {show(dynamics.omega)} must rise, for example [0.5, 1.3]")
     if dynamics.law == "unload-reload" and not case.loading.unload:
         raise InputError('dynamics.law = "unload-reload" needs an unloading; set loading.unload = true')
-    if dynamics.damping == "loops":
-        if case.loops is None:
-            raise InputError('dynamics.damping = "loops" needs the section [loops], which computes them')
-        of_joint = joint is not None and joint.damping is not None
-        if (joint.damping if joint is not None and of_joint else dynamics.zeta) == 0.0:
-            raise InputError(
-                f'{"joint.damping" if of_joint else "dynamics.zeta"} = 0 with dynamics.damping = "loops" must lie in '
-                "(0, 1): loops contain plastic flow only; give the damping ratio of the rest, 0.01 for example"
-            )
-    if dynamics.preload is not None:
-        _check_preload(case, "dynamics.preload", dynamics.preload, 1.0)
-    if overload is None:
-        return
-    if dynamics.law != "auto":
-        raise InputError(f"dynamics.overload = {overload:g} cannot go with dynamics.law = {show(dynamics.law)}")
-    if dynamics.preload is not None and overload < dynamics.preload:
+    if dynamics.damping == "loops" and case.loops is None:
+        raise InputError('dynamics.damping = "loops" needs the section [loops], which computes them')
+    if dynamics.overload is not None and dynamics.law != "auto":
         raise InputError(
-            f"dynamics.overload = {overload:g} lies below dynamics.preload = {dynamics.preload:g}; raise it"
+            f"dynamics.overload = {dynamics.overload:g} cannot go with dynamics.law = {show(dynamics.law)}"
         )
-    _check_reached(case, f"dynamics.overload = {overload:g}", overload, 1.0)
-
-
-def _check_joint(case: Input, joint: JointSection) -> None:
-    from asperity.dynamics.joint import EXCLUSIVE
-
-    for one, other in EXCLUSIVE:
-        if getattr(joint, one) is not None and getattr(joint, other) is not None:
-            raise InputError(f"joint.{one} and joint.{other} are both given; give one of them")
-    if joint.gravity is not None and joint.mass is None:
-        raise InputError(f"joint.gravity = {joint.gravity:g} needs joint.mass, whose weight it adds to the preload")
-    dynamics = case.dynamics or DynamicsSection()
-    of_force = joint.preload is not None or joint.pressure is not None or joint.nominal_area is not None
-    if dynamics.preload is not None and (of_force or joint.gravity is not None):
+    forces = (joint.preload, joint.pressure, joint.nominal_area, joint.gravity)
+    if dynamics.preload is not None and any(value is not None for value in forces):
         raise InputError(
             "dynamics.preload cannot go with the area, preload, pressure or gravity of [joint]; give joint.preload"
         )
@@ -145,52 +118,50 @@ def _check_joint(case: Input, joint: JointSection) -> None:
         raise InputError(
             f"joint.damping = {joint.damping:g} and dynamics.zeta = {dynamics.zeta:g} differ; remove one of them"
         )
-    patch = case.surface.L**2
-    area = joint.nominal_area if joint.nominal_area is not None else patch
-    if joint.preload is not None:
-        _check_preload(case, "joint.preload", joint.preload, area / patch)
-    if joint.pressure is not None:
-        _check_preload(case, "joint.pressure", joint.pressure, 1.0 / patch)
-    if joint.gravity is not None and joint.mass is not None:
-        load = (joint.preload or (joint.pressure or 0.0) * area) + joint.mass * joint.gravity
-        weight = f"joint.gravity = {joint.gravity:g} with joint.mass = {joint.mass:g} makes a preload of {load:.6g},"
-        _check_reached(case, f"{weight} which", load, area / patch)
+    try:
+        settings = DynamicsSettings.of_case(case.to_dict())
+    except InputError as error:
+        raise InputError(str(error) if str(error).startswith("joint.") else f"dynamics.{error}") from None
+    if dynamics.damping == "loops" and settings.zeta == 0.0:
+        key = "dynamics.zeta" if joint.damping is None else "joint.damping"
+        raise InputError(
+            f'{key} = 0 with dynamics.damping = "loops" must lie in (0, 1): loops contain plastic flow only; give the '
+            "damping ratio of the rest, 0.01 for example"
+        )
+    given = [f"joint.{name}" for name in ("gravity", "pressure", "preload") if getattr(joint, name) is not None]
+    key = (*given, "dynamics.preload")[0]
+    load, overload = (x and x / settings.factor for x in (settings.load, settings.overload))  # on the patch
+    _check_reached(case, key, load)
+    _check_reached(case, "dynamics.overload", overload)
+    if overload is not None and load is not None and overload < load:
+        raise InputError(f"dynamics.overload = {overload:g} lies below the preload of the patch, {load:g}; raise it")
+
+
+def _check_reached(case: Input, key: str, force: float | None) -> None:
+    """Refuse a preload or overload whose force on the patch, None where it is not given, is that of no run."""
+    full = case.material.E_prime * case.surface.L**2
+    least, most = LEAST_FORCE * full, case.greatest_force or full
+    if force is not None and not least <= force <= most * _ROUND:
+        section, name = key.split(".")
+        value = getattr(getattr(case, section), name)
+        means = "" if value == force else f" makes a force of {force:.6g} on the patch, which"
+        raise InputError(
+            f"{key} = {value:g}{means} must lie between {least:.3g} and {most:.6g}, the greatest force the run may "
+            "reach; leave it out for half of what it does reach"
+        )
 
 
 def _check_slip(case: Input, slip: SlipSection) -> None:
     contact = case.contact.formulation
-    rigid = contact.sticks
     if slip.method == "solid" and contact.method != "active-set":
         raise InputError('slip.method = "solid" needs contact.method = "active-set"')
-    if rigid and (slip.method, slip.friction) != ("solid", contact.friction):
+    if contact.sticks and (slip.method, slip.friction) != ("solid", contact.friction):
         raise InputError(
             f"slip.friction = {slip.friction:g}, by the {slip.method}, does not go with contact.friction = "
             f"{contact.friction}, that of one body on a rigid flat: give both the same value, with slip.method = "
             '"solid"'
         )
-    check_motion(case.block.sides, slip.direction, rigid)
-
-
-def _check_preload(case: Input, key: str, value: float, factor: float) -> None:
-    """Refuse a preload that no run reaches; `factor` turns the force of the patch into the unit of the key."""
-    full = case.material.E_prime * case.surface.L**2 * factor
-    least, most = LEAST_FORCE * full, (case.greatest_force or 0.0) * factor or full
-    if not least <= value <= most * _ROUND:
-        word = "pressure" if key == "joint.pressure" else "force"
-        raise InputError(
-            f"{key} = {value:g} must lie between {least:.3g} and {most:.6g}, the greatest {word} the run may reach; "
-            "leave it out for half of what it does reach"
-        )
-
-
-def _check_reached(case: Input, what: str, force: float, factor: float) -> None:
-    """Refuse a force above that at the end of the loading, where it is given; `factor` as in `_check_preload`."""
-    greatest = (case.greatest_force or float("inf")) * factor
-    if force > greatest * _ROUND:
-        raise InputError(
-            f"{what} exceeds {greatest:.6g}, the greatest force of the run; lower it, or raise "
-            f"loading.{case.loading.driver}"
-        )
+    check_motion(case.block.sides, slip.direction, contact.sticks)
 
 
 def doubts(case: Input) -> Iterator[str]:

@@ -45,17 +45,10 @@ def with_slopes(choice: Choice, columns: CurveColumns, rows: Array) -> Choice:
 def measured_ratio(
     curve: Any, columns: CurveColumns, rows: Array, block: tuple[float, float], direction: float
 ) -> tuple[Array, Array] | None:
-    """Tangential over normal compliance of the interface, without slip, over the normal force.
+    """Forces (n,), and tangential over normal compliance of the interface without slip (n,), at the rows of a branch.
 
-    Args:
-        curve: with the columns k_n_elastic, k_t and k_t_x; None is returned without them
-        columns: of the curve
-        rows: of the branch
-        block: normal and tangential compliance of the block (length/force)
-        direction: of the motion, from x towards y (degrees)
-
-    Returns:
-        forces and ratios, each of shape (n,)
+    None without the columns k_n_elastic, k_t and k_t_x. `block` has the normal and the tangential compliance of the
+    block (length/force), `direction` is that of the motion, from x towards y (degrees).
     """
     mean, along_x = (column_of(curve, name, columns.delta.size)[rows] for name in ("k_t", "k_t_x"))
     k_t = mean + (along_x - mean) * math.cos(2.0 * math.radians(direction))
@@ -70,10 +63,9 @@ def stuck_law(law: TableLaw, forces: Array, ratios: Array, block: float, load: f
     """Normal force over the displacement w with dP/dw = k_t, the tangential stiffness of the interface without slip.
 
     Args:
-        law: of the normal force over the approach
+        law: of the normal force over the approach, down to the force `load`
         forces, ratios: see `measured_ratio`
         block: normal compliance of the block (length/force)
-        load: force to which it is needed (force)
 
     Raises:
         InputError: the curve is as stiff as the block
@@ -96,21 +88,21 @@ def left_out(law: TableLaw) -> list[list[TableLaw]]:
     Between rows the law is a guess, and what a part of them changes shows how good it is.
     """
     law = law.elastic
-    z, force, unknown = law.z, law.F, np.full(law.z.size, np.nan)
-    last = z.size - 1
+    unknown = np.full(law.z.size, np.nan)
+    known = unknown if law.k is None else law.k
 
     def made(rows: Array, k: Array) -> list[TableLaw]:
         with suppress(AsperityError):
-            return [TableLaw(z[rows], force[rows], k=k[rows])]
+            return [TableLaw(law.z[rows], law.F[rows], k=k[rows])]
         return []
 
-    halves = [np.setdiff1d(np.arange(last + 1), np.arange(last - 1 - i, -1, -2)) for i in (0, 1)]
-    known = unknown if law.k is None else law.k
-    thinned = [made(rows, known) for rows in halves if rows.size <= last]
+    every = np.arange(law.z.size)
+    halves = [np.setdiff1d(every, every[i::-1][::2]) for i in (law.z.size - 2, law.z.size - 3) if i >= 0]
+    thinned = [made(rows, known) for rows in halves]
     if np.isnan(known).any():
         return [*thinned, []] if len(thinned) < 2 else thinned
-    slopes_alone = [TableLaw.of_stiffness(force, known)] if last else []
-    return [slopes_alone, made(np.arange(last + 1), unknown), [law for part in thinned for law in part]]
+    slopes_alone = [TableLaw.of_stiffness(law.F, known)] if law.z.size > 1 else []
+    return [slopes_alone, made(every, unknown), [law for part in thinned for law in part]]
 
 
 def down_to_zero(law: TableLaw) -> TableLaw:

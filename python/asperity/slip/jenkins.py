@@ -54,16 +54,13 @@ class JenkinsArray:
 
     @classmethod
     def through(cls, u: Array, force: Array) -> JenkinsArray:
-        """Sliders whose first loading is straight between points, from the origin to the limit.
+        """Sliders whose first loading is straight between points, displacements (length) and forces (force) (n,).
 
-        Args:
-            u: displacements, rising (length), shape (n,)
-            force: there, rising ever more slowly (force); the last is the limit. Points below the straight line
-                between their neighbours are left out: no slider has a negative stiffness.
+        It goes from the origin to the last point, the limit. Points below the straight line between their neighbours
+        are left out: no slider has a negative stiffness.
         """
         x, y, k = [0.0], [0.0], [np.inf]  # points kept, and the slope before each
-        for row in np.column_stack([u, force]):
-            at, to = float(row[0]), float(row[1])
+        for at, to in zip(np.asarray(u).tolist(), np.asarray(force).tolist(), strict=True):
             while (slope := (to - y[-1]) / (at - x[-1])) >= k[-1]:
                 del x[-1], y[-1], k[-1]
             x.append(at)
@@ -88,12 +85,7 @@ class JenkinsArray:
         return float(self.k.sum())
 
     def move(self, u: float, state: Array) -> tuple[float, Array]:
-        """Force and new state at a displacement, monotonic since the last state.
-
-        Args:
-            u: displacement (length)
-            state: as `at_rest`, or as returned before, shape (n,)
-        """
+        """Force and new state at a displacement (length), monotonic since the last state, `at_rest` first (n,)."""
         reach = self.f / self.k
         after = np.clip(state, u - reach, u + reach)
         return float(self.k @ (u - after)), after

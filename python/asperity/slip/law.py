@@ -35,13 +35,7 @@ LEAST = 1e-3  # share of the compliance that the interface must have: less is lo
 
 
 def compliance_ratio(nu: float) -> float:
-    """r, the tangential over the normal compliance of a half-space with Poisson's ratio `nu`.
-
-    Examples:
-        >>> from asperity.slip.law import compliance_ratio
-        >>> compliance_ratio(0.0), round(compliance_ratio(0.3), 4)
-        (1.0, 1.2143)
-    """
+    """r, the tangential over the normal compliance of a half-space with Poisson's ratio `nu`."""
     return (1.0 - 0.5 * nu) / (1.0 - nu)
 
 
@@ -111,10 +105,9 @@ class SlipLaw:
         return np.asarray(self.limit * t / self.displacement(t))
 
     def energy(self, t: ArrayLike) -> Array:
-        """Energy that a closed loop between -t and t dissipates (force length).
+        """Energy that a closed loop between -t and t dissipates (force length), by Masing's rule.
 
-        By Masing's rule it is 8 times the integral of T du on the first loading less 4 T u. The compliance of the block
-        cancels: what is left is 8 mu^2 r times the area between the normal curve and its chord.
+        The compliance of the block cancels: 8 mu^2 r times the area between the normal curve and its chord is left.
         """
         t = np.asarray(t, float)
         z0, z = self._approach(0.0), self._approach(t)
@@ -131,10 +124,7 @@ class SlipLaw:
         """Sliders in parallel whose force agrees with this one at as many forces up to the limit.
 
         They stand for an Iwan law of the density rho(f) = P''(delta_i - f/(mu r))/(mu r^2), with the block in series.
-
-        Args:
-            sliders: their number
-            lightest: the least of these forces over the limit; below it nothing slips
+        `lightest` is the least of these forces over the limit; below it nothing slips.
         """
         if sliders < 2:
             raise InputError(f"sliders = {sliders} is not legal: at least 2 are needed")

@@ -77,15 +77,12 @@ class SlipPath:
         """Loss factor, the energy of the loop over pi T u."""
         return self.energy / (math.pi * self.force * self.displacement)
 
-    @property
-    def share(self) -> float:
-        """Share of the area of contact that slips at the end of the first loading; NaN where unknown."""
-        return float(self.slip_share[self.end(FIRST)])
-
     def loop(self) -> dict[str, float]:
-        """Columns of slip_loops.csv."""
-        values = {"amplitude": self.amplitude, "T": self.force, "u": self.displacement, "k_secant": self.k_secant}
-        return values | {"energy": self.energy, "eta": self.eta, "slip_share": self.share}
+        """Columns of slip_loops.csv; the share that slips is that at the end of the first loading."""
+        return {
+            "amplitude": self.amplitude, "T": self.force, "u": self.displacement, "k_secant": self.k_secant,
+            "energy": self.energy, "eta": self.eta, "slip_share": float(self.slip_share[self.end(FIRST)]),
+        }  # fmt: skip
 
     def scaled(self, force: float, length: float) -> SlipPath:
         """Path in other units: forces times `force`, lengths times `length`."""
@@ -106,20 +103,18 @@ def path_of_law(
     """
     # along a leg of the loop everything is twice as far apart as on the first loading
     t, fine = (np.linspace(0.0, amplitude, n * steps + 1) for n in (1, 2))
-    u, fine_u = law.displacement(t), 2.0 * law.displacement(fine[1:])
-    loss, fine_loss = 0.25 * law.energy(t), 0.5 * law.energy(fine[1:])
-    first, second = loss[-1], loss[-1] + fine_loss[-1]
-
-    def slipped(t: Array) -> Array:
-        if area is None:
-            return np.full(t.shape, np.nan)
-        return 1.0 - area(law.preload * (1.0 - t)) / area(np.array([law.preload]))
-
+    fine = fine[1:]
+    u, fine_u = law.displacement(t), 2.0 * law.displacement(fine)
+    loss, fine_loss = 0.25 * law.energy(t), 0.5 * law.energy(fine)
+    share = np.full(5 * steps + 1, np.nan)
+    if area is not None:
+        forces = law.preload * (1.0 - np.concatenate([t, fine, fine]))
+        share = 1.0 - area(forces) / area(np.array([law.preload]))
     return SlipPath(
         amplitude,
         np.repeat([FIRST, DOWN, UP], [steps + 1, 2 * steps, 2 * steps]),
         np.concatenate([u, u[-1] - fine_u, fine_u - u[-1]]),
-        law.limit * np.concatenate([t, amplitude - 2.0 * fine[1:], 2.0 * fine[1:] - amplitude]),
-        np.concatenate([slipped(x) for x in (t, fine[1:], fine[1:])]),
-        np.concatenate([loss, first + fine_loss, second + fine_loss]),
+        law.limit * np.concatenate([t, amplitude - 2.0 * fine, 2.0 * fine - amplitude]),
+        share,
+        np.concatenate([loss, loss[-1] + fine_loss, loss[-1] + fine_loss[-1] + fine_loss]),
     )

@@ -49,8 +49,10 @@ class TangentialVibration:
 
     def to_dict(self) -> dict[str, Any]:
         """Section slip of a run, and the peak of each force."""
-        tops = ((share, float(f[a.argmax()]), float(a.max())) for share, (f, a) in self.responses.items())
-        peaks = [dict(zip(("force", "f", "amplitude"), top, strict=True)) for top in tops]
+        peaks = [
+            {"force": share, "f": float(f[a.argmax()]), "amplitude": float(a.max())}
+            for share, (f, a) in self.responses.items()
+        ]
         return self.slip.to_dict(self.mass, self.factor, units=self.units) | {"mass": self.mass, "peaks": peaks}
 
     def write(self, folder: str | Path) -> None:
@@ -70,10 +72,9 @@ class TangentialVibration:
 def tangential_vibration(
     case: Any, curve: Any, settings: DynamicsSettings, forces: Sequence[float], zeta: float = 0.0
 ) -> TangentialVibration:
-    """Tangential vibration of the joint of a run.
+    """Tangential vibration of the joint of a run, its case as nested tables.
 
     Args:
-        case, curve: of the run, the case as nested tables
         settings: with the joint and its preload
         forces: amplitudes of the harmonic force over the limit of friction
         zeta: damping ratio in addition to that of slip, see `tangential_response`
