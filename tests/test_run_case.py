@@ -26,7 +26,7 @@ from asperity.mesh.block import BlockMesh
 from asperity.model.material import Material
 from asperity.output.results import Results
 from asperity.runtime.run_folder import PRODUCTS
-from asperity.study.results import summarise_case
+from asperity.study.run import summarise_case
 
 pytestmark = pytest.mark.usefixtures("blank_figures")
 

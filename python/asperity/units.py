@@ -12,23 +12,15 @@ _LEAST_BAR = 1e-6  # over its value
 
 
 def prefix(value: float, unit: str) -> tuple[float, str]:
-    """Factor and unit that show a value as a number from 1 to 1000.
+    """Factor and unit that show a value as a number from 1 to 1000; lengths below a nanometre stay in nanometres.
 
     Args:
         value: a representative size, in `unit`
         unit: "m", "N", "Pa" ...; "" if the system of units is unknown
 
-    Returns:
-        Factor for the values, and the name of their unit
-
     Examples:
-        >>> prefix(4.5e-8, "m")
-        (1000000000.0, 'nm')
-
-        Lengths below a nanometre stay in nanometres:
-
-        >>> prefix(4.5e-12, "m")
-        (1000000000.0, 'nm')
+        >>> prefix(4.5e-8, "m"), prefix(4.5e-12, "m")
+        ((1000000000.0, 'nm'), (1000000000.0, 'nm'))
     """
     if not unit or not math.isfinite(value) or value == 0:
         return 1.0, unit
@@ -38,26 +30,20 @@ def prefix(value: float, unit: str) -> tuple[float, str]:
 
 
 def quantity(value: float, unit: str, digits: int = 4, *, bar: float = math.nan) -> str:
-    """Value with its unit, and with its error bar where that is known.
+    """Value with its unit, see `prefix`, and with its error bar where that is known.
 
     A bar has two digits, and is left out below a millionth. The last digit of the value is worth between a hundredth
     and a tenth of its bar.
 
     Args:
-        value: in `unit`
-        unit: see `prefix`
         digits: significant ones of a value without an error bar
         bar: error bar over the value; NaN if unknown
 
     Examples:
-        >>> quantity(4.455e-8, "m")
-        '44.55 nm'
-        >>> quantity(3.6062e10, "N/m", bar=0.08), quantity(3.6062e10, "N/m", bar=0.0012), quantity(2.0, "N", bar=0.7)
-        ('36.1 GN/m ± 8 %', '36.06 GN/m ± 0.12 %', '2.0 N ± 70 %')
-        >>> quantity(123.4, "N", bar=0.1), quantity(1.0, "N", bar=0.013)
-        ('120 N ± 10 %', '1.00 N ± 1.3 %')
-        >>> quantity(0.0045, "", bar=1.5)
-        '0.004 (0 to 0.01)'
+        >>> quantity(4.455e-8, "m"), quantity(3.6062e10, "N/m", bar=0.0012), quantity(1.0, "N", bar=0.013)
+        ('44.55 nm', '36.06 GN/m ± 0.12 %', '1.00 N ± 1.3 %')
+        >>> quantity(123.4, "N", bar=0.1), quantity(0.0045, "", bar=1.5)
+        ('120 N ± 10 %', '0.004 (0 to 0.01)')
     """
     factor, name = prefix(value, unit)
     known = math.isfinite(bar) and (bar == 0.0 or bar >= _LEAST_BAR)
@@ -76,11 +62,7 @@ def quantity(value: float, unit: str, digits: int = 4, *, bar: float = math.nan)
 def plus_minus(value: float, half: float) -> str:
     """Number with the half width of its interval, of two digits, both to the same decimal.
 
-    A width below a millionth of the value, or an unknown one, is left out.
-
-    Args:
-        value: a number without a unit, or in one that follows the text
-        half: in the unit of the value; NaN if unknown
+    A width below a millionth of the value, or an unknown one (NaN), is left out.
 
     Examples:
         >>> plus_minus(2.2203, 0.1234), plus_minus(1234.0, 120.0), plus_minus(0.5, float("nan"))

@@ -177,7 +177,10 @@ MISTAKES = {
     "slip.friction=0.3 & slip.amplitudes=[0.3, 0.1]": ("0.3, 0.1", "must rise"),
     "slip.friction=0.3 & slip.amplitudes=[0.5, 1.0]": ("slip.amplitudes", "0.99"),
     "slip.friction=0.3 & slip.preload=1.0": ("slip.preload", "must lie between"),
-    "loading.delta_max= & loading.force_max=1e-6 & dynamics.overload=2e-6": ("dynamics.overload", "and 1e-06, the greatest"),
+    "loading.delta_max= & loading.force_max=1e-6 & dynamics.overload=2e-6": (
+        "dynamics.overload",
+        "and 1e-06, the greatest",
+    ),
     "loading.delta_max= & loading.force_max=1e-6 & joint.mass=1e-3 & joint.gravity=9.81": ("joint.gravity", "0.00981"),
     f"{SOLID_SLIP} & contact.method=penalty": ("slip.method",),
     f"{SOLID_SLIP} & slip.direction=20": ("between rollers",),

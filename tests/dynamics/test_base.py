@@ -12,7 +12,7 @@ import pytest
 from click.testing import CliRunner
 from scipy.integrate import solve_ivp
 
-from asperity.cli.dynamics import command
+from asperity.cli.dynamics import dynamics as command
 from asperity.dynamics import ContactOscillator, PowerLaw, run_dynamics
 from asperity.errors import InputError
 

@@ -23,7 +23,7 @@ from asperity.model.settings import Formulation
 from asperity.quasistatic.make import make_contact_solver
 from asperity.runtime.run_folder import EXPORTS
 from asperity.slip import SlipLaw
-from asperity.slip.path import path_of_law
+from asperity.slip.law import path_of_law
 
 E, NU, MU, K = 1e6, 0.3, 0.4, 20.0  # force K z^1.5 on a patch of side 2
 

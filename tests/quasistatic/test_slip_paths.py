@@ -22,7 +22,7 @@ from asperity.quasistatic.make import make_contact_solver
 from asperity.quasistatic.slip_paths import Sliding, slip_paths
 from asperity.quasistatic.stiffness import Stiffness
 from asperity.slip import SlipSettings
-from asperity.slip.path import SlipPath
+from asperity.slip.law import SlipPath
 from asperity.surface import Flat, Surface
 
 NU, MU = 0.3, 0.4

@@ -20,7 +20,7 @@ from asperity.plot import plot_run
 from asperity.plot.report import write_report
 from asperity.runtime.files import files_into, is_aside, read_npz, remove_asides, replacing
 from asperity.study import Study
-from asperity.study.results import write_table
+from asperity.study.run import write_table
 from asperity.surface import Surface
 from asperity.surface.measured import HeightField
 

@@ -14,8 +14,7 @@ import asperity as asp
 from asperity.errors import InputError, RangeError
 from asperity.force_law.law import Law
 from asperity.slip import JenkinsArray, SlipLaw, tangential_response
-from asperity.slip.law import compliance_ratio
-from asperity.slip.path import path_of_law
+from asperity.slip.law import compliance_ratio, path_of_law
 
 E, NU, RADIUS, LOAD, MU = 2.0, 0.3, 5.0, 1e-3, 0.4
 G, REDUCED = E / 2 / (1 + NU), E / (1 - NU**2)

@@ -22,7 +22,7 @@ from asperity.curve import Curve
 from asperity.errors import AsperityWarning, InputError
 from asperity.job.run_case import run
 from asperity.study import Study, case_folder, read_table, run_study
-from asperity.study.results import DONE, summarise_case
+from asperity.study.run import DONE, summarise_case
 from asperity.surface import SurfaceWarning
 
 ROOT = Path(__file__).parents[2]

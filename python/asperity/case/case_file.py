@@ -1,9 +1,8 @@
 """The case file read, completed and validated: one clear sentence for each mistake.
 
-A `Case` is immutable and complete: defaults that follow from other keys (block height, mesh sizes)
-are filled in before validation, so `case.to_toml()` reproduces the run. Lengths, forces and moduli
-must be in one consistent system of units; `units = "SI"`, the default, adds labels to the figures
-and checks of plausibility.
+A `Case` is immutable and complete: defaults that follow from other keys (block height, mesh sizes) are filled in before
+validation, so `case.to_toml()` reproduces the run. Lengths, forces and moduli must be in one consistent system of
+units; `units = "SI"`, the default, adds labels to the figures and checks of plausibility.
 """
 
 from __future__ import annotations
@@ -34,10 +33,9 @@ NAMED_FILES = (("surface", "path"), ("mesh", "file"))
 
 
 class Case(Input):
-    """A complete, validated and immutable input.
+    """A complete, validated and immutable input, by `Case.load` or `Case.from_dict`.
 
-    Make one with `Case.load` or `Case.from_dict`, which raise `InputError` with one sentence; the
-    plain constructor expects a complete input and raises pydantic's errors.
+    The plain constructor expects a complete input and raises pydantic's errors.
 
     Examples:
         >>> case = asp.Case.from_dict({
@@ -74,12 +72,7 @@ class Case(Input):
 
     @classmethod
     def from_dict(
-        cls,
-        data: Mapping[str, Any],
-        *,
-        folder: str | Path = ".",
-        source: str = "case",
-        changed: Iterable[str] = (),
+        cls, data: Mapping[str, Any], *, folder: str | Path = ".", source: str = "case", changed: Iterable[str] = ()
     ) -> Case:
         """Complete and validate nested tables.
 
@@ -260,14 +253,11 @@ def _complete_law(table: dict[str, Any], folder: Path) -> None:
     if colon:
         table["law"] = f"{_existing_file(folder, path, 'material.law')}:{name}"
     numbers = table.get("parameters", {}), {key: table[key] for key in SHARED if key in table}
-    if not all(isinstance(n, dict) and all(isinstance(v, float | int) for v in n.values()) for n in numbers):
-        return
-    solid = law_of_section(table)
-    assert solid.law is not None
-    found = {"E": solid.E, "nu": solid.nu, "kinematics": solid.kinematics, "law_sha256": solid.law.digest or None}
-    if solid.yield_strength is not None:
-        found["yield_strength"] = solid.yield_strength
-    table.update({key: value for key, value in found.items() if key not in table and value is not None})
+    if all(isinstance(n, dict) and all(isinstance(v, float | int) for v in n.values()) for n in numbers):
+        solid = law_of_section(table)
+        found = {name: getattr(solid, name) for name in ("E", "nu", "kinematics", "yield_strength")}
+        found["law_sha256"] = getattr(solid.law, "digest", None) or None
+        table |= {key: value for key, value in found.items() if key not in table and value is not None}
 
 
 def _existing_file(folder: Path, name: str, key: str) -> str:

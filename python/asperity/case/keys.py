@@ -10,8 +10,7 @@ from typing import Any, get_args
 from pydantic import BaseModel
 
 from asperity.case.schema import Input
-from asperity.case.section import Section
-from asperity.case.surfaces import SURFACES
+from asperity.case.surfaces import SURFACES, Section
 from asperity.runtime.display import show
 
 #: By pydantic's type of an error; others are of values out of range.

@@ -7,29 +7,19 @@ from typing import Annotated, Any, Literal
 
 from pydantic import BaseModel, ConfigDict, Field
 
-from asperity.case.section import FORCE, LENGTH, STRESS, Flag, Real, Section, Text, Whole, key
-from asperity.case.surfaces import SurfaceSection
+from asperity.case import surfaces
+from asperity.case.surfaces import FORCE, LENGTH, STRESS, Flag, Real, Section, Text, Whole, key, optional
 from asperity.dynamics.settings import FORCING, OMEGA, DynamicsSettings
 from asperity.errors import InputError
 from asperity.laws import load
+from asperity.model import settings
 from asperity.model.limits import bounds
 from asperity.model.material import MODULI, POISSON_RATIOS, Material
-from asperity.model.settings import (
-    FACTORS,
-    FRICTION,
-    GROWTH,
-    MAX_DOFS,
-    MOST_REFINEMENTS,
-    NEWTON_STEPS,
-    RTOL,
-    AccuracyTarget,
-    Formulation,
-    MeshSize,
-    SolverOptions,
-)  # fmt: skip
+from asperity.model.settings import AccuracyTarget, Formulation, MeshSize, SolverOptions
 from asperity.runtime.display import show
 from asperity.slip.settings import AMPLITUDES, SlipSettings
 
+CONDUCTIVITY, ACCELERATION = "power/(length temperature)", "length/time^2"
 #: Keys that a law in UFL takes from [material] where it has a parameter of that name.
 SHARED = ("E", "nu", "yield_strength", "tangent_modulus")
 
@@ -39,9 +29,7 @@ class MaterialSection(Section):
 
     E: Real = key("Young's modulus", unit=STRESS, **bounds(MODULI), hint="200e9 Pa for steel")
     nu: Real = key("Poisson's ratio", hint="0.3 for steel, 0.495 for rubber", **bounds(POISSON_RATIOS))
-    yield_strength: Real | None = key(
-        "yield strength", None, shown="elastic", unit=STRESS, gt=0, hint="leave it out for an elastic material"
-    )
+    yield_strength: Real | None = optional("yield strength", STRESS, "elastic", "leave it out for an elastic material")
     tangent_modulus: Real | None = key(
         "slope of stress over strain after yield, below E", None, shown="0, perfectly plastic", unit=STRESS, ge=0
     )
@@ -59,18 +47,17 @@ class MaterialSection(Section):
     )
     parameters: dict[str, Real] | None = key("of the law, by name: a section [material.parameters]", None)
     law_sha256: Text | None = key("of the file of the law, which is refused where it has another", None)
-    density: Real | None = key(
-        "of the solid: for the inertia and the radiation that vibration has", None,
-        shown="none", unit="mass/length^3", gt=0, hint="7800 kg/m^3 for steel",
+    density: Real | None = optional(
+        "of the solid: for the inertia and the radiation that vibration has", "mass/length^3", "none",
+        "7800 kg/m^3 for steel",
     )  # fmt: skip
-    conductivity: Real | None = key(
-        "of heat or current: with output.conductance for the conductance of the joint per area", None,
-        shown="none", unit="power/(length temperature)", gt=0, hint="50 W/(m K) for steel",
+    conductivity: Real | None = optional(
+        "of heat or current: with output.conductance for the conductance of the joint per area", CONDUCTIVITY, "none",
+        "50 W/(m K) for steel",
     )  # fmt: skip
-    conductivity_other: Real | None = key(
-        "of the other body, the mirror of this one", None, shown="material.conductivity",
-        unit="power/(length temperature)", gt=0,
-    )  # fmt: skip
+    conductivity_other: Real | None = optional(
+        "of the other body, the mirror of this one", CONDUCTIVITY, "material.conductivity"
+    )
 
     @property
     def solid(self) -> Material:
@@ -127,9 +114,9 @@ class ContactSection(Section):
     """Contact formulation."""
 
     method: Literal["active-set", "penalty", "nitsche"] = key("formulation", Formulation.method)
-    penalty: Real = key("factor of E p^2/h (penalty)", Formulation.penalty, **bounds(FACTORS))
-    gamma: Real = key("factor of (lambda + 2 mu) p^2/h (nitsche)", Formulation.gamma, **bounds(FACTORS))
-    friction: Literal["none"] | Annotated[Real, Field(**bounds(FRICTION))] | None = key(
+    penalty: Real = key("factor of E p^2/h (penalty)", Formulation.penalty, **bounds(settings.FACTORS))
+    gamma: Real = key("factor of (lambda + 2 mu) p^2/h (nitsche)", Formulation.gamma, **bounds(settings.FACTORS))
+    friction: Literal["none"] | Annotated[Real, Field(**bounds(settings.FRICTION))] | None = key(
         "Coulomb's coefficient of the solid on the rigid flat (active-set)", None, shown="none"
     )
 
@@ -143,11 +130,11 @@ class MeshSection(Section):
     """Element sizes, or a saved mesh."""
 
     h_contact: Real = key("size at the surface where it is reached last", shown="0.04 L", unit=LENGTH, gt=0)
-    growth: Real = key("increase of size per unit distance", MeshSize.growth, **bounds(GROWTH))
-    h_max: Real | None = key("largest size", None, shown="0.25 L, less where slopes need it", unit=LENGTH, gt=0)
+    growth: Real = key("increase of size per unit distance", MeshSize.growth, **bounds(settings.GROWTH))
+    h_max: Real | None = optional("largest size", LENGTH, "0.25 L, less where slopes need it")
     refinements: Whole = key(
         "number n of times the ranks split each element of a mesh of 2^n times these sizes into eight", 0,
-        ge=0, le=MOST_REFINEMENTS,
+        ge=0, le=settings.MOST_REFINEMENTS,
     )  # fmt: skip
     file: Text | None = key("a saved mesh instead", None)
 
@@ -163,12 +150,11 @@ DRIVERS = ("delta_max", "force_max", "pressure_max")  # keys of LoadingSection, 
 class LoadingSection(Section):
     """Motion of the flat, or its force."""
 
-    delta_max: Real | None = key(
-        "greatest approach from first touch (or force_max or pressure_max)", None, unit=LENGTH, gt=0,
-        hint="about 0.03 L",
-    )  # fmt: skip
-    force_max: Real | None = key("greatest normal force (or delta_max)", None, unit=FORCE, gt=0)
-    pressure_max: Real | None = key("greatest nominal pressure, the force over L^2", None, unit=STRESS, gt=0)
+    delta_max: Real | None = optional(
+        "greatest approach from first touch (or force_max or pressure_max)", LENGTH, hint="about 0.03 L"
+    )
+    force_max: Real | None = optional("greatest normal force (or delta_max)", FORCE)
+    pressure_max: Real | None = optional("greatest nominal pressure, the force over L^2", STRESS)
     steps: Whole = key("least number of load steps", 10, ge=1, le=100_000)
     unload: Flag = key("unload after loading", False)
     cycles: Whole = key("number of load(-unload) cycles", 1, ge=1, le=1000)
@@ -193,8 +179,8 @@ class AccuracySection(Section):
         "relative error of the contact area as well", None, shown="not judged", ge=1e-6, lt=1,
         hint="0.05 for five per cent, with accuracy.tolerance",
     )  # fmt: skip
-    max_dofs: Whole = key("limit of the dofs", AccuracyTarget.max_dofs, **bounds(MAX_DOFS))
-    max_seconds: Real | None = key("limit of time", None, shown="none", unit="s", gt=0)
+    max_dofs: Whole = key("limit of the dofs", AccuracyTarget.max_dofs, **bounds(settings.MAX_DOFS))
+    max_seconds: Real | None = optional("limit of time", "s", "none")
 
 
 Model = Literal["exact", "taylor"]
@@ -210,17 +196,14 @@ class DynamicsSection(Section):
         "unloading branch, elastic tangent, points of the loading curve, or its power law; auto takes the first that "
         "the run has after yield, and the points of the loading before", DynamicsSettings.law,
     )  # fmt: skip
-    preload: Real | None = key(
-        "static force, the weight of the mass", None, shown="half of the greatest force", unit=FORCE, gt=0
+    preload: Real | None = optional("static force, the weight of the mass", FORCE, "half of the greatest force")
+    overload: Real | None = optional(
+        "greatest force before the vibration; equal to the preload: the weight itself", FORCE,
+        "that of the unloading, else the preload",
+    )  # fmt: skip
+    gravity: Real | None = optional(
+        "gravity, for mass and omega_s alone", ACCELERATION, "9.80665; none with other units, nor mass and omega_s"
     )
-    overload: Real | None = key(
-        "greatest force before the vibration; equal to the preload: the weight itself", None,
-        shown="that of the unloading, else the preload", unit=FORCE, gt=0,
-    )  # fmt: skip
-    gravity: Real | None = key(
-        "gravity, for mass and omega_s alone", None, shown="9.80665; none with other units, nor mass and omega_s",
-        unit="length/time^2", gt=0,
-    )  # fmt: skip
     zeta: Real = key("damping ratio", DynamicsSettings.zeta, ge=0, lt=1)
     damping: Literal["always", "contact", "hunt-crossley", "loops"] = key(
         "when damping acts; loops adds that of [loops], in contact", DynamicsSettings.damping
@@ -239,7 +222,7 @@ class DynamicsSection(Section):
         "amplitudes of the displacement of the base", DynamicsSettings.base, unit="length", max_length=100
     )
     base_acceleration: tuple[Positive, ...] = key(
-        "amplitudes of its acceleration", DynamicsSettings.base_acceleration, unit="length/time^2", max_length=100
+        "amplitudes of its acceleration", DynamicsSettings.base_acceleration, unit=ACCELERATION, max_length=100
     )
     zetas: tuple[Ratio, ...] = key("further damping ratios", DynamicsSettings.zetas, max_length=20)
     window: tuple[Positive, Positive] | None = key(
@@ -260,16 +243,14 @@ class DynamicsSection(Section):
 class JointSection(Section):
     """A joint whose faces are like the patch, for numbers in N, m, kg and Hz."""
 
-    nominal_area: Real | None = key("nominal area of the joint", None, shown="L^2", unit="length^2", gt=0)
-    preload: Real | None = key(
-        "static force, of a bolt for example (or pressure)", None, shown="half of the greatest force", unit=FORCE, gt=0
+    nominal_area: Real | None = optional("nominal area of the joint", "length^2", "L^2")
+    preload: Real | None = optional(
+        "static force, of a bolt for example (or pressure)", FORCE, "half of the greatest force"
     )
-    pressure: Real | None = key("static nominal pressure (or preload)", None, unit=STRESS, gt=0)
-    mass: Real | None = key("mass that vibrates (or frequency)", None, unit="mass", gt=0)
-    frequency: Real | None = key("frequency of small vibration, where that is known", None, unit="1/time", gt=0)
-    gravity: Real | None = key(
-        "adds the weight of the mass to the preload", None, shown="none", unit="length/time^2", gt=0
-    )
+    pressure: Real | None = optional("static nominal pressure (or preload)", STRESS)
+    mass: Real | None = optional("mass that vibrates (or frequency)", "mass")
+    frequency: Real | None = optional("frequency of small vibration, where that is known", "1/time")
+    gravity: Real | None = optional("adds the weight of the mass to the preload", ACCELERATION, "none")
     damping: Real | None = key("damping ratio", None, shown="dynamics.zeta", ge=0, lt=1)
 
 
@@ -279,7 +260,7 @@ class LoopsSection(Section):
     amplitudes: tuple[Annotated[Real, Field(ge=1e-3, le=0.99)], ...] = key(
         "amplitudes of the force over the preload", (0.1, 0.3, 0.6), min_length=1, max_length=100
     )
-    preload: Real | None = key("mean force on the patch", None, shown="that of the vibration", unit=FORCE, gt=0)
+    preload: Real | None = optional("mean force on the patch", FORCE, "that of the vibration")
     cycles: Whole = key("greatest number of loops of an amplitude; fewer when two are alike", 4, ge=1, le=1000)
     steps: Whole = key("steps of a quarter of a loop", 4, ge=1, le=1000)
 
@@ -291,7 +272,7 @@ class SlipSection(Section):
     amplitudes: tuple[Annotated[Real, Field(**bounds(AMPLITUDES))], ...] = key(
         "amplitudes of the tangential force over mu P", SlipSettings.amplitudes, min_length=1, max_length=100
     )
-    preload: Real | None = key("normal force P on the patch", None, shown="that of the vibration", unit=FORCE, gt=0)
+    preload: Real | None = optional("normal force P on the patch", FORCE, "that of the vibration")
     method: Literal["curve", "solid"] = key(
         "by the normal curve, without a solve; or a flat that moves on the solid (active-set, frictionless load path)",
         SlipSettings.method,
@@ -311,8 +292,8 @@ class SolverSection(Section):
     linear: Literal["auto", "lu", "cg", "gamg"] = key(
         "linear solver: direct, CG with p-multigrid, or with algebraic multigrid", "auto"
     )
-    newton_max: Whole = key("Newton steps before cutback", SolverOptions.newton_max, **bounds(NEWTON_STEPS))
-    rtol: Real = key("relative residual at convergence", SolverOptions.rtol, **bounds(RTOL))
+    newton_max: Whole = key("Newton steps before cutback", SolverOptions.newton_max, **bounds(settings.NEWTON_STEPS))
+    rtol: Real = key("relative residual at convergence", SolverOptions.rtol, **bounds(settings.RTOL))
 
 
 class OutputSection(Section):
@@ -336,7 +317,7 @@ class Input(BaseModel):
     model_config = ConfigDict(frozen=True, extra="forbid")
 
     units: Literal["SI", "other"] = key("'other' drops SI labels and checks", "SI")
-    surface: Annotated[SurfaceSection, Field(discriminator="kind")]
+    surface: Annotated[surfaces.SurfaceSection, Field(discriminator="kind")]
     material: MaterialSection
     block: BlockSection
     contact: ContactSection = ContactSection()

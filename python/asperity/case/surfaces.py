@@ -1,14 +1,42 @@
-"""The section [surface] of the case file, a model for each kind."""
+"""A section of the case file and the declaration of its keys; the section [surface], a model for each kind."""
 
 from __future__ import annotations
 
 from functools import cached_property
-from typing import TYPE_CHECKING, Literal, get_args
+from typing import Annotated, Any, Literal, get_args
 
-from asperity.case.section import LENGTH, Flag, Real, Section, Text, Whole, key
+from pydantic import BaseModel, ConfigDict, Field, Strict
 
-if TYPE_CHECKING:
-    from asperity.surface import Surface
+from asperity.surface import Surface
+
+Real = Annotated[float, Strict(), Field(allow_inf_nan=False)]
+Whole = Annotated[int, Strict()]
+Flag = Annotated[bool, Strict()]
+Text = Annotated[str, Strict()]
+
+LENGTH, FORCE, STRESS = "length", "force", "force/length^2"
+MIDDLE = "middle of the patch"
+
+
+def key(doc: str, default: Any = ..., *, unit: str = "", shown: str = "", hint: str = "", **limits: Any) -> Any:
+    """Declare a key: what it is, its default (`shown` when it follows from others), unit, hint."""
+    extra: dict[str, Any] = {"unit": unit, "shown": shown, "hint": hint}
+    return Field(default, description=doc, json_schema_extra=extra, **limits)
+
+
+def optional(doc: str, unit: str, shown: str = "", hint: str = "") -> Any:
+    """Declare a positive number that may be left out."""
+    return key(doc, None, unit=unit, shown=shown, hint=hint, gt=0)
+
+
+class Section(BaseModel):
+    """A table of the case file."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+    def given(self) -> dict[str, Any]:
+        """Keys and values, those without a value left out."""
+        return self.model_dump(exclude_none=True)
 
 
 class _Patch(Section):
@@ -17,8 +45,6 @@ class _Patch(Section):
     @cached_property
     def built(self) -> Surface:
         """The surface of these keys, made once: its spline and its summit take longer than its file."""
-        from asperity.surface import Surface
-
         return Surface.from_spec(**self.given())
 
 
@@ -31,7 +57,7 @@ class WeierstrassMandelbrotSection(_Patch):
     M: Whole = key("ridges run at the angles pi mu/M; M + 1 of them, or M with ridges = 1..M", 10, ge=1, le=1000)
     gamma: Real = key("frequency ratio", 1.5, gt=1, le=100)
     f_max: Whole | None = key("highest frequency index", None, shown="5, or from L_s", ge=0, le=100)
-    L_s: Real | None = key("shortest wavelength, sets f_max", None, unit=LENGTH, gt=0)
+    L_s: Real | None = optional("shortest wavelength, sets f_max", LENGTH)
     seed: Whole = key("seed of the random phases", 0, ge=0, lt=2**63)
     drawing: Literal["array", "nested"] = key(
         "of the phases: all at once, or nested, where a larger f_max adds waves to the same surface", "array"
@@ -44,12 +70,12 @@ class SelfAffineSection(_Patch):
 
     kind: Literal["self-affine"]
     H: Real = key("Hurst exponent", ge=0.001, le=1, hint="0.8 is a usual value")
-    rms_height: Real | None = key(
-        "rms height with the waves shorter than lambda_short included (or rms_slope)", None, unit=LENGTH, gt=0
+    rms_height: Real | None = optional(
+        "rms height with the waves shorter than lambda_short included (or rms_slope)", LENGTH
     )
     rms_slope: Real | None = key("rms slope of the waves down to lambda_short (or rms_height)", None, gt=0, le=10)
     lambda_short: Real = key("shortest wavelength", unit=LENGTH, gt=0, hint="0.05 L for a first run")
-    lambda_roll: Real | None = key("roll-off wavelength", None, shown="L", unit=LENGTH, gt=0)
+    lambda_roll: Real | None = optional("roll-off wavelength", LENGTH, "L")
     aspect: Real = key("anisotropy: features are longer along x by this factor", 1.0, ge=0.0625, le=16)
     seed: Whole = key("seed of the random phases", 0, ge=0, lt=2**63)
     periodic: Flag = key("opposite edges agree; false: a window of a surface with the period 2 L", True)
@@ -60,9 +86,7 @@ class SphereSection(_Patch):
 
     kind: Literal["sphere"]
     radius: Real = key("radius of the sphere", unit=LENGTH, gt=0)
-    centre: tuple[Real, Real] | None = key(
-        "position of the summit (x, y)", None, shown="middle of the patch", unit=LENGTH
-    )
+    centre: tuple[Real, Real] | None = key("position of the summit (x, y)", None, unit=LENGTH, shown=MIDDLE)
     shape: Literal["sphere", "paraboloid"] = key("profile", "sphere")
 
 
@@ -71,9 +95,9 @@ class SinusoidSection(_Patch):
 
     kind: Literal["sinusoid"]
     amplitude: Real = key("half of peak to valley", unit=LENGTH, gt=0)
-    wavelength: Real | None = key("wavelength", None, shown="L", unit=LENGTH, gt=0)
+    wavelength: Real | None = optional("wavelength", LENGTH, "L")
     dims: Whole = key("1: waves along x; 2: along x and y", 1, ge=1, le=2)
-    centre: tuple[Real, Real] | None = key("position of a crest (x, y)", None, shown="middle of the patch", unit=LENGTH)
+    centre: tuple[Real, Real] | None = key("position of a crest (x, y)", None, unit=LENGTH, shown=MIDDLE)
 
 
 class FlatSection(_Patch):

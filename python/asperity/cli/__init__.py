@@ -1,6 +1,4 @@
-"""The command line: `asperity COMMAND ...`, one module a command, its function named `command`.
-
-The module `import_map` is the command `import-map`.
+"""The command line: `asperity COMMAND ...`.
 
 Exit codes: 0 done; 1 compared curves differ; 2 bad input; 3 not converged, partial curve saved; 4 environment; 70 an
 internal error. An error is one line on stderr, from one rank. ASPERITY_TRACEBACK=1 shows where an internal error is.
@@ -11,7 +9,6 @@ from __future__ import annotations
 import importlib
 import io
 import os
-import pkgutil
 import sys
 import traceback
 import warnings
@@ -26,27 +23,33 @@ from asperity.runtime.parallel import INTERNAL, Ranks
 from asperity.runtime.progress import world_rank
 from asperity.version import __version__
 
+#: Module of each command, which is imported when it is used.
+COMMANDS = {
+    "baseline": "stored", "check": "check", "compare": "stored", "dynamics": "dynamics", "export": "results",
+    "import-map": "import_map", "init": "init", "keys": "init", "plot": "results", "report": "results", "run": "run",
+    "study": "study", "surface": "surface", "verify": "verify",
+}  # fmt: skip
+
 
 class _Commands(click.Group):
-    """The modules of this package with a `command`, imported when they are used."""
-
     def list_commands(self, ctx: click.Context) -> list[str]:
-        modules = (module.name.replace("_", "-") for module in pkgutil.iter_modules(__path__))
-        return sorted(name for name in modules if name != "options")
+        return list(COMMANDS)
 
     def resolve_command(
         self, ctx: click.Context, args: list[str]
     ) -> tuple[str | None, click.Command | None, list[str]]:
-        if args and not args[0].startswith("-") and args[0] not in (known := self.list_commands(ctx)):
+        if args and not args[0].startswith("-") and args[0] not in COMMANDS:
             from asperity.runtime.display import nearest
 
-            ctx.fail(f"there is no command {args[0]!r}{nearest(args[0], known)}")
+            ctx.fail(f"there is no command {args[0]!r}{nearest(args[0], COMMANDS)}")
         return super().resolve_command(ctx, args)
 
     def get_command(self, ctx: click.Context, name: str) -> click.Command | None:
-        if name not in self.list_commands(ctx):
+        if name not in COMMANDS:
             return None
-        command: click.Command = importlib.import_module(f"asperity.cli.{name.replace('-', '_')}").command
+        command: click.Command = getattr(
+            importlib.import_module(f"asperity.cli.{COMMANDS[name]}"), name.replace("-", "_")
+        )
         return command
 
 

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 @click.option("--ranks", type=click.IntRange(min=1), default=1, show_default=True, help="Ranks that share the work.")
 @options.as_json
 @options.overrides
-def command(case_file: str, ranks: int, as_json: bool, overrides: tuple[str, ...]) -> None:
+def check(case_file: str, ranks: int, as_json: bool, overrides: tuple[str, ...]) -> None:
     """Check and estimate a case without solving it.
 
     Refuses and warns as a run does, then estimates degrees of freedom (dofs), memory and time from the size field of

@@ -79,7 +79,7 @@ def with_unit(*units: str) -> Callable[[Any], tuple[float, str]]:
               "the response; else yes.")  # fmt: skip
 @options.output("DIR", "Folder for free.csv, response.csv, thresholds.json and the figures.")
 @options.as_json
-def command(
+def dynamics(
     source: str | None, exponent: float | None, k_fit: float | None, output: str | None, as_json: bool,
     direction: str, **settings: Any,
 ) -> None:  # fmt: skip

@@ -77,7 +77,7 @@ def _pixel(text: str) -> tuple[float, float]:
 @click.option("--shortest", type=float, metavar="LENGTH",
               help="Shortest wavelength for the Hurst exponent; default 4 pixels.")  # fmt: skip
 @options.as_json
-def command(map_file: str, output: str | None, as_json: bool, **given: Any) -> None:
+def import_map(map_file: str, output: str | None, as_json: bool, **given: Any) -> None:
     """Make a case from a measured height map.
 
     Levels the map, cuts a square patch, and computes its statistics, spectrum and Hurst exponent. MAP is .npz or .npy,

@@ -1,4 +1,4 @@
-"""`asperity init`: a case file to start from, with every key explained."""
+"""`asperity init` and `keys`: a case file to start from, with every key explained, and the list of the keys."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ WIDTH = 34  # of "key = value"
               help="The case of the demo, a map as of an instrument (FILE is scan.csv then), or a joint.")  # fmt: skip
 @click.option("--Sq", "sq", type=float, metavar="LENGTH", help="Rms height of the surface (m); with --slope.")
 @click.option("--slope", type=float, metavar="SLOPE", help="Rms slope of the surface; with --Sq.")
-def command(
+def init(
     file: Path | None,
     kind: str,
     scan: Path | None,
@@ -210,3 +210,14 @@ def _keys(model: Any, values: Mapping[str, Any], skip: tuple[str, ...]) -> Itera
 
 def _line(text: str, comment: str) -> str:
     return f"{text:<{WIDTH}} # {comment}"
+
+
+@click.command()
+def keys() -> None:
+    """List every key of the case file.
+
+    Each with its default, legal values, unit and meaning.
+    """
+    from asperity.case.keys import input_reference
+
+    options.table("Case file", input_reference(), ("section", "key", "default", "legal", "unit", "meaning"))

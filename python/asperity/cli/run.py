@@ -3,15 +3,11 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import click
 
 from asperity.cli import options
 from asperity.runtime.progress import make_progress, world_rank
-
-if TYPE_CHECKING:
-    from asperity.curve.power_law import PowerLawFit
 
 
 @click.command()
@@ -23,16 +19,10 @@ if TYPE_CHECKING:
 @click.option("-q", "--quiet", is_flag=True, help="Show no progress.")
 @click.option("-v", "--verbose", is_flag=True, help="Show a row per load step; run.log has them in any case.")
 @options.overrides
-def command(
-    case_file: str,
-    output: str | None,
-    resume: bool,
-    force: bool,
-    ranks: int | None,
-    quiet: bool,
-    verbose: bool,
+def run(
+    case_file: str, output: str | None, resume: bool, force: bool, ranks: int | None, quiet: bool, verbose: bool,
     overrides: tuple[str, ...],
-) -> int | None:
+) -> None:  # fmt: skip
     """Solve a case and write its results.
 
     OUT receives case.toml (the completed input), curve.csv (force against approach), summary.json and, if the case
@@ -46,41 +36,35 @@ def command(
     if ranks is not None and launch.started_ranks() is None:  # mpirun adds words of its own to a refusal
         run_folder.check(folder, resume=resume, force=force)
     options.start_ranks(ranks, quiet)
+    from asperity.curve.power_law import with_misfit
     from asperity.job import run_case
     from asperity.output.assumption import DOUBTFUL, describe
     from asperity.output.results import Results
     from asperity.output.verdict import count_of_doubts, verdict
-    from asperity.runtime.run_folder import REPORT
 
     progress = make_progress(quiet, verbose)
     try:
         result = run_case.run(case, folder, progress=progress, resume=resume, force=force)
     finally:
         progress.done()
-    if not quiet and world_rank() == 0:
-        if result.contact is None:
-            options.say(f"{folder} holds the complete run of {len(result.curve)} steps; nothing is left to do")
-        _show_fit(result.fit)
-        if len(result.curve):
-            vibration = {**result.summary.get("dynamics", {}), "units": case.units}
-            found = Results(folder, result.curve, case.to_dict(), result.summary, thresholds=vibration)
-            for sentence in verdict(found):  # without reading meshes and fields again
-                options.say(sentence)
-        records = result.summary.get("assumptions", [])
-        for record in records:
-            if record["verdict"] == DOUBTFUL and not (record["warned"] and result.contact):  # which shows the warning
-                options.say(f"doubtful: {describe(record)}")
-        if records:
-            options.say(f"{count_of_doubts(records)}.")
-        options.say(f"written to {folder}")
-        if (folder / REPORT).is_file():
-            options.say(f"report: {folder / REPORT}")
-    return None
-
-
-def _show_fit(fit: PowerLawFit | None) -> None:
-    if fit is not None:
-        from asperity.curve.power_law import with_misfit
-
+    if quiet or world_rank():
+        return
+    if result.contact is None:
+        options.say(f"{folder} holds the complete run of {len(result.curve)} steps; nothing is left to do")
+    if (fit := result.fit) is not None:
         k, n = with_misfit(fit.to_dict())
         options.say(f"P* = k (delta/L)^n with k = {k}, n = {n} (misfit of the fit), R^2 = {fit.r2:.5f}")
+    if len(result.curve):
+        vibration = {**result.summary.get("dynamics", {}), "units": case.units}
+        found = Results(folder, result.curve, case.to_dict(), result.summary, thresholds=vibration)
+        for sentence in verdict(found):  # without reading meshes and fields again
+            options.say(sentence)
+    records = result.summary.get("assumptions", [])
+    for record in records:
+        if record["verdict"] == DOUBTFUL and not (record["warned"] and result.contact):  # which shows the warning
+            options.say(f"doubtful: {describe(record)}")
+    if records:
+        options.say(f"{count_of_doubts(records)}.")
+    options.say(f"written to {folder}")
+    if (folder / run_folder.REPORT).is_file():
+        options.say(f"report: {folder / run_folder.REPORT}")

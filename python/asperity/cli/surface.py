@@ -22,7 +22,7 @@ if TYPE_CHECKING:
               ".msh, .vtu, .stl, .bdf or .unv.")  # fmt: skip
 @options.as_json
 @options.overrides
-def command(case_file: str, output: str | None, mesh: str | None, as_json: bool, overrides: tuple[str, ...]) -> None:
+def surface(case_file: str, output: str | None, mesh: str | None, as_json: bool, overrides: tuple[str, ...]) -> None:
     """Show the roughness of a case's surface.
 
     Its statistics, shortest wavelength and point of first contact, and of rough ones the parameters of ISO 25178; with
@@ -35,9 +35,12 @@ def command(case_file: str, output: str | None, mesh: str | None, as_json: bool,
     surface = case.build_surface()
     metre = "m" if case.units == "SI" else ""
     values = asdict(surface.statistics())
-    rows = [(label, _text(values[key], power, metre)) for key, (label, power) in _SHOWN.items()]
-    shortest = ("shortest wavelength", quantity(surface.feature_size, metre))
-    spot = ", ".join(quantity(value, metre) for value in surface.maximum())
+    heights = {"Sq": "rms height", "Sa": "mean height deviation", "Sz": "peak to valley", "Sp": "peak above mean"}
+    rows = [(f"{key}, {label}", quantity(values[key], metre)) for key, label in heights.items()]
+    rows += [(name.replace("_", " "), f"{values[name]:.4g}") for name in ("skewness", "kurtosis", "rms_slope")]
+    rows.append(("rms curvature", f"{values['rms_curvature']:.4g} {'1/m' if metre else ''}".rstrip()))
+    rows.append(("shortest wavelength", quantity(surface.feature_size, metre)))
+    rows.append(("first touch x, y, z", ", ".join(quantity(value, metre) for value in surface.maximum())))
     z, dx, dy = heights_of(surface)
     found = iso25178(z, dx, dy) if surface.rough else None
     if as_json:
@@ -45,7 +48,7 @@ def command(case_file: str, output: str | None, mesh: str | None, as_json: bool,
         touch = {"iso25178": iso, "shortest_wavelength": surface.feature_size, "first_touch": surface.maximum()}
         options.print_json({"kind": case.surface.kind, "statistics": values} | touch)
     else:
-        options.table(f"{case.surface.kind}", [*rows, shortest, ("first touch x, y, z", spot)])
+        options.table(case.surface.kind, rows)
         if found is not None:
             options.table("ISO 25178", iso_rows(found, metre))
     if output:
@@ -67,25 +70,6 @@ def command(case_file: str, output: str | None, mesh: str | None, as_json: bool,
         written = write_mesh(block, top, mesh, f"block of {Path(case_file).name}")
         if not as_json:
             options.say(f"written {written}: {len(block.points)} nodes, {len(block.tets)} tetrahedra of second order")
-
-
-# key of SurfaceStatistics -> label and power of length
-_SHOWN = {
-    "Sq": ("Sq, rms height", 1),
-    "Sa": ("Sa, mean height deviation", 1),
-    "Sz": ("Sz, peak to valley", 1),
-    "Sp": ("Sp, peak above mean", 1),
-    "skewness": ("skewness", 0),
-    "kurtosis": ("kurtosis", 0),
-    "rms_slope": ("rms slope", 0),
-    "rms_curvature": ("rms curvature", -1),
-}
-
-
-def _text(value: float, power: int, metre: str) -> str:
-    if power == -1:
-        return f"{value:.4g} {'1/m' if metre else ''}".rstrip()
-    return quantity(value, metre) if power else f"{value:.4g}"
 
 
 def iso_rows(found: ISO25178, metre: str) -> list[tuple[str, str]]:

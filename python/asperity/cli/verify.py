@@ -147,7 +147,7 @@ def _solve(surface: Surface, delta: float, steps: int, nu: float = NU, **setting
 @click.command()
 @click.argument("names", metavar="[NAME]...", nargs=-1, type=click.Choice(tuple(CASES)))
 @options.as_json
-def command(names: tuple[str, ...], as_json: bool) -> None:
+def verify(names: tuple[str, ...], as_json: bool) -> None:
     """Compare the solver with reference solutions.
 
     A flat block, a sphere and a rough surface, against closed forms and boundary elements; all cases if no NAME is

@@ -38,7 +38,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
     from mpi4py import MPI
 
-    from asperity.job.solve_case import SolvedCase
+    from asperity.job.parts import SolvedCase
     from asperity.quasistatic.contact_result import ContactResult
     from asperity.surface import Surface
 
@@ -192,8 +192,7 @@ def _run(
     clock: Clock,
 ) -> RunResult:
     """Solve, vibrate, judge, write; collective."""
-    from asperity.job.solve_case import solve_case
-    from asperity.job.vibrate_case import VibratedCase, vibrate_case
+    from asperity.job.parts import VibratedCase, solve_case, vibrate_case
 
     try:
         solved = solve_case(case, problem, files, progress, stop, comm)

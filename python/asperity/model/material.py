@@ -161,11 +161,7 @@ class Material:
         return self.kinematics == "finite"
 
     def check_decided(self) -> None:
-        """Refuse a material whose kinematics is not chosen yet.
-
-        Raises:
-            InputError: it is "auto"
-        """
+        """Refuse a material whose kinematics is "auto", not chosen yet (InputError)."""
         if self.kinematics == AUTO:
             raise InputError(
                 'material.kinematics = "auto" is chosen by asp.run: in a script call asp.choose_kinematics first, or '
@@ -194,9 +190,8 @@ class Material:
     def yield_pressure(self, sides: str) -> float:
         """Mean pressure at which a uniformly compressed block yields [force/length^2]; infinite if it is elastic.
 
-        Between rollers and with periodic sides the block is in uniaxial strain: under the pressure p the lateral stress
-        is p nu/(1 - nu) and the equivalent stress p (1 - 2 nu)/(1 - nu). With free sides it is in uniaxial stress. The
-        criterion is that of von Mises (Johnson, Contact Mechanics, 1985, eq. 6.1).
+        By von Mises (Johnson, Contact Mechanics, 1985, eq. 6.1): in uniaxial stress with free sides, else in uniaxial
+        strain, where under the pressure p the equivalent stress is p (1 - 2 nu)/(1 - nu).
         """
         if self.yield_strength is None:
             return inf

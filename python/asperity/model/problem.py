@@ -9,7 +9,6 @@ from typing import Any, TypedDict, Unpack
 import numpy as np
 
 from asperity.errors import CaseWarning, InputError, ResolutionWarning, warn
-from asperity.model.edges import edge_of_summit
 from asperity.model.limits import check, check_force, check_kind, check_length
 from asperity.model.load_path import BACKWARD_EULER, MIDPOINT, Schedule
 from asperity.model.material import Material
@@ -20,6 +19,8 @@ from asperity.surface import Surface
 ONE_OF = "give exactly one of delta_max, force_max and pressure_max"
 SIDES = ("rollers", "free", "periodic")
 SAMPLES = 257  # heights along each side by which a load is judged
+_FALLS = 0.01  # slope across an edge next to the summit that makes a ridge, over the rms slope
+_NEAR_FREE = 0.1  # distance of a summit from a free side that is near, over the shortest wavelength
 _MARGIN = 1.2  # on the compression of the block, whose surface answers a little stiffer than a half-space does
 
 
@@ -32,16 +33,10 @@ class ProblemArguments(TypedDict, total=False):
         delta_max: greatest approach from first touch [length]
         force_max: greatest force instead [force]
         pressure_max: greatest nominal pressure instead, the force over L^2 [force/length^2]
-        steps: planned steps of a loading; default 10
-        unload_steps: planned steps of an unloading; default 0, for none
-        cycles: loadings, each followed by an unloading; default 1
+        steps, unload_steps, cycles, substeps: see `Schedule`; default 10, 0, 1, 1
         integrator: of plasticity, "midpoint" (default) or "backward-euler"
-        substeps: equal parts that each step of a loading is divided into; default 1
         height: mean height of the block [length]; default L
-        sides: "rollers" (default), "free" or "periodic"
-        size: of the elements
-        formulation: of the contact; default the active set
-        options: of the solver
+        sides, size, formulation, options: see `Problem`
     """
 
     delta_max: float | None
@@ -181,12 +176,7 @@ class Problem:
 
     @staticmethod
     def of(surface: Surface, material: Material, **given: Unpack[ProblemArguments]) -> Problem:
-        """Make a problem of flat arguments, as scripts write them.
-
-        Args:
-            surface: the rough top
-            material: of the block
-            given: see `ProblemArguments`
+        """Make a problem of flat arguments, as scripts write them: see `ProblemArguments`.
 
         Warns (ResolutionWarning) of a greatest size that periodic sides do not allow, and (CaseWarning) of a load that
         is doubtful, see `check_load`.
@@ -208,9 +198,8 @@ class Problem:
             surface.check_small_slope()
         named = {field.name for field in fields(Schedule)} & told.keys() - {"sticks"}
         path = Schedule(**{"integrator": MIDPOINT} | {name: told.pop(name) for name in named})
-        height, sides = told.pop("height", None), told.pop("sides", "rollers")
-        problem = Problem(surface, material, path, height, sides, **told)
-        if sides == "periodic" and (problem.size.h_max or 0.0) > WIDEST_JOINED * surface.L:
+        problem = Problem(surface, material, path, told.pop("height", None), **told)
+        if problem.sides == "periodic" and (problem.size.h_max or 0.0) > WIDEST_JOINED * surface.L:
             warn(
                 f"mesh.h_max = {problem.size.h_max:g} is reduced to {WIDEST_JOINED * surface.L:g}: with block.sides = "
                 '"periodic" elements must be narrower than half the side; give that, or leave mesh.h_max out',
@@ -283,3 +272,47 @@ def full_contact_pressure(z: np.ndarray[Any, Any], side: float, material: Materi
         return pressure
     slope = float(np.sqrt(np.mean(np.square(np.gradient(z, side / (n - 1))).sum(axis=0))))
     return min(pressure, 6 * (material.yield_strength + material.tangent_modulus * slope))
+
+
+@dataclass(frozen=True)
+class Edge:
+    """Where the summit lies with respect to the edges of the patch, and why that spoils the first contact."""
+
+    name: str  # of the value
+    value: float
+    limit: float  # greatest value between rollers, smallest one with free sides
+    doubt: str = ""  # a sentence, empty without one
+
+
+def edge_of_summit(sides: str, surface: Surface) -> Edge | None:
+    """How an edge of the patch affects the first contact; None of a surface in contact along a whole edge.
+
+    Between rollers the value is the slope across the edge that the summit lies on, over the rms slope, 0 inside: they
+    mirror the surface, and where it falls away from the edge a ridge arises, sharper than any summit. With free sides
+    it is the distance of the summit from the nearest one, beyond which no solid carries it, over the shortest
+    wavelength. A periodic surface has no edge.
+    """
+    if sides == "periodic":
+        return None
+    other = "take another surface.seed, or another window of a map"
+    if sides == "free":
+        x, y, _ = surface.maximum()
+        distance = min(x, y, surface.L - x, surface.L - y) / surface.feature_size
+        edges = " and ".join(surface.edges_of_summit(_NEAR_FREE * surface.feature_size))
+        doubt = (
+            f"the flat first touches the surface at the free side {edges} of the patch, beyond which no solid "
+            f"carries the summit: light loads meet a softer contact than inside; {other}"
+        )
+        name = "distance from a free side over the shortest wave"
+        return Edge(name, distance, _NEAR_FREE, doubt if edges else "")
+    rms = surface.rms_slope()
+    if not rms > 0.0:
+        return None
+    falls = {edge: slope for edge, slope in surface.edges_of_summit().items() if slope > _FALLS * rms}
+    slope = max(falls.values(), default=0.0)
+    doubt = (
+        f"the flat first touches the surface on the edge {' and '.join(falls)} of the patch, where it slopes by "
+        f"{slope:.2g}: mirrored by the rollers it has a sharp ridge there, and the exponent at light loads is that of "
+        f"the ridge; {other}"
+    )
+    return Edge("slope across an edge over the rms slope", slope / rms, _FALLS, doubt if falls else "")

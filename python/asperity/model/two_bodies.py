@@ -26,14 +26,6 @@ from asperity.runtime.files import npz_bytes, replace_file
 from asperity.surface import Surface
 
 
-def composite_modulus(E1: float, nu1: float, E2: float, nu2: float) -> float:
-    """E' of 1/E' = (1 - nu1^2)/E1 + (1 - nu2^2)/E2 [force/length^2]."""
-    for name, E, nu in (("first", E1, nu1), ("second", E2, nu2)):
-        if not (E > 0 and -1 < nu <= 0.5):
-            raise InputError(f"the {name} body has E = {E:g}, nu = {nu:g}; legal are E > 0 and -1 < nu <= 0.5")
-    return 1.0 / ((1 - nu1**2) / E1 + (1 - nu2**2) / E2)
-
-
 @dataclass(frozen=True)
 class EquivalentBlock:
     """One block under a rigid flat instead of two that press on each other.
@@ -82,7 +74,7 @@ def equivalent_block(
     if yields:
         material = replace(first, E=0.5 * first.E, tangent_modulus=0.5 * first.tangent_modulus)
     else:
-        E_prime = composite_modulus(first.E, first.nu, second.E, second.nu)
+        E_prime = 1.0 / (1.0 / first.reduced_modulus + 1.0 / second.reduced_modulus)
         material = Material(E_prime * (1 - nu**2), nu)
     compliance = sum(h / body.block_modulus(sides) for h, body in zip(heights, (first, second), strict=True))
     return EquivalentBlock(material, compliance * material.block_modulus(sides))
@@ -123,24 +115,21 @@ class SumSurface(Surface):
         """Sum of two surfaces on patches of one side."""
         return SumSurface(L=first.L, first=first, second=second)
 
-    def _turned(self, x: ArrayLike) -> Array:
-        return self.L - np.asarray(x, float)
-
     def height(self, x: ArrayLike, y: ArrayLike) -> Array:
-        return np.asarray(self.first.height(x, y) + self.second.height(self._turned(x), y))
+        return np.asarray(self.first.height(x, y) + self.second.height(self.L - np.asarray(x), y))
 
     def gradient(self, x: ArrayLike, y: ArrayLike) -> tuple[Array, Array]:
         ax, ay = self.first.gradient(x, y)
-        bx, by = self.second.gradient(self._turned(x), y)
+        bx, by = self.second.gradient(self.L - np.asarray(x), y)
         return ax - bx, ay + by
 
     def hessian(self, x: ArrayLike, y: ArrayLike) -> tuple[Array, Array, Array]:
         axx, axy, ayy = self.first.hessian(x, y)
-        bxx, bxy, byy = self.second.hessian(self._turned(x), y)
+        bxx, bxy, byy = self.second.hessian(self.L - np.asarray(x), y)
         return axx + bxx, axy - bxy, ayy + byy
 
     def on_product(self, x: Array, y: Array, dx: int = 0, dy: int = 0) -> Array:
-        turned = self.second.on_product(self._turned(x)[::-1], y, dx, dy)[:, ::-1]
+        turned = self.second.on_product((self.L - x)[::-1], y, dx, dy)[:, ::-1]
         return np.asarray(self.first.on_product(x, y, dx, dy) + (-1) ** dx * turned)
 
     def mean(self) -> float:
@@ -163,7 +152,7 @@ class SumSurface(Surface):
         return math.hypot(*(surface.short_waves(wavelength, depth) for surface in (self.first, self.second)))
 
     def smoothed(self, x: ArrayLike, y: ArrayLike, s: ArrayLike) -> Array:
-        return np.asarray(self.first.smoothed(x, y, s) + self.second.smoothed(self._turned(x), y, s))
+        return np.asarray(self.first.smoothed(x, y, s) + self.second.smoothed(self.L - np.asarray(x), y, s))
 
     def save(self, path: str | Path, n: int = 513) -> Path:
         """Write heights on an n x n grid as .npz, for kind = "file" in a case; return the path."""

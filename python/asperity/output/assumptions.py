@@ -12,7 +12,7 @@ import numpy as np
 
 from asperity.curve import UNRESOLVED
 from asperity.mesh.resolution import ELEMENTS, ONE_MESH, SHARE, unresolved_height
-from asperity.model.edges import edge_of_summit
+from asperity.model.problem import edge_of_summit
 from asperity.output.assumption import Assumption, Evidence
 from asperity.reference import first_frequency, pull_off, range_of_stickiness, stickiness, tabor_parameter
 from asperity.reference.conductance import TABOR

@@ -21,7 +21,7 @@ from asperity.quasistatic.force_loops import CLOSE as CLOSE_PRELOAD
 from asperity.quasistatic.force_loops import TRIALS, Leg, as_before
 from asperity.quasistatic.newton import NewtonSolver, StepStats
 from asperity.quasistatic.stiffness import mirrored
-from asperity.slip.path import DOWN, FIRST, UP, SlipPath
+from asperity.slip.law import DOWN, FIRST, UP, SlipPath
 from asperity.slip.settings import SlipSettings, check_motion
 
 CLOSE = 1e-3  # tolerance of the force at the end of a leg, over its amplitude

@@ -23,8 +23,7 @@ from asperity.runtime.display import short_repr
 from asperity.runtime.files import write_csv
 from asperity.runtime.run_folder import SLIP, SLIP_LOOPS, SLIP_NODES
 from asperity.slip.branch import branch_rows, column_of, down_to_zero, left_out, measured_ratio, stuck_law, with_slopes
-from asperity.slip.law import SlipLaw
-from asperity.slip.path import SlipPath, path_of_law
+from asperity.slip.law import SlipLaw, SlipPath, path_of_law
 from asperity.slip.settings import SlipSettings
 from asperity.units import quantity
 

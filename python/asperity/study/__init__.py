@@ -5,7 +5,6 @@ rows = read_table("out/study")
 """
 
 from asperity.study.definition import Entry, Study
-from asperity.study.results import case_folder, read_table
-from asperity.study.run import run_study
+from asperity.study.run import case_folder, read_table, run_study
 
 __all__ = ["Entry", "Study", "case_folder", "read_table", "run_study"]

@@ -1,4 +1,4 @@
-"""`asperity compare`: two curves, with a tolerance per column."""
+"""`asperity baseline` and `compare`: the curve of a run stored as a reference, and another one compared with it."""
 
 from __future__ import annotations
 
@@ -13,11 +13,28 @@ from asperity.runtime.run_folder import CURVE
 
 
 @click.command()
+@options.case_file
+@options.run_folder
+@click.argument("file", metavar="FILE", type=click.Path(dir_okay=False, path_type=Path))
+@options.tolerances
+def baseline(case_file: str, folder: str, file: Path, tolerances: dict[str, float] | None) -> None:
+    """Store the curve of a run as a reference.
+
+    FILE receives the curve of the finished run OUT of CASE.toml, for `asperity compare`.
+    A JSON header holds case, mesh, seed, steps, versions, the tolerance of each column, and the commands that made it.
+    """
+    from asperity.output.comparison import store_curve
+
+    curve = store_curve(case_file, folder, file, tolerances)
+    options.say(f"written {file} ({len(curve)} steps)")
+
+
+@click.command()
 @click.argument("first", metavar="A", type=click.Path(exists=True, path_type=Path))
 @click.argument("second", metavar="B", type=click.Path(exists=True, path_type=Path))
 @options.tolerances
 @options.as_json
-def command(first: Path, second: Path, tolerances: dict[str, float] | None, as_json: bool) -> int:
+def compare(first: Path, second: Path, tolerances: dict[str, float] | None, as_json: bool) -> int:
     """Compare two curves, column by column.
 
     A is the run, B the reference; each is a run directory or a curve.csv. Exit code 0 when they agree, 1 when not.
