@@ -116,9 +116,9 @@ def main() -> None:
     print("pair,force over E L^2,one block less two %")
     with tempfile.TemporaryDirectory(prefix="asperity-") as folder:
         for name, pair in PAIRS.items():
-            like = equivalent_block(pair[0], pair[0], (1.0, 1.0), nu=scene.NU)
+            material, _ = equivalent_block(pair[0], pair[0], (1.0, 1.0), nu=scene.NU)
             one, two = (Path(folder) / f"{name.replace(' ', '-')}-{k}.inp" for k in (1, 2))
-            one_block(one, nodes, sums, like.material, stiffness)
+            one_block(one, nodes, sums, material, stiffness)
             two_blocks(two, nodes, z, pair, stiffness)
             a, b = forces(one), forces(two)
             for force, change in zip(b, 100.0 * (a / b - 1.0), strict=True):

@@ -30,11 +30,7 @@ def identity(case: Case) -> dict[str, Any]:
 
 
 def refuse_another(path: Path, saved: Mapping[str, Any], now: Mapping[str, Any]) -> None:
-    """Refuse to continue the run of a file under another case, by the identities of both.
-
-    Raises:
-        CheckpointError: they differ in a key that changes the result
-    """
+    """Refuse (CheckpointError) to continue the run of a file under another case, by the identities of both."""
     different = []
     for name in sorted({*saved, *now}):
         old, new = saved.get(name), now.get(name)
@@ -52,11 +48,7 @@ def refuse_another(path: Path, saved: Mapping[str, Any], now: Mapping[str, Any])
 
 
 def refuse_run_of_another(case: Case, folder: Path) -> None:
-    """Refuse a folder whose run, of which no state is saved, is not of this case.
-
-    Raises:
-        CheckpointError: it is of another case, or its case is missing
-    """
+    """Refuse (CheckpointError) a folder whose run, without a saved state, is not of this case or has none."""
     if is_empty(folder):
         return
     try:

@@ -80,11 +80,7 @@ class MaterialSection(Section):
 
 
 def law_of_section(table: Mapping[str, Any]) -> Material:
-    """The material of a section with a law; E and nu may be missing.
-
-    Raises:
-        InputError: the law is refused, or its moduli at rest are not those given
-    """
+    """The material of a section with a law; E and nu may be missing, and are refused (InputError) if others."""
     made = load(table["law"], table.get("parameters", {}), {name: table[name] for name in SHARED if name in table})
     for name in ("yield_strength", "tangent_modulus", "hardening"):
         if name in table and name not in dict(made.parameters):

@@ -22,11 +22,7 @@ _PROBABLE = {"material.E": (1e3, 2e12, "Pa"), "surface.L": (0.0, 0.1, "m"), "mat
 
 
 def check_together(case: Input) -> None:
-    """Checks that need more than one key.
-
-    Raises:
-        InputError: key and the rest of the sentence
-    """
+    """Refuse (InputError) what needs more than one key to be judged: key and the rest of the sentence."""
     _check_material(case)
     side, loading, formulation = case.surface.L, case.loading, case.contact.formulation
     for key in FRACTIONS:

@@ -55,11 +55,7 @@ def check(case_file: str, ranks: int, as_json: bool, overrides: tuple[str, ...])
 
 
 def judge(case: Case) -> None:
-    """Refuse a case that a run refuses, and warn where a run warns before it solves.
-
-    Raises:
-        InputError: the reason, in one sentence
-    """
+    """Refuse (InputError) a case that a run refuses, and warn where a run warns before it solves."""
     from asperity.mesh.block import BlockMesh
     from asperity.mesh.resolution import warn_of_missed_waves
 

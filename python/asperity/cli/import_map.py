@@ -299,10 +299,7 @@ def _doubts(scan: _Scan) -> Iterator[str]:
 
 
 def _spike(scan: _Scan) -> tuple[str, bool]:
-    """Sentence on a summit that may be dust or a spike, and whether it recommends --despike, which is tried before.
-
-    Crests of a wave are no spikes.
-    """
+    """Sentence on a summit that may be dust or a spike, and whether --despike, tried here, would remove it."""
     from asperity.surface.spikes import STANDS_OUT, prominence_of_summit
 
     spike, statistics = prominence_of_summit(scan.bare.z), scan.statistics
@@ -322,11 +319,7 @@ def _spike(scan: _Scan) -> tuple[str, bool]:
 
 
 def _cost(case_file: Path, surface: HeightMap) -> str:
-    """Sentences on steps of the map, and on a tolerance that will probably not be met, with the filter it takes.
-
-    Raises:
-        InputError: the case cannot be run
-    """
+    """Sentences on steps of the map and on the filter that a tolerance takes; InputError of a case that cannot run."""
     from asperity.adaptive.cutoff import filter_advice, note_on_steps
     from asperity.adaptive.estimate import estimate
     from asperity.case import Case

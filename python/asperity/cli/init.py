@@ -166,13 +166,7 @@ def starting_case(
 
 
 def surface_of(sq: float, slope: float) -> dict[str, Any]:
-    """Keys of a self-affine surface with an rms height [length] and an rms slope.
-
-    Both give the shortest wavelength; the roll-off and the side are multiples of it.
-
-    Raises:
-        InputError: they are not positive, or no slope of a rough surface
-    """
+    """Keys of a self-affine surface with an rms height [length] and an rms slope, which give its shortest wave."""
     from asperity.surface import SelfAffine
 
     if not (0.0 < sq < math.inf and 0.0 < slope <= 1.0):

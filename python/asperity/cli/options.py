@@ -86,11 +86,7 @@ tolerances = click.option(
 
 @contextmanager
 def files_of_run(folder: str) -> Iterator[None]:
-    """Refuse files of a run that can be read but not used: damaged, edited, or of another version.
-
-    Raises:
-        InputError: for the errors of a wrong type, shape, name or value
-    """
+    """Refuse (InputError) files of a run that can be read but not used: damaged, edited, of another version."""
     from asperity.runtime.files import UNREADABLE, one_line
 
     try:

@@ -267,11 +267,7 @@ def _slip(
 
 
 def _preload(case: Case, curve: Curve, section: str, preload: float | None) -> float:
-    """Normal force on the patch about which a section moves the flat: its own, that of the vibration, or a half.
-
-    Raises:
-        RangeError: it exceeds the greatest force of the curve
-    """
+    """Normal force on the patch about which a section moves the flat: its own, that of the vibration, or a half."""
     top, key, settings = float(curve.force.max()), f"{section}.preload", _settings(case)
     if preload is None and settings.preload is not None:
         preload, key = settings.preload / settings.factor, f"the preload of the {section}"

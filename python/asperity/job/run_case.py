@@ -62,11 +62,7 @@ class RunResult:
     dynamics: Any = None
 
     def plot(self, name: str = "curve") -> Figure:
-        """Draw a figure of the curve: "curve", "area" or "stiffness"; those of a folder are `plot.plot_run`'s.
-
-        Raises:
-            InputError: there is no such figure, or it has no data
-        """
+        """Draw a figure of the curve, "curve", "area" or "stiffness", or refuse (InputError) where it has no data."""
         from asperity.output.results import Results
         from asperity.plot import figures_of
 
@@ -142,8 +138,17 @@ def run(
 
     comm = MPI.COMM_WORLD if comm is None else comm
     out = None if folder is None else Path(folder)
+    if resume and force:
+        raise InputError("--resume continues the run in OUT and --force replaces it: give one of them")
+    if resume and out is None:
+        raise InputError("give the folder of the run to resume")
+
+    def prepare() -> tuple[Case, Problem]:
+        whole = case if isinstance(case, Case) else Case.load(case)
+        return whole, whole.problem()
+
     with noting(comm) as notices:
-        whole, problem = agree(comm, partial(prepare, case, out, resume=resume, force=force))
+        whole, problem = agree(comm, prepare)
         files = RunFiles(whole, out, comm)
         with files.locked(resume, force):
             done = files.finished() if resume else None
@@ -159,26 +164,6 @@ def run(
                     log(text)
                 stop = None if request is None else request.agreed
                 return _run(whole, problem, files, notices, progress or Progress(), stop, comm, clock)
-
-
-def prepare(
-    case: Case | str | Path,
-    folder: Path | None = None,
-    *,
-    resume: bool = False,
-    force: bool = False,
-) -> tuple[Case, Problem]:
-    """A case that may be run, and its problem; warns of what is doubtful.
-
-    Raises:
-        InputError: anything that can be found without solving
-    """
-    if resume and force:
-        raise InputError("--resume continues the run in OUT and --force replaces it: give one of them")
-    if resume and folder is None:
-        raise InputError("give the folder of the run to resume")
-    case = case if isinstance(case, Case) else Case.load(case)
-    return case, case.problem()
 
 
 def _run(

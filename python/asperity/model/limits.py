@@ -51,11 +51,7 @@ def bounds(interval: str) -> dict[str, float]:
 
 
 def check_kind(name: str, value: Any, declared: str) -> None:
-    """Refuse a value of another type than declared, for example "float | None"; only those of `FORMS` are checked.
-
-    Raises:
-        InputError: with the legal form
-    """
+    """Refuse (InputError) a value of another type than declared, as in float | None, if that is in `FORMS`."""
     kinds = [kind.strip() for kind in declared.split("|") if kind.strip() != "None"]
     if not set(kinds) <= set(FORMS) or (value is None and "None" in declared):
         return

@@ -236,11 +236,7 @@ class Problem:
 
 
 def check_lengths(side: float, height: float, delta_max: float | None, size: MeshSize) -> None:
-    """Refuse height of a block, approach and element sizes that no contact of a side has [length].
-
-    Raises:
-        InputError: one is far from the side, or they do not go together
-    """
+    """Refuse (InputError) height, approach and element sizes that no contact of a side has [length]."""
     check_length("block.height", height, side)
     check_length("loading.delta_max", delta_max, side)
     size.check_on(side)

@@ -81,11 +81,7 @@ class Formulation:
         return self.friction != "none"
 
     def check_bar(self) -> None:
-        """Refuse a penalty so soft that its error dominates, which no error bar covers.
-
-        Raises:
-            InputError: it is
-        """
+        """Refuse (InputError) a penalty so soft that its error dominates, which no error bar covers."""
         if self.method == "penalty" and self.penalty < LEAST_PENALTY:
             raise InputError(
                 f"contact.penalty = {self.penalty:g} is too soft for accuracy.tolerance, whose error bars need "
@@ -126,11 +122,7 @@ class MeshSize:
         check(self, "mesh", h_contact="(0, inf)", growth=GROWTH, h_max="(0, inf)", refinements=refinements)
 
     def check_on(self, side: float) -> None:
-        """Refuse sizes that no mesh of a patch of this side has [length].
-
-        Raises:
-            InputError: a size far from the side, or one in contact above the greatest
-        """
+        """Refuse (InputError) sizes that no mesh of a patch of this side has [length]."""
         check_length("mesh.h_contact", self.h_contact, side)
         check_length("mesh.h_max", self.h_max, side)
         size, most = self.h_contact or H_CONTACT * side, self.h_max or H_MAX * side

@@ -26,23 +26,10 @@ from asperity.runtime.files import npz_bytes, replace_file
 from asperity.surface import Surface
 
 
-@dataclass(frozen=True)
-class EquivalentBlock:
-    """One block under a rigid flat instead of two that press on each other.
-
-    Attributes:
-        material: with the composite modulus; of metals that yield half the modulus and the strength of either
-        height: of the block, so that its uniform compression is that of both [length]
-    """
-
-    material: Material
-    height: float
-
-
 def equivalent_block(
     first: Material, second: Material, heights: tuple[float, float], *, sides: str = "rollers", nu: float = 0.3
-) -> EquivalentBlock:
-    """Material and height of the block that represents two.
+) -> tuple[Material, float]:
+    """Material and height [length] of the one block that represents two, as compliant under a uniform pressure.
 
     Args:
         first, second: the bodies; elastic, or of one metal that yields
@@ -55,8 +42,8 @@ def equivalent_block(
 
     Examples:
         >>> steel = asp.Material(E=200e9, nu=0.3)
-        >>> block = equivalent_block(steel, steel, (1e-6, 1e-6))
-        >>> round(block.material.E / 1e9, 6), round(block.height * 1e6, 6)
+        >>> material, height = equivalent_block(steel, steel, (1e-6, 1e-6))
+        >>> round(material.E / 1e9, 6), round(height * 1e6, 6)
         (100.0, 1.0)
     """
     if not first.kinematics == second.kinematics == "small":
@@ -77,7 +64,7 @@ def equivalent_block(
         E_prime = 1.0 / (1.0 / first.reduced_modulus + 1.0 / second.reduced_modulus)
         material = Material(E_prime * (1 - nu**2), nu)
     compliance = sum(h / body.block_modulus(sides) for h, body in zip(heights, (first, second), strict=True))
-    return EquivalentBlock(material, compliance * material.block_modulus(sides))
+    return material, compliance * material.block_modulus(sides)
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

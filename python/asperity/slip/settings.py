@@ -14,11 +14,7 @@ METHODS = ("curve", "solid")
 
 
 def check_motion(sides: str, direction: float, rigid: bool) -> None:
-    """Refuse a direction in which a flat cannot move; `rigid` for one with friction, whose pressures change.
-
-    Raises:
-        InputError: between rollers
-    """
+    """Refuse (InputError) a direction in which a flat, `rigid` if it has friction, cannot move."""
     if sides == "rollers" and rigid:
         raise InputError(
             'block.sides = "rollers" stand for mirror images, which admit no motion of a flat with friction: take '

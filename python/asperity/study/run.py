@@ -171,11 +171,7 @@ def _attempt(case: Case, place: Path, again: bool, comm: MPI.Comm) -> str:
 
 
 def _prepare(study: Study, folder: Path, lock: ExitStack, retry: bool) -> list[int]:
-    """Numbers of the cases to run, in their order; `lock` locks the folder, and writes the table before it closes.
-
-    Raises:
-        InputError: the folder cannot be used
-    """
+    """Numbers of the cases to run; `lock` locks the folder, refused if not usable, and ends with the table."""
     try:
         if folder.exists() and not folder.is_dir():
             raise InputError(f"{folder} is a file; give a folder to -o")
