@@ -46,13 +46,6 @@ def refusal(*overrides: str, path: Path = DEMO) -> str:
     return message
 
 
-@pytest.mark.parametrize("path", CASES, ids=lambda path: path.stem)
-def test_shipped_cases_load_without_a_warning_and_leave_a_gap(path: Path) -> None:
-    case = Case.load(path)
-    assert case.warnings() == []
-    assert doubts_of(case) == []
-
-
 def test_defaults_follow_from_the_side_of_the_patch() -> None:
     case = Case.from_dict(MINIMAL)
     assert case.block.height == 2.0
@@ -65,8 +58,11 @@ def test_defaults_follow_from_the_side_of_the_patch() -> None:
 
 
 @pytest.mark.parametrize("path", CASES, ids=lambda path: path.stem)
-def test_the_completed_input_reads_back_equal(path: Path, tmp_path: Path) -> None:
+def test_shipped_cases_load_without_a_doubt_and_the_completed_input_reads_back_equal(
+    path: Path, tmp_path: Path
+) -> None:
     case = Case.load(path)
+    assert case.warnings() == doubts_of(case) == []
     copy = tmp_path / "case.toml"
     copy.write_text(case.to_toml(), encoding="utf-8")
     again = Case.load(copy)
@@ -234,14 +230,11 @@ def test_a_nominal_pressure_is_a_force_by_another_name() -> None:
 @pytest.mark.parametrize(
     ("content", "parts"),
     [
-        (b"[surface\n", ("TOML", "line 1")),
-        (b"[a]\nx = 1\nx = 2\n", ("TOML", "line 3")),
-        (b'[a]\nx = "\xe4"\n', ("UTF-8", "line 2")),
-        (b"x = " + b"[" * 3000, ("TOML",)),
-        (b"", ("surface", "missing")),
-        (b"\x00", ("TOML",)),
+        (b"[surface\n", ("TOML", "line 1")), (b"[a]\nx = 1\nx = 2\n", ("TOML", "line 3")),
+        (b'[a]\nx = "\xe4"\n', ("UTF-8", "line 2")), (b"x = " + b"[" * 3000, ("TOML",)),
+        (b"", ("surface", "missing")), (b"\x00", ("TOML",)),
     ],
-)
+)  # fmt: skip
 def test_files_that_are_no_case(tmp_path: Path, content: bytes, parts: tuple[str, ...]) -> None:
     path = tmp_path / "case.toml"
     path.write_bytes(content)

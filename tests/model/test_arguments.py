@@ -59,82 +59,51 @@ def test_a_value_of_another_type_is_refused_with_the_legal_form(call: Callable[[
     assert "\n" not in str(caught.value)
 
 
-def of_script(changes: dict[str, Any]) -> Problem:
-    """Problem of these keys, as a script makes it."""
-    keys = {"material.E": 200e9, "material.nu": 0.3} | changes
-    if not {"loading.force_max", "loading.pressure_max"} & keys.keys():
-        keys.setdefault("loading.delta_max", 2e-9)
-    parts: dict[str, dict[str, Any]] = {
-        name: {} for name in ("material", "mesh", "loading", "contact", "block", "solver")
-    }
-    for key, value in keys.items():
-        section, name = key.split(".")
-        parts[section][name] = value
-    problem = parts["loading"] | parts["block"]
-    options = asp.SolverOptions(**parts["solver"])
-    settings = asp.MeshSize(**parts["mesh"]), asp.Formulation(**parts["contact"])
-    return Problem.of(
-        Surface.from_spec(**SPEC), asp.Material(**parts["material"]), size=settings[0], formulation=settings[1],
-        options=options, **problem,
-    )  # fmt: skip
-
-
-def of_command(changes: dict[str, Any]) -> Problem:
-    """The same as a case file makes it."""
-    tables: dict[str, Any] = {"surface": SPEC, "material": {"E": 200e9, "nu": 0.3}, "loading": {"steps": 10}}
+def tables_of(changes: dict[str, Any]) -> dict[str, Any]:
+    """Tables of a case with these keys."""
+    tables: dict[str, Any] = {"surface": SPEC, "material": {"E": 200e9, "nu": 0.3}, "loading": {}}
     if not {"loading.force_max", "loading.pressure_max"} & changes.keys():
         tables["loading"]["delta_max"] = 2e-9
     for key, value in changes.items():
         section, name = key.split(".")
         tables.setdefault(section, {})[name] = value
-    return Case.from_dict(tables).problem()
+    return tables
 
 
-@pytest.mark.parametrize(
-    ("key", "value"),
-    [
-        ("loading.delta_max", 0.02),  # metres for micrometres
-        ("loading.delta_max", 1.1e-6),  # more than the block
-        ("loading.delta_max", 0.5e-6),  # beyond full contact
-        ("loading.delta_max", 1e-14),
-        ("loading.delta_max", -1e-9),
-        ("loading.force_max", 1.0),
-        ("loading.force_max", 1e-20),
-        ("loading.pressure_max", 1e12),
-        ("loading.steps", 0),
-        ("loading.cycles", 0),
-        ("block.height", 1.0),
-        ("mesh.h_contact", 0.04),
-        ("mesh.h_contact", 0.5e-6),  # above the greatest size
-        ("mesh.h_max", 1e-12),
-        ("mesh.growth", 0.0),
-        ("mesh.refinements", 9),
-        ("material.E", 0.0),
-        ("material.E", float("inf")),
-        ("material.nu", 0.4951),
-        ("material.nu", -1.0),
-        ("material.yield_strength", 1.0),  # GPa for Pa
-        ("material.yield_strength", 300e9),
-        ("contact.method", "glue"),
-        ("contact.penalty", 1e9),
-        ("solver.linear", "qr"),
-        ("solver.rtol", 0.5),
-        ("solver.newton_max", 0),
-    ],
-)
-@pytest.mark.parametrize("make", [of_script, of_command])
-def test_script_and_command_refuse_the_same(make: Callable[[dict[str, Any]], Problem], key: str, value: Any) -> None:
+def of_script(tables: dict[str, Any]) -> Problem:
+    """The problem of a case as a script makes it."""
+    kinds = {"size": ("mesh", asp.MeshSize), "formulation": ("contact", asp.Formulation)}
+    kinds["options"] = ("solver", asp.SolverOptions)
+    parts = {name: kind(**tables.get(section, {})) for name, (section, kind) in kinds.items()}
+    surface, material = Surface.from_spec(**tables["surface"]), asp.Material(**tables["material"])
+    return Problem.of(surface, material, **parts, **tables["loading"], **tables.get("block", {}))
+
+
+# metres for micrometres, more than the block, beyond full contact; above the greatest size; GPa for Pa
+REFUSED: dict[str, tuple[Any, ...]] = {
+    "loading.delta_max": (0.02, 1.1e-6, 0.5e-6, 1e-14, -1e-9), "loading.force_max": (1.0, 1e-20),
+    "loading.pressure_max": (1e12,), "loading.steps": (0,), "loading.cycles": (0,), "block.height": (1.0,),
+    "mesh.h_contact": (0.04, 0.5e-6), "mesh.h_max": (1e-12,), "mesh.growth": (0.0,), "mesh.refinements": (9,),
+    "material.E": (0.0, float("inf")), "material.nu": (0.4951, -1.0), "material.yield_strength": (1.0, 300e9),
+    "contact.method": ("glue",), "contact.penalty": (1e9,), "solver.linear": ("qr",), "solver.rtol": (0.5,),
+    "solver.newton_max": (0,),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize(("key", "value"), [(key, value) for key, values in REFUSED.items() for value in values])
+@pytest.mark.parametrize("make", [of_script, lambda tables: Case.from_dict(tables).problem()])
+def test_script_and_command_refuse_the_same(make: Callable[[Any], Problem], key: str, value: Any) -> None:
     with pytest.raises(InputError, match=key.partition(".")[2]):
-        make({key: value})
+        make(tables_of({key: value}))
 
 
-@pytest.mark.parametrize("make", [of_script, of_command])
-def test_script_and_command_warn_of_the_same(make: Callable[[dict[str, Any]], Problem]) -> None:
+@pytest.mark.parametrize("make", [of_script, lambda tables: Case.from_dict(tables).problem()])
+def test_script_and_command_warn_of_the_same(make: Callable[[Any], Problem]) -> None:
     with pytest.warns(CaseWarning, match="more than the surface's depth"):
-        make({"loading.delta_max": 30e-9})
+        make(tables_of({"loading.delta_max": 30e-9}))
     with warnings.catch_warnings():
         warnings.simplefilter("error")
-        make({})
+        make(tables_of({}))
 
 
 def test_arguments_are_those_of_problem_load_path_and_callbacks() -> None:
