@@ -96,20 +96,6 @@ def test_each_defect_of_a_map_has_its_own_message(tmp_path: Path, name: str, con
         HeightField.read(tmp_path / "gone.npz")
 
 
-@pytest.mark.parametrize(
-    "array",
-    [[], [1e-5], [1e-5, 0.1], [1e-5, 0.1, 0.1, 0.1], [np.nan, 0.1, 0.1], [1e-5, np.inf, 0.1], [0.0, 0.1, 0.1],
-     ["a", "b", "c"], [1j, 0.1, 0.1]],
-    ids=str,
-)  # fmt: skip
-def test_a_malformed_note_on_the_instrument_is_refused_with_the_file(tmp_path: Path, array: Any) -> None:
-    """Not after the solve, when the ledger reads it."""
-    path = tmp_path / "map.npz"
-    np.savez(path, z=1e-7 * np.eye(9), L=1e-5, left_out=np.array(array))
-    with pytest.raises(InputError, match="left_out must hold three numbers"):
-        Surface.from_spec(kind="file", path=str(path))
-
-
 def test_without_surfacetopography_the_remedy_is_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     (tmp_path / "scan.sur").write_bytes(b"x")
     real = builtins.__import__

@@ -38,7 +38,6 @@ steps = 10
 [accuracy]
 tolerance = 0.05                 # of the force; without it, one mesh of mesh.h_contact
 """
-CELLS = 500  # most per side of the half-space that shows what the instrument leaves out
 KEPT = 5  # heights per wavelength of the filter that a patch keeps which has too many of them
 HIGH = 8.0  # height of the summit above the mean plane over the rms height that no Gaussian surface reaches
 FORM = 2.5  # Sq of a second-order form over that of the rest; random surfaces without roll-off reach 2
@@ -93,13 +92,14 @@ def import_map(map_file: str, output: str | None, as_json: bool, **given: Any) -
     about: dict[str, Any] = {
         "file": map_file, "channel": scan.channel or None, "notes": scan.notes, "side": scan.surface.L,
         "nodes": len(scan.patch.z), "level": given["level"], "cutoff": scan.cutoff, "filled": scan.filled,
-        "despike": given["despike"], "instrument": scan.left_out, "iso25178": scan.iso.to_dict(),
+        "despike": given["despike"], "instrument": scan.reliable if scan.limited else None,
+        "iso25178": scan.iso.to_dict(),
     }  # fmt: skip
     for name, part in (("statistics", scan.statistics), ("self_affine", scan.affine), ("repeating_wave", scan.wave)):
         about[name] = None if part is None else asdict(part)
     with files_into(folder) as aside:  # whole, or not at all
         origin = {name: about[name] for name in ("file", "channel", "level", "cutoff", "filled", "despike")}
-        scan.patch.save(aside / "patch.npz", left_out=scan.left_out, about=origin)
+        scan.patch.save(aside / "patch.npz", about=origin)
         progress.stage("figures")
         _draw(aside, scan)
         (aside / "measured.json").write_text(f"{json.dumps(about, indent=2)}\n", encoding="utf-8")
@@ -137,10 +137,9 @@ class _Scan:
         self, map_file: str, stage: Callable[[str], None], *, level: Trend, window: tuple[float, float, float] | None,
         despike: bool, cutoff: float | None, tip_radius: float | None, shortest: float | None, **given: Any,
     ) -> None:  # fmt: skip
-        from asperity.surface.height_map import HeightMap
+        from asperity.surface.height_map import MOST, HeightMap
         from asperity.surface.iso25178 import iso25178
         from asperity.surface.measured import HeightField
-        from asperity.surface.patch import MOST
 
         if tip_radius is not None and not tip_radius > 0:
             raise InputError(f"tip-radius = {tip_radius:g} is not a positive length")
@@ -163,8 +162,8 @@ class _Scan:
             whole = whole.despiked()
         self.whole, self._level, self._window = whole, level, window
         self.reliable = whole.reliable(tip_radius)  # wavelength below which the map shows its instrument [m]
-        limited = cutoff is None and self.reliable > 2 * min(whole.dx, whole.dy)
-        self.cutoff = self.reliable if limited else cutoff
+        self.limited = cutoff is None and self.reliable > 2 * min(whole.dx, whole.dy)
+        self.cutoff = self.reliable if self.limited else cutoff
         self.bare = self.patch = self.cut(whole)  # without a filter, which would bend the spectrum near its cut-off
         if self.cutoff is not None:
             stage("filter")
@@ -177,7 +176,6 @@ class _Scan:
         self.surface = HeightMap.of(self.patch.z, self.patch.size[0])
         self.statistics = self.surface.statistics(min(len(self.patch.z), 1025))
         self.iso = iso25178(self.patch.z, self.patch.dx, self.patch.dy)
-        self.left_out = (self.reliable, *self._change_by_filter()) if limited else None  # see `HeightMap.left_out`
 
     def cut(self, field: HeightField) -> HeightField:
         """The patch of a levelled map."""
@@ -201,22 +199,6 @@ class _Scan:
                 self.affine = fit_self_affine(self.spectrum, shortest)
             except InputError as error:
                 click.echo(f"no Hurst exponent: {error}", err=True)
-
-    def _change_by_filter(self) -> tuple[float, float]:
-        """Relative change of force and area of a light contact by the waves that the filter has taken."""
-        from asperity.reference.halfspace import RoughHalfSpace, cells_per_side
-        from asperity.surface import HeightMap
-        from asperity.surface.cutoff import approach_of_share
-
-        smooth, found = self.surface, []
-        layer = RoughHalfSpace(cells_per_side(min(len(smooth.heights), CELLS)), height=1.0, nu=0.3)
-        plane = smooth.maximum()[2] - approach_of_share(smooth)  # of the flat, the same for both
-        for surface in (smooth, HeightMap.of(self.bare.z, self.bare.size[0])):
-            summit, side = surface.maximum()[2], surface.L
-            curve = layer.curve(layer.heights(surface), summit / side, [(summit - plane) / side])
-            found.append((float(curve.P_star[0]), float(curve.area_fraction[0])))
-        (force, area), (more, larger) = found
-        return more / force - 1.0, larger / area - 1.0
 
 
 def _case(surface: HeightMap) -> str:
@@ -262,11 +244,10 @@ def _doubts(scan: _Scan) -> Iterator[str]:
     import numpy as np
 
     slope, affine, wave, bare = scan.statistics.rms_slope, scan.affine, scan.wave, scan.bare
-    if scan.left_out is not None:
+    if scan.limited:
         yield (
-            f"waves shorter than {_metres(scan.reliable)}, which the instrument does not resolve, are filtered: what "
-            f"it shows of them would change the force at the approach of the case by {scan.left_out[1]:+.1%} and the "
-            f"area by {scan.left_out[2]:+.1%}; --cutoff filters at another wavelength"
+            f"waves shorter than {_metres(scan.reliable)}, which the instrument does not resolve, are filtered: "
+            "--cutoff filters at another wavelength"
         )
     elif scan.cutoff is not None and scan.cutoff < scan.reliable:
         yield f"waves shorter than {_metres(scan.reliable)} are not resolved by the instrument: --cutoff is below that"

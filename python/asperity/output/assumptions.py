@@ -88,7 +88,7 @@ def _strain(run: Evidence) -> Iterator[Assumption]:
 
 
 def _resolution(run: Evidence) -> Iterator[Assumption]:
-    """Waves too short for the elements or the instrument; cells that keep their volume where they flow, on one mesh."""
+    """Waves too short for the elements; cells that keep their volume where they flow, on one mesh."""
     surface, material = run.problem.surface, run.problem.material
     tolerance = run.tolerance or ONE_MESH
     if run.h is not None:
@@ -113,15 +113,6 @@ def _resolution(run: Evidence) -> Iterator[Assumption]:
                 "self-affine surfaces without hardening (docs/extend.md)",
                 "accuracy.tolerance, a smaller mesh.h_contact, or a law with yield_strength", warns=True,
             )  # fmt: skip
-    if (left_out := getattr(surface, "left_out", None)) is not None:  # see `HeightMap.left_out`
-        wavelength, force, area = left_out
-        yield Assumption(
-            "instrument: force by the waves that it does not resolve", 100 * abs(force), 100 * tolerance,
-            "% of the force", "half-space with and without what the scan shows of them",
-            "a sharper tip or a finer scan",
-            f"shorter than {quantity(wavelength, 'm' if run.si else '', 3)}; they would change the force by "
-            f"{force:+.1%} and the area by {area:+.1%}",
-        )  # fmt: skip
 
 
 def _patch(run: Evidence) -> Iterator[Assumption]:

@@ -15,11 +15,10 @@ from numpy.typing import ArrayLike
 
 from asperity.arrays import Array
 from asperity.errors import InputError, warn
-from asperity.runtime.files import UNREADABLE, real
+from asperity.runtime.files import UNREADABLE
 from asperity.surface.base import Surface, SurfaceWarning, check, check_positive, short_wave_share
-from asperity.surface.height_files import REGULAR, read_heights
+from asperity.surface.height_files import REGULAR, UNEQUAL, Heights, read_heights
 from asperity.surface.maximum import global_maximum
-from asperity.surface.patch import as_patch, check_heights, check_square
 from asperity.surface.scale_space import ScaleSpace, gaussian_filtered
 from asperity.surface.spline import DEGREE, interpolate, with_middles
 from asperity.surface.statistics import SurfaceStatistics
@@ -28,6 +27,8 @@ if TYPE_CHECKING:
     from scipy.interpolate import BivariateSpline
 
 
+MOST = 6000  # heights along a side: beyond it the spline and its derivatives need more than 6 GiB
+DEEPEST, FARTHEST = 10.0, 1e6  # greatest plausible peak-to-valley height and distance of heights from zero [L]
 _FIRST = 0.225  # width that the levels of smoothed maps start from, over the distance of the heights
 _TREND = 8  # degree of the polynomial trend removed before the waves are separated by length
 _CELLS = 1024  # along a side in which rms values are integrated
@@ -73,11 +74,10 @@ class HeightMap(Surface):
         read = read_heights(Path(self.path))
         for note in read.notes:
             warn(f"{self.path}: {note}", SurfaceWarning)
-        z, L = as_patch(read, self.L, f"{self.path}: ")
+        z, L = _as_patch(read, self.L, f"{self.path}: ")
         z.flags.writeable = False
         object.__setattr__(self, "L", float(L))
         object.__setattr__(self, "_z", z)
-        _ = self.left_out  # is judged with the rest of the file
 
     @classmethod
     def of(cls, z: Array, L: float | tuple[float, float]) -> HeightMap:
@@ -91,9 +91,9 @@ class HeightMap(Surface):
             InputError: another shape, a height that is not finite, or an illegal side
         """
         z = np.asarray(z, dtype=float)
-        check_heights(z)
+        _check_heights(z)
         if not isinstance(L, tuple):
-            check_square(z)
+            _check_square(z)
         side, other = L if isinstance(L, tuple) else (L, L)
         check_positive("L", side)
         check(math.isclose(side, other, rel_tol=REGULAR), "L", L, "two equal sides")
@@ -102,38 +102,13 @@ class HeightMap(Surface):
             object.__setattr__(surface, name, value)
         return surface
 
-    def _beside(self, name: str) -> Any:
-        """Array of an .npz file beside the heights, None without one."""
-        if Path(self.path).suffix.lower() == ".npz":
-            with suppress(*UNREADABLE), np.load(self.path, allow_pickle=False) as file:  # reads this array only
-                return file[name] if name in file else None
-        return None
-
-    @cached_property
-    def left_out(self) -> tuple[float, float, float] | None:
-        """Waves left out because of the instrument, as `asperity import-map` has written them into the file.
-
-        Their greatest wavelength (length), and the change of force and area of a light contact by what the instrument
-        shows of them.
-        """
-        if (given := self._beside("left_out")) is None:
-            return None
-        wavelength = force = area = math.nan
-        with suppress(*UNREADABLE):
-            wavelength, force, area = map(float, real(given).ravel())
-        if not (0.0 < wavelength < math.inf and math.isfinite(force) and math.isfinite(area)):
-            raise InputError(
-                f"{self.path}: the array left_out must hold three numbers, a wavelength and the changes of force and "
-                "area, as asperity import-map writes it; leave it out"
-            )
-        return wavelength, force, area
-
     @cached_property
     def about(self) -> dict[str, Any]:
         """How `asperity import-map` has read the map: file, channel, treatment; empty for other maps."""
-        with suppress(*UNREADABLE, TypeError):
-            found = json.loads(bytes(self._beside("about")))
-            return found if isinstance(found, dict) else {}
+        if Path(self.path).suffix.lower() == ".npz":
+            with suppress(*UNREADABLE), np.load(self.path, allow_pickle=False) as file:
+                found = json.loads(bytes(file["about"]))
+                return found if isinstance(found, dict) else {}
         return {}
 
     @property
@@ -334,3 +309,57 @@ class HeightMap(Surface):
     def _maximum(self) -> tuple[float, float, float]:
         x, y = self._knots
         return global_maximum(self, (with_middles(x), with_middles(y)))
+
+
+def _as_patch(read: Heights, side: float | None, where: str) -> tuple[Array, float]:
+    """Heights (ny, nx) and side of a square patch (length); `side` is None where the file has it."""
+    z, dx, dy, L = read.z, read.dx, read.dy, side
+    _check_heights(z, where)
+    if max(z.shape) > MOST:
+        raise InputError(
+            f"{where}{z.shape[1]} x {z.shape[0]} heights are more than the {MOST} x {MOST} of a surface; cut "
+            "a window, or filter the map and keep fewer (asperity import-map --window or --cutoff)."
+        )
+    if dx is not None and dy is not None:
+        L, other = dx * (z.shape[1] - 1), dy * (z.shape[0] - 1)
+        check_positive("L", L)
+        if not np.isclose(L, other, rtol=REGULAR):
+            raise InputError(f"{where}the patch must be square, not {L:g} x {other:g}; import-map cuts one.")
+        if side is not None and not np.isclose(L, side, rtol=REGULAR):
+            raise InputError(
+                f"{where}surface.L = {side:g} disagrees with the side {L:g} found in it; leave surface.L out or "
+                "correct it."
+            )
+    if L is None:
+        raise InputError(f"surface.L is missing: {where}it holds no lengths; give it, or use import-map.")
+    if dx is None:
+        _check_square(z, where)
+    depth, level = float(z.max() / L - z.min() / L), float(np.abs(z).max() / L)
+    if not (depth <= DEEPEST and level <= FARTHEST):
+        raise InputError(
+            f"{where}heights from {z.min():.3g} to {z.max():.3g} on a patch of side {L:.3g} are not plausible; give "
+            "heights and surface.L in the same unit (m)."
+        )
+    return z, float(L)
+
+
+def _check_square(z: Array, where: str = "") -> None:
+    """Refuse heights that a side alone would stretch to a square."""
+    if z.shape[0] != z.shape[1]:
+        raise InputError(
+            f"{where}{UNEQUAL.format(*z.shape[::-1])}: write dx and dy, or x and y, beside z into an .npz file, or cut "
+            "a square with asperity import-map --pixel"
+        )
+
+
+def _check_heights(z: Array, where: str = "") -> None:
+    if z.ndim != 2 or min(z.shape) <= DEGREE:
+        raise InputError(
+            f"{where}heights have shape {z.shape}; a map needs two dimensions of at least {DEGREE + 1} points"
+        )
+    bad = np.argwhere(~np.isfinite(z))
+    if len(bad):
+        raise InputError(
+            f"{where}{len(bad)} height(s) are not finite, the first at row {bad[0][0]}, column "
+            f"{bad[0][1]}; asperity import-map fills gaps."
+        )

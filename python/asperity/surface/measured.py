@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from importlib.util import find_spec
 from pathlib import Path
@@ -23,7 +23,7 @@ from asperity.runtime.text_table import DECIMALS
 from asperity.surface.base import FLAT
 from asperity.surface.gaps import harmonic_fill
 from asperity.surface.height_files import PLAIN, TEXT, metres_of, read_heights, read_instrument
-from asperity.surface.patch import DEEPEST
+from asperity.surface.height_map import DEEPEST
 from asperity.surface.scale_space import gaussian_filtered
 from asperity.surface.spikes import without_spikes
 from asperity.surface.text_header import SAME
@@ -309,14 +309,11 @@ class HeightField:
             f"{slope:.2g}, are not plausible: {guess if slope * factor < 10 else ''}give all lengths in one unit"
         )
 
-    def save(
-        self, path: str | Path, left_out: Sequence[float] | None = None, about: Mapping[str, Any] | None = None
-    ) -> Path:
+    def save(self, path: str | Path, about: Mapping[str, Any] | None = None) -> Path:
         """Write the square patch as .npz with z and L, for kind = "file" in a case; return the path.
 
         Args:
             path: the file
-            left_out: see `HeightMap.left_out`
             about: see `HeightMap.about`
 
         Raises:
@@ -328,8 +325,6 @@ class HeightField:
             raise InputError(f"the map of {width:g} x {depth:g} is not square; cut a window first")
         path = Path(path).with_suffix(".npz")
         arrays: dict[str, Array] = {"z": self.z, "L": np.array(width)}
-        if left_out is not None:
-            arrays["left_out"] = np.array(left_out)
         if about is not None:
             arrays["about"] = np.frombuffer(json.dumps(about).encode(), dtype=np.uint8)
         replace_file(path, npz_bytes(arrays, compress=True))
