@@ -54,7 +54,7 @@ CellFlow flow_of(const CellPoints& points, const Relaxation& relaxation, const L
           if (!with_strain<finite>(p.g, u, at))
             out.add(0.0, 0.0, -1.0, 0.0);
         });
-    out.solve(material.resistance(), bulk_modulus(material), relaxation);
+    out.solve(material.resistance(), material.strength(), bulk_modulus(material), relaxation);
   }
   return out;
 }
@@ -114,17 +114,16 @@ struct CommonSlopes
       for (int i = 0; i < 3; ++i)
       {
         row[0][dof(a, i)] = dilatation[a][i];
-        row[1][dof(a, i)] = slope * deviation[a][i];
+        row[1][dof(a, i)] = deviation[a][i];
         row[2][dof(a, i)] = driving[a][i];
       }
     const double mean = bulk * (1.0 - cell.kept) / cell.volume;
-    // where the slope of `kept` vanishes, so does its curvature
-    const double curvature = slope != 0.0 ? bulk * cell.kept_curvature / (cell.volume * slope * slope) : 0.0;
+    const double curvature = bulk * cell.kept_curvature / cell.volume;
     for (int r = 0; r < dofs; ++r)
     {
       const double x = mean * row[0][r];
-      const double y = share * (row[2][r] - cell.softness * row[1][r]) + curvature * row[1][r];
-      const double z = share * (row[1][r] - cell.relief_slope * row[2][r]);
+      const double y = slope * share * (row[2][r] - cell.softness * slope * row[1][r]) + curvature * row[1][r];
+      const double z = share * (slope * row[1][r] - cell.relief_slope * row[2][r]);
       for (int s = r; s < dofs; ++s)
         A[r * row_length + s] += x * row[0][s] + y * row[1][s] + z * row[2][s];
     }

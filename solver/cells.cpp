@@ -41,9 +41,9 @@ void with_kind(const Law& law, bool finite, Kernel&& kernel)
 } // namespace
 
 Cells::Cells(Array<const double> x, Array<const int> x_dofs, Array<const int> u_dofs, Array<const double> gradients,
-             Array<const double> weights, double spent, double threshold)
+             Array<const double> weights, double most, double threshold)
     : x(x), x_dofs(x_dofs), u_dofs(u_dofs), gradients(gradients), weights(weights),
-      relaxation{spent, threshold}
+      relaxation{most, threshold}
 {
   expect("x", x, {any(), 3});
   expect("x_dofs", x_dofs, {any(), nodes});
@@ -123,7 +123,7 @@ std::pair<std::int64_t, std::int64_t> residual(const Cells& cells, const Law& la
                       trial.put(p.index, state);
                       ++inverted;
                     });
-                plastic.data()[c] = flowing > 0;
+                plastic.data()[c] = flowing > 0 || cell.relaxes();
                 total += flowing;
                 scatter(f, cells.dofs_of(c), b.data());
               }

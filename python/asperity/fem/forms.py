@@ -53,9 +53,9 @@ class FormKernels:
         self._constants = {name: fem.Constant(V.mesh, np.float64(value)) for name, value in self._law.parameters}
         self.relaxation = relaxation_of(material)
         self._cell: CellFlow | None = None
-        if np.isfinite(self.relaxation).all():
+        if np.isfinite(self.relaxation[1]):
             bulk = material.E / (3.0 * (1.0 - 2.0 * material.nu))
-            self._cell = CellFlow(V.mesh, self.volumes, bulk, self.relaxation)
+            self._cell = CellFlow(V.mesh, self.volumes, bulk, self.relaxation, material.yield_strength)
         self._flowing = self._now = self._weak_form(held=False)
         self._committed, self._trial = (
             history_of(self._law).zeros(len(cell_nodes) if shapes else 0, self.volumes.shape[1]) for _ in range(2)

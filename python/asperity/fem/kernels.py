@@ -35,14 +35,16 @@ def law_of(material: Material, flows: bool = True) -> _solver.Elastic | _solver.
     return law
 
 
-#: Stresses S and T of solver/relaxation.hpp over the yield strength (docs/theory.md); infinite is no relaxation.
-RELAXATION = (0.2, 0.04)
+#: c of solver/relaxation.hpp, and T over the yield strength (docs/theory.md); with an infinite T there is no relaxation.
+RELAXATION = (0.6, 0.04)
+#: Greatest relief over the yield strength.
+MOST_RELIEF: float = _solver.most_relief
 
 
 def relaxation_of(material: Material) -> tuple[float, float]:
-    """The stresses S and T of solver/relaxation.hpp [E]; infinite where nothing relaxes."""
+    """c and T [E] of solver/relaxation.hpp; T is infinite where nothing relaxes."""
     strength = material.yield_strength if material.relaxes else None
-    return RELAXATION[0] * (strength or np.inf), RELAXATION[1] * (strength or np.inf)
+    return RELAXATION[0], RELAXATION[1] * (strength or np.inf)
 
 
 class ElementKernels:
@@ -63,7 +65,7 @@ class ElementKernels:
 
     Attributes:
         linear: whether the tangent never changes
-        relaxation: the stresses S and T of solver/relaxation.hpp [E]; infinite where nothing flows
+        relaxation: c and T [E] of solver/relaxation.hpp; T is infinite where nothing flows
         volumes: of the quadrature points before deformation (cells, points) [L^3]
         plastic_points: that yielded in the last internal force
         inverted_points: that finite strain turned inside out there: no valid state
