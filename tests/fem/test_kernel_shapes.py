@@ -13,7 +13,7 @@ from asperity.fem.history import History
 from asperity.fem.kernels import compiled, law_of
 from asperity.mesh import element
 
-KERNELS = sorted(name for name in dir(_solver) if name[0].islower())
+KERNELS = [name for name in dir(_solver) if name[0].islower() and callable(getattr(_solver, name))]
 NODES = 10
 
 Arguments = dict[str, Any]
