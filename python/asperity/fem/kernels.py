@@ -35,7 +35,7 @@ def law_of(material: Material, flows: bool = True) -> _solver.Elastic | _solver.
     return law
 
 
-#: c of solver/relaxation.hpp, and T over the yield strength (docs/theory.md); with an infinite T there is no relaxation.
+#: c of solver/relaxation.hpp, and T over the yield strength (docs/theory.md); an infinite T is no relaxation.
 RELAXATION = (0.6, 0.04)
 #: Greatest relief over the yield strength.
 MOST_RELIEF: float = _solver.most_relief
