@@ -16,7 +16,6 @@ import numpy as np
 
 from asperity.arrays import Array
 from asperity.case import Case
-from asperity.curve import Curve
 from asperity.curve.power_law import interface_approach
 from asperity.dynamics.joint import Joint
 from asperity.errors import InputError
@@ -113,7 +112,14 @@ def interface(folder: str | Path, law: str = "table", load: float | None = None)
         load = of_joint / joint.factor(patch)
     if law == "auto":
         law = "unload-reload" if choose(CurveColumns.of(curve), law, load).name == "unload-reload" else "table"
-    approach, measure = _approach(curve, case)
+    # approach of the mean planes at each step
+    block = {"height": case.block.height, "area": patch, "modulus": case.material.solid.block_modulus(case.block.sides)}
+    approach = interface_approach(curve.delta, curve.force, **block)
+    measure = "approach of the flat less the elastic compression of the block"
+    if len(curve) and not np.isnan(curve.mean_gap).any():
+        # the first step carries hardly any force: there the block is elastic
+        approach = approach[0] + curve.mean_gap[0] - curve.mean_gap
+        measure = "decrease of the mean gap from first touch"
     columns = CurveColumns.of(curve)
     of_mean_planes = {
         "delta": approach, "force": curve.force / patch, "branch": curve.branch,
@@ -126,10 +132,12 @@ def interface(folder: str | Path, law: str = "table", load: float | None = None)
         found = unload_reload(of_mean_planes, preload)
         last = next(leg for leg in columns.unloadings() if curve.branch[leg[-1]] == "unload")
         rows = np.isin(np.arange(len(curve)), last)
-    z = _refined(found.z)
+    z = found.z  # with points between and below them
+    inner = (z[:-1, None] * (z[1:] / z[:-1])[:, None] ** (np.arange(_BETWEEN) / _BETWEEN)).ravel()
+    z = np.concatenate([z[0] * np.array(_BELOW), inner, z[-1:]])
     pressure, slope = found.both(z)
     with np.errstate(all="ignore"):
-        k_n = 1.0 / (1.0 / curve.k_n - case.block.height / (patch * _block_modulus(case)))
+        k_n = 1.0 / (1.0 / curve.k_n - block["height"] / (patch * block["modulus"]))
     k_n, k_n_elastic, k_t = (
         _over(pressure, k / patch, curve.force / patch, columns.rising(rows & (k > 0) & (curve.force > 0)))
         for k in (k_n, curve.k_n_interface, curve.k_t_interface)
@@ -187,37 +195,9 @@ def export(
             raise InputError("law and preload are for the contact, not for the mesh: leave them out")
         return export_mesh(folder, target)
     table = interface(folder, law or ("auto" if to == "python" else "table"), load)
-    writers: dict[str, Callable[[Interface], str]] = {
-        "calculix": lambda t: _deck(_short(t), t, _ADVICE) + _gap_at_preload(t) + _friction(t, slope=True),
-        "abaqus": lambda t: _deck(np.stack([t.pressure, t.approach], axis=1), t) + _gap(t) + _friction(t, slope=False),
-        "csv": _csv,
-        "python": lambda t: contact_module(*_hermite(t), t.area, t.about),
-        "sliders-python": _sliders,
-    }
     target.parent.mkdir(parents=True, exist_ok=True)
-    replace_file(target, writers[to](table).encode())
+    replace_file(target, _WRITERS[to](table).encode())
     return target
-
-
-def _block_modulus(case: Case) -> float:
-    return case.material.solid.block_modulus(case.block.sides)
-
-
-def _approach(curve: Curve, case: Case) -> tuple[Array, str]:
-    """Approach of the mean planes at each step [length], and how it was found."""
-    block = {"height": case.block.height, "area": case.surface.L**2, "modulus": _block_modulus(case)}
-    without = interface_approach(curve.delta, curve.force, **block)
-    if np.isnan(curve.mean_gap).any() or not len(curve):
-        return without, "approach of the flat less the elastic compression of the block"
-    # the first step carries hardly any force: there the block is elastic
-    return without[0] + curve.mean_gap[0] - curve.mean_gap, "decrease of the mean gap from first touch"
-
-
-def _refined(z: Array) -> Array:
-    """Points of a law with others between and below them."""
-    share = np.arange(_BETWEEN) / _BETWEEN
-    inner = (z[:-1, None] * (z[1:] / z[:-1])[:, None] ** share).ravel()
-    return np.concatenate([z[0] * np.array(_BELOW), inner, z[-1:]])
 
 
 def _over(pressure: Array, k: Array, at: Array, rows: Array) -> Array:
@@ -245,18 +225,6 @@ def _about(results: Results, case: Case, law: TableLaw, name: str, measure: str)
     yield f"error bar of the force: {known}"
 
 
-def _short(table: Interface) -> Array:
-    """Pressure and overclosure in as few rows as CalculiX reads, (rows, 2).
-
-    Its lines end in a row at constant pressure, so a further row continues the last slope.
-    """
-    z, p = table.approach, table.pressure
-    points = np.geomspace(max(z[-1] / _RANGE, z[0]), z[-1], _ROWS - 2)
-    values = np.exp(np.interp(np.log(points), np.log(z), np.log(p)))
-    far = z[-1] + (_BEYOND - 1) * p[-1] / table.slope[-1]
-    return np.stack([np.append(values, _BEYOND * p[-1]), np.append(points, far)], axis=1)
-
-
 def _deck(rows: Array, table: Interface, *advice: str) -> str:
     """Contact property with the tabular pressure-overclosure of CalculiX and Abaqus, to be included in a deck.
 
@@ -273,49 +241,45 @@ def _deck(rows: Array, table: Interface, *advice: str) -> str:
     return "\n".join(lines) + "\n"
 
 
-def _sliders(table: Interface) -> str:
-    if table.slip is None:
-        raise InputError("the case has no section [slip]: add it with slip.friction, and run it with --resume")
-    return sliders_module(table.slip, table.patch, table.area, table.about)
-
-
-def _friction(table: Interface, *, slope: bool) -> str:
-    """Friction with the stiffness of points that stick; empty for a case without [slip].
-
-    Args:
-        table: with the slip of the patch
-        slope: CalculiX takes the stiffness over the area, Abaqus the slip at which it gives the limit of friction
-    """
-    if table.slip is None:
-        return ""
-    mu, pressure = table.slip.friction, table.slip.preload / table.patch
-    stick = float(table.slip.k_tangent(0.0)) / table.patch
+def _friction(table: Interface) -> tuple[float, float, float, str]:
+    """Friction, nominal pressure, stick slope there, and a comment on it; for a case with [slip]."""
+    assert table.slip is not None
+    pressure, stick = table.slip.preload / table.patch, float(table.slip.k_tangent(0.0)) / table.patch
     head = f"** stick slope of the interface at the nominal pressure {pressure:.6g}: {stick:.6g}\n*FRICTION"
-    return head + (f"\n{mu:g}, {stick:.8e}\n" if slope else f", ELASTIC SLIP={mu * pressure / stick:.8e}\n{mu:g},\n")
+    return table.slip.friction, pressure, stick, head
 
 
-def _gap(table: Interface) -> str:
-    """Conductance of the gap over pressure; empty where unknown."""
-    if not len(table.conduction):
-        return ""
-    rows = [f"{row[1]:.8e}, {row[0]:.8e}" for row in table.conduction]
-    return "\n".join(["*GAP CONDUCTANCE, PRESSURE", "0., 0.", *rows]) + "\n"
+def _abaqus(table: Interface) -> str:
+    """Deck, with a table of conductances and with the slip at which friction has its limit."""
+    text = _deck(np.stack([table.pressure, table.approach], axis=1), table)
+    if len(table.conduction):
+        rows = [f"{row[1]:.8e}, {row[0]:.8e}" for row in table.conduction]
+        text += "\n".join(["*GAP CONDUCTANCE, PRESSURE", "0., 0.", *rows]) + "\n"
+    if table.slip is not None:
+        mu, pressure, stick, head = _friction(table)
+        text += f"{head}, ELASTIC SLIP={mu * pressure / stick:.8e}\n{mu:g},\n"
+    return text
 
 
-def _gap_at_preload(table: Interface) -> str:
-    """Conductance of the gap at the preload for CalculiX; empty where unknown.
+def _calculix(table: Interface) -> str:
+    """Deck, in as few rows as CalculiX reads, with the stick slope and the conductance at the preload.
 
-    Where the overclosure is a table its springs between node and surface have no pressure for a table of conductances,
-    and take the first row.
+    Its lines end in a row at constant pressure, so a further row continues the last slope. Where the overclosure is a
+    table its springs between node and surface have no pressure for a table of conductances, and take the first row.
     """
-    if not len(table.conduction):
-        return ""
-    at = f"{table.preload:.6g}"
-    h = float(np.interp(table.preload, table.conduction[:, 0], table.conduction[:, 1]))
-    return (
-        f"** conductance at the pressure {at}, and so at any: CalculiX 2.20 takes the first row of a table\n"
-        f"*GAP CONDUCTANCE\n{h:.8e}, 0.\n"
-    )
+    z, p = table.approach, table.pressure
+    points = np.geomspace(max(z[-1] / _RANGE, z[0]), z[-1], _ROWS - 2)
+    values = np.exp(np.interp(np.log(points), np.log(z), np.log(p)))
+    far = z[-1] + (_BEYOND - 1) * p[-1] / table.slope[-1]
+    text = _deck(np.stack([np.append(values, _BEYOND * p[-1]), np.append(points, far)], axis=1), table, _ADVICE)
+    if len(table.conduction):
+        h = float(np.interp(table.preload, table.conduction[:, 0], table.conduction[:, 1]))
+        text += f"** conductance at the pressure {table.preload:.6g}, and so at any: CalculiX 2.20 takes the first row "
+        text += f"of a table\n*GAP CONDUCTANCE\n{h:.8e}, 0.\n"
+    if table.slip is not None:
+        mu, _, stick, head = _friction(table)
+        text += f"{head}\n{mu:g}, {stick:.8e}\n"
+    return text
 
 
 def _csv(table: Interface) -> str:
@@ -325,10 +289,21 @@ def _csv(table: Interface) -> str:
     return "\n".join(lines) + "\n"
 
 
-def _hermite(table: Interface) -> tuple[Array, Array, Array]:
-    """Points and slopes of a monotone cubic with a continuous slope, also where contact is lost (at 0)."""
+def _python(table: Interface) -> str:
+    """Module of a monotone cubic with a continuous slope, also where contact is lost (at 0)."""
     z, p = np.append(0.0, table.approach), np.append(0.0, table.pressure)
     secant = np.diff(p) / np.diff(z)
     # monotone up to three times the secants next to it (Fritsch & Carlson, SIAM J. Numer. Anal. 17 (1980) 238)
     limit = 3.0 * np.minimum(secant, np.append(secant[1:], np.inf))
-    return z, p, np.append(0.0, np.minimum(table.slope, limit))
+    return contact_module(z, p, np.append(0.0, np.minimum(table.slope, limit)), table.area, table.about)
+
+
+def _sliders(table: Interface) -> str:
+    if table.slip is None:
+        raise InputError("the case has no section [slip]: add it with slip.friction, and run it with --resume")
+    return sliders_module(table.slip, table.patch, table.area, table.about)
+
+
+_WRITERS: dict[str, Callable[[Interface], str]] = {
+    "calculix": _calculix, "abaqus": _abaqus, "csv": _csv, "python": _python, "sliders-python": _sliders,
+}  # fmt: skip
