@@ -49,19 +49,18 @@ def store_curve(
         raise InputError(f"{folder}: the run is not finished, a reference must be")
     if results.summary.get("case_hash") != case.hash():
         raise InputError(f"{folder} is not a run of {case_file}: run it again, or give {folder / 'case.toml'}")
-    chosen = dict(TOLERANCES if tolerances is None else tolerances)
-    _check(chosen)
-    mesh = {k: v for k, v in case.to_dict()["mesh"].items() if v is not None}
+    place, mesh = file.resolve().parent, case.to_dict()["mesh"]
     if case.mesh.file is not None:  # no element size was used
-        mesh = {"file": os.path.relpath(case.mesh.file, file.resolve().parent)}
-    name = os.path.relpath(case_file, file.resolve().parent)
+        mesh = {"file": os.path.relpath(case.mesh.file, place)}
+    name = os.path.relpath(case_file, place)
     header = {
         "case": name,
         "command": f"asperity run {name} -o OUT && asperity baseline {name} OUT {file.name}",
-        "mesh": {key: results.summary[key] for key in ("cells", "dofs")} | mesh,
+        "mesh": {key: results.summary[key] for key in ("cells", "dofs")}
+        | {key: value for key, value in mesh.items() if value is not None},
         "seed": results.summary["seed"],
         "steps": len(results.curve),
-        "tolerances": chosen,
+        "tolerances": _checked(TOLERANCES if tolerances is None else tolerances),
         "versions": results.summary["versions"],
     }
     curve = replace(results.curve, header=header)
@@ -122,8 +121,7 @@ def compare_curves(a: Curve, b: Curve, tolerances: Mapping[str, float] | None = 
         >>> [difference.column for difference in compare_curves(a, b)], compare_curves(a, b, {"force": 0.1})
         (['force'], [])
     """
-    chosen: Mapping[str, float] = b.header.get("tolerances", TOLERANCES) if tolerances is None else tolerances
-    _check(chosen)
+    chosen = _checked(b.header.get("tolerances", TOLERANCES) if tolerances is None else tolerances)
     if not len(b):
         raise InputError("The reference has no step, so nothing is compared.")
     if not any(np.isfinite(getattr(b, name)).any() for name in chosen):
@@ -140,15 +138,15 @@ def compare_curves(a: Curve, b: Curve, tolerances: Mapping[str, float] | None = 
         x, y = getattr(a, name).astype(float), getattr(b, name).astype(float)
         scale = np.max(np.abs(y[np.isfinite(y)]), initial=0.0) or 1.0
         error = np.where((x == y) | (np.isnan(x) & np.isnan(y)), 0.0, np.abs(x - y) / scale)
-        error = np.where(np.isnan(error), np.inf, error)
-        row = int(np.argmax(error)) if error.size else 0
-        if error.size and error[row] > tolerance:
+        error = np.nan_to_num(error, nan=np.inf, posinf=np.inf)
+        row = int(np.argmax(error))
+        if error[row] > tolerance:
             values = getattr(a, name)[row].item(), getattr(b, name)[row].item()
             differences.append(Difference(name, row, *values, float(error[row]), tolerance))
     return differences
 
 
-def _check(tolerances: Any) -> None:
+def _checked(tolerances: Any) -> dict[str, float]:
     if not isinstance(tolerances, Mapping):
         raise InputError(f"tolerances = {show(tolerances)} must be one number for each column that is compared.")
     if not tolerances:
@@ -158,3 +156,4 @@ def _check(tolerances: Any) -> None:
             raise InputError(f"No tolerance can be set for {name!r}; legal: {', '.join(COLUMNS)}.")
         if not (isinstance(tolerance, int | float | np.floating | np.integer) and 0 <= tolerance < math.inf):
             raise InputError(f"The tolerance of {name} must be a finite number >= 0, not {tolerance!r}.")
+    return dict(tolerances)

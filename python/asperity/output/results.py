@@ -14,25 +14,10 @@ from numpy.typing import NDArray
 
 from asperity.curve import Curve
 from asperity.errors import InputError
+from asperity.runtime import run_folder
 from asperity.runtime.display import short_repr
 from asperity.runtime.files import UNREADABLE, one_line, parse_toml, read_csv, read_npz, read_text
 from asperity.runtime.notebook import optional
-from asperity.runtime.run_folder import (
-    BAND,
-    CASE,
-    CURVE,
-    FIELDS,
-    FREE,
-    MOTION,
-    RESPONSE,
-    SLIP,
-    SLIP_LOOPS,
-    SLIP_NODES,
-    SUMMARY,
-    THRESHOLDS,
-    TOP,
-    VTKHDF,
-)  # fmt: skip
 from asperity.surface import Surface
 
 Columns = Mapping[str, NDArray[Any]]
@@ -83,7 +68,7 @@ class Results:
             InputError: curve.csv is missing, or a file cannot be read
         """
         folder = Path(folder)
-        if not (folder / CURVE).is_file():
+        if not (folder / run_folder.CURVE).is_file():
             raise InputError(f"{folder} holds no curve.csv; give the folder of a run")
         found = {}
         for attribute, (name, reader) in _FILES.items():
@@ -143,7 +128,7 @@ class Results:
         Raises:
             InputError: the run kept no fields, or not so many
         """
-        source = self.folder / FIELDS / VTKHDF
+        source = self.folder / run_folder.FIELDS / run_folder.VTKHDF
         if not source.is_file():
             raise InputError(f"{source} is missing: it needs a run with output.fields = true")
         pyvista = optional("pyvista")
@@ -184,13 +169,13 @@ def _read_columns(path: Path) -> Columns:
 
 #: Attribute of `Results` -> file in the folder and its reader.
 _FILES: dict[str, tuple[str, Callable[[Path], Any]]] = {
-    "case": (CASE, lambda path: parse_toml(read_text(path))),
-    "summary": (SUMMARY, _read_json),
-    "curve": (CURVE, Curve.read),
-    "thresholds": (THRESHOLDS, _read_json),
-    "top": (f"{FIELDS}/{TOP}", read_npz),
+    "case": (run_folder.CASE, lambda path: parse_toml(read_text(path))),
+    "summary": (run_folder.SUMMARY, _read_json),
+    "curve": (run_folder.CURVE, Curve.read),
+    "thresholds": (run_folder.THRESHOLDS, _read_json),
+    "top": (f"{run_folder.FIELDS}/{run_folder.TOP}", read_npz),
     **{
-        name.removesuffix(".csv"): (name, _read_columns)
-        for name in (FREE, RESPONSE, BAND, MOTION, SLIP, SLIP_LOOPS, SLIP_NODES)
+        name: (f"{name}.csv", _read_columns)
+        for name in ("free", "response", "band", "motion", "slip", "slip_loops", "slip_nodes")
     },
 }

@@ -15,27 +15,10 @@ from asperity.case import Case
 from asperity.case.identity import identity, refuse_another, refuse_run_of_another
 from asperity.curve import Curve
 from asperity.errors import ConvergenceError, InputError
+from asperity.runtime import run_folder
 from asperity.runtime.distributed_array import on_root_of
 from asperity.runtime.files import UNREADABLE, files_into, read_text, remove_asides, replace_file
 from asperity.runtime.parallel import on_root_bcast
-from asperity.runtime.run_folder import (
-    CASE,
-    CHECKPOINT,
-    CURVE,
-    DERIVED,
-    FIELDS,
-    LOCK,
-    STATE,
-    SUMMARY,
-    TOP,
-    VTKHDF,
-    check,
-    check_writable,
-    clear,
-    holds_run,
-    is_empty,
-    working_in,
-)  # fmt: skip
 
 if TYPE_CHECKING:
     from mpi4py import MPI
@@ -71,10 +54,10 @@ class RunFiles:
         """
 
         def lock(folder: Path) -> None:
-            check(folder, resume=resume, force=force)
-            self._found = holds_run(folder)
+            run_folder.check(folder, resume=resume, force=force)
+            self._found = run_folder.holds_run(folder)
             if self._found:
-                self._lock.enter_context(working_in(folder))
+                self._lock.enter_context(run_folder.working_in(folder))
 
         with self._lock:
             self._on_root(lock)
@@ -91,9 +74,8 @@ class RunFiles:
 
         if self.folder is None:
             return None
-        return Checkpoint(
-            self.folder / CHECKPOINT, identity(self._case), self._comm, self._case.output.checkpoint, refuse_another
-        )
+        place, every = self.folder / run_folder.CHECKPOINT, self._case.output.checkpoint
+        return Checkpoint(place, identity(self._case), self._comm, every, refuse_another)
 
     def finished(self) -> tuple[Curve, dict[str, Any]] | None:
         """Curve and summary when the folder holds everything the case requests, else None."""
@@ -103,8 +85,8 @@ class RunFiles:
             if summary.get("finished") is not True or summary.get("case_hash") != self._case.hash():
                 return None
             try:
-                text = read_text(folder / CASE)
-                curve = Curve.read(folder / CURVE)
+                text = read_text(folder / run_folder.CASE)
+                curve = Curve.read(folder / run_folder.CURVE)
             except (*UNREADABLE, InputError):
                 return None
             return (curve, summary) if text.endswith(self._case.to_toml()) else None
@@ -121,7 +103,7 @@ class RunFiles:
             OutputError: the folder cannot be written
         """
         self._replaces = force
-        self._on_root(check_writable)
+        self._on_root(run_folder.check_writable)
         if self.checkpoint is not None:
             self._continues = resume and self.checkpoint.found()
             if resume and not self._continues:
@@ -140,18 +122,18 @@ class RunFiles:
             if self._found:
                 return
             folder.mkdir(parents=True, exist_ok=True)
-            self._lock.enter_context(working_in(folder))
-            if not is_empty(folder):
+            self._lock.enter_context(run_folder.working_in(folder))
+            if not run_folder.is_empty(folder):
                 raise InputError(f"another run has worked in {folder} meanwhile; take another folder")
 
         def begin(folder: Path) -> None:
             if self._replaces:
-                clear(folder)
+                run_folder.clear(folder)
             remove_asides(folder)
             before = read_summary(folder)
             if before.get("finished"):
                 _write_summary(before | {"finished": False}, folder)
-            clear(folder, DERIVED)
+            run_folder.clear(folder, run_folder.DERIVED)
             self._write_case(folder)
 
         if self._begun or self.checkpoint is None:
@@ -165,7 +147,8 @@ class RunFiles:
 
     def saved(self) -> bool:
         """Whether the checkpoint holds a state."""
-        return bool(self._on_root(lambda folder: any((folder / CHECKPOINT).glob(f"**/{STATE}"))))
+        states = f"{run_folder.CHECKPOINT}/**/{run_folder.STATE}"
+        return bool(self._on_root(lambda folder: any(folder.glob(states))))
 
     def withdraw(self) -> None:
         """Remove what a run wrote that is refused after it began, for example when its next mesh cannot be made.
@@ -174,10 +157,10 @@ class RunFiles:
         """
 
         def withdraw(folder: Path) -> None:
-            clear(folder)
-            (folder / CASE).unlink(missing_ok=True)
-            if is_empty(folder):
-                (folder / LOCK).unlink(missing_ok=True)
+            run_folder.clear(folder)
+            (folder / run_folder.CASE).unlink(missing_ok=True)
+            if run_folder.is_empty(folder):
+                (folder / run_folder.LOCK).unlink(missing_ok=True)
             if not any(folder.iterdir()):
                 folder.rmdir()
 
@@ -192,30 +175,29 @@ class RunFiles:
             self._on_root(self._write_case)
 
     def _write_case(self, folder: Path) -> None:
-        replace_file(folder / CASE, (self._note + self._case.to_toml()).encode())
+        replace_file(folder / run_folder.CASE, (self._note + self._case.to_toml()).encode())
 
     def curve(self, curve: Curve, whole: bool = True) -> None:
         """Write the curve; the steps so far replace no whole one, which a coarser mesh has given."""
         if whole or not self._whole:
             self._whole = whole
-            self._on_root(lambda folder: curve.write(folder / CURVE))
+            self._on_root(lambda folder: curve.write(folder / run_folder.CURVE))
 
     def fields(self, contact: ContactResult) -> None:
         """Write the snapshots of a run with a folder into fields/: for figures and ParaView."""
         from asperity.output import fields
 
         assert self.folder is not None
-        side, E, output = self._case.surface.L, self._case.material.E, self._case.output
-        top = fields.gather_top_states(contact, side, E)
-        grid = fields.vtkhdf_streams(contact, E) if output.fields else {}
-        place = self.folder / FIELDS
+        E, place = self._case.material.E, self.folder / run_folder.FIELDS
+        top = fields.gather_top_states(contact, self._case.surface.L, E)
+        grid = fields.vtkhdf_streams(contact, E) if self._case.output.fields else {}
 
         def write() -> None:
             assert top is not None
             with files_into(place) as aside:
-                np.savez_compressed(aside / TOP, **top)
+                np.savez_compressed(aside / run_folder.TOP, **top)
                 if grid:
-                    fields.write_vtkhdf_streams(aside / VTKHDF, grid, [s.step for s in contact.snapshots])
+                    fields.write_vtkhdf_streams(aside / run_folder.VTKHDF, grid, [s.step for s in contact.snapshots])
 
         on_root_of(self._comm, grid.values(), write)
 
@@ -229,7 +211,7 @@ class RunFiles:
 def read_summary(folder: Path) -> dict[str, Any]:
     """Contents of summary.json of a run; nothing where it is absent or damaged."""
     try:
-        found = json.loads(read_text(folder / SUMMARY))
+        found = json.loads(read_text(folder / run_folder.SUMMARY))
     except UNREADABLE:
         return {}
     return found if isinstance(found, dict) else {}
@@ -237,4 +219,4 @@ def read_summary(folder: Path) -> dict[str, Any]:
 
 def _write_summary(summary: dict[str, Any], folder: Path) -> None:
     text = json.dumps(summary, indent=2, default=float)
-    replace_file(folder / SUMMARY, f"{text}\n".encode())
+    replace_file(folder / run_folder.SUMMARY, f"{text}\n".encode())

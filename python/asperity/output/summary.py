@@ -15,7 +15,7 @@ from asperity.runtime.memory import peak
 from asperity.runtime.parallel import Clock
 from asperity.version import __version__
 
-PACKAGES = ("numpy", "scipy", "mpi4py", "petsc4py", "gmsh")
+PACKAGES = ("dolfinx", "numpy", "scipy", "mpi4py", "petsc4py", "gmsh")
 
 
 def summarise(case: Case, contact: ContactResult, ranks: int) -> dict[str, Any]:
@@ -73,16 +73,10 @@ def stiffness_per_area(curve: Curve, side: float) -> dict[str, dict[str, float]]
 def versions() -> dict[str, str]:
     """Versions of this package and of what it computes with."""
     found = {"asperity": __version__, "python": platform.python_version()}
-    try:
-        import dolfinx
-
-        found["dolfinx"] = dolfinx.__version__
-    except ImportError:
-        pass
     for name in PACKAGES:
         try:
             found[name] = metadata.version(name)
-        except metadata.PackageNotFoundError:  # PyPI's wheel of dolfinx contains petsc4py
+        except metadata.PackageNotFoundError:  # dolfinx of Debian, and petsc4py in PyPI's wheel of dolfinx
             if hasattr(sys.modules.get(name), "__version__"):
                 found[name] = sys.modules[name].__version__
     return found

@@ -28,25 +28,10 @@ if TYPE_CHECKING:
     from asperity.surface import Surface
 
 __all__ = [
-    "CAPTIONS",
-    "area_load",
-    "conductance",
-    "contact_area",
-    "force_curve",
-    "frequency",
-    "motion",
-    "plasticity",
-    "plot_dynamics",
-    "plot_run",
-    "pressure_maps",
-    "receptance",
-    "response",
-    "save",
-    "slip",
-    "slip_map",
-    "stiffness",
-    "surface_map",
-]
+    "CAPTIONS", "area_load", "conductance", "contact_area", "force_curve", "frequency", "motion", "plasticity",
+    "plot_dynamics", "plot_run", "pressure_maps", "receptance", "response", "save", "slip", "slip_map",
+    "stiffness", "surface_map",
+]  # fmt: skip
 
 
 # name of a figure -> caption, in the order of a report
