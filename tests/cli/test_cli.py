@@ -152,6 +152,13 @@ def test_an_empty_name_is_refused(
         (("surface", DEMO, "a\nb\x1b[31m"), "a b?[31m"),
         (("compare", DEMO, str(ROOT / "cases/quick.toml")), "column"),
         (("compare", DEMO, DEMO), "the same curve"),
+        (("rn", "case.toml"), "there is no command 'rn' (did you mean \"run\"?)"),
+        (("xyzzy",), "there is no command 'xyzzy'"),
+        (("dynamics",), "--power-law"),
+        (("dynamics", "--power-law", "1.5", "--omega", "1.3", "0.5"), "omega"),
+        (("dynamics", "--power-law", "1.5", "--damping", "some"), "hunt-crossley"),
+        (("dynamics", "nowhere.csv"), "nowhere.csv"),
+        (("dynamics", "--power-law", "1.5", "--forcing", "3K"), "'3K' is neither a number nor one with the unit N"),
     ],
 )
 def test_bad_input_is_one_line_and_exit_code_2(
@@ -239,9 +246,17 @@ def test_compare_finds_what_differs(cli: Cli, tmp_path: Path) -> None:
     assert cli("compare", a, b, "--rtol", "farce=1")[0] == 2
 
 
-def test_importing_the_command_line_is_light() -> None:
-    heavy = "numpy", "matplotlib", "pydantic", "dolfinx", "mpi4py", "rich"
-    code = f"import sys, asperity.cli; print([m for m in {heavy!r} if m in sys.modules])"
+@pytest.mark.parametrize(
+    ("code", "later"),
+    [
+        ("asperity.cli", ("numpy", "matplotlib", "pydantic", "dolfinx", "mpi4py", "rich")),
+        # the vibration would take more time than everything else before the first stage of a run
+        (f"asperity; asperity.run; asperity.Case.load({DEMO!r})",
+         ("asperity.dynamics.oscillator", "scipy.stats", "scipy.optimize", "matplotlib", "gmsh", "dolfinx")),
+    ],
+)  # fmt: skip
+def test_what_is_not_needed_is_not_imported(code: str, later: tuple[str, ...]) -> None:
+    code = f"import sys, {code}; print([m for m in {later!r} if m in sys.modules])"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert done.stdout.strip() == "[]"
 
@@ -292,13 +307,6 @@ def test_a_mesh_has_one_line(capsys: pytest.CaptureFixture[str], live: bool) -> 
     assert ("1 m 51 left, step 7, load" in shown) == live
 
 
-def test_a_misspelled_command_is_refused_with_the_nearest(cli: Cli) -> None:
-    code, _, error = cli("rn", "case.toml")
-    assert code == 2 and "there is no command 'rn' (did you mean \"run\"?)" in error and len(error.splitlines()) == 1
-    code, _, error = cli("xyzzy")
-    assert code == 2 and "there is no command 'xyzzy'" in error
-
-
 def test_dynamics_of_a_run(cli: Cli, tmp_path: Path) -> None:
     folder = write_run(tmp_path / "run")
     before = sorted(folder.iterdir())
@@ -308,6 +316,12 @@ def test_dynamics_of_a_run(cli: Cli, tmp_path: Path) -> None:
     assert "with gravity = 9.80665" in out and "note: mass" not in out and "zeta = 0.01 (always)" in out
     _, out, _ = cli("dynamics", folder, *quick, "--gravity", "1.62")
     assert "with gravity = 1.62" in out
+    code, out, _ = cli("dynamics", folder, *quick, "--area", "1e-4", "--pressure", "2e8", "--mass", "0.5")
+    assert code == 0 and "unload-reload branch" in out and "of the first loading, not of a vibration" in out
+    (numbers,) = (line for line in out.splitlines() if line.startswith("k_n = "))
+    assert all(part in numbers for part in ("N/m", "m = 0.5 kg", "Hz", "z_s = ", "zeta = 0.01"))
+    code, _, err = cli("dynamics", folder, *quick, "--preload", "1", "--pressure", "2e8")
+    assert code == 2 and "--preload and --pressure are both given" in err
     assert sorted(folder.iterdir()) == before
 
 
@@ -342,50 +356,11 @@ def test_tangential_dynamics_of_a_run(cli: Cli, tmp_path: Path) -> None:
     assert cli("dynamics", write_run(tmp_path / "other"), *options[:2])[0] == 2
 
 
-def test_dynamics_prints_all_laws_and_the_numbers_of_a_joint(cli: Cli, tmp_path: Path) -> None:
-    folder = write_run(tmp_path / "run")
-    quick = ("--no-sweeps", "--model", "exact", "--omega", "0.9", "1.1")
-    code, out, _ = cli("dynamics", folder, *quick, "--area", "1e-4", "--pressure", "2e8", "--mass", "0.5")
-    assert code == 0 and "unload-reload branch" in out and "of the first loading, not of a vibration" in out
-    numbers = [line for line in out.splitlines() if line.startswith("k_n = ")]
-    assert len(numbers) == 1 and all(
-        part in numbers[0] for part in ("N/m", "m = 0.5 kg", "Hz", "z_s = ", "zeta = 0.01")
-    )
-    code, _, err = cli("dynamics", folder, *quick, "--preload", "1", "--pressure", "2e8")
-    assert code == 2 and "--preload and --pressure are both given" in err
-
-
-@pytest.mark.parametrize(
-    ("arguments", "part"),
-    [
-        ((), "--power-law"),
-        (("--power-law", "1.5", "--omega", "1.3", "0.5"), "omega"),
-        (("--power-law", "1.5", "--damping", "some"), "hunt-crossley"),
-        (("nowhere.csv",), "nowhere.csv"),
-    ],
-)
-def test_dynamics_refuses_bad_input(cli: Cli, arguments: tuple[str, ...], part: str) -> None:
-    code, _, err = cli("dynamics", *arguments)
-    assert code == 2 and part in err and len(err.splitlines()) == 1
-
-
 DOUBTED = """units = "other"
-[surface]
-kind = "sphere"
-L = 1.0
-radius = 0.6
-[material]
-E = 1.0
-nu = 0.3
-[mesh]
-h_contact = 0.12
-h_max = 0.5
-[loading]
-delta_max = 0.05
-steps = 2
-[output]
-figures = false
-report = false
+surface = {kind = "sphere", L = 1.0, radius = 0.6}
+material = {E = 1.0, nu = 0.3}
+mesh = {h_contact = 0.12, h_max = 0.5}
+loading = {delta_max = 0.05, steps = 2}
 """
 
 
@@ -404,17 +379,6 @@ def test_an_occupied_folder_is_refused_before_ranks_start(cli: Cli, tmp_path: Pa
     (tmp_path / "out/mine.txt").touch()
     code, out, err = cli("run", tmp_path / "case.toml", "-o", tmp_path / "out", "--ranks", "2")
     assert code == 2 and len(err.splitlines()) == 1 and "not empty and holds no run" in err and not out
-
-
-def test_a_run_loads_the_vibration_only_when_it_is_requested() -> None:
-    """It would take more time than everything else before the first stage."""
-    later = "asperity.dynamics.oscillator", "scipy.stats", "scipy.optimize", "matplotlib", "gmsh", "dolfinx"
-    code = (
-        "import sys; from asperity import Case, run\n"
-        f"Case.load({DEMO!r}); print([m for m in {later!r} if m in sys.modules])"
-    )
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
-    assert done.stdout.strip() == "[]"
 
 
 def test_dynamics_of_a_power_law(cli: Cli, tmp_path: Path) -> None:

@@ -44,27 +44,17 @@ def study(**tables: Any) -> Study:
 
 
 def test_a_grid_is_every_combination_and_an_empty_text_removes_a_key() -> None:
-    made = study(grid={"block.height": [1.0, 2.0], "material.tangent_modulus": [0.01, ""]})
-    found = [(e.value("block.height"), e.value("material.tangent_modulus")) for e in made.entries]
-    assert found == [(1.0, 0.01), (1.0, None), (2.0, 0.01), (2.0, None)]
-    assert made.keys == ("block.height", "material.tangent_modulus")
-    assert BASE["material"]["tangent_modulus"] == 0.05
-
-
-def test_axes_and_unquoted_keys() -> None:
-    made = study(grid={"block": {"height": {"from": 1, "to": 4, "count": 3, "log": True}}})
-    assert [e.value("block.height") for e in made.entries] == pytest.approx([1, 2, 4])
-    base = BASE | {"surface": ROUGH}
-    seeds = Study.from_dict({"base": base, "grid": {"surface.seed": {"first": 3, "count": 2}}})
-    assert [e.value("surface.seed") for e in seeds.entries] == [3, 4]
-
-
-def test_keys_that_vary_together_are_one_axis() -> None:
+    """Also of keys that vary together, and of keys without quotes."""
     together = {"material.yield_strength, material.tangent_modulus": [[0.01, 0.05], ["", ""]]}
     made = study(grid={"block.height": [1.0, 2.0]} | together)
     found = [tuple(map(e.value, made.keys)) for e in made.entries]
     assert made.keys == ("block.height", "material.yield_strength", "material.tangent_modulus")
     assert found == [(1.0, 0.01, 0.05), (1.0, None, None), (2.0, 0.01, 0.05), (2.0, None, None)]
+    assert BASE["material"]["tangent_modulus"] == 0.05
+    made = study(grid={"block": {"height": {"from": 1, "to": 4, "count": 3, "log": True}}})
+    assert [e.value("block.height") for e in made.entries] == pytest.approx([1, 2, 4])
+    seeds = study(base=BASE | {"surface": ROUGH}, grid={"surface.seed": {"first": 3, "count": 2}})
+    assert [e.value("surface.seed") for e in seeds.entries] == [3, 4]
 
 
 @pytest.mark.filterwarnings("ignore:surface")
@@ -89,27 +79,23 @@ def test_parts_are_the_study() -> None:
             made.part(wrong)
 
 
-@pytest.mark.parametrize(
-    ("tables", "words"),
-    [
-        ({}, "nothing varies"),
-        ({"grit": {}}, 'did you mean "grid"'),
-        ({"grid": {"surface.amplitud": [0.1]}}, 'did you mean "amplitude"'),
-        ({"grid": {"surface.amplitude": 0.1}}, "is not an axis"),
-        ({"grid": {"surface.amplitude": []}}, "empty list"),
-        ({"grid": {"surface.amplitude": [0.1, 0.1]}}, "twice"),
-        ({"grid": {"surface.amplitude": {"from": 0, "to": 1, "count": 3, "log": True}}}, "is not an axis"),
-        ({"grid": {"surface.amplitude": {"from": 0.1, "to": 10**400, "count": 3}}}, "is not an axis"),
-        ({"grid": {"material.nu": [0.3, 0.7]}}, "material.nu = 0.7"),
-        ({"grid": {"surface.seed": {"first": 0, "count": 10_000_000}}}, "is not an axis"),
-        ({"grid": {"block.height": list(range(1, 400)), "material.nu": [i / 1000 for i in range(400)]}}, "at most"),
-        ({"grid": {}}, "nothing varies"),
-        ({"points": [{"block.height": 1.0}]}, "not a key of the study file"),
-        ({"grid": {"block.height, material.nu": [1.0, 2.0]}}, "2 values each"),
-        ({"grid": {"block.height, material.nu": [[1.0, 0.2], [2.0]]}}, "2 values each"),
-        ({"grid": {"block.height": [1.0], "block.height, material.nu": [[1.0, 0.3]]}}, "give it once"),
-    ],
-)
+MANY = {"block.height": list(range(1, 400)), "material.nu": [i / 1000 for i in range(400)]}
+MISTAKES: list[tuple[dict[str, Any], str]] = [
+    ({}, "nothing varies"), ({"grit": {}}, 'did you mean "grid"'), ({"grid": {}}, "nothing varies"),
+    ({"points": [{"block.height": 1.0}]}, "not a key of the study file"), ({"grid": MANY}, "at most"),
+    ({"grid": {"surface.amplitud": [0.1]}}, 'did you mean "amplitude"'),
+    ({"grid": {"surface.amplitude": 0.1}}, "is not an axis"), ({"grid": {"surface.amplitude": []}}, "empty list"),
+    ({"grid": {"surface.amplitude": [0.1, 0.1]}}, "twice"), ({"grid": {"material.nu": [0.3, 0.7]}}, "nu = 0.7"),
+    ({"grid": {"surface.amplitude": {"from": 0, "to": 1, "count": 3, "log": True}}}, "is not an axis"),
+    ({"grid": {"surface.amplitude": {"from": 0.1, "to": 10**400, "count": 3}}}, "is not an axis"),
+    ({"grid": {"surface.seed": {"first": 0, "count": 10_000_000}}}, "is not an axis"),
+    ({"grid": {"block.height, material.nu": [1.0, 2.0]}}, "2 values each"),
+    ({"grid": {"block.height, material.nu": [[1.0, 0.2], [2.0]]}}, "2 values each"),
+    ({"grid": {"block.height": [1.0], "block.height, material.nu": [[1.0, 0.3]]}}, "give it once"),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(("tables", "words"), MISTAKES)
 def test_each_mistake_is_one_sentence(tables: dict[str, Any], words: str) -> None:
     with pytest.raises(InputError) as error:
         study(**tables)

@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import hashlib
 import json
-import math
 from collections.abc import Iterable, Mapping
 from contextlib import suppress
 from pathlib import Path
@@ -122,12 +121,6 @@ class Case(Input):
         if "law_sha256" in data["material"]:
             data["material"]["law"] = data["material"]["law"].rpartition(":")[2]
         return data
-
-    @property
-    def nominal_side(self) -> float:
-        """Side of the nominal area of what vibrates, that of the joint if it has one [length]."""
-        area = None if self.joint is None else self.joint.nominal_area
-        return self.surface.L if area is None else math.sqrt(area)
 
     def build_surface(self) -> Surface:
         """The surface that [surface] describes, made once."""

@@ -104,7 +104,7 @@ def dynamics(
     if any(value is not None for value in given.values()):
         joint = (DynamicsSettings.of_source(source).joint or Joint()).replaced(given)
     settings["model"] = settings["model"] or None
-    settings |= _excitation(settings["forcing"], settings.pop("base")) | _frequencies(settings["omega"] or ())
+    settings |= _excitation(settings["forcing"], settings.pop("base"), settings["omega"] or ())
     settings["simulate"] = settings["simulate"] or None
     settings["zeta"], *zetas = settings["zeta"] or (None,)
     settings["zetas"] = tuple(zetas) or None
@@ -133,28 +133,24 @@ def dynamics(
         options.say(f"written to {Path(output)}")
 
 
-def _excitation(forcing: Amplitudes, base: Amplitudes) -> dict[str, Any]:
-    """Settings of --forcing and --base."""
+def _excitation(forcing: Amplitudes, base: Amplitudes, ends: Amplitudes) -> dict[str, Any]:
+    """Settings of --forcing, --base and --omega."""
     if forcing and base:
         raise InputError("--forcing and --base are both given; give one of them")
+    if len({unit for _, unit in ends}) > 1:
+        raise InputError("--omega: give both ends in Hz, or none")
     if len({unit for _, unit in base}) > 1:
         raise InputError("--base: give all amplitudes in one unit")
     own = {"N": "forcing_newton", "m": "base", "m/s2": "base_acceleration"}
-    found: dict[str, Any] = dict.fromkeys(("forcing", "excitation", *own.values()))
+    found: dict[str, Any] = dict.fromkeys(("forcing", "excitation", "omega", "window", *own.values()))
+    if ends:
+        found["window" if ends[0][1] else "omega"] = tuple(value for value, _ in ends)
     if base and not base[0][1]:
         found["excitation"] = "base"
     for value, unit in (*forcing, *base):
         name = own.get(unit, "forcing")
         found[name] = (*(found[name] or ()), value)
     return found
-
-
-def _frequencies(ends: Amplitudes) -> dict[str, Any]:
-    """Settings of --omega."""
-    units, values = {unit for _, unit in ends}, tuple(value for value, _ in ends)
-    if len(units) > 1:
-        raise InputError("--omega: give both ends in Hz, or none")
-    return {"omega": None, "window": None, "window" if "Hz" in units else "omega": values or None}
 
 
 def _tangential(source: str, joint: Joint | None, settings: dict[str, Any], output: str | None, as_json: bool) -> None:

@@ -42,7 +42,7 @@ def compare(first: Path, second: Path, tolerances: dict[str, float] | None, as_j
     from asperity.curve import Curve
     from asperity.output.comparison import compare_curves
 
-    files = [_curve_file(path) for path in (first, second)]
+    files = [path / CURVE if path.is_dir() else path for path in (first, second)]
     if all(path.is_file() for path in files) and files[0].samefile(files[1]):
         raise InputError(f"{first} and {second} are the same curve, so nothing is compared")
     a, b = map(Curve.read, files)
@@ -56,7 +56,3 @@ def compare(first: Path, second: Path, tolerances: dict[str, float] | None, as_j
     if not differences:
         options.say(f"the curves agree ({len(a)} steps)")
     return 1 if differences else 0
-
-
-def _curve_file(path: Path) -> Path:
-    return path / CURVE if path.is_dir() else path

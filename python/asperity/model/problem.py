@@ -12,7 +12,7 @@ from asperity.errors import CaseWarning, InputError, ResolutionWarning, warn
 from asperity.model.limits import check, check_force, check_kind, check_length
 from asperity.model.load_path import BACKWARD_EULER, MIDPOINT, Schedule
 from asperity.model.material import Material
-from asperity.model.settings import WIDEST_JOINED, Formulation, MeshSize, SolverOptions
+from asperity.model.settings import H_CONTACT, H_MAX, WIDEST_JOINED, Formulation, MeshSize, SolverOptions
 from asperity.runtime.display import short_repr
 from asperity.surface import Surface
 
@@ -237,9 +237,13 @@ class Problem:
 
 def check_lengths(side: float, height: float, delta_max: float | None, size: MeshSize) -> None:
     """Refuse (InputError) height, approach and element sizes that no contact of a side has [length]."""
-    check_length("block.height", height, side)
-    check_length("loading.delta_max", delta_max, side)
-    size.check_on(side)
+    given = {"block.height": height, "loading.delta_max": delta_max}
+    for key, value in (given | {"mesh.h_contact": size.h_contact, "mesh.h_max": size.h_max}).items():
+        check_length(key, value, side)
+    h, most = size.h_contact or H_CONTACT * side, size.h_max or H_MAX * side
+    if h > most:
+        more = "" if size.h_max else ", its default: give that as well"
+        raise InputError(f"mesh.h_contact = {h:g} exceeds mesh.h_max = {most:g}{more}")
     if delta_max is not None and delta_max >= height:
         raise InputError(
             f"loading.delta_max = {delta_max:g} exceeds the block: block.height = {height:g}; about 0.03 L is usual"

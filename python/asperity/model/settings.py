@@ -7,7 +7,7 @@ from typing import Any
 
 from asperity.arrays import Floats
 from asperity.errors import InputError
-from asperity.model.limits import bounds, check, check_length
+from asperity.model.limits import bounds, check
 from asperity.runtime.display import show
 
 H_CONTACT, H_MAX = 0.04, 0.25  # element sizes of a mesh when none are given [L]
@@ -120,15 +120,6 @@ class MeshSize:
     def __post_init__(self) -> None:
         refinements = f"[0, {MOST_REFINEMENTS}]"
         check(self, "mesh", h_contact="(0, inf)", growth=GROWTH, h_max="(0, inf)", refinements=refinements)
-
-    def check_on(self, side: float) -> None:
-        """Refuse (InputError) sizes that no mesh of a patch of this side has [length]."""
-        check_length("mesh.h_contact", self.h_contact, side)
-        check_length("mesh.h_max", self.h_max, side)
-        size, most = self.h_contact or H_CONTACT * side, self.h_max or H_MAX * side
-        if size > most:
-            more = "" if self.h_max else ", its default: give that as well"
-            raise InputError(f"mesh.h_contact = {size:g} exceeds mesh.h_max = {most:g}{more}")
 
 
 @dataclass(frozen=True)

@@ -114,7 +114,7 @@ def run_study(
         start = perf_counter()
         while (turn := group.bcast(next(turns) if group.rank == 0 else None)) < len(todo):
             entry = study.entries[todo[turn]]
-            state = _run_entry(entry, folder, group)
+            state = _run_case(entry.case, case_folder(folder, entry.key), group)
             if group.rank > 0:
                 continue
             run += 1
@@ -126,31 +126,18 @@ def run_study(
         ended.free()
         group.Free()
     run = comm.allreduce(run)
-    return comm.bcast(_count(study, folder, run) if comm.rank == 0 else None)
+    states = on_root_bcast(comm, lambda: [case_state(folder, entry.key) for entry in study.entries])
+    reasons = [state["exit_reason"] for state in states if state is not None]
+    done = reasons.count("done")
+    return StudyCounts(total, done, len(reasons) - done, run)
 
 
-def _count(study: Study, folder: Path, run: int) -> StudyCounts:
-    states = [state for entry in study.entries if (state := case_state(folder, entry.key)) is not None]
-    done = sum(state["exit_reason"] == "done" for state in states)
-    return StudyCounts(len(study.entries), done, len(states) - done, run)
-
-
-def _run_entry(entry: Entry, folder: Path, comm: MPI.Comm) -> dict[str, Any]:
-    """Run a case, and return its exit state; collective."""
-    place, start = case_folder(folder, entry.key), perf_counter()
-    reason = _attempt(entry.case, place, on_root_bcast(comm, (place / DONE).exists), comm)
-    gc.collect()
-    found = {"exit_reason": reason, "seconds": round(perf_counter() - start, 3)}
-    if comm.rank == 0:
-        place.mkdir(parents=True, exist_ok=True)
-        replace_file(place / DONE, (json.dumps(found, indent=2) + "\n").encode())
-    return found
-
-
-def _attempt(case: Case, place: Path, again: bool, comm: MPI.Comm) -> str:
-    """Run a case in its folder and return its exit reason; `again` from the beginning; collective."""
+def _run_case(case: Case, place: Path, comm: MPI.Comm) -> dict[str, Any]:
+    """Run a case in its folder, one that ended before from the beginning, and return its exit state; collective."""
     from asperity.job.run_case import run
 
+    start, reason = perf_counter(), "done"
+    again = on_root_bcast(comm, (place / DONE).exists)
     try:
         on_root(comm, partial((place / DONE).unlink, missing_ok=True))
         with warnings.catch_warnings():
@@ -166,8 +153,13 @@ def _attempt(case: Case, place: Path, again: bool, comm: MPI.Comm) -> str:
     except Exception as error:
         if comm.size > 1 and not isinstance(error, AsperityError):
             raise
-        return f"{type(error).__name__}: {error}"
-    return "done"
+        reason = f"{type(error).__name__}: {error}"
+    gc.collect()
+    found = {"exit_reason": reason, "seconds": round(perf_counter() - start, 3)}
+    if comm.rank == 0:
+        place.mkdir(parents=True, exist_ok=True)
+        replace_file(place / DONE, (json.dumps(found, indent=2) + "\n").encode())
+    return found
 
 
 def _prepare(study: Study, folder: Path, lock: ExitStack, retry: bool) -> list[int]:
