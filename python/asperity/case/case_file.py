@@ -141,26 +141,14 @@ class Case(Input):
             raise InputError(
                 "mesh.file cannot go with accuracy.tolerance, which chooses the mesh: leave one of them out"
             )
-        surface = self.build_surface() if surface is None else surface
-        loading, solver = self.loading, self.solver
         for text in self.warnings():
             warn(text, CaseWarning)
+        loading = self.loading.model_dump(exclude={"unload"}) | ({} if self.loading.unload else {"unload_steps": 0})
         return Problem.of(
-            surface,
-            self.material.solid,
-            height=self.block.height,
-            sides=self.block.sides,
-            delta_max=loading.delta_max,
-            force_max=loading.force_max,
-            pressure_max=loading.pressure_max,
-            steps=loading.steps,
-            unload_steps=loading.unload_steps if loading.unload else 0,
-            cycles=loading.cycles,
-            integrator=loading.integrator,
-            size=self.mesh.size,
-            formulation=self.contact.formulation,
-            options=SolverOptions(solver.linear, solver.rtol, solver.newton_max, kernels=solver.kernels),
-        )
+            self.build_surface() if surface is None else surface, self.material.solid, size=self.mesh.size,
+            formulation=self.contact.formulation, options=SolverOptions(**self.solver.model_dump()),
+            **self.block.model_dump(), **loading,
+        )  # fmt: skip
 
     def warnings(self) -> list[str]:
         """Sentences about values that are legal but improbable, or not used."""

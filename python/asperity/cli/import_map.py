@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from asperity.cli import options
-from asperity.cli.surface import iso_rows
+from asperity.cli.surface import draw, iso_rows
 from asperity.errors import CompatError, InputError
 from asperity.runtime.text_table import DECIMALS
 from asperity.units import LENGTHS, quantity
@@ -85,6 +85,7 @@ def import_map(map_file: str, output: str | None, as_json: bool, **given: Any) -
     """
     from asperity.runtime.files import files_into
     from asperity.runtime.progress import Progress, StepLines
+    from asperity.surface.cutoff import approach_of_share, share_of_approach
 
     progress = Progress() if as_json else StepLines()
     folder = Path(output) if output else Path("out") / Path(map_file).stem
@@ -103,7 +104,9 @@ def import_map(map_file: str, output: str | None, as_json: bool, **given: Any) -
         progress.stage("figures")
         _draw(aside, scan)
         (aside / "measured.json").write_text(f"{json.dumps(about, indent=2)}\n", encoding="utf-8")
-        (aside / "case.toml").write_text(_case(scan.surface), encoding="utf-8")
+        delta = float(f"{approach_of_share(scan.surface):.3g}")  # of a light load
+        text = CASE.format(delta=delta, share=share_of_approach(scan.surface, delta))
+        (aside / "case.toml").write_text(text, encoding="utf-8")
         try:
             cost = _cost(aside / "case.toml", scan.surface)
         except InputError as error:
@@ -201,22 +204,11 @@ class _Scan:
                 click.echo(f"no Hurst exponent: {error}", err=True)
 
 
-def _case(surface: HeightMap) -> str:
-    """Text of case.toml, with the approach of a light load."""
-    from asperity.surface.cutoff import approach_of_share, share_of_approach
-
-    delta = float(f"{approach_of_share(surface):.3g}")
-    return CASE.format(delta=delta, share=share_of_approach(surface, delta))
-
-
 def _draw(folder: Path, scan: _Scan) -> None:
-    from asperity.plot import save, surface_map
-    from asperity.plot.fields import abbott_figure, spectrum_figure
-    from asperity.surface.iso25178 import AbbottCurve
+    from asperity.plot import save
+    from asperity.plot.fields import spectrum_figure
 
-    surface = scan.surface
-    save(surface_map(surface.grid(401), surface.L, surface.maximum(), unit="m"), folder / "surface.png")
-    save(abbott_figure(AbbottCurve.of(scan.patch.z), scan.iso, "m"), folder / "abbott.png")
+    draw(folder, scan.surface, scan.patch.z, scan.iso, "m")
     save(spectrum_figure(scan.spectrum, "m", scan.affine), folder / "spectrum.png")
 
 

@@ -12,6 +12,8 @@ from asperity.cli import options
 from asperity.units import quantity
 
 if TYPE_CHECKING:
+    from asperity.arrays import Floats
+    from asperity.surface import Surface
     from asperity.surface.iso25178 import ISO25178
 
 
@@ -29,7 +31,7 @@ def surface(case_file: str, output: str | None, mesh: str | None, as_json: bool,
     -o also a picture and the Abbott curve.
     """
     from asperity.case import Case
-    from asperity.surface.iso25178 import AbbottCurve, heights_of, iso25178
+    from asperity.surface.iso25178 import heights_of, iso25178
 
     case = Case.load(case_file, overrides)
     surface = case.build_surface()
@@ -52,15 +54,8 @@ def surface(case_file: str, output: str | None, mesh: str | None, as_json: bool,
         if found is not None:
             options.table("ISO 25178", iso_rows(found, metre))
     if output:
-        from asperity.plot import save, surface_map
-        from asperity.plot.fields import abbott_figure
-
-        folder = Path(output)
-        folder.mkdir(parents=True, exist_ok=True)
-        figure = surface_map(surface.grid(401), surface.L, surface.maximum(), unit=metre)
-        path = save(figure, folder / "surface.png")
-        if found is not None:
-            save(abbott_figure(AbbottCurve.of(z), found, metre), folder / "abbott.png")
+        Path(output).mkdir(parents=True, exist_ok=True)
+        path = draw(Path(output), case.build_surface(), z, found, metre)
         if not as_json:
             options.say(f"written {path}")
     if mesh:
@@ -70,6 +65,17 @@ def surface(case_file: str, output: str | None, mesh: str | None, as_json: bool,
         written = write_mesh(block, top, mesh, f"block of {Path(case_file).name}")
         if not as_json:
             options.say(f"written {written}: {len(block.points)} nodes, {len(block.tets)} tetrahedra of second order")
+
+
+def draw(folder: Path, surface: Surface, z: Floats, found: ISO25178 | None, metre: str) -> Path:
+    """Write a picture of a surface, whose path is returned, and with its parameters the Abbott curve of heights."""
+    from asperity.plot import save, surface_map
+    from asperity.plot.fields import abbott_figure
+    from asperity.surface.iso25178 import AbbottCurve
+
+    if found is not None:
+        save(abbott_figure(AbbottCurve.of(z), found, metre), folder / "abbott.png")
+    return save(surface_map(surface.grid(401), surface.L, surface.maximum(), unit=metre), folder / "surface.png")
 
 
 def iso_rows(found: ISO25178, metre: str) -> list[tuple[str, str]]:

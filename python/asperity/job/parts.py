@@ -5,7 +5,7 @@ from __future__ import annotations
 import logging
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import AbstractContextManager, contextmanager
+from contextlib import AbstractContextManager, contextmanager, suppress
 from dataclasses import dataclass, field, replace
 from functools import partial
 from pathlib import Path
@@ -125,12 +125,11 @@ def solve_case(
         files.note(f'kinematics = "auto" took "{strain.kinematics}"')
     accurate = failure = None
     try:
-        wanted = case.accuracy
-        if wanted.tolerance is None:
+        if case.accuracy.tolerance is None:
             block = None if case.mesh.file is None else BlockMesh.read(case.mesh.file)
             contact = solve_problem(chosen, block=block, comm=comm, hooks=hooks, checked=False)
         else:
-            target = AccuracyTarget(wanted.tolerance, wanted.max_dofs, wanted.max_seconds, wanted.area_tolerance)
+            target = AccuracyTarget(**case.accuracy.model_dump())
             accurate = refine(chosen, target, comm, replace(hooks, on_curve=files.curve))
             contact = replace(accurate.contact, curve=accurate.curve, reason=accurate.reason)
             failure = None if accurate.met else ConvergenceError(accurate.reason)
@@ -230,7 +229,9 @@ def vibrate_case(
             if folder is not None:
                 on_root(comm, partial(loops.write, folder / LOOPS))
     if case.dynamics is None and case.joint is not None and not found.ends:
-        found.numbers = on_root_bcast(comm, partial(_small_vibration, case, contact.curve))
+        with suppress(AsperityError):  # where the curve does not reach its preload
+            numbers = on_root_bcast(comm, partial(small_vibration, contact.curve, _settings(case)))
+            found.numbers = numbers if math.isfinite(numbers.frequency) else None
     lacks_loops = case.loops is not None and loops is None
     if case.dynamics is not None and not found.ends and not (lacks_loops and case.dynamics.damping == OF_LOOPS):
         with kept(ends=True):
@@ -282,15 +283,6 @@ def _preload(case: Case, curve: Curve, section: str, preload: float | None) -> f
 
 def _settings(case: Case) -> DynamicsSettings:
     return DynamicsSettings.of_case(case.to_dict())
-
-
-def _small_vibration(case: Case, curve: Curve) -> Numbers | None:
-    """Numbers of a joint without a vibration analysis; None where the curve does not reach its preload, or no mass."""
-    try:
-        numbers = small_vibration(curve, _settings(case))
-    except AsperityError:
-        return None
-    return numbers if math.isfinite(numbers.frequency) else None
 
 
 def _vibration(case: Case, curve: Curve, folder: Path | None, loops: LoopTable | None) -> Dynamics:
