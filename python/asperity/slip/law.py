@@ -207,11 +207,16 @@ class SlipPath:
         """Loss factor, the energy of the loop over pi T u."""
         return self.energy / (math.pi * self.force * self.displacement)
 
+    @property
+    def share(self) -> float:
+        """Share of the area of contact that slips at the end of the first loading; NaN where unknown."""
+        return float(self.slip_share[self.end(FIRST)])
+
     def loop(self) -> dict[str, float]:
-        """Columns of slip_loops.csv; the share that slips is that at the end of the first loading."""
+        """Columns of slip_loops.csv."""
         return {
             "amplitude": self.amplitude, "T": self.force, "u": self.displacement, "k_secant": self.k_secant,
-            "energy": self.energy, "eta": self.eta, "slip_share": float(self.slip_share[self.end(FIRST)]),
+            "energy": self.energy, "eta": self.eta, "slip_share": self.share,
         }  # fmt: skip
 
     def scaled(self, force: float, length: float) -> SlipPath:
