@@ -8,7 +8,6 @@ slopes is negligible.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from dataclasses import asdict, dataclass
 from time import process_time
 from typing import TYPE_CHECKING, Any
 
@@ -30,35 +29,17 @@ ROUNDING = 1e-7  # of a uniform state: ten times the tolerance of the solver
 CELLS = 512  # per side of the layer; its error, of second order, is a third of the change from half as many
 
 
-@dataclass(frozen=True)
-class Row:
-    """One comparison with a reference.
+def row(case: str, quantity: str, source: str, reference: float, value: float, bar: float) -> dict[str, Any]:
+    """One comparison of a value with a reference from a source, and whether the error is within the bar.
 
-    Attributes:
-        case, quantity, source: name of the case, what is compared at which load, origin of the reference
-        reference, value: reference and computed value
-        bar: greatest error that is compatible with the reference, relative to it, or absolute where it is zero
+    Error and bar are relative to the reference, absolute where it is zero.
     """
-
-    case: str
-    quantity: str
-    source: str
-    reference: float
-    value: float
-    bar: float
-
-    @property
-    def error(self) -> float:
-        """Distance of the value from the reference, relative to it, or absolute where it is zero."""
-        return abs(self.reference - self.value) / (abs(self.reference) or 1.0)
-
-    @property
-    def passed(self) -> bool:
-        """Whether the error is within the bar."""
-        return self.error <= self.bar
+    error = abs(reference - value) / (abs(reference) or 1.0)
+    names = ("case", "quantity", "source", "reference", "value", "bar", "error", "passed")
+    return dict(zip(names, (case, quantity, source, reference, value, bar, error, error <= bar), strict=True))
 
 
-def patch() -> Iterator[Row]:
+def patch() -> Iterator[dict[str, Any]]:
     """A flat block in full contact: stiffness and uniform pressure; Johnson, Contact Mechanics (1985), 1.3."""
     from asperity import reference
     from asperity.model.settings import METHODS, Formulation, MeshSize
@@ -73,16 +54,16 @@ def patch() -> Iterator[Row]:
         soft = reference.block_modulus(1.0, NU) * top.diameter.max() / (4.0 * form.penalty)
         bar = ROUNDING + (soft if method == "penalty" else 0.0)
         slope = float(result.curve.P_star[0] / result.curve.delta_star[0])
-        yield Row("patch", f"slope, rollers, {method}", "M/E'", reference.patch_test_slope(NU, 1.0), slope, bar)
+        yield row("patch", f"slope, rollers, {method}", "M/E'", reference.patch_test_slope(NU, 1.0), slope, bar)
         if method != "penalty":
             pressure = result.solver.pressure[np.unique(top.nodes[:, :3])]
             spread = float(np.ptp(pressure) / pressure.mean())
-            yield Row("patch", f"spread of the pressure, {method}", "uniform", 0.0, spread, ROUNDING)
+            yield row("patch", f"spread of the pressure, {method}", "uniform", 0.0, spread, ROUNDING)
     result = _solve(Flat(L=1.0), 0.01, 1, nu=0.0, sides="free", size=coarse)
-    yield Row("patch", "slope, free sides, nu = 0", "E/E'", 1.0, float(result.curve.P_star[0] / 0.01), ROUNDING)
+    yield row("patch", "slope, free sides, nu = 0", "E/E'", 1.0, float(result.curve.P_star[0] / 0.01), ROUNDING)
 
 
-def hertz() -> Iterator[Row]:
+def hertz() -> Iterator[dict[str, Any]]:
     """A quarter of a sphere with its centre in a corner of the block; Johnson, Contact Mechanics (1985), 4.2.
 
     The forces are those of the whole block, whose base and sides stiffen it by 0.9 a/L. They hardly affect the contact
@@ -97,14 +78,14 @@ def hertz() -> Iterator[Row]:
     for method in METHODS:
         result = _solve(sphere, CONTACT**2 / RADIUS, 2, tolerance=TOLERANCE, formulation=Formulation(method))
         yield from _forces("hertz", method, sphere, result)
-        for row in _half_and_whole(result):
-            radius = theory.radius(theory.approach(4.0 * result.curve.force[row]))
-            area, bar = float(result.curve.area_fraction[row]), result.curve.bar("area_fraction", row)
+        for step in _half_and_whole(result):
+            radius = theory.radius(theory.approach(4.0 * result.curve.force[step]))
+            area, bar = float(result.curve.area_fraction[step]), result.curve.bar("area_fraction", step)
             name = f"area at a = {radius:.3f} L, {method}"
-            yield Row("hertz", name, "Hertz", 0.25 * np.pi * float(radius) ** 2, area, bar + float(radius) ** 3)
+            yield row("hertz", name, "Hertz", 0.25 * np.pi * float(radius) ** 2, area, bar + float(radius) ** 3)
 
 
-def rough() -> Iterator[Row]:
+def rough() -> Iterator[dict[str, Any]]:
     """A fractal surface against boundary elements of the elastic layer."""
     from asperity.surface import Surface
 
@@ -112,21 +93,21 @@ def rough() -> Iterator[Row]:
     yield from _forces("rough", "active-set", surface, _solve(surface, 0.002, 4, tolerance=TOLERANCE))
 
 
-CASES: dict[str, Callable[[], Iterator[Row]]] = {case.__name__: case for case in (patch, hertz, rough)}
+CASES: dict[str, Callable[[], Iterator[dict[str, Any]]]] = {case.__name__: case for case in (patch, hertz, rough)}
 
 
-def _forces(case: str, method: str, surface: Surface, result: AccurateResult) -> Iterator[Row]:
+def _forces(case: str, method: str, surface: Surface, result: AccurateResult) -> Iterator[dict[str, Any]]:
     """Force at half and at the whole approach against small-slope theory for the whole block."""
     from asperity.reference import half_space_contact
 
-    for row in _half_and_whole(result):
-        delta = float(result.curve.delta_star[row])
+    for step in _half_and_whole(result):
+        delta = float(result.curve.delta_star[step])
         coarse, fine = (
             half_space_contact(surface, n, delta_star=delta, height=1.0, nu=NU).P_star for n in (CELLS // 2, CELLS)
         )
         bar = TOLERANCE + abs(fine - coarse) / fine / 3.0
         name = f"force at delta/L = {delta:.2e}, {method}"
-        yield Row(case, name, "boundary elements", fine, float(result.curve.P_star[row]), bar)
+        yield row(case, name, "boundary elements", fine, float(result.curve.P_star[step]), bar)
 
 
 def _half_and_whole(result: AccurateResult) -> tuple[int, int]:
@@ -158,17 +139,14 @@ def verify(names: tuple[str, ...], as_json: bool) -> None:
     for name in names or tuple(CASES):
         found = list(CASES[name]())
         rows += found
-        passed = sum(row.passed for row in found)
+        passed = sum(one["passed"] for one in found)
         click.echo(f"{name}: {passed} of {len(found)} within the bar, {process_time() - start:.0f} s so far", err=True)
     if as_json:
-        options.print_json([asdict(row) | {"error": row.error, "passed": row.passed} for row in rows])
+        options.print_json(rows)
     else:
-        texts = (
-            (row.case, row.quantity, row.source, f"{row.reference:.5g}", f"{row.value:.5g}", f"{row.error:.1e}",
-             f"{row.bar:.1e}", "yes" if row.passed else "NO")
-            for row in rows
-        )  # fmt: skip
-        options.table("Verification", texts, HEADER)
-    missed = [f"{row.case}: {row.quantity}" for row in rows if not row.passed]
+        form = "{case}|{quantity}|{source}|{reference:.5g}|{value:.5g}|{error:.1e}|{bar:.1e}|{pass}"
+        texts = (form.format(**one, **{"pass": "yes" if one["passed"] else "NO"}) for one in rows)
+        options.table("Verification", (tuple(text.split("|")) for text in texts), HEADER)
+    missed = [f"{one['case']}: {one['quantity']}" for one in rows if not one["passed"]]
     if missed:
         raise ConvergenceError(f"{len(missed)} of {len(rows)} rows outside their bar ({'; '.join(missed)})")
