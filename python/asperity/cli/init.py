@@ -47,15 +47,9 @@ WIDTH = 34  # of "key = value"
 @click.option("--Sq", "sq", type=float, metavar="LENGTH", help="Rms height of the surface (m); with --slope.")
 @click.option("--slope", type=float, metavar="SLOPE", help="Rms slope of the surface; with --Sq.")
 def init(
-    file: Path | None,
-    kind: str,
-    scan: Path | None,
-    elastic: bool,
-    joint: tuple[float, float, float] | None,
-    example: str | None,
-    sq: float | None,
-    slope: float | None,
-) -> None:
+    file: Path | None, kind: str, scan: Path | None, elastic: bool, joint: tuple[float, float, float] | None,
+    example: str | None, sq: float | None, slope: float | None,
+) -> None:  # fmt: skip
     """Write a commented case, ready to run.
 
     The stiffness of a joint follows from the roughness of its faces: --joint needs --Sq and --slope, or --from.
@@ -102,13 +96,9 @@ def init(
 
 
 def starting_case(
-    kind: str,
-    solid: str,
-    scan: Path | None = None,
-    joint: tuple[float, float, float] | None = None,
-    folder: Path = Path(),
-    roughness: dict[str, Any] | None = None,
-) -> str:
+    kind: str, solid: str, scan: Path | None = None, joint: tuple[float, float, float] | None = None,
+    folder: Path = Path(), roughness: dict[str, Any] | None = None,
+) -> str:  # fmt: skip
     """Text of a case file made from the schema.
 
     Args:

@@ -100,12 +100,7 @@ class SolvedCase:
 
 
 def solve_case(
-    case: Case,
-    problem: Problem,
-    files: RunFiles,
-    progress: Progress,
-    stop: Callable[[], str] | None,
-    comm: MPI.Comm,
+    case: Case, problem: Problem, files: RunFiles, progress: Progress, stop: Callable[[], str] | None, comm: MPI.Comm
 ) -> SolvedCase:
     """Solve the static part of a case, and write its curve step by step; collective.
 
@@ -190,13 +185,9 @@ class VibratedCase:
 
 
 def vibrate_case(
-    case: Case,
-    problem: Problem,
-    contact: ContactResult,
-    folder: Path | None,
-    stage: Callable[[str], AbstractContextManager[None]],
-    stop: Callable[[], str] | None = None,
-) -> VibratedCase:
+    case: Case, problem: Problem, contact: ContactResult, folder: Path | None,
+    stage: Callable[[str], AbstractContextManager[None]], stop: Callable[[], str] | None = None,
+) -> VibratedCase:  # fmt: skip
     """Compute what a case requests in addition to its curve; collective.
 
     Args:

@@ -167,15 +167,9 @@ def run(
 
 
 def _run(
-    case: Case,
-    problem: Problem,
-    files: RunFiles,
-    notices: Notices,
-    progress: Progress,
-    stop: Callable[[], str] | None,
-    comm: MPI.Comm,
-    clock: Clock,
-) -> RunResult:
+    case: Case, problem: Problem, files: RunFiles, notices: Notices, progress: Progress,
+    stop: Callable[[], str] | None, comm: MPI.Comm, clock: Clock,
+) -> RunResult:  # fmt: skip
     """Solve, vibrate, judge, write; collective."""
     from asperity.job.parts import VibratedCase, solve_case, vibrate_case
 

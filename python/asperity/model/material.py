@@ -123,7 +123,7 @@ class Material:
         seen, given = traits(made), dict(made.parameters)
         E, nu = given.get("E", seen.E), given.get("nu", seen.nu)
         if E is None or nu is None:
-            laws.refuse(made.source, "is not isotropic at rest: give it parameters E and nu, for the scales")
+            return laws.refuse(made.source, "is not isotropic at rest: give it parameters E and nu, for the scales")
         if seen.E is not None and seen.nu is not None:
             if abs(E - seen.E) > ISOTROPY * seen.E or abs(nu - seen.nu) > ISOTROPY:
                 E, nu = seen.E, seen.nu

@@ -60,7 +60,8 @@ class JenkinsArray:
         are left out: no slider has a negative stiffness.
         """
         x, y, k = [0.0], [0.0], [np.inf]  # points kept, and the slope before each
-        for at, to in zip(np.asarray(u).tolist(), np.asarray(force).tolist(), strict=True):
+        for row in np.column_stack([u, force]):
+            at, to = float(row[0]), float(row[1])
             while (slope := (to - y[-1]) / (at - x[-1])) >= k[-1]:
                 del x[-1], y[-1], k[-1]
             x.append(at)

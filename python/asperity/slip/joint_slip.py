@@ -107,17 +107,14 @@ class JointSlip:
             mass, factor: see `vibration`; without a mass no frequency follows
             units: "SI" shows SI units in its words
         """
+        rest = float(self.law.k_tangent(0.0)) if self.by_curve else None
         return {
-            "method": "solid" if self.computed else "curve",
-            "friction": self.law.friction,
-            "preload": self.law.preload,
-            "limit": self.law.limit,
-            "k_rest": float(self.law.k_tangent(0.0)) if self.by_curve else None,
+            "method": "solid" if self.computed else "curve", "friction": self.law.friction,
+            "preload": self.law.preload, "limit": self.law.limit, "k_rest": rest,
             "loops": [_known(row) for row in self.loops()],
             "vibration": [] if mass is None else self.vibration(mass, factor),
-            "in_words": self.lines(mass, factor, units=units),
-            "notes": list(self.notes),
-        }
+            "in_words": self.lines(mass, factor, units=units), "notes": list(self.notes),
+        }  # fmt: skip
 
     def lines(self, mass: float | None = None, factor: float = 1.0, *, units: str = "SI") -> list[str]:
         """Frequency, or stiffness without a mass, and damping ratio at up to three amplitudes; see `to_dict`."""
@@ -148,15 +145,9 @@ def _known(row: Mapping[str, float]) -> dict[str, float | None]:
 
 
 def slip_of_curve(
-    curve: Any,
-    settings: SlipSettings,
-    material: Material,
-    *,
-    patch: float,
-    height: float,
-    sides: str = "rollers",
+    curve: Any, settings: SlipSettings, material: Material, *, patch: float, height: float, sides: str = "rollers",
     computed: tuple[SlipPath, ...] = (),
-) -> JointSlip:
+) -> JointSlip:  # fmt: skip
     """Slip of a joint of two like bodies by the curve of one of them under a rigid flat.
 
     Args:

@@ -241,7 +241,7 @@ def path_of_law(
     fine = fine[1:]
     u, fine_u = law.displacement(t), 2.0 * law.displacement(fine)
     loss, fine_loss = 0.25 * law.energy(t), 0.5 * law.energy(fine)
-    share = np.full(5 * steps + 1, np.nan)
+    share: Array = np.full(5 * steps + 1, np.nan)
     if area is not None:
         forces = law.preload * (1.0 - np.concatenate([t, fine, fine]))
         share = 1.0 - area(forces) / area(np.array([law.preload]))

@@ -59,14 +59,9 @@ class StudyCounts:
 
 
 def run_study(
-    study: Study,
-    folder: str | Path,
-    *,
-    ranks_per_case: int = 1,
-    retry: bool = False,
-    comm: MPI.Intracomm | None = None,
-    say: Callable[[str], None] | None = None,
-) -> StudyCounts:
+    study: Study, folder: str | Path, *, ranks_per_case: int = 1, retry: bool = False,
+    comm: MPI.Intracomm | None = None, say: Callable[[str], None] | None = None,
+) -> StudyCounts:  # fmt: skip
     """Run the missing cases of a study and write its table; collective over `comm`.
 
     The ranks are split into groups, and the first rank of each takes the next case by a common counter. A case whose
