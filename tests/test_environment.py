@@ -38,11 +38,8 @@ def wait_until(condition: Callable[[], object]) -> None:
 
 def test_packages_are_named_once_and_installed() -> None:
     assert len(set(PACKAGES)) == len(PACKAGES) > 20
-    answer = subprocess.run(
-        ["dpkg-query", "-W", "-f", "${db:Status-Status} ${Package}\n", *PACKAGES],
-        capture_output=True,
-        text=True,
-    )
+    words = ["dpkg-query", "-W", "-f", "${db:Status-Status} ${Package}\n", *PACKAGES]
+    answer = subprocess.run(words, capture_output=True, text=True)
     assert set(answer.stdout.splitlines()) == {f"installed {name}" for name in PACKAGES}
 
 
@@ -108,15 +105,16 @@ class Clone:
             self.environment.pop(name, None)
 
     def start(self, *command: str) -> subprocess.Popen[str]:
+        words, pipe = ["bash", self.path / "run", *(command or ("echo", "inside"))], subprocess.PIPE
         return subprocess.Popen(
-            ["bash", self.path / "run", *(command or ("echo", "inside"))],
-            env=self.environment,
-            cwd=self.path,
-            stdin=subprocess.DEVNULL,
-            stdout=subprocess.PIPE,
-            stderr=subprocess.PIPE,
-            text=True,
+            words, env=self.environment, cwd=self.path, stdin=subprocess.DEVNULL, stdout=pipe, stderr=pipe, text=True
         )
+
+    def run(self) -> tuple[int, str, str]:
+        """Exit code, output and errors of a start."""
+        process = self.start()
+        output, errors = process.communicate(timeout=60)
+        return process.returncode, output, errors
 
     def roots(self) -> list[Path]:
         return [path for path in self.cache.glob("root-*") if path.is_dir()]
@@ -150,9 +148,8 @@ def test_a_killed_start_leaves_neither_lock_nor_root(clone: Clone) -> None:
     first.communicate(timeout=60)
     assert all(path.suffix in (".new", ".tmp") for path in clone.roots())
     clone.hold.unlink()
-    process = clone.start()
-    output, errors = process.communicate(timeout=60)
-    assert (process.returncode, output) == (0, "inside\n"), errors
+    code, output, errors = clone.run()
+    assert (code, output) == (0, "inside\n"), errors
     (root,) = clone.roots()
     assert root.suffix == ""
 
@@ -160,12 +157,12 @@ def test_a_killed_start_leaves_neither_lock_nor_root(clone: Clone) -> None:
 def test_another_suite_has_a_root_of_its_own(clone: Clone) -> None:
     for suite in ("", "trixie", "sid", "sid"):  # each is made once
         clone.environment["ASPERITY_SUITE"] = suite
-        output, errors = clone.start().communicate(timeout=60)
+        _, output, errors = clone.run()
         assert output == "inside\n", errors
     assert clone.made() == len(clone.roots()) == 2
     with open(clone.path / "packages.txt", "a") as packages:
         packages.write("python3-other  # a comment\n")
-    clone.start().communicate(timeout=60)
+    clone.run()
     assert clone.made() == len(clone.roots()) == 3
     assert "sid" in Path(f"{clone.calls}.arguments").read_text().splitlines()
 
@@ -176,7 +173,7 @@ def test_debian_13_serves_as_it_is_unless_another_suite_is_requested(clone: Clon
     script = clone.path / "run"  # on the host's own packages it stops before a real virtual environment is made
     script.write_text(script.read_text().replace("/usr/bin/python3 -m venv", "a-venv"))
     clone.environment |= {"ASPERITY_SUITE": suite}
-    _, errors = clone.start().communicate(timeout=60)
+    errors = clone.run()[2]
     assert clone.made() == own, errors
     assert own or "making the virtual environment failed" in errors
 
@@ -197,7 +194,7 @@ def test_wheels_of_pypi_need_no_root(clone: Clone, compiles: bool, installed: st
     script.write_text(script.read_text().replace("c++ -std", f"{str(compiles).lower()} -std"))
     clone.environment["ASPERITY_SUITE"] = "pypi"
     for _ in range(2):
-        output, errors = clone.start().communicate(timeout=60)
+        _, output, errors = clone.run()
         assert output == "inside\n", errors
     assert installed.format(clone.path) in clone.calls.read_text()
     assert clone.roots() == []
@@ -209,7 +206,7 @@ def test_what_others_may_have_written_is_not_entered(clone: Clone, what: str, ho
     """Neither the cache, nor the root or the clone's environment in it."""
     if "another" in how and os.geteuid():
         pytest.skip("only root can give files away")
-    assert clone.start().communicate(timeout=60)[0] == "inside\n"
+    assert clone.run()[1] == "inside\n"
     place = clone.cache if what == "cache" else next(p for p in clone.cache.glob(f"{what}-*") if p.is_dir())
     if how == "another user":
         os.chown(place, 12345, 12345)
@@ -219,21 +216,16 @@ def test_what_others_may_have_written_is_not_entered(clone: Clone, what: str, ho
         place.symlink_to(theirs)
     else:
         place.chmod(0o777 if how == "all may write" else 0o775)
-    process = clone.start()
-    output, errors = process.communicate(timeout=60)
-    assert (process.returncode, output) == (4, "") and f"{place} belongs to another user, or others" in errors
+    code, output, errors = clone.run()
+    assert (code, output) == (4, "") and f"{place} belongs to another user, or others" in errors
     assert len(errors.splitlines()) == 2
 
 
 def test_what_is_made_others_may_not_write_whatever_the_umask(clone: Clone) -> None:
     """The command has the umask of the user."""
     script = clone.path / "run"
-    started = subprocess.run(
-        ["sh", "-c", 'umask 002; exec bash "$0" sh -c umask', script],
-        env=clone.environment,
-        capture_output=True,
-        text=True,
-    )
+    words = ["sh", "-c", 'umask 002; exec bash "$0" sh -c umask', script]
+    started = subprocess.run(words, env=clone.environment, capture_output=True, text=True)
     assert int(started.stdout, 8) == 0o002, started.stderr
     for path in (clone.cache, *clone.cache.iterdir()):
         assert not path.stat().st_mode & 0o022
@@ -241,11 +233,10 @@ def test_what_is_made_others_may_not_write_whatever_the_umask(clone: Clone) -> N
 
 def test_a_failure_says_which_step_and_what_to_do(clone: Clone) -> None:
     clone.fail.touch()
-    process = clone.start()
-    _, errors = process.communicate(timeout=60)
-    assert process.returncode == 4
+    code, _, errors = clone.run()
+    assert code == 4
     assert "making the Debian trixie environment failed" in errors
     assert "E: no such mirror" in errors and "start ./run again" in errors
     assert not clone.roots()
     clone.fail.unlink()
-    assert clone.start().communicate(timeout=60)[0] == "inside\n"
+    assert clone.run()[1] == "inside\n"

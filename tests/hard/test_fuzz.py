@@ -35,12 +35,9 @@ RUNS, MANY_RUNS = 3, 100
 
 def examples(number: int, derandomize: bool) -> Callable[[Any], Any]:
     """Settings for a number of inputs without a time limit; always the same inputs, or random ones."""
+    checks = list(HealthCheck)
     return settings(
-        max_examples=number,
-        derandomize=derandomize,
-        deadline=None,
-        suppress_health_check=list(HealthCheck),
-        database=None,
+        max_examples=number, derandomize=derandomize, deadline=None, suppress_health_check=checks, database=None
     )
 
 
@@ -116,23 +113,17 @@ def spread(low: float, high: float) -> st.SearchStrategy[float]:
 L = 1e-6
 Strategies = dict[str, st.SearchStrategy[Any]]
 FRACTAL: Strategies = {
-    "D": st.floats(2.001, 2.999),
-    "G": spread(1e-16, 1e-8),
-    "kind": st.just("weierstrass-mandelbrot"),
-}
+    "D": st.floats(2.001, 2.999), "G": spread(1e-16, 1e-8), "kind": st.just("weierstrass-mandelbrot")
+}  # fmt: skip
 FRACTAL_MORE: Strategies = {
-    "M": st.integers(1, 40),
-    "gamma": st.floats(1.01, 5.0),
-    "f_max": st.integers(0, 12),
-    "seed": st.integers(0, 10**6),
-}
+    "M": st.integers(1, 40), "gamma": st.floats(1.01, 5.0), "f_max": st.integers(0, 12), "seed": st.integers(0, 10**6)
+}  # fmt: skip
 WAVE: Strategies = {"amplitude": spread(1e-8 * L, L), "dims": st.integers(1, 2), "kind": st.just("sinusoid")}
-WAVE_MORE: Strategies = {"wavelength": spread(0.05 * L, 10 * L)}
 SPHERE: Strategies = {"radius": spread(1e-2 * L, 1e4 * L), "kind": st.just("sphere")}
 SURFACES: st.SearchStrategy[dict[str, Any]] = st.one_of(
     st.fixed_dictionaries(FRACTAL, optional=FRACTAL_MORE),
     st.fixed_dictionaries(SPHERE),
-    st.fixed_dictionaries(WAVE, optional=WAVE_MORE),
+    st.fixed_dictionaries(WAVE, optional={"wavelength": spread(0.05 * L, 10 * L)}),
     st.just({"kind": "flat"}),
 )
 
@@ -160,16 +151,12 @@ def cases(draw: st.DrawFn) -> dict[str, Any]:
         "block": {"height": L * draw(spread(0.05, 2.0)), "sides": draw(st.sampled_from(["rollers", "free"]))},
         "contact": contact,
         "mesh": {"h_contact": 0.4 * L, "h_max": 0.5 * L, "growth": 1.0},
-        "loading": {
-            **driven,
-            "steps": draw(st.integers(1, 2)),
-            "unload": draw(st.booleans()),
-            "cycles": draw(st.integers(1, 2)),
+        "loading": driven | {
+            "steps": draw(st.integers(1, 2)), "unload": draw(st.booleans()), "cycles": draw(st.integers(1, 2)),
             "integrator": draw(st.sampled_from(["midpoint", "backward-euler"])),
         },
-        "solver": {"newton_max": 15},
-        "output": {"checkpoint": 0},
-    }
+        "solver": {"newton_max": 15}, "output": {"checkpoint": 0},
+    }  # fmt: skip
 
 
 def any_case_runs_or_says_why_not(tables: dict[str, Any]) -> None:
@@ -255,20 +242,15 @@ def any_map_is_a_surface_or_a_sentence(given_map: tuple[str, bytes]) -> None:
         path.write_bytes(content)
         for side in ({}, {"L": 1e-6}):
             try:
-                case = Case.from_dict(
-                    {
-                        "surface": {"kind": "file", "path": path.name, **side},
-                        "material": {"E": 2e11, "nu": 0.3},
-                        "loading": {"delta_max": 1e-8},
-                    },
-                    folder=place,
-                )
+                surface = {"kind": "file", "path": path.name, **side}
+                tables = {"surface": surface, "material": {"E": 2e11, "nu": 0.3}, "loading": {"delta_max": 1e-8}}
+                case = Case.from_dict(tables, folder=place)
             except InputError as error:
                 refused(error)
                 continue
             if accepts(case):
-                surface = case.build_surface()
-                assert math.isfinite(surface.maximum()[2]) and math.isfinite(surface.rms_slope())
+                made = case.build_surface()
+                assert math.isfinite(made.maximum()[2]) and math.isfinite(made.rms_slope())
 
 
 test_any_map_is_a_surface_or_a_sentence, test_any_of_many_maps = fuzz(
