@@ -25,7 +25,7 @@ from asperity.model.material import Material
 from asperity.model.problem import Problem
 from asperity.model.settings import MeshSize
 from asperity.model.two_bodies import SumSurface
-from asperity.output.assumption import DOUBTFUL, FINE, Assumption, Evidence, describe
+from asperity.output.assumption import DOUBTFUL, FINE, Evidence, describe
 from asperity.output.assumptions import SLOW, SMALL_STRAIN, ledger
 from asperity.quasistatic.solve_problem import solve_problem
 from asperity.runtime.warnings_log import noting
@@ -67,13 +67,12 @@ def evidence(
     return Evidence(curve(**columns), problem, **others)
 
 
-def verdict(line: Assumption | None) -> str:
-    assert line is not None
-    return line.verdict
+def verdict(line: Any) -> str:
+    return str(line.verdict)
 
 
-def line_of(run: Evidence, beginning: str | tuple[str, ...]) -> Assumption | None:
-    """The line of the ledger whose name begins so."""
+def line_of(run: Evidence, beginning: str | tuple[str, ...]) -> Any:
+    """The line of the ledger whose name begins so, None without one."""
     return next((line for line in ledger(run) if line.name.startswith(beginning)), None)
 
 
@@ -96,13 +95,13 @@ def test_plastic_strain_beyond_small_strain() -> None:
     assert verdict(small_strain(evidence(max_plastic_strain=0.999 * SMALL_STRAIN))) == FINE
     line = small_strain(evidence(max_plastic_strain=0.24, strained_fraction=0.02))
     assert verdict(line) == DOUBTFUL
-    assert line is not None and "greatest plastic strain: 0.24, at most 0.1; material.kinematics" in describe(
+    assert "greatest plastic strain: 0.24, at most 0.1; material.kinematics" in describe(
         line.to_dict()
     )
     assert "in 2 % of the volume" in line.detail
     assert verdict(small_strain(evidence())) == FINE  # unknown column
     elastic = small_strain(evidence(material=Material(200e9, 0.3), max_strain=0.2))
-    assert elastic is not None and "equivalent strain: 0.2, at most 0.1" in describe(elastic.to_dict())
+    assert "equivalent strain: 0.2, at most 0.1" in describe(elastic.to_dict())
 
 
 def test_a_comparison_replaces_the_limit_of_strain() -> None:
@@ -111,21 +110,20 @@ def test_a_comparison_replaces_the_limit_of_strain() -> None:
     assert verdict(small_strain(evidence(**strained, small_strain=(0.4, 1.0)))) == FINE
     line = small_strain(evidence(**strained, small_strain=(2.6, 1.0)))
     assert verdict(line) == DOUBTFUL
-    assert line is not None and describe(line.to_dict()).startswith("small strain: 2.6 % of the force, at most 1 %")
+    assert describe(line.to_dict()).startswith("small strain: 2.6 % of the force, at most 1 %")
     finite = replace(STEEL, kinematics="finite")
     assert small_strain(evidence(material=finite, **strained)) is None
     line = small_strain(evidence(material=finite, **strained, small_strain=(2.6, 1.0)))
-    assert verdict(line) == FINE and line is not None and "2.6 %" in line.detail
+    assert verdict(line) == FINE and "2.6 %" in line.detail
 
 
 def test_pressure_of_an_elastic_contact_beyond_that_of_metals() -> None:
     """2.8 times a yield strength of 0.02 E; the pressure of one node, singular at an edge, decides nothing."""
     solid = Material(200e9, 0.3)
     line = elastic(evidence(material=solid, force=2e-9, mean_pressure=7e9, max_pressure=200e9))
-    assert verdict(line) == FINE and line is not None and line.value == pytest.approx(1.5 * 7 / 200)
+    assert verdict(line) == FINE and line.value == pytest.approx(1.5 * 7 / 200)
     line = elastic(evidence(material=solid, force=2e-9, mean_pressure=8e9, max_pressure=12e9))
-    assert verdict(line) == DOUBTFUL and line is not None
-    assert "material.yield_strength" in line.advice
+    assert verdict(line) == DOUBTFUL and "material.yield_strength" in line.advice
     assert "below 7.5e+09" in line.detail  # 12 GPa over 1.6, Hertz and Mises
     assert elastic(evidence(material=STEEL, force=2e-9, mean_pressure=8e9)) is None
 
@@ -137,13 +135,12 @@ def test_pressure_of_an_elastic_contact_does_not_grow_with_the_mesh() -> None:
         problem = Problem.of(ridge, Material(1.0, 0.3), delta_max=0.02, steps=2, size=MeshSize(h))
         curve = solve_problem(problem, comm=here()).curve
         line = elastic(Evidence(curve, problem))
-        assert line is not None
         found.append(line.value)
     assert found[1] == pytest.approx(found[0], rel=0.03)
     sphere = Problem.of(Sphere(L=1.0, radius=4.0), Material(1.0, 0.3), delta_max=4e-3, steps=2, size=MeshSize(0.03))
     curve = solve_problem(sphere, comm=here()).curve
     line = elastic(Evidence(curve, sphere))
-    assert line is not None and line.value == pytest.approx(curve.max_pressure[-1], rel=0.03)
+    assert line.value == pytest.approx(curve.max_pressure[-1], rel=0.03)
 
 
 @pytest.mark.parametrize("sides", ["rollers", "free"])
@@ -197,7 +194,7 @@ def test_approach_beyond_the_mean_plane() -> None:
     cap = Sphere(L=1.0, radius=10.0, shape="paraboloid")
     depth = 1 / 120  # mean of (x^2 + y^2)/(2 R) over the square of side 1
     line = approach_to_mean_plane(evidence(cap, delta=0.999 * depth))
-    assert line is not None and line.value == pytest.approx(0.999) and line.verdict == FINE
+    assert line.value == pytest.approx(0.999) and line.verdict == FINE
     plane = evidence(Flat(L=1.0), sides="free", delta=0.5, si=True, h=0.1)
     assert {line.name.partition(":")[0] for line in ledger(plane)} == {"small strain", "resolution", "block"}
 
@@ -213,7 +210,7 @@ def test_two_bodies_as_one_have_the_error_of_that_model(tmp_path: Path) -> None:
 def test_an_edge_and_the_base_of_the_block() -> None:
     """A wave whose crest lies inside or falls off at an edge; the longest wave keeps (1 + q L) exp(-q L) at depth L."""
     inside = summit_on_edge(evidence(Sinusoid(L=1.0, amplitude=0.01)))
-    assert inside is not None and (inside.value, inside.verdict) == (0.0, FINE)
+    assert (inside.value, inside.verdict) == (0.0, FINE)
     cut = Sphere(L=1.0, radius=2.0, centre=(0.0, 0.5))  # symmetric about the edge
     assert verdict(summit_on_edge(evidence(cut))) == FINE
     assert verdict(summit_on_edge(evidence(cut, sides="free"))) == DOUBTFUL
@@ -221,12 +218,12 @@ def test_an_edge_and_the_base_of_the_block() -> None:
         line = block_height(evidence(fractal(), height=height))
         depth = np.pi * height / 1e-6
         assert (
-            verdict(line) == expected and line is not None and line.value == pytest.approx((1 + depth) / np.exp(depth))
+            verdict(line) == expected and line.value == pytest.approx((1 + depth) / np.exp(depth))
         )
     periodic = Surface.from_spec("self-affine", L=1.0, H=0.8, rms_height=1e-3, lambda_short=0.2)
     line = block_height(evidence(periodic, sides="periodic", height=0.6))
     depth = 2.0 * np.pi * 0.6
-    assert line is not None and line.value == pytest.approx((1 + depth) / np.exp(depth))
+    assert line.value == pytest.approx((1 + depth) / np.exp(depth))
 
 
 def fractal() -> Surface:
@@ -251,13 +248,13 @@ def test_the_contact_radius_of_a_sphere_is_that_of_hertz(sphere: Evidence) -> No
     assert sphere.contact_radius == pytest.approx(np.sqrt(4e-6 * delta), rel=0.05)
     assert sphere.summit_radius == pytest.approx(4e-6)
     line = block_height(sphere)
-    assert line is not None and line.value == pytest.approx(sphere.contact_radius / 2e-6, rel=1e-9)
+    assert line.value == pytest.approx(sphere.contact_radius / 2e-6, rel=1e-9)
 
 
 def test_pull_off_of_a_sphere(sphere: Evidence) -> None:
     """Between 3/2 (JKR) and 2 pi w R (DMT), as Tabor's parameter says; the stickiness is one of rough surfaces."""
     line = first_pull_off(sphere)
-    assert line is not None and sticking(sphere) is None
+    assert sticking(sphere) is None
     R, w, E = 4e-6, 0.2, 200e9 / 0.91
     mu = (R * w**2 / (E**2 * 0.3e-9**3)) ** (1 / 3)
     F = line.value * float(sphere.curve.force.max())
@@ -278,7 +275,7 @@ def test_stickiness_of_waves() -> None:
     slope, curvature, z0 = surface.rms_slope(), surface.statistics(257).rms_curvature, 0.3e-9
     d = 4 * slope / curvature
     expected = slope * z0 / (2 * 0.2 / hard.reduced_modulus) * (slope * d / (4 * z0)) ** (2 / 3)
-    assert lines[1] is not None and lines[1].value == pytest.approx(expected, rel=1e-9)
+    assert lines[1].value == pytest.approx(expected, rel=1e-9)
 
 
 def test_small_metal_contacts_are_doubtful_once_they_yield() -> None:
@@ -286,8 +283,7 @@ def test_small_metal_contacts_are_doubtful_once_they_yield() -> None:
     columns: dict[str, Any] = {"area_fraction": 0.01, "spots": 4, "force": 1e-5}
     assert size_effect(evidence(**columns, si=True)) is None
     line = size_effect(evidence(**columns, si=True, max_plastic_strain=0.01))
-    assert verdict(line) == DOUBTFUL
-    assert line is not None and line.value == pytest.approx(np.sqrt(0.01 * 1e-12 / 4 / np.pi))
+    assert verdict(line) == DOUBTFUL and line.value == pytest.approx(np.sqrt(0.01 * 1e-12 / 4 / np.pi))
     large = Sphere(L=1.0, radius=2.0)
     assert verdict(size_effect(evidence(large, **columns, si=True, max_plastic_strain=0.01))) == FINE
 
@@ -311,7 +307,7 @@ def moving(**values: float) -> dict[str, Any]:
 def test_the_vibration_is_slow_for_the_block(sides: str, speed: float) -> None:
     """A quarter wave in the height: 1.5 GHz for a micrometre of steel, 15 kHz for 0.1 m; fine up to a tenth."""
     line = slow_vibration(evidence(sides=sides, **moving()))
-    assert line is not None and line.verdict == FINE
+    assert line.verdict == FINE
     assert line.value == pytest.approx(1e3 * 4 * 1e-6 / speed, rel=1e-3)
     tall = Sinusoid(L=0.1, amplitude=1e-4)
     assert verdict(slow_vibration(evidence(tall, sides=sides, **moving(frequency=1e3)))) == FINE
@@ -330,7 +326,7 @@ def test_radiation_next_to_the_damping_of_the_model() -> None:
     line = radiation(evidence(**moving()))
     mu, a = 200e9 / 2.6, 1e5 * 0.7 * 2.6 / (4 * 200e9)
     by_hand = 3.4 * a**2 * np.sqrt(7800.0 * mu) / 0.7 * 2 * np.pi * 1e3 / (2 * 1e5)
-    assert line is not None and line.verdict == FINE and by_hand / line.value == pytest.approx(1.08, abs=0.01)
+    assert line.verdict == FINE and by_hand / line.value == pytest.approx(1.08, abs=0.01)
     assert radiation(evidence(**moving(), spots=9)) == line
     assert verdict(radiation(evidence(**moving(stiffness=1e10, frequency=2e5)))) == DOUBTFUL
     assert verdict(radiation(evidence(**moving(damping=0.0)))) == DOUBTFUL

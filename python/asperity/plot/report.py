@@ -7,6 +7,7 @@ import hashlib
 import json
 import math
 import re
+from functools import partial
 from importlib.resources import files
 from pathlib import Path
 from typing import Any
@@ -75,6 +76,11 @@ def write_report(folder: str | Path, finished: bool | None = None) -> Path:
     order = list(CAPTIONS)
     drawn = [path for path in (results.folder / FIGURES).glob("*") if path.suffix in (".png", ".svg")]
     drawn.sort(key=lambda path: (order.index(path.stem) if path.stem in order else len(order), path.stem))
+    pretty = partial(json.dumps, indent=2, ensure_ascii=False)
+    raw = {"Run: counts, times, checks, versions": pretty(summary)}
+    if results.thresholds:
+        raw["Vibration: thresholds"] = pretty(results.thresholds)
+    raw["Input: the completed case"] = tomli_w.dumps(dict(results.case))
     text = page.render(
         verdict=[*verdict(results), *doubts(results)],
         script=script,
@@ -90,15 +96,7 @@ def write_report(folder: str | Path, finished: bool | None = None) -> Path:
         turning=turning,
         growing=growing,
         figures=[_figure(path) for path in drawn],
-        raw=[
-            ("Run: counts, times, checks, versions", json.dumps(summary, indent=2, ensure_ascii=False)),
-            *(
-                [("Vibration: thresholds", json.dumps(results.thresholds, indent=2, ensure_ascii=False))]
-                if results.thresholds
-                else []
-            ),
-            ("Input: the completed case", tomli_w.dumps(dict(results.case))),
-        ],
+        raw=list(raw.items()),
         laws=_laws(results),
         jumps=_jumps(results),
         columns=COLUMNS,
@@ -186,18 +184,16 @@ def _outcome(results: Results) -> Rows:
 
 
 def _figure(path: Path) -> dict[str, Any]:
-    """Caption, size and data of a figure."""
+    """Caption, width and data of a figure."""
     data = path.read_bytes()
-    size = [int.from_bytes(data[i : i + 4]) / DPI for i in (16, 20)]
+    inches = int.from_bytes(data[16:20]) / DPI
     if path.suffix == ".svg":
-        size = [float(number) / 72.0 for number in re.findall(rb' (?:width|height)="([\d.]+)pt"', data[:2000])[:2]]
-    if len(size) < 2:  # a drawing of somebody else
-        size = [6.0, 4.0]
-    width, height = (110 * inches for inches in size)  # so that text has the size of that on the page
+        found = re.search(rb' width="([\d.]+)pt"', data[:2000])
+        inches = float(found[1]) / 72.0 if found else 6.0  # a drawing of somebody else
+    width = 110 * inches  # so that text has the size of that on the page
     return {
         "caption": CAPTIONS.get(path.stem, path.stem),
         "width": f"{width:.0f}",
-        "height": f"{height:.0f}",
         "wide": width > 700,  # a narrow screen scrolls it
         "kind": "svg+xml" if path.suffix == ".svg" else "png",
         "data": base64.b64encode(data).decode(),
