@@ -95,9 +95,7 @@ def test_plastic_strain_beyond_small_strain() -> None:
     assert verdict(small_strain(evidence(max_plastic_strain=0.999 * SMALL_STRAIN))) == FINE
     line = small_strain(evidence(max_plastic_strain=0.24, strained_fraction=0.02))
     assert verdict(line) == DOUBTFUL
-    assert "greatest plastic strain: 0.24, at most 0.1; material.kinematics" in describe(
-        line.to_dict()
-    )
+    assert "greatest plastic strain: 0.24, at most 0.1; material.kinematics" in describe(line.to_dict())
     assert "in 2 % of the volume" in line.detail
     assert verdict(small_strain(evidence())) == FINE  # unknown column
     elastic = small_strain(evidence(material=Material(200e9, 0.3), max_strain=0.2))
@@ -217,9 +215,7 @@ def test_an_edge_and_the_base_of_the_block() -> None:
     for height, expected in ((1e-6, FINE), (0.5e-6, DOUBTFUL)):
         line = block_height(evidence(fractal(), height=height))
         depth = np.pi * height / 1e-6
-        assert (
-            verdict(line) == expected and line.value == pytest.approx((1 + depth) / np.exp(depth))
-        )
+        assert verdict(line) == expected and line.value == pytest.approx((1 + depth) / np.exp(depth))
     periodic = Surface.from_spec("self-affine", L=1.0, H=0.8, rms_height=1e-3, lambda_short=0.2)
     line = block_height(evidence(periodic, sides="periodic", height=0.6))
     depth = 2.0 * np.pi * 0.6

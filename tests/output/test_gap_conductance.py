@@ -11,8 +11,6 @@ import pytest
 from test_export import calculated, calculix, in_contact, two_bricks
 
 import asperity as asp
-from asperity.arrays import Array
-from asperity.output.gap_conductance import gap_conductance
 from asperity.output.results import Results
 from asperity.plot import figures_of
 from asperity.reference import cooper_mikic_yovanovich, mikic_elastic
@@ -38,14 +36,9 @@ def write(folder: Path, **material: float) -> Path:
     return folder
 
 
-def conductance_of(folder: Path) -> tuple[Array, Array, Array]:
-    results = Results.read(folder)
-    return gap_conductance(results.case, results.curve)
-
-
 def test_a_round_spot_between_two_half_spaces(tmp_path: Path) -> None:
     """Holm: 1/(4 k1 a) + 1/(4 k2 a) is the resistance of a round spot."""
-    p, h, error = conductance_of(write(tmp_path, conductivity=K1, conductivity_other=K2))
+    p, h, error = Results.read(write(tmp_path, conductivity=K1, conductivity_other=K2)).gap_conductance()
     a = np.cbrt(0.75 * p * L**2 * 1e-2 * 0.91 / 200e9)
     np.testing.assert_allclose(h * L**2, 1.0 / (1.0 / (4 * K1 * a) + 1.0 / (4 * K2 * a)), rtol=1e-9)
     np.testing.assert_allclose(error, 0.02 * h, rtol=1e-9)
@@ -54,7 +47,7 @@ def test_a_round_spot_between_two_half_spaces(tmp_path: Path) -> None:
 @pytest.mark.parametrize(("law", "rows"), [("table", 10), ("unload-reload", 7)])
 def test_like_bodies_have_twice_the_radius(tmp_path: Path, law: str, rows: int) -> None:
     h = 2 * K1 * 1e-4 / L**2
-    assert conductance_of(write(tmp_path, conductivity=K1))[1].max() == pytest.approx(h, rel=1e-9)
+    assert Results.read(write(tmp_path, conductivity=K1)).gap_conductance()[1].max() == pytest.approx(h, rel=1e-9)
     lines = asp.export(tmp_path, "abaqus", law=law).read_text().splitlines()
     table = [line.split(",") for line in lines[lines.index("*GAP CONDUCTANCE, PRESSURE") + 1 :]]
     assert table[0] == ["0.", " 0."] and float(table[-1][0]) == pytest.approx(h, rel=1e-8)
@@ -79,7 +72,7 @@ def test_laws_of_rough_faces() -> None:
 @pytest.mark.skipif(not calculix(), reason="there is no CalculiX: benchmarks/peers/install unpacks ccx")
 def test_calculix_finds_the_heat_through_the_gap(tmp_path: Path) -> None:
     """A hot cube is pressed onto a cold one: cubes and gap in series, the gap with its conductance at the preload."""
-    p, h, _ = conductance_of(write(tmp_path, conductivity=K1))
+    p, h, _ = Results.read(write(tmp_path, conductivity=K1)).gap_conductance()
     asp.export(tmp_path, "calculix", load=float(p[6]) * L**2)
     hot, k = 3.0, 20.0
     nodes = [(x, y, z) for z in (-L, 0.0, 0.0, L) for x, y in ((0, 0), (L, 0), (L, L), (0, L))]

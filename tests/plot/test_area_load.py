@@ -14,8 +14,7 @@ import asperity as asp
 from asperity.output.fields import gather_top_states
 from asperity.output.results import Results
 from asperity.plot import figures_of
-from asperity.plot.area_load import area_load, persson_area, persson_density
-from asperity.plot.contact import pressed_thirds
+from asperity.plot.contact import area_load, persson_area, persson_density, pressed_thirds
 
 
 def test_persson_in_closed_form() -> None:

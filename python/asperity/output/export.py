@@ -23,7 +23,6 @@ from asperity.force_law.choice import choose, unload_reload
 from asperity.force_law.columns import CurveColumns
 from asperity.force_law.table import TableLaw
 from asperity.output.export_module import contact_module, sliders_module
-from asperity.output.gap_conductance import gap_conductance
 from asperity.output.mesh_file import export_mesh
 from asperity.output.results import Results
 from asperity.runtime.display import comment
@@ -148,7 +147,7 @@ def interface(folder: str | Path, law: str = "table", load: float | None = None)
         of_patch = slip_of_case(case.to_dict(), curve, case.slip.preload or load)
         about += of_patch.notes
         slip = replace(of_patch.law, block=(of_patch.law.block[0], 0.0))
-    conduction = np.stack(gap_conductance(results.case, curve), axis=1)
+    conduction = np.stack(results.gap_conductance(), axis=1)
     conduction = conduction[columns.rising(rows & (conduction[:, 1] > 0) & (curve.force > 0))]
     return Interface(z, pressure, slope, k_n, k_n_elastic, k_t, area, about, slip, patch, conduction, preload)
 

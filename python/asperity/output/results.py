@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from asperity.arrays import Array
 from asperity.curve import Curve
 from asperity.errors import InputError
 from asperity.runtime import run_folder
@@ -143,6 +144,36 @@ class Results:
         reader.SetStep(snapshot % count)
         reader.Update()
         return pyvista.wrap(reader.GetOutput())
+
+    @property
+    def conductivity(self) -> float:
+        """2 k1 k2/(k1 + k2) of both bodies [power/(length temperature)]; NaN without a conductivity."""
+        material = self.case.get("material", {})
+        first = float(material.get("conductivity") or np.nan)
+        second = float(material.get("conductivity_other") or first)
+        return 2.0 * first * second / (first + second)
+
+    def gap_conductance(self) -> tuple[Array, Array, Array]:
+        """Conductance of the joint per nominal area, of heat or current, at each step, by the column conductance C.
+
+        A body of the conductivity k1 has k1 C between its base and the spots, without the block. The other body is its
+        mirror: the spots are at one potential, and both are in series, h = k1 k2/(k1 + k2) C/A0.
+
+        Returns:
+            nominal pressure [force/length^2], conductance per nominal area and its error bar [power/(length^2
+            temperature)], each (n,); NaN where the curve has none, or the case no conductivity or surface
+
+        Examples:
+            One round spot of the radius a = 0.1 between two bodies of conductivity 50 on an area of 4: 2 k a/A0.
+
+            >>> curve = asp.Curve.from_rows([{"delta": 1.0, "force": 1.0, "conductance": 4 * 0.1}])
+            >>> case = {"surface": {"L": 2.0}, "material": {"conductivity": 50.0}}
+            >>> Results("out", curve, case).gap_conductance()[1].tolist()
+            [2.5]
+        """
+        patch = float(self.case.get("surface", {}).get("L", np.nan)) ** 2
+        factor = self.conductivity / (2.0 * patch)
+        return self.curve.force / patch, factor * self.curve.conductance, factor * self.curve.error_conductance
 
     def branches(self, *names: str) -> list[Curve]:
         """Parts of the curve with one of these branches each, in order; each starts at the end of the previous one."""

@@ -9,17 +9,13 @@ from typing import TYPE_CHECKING
 import numpy as np
 from matplotlib.figure import Figure
 
-from asperity.output.gap_conductance import gap_conductance
 from asperity.output.results import Results
-from asperity.plot.area_load import area_load
-from asperity.plot.contact import contact_area, pressure_maps
-from asperity.plot.curves import force_curve, plasticity
+from asperity.plot.contact import area_load, contact_area, pressure_maps
+from asperity.plot.curves import conductance, force_curve, plasticity, stiffness
 from asperity.plot.fields import surface_map
 from asperity.plot.slip import slip, slip_map
-from asperity.plot.spectra import receptance
-from asperity.plot.stiffness import conductance, stiffness
 from asperity.plot.style import save, save_in
-from asperity.plot.vibration import frequency, motion, response, results_of
+from asperity.plot.vibration import frequency, motion, receptance, response, results_of
 from asperity.runtime.run_folder import FIGURES, locking
 from asperity.surface.base import surface_kinds
 
@@ -122,7 +118,7 @@ def figures_of(results: Results) -> dict[str, Callable[[Results], Figure]]:
         "area_load": (rough and bool(np.any(results.curve.loading().area_fraction > 0)), area_load),
         "curve": (rows > 0, force_curve),
         "stiffness": (bool(np.any(results.curve.k_n_elastic > 0)), stiffness),
-        "conductance": (bool(np.any(gap_conductance(results.case, results.curve)[1] > 0)), conductance),
+        "conductance": (bool(np.any(results.gap_conductance()[1] > 0)), conductance),
         "plasticity": (bool(plastic), plasticity),
         "slip": (len(results.slip_loops.get("u", ())) > 0, slip),
         "slip_map": (len(results.slip_nodes.get("slip", ())) > 0, slip_map),

@@ -15,7 +15,6 @@ from typing import Any
 from asperity.curve import COLUMNS
 from asperity.curve.power_law import with_misfit
 from asperity.force_law.laws import WORDS
-from asperity.output.gap_conductance import gap_conductance
 from asperity.output.results import Results
 from asperity.output.verdict import doubts, verdict
 from asperity.plot import CAPTIONS
@@ -171,7 +170,7 @@ def _outcome(results: Results) -> Rows:
         if math.isfinite(of_area):
             text += f", {quantity(of_area, per, bar=curve.bar(name, top))} of the nominal area"
         rows.append((words, text))
-    _, h, error = (float(column[top]) for column in gap_conductance(results.case, curve))
+    _, h, error = (float(column[top]) for column in results.gap_conductance())
     of_joint = quantity(h, results.unit("conductance"), bar=error / h) if math.isfinite(h) else ""
     rows += [
         ("constriction conductance over conductivity", shown("conductance", "length")),
