@@ -149,7 +149,7 @@ def test_matrix_is_that_of_dolfinx(coarse: BlockMesh | None) -> None:
 
 
 @pytest.mark.mpi
-@pytest.mark.parametrize("kind", ["lu", "cg", "cg, shared", "gamg"])
+@pytest.mark.parametrize("kind", ["lu", "cg", "cg, shared"])
 def test_linear_solver_with_prescribed_dofs(
     coarse: BlockMesh | None, kind: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -177,7 +177,7 @@ def test_linear_solver_with_prescribed_dofs(
         lacking = out.array_r - right
         lacking[rows] = 0.0
         assert np.sqrt(world().allreduce(lacking @ lacking)) < 1e-7 * out.norm()
-    assert iterations <= {"lu": 1, "cg": 40, "gamg": 80}[kind]
+    assert iterations <= {"lu": 1, "cg": 40}[kind]
 
 
 @pytest.mark.mpi

@@ -50,8 +50,8 @@ def test_messages_of_an_iteration(coarse: BlockMesh | None, monkeypatch: pytest.
     solver = LinearSolver(solid, "cg")
     calls: Counter[str] = Counter()
     solid.comm = Counted(comm, calls)
-    method: Any = solver._method
-    method._multigrid._coarse._comm = Counted(comm, calls)
+    multigrid: Any = solver.multigrid
+    multigrid._coarse._comm = Counted(comm, calls)
     for kind, name in ((la.Vector, "scatter_forward"), (la.Vector, "scatter_reverse"), (SharedSums, "add")):
         exchange = getattr(kind, name)
 

@@ -285,9 +285,7 @@ class SolverSection(Section):
     kernels: Literal["compiled", "forms"] | None = key(
         "of the elements: compiled, or forms of UFL", None, shown='"forms" with material.law, otherwise "compiled"'
     )
-    linear: Literal["auto", "lu", "cg", "gamg"] = key(
-        "linear solver: direct, CG with p-multigrid, or with algebraic multigrid", "auto"
-    )
+    linear: Literal["auto", "lu", "cg"] = key("linear solver: direct, or CG with p-multigrid", "auto")
     newton_max: Whole = key("Newton steps before cutback", SolverOptions.newton_max, **bounds(settings.NEWTON_STEPS))
     rtol: Real = key("relative residual at convergence", SolverOptions.rtol, **bounds(settings.RTOL))
 

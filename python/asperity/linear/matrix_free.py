@@ -79,13 +79,10 @@ class TangentOperator:
         return self.solid.scatter_reverse(parts).ravel()
 
     def project(self, parents: Integers, coarse: SparsityPattern, corners: Floats, values: Floats) -> None:
-        """Write Galerkin's coarse matrix of the free dofs, of this rank's part.
+        """Write the `values` of Galerkin's coarse matrix of the free dofs, of this rank's part.
 
-        Args:
-            parents: corners of each node whose mean it is (nodes, 2), the same twice for a corner
-            coarse: pattern of the coarse matrix
-            corners: 1 at its free dofs, 0 at the others (corners, 3)
-            values: of the coarse matrix
+        Each node is the mean of its `parents` (nodes, 2), a corner the same twice; `corners` is 1 at the free dofs of
+        the coarse matrix (corners, 3).
         """
         onto = self.kept, parents, coarse.indptr, coarse.indices, corners, values
         if self._symmetric:

@@ -16,6 +16,7 @@ import numpy as np
 from asperity.arrays import Singles
 from asperity.linear.coarse import make_coarse
 from asperity.linear.matrix_free import TangentOperator
+from asperity.linear.petsc import set_defaults
 from asperity.mesh.element import node_ends
 from asperity.runtime.compiled import solver as _solver
 from asperity.runtime.parallel import summed
@@ -46,8 +47,9 @@ class PMultigrid:
 
     def __init__(self, tangent: TangentOperator, symmetric: bool = True) -> None:
         from dolfinx import fem
+        from scipy import sparse
 
-        self._tangent, self._solid = tangent, tangent.solid
+        self._tangent, self._solid, self._symmetric = tangent, tangent.solid, symmetric
         solid = self._solid
         coarse = fem.functionspace(solid.mesh, ("Lagrange", 1, (3,))).dofmap
         index_map = coarse.index_map
@@ -59,7 +61,11 @@ class PMultigrid:
         self._parents = np.empty((solid.nodes, 2), dtype=np.int32)
         for k, ends in enumerate(node_ends()):
             self._parents[solid.V.dofmap.list[:, k]] = coarse.list[:, ends]
-        self._prolongation = self._interpolation()
+        # from corner dofs to padded ones: a corner keeps its value, an edge takes the mean of its ends
+        half = np.full(2 * solid.nodes, 0.5, dtype=np.float32)
+        at = np.repeat(np.arange(solid.nodes), 2), self._parents.ravel()
+        local = sparse.coo_array((half, at), (solid.nodes, corners)).tocsr()
+        self._prolongation = sparse.kron(local, sparse.eye_array(4, 3, dtype=np.float32), format="csr")
         self._restriction = self._prolongation[: 4 * solid.owned].T.tocsr()
         self._coarse = make_coarse(coarse, solid.points[self._corners], solid.comm, symmetric)
         self._version, self.ready, self.measures = 0, False, False
@@ -73,15 +79,17 @@ class PMultigrid:
         self._supported = tangent.padded(supported)
         self._extreme, self._greatest = self._noise, 0.0
 
-    def _interpolation(self) -> Any:
-        """Matrix from corner dofs to padded ones: a corner keeps its value, an edge takes the mean of its ends."""
-        from scipy import sparse
-
-        nodes = self._solid.nodes
-        half = np.full(2 * nodes, 0.5, dtype=np.float32)
-        at = np.repeat(np.arange(nodes), 2), self._parents.ravel()
-        local = sparse.coo_array((half, at), (nodes, len(self._corners))).tocsr()
-        return sparse.kron(local, sparse.eye_array(4, 3, dtype=np.float32), format="csr")
+    def precondition(self, ksp: Any) -> Any:
+        """Make a KSP with a prefix CG, or GMRES, on the free dofs with this preconditioner; its matrix; collective."""
+        operator, prefix = self._tangent.matrix(), ksp.getOptionsPrefix()
+        ksp.setType("cg" if self._symmetric else "gmres")
+        ksp.getPC().setType("python")
+        ksp.getPC().setPythonContext(self)
+        ksp.setOperators(operator)
+        if self._solid.comm.size > 1:
+            set_defaults(prefix, {"ksp_cg_single_reduction": True})  # two products in one message
+        ksp.setFromOptions()
+        return operator
 
     def update(self, renew: bool | None = None) -> bool:
         """Adapt to the current values and free dofs of the tangent; collective.
@@ -111,10 +119,15 @@ class PMultigrid:
             self._version = tangent.version
         self._scaling = self._free * self._inverse
         if renew is None:
-            renew = not self._reusable or self._changed() > max(LAG, LAG_SHARE * solid.dofs)
+            changed = np.count_nonzero(self._of[: solid.owned] != tangent.kept[: solid.owned])
+            total = summed(solid.comm, changed)[0]
+            renew = not self._reusable or bool(total > max(LAG, LAG_SHARE * solid.dofs))
         if renew:
-            self._galerkin()
-            self._reusable = self._coarse.update()
+            coarse, corners = self._coarse, np.ascontiguousarray(tangent.kept[self._corners])
+            tangent.project(self._parents, coarse.sparsity, corners, coarse.values)
+            held = np.flatnonzero(corners[: self._owned_corners].ravel() == 0.0)
+            coarse.values[coarse.sparsity.diagonal[held]] = 1.0  # unit rows
+            self._reusable = coarse.update()
             if not self._reusable:
                 return False
             self._of, self._usual = tangent.kept, 0.0
@@ -125,19 +138,6 @@ class PMultigrid:
         elif new:
             self._greatest = max(self._greatest, self._greatest_eigenvalue(UPDATE, self._free))
         return True
-
-    def _changed(self) -> int:
-        """Number of dofs that were held or released since the coarse matrix was made; collective."""
-        owned = self._solid.owned
-        changed = np.count_nonzero(self._of[:owned] != self._tangent.kept[:owned])
-        return int(summed(self._solid.comm, changed)[0])
-
-    def _galerkin(self) -> None:
-        """This rank's part of the coarse matrix of the free dofs, with a unit row for each other dof of a corner."""
-        coarse, kept = self._coarse, self._tangent.kept
-        corners = np.ascontiguousarray(kept[self._corners])
-        self._tangent.project(self._parents, coarse.sparsity, corners, coarse.values)
-        coarse.values[coarse.sparsity.diagonal[np.flatnonzero(corners[: self._owned_corners].ravel() == 0.0)]] = 1.0
 
     def forget(self) -> None:
         """Let the next `update` set everything up again, except for the eigenvalue of a tangent that never changed."""
@@ -261,3 +261,57 @@ class PMultigrid:
         # noise, so that a mode that has become the greatest elsewhere can grow
         self._extreme = np.stack(basis, axis=1) @ vectors[:, -1].astype(np.float32) + self._noise
         return float(values[-1])
+
+
+class EnergyTest:
+    """Test of convergence of CG with p-multigrid, by the energy norm of the error.
+
+    The energy of the residual after an iteration would cost a V-cycle at the end of each solution. It is predicted
+    instead: the energy falls from one iteration to the next as the square of the residual does.
+
+    Args:
+        ksp: CG; gets the test
+        multigrid: its preconditioner
+        least: number of iterations
+
+    Attributes:
+        left: energy of the error of the last iterate
+        contraction: by which it fell in the second iteration, in the last solve with two
+    """
+
+    def __init__(self, ksp: Any, multigrid: PMultigrid, least: int = 1) -> None:
+        from petsc4py import PETSc
+
+        self._multigrid, self._least, multigrid.measures = multigrid, least, True
+        self._norm = self._first = self.left = 0.0
+        self.contraction = 1.0
+        ksp.setNormType(PETSc.KSP.NormType.UNPRECONDITIONED)
+        ksp.setConvergenceTest(self)
+
+    def __call__(self, ksp: Any, iteration: int, norm: float) -> int:
+        """Whether the energy of the error is small enough; called by PETSc."""
+        reasons = ksp.ConvergedReason
+        before, self._norm = self._norm, norm
+        if not np.isfinite(norm):
+            return int(reasons.DIVERGED_BREAKDOWN)
+        if norm == 0.0:
+            self.left = 0.0
+            return int(reasons.CONVERGED_ATOL)
+        if iteration == 0:
+            self.left = np.inf
+            return int(reasons.ITERATING)
+        energy = self._multigrid.energy()
+        if not energy > 0.0:
+            return int(reasons.DIVERGED_INDEFINITE_PC)
+        if iteration == 1:
+            self._first = energy
+        fall = (norm / before) ** 2
+        self.left = energy * fall
+        if iteration == 2:
+            self.contraction = fall
+        if iteration >= self._least:
+            if self.left <= ksp.atol**2:
+                return int(reasons.CONVERGED_ATOL)
+            if self.left <= ksp.rtol**2 * self._first:
+                return int(reasons.CONVERGED_RTOL)
+        return int(reasons.ITERATING if iteration < ksp.max_it else reasons.DIVERGED_MAX_IT)

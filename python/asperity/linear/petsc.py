@@ -125,12 +125,6 @@ def memory_lacking(ksp: Any) -> float:
     return 1e6 * float(factor.getMumpsInfog(17)) if failed and lacks else 0.0
 
 
-def combine_sums(prefix: str, comm: Any) -> None:
-    """Let CG sum two products over several ranks in one message, by default."""
-    if comm.size > 1:
-        set_defaults(prefix, {"ksp_cg_single_reduction": True})
-
-
 def destroy_unused(comm: Any) -> None:
     """Destroy the PETSc objects of a communicator to which nothing refers any more; collective.
 

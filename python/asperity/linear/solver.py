@@ -11,19 +11,9 @@ import numpy as np
 
 from asperity.arrays import Floats, Integers
 from asperity.errors import AsperityWarning, ConvergenceError, warn
-from asperity.linear.energy import EnergyTest
 from asperity.linear.matrix_free import TangentOperator, tangent_product
-from asperity.linear.multigrid import ITERATIONS, PMultigrid
-from asperity.linear.petsc import (
-    GAMG,
-    NodeMatrix,
-    combine_sums,
-    factorise,
-    memory_lacking,
-    own_errors,
-    set_defaults,
-    set_rigid_modes,
-)
+from asperity.linear.multigrid import ITERATIONS, EnergyTest, PMultigrid
+from asperity.linear.petsc import NodeMatrix, factorise, memory_lacking, own_errors
 from asperity.runtime.parallel import summed
 
 if TYPE_CHECKING:
@@ -57,14 +47,14 @@ class LinearSolver:
 
     Args:
         solid: owner of the tangent
-        kind: "lu" (MUMPS), "cg" (p-multigrid), "gamg" (algebraic multigrid), or "auto", which takes "lu" for small
-            problems and "cg" for others
+        kind: "lu" (MUMPS), "cg" (p-multigrid), or "auto", which takes "lu" for small problems and "cg" for others
         symmetric: whether the matrix is symmetric and positive definite: Cholesky and CG, else LU and GMRES
         rtol: smallest tolerance that will be requested
 
     Attributes:
         ksp: the solver of PETSc
         operator: its matrix
+        multigrid: its preconditioner; None where it factorises
         rescue: whether systems are factorised because the solver failed in this step
         rescued: number of systems factorised for that reason
         iterations, total: of the last solution, and of all
@@ -88,12 +78,16 @@ class LinearSolver:
         solid.tangent.halved = kind == "cg" and symmetric and single
         self.ksp = PETSc.KSP().create(solid.comm)
         self.ksp.setOptionsPrefix(PREFIX)
-        self._method: PMultigridMethod | Assembled
+        self.multigrid: PMultigrid | None = None
+        self._test: EnergyTest | None = None
         if kind == "cg":
-            self._method = PMultigridMethod(self.ksp, TangentOperator(solid, symmetric, single), symmetric)
+            self._tangent = TangentOperator(solid, symmetric, single)
+            self.multigrid = PMultigrid(self._tangent, symmetric)
+            self.operator = self.multigrid.precondition(self.ksp)
+            self._test = EnergyTest(self.ksp, self.multigrid) if self.ksp.getType() == "cg" else None
         else:
-            self._method = Assembled(self.ksp, solid, kind, symmetric)
-        self.operator = self._method.operator
+            self._assembled = Assembled(self.ksp, solid, symmetric)
+            self.operator = self._assembled.operator
         # the garbage collector cannot see references that PETSc holds: a strong one would never be freed
         me = weakref.proxy(self)
         self.ksp.setPreSolve(lambda ksp, b, x: me._begin(b))
@@ -104,11 +98,15 @@ class LinearSolver:
 
     def forget(self) -> None:
         """Make the next solve independent of those before, as after a restart."""
-        self._method.forget()
+        if self.multigrid is not None:
+            self.multigrid.forget()
 
     def product(self, x: Floats) -> Floats:
         """Current tangent times owned dof values (3 owned,), in the precision of the solver; collective."""
-        return self._method.product(x)
+        if self.multigrid is None:
+            return tangent_product(self._solid, x)
+        self._tangent.update()
+        return self._tangent.product(x)
 
     def prescribe(
         self,
@@ -132,17 +130,22 @@ class LinearSolver:
         self.ksp.setTolerances(rtol=rtol, atol=atol, max_it=0 if self.rescue else ITERATIONS)
         if not self.rescue:
             with self._solid.phases.phase("preconditioner"):
-                self._method.prepare(rows)
+                self._prepare()
+
+    def _prepare(self) -> None:
+        """Take up the current tangent."""
+        from petsc4py import PETSc
+
+        if self.multigrid is None:
+            self._assembled.prepare(self._rows)
+            return
+        self._tangent.hold(self._rows)
+        self._tangent.update()
+        self.multigrid.update()
+        self.ksp.getPC().setFailedReason(PETSc.PC.FailedReason.NOERROR)
 
     def solve(self, r: Any, rows: Integers, values: Floats, y: Any, rtol: float, atol: float = 0.0) -> tuple[int, bool]:
-        """Solve with the current values of the solid's tangent, see `prescribe`.
-
-        Args:
-            r: right-hand side, unchanged
-            y: receives the solution
-
-        Returns:
-            iterations, and whether the solver converged
+        """Solve for y with the right side r, which stays, see `prescribe`; iterations, and whether it converged.
 
         Raises:
             ConvergenceError: there is not enough memory for the factorisation that was chosen
@@ -171,19 +174,23 @@ class LinearSolver:
         """Try again where the solver failed, then a factorisation, and prescribe; called by PETSc."""
         if self._again:
             return
-        ksp, method = self.ksp, self._method
+        ksp, multigrid = self.ksp, self.multigrid
         if not self.rescue:
             self.iterations, self.solved = self._outcome()
-            if not self.solved and method.renew():
+            if not self.solved and multigrid is not None and multigrid.ready and multigrid.renew():
                 self._solve_again(b, x)
             while not self.solved and self._shift is not None and self._shift():
-                method.forget()
-                method.prepare(self._rows)
+                self.forget()
+                self._prepare()
                 self._solve_again(b, x)
-            if not self.solved and method.factorise_coarse():
+            if not self.solved and multigrid is not None and multigrid.factorise_coarse():
                 self._solve_again(b, x)
-            method.judge(self.iterations, self._rtol, self.solved)
-            self.left = method.left()
+            if multigrid is not None:
+                multigrid.judge(self.iterations, self._rtol, self.solved)
+            if ksp.getType() == "preonly":
+                self.left = 0.0
+            else:
+                self.left = float(ksp.getResidualNorm() ** 2) if self._test is None else self._test.left
         else:
             self.iterations, self.solved = 0, False
         self.total += self.iterations
@@ -219,10 +226,10 @@ class LinearSolver:
         if self._direct is None:
             ksp = PETSc.KSP().create(solid.comm)
             ksp.setOptionsPrefix(RESCUE_PREFIX)
-            self._direct = ksp, Assembled(ksp, solid, "lu", False)
-        ksp, method = self._direct
+            self._direct = ksp, Assembled(ksp, solid, symmetric=False)
+        ksp, assembled = self._direct
         with solid.phases.phase("direct rescue"):
-            method.prepare(self._rows)
+            assembled.prepare(self._rows)
             ksp.solve(b, x)
         self.solved, self.left, self.rescue = ksp.getConvergedReason() > 0, 0.0, True
         self.rescued += 1
@@ -234,103 +241,25 @@ class LinearSolver:
             warn(RESCUED, AsperityWarning)
 
 
-class PMultigridMethod:
-    """CG, or GMRES, with p-multigrid on the free dofs."""
-
-    def __init__(self, ksp: Any, tangent: TangentOperator, symmetric: bool) -> None:
-        self._ksp, self._tangent = ksp, tangent
-        self.operator: Any = tangent.matrix()
-        self._multigrid = PMultigrid(tangent, symmetric)
-        ksp.setType("cg" if symmetric else "gmres")
-        pc = ksp.getPC()
-        pc.setType("python")
-        pc.setPythonContext(self._multigrid)
-        ksp.setOperators(self.operator)
-        combine_sums(PREFIX, tangent.solid.comm)
-        ksp.setFromOptions()
-        self._test = EnergyTest(ksp, self._multigrid) if ksp.getType() == "cg" else None
-
-    def forget(self) -> None:
-        """See `LinearSolver`; so for `product`."""
-        self._multigrid.forget()
-
-    def product(self, x: Floats) -> Floats:
-        self._tangent.update()
-        return self._tangent.product(x)
-
-    def prepare(self, rows: Integers) -> None:
-        """Take up the current tangent with these owned dofs prescribed; collective."""
-        from petsc4py import PETSc
-
-        self._tangent.hold(rows)
-        self._tangent.update()
-        self._multigrid.update()
-        self._ksp.getPC().setFailedReason(PETSc.PC.FailedReason.NOERROR)
-
-    def renew(self) -> bool:
-        """Whether there is a better preconditioner after a solve that failed; collective."""
-        return self._multigrid.ready and self._multigrid.renew()
-
-    def factorise_coarse(self) -> bool:
-        """Whether the coarse problem, by algebraic multigrid so far, is factorised now; collective."""
-        return self._multigrid.factorise_coarse()
-
-    def judge(self, iterations: int, rtol: float, solved: bool) -> None:
-        """Decide by a solve how much of the preconditioner the next one takes."""
-        self._multigrid.judge(iterations, rtol, solved)
-
-    def left(self) -> float:
-        """Energy of the error of the last solution, or what stands for it."""
-        return float(self._ksp.getResidualNorm() ** 2) if self._test is None else self._test.left
-
-
 class Assembled:
-    """A matrix of PETSc, prescribed dofs eliminated in place: structure and near-null space stay as they are.
+    """A matrix of PETSc for LU or Cholesky's method, prescribed dofs eliminated in place: its structure stays."""
 
-    The methods are those of `PMultigridMethod`.
-    """
-
-    def __init__(self, ksp: Any, solid: Solid, kind: str, symmetric: bool) -> None:
+    def __init__(self, ksp: Any, solid: Solid, symmetric: bool) -> None:
         from petsc4py import PETSc
 
         self._solid, self._ksp = solid, ksp
         self._matrix = NodeMatrix(solid.sparsity, solid.V.dofmap.index_map, solid.comm)
-        A = self._matrix.A
-        self.operator: Any = A
-        A.setOption(PETSc.Mat.Option.SYMMETRIC, symmetric)
-        A.setOption(PETSc.Mat.Option.SPD, symmetric)
-        ksp.setOperators(A)
-        if kind == "lu":
-            factorise(ksp, symmetric)
-            return
-        ksp.setType("cg" if symmetric else "gmres")
-        if symmetric:
-            ksp.setNormType(PETSc.KSP.NormType.NATURAL)
-        ksp.getPC().setType("gamg")
-        set_defaults(ksp.getOptionsPrefix(), GAMG)
-        set_rigid_modes(A, solid.points)
-        ksp.setFromOptions()
-
-    def forget(self) -> None: ...
-
-    def product(self, x: Floats) -> Floats:
-        return tangent_product(self._solid, x)
+        self.operator: Any = self._matrix.A
+        self.operator.setOption(PETSc.Mat.Option.SYMMETRIC, symmetric)
+        self.operator.setOption(PETSc.Mat.Option.SPD, symmetric)
+        ksp.setOperators(self.operator)
+        factorise(ksp, symmetric)
 
     def prepare(self, rows: Integers) -> None:
+        """Take up the current tangent with these owned dofs prescribed; collective."""
         A, solid = self.operator, self._solid
         np.copyto(self._matrix.values, solid.tangent.values())
         self._matrix.assemble()
         diagonal = A.getDiagonal().sum() / solid.dofs
         A.zeroRowsColumns(rows + A.getOwnershipRange()[0], diag=diagonal)
         self._ksp.setOperators(A)
-
-    def renew(self) -> bool:
-        return False
-
-    def factorise_coarse(self) -> bool:
-        return False
-
-    def judge(self, iterations: int, rtol: float, solved: bool) -> None: ...
-
-    def left(self) -> float:
-        return 0.0 if self._ksp.getType() == "preonly" else float(self._ksp.getResidualNorm() ** 2)
