@@ -13,7 +13,6 @@ import pytest
 
 from asperity.errors import OutputError
 from asperity.quasistatic.checkpoint import read_arrays, scan, write_arrays
-from asperity.runtime import distributed_array
 from asperity.runtime.distributed_array import (
     DistributedArray,
     look_up,
@@ -50,14 +49,7 @@ def whole(array: DistributedArray) -> Any:
     return np.concatenate([array.values[:0], *array.comm.allgather(array.values)])
 
 
-@pytest.fixture(params=[2**22, 100])
-def piece(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> None:
-    """All rows fit into one buffer, or two of them."""
-    monkeypatch.setattr(distributed_array, "PIECE", request.param)
-
-
 @pytest.mark.mpi
-@pytest.mark.usefixtures("piece")
 @pytest.mark.parametrize("total", [0, 1, 2, 3, 5, 64, 1001])
 def test_rows_of_any_rank_make_the_array(total: int) -> None:
     """Also fewer rows than ranks, and none."""
@@ -72,13 +64,12 @@ def test_rows_of_any_rank_make_the_array(total: int) -> None:
     gathered = list(pieces(array))
     if comm.rank == 0:
         np.testing.assert_array_equal(np.concatenate([array.values[:0], *gathered]), rows_of(np.arange(total)))
-        assert all(part.nbytes <= max(distributed_array.PIECE, 48) for part in gathered)
+        assert all(len(part) <= len(array.values) for part in gathered)
     else:
         assert not gathered
 
 
 @pytest.mark.mpi
-@pytest.mark.usefixtures("piece")
 @pytest.mark.parametrize("total", [0, 1, 3, 200])
 def test_some_rows_are_kept_with_their_numbers(total: int) -> None:
     comm = world()
@@ -106,7 +97,6 @@ def test_places_and_rows_that_nobody_gives() -> None:
 
 
 @pytest.mark.mpi
-@pytest.mark.usefixtures("piece")
 def test_a_file_that_cannot_be_written_is_an_error_on_every_rank(
     shared_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -135,7 +125,6 @@ def test_a_file_that_cannot_be_written_is_an_error_on_every_rank(
 def write_and_read_on(folder: Path, most: int) -> None:
     """Files written by each number of ranks are the same, and each number of ranks reads them; in a job of `most`."""
     comm = world()
-    distributed_array.PIECE = 100
     for writers in range(1, most + 1):
         path, group = folder / f"{writers}.npz", comm.Split(comm.rank < writers)
         if comm.rank < writers:

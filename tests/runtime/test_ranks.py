@@ -12,7 +12,8 @@ import pytest
 from conftest import world
 
 from asperity.errors import InputError, OutputError
-from asperity.runtime.parallel import agree, clocked, on_root, on_root_bcast, spread
+from asperity.runtime.parallel import agree, on_root, on_root_bcast, spread
+from asperity.runtime.timing import clocked
 
 pytestmark = pytest.mark.mpi
 

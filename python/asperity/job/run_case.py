@@ -28,10 +28,10 @@ from asperity.output.assumptions import ledger
 from asperity.output.run_files import RunFiles
 from asperity.output.summary import of_ranks
 from asperity.runtime.display import brief
-from asperity.runtime.parallel import Clock, agree, clocked, on_root, on_root_bcast, spread
+from asperity.runtime.parallel import agree, on_root, on_root_bcast, spread
 from asperity.runtime.progress import Progress, log_file
 from asperity.runtime.run_folder import LOG
-from asperity.runtime.timing import Phases
+from asperity.runtime.timing import Clock, Phases, clocked
 from asperity.runtime.warnings_log import Notices, log, noting
 
 if TYPE_CHECKING:

@@ -16,7 +16,7 @@ from asperity.fem.solid import Solid
 from asperity.mesh.element import FACE_TRIANGLES, GMSH_TO_VTK, NODES, VTK_TYPE
 from asperity.quasistatic.contact_result import ContactResult
 from asperity.quasistatic.measures import Snapshot
-from asperity.runtime.distributed_array import DistributedArray, on_root_of, pieces, steps, stream
+from asperity.runtime.distributed_array import DistributedArray, bounds, on_root_of, pieces, stream
 from asperity.runtime.files import Stream
 
 TO_VTK_TENSOR = (0, 1, 2, 3, 5, 4)  # xx yy zz xy yz xz
@@ -86,13 +86,13 @@ def vtkhdf_streams(result: ContactResult, E: float) -> dict[str, Stream]:
         rows = points.total if share_of is share_nodes else cells
         return Stream(np.dtype(float), (len(snapshots) * rows, *row), chain.from_iterable(parts))
 
-    ends = steps(0, cells + 1, (cells + 1,), np.dtype(np.int64))
+    parts = bounds(solid.comm, cells + 1)
     out = {
         "Points": stream(points),
         "Connectivity": Stream(
             np.dtype(np.int64), (NODES * cells,), (rows[:, GMSH_TO_VTK].ravel() for rows in pieces(tets))
         ),
-        "Offsets": Stream(np.dtype(np.int64), (cells + 1,), (NODES * np.arange(*bounds) for bounds in ends)),
+        "Offsets": Stream(np.dtype(np.int64), (cells + 1,), (NODES * np.arange(*part) for part in parts)),
         "PointData/displacement": field(share_nodes, lambda s: s.displacement, 3),
         "PointData/pressure": field(share_nodes, lambda s: top.linear_on_facets(s.pressure) * E),
         "CellData/stress": field(share_cells, lambda s: s.stress[:, TO_VTK_TENSOR] * E, 6),

@@ -12,7 +12,7 @@ from asperity.case import Case
 from asperity.curve import STIFFNESSES, Curve
 from asperity.quasistatic.contact_result import ContactResult
 from asperity.runtime.memory import peak
-from asperity.runtime.parallel import Clock
+from asperity.runtime.timing import Clock
 from asperity.version import __version__
 
 PACKAGES = ("dolfinx", "numpy", "scipy", "mpi4py", "petsc4py", "gmsh")

@@ -15,11 +15,7 @@ from asperity.errors import CompatError
 
 
 def require(module: str, package: str) -> None:
-    """Check that a module can be imported.
-
-    Raises:
-        CompatError: it cannot be imported; the message names its Debian package
-    """
+    """Check that a module can be imported, else CompatError, which names its Debian package."""
     if importlib.util.find_spec(module) is None:
         raise CompatError(f"the Python module {module} is missing: install {package} or asperity[solve]")
     try:
@@ -112,13 +108,7 @@ def ghost_holders(index_map: Any) -> Any:
 
 
 def renumbered(V: Any, dofs: npt.NDArray[np.int32], ghosts: npt.NDArray[np.int64]) -> Any:
-    """A function space like `V` whose owned dofs have other numbers; collective.
-
-    Args:
-        V: function space of dolfinx
-        dofs: new dofs of each local cell (cells, dofs per cell)
-        ghosts: new global numbers of the ghosts, in their order
-    """
+    """A function space like `V` whose local cells have other dofs; `ghosts` are their global numbers; collective."""
     from dolfinx import cpp, fem, graph
 
     old, dofmap = V._cpp_object, V.dofmap

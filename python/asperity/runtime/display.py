@@ -37,17 +37,18 @@ def brief(value: Any) -> str:
         return f"{value:.6g}"
     if isinstance(value, str):
         return repr(value if len(value) <= LONGEST else value[: LONGEST - 1] + "…")
+    short = f"{type(value).__name__}(…)"
     if is_dataclass(value):
         text = short_repr(value)
-        return text if len(text) <= LONGEST else f"{type(value).__name__}(…)"
-    if isinstance(value, Mapping):
+    elif isinstance(value, Mapping):
         text = "{" + ", ".join(f"{key!r}: {brief(item)}" for key, item in value.items()) + "}"
-        return text if len(text) <= LONGEST else f"<{len(value)} keys>"
-    if isinstance(value, Sequence | set | frozenset):
+        short = f"<{len(value)} keys>"
+    elif isinstance(value, Sequence | set | frozenset):
         text = "(" + ", ".join(map(brief, value)) + ("," if len(value) == 1 else "") + ")"
-        return text if len(text) <= LONGEST else f"<{len(value)}>"
-    text = repr(value)
-    return text if len(text) <= LONGEST and "\n" not in text else f"{type(value).__name__}(…)"
+        short = f"<{len(value)}>"
+    else:
+        text = repr(value)
+    return text if len(text) <= LONGEST and "\n" not in text else short
 
 
 def show(value: Any) -> str:

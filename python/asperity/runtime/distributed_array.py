@@ -1,7 +1,7 @@
 """Arrays whose rows are spread over the ranks in equal blocks: filled from any ranks, looked up, passed to rank 0.
 
-No rank holds more than its block, the rows that it gives or wants, and a buffer. Rows travel as they are in memory,
-without pickling.
+No rank holds more than two blocks and the rows that it gives or wants. Rows travel as they are in memory, without
+pickling.
 """
 
 from __future__ import annotations
@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
-from itertools import chain, repeat
+from itertools import chain
 from math import prod
 from typing import TYPE_CHECKING, Any, TypeVar
 
@@ -23,8 +23,6 @@ if TYPE_CHECKING:
     from mpi4py import MPI
 
 T = TypeVar("T")
-
-PIECE = 2**22  # size of a buffer [bytes]
 
 
 @dataclass(frozen=True, eq=False)
@@ -55,7 +53,7 @@ class DistributedArray:
     @property
     def numbers(self) -> Indices:
         """Numbers of the rows of this rank (n,)."""
-        return np.arange(*_bounds(self.comm, self.total, self.comm.rank))
+        return np.arange(*bounds(self.comm, self.total)[self.comm.rank])
 
 
 def share(comm: MPI.Comm, numbers: Indices, values: Array, total: int, fill: Any = 0) -> DistributedArray:
@@ -67,22 +65,18 @@ def share(comm: MPI.Comm, numbers: Indices, values: Array, total: int, fill: Any
         total: number of rows of the array
         fill: value of rows that nobody gives
     """
-    start, stop = _bounds(comm, total, comm.rank)
+    start, stop = bounds(comm, total)[comm.rank]
     out = np.full((stop - start, *values.shape[1:]), fill, dtype=values.dtype)
-    for part in _rounds(comm, values):
-        order, counts = _by_holder(comm, numbers[part], total)
-        given, _ = exchange(comm, numbers[part][order], counts)
-        out[given - start], _ = exchange(comm, values[part][order], counts)
+    order, counts = _by_holder(comm, numbers, total)
+    given, _ = exchange(comm, numbers[order], counts)
+    out[given - start], _ = exchange(comm, values[order], counts)
     return DistributedArray(comm, out, total)
 
 
 def look_up(array: DistributedArray, wanted: Indices) -> Array:
     """Rows `wanted` (n,) of an array, each rank its own ones (n, ...); collective."""
-    start, _ = _bounds(array.comm, array.total, array.comm.rank)
-    out = np.empty((len(wanted), *array.values.shape[1:]), dtype=array.values.dtype)
-    for part in _rounds(array.comm, out):
-        out[part] = _ask(array.comm, wanted[part], array.total, lambda asked: array.values[asked - start])
-    return out
+    start, _ = bounds(array.comm, array.total)[array.comm.rank]
+    return _ask(array.comm, wanted, array.total, lambda asked: array.values[asked - start])
 
 
 def share_some(comm: MPI.Comm, numbers: Indices, values: Array) -> tuple[DistributedArray, DistributedArray]:
@@ -117,24 +111,16 @@ def places(comm: MPI.Comm, numbers: Indices) -> tuple[Indices, int]:
 
 
 def pieces(array: DistributedArray) -> Iterator[Array]:
-    """Rows in pieces of at most PIECE bytes on rank 0, and send them there elsewhere.
-
-    Collective: all ranks must exhaust it.
-    """
-    comm, size = array.comm, array.comm.size
-    for rank in range(size):
-        start, stop = _bounds(comm, array.total, rank)
-        for at, end in steps(start, stop, array.shape, array.values.dtype):
-            if comm.rank == rank:
-                piece = array.values[at - start : end - start]
-                if rank == 0:
-                    yield piece
-                else:
-                    comm.Send(_bytes(piece), 0)
-            elif comm.rank == 0:
-                piece = np.empty((end - at, *array.values.shape[1:]), dtype=array.values.dtype)
-                comm.Recv(_bytes(piece), rank)
-                yield piece
+    """Block after block on rank 0; the others send theirs. Collective: all ranks must exhaust it."""
+    comm, block = array.comm, array.values
+    for rank, (start, stop) in enumerate(bounds(comm, array.total)):
+        if rank and comm.rank == rank:
+            comm.Send(_bytes(block), 0)
+        elif rank and comm.rank == 0:
+            block = np.empty((stop - start, *block.shape[1:]), dtype=block.dtype)
+            comm.Recv(_bytes(block), rank)
+        if comm.rank == 0 and stop > start:
+            yield block
 
 
 def collect(array: DistributedArray) -> Array | None:
@@ -169,36 +155,23 @@ def on_root_of(comm: MPI.Comm, streams: Iterable[Stream], work: Callable[[], T])
     return on_root_bcast(comm, drained)
 
 
-def deal(
-    comm: MPI.Comm, shape: tuple[int, ...], dtype: np.dtype[Any], read: Callable[[int], Array] | None
-) -> DistributedArray:
-    """Array of a shape that rank 0 reads in pieces of at most PIECE bytes; collective.
-
-    On rank 0 `read` returns the next rows, called with their number.
-    """
-    start, stop = _bounds(comm, shape[0], comm.rank)
-    values = np.empty((stop - start, *shape[1:]), dtype=dtype)
-    for rank in range(comm.size):
-        start, stop = _bounds(comm, shape[0], rank)
-        for at, end in steps(start, stop, shape, values.dtype):
-            mine = values[at - start : end - start]
-            if read is not None:
-                piece = read(end - at)
-                if rank:
-                    comm.Send(_bytes(piece), rank)
-                else:
-                    mine[:] = piece
-            elif comm.rank == rank:
-                comm.Recv(_bytes(mine), 0)
+def deal(comm: MPI.Comm, array: Array | None) -> DistributedArray:
+    """Blocks of an array of rank 0, None elsewhere; collective."""
+    shape, dtype = comm.bcast(None if array is None else (array.shape, array.dtype), root=0)
+    values: Array = np.empty(0)
+    for rank, (start, stop) in enumerate(bounds(comm, shape[0])):
+        if array is not None and rank:
+            comm.Send(_bytes(array[start:stop]), rank)
+        elif array is not None:
+            values = array[start:stop].copy()
+        elif comm.rank == rank:
+            values = np.empty((stop - start, *shape[1:]), dtype=dtype)
+            comm.Recv(_bytes(values), 0)
     return DistributedArray(comm, values, shape[0])
 
 
 def exchange(comm: MPI.Comm, values: Array, counts: Indices) -> tuple[Array, Indices]:
-    """Send rows (n, ...), in the order of the ranks that receive so many each; collective.
-
-    Returns:
-        rows in the order of the ranks that sent them, and their number from each rank
-    """
+    """Send rows (n, ...), ordered by the ranks that get so many each; rows received and their number; collective."""
     from mpi4py import MPI
 
     received = np.empty_like(counts)
@@ -208,20 +181,6 @@ def exchange(comm: MPI.Comm, values: Array, counts: Indices) -> tuple[Array, Ind
     comm.Alltoallv([np.ascontiguousarray(values), counts, row], [out, received, row])
     row.Free()
     return out, received
-
-
-def _rounds(comm: MPI.Comm, values: Array) -> Iterator[slice]:
-    """Parts of the rows of this rank, of at most PIECE bytes and as many on all ranks; collective."""
-    from mpi4py import MPI
-
-    parts = [slice(*bounds) for bounds in steps(0, len(values), values.shape, values.dtype)]
-    return chain(parts, repeat(slice(0, 0), comm.allreduce(len(parts), MPI.MAX) - len(parts)))
-
-
-def steps(start: int, stop: int, shape: tuple[int, ...], dtype: np.dtype[Any]) -> Iterator[tuple[int, int]]:
-    """Bounds of pieces of at most PIECE bytes between two rows of an array of this shape and type."""
-    step = max(1, PIECE // max(1, dtype.itemsize * prod(shape[1:])))
-    return ((at, min(stop, at + step)) for at in range(start, stop, step))
 
 
 def count(comm: MPI.Comm, *numbers: Indices) -> int:
@@ -243,18 +202,14 @@ def _ask(comm: MPI.Comm, numbers: Indices, total: int, answer: Callable[[Indices
 
 def _by_holder(comm: MPI.Comm, numbers: Indices, total: int) -> tuple[Indices, Indices]:
     """Order of rows by the rank that holds them (n,), and their count for each rank."""
-    holder = numbers // _block(comm, total)
+    holder = numbers // max(1, -(-total // comm.size))
     return np.argsort(holder.astype(np.uint16), kind="stable"), np.bincount(holder, minlength=comm.size)
 
 
-def _block(comm: MPI.Comm, total: int) -> int:
-    return max(1, -(-total // comm.size))
-
-
-def _bounds(comm: MPI.Comm, total: int, rank: int) -> tuple[int, int]:
-    """First row of a rank and that after its last."""
-    block = _block(comm, total)
-    return min(total, rank * block), min(total, (rank + 1) * block)
+def bounds(comm: MPI.Comm, total: int) -> list[tuple[int, int]]:
+    """First row of each rank and that after its last."""
+    block = max(1, -(-total // comm.size))
+    return [(min(total, rank * block), min(total, (rank + 1) * block)) for rank in range(comm.size)]
 
 
 def _bytes(values: Array) -> Any:

@@ -102,11 +102,7 @@ def files_into(folder: Path) -> Iterator[Path]:
 
 
 def read_whole(path: str | Path, most: int = MOST_DATA) -> bytes:
-    """Content of a file, of a device or pipe too, whose size is bounded.
-
-    Raises:
-        OSError: it cannot be read, or is larger than `most`
-    """
+    """Content of a file, of a device or pipe too; OSError where it cannot be read, or is larger than `most`."""
     with open(path, "rb") as file:
         status = os.fstat(file.fileno())
         regular = stat.S_ISREG(status.st_mode)
@@ -208,28 +204,8 @@ def write_npz(path: Path, arrays: Iterable[tuple[str, Stream]]) -> None:
                     member.write(piece.tobytes())
 
 
-@dataclass(frozen=True)
-class Stored:
-    """Array in a .npz file, which is at its next element; the shape has one dimension at least."""
-
-    name: str
-    dtype: np.dtype[Any]
-    shape: tuple[int, ...]
-    file: IO[bytes]
-
-    def rows(self, count: int) -> npt.NDArray[Any]:
-        """Read the next rows, as many as called for.
-
-        Raises:
-            ValueError: the file is damaged
-        """
-        with _readable(NPZ):
-            wanted = self.dtype.itemsize * count * prod(self.shape[1:])
-            return np.frombuffer(self.file.read(wanted), dtype=self.dtype).reshape(count, *self.shape[1:])
-
-
-def stored_arrays(path: Path) -> Iterator[Stored]:
-    """Arrays of a .npz file in the order of their names; each can be read until the next is yielded.
+def stored_arrays(path: Path) -> Iterator[tuple[str, npt.NDArray[Any]]]:
+    """Arrays of a .npz file with their names, in whose order they are read, one after the other.
 
     Raises:
         OSError: the file cannot be read
@@ -242,7 +218,7 @@ def stored_arrays(path: Path) -> Iterator[Stored]:
                 shape, in_columns, dtype = np.lib.format.read_array_header_1_0(member)
                 if in_columns or dtype.hasobject or info.file_size != member.tell() + dtype.itemsize * prod(shape):
                     raise ValueError
-                yield Stored(info.filename.removesuffix(".npy"), dtype, shape or (1,), member)
+                yield info.filename.removesuffix(".npy"), np.frombuffer(member.read(), dtype).reshape(shape or (1,))
 
 
 def read_npz(path: str | Path) -> dict[str, npt.NDArray[Any]]:

@@ -35,11 +35,7 @@ class MeasuredCurve:
 
 
 def read_measured_curve(path: Path, decimal: str | None = None) -> MeasuredCurve:
-    """Read a curve; lengths and forces whose unit the file names become metres and newtons.
-
-    Args:
-        path: the file
-        decimal: "." or ","; default as found
+    """Read a curve; lengths and forces whose unit the file names become metres and newtons; `decimal` as for a table.
 
     Raises:
         ValueError: no columns of approach and force, a cell that is no number, or a unit of one of them only
@@ -131,11 +127,7 @@ def _canonical(name: str) -> str:
 
 
 def repaired(columns: Mapping[str, Array]) -> tuple[dict[str, Array], list[str]]:
-    """Columns with approaches in the order of the loading, each once, and what was done.
-
-    Args:
-        columns: with delta and force, shape (n,), perhaps branch
-    """
+    """Columns, delta, force and perhaps branch, with approaches in the order of the loading, and what was done."""
     found, notes = dict(columns), []
     delta, force = found["delta"], found["force"]
 

@@ -5,14 +5,12 @@ from __future__ import annotations
 import sys
 import time
 import traceback
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
-from contextvars import ContextVar
-from dataclasses import dataclass, field
+from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Any, TypeVar, cast
 
 from asperity.errors import AsperityError, OutputError
 from asperity.runtime.launch import started_ranks
+from asperity.runtime.timing import count_alone
 
 if TYPE_CHECKING:
     from mpi4py import MPI
@@ -23,33 +21,6 @@ T = TypeVar("T")
 
 INTERNAL = 70  # exit code of an error that nobody has foreseen, EX_SOFTWARE of sysexits.h
 PATIENCE = 30.0  # time a failed rank waits for the others before it aborts the job [s]
-
-
-@dataclass
-class Clock:
-    """Time of a job, and its serial part: on rank 0 what it worked while others waited, or would have; else 0 [s]."""
-
-    alone: float = 0.0
-    began: float = field(default_factory=time.perf_counter)
-
-    @property
-    def wall(self) -> float:
-        """Time since the job began [s]."""
-        return time.perf_counter() - self.began
-
-
-_clock: ContextVar[Clock | None] = ContextVar("clock", default=None)  # of the job under way
-
-
-@contextmanager
-def clocked() -> Iterator[Clock]:
-    """Measure the job in a with-block."""
-    clock = Clock()
-    token = _clock.set(clock)
-    try:
-        yield clock
-    finally:
-        _clock.reset(token)
 
 
 class Ranks:
@@ -70,8 +41,7 @@ class Ranks:
     def leave(self, code: int, message: str) -> int:
         """Wait for all ranks and return the exit code of the job, the greatest of all ranks; collective.
 
-        The lowest failed rank prints its message. If the other ranks do not arrive, because they wait for a failed rank
-        inside the solver, that rank aborts the job with its code.
+        The lowest failed rank prints its message. Where the others do not arrive, it aborts the job with its code.
         """
         if self._comm is None:
             _print_error(message)
@@ -103,11 +73,9 @@ class Ranks:
 def on_root(comm: MPI.Comm, work: Callable[[], T]) -> T | None:
     """Do work on rank 0 and keep its result there, None elsewhere; collective.
 
-    Raises:
-        AsperityError: what `work` raised, on every rank
-        OutputError: for an OSError of `work`, on every rank
+    Every rank raises the AsperityError of `work`, for an OSError an OutputError.
     """
-    result, error = _attempt_alone(work) if comm.rank == 0 else (None, None)
+    result, error = _attempt(work, alone=True) if comm.rank == 0 else (None, None)
     if failure := comm.bcast(error, root=0):
         raise failure
     return result
@@ -122,7 +90,7 @@ def on_root_bcast(comm: MPI.Comm | None, work: Callable[[], T]) -> T:
         from mpi4py import MPI
 
         comm = MPI.COMM_WORLD
-    outcome = _attempt_alone(work) if comm is None or comm.rank == 0 else (None, None)
+    outcome = _attempt(work, alone=True) if comm is None or comm.rank == 0 else (None, None)
     result, failure = outcome if comm is None else comm.bcast(outcome, root=0)
     if failure is not None:
         raise failure
@@ -130,10 +98,9 @@ def on_root_bcast(comm: MPI.Comm | None, work: Callable[[], T]) -> T:
 
 
 def spread(comm: MPI.Comm, tasks: Sequence[Callable[[], object]], near: bool = False) -> None:
-    """Do tasks that do not need each other, each on one rank; collective, errors as for `on_root`.
+    """Do tasks that do not need each other, each on one rank, `near` on the machine of rank 0, whose files it sees.
 
-    Args:
-        near: by the ranks on the machine of rank 0 alone, which see its files
+    Collective, errors as for `on_root`.
     """
     from mpi4py import MPI
 
@@ -147,23 +114,10 @@ def spread(comm: MPI.Comm, tasks: Sequence[Callable[[], object]], near: bool = F
     spent = time.perf_counter() - since
     spents, failures = zip(*comm.allgather((spent, failure)), strict=True)
     if comm.rank == 0:
-        _count_alone(max(spents) - sum(spents) / len(busy))
+        count_alone(max(spents) - sum(spents) / len(busy))
     for error in failures:
         if error is not None:
             raise error
-
-
-def _attempt_alone(work: Callable[[], T]) -> tuple[T | None, AsperityError | None]:
-    since = time.perf_counter()
-    try:
-        return _attempt(work)
-    finally:
-        _count_alone(time.perf_counter() - since)
-
-
-def _count_alone(seconds: float) -> None:
-    if (clock := _clock.get()) is not None:
-        clock.alone += seconds
 
 
 def agree(comm: MPI.Comm, work: Callable[[], T]) -> T:
@@ -173,16 +127,6 @@ def agree(comm: MPI.Comm, work: Callable[[], T]) -> T:
     if first is not None:
         raise first
     return cast(T, result)
-
-
-def all_ranks(comm: MPI.Comm, values: Mapping[str, float], greatest: bool = False) -> dict[str, float]:
-    """Sums of numbers over the ranks, or the greatest of each; collective."""
-    import numpy as np
-    from mpi4py import MPI
-
-    found = np.array([*values.values()])
-    comm.Allreduce(MPI.IN_PLACE, found, op=MPI.MAX if greatest else MPI.SUM)
-    return {name: float(value) for name, value in zip(values, found, strict=True)}
 
 
 def summed(comm: MPI.Comm, *values: float) -> Floats:
@@ -196,14 +140,18 @@ def summed(comm: MPI.Comm, *values: float) -> Floats:
     return found
 
 
-def _attempt(work: Callable[[], T]) -> tuple[T | None, AsperityError | None]:
-    """Result of `work` and None, or None and its error."""
+def _attempt(work: Callable[[], T], alone: bool = False) -> tuple[T | None, AsperityError | None]:
+    """Result of `work` and None, or None and its error; whether other ranks wait for it."""
+    since = time.perf_counter()
     try:
         return work(), None
     except AsperityError as error:
         return None, error
     except OSError as error:
         return None, OutputError(f"cannot write {error.filename or 'the results'}: {error.strerror or error}")
+    finally:
+        if alone:
+            count_alone(time.perf_counter() - since)
 
 
 def _print_error(message: str) -> None:

@@ -95,7 +95,10 @@ def working_in(folder: Path) -> Iterator[None]:
     Raises:
         InputError: another process works there, or this one already does, or a link is where a run writes
     """
-    _refuse_links(folder)
+    places = [folder / name for name in (LOCK, LOG, FIELDS, FIGURES, CHECKPOINT)]
+    for path in (*places, *(folder / CHECKPOINT).rglob("*")):
+        if path.is_symlink():
+            raise InputError(f"{path} is a link, which a run does not follow; remove it, or take another folder")
     try:
         file = os.open(folder / LOCK, os.O_RDWR | os.O_CREAT | os.O_NOFOLLOW | os.O_CLOEXEC, 0o666)
     except OSError:  # nothing else can be written there either, which says why
@@ -139,19 +142,8 @@ def locking(function: Callable[Concatenate[str | Path, P], T]) -> Callable[Conca
     return locked
 
 
-def _refuse_links(folder: Path) -> None:
-    places = [folder / name for name in (LOCK, LOG, FIELDS, FIGURES, CHECKPOINT)]
-    for path in (*places, *(folder / CHECKPOINT).rglob("*")):
-        if path.is_symlink():
-            raise InputError(f"{path} is a link, which a run does not follow; remove it, or take another folder")
-
-
 def check_writable(folder: Path) -> None:
-    """Refuse a folder that cannot be written, or cannot be made; writes nothing.
-
-    Raises:
-        OSError: no permission, or a file is where a folder should be
-    """
+    """Raise OSError for a folder that cannot be written, or cannot be made; writes nothing."""
     place = next(path for path in (folder.absolute(), *folder.absolute().parents) if path.exists())
     if not place.is_dir():
         raise NotADirectoryError(errno.ENOTDIR, os.strerror(errno.ENOTDIR), str(folder))
@@ -163,11 +155,9 @@ def is_empty(folder: Path) -> bool:
     """Whether a folder is missing or contains only temporary files, a lock and a checkpoint folder without files."""
     if not folder.is_dir():
         return True
-    return all(is_aside(p.name) or p.name == LOCK or _is_empty_checkpoint(p) for p in folder.iterdir())
-
-
-def _is_empty_checkpoint(path: Path) -> bool:
-    return path.name == CHECKPOINT and all(p.is_dir() or is_aside(p.name) for p in path.rglob("*")) and path.is_dir()
+    left = [p for p in folder.iterdir() if not is_aside(p.name) and p.name != LOCK]
+    inside = [p for p in (folder / CHECKPOINT).rglob("*") if not (p.is_dir() or is_aside(p.name))]
+    return not inside and all(p.name == CHECKPOINT and p.is_dir() for p in left)
 
 
 def holds_run(folder: Path) -> bool:

@@ -9,7 +9,7 @@ from __future__ import annotations
 import csv
 import itertools
 import re
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
@@ -51,12 +51,7 @@ class TextTable:
 
     @classmethod
     def read(cls, path: Path, least: int, decimal: str | None = None) -> TextTable:
-        """Find the dialect of a file.
-
-        Args:
-            path: the file
-            least: cells of the shortest row of numbers
-            decimal: "." or ","; default as found
+        """Find the dialect of a file whose shortest row of numbers has so many cells; `decimal` is as found by default.
 
         Raises:
             ValueError: there is no row of numbers, or its decimals can be read in two ways
@@ -78,11 +73,7 @@ class TextTable:
         return split(line, self.separator)
 
     def rows(self) -> list[tuple[int, list[str]]]:
-        """Number of the line and cells of each row, all of one length; without blank rows and comments.
-
-        Raises:
-            ValueError: a row has more or fewer cells than most
-        """
+        """Number of the line and cells of each row, all of one length, else ValueError; not of blanks and comments."""
         rows = [
             (i, self.cells(line))
             for i, line in enumerate(self.lines[self.first :], self.first + 1)
@@ -103,11 +94,7 @@ class TextTable:
         return rows
 
     def numbers(self, *, corner: bool = False) -> Array:
-        """All rows as numbers (m, n); NaN for blank cells, and for a word in the first one if `corner` is set.
-
-        Raises:
-            ValueError: a cell is no number, or rows have different lengths; the message gives the line
-        """
+        """All rows as numbers (m, n), else ValueError; NaN for blank cells and for a word in the `corner`."""
         if self.decimal == ".":
             with suppress(ValueError):  # another line shows what is wrong, or blank
                 return np.loadtxt(self.lines[self.first :], delimiter=self.separator, ndmin=2, dtype=float)
@@ -117,11 +104,7 @@ class TextTable:
         return np.array([[self.value(cell, i) for cell in row] for i, row in rows])
 
     def value(self, cell: str, number: int) -> float:
-        """Number of a cell in a line, NaN if it is blank.
-
-        Raises:
-            ValueError: it is none
-        """
+        """Number of a cell in a line, NaN if it is blank; ValueError where it is none."""
         if cell.lower() in BLANK:
             return np.nan
         with suppress(ValueError):
@@ -133,11 +116,7 @@ class TextTable:
 
 
 def decoded(raw: bytes) -> str:
-    """Text of a file in UTF-8, UTF-16 or Latin-1.
-
-    Raises:
-        ValueError: it is no text
-    """
+    """Text of a file in UTF-8, UTF-16 or Latin-1; ValueError where it is none."""
     if raw[:2] in (b"\xff\xfe", b"\xfe\xff"):
         return raw.decode("utf-16", errors="replace")
     start = raw[:4096]
@@ -163,11 +142,7 @@ def is_number(cell: str) -> bool:
 
 
 def to_number(cell: str, decimal: str) -> float:
-    """Number of a cell; the other of point and comma may separate groups of three digits.
-
-    Raises:
-        ValueError: it is none
-    """
+    """Number of a cell, else ValueError; the other of point and comma may separate groups of three digits."""
     other = "," if decimal == "." else "."
     if other in cell:
         if not _GROUPS[decimal].fullmatch(cell):
@@ -234,14 +209,14 @@ def _decimal_commas(line: str, cells: list[str]) -> bool:
 
 
 def _decimal(lines: Iterable[str], separator: str | None) -> str:
-    """Decimal point or comma of the rows.
-
-    Raises:
-        ValueError: both, or numbers as 1,234, in which the comma separates decimals or thousands
-    """
+    """Decimal point or comma of the rows; ValueError for both, and for numbers as 1,234, which may be thousands."""
     votes: dict[str, str] = {}
     doubtful = ""
-    for cell in _marked(lines, separator):
+    rows = [line for line in lines if line.strip() and not is_comment(line) and (separator != "," or '"' in line)]
+    cells = (cell for line in rows for cell in split(line, separator)) if any("," in line for line in rows) else ()
+    for cell in cells:
+        if not is_number(cell) or ("," not in cell and "." not in cell):
+            continue
         mark, certain = _mark(cell)
         if certain:
             votes.setdefault(mark, cell)
@@ -257,17 +232,6 @@ def _decimal(lines: Iterable[str], separator: str | None) -> str:
             "point, or give import-map --decimal comma or --decimal point"
         )
     return "."
-
-
-def _marked(lines: Iterable[str], separator: str | None) -> Iterator[str]:
-    """Cells of rows that have commas in numbers."""
-    lines = [line for line in lines if line.strip() and not is_comment(line)]
-    if separator == ",":
-        lines = [line for line in lines if '"' in line]
-    if not any("," in line for line in lines):
-        return
-    for line in lines:
-        yield from (cell for cell in split(line, separator) if is_number(cell) and ("," in cell or "." in cell))
 
 
 def _mark(cell: str) -> tuple[str, bool]:
