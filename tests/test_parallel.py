@@ -152,8 +152,8 @@ def test_no_rank_but_the_first_holds_an_array_of_the_mesh(rough: Surface, coarse
     shapes = [array.shape for array in referred if issubclass(type(array), np.ndarray) and array.ndim]
     assert len(shapes) > 100
     assert comm.rank == 0 or not [shape for shape in shapes if shape[0] in whole]
-    multigrid: Any = result.solver.newton.linear._method
-    dense = multigrid._multigrid._coarse._schur
+    multigrid: Any = result.solver.newton.linear.multigrid
+    dense = multigrid._coarse._schur
     assert len(dense) > 0 and dense.nbytes <= 4 * DENSE * result.dofs / comm.size
 
 

@@ -8,8 +8,7 @@ import warnings
 import weakref
 from collections.abc import Callable
 from dataclasses import asdict, replace
-from types import SimpleNamespace
-from typing import Any, cast
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -21,7 +20,6 @@ from scipy.optimize import brentq
 from asperity.dynamics import unload_reload
 from asperity.errors import AsperityWarning, ConvergenceError
 from asperity.fem.history import History
-from asperity.linear.solver import PMultigridMethod
 from asperity.mesh.block import BlockMesh
 from asperity.model.load_path import MIDPOINT, Schedule
 from asperity.model.material import Material
@@ -31,7 +29,7 @@ from asperity.quasistatic.contact_solver import ContactSolver
 from asperity.quasistatic.make import make_contact_solver
 from asperity.quasistatic.midpoint import extrapolate
 from asperity.quasistatic.newton import NewtonSolver, StepStats
-from asperity.quasistatic.stepping import GROWTH, SMALLEST_CUT, Record, _find_force, follow
+from asperity.quasistatic.stepping import GROWTH, SMALLEST_CUT, Record, follow
 from asperity.surface import Flat, Surface
 
 Array = npt.NDArray[np.float64]
@@ -163,10 +161,9 @@ def test_the_predictor_saves_work_and_changes_nothing_else(press_of: Callable[..
 def test_linear_solvers_give_the_same_curve(press_of: Callable[..., ContactSolver]) -> None:
     curves = [
         drive(press_of(PLASTIC, linear=kind, rtol=1e-10), delta_max=DELTA, steps=3, unload_steps=1).curve()
-        for kind in ("lu", "cg", "gamg")
+        for kind in ("lu", "cg")
     ]
-    for other in curves[1:]:
-        np.testing.assert_allclose(other.force, curves[0].force, rtol=1e-8)
+    np.testing.assert_allclose(curves[1].force, curves[0].force, rtol=1e-8)
 
 
 # --- unloading ------------------------------------------------------------------------------------------------
@@ -225,26 +222,6 @@ def test_force_control_hits_its_force(press_of: Callable[..., ContactSolver], ma
     for delta in curve.loading().delta:
         assert again.step(delta).converged
     assert again.force == pytest.approx(force_max, rel=1.1e-6)  # found to 1e-6, and solved twice to 1e-8
-
-
-@pytest.mark.parametrize("n", [1.1, 3.0])
-@pytest.mark.parametrize("ends", [(0.9, 1.02), (0.0, 1.5)], ids=str)
-def test_the_force_is_found_in_few_solves(n: float, ends: tuple[float, float]) -> None:
-    """Of a power law; bisection to 1e-6 takes 20."""
-    tried: list[float] = []
-
-    class Solver:
-        delta, force = ends[0], ends[0] ** n
-
-        def solve(self, target: float) -> Any:
-            tried.append(target)
-            return SimpleNamespace(converged=True)
-
-        def solved_force(self) -> float:
-            return (tried[-1] if tried else ends[1]) ** n
-
-    target, _ = _find_force(cast(Any, Solver()), 1.0, ends[1], cast(Any, None))
-    assert target**n == pytest.approx(1.0, rel=1e-6) and len(tried) <= 8
 
 
 @EACH
@@ -334,8 +311,9 @@ def test_matrices_that_are_dropped_are_made_again(press_of: Callable[..., Contac
     for delta in (0.01, 0.02, 0.015):
         for solver in (kept, dropped):
             assert solver.step(delta).converged
+        left = weakref.ref(dropped.newton.linear)
         dropped.drop_matrices()
-        assert dropped.solid.tangent._values is None
+        assert dropped.solid.tangent._values is None and left() is None
     # equations are solved to 1e-8, and sums over ranks are not repeatable to the last bit
     assert dropped.force == pytest.approx(kept.force, rel=1e-7)
     found, expected = (measures.row(solver) for solver in (dropped, kept))
@@ -344,20 +322,6 @@ def test_matrices_that_are_dropped_are_made_again(press_of: Callable[..., Contac
     for solver in (kept, dropped):
         assert solver.release().converged
     assert dropped.delta == pytest.approx(kept.delta, abs=1e-9)
-
-
-@pytest.mark.mpi
-def test_the_solvers_of_dropped_matrices_are_destroyed(press_of: Callable[..., ContactSolver]) -> None:
-    """On several ranks PETSc puts objects aside that are released, and their matrices with them."""
-    solver = press_of(PLASTIC, linear="cg")
-    assert solver.step(0.01).converged
-    linear = solver.newton.linear
-    assert isinstance(linear._method, PMultigridMethod)
-    multigrid = linear._method._multigrid
-    left = [weakref.ref(x) for x in (linear, multigrid, multigrid._tangent, multigrid._coarse)]
-    del linear, multigrid
-    solver.drop_matrices()
-    assert [x() for x in left] == [None] * 4
 
 
 @pytest.mark.mpi

@@ -17,9 +17,9 @@ from asperity.mesh.generate import build_block
 from asperity.model.material import Material
 from asperity.model.settings import Formulation, MeshSize, SolverOptions
 from asperity.output.summary import stiffness_per_area
-from asperity.quasistatic.conductance import Conductance
 from asperity.quasistatic.contact_solver import ContactSolver
 from asperity.quasistatic.make import make_contact_solver
+from asperity.quasistatic.measures import Conductance
 from asperity.quasistatic.stiffness import Stiffness, without_block
 from asperity.surface import Flat, Sphere, Surface
 

@@ -14,30 +14,21 @@ relaxation of volumetric strain within cells spends (solver/relaxation.hpp) is d
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import asdict, astuple, dataclass, field
 from math import isfinite
 from typing import Any
 
 # Limits, unless the tolerance of the equations is larger
-SUCTION = 1e-6  # greatest tension over greatest pressure
-EXACT = 1e-6  # penetration over approach, exact contact
+# greatest tension over greatest pressure, penetration over approach in exact contact, energy over the work so far
+EXACT = 1e-6
 COMPLIANT = 0.05  # mean penetration over approach, compliant contact; the force is too small by about twice that part
-ENERGY = 1e-6  # of the work done so far
-MIDPOINT_ENERGY = 0.05  # the same where the path is integrated by the midpoint rule
+MIDPOINT_ENERGY = 0.05  # of the work done so far, where the path is integrated by the midpoint rule
 ROUNDING = 1e-12  # of sums over the nodes, relative to the force; of strains
 
 # of the figures with a unit; the others are ratios
-UNITS = {
-    "penetration": "length",
-    "greatest_force": "force",
-    "least_dissipation": "force*length",
-    "work": "force*length",
-    "stored": "force*length",
-    "dissipated": "force*length",
-    "relaxed": "force*length",
-    "peak": "force*length",
-}
+ENERGIES = ("least_dissipation", "work", "stored", "dissipated", "relaxed", "peak")
+UNITS = {"penetration": "length", "greatest_force": "force", **dict.fromkeys(ENERGIES, "force*length")}
 
 
 @dataclass
@@ -136,17 +127,6 @@ def audit(
             checks.violated[kind] = f"{sentence} {where}"
 
     judge("finite", all(map(isfinite, astuple(step))), "a value is not finite")
-    _judge_forces(checks, step, judge, bound, rtol)
-    _judge_penetration(checks, step, judge, rtol, compliant)
-    if energies:
-        _judge_energy(checks, step, judge, rtol, compliant, exact)
-
-
-Judge = Callable[[str, bool, str], None]
-
-
-def _judge_forces(checks: Checks, step: StepBalance, judge: Judge, bound: float, rtol: float) -> None:
-    """Force on the flat against the reaction of the base, and no tension."""
     unbalanced = abs(step.reaction - step.force)
     if step.force > 0.0:
         checks.force_balance = max(checks.force_balance, unbalanced / step.force)
@@ -158,11 +138,7 @@ def _judge_forces(checks: Checks, step: StepBalance, judge: Judge, bound: float,
     )
     if step.pressure > 0.0:
         checks.tension = max(checks.tension, step.suction / step.pressure)
-    judge("tension", step.suction <= max(SUCTION, rtol) * step.pressure + 1e-15, "the flat pulls on the surface")
-
-
-def _judge_penetration(checks: Checks, step: StepBalance, judge: Judge, rtol: float, compliant: bool) -> None:
-    """No penetration of exact contact, little mean penetration of compliant contact, and some contact."""
+    judge("tension", step.suction <= max(EXACT, rtol) * step.pressure + 1e-15, "the flat pulls on the surface")
     checks.penetration = max(checks.penetration, step.penetration)
     if not compliant:
         slack = max(EXACT, rtol) * abs(step.delta) + ROUNDING
@@ -180,9 +156,11 @@ def _judge_penetration(checks: Checks, step: StepBalance, judge: Judge, rtol: fl
         f"the surface penetrates the flat by {checks.mean_penetration:.2g} of the approach in the mean, raise "
         "contact.penalty or contact.gamma, or make mesh.h_contact smaller,",
     )
+    if energies:
+        _judge_energy(checks, step, judge, rtol, compliant, exact)
 
 
-def _judge_energy(checks: Checks, step: StepBalance, judge: Judge, rtol: float, compliant: bool, exact: bool) -> None:
+def _judge_energy(checks: Checks, step: StepBalance, judge: Any, rtol: float, compliant: bool, exact: bool) -> None:
     """Plastic flow dissipates, and the energy of the step lies between its bounds."""
     checks.strain_decrease = max(checks.strain_decrease, step.strain_decrease)
     judge("plastic_strain", step.strain_decrease <= ROUNDING, "the accumulated plastic strain decreased")
@@ -190,7 +168,7 @@ def _judge_energy(checks: Checks, step: StepBalance, judge: Judge, rtol: float, 
     checks.relaxed += step.relaxed
     dissipated = step.dissipated + checks.relaxed
     scale = checks.stored + checks.dissipated + step.stored + dissipated
-    judge("dissipation", step.dissipation >= -max(ENERGY, rtol) * scale, "plastic flow gained energy")
+    judge("dissipation", step.dissipation >= -max(EXACT, rtol) * scale, "plastic flow gained energy")
     move = step.delta - step.delta_before
     gained = step.stored + dissipated - checks.stored - checks.dissipated
     if compliant:
@@ -205,5 +183,5 @@ def _judge_energy(checks: Checks, step: StepBalance, judge: Judge, rtol: float, 
     checks.peak = max(checks.peak, (step.stored + dissipated, checks.work))
     if scale > 0.0:
         checks.energy_excess = max(checks.energy_excess, beyond / scale)
-    slack = max(ENERGY, rtol) if exact else MIDPOINT_ENERGY
+    slack = max(EXACT, rtol) if exact else MIDPOINT_ENERGY
     judge("energy", beyond <= slack * scale + 1e-18, "work and energy of the step do not balance")

@@ -4,12 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, TypedDict
+from typing import TYPE_CHECKING, Any, TypedDict
 
 from asperity.curve import Curve
 from asperity.fem.solid import Solid
-from asperity.quasistatic.conductance import Conductance
-from asperity.quasistatic.contact_solver import Probe
+from asperity.quasistatic.measures import Conductance
 from asperity.quasistatic.stepping import Callback
 from asperity.quasistatic.stiffness import Stiffness
 
@@ -60,9 +59,9 @@ class Callbacks:
     on_part: Callable[[float], None] | None = None
     on_curve: Callable[[Curve], None] | None = None
 
-    def probes(self, solid: Solid) -> tuple[Probe, ...]:
-        """Measurements of each accepted step that are requested; collective."""
-        found: tuple[Probe, ...] = (Stiffness(solid),) if self.stiffness else ()
+    def probes(self, solid: Solid) -> tuple[Any, ...]:
+        """Measurements of each accepted step that are requested, see `ContactSolver`; collective."""
+        found: tuple[Any, ...] = (Stiffness(solid),) if self.stiffness else ()
         return (*found, Conductance(solid)) if self.conductance else found
 
     def stage(self, name: str) -> None:

@@ -1,36 +1,42 @@
 """Checkpoint: the state of a run between two steps, on disk; a run resumes from it on any number of ranks.
 
 The folder holds mesh.npz, written once, snapshot-K.npz for each snapshot, and state.npz, replaced as a whole after
-each step: displacements and history in the numbering of the mesh as built, and all numbers as JSON in the array
-"meta". Nothing is pickled. Damage shows in the checksum that the zip format has of each array. The state names the case
-that it belongs to.
+each step: displacements and history in the numbering of the mesh as built, each rank with its share, and all numbers as
+JSON in the array "meta". Nothing is pickled. Damage shows in the checksum that the zip format has of each array. The
+state names the case that it belongs to.
 """
 
 from __future__ import annotations
 
 import json
-from collections import deque
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager, suppress
-from dataclasses import asdict
+from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeGuard
 
 import numpy as np
 
+from asperity.arrays import Array, Indices
+from asperity.contact.contact_surface import facet_numbers
 from asperity.errors import CheckpointError
+from asperity.fem.global_numbering import at_built_nodes, cell_numbers, node_numbers, share_cells, share_nodes
+from asperity.fem.history import History
 from asperity.mesh.block import BlockMesh
-from asperity.quasistatic.checkpoint_state import (
-    DISPLACEMENTS,
-    Saved,
-    probe_names,
-    snapshot_fields,
-    solver_fields,
-    solver_numbers,
-)
-from asperity.quasistatic.contact_solver import ContactSolver
+from asperity.quasistatic.balance import Checks
+from asperity.quasistatic.contact_solver import ContactSolver, Counts, SolverState
+from asperity.quasistatic.measures import Snapshot
 from asperity.quasistatic.stepping import Position, Record
-from asperity.runtime.distributed_array import DistributedArray, deal, on_root_of, steps, stream
+from asperity.quasistatic.stiffness import Stiffness
+from asperity.runtime.distributed_array import (
+    DistributedArray,
+    deal,
+    look_up,
+    look_up_some,
+    on_root_of,
+    share_some,
+    stream,
+)
 from asperity.runtime.files import (
     UNREADABLE,
     Stream,
@@ -50,7 +56,12 @@ if TYPE_CHECKING:
 
 FORMAT = 8  # of the files, which other versions refuse
 META = "meta"  # array of letters: the numbers of a state as JSON
-Headers = dict[str, tuple[str, tuple[int, ...]]]  # type and shape of arrays by name
+Shapes = dict[str, tuple[int, ...]]  # of arrays by name
+DISPLACEMENTS = ("displacement", "previous")  # of a state
+OF_CELLS = ("stress", "plastic_strain")  # fields of a snapshot with a row per cell
+OF_CONTACT = "contact."  # prefix of the names of the contact's history
+HELD = "held"  # what friction keeps of the nodes in contact
+STIFFNESS = "stiffness"  # start of the systems of the stiffness columns; in states of runs with these columns only
 
 
 def refuse_another_run(path: Path, saved: Mapping[str, Any], now: Mapping[str, Any]) -> None:
@@ -109,11 +120,7 @@ class Checkpoint:
         on_root_bcast(self._comm, remove)
 
     def found(self) -> bool:
-        """Whether there is a state to resume from.
-
-        Raises:
-            CheckpointError: there is one, but it is damaged, of another case or of a newer version
-        """
+        """Whether there is a state to resume from; CheckpointError as for `load`."""
 
         def check() -> bool:
             states = sorted(self.folder.glob(f"**/{STATE}"))
@@ -131,32 +138,32 @@ class Checkpoint:
         """
         blocks: list[BlockMesh] = []
 
-        def read() -> tuple[dict[str, Any], dict[str, Headers]] | None:
+        def read() -> tuple[dict[str, Any], dict[str, Shapes]] | None:
             if self._ignored or not (self.folder / STATE).is_file():
                 return None
             remove_asides(self.folder)
-            meta, headers = self._read_state(self.folder / STATE)
+            meta, shapes = self._read_state(self.folder / STATE)
             path = self.folder / MESH
             with _refusing(path):
                 blocks.append(block := BlockMesh.from_arrays(read_npz(path)))
-                nodes = headers[DISPLACEMENTS[0]][1][0]
+                nodes = shapes[DISPLACEMENTS[0]][0]
             if not block.refinements and nodes != len(block.points):
                 raise CheckpointError(f"{path} does not belong to the state; start the run again with --force")
             names = [SNAPSHOT.format(k) for k in range(len(meta["snapshots"]))]
-            return meta, {STATE: headers} | {name: scan(self.folder / name)[1] for name in names}
+            return meta, {STATE: shapes} | {name: scan(self.folder / name)[1] for name in names}
 
         found = on_root_bcast(self._comm, read)
         if found is None:
             return None
         meta, files = found
         self._begun = True
-        state, *snapshots = (read_arrays(self._comm, self.folder / name, headers) for name, headers in files.items())
+        state, *snapshots = (read_arrays(self._comm, self.folder / name, shapes) for name, shapes in files.items())
         self._snapshots = len(snapshots)
         return Saved(meta, state, tuple(snapshots), blocks[0] if blocks else None)
 
-    def _read_state(self, path: Path) -> tuple[dict[str, Any], Headers]:
-        """Numbers, and headers of the arrays."""
-        text, headers = scan(path)
+    def _read_state(self, path: Path) -> tuple[dict[str, Any], Shapes]:
+        """Numbers, and shapes of the arrays."""
+        text, shapes = scan(path)
         try:
             meta: dict[str, Any] = json.loads(text)
             version = meta["format"]
@@ -168,14 +175,10 @@ class Checkpoint:
                 f"continues format {FORMAT}; use that version, or start again without --resume"
             )
         self._refuse(path, meta["identity"], self._identity)
-        return meta, headers
+        return meta, shapes
 
     def begin(self, block: BlockMesh | None) -> None:
-        """Write the mesh, which rank 0 holds.
-
-        Raises:
-            OutputError: it cannot be written
-        """
+        """Write the mesh, which rank 0 holds; OutputError where it cannot be written."""
 
         def write() -> None:
             assert block is not None
@@ -191,11 +194,7 @@ class Checkpoint:
         return self.interval > 0 and steps % self.interval == 0
 
     def save(self, solver: ContactSolver, record: Record, position: Position) -> None:
-        """Replace the saved state.
-
-        Raises:
-            OutputError: it cannot be written; the earlier state is untouched
-        """
+        """Replace the saved state; OutputError where it cannot be written, and the earlier one is untouched."""
         if not self.interval:
             return
         with solver.solid.phases.phase("checkpoint"):
@@ -208,7 +207,7 @@ class Checkpoint:
                 "version": __version__,
                 "identity": self._identity,
                 "position": asdict(position),
-                "solver": solver_numbers(solver.state()),
+                "solver": {k: v for k, v in asdict(solver.state()).items() if k not in DISPLACEMENTS},
                 "probes": probe_names(solver),
                 "rows": record.rows,
                 "snapshots": [{"step": s.step, "branch": s.branch, "delta": s.delta} for s in record.snapshots],
@@ -221,8 +220,7 @@ class Checkpoint:
 def write_arrays(comm: MPI.Comm, path: Path, arrays: Mapping[str, DistributedArray], text: str = "") -> None:
     """Replace a .npz file, which rank 0 writes in pieces, with a text as the array "meta"; collective.
 
-    Raises:
-        OutputError: it cannot be written; the earlier file is untouched
+    Where it cannot be written (OutputError) the earlier file is untouched.
     """
     streams = {name: stream(array) for name, array in sorted(arrays.items())}
     letters = np.frombuffer(text.encode(), dtype=np.uint8)
@@ -230,32 +228,22 @@ def write_arrays(comm: MPI.Comm, path: Path, arrays: Mapping[str, DistributedArr
     on_root_of(comm, streams.values(), lambda: write_npz(path, sorted(members.items())))
 
 
-def read_arrays(comm: MPI.Comm, path: Path, headers: Headers) -> dict[str, DistributedArray]:
+def read_arrays(comm: MPI.Comm, path: Path, names: Iterable[str]) -> dict[str, DistributedArray]:
     """Arrays of a file that `scan` has found to be whole; collective."""
     stored = stored_arrays(path) if comm.rank == 0 else iter(())
-    out = {}
-    for name, (dtype, shape) in sorted(headers.items()):
-        array = next((a for a in stored if a.name == name), None)
-        out[name] = deal(comm, shape, np.dtype(dtype), None if array is None else array.rows)
-    return out
+    return {name: deal(comm, next((array for found, array in stored if found == name), None)) for name in sorted(names)}
 
 
-def scan(path: Path) -> tuple[str, Headers]:
-    """Text of a file, and the headers of its other arrays, which are read for their checksums and not kept.
-
-    Raises:
-        CheckpointError: it is missing or damaged
-    """
-    text, headers = "", {}
+def scan(path: Path) -> tuple[str, Shapes]:
+    """Text of a file, and the shapes of its other arrays, which are read for their checksums and not kept."""
+    text, shapes = "", {}
     with _refusing(path):
-        for array in stored_arrays(path):
-            rows = (array.rows(end - at) for at, end in steps(0, array.shape[0], array.shape, array.dtype))
-            if array.name == META:
-                text = b"".join(map(bytes, rows)).decode(errors="replace")
+        for name, array in stored_arrays(path):
+            if name == META:
+                text = array.tobytes().decode(errors="replace")
             else:
-                deque(rows, maxlen=0)
-                headers[array.name] = array.dtype.str, array.shape
-    return text, headers
+                shapes[name] = array.shape
+    return text, shapes
 
 
 @contextmanager
@@ -268,3 +256,118 @@ def _refusing(path: Path) -> Iterator[None]:
     except (OSError, ValueError) as error:
         reason = getattr(error, "strerror", None) or str(error)
         raise CheckpointError(f"{path} is damaged: {reason}; start the run again with --force") from None
+
+
+@dataclass(frozen=True)
+class Saved:
+    """Content of a checkpoint; this rank's share of the arrays, and the mesh on rank 0 only."""
+
+    meta: Mapping[str, Any]  # position, rows, counts and all other numbers
+    arrays: Mapping[str, DistributedArray]  # fields by name
+    snapshots: tuple[Mapping[str, DistributedArray], ...]  # fields of each snapshot
+    block: BlockMesh | None  # the mesh
+
+    def refuse_other_columns(self, solver: ContactSolver, legs: int) -> None:
+        """Refuse a solver that measures what the rows so far lack, or not what the rest of `legs` would lack."""
+        before, now = self.meta["probes"], probe_names(solver)
+        found = [(name, "true") for name in now if name not in before]
+        if self.meta["position"]["leg"] < legs:
+            found += [(name, "false") for name in before if name not in now]
+        if found and self.meta["rows"]:
+            name, value = found[0]
+            raise CheckpointError(
+                f"output.{name} = {value} here, but not for the {len(self.meta['rows'])} steps saved: a part of its "
+                "columns would be empty; resume as it was, or start again with --force"
+            )
+
+    def restore(self, solver: ContactSolver, record: Record) -> Position:
+        """Restore the saved state to a solver in its initial state on the same mesh, and to the record; collective.
+
+        Returns the position on the load path.
+        """
+        solid, arrays = solver.solid, self.arrays
+        nodes, cells = node_numbers(solid), cell_numbers(solid)
+        owned, top = nodes[: solid.owned], nodes[solver.contact_surface.owned_nodes]
+
+        def some(name: str, numbers: Indices, fill: float = 0.0) -> Array:
+            return look_up_some(arrays[f"{name}.at"], arrays[name], numbers, fill)
+
+        def history(kind: type[History], numbers: Indices, prefix: str = "") -> History:
+            return kind(**{name: some(prefix + name, numbers) for name in kind.names()})
+
+        if solid.material.plastic:
+            solid.kernels.restore(history(type(solid.kernels.history()), cells))
+        if solver.contact.history() is not None:
+            solver.contact.restore(history(History, facet_numbers(solver.contact_surface), OF_CONTACT))
+        if solver.contact.held is not None:
+            solver.contact.held = some(HELD, top, np.nan)
+        if STIFFNESS in arrays:
+            memory = look_up(arrays[STIFFNESS], owned)
+            for probe in filter(_remembers, solver.probes):
+                probe.recall(memory)
+        numbers = dict(self.meta["solver"])
+        numbers |= {"counts": Counts(**numbers["counts"]), "checks": Checks.from_dict(numbers["checks"])}
+        numbers |= {name: look_up(arrays[name], owned) for name in DISPLACEMENTS}
+        solver.restore(SolverState(**numbers))
+        record.rows[:] = self.meta["rows"]
+        for about, saved in zip(self.meta["snapshots"], self.snapshots, strict=True):
+            fields = {name: look_up(values, cells if name in OF_CELLS else nodes) for name, values in saved.items()}
+            fields.setdefault("plastic_strain", solid.kernels.history().accumulated.copy())
+            record.snapshots.append(Snapshot(about["step"], about["branch"], about["delta"], **fields))
+        for kind in ("seconds", "calls"):
+            totals = getattr(solid.phases, kind)
+            for name, value in self.meta[kind].items():
+                totals[name] = totals.get(name, 0) + value
+        return Position.from_dict(self.meta["position"])
+
+
+def probe_names(solver: ContactSolver) -> list[str]:
+    """Names of what measures each step, those of keys of the section output."""
+    return sorted(type(probe).__name__.lower() for probe in solver.probes)
+
+
+def solver_fields(solver: ContactSolver) -> dict[str, DistributedArray]:
+    """Fields of a state in the numbering of the mesh as built; collective."""
+    solid, comm = solver.solid, solver.solid.comm
+    cells = cell_numbers(solid)
+    out: dict[str, DistributedArray] = {}
+
+    def keep_some(name: str, numbers: Indices, values: Array) -> None:
+        out[f"{name}.at"], out[name] = share_some(comm, numbers, values)
+
+    for name in DISPLACEMENTS:
+        out[name] = share_nodes(solid, solid.scatter_forward(getattr(solver.state(), name).ravel()))
+    for probe in filter(_remembers, solver.probes):
+        out[STIFFNESS] = share_nodes(solid, solid.ghosts.scatter_forward(probe.memory()))
+    if solid.material.plastic:
+        history = solid.kernels.history()
+        changed = history.changed()
+        for name, values in history.arrays().items():
+            keep_some(name, cells[changed], values[changed])
+    at = solver.contact.held
+    if at is not None:
+        held = np.full((solid.owned, 3), np.inf)  # but at the owned nodes of the top
+        held[solver.contact_surface.owned_nodes[: len(at)], : at.shape[1]] = at
+        numbers, held = at_built_nodes(solid, solid.scatter_forward(held.ravel()))
+        sticking = np.isfinite(held[:, 0])
+        keep_some(HELD, numbers[sticking], held[sticking, : at.shape[1]])
+    of_contact = solver.contact.history()
+    if of_contact is not None:
+        facets = facet_numbers(solver.contact_surface)
+        for name, values in of_contact.arrays().items():
+            keep_some(OF_CONTACT + name, facets, values)
+    return out
+
+
+def _remembers(probe: Any) -> TypeGuard[Stiffness]:
+    """Whether a probe starts from what it found at the step before."""
+    return isinstance(probe, Stiffness)
+
+
+def snapshot_fields(solver: ContactSolver, snapshot: Snapshot) -> dict[str, DistributedArray]:
+    """Fields of a snapshot in the numbering of the mesh as built; collective."""
+    names = ["pressure", "gap", "touched", "displacement", *OF_CELLS]
+    return {
+        name: (share_cells if name in OF_CELLS else share_nodes)(solver.solid, getattr(snapshot, name))
+        for name in (names if solver.solid.material.plastic else names[:-1])
+    }

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import logging
-from collections.abc import Mapping
 from copy import deepcopy
 from dataclasses import dataclass, replace
 from math import sqrt
-from typing import Protocol
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 from mpi4py import MPI
@@ -23,19 +23,9 @@ from asperity.model.settings import SolverOptions
 from asperity.quasistatic import midpoint
 from asperity.quasistatic.balance import Checks, StepBalance, audit
 from asperity.quasistatic.newton import COUNTED, NewtonSolver, StepStats
-from asperity.runtime.parallel import all_ranks
+from asperity.runtime.parallel import summed
 
 MOST_PASSES = 40  # of a step, in which friction settles; a usual step takes one to four
-
-
-class Probe(Protocol):
-    """Measurement of the state of a converged solve, whose results become columns of the curve."""
-
-    def __call__(self, solver: ContactSolver) -> Mapping[str, float]:
-        """Values at the last solve, which converged, by the name of the column, in units of L and E; collective."""
-
-    def drop_matrices(self) -> None:
-        """Free large matrices; they are made again when they are needed."""
 
 
 @dataclass
@@ -67,18 +57,6 @@ class SolverState:
     previous: Floats  # displacement of the step before (owned, 3) [L]; the same without `before`
 
 
-@dataclass(frozen=True)
-class _Before:
-    """State before the step that is committed."""
-
-    delta: float  # [L]
-    force: float  # [E L^2]
-    displacement: Floats  # (owned, 3) [L]
-    internal: Floats  # internal force (owned, 3) [E L^2]
-    history: History  # committed
-    of_contact: History | None
-
-
 class ContactSolver:
     """Solid under a rigid flat, solved step by step; collective.
 
@@ -93,7 +71,8 @@ class ContactSolver:
         nodal_force: normal force of the flat on the owned nodes (owned,) [E L^2]
         pressure: at the local nodes, ghosts included (nodes,) [E]
         counts, checks: over all steps so far
-        probes: measure what depends on the tangent of an accepted step; called before its history is committed
+        probes: measure what depends on the tangent of a step: called with the solver before its history is committed,
+            collective, they return values by the name of a column, in units of L and E; `drop_matrices` frees theirs
         probed: what they found in the last accepted step
     """
 
@@ -112,7 +91,7 @@ class ContactSolver:
         self._extrapolated = False  # whether the committed history is ahead of the displacement
         self._own: History | None = None  # history of the displacement where the committed one is ahead
         self._first_touch = self._highest()
-        self.probes: tuple[Probe, ...] = ()
+        self.probes: tuple[Any, ...] = ()
         self.probed: dict[str, float] = {}
 
     @property
@@ -141,11 +120,9 @@ class ContactSolver:
         return stats
 
     def solve(self, delta: float, start: Floats | None = None) -> StepStats:
-        """Solve with the flat at `delta` without committing; rolled back on failure.
+        """Solve with the flat at the approach `delta` [L] without committing; rolled back on failure.
 
-        Args:
-            delta: approach [L]
-            start: displacement to begin with (owned, 3) [L]; default predicted from the last two steps
+        It begins with the displacement `start` (owned, 3) [L], by default one predicted from the last two steps.
         """
         first, ratio = self._u if start is None else start, 1.0
         if start is None and self._previous is not None:
@@ -195,89 +172,60 @@ class ContactSolver:
                 `midpoint`; with 1 the solve is the midpoint of what is committed, and the path is integrated to second
                 order
         """
-        before = self._measure()
-        self._accept(delta)
-        self._audit(before, exact=extrapolation == 0.0 and not self._extrapolated)
-        self._extrapolate(before, extrapolation)
-        self.counts.steps += 1
-
-    def _measure(self) -> _Before:
-        """Let the probes measure the solve, while its tangent is valid; returns the state that it will replace."""
-        contact = self.contact.history()
-        with self.solid.phases.phase("checks"):
-            histories = self.solid.kernels.history().copy(), None if contact is None else contact.copy()
+        solid, contact = self.solid, self.contact
+        with solid.phases.phase("checks"):
+            history, of_contact = solid.kernels.history().copy(), contact.history()
+            of_contact = None if of_contact is None else of_contact.copy()
         self.probed = {}
-        for probe in self.probes:
+        for probe in self.probes:  # while the tangent of the solve is valid
             self.probed |= probe(self)
-        return _Before(self.delta, self.force, self._u, self._internal, *histories)
-
-    def _accept(self, delta: float) -> None:
-        """Make the last solve the state."""
-        solid = self.solid
+        before = SimpleNamespace(delta=self.delta, force=self.force, u=self._u, internal=self._internal)
         solid.kernels.commit()
-        self.contact.commit()
+        contact.commit()
         self._previous = (self.delta, self._u)
         self._u = solid.u.x.array.reshape(-1, 3)[: solid.owned].copy()
         self.delta, self._internal, self._own = delta, self.newton.force, None
         self._find_forces()
-
-    def _audit(self, before: _Before, exact: bool) -> None:
-        """Judge the balances of the step just accepted; `exact` see `balance.audit`."""
-        with self.solid.phases.phase("checks"):
+        with solid.phases.phase("checks"):
             audit(
                 self.checks,
-                self._balance(before),
-                bound=sqrt(self.solid.dofs) * self.newton.bound(self.force),
+                self._balance(before, history),
+                bound=sqrt(solid.dofs) * self.newton.bound(self.force),
                 rtol=self._options.rtol,
-                compliant=self.contact.has_tangent,
-                exact=exact,
-                energies=self.solid.material.law is None or self.solid.material.law.hyperelastic,
+                compliant=contact.has_tangent,
+                exact=extrapolation == 0.0 and not self._extrapolated,
+                energies=solid.material.law is None or solid.material.law.hyperelastic,
             )
+        self._extrapolated = extrapolation > 0.0
+        if self._extrapolated:
+            self._own = solid.kernels.history().copy()
+            solid.kernels.restore(midpoint.extrapolate(history, self._own, extrapolation))
+            if of_contact is not None and (after := contact.history()) is not None:
+                contact.restore(midpoint.extrapolate(of_contact, after, extrapolation))
+            if contact.has_tangent or contact.held is not None:  # for the energy balance, as after a restart
+                self._internal = solid.internal_force().copy()
+        self.counts.steps += 1
 
-    def _extrapolate(self, before: _Before, part: float) -> None:
-        """Move the histories beyond the state by a part of the flow of the step."""
-        solid, contact = self.solid, self.contact
-        self._extrapolated = part > 0.0
-        if not self._extrapolated:
-            return
-        self._own = solid.kernels.history().copy()
-        solid.kernels.restore(midpoint.extrapolate(before.history, self._own, part))
-        if before.of_contact is not None and (after := contact.history()) is not None:
-            contact.restore(midpoint.extrapolate(before.of_contact, after, part))
-        if contact.has_tangent or contact.held is not None:  # for the energy balance, as after a restart
-            self._internal = solid.internal_force().copy()
-
-    def _balance(self, before: _Before) -> StepBalance:
-        """Numbers of the step just accepted; collective."""
+    def _balance(self, before: SimpleNamespace, history: History) -> StepBalance:
+        """Numbers of the step just accepted, from a state and the history committed there; collective."""
         solid, internal, contact = self.solid, self.newton.force, self.contact
         owned = self.contact_surface.owned_nodes
         pressure = self.pressure[owned]
-        dissipation_of_step, relaxed, decrease = dissipation(solid, before.history)
-        move = self._u - before.displacement
+        dissipation_of_step, relaxed, decrease = dissipation(solid, history)
+        move = self._u - before.u
         stored, dissipated = energies(solid, internal)
-        sums = {
-            "reaction": float(internal[solid.base, 2].sum()),
-            "residual": float(np.abs(self.newton.residual).sum()),
-            "stored": stored,
-            "dissipated": dissipated,
-            "dissipation": dissipation_of_step,
-            "relaxed": relaxed,
-            "penetration_work": contact.penetration_work(),
-            "work_low": float(np.vdot(before.internal, move)),
-            "work_high": float(np.vdot(internal, move)),
-            "tangential_low": contact.tangential_work(before.internal, move),
-            "tangential_high": contact.tangential_work(internal, move),
-        }
-        peaks = {
-            "penetration": float(np.max(-self.gap()[owned], initial=0.0)),
-            "suction": float(np.max(-pressure, initial=0.0)),
-            "pressure": float(np.max(pressure, initial=0.0)),
-            "strain_decrease": decrease,
-        }
-        return StepBalance(
-            delta=self.delta, delta_before=before.delta, force=self.force, force_before=before.force,
-            **all_ranks(solid.comm, sums), **all_ranks(solid.comm, peaks, greatest=True),
+        # both in the order of `StepBalance`
+        sums = summed(
+            solid.comm, internal[solid.base, 2].sum(), np.abs(self.newton.residual).sum(), stored, dissipated,
+            dissipation_of_step, relaxed, contact.penetration_work(), np.vdot(before.internal, move),
+            np.vdot(internal, move), contact.tangential_work(before.internal, move),
+            contact.tangential_work(internal, move),
         )  # fmt: skip
+        depth = np.max(-self.gap()[owned], initial=0.0)
+        peaks = np.array([depth, np.max(-pressure, initial=0.0), np.max(pressure, initial=0.0), decrease])
+        solid.comm.Allreduce(MPI.IN_PLACE, peaks, op=MPI.MAX)
+        numbers = (self.delta, before.delta, self.force, before.force, *sums.tolist(), *peaks.tolist())
+        return StepBalance(*numbers)
 
     def _find_forces(self) -> None:
         """Force and pressure of the current state; collective."""

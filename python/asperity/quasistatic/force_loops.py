@@ -6,14 +6,13 @@ import logging
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from math import isfinite
-from typing import Protocol
+from typing import Any
 
 from asperity.curve.loops import SETTLED, SHAKEN_DOWN, Loop, LoopTable
 from asperity.errors import CheckError, ConvergenceError, InputError, Interrupted
 from asperity.model.problem import Problem
 from asperity.quasistatic.contact_result import ContactResult
 from asperity.quasistatic.contact_solver import ContactSolver
-from asperity.quasistatic.newton import StepStats
 
 CLOSE = 1e-4  # tolerance of the force at the ends of a leg, over the amplitude
 ROUGHLY = 0.3  # the same of a step on the way, over the step
@@ -34,14 +33,25 @@ def solve_loops(
 ) -> LoopTable:
     """Loops of the force about a preload, from the state at the end of a load path, in physical units; collective.
 
+    The flat goes from the present state to the preload, and from there for each amplitude up, down below it and
+    back, until two loops are alike: the mean force is that of a dead preload, and the flat sinks as far as
+    the loops make it. The path is integrated by backward Euler. A greater force before the preload is one that the
+    contact has met.
+
     Args:
         problem: that was solved
         result: of `solve_contact`; its state is as before afterwards
         preload: mean force [force]
-        amplitudes, cycles, steps, stop: see `force_loops`
+        amplitudes: of the force over the preload, in (0, 0.99]
+        cycles: greatest number of loops of an amplitude
+        steps: of a quarter of a loop, and of the way to the preload
+        stop: called after each step on all ranks; a text it returns, the same on all, ends the loops
 
     Raises:
-        InputError, ConvergenceError, Interrupted, CheckError: see `force_loops`
+        InputError: an argument is outside its range
+        ConvergenceError: a step does not converge
+        Interrupted: `stop` has ended the loops
+        CheckError: a step violates a balance
 
     Examples:
         >>> from asperity.quasistatic.force_loops import solve_loops
@@ -54,10 +64,9 @@ def solve_loops(
         >>> loops.loops[0].eta > 100.0 * loops.loops[-1].eta  # isotropic hardening shakes down
         True
     """
-    side, E = problem.surface.L, problem.material.E
-    of_unit = float(preload) / (E * side**2)
-    loops = force_loops(result.solver, of_unit, amplitudes, cycles=cycles, steps=steps, stop=stop)
-    return LoopTable.scaled(loops, E * side**2, side)
+    side, unit = problem.surface.L, problem.material.E * problem.surface.L**2
+    loops = force_loops(result.solver, float(preload) / unit, amplitudes, cycles=cycles, steps=steps, stop=stop)
+    return LoopTable.scaled(loops, unit, side)
 
 
 def force_loops(
@@ -69,27 +78,7 @@ def force_loops(
     steps: int = 4,
     stop: Callable[[], str] | None = None,
 ) -> tuple[Loop, ...]:
-    """Loops of the force about a preload; the state of the solver is as before afterwards; collective.
-
-    The flat goes from the present state to the preload, and from there for each amplitude up, down below it and
-    back, until two loops are alike: the mean force is that of a dead preload, and the flat sinks as far as
-    the loops make it. The path is integrated by backward Euler. A greater force before the preload is one that the
-    contact has met.
-
-    Args:
-        solver: in an accepted state
-        preload: mean force [E L^2]
-        amplitudes: of the force over the preload, in (0, 0.99]
-        cycles: greatest number of loops of an amplitude
-        steps: of a quarter of a loop, and of the way to the preload
-        stop: called after each step on all ranks; a text it returns, the same on all, ends the loops
-
-    Raises:
-        InputError: an argument is outside its range
-        ConvergenceError: a step does not converge
-        Interrupted: `stop` has ended the loops
-        CheckError: a step violates a balance
-    """
+    """The same of a solver in an accepted state, in units of E and L; collective."""
     if not (isfinite(preload) and preload > 0.0):
         raise InputError(f"preload = {preload:g} of the loops is not legal: it must be positive")
     for amplitude in amplitudes:
@@ -98,26 +87,24 @@ def force_loops(
                 f"loops.amplitudes = {amplitude:g} must lie in (0, {LARGEST_AMPLITUDE:g}]: it is the force over the "
                 "preload, and the flat must stay on"
             )
-    for name, value in (("cycles", cycles), ("steps", steps)):
-        if value < 1:
-            raise InputError(f"loops.{name} = {value!r} must be at least 1")
+    if min(cycles, steps) < 1:
+        raise InputError(f"loops.cycles = {cycles!r} and loops.steps = {steps!r} must be at least 1")
     found: list[Loop] = []
     with as_before(solver):
         Leg(solver, CLOSE * preload, stop).follow(preload, steps)
         for amplitude in amplitudes:
             with as_before(solver):
                 leg = Leg(solver, CLOSE * amplitude * preload, stop)
-                found += _loops_of(solver, leg, preload, amplitude, cycles, steps)
+                found += _loops_of(leg, preload, amplitude, cycles, steps)
         if solver.checks.violated:
             raise CheckError(f"the loops are wrong, do not use them: {'; '.join(solver.checks.violated.values())}")
     return tuple(found)
 
 
-def _loops_of(
-    solver: ContactSolver, leg: Leg, preload: float, amplitude: float, cycles: int, steps: int
-) -> Iterator[Loop]:
+def _loops_of(leg: Leg, preload: float, amplitude: float, cycles: int, steps: int) -> Iterator[Loop]:
     """Loops of an amplitude until two are alike."""
-    checks, before = solver.checks, None
+    solver, before = leg.solver, None
+    checks = solver.checks
     for number in range(1, cycles + 1):
         work, dissipated, stored = checks.work, checks.dissipated, checks.stored
         leg.follow(preload * (1.0 + amplitude), steps)
@@ -156,26 +143,12 @@ def as_before(solver: ContactSolver) -> Iterator[None]:
         solver.checks.violated |= violated
 
 
-class Moved(Protocol):
-    """A flat that moves in steps, as a `ContactSolver` along z: position `delta` [L] and force [E L^2]."""
-
-    @property
-    def delta(self) -> float: ...
-
-    @property
-    def force(self) -> float: ...
-
-    def solve(self, delta: float) -> StepStats: ...
-
-    def solved_force(self) -> float: ...
-
-    def commit(self, delta: float) -> None: ...
-
-
 class Leg:
     """Ways to given forces, in about equal steps of the force.
 
     Args:
+        solver: a flat that moves in steps, a `ContactSolver` along z or a `Sliding` along x, by its attributes `delta`
+            [L] and `force` [E L^2] and its methods `solve`, `solved_force` and `commit`
         close: tolerance of the force at the end of a way [E L^2]
         stop: gives the reason to stop, empty for none; collective
         slope: of the force at the beginning [E L], by default a guess for the approach of a flat
@@ -186,13 +159,13 @@ class Leg:
     """
 
     def __init__(
-        self, solver: Moved, close: float, stop: Callable[[], str] | None, slope: float = 0.0, section: str = "loops"
+        self, solver: Any, close: float, stop: Callable[[], str] | None, slope: float = 0.0, section: str = "loops"
     ) -> None:
-        self._solver, self._close, self._stop, self.slope, self._section = solver, close, stop, slope, section
+        self.solver, self._close, self._stop, self.slope, self._section = solver, close, stop, slope, section
 
     def follow(self, goal: float, steps: int) -> None:
         """Move the flat to a force and commit each step; collective."""
-        solver, start = self._solver, self._solver.force
+        solver, start = self.solver, self.solver.force
         if self.slope == 0.0:
             self.slope = FIRST_SLOPE * max(start, goal) / max(solver.delta, 1e-3)
         for k in range(1, steps + 1):
@@ -217,7 +190,7 @@ class Leg:
         Raises:
             ConvergenceError: it is not found
         """
-        solver, failed = self._solver, False
+        solver, failed = self.solver, False
         before, force = solver.delta, solver.force
         target = before + (wanted - force) / self.slope
         for _ in range(TRIALS):

@@ -16,7 +16,7 @@ from asperity.model.material import Material
 from asperity.model.problem import Problem
 from asperity.model.settings import Formulation, MeshSize, SolverOptions
 from asperity.quasistatic.contact_solver import ContactSolver
-from asperity.runtime.parallel import on_root, on_root_bcast
+from asperity.runtime.parallel import on_root
 from asperity.runtime.timing import Phases
 from asperity.surface import Surface
 
@@ -27,15 +27,9 @@ if TYPE_CHECKING:
 def make_block(
     comm: MPI.Comm, surface: Surface, height: float, delta_max: float, size: MeshSize, sides: str = "rollers"
 ) -> BlockMesh | None:
-    """Mesh of the block on rank 0, None elsewhere; collective.
+    """Mesh on rank 0 of a block of mean height for an approach, both [length]; None elsewhere; collective.
 
-    Args:
-        height: mean height of the block [length]
-        delta_max: approach the mesh is made for [length]
-        sides: "periodic" makes opposite sides fit
-
-    Raises:
-        MeshError: the surface cannot be meshed
+    Opposite `sides` that are "periodic" fit. A MeshError says why a surface cannot be meshed.
     """
 
     def build() -> BlockMesh:
@@ -82,12 +76,8 @@ def make_contact_solver(
         destroy_unused(comm)  # solvers of earlier runs
     L = surface.L
 
-    def checked_height() -> float:
-        assert block is not None
-        block.check(surface)
-        return block.height
-
-    height = on_root_bcast(comm, checked_height)
+    on_root(comm, lambda: block is None or block.check(surface))
+    height = comm.bcast(None if block is None else block.height, root=0)
     mesh, tags = distribute(comm, block, 1.0 / L, sides == "periodic", surface)
     check_distortion(mesh, surface)
     options = options or SolverOptions()

@@ -6,25 +6,18 @@ from dataclasses import replace
 
 import numpy as np
 
-from asperity.arrays import Floats
 from asperity.fem.history import History
+from asperity.model.material import PAIRS
 
 GREATEST_LEAD = 2.0  # where a step is twice as long as the one before
 
 
 def extrapolation(history: float | None, here: float, after: float | None) -> tuple[float, float | None]:
-    """Part of a step's plastic flow by which to extrapolate the history, and the approach of the new history.
+    """Part of a step's plastic flow by which to extrapolate the history, and the approach of the new history [L].
 
     The history is extrapolated half-way to the next solve, so that steps of any lengths add up to the trapezoidal
-    rule. It is not extrapolated in the first and the last step of a loading, nor where a cut step is behind it.
-
-    Args:
-        history: approach of the committed history [L]; None at the beginning of a loading
-        here: approach of the step [L]
-        after: approach of the next one [L]; None after the last
-
-    Returns:
-        part of the flow, in [0, GREATEST_LEAD]; approach of the extrapolated history [L], None after the last step
+    rule; not in the first and the last step of a loading, nor where a cut step is behind it. The approaches are those
+    of the committed history, None at the beginning of a loading, of the step and of the next one, None after the last.
     """
     if after is None:
         return 0.0, None
@@ -44,17 +37,12 @@ def extrapolate(before: History, after: History, extrapolation: float) -> Histor
     """
     strain = before.plastic_strain
     flow = after.plastic_strain - strain
-    along = _inner(flow, strain)
-    sizes = np.sqrt(_inner(flow, flow) * _inner(strain, strain))
+    along, flows, strains = (
+        np.einsum("...i,...i,i->...", a, b, PAIRS) for a, b in ((flow, strain), (flow, flow), (strain, strain))
+    )
+    sizes = np.sqrt(flows * strains)
     # a point that yields for the first time has no direction yet
     part = extrapolation * np.clip(np.divide(along, sizes, out=np.ones_like(along), where=sizes > 0.0), 0.0, 1.0)
     begin, end = before.arrays(), after.arrays()
     parts = {name: part.reshape(part.shape + (1,) * (end[name].ndim - part.ndim)) for name in end}
     return replace(after, **{name: end[name] + parts[name] * (end[name] - begin[name]) for name in end})
-
-
-def _inner(a: Floats, b: Floats) -> Floats:
-    """Inner products of symmetric tensors with components (..., 6)."""
-    products: Floats = np.einsum("...i,...i->...", a[..., :3], b[..., :3])
-    products += 2.0 * np.einsum("...i,...i->...", a[..., 3:], b[..., 3:])
-    return products

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import weakref
 from dataclasses import dataclass
-from typing import Any, Protocol, runtime_checkable
+from typing import Any
 
 import numpy as np
 from mpi4py import MPI
@@ -25,27 +25,6 @@ SMALLEST_PART = 1e-3  # of a Newton step, to which it is halved where it turns a
 DAMPED, SUFFICIENT = (1.0, 0.5, 0.25, 0.125), 0.2  # lengths of a step with friction, and the fall of the square wanted
 SHIFT, LARGEST_SHIFT, RAISED = 0.01, 100.0, 4.0  # of a tangent that is not positive definite, and its growth
 PUSHED = 10.0  # growth of the work rate along a step from which on the flat moves the nodes
-
-
-class ContactEquations(Protocol):
-    """What Newton's method needs of a contact, see `Contact`."""
-
-    symmetric: bool
-    has_tangent: bool
-
-    def residual(self, force: Floats) -> tuple[Floats, Integers, Floats]: ...
-
-    def add_tangent(self) -> None: ...
-
-    def nodal_force(self, force: Floats) -> Floats: ...
-
-
-@runtime_checkable
-class FrictionEquations(ContactEquations, Protocol):
-    """The same of nodes that stick or slip, where a full step may not bring the solution nearer."""
-
-    def imbalance(self, force: Floats) -> Floats:
-        """Forces out of balance for an internal force, both (owned, 3) [E L^2]; zero at the solution only."""
 
 
 COUNTED = ("newton", "krylov", "shortened", "direct")  # of a solve
@@ -75,16 +54,17 @@ class NewtonSolver:
     `_shorten`; with another of its types chosen by an option none is.
 
     Args:
+        contact: a `Contact`, or what has its attributes `symmetric` and `has_tangent` and its methods `residual`,
+            `nodal_force` and `add_tangent`. Where nodes stick or slip, so that a full step may not bring the solution
+            nearer, its method `imbalance` gives the forces out of balance for an internal force, both (owned, 3)
         fixed: owned dofs without displacement increment; default those of the solid
     """
 
-    def __init__(
-        self, solid: Solid, contact: ContactEquations, options: SolverOptions, fixed: Integers | None = None
-    ) -> None:
+    def __init__(self, solid: Solid, contact: Any, options: SolverOptions, fixed: Integers | None = None) -> None:
         from petsc4py import PETSc
 
         self.solid, self.contact, self.options = solid, contact, options
-        self._given = fixed
+        self._fixed = solid.fixed if fixed is None else fixed
         self._residual_vec, self.x = solid.vector(), solid.vector()
         self._shortened, self._at_trial = 0, False
         self._shift = self._last_shift = 0.0
@@ -115,10 +95,6 @@ class NewtonSolver:
         self.snes = snes
 
     @property
-    def _fixed(self) -> Integers:
-        return self.solid.fixed if self._given is None else self._given
-
-    @property
     def residual(self) -> Floats:
         """Forces out of balance after the last solve, at the owned dofs, zero at prescribed ones [E L^2]."""
         return np.asarray(self._residual_vec.array_r)
@@ -138,9 +114,13 @@ class NewtonSolver:
 
     def _evaluate(self, x: Floats) -> Floats:
         """Forces out of balance (3 owned,) at owned dof values, prescribed dofs included; collective."""
-        self.solid.set_displacement(x)
-        self.force = self.solid.internal_force().copy()
-        self._inverted = self._is_inverted()
+        solid = self.solid
+        solid.set_displacement(x)
+        self.force = solid.internal_force().copy()
+        # whether the solid is turned inside out somewhere
+        self._inverted = solid.material.finite and bool(
+            solid.comm.allreduce(solid.kernels.inverted_points > 0, op=MPI.LOR)
+        )
         self._found = self.contact.residual(self.force)
         return self._found[0].reshape(-1)
 
@@ -193,11 +173,6 @@ class NewtonSolver:
         """Norm of the forces out of balance at convergence, by the norm of the contact forces [E L^2]."""
         return self.options.rtol * contact + self._rounding
 
-    def _is_inverted(self) -> bool:
-        """Whether the last internal force is that of a solid turned inside out somewhere; collective."""
-        solid = self.solid
-        return solid.material.finite and bool(solid.comm.allreduce(solid.kernels.inverted_points > 0, op=MPI.LOR))
-
     def _greatest_lack(self) -> float:
         """Greatest displacement increment that a prescribed dof still lacks [L]; collective."""
         return float(self.solid.comm.allreduce(np.max(np.abs(self._lacking), initial=0.0), op=MPI.MAX))
@@ -230,8 +205,8 @@ class NewtonSolver:
         if not self.linear.solved:
             return False
         start = self.solid.u.x.array[: len(y.array_r)].copy()
-        if isinstance(self.contact, FrictionEquations):
-            length = self._damped_length(self.contact, start, y.array_r)
+        if hasattr(self.contact, "imbalance"):
+            length = self._damped_length(start, y.array_r)
         elif self.contact.has_tangent or not self.solid.material.linear:
             length = self._step_length(start, y.array_r)
             self._shortened += int(length < 1.0)
@@ -242,15 +217,14 @@ class NewtonSolver:
         y.scale(length)
         return length < 1.0
 
-    def _damped_length(self, contact: FrictionEquations, start: Floats, y: Floats) -> float:
+    def _damped_length(self, start: Floats, y: Floats) -> float:
         """Length of the step -y with which the forces out of balance fall, those of stick and slip included.
 
-        With full steps a node on the verge of slip may stick and slip in turn. Of the lengths tried the best is taken
-        where none is sufficient.
+        With full steps a node on the verge of slip may stick and slip in turn. Where none suffices, the best is taken.
         """
 
         def merit(force: Floats) -> float:
-            flat = contact.imbalance(force).reshape(-1)
+            flat = self.contact.imbalance(force).reshape(-1)
             flat[self._fixed] = 0.0
             return float(summed(self.solid.comm, float(flat @ flat))[0])
 
@@ -265,13 +239,11 @@ class NewtonSolver:
     def _step_length(self, start: Floats, y: Floats) -> float:
         """Length in (0, 1] of the step -y: where the work rate of the free forces along it nearly vanishes.
 
-        Associative J2 plasticity and the penalty method minimise an incremental energy, convex in small strain, and the
-        work rate is the slope of this energy along the step. Regula falsi (Illinois) shortens a full step that
-        overshoots the minimum; a trial state needs one residual, a hundredth of the time of the linear solve, and the
-        last one is that of the next iteration. A step that starts uphill moves prescribed dofs and is not shortened.
-        Nor is a step whose slope at the beginning is negligible compared with the slope that moving them causes, as
-        when it begins in equilibrium: the sign of such a slope is a matter of rounding. A step that turns a solid of
-        finite strain inside out is halved until it does not.
+        It is the slope of the incremental energy, convex in small strain, that associative J2 plasticity and the
+        penalty method minimise. Regula falsi (Illinois) shortens a full step that overshoots the minimum; a trial needs
+        one residual, and the last one is that of the next iteration. A step that starts uphill moves prescribed dofs
+        and is not shortened. Nor is one whose slope at the beginning is negligible beside that which moving them
+        causes: its sign is a matter of rounding. A step that turns a solid inside out is halved until it does not.
         """
         free = np.ones(len(y), dtype=bool)
         free[self._fixed] = False
@@ -306,12 +278,9 @@ class NewtonSolver:
         return length
 
     def solve(self, start: Floats, scale: float, stiffness: float = 1.0) -> StepStats:
-        """Solve from the displacement `start` (owned, 3) for a step of length `scale`; collective.
+        """Solve from the displacement `start` (owned, 3) [L] for a step of length `scale` [L]; collective.
 
-        Args:
-            start: displacement at which the iteration begins [L]
-            scale: of the displacements of the step [L]
-            stiffness: greatest of a node, times which the rounding error of a displacement is a force [E L]
+        The rounding error of a displacement is a force by the greatest `stiffness` of a node [E L].
         """
         largest = max(scale, self.solid.comm.allreduce(float(np.max(np.abs(start), initial=0.0)), op=MPI.MAX))
         self._scale, self._rounding = max(scale, 1e-6), ROUNDING * largest * stiffness
@@ -326,18 +295,8 @@ class NewtonSolver:
         if reason <= 0:  # where it converged, the residual is that of `x`
             self._at_trial = False
             self._function(self.snes, self.x, self._residual_vec)
+        names = {v: k.lower() for k, v in vars(self.snes.ConvergedReason).items() if isinstance(v, int)}
         return StepStats(
-            reason > 0,
-            _reason_name(reason),
-            self.snes.getIterationNumber(),
-            self.linear.total - krylov,
-            self._shortened,
-            self.linear.rescued - rescued,
-        )
-
-
-def _reason_name(reason: int) -> str:
-    from petsc4py import PETSc
-
-    names = {v: k for k, v in vars(PETSc.SNES.ConvergedReason).items() if isinstance(v, int)}
-    return names.get(reason, str(reason)).lower()
+            reason > 0, names.get(reason, str(reason)), self.snes.getIterationNumber(), self.linear.total - krylov,
+            self._shortened, self.linear.rescued - rescued,
+        )  # fmt: skip

@@ -34,11 +34,20 @@ def solve_slip(
 ) -> tuple[SlipPath, ...]:
     """Paths of a flat that moves sideways, from the state at the end of a load path, in physical units; collective.
 
+    The flat goes from the present state to the preload. There the normal forces of the nodes of like bodies stay, and
+    for each amplitude the flat moves from rest to the amplitude of the tangential force and around one loop. The
+    plastic strain stays: the loop is the steady one of a solid that has shaken down, see `Sliding`.
+
     Args:
-        problem: that was solved
+        problem: that was solved, of exact contact; with friction it is one body on a rigid flat
         result: of `solve_contact`; its state is as before afterwards
         settings: with the preload [force]
-        stop: see `slip_paths`, whose errors are raised
+        stop: called after each step on all ranks; a text it returns, the same on all, ends the paths
+
+    Raises:
+        InputError: the contact is not exact, or the sides admit no motion in the direction
+        ConvergenceError: a step does not converge
+        Interrupted: `stop` has ended the paths
 
     Examples:
         >>> from asperity.quasistatic.slip_paths import solve_slip
@@ -54,30 +63,15 @@ def solve_slip(
     """
     if settings.preload is None:
         raise InputError("slip.preload is missing: give the normal force on the patch")
-    side, E = problem.surface.L, problem.material.E
-    paths = slip_paths(result.solver, replace(settings, preload=settings.preload / (E * side**2)), stop)
-    return tuple(path.scaled(E * side**2, side) for path in paths)
+    side, unit = problem.surface.L, problem.material.E * problem.surface.L**2
+    paths = slip_paths(result.solver, replace(settings, preload=settings.preload / unit), stop)
+    return tuple(path.scaled(unit, side) for path in paths)
 
 
 def slip_paths(
     solver: ContactSolver, settings: SlipSettings, stop: Callable[[], str] | None = None
 ) -> tuple[SlipPath, ...]:
-    """Paths of a flat that moves sideways; the state of the solver is as before afterwards; collective.
-
-    The flat goes from the present state to the preload. There the normal forces of the nodes of like bodies stay, and
-    for each amplitude the flat moves from rest to the amplitude of the tangential force and around one loop. The
-    plastic strain stays: the loop is the steady one of a solid that has shaken down, see `Sliding`.
-
-    Args:
-        solver: in an accepted state, of exact contact; with friction it is one body on a rigid flat
-        settings: with the preload [E L^2]
-        stop: called after each step on all ranks; a text it returns, the same on all, ends the paths
-
-    Raises:
-        InputError: the contact is not exact, or the sides admit no motion in the direction
-        ConvergenceError: a step does not converge
-        Interrupted: `stop` has ended the paths
-    """
+    """The same of a solver in an accepted state, in units of E and L; collective."""
     preload, steps = settings.preload, settings.steps
     assert preload is not None
     rigid = isinstance(solver.contact, Coulomb)
@@ -108,13 +102,8 @@ class Sliding:
     """A flat that moves sideways on a solid, from its state at a preload.
 
     A plastic solid flows on in each step (backward Euler) unless its plastic strain is held. Its loops tend to the one
-    with the plastic strain held, docs/slip.md.
-
-    Args:
-        solver: at the preload, its committed history that of its displacement
-        friction: Coulomb's coefficient
-        direction: of the motion [degrees]
-        stop: gives the reason to stop, empty for none; collective
+    with the plastic strain held, docs/slip.md. The committed history of the solver is that of its displacement; the
+    direction of the motion is in degrees; `stop` gives the reason to stop, empty for none, and is collective.
 
     Attributes:
         delta, force: displacement of the flat [L] and tangential force [E L^2] after the last accepted step
@@ -135,8 +124,12 @@ class Sliding:
         self._origin, self._history = self._flat.origin, self._solid.kernels.history().copy()
         self._at_rest = solver.state().displacement, self.solved_force()
         self.reset()
+        move = LIGHT * friction * solver.delta
         try:
-            self.k_rest = self._stiffness_at_rest(LIGHT * friction * solver.delta)
+            stats = self._solve_at_rest(move)
+            if not stats.converged:
+                raise ConvergenceError(f"the tangential stiffness at rest was not found ({stats.reason})")
+            self.k_rest = (self.solved_force() - self.force) / move
         finally:
             self.reset()
 
@@ -159,18 +152,12 @@ class Sliding:
         self._solid.kernels.restore(self._history.copy())
         self._flat.shift, self._flat.origin = 0.0 * self._axis, self._origin
 
-    def _stiffness_at_rest(self, move: float) -> float:
-        """Tangential stiffness with all nodes in contact stuck to the flat [E L]; collective."""
+    def _solve_at_rest(self, move: float) -> StepStats:
+        """Solve with all nodes in contact stuck to the flat; collective."""
         self._flat.bounds = np.full(self._contact.normal.shape, inf)
-        k = self._stiffness(move)
-        self._flat.bounds = self._friction * self._contact.normal
-        return k
-
-    def _stiffness(self, move: float) -> float:
         stats = self.solve(move)
-        if not stats.converged:
-            raise ConvergenceError(f"the tangential stiffness at rest was not found ({stats.reason})")
-        return (self.solved_force() - self.force) / move
+        self._flat.bounds = self._friction * self._contact.normal
+        return stats
 
     def path(self, amplitude: float, steps: int) -> SlipPath:
         """Move from the present state to an amplitude and around a loop; collective."""
@@ -228,11 +215,7 @@ class Sliding:
 class RigidSliding(Sliding):
     """A rigid flat with friction that moves sideways under a constant normal force: the pressures change.
 
-    Args:
-        solver: at the preload, of Coulomb friction, its committed history that of its displacement
-        slope: of the normal force over the approach, roughly [E L]
-        preload: normal force [E L^2]
-        direction, stop: see `Sliding`
+    Of a solver with Coulomb friction, the normal force `preload` [E L^2], and its `slope` over the approach [E L].
     """
 
     def __init__(
@@ -255,8 +238,8 @@ class RigidSliding(Sliding):
         self._solver.restore(self._before)
         self._coulomb.commit()
 
-    def _stiffness_at_rest(self, move: float) -> float:
-        return self._stiffness(move)
+    def _solve_at_rest(self, move: float) -> StepStats:
+        return self.solve(move)
 
     def _solve(self, start: Floats, move: float, part: float) -> StepStats:
         """Solve at the approach of the preload, each trial from the one before."""

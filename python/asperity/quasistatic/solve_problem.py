@@ -36,28 +36,12 @@ def solve_problem(
     hooks: Callbacks | None = None,
     checked: bool = True,
 ) -> ContactResult:
-    """Press the block of a problem with a rigid frictionless flat; collective over `comm`.
+    """Press the block of a problem with a rigid flat on one mesh, see `solve_contact`; collective over `comm`.
 
     Args:
         block: a mesh to use instead of making one (on rank 0)
         comm: communicator; default all ranks
         checked: whether a result that violates a balance is an error
-
-    Raises:
-        InputError: the kinematics of the material is not chosen yet
-        MeshError: the surface cannot be meshed
-        CheckpointError: the checkpoint cannot be continued from
-        OutputError: the checkpoint cannot be written
-        PartialResult: a step did not converge or the run was stopped; carries the curve up to there
-        CheckError: the result, which it carries, violates a balance
-
-    Examples:
-        >>> wave = asp.Surface.from_spec("sinusoid", L=1.0, amplitude=0.02)
-        >>> size = asp.MeshSize(h_contact=0.3, h_max=0.6)
-        >>> block = asp.Problem.of(wave, asp.Material(E=1.0, nu=0.3), delta_max=0.02, steps=2, size=size)
-        >>> curve = asp.solve_contact(block).curve
-        >>> bool(curve.force[1] > 2.0 * curve.force[0])  # the contact grows
-        True
     """
     from mpi4py import MPI
 
@@ -75,7 +59,10 @@ def solve_problem(
         raise MeshError(f"mesh.file: the mesh has the height {given:g}, block.height is {wanted:g}: make them equal")
     if own_mesh and given is None:
         hooks.stage("mesh")
-    delta_max = _depth_of_mesh(problem, comm, phases) if own_mesh else 0.0
+    delta_max = problem.load_path.delta_max or 0.0  # that the mesh is made for
+    if own_mesh and not delta_max:
+        with phases.phase("deflection estimate"):
+            delta_max = estimate_approach(problem, comm)
     if own_mesh and given is None:
         with phases.phase("mesh"):
             block = make_block(comm, problem.surface, problem.height, delta_max, problem.size, problem.sides)
@@ -83,8 +70,11 @@ def solve_problem(
     with phases.phase("set-up"):
         solver = solver_of(problem, block, comm, phases)
         solver.probes = hooks.probes(solver.solid)
-        if own_mesh:
-            _judge(solver, block, problem, delta_max)
+        if own_mesh:  # warn where it does not resolve the surface, or refuse it
+            top = solver.solid.points[solver.contact_surface.owned_nodes] * L
+            height = comm.bcast(None if block is None else block.height, root=0)
+            off = lowered_height(top, problem.surface, height, delta_max, comm)
+            on_root(comm, partial(judge_mesh, off, problem.surface, problem.size.h_contact or H_CONTACT * L, delta_max))
     kernels = solver.solid.kernels
     if isinstance(kernels, FormKernels):
         hooks.stage("compilation of the forms")
@@ -124,32 +114,10 @@ def solve_problem(
     return result
 
 
-def _judge(solver: ContactSolver, block: BlockMesh | None, problem: Problem, delta_max: float) -> None:
-    """Warn of a mesh made for an approach [length] that does not resolve the surface, or refuse it; collective."""
-    comm, surface = solver.solid.comm, problem.surface
-    top = solver.solid.points[solver.contact_surface.owned_nodes] * surface.L
-    height = comm.bcast(None if block is None else block.height, root=0)
-    off = lowered_height(top, surface, height, delta_max, comm)
-    h = problem.size.h_contact or H_CONTACT * surface.L
-    on_root(comm, partial(judge_mesh, off, surface, h, delta_max))
-
-
-def _depth_of_mesh(problem: Problem, comm: MPI.Comm, phases: Phases) -> float:
-    """Approach that the mesh of a problem is made for [length]; collective."""
-    if problem.load_path.delta_max is not None:
-        return problem.load_path.delta_max
-    with phases.phase("deflection estimate"):
-        return estimate_approach(problem, comm)
-
-
 def _follow(
     problem: Problem, solver: ContactSolver, record: Record, position: Position | None, hooks: Callbacks
 ) -> None:
-    """Follow the load path, saving the state and stopping as the hooks request; collective.
-
-    Raises:
-        ConvergenceError: a step does not converge, or the run was stopped
-    """
+    """Follow the load path, saving the state and stopping as the hooks request; collective."""
     schedule, checkpoint = problem.schedule, hooks.checkpoint
 
     def on_position(at: Position) -> None:

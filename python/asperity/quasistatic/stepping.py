@@ -182,12 +182,8 @@ def _approach(
 ) -> tuple[StepStats, Position, bool]:
     """Make one accepted step towards the goal, cut where it does not converge and longer where the last one did.
 
-    Args:
-        following: for the midpoint rule; returns the approach of the solve after one at a given approach, for steps of
-            a given length
-
-    Returns:
-        iterations of the step, new position, whether the goal is reached
+    For the midpoint rule `following` gives the approach of the solve after one at an approach, for steps of a length.
+    Returns the iterations, the new position, and whether the goal is reached.
     """
     step = at.step
     while True:
@@ -241,12 +237,12 @@ def _next_loading(schedule: Schedule, at: Position) -> Position:
     first, k, stops = at.start[0], at.target + 1, schedule.stops()
     way = schedule.delta_max - first
     step = way * (stops[k - 1] - (stops[k - 2] if k > 1 else 0.0))
-    return _towards(replace(at, target=k), first + way * stops[k - 1], step)
+    return _towards(at, k, first + way * stops[k - 1], step)
 
 
-def _towards(at: Position, goal: float, step: float) -> Position:
+def _towards(at: Position, target: int, goal: float, step: float) -> Position:
     """Plan the way to an approach in one step, which may be cut."""
-    return replace(at, goal=goal, step=step, longest=step, shortest=SMALLEST_CUT * step)
+    return replace(at, target=target, goal=goal, step=step, longest=step, shortest=SMALLEST_CUT * step)
 
 
 def _goal(solver: ContactSolver, schedule: Schedule) -> float:
@@ -259,7 +255,7 @@ def _load_to_force(solver: ContactSolver, schedule: Schedule, at: Position) -> O
     """Make a step of a loading to the greatest force, in about equal steps of force; the last one ends there.
 
     A step moves the flat by the planned force over the slope of the step before and accepts the resulting force. Only
-    the last position is searched, by regula falsi (Illinois) with trial solves that commit nothing.
+    the last position is searched.
     """
     goal, step, parts = _goal(solver, schedule), at.step, schedule.steps * schedule.substeps
     while True:
@@ -302,7 +298,7 @@ def _load_to_force(solver: ContactSolver, schedule: Schedule, at: Position) -> O
 
 
 def _find_force(solver: ContactSolver, goal: float, high: float, stats: StepStats) -> tuple[float, StepStats]:
-    """Search the approach of the force `goal`, between the current one and `high`; commits nothing."""
+    """Search the approach of the force `goal` up to `high` by regula falsi (Illinois); commits nothing."""
     low, f_low, f_high = solver.delta, solver.force - goal, solver.solved_force() - goal
     f = 0.0
     for _ in range(40):
@@ -324,9 +320,8 @@ def _find_force(solver: ContactSolver, goal: float, high: float, stats: StepStat
 def _unload(solver: ContactSolver, schedule: Schedule, at: Position) -> Outcome:
     """Make a step of an unloading, in about equal steps of force; the last one lifts the flat off.
 
-    Each step aims at an equal drop of the force by the slope of the one before and accepts the resulting force, so no
-    position has to be searched. The first one assumes half of the slope of a rigid release. The last step removes the
-    flat, which gives the residual indentation exactly.
+    Each aims at an equal drop of the force by the slope of the one before, the first by half of that of a rigid
+    release, and accepts the resulting force. The last gives the residual indentation exactly.
     """
     if at.target < schedule.unload_steps:
         stats, at, arrived = _approach(solver, at)
@@ -357,6 +352,5 @@ def _next_unloading(solver: ContactSolver, schedule: Schedule, at: Position) -> 
         remaining = solver.force - (top - k * drop)
         if remaining >= 0.5 * drop:
             way = remaining / slope
-            here = solver.delta, solver.force
-            return _towards(replace(at, target=k, origin=here), solver.delta - way, way)
+            return _towards(replace(at, origin=(solver.delta, solver.force)), k, solver.delta - way, way)
     return replace(at, target=n)

@@ -8,7 +8,7 @@ is the energy w.K w. It is stationary: an error of the linear solver counts by i
 
 from __future__ import annotations
 
-from math import nan
+from math import nan, sqrt
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -16,13 +16,21 @@ import numpy as np
 from asperity.arrays import Flags, Floats, Integers, Singles
 from asperity.curve import ELASTIC_STIFFNESSES
 from asperity.fem.solid import Solid
-from asperity.linear.energy import LEFT, NEAR, PASSES, TIGHTEST, UNKNOWN, EnergySolver
 from asperity.linear.matrix_free import TangentOperator, tangent_product
+from asperity.linear.multigrid import ITERATIONS, EnergyTest, PMultigrid
 from asperity.mesh.distribute import SIDE_X, SIDE_Y
+from asperity.runtime.parallel import summed
 
 if TYPE_CHECKING:
     from asperity.quasistatic.contact_solver import ContactSolver
 
+PREFIX = "asperity_stiffness_"
+# Estimate of the relative error of the energy at which the iteration ends; the estimate is subtracted. With the penalty
+# method it is too small after few iterations: 1e-3 left 2.5e-3 in k_n_elastic of a scene of the tests, this 1e-5.
+LEFT = 1e-4
+NEAR = 0.8  # least energy over that of its start, the solution of the step before, roughly
+PASSES = 5  # of the solver at most
+RTOL = 1e-8  # relative tolerance where an absolute one counts
 STALE = 0.15  # contraction of an elastic system above which its coarse matrix is renewed, where also
 CHANGED = 0.1  # of the nodes in contact have changed
 FULL = 1e-3  # part of the compliance below which that of the interface is lost in rounding and discretisation
@@ -85,8 +93,7 @@ class Stiffness:
     def _tangential(self, solver: ContactSolver, nodes: Integers, w: Floats) -> tuple[float, float]:
         """Stiffness against motions along x and along y [E L], from the displacement along z (owned, 3); collective.
 
-        The vertical motion decays from the contact as the tangential one does, and that along y as that along x. So do
-        their changes since the step before.
+        All three, and their changes since the step before, decay alike from the contact.
         """
         elastic, along_x, along_y, along_z = self._elastic, self._along_x, self._along_y, self._along_z
         assert elastic is not None
@@ -118,14 +125,16 @@ class Stiffness:
 
 
 class _Motion:
-    """Systems of a motion of the flat on the elastic solid, from step to step.
+    """Least energy of the elastic solid in a motion of the flat, from step to step, by CG with p-multigrid.
+
+    The coarse matrix may be that of other nodes in contact: the cycle masks those of today. The contraction shows when
+    it is stale.
 
     Args:
         fixed: dofs that are prescribed in addition to those of the flat
         components: of the nodes in contact that the coarse matrix holds
 
     Attributes:
-        fixed: as given
         before: displacement relative to the flat at the step before (owned, 3), None without one
         change: of this displacement since the step before that (owned, 3), None without one
     """
@@ -135,26 +144,24 @@ class _Motion:
         self.change: Floats | None = None
         self.before: Singles | None = None
         self._marked: Flags | None = None  # owned nodes in contact when the coarse matrix was made
-        self._contraction = UNKNOWN  # see `EnergySolver`
-        self._system: EnergySolver | None = None
+        self._contraction = 1.0  # of the last solve, see `EnergyTest`
+        self._ksp: Any = None  # made again where it is missing, with its preconditioner and test
+        self._multigrid: Any = None
+        self._test: Any = None
 
     def force(
         self, elastic: TangentOperator, motion: _Translation, nodes: Integers, guess: Floats, change: Floats | None
     ) -> tuple[float, Floats]:
         """Stiffness [E L], and displacement relative to the flat (owned, 3); collective.
 
-        Args:
-            elastic: stiffness of the solid
-            motion: of the flat
-            nodes: owned ones in contact
-            guess: start where there was no contact at the step before (owned, 3)
-            change: likely change since the step before (owned, 3)
+        It starts from that of the step before and a likely `change` since, or where `nodes` were not touched from a
+        `guess`, both (owned, 3).
         """
-        system = self._prepare(elastic, nodes)
+        self._prepare(elastic, nodes)
         before = None if self.before is None else motion.start(self.before)
         start = motion.start(guess) if before is None else before if change is None else motion.start(before + change)
-        force, w = system.minimise(start, motion.unit, motion.rows)
-        self._contraction = system.contraction
+        force, w = self._minimise(elastic, start, motion)
+        self._contraction = self._test.contraction
         if force != force:
             self._solid.tangent.assemble_elastic()
             force, w = motion.force(motion.start(guess))
@@ -167,29 +174,64 @@ class _Motion:
         self.change, self.before = None, None if w is None else w.astype(np.float32)
 
     def drop_matrices(self) -> None:
-        """Free the system; the next step makes it again."""
-        self._system = None
+        """Free the systems; the next step makes them again."""
+        self._ksp = self._multigrid = self._test = None
 
-    def _prepare(self, elastic: TangentOperator, nodes: Integers) -> EnergySolver:
-        """The system, with a new coarse matrix where it is stale or belongs to another process; collective."""
-        now = np.zeros(self._solid.owned, dtype=bool)
+    def _prepare(self, elastic: TangentOperator, nodes: Integers) -> None:
+        """Make the systems, with a new coarse matrix where it is stale or belongs to another process; collective.
+
+        It is stale where it contracts badly because other nodes are in contact.
+        """
+        solid = self._solid
+        now = np.zeros(solid.owned, dtype=bool)
         now[nodes] = True
-        stale = self._is_stale(now)
+        stale = False
+        if self._marked is not None and self._contraction > STALE:
+            changed, count = summed(solid.comm, np.sum(now != self._marked), np.sum(now))
+            stale = bool(changed > CHANGED * count)
         if stale or self._marked is None:
-            self._marked, self._contraction = now, UNKNOWN
-        if stale or self._system is None:
-            self._system = self._system or EnergySolver(elastic)
-            held = _dofs(np.flatnonzero(self._marked).astype(np.int32), self._components)
-            self._system.renew(np.union1d(self.fixed, held).astype(np.int32))
-        self._system.contraction = self._contraction
-        return self._system
+            self._marked, self._contraction = now, 1.0
+        if self._ksp is None:
+            from petsc4py import PETSc
 
-    def _is_stale(self, now: Flags) -> bool:
-        """Whether the coarse matrix contracts badly because other nodes are in contact; collective."""
-        if self._marked is None or self._contraction <= STALE:
-            return False
-        changed, count = self._solid.comm.allreduce(np.array([np.sum(now != self._marked), np.sum(now)]))
-        return bool(changed > CHANGED * count)
+            self._multigrid = PMultigrid(elastic)
+            self._ksp = PETSc.KSP().create(solid.comm)
+            self._ksp.setOptionsPrefix(PREFIX)
+            self._multigrid.precondition(self._ksp)
+            # one iteration alone would let slow errors add up over the steps
+            self._test = EnergyTest(self._ksp, self._multigrid, least=2)
+            stale = True
+        if stale:
+            held = _dofs(np.flatnonzero(self._marked).astype(np.int32), self._components)
+            with solid.phases.phase("preconditioner"):
+                elastic.hold(np.union1d(self.fixed, held).astype(np.int32))
+                self._multigrid.update(renew=True)
+        self._test.contraction = self._contraction
+
+    def _minimise(self, elastic: TangentOperator, w: Floats, motion: _Translation) -> tuple[float, Floats]:
+        """Least energy [E L], NaN where the solver fails, and its displacement, from a start (owned, 3); collective."""
+        solid, ksp, test = self._solid, self._ksp, self._test
+        with solid.phases.phase("preconditioner"):
+            elastic.hold(motion.rows)
+            if not self._multigrid.update(renew=False):
+                return nan, w
+        b, y, guess = solid.vector(), solid.vector(), 0.0
+        with solid.phases.phase("linear solve"):
+            for _ in range(PASSES):
+                # without the translation most of the solid is at rest, and single precision will do
+                image = elastic.product((w - motion.unit).ravel())
+                energy = float(summed(solid.comm, float(np.vdot(w, image)))[0])
+                b.array = -elastic.free * image
+                ksp.setTolerances(rtol=RTOL, atol=sqrt(LEFT * (guess or NEAR * energy)), max_it=ITERATIONS)
+                ksp.solve(b, y)
+                if ksp.getConvergedReason() < 0:
+                    break
+                w = w + y.array_r.reshape(-1, 3)
+                guess = energy - b.dot(y) - test.left
+                if test.left <= LEFT * guess:
+                    test.contraction = float(np.float32(test.contraction))  # as a checkpoint keeps it
+                    return guess, w
+        return nan, w
 
     def memory(self) -> Singles:
         """Displacement, and the contraction at the nodes of the coarse matrix, zero elsewhere (owned, 4)."""
@@ -203,8 +245,8 @@ class _Motion:
         comm, marked = self._solid.comm, memory[:, 3]
         self.change = None
         self.before = np.ascontiguousarray(memory[:, :3]) if comm.allreduce(bool(memory[:, :3].any())) else None
-        self._contraction = max(comm.allgather(float(np.max(marked, initial=0.0)))) or UNKNOWN
-        self._marked, self._system = (marked > 0.0 if comm.allreduce(bool(marked.any())) else None), None
+        self._contraction = max(comm.allgather(float(np.max(marked, initial=0.0)))) or 1.0
+        self._marked, self._ksp = (marked > 0.0 if comm.allreduce(bool(marked.any())) else None), None
 
 
 def _dofs(nodes: Integers, components: tuple[int, ...]) -> Integers:
@@ -219,13 +261,9 @@ def without_block(whole: float, block: float) -> float:
 
 
 class _Translation:
-    """Motion of the flat by one along an axis.
+    """Motion of the flat by one along an axis: it holds the dofs `held` of the prescribed owned `rows`.
 
-    Args:
-        rows: owned dofs that are prescribed
-        held: those of them that the flat holds
-        symmetric: whether the tangent is
-        tied: whether a contact in the tangent resists a translation
+    The tangent is `symmetric` or not, and may have the stiffness of a contact, `tied`, which resists a translation.
     """
 
     def __init__(
@@ -251,8 +289,8 @@ class _Translation:
     def force(self, w: Floats) -> tuple[float, Floats]:
         """Force of the flat [E L], NaN where the linear solver fails, and displacement, from a start (owned, 3).
 
-        The iterates of CG minimise the energy: it falls by the work of the residual on the correction, and has still to
-        fall by what the linear solver predicts. Each pass is as loose as the accuracy admits. Collective.
+        The energy falls by the work of the residual on the correction, and has still to fall by what the linear solver
+        predicts. Collective.
         """
         solid, symmetric = self._solid, self._symmetric
         r, y = solid.vector(), solid.vector()
@@ -260,12 +298,15 @@ class _Translation:
         guess = NEAR * force
         for _ in range(PASSES):
             r.array = -image
-            rtol, atol = (TIGHTEST, np.sqrt(LEFT * abs(guess))) if symmetric else (LEFT, 0.0)
+            rtol, atol = (RTOL, np.sqrt(LEFT * abs(guess))) if symmetric else (LEFT, 0.0)
             if not self._linear.solve(r, self.rows, np.empty(0), y, rtol, atol)[1]:
                 break
             w, before = w + y.array_r.reshape(-1, 3), force
             if symmetric:
-                guess = force = before - self._fall(r, y) - self._linear.left
+                free = np.ones(len(r.array_r), dtype=bool)
+                free[self.rows] = False
+                fall = float(summed(solid.comm, y.array_r[free] @ r.array_r[free])[0])
+                guess = force = before - fall - self._linear.left
                 if self._linear.left <= LEFT * abs(force):
                     return force, w
             force, image = self._work(w)
@@ -273,12 +314,6 @@ class _Translation:
             if not symmetric and abs(before - force) <= LEFT * abs(force):
                 return force, w
         return nan, w
-
-    def _fall(self, r: Any, y: Any) -> float:
-        """Work of the residual on the correction of the free dofs [E L]; collective."""
-        free = np.ones(len(r.array_r), dtype=bool)
-        free[self.rows] = False
-        return float(self._solid.comm.allreduce(float(y.array_r[free] @ r.array_r[free])))
 
     def _work(self, w: Floats) -> tuple[float, Floats]:
         """Force of the flat, and the nodal forces (3 owned,) of a displacement; collective."""
