@@ -2,8 +2,7 @@
 
     ./run mpirun -n 2 python3 benchmarks/paper.py out/paper [FAMILY ...]
 
-What the folder holds already is not repeated. The second table has the steps of the exponent between the levels of a
-family, surface by surface.
+What the folder holds already is not repeated.
 """
 
 from __future__ import annotations
@@ -18,7 +17,6 @@ from typing import Any
 
 import numpy as np
 from mpi4py import MPI
-from scipy.stats import ttest_1samp
 
 from asperity.curve import Curve
 from asperity.dynamics import ContactOscillator, PowerLaw
@@ -77,33 +75,6 @@ def fits(name: str, levels: dict[str, list[Row]]) -> list[tuple[str, ...]]:
     ]  # fmt: skip
 
 
-def steps(name: str, levels: dict[str, list[Row]]) -> list[tuple[str, ...]]:
-    """Change of n from level to level, surface by surface, with its 95 % interval."""
-    out: list[tuple[str, ...]] = []
-    for (low, before), (high, after) in zip(list(levels.items())[:-1], list(levels.items())[1:], strict=True):
-        n = [{row["surface.seed"]: row["n"] for row in rows} for rows in (before, after)]
-        change = np.array([n[1][seed] - n[0][seed] for seed in n[0].keys() & n[1].keys()])
-        ends = ttest_1samp(change, 0.0).confidence_interval() if change.size > 1 else (-math.inf, math.inf)
-        up = int(np.sum(change > 0.0))
-        out.append(
-            (
-                name,
-                f"{low} to {high}",
-                f"{change.mean():+.3f}",
-                "{:+.3f} to {:+.3f}".format(*ends),
-                f"{up} of {change.size}",
-            )
-        )
-    return out
-
-
-def show(header: Sequence[str], rows: Sequence[Sequence[str]]) -> None:
-    """Print a Markdown table."""
-    print(
-        *("| " + " | ".join(line) + " |" for line in (header, ["---"] * len(header), *rows)), "", sep="\n", flush=True
-    )
-
-
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("folder", type=Path, help="of the studies")
@@ -117,9 +88,8 @@ def main() -> None:
         if not arguments.families or name in arguments.families
     }
     if MPI.COMM_WORLD.rank == 0:
-        show(HEADER, [row for name, found in levels.items() for row in fits(name, found)])
-        names = ("family", "levels", "change of n", "95 %", "surfaces on which n rises")
-        show(names, [row for name, found in levels.items() for row in steps(name, found)])
+        rows = [row for name, found in levels.items() for row in fits(name, found)]
+        print(*("| " + " | ".join(line) + " |" for line in (HEADER, ["---"] * len(HEADER), *rows)), sep="\n")
 
 
 if __name__ == "__main__":

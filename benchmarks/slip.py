@@ -5,7 +5,6 @@
     python3 benchmarks/slip.py solid --h 25  solid and its curve against the half-space, elements of 0.025 L
     python3 benchmarks/slip.py solid --slope 0.005 0.1   the same on these rms slopes; a half-space has none
     python3 benchmarks/slip.py yielded       curve against solid after yield
-    python3 benchmarks/slip.py scan FILE FOLDER   joint of six windows of a measured surface, al3d-1.al3d, their spread
 
 Each prints a table.
 """
@@ -13,19 +12,13 @@ Each prints a table.
 from __future__ import annotations
 
 import argparse
-import json
-import subprocess
-import sys
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import product
-from pathlib import Path
 from time import process_time
-from typing import Any
 
 import numpy as np
-from experiments import run
 from numpy.typing import ArrayLike
 from scipy.fft import irfft2, rfft2
 from scipy.interpolate import PchipInterpolator
@@ -37,7 +30,6 @@ from asperity.quasistatic.contact_solver import ContactSolver
 from asperity.quasistatic.force_loops import Leg, as_before
 from asperity.quasistatic.slip_paths import Sliding, solve_slip
 from asperity.reference import HalfSpaceContact, half_space_contact
-from asperity.runtime.files import read_csv
 from asperity.slip import JointSlip, SlipSettings, slip_of_curve
 
 MU, AMPLITUDES, SLOPE = 0.4, (0.1, 0.3, 0.6, 0.9), 0.05
@@ -319,64 +311,15 @@ def columns(errors: ArrayLike) -> str:
     return " | ".join(", ".join(f"{100 * x:+.1f}" for x in column) for column in np.transpose(errors))
 
 
-CORNERS = tuple(product((2e-6, 45e-6), (2e-6, 44e-6, 86e-6)))  # of windows that do not overlap [m]
-SIDE, CUTOFF = 40e-6, 8e-6  # of a window, and the shortest wave [m]
-SCAN: dict[str, Any] = {
-    "material": {"E": 200e9, "nu": 0.3, "yield_strength": 1.5e9, "tangent_modulus": 10e9},
-    "loading": {"pressure_max": 50e6, "steps": 8, "unload": True},
-    "accuracy": {"tolerance": 0.1, "max_dofs": 60_000},
-    "joint": {"nominal_area": 1e-5, "pressure": 25e6, "mass": 0.5},
-    "slip": {"friction": 0.3},
-}
-
-
-def press(scan: Path, corner: tuple[float, float], folder: Path) -> dict[str, Any]:
-    """Summary of the run of a window, with its loops as arrays under "loops"."""
-    if not (folder / "patch.npz").is_file():
-        numbers = [f"{x:g}" for x in (*corner, SIDE)] + ["--cutoff", f"{CUTOFF:g}"]
-        command = [sys.executable, "-m", "asperity", "import-map", str(scan), "--window", *numbers, "-o", str(folder)]
-        subprocess.run(command, check=True)
-    run({"surface": {"kind": "file", "path": str(folder / "patch.npz")}} | SCAN, folder / "out")
-    summary = json.loads((folder / "out/summary.json").read_text(encoding="utf-8"))
-    loops = read_csv(folder / "out/slip_loops.csv")
-    return summary | {"loops": {name: np.array(column, dtype=float) for name, column in loops.items()}}
-
-
-def spread(values: Any) -> str:
-    """Mean of the windows, their range, and their standard deviation over the mean."""
-    mean = float(values.mean())
-    return f"{mean:.3g} | {values.min():.3g} to {values.max():.3g} | {100.0 * values.std(ddof=1) / mean:.0f}"
-
-
-def scan(file: Path, folder: Path) -> None:
-    """Joint of six windows of al3d-1.al3d, which SurfaceTopography reads, and their spread; `folder` keeps the runs."""
-    found = [press(file, corner, folder / f"w{k}") for k, corner in enumerate(CORNERS, 1)]
-    k_t = np.array([each["slip"]["k_rest"] for each in found]) / SIDE**2 / 1e15
-    print("\n| k_t before any slip, GPa/um | windows | spread, % |\n|---|---|---|\n| " + spread(k_t) + " |")
-    print("\ndofs:", ", ".join(str(each["dofs"]) for each in found))
-    print("\n| T/(mu P) | frequency, kHz | windows | spread, % | bar, % | zeta, % | windows | spread, % | bar, % |")
-    print("|---" * 9 + "|")
-    f, zeta = (np.array([[v[key] for v in each["slip"]["vibration"]] for each in found]) for key in ("f", "zeta"))
-    loops = [each["loops"] for each in found]
-    of_f = np.median([0.5 * loop["error_k_secant"] / loop["k_secant"] for loop in loops], axis=0)
-    of_zeta = np.median([loop["error_eta"] / loop["eta"] for loop in loops], axis=0)
-    for i, t in enumerate(loops[0]["amplitude"]):
-        cells = f"{spread(f[:, i] / 1e3)} | {100 * of_f[i]:.0f} | {spread(100 * zeta[:, i])} | {100 * of_zeta[i]:.0f}"
-        print(f"| {t:g} | {cells} |")
-
-
 if __name__ == "__main__":
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("what", choices=("law", "solid", "yielded", "scan"))
-    parser.add_argument("paths", nargs="*", type=Path, help="file and folder of scan")
+    parser.add_argument("what", choices=("law", "solid", "yielded"))
     parser.add_argument("--h", type=float, default=25.0, help="size of the elements [L/1000]")
     parser.add_argument("--slope", type=float, nargs="+", default=[SLOPE], help="rms slopes of the maps of solid")
     parser.add_argument("-n", type=int, default=192, help="cells per side of the half-space")
     options = parser.parse_args()
     if options.what == "law":
         law(options.n, (0.0, 0.3, 0.45))
-    elif options.what == "scan":
-        scan(*options.paths)
     elif options.what == "yielded":
         yielded(1e-3 * options.h)
     else:
