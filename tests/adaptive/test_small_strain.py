@@ -78,9 +78,9 @@ def test_it_errs_towards_finite_strain(
     assert found <= estimated <= most * found + 0.5
 
 
-@pytest.mark.parametrize(("tolerance", "delta"), [(None, 0.01 / 1.5), (0.006, 0.002 / 1.5)])
+@pytest.mark.parametrize(("tolerance", "delta"), [(None, 0.05 / 3 / 1.5), (0.006, 0.002 / 1.5)])
 def test_small_strain_is_chosen_below_the_limit(tolerance: float | None, delta: float) -> None:
-    """A third of the tolerance, or 1 %; the change of a plane block is 1.5 of its strain."""
+    """A third of the tolerance, or of 5 %; the change of a plane block is 1.5 of its strain."""
     for part, kinematics in ((0.98, "small"), (1.03, "finite")):
         chosen, found = choose_kinematics(Problem.of(Flat(L=1.0), AUTO, delta_max=part * delta), tolerance, here())
         assert found is not None and chosen.material.kinematics == found.kinematics == kinematics
@@ -99,16 +99,6 @@ def test_a_solver_refuses_what_is_not_decided() -> None:
         refine(Problem.of(Flat(L=1.0), AUTO, delta_max=0.01), AccuracyTarget(0.1), here())
     with pytest.raises(InputError, match='kinematics = "large" is not one of small'):
         Material(1.0, 0.3, kinematics="large")
-
-
-def test_slopes_are_a_limit_of_small_strain_alone() -> None:
-    steep = Surface.from_spec("weierstrass-mandelbrot", L=1.0, D=2.4, G=1.36e-5)
-    with warnings.catch_warnings():
-        warnings.simplefilter("error")
-        for kinematics in ("finite", "auto"):
-            Problem.of(steep, Material(1.0, 0.3, kinematics=kinematics), delta_max=0.01)
-    with pytest.warns(UserWarning, match="rms slope"):
-        Problem.of(steep, Material(1.0, 0.3), delta_max=0.01)
 
 
 @pytest.mark.mpi

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 import warnings
 from pathlib import Path
 from typing import Any
@@ -13,29 +14,27 @@ import pytest
 from conftest import ELASTIC, PLASTIC, here, world
 
 import asperity as asp
-from asperity.adaptive.extrapolation import limit_of_meshes, loading_force, steady
+from asperity.adaptive.extrapolation import limit_of_meshes, loading_force
 from asperity.adaptive.mesh_plan import (
     DOFS_ORDER,
     EDGE_ORDER,
-    GREATEST_STEP,
     LEAST_RATIO,
     LEAST_STEP,
     MARGIN,
     MESH_ORDER,
     MESH_ORDERS,
-    bar_share,
+    RATIO,
     enough_substeps,
-    extrapolate,
     partner,
-    planned_steps,
     refinement,
-    weight,
+    shares,
 )
 from asperity.adaptive.solve_contact import solve_contact
 from asperity.case import Case
 from asperity.curve import Curve
 from asperity.errors import ResolutionWarning
 from asperity.mesh.resolution import ELEMENTS, doubt_of_waves, resolving_size
+from asperity.model.load_path import MIDPOINT
 from asperity.model.settings import AccuracyTarget
 from asperity.quasistatic.contact_result import ContactResult, PartialResult
 from asperity.quasistatic.solve_problem import solve_problem
@@ -59,6 +58,13 @@ def wave(amplitude: float = 0.01) -> asp.Surface:
     return asp.Surface.from_spec(kind="sinusoid", L=1.0, amplitude=amplitude, dims=2)
 
 
+def rough(f_max: int, seed: int, slope: float = 0.05) -> asp.Surface:
+    """A fractal of a given rms slope, whose shortest waves are 1.5^-f_max long."""
+    kind: dict[str, Any] = dict(kind="weierstrass-mandelbrot", L=1.0, D=2.4, f_max=f_max, seed=seed)
+    guess = asp.Surface.from_spec(G=1e-8, **kind)
+    return asp.Surface.from_spec(G=1e-8 * (slope / guess.rms_slope()) ** 2.5, **kind)
+
+
 @pytest.mark.parametrize("order", [*MESH_ORDERS, 2.0])
 @pytest.mark.parametrize("ratio", [1.8, 2.5, 4.0])
 def test_bar_of_the_mesh_holds_for_every_order_in_its_range(order: float, ratio: float) -> None:
@@ -68,8 +74,9 @@ def test_bar_of_the_mesh_holds_for_every_order_in_its_range(order: float, ratio:
         factor, bar = limit_of_meshes(coarse, fine, ratio)
         left = np.log(fine * factor / exact)
         assert np.all(np.abs(left) <= bar * (1.0 + 1e-9))
-        np.testing.assert_allclose(factor, np.exp(-weight(ratio) * np.log(coarse / fine)))
-        np.testing.assert_allclose(bar, bar_share(ratio) * np.abs(np.log(coarse / fine)))
+        weight, share = shares(ratio)
+        np.testing.assert_allclose(factor, np.exp(-weight * np.log(coarse / fine)))
+        np.testing.assert_allclose(bar, share * np.abs(np.log(coarse / fine)))
 
 
 def test_meshes_that_agree_by_chance_at_one_step_do_not_move_its_limit() -> None:
@@ -79,41 +86,26 @@ def test_meshes_that_agree_by_chance_at_one_step_do_not_move_its_limit() -> None
     coarse = exact * np.exp(0.08 + 0.016 * rng.standard_normal(200))
     factor, bar = limit_of_meshes(coarse, fine, 2.0)
     error = np.abs(fine * factor / exact - 1.0)
-    alone = np.abs(fine * (fine / coarse) ** weight(2.0) / exact - 1.0)
+    alone = np.abs(fine * (fine / coarse) ** shares(2.0)[0] / exact - 1.0)
     assert np.sqrt(np.mean(error**2)) < 0.8 * np.sqrt(np.mean(alone**2))
     assert np.mean(error <= np.hypot(bar, 2.0 * 0.004)) > 0.95  # of the finer mesh the area shows it
 
 
-def test_a_mesh_without_a_force_is_not_extrapolated() -> None:
-    factor, bar = limit_of_meshes(np.array([0.0, 1.1, 1.1]), np.array([0.1, 0.0, 1.0]), 2.0)
-    assert list(factor[:2]) == [1.0, 1.0] and factor[2] < 1.0 and np.all(np.isfinite(bar))
-
-
 @pytest.mark.parametrize(("singular", "order"), [(0.0, MESH_ORDER), (1.0, EDGE_ORDER)])
-@pytest.mark.parametrize("excess", [1.05, 1.5, 3.0, 8.0])
-def test_the_next_mesh_meets_the_bar_of_a_force_and_does_not_waste(
-    excess: float, singular: float, order: float
-) -> None:
-    """Of the typical order, or of that of a singular pressure."""
-    scales = [2.0, 1.0]
-
-    def bar(scales: list[float]) -> float:
-        k = partner(scales)
-        return float(bar_share(scales[k] / scales[-1], singular) * (scales[k] ** order - scales[-1] ** order))
-
-    step = refinement(scales, excess, singular)
-    left = excess * bar([*scales, scales[-1] / step]) / bar(scales)
-    assert LEAST_STEP <= step * (1.0 + 1e-9) and step <= GREATEST_STEP * (1.0 + 1e-9)
-    assert left <= MARGIN * 1.001 or step == pytest.approx(GREATEST_STEP)
-    assert left > 0.8 * MARGIN or step == pytest.approx(LEAST_STEP) or excess < 2.0
+def test_the_next_mesh_meets_the_bar_of_a_force_of_the_typical_order(singular: float, order: float) -> None:
+    """Or of the order of a singular pressure; a very wide bar takes more than one mesh."""
+    for excess in (0.95, 1.5, 3.0, 8.0):
+        step = refinement(excess, singular)
+        assert LEAST_STEP <= step <= RATIO
+        assert excess * step**-order <= MARGIN * 1.001 or step == RATIO
 
 
 def test_load_steps_are_divided_until_their_bar_is_within_the_tolerance() -> None:
     bars = {n: np.array([0.004, 0.012]) / n**2 for n in (1, 2)}
     for tolerance, parts in ((0.1, 1), (0.0134, 1), (0.01, 2), (1e-3, 4), (6e-4, 8)):
-        assert enough_substeps(bars, tolerance, 2.0) == parts
+        assert enough_substeps(bars, tolerance, MIDPOINT) == parts
         assert 0.012 / parts**2 < MARGIN * tolerance and (parts == 1 or 0.012 / (parts // 2) ** 2 >= MARGIN * tolerance)
-    assert enough_substeps(bars, 1e-6, 2.0) == 2  # none would do
+    assert enough_substeps(bars, 1e-6, MIDPOINT) == 2  # none would do
 
 
 def test_a_mesh_is_never_extrapolated_from_one_of_nearly_its_size() -> None:
@@ -122,24 +114,26 @@ def test_a_mesh_is_never_extrapolated_from_one_of_nearly_its_size() -> None:
     assert partner([2.0, 1.0]) == 0 and partner([2.0, 1.0, 0.8, 0.4]) == 2
 
 
-def test_bars_do_not_vanish_with_a_change_of_sign() -> None:
-    error = np.array([0.02, 0.01, 0.0, -0.01, -0.02])
-    bars = steady(error)
-    assert np.all(bars >= np.abs(error))
-    assert bars[2] == pytest.approx(np.sqrt(np.mean(error**2)))
-
-
-@pytest.mark.parametrize("tolerance", [0.0, -0.1, 1.0, 1.5, float("nan")])
-def test_impossible_tolerance(tolerance: float) -> None:
-    with pytest.raises(asp.InputError, match=r"accuracy\.tolerance = .* must lie in \(0, 1\)"):
-        AccuracyTarget(tolerance)
-
-
-def test_mesh_and_tolerance_exclude_each_other() -> None:
-    with pytest.raises(asp.InputError, match="chooses mesh and substeps"):
-        solve_contact(wave(), ELASTIC, tolerance=AccuracyTarget(0.1), delta_max=0.01, size=asp.MeshSize(0.1))
-    with pytest.raises(asp.InputError, match="chooses mesh and substeps"):
-        solve_contact(wave(), ELASTIC, tolerance=AccuracyTarget(0.1), delta_max=0.01, substeps=2)
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        ({"delta_max": 0.01, "size": asp.MeshSize(0.1)}, "chooses mesh and substeps"),
+        ({"delta_max": 0.01, "substeps": 2}, "chooses mesh and substeps"),
+        (
+            {"delta_max": 0.01, "formulation": asp.Formulation("penalty", penalty=5.0)},
+            r"contact\.penalty = 5 is too soft .* need 10 or more",
+        ),
+        ({"force_max": 1e-3}, r"accuracy\.max_dofs = 1000 is too small, a coarse mesh .* has \d+ dofs"),
+        *(
+            ({"tolerance": t, "delta_max": 0.01}, r"accuracy\.tolerance = .* must lie in \(0, 1\)")
+            for t in (0.0, -0.1, 1.0, float("nan"))
+        ),
+    ],
+)
+def test_what_has_no_error_bar_is_refused_before_the_first_step(arguments: dict[str, Any], message: str) -> None:
+    with pytest.raises(asp.InputError, match=message):
+        goal = AccuracyTarget(arguments.pop("tolerance", 0.1), max_dofs=1000)
+        solve_contact(wave(), ELASTIC, tolerance=goal, on_step=lambda *_: pytest.fail(), **arguments)
 
 
 def test_load_steps_have_second_order_by_the_midpoint_rule_and_both_rules_one_limit() -> None:
@@ -155,52 +149,41 @@ def test_load_steps_have_second_order_by_the_midpoint_rule_and_both_rules_one_li
         return float(np.sqrt(np.mean(error**2)))
 
     whole, half, quarter = (force("midpoint", n) for n in (1, 2, 4))
-    limit, _ = extrapolate(half, quarter, 2.0, 2.0)
+    limit = quarter + (quarter - half) / 3.0
     assert size(half / limit - 1.0) < 0.4 * size(whole / limit - 1.0)
     same, euler = (force("backward-euler", n) for n in (4, 8))
-    other, _ = extrapolate(same, euler, 2.0, 1.0)
+    other = 2.0 * euler - same
     assert other == pytest.approx(limit, rel=2e-3)
     assert np.abs(quarter / limit - 1.0).max() < 0.25 * np.abs(same / limit - 1.0).max()
     assert size(whole / limit - 1.0) < size(euler / limit - 1.0)
 
 
-def test_bar_holds_the_error_against_an_independent_solution() -> None:
-    tolerance = 0.03
-    flat = wave(0.001)  # slopes of 0.006: the small-slope theory of the reference holds to less than 1e-4
-    result = solve_contact(flat, ELASTIC, tolerance=AccuracyTarget(tolerance), delta_max=0.0012, steps=3)
+@pytest.mark.parametrize(
+    ("surface", "depth", "steps", "tolerance", "unsure"),
+    [
+        (wave(0.001), 0.0012, 3, 0.03, 1e-4),
+        (rough(6, 2), 0.006, 5, 0.05, 5e-3),  # slopes of 0.05 are not small to the last digit
+        (rough(5, 0, slope=0.01), 0.0012, 10, 0.05, 1e-3),
+    ],
+    ids=["wave", "waves shorter than the elements", "spots of a few facets"],
+)
+def test_the_bar_holds_the_error_against_an_independent_solution(
+    surface: asp.Surface, depth: float, steps: int, tolerance: float, unsure: float
+) -> None:
+    """Two coarse meshes may miss the same waves, or agree by chance in the middle of the loading."""
+    result = solve_contact(surface, ELASTIC, tolerance=AccuracyTarget(tolerance), delta_max=depth, steps=steps)
     assert result.met and result.reason == "done"
     branch = result.curve.loading()
-    reference = [half_space_contact(flat, 128, delta_star=float(d), height=1.0).P_star for d in branch.delta_star]
-    error = np.abs(branch.P_star / np.array(reference) - 1.0)
-    bar = branch.error_P_star / branch.P_star
-    assert np.all(bar <= tolerance)
-    assert np.all(error <= bar + 1e-4)
+    reference = [
+        half_space_contact(surface, 256, delta_star=float(d), height=1.0, tolerance=1e-6).P_star
+        for d in branch.delta_star
+    ]
+    error, bar = np.abs(branch.P_star / np.array(reference) - 1.0), branch.error_P_star / branch.P_star
+    assert np.all(bar <= tolerance) and np.median(bar) < 0.6 * tolerance  # no wider than the tolerance takes
+    assert np.all(error <= bar + unsure)
     assert result.budget.total == pytest.approx(result.curve.error_P_star)
-
-
-def test_a_tolerance_under_force_control_with_unloading_refines_where_the_load_was() -> None:
-    """Not where the flat has left the surface: the meshes are those of the loading alone."""
-    cycle, loading = (
-        solve_contact(SPHERE, ELASTIC, tolerance=AccuracyTarget(0.05), force_max=1e-3, steps=5, unload_steps=n)
-        for n in (2, 0)
-    )
-    assert [level.dofs for level in cycle.levels] == [level.dofs for level in loading.levels]
-    same = solve_contact(
-        SPHERE, ELASTIC, tolerance=AccuracyTarget(0.05), delta_max=float(loading.curve.delta[-1]), steps=5
-    )
-    top = int(np.argmax(cycle.curve.P_star))
-    bars = cycle.curve.error_P_star[top] + same.curve.error_P_star[-1]
-    assert cycle.met and np.abs(cycle.curve.P_star[top] - same.curve.P_star[-1]) <= bars
-
-
-def test_unloading_follows_an_extrapolated_elastic_plastic_loading() -> None:
-    """The finest curve is scaled as a whole at its greatest load, and keeps the bar it has there."""
-    result = solve_contact(bump(), PLASTIC, tolerance=AccuracyTarget(0.2), delta_max=0.04, steps=3, unload_steps=2)
-    curve, raw = result.curve, result.raw
-    last = int(np.flatnonzero(curve.branch == "load")[-1])
-    assert result.met and curve.branch[last + 1] == "unload"
-    np.testing.assert_allclose(curve.P_star[last:] * raw.P_star[last], raw.P_star[last:] * curve.P_star[last])
-    assert np.all(curve.error_P_star[last:] == curve.error_P_star[last])
+    assert np.all(result.budget.roughness > 0.0) or surface.feature_size > 0.1
+    json.dumps(result.to_dict(), allow_nan=False)
 
 
 @pytest.mark.mpi
@@ -224,12 +207,6 @@ def test_one_step_and_steps_without_force() -> None:
         loading_force(Curve.from_rows(rows[:1]), np.array([0.1]))
 
 
-@pytest.mark.parametrize(("steps", "solved"), [(1, 5), (2, 6), (3, 6), (4, 8), (5, 5), (12, 12)])
-def test_few_planned_steps_are_divided_until_their_bars_support_each_other(steps: int, solved: int) -> None:
-    """The difference of two meshes at one approach may vanish by chance, and with it the bar."""
-    assert planned_steps(steps) == solved
-
-
 def test_limit_ends_the_refinement_with_what_is_known() -> None:
     """No mesh is larger than allowed, not even by little; the last one uses what is left."""
     target = AccuracyTarget(0.05, max_dofs=30_000, area_tolerance=1e-4)
@@ -238,14 +215,6 @@ def test_limit_ends_the_refinement_with_what_is_known() -> None:
     assert "the contact area is known to" in result.reason and "accuracy.max_dofs = 30000" in result.reason
     sizes = [level.dofs for level in result.levels]
     assert 30_000 / LEAST_STEP**DOFS_ORDER < sizes[-1] <= 30_000 and len(sizes) >= 3
-
-
-def test_a_run_ends_with_its_last_mesh(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("asperity.adaptive.mesh_error.MOST_MESHES", 2)
-    target = AccuracyTarget(0.05, area_tolerance=1e-4)
-    result = solve_contact(SPHERE, ELASTIC, tolerance=target, delta_max=0.01, steps=5)
-    assert not result.met and len(result.levels) == 2 and np.all(np.isfinite(result.curve.error_P_star))
-    assert "accuracy.area_tolerance: a run takes 2 meshes at most" in result.reason
 
 
 def test_a_mesh_that_does_not_converge_leaves_the_curve_of_the_one_before(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -279,7 +248,7 @@ def test_a_tolerance_of_the_area_refines_until_its_bar_holds_it_too() -> None:
     )
     assert force_only.met and force_only.worst_area > 0.05 and both.met and both.worst_area <= 0.03
     curve = both.curve.loading()
-    exact = [half_space_contact(sphere, 256, delta_star=float(d), height=1.0, nu=0.3) for d in curve.delta_star]
+    exact = [half_space_contact(sphere, 540, delta_star=float(d), height=1.0, tolerance=1e-5) for d in curve.delta_star]
     assert np.all(np.abs(curve.area_fraction - [found.area_fraction for found in exact]) <= curve.error_area_fraction)
     with pytest.raises(asp.InputError, match=r"accuracy\.area_tolerance = 1\.5 must lie"):
         AccuracyTarget(0.05, area_tolerance=1.5)
@@ -290,25 +259,6 @@ def test_a_contact_of_one_node_meets_no_tolerance() -> None:
     sphere = asp.Surface.from_spec(kind="sphere", L=1.0, radius=1.0, centre=(0.31, 0.47))
     result = solve_contact(sphere, ELASTIC, tolerance=AccuracyTarget(0.9, max_dofs=15_000), delta_max=1e-7, steps=5)
     assert not result.met and "the force has no error bar, the contact touches a few facets only" in result.reason
-
-
-def rough(f_max: int, seed: int, slope: float = 0.05) -> asp.Surface:
-    """A fractal of a given rms slope, whose shortest waves are 1.5^-f_max long."""
-    kind: dict[str, Any] = dict(kind="weierstrass-mandelbrot", L=1.0, D=2.4, f_max=f_max, seed=seed)
-    guess = asp.Surface.from_spec(G=1e-8, **kind)
-    return asp.Surface.from_spec(G=1e-8 * (slope / guess.rms_slope()) ** 2.5, **kind)
-
-
-def test_the_bar_of_waves_shorter_than_the_elements_holds() -> None:
-    """Two coarse meshes miss the same waves and may agree with each other; the half-space does not."""
-    surface = rough(6, seed=2)
-    result = solve_contact(surface, ELASTIC, tolerance=AccuracyTarget(0.05, max_dofs=100_000), delta_max=0.006, steps=5)
-    branch = result.curve.loading()
-    reference = np.array([half_space_contact(surface, 256, delta_star=d, height=1.0).P_star for d in branch.delta_star])
-    assert result.met and np.all(result.budget.roughness > 0.0)
-    # 0.5 %: slopes of 0.05 are not small to the last digit
-    assert np.all(np.abs(branch.P_star / reference - 1.0) <= branch.error_P_star / reference + 5e-3)
-    json.dumps(result.to_dict(), allow_nan=False)
 
 
 def test_a_case_of_a_rough_surface_that_meets_no_tolerance_names_a_cut_off(tmp_path: Path) -> None:
@@ -324,19 +274,6 @@ def test_a_case_of_a_rough_surface_that_meets_no_tolerance_names_a_cut_off(tmp_p
     assert summary["accuracy"]["met"] is False and max(summary["error_budget"]["roughness"]) > 0.0
     assert "cut them off" in summary["exit_reason"]
     assert np.all(Curve.read(tmp_path / "curve.csv").error_P_star > 0.0)
-
-
-def test_light_contact_of_a_smooth_surface_has_a_bar_that_holds_its_error() -> None:
-    """Spots of a few facets: two meshes agree by chance in the middle of the loading, both 2 % too stiff."""
-    surface = rough(5, 0, slope=0.01)  # heights and approach scaled by 0.2: the reference knows no slopes
-    result = solve_contact(surface, ELASTIC, tolerance=AccuracyTarget(0.05), delta_max=0.0012, steps=10)
-    branch = result.curve.loading()
-    reference = [half_space_contact(surface, 256, delta_star=float(d), height=1.0).P_star for d in branch.delta_star]
-    error = np.abs(branch.P_star / np.array(reference) - 1.0)
-    bar = branch.error_P_star / branch.P_star
-    assert result.met and len(branch) == 10 and np.max(error) > 0.01
-    assert np.all(error <= bar + 1e-3)  # of the reference
-    assert np.median(bar) < 0.6 * 0.05  # no wider than the tolerance takes
 
 
 def test_the_size_that_resolves_gives_the_shortest_wave_one_and_a_half_elements() -> None:
@@ -360,31 +297,11 @@ def test_one_mesh_that_misses_waves_is_told() -> None:
     assert doubt_of_waves(surface, 0.1, 0.006) and not doubt_of_waves(surface, 0.02, 0.006)
 
 
-def test_a_soft_penalty_has_no_error_bar() -> None:
-    with pytest.raises(asp.InputError, match=r"contact\.penalty = 5 is too soft .* need 10 or more"):
-        solve_contact(
-            wave(),
-            ELASTIC,
-            tolerance=AccuracyTarget(0.1),
-            delta_max=0.01,
-            formulation=asp.Formulation("penalty", penalty=5.0),
-        )
-
-
-def test_a_force_is_refused_with_too_few_dofs_before_the_first_step() -> None:
-    with pytest.raises(asp.InputError, match=r"accuracy\.max_dofs = 1000 is too small, a coarse mesh .* has \d+ dofs"):
-        solve_contact(
-            wave(),
-            ELASTIC,
-            tolerance=AccuracyTarget(0.1, max_dofs=1000),
-            force_max=1e-3,
-            on_step=lambda *_: pytest.fail(),
-        )
-
-
-def test_no_room_for_more_than_the_first_mesh_leaves_its_curve(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("asperity.adaptive.family.MOST_SCALE", 1.0)
-    dofs = solve_contact(SPHERE, ELASTIC, tolerance=AccuracyTarget(0.9), delta_max=0.01, steps=5).levels[0].dofs
+def test_no_room_for_more_than_the_first_mesh_leaves_its_curve() -> None:
+    """The coarsest mesh of the block is all that max_dofs allows: others of other scales are nearly the same."""
+    with pytest.raises(asp.InputError, match="too small") as refused:
+        solve_contact(SPHERE, ELASTIC, tolerance=AccuracyTarget(0.1, max_dofs=1000), delta_max=0.01, steps=5)
+    dofs = int(re.findall(r"has (\d+) dofs", str(refused.value))[0])
     with pytest.raises(PartialResult, match=r"the force has no error bar: accuracy\.max_dofs") as caught:
         solve_contact(SPHERE, ELASTIC, tolerance=AccuracyTarget(0.1, max_dofs=dofs), delta_max=0.01, steps=5)
     assert len(caught.value.result.curve) == 5

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import importlib
 import json
 import math
 from pathlib import Path
@@ -204,7 +203,6 @@ def test_a_refused_map_leaves_nothing(
 ) -> None:
     """The case is judged last, when patch and pictures are there already; an earlier result stays as it is."""
     scan, out = write(tmp_path, SCAN), tmp_path / "out"
-    importlib.import_module("asperity.adaptive.cutoff")  # keeps its own estimate
 
     def refuse(case: Any, surface: Any = None) -> None:
         raise InputError(f"{case.surface.path}: its first mesh is too large")

@@ -8,26 +8,24 @@ from __future__ import annotations
 
 import warnings
 from dataclasses import dataclass, replace
-from math import log2
+from math import inf, log2
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from asperity.adaptive.family import MeshFamily, dofs_of
-from asperity.adaptive.guide import PASSES, Guide, approach_of_force
+from asperity.adaptive.guide import Guide, approach_of_force, guide_of, planned_steps
 from asperity.adaptive.mesh_plan import (
     DOFS_ORDER,
-    GREATEST_STEP,
     LEAST_STEP,
+    MARGIN,
     MESH_ORDER,
-    MOST_MESHES,
-    PATH_TRANSFER,
     RATIO,
-    STEP_ORDERS,
+    STEP_RULES,
+    TYPICAL_BAR,
+    MeshFamily,
+    dofs_of,
     enough_substeps,
-    expected_bar,
     first_scale,
-    planned_steps,
     step_rule,
 )
 from asperity.adaptive.small_strain import judge
@@ -36,16 +34,15 @@ from asperity.mesh.block import BlockMesh
 from asperity.mesh.size_field import size_field
 from asperity.model.material import AUTO
 from asperity.model.problem import Problem
-from asperity.model.settings import MeshSize
 from asperity.runtime.display import short_repr
+from asperity.surface.cutoff import shortest_cutoff
+from asperity.units import per_cent
 
 if TYPE_CHECKING:
     from asperity.case import Case
-    from asperity.case.schema import AccuracySection
     from asperity.surface import Surface
 
 MOST_DOFS = 1e8  # that are counted
-START = 1.3  # seconds of a run besides meshes and steps: libraries, results
 HALF_SPACE = 4e-7  # seconds of a half-space with the surface, or with the top of a mesh, per cell and approach
 #: Memory of a rank without a mesh, what the first has beside it, and a cell of its half-space [bytes].
 BASE, ROOT, PER_CELL = 180e6, 120e6, 250.0
@@ -151,7 +148,7 @@ class Estimate:
         return self.others + sum(level.seconds for level in self.levels)
 
 
-def estimate(case: Case, ranks: int = 1, surface: Surface | None = None, passes: int = PASSES) -> Estimate:
+def estimate(case: Case, ranks: int = 1, surface: Surface | None = None, passes: float = inf) -> Estimate:
     """Estimate the cost of a case, without meshing or solving it.
 
     The approach of a load path that gives a force is that of a half-space, see `approach_of_force`.
@@ -177,48 +174,44 @@ def estimate(case: Case, ranks: int = 1, surface: Surface | None = None, passes:
         >>> len(found.levels), 10_000 < found.dofs < 30_000
         (1, True)
     """
+    rates, tolerance, file, others = _rates(case), case.accuracy.tolerance, case.mesh.file, 1.3  # libraries, results
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # of what the run warns of too
-        problem = case.problem(surface)
-        path, tolerance = problem.load_path, case.accuracy.tolerance
-        delta = path.delta_max or approach_of_force(problem)
-        problem = replace(problem, load_path=replace(path, delta_max=delta, force_max=None))
+        problem, bar, cells, guide = case.problem(surface), None, 0, None
+        if tolerance is not None:
+            guide = guide_of(problem, passes=passes)
+            plan, bar = _plan(problem, guide, tolerance, case.accuracy.max_dofs)
+            cells = guide.sizes.size
+            others += HALF_SPACE * cells * (guide.passes + 1.0) * len(guide.delta_star)
+        path = problem.load_path
+        depth = path.delta_max or (approach_of_force(problem) if guide is None else guide.depth)
+        if guide is None:
+            dofs = _dofs(problem, depth) if file is None else 3 * BlockMesh.read(file).counts()[0]
+            if dofs > MOST_DOFS:
+                raise InputError(f"the mesh has more than {MOST_DOFS:g} dofs: raise mesh.h_contact")
+            plan = [(case.mesh.h_contact, dofs, _steps(problem))]
         kinematics = problem.material.kinematics
         if kinematics == AUTO:
-            kinematics = judge(problem, tolerance).kinematics
-    bar, others, cells = None, START, 0
-    if tolerance is None:
-        file = case.mesh.file
-        dofs = _dofs(problem, problem.size) if file is None else 3 * BlockMesh.read(file).counts()[0]
-        if dofs > MOST_DOFS:
-            raise InputError(f"the mesh has more than {MOST_DOFS:g} dofs: raise mesh.h_contact")
-        plan = [(case.mesh.h_contact, dofs, _steps(problem))]
-    else:
-        plan, bar, cells, approaches = _plan(problem, case.accuracy, passes)
-        others += HALF_SPACE * cells * approaches
-    rates, finite = _rates(case), kinematics == "finite"
-    levels = tuple(rates.of(h, dofs, steps, finite) for h, dofs, steps in plan)
+            kinematics = judge(problem, tolerance, guide).kinematics
+    levels = tuple(rates.of(*one, kinematics == "finite") for one in plan)
     share = BASE + rates.per_dof * levels[-1].dofs / ranks
     first = share + ROOT + PER_CELL * cells
     most = None if tolerance is None else case.accuracy.max_dofs
-    return Estimate(levels, (first, *[share] * (ranks - 1)), delta, kinematics, bar, tolerance, others, most)
+    return Estimate(levels, (first, *[share] * (ranks - 1)), depth, kinematics, bar, tolerance, others, most)
 
 
 def further_meshes(case: Case, found: Estimate) -> list[MeshEstimate]:
     """All meshes that a run with a tolerance can add to the planned ones, up to `accuracy.max_dofs`.
 
-    They are MOST_MESHES in all, each as fine as may follow the one before.
-
     Args:
         case: with accuracy.tolerance
         found: its estimate
     """
-    most, last = min(case.accuracy.max_dofs, int(MOST_DOFS)), found.levels[-1]
-    levels: list[MeshEstimate] = []
-    for k in range(1, MOST_MESHES - 1):
-        h, dofs = last.h_contact / GREATEST_STEP**k, min(int(last.dofs * GREATEST_STEP ** (k * DOFS_ORDER)), most)
-        levels.append(_rates(case).of(h, dofs, last.steps, found.kinematics == "finite"))
-    return levels if last.dofs < most else []
+    most, levels = min(case.accuracy.max_dofs, int(MOST_DOFS)), [found.levels[-1]]
+    while (last := levels[-1]).dofs < most:  # each as fine as may follow the one before
+        dofs = min(int(last.dofs * RATIO**DOFS_ORDER), most)
+        levels.append(_rates(case).of(last.h_contact / RATIO, dofs, last.steps, found.kinematics == "finite"))
+    return levels[1:]
 
 
 def _rates(case: Case) -> Rates:
@@ -232,46 +225,73 @@ def _steps(problem: Problem, substeps: int = 1) -> int:
 
 
 def _plan(
-    problem: Problem, goal: AccuracySection, passes: int
-) -> tuple[list[tuple[float, int, int]], float, int, float]:
-    """Meshes that a run plans, see `mesh_levels.LevelSolver`.
-
-    Returns:
-        of each mesh the greatest size in the contact [length], dofs and load steps; the error bar expected of them; and
-        cells of the half-space and how many approaches it is solved at, with the surface and the tops of the meshes
-    """
-    path, tolerance, most = problem.load_path, goal.tolerance, min(goal.max_dofs, MOST_DOFS)
-    assert path.delta_max is not None and tolerance is not None
-    planned = planned_steps(path.steps)
-    problem = replace(problem, load_path=replace(path, steps=planned))
-    guide = Guide(problem, path.delta_max, planned, passes=passes)
-    family, scale = MeshFamily(problem, path.delta_max, guide), first_scale(tolerance)
+    problem: Problem, guide: Guide, tolerance: float, max_dofs: int
+) -> tuple[list[tuple[float, int, int]], float]:
+    """Meshes that a run plans: of each the greatest size in the contact [length], dofs, load steps; and their bar."""
+    most, planned = min(max_dofs, MOST_DOFS), planned_steps(problem.load_path.steps)
+    problem = replace(problem, load_path=replace(problem.load_path, steps=planned))
+    family, scale = MeshFamily(problem, guide), first_scale(tolerance)
     first, coarse = family.first(RATIO * scale, most)
-    second, fine = family.within(min(scale, first / RATIO), first, most)
+    second, fine = family.finest(min(scale, first / RATIO), first, most)
+    small = None
     if coarse > most:
-        raise InputError(
-            f"accuracy.max_dofs = {most:g} is too small, a coarse mesh of this block has about {coarse} dofs: raise "
-            "it, or choose the mesh by mesh.h_contact"
+        small = f"a coarse mesh of this block has about {coarse} dofs: raise it"
+    elif min(first / second, fine / coarse) < LEAST_STEP:
+        small = (
+            f"the force would have no error bar, for meshes of about {coarse} and {fine} dofs are nearly the same; "
+            "raise it"
         )
-    if first < LEAST_STEP * second:
-        raise InputError(
-            f"accuracy.max_dofs = {most:g} is too small: the force would have no error bar, for meshes of about "
-            f"{coarse} and {fine} dofs are nearly the same; raise it, or choose the mesh by mesh.h_contact"
-        )
+    if small:
+        raise InputError(f"accuracy.max_dofs = {most:g} is too small, {small}, or choose the mesh by mesh.h_contact")
     parts, substeps = [1], 1
     if problem.path_dependent:
         rule = step_rule(problem)
-        bars = {1: np.array([PATH_TRANSFER[rule] * planned ** -STEP_ORDERS[rule]])}
-        substeps = enough_substeps(bars, tolerance, STEP_ORDERS[rule])
+        order, share = STEP_RULES[rule]
+        substeps = enough_substeps({1: np.array([share * planned**-order])}, tolerance, rule)
         parts = [2**k for k in range(max(int(log2(substeps)), 1) + 1)]  # the first mesh measures the error of the steps
     plan = [(family.h(first), coarse, _steps(problem, n)) for n in parts]
-    plan.append((family.h(second), fine, _steps(problem, substeps)))
-    return plan, expected_bar(second), guide.sizes.size, (passes + 1.0) * len(guide.delta_star)
+    return [*plan, (family.h(second), fine, _steps(problem, substeps))], TYPICAL_BAR * second**MESH_ORDER
 
 
-def _dofs(problem: Problem, size: MeshSize) -> int:
-    """Dofs of a mesh of given sizes, up to about MOST_DOFS."""
-    depth = problem.load_path.delta_max
-    assert depth is not None
-    field = size_field(problem.surface, depth, size, problem.sides)
-    return dofs_of(field, size.refinements, problem.height / problem.surface.L, MOST_DOFS)
+def _dofs(problem: Problem, depth: float) -> int:
+    """Dofs of the mesh of a problem, up to about MOST_DOFS."""
+    field = size_field(problem.surface, depth, problem.size, problem.sides)
+    return dofs_of(field, problem.size.refinements, problem.height / problem.surface.L, MOST_DOFS)
+
+
+def filter_advice(case: Case, found: Estimate, surface: Surface) -> str:
+    """Sentence on a surface that probably no mesh of the case resolves, with the cut-off to apply; empty for others.
+
+    That is the shortest with which the case is expected to meet its tolerance, see `cutoff.shortest_cutoff`.
+    """
+    if found.enough:
+        return ""
+    accuracy = case.accuracy.model_copy(update={"max_dofs": int(MARGIN * case.accuracy.max_dofs)})
+
+    def accepts(filtered: Surface, delta: float) -> bool:
+        loading = case.loading.model_copy(update={"delta_max": delta, "force_max": None, "pressure_max": None})
+        changed = case.model_copy(update={"loading": loading, "accuracy": accuracy})
+        try:  # a coarse half-space, which takes a tenth of the time, refuses most
+            return all(estimate(changed, surface=filtered, passes=n).enough for n in (1, inf))
+        except InputError:  # its first mesh is too large
+            return False
+
+    cutoff = shortest_cutoff(surface, found.approach, accepts)
+    text = (
+        f"a run would need more than the {case.accuracy.max_dofs} dofs of accuracy.max_dofs for the "
+        f"{case.accuracy.tolerance:.2g} of accuracy.tolerance: raise one of them"
+    )
+    if cutoff is None:
+        return f"{text}; a cut-off that helps would take more than a quarter of the rms height"
+    return f"{text}, or cut off what is shorter than {cutoff:g} ({surface.cutoff_key})"
+
+
+def note_on_steps(surface: Surface, approach: float) -> str:
+    """Sentence on a map with steps or edges, between whose heights a spline would rise too far; empty for others."""
+    rise = getattr(surface, "spline_rise", 0.0)
+    if not rise:
+        return ""
+    return (
+        "the map has steps or edges: its slopes are limited there, or the surface would rise above the highest height, "
+        f"by {per_cent(rise / approach)} of the approach"
+    )

@@ -1,35 +1,30 @@
 """Force, area, gap and stiffness of the limit of two meshes, with the parts of their error bars.
 
-The force on a mesh is extrapolated from a coarser one (`limit_of_meshes`), and so are gap and stiffness. What is left
-of the error of the load steps, of the waves that a mesh leaves out, and of the equations is added to the bar.
+The force on a mesh is extrapolated from a coarser one (`limit_of_meshes`), and so are the stiffnesses. What is left of
+the error of the load steps, of the waves that a mesh leaves out, and of the equations is added to the bar.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from math import inf, nan
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
+from scipy.interpolate import PchipInterpolator
 
-from asperity.adaptive.guide import Omission
-from asperity.adaptive.mesh_plan import AREA_ORDER, REACH, bar_share, weight
-from asperity.arrays import Floats
+from asperity.adaptive.guide import REACH, Omission
+from asperity.adaptive.mesh_plan import AREA_ORDER, shares
+from asperity.arrays import Array, Flags, Floats
 from asperity.curve import WITH_ERRORS, Curve
 from asperity.curve.slope import SINGLE_CONTACT, legs, slopes
 from asperity.errors import InputError
 
-Along = Callable[[Floats], Floats]  # a relative error along the loading, at approaches (n,)
-
-TAKEN = 0.5  # part of what the half-space corrects that is taken: the bar holds the rest, whatever part of it is true
 # Deviation of the force over that of the area from mesh to mesh, both relative: 0.11 and 0.15 on meshes of scale 1 and
-# 2 of twelve single spots, each at another place of the block
-SCATTER = 0.12
-# The same where the pressure is that of a full indentation: the force is then that pressure times the area. Limits of
-# two meshes of three solids, of hardening E/1000 to E/10, on three surfaces deviate by 0.75 of half the open area
-FLOWING = 0.5
+# 2 of twelve single spots, each at another place of the block. In a solid that yields the force is that of a full
+# indentation, its pressure times the area, and deviates by half of the open area, the deviation of the area
+SCATTER, FLOWING = 0.12, 0.5
 
 
 @dataclass(frozen=True)
@@ -59,23 +54,21 @@ class Budget:
 
     def to_dict(self) -> dict[str, list[float]]:
         """Columns of the budget for summary.json."""
-        return {k: getattr(self, k).tolist() for k in ("mesh", "roughness", "load_step", "algebraic", "total")}
-
-    @staticmethod
-    def unknown(rows: int) -> Budget:
-        """The budget of a force that has no error bar."""
-        return Budget(*(np.full(rows, nan) for _ in range(4)))
+        return {part.name: getattr(self, part.name).tolist() for part in fields(self)} | {"total": self.total.tolist()}
 
 
 @dataclass(frozen=True)
-class Corrected:
-    """A mesh that was pressed: its curve for half of what its top leaves out and without the error of its load steps.
+class PressedMesh:
+    """A mesh that was pressed.
 
     Attributes:
-        curve: of the mesh
+        scale, dofs: of the mesh
+        curve: for half of what its top leaves out, and without the error of its load steps
         missed: what its top leaves out
     """
 
+    scale: float
+    dofs: int
     curve: Curve
     missed: Omission
 
@@ -84,128 +77,92 @@ class Corrected:
         return "no node is touched" if self.curve.untouched() else self.curve.unresolved()
 
 
-@dataclass(frozen=True)
-class Pair:
-    """The finest mesh and the one that it is extrapolated from.
-
-    Attributes:
-        fine, coarse: meshes
-        ratio: of their scales
-        singular: part of the edges with a singular pressure along the first loading of the finer one (n,)
-        flowing: part of the force there under the greatest pressure of a solid that yields (n,)
-    """
-
-    fine: Corrected
-    coarse: Corrected
-    ratio: float
-    singular: Floats
-    flowing: Floats
-
-    @property
-    def weight(self) -> Floats:
-        """Error of the finer mesh over the difference of both along the loading (n,)."""
-        return weight(self.ratio, self.singular)
-
-
-def along(delta_star: Floats, value: Floats) -> Along:
-    """The error with these values at ascending approaches (n,), constant before the first and after the last."""
-    return lambda at: np.interp(at, delta_star, value)
-
-
-def correct(pair: Pair, judged: npt.NDArray[np.bool_], path: Along, algebraic: float) -> tuple[Curve, Budget]:
-    """Extrapolated curve of the finest level with its error bars.
-
-    Later branches start from the end of the first loading: their bars keep its size.
-
-    Args:
-        pair: finest mesh and the one it is extrapolated from
-        judged: rows whose bars are; those before have larger ones that say nothing about their neighbours
-        path: relative error left of the load steps
-        algebraic: relative error of the equations left unsolved
-    """
-    curve, other, part = pair.fine.curve, pair.coarse.curve, pair.weight
-    loading = curve.branch == "load"
-    at, rows = curve.delta_star[loading], rows_of_loading(loading)
-    before = loading_force(other, at)
-    factor, spread = limit_of_meshes(before, curve.P_star[loading], pair.ratio, pair.singular, judged[loading])
-    scatter = (SCATTER + (FLOWING - SCATTER) * pair.flowing) * np.hypot(
-        (1.0 + part) * _open_area(curve, at), part * _open_area(other, at)
-    )
-    mesh_bar = np.hypot(spread, scatter)
-    left_out = (np.abs(_left(mesh.missed.at(at)[0])) for mesh in (pair.fine, pair.coarse))
-    rough_bar = np.hypot(*(w * left for w, left in zip((1.0 + part, part), left_out, strict=True)))
-    area = curve.area_fraction[loading]
-    change = np.interp(at, other.loading().delta_star, other.loading().area_fraction) - area
-    change = np.divide(change, area, out=np.zeros(len(at)), where=area > 0.0)
-    left = _by_parts(steady, change / (pair.ratio**AREA_ORDER - 1.0), judged[loading])
-    curve = replace(scaled(curve, factor), error_area_fraction=curve.error_area_fraction + (left * area)[rows])
-    P = curve.P_star
-    scale = np.where(loading, P, P[loading][-1])
-    mesh_bar, rough_bar, path_bar = (bar[rows] * scale for bar in (mesh_bar, rough_bar, path(at)))
-    budget = Budget(mesh_bar, rough_bar, path_bar, np.full(len(P), algebraic) * scale)
-    return replace(curve, error_P_star=budget.total), budget
-
-
-def _left(missed: Floats) -> Floats:
-    """Part of what a top leaves out that is not corrected, over the corrected value."""
-    return np.asarray((1.0 - TAKEN) * missed / (1.0 + TAKEN * missed))
-
-
 def without_omission(curve: Curve, missed: Omission, compliance: float) -> Curve:
-    """A curve corrected for TAKEN of what the top of its mesh leaves out: forces, gaps, areas with their bars.
+    """A curve corrected for half of what the top of its mesh leaves out: forces, gaps, areas with their bars.
 
-    A half-space does not know what the solid makes of a top: of flat tops with sharp edges it takes out too much.
+    A half-space does not know what the solid makes of a top: of flat tops with sharp edges it takes out too much. The
+    bar therefore holds the other half, whatever part of it is true.
 
     Args:
         compliance: of the block, compression over P* [length]; at a given approach the mean gap is the larger by it
     """
     loading = curve.branch == "load"
-    force, area = missed.at(curve.delta_star[loading])
+    force, area, _ = missed.at(curve.delta_star[loading])
     area = area[rows_of_loading(loading)]
-    areas, error = (column * (1.0 + TAKEN * area) for column in (curve.area_fraction, curve.error_area_fraction))
-    error = error + np.abs(_left(area)) * areas
-    pressure = np.divide(curve.mean_pressure, 1.0 + TAKEN * area)
+    areas, error = (column * (1.0 + 0.5 * area) for column in (curve.area_fraction, curve.error_area_fraction))
+    error = error + other_half(area) * areas
+    pressure = np.divide(curve.mean_pressure, 1.0 + 0.5 * area)
     corrected = replace(curve, area_fraction=areas, error_area_fraction=error, mean_pressure=pressure)
-    corrected = scaled(corrected, 1.0 + TAKEN * force)
+    corrected = scaled(corrected, 1.0 + 0.5 * force)
     return replace(corrected, mean_gap=curve.mean_gap + compliance * (corrected.P_star - curve.P_star))
 
 
-def with_measures(fine: Curve, pair: Pair, budget: Budget, compliance: float) -> Curve:
-    """A curve whose gap, stiffnesses and conductance have error bars; those that follow the spots are extrapolated.
+def other_half(missed: Floats) -> Floats:
+    """Half of a change that is not corrected, over the value with the half that is."""
+    return np.abs(0.5 * missed / (1.0 + 0.5 * missed))
 
-    The mean plane of a block sinks by the approach less the compression, which the force gives: the gap has its error,
-    and what flow, free sides or slopes add is that of the finer mesh, with its change from mesh to mesh as a bar. A
-    stiffness follows the size of the spots, whose edges cut the facets at random. The slope k_n is that of the
-    corrected force, see `slope_bar`.
+
+def correct(
+    fine: PressedMesh, coarse: PressedMesh, judged: Flags, path: Callable[[Floats], Floats], algebraic: float,
+    compliance: float, flows: bool = False,
+) -> tuple[Curve, Budget]:  # fmt: skip
+    """Extrapolated curve of the finer of two meshes with its error bars.
+
+    Later branches start from the end of the first loading: their bars keep its size. The mean plane of a block sinks by
+    the approach less the compression, which the force gives: the gap has its error, and what flow, free sides or slopes
+    add is that of the finer mesh, with its change from mesh to mesh as a bar. A stiffness follows the size of the
+    spots, whose edges cut the facets at random. The slope k_n is that of the corrected force, see `slope_bar`.
 
     Args:
-        pair: the meshes; `fine` is the corrected curve of its finer one
-        budget: error bars of P*
+        fine, coarse: the meshes
+        judged: rows whose bars are; those before have larger ones that say nothing about their neighbours
+        path: relative error left of the load steps
+        algebraic: relative error of the equations left unsolved
         compliance: see `without_omission`
+        flows: whether the solid yields
     """
-    loading = fine.branch == "load"
-    at, rows = fine.delta_star[loading], rows_of_loading(loading)
-    edges = _open_area(fine, at)
+    mesh, other, ratio = fine.curve, coarse.curve, coarse.scale / fine.scale
+    loading = mesh.branch == "load"
+    at, rows = mesh.delta_star[loading], rows_of_loading(loading)
+    before = other.loading()
+    *_, singular = fine.missed.at(at)
+    part, _ = shares(ratio, singular)
+
+    def of_limit(error: Callable[[PressedMesh], Floats]) -> Floats:
+        """What independent errors of both meshes make of the limit."""
+        return np.hypot((1.0 + part) * error(fine), part * error(coarse))
+
+    factor, spread = limit_of_meshes(loading_force(other, at), mesh.P_star[loading], ratio, singular, judged[loading])
+    scatter = (FLOWING if flows else SCATTER) * of_limit(lambda one: _open_area(one.curve, at))
+    bars = [np.hypot(spread, scatter), of_limit(lambda one: other_half(one.missed.at(at)[0])), path(at)]
+    area = mesh.area_fraction[loading]
+    change = np.interp(at, before.delta_star, before.area_fraction) - area
+    change = np.divide(change, area, out=np.zeros(len(at)), where=area > 0.0)
+    left = _by_parts(steady, change / (ratio**AREA_ORDER - 1.0), judged[loading])
+    curve = replace(scaled(mesh, factor), error_area_fraction=mesh.error_area_fraction + (left * area)[rows])
+    P = np.where(loading, curve.P_star, curve.P_star[loading][-1])
+    budget = Budget(*(bar[rows] * P for bar in bars), algebraic * P)
 
     def beside(curve: Curve) -> Floats:
-        """Gap along the loading but for the approach and the compression; a constant for a linear solid."""
+        """Mean gap along the loading without what approach and compression make of it: one value in a linear solid."""
         gap = curve.mean_gap + curve.delta - compliance * curve.P_star
         return np.interp(at, curve.loading().delta_star, gap[curve.branch == "load"])
 
-    of_mesh = steady(beside(pair.fine.curve) - beside(pair.coarse.curve))[rows]
-    columns: dict[str, Any] = {"error_k_n": slope_bar(fine, budget, edges[rows])}
-    columns["mean_gap"] = fine.mean_gap + compliance * (fine.P_star - pair.fine.curve.P_star)
-    columns["error_mean_gap"] = compliance * budget.total + of_mesh
-    rest = np.divide(budget.apart_from_mesh(), fine.P_star, out=np.zeros(len(fine)), where=fine.P_star > 0.0)
+    edges = _open_area(curve, at)
+    columns: dict[str, Any] = {"error_P_star": budget.total, "error_k_n": slope_bar(curve, budget, edges[rows])}
+    columns["mean_gap"] = curve.mean_gap + compliance * (curve.P_star - mesh.P_star)
+    columns["error_mean_gap"] = compliance * budget.total + steady(beside(mesh) - beside(other))[rows]
+    rest = relative(budget.apart_from_mesh(), curve.P_star, 0.0)
+    before = before.where(before.P_star > 0.0)
     for name in (name for name in WITH_ERRORS if f"error_{name}" not in columns):
-        value, before = getattr(fine, name), _touched(pair.coarse.curve, name, at)
-        if np.isnan(before).any() or not np.nanmax(value[loading], initial=0.0) > 0.0:
+        value, coarser = getattr(curve, name), np.interp(at, before.delta_star, getattr(before, name))
+        if np.isnan(coarser).any() or not np.nanmax(value[loading], initial=0.0) > 0.0:
             continue
-        factor, bar = limit_of_meshes(before, value[loading], pair.ratio, pair.singular)
+        factor, bar = limit_of_meshes(coarser, value[loading], ratio, singular)
         columns[name] = value = value * factor[rows]
-        part = (bar + edges)[rows] + np.where(loading, rest, 0.0)
-        columns[f"error_{name}"] = part * value + shifted(fine, budget.total, value)
-    return replace(fine, **columns)
+        columns[f"error_{name}"] = ((bar + edges)[rows] + np.where(loading, rest, 0.0)) * value
+        columns[f"error_{name}"] += shifted(curve, budget.total, value)
+    return replace(curve, **columns), budget
 
 
 def shifted(curve: Curve, bar: Floats, values: Floats) -> Floats:
@@ -228,15 +185,6 @@ def shifted(curve: Curve, bar: Floats, values: Floats) -> Floats:
     return found
 
 
-def _touched(curve: Curve, name: str, delta_star: Floats) -> Floats:
-    """A column along the touched part of the first loading at given approaches; NaN where there is none."""
-    branch = curve.loading()
-    branch = branch.where(branch.P_star > 0.0)
-    if not len(branch):
-        return np.full(len(delta_star), np.nan)
-    return np.interp(delta_star, branch.delta_star, getattr(branch, name))
-
-
 def slope_bar(curve: Curve, budget: Budget, edges: Floats) -> Floats:
     """Error bars of the slope k_n [force/length].
 
@@ -247,12 +195,60 @@ def slope_bar(curve: Curve, budget: Budget, edges: Floats) -> Floats:
     Args:
         edges: error that facets cut at random leave in a stiffness, relative (n,)
     """
-    share = np.divide(budget.total, curve.P_star, out=np.zeros(len(curve)), where=curve.P_star > 0.0)
     _, change = slopes(curve.delta, curve.force, curve.branch)
     for name in np.unique(curve.branch):
         rows = curve.branch == name
         change[rows] = steady(change[rows])
-    return np.asarray((share + np.hypot(change, edges)) * np.abs(curve.k_n))
+    bar = relative(budget.total, curve.P_star, 0.0) + np.hypot(change, edges)
+    return np.asarray(bar * np.abs(curve.k_n))
+
+
+def at_given_forces(
+    curve: Curve, budget: Budget, raw: Curve, compliance: float, greatest: float
+) -> tuple[Curve, Budget]:
+    """A corrected curve at the forces that were computed, which a load path gives: its approaches are corrected.
+
+    A correction of the force by f at an approach is one of the approach by f^(-1/n) at a force, n being the exponent of
+    the loading; what a change of n from step to step makes of it is in the bar. Later branches get the approach of the
+    end of the first loading. Other bars stay the same part of their columns.
+
+    Args:
+        curve, budget: with corrected forces
+        raw: the same rows as computed
+        compliance: see `without_omission`
+        greatest: force at which the loadings end, each found within a small tolerance [force]
+    """
+    loading = curve.branch == "load"
+    rows, first = rows_of_loading(loading), curve.where(loading)
+    ends = [end - 1 for _, end in legs(curve.branch) if curve.branch[end - 1] != "unload"]
+    force, P = raw.force.copy(), raw.P_star.copy()
+    force[ends], P[ends] = greatest, raw.P_star[ends] * greatest / raw.force[ends]
+    touched = (first.P_star > 0.0) & (P[loading] > 0.0)
+    factor = np.divide(P[loading], first.P_star, out=np.ones(len(first)), where=touched)
+    slope, change = slopes(first.delta, first.force, first.branch)
+    n = np.divide(slope * first.delta, first.force, out=np.full(len(first), nan), where=touched)
+    n = np.where(np.isfinite(n) & (n > 0.0), n, SINGLE_CONTACT)
+    longer = factor ** (1.0 / n)
+
+    def scale(of: Floats) -> Floats:
+        """What the other approach makes of a column (n,), in all rows."""
+        if len(of) < 2 or not np.all(of > 0.0):
+            return np.ones(len(curve))
+        return np.asarray(longer ** np.gradient(np.log(of), np.log(first.delta)))[rows]
+
+    parts = {part.name: getattr(budget, part.name) * factor[rows] for part in fields(budget)}
+    parts["mesh"] = np.hypot(parts["mesh"], (np.nan_to_num(change) * np.abs(np.log(factor)) * P[loading])[rows])
+    budget = Budget(**parts)
+    columns: dict[str, Any] = {"delta": curve.delta * longer[rows], "delta_star": curve.delta_star * longer[rows]}
+    columns |= {"P_star": P, "error_P_star": budget.total}
+    columns["mean_gap"] = curve.mean_gap - (columns["delta"] - curve.delta) + compliance * (P - curve.P_star)
+    for name in ("area_fraction", *(name for name in WITH_ERRORS if name not in ("mean_gap", "k_n"))):
+        by = scale(getattr(first, name))
+        columns |= {key: by * getattr(curve, key) for key in (name, f"error_{name}")}
+    columns["mean_pressure"] = curve.mean_pressure * factor[rows] / scale(first.area_fraction)
+    moved = replace(curve, **columns).with_force(force)
+    steeper = np.divide(moved.k_n, curve.k_n, out=np.ones(len(P)), where=curve.k_n > 0.0)
+    return replace(moved, error_k_n=curve.error_k_n * steeper), budget
 
 
 def loading_force(curve: Curve, delta_star: Floats) -> Floats:
@@ -264,8 +260,6 @@ def loading_force(curve: Curve, delta_star: Floats) -> Floats:
     Raises:
         InputError: no step has a force
     """
-    from scipy.interpolate import PchipInterpolator
-
     branch = curve.loading()
     branch = branch.where(branch.P_star > 0.0)
     if not len(branch):
@@ -280,11 +274,7 @@ def loading_force(curve: Curve, delta_star: Floats) -> Floats:
 
 
 def limit_of_meshes(
-    coarse: Floats,
-    fine: Floats,
-    ratio: float,
-    singular: Floats | float = 0.0,
-    judged: npt.NDArray[np.bool_] | None = None,
+    coarse: Floats, fine: Floats, ratio: float, singular: Floats | float = 0.0, judged: Flags | None = None
 ) -> tuple[Floats, Floats]:
     """Limit of a quantity along the loading over its value on the finer of two meshes, and the relative error bar.
 
@@ -295,7 +285,7 @@ def limit_of_meshes(
     Args:
         coarse, fine: values on the meshes, not negative (n,)
         ratio: of their scales
-        singular: see `mesh_plan.weight`
+        singular: see `mesh_plan.shares`
         judged: rows that are averaged among themselves; None for all
 
     Returns:
@@ -304,37 +294,37 @@ def limit_of_meshes(
     known = (coarse > 0.0) & (fine > 0.0)
     change = np.log(np.divide(coarse, fine, out=np.ones(len(fine)), where=known))
     judged = np.ones(len(fine), dtype=bool) if judged is None else judged
-    error = weight(ratio, singular) * change
-    smooth = _by_parts(_average, error, judged)
-    bar, rest = (_by_parts(steady, part, judged) for part in (bar_share(ratio, singular) * change, error - smooth))
+    weight, share = shares(ratio, singular)
+    smooth = _by_parts(_average, weight * change, judged)
+    bar, rest = (_by_parts(steady, part, judged) for part in (share * change, weight * change - smooth))
     return np.where(known, np.exp(-smooth), 1.0), np.hypot(bar, rest)
 
 
-def steady(relative: Floats, reach: int = REACH) -> Floats:
+def steady(relative: Floats) -> Floats:
     """Error bars that do not vanish where an error happens to change sign.
 
-    Each is at least the root mean square over its neighbours, `reach` to either side.
+    Each is at least the root mean square over its neighbours, REACH to either side.
 
     Args:
         relative: estimated relative errors along a branch (n,)
     """
-    return np.maximum(np.abs(relative), np.sqrt(_average(relative**2, reach)))
+    return np.maximum(np.abs(relative), np.sqrt(_average(relative**2)))
 
 
-def _average(values: Floats, reach: int = REACH) -> Floats:
-    """Mean over the neighbours, `reach` to either side."""
-    padded = np.pad(values, reach, mode="edge")
-    return np.asarray(np.lib.stride_tricks.sliding_window_view(padded, 2 * reach + 1).mean(axis=1))
+def _average(values: Floats) -> Floats:
+    """Mean over the neighbours, REACH to either side."""
+    padded = np.pad(values, REACH, mode="edge")
+    return np.asarray(np.lib.stride_tricks.sliding_window_view(padded, 2 * REACH + 1).mean(axis=1))
 
 
-def _by_parts(filtered: Callable[[Floats], Floats], values: Floats, judged: npt.NDArray[np.bool_]) -> Floats:
+def _by_parts(filtered: Callable[[Floats], Floats], values: Floats, judged: Flags) -> Floats:
     """Filtered values, those of judged rows from judged rows alone."""
     found = filtered(values)
     found[judged] = filtered(values[judged])
     return found
 
 
-def judged_rows(curve: Curve, steps: int) -> npt.NDArray[np.bool_]:
+def judged_rows(curve: Curve, steps: int) -> Flags:
     """Rows whose bar is judged: the first loading from the end of the first of the planned steps on.
 
     The midpoint rule puts smaller ones before, where the contact is too small for a mesh made for the planned ones.
@@ -343,9 +333,9 @@ def judged_rows(curve: Curve, steps: int) -> npt.NDArray[np.bool_]:
     return loading & (curve.delta_star >= 0.999 * curve.delta_star[loading].max() / steps)
 
 
-def relative(bar: Floats, P_star: Floats) -> Floats:
-    """Error bars over the force; unbounded where there is none."""
-    return np.divide(bar, P_star, out=np.full(len(bar), inf), where=P_star > 0.0)
+def relative(bar: Floats, P_star: Floats, without: float = inf) -> Floats:
+    """Error bars over the force; `without` where there is none."""
+    return np.divide(bar, P_star, out=np.full(len(bar), without), where=P_star > 0.0)
 
 
 def scaled(curve: Curve, factor: Floats) -> Curve:
@@ -355,7 +345,7 @@ def scaled(curve: Curve, factor: Floats) -> Curve:
     return curve.with_force(curve.force * of_row)
 
 
-def rows_of_loading(loading: npt.NDArray[np.bool_]) -> npt.NDArray[np.int64]:
+def rows_of_loading(loading: Flags) -> Array:
     """Place of each row among those of the first loading (rows,); of later branches that of its last one."""
     return np.where(loading, np.cumsum(loading), np.count_nonzero(loading)) - 1
 
@@ -364,7 +354,8 @@ def _open_area(curve: Curve, delta_star: Floats) -> Floats:
     """Error of the area of contact over the area along the first loading, no more than 1, at given approaches.
 
     A spot of a few facets is larger or smaller by chance from mesh to mesh, and its force with it. Two such meshes may
-    agree by chance, and their difference shows nothing; the area that cut facets leave open shows it.
+    agree by chance, and their difference shows nothing; the area that cut facets leave open shows it. It is twice what
+    the area deviates by.
     """
     branch = curve.loading()
     area, error = branch.area_fraction, branch.error_area_fraction

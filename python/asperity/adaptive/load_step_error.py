@@ -7,29 +7,20 @@ The first mesh measures it: it depends little on the mesh, and corrects the forc
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 
-from asperity.adaptive.extrapolation import Along, along, judged_rows, loading_force, scaled, steady
+from asperity.adaptive.extrapolation import judged_rows, loading_force, scaled, steady
 from asperity.adaptive.mesh_levels import LevelSolver
-from asperity.adaptive.mesh_plan import (
-    GREATEST_STEP,
-    PATH_TRANSFER,
-    STEP_ORDERS,
-    STICK,
-    enough_substeps,
-    extrapolate,
-)
+from asperity.adaptive.mesh_plan import RATIO, STEP_RULES, enough_substeps, step_rule
 from asperity.arrays import Floats
 from asperity.curve import Curve
-from asperity.model.settings import AccuracyTarget
 from asperity.quasistatic.contact_result import ContactResult
 
-# With other steps other nodes are touched first, so that the order of stick is seen as low as this between two runs,
-# and a correction may even have the wrong sign: the error by this order adds to its bar
-LEAST_ORDERS = {STICK: 0.5}
+Along = Callable[[Floats], Floats]  # a relative error along the loading, at approaches (n,)
 
 
 @dataclass(frozen=True)
@@ -44,17 +35,16 @@ class LoadStepError:
         unknown: why there is no such error, empty where it is known
     """
 
-    correction: dict[int, Along]
-    bar: dict[int, Along]
-    substeps: int
-    limit: str
+    correction: Mapping[int, Along]
+    bar: Mapping[int, Along]
+    substeps: int = 1
+    limit: str = ""
     unknown: str = ""
 
     @classmethod
     def none(cls, unknown: str = "") -> LoadStepError:
         """That of an elastic solid without friction, which has none; or why it is not known."""
-        zero: dict[int, Along] = {1: np.zeros_like}
-        return cls(zero, zero, 1, "", unknown)
+        return cls({1: np.zeros_like}, {1: np.zeros_like}, unknown=unknown)
 
     def removed(self, curve: Curve, substeps: int) -> Curve:
         """A curve computed in so many parts of each step, corrected for the load steps; see `scaled`."""
@@ -72,40 +62,30 @@ def step_errors(forces: Mapping[int, Floats], rule: str) -> tuple[dict[int, Floa
     Returns:
         errors and bars by the number of parts (n,)
     """
+    order, part = STEP_RULES[rule]
     coarse, fine = (forces[k] for k in sorted(forces)[-2:])
-    limit, _ = extrapolate(coarse, fine, 2.0, STEP_ORDERS[rule])
+    limit = fine - (coarse - fine) / (2.0**order - 1.0)
     errors = {k: values / limit - 1.0 for k, values in forces.items()}
-    bars = {k: PATH_TRANSFER[rule] * steady(error) for k, error in errors.items()}
-    if rule in LEAST_ORDERS:
-        left = steady(extrapolate(coarse, fine, 2.0, LEAST_ORDERS[rule])[1] / limit)
-        bars = {k: bar + left for k, bar in bars.items()}
-    return errors, bars
+    return errors, {k: part * steady(error) for k, error in errors.items()}
 
 
-def choose_substeps(
-    run: LevelSolver, steps: int, rule: str, goal: AccuracyTarget
-) -> tuple[ContactResult, LoadStepError]:
+def choose_substeps(run: LevelSolver, tolerance: float) -> tuple[ContactResult, LoadStepError]:
     """Solve on the first mesh for the error of the load steps, and choose the parts of each for the finer ones.
 
     It is loaded in steps of 1, 2, 4 ... parts, and the limit extrapolated from the last two runs. What is found
-    corrects other meshes as well; a part of the correction, which need not carry over and is itself only known to
-    leading order, is the bar.
-
-    Args:
-        steps: planned ones
-        rule: see `mesh_plan.step_rule`
+    corrects other meshes as well.
 
     Returns:
         the result with the most parts, at least two, and the error; no more parts are chosen than these. If the
         greatest number of dofs allows no mesh that is touched, the result of the last one without an error
     """
-    result = run(1.0)
-    while result.curve.untouched() and not run.limit(goal, GREATEST_STEP, 2):
-        result = run(GREATEST_STEP)  # heights smoothed for large elements may lie below the flat
+    rule, result = step_rule(run.problem), run(1.0)
+    while result.curve.untouched() and not run.limit(RATIO, 2):
+        result = run(RATIO)  # heights smoothed for large elements may lie below the flat
     if result.curve.untouched():
         return result, LoadStepError.none("no mesh that measures its load steps is touched")
     # a coarse mesh of a rough surface is touched late: a row without a force has no error of its own
-    judged = judged_rows(result.curve, steps)
+    judged = judged_rows(result.curve, run.problem.load_path.steps)
     at = result.curve.delta_star[judged & (result.curve.P_star > 0.0)]
     P, n = {1: loading_force(result.curve, at)}, 1
     while True:
@@ -114,8 +94,8 @@ def choose_substeps(
         result = run(substeps=n)
         P[n] = loading_force(result.curve, at)
         errors, bars = step_errors(P, rule)
-        chosen = enough_substeps(bars, goal.tolerance, STEP_ORDERS[rule])
-        stopped = run.limit(goal, substeps=2 * n) if chosen > n else ""
+        chosen = enough_substeps(bars, tolerance, rule)
+        stopped = run.limit(substeps=2 * n) if chosen > n else ""
         if stopped or chosen <= n:
-            correction, bar = ({k: along(at, v) for k, v in of.items()} for of in (errors, bars))
+            correction, bar = ({k: partial(np.interp, xp=at, fp=v) for k, v in of.items()} for of in (errors, bars))
             return result, LoadStepError(correction, bar, min(chosen, n), stopped)

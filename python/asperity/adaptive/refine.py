@@ -3,39 +3,53 @@
 A half-space shows which spots of the surface carry the force, and the meshes resolve them (`guide`). The first mesh
 measures the error of the load steps (`load_step_error`), which depends little on the mesh: the finer ones need no more
 steps than it found and all forces are corrected for them. The error of the mesh follows from two of them
-(`mesh_error`).
+(`extrapolation`).
 """
 
 from __future__ import annotations
 
 from contextlib import suppress
-from dataclasses import replace
-from functools import partial
-from typing import TYPE_CHECKING
+from dataclasses import asdict, dataclass, replace
+from math import inf, isfinite, nan
+from typing import TYPE_CHECKING, Any
 
-from asperity.adaptive.guide import Guide
+import numpy as np
+
+from asperity.adaptive.extrapolation import (
+    Budget,
+    PressedMesh,
+    at_given_forces,
+    correct,
+    judged_rows,
+    relative,
+    without_omission,
+)
+from asperity.adaptive.guide import Guide, guide_of, planned_steps
 from asperity.adaptive.load_step_error import LoadStepError, choose_substeps
-from asperity.adaptive.mesh_error import AccurateResult, MeshErrorEstimate
-from asperity.adaptive.mesh_levels import LevelSolver
-from asperity.adaptive.mesh_plan import RATIO, first_scale, planned_steps, step_rule
-from asperity.errors import InputError, Interrupted, MeshError
+from asperity.adaptive.mesh_levels import Level, LevelSolver
+from asperity.adaptive.mesh_plan import (
+    AREA_ORDER,
+    LEAST_STEP,
+    MARGIN,
+    MESH_ORDER,
+    RATIO,
+    first_scale,
+    partner,
+    refinement,
+)
+from asperity.arrays import Floats
+from asperity.curve import Curve
+from asperity.errors import Interrupted, MeshError
 from asperity.model.problem import Problem
-from asperity.model.settings import AccuracyTarget, MeshSize
+from asperity.model.settings import AccuracyTarget
 from asperity.quasistatic.callbacks import Callbacks
-from asperity.quasistatic.contact_result import PartialResult
-from asperity.quasistatic.solve_problem import estimate_approach
+from asperity.quasistatic.contact_result import ContactResult, PartialResult, refuse_wrong
+from asperity.runtime.display import brief
 from asperity.runtime.parallel import on_root
+from asperity.units import per_cent
 
 if TYPE_CHECKING:
     from mpi4py import MPI
-
-
-def check_free(problem: Problem, meshed: bool) -> None:
-    """Refuse a problem that is meshed already, or whose element sizes or substeps are given (InputError)."""
-    if meshed or problem.size != MeshSize() or problem.load_path.substeps != 1:
-        raise InputError(
-            "a tolerance chooses mesh and substeps: leave out block, size (mesh.h_contact, mesh.file) and substeps"
-        )
 
 
 def refine(
@@ -43,6 +57,7 @@ def refine(
     target: AccuracyTarget,
     comm: MPI.Comm | None = None,
     hooks: Callbacks | None = None,
+    guide: Guide | None = None,
 ) -> AccurateResult:
     """Refine mesh and load steps until the force along the first loading has the requested error bar; collective.
 
@@ -51,6 +66,7 @@ def refine(
         target: tolerance and limits
         comm: communicator; default all ranks
         hooks: progress, checkpoints, snapshots
+        guide: half-space of the problem on rank 0, where there is one
 
     Raises:
         InputError: target.max_dofs does not even allow the guide; the contact is a penalty too soft for an error bar;
@@ -69,23 +85,18 @@ def refine(
 
     problem.material.check_decided()
     problem.formulation.check_bar()
-    steps = planned_steps(problem.load_path.steps)
-    planned = replace(problem, load_path=replace(problem.load_path, steps=steps))
-    comm = MPI.COMM_WORLD if comm is None else comm
-    hooks = hooks or Callbacks()
-    depth = planned.load_path.delta_max
-    if depth is None:
-        hooks.stage("deflection estimate")
-        depth = estimate_approach(planned, comm)
+    path_of = problem.load_path
+    planned = replace(problem, load_path=replace(path_of, steps=planned_steps(path_of.steps)))
+    comm, hooks = MPI.COMM_WORLD if comm is None else comm, hooks or Callbacks()
     hooks.stage("half-space with all waves")
-    guide = on_root(comm, partial(Guide, planned, depth, steps, hooks.on_part))
+    guide = on_root(comm, lambda: guide or guide_of(problem, hooks.on_part))
     scale = first_scale(target.tolerance)
-    run = LevelSolver(planned, depth, guide, RATIO * scale, target.max_dofs, comm, hooks)
+    run = LevelSolver(planned, guide, RATIO * scale, target, comm, hooks)
     if problem.path_dependent:
-        result, path = choose_substeps(run, steps, step_rule(problem), target)
+        result, path = choose_substeps(run, target.tolerance)
     else:
         result, path = run(1.0), LoadStepError.none()
-    estimate = MeshErrorEstimate(run, target, steps, path)
+    estimate = MeshErrorEstimate(run, target, path)
     estimate.add(result)
     result.solver.drop_matrices()
     result = run(max(run.scales[-1] / scale, RATIO), path.substeps)
@@ -110,3 +121,163 @@ def refine(
                     f"{e.result.solver.delta:.6g}, use more loading.steps"
                 )
             return replace(accurate, reason=f"{accurate.reason}: {failed}")
+
+
+@dataclass(frozen=True)
+class AccurateResult:
+    """A curve with error bars.
+
+    Attributes:
+        curve: rows of the finest mesh, force and P_star extrapolated, error_P_star filled in; as computed, and without
+            it, when the force has no error bar
+        raw: the same rows as computed
+        budget: parts of the error bar, rows as in the curve, NaN where there is none
+        levels: what was computed, in order
+        contact: the result of the mesh of the curve, with its last state
+        worst, worst_area: greatest relative bars of force and area that are judged, NaN without one
+        met: whether the bar is within the tolerance along the first loading, and that of the area if requested
+        reason: "done", or what stopped the refinement
+    """
+
+    curve: Curve
+    raw: Curve
+    budget: Budget
+    levels: tuple[Level, ...]
+    contact: ContactResult
+    worst: float
+    worst_area: float
+    met: bool
+    reason: str
+
+    def __repr__(self) -> str:
+        return f"AccurateResult({self.curve!r}, met={self.met}, worst={self.worst:.3g}, {brief(self.reason)})"
+
+    def checked(self) -> AccurateResult:
+        """This result, unless it violates a balance (CheckError).
+
+        A mesh too coarse to be touched is none: the reason says so, and there is no bar.
+        """
+        if self.met or self.contact.checks.violated.keys() != {"touch"}:
+            refuse_wrong(self.contact.checks, self)
+        return self
+
+    def roughness_share(self) -> float | None:
+        """Greatest part of the bar that the waves left out take, over the force; None where no such part is judged."""
+        judged = judged_rows(self.curve, len(self.curve.planned()))
+        parts = relative(self.budget.roughness[judged], self.curve.P_star[judged])
+        return float(np.max(parts)) if parts.size and np.isfinite(parts).all() and parts.any() else None
+
+    def to_dict(self) -> dict[str, Any]:
+        """Sections "accuracy" and "error_budget" of summary.json."""
+        return {
+            "accuracy": {
+                "met": self.met,
+                "worst_relative_bar": self.worst if isfinite(self.worst) else None,
+                "worst_relative_bar_of_area": self.worst_area if isfinite(self.worst_area) else None,
+                "levels": [asdict(level) for level in self.levels],
+                "P_star_of_finest_mesh": self.raw.P_star.tolist(),
+            },
+            "error_budget": self.budget.to_dict() if isfinite(self.worst) else None,
+        }
+
+
+class MeshErrorEstimate:
+    """Judges one level after the other; collective.
+
+    Args:
+        run: solver of levels
+        goal: tolerances
+        path: error of the load steps
+    """
+
+    def __init__(self, run: LevelSolver, goal: AccuracyTarget, path: LoadStepError) -> None:
+        self._run, self._goal, self._path = run, goal, path
+        self._meshes: list[PressedMesh] = []
+
+    def add(self, result: ContactResult) -> PressedMesh:
+        """Take up the result of the last level."""
+        run, missed = self._run, self._run.left_out(result)
+        curve = self._path.removed(result.curve, run.levels[-1].substeps)
+        if not curve.untouched():
+            curve = without_omission(curve, missed, run.compliance)
+        self._meshes.append(PressedMesh(run.scales[-1], result.dofs, curve, missed))
+        return self._meshes[-1]
+
+    def judge(self, result: ContactResult) -> tuple[AccurateResult, float | None]:
+        """Judge the force by the result of the last level, after at least one before it.
+
+        Returns:
+            What is known so far, and how much finer the next mesh is; None where there is none, because the
+            tolerances are met, or for the reason of the result
+        """
+        run, path = self._run, self._path
+        fine = self.add(result)
+        coarse = self._meshes[partner([mesh.scale for mesh in self._meshes])]
+        given, algebraic = run.problem.load_path, result.checks.unsolved
+        judged = judged_rows(result.curve, given.steps)
+        unresolved = fine.doubt() or coarse.doubt() or path.unknown
+        if min(coarse.scale / fine.scale, fine.dofs / coarse.dofs) < 0.999 * LEAST_STEP:
+            unresolved = unresolved or "two meshes are nearly the same"
+        if not unresolved:
+            of_steps = path.bar[run.levels[-1].substeps]
+            plastic = run.problem.material.plastic
+            curve, budget = correct(fine, coarse, judged, of_steps, algebraic, run.compliance, plastic)
+            unresolved = curve.unresolved()
+            if given.force_max is not None:  # it is the corrected curve that reaches it
+                curve, budget = at_given_forces(curve, budget, result.curve, run.compliance, given.force_max)
+        if unresolved:
+            # by a single node the force grows with its size, and the difference of two meshes is no error
+            nothing = np.full(len(result.curve), nan)
+            curve, budget = replace(result.curve, error_P_star=nothing), Budget(*4 * [nothing])
+            known, limit, finer, worst, worst_area = f"the force has no error bar, {unresolved}", "", RATIO, nan, nan
+        else:
+            P, area = curve.P_star[judged], curve.area_fraction[judged]
+            bars = relative(curve.error_P_star[judged], P)
+            worst = float(np.max(bars))
+            of_area = relative(curve.error_area_fraction[judged], area)
+            worst_area = float(np.max(np.where(np.isnan(of_area), inf, of_area)))
+            known = self._known(worst, worst_area)
+            finer, limit = self._next(bars, curve.delta_star[judged], worst, worst_area, algebraic)
+        found = AccurateResult(
+            curve, result.curve, budget, tuple(run.levels), result, worst, worst_area, not known, known or "done"
+        )
+        if not known:
+            return found, None
+        limit = limit or run.limit(finer, path.substeps)
+        if not limit:
+            return found, finer
+        if not unresolved and np.any(relative(budget.roughness[judged], P) > self._goal.tolerance):
+            limit += "; waves shorter than the elements limit it too: cut them off (asperity check tries cut-offs)"
+        return replace(found, reason=f"{known}: {limit}"), None
+
+    def _next(self, bars: Floats, at: Floats, worst: float, worst_area: float, algebraic: float) -> tuple[float, str]:
+        """How much finer the next mesh is by the bars of the force and the worst of the area, and why none would do."""
+        goal, of_steps = self._goal, float(self._path.bar[self._path.substeps](at).max())
+        excess = worst / goal.tolerance
+        if goal.area_tolerance is not None:  # as a bar that falls with the order of the force
+            excess = max(excess, (worst_area / goal.area_tolerance) ** (MESH_ORDER / AREA_ORDER))
+        *_, singular = self._meshes[-1].missed.at(at[[np.argmax(bars)]])
+        finer = refinement(excess, float(singular[0]))
+        if worst <= goal.tolerance or algebraic + of_steps <= MARGIN * goal.tolerance:
+            return finer, ""
+        if algebraic > of_steps:
+            return finer, f"{algebraic:.2g} is left by the equations, lower solver.rtol or raise accuracy.tolerance"
+        return finer, self._path.limit or "what is left comes from the load steps, raise loading.steps"
+
+    def _known(self, worst: float, area: float) -> str:
+        """How well force or area are known, a clause; empty where both meet their tolerances."""
+        goal = self._goal
+        if worst == inf:
+            return "the force has no error bar at every step, because the mesh is not touched at the first ones"
+        if not worst <= goal.tolerance:
+            return (
+                f"the force is known to {per_cent(worst)}, not to the {per_cent(goal.tolerance)} of accuracy.tolerance"
+            )
+        if goal.area_tolerance is None or area <= goal.area_tolerance:
+            return ""
+        if area == inf:
+            return "the contact area has no error bar at every step, because at the first ones it is a single node"
+        return (
+            f"the contact area is known to {per_cent(area)}, not to the {per_cent(goal.area_tolerance)} of "
+            "accuracy.area_tolerance"
+        )

@@ -5,13 +5,12 @@ from __future__ import annotations
 from dataclasses import fields
 from typing import TYPE_CHECKING, Unpack, overload
 
-from asperity.adaptive.mesh_error import AccurateResult
-from asperity.adaptive.refine import check_free, refine
+from asperity.adaptive.refine import AccurateResult, refine
 from asperity.errors import InputError
 from asperity.mesh.block import BlockMesh
 from asperity.model.material import Material
 from asperity.model.problem import Problem, ProblemArguments
-from asperity.model.settings import AccuracyTarget
+from asperity.model.settings import AccuracyTarget, MeshSize
 from asperity.quasistatic.callbacks import CallbackArguments, Callbacks
 from asperity.quasistatic.contact_result import ContactResult
 from asperity.quasistatic.solve_problem import solve_problem
@@ -99,6 +98,9 @@ def solve_contact(
         raise InputError(f"a problem has its material, load path and settings: leave out {twice}")
     if tolerance is None:
         return solve_problem(problem, block=block, comm=comm, hooks=hooks)
-    check_free(problem, block is not None)
+    if block is not None or problem.size != MeshSize() or problem.load_path.substeps != 1:
+        raise InputError(
+            "a tolerance chooses mesh and substeps: leave out block, size (mesh.h_contact, mesh.file) and substeps"
+        )
     target = tolerance if isinstance(tolerance, AccuracyTarget) else AccuracyTarget(tolerance)
     return refine(problem, target, comm, hooks).checked()

@@ -68,7 +68,7 @@ def judge(case: Case) -> None:
 
 def _sentences(case: Case, surface: Surface, found: Estimate, ranks: int, most: float | None) -> Iterator[str]:
     """What an estimate says; `most` is the time with all finer meshes [s], None where there are none."""
-    from asperity.adaptive.cutoff import filter_advice, note_on_steps
+    from asperity.adaptive.estimate import filter_advice, note_on_steps
 
     if case.loading.delta_max is None:
         approach = quantity(found.approach, "m" if case.units == "SI" else "", 2)

@@ -293,8 +293,7 @@ def _spike(scan: _Scan) -> tuple[str, bool]:
 
 def _cost(case_file: Path, surface: HeightMap) -> str:
     """Sentences on steps of the map and on the filter that a tolerance takes; InputError of a case that cannot run."""
-    from asperity.adaptive.cutoff import filter_advice, note_on_steps
-    from asperity.adaptive.estimate import estimate
+    from asperity.adaptive.estimate import estimate, filter_advice, note_on_steps
     from asperity.case import Case
 
     case = Case.load(case_file)

@@ -18,7 +18,7 @@ from asperity.cli import options
 from asperity.errors import ConvergenceError
 
 if TYPE_CHECKING:
-    from asperity.adaptive.mesh_error import AccurateResult
+    from asperity.adaptive.refine import AccurateResult
     from asperity.surface import Surface
 
 HEADER = ("case", "quantity", "reference", "its value", "computed", "error", "bar", "pass")

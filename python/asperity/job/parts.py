@@ -11,8 +11,8 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from asperity.adaptive.mesh_error import AccurateResult
-from asperity.adaptive.refine import refine
+from asperity.adaptive.guide import guide_of
+from asperity.adaptive.refine import AccurateResult, refine
 from asperity.adaptive.small_strain import SmallStrain, choose_kinematics
 from asperity.case import Case
 from asperity.curve import Curve
@@ -25,6 +25,7 @@ from asperity.force_law.choice import met
 from asperity.force_law.columns import CurveColumns
 from asperity.force_law.damping import LOOPS as OF_LOOPS
 from asperity.mesh.block import BlockMesh
+from asperity.model.material import AUTO
 from asperity.model.problem import Problem
 from asperity.model.settings import AccuracyTarget
 from asperity.output.assumption import Evidence
@@ -114,18 +115,21 @@ def solve_case(
         OutputError: a file cannot be written
     """
     hooks = _hooks(case, files, progress, stop)
-    chosen, strain = choose_kinematics(problem, case.accuracy.tolerance, comm)
+    tolerance, guide = case.accuracy.tolerance, None
+    if tolerance is not None and problem.material.kinematics == AUTO:
+        guide = on_root(comm, lambda: guide_of(problem))
+    chosen, strain = choose_kinematics(problem, tolerance, comm, guide)
     if strain is not None:
         hooks.stage(strain.describe())
         files.note(f'kinematics = "auto" took "{strain.kinematics}"')
     accurate = failure = None
     try:
-        if case.accuracy.tolerance is None:
+        if tolerance is None:
             block = None if case.mesh.file is None else BlockMesh.read(case.mesh.file)
             contact = solve_problem(chosen, block=block, comm=comm, hooks=hooks, checked=False)
         else:
             target = AccuracyTarget(**case.accuracy.model_dump())
-            accurate = refine(chosen, target, comm, replace(hooks, on_curve=files.curve))
+            accurate = refine(chosen, target, comm, replace(hooks, on_curve=files.curve), guide)
             contact = replace(accurate.contact, curve=accurate.curve, reason=accurate.reason)
             failure = None if accurate.met else ConvergenceError(accurate.reason)
     except PartialResult as e:
