@@ -141,7 +141,8 @@ def correct(
     left = _by_parts(steady, change / (ratio**AREA_ORDER - 1.0), judged[loading])
     curve = replace(scaled(mesh, factor), error_area_fraction=mesh.error_area_fraction + (left * area)[rows])
     P = np.where(loading, curve.P_star, curve.P_star[loading][-1])
-    budget = Budget(*(bar[rows] * P for bar in bars), algebraic * P)
+    mesh_bar, rough_bar, path_bar = (bar[rows] * P for bar in bars)
+    budget = Budget(mesh_bar, rough_bar, path_bar, algebraic * P)
 
     def beside(curve: Curve) -> Floats:
         """Mean gap along the loading without what approach and compression make of it: one value in a linear solid."""

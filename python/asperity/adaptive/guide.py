@@ -82,6 +82,8 @@ class Guide:
         L = problem.surface.L
         self._summit = problem.surface.maximum()[2] / L
         self.delta_star = depth / L * np.linspace(1.0 / steps, 1.0, steps)
+        self.sizes: Floats
+        self._layer: RoughHalfSpace
         self.passes, cells = 0, float(CELLS[0])
         while self.passes < passes and (not self.passes or self._layer.n < min(cells, CELLS[1])):
             self._layer = half_space(problem, cells_per_side(min(cells, CELLS[1])))

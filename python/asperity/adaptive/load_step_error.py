@@ -10,6 +10,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import partial
+from typing import Any
 
 import numpy as np
 
@@ -20,7 +21,7 @@ from asperity.arrays import Floats
 from asperity.curve import Curve
 from asperity.quasistatic.contact_result import ContactResult
 
-Along = Callable[[Floats], Floats]  # a relative error along the loading, at approaches (n,)
+Along = Callable[[Floats], Any]  # a relative error along the loading, at approaches (n,)
 
 
 @dataclass(frozen=True)

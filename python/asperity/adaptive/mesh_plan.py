@@ -194,7 +194,9 @@ class MeshFamily:
 
     def h(self, scale: float) -> float:
         """Greatest size of an element in the contact [length]."""
-        return self.size(scale).h_contact
+        h = self.size(scale).h_contact
+        assert h is not None
+        return h
 
     def size(self, scale: float) -> MeshSize:
         """Element sizes of a mesh; the greatest is H_MAX on the coarsest first mesh."""
