@@ -108,7 +108,7 @@ def test_it_solves_and_writes_nothing(
     assert list(case_file.parent.iterdir()) == [case_file]
 
 
-@pytest.mark.parametrize("f_max", [5, pytest.param(40, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("f_max", [5, pytest.param(18, marks=pytest.mark.slow)])
 def test_a_rough_case_driven_by_a_force_to_a_tolerance(
     f_max: int, case_file: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
