@@ -50,7 +50,7 @@ constexpr double E3[stages] = {-0.18980075407240762, 0, 0, 0, 0, 4.4503128927524
                                -5.801203960010585, -0.4226823213237919, -0.1521609496625161, 0.20136540080403034,
                                0.02265179219836082};
 
-/// u and v; their derivatives with respect to the start, u and v, and to the parameter (du, dv of each).
+/// u and v; their derivatives with respect to the start, u and v, and to Omega (du, dv of each).
 constexpr int size = 8;
 using State = std::array<double, size>;
 
@@ -64,9 +64,10 @@ constexpr std::size_t cell_numbers = 8;
 struct Result
 {
   State end{};
-  std::array<double, 4> high{}, low{};          // extreme of u, and its derivatives
-  std::array<double, 8> wave{};                 // integrals of u cos s and u sin s, and their derivatives
-  double damping = 0, error = 0, steps = 0;     // integral of g over tau, sum of the errors of steps, number of trials
+  std::array<double, 4> high{}, low{};           // extreme of u, and its derivatives
+  std::array<double, 8> wave{};                  // integrals of u cos s and u sin s, and their derivatives
+  double damping = 0, loss = 0, lowest = 0;      // integrals of g and of g v^2 over tau, and the phase of the low
+  double error = 0, steps = 0;                   // sum of the errors of steps, number of trials
 };
 constexpr std::size_t result_numbers = sizeof(Result) / sizeof(double);
 
@@ -77,7 +78,7 @@ public:
   const Cell* cells;
   int count; // of edges
   double rest, of_force, zeta, limit, rtol;
-  bool by_forcing, derivatives;
+  bool derivatives;
   double omega, forcing, grows; // grows: derivative of F with respect to Omega
 
   /// Integrate from the phase s over a length; false where the motion escapes or the steps are too many.
@@ -87,6 +88,7 @@ public:
     s_ = s;
     cell_ = cell_of(u, v);
     out.high = out.low = {u, 1, 0, 0};
+    out.lowest = s;
     const double end = s + length;
     double h = std::min({length, 0.05, 0.05 * omega});
     slope(cell_, s_, y_, k_[0]);
@@ -111,7 +113,7 @@ public:
       const int side = commit(step, out);
       if (!side && last)
       {
-        extreme(y_, out);
+        extreme(y_, s_, out);
         out.end = y_;
         return std::isfinite(y_[0]) && std::isfinite(y_[1]);
       }
@@ -168,8 +170,8 @@ private:
       out[j] = y[j + 1] * per;
       out[j + 1] = (a_u * y[j] + a_v * y[j + 1]) * per;
     }
-    out[6] -= by_forcing ? 0 : y[1] * per * per;
-    out[7] += by_forcing ? wave * per : (grows * wave - a * per) * per;
+    out[6] -= y[1] * per * per;
+    out[7] += (grows * wave - a * per) * per;
   }
 
   /// A step of DOP853 to `next_`, with the slope at its end in k_[stages]; its error over the tolerance.
@@ -290,7 +292,7 @@ private:
       {
         advance(b * h);
         next_[0] -= 0.5 * next_[1] * next_[1] / (omega * k_[stages][1]);
-        extreme(next_, out);
+        extreme(next_, s_ + b * h, out);
         again = true;
       }
     }
@@ -315,7 +317,7 @@ private:
     if (part > 1e-13 * h)
       add(part, out);
     const double u = y_[0], v = y_[1];
-    extreme(y_, out);
+    extreme(y_, s_, out);
     const double jump = acceleration(cell_ + sign, edge, v)[0] - acceleration(cell_, edge, v)[0];
     if (jump != 0 && std::abs(u - edge) < 0.1 * std::abs(v) * h)
     {
@@ -341,7 +343,9 @@ private:
         out.wave[m] += c * y[m ? 2 * m : 0];
         out.wave[4 + m] += d * y[m ? 2 * m : 0];
       }
-      out.damping += h * B[j] * acceleration(cell_, y[0], y[1])[2] / omega;
+      const double g = h * B[j] * acceleration(cell_, y[0], y[1])[2] / omega;
+      out.damping += g;
+      out.loss += g * y[1] * y[1];
     }
     out.error += error_;
     y_ = next_;
@@ -350,17 +354,22 @@ private:
   }
 
   /// Compare the largest and the smallest displacement with those of a state near a turning point.
-  void extreme(const State& y, Result& out) const
+  void extreme(const State& y, double s, Result& out) const
   {
-    out.high = y[0] > out.high[0] ? std::array{y[0], y[2], y[4], y[6]} : out.high;
-    out.low = y[0] < out.low[0] ? std::array{y[0], y[2], y[4], y[6]} : out.low;
+    if (y[0] > out.high[0])
+      out.high = {y[0], y[2], y[4], y[6]};
+    if (y[0] < out.low[0])
+    {
+      out.low = {y[0], y[2], y[4], y[6]};
+      out.lowest = s;
+    }
   }
 };
 
 /// Map `lanes` (n, 7): u, v, Omega, F, dF/dOmega, phase at the start, length in s; NaN, but for the number
 /// of steps, for a motion that escapes or takes too many.
 void period_map(const Array<const double>& edges, const Array<const double>& cells, double rest, double of_force,
-                double zeta, double limit, double rtol, bool by_forcing, bool derivatives,
+                double zeta, double limit, double rtol, bool derivatives,
                 const Array<const double>& lanes, const Array<double>& out)
 {
   expect("edges", edges, {any()});
@@ -377,7 +386,6 @@ void period_map(const Array<const double>& edges, const Array<const double>& cel
   motion.zeta = zeta;
   motion.limit = limit;
   motion.rtol = rtol;
-  motion.by_forcing = by_forcing;
   motion.derivatives = derivatives;
   for (std::size_t i = 0; i < lanes.shape(0); ++i)
   {
@@ -405,5 +413,5 @@ NB_MODULE(_period_map, m)
   nb::set_leak_warnings(false); // as in module.cpp
   m.doc() = "The period map of a mass on a contact.";
   m.def("period_map", &period_map, "edges"_a, "cells"_a, "rest"_a, "of_force"_a, "zeta"_a, "limit"_a, "rtol"_a,
-        "by_forcing"_a, "derivatives"_a, "lanes"_a, nb::arg("out").noconvert(), nb::call_guard<nb::gil_scoped_release>());
+        "derivatives"_a, "lanes"_a, nb::arg("out").noconvert(), nb::call_guard<nb::gil_scoped_release>());
 }

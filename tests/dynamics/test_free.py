@@ -10,8 +10,8 @@ from scipy.integrate import solve_ivp
 from scipy.special import beta
 
 from asperity.dynamics import ContactOscillator, PowerLaw, TableLaw
-from asperity.dynamics.free import free_orbit
-from asperity.dynamics.period_map import motions
+from asperity.dynamics.equation import motions
+from asperity.dynamics.free import free_orbits
 from asperity.errors import RangeError
 
 
@@ -71,7 +71,7 @@ def test_period_and_harmonic_against_time_integration(n: float, u0: float) -> No
         if run.t_events[1].size:
             break
         y[0] += np.sign(y[1]) * 1e-15
-    orbit = free_orbit(ContactOscillator(PowerLaw(n)).restoring, u0)
+    (orbit,) = free_orbits(ContactOscillator(PowerLaw(n)).restoring, u0)
     assert orbit.omega == pytest.approx(np.pi / t, rel=1e-10)
     assert orbit.u_min == pytest.approx(y[0], rel=1e-9)
     assert orbit.dissipation == pytest.approx(2 * y[2], rel=1e-9)

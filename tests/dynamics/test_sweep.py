@@ -39,7 +39,8 @@ MINIMAL: dict[str, Any] = {
 def test_simulate_flight_is_a_parabola() -> None:
     o = ContactOscillator(PowerLaw(1.5), zeta=0.0)
     path = o.simulate(1.0, 0.0, u=2.0, periods=3.0)
-    energy = 0.5 * path.v**2 + o.restoring.potential(path.u)
+    r = o.restoring
+    energy = 0.5 * path.v**2 + o.law.potential(r.z_s * (1.0 + path.u)) / (r.scale * r.z_s) - path.u / r.n_loc
     assert np.ptp(energy) < 1e-9
     orbit = o.free(2.0).orbits[0]
     assert path.u.min() == pytest.approx(orbit.u_min, rel=1e-9)

@@ -11,7 +11,6 @@ from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
 from functools import cached_property
-from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -19,7 +18,7 @@ from scipy.optimize import minimize_scalar
 
 from asperity.arrays import Array, Flags
 from asperity.dynamics.orbits import Orbits
-from asperity.dynamics.point import Path, Point, hermite, value
+from asperity.dynamics.point import Point, Tracing, hermite, value
 from asperity.errors import ConvergenceError
 from asperity.runtime.display import short_repr
 
@@ -29,8 +28,6 @@ _PLACES = np.array([0.25, 0.5, 0.75])  # of a segment, where it is compared with
 _TOP, _CHANGE = "largest u_max", "change of stability"  # points, but not events
 _TRIALS = 14  # orbits at which a pair of events between two points is searched
 _DIP = 2.5  # psi^2 of the multipliers below which it is
-
-_Test = tuple[str, Callable[[Point], float]]  # event, and the quantity that vanishes there
 
 
 @dataclass(frozen=True)
@@ -50,6 +47,11 @@ class Event:
     a1: float
 
     __repr__ = short_repr
+
+    @classmethod
+    def at(cls, kind: str, branch: int, p: Point) -> Event:
+        """Event at a point."""
+        return cls(kind, branch, p.omega, float(p.extremes[0]), float(p.extremes[1]), p.harmonic)
 
 
 def _column(of: Callable[[Point], Any], words: str) -> Any:
@@ -80,7 +82,7 @@ class Branch:
 
     __repr__ = short_repr
 
-    Omega = _column(lambda p: p.parameter, "Forcing frequencies over omega_s")
+    Omega = _column(lambda p: p.omega, "Forcing frequencies over omega_s")
     u_max = _column(lambda p: p.extremes[0], "Largest displacements")
     u_min = _column(lambda p: p.extremes[1], "Smallest displacements; contact is lost where they are below -1")
     a1 = _column(lambda p: p.harmonic, "Amplitudes at the forcing frequency")
@@ -134,7 +136,7 @@ def dense(orbits: Orbits, points: Sequence[Point], rtol: float = _RTOL) -> tuple
     while left:
         a, b = rows[-1], left[-1]
         with suppress(ConvergenceError):
-            if _deviation(orbits, a, b) > rtol and a.parameter != b.parameter:
+            if _deviation(orbits, a, b) > rtol and a.omega != b.omega:
                 left.append(orbits.between(a, b, 0.5))
                 continue
         rows.append(left.pop())
@@ -145,7 +147,7 @@ def _deviation(orbits: Orbits, a: Point, b: Point) -> float:
     """Relative distance of the cubic from the line between two points, along u_max and Omega."""
     w, length = orbits.segment(a, b)[1:]
     (x, y), slopes = (
-        np.array([(p.parameter, p.extremes[0]) for p in (a, b)]).T,
+        np.array([(p.omega, p.extremes[0]) for p in (a, b)]).T,
         [length / np.linalg.norm(w * p.tangent) * np.array([p.rate, p.slopes[0]]) for p in (a, b)],
     )
     start, chord = np.array([x[0], y[0]]), np.array([x[1] - x[0], y[1] - y[0]])
@@ -158,101 +160,65 @@ def _deviation(orbits: Orbits, a: Point, b: Point) -> float:
     return worst
 
 
-def locate_events(orbits: Orbits, path: Path, kind: str, number: int) -> tuple[Branch, list[Event], list[Point]]:
-    """Branch of a path, `number` of a response, with its events; and the period doublings."""
-    points = _with_pairs(orbits, path.points)
-    flip = _flip(orbits)
-    tests: list[_Test] = [
-        ("fold", lambda p: p.rate),
-        ("grazing", lambda p: float(p.extremes[1]) + 1.0),
-        flip,
-        (_TOP, lambda p: float(p.slopes[0])),
-    ]
-    found = _located(orbits, points, tests)
-    events = [
-        Event(name, number, p.parameter, float(p.extremes[0]), float(p.extremes[1]), p.harmonic)
-        for _, name, p in found
-        if name not in (_TOP, _CHANGE)
-    ]
-    flips = [p for _, name, p in found if name == flip[0]]
-    for shift, (i, _, p) in enumerate(found):
-        points.insert(i + 1 + shift, p)
-    return Branch(kind, orbits.order, tuple(points), path.end, orbits.equation.restoring.contact), events, flips
-
-
-def doublings(orbits: Orbits, points: Sequence[Point]) -> list[Point]:
-    """Period doublings along points, without any other event."""
-    return [p for _, _, p in _located(orbits, _with_pairs(orbits, points), [_flip(orbits)])]
-
-
-def _flip(orbits: Orbits) -> _Test:
-    return "period doubling" if orbits.equation.zeta > 0 else _CHANGE, lambda p: p.flip
-
-
-def _located(orbits: Orbits, points: Sequence[Point], tests: Sequence[_Test]) -> list[tuple[int, str, Point]]:
-    """Zeros of the tests in order along a path: the point before, the name, and the zero as a point."""
+def located(orbits: Orbits, path: Sequence[Point], how: Tracing) -> tuple[tuple[Point, ...], list[tuple[str, Point]]]:
+    """Path with its events as points, and these with their names: outside the window period doublings alone."""
+    points = _with_dips(orbits, path)
+    flip = "period doubling" if orbits.equation.zeta > 0 else _CHANGE
+    tests: dict[str, Callable[[Point], float]] = {
+        "fold": lambda p: p.rate,
+        "grazing": lambda p: float(p.extremes[1]) + 1.0,
+        flip: lambda p: p.flip,
+        _TOP: lambda p: float(p.slopes[0]),
+    }
     found: list[tuple[int, float, str, Point]] = []
-    for name, at in tests:
+    inside = np.array([how.is_inside(p.omega) for p in points])
+    for name, at in tests.items():
         values = np.array([at(p) for p in points])
         if name == "fold" and len(values) > 1:  # it also vanishes at the ends of a period-2 branch, which are no folds
             values[0], values[-1] = values[0] or values[1], values[-1] or values[-2]
-        for i in np.flatnonzero((values[:-1] > 0) != (values[1:] > 0)):
+        changes = (values[:-1] > 0) != (values[1:] > 0)
+        for i in np.flatnonzero(changes & ((inside[1:] & inside[:-1]) | (name == flip))):
             if name == _TOP and values[i] < 0:  # a minimum of u_max
                 continue
             a, b = points[i], points[i + 1]
             with suppress(ConvergenceError):
-                p = orbits.locate(a, b, at, values[i], values[i + 1])
+                p = orbits.locate(a, b, at)
                 if p is not a:
-                    found.append((int(i), orbits.gap(a, p), name, p))
+                    found.append((int(i), orbits.segment(a, p)[2], name, p))
     found.sort(key=lambda item: item[:2])
-    return [(i, name, p) for i, _, name, p in found]
-
-
-def _with_pairs(orbits: Orbits, path: Sequence[Point]) -> list[Point]:
-    """Points with one more inside each pair of folds or of period doublings that lies between two points."""
-    points = list(path[:1])
-    for a, b in pairwise(path):
-        if len(back := orbits.turns(a, b)) == 2:
-            with suppress(ConvergenceError):
-                points.append(orbits.between(a, b, 0.5 * sum(back)))
-        points.append(b)
-    if orbits.equation.zeta == 0:
-        return points
-    new: list[tuple[int, Point]] = []
-    for sign in (1.0, -1.0)[: 2 if orbits.order == 1 else 1]:
-        new += _dips(orbits, points, sign)
-    for shift, (i, p) in enumerate(sorted(new, key=lambda item: item[0])):
+    for shift, (i, _, _, p) in enumerate(found):
         points.insert(i + 1 + shift, p)
-    return points
+    return tuple(points), [(name, p) for _, _, name, p in found if name not in (_TOP, _CHANGE)]
 
 
-def _dips(orbits: Orbits, points: Sequence[Point], sign: float) -> list[tuple[int, Point]]:
-    """Point inside each pair of folds (1) or doublings (-1) narrower than a step, with the number of that before.
+def _with_dips(orbits: Orbits, path: Sequence[Point]) -> list[Point]:
+    """Points with one more inside each pair of period doublings narrower than a step.
 
-    Multipliers near `sign` are sign * rho exp(+-i psi). psi^2 is smooth along the branch, vanishes where they meet on
-    the real axis and is negative beyond.
+    Multipliers near -1 are -rho exp(+-i psi). psi^2 is smooth along the branch, vanishes where they meet on the real
+    axis and is negative beyond.
     """
-
-    def passed(p: Point) -> bool:
-        return (p.fold if sign > 0 else p.flip) < 0
-
-    square = np.array([p.phase_square(sign) for p in points])
-    rise = np.sign(np.diff([p.parameter for p in points]))
+    points = list(path)
+    if orbits.equation.zeta == 0 or orbits.order > 1:
+        return points
+    square = np.array([p.phase_square(-1.0) for p in points])
+    rise = np.sign(np.diff([p.omega for p in points]))
     dips = (square[1:-1] < square[:-2]) & (square[1:-1] <= square[2:]) & (square[1:-1] < _DIP) & (rise[1:] == rise[:-1])
     new: list[tuple[int, Point]] = []
 
     def trial(s: float) -> float:
         left = int(s)
-        p = orbits.between(points[left], points[left + 1], s - left)
-        if passed(p):
+        p = orbits.between(path[left], path[left + 1], s - left)
+        if p.flip < 0:
             new.append((left, p))
             raise StopIteration
-        return p.phase_square(sign)
+        return p.phase_square(-1.0)
 
     for i in np.flatnonzero(dips) + 1:
-        if not any(passed(p) for p in points[i - 1 : i + 2]):
+        if not any(p.flip < 0 for p in points[i - 1 : i + 2]):
             with suppress(StopIteration, ConvergenceError):
                 minimize_scalar(
                     trial, bounds=(i - 1, i + 1), method="bounded", options={"maxiter": _TRIALS, "xatol": 1e-6}
                 )
-    return new
+    for shift, (i, p) in enumerate(new):
+        points.insert(i + 1 + shift, p)
+    return points

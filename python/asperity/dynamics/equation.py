@@ -1,9 +1,10 @@
-"""Equation of motion of a mass on a contact, which everything else integrates or balances.
+"""Equation of motion of a mass on a contact, and the compiled map that integrates it.
 
     u'' + 2 zeta g(u) u' + f(u) = F^ cos(Omega tau)
 
 The displacements are cut into cells, in each of which f and g are smooth: ln F is a cubic in ln(1 + u), or f a cubic
-in u (flight, and a Taylor law), and g is linear in u, or in the contact force.
+in u (flight, and a Taylor law), and g is linear in u, or in the contact force. The period map tells where a motion is
+after a time, with derivatives, extremes and first harmonic.
 """
 
 from __future__ import annotations
@@ -12,7 +13,6 @@ from bisect import bisect_left
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import cached_property
-from itertools import pairwise
 from math import exp, log
 from typing import Any
 
@@ -20,17 +20,25 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from asperity.arrays import Array
-from asperity.errors import InputError
+from asperity.errors import CompatError, InputError
 from asperity.force_law.damping import Damping, LoopDamping
 from asperity.force_law.law import Law
 from asperity.force_law.taylor import TaylorLaw
 from asperity.runtime.display import short_repr
 
-_SMALLEST = 1e-75  # its cube must not underflow
-_SMALL = 0.05  # below this |u| the potential is integrated: differences of potentials cancel
+try:
+    from asperity import _period_map
+except ImportError as error:
+    raise CompatError(
+        f"the compiled period map cannot be loaded ({error}): install asperity again, or use ./run"
+    ) from None
+
+TURN = 2.0 * np.pi
+ESCAPE = 1e3  # displacement beyond which motion has left a Taylor well
+_FARTHEST = 1e20  # of a flight
+_SMALLEST = 1e-75  # of the static deflection, whose cube must not underflow
 _APART = 1e-13  # distance of edges that are one
-_CLOSEST = 1e-9  # u + 1 at which a contact of infinite initial stiffness is lost: its force there is a jump
-_GAUSS_X, _GAUSS_W = np.polynomial.legendre.leggauss(16)
+_CLOSEST = 1e-12  # u + 1 at which a contact of infinite initial stiffness is lost: its force there is a jump
 
 
 @dataclass(frozen=True)
@@ -96,62 +104,9 @@ class Restoring:
         """ "exact" or "taylor"."""
         return "exact" if self.contact else "taylor"
 
-    def pull(self, u: Array) -> tuple[Array, Array]:
-        """Contact force over `scale`, zero in flight, and its derivative with respect to u."""
-        force, slope = self.law.both(self.z_s * (1.0 + u))
-        return force / self.scale, slope * (self.z_s / self.scale)
-
     def f(self, u: ArrayLike) -> Array:
         """Restoring force f(u), same shape as `u`."""
-        return self.pull(np.asarray(u, float))[0] - 1.0 / self.n_loc
-
-    def df(self, u: ArrayLike) -> Array:
-        """Derivative f'(u), same shape as `u`."""
-        return self.pull(np.asarray(u, float))[1]
-
-    def potential(self, u: ArrayLike) -> Array:
-        """Potential V(u), the integral of f from 0 to u, same shape as `u`."""
-        u, rest = np.asarray(u, float), 1.0 / self.n_loc
-        inside = np.maximum(u, -1.0) if self.contact else u
-        value = self.pulled(inside) - self._still - rest * inside
-        small = np.abs(u) < _SMALL
-        if small.any():
-            value = np.array(value)
-            value[small] = self.work(np.zeros(small.sum()), u[small])
-        return value + rest * (inside - u)
-
-    def level(self, u: float) -> float:
-        """Potential at one displacement."""
-        return float(self.potential(u))
-
-    @cached_property
-    def _still(self) -> Array:
-        """Energy stored in the contact at rest."""
-        return self.pulled(0.0)
-
-    @cached_property
-    def wall(self) -> float:
-        """Potential at separation."""
-        return self.level(-1.0)
-
-    def work(self, start: Array, length: Array) -> Array:
-        """Integral of f over short intervals, (m,), by Gauss quadrature between the knots of the law."""
-        total = np.zeros(start.size)
-        if not start.size:
-            return total
-        knots = self.law.knots / self.z_s - 1.0
-        low, high = np.minimum(start, start + length).min(), np.maximum(start, start + length).max()
-        inner = knots[(knots > low) & (knots < high)]
-        for a, b in pairwise([-np.inf, *inner, np.inf]):
-            left, right = (np.clip(edge - start, np.minimum(length, 0.0), np.maximum(length, 0.0)) for edge in (a, b))
-            half = 0.5 * (right - left)
-            total += half * (self.f((start + left)[:, None] + half[:, None] * (1.0 + _GAUSS_X)) @ _GAUSS_W)
-        return np.where(length < 0.0, -total, total)
-
-    def pulled(self, u: ArrayLike) -> Array:
-        """Energy stored in the contact, the integral of `pull` from u = -1."""
-        z = self.z_s * (1.0 + np.asarray(u, float))
-        return self.law.potential(z) / (self.scale * self.z_s)
+        return (self.law.both(self.z_s * (1.0 + np.asarray(u, float)))[0] - self.load) / self.scale
 
 
 @dataclass(frozen=True)
@@ -216,7 +171,7 @@ class Equation:
         rows = rows[np.searchsorted(edges, inside)]
         if self.damping != "hunt-crossley":  # there g is the contact force over the preload
             near = np.minimum(0.25 * np.min(np.diff(cuts), initial=1.0), 1e-3)
-            one, two = (rate(r, self.damping, inside + d) for d in (-near, near))
+            one, two = (_rate(r, self.damping, inside + d) for d in (-near, near))
             rows[:, 7] = (two - one) / (2.0 * near)
             rows[:, 6] = 0.5 * (one + two) - rows[:, 7] * inside
         return cuts, np.ascontiguousarray(rows)
@@ -244,13 +199,65 @@ class Equation:
         return acceleration
 
 
-def rate(restoring: Restoring, damping: Damping, u: Array) -> Array:
-    """Damping factor g(u), same shape as `u`."""
+def _rate(restoring: Restoring, damping: Damping, u: Array) -> Array:
+    """Damping factor g(u) of dampers that do not follow the force, same shape as `u`."""
+    touching = np.where(u > -1.0, 1.0, 0.0)
     if isinstance(damping, LoopDamping):
-        added = damping.coefficient(restoring.z_s * np.abs(u)) / damping.background
-        return np.where(u > -1.0, 1.0 + added, 0.0)
-    if damping == "always":
-        return np.ones_like(u)
-    if damping == "contact":
-        return np.where(u > -1.0, 1.0, 0.0)
-    return restoring.n_loc * restoring.pull(u)[0]
+        return touching * (1.0 + damping.coefficient(restoring.z_s * np.abs(u)) / damping.background)
+    return np.ones_like(u) if damping == "always" else touching
+
+
+@dataclass(frozen=True)
+class Motions:
+    """Ends of motions (lanes, ...), NaN where one escapes; derivatives are those by u, v and Omega.
+
+    Attributes:
+        end, by_end: state u, v (lanes, 2), and its derivatives (lanes, 2, 3)
+        high, low: largest and smallest displacement, and its derivatives (lanes, 4)
+        wave: integrals of u cos s and u sin s over the phase, and their derivatives (lanes, 2, 4)
+        damping, loss: integrals of g and of g u'^2 over the time (lanes,)
+        lowest: phase of the smallest displacement (lanes,)
+        error: sum of the local errors (lanes,)
+        steps: of the integrator, all lanes, rejected ones and those of motions that escape included
+    """
+
+    end: Array
+    by_end: Array
+    high: Array
+    low: Array
+    wave: Array
+    damping: Array
+    loss: Array
+    lowest: Array
+    error: Array
+    steps: float
+
+
+def motions(
+    equation: Equation,
+    states: ArrayLike,
+    omega: ArrayLike,
+    forcing: ArrayLike,
+    *,
+    grows: ArrayLike = 0.0,
+    start: ArrayLike = 0.0,
+    length: ArrayLike = TURN,
+    rtol: float = 1e-9,
+    derivatives: bool = True,
+) -> Motions:
+    """Integrate states (lanes, 2) from a phase Omega tau over a length of it.
+
+    `grows` is the derivative of F^ with respect to Omega.
+    """
+    y = np.asarray(states, float).reshape(-1, 2)
+    lanes = np.empty((len(y), 7))
+    lanes[:, :2] = y
+    for i, values in enumerate((omega, forcing, grows, start, length)):
+        lanes[:, 2 + i] = values
+    r = equation.restoring
+    out = np.empty((len(y), 29))
+    limit = _FARTHEST if r.contact else ESCAPE
+    numbers = (1.0 / r.n_loc, equation.of_force, equation.zeta, limit, rtol)
+    _period_map.period_map(*equation.cells, *numbers, derivatives, lanes, out)
+    columns, wave = out[:, 2:8].reshape(-1, 3, 2).transpose(0, 2, 1), out[:, 16:24].reshape(-1, 2, 4)
+    return Motions(out[:, :2], columns, out[:, 8:12], out[:, 12:16], wave, *out[:, 24:28].T, float(out[:, 28].sum()))

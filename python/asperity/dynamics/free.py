@@ -1,34 +1,36 @@
-"""Free vibration by quadrature: period, first harmonic and dissipation of undamped orbits.
+"""Free vibration over the amplitude, the resonance peak by energy balance, and onsets of nonlinear phenomena.
 
-The period of motion between the turning points is ``T = 2 INT du / sqrt(2 [V(u_0) - V(u)])``. The substitution
-``u = mid + half sin(theta)`` removes both end singularities, Gauss panels are split at knots of the law and at
-contact loss, and free flight (``u'' = 1/n_loc``) is added in closed form.
+A free orbit is half a period of the period map without damping, from rest to rest, integrated to round-off. At phase
+resonance the forcing supplies exactly the energy that the damper takes from a free orbit:
+
+    F^ / (2 zeta) = INT g(u) u'^2 dtau / (pi a_1)   (error O(zeta^2)).
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from dataclasses import dataclass
-from functools import lru_cache
-from typing import Any, NamedTuple
+from collections.abc import Iterator, Sequence
+from dataclasses import asdict, dataclass
+from typing import Any
 
 import numpy as np
-from numpy.polynomial import legendre
 from numpy.typing import ArrayLike
 from scipy.optimize import brentq
 
 from asperity.arrays import Array
-from asperity.dynamics.equation import Equation, Restoring, rate
+from asperity.dynamics.equation import Equation, Forcing, Restoring, motions
+from asperity.dynamics.settings import Setting
 from asperity.errors import ConvergenceError, RangeError
-from asperity.force_law.checks import positive, positives
+from asperity.force_law.checks import positives
 from asperity.force_law.damping import Damping
+from asperity.force_law.law import bend
 from asperity.force_law.taylor import TaylorLaw
 from asperity.runtime.display import short_repr
 
-_ORDERS = (24, 48, 96, 192, 384)  # of the Gauss rule of a panel, until two of them agree
-_RTOL = 2e-13  # in which they agree: some hundred times round-off
-_SHORT = 1e-12  # a knot this close to a turning point, over half the stroke, has no panel of its own
-_TOUCHING = 1e-5  # distance from a turning point, over that of this from separation, where potentials cancel
+_RTOL = 1e-14  # of the integrator: round-off alone is left
+_EARLY = 1e-6  # share of half a period before rest from where the last step of Newton's method goes
+_ROUND_OFF = 1e-15  # relative round-off of the contact force
+_ALMOST, _INFINITE = -0.99, 1e-9  # displacement below which an infinite stiffness at contact loss has this error
+_LARGEST = 1e6  # amplitude at which the search for a peak ends
 
 
 @dataclass(frozen=True)
@@ -105,108 +107,88 @@ class FreeVibration:
             yield {"model": self.model, "u0": o.u0, "omega_ratio": o.omega, "u_min": o.u_min, "a1": o.a1}
 
 
+def free_orbits(restoring: Restoring, u0: ArrayLike, damping: Damping = "always") -> tuple[FreeOrbit, ...]:
+    """Compute the orbits released from rest at u0 > 0 (orbits,).
+
+    Raises:
+        RangeError: an orbit passes the rim of a Taylor well
+        ConvergenceError: an amplitude is lost in round-off
+    """
+    start, rim, n = np.array(positives("u0", u0)), largest_amplitude(restoring), restoring.n_loc
+    if (far := start[start > rim]).size:
+        raise RangeError(
+            f"u0 = {far[0]:g} is beyond the rim of the Taylor well (u0 = {rim:.6g}): the truncated law lets the motion "
+            "escape; use the exact law"
+        )
+    equation, rest = Equation(restoring, 0.0, damping), np.column_stack([start, np.zeros(start.size)])
+    half = _half_periods(equation, rest)
+    once, twice = (
+        motions(equation, rest, k * np.pi / half, 0.0, length=k * np.pi, rtol=_RTOL, derivatives=False) for k in (1, 2)
+    )
+    low = np.minimum(once.low[:, 0], once.end[:, 0])
+    error = np.maximum(once.error / (start - low), _ROUND_OFF / n / start)
+    if restoring.contact and equation.cells[0][0] > -1.0:  # the stiffness at contact loss is infinite
+        error = np.maximum(error, np.where(low < _ALMOST, _INFINITE, 0.0))
+    if not error.max() < 1e-6:
+        raise ConvergenceError(
+            f"u0 = {start[error.argmax()]:g} is too small or too large: the motion is lost in round-off"
+        )
+    speed = np.sqrt(2.0 * np.maximum(-1.0 - low, 0.0) / n) if restoring.contact else 0.0 * low
+    columns = (
+        start, low, np.pi / half, once.wave[:, 0, 0] * 2.0 / np.pi, twice.wave[:, 0, 0] / np.pi, speed,
+        n * speed / half, 2.0 * once.loss, error,
+    )  # fmt: skip
+    return tuple(FreeOrbit(*values) for values in np.transpose(columns).tolist())
+
+
+def _half_periods(equation: Equation, rest: Array) -> Array:
+    """Times from the states of rest (orbits, 2) to rest on the other side."""
+    contact, at = equation.restoring.contact, equation.restoring.f(rest[:, 0])
+    # a stretch that no orbit can pass twice; then twice as long ones, until the first turn is inside
+    length = 1.5 * np.minimum(np.sqrt(rest[:, 0] / at), 1.0)
+    half, left = np.empty(len(rest)), np.arange(len(rest))
+    while left.size:
+        m = motions(equation, rest[left], 1.0, 0.0, length=length[left], rtol=1e-9, derivatives=False)
+        turned, flies = ~(m.end[:, 1] <= 0.0), contact & (m.end[:, 0] < -1.0)
+        half[left] = np.where(flies & ~turned, length[left], m.lowest)
+        turned |= flies  # in flight the step of Newton's method is exact
+        left = left[~turned]
+        length[left] *= 2.0
+    for early in (0.0, _EARLY):
+        half = (1.0 - early) * half
+        u, v = motions(equation, rest, 1.0 / half, 0.0, length=1.0, rtol=_RTOL, derivatives=False).end.T
+        half = half + v / equation.restoring.f(u)
+    return half
+
+
+def free_vibration(equation: Equation, amplitudes: ArrayLike, omega_s: float) -> FreeVibration:
+    """Compute the natural frequency at each release amplitude; see `free_orbits`."""
+    r = equation.restoring
+    orbits = free_orbits(r, amplitudes, equation.damping)
+    valid = tuple(r.contact or o.u_min >= -1.0 for o in orbits)
+    return FreeVibration(
+        r.model, r.law.describe(), r.n_loc, r.kappa, omega_s, orbits, valid, max(o.error for o in orbits)
+    )
+
+
+def _surplus(restoring: Restoring, u: float, level: float) -> float:
+    """Potential at a displacement less that at another one."""
+    z, other = (restoring.z_s * (1.0 + x) for x in (u, level))
+    stored = float(restoring.law.potential(z) - restoring.law.potential(other)) / (restoring.scale * restoring.z_s)
+    return stored - (u - level) / restoring.n_loc
+
+
 def contact_limit(restoring: Restoring) -> float:
     """Largest release that keeps contact, V(u_max) = V(-1); (n+1)^(1/n) - 1 for a power law.
 
     It is inf for a law without contact loss.
     """
-    if not restoring.contact:
-        return np.inf
-    wall, high = restoring.wall, 1.0
-    while restoring.level(high) < wall:
+    high = 1.0 if restoring.contact else np.inf
+    while high < 1e9 and _surplus(restoring, high, -1.0) < 0.0:
         high *= 2.0
-        if high > 1e9:
-            return np.inf
-    return float(brentq(lambda u: restoring.level(u) - wall, 0.0, high, xtol=1e-15, rtol=1e-14))
-
-
-def free_orbit(restoring: Restoring, u0: float, damping: Damping = "always", *, rough: bool = False) -> FreeOrbit:
-    """Compute the orbit released from rest at `u0`, to 1e-12 where the law is smooth, or to about 1e-4 if `rough`.
-
-    Raises:
-        RangeError: the orbit passes the rim of a Taylor well
-        ConvergenceError: the quadrature does not converge (the law is too rough between its knots)
-    """
-    half = _half_period(restoring, positive("u0", u0), _ORDERS[: 1 if rough else None])
-    if not (rough or half.error < 1e-6):
-        raise ConvergenceError(
-            f"the period at u0 = {u0:g} converges only to {half.error:.1e}: the amplitude is lost in round-off, or "
-            "the law is too rough; fit a power law to it"
-        )
-    a1, a2 = (float(a) for a in _harmonics(half, np.array([1, 2])))
-    return FreeOrbit(
-        u0, half.u_min, 2.0 * np.pi / half.period, a1, a2, half.v_s, 2.0 * half.flight / half.period,
-        _dissipation(restoring, half, damping), max(half.error, 1e-15),
-    )  # fmt: skip
-
-
-class _HalfPeriod(NamedTuple):
-    """Samples of the contact part from u0 downwards: displacements, time weights, times, speeds."""
-
-    u: Array
-    dt: Array
-    t: Array
-    speed: Array
-    u_min: float
-    v_s: float
-    flight: float  # half of the flight time
-    n_loc: float
-    period: float
-    error: float
-
-
-def _half_period(restoring: Restoring, u0: float, orders: tuple[int, ...]) -> _HalfPeriod:
-    u_min, v_s = _turning_point(restoring, u0)
-    mid, half = 0.5 * (u0 + u_min), 0.5 * (u0 - u_min)
-    low = -1.0 if v_s > 0 else u_min
-    inner = restoring.law.knots / restoring.z_s - 1.0
-    short = _SHORT * half
-    knots = np.concatenate([[low], inner[(inner > low + short) & (inner < u0 - short)], [u0]])
-    theta = np.arcsin(np.clip((knots - mid) / half, -1.0, 1.0))
-    theta[-1] = 0.5 * np.pi
-    depth = 0.5 * restoring.n_loc * v_s**2  # of the flight below u = -1
-    theta[0] = -0.5 * np.pi + 2.0 * np.arcsin(np.sqrt(0.5 * depth / half))
-    v0 = restoring.level(u0)
-    time, error = np.nan, np.inf
-    for order in orders:
-        u, dt, t, speed = _contact_part(restoring, theta, u_min, u0, v0, order)
-        previous, time = time, float(dt.sum())
-        error = abs(time - previous) / time
-        if error < _RTOL:
-            break
-    flight = restoring.n_loc * v_s
-    return _HalfPeriod(u, dt, t, speed, u_min, v_s, flight, restoring.n_loc, 2.0 * (time + flight), error)
-
-
-def _dissipation(restoring: Restoring, half: _HalfPeriod, damping: Damping) -> float:
-    """INT g u'^2 over the period."""
-    loss = 2.0 * float((rate(restoring, damping, half.u) * half.speed**2) @ half.dt)
-    if half.v_s > 0 and damping == "always":  # it also acts in flight
-        loss += 2.0 * restoring.n_loc * half.v_s**3 / 3.0
-    return loss
-
-
-def _harmonics(half: _HalfPeriod, k: Array) -> Array:
-    """Cosine coefficients of the orbit for the harmonics `k`."""
-    omega = 2.0 * np.pi / half.period
-    out = np.cos(omega * np.outer(k, half.t)) @ (half.u * half.dt)
-    if half.v_s > 0:
-        x, w = _gauss(48 + 2 * int(k.max()))
-        s = 0.5 * (1.0 + x) * half.flight  # from separation to the top of the flight
-        path = -1.0 - half.v_s * s + s * s / (2.0 * half.n_loc)
-        phase = omega * np.outer(k, 0.5 * half.period - half.flight + s)
-        out = out + np.cos(phase) @ (path * w) * 0.5 * half.flight
-    return np.where(k == 0, 2.0, 4.0) / half.period * out
-
-
-def free_vibration(equation: Equation, amplitudes: ArrayLike, omega_s: float) -> FreeVibration:
-    """Compute the natural frequency at each release amplitude; see `free_orbit`."""
-    r = equation.restoring
-    orbits = tuple(free_orbit(r, u, equation.damping) for u in positives("u0", amplitudes))
-    valid = tuple(r.contact or o.u_min >= -1.0 for o in orbits)
-    return FreeVibration(
-        r.model, r.law.describe(), r.n_loc, r.kappa, omega_s, orbits, valid, max(o.error for o in orbits)
-    )
+    if high > 1e9:
+        return np.inf
+    return float(brentq(lambda u: _surplus(restoring, u, -1.0), 0.0, high, xtol=1e-15, rtol=1e-14))
 
 
 def largest_amplitude(restoring: Restoring) -> float:
@@ -216,79 +198,103 @@ def largest_amplitude(restoring: Restoring) -> float:
         return np.inf
     low, high = law.rims()
     edge, ceiling = high, min(high, 1e3)
-    if np.isfinite(low):
-        wall = restoring.level(low)
-        if restoring.level(ceiling) > wall:
-            edge = brentq(lambda u: restoring.level(u) - wall, 0.0, ceiling)
+    if np.isfinite(low) and _surplus(restoring, ceiling, low) > 0.0:
+        edge = brentq(lambda u: _surplus(restoring, u, low), 0.0, ceiling)
     return 0.999 * edge
 
 
-def _turning_point(restoring: Restoring, u0: float) -> tuple[float, float]:
-    """Lower turning point and the speed at separation (0 if contact is kept)."""
-    law = restoring.law
-    energy = restoring.level(u0)
-    if not isinstance(law, TaylorLaw):
-        surplus = energy - restoring.wall
-        if surplus > 0:
-            return -1.0 - surplus * restoring.n_loc, float(np.sqrt(2.0 * surplus))
-        low = -1.0
-    else:
-        low, rim = law.rims()[0], largest_amplitude(restoring)
-        if u0 > rim:
-            raise RangeError(
-                f"u0 = {u0:g} is beyond the rim of the Taylor well (u0 = {rim:.6g}): the truncated law lets the motion "
-                "escape; use the exact law"
-            )
-        if not np.isfinite(low):
-            low = -u0
-            while restoring.level(low) < energy:
-                low *= 2.0
-    root = brentq(lambda u: restoring.level(u) - energy, low, -1e-3 * min(u0, 1.0), xtol=1e-16, rtol=1e-14)
-    return float(root), 0.0
+@dataclass(frozen=True)
+class Thresholds:
+    """Onsets of nonlinear phenomena of one oscillator, as F^; None where there is no onset.
+
+    Attributes:
+        model, law, zeta, damping, n_loc, kappa: of the oscillator
+        softening: sign of kappa in words: "softening", "hardening", "linear", or "undecided" within its error bar
+        u_max, omega_loss: largest release that keeps contact, and its frequency over omega_s
+        drive_loss, contact_loss: F^/(2 zeta), and F^, at which resonance begins to lose contact
+        hysteresis: F^ of the first vertical tangent (multiple scales, small zeta)
+        period_doubling: F^ of the first period doubling near Omega = 2 (small zeta; error about 0.5 % for 0.01)
+        peaks: for each requested forcing F_hat, F_over_mg, and Omega, u_max, u_min, a1 of the resonance peak; None
+            where the damping does not limit it
+        F_over_mg: factor from F^ to F/(m g), equal to n_loc
+        tolerance: relative error zeta^2 of onsets and peaks, which are leading terms in zeta
+        valid: False if a peak of a Taylor law passes u = -1
+    """
+
+    model: str
+    law: str
+    zeta: float
+    damping: str
+    n_loc: float
+    kappa: float
+    softening: str
+    u_max: float | None
+    omega_loss: float | None
+    drive_loss: float | None
+    contact_loss: float | None
+    hysteresis: float | None
+    period_doubling: float | None
+    peaks: tuple[dict[str, float | None], ...]
+    F_over_mg: float
+    tolerance: float
+    valid: bool
+
+    __repr__ = short_repr
+
+    def to_dict(self) -> dict[str, Any]:
+        """Section of thresholds.json."""
+        return asdict(self)
 
 
-def _contact_part(
-    restoring: Restoring, theta: Array, u_min: float, u0: float, v0: float, order: int
-) -> tuple[Array, Array, Array, Array]:
-    """Displacements, time weights, times from the compressed end and speeds over half a period."""
-    mid, half = 0.5 * (u0 + u_min), 0.5 * (u0 - u_min)
-    x, w = _gauss(order)
-    width = 0.5 * np.diff(theta)[:, None]
-    angle = 0.5 * (theta[1:] + theta[:-1])[:, None] + width * x
-    u = mid + half * np.sin(angle)
-    gain = v0 - restoring.potential(u)
-    # near an end the difference of potentials cancels: integrate the force instead
-    below = 2.0 * half * np.sin(0.25 * np.pi - 0.5 * angle) ** 2
-    near = below < 0.02 * half
-    gain[near] = -restoring.work(np.full(near.sum(), u0), -below[near])
-    above = 2.0 * half * np.sin(0.25 * np.pi + 0.5 * angle) ** 2
-    if restoring.contact and u_min < -0.5:  # measured from the flight side, exact down to u = -1
-        near = u < -0.5
-        stored = restoring.pulled(u[near]) - restoring.pulled(u_min)
-        gain[near] = above[near] / restoring.n_loc - stored
-        near = above < _TOUCHING * (1.0 + u_min)
-    else:
-        near = above < 0.02 * half
-    gain[near] = -restoring.work(np.full(near.sum(), u_min), above[near])
-    if not gain.min() > 0:
-        raise ConvergenceError("the amplitude is too small: V(u) is lost in round-off")
-    speed = np.sqrt(2.0 * gain)
-    slope = half * np.cos(angle) / speed  # dt / dtheta
-    panels = (slope * w) * width
-    start = panels.sum(axis=1)[::-1].cumsum()[::-1]  # time from the left end of each panel to u0
-    t = start[:, None] - width * (slope @ _integration(order).T)
-    return u.ravel(), panels.ravel(), t.ravel(), speed.ravel()
+def resonance_peak(restoring: Restoring, forcing: Forcing, zeta: float, damping: Damping) -> FreeOrbit | None:
+    """Free orbit that a forcing sustains at phase resonance; None if there is none."""
+    limit, drive = min(largest_amplitude(restoring), _LARGEST), forcing.amplitude / (2.0 * zeta)
+
+    def surplus(u: float) -> float:
+        (orbit,) = free_orbits(restoring, u, damping)
+        return orbit.drive - float(forcing.at(orbit.omega)) / (2.0 * zeta)
+
+    low = high = min(1e-3, 0.1 * drive, 0.5 * limit)
+    try:
+        while surplus(high) < 0:
+            low, high = high, min(4.0 * high, limit)
+            if high == low or (high > 1e3 and surplus(high) < surplus(low)):  # the damping does not limit it
+                return None
+    except ConvergenceError:  # beyond any amplitude that can be integrated
+        return None
+    u = low if high == low else brentq(surplus, low, high, xtol=1e-14, rtol=1e-13)
+    return free_orbits(restoring, u, damping)[0]
 
 
-@lru_cache(maxsize=16)
-def _gauss(order: int) -> tuple[Array, Array]:
-    return legendre.leggauss(order)
-
-
-@lru_cache(maxsize=16)
-def _integration(order: int) -> Array:
-    """Matrix that integrates values at the Gauss points from -1 to each of them."""
-    x, w = _gauss(order)
-    k = np.arange(order)
-    coefficients = (k + 0.5)[:, None] * (legendre.legvander(x, order - 1) * w[:, None]).T
-    return np.asarray(legendre.legvander(x, order) @ legendre.legint(np.eye(order), lbnd=-1) @ coefficients)
+def thresholds(equation: Equation, settings: Sequence[Setting] = ()) -> Thresholds:
+    """Compute the onsets of `Thresholds` and the resonance peak of each setting."""
+    restoring, zeta, damping = equation.restoring, equation.zeta, equation.damping
+    limit = contact_limit(restoring)
+    orbit = free_orbits(restoring, limit, damping)[0] if np.isfinite(limit) else None
+    kappa, bar = restoring.kappa, restoring.law.kappa_bar(restoring.z_s)
+    peaks: list[dict[str, float | None]] = []
+    for setting in settings:
+        f = setting.F_hat
+        peak = resonance_peak(restoring, setting.forcing, zeta, damping) if zeta > 0 else None
+        values = (peak.omega, peak.u0, peak.u_min, peak.a1) if peak else (None,) * 4
+        at_peak = dict(zip(("Omega", "u_max", "u_min", "a1"), values, strict=True))
+        peaks.append({"F_hat": f, "F_over_mg": restoring.n_loc * f, **at_peak})
+    return Thresholds(
+        model=restoring.model,
+        law=restoring.law.describe(),
+        zeta=zeta,
+        damping=str(damping),
+        n_loc=restoring.n_loc,
+        kappa=kappa,
+        softening=bend(kappa - bar, kappa + bar),
+        u_max=limit if orbit else None,
+        omega_loss=orbit.omega if orbit else None,
+        drive_loss=orbit.drive if orbit else None,
+        contact_loss=2.0 * zeta * orbit.drive if orbit else None,
+        hysteresis=float(np.sqrt(32.0 * zeta**3 / (3.0 * np.sqrt(3.0) * abs(kappa)))) if kappa else None,
+        period_doubling=6.0 * zeta / abs(restoring.a2) if restoring.a2 else None,
+        peaks=tuple(peaks),
+        F_over_mg=restoring.n_loc,
+        tolerance=zeta**2,
+        valid=restoring.contact or all(p["u_min"] is None or p["u_min"] >= -1.0 for p in peaks),
+    )

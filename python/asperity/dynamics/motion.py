@@ -1,26 +1,26 @@
-"""A single motion in time with located separations and landings, by SciPy's DOP853 from one of them to the next.
-
-The force is harmonic, a step, half a period of a sine, or a chirp.
-"""
+"""Motion in time: a single one by SciPy's DOP853, and frequency sweeps, each a lane of the period map."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 from math import cos, pi, sin
+from typing import Any
 
 import numpy as np
 from scipy.integrate import solve_ivp
+from scipy.optimize import brentq
 
 from asperity.arrays import Array
-from asperity.dynamics.equation import Equation
-from asperity.dynamics.period_map import ESCAPE
+from asperity.dynamics.equation import ESCAPE, Equation, motions
 from asperity.dynamics.settings import Setting
 from asperity.errors import ConvergenceError, RangeError
 from asperity.runtime.display import short_repr
 
-_SHORTEST = 1e-8  # contact or flight, which makes grazing end
+SETTLED, NOT_SETTLED, ESCAPED = "settled", "not settled", "escaped"
+_RTOL = 1e-8  # of the integrator of sweeps
+_LONGEST = 4  # longest period distinguished from chaos, in forcing periods
 
 Force = Callable[[float], float]
 
@@ -86,67 +86,200 @@ def integrate(
         ConvergenceError: the integrator fails
         RangeError: the motion escapes from a Taylor well
     """
-    contact = equation.restoring.contact
-    times, states = [0.0], [(u, v)]
-    flights: list[tuple[float, float]] = []
+    contact, acceleration = equation.restoring.contact, equation.acceleration
+
+    def field(t: float, y: Array) -> list[float]:
+        x, speed = float(y[0]), float(y[1])
+        return [speed, force(t) + acceleration(x, speed)]
+
+    def turn(t: float, y: Array) -> float:
+        return float(y[1])
+
+    def escape(t: float, y: Array) -> float:
+        return 1.0 if contact else ESCAPE - abs(float(y[0]))
+
+    escape.terminal = True  # type: ignore[attr-defined]
+    times, states, changes = [np.zeros(1)], [np.array([[u], [v]])], list[float]()
     for begin, stop in pairwise([0.0, *(t for t in sorted(corners) if 0.0 < t < duration), duration]):
-        t = begin
-        while t < stop:
-            x, speed = states[-1]
-            flying = contact and (x < -1.0 - 1e-13 or (x <= -1.0 + 1e-13 and speed < 0.0))
-            end, found = _phase(equation, force, states[-1], t, stop, flying, rtol, samples, max_step)
-            if flying:
-                flights.append((t, end))
-            times += [time for time, _ in found]
-            states += [s for _, s in found]
-            t = end
-    y, forces = np.array(states), np.array([force(t) for t in times])
-    return Trajectory(np.array(times), y[:, 0], y[:, 1], forces, np.array(flights).reshape(-1, 2))
-
-
-def _phase(
-    equation: Equation, force: Force, state: tuple[float, float], start: float, stop: float, flying: bool, rtol: float,
-    samples: float, max_step: float
-) -> tuple[float, list[tuple[float, tuple[float, float]]]]:  # fmt: skip
-    """Integrate until contact changes, or to `stop`: the end, and times with states (samples, turning points, end)."""
-    r, side, acceleration = equation.restoring, -1.0 if flying else 1.0, equation.acceleration
-
-    def field(t: float, s: Array) -> list[float]:
-        x, v = float(s[0]), float(s[1])
-        return [v, force(t) + acceleration(x, v)]
-
-    def change(t: float, s: Array) -> float:
-        if not r.contact:
-            return ESCAPE - abs(float(s[0]))
-        return side * (float(s[0]) + 1.0) if t > start + _SHORTEST else 1.0
-
-    def turn(t: float, s: Array) -> float:
-        return float(s[1])
-
-    change.terminal, change.direction = True, -1.0  # type: ignore[attr-defined]
-    end = stop
-    while True:
-        grid = np.linspace(start, end, max(2, int(samples * (end - start)) + 2)) if samples else np.array([start, end])
         run = solve_ivp(
-            field, (start, end), state, method="DOP853", rtol=0.1 * rtol, atol=1e-3 * rtol, t_eval=grid,
-            events=(change, turn), max_step=max_step
+            field, (begin, stop), states[-1][:, -1], method="DOP853", rtol=0.02 * rtol, atol=1e-3 * rtol,
+            dense_output=True, events=(turn, escape), max_step=max_step,
         )  # fmt: skip
         if not run.success:
             raise ConvergenceError(f"time integration failed at tau = {run.t[-1]:g}: {run.message}")
-        changes = run.t_events[0]
-        turns = list(zip(run.t_events[1], run.y_events[1], strict=True))
-        # a step may pass over a short loss of contact, or a short contact: integrate only to the turn that reveals it
-        missed = [t for t, s in turns if r.contact and side * (s[0] + 1.0) < -1e-14 and t > start + _SHORTEST]
-        if not missed or (changes.size and changes[0] <= missed[0]):
+        if run.status == 1:
+            raise RangeError(f"the motion escapes from the Taylor well near tau = {run.t[-1]:g}: use the exact law")
+        t = np.union1d(np.linspace(begin, stop, int(samples * (stop - begin)) + 2), run.t_events[0])
+        flying = (run.sol(t)[0] < -1.0) & contact  # every flight has a turning point
+        lost = [_separation(run.sol, t[i], t[i + 1]) for i in np.flatnonzero(flying[1:] != flying[:-1])]
+        t = np.union1d(t, lost)[1:]
+        changes += lost
+        times.append(t)
+        states.append(run.sol(t))
+    tau, y = np.concatenate(times), np.concatenate(states, axis=1)
+    ends = [0.0] * (contact and u < -1.0) + changes
+    flight = np.array(ends + [duration] * (len(ends) % 2)).reshape(-1, 2)
+    return Trajectory(tau, *y, np.array([force(t) for t in tau]), flight)
+
+
+def _separation(motion: Callable[[float], Array], before: float, after: float) -> float:
+    """Time of u = -1 between two times on its two sides."""
+    return float(brentq(lambda t: float(motion(t)[0]) + 1.0, before, after, xtol=1e-15, rtol=1e-14))
+
+
+@dataclass(frozen=True)
+class Sweep:
+    """Steady states of a sweep with carried state (arrays of shape (frequencies,), in the order of the sweep).
+
+    Attributes:
+        setting: law, damping and forcing
+        direction: "up" or "down"
+        Omega: frequencies
+        u_max, u_min, a1: extreme displacements and amplitude at the forcing frequency; NaN after an escape
+        status: "settled", "period k", "not settled" or "escaped" for each point
+        periods: forcing periods integrated at each point
+        tolerance: largest estimated distance from the steady state among the settled points, relative to the orbit
+        valid: False where a Taylor law passes u = -1 or the motion has escaped
+    """
+
+    setting: Setting
+    direction: str
+    Omega: Array
+    u_max: Array
+    u_min: Array
+    a1: Array
+    status: tuple[str, ...]
+    periods: Array
+    tolerance: float
+    valid: Array
+
+    __repr__ = short_repr
+
+    def to_dict(self) -> dict[str, Any]:
+        """Section of thresholds.json."""
+        counts = {name: self.status.count(name) for name in dict.fromkeys(self.status)}
+        valid = bool(self.valid.all())
+        return {"F_hat": self.setting.F_hat, "direction": self.direction, "valid": valid, "status": counts}
+
+    def rows(self) -> Iterator[dict[str, Any]]:
+        """Rows of response.csv, without escaped points, which have no amplitude."""
+        for status, omega, u, low, a1 in zip(self.status, self.Omega, self.u_max, self.u_min, self.a1, strict=True):
+            if status != ESCAPED:
+                yield self.setting.row(f"sweep-{self.direction}", omega, u, low, a1, status != NOT_SETTLED)
+
+
+def sweep(
+    equation: Equation,
+    settings: list[Setting],
+    omega: Array,
+    *,
+    directions: tuple[str, ...],
+    tol: float,
+    max_periods: int | None,
+) -> tuple[Sweep, ...]:
+    """Sweep all forcings and directions in parallel; see `ContactOscillator.sweep`. The frequencies `omega` rise."""
+    lanes = [(s, d) for s in settings for d in directions]
+    path = np.array([omega if d == "up" else omega[::-1] for _, d in lanes])
+    state: Array = np.zeros((2, len(lanes)))
+    limit = max_periods or int(np.clip(4.0 / equation.zeta, 100, 20000))
+    columns = []
+    for j in range(omega.size):
+        forcing = np.array([s.forcing.at(w) for (s, _), w in zip(lanes, path[:, j], strict=True)])
+        state, found = _settle(equation, state, path[:, j], forcing, tol, limit)
+        columns.append(found)
+    u_max, u_min, a1, residual, kind, periods = np.moveaxis(np.array(columns), 0, -1)
+    settled = kind > 0
+    valid = np.ones_like(settled) if equation.restoring.contact else u_min >= -1.0
+    names = {-1: ESCAPED, 0: NOT_SETTLED, 1: SETTLED}
+    return tuple(
+        Sweep(
+            setting, direction, path[i], u_max[i], u_min[i], a1[i],
+            tuple(names.get(int(k), f"period {k:.0f}") for k in kind[i]),
+            periods[i].astype(int),
+            float(residual[i][settled[i]].max(initial=0.0)) if settled[i].any() else np.inf,
+            valid[i]
+        )
+        for i, (setting, direction) in enumerate(lanes)
+    )  # fmt: skip
+
+
+def _settle(
+    equation: Equation, state: Array, omega: Array, forcing: Array, tol: float, limit: int
+) -> tuple[Array, Array]:
+    """Steady state (u, v) of every lane from a state (2, lanes), NaN after an escape; u_max, u_min, a1, residual, kind.
+
+    The change of the Poincare map over a period, divided by ``1 - exp(-2 pi zeta / Omega)``, estimates the remaining
+    distance, `residual`. Slow convergence is accelerated by steps of Newton's method to the fixed point of the map.
+    `kind` is the period, 0 not settled, -1 escaped; the periods integrated are the last row (6, lanes).
+    """
+    lanes = omega.size
+    shrink = 1.0 - np.exp(-2.0 * np.pi * equation.zeta / omega)
+    # perturb by more than the tolerance: a start exactly on an unstable orbit must not look settled
+    state = state + np.outer([10.0 * tol, 0.0], np.hypot(*state))
+    kind = np.where(np.isnan(state[0]), -1, 0)
+    residual, a1, periods = np.full(lanes, np.inf), np.full(lanes, np.nan), np.zeros(lanes, int)
+    highest, lowest = np.full((2, _LONGEST, lanes), np.nan)
+    history = [state]
+    for period in range(limit):
+        active = np.flatnonzero(kind == 0)
+        if active.size == 0:
             break
-        end = float(missed[0])
-    found = [
-        (float(t), (float(s[0]), float(s[1]))) for t, s in [*zip(run.t, run.y.T, strict=True), *turns] if t > start
-    ]
-    if changes.size:
-        end = float(changes[0])
-        if not r.contact:
-            raise RangeError(f"the motion escapes from the Taylor well near tau = {end:g}: use the exact law")
-        found = [one for one in found if one[0] < end]
-        found.append((end, (-1.0, float(run.y_events[0][0][1]))))
-    return end, sorted(found)
+        m = motions(equation, state[:, active].T, omega[active], forcing[active], rtol=_RTOL, derivatives=False)
+        gone = ~np.isfinite(m.end[:, 0])
+        kind[active[gone]] = -1
+        state = state.copy()
+        state[:, active] = m.end.T
+        high, low = m.high[:, 0], m.low[:, 0]
+        first = np.hypot(*m.wave[:, :, 0].T) / np.pi
+        periods[active] += 1
+        highest[period % _LONGEST, active], lowest[period % _LONGEST, active], a1[active] = high, low, first
+        history = [*history, state][-(2 * _LONGEST + 1) :]
+        if len(history) < 4:
+            continue
+        size = 0.5 * (np.nanmax(highest[:, active], axis=0) - np.nanmin(lowest[:, active], axis=0)) + 1e-12
+        y = np.array(history)[:, :, active]
+        repeats, residual[active] = _periods(y, shrink[active], size, tol)
+        kind[active] = np.where(gone, -1, repeats)
+        slow = np.flatnonzero(kind[active] == 0)
+        if len(history) == 2 * _LONGEST + 1 and slow.size:
+            jump = _to_fixed_point(equation, state[:, active[slow]], omega[active[slow]], forcing[active[slow]])
+            near = np.abs(jump).max(axis=0) < 0.05 * size[slow]
+            if near.any():
+                state = state.copy()
+                state[:, active[slow[near]]] += jump[:, near]
+                history = [state]
+    lost = np.where(kind < 0, np.nan, 1.0)
+    top, bottom = (
+        np.where(kind == 1, record[(periods - 1) % _LONGEST, np.arange(lanes)], best.reduce(record, axis=0)) * lost
+        for record, best in ((highest, np.fmax), (lowest, np.fmin))
+    )
+    return state, np.array([top, bottom, a1 * lost, residual, kind, periods])
+
+
+def _periods(y: Array, shrink: Array, size: Array, tol: float) -> tuple[Array, Array]:
+    """Period of each lane (0 if it does not repeat), and its estimated distance from the orbit.
+
+    `y` are the states at the ends of the last periods (periods + 1, 2, lanes), `size` the amplitudes.
+    """
+    found, distance = np.zeros(size.size, int), np.full(size.size, np.inf)
+    gaps: dict[int, Array] = {}
+    for m in range(1, _LONGEST + 1):
+        if len(y) < max(m + 2, 2 * m + 1 if m > 1 else 0):
+            break
+        gaps[m], before = (np.abs(y[-k] - y[-k - m]).max(axis=0) / shrink / size for k in (1, 2))
+        done = (np.maximum(gaps[m], before) < tol * m) & (found == 0)
+        for divisor in (d for d in gaps if m % d == 0 and d < m):
+            # a decaying spiral also comes close after a few periods, but not by so much
+            done &= gaps[m] < 0.05 * shrink * gaps[divisor]
+        found[done], distance[done] = m, gaps[m][done] / m
+    return found, distance
+
+
+def _to_fixed_point(equation: Equation, state: Array, omega: Array, forcing: Array) -> Array:
+    """Steps (2, lanes) of Newton's method to attracting fixed points of the map, infinite where there is none."""
+    m = motions(equation, state.T, omega, forcing, rtol=_RTOL)
+    matrix = np.nan_to_num(m.by_end[:, :, :2])
+    attracting = (np.abs(np.linalg.eigvals(matrix)).max(axis=1) < 1.0) & np.isfinite(m.end[:, 0])
+    matrix[~attracting] = 0.0
+    step = np.linalg.solve(np.eye(2) - matrix, (m.end - state.T)[..., None])[..., 0].T
+    return np.where(attracting, step, np.inf)

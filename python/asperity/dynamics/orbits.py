@@ -9,17 +9,15 @@ most half of the distance, and so shrinks geometrically instead of jumping over 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from itertools import pairwise
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy.optimize import brentq
 
 from asperity.arrays import Array
-from asperity.dynamics.equation import Equation, Forcing
-from asperity.dynamics.period_map import TURN, Motions, motions
+from asperity.dynamics.equation import TURN, Equation, Forcing, Motions, motions
 from asperity.dynamics.point import PIECES, SMALLEST, TOO_MUCH, Path, Point, Tracing, hermite, root, value
 from asperity.errors import ConvergenceError
 
@@ -29,70 +27,57 @@ _LOST = 1e9  # relative state beyond which Newton's method has left the orbit
 _CUT = 0.35  # of a step that does not converge
 _HMIN = 1e-9  # smallest step along the branch
 _LONGEST = 0.4  # longest step, relative to amplitude and frequency
-_STRIDE = 0.03  # longest step outside the window, over the parameter
+_STRIDE = 0.03  # longest step outside the window, over the frequency
 _PREDICTED = 0.03  # allowed error of the prediction
-_INSIDE = 7e-3  # the same inside the window, over the rate of the parameter along the branch, at least `_STEEP`
+_INSIDE = 7e-3  # the same inside the window, over the rate of the frequency along the branch, at least `_STEEP`
 _STEEP = 0.03
 _WEAK = 1e-3  # relative amplitude of a resonance that steps may jump over
 _WORK = 250  # steps of the integrator that count as much as a point
-_CROSSING_RTOL = 1e-14  # tolerance of the fraction of a segment at which a parameter is crossed
+_CROSSING_RTOL = 1e-14  # tolerance of the fraction of a segment at which a frequency is crossed
 _ROUND_OFF = 1e-15  # relative round-off of the contact force
 _NOISE = 30.0  # steps of Newton's method that round-off causes, over it
 
 
-@dataclass(frozen=True)
+@dataclass
 class Orbits:
-    """Orbits of `order` forcing periods as zeros of a function of states and parameter.
-
-    The parameter is Omega, or F^ at the frequency `raised_at`.
-    """
+    """Orbits of `order` forcing periods as zeros of a function of states and Omega."""
 
     equation: Equation
     forcing: Forcing
     order: int = 1
     rtol: float = 1e-9
-    raised_at: float | None = None
-    steps: list[float] = field(default_factory=lambda: [0.0], repr=False, compare=False)  # of the integrator so far
+    work: float = field(default=0.0, repr=False, compare=False)  # steps of the integrator so far, in points
 
-    @property
-    def effort(self) -> float:
-        """Steps of the integrator so far, in points."""
-        return self.steps[0] / _WORK
-
-    def scales(self, amplitude: float, parameter: float) -> Array:
-        """Weights of states and parameter in lengths along the branch."""
+    def scales(self, amplitude: float, omega: float) -> Array:
+        """Weights of states and Omega in lengths along the branch."""
         w, size = np.empty(2 * PIECES * self.order + 1), amplitude * np.sqrt(PIECES * self.order)
-        w[0::2], w[1::2] = 1.0 / size, 1.0 / (size * max(1.0, self.raised_at or parameter))
-        w[-1] = 1.0 / parameter
+        w[0::2], w[1::2] = 1.0 / size, 1.0 / (size * max(1.0, omega))
+        w[-1] = 1.0 / omega
         return w
 
-    def map(self, states: Array, parameter: float, phase: Array, length: float, **more: Any) -> Motions:
+    def map(self, states: Array, omega: float, phase: Array, length: float, **more: Any) -> Motions:
         """Motions from states (lanes, 2) at phases over a length of it."""
-        if self.raised_at is not None:
-            more |= {"omega": self.raised_at, "forcing": parameter, "by_forcing": True}
-        else:
-            more |= {"omega": parameter, "forcing": self.forcing.at(parameter), "grows": self.forcing.rate(parameter)}
-        m = motions(self.equation, states, start=phase, length=length, rtol=self.rtol, **more)
-        self.steps[0] += m.steps
+        m = motions(
+            self.equation, states, omega, self.forcing.at(omega), grows=self.forcing.rate(omega), start=phase,
+            length=length, rtol=self.rtol, **more,
+        )  # fmt: skip
+        self.work += m.steps / _WORK
         return m
 
-    def through(self, states: ArrayLike, parameter: float) -> Array:
+    def through(self, states: ArrayLike, omega: float) -> Array:
         """Guess of the unknowns from the states at forcing phase 0 of each period (order, 2)."""
         rows: list[Array] = [np.reshape(states, (-1, 2))]
         for k in range(PIECES - 1):
             phase = np.full(len(rows[0]), k * TURN / PIECES)
-            rows.append(self.map(rows[-1], parameter, phase, TURN / PIECES, derivatives=False).end)
-        return np.append(np.stack(rows, 1).ravel(), parameter)
+            rows.append(self.map(rows[-1], omega, phase, TURN / PIECES, derivatives=False).end)
+        return np.append(np.stack(rows, 1).ravel(), omega)
 
     def correct(
         self, y: Array, normal: Array, amplitude: float, *, limit: float = np.inf, rtol: float = _NEWTON_RTOL
-    ) -> tuple[Point, float]:
-        """Correct a guess y (states, parameter) by Newton's method in the plane through it with the given normal.
+    ) -> Point:
+        """Correct a guess y (states, Omega) by Newton's method in the plane through it with the given normal.
 
         The tangent is oriented along the normal. The last step is below `rtol`, relative to the amplitude.
-
-        Returns:
-            the point, and the work, in points
 
         Raises:
             ConvergenceError: the iteration does not converge, or moves further than `limit`
@@ -101,14 +86,13 @@ class Orbits:
         w = self.scales(min(amplitude, 1.0) + 1e-300, abs(y[-1]) + 1e-300)
         plane = normal / w
         plane = plane / np.sqrt(plane @ plane)
-        previous, travelled, work = np.inf, 0.0, 0.0
+        previous, travelled = np.inf, 0.0
         rtol = max(rtol, _NOISE * _ROUND_OFF / (self.equation.restoring.n_loc * min(amplitude, 1.0) + 1e-300))
         phase, rows = TURN / PIECES * np.arange(count), np.arange(2 * count).reshape(-1, 2)
         ahead = -np.roll(np.eye(2 * count), 2, axis=1)
         for _ in range(_NEWTON):
             states = y[:-1].reshape(-1, 2)
             m = self.map(states, float(y[-1]), phase, TURN / PIECES)
-            work += 0.5 + m.steps / _WORK
             residual = (m.end - np.concatenate([states[1:], states[:1]])).ravel() * w[:-1]
             if not np.abs(residual).max() < _LOST:
                 break
@@ -131,7 +115,7 @@ class Orbits:
             if length <= rtol:
                 grown = float(np.abs(inverse[:-1, :-1]).sum(axis=1).max())
                 local = float(m.error.sum()) * grown / (min(amplitude, 1.0) + 1e-300)
-                return self._point(y, inverse[:, -1] / w, m, -step / w, local), work
+                return self._point(y, inverse[:, -1] / w, m, -step / w, local)
             previous = length
         raise ConvergenceError("no convergence in the corrector")
 
@@ -153,98 +137,87 @@ class Orbits:
         size = max(liouville, 1e-6 * float(np.sum(monodromy**2)), 1e-12)
         off = abs(float(np.linalg.det(monodromy)) - liouville) / size
         a = 0.5 * (extremes[0] - extremes[1]) + 1e-300
-        unit = tangent * self.scales(a, abs(y[-1]) + 1e-300)
-        length = np.sqrt(unit @ unit)
+        length = np.linalg.norm(tangent * self.scales(a, abs(y[-1]) + 1e-300))
         error = max(error * min(1.0, 1.0 / a), _ROUND_OFF / (self.equation.restoring.n_loc * a))
         return Point(
             y, tangent / length, extremes, moves[:, 1] / length, float(np.trace(monodromy)), liouville, off, error
         )
 
     def at(self, y: Array, amplitude: float, direction: float = 1.0) -> Point:
-        """Correct a guess at its parameter, which first changes with the sign of `direction` along the tangent."""
+        """Correct a guess at its Omega, which first changes with the sign of `direction` along the tangent."""
         normal = np.zeros(y.size)
         normal[-1] = np.copysign(1.0, direction)
-        return self.correct(y, normal, amplitude)[0].pinned(float(y[-1]))
+        found = self.correct(y, normal, amplitude)
+        return replace(found, y=np.append(found.y[:-1], y[-1]))
 
     def segment(self, a: Point, b: Point) -> tuple[Array, Array, float]:
         """Cubic (4, unknowns) from a to b over [0, 1], weights of the unknowns, and the length of the chord."""
-        w = self.scales(a.amplitude, a.parameter)
+        w = self.scales(a.amplitude, a.omega)
         chord = b.y - a.y
         length = float(np.linalg.norm(w * chord))
         out, into = (length / (np.linalg.norm(w * p.tangent) + 1e-300) * p.tangent for p in (a, b))
         return hermite(a.y, chord, out, into), w, length
 
-    def gap(self, a: Point, b: Point) -> float:
-        """Distance between two points along the branch."""
-        return float(np.linalg.norm(self.scales(a.amplitude, a.parameter) * (b.y - a.y)))
-
-    def between(self, a: Point, b: Point, fraction: float, rtol: float = _NEWTON_RTOL) -> Point:
+    def between(self, a: Point, b: Point, fraction: float) -> Point:
         """Point of the branch at a fraction of the way from a to b: cubic prediction, corrected."""
         cubic, w, length = self.segment(a, b)
         normal = w**2 * (cubic[1] + 2.0 * fraction * cubic[2] + 3.0 * fraction**2 * cubic[3])
         if not np.any(normal):
             normal = w**2 * cubic[1:].sum(axis=0)
         guess = value(cubic, fraction)
-        point = self.correct(guess, normal, min(a.amplitude, b.amplitude), rtol=rtol)[0]
+        point = self.correct(guess, normal, min(a.amplitude, b.amplitude))
         if np.linalg.norm(w * (point.y - guess)) > 0.5 * length + 1e-6:
             raise ConvergenceError("another orbit was found between two points")
         return point
 
-    def locate(
-        self, a: Point, b: Point, at: Callable[[Point], float], fa: float, fb: float, xtol: float = 1e-9
-    ) -> Point:
-        """Find the point between neighbours where `at`, fa and fb at a and b and of opposite signs, vanishes."""
+    def locate(self, a: Point, b: Point, at: Callable[[Point], float], xtol: float = 1e-9) -> Point:
+        """Find the point between neighbours where `at`, of opposite signs there, vanishes."""
         point = a
 
         def off(s: float) -> float:
             nonlocal point
-            if s in (0.0, 1.0):
-                return fb if s else fa
             point = self.between(a, b, s)
             return at(point)
 
-        brentq(off, 0.0, 1.0, xtol=xtol, rtol=_CROSSING_RTOL)
+        root(off, at(a), at(b), xtol)
         return point
 
-    def crossings(self, points: Sequence[Point], parameter: float) -> Iterator[Point]:
-        """Each orbit of a path at exactly this parameter, in order along the path.
+    def crossings(self, points: Sequence[Point], omega: float) -> Iterator[Point]:
+        """Each orbit of a path at exactly this Omega, in order along the path.
 
         Where the cubic between two points turns back the segment is split, so that each piece has at most one crossing.
         The failure of a correction is a `ConvergenceError`.
         """
         for a, b in pairwise(points):
-            if a.parameter == parameter:
+            if a.omega == omega:
                 yield a
             start, first, second, third = (float(c) for c in self.segment(a, b)[0][:, -1])
-            polygon = (start, start + first / 3.0, b.parameter - (3.0 * third + 2.0 * second + first) / 3.0)
-            if not min(*polygon, b.parameter) <= parameter <= max(*polygon, b.parameter):
+            polygon = (start, start + first / 3.0, b.omega - (3.0 * third + 2.0 * second + first) / 3.0)
+            if not min(*polygon, b.omega) <= omega <= max(*polygon, b.omega):
                 continue  # the control polygon of the cubic lies on one side
             pieces = [a, *(self.between(a, b, s) for s in self.turns(a, b)), b]
             for left, right in pairwise(pieces):
-                if (left.parameter - parameter) * (right.parameter - parameter) < 0:
-                    yield self._crossing(left, right, parameter)
-        if points[-1].parameter == parameter:
+                if (left.omega - omega) * (right.omega - omega) < 0:
+                    yield self._crossing(left, right, omega)
+        if points[-1].omega == omega:
             yield points[-1]
 
-    def _crossing(self, a: Point, b: Point, parameter: float) -> Point:
-        """Orbit at a parameter between two neighbours on its two sides."""
+    def _crossing(self, a: Point, b: Point, omega: float) -> Point:
+        """Orbit at a frequency between two neighbours on its two sides."""
         cubic, w, length = self.segment(a, b)
-        s = root(lambda s: float(value(cubic[:, -1], s)) - parameter, a.parameter - parameter, b.parameter - parameter)
-        with_sense = b.parameter - a.parameter
+        s = root(lambda s: float(value(cubic[:, -1], s)) - omega, a.omega - omega, b.omega - omega)
         try:
-            guess = value(cubic, s)
-            found = self.at(np.append(guess[:-1], parameter), min(a.amplitude, b.amplitude), with_sense)
+            guess = np.append(value(cubic, s)[:-1], omega)
+            found = self.at(guess, min(a.amplitude, b.amplitude), b.omega - a.omega)
             if np.linalg.norm(w * (found.y - guess)) < 0.2 * length:
                 return found
         except ConvergenceError:
             pass
-        found = self.locate(
-            a, b, lambda p: p.parameter - parameter, a.parameter - parameter, b.parameter - parameter, _CROSSING_RTOL
-        )
-        return found.pinned(parameter)
+        found = self.locate(a, b, lambda p: p.omega - omega, _CROSSING_RTOL)
+        return replace(found, y=np.append(found.y[:-1], omega))
 
     def turns(self, a: Point, b: Point) -> list[float]:
-        """Fractions of the segment, in order, at which the parameter of the cubic turns back."""
+        """Fractions of the segment, in order, at which the Omega of the cubic turns back."""
         _, first, second, third = self.segment(a, b)[0][:, -1]
         inside = second * second - 3.0 * third * first
         if inside < 0:
@@ -253,89 +226,75 @@ class Orbits:
         found = {float(x / y) for x, y in ((q, 3.0 * third), (first, q)) if abs(x) < abs(y) and x * y > 0}
         return sorted(found)
 
-    def trace(self, first: Point, how: Tracing, stop: Callable[[list[Point]], str | None] | None = None) -> Path:
-        """Trace the branch along the tangent of `first` until it leaves the limits of the parameter.
+    def trace(self, first: Point, how: Tracing, stop: Callable[[list[Point]], str | None]) -> Path:
+        """Trace the branch along the tangent of `first` until it leaves the limits of Omega.
 
         It has a point at each end of the window that it passes. `stop` receives the points after each step, and may
         return a reason to end the path.
         """
         limits = how.limits or how.window
-        points = [first]
-        h, work = 0.05, 0.0
+        points, h, most = [first], 0.05, self.work + how.max_work
         while True:
-            here = points[-1]
-            inside = how.is_inside(here.parameter)
-            w = self.scales(here.amplitude, here.parameter)
+            here, omega = points[-1], points[-1].omega
+            w = self.scales(here.amplitude, omega)
             unit = here.tangent / np.linalg.norm(w * here.tangent)
-            longest = how.max_step if inside else min(_STRIDE * here.parameter, 5.0 * how.max_step + _STRIDE)
-            h = min(h, longest / max(abs(unit[-1]), 1e-9), _LONGEST)
-            h = max(min(h, self._resonance(here, float(unit[-1]))), 2.0 * _HMIN)
-            predict = self._predictor(points, w, unit)
+            longest = how.max_step if how.is_inside(omega) else min(_STRIDE * omega, 5.0 * how.max_step + _STRIDE)
+            h = min(h, longest / max(abs(unit[-1]), 1e-9), _LONGEST, self._resonance(here, float(unit[-1])))
+            h = max(h, 2.0 * _HMIN)
+            cubic, length = np.array([here.y - unit, unit, 0.0 * unit, 0.0 * unit]), 1.0
+            if len(points) > 1:  # through the last two points
+                before, chord = points[-2], here.y - points[-2].y
+                length = float(np.linalg.norm(w * chord))
+                out = length / np.linalg.norm(w * before.tangent) * before.tangent
+                cubic = hermite(before.y, chord, out, length * unit)
             while True:
                 if h < _HMIN:
-                    return Path(tuple(points), "step too small", work=work)
-                if work > how.max_work:
-                    return Path(tuple(points), TOO_MUCH, work=work)
-                before = self.effort
+                    return Path(tuple(points), "step too small")
+                if self.work > most:
+                    return Path(tuple(points), TOO_MUCH)
+                guess = value(cubic, 1.0 + h / length)
                 try:
-                    guess = predict(h)
-                    point, more = self.correct(guess, w**2 * unit, here.amplitude, limit=3.0 * h)
-                    work += more
+                    point = self.correct(guess, w**2 * unit, here.amplitude, limit=3.0 * h)
                 except ConvergenceError:
-                    work += 2.0 + self.effort - before
                     h *= _CUT
                     continue
                 miss, along = w * (point.y - guess), w * point.tangent / np.linalg.norm(w * point.tangent)
                 allowed = _PREDICTED
-                if how.is_inside(point.parameter):  # at a fold the error at fixed frequency would diverge
+                if how.is_inside(point.omega):  # at a fold the error at fixed frequency would diverge
                     allowed = min(allowed, _INSIDE * max(abs(along[-1]), abs(float((w * unit)[-1])), _STEEP))
                 error = float(np.linalg.norm(miss - (miss @ along) * along)) / allowed
-                aligned = float(along @ (w * unit))
-                if error > 2.0 or aligned < 0.5:
+                if error > 2.0 or float(along @ (w * unit)) < 0.5:
                     h *= max(0.2, min(0.6, (0.5 / max(error, 1e-9)) ** 0.25))
                     continue
                 break
-            passed = [e for e in {*limits, *how.window} if (e - here.parameter) * (e - point.parameter) < 0]
+            passed = [e for e in {*limits, *how.window} if (e - omega) * (e - point.omega) < 0]
             if passed:
-                edge = min(passed, key=lambda e: abs(e - here.parameter))
+                edge = min(passed, key=lambda e: abs(e - omega))
                 try:
                     point = self._crossing(here, point, edge)
                 except (ConvergenceError, ValueError):
                     if h > 1e-6:
                         h *= _CUT
                         continue
-                    return Path(tuple(points), "window", work=work)
-            if not limits[0] <= point.parameter <= limits[1]:
-                return Path(tuple(points), "window", work=work)
+                    return Path(tuple(points), "window")
+            if not limits[0] <= point.omega <= limits[1]:
+                return Path(tuple(points), "window")
             points.append(point)
-            reason = stop(points) if stop else None
-            if passed and point.parameter in limits:
+            reason = stop(points)
+            if passed and point.omega in limits:
                 reason = "window"
             if reason:
-                return Path(tuple(points), reason, work=work)
+                return Path(tuple(points), reason)
             h *= min(2.0, max(0.3, (0.6 / max(error, 1e-6)) ** 0.25))
 
     def _resonance(self, p: Point, rate: float) -> float:
         """Longest step near a resonance, by the phase of the multipliers; `rate` is that of Omega along the branch."""
-        if self.raised_at is not None or p.determinant <= SMALLEST:
+        if p.determinant <= SMALLEST:
             return np.inf
-        decay, turn = -0.5 * np.log(p.determinant), TURN * self.order / p.parameter**2
+        decay, turn = -0.5 * np.log(p.determinant), TURN * self.order / p.omega**2
         near = min(abs(p.phase_square(sign)) for sign in (1.0, -1.0)) ** 0.5
-        w = self.scales(p.amplitude, p.parameter)
+        w = self.scales(p.amplitude, p.omega)
         drift = float(np.linalg.norm((w * p.tangent)[:-1])) / max(abs(p.rate), 1e-9)
         if drift * abs(p.fold) / turn < _WEAK * max(decay, 1e-6):
             return np.inf
         return (0.5 * near + max(0.5 * decay, 1e-3)) / (turn * max(abs(rate), 1e-9))
-
-    def _predictor(self, points: Sequence[Point], w: Array, unit: Array) -> Callable[[float], Array]:
-        """Extrapolation by arc length with the cubic through the last two points and their tangents."""
-        here = points[-1]
-        if len(points) > 1:
-            before = points[-2]
-            chord = here.y - before.y
-            length = float(np.linalg.norm(w * chord))
-            if length > 1e-12:
-                out = length / np.linalg.norm(w * before.tangent) * before.tangent
-                cubic = hermite(before.y, chord, out, length * unit)
-                return lambda h: value(cubic, 1.0 + h / length)
-        return lambda h: here.y + h * unit

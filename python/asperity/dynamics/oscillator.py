@@ -9,15 +9,13 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import ArrayLike
 
-from asperity.dynamics import sweep as _sweep
-from asperity.dynamics import thresholds as _thresholds
+from asperity.dynamics import free as _free
+from asperity.dynamics import motion as _motion
 from asperity.dynamics.equation import Equation, Restoring
-from asperity.dynamics.free import FreeVibration, contact_limit, free_vibration, largest_amplitude
-from asperity.dynamics.motion import Trajectory, course, integrate
+from asperity.dynamics.free import FreeVibration, Thresholds, contact_limit, largest_amplitude
+from asperity.dynamics.motion import Sweep, Trajectory, course, integrate
 from asperity.dynamics.response import FrequencyResponse, frequency_response
 from asperity.dynamics.settings import EXCITATIONS, FORCING, MIN_ZETA, OMEGA, SHAPES, Setting, forcings, window
-from asperity.dynamics.sweep import Sweep
-from asperity.dynamics.thresholds import Thresholds
 from asperity.errors import AsperityWarning, InputError, RangeError, warn
 from asperity.force_law.checks import positive, positives, within
 from asperity.force_law.damping import Damping, check_damping
@@ -124,12 +122,12 @@ class ContactOscillator:
         if u0 is None:
             top = min(1.5 * self.u_max if np.isfinite(self.u_max) else 1.5, largest_amplitude(self.restoring))
             u0 = np.linspace(top / 120, top, 120)
-        return free_vibration(self.equation, u0, self.omega_s)
+        return _free.free_vibration(self.equation, u0, self.omega_s)
 
     def thresholds(self, forcing: float | Iterable[float] = (), excitation: str = "force") -> Thresholds:
         """Onsets of contact loss, hysteresis and period doubling as F^, and the peak for each value of `forcing`."""
         values = () if isinstance(forcing, Sequence) and not forcing else forcings(forcing)
-        return _thresholds.thresholds(self.equation, [self.setting(value, excitation) for value in values])
+        return _free.thresholds(self.equation, [self.setting(value, excitation) for value in values])
 
     def response(
         self,
@@ -194,7 +192,7 @@ class ContactOscillator:
             raise InputError(f"points = {points} is not legal: a sweep needs at least 2")
         settings, path = [self.setting(f, excitation) for f in forcings(forcing)], np.linspace(*window(omega), points)
         tol = positive("tol", tol)
-        return _sweep.sweep(self.equation, settings, path, directions=directions, tol=tol, max_periods=max_periods)
+        return _motion.sweep(self.equation, settings, path, directions=directions, tol=tol, max_periods=max_periods)
 
     def simulate(
         self,

@@ -10,7 +10,7 @@ import numpy as np
 from scipy.optimize import brentq
 
 from asperity.arrays import Array
-from asperity.dynamics.period_map import TURN
+from asperity.dynamics.equation import TURN
 
 PIECES = 4  # of a forcing period
 TOO_MUCH = "too much work"  # a reason why a path ends
@@ -22,7 +22,7 @@ class Point:
     """One periodic orbit on a branch, with the tangent of the branch; arrays are float.
 
     Attributes:
-        y: states u, v at equally spaced phases, from 0, and the parameter: Omega (or F^ while the forcing is raised)
+        y: states u, v at equally spaced phases, from 0, and Omega
         tangent: of the branch in these; its last entry changes sign at a fold
         extremes: u_max, u_min, and the cosine and sine coefficients at the forcing frequency (4,)
         slopes: their derivatives along the tangent (4,)
@@ -41,13 +41,13 @@ class Point:
     error: float
 
     @property
-    def parameter(self) -> float:
-        """Omega, or F^."""
+    def omega(self) -> float:
+        """Forcing frequency over omega_s."""
         return float(self.y[-1])
 
     @property
     def rate(self) -> float:
-        """Change of the parameter along the tangent."""
+        """Change of Omega along the tangent."""
         return float(self.tangent[-1])
 
     @property
@@ -101,33 +101,35 @@ class Point:
         """Same point with the opposite direction."""
         return replace(self, tangent=-self.tangent, slopes=-self.slopes)
 
-    def pinned(self, parameter: float) -> Point:
-        """Same point with the parameter that it was computed for, to the last digit."""
-        return replace(self, y=np.append(self.y[:-1], parameter))
-
 
 @dataclass(frozen=True)
 class Path:
-    """Points in order along a branch, and the reason why it ends."""
+    """Points in order along a branch, and the reasons why it begins and ends there."""
 
     points: tuple[Point, ...]
     end: str
     begin: str = "window"
-    work: float = 0.0  # in points; those whose integration is long count more
 
 
 @dataclass(frozen=True)
 class Tracing:
-    """How branches are traced."""
+    """How branches are traced.
 
-    window: tuple[float, float]  # of the parameter
-    max_step: float  # in the parameter
-    max_work: float = 4000.0  # after which a path ends
-    limits: tuple[float, float] | None = None  # up to which a branch is followed outside the window; None: its ends
+    Attributes:
+        window: of Omega
+        max_step: in Omega
+        max_work: after which a path ends, in points
+        limits: Omega up to which a branch is followed outside the window; None for its ends
+    """
 
-    def is_inside(self, parameter: float) -> bool:
-        """Whether a parameter is in the window."""
-        return self.window[0] <= parameter <= self.window[1]
+    window: tuple[float, float]
+    max_step: float
+    max_work: float = 4000.0
+    limits: tuple[float, float] | None = None
+
+    def is_inside(self, omega: float) -> bool:
+        """Whether a frequency is in the window."""
+        return self.window[0] <= omega <= self.window[1]
 
 
 def hermite(start: Any, chord: Any, out: Any, into: Any) -> Array:
@@ -140,6 +142,6 @@ def value(cubic: Array, s: Any) -> Array:
     return np.asarray(cubic[0] + s * (cubic[1] + s * (cubic[2] + s * cubic[3])))
 
 
-def root(at: Callable[[float], float], fa: float, fb: float) -> float:
+def root(at: Callable[[float], float], fa: float, fb: float, xtol: float = 1e-15) -> float:
     """Zero of a function over [0, 1] with the values fa and fb, of opposite signs, at the ends."""
-    return float(brentq(lambda s: fa if s <= 0.0 else fb if s >= 1.0 else at(s), 0.0, 1.0, xtol=1e-15, rtol=1e-14))
+    return float(brentq(lambda s: fa if s <= 0.0 else fb if s >= 1.0 else at(s), 0.0, 1.0, xtol=xtol, rtol=1e-14))

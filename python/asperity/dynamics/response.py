@@ -163,7 +163,7 @@ class FrequencyResponse:
         for line in self.lines():
             for p in line.points:
                 u_max, u_min = (float(u) for u in p.extremes[:2])
-                yield self.setting.row(line.kind, p.parameter, u_max, u_min, p.harmonic, p.stable, p.phase)
+                yield self.setting.row(line.kind, p.omega, u_max, u_min, p.harmonic, p.stable, p.phase)
 
 
 def frequency_response(

@@ -15,14 +15,12 @@ import numpy as np
 
 from asperity.curve.loops import LoopTable
 from asperity.dynamics.band import BAND_COLUMNS, Band, response_band
-from asperity.dynamics.free import FreeVibration
+from asperity.dynamics.free import FreeVibration, Thresholds
 from asperity.dynamics.joint import Numbers
-from asperity.dynamics.motion import Trajectory
+from asperity.dynamics.motion import ESCAPED, Sweep, Trajectory
 from asperity.dynamics.oscillator import GRAVITY, ContactOscillator
 from asperity.dynamics.response import FrequencyResponse
 from asperity.dynamics.settings import DynamicsSettings
-from asperity.dynamics.sweep import ESCAPED, Sweep
-from asperity.dynamics.thresholds import Thresholds
 from asperity.errors import AsperityError, InputError
 from asperity.force_law.checks import positive
 from asperity.force_law.choice import Choice, choose

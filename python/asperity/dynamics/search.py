@@ -1,43 +1,49 @@
 """Search for all branches of periodic orbits in a window of frequencies.
 
-The branch of order 1 starts where its orbit is unique and known: above the resonance, or from rest. Every branch is
-traced beyond the window and then cut, so a window has the orbits of a wide one.
-Branches of twice the period start at period doublings, others at orbits of the period map.
+The branch of order 1 starts where its orbit is unique and known: above the resonance, or near rest. Every branch is
+traced beyond the window and then cut, so a window has the orbits of a wide one. Branches of twice the period start at
+period doublings. Newton's method on the period map finds loops, and orbits of period 2 that no period doubling leads
+to: it starts on free orbits, at resonance with the forcing and at frequencies that fill the window evenly.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from contextlib import suppress
 from dataclasses import replace
 from itertools import pairwise, product
 
 import numpy as np
 
 from asperity.arrays import Array
-from asperity.dynamics.branch import Branch, Event, doublings, locate_events
-from asperity.dynamics.equation import Equation, Forcing
+from asperity.dynamics.branch import Branch, Event, located
+from asperity.dynamics.equation import TURN, Equation, Forcing, motions
+from asperity.dynamics.free import free_orbits, largest_amplitude, resonance_peak
 from asperity.dynamics.orbits import Orbits
-from asperity.dynamics.period_map import TURN
 from asperity.dynamics.point import PIECES, TOO_MUCH, Path, Point, Tracing, root, value
 from asperity.dynamics.settings import MIN_ZETA
-from asperity.dynamics.starts import (
-    backbone_chart,
-    free_starts,
-    has_one_resonance,
-    orbit_from_rest,
-    periodic_orbits,
-    random_starts,
-    states,
-)
 from asperity.errors import ConvergenceError
 from asperity.force_law.damping import only_in_contact
 
-_STARTS = 240  # on the period map, and as many on free orbits
+_STARTS = 480  # on the period map
 _SLOW = 0.2  # Omega below which there are fewer, because each takes longer
+_TOGETHER = 8  # starts whose motions are followed at once
+_ITERATIONS = 9  # of Newton's method on the period map
+_MOST_STEPS = 8e5  # of the integrator in the search from the starts
+_ROUGH = 1e-6  # tolerance of the motions of the search; the orbits are corrected later
+_CLOSE = 1e-4  # Newton step that ends the search, relative to the state
+_KNOWN = 1e-2  # distance within which an orbit is identical to a known one, relative to the state
+_SAME = 1e-3  # relative distance below which two orbits are identical
+_CYCLES = 5  # of free orbits in a forcing period
+_AMPLITUDES = (0.05, 300.0)  # of free orbits: small ones, and those above which the mass flies all the time
+_MODERATE = 2.5  # amplitude up to which starts fill the states evenly
+_POINTS = 12  # amplitudes on the backbone
+_MOST_LOST = 2.0  # of `Search.may_double`: up to 1.1 with orbits of period 2, in 250 random windows
 _BEYOND = 1.2  # frequency over that of a resonance, beyond which the orbit is unique
 _BELOW = 0.5  # lowest frequency outside the window, over its low end
 _RESONANCES = 6  # main and superharmonic ones, at Omega = 1/k, between which an undamped branch starts
-_SAME = 1e-3  # relative distance below which two orbits are identical
+_LONG = 40.0  # time on a free orbit to a start
+_GOLDEN = 1.2207440846057596  # root of x^4 = x + 1, of a sequence that fills a cube evenly (Roberts 2018)
 
 
 class Search:
@@ -51,44 +57,55 @@ class Search:
     def __init__(self, equation: Equation, forcing: Forcing, how: Tracing, subharmonics: bool, rtol: float) -> None:
         self.equation, self.forcing, self.how = equation, forcing, how
         self.orders = (1, 2) if subharmonics else (1,)
-        self.orbits = {order: Orbits(equation, forcing, order, rtol=rtol) for order in (1, 2)}
+        self.orbits = {order: Orbits(equation, forcing, order, rtol) for order in (1, 2)}
         self.strong = float(forcing.at(max(1.0, how.window[1])))  # F^, the greatest in the window and at the resonance
         self.starts = int(_STARTS * min(1.0, how.window[0] / _SLOW) ** 2)
-        self.chart = backbone_chart(equation, self.strong)
-        self.alone = has_one_resonance(equation, self.strong)  # below the main resonance the orbit is unique
         self.branches: list[Branch] = []
         self.events: list[Event] = []
         self.notes: list[str] = []
-        self._paths: list[tuple[str, int, Path]] = []  # kind, order and path, in and outside the window
-        self._measured = 0  # number of them whose pieces are branches
+        self._paths: list[tuple[int, Path]] = []  # order and path, in and outside the window
         self._ends: list[tuple[int, Point]] = []  # of branches, with their order
-        self._states: list[Array] = []  # of the branches, see `starts.states`
+        self._known: list[Array] = []  # Omega, u and v at forcing phase 0 (3, order, points) along each path
         self._doublings: list[Point] = []
-        self._lost: list[str] = []  # notes on orbits from rest, of no interest where the others add up
+        self._lost: list[str] = []  # notes on orbits near rest, of no interest where the others add up
+        self._backbone()
+
+    def _backbone(self) -> None:
+        """Free orbits up to the amplitude that the forcing sustains at phase resonance, and what follows from them."""
+        e, r, zeta = self.equation, self.equation.restoring, self.equation.zeta
+        top = largest_amplitude(r)
+        if zeta > 0.0:
+            with suppress(ConvergenceError):  # the law is too stiff at amplitudes far beyond any resonance
+                peak = None if only_in_contact(e.damping) else resonance_peak(r, Forcing(self.strong), zeta, e.damping)
+                top = top if peak is None else min(peak.u0, top)
+        top = min(top, _AMPLITUDES[1])
+        self.amplitude = np.geomspace(min(_AMPLITUDES[0], 0.1 * top), top, _POINTS)
+        free = free_orbits(r, self.amplitude, e.damping)
+        self.frequency, drive, second = np.array([(o.omega, o.drive, o.a2 / o.a1) for o in free]).T
+        # at twice the frequency, share of the work on the second harmonic that the damping takes
+        self.lost = np.divide(
+            zeta * drive, self.strong * np.abs(second), out=np.full(_POINTS, np.inf), where=second != 0
+        )
+        # below the main resonance the orbit is unique where the second-order force, 0.9 |a2| F^^2 at half of the
+        # resonance, is well below the onset of hysteresis
+        onset = np.sqrt(6.16 * zeta**3 / max(abs(r.kappa), 1e-12))
+        self.alone = bool(r.contact and 0.9 * abs(r.a2) * self.strong**2 < 0.5 * onset)
+        self.lowest, self.highest = float(min(1.0, *self.frequency)), float(max(1.0, *self.frequency))
 
     def run(self) -> None:
         """Trace branches until nothing is left."""
         (low, high), (below, above) = self.how.window, self._limits(1)
-        self._from_rest(above)
-        unique = below <= self.chart.lowest / _BEYOND or low >= _BEYOND * self.chart.highest
-        lowest = min((p.parameter for _, _, path in self._paths for p in path.points), default=np.inf)
-        if not unique or lowest > below:
-            self._from_rest(low)
+        self._near_rest(above)
+        unique = below <= self.lowest / _BEYOND or low >= _BEYOND * self.highest
+        if not unique or min((p.omega for _, path in self._paths for p in path.points), default=np.inf) > below:
+            self._near_rest(low)
         if self.equation.zeta < MIN_ZETA:  # resonances so high that between each two there is a branch of its own
             for omega in (1.0 / np.sqrt(k * (k + 1.0)) for k in range(1, _RESONANCES)):
                 if below < omega < above:
-                    self._from_rest(omega)
-        self._finish()
-        orders = self._searched_orders()
-        random = random_starts(self.equation, self.strong, self.how.window, self.starts) if orders else np.empty((3, 0))
-        for order in orders:
-            free = free_starts(self.equation, self.chart, self.how.window, order, self.starts)
-            lanes = np.concatenate([free, random], axis=1)
-            for omega, x, amplitude in periodic_orbits(
-                self.equation, self.forcing, lanes, order, self._states, self.notes
-            ):
-                self._through("detached", order, x, omega, amplitude)
-                self._finish()
+                    self._near_rest(omega)
+        for order in self._searched_orders():
+            for rough, omega, amplitude in self._found(order, *self._lanes(order)):
+                self._through("detached", order, rough, omega, amplitude)
                 if self._left < 0.0:
                     break
         if not self.branches:
@@ -110,13 +127,16 @@ class Search:
         """Orders of orbits that may be on branches that no other one leads to."""
         if self.equation.zeta < MIN_ZETA:
             return []
-        needed = {1: not self.alone, 2: not self.alone or self.chart.may_double(self.how.window)}
+        (low, high), omega = self.how.window, 2.0 * self.frequency
+        near = (np.maximum(omega[1:], omega[:-1]) > low) & (np.minimum(omega[1:], omega[:-1]) < high)
+        may_double = bool((np.minimum(self.lost[1:], self.lost[:-1])[near] < _MOST_LOST).any())
+        needed = {1: not self.alone, 2: not self.alone or may_double}
         return [order for order in self.orders if needed[order]]
 
     def describe(self) -> str:
         """Sentence `FrequencyResponse.searched`."""
         periods, tried = (" and ".join(map(str, orders)) for orders in (self.orders, self._searched_orders()))
-        origins = f"rest and up to {2 * self.starts} starts of period {tried}" if tried else "rest"
+        origins = f"rest and up to {self.starts} starts of period {tried}" if tried else "rest"
         left = "that start from none of these states" if tried else "that so weak a forcing is not expected to sustain"
         return (
             f"searched: orbits of period {periods}, from {origins}; not searched: longer periods, which period "
@@ -128,106 +148,15 @@ class Search:
 
         Those of period 1 are followed as far as their period doublings bear orbits in the window.
         """
-        (low, high), chart = self.how.window, self.chart
-        above = max([order, *self._searched_orders()]) * _BEYOND * chart.highest * (1.0 + self.strong)
-        below = chart.lowest / _BEYOND if order == 1 and self.alone else 0.0
+        low, high = self.how.window
+        above = max([order, *self._searched_orders()]) * _BEYOND * self.highest * (1.0 + self.strong)
+        below = self.lowest / _BEYOND if order == 1 and self.alone else 0.0
         return max(_BELOW * low, below) if below < low < above else low, above if below < high < above else high
-
-    def _tracing(self, order: int) -> Tracing:
-        """How branches of an order are traced."""
-        return replace(self.how, limits=self._limits(order), max_work=max(self._left, 0.0))
 
     @property
     def _left(self) -> float:
-        """Work that is left, by that of the paths, or by the steps of the integrator for everything."""
-        spent = max(sum(path.work for _, _, path in self._paths), sum(orbits.effort for orbits in self.orbits.values()))
-        return self.how.max_work - spent
-
-    def _from_rest(self, omega: float) -> None:
-        """Trace the branch from rest at a frequency in the window or above it."""
-        try:
-            p = orbit_from_rest(self.equation, omega, float(self.forcing.at(omega)), self.orbits[1].rtol)
-        except ConvergenceError as error:
-            self._lost.append(f"the orbit from rest at Omega = {omega:.6g} was not found: {error}")
-        else:
-            self._through("main", 1, p.states, omega, p.amplitude)
-
-    def _through(self, kind: str, order: int, rough: Array, omega: float, amplitude: float) -> None:
-        """Trace the branch through an orbit near rough states (order, 2), if it is new."""
-        orbits = self.orbits[order]
-        try:
-            first = orbits.at(orbits.through(rough, omega), amplitude, -1.0)
-            path = through(orbits, first, self._tracing(order), self._known(order))
-        except ConvergenceError as error:
-            self.notes.append(f"an orbit at Omega = {omega:.6g} is on no branch and could not be continued: {error}")
-        else:
-            self._paths += [(kind, order, path)] if path is not None else []
-
-    def _known(self, order: int) -> list[Path]:
-        return [path for _, other, path in self._paths if other == order]
-
-    def _finish(self) -> None:
-        """Measure the branches traced so far, and trace those that leave them at period doublings."""
-        while True:
-            if self._measured < len(self._paths):
-                self._measured += 1
-                self._measure(*self._paths[self._measured - 1])
-            elif self._doublings and self._left > 0.0:
-                flip = self._doublings.pop(0)
-                path = subharmonic(self.orbits[2], flip, self._tracing(2), self._known(2))
-                if len(path.points) > 2:
-                    self._paths.append(("sub2", 2, self._joined(path)))
-            else:
-                return
-
-    def _joined(self, path: Path) -> Path:
-        """Path of twice the period up to the period doubling at which it ends, from which it is not traced again."""
-        (before, end), orbits = path.points[-2:], self.orbits[2]
-        ends = [doubled(orbits, p) for p in self._doublings]
-        gaps = [orbits.gap(p, end) for p in ends]
-        if path.end != "period doubling" or min(gaps, default=np.inf) > orbits.gap(before, end):
-            return path
-        i = int(np.argmin(gaps))
-        del self._doublings[i]
-        turn = np.sign(ends[i].tangent @ end.tangent) or 1.0
-        last = replace(ends[i], tangent=turn * ends[i].tangent, slopes=-ends[i].slopes)
-        return replace(path, points=(*path.points[:-1], last))
-
-    def _measure(self, kind: str, order: int, path: Path) -> None:
-        """Make branches of the pieces of a path in the window, with their events and period doublings."""
-        orbits = self.orbits[order]
-        for piece, inside in self._pieces(path):
-            if not inside:
-                if self.equation.zeta > 0 and 2 * order in self.orders:
-                    self._doublings += doublings(orbits, piece.points)
-                continue
-            branch, events, flips = locate_events(orbits, piece, kind, len(self.branches))
-            self.branches.append(branch)
-            self._ends += [(order, piece.points[0]), (order, piece.points[-1])]
-            self._states.append(states(branch.points))
-            self.events.extend(events)
-            if 2 * order in self.orders:
-                self._doublings.extend(flips)
-        for end, reason in ((path.points[0], path.begin), (path.points[-1], path.end)):
-            said = ("window", "closed", "period doubling", TOO_MUCH)
-            if reason not in said and not self.how.is_inside(end.parameter):
-                self.notes.append(
-                    f"a branch of period {order} is lost outside the window at {end.parameter:.6g}, where it may "
-                    f"return: {reason}"
-                )
-
-    def _pieces(self, path: Path) -> Iterator[tuple[Path, bool]]:
-        """Pieces of a path, which end at points on the edges of the window, and whether they are in it."""
-        at = np.array([p.parameter for p in path.points])
-        low, high = self.how.window
-        edge = (at == low) | (at == high)
-        inside = (low <= at) & (at <= high)
-        within = inside[1:] & inside[:-1] & ~(edge[1:] & edge[:-1] & (at[1:] == at[:-1]))  # it turns back outside
-        ends = np.unique([0, *(np.flatnonzero(within[1:] != within[:-1]) + 1), at.size - 1])
-        for first, last in pairwise(ends):
-            begin, end = path.begin if first == 0 else "window", path.end if last == at.size - 1 else "window"
-            piece = Path(path.points[first : last + 1], end if begin in ("window", "closed") else begin)
-            yield piece, bool(within[first])
+        """Work that is left."""
+        return self.how.max_work - sum(orbits.work for orbits in self.orbits.values())
 
     def _adds_up(self) -> bool:
         """Whether the period map moves every distant state inwards."""
@@ -241,23 +170,194 @@ class Search:
         """
         if not self._adds_up():
             return 0
-        total = -1
-        for other, p in self._ends:
-            if other <= order and p.parameter == edge:
-                total += other * int(np.sign(p.fold * (p.flip if other < order else 1.0)))
-        return total
+        at = [(other, p) for other, p in self._ends if other <= order and p.omega == edge]
+        return sum(n * int(np.sign(p.fold * (p.flip if n < order else 1.0))) for n, p in at) - 1
+
+    # ---- starts
+
+    def _near_rest(self, omega: float) -> None:
+        """Trace the branch of order 1 of the linear response at a frequency, or of what Newton's method finds there."""
+        force = float(self.forcing.at(omega))
+        impedance = complex(1.0 - omega * omega, 2.0 * self.equation.zeta * omega)
+        linear = force / max(abs(impedance), force) * impedance.conjugate() / (abs(impedance) or 1.0)
+        rest = np.array([linear.real, -omega * linear.imag])  # of an amplitude of at most 1
+        known = len(self._paths)
+        self._through("main", 1, rest, omega, abs(linear) + 1e-12)
+        if len(self._paths) == known:
+            _, y = self._lanes(1)
+            y = np.concatenate([[rest, 0.3 * rest, 0.0 * rest], y[:: max(len(y) // 24, 1)]])
+            for rough, _, amplitude in self._found(1, np.full(len(y), omega), y):
+                self._through("main", 1, rough, omega, amplitude)
+                break
+
+    def _lanes(self, order: int) -> tuple[Array, Array]:
+        """Omega (starts,), and states (starts, 2) on free orbits up to the amplitude that the forcing sustains.
+
+        Half of them have 1 to 5 cycles in a forcing period, or odd numbers in two: superharmonic and subharmonic
+        resonances follow these orbits, at a phase that balances the loss.
+        """
+        (low, high), count = self.how.window, np.arange(self.starts)
+        place, phase, period = (0.5 + np.multiply.outer(_GOLDEN ** -np.arange(1.0, 4.0), count + 1.0)) % 1.0
+        locked, size = count % 2 == 1, np.log(self.amplitude)
+        log_u = np.interp(place * (size.size - 1), np.arange(size.size), size)
+        log_u = np.where(locked, log_u, np.minimum(0.5 * np.log(place) + np.log(_MODERATE), size[-1]))
+        own = np.interp(log_u, size, self.frequency)
+        share = order / (1.0 + order * (count // 2 % _CYCLES))  # of the frequency of the free orbit
+        omega = np.where(locked, share * own, 1.0 / (1.0 / high + period * (1.0 / low - 1.0 / high)))
+        kept = (omega > low) & (omega < high)
+        rest = np.column_stack([np.exp(log_u), np.zeros(count.size)])[kept]
+        free = Equation(self.equation.restoring, 0.0)
+        length = phase[kept] * np.minimum(TURN / own[kept], _LONG)
+        y = motions(free, rest, 1.0, 0.0, length=length, rtol=_ROUGH, derivatives=False).end
+        return omega[kept], y
+
+    def _found(self, order: int, omegas: Array, starts: Array) -> Iterator[tuple[Array, float, float]]:
+        """Rough states (order, 2), Omega and amplitude of new orbits of `order` forcing periods near the starts.
+
+        Orbits of shorter periods are left out. A search that is too long ends with a note.
+        """
+        steps, parts, length_of = 0.0, max(len(starts) // _TOGETHER, 1), TURN * order
+        tried = [np.empty((0, 3))]
+        for i in range(parts):  # a motion by itself comes closer; each part is spread over all starts
+            if steps < _MOST_STEPS / _ITERATIONS:
+                omega, y = omegas[i::parts], starts[i::parts]
+                force = self.forcing.at(omega)
+                m = motions(self.equation, y, omega, force, length=length_of, rtol=_ROUGH, derivatives=False)
+                steps += m.steps
+                tried.append(np.column_stack([omega, m.end]))
+        lanes = np.concatenate(tried)
+        omega, y, skipped = lanes[:, 0], lanes[:, 1:], len(starts) - len(lanes)
+        most = 0.5 * _MOST_STEPS if skipped else _MOST_STEPS  # not for long where there is little hope
+        for _ in range(_ITERATIONS):
+            kept = np.isfinite(y).all(axis=1)
+            omega, y = omega[kept], y[kept]
+            if steps > most or not y.size:
+                skipped += len(y)
+                break
+            m = motions(self.equation, y, omega, self.forcing.at(omega), length=length_of, rtol=_ROUGH)
+            steps += m.steps
+            size = 0.1 + np.abs(y).sum(axis=1)
+            with np.errstate(all="ignore"):
+                (a, b), (c, d) = m.by_end[:, :, :2].transpose(1, 2, 0)
+                p, q = (m.end - y).T
+                step = np.array([b * q - (d - 1.0) * p, c * p - (a - 1.0) * q]) / ((a - 1.0) * (d - 1.0) - b * c)
+            length = np.hypot(*step)
+            for j in np.flatnonzero(length < _CLOSE * size):
+                found = self._new(order, y[j] + step[:, j], float(omega[j]))
+                if found is not None:
+                    yield found, float(omega[j]), float(0.5 * (m.high[j, 0] - m.low[j, 0]))
+            moving = np.isfinite(length) & (length >= _CLOSE * size)
+            omega, y, length, size, step = omega[moving], y[moving], length[moving], size[moving], step[:, moving]
+            y = y + (step * np.minimum(1.0, 0.3 * size / length)).T
+        if skipped:
+            self.notes.append(
+                f"the search from {skipped} of {len(starts)} starts of period {order} ended after too much work, and "
+                "orbits may be missing: give a narrower window"
+            )
+
+    def _new(self, order: int, start: Array, omega: float) -> Array | None:
+        """States (order, 2) of an orbit through a state, unless its period is shorter or a path has it."""
+        size, states = 0.1 + np.abs(start).sum(), [start]
+        if order == 2:
+            force = self.forcing.at(omega)
+            states.append(motions(self.equation, start, omega, force, rtol=_ROUGH, derivatives=False).end[0])
+            if np.abs(states[1] - start).sum() < _KNOWN * size:
+                return None
+        for rows in self._known:
+            above = rows[0, 0] > omega
+            j = np.flatnonzero(above[1:] != above[:-1])
+            a, b = rows[..., j], rows[..., j + 1]
+            s = (omega - a[0]) / np.where(b[0] == a[0], 1.0, b[0] - a[0])
+            gap = np.hypot(*(a[k] + s * (b[k] - a[k]) - start[k - 1] for k in (1, 2)))
+            if (gap < _KNOWN * size).any():
+                return None
+        return np.array(states)
+
+    # ---- paths
+
+    def _through(self, kind: str, order: int, rough: Array, omega: float, amplitude: float) -> None:
+        """Trace the branch through an orbit near rough states (order, 2), if it is new, and those that leave it."""
+        orbits = self.orbits[order]
+        known = [path for other, path in self._paths if other == order]
+        try:
+            first = orbits.at(orbits.through(rough, omega), amplitude, -1.0)
+            path = through(orbits, first, self._tracing(order), known)
+        except ConvergenceError as error:
+            where = f"Omega = {omega:.6g}"
+            if kind == "main":
+                self._lost.append(f"the orbit near rest at {where} was not found: {error}")
+            else:
+                self.notes.append(f"an orbit at {where} is on no branch and could not be continued: {error}")
+            return
+        if path is not None:
+            self._add(kind, order, path)
+        while self._doublings and self._left > 0.0:
+            flip = self._doublings.pop(0)
+            known = [path for other, path in self._paths if other == 2]
+            path = subharmonic(self.orbits[2], flip, self._tracing(2), known)
+            if len(path.points) > 2:
+                self._add("sub2", 2, self._joined(path))
+
+    def _tracing(self, order: int) -> Tracing:
+        """How branches of an order are traced."""
+        return replace(self.how, limits=self._limits(order), max_work=max(self._left, 0.0))
+
+    def _joined(self, path: Path) -> Path:
+        """Path of twice the period up to the period doubling at which it ends, from which it is not traced again."""
+        (before, end), orbits = path.points[-2:], self.orbits[2]
+        ends = [doubled(orbits, p) for p in self._doublings]
+        gaps = [orbits.segment(p, end)[2] for p in ends]
+        if path.end != "period doubling" or min(gaps, default=np.inf) > orbits.segment(before, end)[2]:
+            return path
+        i = int(np.argmin(gaps))
+        del self._doublings[i]
+        turn = np.sign(ends[i].tangent @ end.tangent) or 1.0
+        last = replace(ends[i], tangent=turn * ends[i].tangent, slopes=-ends[i].slopes)
+        return replace(path, points=(*path.points[:-1], last))
+
+    def _add(self, kind: str, order: int, path: Path) -> None:
+        """Make branches of the pieces of a path in the window, with their events and period doublings."""
+        orbits = self.orbits[order]
+        self._paths.append((order, path))
+        points, found = located(orbits, path.points, self.how)
+        u, v = np.moveaxis(np.array([p.states for p in points]), (0, 1), (2, 1))
+        self._known.append(np.stack([np.broadcast_to([p.omega for p in points], u.shape), u, v]))
+        if 2 * order in self.orders and self.equation.zeta > 0.0:
+            self._doublings += [p for name, p in found if name == "period doubling"]
+        at = np.array([p.omega for p in points])
+        low, high = self.how.window
+        edge, inside = (at == low) | (at == high), (low <= at) & (at <= high)
+        within = inside[1:] & inside[:-1] & ~(edge[1:] & edge[:-1] & (at[1:] == at[:-1]))  # it turns back outside
+        cuts = np.unique([0, *(np.flatnonzero(within[1:] != within[:-1]) + 1), at.size - 1])
+        for first, last in pairwise(cuts):
+            if not within[first]:
+                continue
+            begin, end = path.begin if first == 0 else "window", path.end if last == at.size - 1 else "window"
+            piece, number = points[first : last + 1], len(self.branches)
+            self.branches.append(
+                Branch(
+                    kind, order, piece, end if begin in ("window", "closed") else begin, self.equation.restoring.contact
+                )
+            )
+            self._ends += [(order, piece[0]), (order, piece[-1])]
+            self.events += [Event.at(name, number, p) for name, p in found if any(p is q for q in piece)]
+        for p, reason in ((points[0], path.begin), (points[-1], path.end)):
+            if reason not in ("window", "closed", "period doubling", TOO_MUCH) and not self.how.is_inside(p.omega):
+                self.notes.append(
+                    f"a branch of period {order} is lost outside the window at {p.omega:.6g}, where it may return: "
+                    f"{reason}"
+                )
 
 
 def doubled(orbits: Orbits, flip: Point) -> Point:
     """Period doubling as the first point of the branch of twice the period; `orbits` are those of that."""
-    one = replace(orbits, order=1)
-    m = one.map(flip.y[:-1].reshape(-1, 2), flip.parameter, TURN / PIECES * np.arange(PIECES), TURN / PIECES)
+    m = orbits.map(flip.y[:-1].reshape(-1, 2), flip.omega, TURN / PIECES * np.arange(PIECES), TURN / PIECES)
     monodromy = np.linalg.multi_dot(m.by_end[::-1, :, :2])
     directions = [np.linalg.svd(monodromy + np.eye(2))[2][-1]]
     for piece in m.by_end[:-1, :, :2]:
         directions.append(piece @ directions[-1])
     t = np.concatenate([*directions, *(-d for d in directions), [0.0]])
-    t = t / np.linalg.norm(orbits.scales(flip.amplitude, flip.parameter) * t)
+    t = t / np.linalg.norm(orbits.scales(flip.amplitude, flip.omega) * t)
     top, low = int(m.high[:, 0].argmax()), int(m.low[:, 0].argmin())
     rise = abs(m.high[top, 1:3] @ t[2 * top : 2 * top + 2])
     fall = abs(m.low[low, 1:3] @ t[2 * low : 2 * low + 2])
@@ -269,9 +369,12 @@ def doubled(orbits: Orbits, flip: Point) -> Point:
 
 def subharmonic(orbits: Orbits, flip: Point, how: Tracing, known: Sequence[Path]) -> Path:
     """Trace the branch of twice the period from a period doubling until it leaves the window or ends at another one."""
-    return orbits.trace(
-        doubled(orbits, flip), how, lambda p: _doubling(orbits, p) or _met(p[-1], known, orbits.order)
-    )  # fmt: skip
+    edges = _at_edges(known, how)
+
+    def stop(points: list[Point]) -> str | None:
+        return _doubling(orbits, points) or ("window" if any(is_same(q, points[-1], 2) for q in edges) else None)
+
+    return orbits.trace(doubled(orbits, flip), how, stop)
 
 
 def _doubling(orbits: Orbits, points: list[Point]) -> str | None:
@@ -293,7 +396,7 @@ def _doubling(orbits: Orbits, points: list[Point]) -> str | None:
 
 
 def _odd(p: Point) -> Array:
-    """Half of the difference of the two forcing periods of an orbit, 0 for the parameter."""
+    """Half of the difference of the two forcing periods of an orbit, 0 for Omega."""
     x = p.y[:-1]
     return np.append(0.5 * (x - np.roll(x, x.size // 2)), 0.0)
 
@@ -306,22 +409,20 @@ def through(orbits: Orbits, first: Point, how: Tracing, known: Sequence[Path]) -
     order = orbits.order
     if order > 1 and np.abs(_odd(first))[::2].max() < 1e-3 * first.amplitude:
         return None  # its true period is shorter
-    if any(is_same(q, first, order) for path in known for q in orbits.crossings(path.points, first.parameter)):
+    if any(is_same(q, first, order) for path in known for q in orbits.crossings(path.points, first.omega)):
         return None
-    copies = []
-    for k in range(order):  # the same orbit, seen from each forcing period
-        y, t = (np.append(np.roll(x[:-1], 2 * PIECES * k), x[-1]) for x in (first.y, first.tangent))
-        copies.append(replace(first, y=y, tangent=t))
+    copies = [_shifted(first, k) for k in range(order)]  # the same orbit, seen from each forcing period
+    edges = _at_edges(known, how)
 
     def closed(points: list[Point]) -> str | None:
         if order == 2 and (doubling := _doubling(orbits, points)):
             return doubling
-        if met := _met(points[-1], known, order):
-            return met
+        if any(is_same(q, points[-1], order) for q in edges):
+            return "window"
         if len(points) < 6:
             return None
         a, b = points[-2:]
-        w = orbits.scales(a.amplitude, a.parameter)
+        w = orbits.scales(a.amplitude, a.omega)
         chord = w * (b.y - a.y)
         for f in copies:
             to = w * (f.y - a.y)
@@ -332,26 +433,31 @@ def through(orbits: Orbits, first: Point, how: Tracing, known: Sequence[Path]) -
         return None
 
     forward = orbits.trace(first, how, closed)
-    if forward.end == "closed":
-        edge = next((p for p in forward.points if p.parameter in how.window), None)
-        if edge is None or first.parameter in how.window:
-            return replace(forward, begin="closed")
-        again = orbits.at(edge.y, edge.amplitude, -1.0)
-        return through(orbits, again, how, ())  # so that no piece begins in the window
+    if forward.end == "closed":  # begin at an end of the window, so that no piece begins inside
+        points = forward.points
+        edge = next((i for i, p in enumerate(points) if p.omega in how.window), 0)
+        shift = next(k for k, f in enumerate(copies) if f is points[-1])
+        return Path((*points[edge:], *(_shifted(p, shift) for p in points[1 : edge + 1])), "closed", "closed")
     backward = orbits.trace(first.turned(), how, closed)
     turned = tuple(p.turned() for p in reversed(backward.points[1:]))
-    return Path(turned + forward.points, forward.end, backward.end, forward.work + backward.work)
+    return Path(turned + forward.points, forward.end, backward.end)
 
 
-def _met(point: Point, known: Sequence[Path], order: int) -> str | None:
-    """Reason to end a path at an orbit on an edge of the window that a known path has, which leads on from there."""
-    same = (q for path in known for q in path.points if q.parameter == point.parameter)
-    return "window" if any(is_same(q, point, order) for q in same) else None
+def _shifted(p: Point, periods: int) -> Point:
+    """The same orbit, seen from a later forcing period."""
+    y, t = (np.append(np.roll(x[:-1], 2 * PIECES * periods), x[-1]) for x in (p.y, p.tangent))
+    return replace(p, y=y, tangent=t)
+
+
+def _at_edges(known: Sequence[Path], how: Tracing) -> list[Point]:
+    """Orbits of known paths on an edge of the window, from which these lead on."""
+    edges = {*how.window, *(how.limits or ())}
+    return [q for path in known for q in path.points if q.omega in edges]
 
 
 def is_same(a: Point, b: Point, order: int) -> bool:
     """Whether two points are one orbit, up to a shift by whole forcing periods."""
-    if abs(a.parameter - b.parameter) > 1e-9:
+    if abs(a.omega - b.omega) > 1e-9:
         return False
     close = max(_SAME, 10.0 * max(a.error, b.error)) * max(a.amplitude, 1e-300)
     return distance(a.states, b.states, order) < close
