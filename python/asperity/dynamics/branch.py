@@ -1,4 +1,4 @@
-"""Branches of periodic orbits with their extremes, stability and events.
+"""Branches of periodic orbits: their paths, extremes, stability and events.
 
 Events are folds, grazing, period doublings and largest displacements; they are roots along the branch, and become
 points. Orbits are added until straight lines between them are accurate, in displacement at fixed frequency and in
@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from contextlib import suppress
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any
 
@@ -17,8 +17,9 @@ import numpy as np
 from scipy.optimize import minimize_scalar
 
 from asperity.arrays import Array, Flags
+from asperity.dynamics.equation import TURN
 from asperity.dynamics.orbits import Orbits
-from asperity.dynamics.point import Point, Tracing, hermite, value
+from asperity.dynamics.point import PIECES, Path, Point, Tracing, hermite, root, value
 from asperity.errors import ConvergenceError
 from asperity.runtime.display import short_repr
 
@@ -27,6 +28,7 @@ _FLAT = (1e-9, 1e-4)  # relative changes of Omega and of u_max below which the o
 _PLACES = np.array([0.25, 0.5, 0.75])  # of a segment, where it is compared with its chord
 _TOP, _CHANGE = "largest u_max", "change of stability"  # points, but not events
 _TRIALS = 14  # orbits at which a pair of events between two points is searched
+_SAME = 1e-3  # relative distance below which two orbits are identical
 _DIP = 2.5  # psi^2 of the multipliers below which it is
 
 
@@ -222,3 +224,122 @@ def _with_dips(orbits: Orbits, path: Sequence[Point]) -> list[Point]:
     for shift, (i, p) in enumerate(new):
         points.insert(i + 1 + shift, p)
     return points
+
+
+def doubled(orbits: Orbits, flip: Point) -> Point:
+    """Period doubling as the first point of the branch of twice the period; `orbits` are those of that."""
+    m = orbits.map(flip.y[:-1].reshape(-1, 2), flip.omega, TURN / PIECES * np.arange(PIECES), TURN / PIECES)
+    monodromy = np.linalg.multi_dot(m.by_end[::-1, :, :2])
+    directions = [np.linalg.svd(monodromy + np.eye(2))[2][-1]]
+    for piece in m.by_end[:-1, :, :2]:
+        directions.append(piece @ directions[-1])
+    t = np.concatenate([*directions, *(-d for d in directions), [0.0]])
+    t = t / np.linalg.norm(orbits.scales(flip.amplitude, flip.omega) * t)
+    top, low = int(m.high[:, 0].argmax()), int(m.low[:, 0].argmin())
+    rise = abs(m.high[top, 1:3] @ t[2 * top : 2 * top + 2])
+    fall = abs(m.low[low, 1:3] @ t[2 * low : 2 * low + 2])
+    return replace(
+        flip, y=np.concatenate([flip.y[:-1], flip.y]), tangent=t, slopes=np.array([rise, -fall, 0.0, 0.0]),
+        trace=flip.trace**2 - 2.0 * flip.determinant, determinant=flip.determinant**2,
+    )  # fmt: skip
+
+
+def subharmonic(orbits: Orbits, flip: Point, how: Tracing, known: Sequence[Path]) -> Path:
+    """Trace the branch of twice the period from a period doubling until it leaves the window or ends at another one."""
+    edges = _at_edges(known, how)
+
+    def stop(points: list[Point]) -> str | None:
+        return _doubling(orbits, points) or ("window" if any(is_same(q, points[-1], 2) for q in edges) else None)
+
+    return orbits.trace(doubled(orbits, flip), how, stop)
+
+
+def _doubling(orbits: Orbits, points: list[Point]) -> str | None:
+    """Replace the last point of a branch of twice the period by the period doubling that its last step passes."""
+    a, b = points[-2:]
+    odd_a = _odd(a)
+
+    def side(p: Point) -> float:
+        return float(_odd(p) @ odd_a)
+
+    if len(points) < 3 or side(b) > 0:
+        return None
+    points.pop()  # it repeats an orbit of the branch, shifted by half of its period
+    cubic, w, _ = orbits.segment(a, b)
+    at = root(lambda s: side(replace(a, y=value(cubic, s))), side(a), side(b))
+    end = replace(a, y=value(cubic, at), tangent=-odd_a / np.linalg.norm(w * odd_a))
+    points.append(replace(end, y=end.y - _odd(end)))
+    return "period doubling"
+
+
+def _odd(p: Point) -> Array:
+    """Half of the difference of the two forcing periods of an orbit, 0 for Omega."""
+    x = p.y[:-1]
+    return np.append(0.5 * (x - np.roll(x, x.size // 2)), 0.0)
+
+
+def through(orbits: Orbits, first: Point, how: Tracing, known: Sequence[Path]) -> Path | None:
+    """Trace the branch through an orbit in both directions, unless one of the known paths contains it.
+
+    The result is None if its true period is shorter.
+    """
+    order = orbits.order
+    if order > 1 and np.abs(_odd(first))[::2].max() < 1e-3 * first.amplitude:
+        return None  # its true period is shorter
+    if any(is_same(q, first, order) for path in known for q in orbits.crossings(path.points, first.omega)):
+        return None
+    copies = [_shifted(first, k) for k in range(order)]  # the same orbit, seen from each forcing period
+    edges = _at_edges(known, how)
+
+    def closed(points: list[Point]) -> str | None:
+        if order == 2 and (doubling := _doubling(orbits, points)):
+            return doubling
+        if any(is_same(q, points[-1], order) for q in edges):
+            return "window"
+        if len(points) < 6:
+            return None
+        a, b = points[-2:]
+        w = orbits.scales(a.amplitude, a.omega)
+        chord = w * (b.y - a.y)
+        for f in copies:
+            to = w * (f.y - a.y)
+            s = float(to @ chord) / float(chord @ chord)
+            if 0 <= s <= 1 and np.linalg.norm(to - s * chord) < 0.1 * np.linalg.norm(chord):
+                points[-1] = f
+                return "closed"
+        return None
+
+    forward = orbits.trace(first, how, closed)
+    if forward.end == "closed":  # begin at an end of the window, so that no piece begins inside
+        points = forward.points
+        edge = next((i for i, p in enumerate(points) if p.omega in how.window), 0)
+        shift = next(k for k, f in enumerate(copies) if f is points[-1])
+        return Path((*points[edge:], *(_shifted(p, shift) for p in points[1 : edge + 1])), "closed", "closed")
+    backward = orbits.trace(first.turned(), how, closed)
+    turned = tuple(p.turned() for p in reversed(backward.points[1:]))
+    return Path(turned + forward.points, forward.end, backward.end)
+
+
+def _shifted(p: Point, periods: int) -> Point:
+    """The same orbit, seen from a later forcing period."""
+    y, t = (np.append(np.roll(x[:-1], 2 * PIECES * periods), x[-1]) for x in (p.y, p.tangent))
+    return replace(p, y=y, tangent=t)
+
+
+def _at_edges(known: Sequence[Path], how: Tracing) -> list[Point]:
+    """Orbits of known paths on an edge of the window, from which these lead on."""
+    edges = {*how.window, *(how.limits or ())}
+    return [q for path in known for q in path.points if q.omega in edges]
+
+
+def is_same(a: Point, b: Point, order: int) -> bool:
+    """Whether two points are one orbit, up to a shift by whole forcing periods."""
+    if abs(a.omega - b.omega) > 1e-9:
+        return False
+    close = max(_SAME, 10.0 * max(a.error, b.error)) * max(a.amplitude, 1e-300)
+    return distance(a.states, b.states, order) < close
+
+
+def distance(a: Array, b: Array, order: int) -> float:
+    """Greatest difference of the states (order, 2) of two orbits, up to a shift by whole forcing periods."""
+    return min(float(np.abs(a - np.roll(b, k, axis=0)).max()) for k in range(order))

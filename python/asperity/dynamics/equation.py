@@ -22,8 +22,7 @@ from numpy.typing import ArrayLike
 from asperity.arrays import Array
 from asperity.errors import CompatError, InputError
 from asperity.force_law.damping import Damping, LoopDamping
-from asperity.force_law.law import Law
-from asperity.force_law.taylor import TaylorLaw
+from asperity.force_law.law import Law, TaylorLaw
 from asperity.runtime.display import short_repr
 
 try:

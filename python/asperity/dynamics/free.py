@@ -22,8 +22,7 @@ from asperity.dynamics.settings import Setting
 from asperity.errors import ConvergenceError, RangeError
 from asperity.force_law.checks import positives
 from asperity.force_law.damping import Damping
-from asperity.force_law.law import bend
-from asperity.force_law.taylor import TaylorLaw
+from asperity.force_law.law import TaylorLaw, bend
 from asperity.runtime.display import short_repr
 
 _RTOL = 1e-14  # of the integrator: round-off alone is left

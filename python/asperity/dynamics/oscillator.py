@@ -19,8 +19,7 @@ from asperity.dynamics.settings import EXCITATIONS, FORCING, MIN_ZETA, OMEGA, SH
 from asperity.errors import AsperityWarning, InputError, RangeError, warn
 from asperity.force_law.checks import positive, positives, within
 from asperity.force_law.damping import Damping, check_damping
-from asperity.force_law.law import Law
-from asperity.force_law.taylor import TaylorLaw
+from asperity.force_law.law import Law, TaylorLaw
 from asperity.runtime.display import short_repr
 
 GRAVITY = 9.80665  # m/s^2

@@ -10,11 +10,11 @@ from typing import Any
 
 import numpy as np
 
-from asperity.dynamics.branch import Branch, Event, Solution, dense
+from asperity.dynamics.branch import Branch, Event, Solution, dense, distance
 from asperity.dynamics.equation import Equation
 from asperity.dynamics.orbits import Orbits
 from asperity.dynamics.point import Point, Tracing
-from asperity.dynamics.search import Search, distance
+from asperity.dynamics.search import Search
 from asperity.dynamics.settings import Setting
 from asperity.errors import ConvergenceError, InputError
 from asperity.runtime.display import short_repr

@@ -187,15 +187,13 @@ class Dynamics:
 
 def _cells(row: dict[str, Any]) -> dict[str, Any]:
     """Cells of a row of a file, without those of NaN; seven digits are more than the rows have."""
-
-    def cell(value: Any) -> Any:
-        return str(value).lower() if isinstance(value, bool) else float(f"{value:.7g}") if _is_float(value) else value
-
-    return {name: cell(value) for name, value in row.items() if value == value}
-
-
-def _is_float(value: Any) -> bool:
-    return isinstance(value, float | np.floating)
+    known = {name: value for name, value in row.items() if value == value}
+    for name, value in known.items():
+        if isinstance(value, bool):
+            known[name] = str(value).lower()
+        elif isinstance(value, float | np.floating):
+            known[name] = float(f"{value:.7g}")
+    return known
 
 
 def run_dynamics(

@@ -15,9 +15,8 @@ from asperity.errors import AsperityError, AsperityWarning, InputError, RangeErr
 from asperity.force_law import LAWS, MIN_ROWS
 from asperity.force_law.checks import positive
 from asperity.force_law.columns import CurveColumns
-from asperity.force_law.law import Law
+from asperity.force_law.law import EXPONENT, Law, PowerLaw
 from asperity.force_law.points import FALL, MIN_POINTS, TOUCH, fit_origin
-from asperity.force_law.power import EXPONENT, PowerLaw
 from asperity.force_law.table import TableLaw
 
 TOO_LOW = (

@@ -1,4 +1,4 @@
-"""Static laws of a contact: force over approach, as a reversible spring.
+"""Static laws of a contact: force over approach, as a reversible spring; the power law and the cubic Taylor series.
 
 A law gives force, stiffness and potential at an approach `z` (length), measured from first contact: a contact
 law is zero for ``z <= 0``.
@@ -8,6 +8,8 @@ from __future__ import annotations
 
 import math
 from abc import ABC, abstractmethod
+from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -15,9 +17,13 @@ from scipy.interpolate import CubicHermiteSpline, PPoly
 from scipy.optimize import brentq
 
 from asperity.arrays import Array
+from asperity.curve.power_law import PowerLawFit
 from asperity.errors import InputError, RangeError
-from asperity.force_law.checks import positive
+from asperity.force_law.checks import positive, within
+from asperity.runtime.display import short_repr
 
+EXPONENT = (0.25, 100.0)  # of a power law, outside which it is no contact
+COEFFICIENT = (1e-100, 1e100)  # of a power law
 _FARTHEST = 1e100  # approach beyond which no load is sought (length)
 _STRAIGHT = 1e-10  # kappa below which a law is linear, far above round-off
 _SAMPLED = (-20.7, 13.8)  # ln of the approaches over a deflection between which a law without cells is sampled
@@ -184,3 +190,140 @@ def bend(low: float, high: float) -> str:
     if max(abs(low), abs(high)) < _STRAIGHT:
         return "linear"
     return "softening" if high < 0.0 else "hardening" if low > 0.0 else "undecided"
+
+
+@dataclass(frozen=True)
+class PowerLaw(Law):
+    """``F = K z^n`` for z > 0, zero otherwise.
+
+    Attributes:
+        n: exponent, 0.25 to 100
+        K: coefficient (force/length^n), 1e-100 to 1e100
+        fitted_to: largest approach of the fitted points (length); notes report results beyond it
+
+    Raises:
+        InputError: n or K is out of range
+
+    Examples:
+        >>> law = asp.PowerLaw(1.5, K=2.0)
+        >>> law.force([0.0, 1.0, 4.0])
+        array([ 0.,  2., 16.])
+        >>> round(law.deflection(16.0), 6), law.n_loc(1.0), round(law.kappa(1.0), 6)
+        (4.0, 1.5, -0.041667)
+    """
+
+    n: float
+    K: float = 1.0
+    fitted_to: float = np.inf
+
+    __repr__ = short_repr
+
+    def __post_init__(self) -> None:
+        within("n", self.n, EXPONENT)
+        within("K", self.K, COEFFICIENT)
+        object.__setattr__(self, "known_to", self.fitted_to)
+
+    @classmethod
+    def from_fit(cls, fit: PowerLawFit, length: float = 1.0, force: float = 1.0) -> PowerLaw:
+        """Law ``F = force * k (z/length)^n`` of a fit in dimensionless variables.
+
+        Args:
+            fit: with k, n and range
+            length: unit of the approach (L for delta*)
+            force: unit of the force (A_0 E' for P*)
+        """
+        with np.errstate(over="ignore"):
+            K = float(force * fit.k * np.float64(length) ** -fit.n)
+        return cls(float(fit.n), K, float(fit.range[1] * length))
+
+    def scaled(self, force: float) -> PowerLaw:
+        """Law with its force multiplied by a factor."""
+        return replace(self, K=self.K * force)
+
+    def both(self, z: Array) -> tuple[Array, Array]:
+        s = np.maximum(z, 0.0)
+        with np.errstate(divide="ignore", invalid="ignore"):  # n < 1: infinite stiffness at the point of separation
+            slope = np.where(s > 0, self.K * s ** (self.n - 1.0), 0.0)
+        return slope * s, self.n * slope
+
+    def potential(self, z: ArrayLike) -> Array:
+        return self.K * np.maximum(np.asarray(z, float), 0.0) ** (self.n + 1.0) / (self.n + 1.0)
+
+    def derivatives(self, z: float) -> tuple[float, float, float]:
+        n, p1 = self.n, self.n * self.K * z ** (self.n - 1.0)
+        return p1, (n - 1) * p1 / z, (n - 1) * (n - 2) * p1 / z**2
+
+    def cells(self, about: float) -> tuple[Array, Array]:
+        return np.empty(0), np.array([[0.0, np.log(self.K), self.n, 0.0, 0.0]])
+
+    def deflection(self, load: float) -> float:
+        with np.errstate(over="ignore"):
+            return float(np.float64(positive("load", load) / self.K) ** (1.0 / self.n))
+
+    def describe(self) -> str:
+        return f"power law n = {self.n:g}, K = {self.K:g}"
+
+
+@dataclass(frozen=True)
+class TaylorLaw(Law):
+    """Cubic Taylor series of a law about a static deflection, without contact loss.
+
+    Attributes:
+        z_s: static deflection (length)
+        load: force at `z_s`
+        p: first three derivatives of the force at `z_s` (force/length, /length^2, /length^3)
+
+    Examples:
+        >>> asp.TaylorLaw.about(asp.PowerLaw(1.5), load=1.0).p
+        (1.5, 0.75, -0.375)
+    """
+
+    z_s: float
+    load: float
+    p: tuple[float, float, float]
+
+    contact = False
+
+    @classmethod
+    def about(cls, law: Law, load: float) -> TaylorLaw:
+        """Expand `law` about its static deflection under `load` (force)."""
+        z_s = law.deflection(load)
+        return cls(z_s, float(load), law.derivatives(z_s))
+
+    def both(self, z: Array) -> tuple[Array, Array]:
+        return self.at(np.asarray(z, float))
+
+    def at(self, z: Any) -> Any:
+        x = z - self.z_s
+        p1, p2, p3 = self.p
+        return self.load + x * (p1 + x * (p2 / 2 + x * p3 / 6)), p1 + x * (p2 + x * p3 / 2)
+
+    def potential(self, z: ArrayLike) -> Array:
+        p1, p2, p3 = self.p
+        primitive = np.polynomial.Polynomial([0.0, self.load, p1 / 2, p2 / 6, p3 / 24])
+        return np.asarray(primitive(np.asarray(z, float) - self.z_s) - primitive(-self.z_s))
+
+    def derivatives(self, z: float) -> tuple[float, float, float]:
+        return self.at(z)[1], self.p[1] + (z - self.z_s) * self.p[2], self.p[2]
+
+    def deflection(self, load: float) -> float:
+        if not np.isclose(load, self.load, rtol=1e-12):
+            raise RangeError(f"load = {load:g}: this series was expanded about load {self.load:g}")
+        return self.z_s
+
+    @property
+    def default_load(self) -> float:
+        return self.load
+
+    def describe(self) -> str:
+        return f"cubic Taylor series about z_s = {self.z_s:g}"
+
+    def rims(self) -> tuple[float, float]:
+        """Displacements u of the nearest saddles below and above the well, infinite where there is none.
+
+        Motion beyond them escapes: a property of the truncated series, not of the contact.
+        """
+        p1, p2, p3 = self.p
+        roots = np.roots([p3 * self.z_s**2 / (6 * p1), p2 * self.z_s / (2 * p1), 1.0])
+        saddles = roots[np.abs(roots.imag) < 1e-12].real
+        return float(saddles[saddles < 0].max(initial=-np.inf)), float(saddles[saddles > 0].min(initial=np.inf))

@@ -13,8 +13,7 @@ from asperity.force_law import NAMES
 from asperity.force_law.choice import Choice, law_named
 from asperity.force_law.columns import CurveColumns
 from asperity.force_law.intervals import Uncertainty, intervals
-from asperity.force_law.law import Law
-from asperity.force_law.power import PowerLaw
+from asperity.force_law.law import Law, PowerLaw
 from asperity.force_law.table import TableLaw
 from asperity.units import plus_minus, quantity
 

@@ -20,9 +20,8 @@ from asperity.arrays import Array
 from asperity.errors import InputError, RangeError
 from asperity.force_law.checks import positive
 from asperity.force_law.columns import CurveColumns
-from asperity.force_law.law import Law, curvature
+from asperity.force_law.law import EXPONENT, Law, curvature
 from asperity.force_law.points import MAX_ROUGHNESS, MIN_POINTS, fit_origin, rising, roughness, smoothed
-from asperity.force_law.power import EXPONENT
 from asperity.runtime.display import short_repr
 
 _GROUPS = 4  # of points that are left out in turn
