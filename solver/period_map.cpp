@@ -53,86 +53,76 @@ constexpr double E3[stages] = {-0.18980075407240762, 0, 0, 0, 0, 4.4503128927524
 /// u and v; their derivatives with respect to the start, u and v, and to Omega (du, dv of each).
 constexpr int size = 8;
 using State = std::array<double, size>;
+constexpr double infinite = std::numeric_limits<double>::infinity();
 
 struct Cell
 {
   double logarithmic, start, c0, c1, c2, c3, g0, g1; // f as above, g = g0 + g1 u
 };
-constexpr std::size_t cell_numbers = 8;
 
 /// Values of a motion that the map returns, in this order.
 struct Result
 {
   State end{};
-  std::array<double, 4> high{}, low{};           // extreme of u, and its derivatives
-  std::array<double, 8> wave{};                  // integrals of u cos s and u sin s, and their derivatives
-  double damping = 0, loss = 0, lowest = 0;      // integrals of g and of g v^2 over tau, and the phase of the low
-  double error = 0, steps = 0;                   // sum of the errors of steps, number of trials
+  std::array<double, 4> high{}, low{};      // extreme of u, and its derivatives
+  std::array<double, 8> wave{};             // integrals of u cos s and u sin s, and their derivatives
+  double damping = 0, loss = 0, lowest = 0; // integrals of g and of g v^2 over tau, phase of the low
+  double error = 0, steps = 0;              // sum of the errors of steps, number of trials
 };
 constexpr std::size_t result_numbers = sizeof(Result) / sizeof(double);
 
-class Motion
+struct Motion
 {
-public:
   const double* edges;
   const Cell* cells;
   int count; // of edges
   double rest, of_force, zeta, limit, rtol;
   bool derivatives;
-  double omega, forcing, grows; // grows: derivative of F with respect to Omega
+  double omega = 0, forcing = 0, grows = 0; // grows: derivative of F with respect to Omega
+  Result out{};
+  State y{}, next{};
+  std::array<State, stages> stage{};
+  std::array<State, stages + 1> k{}; // slopes of the stages, and at the end of the step
+  double s = 0, local = 0;           // local: error of u and v in the last step
+  int cell = 0;
 
-  /// Integrate from the phase s over a length; false where the motion escapes or the steps are too many.
-  bool run(double s, double length, double u, double v, Result& out)
+  /// Integrate from the phase `begin` over a length; false where the motion escapes or the steps are too many.
+  bool run(double begin, double length, double u, double v)
   {
-    y_ = {u, v, 1, 0, 0, 1, 0, 0};
-    s_ = s;
-    cell_ = cell_of(u, v);
+    y = {u, v, 1, 0, 0, 1, 0, 0};
+    s = begin;
+    const auto at = std::upper_bound(edges, edges + count, u) - edges;
+    cell = static_cast<int>(at > 0 && u == edges[at - 1] && v < 0 ? at - 1 : at);
+    out = {};
     out.high = out.low = {u, 1, 0, 0};
     out.lowest = s;
-    const double end = s + length;
+    const double end = begin + length, most = 2e4 + 1e3 * length / omega;
     double h = std::min({length, 0.05, 0.05 * omega});
-    slope(cell_, s_, y_, k_[0]);
-    const double most = 2e4 + 1e3 * length / omega;
-    for (out.steps = 1; out.steps < most; ++out.steps)
+    slope(s, y, k[0]);
+    for (out.steps = 1; out.steps < most && std::abs(y[0]) < limit; ++out.steps)
     {
-      if (!(std::abs(y_[0]) < limit))
-        return false;
-      const bool last = s_ + h >= end - 1e-14 * std::max(1.0, end);
-      const double step = last ? end - s_ : h;
-      const double error = advance(step);
+      const bool last = s + h >= end - 1e-14 * std::max(1.0, end);
+      const double step = last ? end - s : h, error = advance(step);
       // a step this short is taken as it is: where the stiffness is infinite, at contact loss, none meets the tolerance
-      const bool shortest = step < 1e-12 * std::max(1.0, s_) && error < 1e300;
+      const bool shortest = step < 1e-12 * std::max(1.0, s) && error < 1e300;
       if (!(error <= 1.0) && !shortest)
       {
         h = step * (error < 1e300 ? std::max(0.2, 0.9 * std::pow(error, -0.125)) : 0.1);
-        if (h < 1e-14 * std::max(1.0, s_))
+        if (h < 1e-14 * std::max(1.0, s))
           return false;
         continue;
       }
       const double proposed = step * std::min(5.0, 0.9 * std::pow(std::max(error, 1e-12), -0.125));
-      const int side = commit(step, out);
-      if (!side && last)
+      const bool whole = commit(step);
+      if (whole && last)
       {
-        extreme(y_, s_, out);
-        out.end = y_;
-        return std::isfinite(y_[0]) && std::isfinite(y_[1]);
+        extreme(y, s);
+        out.end = y;
+        return std::isfinite(y[0]) && std::isfinite(y[1]);
       }
-      h = std::min(1.0, side ? std::max(h, proposed) : proposed);
+      h = std::min(1.0, whole ? proposed : std::max(h, proposed));
     }
     return false;
-  }
-
-private:
-  State y_{}, next_{};
-  std::array<State, stages> stage_{};
-  std::array<State, stages + 1> k_{}; // slopes of the stages, and at the end of the step
-  double s_ = 0, error_ = 0; // error_: of u and v in the last step
-  int cell_ = 0;
-
-  int cell_of(double u, double v) const
-  {
-    const auto at = std::upper_bound(edges, edges + count, u) - edges;
-    return static_cast<int>(at > 0 && u == edges[at - 1] && v < 0 ? at - 1 : at);
   }
 
   /// Acceleration without forcing, -f - 2 zeta g v, its derivative with respect to u, and g.
@@ -155,213 +145,180 @@ private:
     return {rest - pull - 2 * zeta * g * v, -dpull - 2 * zeta * dg * v, g};
   }
 
-  /// Derivative of the state with respect to s.
-  void slope(int i, double s, const State& y, State& out) const
+  /// Derivative of the state with respect to the phase.
+  void slope(double phase, const State& x, State& to) const
   {
-    const double wave = std::cos(s), per = 1 / omega;
-    const auto [unforced, a_u, g] = acceleration(i, y[0], y[1]);
+    const double wave = std::cos(phase), per = 1 / omega;
+    const auto [unforced, a_u, g] = acceleration(cell, x[0], x[1]);
     const double a = unforced + forcing * wave, a_v = -2 * zeta * g;
-    out[0] = y[1] * per;
-    out[1] = a * per;
+    to[0] = x[1] * per;
+    to[1] = a * per;
     if (!derivatives)
       return;
     for (int j = 2; j < size; j += 2)
     {
-      out[j] = y[j + 1] * per;
-      out[j + 1] = (a_u * y[j] + a_v * y[j + 1]) * per;
+      to[j] = x[j + 1] * per;
+      to[j + 1] = (a_u * x[j] + a_v * x[j + 1]) * per;
     }
-    out[6] -= y[1] * per * per;
-    out[7] += (grows * wave - a * per) * per;
+    to[6] -= x[1] * per * per;
+    to[7] += (grows * wave - a * per) * per;
   }
 
-  /// A step of DOP853 to `next_`, with the slope at its end in k_[stages]; its error over the tolerance.
+  /// A step of DOP853 to `next`, with the slope at its end in k[stages]; its error over the tolerance.
   double advance(double h)
   {
     const int n = derivatives ? size : 2;
-    stage_[0] = y_;
+    stage[0] = y;
     for (int i = 1; i < stages; ++i)
     {
-      State& y = stage_[i] = y_;
+      State& x = stage[i] = y;
       for (int j = 0; j < i; ++j)
         if (const double a = h * A[i][j]; a != 0)
           for (int m = 0; m < n; ++m)
-            y[m] += a * k_[j][m];
-      slope(cell_, s_ + C[i] * h, y, k_[i]);
+            x[m] += a * k[j][m];
+      slope(s + C[i] * h, x, k[i]);
     }
-    next_ = y_;
+    next = y;
     State e3{}, e5{};
     for (int j = 0; j < stages; ++j)
       for (int m = 0; m < n; ++m)
       {
-        next_[m] += h * B[j] * k_[j][m];
-        e3[m] += h * E3[j] * k_[j][m];
-        e5[m] += h * E5[j] * k_[j][m];
+        next[m] += h * B[j] * k[j][m];
+        e3[m] += h * E3[j] * k[j][m];
+        e5[m] += h * E5[j] * k[j][m];
       }
-    slope(cell_, s_ + h, next_, k_[stages]);
+    slope(s + h, next, k[stages]);
     const double fast = std::max(1.0, omega);
     double worst = 0, motion = 0;
     for (int m = 0; m < n; m += 2)
     {
-      const double before = std::abs(y_[m]) + std::abs(y_[m + 1]) / fast;
-      const double after = std::abs(next_[m]) + std::abs(next_[m + 1]) / fast;
-      const double larger = std::max({before, after, m == 6 ? motion / omega : 0});
+      const auto norm = [&](const State& x) { return std::abs(x[m]) + std::abs(x[m + 1]) / fast; };
+      const double larger = std::max({norm(y), norm(next), m == 6 ? motion / omega : 0});
       // not below the round-off of the force
       const double scale = std::max(larger * (m ? 30 * rtol : rtol), 1e-15 / (fast * fast));
-      motion = m ? motion : larger;
-      double three = 0, five = 0;
-      for (int i = 0; i < 2; ++i)
-      {
-        const double unit = scale * (i ? fast : 1);
-        three += e3[m + i] * e3[m + i] / (unit * unit);
-        five += e5[m + i] * e5[m + i] / (unit * unit);
-      }
-      const double both = five + 0.01 * three;
+      const auto square = [&](const State& x) {
+        const double one = x[m] / scale, two = x[m + 1] / (scale * fast);
+        return one * one + two * two;
+      };
+      const double five = square(e5), both = five + 0.01 * square(e3);
       if (both != both)
-        return std::numeric_limits<double>::infinity();
+        return infinite;
       const double error = both > 0 ? five / std::sqrt(2 * both) : 0;
-      error_ = m ? error_ : error * scale;
+      motion = m ? motion : larger;
+      local = m ? local : error * scale;
       worst = std::max(worst, error);
     }
     return worst;
   }
 
-  /// Coefficients of the quintic of u over [0, 1] through the ends of the step.
-  std::array<double, 6> quintic(double h) const
-  {
-    const double u = y_[0], v = h * k_[0][0], a = 0.5 * h * h * k_[0][1] / omega;
-    const double p = next_[0] - u - v - a, q = h * k_[stages][0] - v - 2 * a,
-                 r = 0.5 * (h * h * k_[stages][1] / omega - 2 * a);
-    return {u, v, a, 10 * p - 4 * q + r, -15 * p + 7 * q - 2 * r, 6 * p - 3 * q + r};
-  }
-
-  static double value(const std::array<double, 6>& c, double x)
-  {
-    return c[0] + x * (c[1] + x * (c[2] + x * (c[3] + x * (c[4] + x * c[5]))));
-  }
-
-  static double speed(const std::array<double, 6>& c, double x)
-  {
-    return c[1] + x * (2 * c[2] + x * (3 * c[3] + x * (4 * c[4] + x * 5 * c[5])));
-  }
-
-  /// Zero between a and b, where the function has opposite signs.
+  /// Where a function, of opposite signs at a and b, is zero.
   template <typename Function>
   static double zero(const Function& at, double a, double b)
   {
     const bool rising = at(b) > 0;
-    for (int i = 0; i < 50 && b - a > 1e-12; ++i)
-    {
-      const double middle = 0.5 * (a + b);
-      ((at(middle) > 0) == rising ? b : a) = middle;
-    }
+    while (b - a > 1e-12)
+      ((at(0.5 * (a + b)) > 0) == rising ? b : a) = 0.5 * (a + b);
     return 0.5 * (a + b);
   }
 
-  /// Take the step, or its part up to the edge of the cell: -1 or 1 for the edge that it reached, else 0.
-  int commit(double h, Result& out)
+  /// Take the step, or its part up to the edge of the cell; whether it is the whole step.
+  bool commit(double h)
   {
-    const auto path = quintic(h);
-    const double low = cell_ > 0 ? edges[cell_ - 1] : -std::numeric_limits<double>::infinity();
-    const double high = cell_ < count ? edges[cell_] : std::numeric_limits<double>::infinity();
-    std::array<double, 6> turns{};
-    int found = 0;
-    constexpr int parts = 4;
-    for (int i = 0; i < parts; ++i)
-    {
-      const double a = static_cast<double>(i) / parts, b = static_cast<double>(i + 1) / parts;
-      if ((speed(path, a) > 0) != (speed(path, b) > 0))
-        turns[++found] = zero([&](double x) { return speed(path, x); }, a, b);
-    }
-    turns[++found] = 1;
-    const double whole = next_[0];
+    constexpr double parts = 4;
+    // quintic of u over [0, 1] through the ends of the step
+    const double whole = next[0], u = y[0], v = h * k[0][0], w = 0.5 * h * h * k[0][1] / omega;
+    const double p = whole - u - v - w, q = h * k[stages][0] - v - 2 * w,
+                 r = 0.5 * h * h * k[stages][1] / omega - w;
+    const double c3 = 10 * p - 4 * q + r, c4 = -15 * p + 7 * q - 2 * r, c5 = 6 * p - 3 * q + r;
+    const auto value = [&](double x) { return u + x * (v + x * (w + x * (c3 + x * (c4 + x * c5)))); };
+    const auto speed = [&](double x) { return v + x * (2 * w + x * (3 * c3 + x * (4 * c4 + x * 5 * c5))); };
     bool again = false; // the step, after shorter ones
-    for (int i = 0; i < found; ++i)
+    for (double a = 0, b; a < 1; a = b)
     {
-      const double a = turns[i], b = turns[i + 1], to = b < 1 ? value(path, b) : whole;
-      const int sign = speed(path, 0.5 * (a + b)) > 0 ? 1 : -1;
-      const double edge = sign > 0 ? high : low;
+      b = (std::floor(parts * a) + 1) / parts;
+      const bool turn = (speed(a) > 0) != (speed(b) > 0);
+      b = turn ? zero(speed, a, b) : b;
+      const double to = b < 1 ? value(b) : whole, near = 1e-3 * std::abs(to);
+      const int sign = speed(0.5 * (a + b)) > 0 ? 1 : -1, beyond = sign > 0 ? cell : cell - 1;
+      const double edge = beyond >= 0 && beyond < count ? edges[beyond] : sign * infinite;
+      const auto passed = [&](double x) { return (value(x) - edge) * sign; };
       if ((to - edge) * sign > 0)
       {
-        const double at = (value(path, a) - edge) * sign >= 0
-                              ? a
-                              : zero([&](double x) { return (value(path, x) - edge) * sign; }, a, b);
-        reach(h, at, edge, sign, out);
-        return sign;
+        reach(h, passed(a) >= 0 ? a : zero(passed, a, b), edge, sign);
+        return false;
       }
-      if (b < 1 && (to > out.high[0] - 1e-3 * std::abs(to) || to < out.low[0] + 1e-3 * std::abs(to)))
+      if (turn && (to > out.high[0] - near || to < out.low[0] + near))
       {
         advance(b * h);
-        next_[0] -= 0.5 * next_[1] * next_[1] / (omega * k_[stages][1]);
-        extreme(next_, s_ + b * h, out);
+        next[0] -= 0.5 * next[1] * next[1] / (omega * k[stages][1]);
+        extreme(next, s + b * h);
         again = true;
       }
     }
     if (again)
       advance(h);
-    add(h, out);
-    return 0;
+    add(h);
+    return true;
   }
 
   /// Step to the edge, near the fraction `at` of h, and into the cell beyond.
-  void reach(double h, double at, double edge, int sign, Result& out)
+  void reach(double h, double at, double edge, int sign)
   {
     double part = at * h;
     for (int i = 0; i < 4 && part > 1e-13 * h; ++i)
     {
       advance(part);
-      const double off = edge - next_[0], moved = next_[1] / omega;
+      const double off = edge - next[0], moved = next[1] / omega;
       if (!(std::abs(off) > 1e-7 * std::abs(moved) * h) || !(moved * sign > 0))
         break;
       part = std::min(std::max(part + off / moved, 0.0), h);
     }
     if (part > 1e-13 * h)
-      add(part, out);
-    const double u = y_[0], v = y_[1];
-    extreme(y_, s_, out);
-    const double jump = acceleration(cell_ + sign, edge, v)[0] - acceleration(cell_, edge, v)[0];
+      add(part);
+    const double u = y[0], v = y[1];
+    extreme(y, s);
+    const double jump = acceleration(cell + sign, edge, v)[0] - acceleration(cell, edge, v)[0];
     if (jump != 0 && std::abs(u - edge) < 0.1 * std::abs(v) * h)
     {
       for (int m = 2; m < size; m += 2)
-        y_[m + 1] += jump / v * y_[m];
-      y_[1] += jump / v * (u - edge);
+        y[m + 1] += jump / v * y[m];
+      y[1] += jump / v * (u - edge);
     }
-    cell_ += sign;
-    slope(cell_, s_, y_, k_[0]);
+    cell += sign;
+    slope(s, y, k[0]);
   }
 
   /// Accept the step, and add to the integrals over the motion.
-  void add(double h, Result& out)
+  void add(double h)
   {
     for (int j = 0; j < stages; ++j)
     {
-      if (B[j] == 0)
-        continue;
-      const State& y = stage_[j];
-      const double s = s_ + C[j] * h, c = h * B[j] * std::cos(s), d = h * B[j] * std::sin(s);
+      const State& x = stage[j];
+      const double phase = s + C[j] * h, c = h * B[j] * std::cos(phase), d = h * B[j] * std::sin(phase);
       for (int m = 0; m < 4; ++m)
       {
-        out.wave[m] += c * y[m ? 2 * m : 0];
-        out.wave[4 + m] += d * y[m ? 2 * m : 0];
+        out.wave[m] += c * x[2 * m];
+        out.wave[4 + m] += d * x[2 * m];
       }
-      const double g = h * B[j] * acceleration(cell_, y[0], y[1])[2] / omega;
+      const double g = h * B[j] * acceleration(cell, x[0], x[1])[2] / omega;
       out.damping += g;
-      out.loss += g * y[1] * y[1];
+      out.loss += g * x[1] * x[1];
     }
-    out.error += error_;
-    y_ = next_;
-    s_ += h;
-    k_[0] = k_[stages];
+    out.error += local;
+    y = next;
+    s += h;
+    k[0] = k[stages];
   }
 
   /// Compare the largest and the smallest displacement with those of a state near a turning point.
-  void extreme(const State& y, double s, Result& out) const
+  void extreme(const State& x, double phase)
   {
-    if (y[0] > out.high[0])
-      out.high = {y[0], y[2], y[4], y[6]};
-    if (y[0] < out.low[0])
+    if (x[0] > out.high[0])
+      out.high = {x[0], x[2], x[4], x[6]};
+    if (x[0] < out.low[0])
     {
-      out.low = {y[0], y[2], y[4], y[6]};
-      out.lowest = s;
+      out.low = {x[0], x[2], x[4], x[6]};
+      out.lowest = phase;
     }
   }
 };
@@ -369,37 +326,28 @@ private:
 /// Map `lanes` (n, 7): u, v, Omega, F, dF/dOmega, phase at the start, length in s; NaN, but for the number
 /// of steps, for a motion that escapes or takes too many.
 void period_map(const Array<const double>& edges, const Array<const double>& cells, double rest, double of_force,
-                double zeta, double limit, double rtol, bool derivatives,
-                const Array<const double>& lanes, const Array<double>& out)
+                double zeta, double limit, double rtol, bool derivatives, const Array<const double>& lanes,
+                const Array<double>& out)
 {
+  constexpr std::size_t cell_numbers = sizeof(Cell) / sizeof(double);
   expect("edges", edges, {any()});
   expect("cells", cells, {edges.shape(0) + 1, cell_numbers});
   expect("lanes", lanes, {any(), 7});
   expect("out", out, {lanes.shape(0), result_numbers});
-  static_assert(sizeof(Cell) == cell_numbers * sizeof(double));
-  Motion motion;
-  motion.edges = edges.data();
-  motion.cells = reinterpret_cast<const Cell*>(cells.data());
-  motion.count = static_cast<int>(edges.shape(0));
-  motion.rest = rest;
-  motion.of_force = of_force;
-  motion.zeta = zeta;
-  motion.limit = limit;
-  motion.rtol = rtol;
-  motion.derivatives = derivatives;
+  Motion motion{edges.data(), reinterpret_cast<const Cell*>(cells.data()), static_cast<int>(edges.shape(0)),
+                rest, of_force, zeta, limit, rtol, derivatives};
   for (std::size_t i = 0; i < lanes.shape(0); ++i)
   {
     const double* lane = lanes.data() + 7 * i;
+    double* to = out.data() + i * result_numbers;
     motion.omega = lane[2];
     motion.forcing = lane[3];
     motion.grows = lane[4];
-    Result result;
-    double* to = out.data() + i * result_numbers;
-    if (motion.run(lane[5], lane[6], lane[0], lane[1], result))
-      std::copy_n(reinterpret_cast<const double*>(&result), result_numbers, to);
+    if (motion.run(lane[5], lane[6], lane[0], lane[1]))
+      std::copy_n(reinterpret_cast<const double*>(&motion.out), result_numbers, to);
     else
       std::fill_n(to, result_numbers, std::numeric_limits<double>::quiet_NaN());
-    to[result_numbers - 1] = result.steps;
+    to[result_numbers - 1] = motion.out.steps;
   }
 }
 } // namespace

@@ -29,6 +29,7 @@ _RTOL = 1e-14  # of the integrator: round-off alone is left
 _EARLY = 1e-6  # share of half a period before rest from where the last step of Newton's method goes
 _ROUND_OFF = 1e-15  # relative round-off of the contact force
 _ALMOST, _INFINITE = -0.99, 1e-9  # displacement below which an infinite stiffness at contact loss has this error
+_GREATEST = 1e-3  # of that error, far above that of any amplitude in use
 _LARGEST = 1e6  # amplitude at which the search for a peak ends
 
 
@@ -128,7 +129,7 @@ def free_orbits(restoring: Restoring, u0: ArrayLike, damping: Damping = "always"
     error = np.maximum(once.error / (start - low), _ROUND_OFF / n / start)
     if restoring.contact and equation.cells[0][0] > -1.0:  # the stiffness at contact loss is infinite
         error = np.maximum(error, np.where(low < _ALMOST, _INFINITE, 0.0))
-    if not error.max() < 1e-6:
+    if not error.max() < _GREATEST:
         raise ConvergenceError(
             f"u0 = {start[error.argmax()]:g} is too small or too large: the motion is lost in round-off"
         )

@@ -17,7 +17,7 @@ from asperity.dynamics.motion import Sweep, Trajectory, course, integrate
 from asperity.dynamics.response import FrequencyResponse, frequency_response
 from asperity.dynamics.settings import EXCITATIONS, FORCING, MIN_ZETA, OMEGA, SHAPES, Setting, forcings, window
 from asperity.errors import AsperityWarning, InputError, RangeError, warn
-from asperity.force_law.checks import positive, positives, within
+from asperity.force_law.checks import one_of, positive, positives, within
 from asperity.force_law.damping import Damping, check_damping
 from asperity.force_law.law import Law, TaylorLaw
 from asperity.runtime.display import short_repr
@@ -219,8 +219,7 @@ class ContactOscillator:
         Raises:
             RangeError: the motion escapes from a Taylor well
         """
-        if shape not in SHAPES:
-            raise InputError(f'shape = "{shape}" is unknown: choose one of {", ".join(SHAPES)}')
+        one_of("shape", shape, SHAPES)
         ends = [within("omega", value, OMEGA) for value in positives("omega", omega)]
         if len(ends) != (2 if shape == "chirp" else 1):
             raise InputError(f"omega = {ends} is not legal: a chirp has two frequencies, another excitation one")
@@ -244,7 +243,6 @@ class ContactOscillator:
 
     def setting(self, forcing: float, excitation: str = "force") -> Setting:
         """Law, damping and forcing of a result."""
-        if excitation not in EXCITATIONS:
-            raise InputError(f'excitation = "{excitation}" is unknown: choose one of {", ".join(EXCITATIONS)}')
+        one_of("excitation", excitation, EXCITATIONS)
         r, law = self.restoring, self.law.describe()
         return Setting(self.model, law, r.n_loc, self.zeta, str(self.damping), float(forcing), excitation)

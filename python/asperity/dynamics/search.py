@@ -9,7 +9,6 @@ to: it starts on free orbits, at resonance with the forcing and at frequencies t
 from __future__ import annotations
 
 from collections.abc import Iterator
-from contextlib import suppress
 from dataclasses import replace
 from itertools import pairwise, product
 
@@ -18,7 +17,7 @@ import numpy as np
 from asperity.arrays import Array
 from asperity.dynamics.branch import Branch, Event, doubled, located, subharmonic, through
 from asperity.dynamics.equation import TURN, Equation, Forcing, motions
-from asperity.dynamics.free import free_orbits, largest_amplitude, resonance_peak
+from asperity.dynamics.free import FreeOrbit, free_orbits, largest_amplitude, resonance_peak
 from asperity.dynamics.orbits import Orbits
 from asperity.dynamics.point import TOO_MUCH, Path, Point, Tracing
 from asperity.dynamics.settings import MIN_ZETA
@@ -36,6 +35,7 @@ _KNOWN = 1e-2  # distance within which an orbit is identical to a known one, rel
 _CYCLES = 5  # of free orbits in a forcing period
 _AMPLITUDES = (0.05, 300.0)  # of free orbits: small ones, and those above which the mass flies all the time
 _MODERATE = 2.5  # amplitude up to which starts fill the states evenly
+_FAINT = 1e-4  # least of the largest amplitudes, far above round-off
 _POINTS = 12  # amplitudes on the backbone
 _MOST_LOST = 2.0  # of `Search.may_double`: up to 1.1 with orbits of period 2, in 250 random windows
 _BEYOND = 1.2  # frequency over that of a resonance, beyond which the orbit is unique
@@ -73,13 +73,19 @@ class Search:
         """Free orbits up to the amplitude that the forcing sustains at phase resonance, and what follows from them."""
         e, r, zeta = self.equation, self.equation.restoring, self.equation.zeta
         top = largest_amplitude(r)
-        if zeta > 0.0:
-            with suppress(ConvergenceError):  # the law is too stiff at amplitudes far beyond any resonance
-                peak = None if only_in_contact(e.damping) else resonance_peak(r, Forcing(self.strong), zeta, e.damping)
-                top = top if peak is None else min(peak.u0, top)
-        top = min(top, _AMPLITUDES[1])
-        self.amplitude = np.geomspace(min(_AMPLITUDES[0], 0.1 * top), top, _POINTS)
-        free = free_orbits(r, self.amplitude, e.damping)
+        if zeta > 0.0 and not only_in_contact(e.damping):
+            peak = resonance_peak(r, Forcing(self.strong), zeta, e.damping)
+            top = top if peak is None else min(peak.u0, top)
+        top = min(max(top, _FAINT), _AMPLITUDES[1])
+        free: tuple[FreeOrbit, ...] = ()
+        while not free:
+            self.amplitude = np.geomspace(min(_AMPLITUDES[0], 0.1 * top), top, _POINTS)
+            try:
+                free = free_orbits(r, self.amplitude, e.damping)
+            except ConvergenceError:  # the law is too stiff at amplitudes far beyond any resonance
+                if top < _FAINT:
+                    raise
+                top *= 0.5
         self.frequency, drive, second = np.array([(o.omega, o.drive, o.a2 / o.a1) for o in free]).T
         # at twice the frequency, share of the work on the second harmonic that the damping takes
         self.lost = np.divide(
@@ -175,7 +181,7 @@ class Search:
     # ---- starts
 
     def _near_rest(self, omega: float) -> None:
-        """Trace the branch of order 1 of the linear response at a frequency, or of what Newton's method finds there."""
+        """Trace the branch of order 1 of the linear response at a frequency, or those that Newton's method finds there."""
         force = float(self.forcing.at(omega))
         impedance = complex(1.0 - omega * omega, 2.0 * self.equation.zeta * omega)
         linear = force / max(abs(impedance), force) * impedance.conjugate() / (abs(impedance) or 1.0)
@@ -187,7 +193,6 @@ class Search:
             y = np.concatenate([[rest, 0.3 * rest, 0.0 * rest], y[:: max(len(y) // 24, 1)]])
             for rough, _, amplitude in self._found(1, np.full(len(y), omega), y):
                 self._through("main", 1, rough, omega, amplitude)
-                break
 
     def _lanes(self, order: int) -> tuple[Array, Array]:
         """Omega (starts,), and states (starts, 2) on free orbits up to the amplitude that the forcing sustains.

@@ -18,7 +18,7 @@ import numpy as np
 
 from asperity.dynamics.joint import Joint
 from asperity.errors import InputError
-from asperity.force_law.checks import positive, positives, within
+from asperity.force_law.checks import one_of, positive, positives, within
 from asperity.force_law.damping import Damping
 from asperity.runtime.files import parse_toml, read_text
 
@@ -181,13 +181,11 @@ class DynamicsSettings:
             if self.excitation not in (_PHYSICAL[given[0]], type(self).excitation):
                 raise InputError(f'{given[0]} is given, and excitation = "{self.excitation}"; give one of them')
             object.__setattr__(self, "excitation", _PHYSICAL[given[0]])
-        if self.excitation not in EXCITATIONS:
-            raise InputError(f'excitation = "{self.excitation}" is unknown: choose one of {", ".join(EXCITATIONS)}')
+        one_of("excitation", self.excitation, EXCITATIONS)
         shapes = (self.simulate,) if isinstance(self.simulate, str) else tuple(self.simulate)
         object.__setattr__(self, "simulate", shapes)
         for name in shapes:
-            if name not in SHAPES:
-                raise InputError(f'simulate = "{name}" is unknown: choose from {", ".join(SHAPES)}')
+            one_of("simulate", name, SHAPES)
         if shapes and self.excitation == "base":
             raise InputError(
                 "simulate is for a force or an acceleration of the base: a displacement that jumps has no acceleration"
@@ -211,12 +209,11 @@ class DynamicsSettings:
                 )
             object.__setattr__(self, "zeta", self.joint.damping)
         for name in self.model:
-            if name not in MODELS:
-                raise InputError(f'model = "{name}" is unknown: choose one of {", ".join(MODELS)}')
+            one_of("model", name, MODELS)
         if not self.model:
             raise InputError("model is empty: choose exact, taylor or both")
-        if self.units not in (None, "SI", "other"):
-            raise InputError(f'units = "{self.units}" is unknown: choose SI or other')
+        if self.units is not None:
+            one_of("units", self.units, ("SI", "other"))
 
     @property
     def load(self) -> float | None:

@@ -30,6 +30,12 @@ def within(name: str, value: float, legal: tuple[float, float]) -> float:
     return number
 
 
+def one_of(name: str, value: Any, legal: Iterable[str]) -> None:
+    """Raise `InputError` unless `value` is one of the legal names."""
+    if value not in legal:
+        raise InputError(f'{name} = "{value}" is unknown: choose one of {", ".join(legal)}')
+
+
 def positives(name: str, values: Any) -> tuple[float, ...]:
     """One number or several as a tuple; raise `InputError` if there is none or one is not positive."""
     several = isinstance(values, Iterable) and not isinstance(values, str) and getattr(values, "ndim", 1) > 0

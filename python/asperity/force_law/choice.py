@@ -13,7 +13,7 @@ from asperity.curve.power_law import fit_power_law
 from asperity.curve.slope import fitted_rows
 from asperity.errors import AsperityError, AsperityWarning, InputError, RangeError, warn
 from asperity.force_law import LAWS, MIN_ROWS
-from asperity.force_law.checks import positive
+from asperity.force_law.checks import one_of, positive
 from asperity.force_law.columns import CurveColumns
 from asperity.force_law.law import EXPONENT, Law, PowerLaw
 from asperity.force_law.points import FALL, MIN_POINTS, TOUCH, fit_origin
@@ -90,8 +90,7 @@ def choose(
     columns: CurveColumns, law: str = "auto", load: float | None = None, *, overload: float | None = None
 ) -> Choice:
     """Choose the law of a curve for the vibration about a preload; for arguments and errors see `law_from`."""
-    if law not in LAWS:
-        raise InputError(f'law = "{law}" is unknown: choose one of {", ".join(LAWS)}')
+    one_of("law", law, LAWS)
     top = float(np.max(columns.force))
     load, lowered = met(0.5 * top if load is None else positive("load", load), top, columns.bar_at(top))
     if overload is not None:

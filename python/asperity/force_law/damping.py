@@ -18,6 +18,7 @@ import numpy as np
 from asperity.arrays import Array
 from asperity.curve.loops import LoopTable
 from asperity.errors import InputError
+from asperity.force_law.checks import one_of
 
 _POINTS = 4000  # of the mean over a cycle
 _SAME_PRELOAD = 0.01  # relative difference up to which loops are about the preload
@@ -123,8 +124,7 @@ def check_damping(damping: Damping, zeta: float) -> Damping:
         raise InputError(
             'damping = "loops" needs loops.csv in the folder of the run: compute it with the section [loops]'
         )
-    if damping not in DAMPING:
-        raise InputError(f'damping = "{damping}" is unknown: choose one of {", ".join(DAMPING)}')
+    one_of("damping", damping, DAMPING)
     return damping
 
 
