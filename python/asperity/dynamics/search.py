@@ -25,6 +25,7 @@ from asperity.errors import ConvergenceError
 from asperity.force_law.damping import only_in_contact
 
 _STARTS = 480  # on the period map
+_AT_EDGE = 24  # of these, at an end of the window
 _SLOW = 0.2  # Omega below which there are fewer, because each takes longer
 _TOGETHER = 8  # starts whose motions are followed at once
 _ITERATIONS = 9  # of Newton's method on the period map
@@ -181,7 +182,7 @@ class Search:
     # ---- starts
 
     def _near_rest(self, omega: float) -> None:
-        """Trace the branch of order 1 of the linear response at a frequency, or those that Newton's method finds there."""
+        """Trace the branch of the linear response at a frequency, or those that Newton's method finds there."""
         force = float(self.forcing.at(omega))
         impedance = complex(1.0 - omega * omega, 2.0 * self.equation.zeta * omega)
         linear = force / max(abs(impedance), force) * impedance.conjugate() / (abs(impedance) or 1.0)
@@ -190,7 +191,7 @@ class Search:
         self._through("main", 1, rest, omega, abs(linear) + 1e-12)
         if len(self._paths) == known:
             _, y = self._lanes(1)
-            y = np.concatenate([[rest, 0.3 * rest, 0.0 * rest], y[:: max(len(y) // 24, 1)]])
+            y = np.concatenate([[rest, 0.3 * rest, 0.0 * rest], y[:: max(len(y) // _AT_EDGE, 1)]])
             for rough, _, amplitude in self._found(1, np.full(len(y), omega), y):
                 self._through("main", 1, rough, omega, amplitude)
 
