@@ -12,9 +12,8 @@ from scipy.optimize import brentq
 
 from asperity import reference as ref
 from asperity.adaptive.solve_contact import solve_contact
-from asperity.contact import Contact
+from asperity.contact import Contact, make_contact
 from asperity.contact.contact_surface import ContactSurface
-from asperity.contact.make import make_contact
 from asperity.errors import InputError
 from asperity.fem.solid import Solid
 from asperity.mesh.block import BlockMesh

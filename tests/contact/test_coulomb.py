@@ -12,7 +12,6 @@ from scipy.optimize import brentq
 from scipy.special import ellipk
 
 from asperity.adaptive.solve_contact import solve_contact
-from asperity.case import Case
 from asperity.contact import Coulomb
 from asperity.errors import InputError
 from asperity.mesh.block import BlockMesh
@@ -237,15 +236,6 @@ def test_what_friction_does_not_go_with(coarse: BlockMesh | None, rough: Surface
     solver = make_contact_solver(world(), rough, coarse, ELASTIC, formulation=Formulation(friction=0.3))
     with pytest.raises(InputError, match="has no motion in time"):
         Transient(solver, density=1.0, mass=1.0, load=0.0)
-    data: dict[str, Any] = {
-        "surface": {"kind": "sphere", "L": 1e-6, "radius": 1e-5}, "material": {"E": 200e9, "nu": 0.3},
-        "loading": {"delta_max": 1e-9}, "contact": {"friction": 0.3},
-    }  # fmt: skip
-    assert Case.from_dict(data).problem().formulation.sticks
-    with pytest.raises(InputError, match=r"contact\.friction"):
-        Case.from_dict(data | {"contact": {"friction": 0.3, "method": "penalty"}})
-    with pytest.raises(InputError, match=r"contact\.friction"):
-        Case.from_dict(data | {"contact": {"friction": -0.3}})
 
 
 # --- a flat that moves ----------------------------------------------------------------------------------------

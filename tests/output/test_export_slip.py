@@ -15,7 +15,7 @@ from conftest import PLASTIC, here
 from test_export import calculated, calculix, in_contact, two_bricks
 
 import asperity as asp
-from asperity.contact.coulomb import Coulomb
+from asperity.contact.friction import Coulomb
 from asperity.errors import InputError
 from asperity.mesh.generate import build_block
 from asperity.mesh.size_field import SizeField

@@ -3,13 +3,11 @@
 from __future__ import annotations
 
 import numpy as np
-from mpi4py import MPI
 
 from asperity.arrays import Flags, Floats, Integers
 from asperity.contact.contact_surface import ContactSurface
 from asperity.contact.interface import Contact
 from asperity.fem.solid import Solid
-from asperity.mesh.element import BEARING
 from asperity.runtime.parallel import summed
 
 ROUNDING = 1e-7  # pull on a node over the rms force of the nodes in contact that no solution resolves
@@ -30,7 +28,7 @@ class ActiveSet(Contact):
     has_tangent = False  # active dofs are prescribed by the solver
 
     def __init__(self, solid: Solid, surface: ContactSurface) -> None:
-        self._solid, self._surface = solid, surface
+        self._solid, self.surface = solid, surface
         self._nodes = surface.owned_nodes
         self._height = solid.points[self._nodes, 2]
         # any positive c gives the same solution; above the stiffness of a node no gap of rounding closes and opens
@@ -72,21 +70,8 @@ class ActiveSet(Contact):
         out[self._nodes[self.active]] = -force[self._nodes[self.active], 2]
         return out
 
-    def touched(self) -> tuple[Flags, Floats]:
-        """Edge nodes that are active, each with a third of its facet: the rule of the bearing nodes; collective.
-
-        Corner nodes do not indicate contact: under a smooth pressure their consistent force vanishes, so the exact
-        solution may leave a small gap there. A small contact may lie around one; it has no area.
-        """
-        surface, comm = self._surface, self._solid.comm
-        held = self.touched_edges()
-        bearing = held[surface.nodes[:, BEARING]]
-        if comm.allreduce(bool(bearing.any()), op=MPI.LOR):
-            return bearing, np.repeat(surface.area[:, None] / len(BEARING), len(BEARING), axis=1)
-        return held[surface.nodes[:, :3]], np.zeros((len(surface.cells), 3))
-
     def touched_edges(self) -> Flags:
         """Nodes that are active."""
-        owned = np.zeros(3 * self._solid.owned)
-        owned[3 * self._nodes[self.active]] = 1.0
-        return np.asarray(self._solid.scatter_forward(owned)[:, 0] > 0.0)
+        held = np.zeros((self._solid.owned, 1))
+        held[self._nodes[self.active]] = 1.0
+        return np.asarray(self._solid.ghosts.scatter_forward(held)[:, 0] > 0.0)

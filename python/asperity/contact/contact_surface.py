@@ -1,4 +1,4 @@
-"""Contact surface of a solid: facets of its rough top, quadrature on them, pressure from nodal forces."""
+"""Contact surface of a solid: facets of its rough top, quadrature on them, pressure, area and spots."""
 
 from __future__ import annotations
 
@@ -19,8 +19,6 @@ from asperity.runtime.compiled import solver as _solver
 from asperity.runtime.distributed_array import collect, share_some
 
 FACET_DEGREE = 8  # 16 points: four times closer on cut facets than the 6 of degree 4, at no cost (docs/theory.md)
-
-
 IN_ORDER = (0, 1, 2, 5, 3, 4)  # nodes of a facet, corners and opposite edges, in the order of `element.FACES`
 
 
@@ -80,7 +78,8 @@ class ContactSurface:
     Attributes:
         cells, local: cell of each facet and the number of the facet in it (F,)
         cell_nodes: displacement nodes of these cells (F, 10)
-        nodes: displacement nodes of each facet, corners, then the edges opposite to them (F, 6)
+        in_cell, nodes: number in the cell of each node of a facet, corners, then the edges opposite to them, and the
+            displacement nodes (F, 6)
         area, diameter: of each facet (F,)
         owned_nodes: nodes of the contact surface that this rank owns
     """
@@ -97,8 +96,8 @@ class ContactSurface:
             [np.flatnonzero(to_facet.links(c) == f)[0] for f, c in zip(facets, self.cells, strict=True)], dtype=np.int32
         )
         self.cell_nodes = np.ascontiguousarray(solid.cell_nodes[self.cells])
-        closures = np.array(element.facet_nodes())
-        self.nodes = np.take_along_axis(self.cell_nodes, closures[self.local], axis=1)
+        self.in_cell = np.array(element.facet_nodes())[self.local]
+        self.nodes = np.take_along_axis(self.cell_nodes, self.in_cell, axis=1)
         self.owned_nodes = solid.nodes_on(TOP)
         rule = FacetRule(self, 2)
         self.area = rule.weights.sum(axis=1)
@@ -108,12 +107,9 @@ class ContactSurface:
         # the load of each facet under a pressure of one
         self._unit = np.zeros(self.nodes.shape)
         self._unit[:, element.BEARING] = self.area[:, None] / len(element.BEARING)
-        self._corner_area = self._assemble_corners(element.to_corners(self._unit))
+        self._corner_area = self.assemble(self.nodes[:, :3], element.to_corners(self._unit))
+        self._valence = self.assemble(self.nodes, np.ones(self.nodes.shape))  # facets that meet at a node
         self._projected = element.projected_area(solid.positions(self.nodes))
-
-    def _assemble_corners(self, values: Floats) -> Floats:
-        """Sum corner values (F, 3) over facets and ranks; result on local nodes (nodes,)."""
-        return self.assemble(self.nodes[:, :3], values)
 
     def assemble(self, nodes: npt.NDArray[np.int32], values: Floats) -> Floats:
         """Sum facet values into a nodal array over all ranks, ghosts updated; collective."""
@@ -126,11 +122,8 @@ class ContactSurface:
         return vector.array.copy()
 
     def bearing_area(self) -> Floats:
-        """Area of the facets by the nodes that bear a uniform pressure, those on edges (nodes,) [length^2]; collective.
-
-        Zero at the corners.
-        """
-        return self.assemble(self.nodes[:, element.BEARING], self._unit[:, element.BEARING])
+        """Area of the facets by the nodes that bear a uniform pressure, on edges (nodes,) [length^2]; collective."""
+        return self.assemble(self.nodes, self._unit)
 
     def area_ratio(self) -> Floats:
         """Area of each facet, projected on the flat, over that before deformation (F,); 1 in small strain."""
@@ -154,10 +147,10 @@ class ContactSurface:
             pressure (nodes,) [force/length^2]
         """
         # a node's force is shared by its facets: split it evenly so that the assembly counts it once
-        share = nodal_force / np.maximum(self.valence, 1.0)
-        force, area = self._assemble_corners(element.to_corners(share[self.nodes])), self._corner_area
+        share, corners = nodal_force / np.maximum(self._valence, 1.0), self.nodes[:, :3]
+        force, area = self.assemble(corners, element.to_corners(share[self.nodes])), self._corner_area
         if self.solid.material.finite:
-            area = self._assemble_corners(element.to_corners(self._unit * self.area_ratio()[:, None]))
+            area = self.assemble(corners, element.to_corners(self._unit * self.area_ratio()[:, None]))
         with np.errstate(invalid="ignore", divide="ignore"):
             return np.where(area > 0.0, force / area, 0.0)
 
@@ -196,11 +189,6 @@ class ContactSurface:
         rule = FacetRule(self, 4)  # exact for the product of shape function and projected area
         return rule.weights @ rule.of_nodes
 
-    @cached_property
-    def valence(self) -> Floats:
-        """Number of facets of the contact surface, over all ranks, that meet at a node (nodes,)."""
-        return self.assemble(self.nodes, np.ones(self.nodes.shape))
-
 
 def facet_numbers(surface: ContactSurface) -> Indices:
     """Number of each facet in the built mesh: four times its cell plus its number in the cell (F,)."""
@@ -213,17 +201,14 @@ def gather_top(surface: ContactSurface, height: float) -> Top | None:
     Args:
         height: of the mean plane above the base [L]
     """
-    faces, points = gather_faces(surface), gather_at_top(surface, surface.solid.mesh.geometry.x)
+    geometry = surface.solid.mesh.geometry
+    numbers = np.asarray(geometry.input_global_indices)[_x_nodes(surface)]
+    faces = collect(share_some(surface.solid.comm, facet_numbers(surface), numbers)[1])
+    points = gather_at_top(surface, geometry.x)
     if faces is None or points is None:
         return None
     _, place = np.unique(faces, return_inverse=True)
     return Top(points - [0.0, 0.0, height], place.reshape(faces.shape))
-
-
-def gather_faces(surface: ContactSurface) -> Indices | None:
-    """Numbers in the built mesh of the nodes of all facets on rank 0 (F, 6), see `gather_top`; collective."""
-    numbers = np.asarray(surface.solid.mesh.geometry.input_global_indices)[_x_nodes(surface)]
-    return collect(share_some(surface.solid.comm, facet_numbers(surface), numbers)[1])
 
 
 def gather_at_top(surface: ContactSurface, values: Floats) -> Floats | None:
@@ -235,7 +220,33 @@ def gather_at_top(surface: ContactSurface, values: Floats) -> Floats | None:
 
 def _x_nodes(surface: ContactSurface) -> Integers:
     """Nodes of the geometry on each facet in the order of `element.FACES` (F, 6)."""
-    in_order = np.array(element.facet_nodes())[:, IN_ORDER]
-    return np.take_along_axis(
-        compat.geometry_dofmap(surface.solid.mesh)[surface.cells], in_order[surface.local], axis=1
-    )
+    x_nodes = compat.geometry_dofmap(surface.solid.mesh)[surface.cells]
+    return np.take_along_axis(x_nodes, surface.in_cell[:, IN_ORDER], axis=1)
+
+
+def spots_of(surface: ContactSurface, edges: Flags, areas: Floats) -> tuple[int, float]:
+    """Number of contact spots of all ranks and area of the largest one [length^2]; collective.
+
+    A spot consists of touched thirds of facets, each between an edge and the middle of its facet. Those of one facet
+    belong to one spot, and so do those that meet at a corner. A map of these thirds shows as many patches.
+
+    Args:
+        edges: see `Contact.touched_edges` (nodes,)
+        areas: touched area of each facet (F,) [length^2]
+    """
+    from scipy import sparse
+
+    comm, index_map = surface.solid.comm, surface.solid.V.dofmap.index_map
+    touched = edges[surface.nodes[:, element.BEARING]]
+    facets = touched.any(axis=1)
+    at_corners = np.roll(touched, -1, axis=1) | np.roll(touched, -2, axis=1)  # an edge has the number opposite to it
+    corners = index_map.local_to_global(surface.nodes[facets, :3].ravel()).reshape(-1, 3)
+    parts = comm.gather((corners, at_corners[facets], areas[facets]), root=0)
+    count, largest = 0, 0.0
+    if parts is not None and any(len(corners) for corners, *_ in parts):
+        corners, ends, areas = (np.concatenate(of_ranks) for of_ranks in zip(*parts, strict=True))
+        _, column = np.unique(corners[ends], return_inverse=True)
+        meet = sparse.csr_array((np.ones(column.size), (np.nonzero(ends)[0], column.ravel())))
+        count, of_facet = sparse.csgraph.connected_components(meet @ meet.T, directed=False)
+        largest = np.bincount(of_facet, areas).max()
+    return comm.bcast((int(count), float(largest)), root=0)

@@ -4,10 +4,12 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 
-from asperity.arrays import Flags, Floats, Integers
-from asperity.fem.history import History
+import numpy as np
 
-__all__ = ["Contact"]
+from asperity.arrays import Flags, Floats, Integers
+from asperity.contact.contact_surface import ContactSurface
+from asperity.fem.history import History
+from asperity.mesh.element import BEARING
 
 
 class Contact(ABC):
@@ -18,6 +20,7 @@ class Contact(ABC):
     the tangents and `penetration_work`, one with a history the methods from `commit` on.
 
     Attributes:
+        surface: of the solid
         symmetric: whether the tangent is symmetric, and positive definite with the solid's
         has_tangent: whether the contact has a stiffness
         hint: of its parameters, what may help where Newton's method does not converge: "... , ", or empty
@@ -25,6 +28,7 @@ class Contact(ABC):
             of the others (N, up to 3); None, on all ranks, for a formulation without tangential forces
     """
 
+    surface: ContactSurface
     symmetric: bool
     has_tangent: bool
     hint: str = ""
@@ -54,18 +58,24 @@ class Contact(ABC):
         """Normal force of the flat on the owned nodes (owned,), from the internal force (owned, 3)."""
 
     @abstractmethod
-    def touched(self) -> tuple[Flags, Floats]:
-        """Points of the facets that the flat touches at the last residual (F, Q), and the area of each; collective.
-
-        The areas are projected on the plane of the flat (F, Q) [L^2].
-        """
-
-    @abstractmethod
     def touched_edges(self) -> Flags:
         """Whether the third of a facet at each of its edge nodes is touched, at the local nodes (nodes,); collective.
 
         They are the parts of a facet between an edge and the middle, which contact spots and their maps consist of.
         """
+
+    def touched(self) -> tuple[Flags, Floats]:
+        """Points of the facets that the flat touches at the last residual (F, Q), and the area of each; collective.
+
+        They are the edge nodes of `touched_edges`, each with a third of its facet. Corner nodes do not indicate
+        contact: under a smooth pressure their consistent force vanishes, so the exact solution may leave a small gap
+        there. A small contact may lie around one; it has no area. Areas are projected on the flat (F, Q) [L^2].
+        """
+        edges, nodes, area = self.touched_edges(), self.surface.nodes, self.surface.area
+        bearing = edges[nodes[:, BEARING]]
+        if self.surface.solid.comm.allreduce(int(bearing.sum())):
+            return bearing, np.repeat(area[:, None] / len(BEARING), len(BEARING), axis=1)
+        return edges[nodes[:, :3]], np.zeros((len(nodes), 3))
 
     def expect(self, z: float, start: Floats, end: Floats, ratio: float) -> None:  # noqa: B027
         """Prepare the step to the height of `begin`, before its first residual.

@@ -11,7 +11,7 @@ from asperity.contact.interface import Contact
 from asperity.fem.history import History
 from asperity.fem.kernels import compiled, law_of
 from asperity.fem.solid import Solid
-from asperity.mesh.element import BEARING, DEGREE, FACET_POINTS
+from asperity.mesh.element import DEGREE, FACET_POINTS
 from asperity.model.material import Material
 from asperity.runtime.compiled import solver as _solver
 
@@ -41,18 +41,10 @@ class PressureContact(Contact):
         traction: k
     """
 
-    def __init__(
-        self,
-        solid: Solid,
-        surface: ContactSurface,
-        factor: float,
-        *,
-        traction: bool,
-    ) -> None:
-        self._solid, self._surface = solid, surface
+    def __init__(self, solid: Solid, surface: ContactSurface, factor: float, *, traction: bool) -> None:
+        self._solid, self.surface = solid, surface
         self._rule = FacetRule(surface, FACET_DEGREE)
         self.symmetric, self.has_tangent = not traction, True
-        points = self._rule.weights.shape
         if traction:
             lam, mu = solid.material.lame
             modulus, h = lam + 2.0 * mu, 3.0 * solid.kernels.volumes[surface.cells].sum(axis=1) / surface.area
@@ -64,11 +56,11 @@ class PressureContact(Contact):
             self.hint = f"a smaller contact.{'gamma' if traction else 'penalty'} than {factor:g}, "
         self._set(factor)
         self._has_history = traction and solid.material.plastic
-        rows = len(surface.cells) if self._has_history else 0
-        self._committed, self._trial = History.zeros(rows, points[1]), History.zeros(rows, points[1])
+        self.points = np.zeros(self._rule.weights.shape)  # pressure at the quadrature points (facets, points)
+        rows, points = len(surface.cells) if self._has_history else 0, self.points.shape[1]
+        self._committed, self._trial = History.zeros(rows, points), History.zeros(rows, points)
         self._pattern = _solver.BlockPattern(surface.cell_nodes, solid.sparsity.indptr, solid.sparsity.indices)
         self._z = np.inf
-        self.points = np.zeros(points)  # pressure at the quadrature points (facets, points)
 
     def _set(self, factor: float) -> None:
         """Use this factor."""
@@ -96,7 +88,7 @@ class PressureContact(Contact):
 
     def residual(self, force: Floats) -> tuple[Floats, Integers, Floats]:
         u = self._solid.u.x.array.reshape(-1, 3)
-        histories = compiled(self._committed), compiled(self._below()), compiled(self._trial)
+        histories = (compiled(history) for history in (self._committed, self._below(), self._trial))
         _solver.facet_pressure(self._rule.facets, self._law, self._z, u, *histories, self.points)
         load = np.zeros((self._solid.nodes, 1))
         _solver.facet_load(self._rule.facets, self._rule.weights, self.points, load[:, 0])
@@ -121,8 +113,8 @@ class PressureContact(Contact):
         kernels = self._solid.kernels
         if not self._has_history:
             return History.zeros(0, 0)
-        history, cells = kernels.last if trial else kernels.history(), self._surface.cells
-        return History(**{name: getattr(history, name)[cells] for name in History.names()})
+        history, cells = kernels.last if trial else kernels.history(), self.surface.cells
+        return History(**{name: values[cells] for name, values in history.arrays().items()})
 
     def nodes(self) -> Integers:
         """Owned nodes most of whose surroundings are under pressure; collective.
@@ -130,17 +122,13 @@ class PressureContact(Contact):
         The surroundings are the quadrature points next to the node. The greatest share of a node counts as whole, so a
         contact of a few points has nodes too.
         """
-        touched, weights = self.points > 0.0, self._rule.weights
-        under, total = (self._of_surroundings(values) for values in (weights * touched, weights))
-        owned = self._surface.owned_nodes
+        surface, weights = self.surface, self._rule.weights
+        next_to = np.eye(len(FACET_POINTS))[self._rule.nearest]
+        under, total = (surface.assemble(surface.nodes, w @ next_to) for w in (weights * (self.points > 0.0), weights))
+        owned = surface.owned_nodes
         share = np.divide(under[owned], total[owned], out=np.zeros(len(owned)), where=total[owned] > 0.0)
         greatest = self._solid.comm.allreduce(float(np.max(share, initial=0.0)), op=MPI.MAX)
         return owned[(share > 0.0) & (share >= 0.5 * greatest)]
-
-    def _of_surroundings(self, values: Floats) -> Floats:
-        """Sums of values at the quadrature points (facets, points) over the surroundings of each node (nodes,)."""
-        sums = np.stack([values[:, self._rule.nearest == k].sum(axis=1) for k in range(len(FACET_POINTS))], axis=1)
-        return self._surface.assemble(self._surface.nodes, sums)
 
     def nodal_force(self, force: Floats) -> Floats:
         return self._force.copy()
@@ -150,7 +138,7 @@ class PressureContact(Contact):
 
     def penetration_work(self) -> float:
         # at the points, where the law holds; the penetration of a node between them depends on the size of the facets
-        uz = self._solid.u.x.array.reshape(-1, 3)[self._surface.nodes, 2]
+        uz = self._solid.u.x.array.reshape(-1, 3)[self.surface.nodes, 2]
         touched = self.points > 0.0
         depth = (self._rule.height + self._rule.at_points(uz) - self._z)[touched]
         return float(np.sum((self._rule.weights * self.points)[touched] * depth))
@@ -162,14 +150,9 @@ class PressureContact(Contact):
         self._committed.assign(history)
 
     def touched(self) -> tuple[Flags, Floats]:
-        """Edge nodes in contact, each with a third of its facet, as with exact contact; collective.
-
-        A contact within a few facets that no edge node belongs to consists of the points under pressure.
-        """
-        surface, bearing = self._surface, self.touched_edges()[self._surface.nodes[:, BEARING]]
-        if self._solid.comm.allreduce(bool(bearing.any()), op=MPI.LOR):
-            return bearing, np.repeat(surface.area[:, None] / len(BEARING), len(BEARING), axis=1)
-        return self.points > 0.0, self._rule.weights
+        """As with exact contact; one within a few facets, without an edge node, is that of points under pressure."""
+        touched, areas = super().touched()
+        return (touched, areas) if areas.any() else (self.points > 0.0, self._rule.weights)
 
     def touched_edges(self) -> Flags:
         """Edge nodes whose force outweighs their gap: P a > 2 E g, P their mean pressure, a the root of their area.
@@ -177,12 +160,9 @@ class PressureContact(Contact):
         Pressures at points oscillate where the contact is stiff or the solid nearly incompressible. The force of a node
         does not; and of exact contact, whose gap is zero where there is a force, the nodes are the same.
         """
-        nodes, z = self._surface.owned_nodes, self._z
-        solid, area = self._solid, self._surface.bearing_area()
-        gap = z - solid.points[:, 2] - solid.u.x.array.reshape(-1, 3)[:, 2]
-        force = np.zeros(3 * solid.owned)
-        force[3 * nodes] = self._force[nodes]
-        force = solid.scatter_forward(force)[:, 0]
+        solid, area = self._solid, self.surface.bearing_area()
+        gap = self._z - solid.points[:, 2] - solid.u.x.array.reshape(-1, 3)[:, 2]
+        force = solid.ghosts.scatter_forward(self._force[:, None])[:, 0]
         pressed = (area > 0.0) & (force > 0.0)
         pressed[pressed] = force[pressed] > OUTWEIGHED * np.sqrt(area[pressed]) * gap[pressed]
         return pressed

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+from asperity.contact import make_contact
 from asperity.contact.contact_surface import ContactSurface
-from asperity.contact.make import make_contact
 from asperity.fem.solid import Solid
 from asperity.linear.petsc import destroy_unused
 from asperity.mesh.block import BlockMesh

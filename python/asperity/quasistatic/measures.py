@@ -9,7 +9,7 @@ import numpy as np
 from mpi4py import MPI
 
 from asperity.arrays import Floats
-from asperity.contact.spots import spots_of
+from asperity.contact.contact_surface import spots_of
 from asperity.fem.form_compiler import nodal_matrix
 from asperity.fem.forms import FormKernels
 from asperity.fem.solid import Solid

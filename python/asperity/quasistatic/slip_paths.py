@@ -11,8 +11,7 @@ import numpy as np
 
 from asperity.arrays import Floats
 from asperity.contact.active_set import ActiveSet
-from asperity.contact.coulomb import Coulomb
-from asperity.contact.friction import FrozenFriction, StickSlip
+from asperity.contact.friction import Coulomb, FrozenFriction, StickSlip
 from asperity.errors import ConvergenceError, InputError
 from asperity.model.problem import Problem
 from asperity.quasistatic.contact_result import ContactResult, refuse_wrong
