@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import inspect
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from keyword import iskeyword
 from math import isfinite
 from numbers import Real
 from types import SimpleNamespace
-from typing import Any, TypeVar
+from typing import Any, NoReturn, TypeVar
 
 from asperity.errors import InputError
 from asperity.runtime.display import brief, show
@@ -25,7 +25,7 @@ SYMMETRIC = ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))  # order of the com
 #: Every law has them, zero where it makes no use of them: measures and the midpoint rule read them by name.
 USUAL: dict[str, Shape] = {"plastic_strain": (3, 3), "accumulated": ()}
 #: Names of `fem.history.History` that no state variable may have.
-RESERVED = {"dilatation", "zeros", "names", "arrays", "copy", "assign", "rows", "changed"}
+RESERVED = {"dilatation", "zeros", "arrays", "copy", "assign", "rows", "changed"}
 
 
 def law(state: Mapping[str, Shape], elastic: Callable[..., Any] | None = None) -> Callable[[Function], Function]:
@@ -141,7 +141,7 @@ def law_of_function(
     if "state" in names and not state:
         refuse(source, "has a state that is not declared: put @asp.law(state={...}) above it, name and shape of each")
     for name, shape in state.items():
-        if not str(name).isidentifier() or iskeyword(name) or name in RESERVED:
+        if not str(name).isidentifier() or name in RESERVED:
             refuse(source, f"declares a state by the name {show(str(name))}, which is taken: choose another")
         if shape not in list(SHAPES) or USUAL.get(name, shape) != shape:
             legal = str(USUAL.get(name, "(), (3,) or (3, 3)"))
@@ -159,19 +159,17 @@ def law_of_function(
     return Law(function, tuple((name, float(full[name])) for name in wanted), source, digest)
 
 
-class raising:
+@contextmanager
+def raising(source: str, what: str) -> Iterator[None]:
     """Turn any error in a block of a user's code into a refusal."""
-
-    def __init__(self, source: str, what: str) -> None:
-        self.source, self.what = source, what
-
-    def __enter__(self) -> None: ...
-
-    def __exit__(self, kind: Any, error: BaseException | None, trace: Any) -> None:
-        if isinstance(error, (Exception, SystemExit)) and not isinstance(error, InputError):
-            refuse(self.source, f"{self.what}: {type(error).__name__}: {' '.join(str(error).split()) or 'no message'}")
+    try:
+        yield
+    except InputError:
+        raise
+    except (Exception, SystemExit) as error:
+        refuse(source, f"{what}: {type(error).__name__}: {' '.join(str(error).split()) or 'no message'}")
 
 
-def refuse(source: str, reason: str) -> Any:
+def refuse(source: str, reason: str) -> NoReturn:
     """Refuse a law with one sentence."""
     raise InputError(f"{KEY} = {show(source.rpartition('/')[2])} {reason}")

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import lru_cache
 from typing import Any
 
@@ -11,7 +11,7 @@ import numpy as np
 
 from asperity.arrays import Floats
 from asperity.laws.definition import KEY, STRENGTH, SYMMETRIC, Law, raising, refuse
-from asperity.runtime.display import show
+from asperity.runtime.display import brief, show
 
 STRAINS = (1e-6, 1e-5, 1e-4, 1e-3, 1e-2)  # sizes of those at which a law is tried
 REST = 1e-9  # stress at rest over the modulus that is rounding
@@ -62,48 +62,37 @@ def respond(law: Law, strains: Floats, state: Mapping[str, Floats] | None = None
         values[terminal] = np.asarray(value, dtype=float)
         return terminal
 
+    def of_shape(shape: tuple[int, ...], what: str, value: Any) -> Any:
+        value = ufl.as_ufl(value)
+        if value.ufl_shape != shape or value.ufl_free_indices:
+            refuse(law.source, f"returns {what} of shape {value.ufl_shape}, not {shape}")
+        return value
+
     n = len(strains)
     given = state or {name: np.zeros((n, *shape)) for name, shape in law.state.items()}
     before = {name: known(given[name], shape) for name, shape in law.state.items()}
     parameters = {name: known(np.full(n, value), ()) for name, value in law.parameters}
     if STRENGTH in parameters:
         parameters[STRENGTH] = ufl.variable(parameters[STRENGTH])
-    strain = ufl.variable(known(strains, (3, 3)))
-    after: dict[str, Any] = {}
+    strain, after = ufl.variable(known(strains, (3, 3))), {}
     with raising(law.source, "raises"):
         if law.hyperelastic:
-            energy = ufl.as_ufl(law.energy(strain, parameters))
-            _check_shape(law, "the energy", energy, ())
-            stress = ufl.diff(energy, strain)
+            stress = ufl.diff(of_shape((), "the energy", law.energy(strain, parameters)), strain)
         else:
-            answer = law.stress(strain, before, parameters)
-            if not isinstance(answer[1], dict):
-                refuse(law.source, "must return the stress and a dictionary of the new state")
-            stress, after = ufl.as_ufl(answer[0]), {name: ufl.as_ufl(value) for name, value in answer[1].items()}
-            _check_shape(law, "the stress", stress, (3, 3))
-            if set(after) != set(before):
-                refuse(
-                    law.source, f"returns the state {show(sorted(after))}, not that it declares {show(sorted(before))}"
-                )
-            for name, value in after.items():
-                _check_shape(law, f"the state {name}", value, law.state[name])
+            stress, after = law.stress(strain, before, parameters)
+            stress = of_shape((3, 3), "the stress", stress)
+            if not isinstance(after, dict) or set(after) != set(before):
+                refuse(law.source, f"returns the state {brief(after)}, not a dictionary of {show(sorted(before))}")
+            after = {name: of_shape(law.state[name], f"the state {name}", value) for name, value in after.items()}
             if law.elastic is not None:
-                held = ufl.as_ufl(law.stress(strain, before, parameters, held=True)[0])
-                _check_shape(law, "the elastic stress", held, (3, 3))
+                of_shape((3, 3), "the elastic stress", law.stress(strain, before, parameters, held=True)[0])
         evaluate = _Evaluator(values, n)
-        found = Response(
-            evaluate(stress), {name: evaluate(value) for name, value in after.items()},
-            evaluate(ufl.diff(stress, strain)),
-        )  # fmt: skip
-        if not (STRENGTH in parameters and "accumulated" in after):
-            return found
-        raised = law.unit * evaluate(ufl.diff(stress, parameters[STRENGTH]))
-        return replace(found, raised=raised, driven=evaluate(ufl.diff(after["accumulated"], strain)))
-
-
-def _check_shape(law: Law, what: str, value: Any, shape: tuple[int, ...]) -> None:
-    if value.ufl_shape != shape or value.ufl_free_indices:
-        refuse(law.source, f"returns {what} of shape {value.ufl_shape}, not {shape}")
+        strengths: list[Floats] = []
+        if STRENGTH in parameters and "accumulated" in after:
+            strengths = [law.unit * evaluate(ufl.diff(stress, parameters[STRENGTH])),
+                         evaluate(ufl.diff(after["accumulated"], strain))]  # fmt: skip
+        state = {name: evaluate(value) for name, value in after.items()}
+        return Response(evaluate(stress), state, evaluate(ufl.diff(stress, strain)), *strengths)
 
 
 @dataclass(frozen=True)
@@ -134,46 +123,42 @@ def traits(law: Law) -> Traits:
     rng = np.random.default_rng(1)
     given = dict(law.parameters)
     beyond = (2.0 * given[STRENGTH] / given["E"],) if STRENGTH in given and given.get("E") else ()
-    sizes = *STRAINS, *beyond
-    strains = np.concatenate([np.zeros((1, 3, 3)), *(size * rng.uniform(-1.0, 1.0, (4, 3, 3)) for size in sizes)])
-    strains += np.swapaxes(strains, 1, 2)
+    strains = [np.zeros((1, 3, 3)), *(size * rng.uniform(-1.0, 1.0, (4, 3, 3)) for size in (*STRAINS, *beyond))]
+    path = np.concatenate(strains)
+    path += np.swapaxes(path, 1, 2)
     base = np.eye(3) if law.hyperelastic else np.zeros((3, 3))
-    first = respond(law, base + strains)
-    answers = [first] + ([respond(law, base + 1.5 * strains, first.state)] if law.state else [])
-    for answer in answers:
+    first = respond(law, base + path)
+    answers = [(first, path)]
+    if law.state:
+        answers.append((respond(law, base + 1.5 * path, first.state), 1.5 * path))
+    for answer, _ in answers:
         for what, value in {"a stress": answer.stress, "a tangent": answer.tangent, **answer.state}.items():
             bad = np.flatnonzero(~np.isfinite(value).reshape(len(value), -1).all(axis=1))
             if len(bad):
-                size = float(np.abs(strains[bad[0]]).max())
-                refuse(
-                    law.source,
-                    f"gives {what} that is not a number {f'at a strain of {size:.2g}' if size else 'at rest'}",
-                )
+                size = float(np.abs(path[bad[0]]).max())
+                where = f"at a strain of {size:.2g}" if size else "at rest"
+                refuse(law.source, f"gives {what} that is not a number {where}")
             if value.shape[1:] == (3, 3) and not law.hyperelastic and not _same(value, np.swapaxes(value, 1, 2)):
                 refuse(law.source, f"gives {what} that is not symmetric")
-    C = first.tangent[0]
-    C = 0.25 * (C + C.transpose(1, 0, 2, 3) + C.transpose(0, 1, 3, 2) + C.transpose(1, 0, 3, 2))
-    modulus = float(np.abs(C).max())
+    if law.hyperelastic and not _same(respond(law, TURN @ (base + path)).stress, TURN @ first.stress):
+        refuse(law.source, "changes with a rotation: an energy is a function of F.T * F")
+    C = first.tangent[0] + first.tangent[0].transpose(1, 0, 2, 3)
+    C = 0.25 * (C + C.transpose(0, 1, 3, 2))
+    modulus, at_rest = float(np.abs(C).max()), float(np.abs(first.stress[0]).max())
     if not 0.0 < modulus < MOST:
         refuse(law.source, f"has a modulus of {modulus:.3g} at rest")
-    matrix = np.array([[C[ij + kl] for kl in SYMMETRIC] for ij in SYMMETRIC]) * np.outer(MANDEL, MANDEL)
-    if np.linalg.eigvalsh(matrix)[0] <= REST * modulus:
+    if at_rest > REST * modulus:
+        refuse(law.source, f"is stressed at rest, by {at_rest * law.unit:.3g}")
+    stiffness = np.array([[C[ij + kl] for kl in SYMMETRIC] for ij in SYMMETRIC]) * np.outer(MANDEL, MANDEL)
+    if np.linalg.eigvalsh(stiffness)[0] <= REST * modulus:
         refuse(law.source, "is not stable at rest: a strain has no stress along it")
-    if law.hyperelastic:
-        turned, turn = respond(law, TURN @ (base + strains)).stress, TURN @ first.stress
-        if not _same(turned, turn):
-            refuse(law.source, "changes with a rotation: an energy is a function of F.T * F")
-    if np.abs(first.stress[0]).max() > REST * modulus:
-        refuse(law.source, f"is stressed at rest, by {np.abs(first.stress[0]).max() * law.unit:.3g}")
-    symmetric = all(_symmetric(a.tangent, not law.hyperelastic) for a in answers)
+    symmetric = all(_symmetric(answer.tangent, not law.hyperelastic) for answer, _ in answers)
     lam, mu = float(C[0, 0, 1, 1]), float(C[0, 1, 0, 1])
-    one = np.eye(3)
-    isotropic = lam * np.einsum("ij,kl->ijkl", one, one)
-    isotropic += mu * (np.einsum("ik,jl->ijkl", one, one) + np.einsum("il,jk->ijkl", one, one))
-    if np.abs(C - isotropic).max() > ISOTROPY * modulus:
+    isotropic = 2.0 * mu * np.eye(6)
+    isotropic[:3, :3] += lam
+    if np.abs(stiffness - isotropic).max() > ISOTROPY * modulus:
         return Traits(None, None, symmetric)
-    bulk = lam + 2.0 / 3.0 * mu
-    relaxes = symmetric and all(_relaxes(a, s * strains, bulk) for a, s in zip(answers, (1.0, 1.5), strict=False))
+    relaxes = symmetric and all(_relaxes(answer, strain, lam + 2.0 / 3.0 * mu) for answer, strain in answers)
     return Traits(law.unit * mu * (3.0 * lam + 2.0 * mu) / (lam + mu), 0.5 * lam / (lam + mu), symmetric, relaxes)
 
 

@@ -117,20 +117,13 @@ def drucker_prager(
     left = ufl.conditional(apex, 0.0, 1.0 - 3.0 * mu * flow / q)
     mean = ufl.conditional(apex, k / (3.0 * eta), p - 3.0 * K * eta_flow * flow)
     stress = ufl.conditional(yields, left * s + mean * ufl.Identity(3), trial)
-    plastic = strain - hooke_inverse(stress, E, nu)
+    plastic = strain - ((1.0 + nu) * stress - nu * ufl.tr(stress) * ufl.Identity(3)) / E
     step = ufl.dev(plastic - state.plastic_strain)
     moved = ufl.conditional(yields, ufl.inner(step, step), 1.0)
     return stress, {
         "plastic_strain": ufl.conditional(yields, plastic, state.plastic_strain),
         "accumulated": state.accumulated + ufl.conditional(yields, ufl.sqrt(2.0 / 3.0 * moved), 0.0),
     }
-
-
-def hooke_inverse(stress: Any, E: float, nu: float) -> Any:
-    """Strain of a stress."""
-    import ufl
-
-    return ((1.0 + nu) * stress - nu * ufl.tr(stress) * ufl.Identity(3)) / E
 
 
 def neo_hookean(F: Any, E: float, nu: float) -> Any:

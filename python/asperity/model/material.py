@@ -12,8 +12,7 @@ import numpy as np
 from asperity.arrays import Floats
 from asperity.errors import InputError
 from asperity.laws import definition as laws
-from asperity.laws import shipped
-from asperity.laws.loading import load
+from asperity.laws import load, shipped
 from asperity.laws.point import ISOTROPY, traits
 from asperity.model.limits import check
 from asperity.runtime.display import short_repr
