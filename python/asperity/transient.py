@@ -27,7 +27,7 @@ import numpy as np
 from asperity.arrays import Floats
 from asperity.errors import ConvergenceError, InputError
 from asperity.fem.energies import energies
-from asperity.fem.inertia import Inertia
+from asperity.fem.tangent import Inertia
 from asperity.quasistatic.contact_solver import ContactSolver
 from asperity.quasistatic.newton import ROUNDING
 
@@ -166,7 +166,7 @@ class Transient:
             raise InputError("friction has no motion in time yet: give Transient a solver without it")
         self.solver, self.mass, self.load, self.dashpot = solver, mass, load, dashpot
         self.scheme = scheme or GeneralisedAlpha()
-        self.inertia = solver.solid.body_force = Inertia(solver.solid, density)
+        self.inertia = solver.solid.tangent.inertia = Inertia(solver.solid.V, solver.solid.sparsity, density)
         self.time = 0.0
         self._force = self._before = solver.force
         self._slope = 0.0

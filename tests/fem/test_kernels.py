@@ -1,4 +1,4 @@
-"""Material points: closed forms, rate equations, UFL forms as a twin, and tangents by differences."""
+"""Material points: closed forms and rate equations; their forms are in test_forms.py."""
 
 from __future__ import annotations
 
@@ -11,7 +11,6 @@ from element_sample import difference, sample
 from j2_path import j2_path, uniaxial_stress
 
 from asperity.errors import InputError
-from asperity.fem.solid import Solid
 from asperity.mesh.block import BlockMesh
 from asperity.model.material import Material
 
@@ -28,7 +27,6 @@ LAWS = pytest.mark.parametrize(
 SHARES = pytest.mark.parametrize("share", [0.0, 0.4, 1.0])
 # A strain is a sum over ten nodes of u times gradients of some 4/h, a stress one of strains: 500 rounding units.
 ROUNDING = 500 * float(np.finfo(float).eps)
-TWINS = 40 * ROUNDING  # on curved cells of other sizes, some of them flat: the condition of their Jacobian on top
 
 
 # --- parameters -----------------------------------------------------------------------------------------------
@@ -117,54 +115,3 @@ def test_unstrained_material_is_at_rest_and_stiff(cube: BlockMesh) -> None:
     assert not plastic.force(u).any()
     elastic.force(u)
     assert difference(plastic.tangent(u).toarray(), elastic.tangent(u).toarray()) < ROUNDING
-
-
-# --- UFL twin, tangent against differences --------------------------------------------------------
-
-
-def states(solid: Solid) -> dict[str, tuple[list[Array], Array, float | None]]:
-    """Kinds of states on a curved mesh: a history of displacements, one over it, and the part of the points that flows.
-
-    Strains of 0.005 yield.
-    """
-    rng = np.random.default_rng(2)
-    x = solid.points
-
-    def noise(scale: float) -> Array:
-        return scale * rng.normal(size=x.shape)
-
-    squeeze = x @ np.diag([0.001, -0.0005, -0.01]) + 1e-3 * x[:, [1]] * x  # every point yields, not uniformly
-    deep = 20 * squeeze
-    mixed = noise(1e-4)
-    turned = noise(3e-3)
-    return {
-        "elastic": ([], 0.1 * squeeze, 0.0),
-        "random": ([], mixed, None),
-        "random over a history": ([mixed, turned], mixed + noise(3e-3), 1.0),
-        "on the yield surface": ([squeeze], squeeze, None),
-        "just beyond yield": ([squeeze], squeeze * (1 + 1e-6), 1.0),
-        "just unloading": ([squeeze], squeeze * (1 - 1e-6), 0.0),
-        "deep plastic": ([squeeze], deep, 1.0),
-        "unloading": ([deep], 0.99 * deep, 0.0),
-        "reversed": ([deep], -deep, 1.0),
-    }
-
-
-@LAWS
-def test_compiled_and_ufl_kernels_agree(coarse: BlockMesh, material: Material) -> None:
-    """The tangent of the twin is differentiated automatically."""
-    for name in states(sample(coarse, material).solid):
-        a, b = (sample(coarse, material, forms) for forms in (False, True))
-        before, u, flowing = states(a.solid)[name]
-        assert difference(a.bring(before, u), b.bring(before, u)) < TWINS, name
-        if name != "on the yield surface":  # where it has a jump, round-off picks the side
-            assert a.kernels.plastic_points == b.kernels.plastic_points
-            assert flowing is None or a.kernels.plastic_points == flowing * a.kernels.volumes.size
-            assert difference(a.tangent(u).data, b.tangent(u).data) < TWINS, name
-        assert difference(a.kernels.stress(u), b.kernels.stress(u)) < TWINS, name
-        assert difference(a.kernels.volumes, b.kernels.volumes) < TWINS
-        a.kernels.commit()
-        b.kernels.commit()
-        ours, theirs = a.kernels.history().arrays(), b.kernels.history().arrays()
-        for x, y in zip(ours.values(), theirs.values(), strict=True):
-            assert not x.any() if not y.any() else difference(x, y) < TWINS, name

@@ -380,8 +380,12 @@ def test_flow_is_extrapolated_as_far_as_it_keeps_its_direction() -> None:
         [[4, -2, -2, 0, 0, 0], [0, 0, 0, 1, 1, 0], [1, 0, -1, 0, 0, 0], [0, 0, 0, 0, 0, 1], [1, -1, 0, 0, 0, 0]]
     )
     a, da = np.full(5, 5e-3), np.full(5, 2e-3)
+
+    def of(strain: Array, accumulated: Array) -> History:
+        return History(plastic_strain=strain, accumulated=accumulated, dilatation=0.0 * accumulated)
+
     for extrapolation in (1.0, 0.5):
-        carried = extrapolate(History(strain, a, 0.0 * a), History(strain + flow, a + da, 0.0 * a), extrapolation)
+        carried = extrapolate(of(strain, a), of(strain + flow, a + da), extrapolation)
         part = extrapolation * np.array([1.0, np.sqrt(0.5), 1.0, 0.0, np.sqrt(0.5)])
         rounding = 8 * np.finfo(float).eps * flow.max()
         np.testing.assert_allclose(carried.plastic_strain, strain + (1.0 + part[:, None]) * flow, rtol=0, atol=rounding)

@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 
 from asperity.arrays import Floats, Integers
-from asperity.fem.form_compiler import PointValues
 from asperity.fem.kernels import MOST_RELIEF
+from asperity.fem.weak_form import PointValues
 
 ITERATIONS = 100  # of the flow of a cell, as in relaxation.hpp
 ROUNDING = 1e-15  # of the flow, at which it has settled

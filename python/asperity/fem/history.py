@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, fields, replace
+from types import SimpleNamespace
 from typing import Self
 
 import numpy as np
@@ -10,13 +10,11 @@ import numpy as np
 from asperity.arrays import Floats, Indices
 
 
-@dataclass(frozen=True, eq=False)
-class History:
+class History(SimpleNamespace):
     """Internal variables of the material at the quadrature points: a row per cell, or per facet of the contact surface.
 
     The program copies, extrapolates, saves and restores all variables alike; energies, measures and the direction of
-    the extrapolation use those of plasticity by name. A new variable, zero in the virgin material, needs a field here
-    and an argument of the same name in `_solver.History`. Checkpoints hold the variables under these names.
+    the extrapolation use those of plasticity by name. A law in UFL may have more. Checkpoints hold them by name.
 
     Attributes:
         plastic_strain: xx, yy, zz, xy, xz, yz (rows, points, 6)
@@ -25,28 +23,23 @@ class History:
             (rows, points)
     """
 
-    # the shape is that of the components at one quadrature point
-    plastic_strain: Floats = field(metadata={"shape": (6,)})
-    accumulated: Floats = field(metadata={"shape": ()})
-    dilatation: Floats = field(metadata={"shape": ()})
+    plastic_strain: Floats
+    accumulated: Floats
+    dilatation: Floats
 
     @classmethod
-    def zeros(cls, rows: int, points: int) -> Self:
-        """History of a material that never yielded; with no rows, that of an elastic one."""
-        return cls(**{f.name: np.zeros((rows, points, *f.metadata["shape"])) for f in fields(cls)})
-
-    @classmethod
-    def names(cls) -> tuple[str, ...]:
-        """Names of the variables."""
-        return tuple(f.name for f in fields(cls))
+    def zeros(cls, rows: int, points: int, /, **more: tuple[int, ...]) -> Self:
+        """History of a material that never yielded, with more variables of these shapes; an elastic one has no rows."""
+        shapes = {"plastic_strain": (6,), "accumulated": (), "dilatation": ()} | more
+        return cls(**{name: np.zeros((rows, points, *shape)) for name, shape in shapes.items()})
 
     def arrays(self) -> dict[str, Floats]:
         """Variables by name; the arrays themselves, not copies."""
-        return {name: getattr(self, name) for name in self.names()}
+        return vars(self)
 
     def copy(self) -> Self:
         """Copy that later steps do not change."""
-        return replace(self, **{name: values.copy() for name, values in self.arrays().items()})
+        return type(self)(**{name: values.copy() for name, values in self.arrays().items()})
 
     def assign(self, other: Self) -> None:
         """Overwrite the values with those of a history of the same shape."""

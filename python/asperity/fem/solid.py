@@ -15,10 +15,10 @@ from asperity.arrays import Floats
 from asperity.fem.forms import FormKernels
 from asperity.fem.ghosts import Ghosts
 from asperity.fem.kernels import ElementKernels
-from asperity.fem.node_order import displacement_space
 from asperity.fem.sparsity import SparsityPattern
-from asperity.fem.tangent import BodyForce, Tangent
+from asperity.fem.tangent import Tangent
 from asperity.mesh.distribute import BASE, SIDE_X, SIDE_Y
+from asperity.mesh.element import DEGREE
 from asperity.model.material import Material
 from asperity.runtime import compat
 from asperity.runtime.timing import Phases
@@ -63,10 +63,9 @@ class Solid:
         from dolfinx import fem
 
         self.phases = phases or Phases()
-
         self.mesh, self.tags, self.material, self.sides = mesh, tags, material, sides
         self.comm = mesh.comm if comm is None else comm
-        self.V = displacement_space(mesh)
+        self.V = fem.functionspace(mesh, ("Lagrange", DEGREE, (3,)))
         self.u = fem.Function(self.V, name="displacement")
         self.force = fem.Function(self.V, name="internal force")
         index_map = self.V.dofmap.index_map
@@ -77,12 +76,14 @@ class Solid:
         cells = mesh.topology.index_map(3).size_local
         self.cell_nodes = np.ascontiguousarray(self.V.dofmap.list[:cells])
         self.sparsity = SparsityPattern(self.cell_nodes, self.nodes)
-        self.fixed = self._fixed_rows(sides)
         self.base = self.nodes_on(BASE)
+        fixed = [(3 * self.base[:, None] + np.arange(3)).ravel()]
+        if sides == "rollers":
+            fixed += [3 * self.nodes_on(SIDE_X), 3 * self.nodes_on(SIDE_Y) + 1]
+        self.fixed = np.unique(np.concatenate(fixed)).astype(np.int32)
         x_nodes = compat.geometry_dofmap(mesh)[:cells]
-        self.kernels: ElementKernels | FormKernels
         if forms or material.law is not None:
-            self.kernels = FormKernels(self.V, self.cell_nodes, material, self.sparsity)
+            self.kernels: ElementKernels = FormKernels(self.V, self.cell_nodes, material, self.sparsity)
         else:
             self.kernels = ElementKernels(mesh.geometry.x, x_nodes, self.cell_nodes, material, self.sparsity)
         self.ghosts = Ghosts(index_map)
@@ -101,24 +102,6 @@ class Solid:
 
         found = fem.locate_dofs_topological(self.V, 2, self.tags.find(tag))
         return found[found < self.owned]
-
-    def _fixed_rows(self, sides: str) -> npt.NDArray[np.int32]:
-        """Owned dofs without displacement."""
-        fixed: list[npt.NDArray[np.int32]] = [(3 * self.nodes_on(BASE)[:, None] + np.arange(3)).ravel()]
-        if sides == "rollers":
-            fixed += [3 * self.nodes_on(SIDE_X), 3 * self.nodes_on(SIDE_Y) + 1]
-        return np.unique(np.concatenate(fixed)).astype(np.int32)
-
-    @property
-    def body_force(self) -> BodyForce | None:
-        """Counts as a part of the internal force; None in statics."""
-        return self.tangent.body_force
-
-    @body_force.setter
-    def body_force(self, force: BodyForce | None) -> None:
-        self.tangent.body_force = force
-
-    # -- vectors ----------------------------------------------------------------------------------
 
     def set_displacement(self, x: Floats) -> None:
         """Set the displacement by owned dof values (3 owned,), ghosts included; collective."""
@@ -147,7 +130,7 @@ class Solid:
         with self.phases.phase("residual"):
             b[:] = 0.0
             self.kernels.add_internal_force(self.u.x.array.reshape(-1, 3), b.reshape(-1, 3))
-            if self.body_force is not None:
-                self.body_force.add_force(self.u.x.array.reshape(-1, 3), b.reshape(-1, 3))
+            if self.tangent.inertia is not None:
+                self.tangent.inertia.add_force(self.u.x.array.reshape(-1, 3), b.reshape(-1, 3))
             self.force.x.scatter_reverse(la.InsertMode.add)
         return b.reshape(-1, 3)[: self.owned]

@@ -35,12 +35,8 @@ class SparsityPattern:
     def positions(self, rows: Integers, columns: Integers) -> Indices:
         """Positions of pairs of coupled nodes among the blocks."""
         nodes = len(self.indptr) - 1
-        return np.asarray(np.searchsorted(self._keys, rows.astype(np.int64) * nodes + columns), dtype=np.int64)
-
-    @cached_property
-    def _keys(self) -> Indices:
-        nodes = len(self.indptr) - 1
-        return np.repeat(np.arange(nodes), np.diff(self.indptr)) * nodes + self.indices
+        keys = np.repeat(np.arange(nodes), np.diff(self.indptr)) * nodes + self.indices
+        return np.asarray(np.searchsorted(keys, rows.astype(np.int64) * nodes + columns), dtype=np.int64)
 
     @cached_property
     def upper(self) -> tuple[Integers, Integers]:
@@ -48,6 +44,18 @@ class SparsityPattern:
         above = self.indices >= np.repeat(np.arange(len(self.indptr) - 1), np.diff(self.indptr))
         starts = np.concatenate([[0], np.cumsum(above)])[self.indptr].astype(np.int32)
         return starts, self.indices[above]
+
+    def diagonals(self, blocks: Indices) -> Indices:
+        """Positions of the diagonals of some blocks among the values of the matrix (n, 3)."""
+        row = np.searchsorted(self.indptr, blocks, side="right") - 1
+        first, width = self.indptr[row].astype(np.int64), np.diff(self.indptr)[row].astype(np.int64)
+        return (9 * first + 3 * (blocks - first))[:, None] + (3 * width[:, None] + 1) * np.arange(3)
+
+    @cached_property
+    def diagonal(self) -> Integers:
+        """Positions of the diagonal among the values of the matrix."""
+        row = np.repeat(np.arange(len(self.indptr) - 1), np.diff(self.indptr))
+        return self.diagonals(np.flatnonzero(self.indices == row)).ravel().astype(np.int32)
 
     @property
     def rows(self) -> Integers:
@@ -67,13 +75,3 @@ class SparsityPattern:
         nodes, blocks = len(self.indptr) - 1, np.zeros((len(self.indices), 3, 3), dtype=np.int8)
         matrix = sparse.bsr_array((blocks, self.indices, self.indptr), shape=(3 * nodes, 3 * nodes)).tocsr()
         return matrix.indptr.astype(np.int32), matrix.indices.astype(np.int32)
-
-    @cached_property
-    def diagonal(self) -> Integers:
-        """Positions of the diagonal among the values of the matrix."""
-        node, width = np.arange(len(self.indptr) - 1), np.diff(self.indptr)
-        row_of = np.repeat(node, width)
-        at = np.flatnonzero(self.indices == row_of) - self.indptr[:-1]
-        i = np.arange(3)
-        out = 9 * self.indptr[:-1, None] + 3 * width[:, None] * i + 3 * at[:, None] + i
-        return out.ravel().astype(np.int32)

@@ -1,32 +1,24 @@
-"""The tangent of a solid: this rank's part as a whole matrix in double precision, or its upper half in single."""
+"""The tangent of a solid, this rank's part: a matrix in double precision, or its upper half in single; inertia."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from functools import partial
-from typing import Protocol
+from typing import Any
 
 import numpy as np
 
 from asperity.arrays import Floats, Singles
-from asperity.fem.forms import FormKernels
 from asperity.fem.kernels import ElementKernels
 from asperity.fem.sparsity import SparsityPattern
+from asperity.fem.weak_form import nodal_matrix
 from asperity.runtime.compiled import solver as _solver
 from asperity.runtime.timing import Phases
 
+MASS_DEGREE = 6  # of the quadrature of the consistent mass: second-order shapes squared, on curved cells
+
 #: Writes a matrix at a nodal displacement, see `ElementKernels.tangent`.
 Write = Callable[[Floats, Floats | Singles], None]
-
-
-class BodyForce(Protocol):
-    """A force on the whole block, such as that of inertia."""
-
-    def add_force(self, u: Floats, b: Floats) -> None:
-        """Add the force at the displacement u (nodes, 3) to the internal one b (nodes, 3) [E L^2]; this rank's part."""
-
-    def add_stiffness(self, values: Floats) -> None:
-        """Add its derivative to the values of the local matrix."""
 
 
 class Tangent:
@@ -39,36 +31,33 @@ class Tangent:
         phases: collects the time
 
     Attributes:
-        body_force: whose stiffness counts too; None in statics
+        inertia: whose stiffness counts too; None in statics
         halved: whether a matrix without a stiffness of the contact is written as its half alone, a quarter of the
             memory
         version: number of matrices written
     """
 
-    def __init__(
-        self, kernels: ElementKernels | FormKernels, sparsity: SparsityPattern, u: Floats, phases: Phases
-    ) -> None:
+    def __init__(self, kernels: ElementKernels, sparsity: SparsityPattern, u: Floats, phases: Phases) -> None:
         self._kernels, self._sparsity, self._u, self._phases = kernels, sparsity, u.reshape(-1, 3), phases
-        self.body_force: BodyForce | None = None
+        self.inertia: Inertia | None = None
         self.halved, self.version = False, 0
+        self._write: Write | None = None  # wrote the last one
+        self._alone = False  # whether the last one is that of the solid, without the contact
         self._values: Floats | None = None
         self._half: Singles | None = None
         self._versions = {"values": 0, "half": 0}  # that the two hold
-        self._write: Write | None = None  # wrote the last one
-        self._alone = False  # whether the last one is that of the solid, without the contact
 
     @property
     def constant(self) -> bool:
         """Whether the tangent of the solid, without that of the contact, never changes."""
-        return self._kernels.linear and self.body_force is None
+        return self._kernels.linear and self.inertia is None
 
     def assemble(self, add: Callable[[], None] | None = None, shift: float = 0.0) -> None:
         """Write the tangent at the state of the last internal force; `add` adds that of the contact to `values()`.
 
         With a `shift`, see `ElementKernels.tangent`.
         """
-        write = self._kernels.tangent
-        self._assemble(partial(write, shift=shift) if shift else write, add)
+        self._assemble(partial(self._kernels.tangent, shift=shift), add)
 
     def assemble_elastic(self, add: Callable[[], None] | None = None) -> None:
         """Write the stiffness without plastic flow; `add` adds that of the contact to `values()`."""
@@ -79,17 +68,18 @@ class Tangent:
             return
         self.version += 1
         self._write, self._alone = write, add is None
-        half = self.halved and add is None and self.body_force is None
         with self._phases.phase("tangent"):
-            self._write_to("half" if half else "values")
+            if self.halved and add is None and self.inertia is None:
+                self._write_to("half", self._memory_of_half())
+                return
+            self._write_to("values", self._memory())
             if add is not None:
                 add()
-            if self.body_force is not None:
-                self.body_force.add_stiffness(self.values())
+            if self.inertia is not None:
+                self.inertia.add_stiffness(self.values())
 
-    def _write_to(self, which: str) -> None:
+    def _write_to(self, which: str, matrix: Floats | Singles) -> None:
         assert self._write is not None
-        matrix = self._memory_of_half() if which == "half" else self._memory()
         self._write(self._u, matrix)
         self._versions[which] = self.version
 
@@ -98,13 +88,8 @@ class Tangent:
         at the displacement of now."""
         if self._write is not None and self._versions["values"] != self.version:
             with self._phases.phase("tangent"):
-                self._write_to("values")
+                self._write_to("values", self._memory())
         return self._memory()
-
-    def _memory(self) -> Floats:
-        if self._values is None:
-            self._values = np.zeros(self._sparsity.size)
-        return self._values
 
     def half(self) -> Singles:
         """Upper half of the last matrix by the columns of its blocks (9 blocks + 1,), see `SparsityPattern.upper`.
@@ -117,6 +102,11 @@ class Tangent:
             self._versions["half"] = self.version
         return half
 
+    def _memory(self) -> Floats:
+        if self._values is None:
+            self._values = np.zeros(self._sparsity.size)
+        return self._values
+
     def _memory_of_half(self) -> Singles:
         if self._half is None:
             self._half = np.zeros(9 * len(self._sparsity.upper[1]) + 1, dtype=np.float32)  # 1: read with the last
@@ -127,3 +117,37 @@ class Tangent:
         self._values = self._half = self._write = None
         self._alone, self._versions = False, {"values": 0, "half": 0}
         self._kernels.drop_matrices()
+
+
+class Inertia:
+    """Force of inertia c M (u - u*) of a solid, M the consistent mass, in any unit of time T.
+
+    Args:
+        V: space of the displacement
+        sparsity: of this rank's part
+        density: mass density [E T^2/L^2]
+
+    Attributes:
+        shift: c [1/T^2]
+        anchor: u* at the local nodes (nodes, 3) [L]
+        mass: M of one component, of the cells of this rank (nodes, nodes) [E L T^2]
+        heaviest: greatest sum of the magnitudes in a row of `mass`, the same on all ranks
+    """
+
+    def __init__(self, V: Any, sparsity: SparsityPattern, density: float) -> None:
+        import ufl
+
+        self.shift = 0.0
+        self.anchor = np.zeros((len(sparsity.indptr) - 1, 3))
+        self.mass = density * nodal_matrix(V, sparsity, ufl.inner, MASS_DEGREE)
+        self.heaviest = max(V.mesh.comm.allgather(float(abs(self.mass).sum(axis=1).max(initial=0.0))))
+        self._diagonals = sparsity.diagonals(np.arange(self.mass.nnz))
+
+    def add_force(self, u: Floats, b: Floats) -> None:
+        """Add the force at the displacement u (nodes, 3) to the internal one b (nodes, 3) [E L^2]; this rank's part."""
+        if self.shift:
+            b += self.shift * (self.mass @ (u - self.anchor))
+
+    def add_stiffness(self, values: Floats) -> None:
+        """Add its derivative to the values of the local matrix."""
+        values[self._diagonals] += self.shift * self.mass.data[:, None]

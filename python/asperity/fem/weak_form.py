@@ -1,4 +1,4 @@
-"""The weak form of a solid with a law in UFL: virtual work, its linearisation, and values at the quadrature points.
+"""The weak form of a solid with a law in UFL, as dolfinx compiles it: virtual work, its linearisation, and values.
 
 Small strain: integral of sigma(eps(u)) : eps(v). Finite strain: a law of a strain is one of the logarithmic strain
 (Miehe, Apel & Lambrecht, Comput. Methods Appl. Mech. Engrg. 191 (2002) 3383), whose logarithm is an integral without
@@ -8,21 +8,135 @@ an energy of F is differentiated as it stands.
 
 from __future__ import annotations
 
+import os
+from collections.abc import Callable
 from functools import cached_property
 from itertools import product
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from asperity.fem.form_compiler import Matrix, Values, compiled, measure
+from asperity.arrays import Floats, Integers
+from asperity.errors import CompatError
 from asperity.fem.sparsity import SparsityPattern
 from asperity.laws.definition import SHAPES, STRENGTH, SYMMETRIC, Law
+from asperity.mesh.element import QUADRATURE_DEGREE, quadrature
 
+TIMEOUT = 3600  # for which a rank waits for another's compiler [s]
 POINTS = 8  # of Gauss' rule: relative error 4e-15 for stretches from 0.8 to 1.25, 2e-8 at 0.5 and 2
 
 
+def compiled(kind: Callable[..., Any], *what: Any) -> Any:
+    """A form or an expression compiled, and kept in the user's cache folder.
+
+    Raises:
+        CompatError: the form compiler cannot work
+    """
+    cache = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "asperity" / "forms"
+    options = {"cache_dir": str(cache), "timeout": TIMEOUT, "cffi_extra_compile_args": ["-O2", "-g0"]}
+    try:
+        return kind(*what, jit_options=options)
+    except (OSError, RuntimeError, ImportError) as error:
+        raise CompatError(
+            f"solver.kernels = forms compiles C into {cache}, which failed: {' '.join(str(error).split())[:200]}; it "
+            "needs a C compiler and a folder that can be written"
+        ) from error
+
+
+def measure(mesh: Any, degree: int = QUADRATURE_DEGREE) -> Any:
+    """Integral over the block by the rule of the elements."""
+    import ufl
+
+    return ufl.Measure("dx", mesh, metadata={"quadrature_degree": degree})
+
+
+class Values:
+    """Values of an expression at the quadrature points of cells; with an argument, by its dofs."""
+
+    def __init__(self, expression: Any, shape: tuple[int, ...], mesh: Any) -> None:
+        from dolfinx import fem
+
+        points, _ = quadrature(QUADRATURE_DEGREE)
+        self._mesh, self._shape = mesh, (len(points), *shape)
+        self._expression = compiled(fem.Expression, expression, points, mesh.comm)
+
+    def __call__(self, cells: Integers) -> Floats:
+        """At the current coefficients (cells, points, ...)."""
+        values: Floats = self._expression.eval(self._mesh, cells).reshape(len(cells), *self._shape)
+        return values
+
+
+class PointValues:
+    """Values of several components at the quadrature points, as coefficients of forms.
+
+    Attributes:
+        function: of dolfinx
+    """
+
+    def __init__(self, mesh: Any, cells: int, width: int) -> None:
+        import basix.ufl
+        from dolfinx import fem
+
+        element = basix.ufl.quadrature_element("tetrahedron", value_shape=(width,), degree=QUADRATURE_DEGREE)
+        self.function = fem.Function(fem.functionspace(mesh, element))
+        self._at = self.function.function_space.dofmap.list[:cells]
+        self._stored = self.function.x.array.reshape(-1, width)
+
+    def put(self, values: Any, cells: Any = slice(None), of: Any = slice(None)) -> None:
+        """Set some components in some cells."""
+        self._stored[self._at[cells], of] = values
+
+
+class Matrix:
+    """Matrix of a form as blocks of the node pattern, this rank's part."""
+
+    def __init__(self, form: Any, sparsity: SparsityPattern) -> None:
+        from dolfinx import fem
+
+        self._form, self._sparsity = compiled(fem.form, form), sparsity
+        self._matrix: Any = None
+
+    def blocks(self) -> Floats:
+        """At the current coefficients (blocks, 3, 3)."""
+        from dolfinx import fem
+        from scipy import sparse
+
+        if self._matrix is None:
+            self._matrix = fem.create_matrix(self._form)
+            # its rows have the blocks of other ranks too
+            entries, sparsity = np.arange(len(self._matrix.indices)) + 1, self._sparsity
+            number = sparse.csr_matrix((entries, self._matrix.indices, self._matrix.indptr))
+            row = np.repeat(np.arange(len(sparsity.indptr) - 1), np.diff(sparsity.indptr))
+            self._at = np.asarray(number[row, sparsity.indices]).ravel() - 1
+        self._matrix.set_value(0.0)
+        fem.assemble_matrix(self._matrix, self._form)
+        values: Floats = self._matrix.data.reshape(-1, 3, 3)[self._at]
+        return values
+
+    def drop(self) -> None:
+        """Free the values."""
+        self._matrix = None
+
+
+def nodal_matrix(V: Any, sparsity: SparsityPattern, of: Callable[[Any, Any], Any], degree: int) -> Any:
+    """Matrix of one component of a form that treats the components alike, SciPy CSR (nodes, nodes), this rank's part.
+
+    Args:
+        of: integrand of trial and test function
+        degree: of the quadrature
+    """
+    import ufl
+    from scipy import sparse
+
+    form = of(ufl.TrialFunction(V), ufl.TestFunction(V)) * measure(V.mesh, degree)
+    data = Matrix(form, sparsity).blocks()[:, 0, 0].copy()
+    nodes = len(sparsity.indptr) - 1
+    return sparse.csr_array((data, sparsity.indices, sparsity.indptr), shape=(nodes, nodes))
+
+
 class WeakForm:
-    """Weak form of a law, each of its parts compiled when it is first asked for.
+    """Weak form of a law, each of its parts compiled at its first use.
 
     Args:
         u: displacement, a function of dolfinx
@@ -48,7 +162,7 @@ class WeakForm:
     ) -> None:
         import ufl
 
-        self._u, self._law, self._sparsity, self._finite = u, law, sparsity, finite
+        self._u, self._law, self._sparsity, self._finite, self.held = u, law, sparsity, finite, held
         self._F = ufl.variable(ufl.Identity(3) + ufl.grad(u))
         self._log = _LogStrain(ufl.grad(u)) if finite else None
         self._strain = strain = ufl.variable(self._log.strain if self._log else ufl.sym(ufl.grad(u)))
@@ -99,8 +213,9 @@ class WeakForm:
             integrand = ufl.derivative(self._work(self._nominal), self._u, w)
         else:
             stiffness = self._log.stiffness(self._stress, ufl.diff(self._stress, self._strain))
-            of_C = [_six(self._F.T * of + of.T * self._F) for of in (ufl.grad(w), of_v)]
-            integrand = ufl.inner(stiffness * of_C[0], of_C[1])
+            of_C = [self._F.T * of + of.T * self._F for of in (ufl.grad(w), of_v)]
+            rates = [ufl.as_vector([of[ij] for ij in SYMMETRIC]) for of in of_C]
+            integrand = ufl.inner(stiffness * rates[0], rates[1])
             integrand += ufl.inner(ufl.grad(w) * self._log.second_stress(self._stress), of_v)
         return Matrix(integrand * measure(V.mesh), self._sparsity)
 
@@ -169,12 +284,6 @@ def unpacked(law: Law, state: Any) -> dict[str, Any]:
             out[name] = ufl.as_vector(h) if shape else h[0]
         at += SHAPES[shape]
     return out
-
-
-def _six(tensor: Any) -> Any:
-    import ufl
-
-    return ufl.as_vector([tensor[ij] for ij in SYMMETRIC])
 
 
 class _LogStrain:

@@ -6,8 +6,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from asperity.fem.form_compiler import nodal_matrix
 from asperity.fem.solid import Solid
+from asperity.fem.weak_form import nodal_matrix
 from asperity.linear.petsc import GAMG, empty_matrix, set_defaults
 from asperity.mesh.element import QUADRATURE_DEGREE
 from asperity.quasistatic.stiffness import without_block

@@ -10,9 +10,9 @@ from mpi4py import MPI
 
 from asperity.arrays import Floats
 from asperity.contact.contact_surface import spots_of
-from asperity.fem.form_compiler import nodal_matrix
 from asperity.fem.forms import FormKernels
 from asperity.fem.solid import Solid
+from asperity.fem.weak_form import nodal_matrix
 from asperity.linear.petsc import GAMG, empty_matrix, set_defaults
 from asperity.mesh.element import QUADRATURE_DEGREE
 from asperity.model.material import PAIRS

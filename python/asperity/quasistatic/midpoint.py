@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 
 from asperity.fem.history import History
@@ -45,4 +43,4 @@ def extrapolate(before: History, after: History, extrapolation: float) -> Histor
     part = extrapolation * np.clip(np.divide(along, sizes, out=np.ones_like(along), where=sizes > 0.0), 0.0, 1.0)
     begin, end = before.arrays(), after.arrays()
     parts = {name: part.reshape(part.shape + (1,) * (end[name].ndim - part.ndim)) for name in end}
-    return replace(after, **{name: end[name] + parts[name] * (end[name] - begin[name]) for name in end})
+    return History(**{name: end[name] + parts[name] * (end[name] - begin[name]) for name in end})

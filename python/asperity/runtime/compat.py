@@ -107,23 +107,6 @@ def ghost_holders(index_map: Any) -> Any:
         return index_map.index_to_dest_ranks(0)
 
 
-def renumbered(V: Any, dofs: npt.NDArray[np.int32], ghosts: npt.NDArray[np.int64]) -> Any:
-    """A function space like `V` whose local cells have other dofs; `ghosts` are their global numbers; collective."""
-    from dolfinx import cpp, fem, graph
-
-    old, dofmap = V._cpp_object, V.dofmap
-    owned = V.mesh.comm, dofmap.index_map.size_local, ghosts, dofmap.index_map.owners
-    try:
-        index_map = cpp.common.IndexMap(*owned)
-    except TypeError:  # since 0.11 with a tag of its messages
-        index_map = cpp.common.IndexMap(*owned, 0)
-    links = graph.adjacencylist(dofs)
-    links = getattr(links, "_cpp_object", links)  # since 0.10
-    made = cpp.fem.DofMap(dofmap.dof_layout, index_map, dofmap.index_map_bs, links, dofmap.bs)
-    shape = (old.value_shape,) if hasattr(old, "value_shape") else ()  # until 0.9
-    return fem.FunctionSpace(V.mesh, V.ufl_element(), type(old)(old.mesh, old.element, made, *shape))
-
-
 def stay(comm: Any, parts: int, kinds: Any, cells: Any) -> Any:
     """Partition of a mesh, for dolfinx, that leaves each cell on the rank that has it."""
     from dolfinx import graph
