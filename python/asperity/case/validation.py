@@ -36,8 +36,16 @@ def check_together(case: Input) -> None:
             f"material.E = {case.material.E:g} with surface.L = {side:g} reads as {case.material.E:g} Pa, softer than "
             'any solid; 200 GPa is 200e9 (or set units = "other" at the top of the file)'
         )
-    if isinstance(case.surface, SelfAffineSection):
-        _check_self_affine(case.surface)
+    if isinstance(surface := case.surface, SelfAffineSection):
+        if (surface.rms_height is None) == (surface.rms_slope is None):
+            state = "are both missing" if surface.rms_height is None else "are both given"
+            raise InputError(f"surface.rms_height and surface.rms_slope {state}; give exactly one of them")
+        roll = surface.lambda_roll or side
+        if surface.lambda_short > roll:
+            raise InputError(
+                f"surface.lambda_short = {surface.lambda_short:g} exceeds surface.lambda_roll = {roll:g}; shorten it, "
+                "0.05 L for a first run"
+            )
     if case.accuracy.tolerance is not None:
         formulation.check_bar()
     given = [f"loading.{key}" for key in DRIVERS if getattr(loading, key) is not None]
@@ -74,18 +82,6 @@ def _check_material(case: Input) -> None:
         raise InputError("material.parameters and material.law_sha256 need material.law, a law in UFL")
     elif table.yield_strength is None and table.tangent_modulus is not None:
         raise InputError("material.tangent_modulus needs material.yield_strength; an elastic material has neither")
-
-
-def _check_self_affine(surface: SelfAffineSection) -> None:
-    if (surface.rms_height is None) == (surface.rms_slope is None):
-        state = "are both missing" if surface.rms_height is None else "are both given"
-        raise InputError(f"surface.rms_height and surface.rms_slope {state}; give exactly one of them")
-    roll = surface.L if surface.lambda_roll is None else surface.lambda_roll
-    if surface.lambda_short > roll:
-        raise InputError(
-            f"surface.lambda_short = {surface.lambda_short:g} exceeds surface.lambda_roll = {roll:g}; shorten it, "
-            "0.05 L for a first run"
-        )
 
 
 def _check_vibration(case: Input) -> None:

@@ -120,10 +120,8 @@ def import_map(map_file: str, output: str | None, as_json: bool, **given: Any) -
     for sentence in scan.notes:
         options.say(sentence)
     _show(map_file, scan)
-    spike, despiking = _spike(scan)
-    for sentence in (*_doubts(scan), spike, "" if despiking else cost):
-        if sentence:
-            options.say(sentence)
+    for sentence in _doubts(scan, cost):
+        options.say(sentence)
     options.say(f"written to {folder}; next: asperity check {folder / 'case.toml'}")
 
 
@@ -231,9 +229,11 @@ def _metres(length: float) -> str:
     return quantity(length, "m", 3)
 
 
-def _doubts(scan: _Scan) -> Iterator[str]:
-    """What the instrument does not resolve, and what is doubtful, a sentence each."""
+def _doubts(scan: _Scan, cost: str) -> Iterator[str]:
+    """What the instrument does not resolve, what is doubtful, and the cost, a sentence each."""
     import numpy as np
+
+    from asperity.surface.spikes import STANDS_OUT, prominence_of_summit
 
     slope, affine, wave, bare = scan.statistics.rms_slope, scan.affine, scan.wave, scan.bare
     if scan.limited:
@@ -265,30 +265,26 @@ def _doubts(scan: _Scan) -> Iterator[str]:
     rest, form = float(np.std(without)), float(np.std(bare.z - without))
     if form > FORM * rest:
         yield (
-            f"the map has a form of second order, as of a sphere, with Sq = {_metres(form)}, and "
-            f"{_metres(rest)} without it: "
-            "if only roughness is meant, --level curvature removes the form"
+            f"the map has a form of second order, as of a sphere, with Sq = {_metres(form)}, and {_metres(rest)} "
+            "without it: if only roughness is meant, --level curvature removes the form"
         )
-
-
-def _spike(scan: _Scan) -> tuple[str, bool]:
-    """Sentence on a summit that may be dust or a spike, and whether --despike, tried here, would remove it."""
-    from asperity.surface.spikes import STANDS_OUT, prominence_of_summit
-
-    spike, statistics = prominence_of_summit(scan.bare.z), scan.statistics
-    if spike > STANDS_OUT and scan.wave is None:
+    spike, statistics, removed = prominence_of_summit(bare.z), scan.statistics, False
+    if spike > STANDS_OUT and wave is None:  # crests of a wave are no spikes
         with suppress(InputError):
-            if prominence_of_summit(scan.cut(scan.whole.despiked()).z) <= STANDS_OUT:
-                return (
-                    f"the highest point stands {spike:.0f} times the local roughness above its surroundings, as dust "
-                    "or a spike of the instrument does: --despike removes such heights"
-                ), True
-    if statistics.Sp <= HIGH * statistics.Sq:
-        return "", False
-    return (
-        f"the highest point is {statistics.Sp / statistics.Sq:.0f} rms heights above the mean: if it does not "
-        "belong to the surface, mark it as missing (NaN) in the map, and it is filled"
-    ), False
+            removed = prominence_of_summit(scan.cut(scan.whole.despiked()).z) <= STANDS_OUT
+    if removed:
+        yield (
+            f"the highest point stands {spike:.0f} times the local roughness above its surroundings, as dust or a "
+            "spike of the instrument does: --despike removes such heights"
+        )
+        return
+    if statistics.Sp > HIGH * statistics.Sq:
+        yield (
+            f"the highest point is {statistics.Sp / statistics.Sq:.0f} rms heights above the mean: if it does not "
+            "belong to the surface, mark it as missing (NaN) in the map, and it is filled"
+        )
+    if cost:
+        yield cost
 
 
 def _cost(case_file: Path, surface: HeightMap) -> str:
