@@ -158,14 +158,6 @@ class SlipPath:
         dissipated: by friction, since rest (force length)
         nodes: in contact, at the end of the first loading: x, y, area, slip since rest (length, length^2), shape
             (m, 4); none by a curve
-
-    Examples:
-        >>> from asperity.slip import SlipLaw
-        >>> from asperity.slip.law import path_of_law
-        >>> law = SlipLaw(asp.PowerLaw(1.5), preload=1.0, friction=0.3, nu=0.0)
-        >>> path = path_of_law(law, 0.5, steps=4)
-        >>> path.u.size, f"{path.energy / law.energy(0.5):.6f}", f"{path.k_secant / law.k_secant(0.5):.6f}"
-        (21, '1.000000', '1.000000')
     """
 
     amplitude: float
@@ -228,11 +220,9 @@ class SlipPath:
 def path_of_law(
     law: SlipLaw, amplitude: float, *, steps: int, area: Callable[[Array], Array] | None = None
 ) -> SlipPath:
-    """Path of a law in equal steps of the force, the loop by Masing's rule.
+    """Path of a law in equal steps of the force to an amplitude over the limit of friction, the loop by Masing's rule.
 
     Args:
-        law: of the joint
-        amplitude: of the force over the limit of friction
         steps: of the first loading; the loop has four times as many
         area: gives the area of contact at normal forces (n,), in any unit, for the share that slips
     """

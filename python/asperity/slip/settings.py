@@ -41,11 +41,6 @@ class SlipSettings:
 
     Raises:
         InputError: a value is not legal
-
-    Examples:
-        >>> from asperity.slip import SlipSettings
-        >>> SlipSettings(friction=0.3).amplitudes
-        (0.1, 0.3, 0.6, 0.9)
     """
 
     friction: float

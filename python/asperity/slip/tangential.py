@@ -32,8 +32,7 @@ class TangentialVibration:
     """Tangential vibration of a mass on a joint, by the normal curve.
 
     Attributes:
-        slip: of the patch
-        mass: that vibrates (mass)
+        slip, mass: slip of the patch, mass that vibrates (mass)
         factor: nominal area of the joint over that of the patch
         responses: by force over the limit of friction: frequency (1/time) and amplitude (length), along the curve
         units: "SI" or "other"
@@ -103,26 +102,14 @@ def tangential_response(array: JenkinsArray, mass: float, force: float, *, zeta:
 
     At each amplitude a below the peak |k(a) + i 2 zeta k_rest - m omega^2| = F/a, k the complex stiffness of the
     sliders, has a solution on either side of the resonance. The force of the damping rises with the amplitude, so there
-    is one peak.
-
-    Args:
-        array: of the joint
-        mass: that vibrates (mass)
-        force: amplitude of the force (force)
-        zeta: damping ratio in addition to that of slip, as a constant loss factor 2 zeta of the stiffness at rest
+    is one peak. The mass is that which vibrates, `zeta` the damping ratio in addition to that of slip, as a constant
+    loss factor 2 zeta of the stiffness at rest.
 
     Returns:
         omega (1/time) and amplitude (length), along the curve from low to high frequency, each of shape (n,)
 
     Raises:
         RangeError: the force makes all of the contact slip, and its resonance has no bound
-
-    Examples:
-        >>> from asperity.slip import JenkinsArray
-        >>> from asperity.slip import tangential_response
-        >>> omega, a = tangential_response(JenkinsArray([1.0], [1.0]), mass=1.0, force=0.5, zeta=0.1)
-        >>> print(f"{a.max():.3f} {omega[a.argmax()]:.3f}")
-        1.245 0.928
     """
     positive("mass", mass), positive("force", force)
     extra = 2.0 * positive("zeta", zeta, zero=True) * array.k_rest
