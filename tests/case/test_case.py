@@ -345,9 +345,7 @@ KEYS = [(section.split()[0], key) for section, key, *_ in input_reference()]
 
 @settings(max_examples=150, deadline=None)
 @given(st.lists(st.tuples(st.sampled_from(KEYS), VALUES), min_size=1, max_size=4))
-def test_any_values_give_a_case_or_a_sentence(
-    changes: list[tuple[tuple[str, str], object]],
-) -> None:
+def test_any_values_give_a_case_or_a_sentence(changes: list[tuple[tuple[str, str], object]]) -> None:
     data: dict[str, dict[str, object]] = Case.load(DEMO).to_dict()
     for (section, key), value in changes:
         data.setdefault(section, {})[key] = value

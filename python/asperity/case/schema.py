@@ -42,8 +42,7 @@ class MaterialSection(Section):
         None, shown="small",
     )  # fmt: skip
     law: Text | None = key(
-        'law in UFL, one of asperity.laws or "file.py:name" (docs/extend.md); E and nu are those it has at rest',
-        None,
+        'law in UFL, one of asperity.laws or "file.py:name" (docs/extend.md); E and nu are those it has at rest', None
     )
     parameters: dict[str, Real] | None = key("of the law, by name: a section [material.parameters]", None)
     law_sha256: Text | None = key("of the file of the law, which is refused where it has another", None)
@@ -297,8 +296,7 @@ class OutputSection(Section):
     fields: Flag = key("fields/ for ParaView", False)
     report: Flag = key("report.html", False)
     stiffness: Flag = key(
-        "columns k_n_elastic to k_t_interface, always with [slip]; load steps take a third to a half longer",
-        False,
+        "columns k_n_elastic to k_t_interface, always with [slip]; load steps take a third to a half longer", False
     )
     conductance: Flag = key("column conductance of the curve", False)
     snapshots: Whole = key("load levels kept for pressure maps and fields", 4, ge=0, le=1000)
