@@ -16,7 +16,7 @@ from mpi4py import MPI
 from scene_definition import BASE, Keys, L, Scene
 
 from asperity.case import Case
-from asperity.case.identity import identity
+from asperity.case.case_file import identity
 from asperity.curve import Curve
 from asperity.errors import CheckError, ConvergenceError, InputError
 from asperity.job.run_case import run
