@@ -14,7 +14,7 @@ from asperity.mesh.block import NEAR, BlockMesh
 from asperity.mesh.element import least_jacobians, projected_area
 from asperity.mesh.generate import build_block
 from asperity.mesh.morph import FREE, _least_stretch, _vertical_gradients
-from asperity.mesh.resolution import judge_smoothing, lowered_height
+from asperity.mesh.resolution import judge_mesh, lowered_height
 from asperity.mesh.size_field import SizeField
 from asperity.mesh.top import Top
 from asperity.reference import RoughHalfSpace
@@ -94,7 +94,7 @@ def test_a_spike_that_no_element_can_follow_is_refused(tmp_path: Path) -> None:
     block = uniform(surface, 0.15)
     assert lowered(block, surface) > 0.5
     with pytest.raises(MeshError, match=r"mesh\.h_contact, or filter"):
-        judge_smoothing(lowered(block, surface))
+        judge_mesh(lowered(block, surface), Flat(L=1.0), 0.1, 0.1)
 
 
 def test_small_changes_by_smoothing_are_warned_of() -> None:
@@ -102,7 +102,7 @@ def test_small_changes_by_smoothing_are_warned_of() -> None:
     block = uniform(surface, 0.1)
     assert 0.05 < lowered(block, surface) < 0.5
     with pytest.warns(ResolutionWarning, match="smoothed"):
-        judge_smoothing(lowered(block, surface))
+        judge_mesh(lowered(block, surface), Flat(L=1.0), 0.1, 0.1)
 
 
 def test_smoothing_stays_near_the_elements_that_need_it() -> None:

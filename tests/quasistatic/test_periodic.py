@@ -19,7 +19,7 @@ from asperity.fem.solid import Solid
 from asperity.mesh.block import NEAR, BlockMesh
 from asperity.mesh.distribute import SIDE_X, SIDE_Y, distribute
 from asperity.mesh.generate import build_block
-from asperity.mesh.periodic import joined
+from asperity.mesh.shared_nodes import joined
 from asperity.mesh.size_field import SizeField
 from asperity.model.material import Material
 from asperity.model.problem import Problem

@@ -57,13 +57,13 @@ def check(case_file: str, ranks: int, as_json: bool, overrides: tuple[str, ...])
 def judge(case: Case) -> None:
     """Refuse (InputError) a case that a run refuses, and warn where a run warns before it solves."""
     from asperity.mesh.block import BlockMesh
-    from asperity.mesh.resolution import warn_of_missed_waves
+    from asperity.mesh.resolution import judge_mesh
 
     surface = case.problem().surface
     if case.mesh.file is not None:
         BlockMesh.read(case.mesh.file).check(surface)
     elif case.accuracy.tolerance is None and case.loading.delta_max is not None:
-        warn_of_missed_waves(surface, case.mesh.h_contact, case.loading.delta_max)
+        judge_mesh(0.0, surface, case.mesh.h_contact, case.loading.delta_max)
 
 
 def _sentences(case: Case, surface: Surface, found: Estimate, ranks: int, most: float | None) -> Iterator[str]:

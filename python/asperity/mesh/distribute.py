@@ -10,8 +10,8 @@ from asperity.arrays import Floats, Indices
 from asperity.errors import MeshError
 from asperity.mesh.block import BlockMesh
 from asperity.mesh.element import DEGREE, NODES, least_jacobians
-from asperity.mesh.periodic import joined
 from asperity.mesh.refine import refined
+from asperity.mesh.shared_nodes import joined
 from asperity.runtime import compat
 from asperity.runtime.parallel import on_root
 
@@ -40,7 +40,7 @@ def distribute(
         are those of its local cells that do not depend on the ranks; those of its nodes are `input_global_indices`.
 
     Raises:
-        MeshError: opposite sides do not fit, see `periodic.joined`, or no lift is possible, see `lift.lift`
+        MeshError: opposite sides do not fit, see `shared_nodes.joined`, or no lift is possible, see `lift.lift`
     """
     import basix.ufl
     import ufl

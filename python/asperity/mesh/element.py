@@ -26,6 +26,8 @@ FACE_TRIANGLES = ((0, 3, 5), (1, 4, 3), (2, 5, 4), (3, 4, 5))  # linear ones thr
 #: the octahedron between them, about one of its diagonals with the other four nodes in a ring. All are oriented alike.
 AT_CORNERS = ((0, 4, 6, 7), (4, 1, 5, 9), (6, 5, 2, 8), (7, 9, 8, 3))
 DIAGONALS = (((4, 8), (5, 6, 7, 9)), ((5, 7), (9, 8, 6, 4)), ((6, 9), (4, 5, 8, 7)))  # ends, and the ring around
+#: These eight for each of the diagonals (3, 8, 4).
+PARTS = np.array([[*AT_CORNERS, *((*ends, ring[k], ring[(k + 1) % 4]) for k in range(4))] for ends, ring in DIAGONALS])
 
 #: Points of the nodes of a facet on the reference triangle, in the order of dolfinx: corners, middles opposite to them.
 FACET_POINTS = np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0], [0.5, 0.5], [0.0, 0.5], [0.5, 0.0]])
@@ -34,18 +36,7 @@ BEARING = (3, 4, 5)
 
 VTK_TYPE = 24  # quadratic tetrahedron
 GMSH_TO_VTK = (0, 1, 2, 3, 4, 5, 6, 7, 9, 8)  # the last two edges are swapped
-#: Linear tetrahedra through all nodes of a cell, in the order of VTK.
-LINEAR_TETS = (
-    (0, 4, 6, 7),
-    (4, 1, 5, 8),
-    (6, 5, 2, 9),
-    (7, 8, 9, 3),
-    (4, 9, 5, 6),
-    (4, 9, 6, 7),
-    (4, 9, 7, 8),
-    (4, 9, 8, 5),
-)
-
+LINEAR_TETS = np.array(GMSH_TO_VTK)[PARTS[0]]  # through all nodes of a cell, in the order of VTK (8, 4)
 
 # -- shape functions and quadrature ----------------------------------------------------------------------------
 

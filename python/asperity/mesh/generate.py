@@ -18,8 +18,7 @@ from asperity.errors import MeshError
 from asperity.mesh.block import BlockMesh
 from asperity.mesh.element import DEGREE, NODES
 from asperity.mesh.morph import lift
-from asperity.mesh.periodic import same_nodes
-from asperity.mesh.shared_nodes import SharedNodes
+from asperity.mesh.shared_nodes import SharedNodes, same_nodes
 from asperity.mesh.size_field import rounded
 from asperity.runtime import compat
 from asperity.surface.base import EDGE
@@ -28,7 +27,6 @@ if TYPE_CHECKING:
     from asperity.surface import Surface
 
 MODEL = "asperity"  # name of the model in gmsh
-MARGIN = 1e-6  # of a box that holds a side; gmsh adds its tolerance of 1e-7 to each entity [L]
 OPTIONS = {
     "General.Terminal": 0,
     "General.NumThreads": 1,
@@ -80,10 +78,7 @@ def build_block(
 def _flat_block(
     height: float, size: Callable[[float, float, float], float], summit: tuple[float, float], periodic: bool
 ) -> tuple[Floats, npt.NDArray[np.int64]]:
-    """Nodes (N, 3) and elements (M, NODES) of a box with a node of the top at `summit`, the first contact.
-
-    All lengths are in units of L, to which the absolute tolerances of gmsh are suited.
-    """
+    """Nodes (N, 3) and elements (M, NODES) of a box with a node of the top at `summit`, the first contact, all in L."""
     import gmsh
 
     try:
@@ -113,9 +108,10 @@ def _match_sides(height: float) -> None:
     for axis in (0, 1):
         sides = []
         for plane in (0.0, 1.0):
-            low, high = np.full(3, -MARGIN), np.array([1.0, 1.0, height]) + MARGIN
-            low[axis], high[axis] = plane - MARGIN, plane + MARGIN
-            sides.append([tag for _, tag in gmsh.model.getEntitiesInBoundingBox(*low, *high, dim=2)])
+            low, high = np.zeros(3), np.array([1.0, 1.0, height])
+            low[axis] = high[axis] = plane
+            inside = (*(low - 1e-6), *(high + 1e-6))  # gmsh adds its tolerance of 1e-7 to each entity
+            sides.append([tag for _, tag in gmsh.model.getEntitiesInBoundingBox(*inside, dim=2)])
         shift = np.eye(4)
         shift[axis, 3] = 1.0
         gmsh.model.mesh.setPeriodic(2, sides[1], sides[0], shift.ravel().tolist())

@@ -26,17 +26,13 @@ if TYPE_CHECKING:
     from asperity.surface import Surface
 
 SOUND = 0.1  # least ratio of the volume elements of a lifted and the flat element, at any point of it
-FIRST_WIDTH = 0.1  # standard deviation of the first Gaussian over the element size
-WIDER = 1.25  # ratio of the widths of two rounds
+FIRST_WIDTH, WIDER = 0.1, 1.25  # standard deviation of the first Gaussian over the element size, and of two rounds
 SPREAD = 0.4  # fall of the width with the distance from them, so that no heights jump
 SETTLED = 1e-3  # relative change of a width that is not passed on
 WIDEST = 0.2  # greatest width over the element size, before nodes inside have moved; most of the summits stay exact
-MORE = 1.25  # ratio of two such limits, one after the other
-LIMITS = 45  # number of them, after which the width is beyond the side of any block
-SWEEPS = 60  # of the nodes inside for each, at most
-TRIED = 20  # sweeps after which half of the elements must have become sound
-OVERSHOOT = 1.5  # of the step of a node over the one that just satisfies an inequality
-AIM = 0.2  # least stretch aimed at, so that an end is reached
+LIMITS = 45  # number of such limits, each WIDER times the one before, until they are beyond the side of any block
+SWEEPS, TRIED = 60, 20  # of the nodes inside for each; until half of the elements must have become sound
+OVERSHOOT, AIM = 1.5, 0.2  # of a step over the one that satisfies an inequality; least stretch aimed at
 FREE = np.inf  # width at nodes inside that have left their columns
 
 
@@ -82,7 +78,7 @@ def lift(
             rise[moved] = _rise(points[moved], width[moved], surface, height, copies)
             free[moved] = False
         free |= _relax(rise, points, tets, gradients, height, copies)
-        limit *= MORE
+        limit *= WIDER
     raise MeshError(
         f"the surface is no height field on this block: {left} elements stay turned inside out, however smooth the "
         "heights at their nodes are; filter the surface"
@@ -90,11 +86,7 @@ def lift(
 
 
 def _rise(points: Floats, width: Floats, surface: Surface, height: float, copies: SharedNodes) -> Floats:
-    """Rise (n,) [length] of some nodes of the flat block, in proportion to the smoothed surface above; collective.
-
-    Raises:
-        MeshError: a valley reaches the base
-    """
+    """Rise (n,) [length] of some nodes of the flat block, in proportion to the smoothed surface above; collective."""
     x, y, z_of_flat = points.T
     above = heights_at(surface, x, y, width) - surface.mean()
     lowest = copies.least(float(np.min(above, initial=np.inf)))
@@ -201,11 +193,7 @@ def _vertical_gradients(points: Floats, tets: Indices) -> Floats:
 
 
 def _least_stretch(gradients: Floats, rise: Floats) -> Floats:
-    """Least vertical stretch of each tetrahedron whose nodes rise by the given amounts (M,).
-
-    A vertical displacement u changes volumes by the factor 1 + du/dz. For an interpolant of u of second order at most,
-    this is linear in the element, so it is least at a corner.
-    """
+    """Least vertical stretch 1 + du/dz of tetrahedra whose nodes rise by u (M,): linear, so least at a corner."""
     least = np.full(len(rise), np.inf)
     for derivatives in corner_derivatives():
         slope = np.zeros(len(rise))

@@ -17,7 +17,7 @@ import numpy as np
 
 from asperity.arrays import Floats, Indices
 from asperity.mesh.block import NEAR
-from asperity.mesh.element import AT_CORNERS, DEGREE, DIAGONALS, EDGES, NODES
+from asperity.mesh.element import DEGREE, DIAGONALS, EDGES, NODES, PARTS
 from asperity.mesh.morph import lift
 from asperity.mesh.shared_nodes import Exchange, SharedNodes
 from asperity.runtime import compat
@@ -26,7 +26,6 @@ from asperity.runtime.distributed_array import places
 if TYPE_CHECKING:
     from asperity.surface import Surface
 
-SHORTER = 1.0 - 1e-9  # ratio of squared lengths below which a diagonal is shorter: ties do not depend on round-off
 SPLIT_NODES = 4 + len(EDGES)  # corners and middles of the edges
 SIDES = 4  # copies of a node on joined sides, at most
 
@@ -62,11 +61,7 @@ def split(x: Floats) -> Indices:
         (M, 8, 4)
     """
     lengths = np.stack([((x[:, i] - x[:, j]) ** 2).sum(axis=1) for (i, j), _ in DIAGONALS])
-    shortest = np.argmax(lengths * SHORTER <= lengths.min(axis=0), axis=0)
-    tables = np.array([
-        [*AT_CORNERS, *((*diagonal, ring[k], ring[(k + 1) % 4]) for k in range(4))] for diagonal, ring in DIAGONALS
-    ])  # fmt: skip
-    return np.asarray(tables[shortest])
+    return np.asarray(PARTS[np.argmax(lengths * (1.0 - 1e-9) <= lengths.min(axis=0), axis=0)])  # whatever the round-off
 
 
 def _split_cells(mesh: Any, numbers: Indices, corners: Floats) -> tuple[Any, Indices, Floats]:
@@ -130,11 +125,7 @@ def _with_middles(corners: Floats) -> Floats:
 
 
 def _ranked(keys: Floats, owned: int, exchange: Exchange) -> Indices:
-    """Places of the keys of all ranks in descending order, -1 for those of -inf (nodes, SIDES); collective.
-
-    Args:
-        keys: whole numbers or -inf, each of a node's copies that this rank knows (nodes, SIDES)
-    """
+    """Places of whole numbers of all ranks in descending order, -1 for -inf, of copies of nodes (nodes, SIDES)."""
     from mpi4py import MPI
 
     known = np.column_stack([exchange.merge(column, MPI.MAX) for column in keys.T])[:owned]

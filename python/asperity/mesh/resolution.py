@@ -25,7 +25,6 @@ ELEMENTS = 1.5  # per wavelength: with fewer, the difference of two meshes does 
 SHARE = 0.25  # greatest height of unresolved waves, over the approach times the tolerance
 ONE_MESH = 0.05  # error of the force accepted without a tolerance
 MOST_LOWERED = 0.5  # change of height by smoothing, over the approach, beyond which the mesh is not of this surface
-_CLOSE = 1.02  # ratio below which two sizes count as equal
 
 
 def unresolved_height(surface: Surface, h: float, delta: float) -> float:
@@ -46,7 +45,7 @@ def resolving_size(surface: Surface, delta: float, tolerance: float, largest: fl
     if enough(largest):
         return inf
     low, high = min(surface.feature_size / (4.0 * ELEMENTS), 0.5 * largest), largest
-    while high > _CLOSE * low:
+    while high > 1.02 * low:
         middle = sqrt(low * high)
         low, high = (middle, high) if enough(middle) else (low, middle)
     return low
@@ -57,7 +56,7 @@ def doubt_of_waves(surface: Surface, h: float, delta: float) -> str:
     part = unresolved_height(surface, h, delta)
     if part <= SHARE * ONE_MESH:
         return ""
-    size, limit = min(resolving_size(surface, delta, ONE_MESH, h), h / _CLOSE), SHARE * ONE_MESH
+    size, limit = min(resolving_size(surface, delta, ONE_MESH, h), h / 1.02), SHARE * ONE_MESH
     digit = 10.0 ** (floor(log10(size)) - 1)
     size = floor(size / digit) * digit  # rounded down, so that it is another size and resolves them
     cutoff = shortest_cutoff(surface, delta, lambda filtered, depth: unresolved_height(filtered, h, depth) <= limit)
@@ -66,12 +65,6 @@ def doubt_of_waves(surface: Surface, h: float, delta: float) -> str:
         f"waves shorter than {ELEMENTS:g} elements of mesh.h_contact = {h:.3g} have an rms height of {part:.2g} of the "
         f"greatest approach, and the force may be off by about as much: {size:.2g} would resolve them{other}"
     )
-
-
-def warn_of_missed_waves(surface: Surface, h: float, delta: float) -> None:
-    """Warn (ResolutionWarning) of `doubt_of_waves`, if there is any."""
-    if doubt := doubt_of_waves(surface, h, delta):
-        warn(doubt, ResolutionWarning)
 
 
 def lowered_height(top: Floats, surface: Surface, height: float, delta: float, comm: MPI.Comm) -> float:
@@ -86,24 +79,21 @@ def lowered_height(top: Floats, surface: Surface, height: float, delta: float, c
     return float(np.sqrt(squares / count)) / delta if count else inf
 
 
-def judge_smoothing(off: float) -> None:
-    """Warn of a mesh off its surface, see `lowered_height`; refuse it where little of what the flat meets is left.
+def judge_mesh(off: float, surface: Surface, h: float, delta: float) -> None:
+    """Warn of a mesh with elements of size h in the contact that is off its surface, or misses waves; rank 0.
+
+    Args:
+        off: see `lowered_height`
 
     Raises:
-        MeshError: the change of height is not small compared with the approach
+        MeshError: little of what the flat meets is left
     """
-    if off <= ONE_MESH:
-        return
     text = (
         f"the elements are too large for the slopes of the surface: heights that the flat meets had to be smoothed by "
         f"{off:.2g} of the greatest approach (rms): reduce mesh.h_contact, or filter the surface"
     )
     if off > MOST_LOWERED:
         raise MeshError(text)
-    warn(text, ResolutionWarning)
-
-
-def judge_mesh(off: float, surface: Surface, h: float, delta: float) -> None:
-    """Judge a mesh with elements of size h in the contact by `judge_smoothing` and `warn_of_missed_waves`; rank 0."""
-    judge_smoothing(off)
-    warn_of_missed_waves(surface, h, delta)
+    for doubt in (text if off > ONE_MESH else "", doubt_of_waves(surface, h, delta)):
+        if doubt:
+            warn(doubt, ResolutionWarning)

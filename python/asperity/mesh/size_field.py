@@ -152,10 +152,9 @@ def _distances(reached: Flags, periodic: bool) -> Floats:
 
 
 def _contact_window(surface: Surface, delta_max: float) -> tuple[float, float, float, Floats]:
-    """Square (x0, y0, side) around all points less than delta_max below the summit, and gaps (n, n) on its grid.
+    """Square (x0, y0, side) [L] around all points less than delta_max below the summit, and gaps (n, n) on its grid.
 
-    The square shrinks until these points span more than a quarter of it, so that a small spot is resolved too. All
-    lengths are in units of L.
+    It shrinks until these points span more than a quarter of it, so that a small spot is resolved too.
     """
     L, summit = surface.L, surface.maximum()[2]
     x0, y0, side = 0.0, 0.0, 1.0

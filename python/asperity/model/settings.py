@@ -12,7 +12,7 @@ from asperity.runtime.display import show
 
 H_CONTACT, H_MAX = 0.04, 0.25  # element sizes of a mesh when none are given [L]
 MOST_REFINEMENTS = 6  # of a mesh: each makes eight elements of one
-WIDEST_JOINED = 0.2  # greatest size with periodic sides: elements are up to twice as wide, see `periodic.joined` [L]
+WIDEST_JOINED = 0.2  # greatest size with periodic sides: elements are up to twice as wide, `shared_nodes.joined` [L]
 METHODS = ("active-set", "penalty", "nitsche")  # of the contact
 FACTORS = "[0.01, 1e4]"  # legal penalty and gamma; larger ones lose the balance of forces in rounding
 LINEAR_SOLVERS = ("auto", "lu", "cg")

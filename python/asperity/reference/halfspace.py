@@ -133,7 +133,16 @@ class RoughHalfSpace:
         for k, d in enumerate(delta):
             penetration = (heights - (summit - d)).astype(precision)
             p = starts[k].astype(precision) if len(starts) else p
-            p = _press(p, penetration, compliance, self.sides, self.hardness, tolerance * delta[-1])
+            within, outside = np.zeros(heights.shape, dtype=bool), penetration > 0.0
+            while outside.any():  # a thin layer bulges beside the spots, and may touch where it would not undeformed
+                within |= outside | (p > 0.0)  # few cells: what is done besides the transforms is done for them
+                cells = np.flatnonzero(within)
+                first = p if p.any() else np.maximum(penetration, 0.0) / compliance.max()
+                p, displaced, _ = _iterate(
+                    cells, np.clip(first.ravel()[cells], 0, self.hardness), penetration, compliance, self.sides,
+                    self.hardness, tolerance * delta[-1],
+                )  # fmt: skip
+                outside = (displaced - penetration < -tolerance * delta[-1]) & ~within
             yield p.astype(float)
 
 
@@ -153,24 +162,6 @@ class RoughCurve:
     __repr__ = short_repr
 
 
-def _press(start: Array, penetration: Array, compliance: Array, sides: str, hardness: float, tolerance: float) -> Array:
-    """Pressure over E' (n, n) under a flat that the undeformed surface penetrates by `penetration` (n, n) [L].
-
-    It begins with `start` (n, n); `compliance` is that of each wave (n, n) [L], `hardness` the greatest pressure over
-    E', `tolerance` the largest gap in contact and penetration elsewhere [L]. Few cells touch a rough surface: what is
-    done besides the transforms is done for them.
-    """
-    p, within = start, np.zeros(penetration.shape, dtype=bool)
-    outside = penetration > 0.0
-    while outside.any():  # a thin layer bulges beside the spots: it may touch where the undeformed surface does not
-        within |= outside | (p > 0.0)
-        cells = np.flatnonzero(within)
-        first = np.clip((p if p.any() else np.maximum(penetration, 0.0) / compliance.max()).ravel()[cells], 0, hardness)
-        p, displaced, _ = _iterate(cells, first, penetration, compliance, sides, hardness, tolerance)
-        outside = (displaced - penetration < -tolerance) & ~within
-    return p
-
-
 def _iterate(
     cells: Array, p: Array, penetration: Array, compliance: Array, sides: str, hardness: float, tolerance: float,
     load: float | None = None, most: int = _ITERATIONS,
@@ -180,10 +171,11 @@ def _iterate(
     Args:
         cells: numbers of those that may touch (m,)
         p: pressure there at first (m,)
+        penetration: of the undeformed surface into the flat (n, n) [L]
+        compliance: of each wave (n, n) [L]
+        tolerance: largest gap in contact and penetration elsewhere [L]
         load: mean pressure over E', with which the height of the flat is free; None at that of `penetration`
         most: iterations
-
-    The other arguments are those of `_press`.
     """
     grid = np.zeros(penetration.shape, penetration.dtype)  # in rows, for ravel to be a view
 

@@ -198,15 +198,18 @@ class Surface(ABC):
 
         Index order is [iy, ix]: row iy has y = iy L/(n-1), column ix has x = ix L/(n-1).
         """
-        return self._on_nodes(n)
+        s = nodes(self.L, n)
+        return self.on_product(s, s)
 
     def grid_gradient(self, n: int) -> tuple[Array, Array]:
         """(dz/dx, dz/dy) at the nodes of :meth:`grid`, each (n, n), index [iy, ix]."""
-        return self._on_nodes(n, 1, 0), self._on_nodes(n, 0, 1)
+        s = nodes(self.L, n)
+        return self.on_product(s, s, 1, 0), self.on_product(s, s, 0, 1)
 
     def grid_hessian(self, n: int) -> tuple[Array, Array, Array]:
         """(z_xx, z_xy, z_yy) at the nodes of :meth:`grid`, each (n, n), index [iy, ix]."""
-        return self._on_nodes(n, 2, 0), self._on_nodes(n, 1, 1), self._on_nodes(n, 0, 2)
+        s = nodes(self.L, n)
+        return self.on_product(s, s, 2, 0), self.on_product(s, s, 1, 1), self.on_product(s, s, 0, 2)
 
     def on_product(self, x: Array, y: Array, dx: int = 0, dy: int = 0) -> Array:
         """Derivative of z, dx times by x and dy times by y, at all pairs of x (nx,) and y (ny,): (ny, nx)."""
@@ -217,10 +220,6 @@ class Surface(ABC):
 
         step = max(1, 2**18 // x.size)
         return np.concatenate([rows(y[i : i + step]) for i in range(0, y.size, step)])
-
-    def _on_nodes(self, n: int, dx: int = 0, dy: int = 0) -> Array:
-        s = nodes(self.L, n)
-        return self.on_product(s, s, dx, dy)
 
     def statistics(self, n: int = 1025) -> SurfaceStatistics:
         """Roughness parameters of an n x n grid; see :class:`SurfaceStatistics`."""

@@ -10,7 +10,6 @@ from math import ceil, floor, log2, log10
 
 import numpy as np
 
-from asperity.arrays import Array
 from asperity.surface.base import Surface
 from asperity.surface.iso25178 import heights_of
 from asperity.surface.spline import LIGHT, light_depth
@@ -24,13 +23,12 @@ def approach_of_share(surface: Surface, share: float = LIGHT) -> float:
 
     The share does not depend on the spectrum. A spike takes all of the approach.
     """
-    z = _heights(surface)
-    return min(light_depth(z, share, surface.maximum()[2]), 0.1 * surface.L)
+    return min(light_depth(heights_of(surface)[0], share, surface.maximum()[2]), 0.1 * surface.L)
 
 
 def share_of_approach(surface: Surface, delta: float) -> float:
     """Share of the heights above a flat at an approach from the summit (length)."""
-    return float(np.mean(_heights(surface) > surface.maximum()[2] - delta))
+    return float(np.mean(heights_of(surface)[0] > surface.maximum()[2] - delta))
 
 
 def shortest_cutoff(surface: Surface, delta: float, accepts: Callable[[Surface, float], bool]) -> float | None:
@@ -46,25 +44,17 @@ def shortest_cutoff(surface: Surface, delta: float, accepts: Callable[[Surface, 
     """
     if not surface.cutoff_key:
         return None
-    share, height = share_of_approach(surface, delta), _rms(surface)
+    share, height = share_of_approach(surface, delta), np.std(heights_of(surface)[0])
 
     def acceptable(cutoff: float) -> bool:
         filtered = surface.cut_off(cutoff)
         return accepts(filtered, approach_of_share(filtered, share))
 
     rungs = _rungs(surface.feature_size, surface.L / 2)
-    rungs = rungs[: _first(rungs, lambda cutoff: _rms(surface.cut_off(cutoff)) < KEPT * height)]
+    rungs = rungs[: _first(rungs, lambda cutoff: bool(np.std(heights_of(surface.cut_off(cutoff))[0]) < KEPT * height))]
     if not rungs or not acceptable(rungs[-1]):
         return None
     return rungs[_first(rungs, acceptable)]
-
-
-def _heights(surface: Surface) -> Array:
-    return heights_of(surface)[0]
-
-
-def _rms(surface: Surface) -> float:
-    return float(np.std(_heights(surface)))
 
 
 def _rungs(shortest: float, longest: float) -> list[float]:

@@ -7,13 +7,11 @@ from numpy.typing import NDArray
 
 from asperity.arrays import Array
 
-MOST_FACTORED = 400_000  # missing heights that are filled by a factorisation, others by iteration
-
 
 def harmonic_fill(z: Array, gaps: NDArray[np.bool_]) -> Array:
     """Heights (ny, nx) in which each missing value is the mean of its neighbours on the grid (length)."""
     from scipy.sparse import coo_matrix
-    from scipy.sparse.linalg import cg, spsolve
+    from scipy.sparse.linalg import cg
 
     number = np.full(z.shape, -1)
     number[gaps] = np.arange(gaps.sum())
@@ -31,11 +29,7 @@ def harmonic_fill(z: Array, gaps: NDArray[np.bool_]) -> Array:
     i, j = np.concatenate(rows), np.concatenate(columns)
     matrix = coo_matrix((-np.ones(i.size), (i, j)), shape=(me.size, me.size)).tocsr()
     matrix.setdiag(diagonal)
-    full = np.array(z)
-    if me.size <= MOST_FACTORED:
-        full[gaps] = spsolve(matrix.tocsc(), right)
-    else:  # a factor of so many would not fit into memory
-        middle = float(np.mean(z[~gaps]))
-        rise, _ = cg(matrix, right - matrix @ np.full(me.size, middle), rtol=1e-4, maxiter=1000)
-        full[gaps] = middle + rise
+    full, middle = np.array(z), float(np.mean(z[~gaps]))
+    start = np.full(me.size, middle)
+    full[gaps], _ = cg(matrix, right, start, rtol=1e-12, maxiter=10_000)
     return full

@@ -124,10 +124,14 @@ def iso25178(z: Array, dx: float, dy: float) -> ISO25178:
     (Smr1, Spk), (Smr2, Svk) = curve.reduced_peaks(), curve.reduced_pits()
     zx, zy = np.diff(z, axis=1) / dx, np.diff(z, axis=0) / dy
     shortest, longest = _decay_lengths(z, dx, dy)
+    # developed area: the mean of both ways to split each cell into triangles
+    excess = [
+        float(np.mean(np.sqrt(1.0 + x**2 + y**2) - 1.0)) for x in (zx[:-1], zx[1:]) for y in (zy[:, :-1], zy[:, 1:])
+    ]
     return ISO25178(
         Sq=Sq, Sa=float(np.mean(np.abs(z))), Sz=float(np.ptp(z)), Sp=float(z.max()), Sv=-float(z.min()),
         Ssk=float(np.mean((z / Sq) ** 3)), Sku=float(np.mean((z / Sq) ** 4)),
-        Sdq=math.sqrt(float(np.mean(zx**2) + np.mean(zy**2))), Sdr=_developed(zx, zy),
+        Sdq=math.sqrt(float(np.mean(zx**2) + np.mean(zy**2))), Sdr=sum(excess) / 4.0,
         Sal=shortest, Str=shortest / longest, Sk=curve.upper - curve.lower, Spk=Spk, Svk=Svk, Smr1=Smr1, Smr2=Smr2,
     )  # fmt: skip
 
@@ -137,14 +141,6 @@ def heights_of(surface: Surface) -> tuple[Array, float, float]:
     z = surface.heights if isinstance(surface, HeightMap) else surface.grid(GRID)
     ny, nx = z.shape
     return z, surface.L / (nx - 1), surface.L / (ny - 1)
-
-
-def _developed(zx: Array, zy: Array) -> float:
-    """Developed over projected area, minus 1: the mean of both ways to split each cell into triangles."""
-    excess = [
-        float(np.mean(np.sqrt(1.0 + x**2 + y**2) - 1.0)) for x in (zx[:-1], zx[1:]) for y in (zy[:, :-1], zy[:, 1:])
-    ]
-    return sum(excess) / 4.0
 
 
 def _decay_lengths(z: Array, dx: float, dy: float) -> tuple[float, float]:

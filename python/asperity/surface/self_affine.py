@@ -18,7 +18,6 @@ from asperity.surface.base import (
     check_integer,
     check_positive,
     is_number,
-    nodes,
     short_wave_share,
 )
 from asperity.surface.maximum import global_maximum
@@ -217,10 +216,6 @@ class SelfAffine(Surface):
     def on_product(self, x: Array, y: Array, dx: int = 0, dy: int = 0) -> Array:
         return self._waves.product(x, y, (dy, dx))
 
-    def _on_nodes(self, n: int, dx: int = 0, dy: int = 0) -> Array:
-        intervals = nodes(self.L, n).size - 1
-        return self._waves.on_grid(intervals if self.periodic else 2 * intervals, n, (dy, dx))
-
     def mean(self) -> float:
         """Mean height over the patch (length), in closed form; 0 for a periodic surface."""
         ky, kx = (k * self.L / 2 for k in self._waves.wave_numbers)
@@ -262,4 +257,5 @@ class SelfAffine(Surface):
         from scipy.fft import next_fast_len
 
         n = next_fast_len(4 * self._shortest, real=True)  # nodes for a spline of the shortest wave
-        return ScaleSpace(self.height, self._waves.on_grid(n, n), self.period, self.feature_size / (4 * np.pi))
+        s = np.arange(n) * (self.period / n)
+        return ScaleSpace(self.height, self.on_product(s, s), self.period, self.feature_size / (4 * np.pi))

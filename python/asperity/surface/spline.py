@@ -53,14 +53,7 @@ def interpolate(z: Array, L: float) -> tuple[BivariateSpline, float]:
 def _limited_spline(
     z: Array, zx: Array, zy: Array, zxy: Array, spacing: tuple[float, float], depth: float
 ) -> Knots | None:
-    """Knots and coefficients of the spline with limited slopes; None where one without cannot rise by MATTERS.
-
-    Args:
-        z: heights, index [iy, ix] (length)
-        zx, zy, zxy: derivatives of a spline there
-        spacing: of the heights along x and y (length)
-        depth: of a light contact (length)
-    """
+    """Knots and coefficients of the spline with limited slopes; None where one without cannot rise by MATTERS."""
     a, b = spacing
     slopes = a * zx, b * zy
     dx, dy = _limited(slopes[0], np.diff(z, axis=1)), _limited(slopes[1].T, np.diff(z, axis=0).T).T

@@ -1,4 +1,4 @@
-"""Periodic sums of many plane waves: by FFT on regular grids, and interpolated from a finer grid at any points.
+"""Periodic sums of many plane waves, interpolated at any points from a grid that an FFT fills.
 
 The interpolation is the non-uniform FFT of type 2: the waves are divided by the transform of a kernel of small support,
 summed on a grid of twice the necessary density, and the kernel is applied at each point (Greengard and Lee, SIAM Review
@@ -42,20 +42,6 @@ class WaveGrid:
         k = 2 * np.pi / self.period
         return k * np.arange(-self._most, self._most + 1)[:, None], k * np.arange(self._most + 1)[None, :]
 
-    def on_grid(self, n: int, stop: int, order: tuple[int, int] = (0, 0)) -> Array:
-        """Values at i period/n, i = 0 to stop - 1, along both axes, (stop, stop), index [iy, ix].
-
-        Args:
-            n: nodes of a period; fewer than the waves need are allowed
-            stop: nodes returned
-            order: of the derivatives with respect to y and x
-        """
-        finer = (2 * self._most) // n + 1  # a transform finer by this factor resolves every wave
-        ky, kx = self.wave_numbers
-        waves = self.waves * (1j * ky) ** order[0] * (1j * kx) ** order[1]
-        picked = finer * (np.arange(stop) % n)
-        return _synthesis(waves, finer * n, picked)
-
     @cached_property
     def _nodes(self) -> Array:
         """Sum of the divided waves on a period and the width of the kernel beyond."""
@@ -64,7 +50,7 @@ class WaveGrid:
         n = max(_LEAST, next_fast_len(4 * self._most, real=True))
         gain = _transform(2 * np.pi * np.arange(self._most + 1) / n)
         both = np.concatenate([gain[:0:-1], gain])
-        return _synthesis(self.waves / (both[:, None] * gain), n, np.arange(n + _WIDTH) % n)
+        return np.pad(_synthesis(self.waves / (both[:, None] * gain), n), (0, _WIDTH), mode="wrap")
 
     def at(self, x: Array, y: Array, orders: list[tuple[int, int]]) -> list[Array]:
         """Derivatives of the given orders (along y, along x), up to the second, at points x, y, each (n,)."""
@@ -103,8 +89,8 @@ class WaveGrid:
         return first % n, [k * scale**order for order, k in enumerate(_kernel(away, most))]
 
 
-def _synthesis(waves: Array, n: int, picked: Array) -> Array:
-    """Sum of the waves (2 S + 1, S + 1) at the picked ones of n > 2 S nodes of a period, both axes."""
+def _synthesis(waves: Array, n: int) -> Array:
+    """Sum of the waves (2 S + 1, S + 1) at n > 2 S nodes of a period along both axes."""
     from scipy.fft import ifft, irfft
 
     most = waves.shape[1] - 1
@@ -112,9 +98,8 @@ def _synthesis(waves: Array, n: int, picked: Array) -> Array:
     spectrum[: most + 1] = waves[most:]
     spectrum[n - most :] = waves[:most]
     spectrum[n - most :, 0] = np.conj(waves[:most:-1, 0])  # the other half of the waves along y
-    columns = ifft(spectrum, axis=0, norm="forward", overwrite_x=True)[picked]
-    columns *= 0.5
-    return np.asarray(irfft(columns, n, axis=1, norm="forward")[:, picked])
+    columns = ifft(spectrum, axis=0, norm="forward", overwrite_x=True)
+    return np.asarray(irfft(0.5 * columns, n, axis=1, norm="forward"))
 
 
 def _kernel(t: Array, most: int) -> list[Array]:
