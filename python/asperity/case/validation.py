@@ -111,7 +111,7 @@ def _check_vibration(case: Input) -> None:
             f"joint.damping = {joint.damping:g} and dynamics.zeta = {dynamics.zeta:g} differ; remove one of them"
         )
     try:
-        settings = DynamicsSettings.of_case(case.to_dict())
+        settings = DynamicsSettings.of_case(case.model_dump(mode="json", exclude_none=True))
     except InputError as error:
         raise InputError(str(error) if str(error).startswith("joint.") else f"dynamics.{error}") from None
     if dynamics.damping == "loops" and settings.zeta == 0.0:

@@ -43,7 +43,7 @@ FRACTIONS = {
 LEAST_FORCE = 1e-12  # over the nominal area and E'
 
 
-def bounds(interval: str) -> dict[str, float]:
+def bounds(interval: str) -> dict[str, Any]:
     """Finite bounds of an interval such as "[0, 1)", by the names that pydantic and operator have for them."""
     low, high = (float(end) for end in interval[1:-1].split(","))
     found = {"ge" if interval[0] == "[" else "gt": low, "le" if interval[-1] == "]" else "lt": high}
