@@ -52,12 +52,13 @@ class Formulation:
     friction: str | float = "none"
 
     def __post_init__(self) -> None:
-        check(self, "contact", method=METHODS, penalty=FACTORS, gamma=FACTORS)
-        if self.method == "nitsche" and self.gamma < LEAST_GAMMA:
+        check(self, "contact", method=METHODS)
+        if self.method == "nitsche" and not self.gamma >= LEAST_GAMMA:
             raise InputError(
                 f"contact.gamma = {self.gamma:g} is below {LEAST_GAMMA:g}, from which Nitsche's method is stable: "
                 'raise it, leave it out, or take contact.method = "active-set"'
             )
+        check(self, "contact", penalty=FACTORS, gamma=FACTORS)
         mu, legal = self.friction, bounds(FRICTION)
         if mu != "none" and (isinstance(mu, str) or not legal["gt"] < mu <= legal["le"]):
             raise InputError(f"contact.friction = {show(mu)} is not none or a coefficient in {FRICTION}")
