@@ -141,6 +141,7 @@ def second_axis(axis: Any, side: str, factor: float, text: str) -> None:
     if axis.get_xscale() == axis.get_yscale() == "linear":
         getattr(second, f"{name}axis").set_major_formatter(Numbers())
     _freeze(second, name)
+    second.grid(False)
     if side == "top":
         axis.yaxis.get_offset_text().set_x(-0.17)  # left of the labels at the top
     (second.set_xlabel if side == "top" else second.set_ylabel)(text)
