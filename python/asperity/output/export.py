@@ -23,7 +23,7 @@ from asperity.force_law.choice import choose, unload_reload
 from asperity.force_law.columns import CurveColumns
 from asperity.force_law.table import TableLaw
 from asperity.output.export_module import contact_module, sliders_module
-from asperity.output.mesh_file import export_mesh
+from asperity.output.mesh_file import block_of_case, write_mesh
 from asperity.output.results import Results
 from asperity.runtime.display import comment
 from asperity.runtime.files import replace_file
@@ -192,7 +192,12 @@ def export(
     if to == "mesh":
         if (law, load) != (None, None):
             raise InputError("law and preload are for the contact, not for the mesh: leave them out")
-        return export_mesh(folder, target)
+        results = Results.read(folder)
+        if not results.case:
+            raise InputError(f"{folder} holds no case.toml, which describes the block; give the folder of a run")
+        levels = (results.summary.get("accuracy") or {}).get("levels") or [{}]  # the last has the finest mesh
+        block, surface = block_of_case(Case.from_dict(results.case, folder=folder), levels[-1].get("h"))
+        return write_mesh(block, surface, target, f"block of {Path(folder).resolve().name} by asperity {__version__}")
     table = interface(folder, law or ("auto" if to == "python" else "table"), load)
     target.parent.mkdir(parents=True, exist_ok=True)
     replace_file(target, _WRITERS[to](table).encode())

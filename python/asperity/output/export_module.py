@@ -118,9 +118,7 @@ def contact_module(z: Array, p: Array, d: Array, area: float, about: Sequence[st
     """Source of the module with force and stiffness.
 
     Args:
-        z: approaches from 0, rising, shape (m,) [length]
-        p: nominal pressures from 0, shape (m,) [force/length^2]
-        d: slopes dp/dz of the monotone cubic [force/length^3], shape (m,)
+        z, p, d: approaches from 0 [length], nominal pressures and slopes dp/dz of the monotone cubic, (m,) each
         area: nominal area [length^2]
         about: lines of its docstring
     """

@@ -14,13 +14,11 @@ from asperity.case import Case
 from asperity.errors import InputError, MeshError
 from asperity.mesh.block import NEAR, BlockMesh
 from asperity.mesh.element import FACE_TRIANGLES, GMSH_TO_VTK, VTK_TYPE, outer_faces
-from asperity.output.results import Results
 from asperity.runtime import compat
 from asperity.runtime.display import comment
 from asperity.runtime.files import replace_file
 from asperity.surface import Surface
 from asperity.surface.cutoff import approach_of_share
-from asperity.version import __version__
 
 SETS = ("TOP", "BASE", "SIDES")
 BY_GMSH = (".msh", ".stl", ".bdf", ".unv")
@@ -54,21 +52,6 @@ def block_of_case(case: Case, h: float | None = None) -> tuple[BlockMesh, Surfac
     if block.refinements:
         raise InputError("the mesh of mesh.file is refined by a run: leave mesh.file out")
     return block, surface
-
-
-def export_mesh(folder: str | Path, path: str | Path) -> Path:
-    """Write the block of a run, with elements of the size of its finest mesh; arguments and errors as of `write_mesh`.
-
-    Args:
-        folder: of the run
-    """
-    results = Results.read(folder)
-    if not results.case:
-        raise InputError(f"{folder} holds no case.toml, which describes the block; give the folder of a run")
-    case = Case.from_dict(results.case, folder=folder)
-    levels = (results.summary.get("accuracy") or {}).get("levels") or [{}]
-    block, surface = block_of_case(case, levels[-1].get("h"))
-    return write_mesh(block, surface, path, f"block of {Path(folder).resolve().name} by asperity {__version__}")
 
 
 def write_mesh(block: BlockMesh, surface: Surface, path: str | Path, about: str = "") -> Path:

@@ -103,8 +103,7 @@ def _others(surface: Surface, layer: RoughHalfSpace, own: Floats) -> Iterator[Fl
     elif isinstance(surface, HeightMap):
         half = len(own) // 2
         for part in (own[:half, :half], own[:half, half:], own[half:, :half], own[half:, half:]):
-            whole = np.vstack([np.hstack([part, part[:, ::-1]]), np.hstack([part, part[:, ::-1]])[::-1]])
-            wide = np.pad(whole, [(0, len(own) - len(whole))] * 2, mode="edge")
+            wide = np.pad(part, [(0, len(own) - half)] * 2, mode="symmetric")  # mirrored
             yield wide - float(wide.mean() - own.mean())
 
 

@@ -83,8 +83,8 @@ def scene(folder: str | Path, path: str | Path | None = None) -> Path:
     plotter.add_mesh(upper.extract_surface(algorithm="dataset_surface"), color="#B8B8B8", ambient=0.2)
     side = quantity(float(np.ptp(top["points"][:, 0])), results.unit("length"), 3)
     peak = quantity(float(pressure.max()), results.unit("stress"), 3)
-    plotter.add_text(f"side {side}, heights {factor:.2g} times enlarged, greatest pressure {peak}", "upper_right",
-                     font_size=16, color="black")  # fmt: skip
+    text = f"side {side}, heights {factor:.2g} times enlarged, greatest pressure {peak}"
+    plotter.add_text(text, position="upper_right", font_size=16, color="black")
     target = Path(path) if path is not None else results.folder / FIGURES / "scene.png"
     target.parent.mkdir(exist_ok=True)
     with files_into(target.parent) as aside:
