@@ -62,10 +62,7 @@ def test_a_map_is_compared_with_its_quarters() -> None:
     assert of_map is not None and of_map.patches == 5 and 0.0 < of_map.bar < 1.0
 
 
-@pytest.mark.parametrize(
-    ("surface", "pressure"),
-    [(Sphere(L=1e-6, radius=2e-6), 1e6), (SMALL, 0.0), (SMALL, 1e13)],
-)
+@pytest.mark.parametrize(("surface", "pressure"), [(Sphere(L=1e-6, radius=2e-6), 1e6), (SMALL, 0.0), (SMALL, 1e13)])
 def test_there_may_be_no_others(surface: Any, pressure: float) -> None:
     assert spread(surface, pressure) is None
 

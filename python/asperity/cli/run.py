@@ -40,7 +40,7 @@ def run(
     from asperity.job import run_case
     from asperity.output.assumption import DOUBTFUL, describe
     from asperity.output.results import Results
-    from asperity.output.verdict import count_of_doubts, verdict
+    from asperity.output.verdict import doubts, verdict
 
     progress = make_progress(quiet, verbose)
     try:
@@ -63,8 +63,8 @@ def run(
     for record in records:
         if record["verdict"] == DOUBTFUL and not (record["warned"] and result.contact):  # which shows the warning
             options.say(f"doubtful: {describe(record)}")
-    if records:
-        options.say(f"{count_of_doubts(records)}.")
+    for sentence in doubts(records):
+        options.say(sentence)
     options.say(f"written to {folder}")
     if (folder / run_folder.REPORT).is_file():
         options.say(f"report: {folder / run_folder.REPORT}")

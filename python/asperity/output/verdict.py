@@ -72,16 +72,11 @@ def _vibration(results: Results) -> Iterator[str]:
         yield f"{line}."
 
 
-def doubts(results: Results) -> list[str]:
-    """How many assumptions of the model are doubtful, and which; empty where none was checked."""
-    records = results.summary.get("assumptions") or []
+def doubts(records: Sequence[Mapping[str, Any]], named: bool = False) -> list[str]:
+    """How many records of the ledger in summary.json are doubtful, and which if `named`; empty without records."""
     names = [record["name"] for record in records if record["verdict"] == DOUBTFUL]
-    return [f"{count_of_doubts(records)}{': ' if names else ''}{', '.join(names)}."] if records else []
-
-
-def count_of_doubts(records: Sequence[Mapping[str, Any]]) -> str:
-    """How many records of the ledger in summary.json are doubtful, a clause."""
-    number = sum(record["verdict"] == DOUBTFUL for record in records)
-    if not number:
-        return f"All {len(records)} assumptions that were checked are fine"
-    return f"{number} of {len(records)} assumptions that were checked {'is' if number == 1 else 'are'} doubtful"
+    checked = f"{len(records)} assumptions that were checked"
+    if not names:
+        return [f"All {checked} are fine."] if records else []
+    which = f": {', '.join(names)}" if named else ""
+    return [f"{len(names)} of {checked} {'is' if len(names) == 1 else 'are'} doubtful{which}."]

@@ -81,7 +81,7 @@ def write_report(folder: str | Path, finished: bool | None = None) -> Path:
         raw["Vibration: thresholds"] = pretty(results.thresholds)
     raw["Input: the completed case"] = tomli_w.dumps(dict(results.case))
     text = page.render(
-        verdict=[*verdict(results), *doubts(results)],
+        verdict=[*verdict(results), *doubts(results.summary.get("assumptions") or [], named=True)],
         script=script,
         script_hash=base64.b64encode(hashlib.sha256(script.encode()).digest()).decode(),
         title=results.folder.resolve().name,
