@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
-from typing import Any, cast
+from typing import Any
 
 import numpy as np
 
@@ -94,10 +94,12 @@ def spread_of_patches(problem: Problem, pressure: float) -> Spread | None:
 
 def _others(surface: Surface, layer: RoughHalfSpace, own: Floats) -> Iterator[Floats]:
     """Heights of other patches about their mean plane (n, n) [L]: other seeds, or the quarters of a map."""
-    seed, again = getattr(surface, "seed", None), cast("Any", replace)
-    if seed is not None and getattr(surface, "random", True):
+    seed, phases = getattr(surface, "seed", None), getattr(surface, "phases", None)
+    again: Any = replace
+    drawn = {} if phases is None else {"phases": None}
+    explicit = drawn and not np.array_equal(again(surface, **drawn).phases, phases)
+    if seed is not None and not explicit:
         for k in range(1, OTHERS + 1):
-            drawn = {"phases": None} if hasattr(surface, "phases") else {}
             other = again(surface, seed=seed + 1000 + k, **drawn)
             yield layer.heights(other) - float(other.mean() - surface.mean()) / surface.L
     elif isinstance(surface, HeightMap):
