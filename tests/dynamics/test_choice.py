@@ -334,14 +334,23 @@ def test_an_area_without_a_patch_is_refused() -> None:
     ("sections", "words"),
     [
         ({"joint": {"mass": 1.0, "frequency": 1e8}}, "joint.mass and joint.frequency are both given"),
-        ({"joint": {"gravity": 9.81}}, "joint.gravity = 9.81 needs joint.mass"),
+        ({"joint": {"gravity": 9.81}}, "joint.gravity needs joint.mass"),
         ({"joint": {"pressure": 1e8}, "dynamics": {"preload": 1e-4}}, "dynamics.preload cannot go with"),
         ({"joint": {"mass": 1.0}, "dynamics": {"gravity": 9.81}}, "dynamics.gravity takes the mass"),
         ({"joint": {"damping": 0.1}, "dynamics": {"zeta": 0.2}}, "joint.damping = 0.1 and dynamics.zeta = 0.2 differ"),
-        ({"joint": {"pressure": 1e18}}, r"joint.pressure = 1e\+18 must lie between"),
-        ({"joint": {"nominal_area": 1e-4, "preload": 1e12}}, r"joint.preload = 1e\+12 must lie between"),
+        (
+            {"joint": {"pressure": 1e18}},
+            r"joint.pressure = 1e\+18 makes a force of 1e\+06 on the patch, which must lie between",
+        ),
+        (
+            {"joint": {"nominal_area": 1e-4, "preload": 1e12}},
+            r"joint.preload = 1e\+12 makes a force of 10000 on the patch, which must lie between",
+        ),
         ({"dynamics": {"overload": 1e-4, "law": "paper"}}, "dynamics.overload = 0.0001 cannot go with dynamics.law"),
-        ({"dynamics": {"overload": 1e-5, "preload": 1e-4}}, "dynamics.overload = 1e-05 lies below dynamics.preload"),
+        (
+            {"dynamics": {"overload": 1e-5, "preload": 1e-4}},
+            "dynamics.overload = 1e-05 lies below the preload of the patch",
+        ),
         ({"joint": {"area": 1.0}}, "joint.area"),
     ],
 )

@@ -259,4 +259,7 @@ def motions(
     numbers = (1.0 / r.n_loc, equation.of_force, equation.zeta, limit, rtol)
     _period_map.period_map(*equation.cells, *numbers, derivatives, lanes, out)
     columns, wave = out[:, 2:8].reshape(-1, 3, 2).transpose(0, 2, 1), out[:, 16:24].reshape(-1, 2, 4)
-    return Motions(out[:, :2], columns, out[:, 8:12], out[:, 12:16], wave, *out[:, 24:28].T, float(out[:, 28].sum()))
+    damping, loss, lowest, error, steps = out[:, 24:].T
+    return Motions(
+        out[:, :2], columns, out[:, 8:12], out[:, 12:16], wave, damping, loss, lowest, error, float(steps.sum())
+    )  # fmt: skip

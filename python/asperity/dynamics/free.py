@@ -146,7 +146,8 @@ def _half_periods(equation: Equation, rest: Array) -> Array:
     contact, at = equation.restoring.contact, equation.restoring.f(rest[:, 0])
     # a stretch that no orbit can pass twice; then twice as long ones, until the first turn is inside
     length = 1.5 * np.minimum(np.sqrt(rest[:, 0] / at), 1.0)
-    half, left = np.empty(len(rest)), np.arange(len(rest))
+    half: Array = np.empty(len(rest))
+    left: Array = np.arange(len(rest))
     while left.size:
         m = motions(equation, rest[left], 1.0, 0.0, length=length[left], rtol=1e-9, derivatives=False)
         turned, flies = ~(m.end[:, 1] <= 0.0), contact & (m.end[:, 0] < -1.0)

@@ -99,7 +99,9 @@ def integrate(
         return 1.0 if contact else ESCAPE - abs(float(y[0]))
 
     escape.terminal = True  # type: ignore[attr-defined]
-    times, states, changes = [np.zeros(1)], [np.array([[u], [v]])], list[float]()
+    times: list[Array] = [np.zeros(1)]
+    states: list[Array] = [np.array([[u], [v]])]
+    changes: list[float] = []
     for begin, stop in pairwise([0.0, *(t for t in sorted(corners) if 0.0 < t < duration), duration]):
         run = solve_ivp(
             field, (begin, stop), states[-1][:, -1], method="DOP853", rtol=0.02 * rtol, atol=1e-3 * rtol,
@@ -119,7 +121,7 @@ def integrate(
     tau, y = np.concatenate(times), np.concatenate(states, axis=1)
     ends = [0.0] * (contact and u < -1.0) + changes
     flight = np.array(ends + [duration] * (len(ends) % 2)).reshape(-1, 2)
-    return Trajectory(tau, *y, np.array([force(t) for t in tau]), flight)
+    return Trajectory(tau, y[0], y[1], np.array([force(t) for t in tau]), flight)
 
 
 def _separation(motion: Callable[[float], Array], before: float, after: float) -> float:

@@ -179,8 +179,6 @@ class Search:
         at = [(other, p) for other, p in self._ends if other <= order and p.omega == edge]
         return sum(n * int(np.sign(p.fold * (p.flip if n < order else 1.0))) for n, p in at) - 1
 
-    # ---- starts
-
     def _near_rest(self, omega: float) -> None:
         """Trace the branch of the linear response at a frequency, or those that Newton's method finds there."""
         force = float(self.forcing.at(omega))
@@ -278,8 +276,6 @@ class Search:
                 return None
         return np.array(states)
 
-    # ---- paths
-
     def _through(self, kind: str, order: int, rough: Array, omega: float, amplitude: float) -> None:
         """Trace the branch through an orbit near rough states (order, 2), if it is new, and those that leave it."""
         orbits = self.orbits[order]
@@ -310,9 +306,9 @@ class Search:
     def _joined(self, path: Path) -> Path:
         """Path of twice the period up to the period doubling at which it ends, from which it is not traced again."""
         (before, end), orbits = path.points[-2:], self.orbits[2]
-        ends = [doubled(orbits, p) for p in self._doublings]
+        ends = [doubled(orbits, p) for p in self._doublings] if path.end == "period doubling" else []
         gaps = [orbits.segment(p, end)[2] for p in ends]
-        if path.end != "period doubling" or min(gaps, default=np.inf) > orbits.segment(before, end)[2]:
+        if min(gaps, default=np.inf) > orbits.segment(before, end)[2]:
             return path
         i = int(np.argmin(gaps))
         del self._doublings[i]
