@@ -75,41 +75,6 @@ _CELLS = {  # column of curve.csv: format of its values
 _WIDTHS = (5, 7, 11, 11, 7, 6, 6, 8, 8)  # of the columns [characters]
 
 
-class StepLines(Progress):
-    """One plain line per step, with the remaining time."""
-
-    def __init__(self) -> None:
-        self._start = time.monotonic()
-        self._first: float | None = None
-        self._headed = self._begun = False
-        self._last = self._start  # time of the last line about a phase
-
-    def stage(self, name: str) -> None:
-        _write(f"[{time.monotonic() - self._start:6.1f} s] {name}")
-        self._headed, self._begun, self._last, self._first = False, True, time.monotonic(), None
-
-    def part(self, fraction_done: float) -> None:
-        now = time.monotonic()
-        if now - self._last >= SILENCE:
-            _write(f"[{now - self._start:6.1f} s]   {fraction_done:.0%}")
-            self._last = now
-
-    def step(self, row: Mapping[str, Any], fraction_done: float) -> None:
-        if not self._headed:
-            _write(_line(COLUMNS))
-            self._headed = True
-        now = time.monotonic()
-        if self._first is None:
-            self._first = now - float(row["seconds"])
-        elapsed = now - self._first
-        left = elapsed * (1 / fraction_done - 1) if fraction_done > 0 else float("nan")
-        _write(_line((*(form.format(row[name]) for name, form in _CELLS.items()), duration(left))))
-
-    def done(self) -> None:
-        if self._begun:  # the case was not refused
-            _write(f"[{time.monotonic() - self._start:6.1f} s] end")
-
-
 class LevelLines(Progress):
     """One line per phase, and so per mesh: on a terminal a live one, elsewhere when it ends and every ten seconds.
 
@@ -135,21 +100,28 @@ class LevelLines(Progress):
         self._show()
 
     def step(self, row: Mapping[str, Any], fraction_done: float) -> None:
-        now = time.monotonic()
-        self._steps += 1
-        if self._first is None:
-            self._first = now - float(row["seconds"])
-        left = (now - self._first) * (1 / fraction_done - 1) if fraction_done > 0 else float("nan")
-        self._state = f"{duration(left)} left, step {row['step']}, {row['branch']}"  # a narrow screen cuts the end
+        left = self._left(row, fraction_done)
+        self._state = f"{left} left, step {row['step']}, {row['branch']}"  # a narrow screen cuts the end
         self._show()
 
     def done(self) -> None:
         self._close()
         if self._name:  # the case was not refused
-            _write(f"[{time.monotonic() - self._start:6.1f} s] end")
+            _write(f"{self._time()} end")
+
+    def _time(self) -> str:
+        return f"[{time.monotonic() - self._start:6.1f} s]"
+
+    def _left(self, row: Mapping[str, Any], fraction_done: float) -> str:
+        """Remaining time of the phase after a step."""
+        now = time.monotonic()
+        self._steps += 1
+        if self._first is None:
+            self._first = now - float(row["seconds"])
+        return duration((now - self._first) * (1 / fraction_done - 1) if fraction_done > 0 else float("nan"))
 
     def _line(self) -> str:
-        return f"[{time.monotonic() - self._start:6.1f} s] {self._name}{': ' if self._state else ''}{self._state}"
+        return f"{self._time()} {self._name}{': ' if self._state else ''}{self._state}"
 
     def _show(self) -> None:
         now = time.monotonic()
@@ -168,6 +140,27 @@ class LevelLines(Progress):
             return
         if self._name:
             _write(f"\r{self._line()}\x1b[K" if self._live else self._line())
+
+
+class StepLines(LevelLines):
+    """One plain line per step, with the remaining time."""
+
+    def __init__(self) -> None:
+        super().__init__(live=False)
+
+    def stage(self, name: str) -> None:
+        self._name, self._state, self._first, self._steps = name, "", None, 0
+        self._last = time.monotonic()
+        _write(f"{self._time()} {name}")
+
+    def step(self, row: Mapping[str, Any], fraction_done: float) -> None:
+        if not self._steps:
+            _write(_line(COLUMNS))
+        cells = [form.format(row[name]) for name, form in _CELLS.items()]
+        _write(_line((*cells, self._left(row, fraction_done))))
+
+    def _close(self) -> None:
+        """A phase has its line already."""
 
 
 def make_progress(quiet: bool = False, verbose: bool = False) -> Progress:
