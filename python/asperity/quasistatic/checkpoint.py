@@ -292,13 +292,14 @@ class Saved:
         def some(name: str, numbers: Indices, fill: float = 0.0) -> Array:
             return look_up_some(arrays[f"{name}.at"], arrays[name], numbers, fill)
 
-        def history(kind: type[History], numbers: Indices, prefix: str = "") -> History:
-            return kind(**{name: some(prefix + name, numbers) for name in kind.names()})
+        def history(like: History, numbers: Indices, prefix: str = "") -> History:
+            return History(**{name: some(prefix + name, numbers) for name in like.arrays()})
 
         if solid.material.plastic:
-            solid.kernels.restore(history(type(solid.kernels.history()), cells))
-        if solver.contact.history() is not None:
-            solver.contact.restore(history(History, facet_numbers(solver.contact_surface), OF_CONTACT))
+            solid.kernels.restore(history(solid.kernels.history(), cells))
+        of_contact = solver.contact.history()
+        if of_contact is not None:
+            solver.contact.restore(history(of_contact, facet_numbers(solver.contact_surface), OF_CONTACT))
         if solver.contact.held is not None:
             solver.contact.held = some(HELD, top, np.nan)
         if STIFFNESS in arrays:
