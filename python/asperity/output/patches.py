@@ -84,10 +84,10 @@ def spread_of_patches(problem: Problem, pressure: float) -> Spread | None:
     carried = np.array([_carried(layer, heights, planes) for heights in patches])
     without = [np.delete(carried, i, axis=0).mean(axis=0) for i in range(len(patches))]
     found = [_stiffness(planes, mean, target) for mean in (carried[0], carried.mean(axis=0), *without)]
-    known = np.array([k for k in found if k is not None])
+    known = [k for k in found if k is not None]
     if len(known) < len(found):
         return None
-    mine, whole, *parts = known.tolist()
+    mine, whole, *parts = known
     error = math.sqrt(len(patches) - 1) * float(np.std(parts))  # jackknife
     return Spread(whole / mine - 1.0, error / mine, len(patches))
 
