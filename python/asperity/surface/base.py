@@ -30,8 +30,7 @@ EDGE = 1e-3
 FLAT = 1e-12  # depth over the side below which a surface is a plane: that of round-off
 
 _SMALLEST, _LARGEST = 1e-50, 1e50  # lengths
-_STEEPNESS = 16  # exponent in `short_wave_share`
-_LONG = 1e6  # ratio of lengths beyond which the share is zero
+_STEEPNESS, _LONG = 16, 1e6  # exponent in `short_wave_share`, and ratio of lengths beyond which that is zero
 
 
 class SurfaceWarning(AsperityWarning):

@@ -298,10 +298,6 @@ class HeightMap(Surface):
 
     def curvature_bound(self) -> float:
         """Bound of the Hessian (1/length) from the convex hull of the spline coefficients."""
-        return self._curvature_bound
-
-    @cached_property
-    def _curvature_bound(self) -> float:
         xx, xy, yy = (float(np.abs(self._derivative(*order).tck[2]).max()) for order in ((2, 0), (1, 1), (0, 2)))
         return max(xx, yy) + xy
 

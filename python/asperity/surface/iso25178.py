@@ -15,8 +15,7 @@ from asperity.surface.height_map import HeightMap
 
 RATIOS = 10_001  # material ratios of the Abbott curve
 CORE = 0.4  # width of the secant of least slope (annex B)
-DECAYED = 0.2  # of the autocorrelation, for Sal and Str
-DIRECTIONS = 360  # of lags in half a turn
+DECAYED, DIRECTIONS = 0.2, 360  # of the autocorrelation, for Sal and Str; of lags in half a turn
 LAGS = 2048  # heights per side for the autocorrelation, the most that its transform takes without gigabytes
 GRID = 513  # nodes per side of a surface that is no map
 
@@ -90,20 +89,15 @@ class AbbottCurve:
         """Material ratio at a height [length]."""
         return float(np.interp(-height, -self.height, self.ratio))
 
-    def reduced_peaks(self) -> tuple[float, float]:
-        """Material ratio Smr1 of the peaks, and the height Spk of a triangle of their area on it [length]."""
-        return self._reduced(self.height - self.upper, self.ratio, self.ratio_at(self.upper))
-
-    def reduced_pits(self) -> tuple[float, float]:
-        """Material ratio Smr2 above the pits, and the depth Svk of a triangle of their area [length]."""
-        below, depth = self._reduced(self.lower - self.height, 1.0 - self.ratio, 1.0 - self.ratio_at(self.lower))
-        return 1.0 - below, depth
-
-    @staticmethod
-    def _reduced(beyond: Array, ratio: Array, share: float) -> tuple[float, float]:
-        order = np.argsort(ratio)
-        area = float(np.trapezoid(np.maximum(beyond, 0.0)[order], ratio[order]))
-        return share, 2.0 * area / share if share > 0.0 else 0.0
+    def reduced(self) -> tuple[float, float, float, float]:
+        """Smr1, Spk, Smr2 and Svk: ratios of peaks and pits, and heights of triangles of their area [length]."""
+        peaks, pits = self.ratio_at(self.upper), self.ratio_at(self.lower)
+        above = np.trapezoid(np.maximum(self.height - self.upper, 0.0), self.ratio)
+        below = np.trapezoid(np.maximum(self.lower - self.height, 0.0), self.ratio)
+        Spk, Svk = (
+            float(2.0 * area / share) if share > 0.0 else 0.0 for area, share in ((above, peaks), (below, 1.0 - pits))
+        )
+        return peaks, Spk, pits, Svk
 
 
 def iso25178(z: Array, dx: float, dy: float) -> ISO25178:
@@ -121,7 +115,7 @@ def iso25178(z: Array, dx: float, dy: float) -> ISO25178:
     if not Sq > 0.0:
         raise InputError("the heights are all equal: there is no roughness")
     curve = AbbottCurve.of(z)
-    (Smr1, Spk), (Smr2, Svk) = curve.reduced_peaks(), curve.reduced_pits()
+    Smr1, Spk, Smr2, Svk = curve.reduced()
     zx, zy = np.diff(z, axis=1) / dx, np.diff(z, axis=0) / dy
     shortest, longest = _decay_lengths(z, dx, dy)
     # developed area: the mean of both ways to split each cell into triangles

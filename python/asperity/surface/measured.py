@@ -16,12 +16,11 @@ from typing import Any, Literal
 
 import numpy as np
 
-from asperity.arrays import Array
+from asperity.arrays import Array, Flags
 from asperity.errors import InputError
 from asperity.runtime.files import npz_bytes, replace_file
 from asperity.runtime.text_table import DECIMALS
 from asperity.surface.base import FLAT
-from asperity.surface.gaps import harmonic_fill
 from asperity.surface.height_files import PLAIN, TEXT, metres_of, read_heights, read_instrument
 from asperity.surface.height_map import DEEPEST
 from asperity.surface.scale_space import gaussian_filtered
@@ -217,7 +216,7 @@ class HeightField:
                 f"{share:.0%} of the heights are missing, at most {MOST_MISSING:.0%} can be filled; "
                 "choose a window with fewer gaps"
             )
-        return replace(self, z=harmonic_fill(self.z, np.isnan(self.z)))
+        return replace(self, z=_harmonic_fill(self.z, np.isnan(self.z)))
 
     def despiked(self) -> HeightField:
         """Fill spikes, and the nodes next to them, as missing heights; see `spikes.without_spikes`."""
@@ -370,3 +369,30 @@ def _trend(z: Array, trend: str) -> Array:
         matrix, [right[j, i] for i, j in powers], rcond=None
     )[0]
     return middle + np.asarray(y[:, :3] @ coefficients @ x[:, :3].T)
+
+
+def _harmonic_fill(z: Array, gaps: Flags) -> Array:
+    """Heights (ny, nx) in which each missing value is the mean of its neighbours on the grid (length)."""
+    from scipy.sparse import coo_matrix
+    from scipy.sparse.linalg import cg
+
+    number = np.full(z.shape, -1)
+    number[gaps] = np.arange(gaps.sum())
+    numbers, heights = np.pad(number, 1, constant_values=-2), np.pad(z, 1)  # -1: known, -2: beyond the edge
+    iy, ix = np.nonzero(np.pad(gaps, 1))
+    me = numbers[iy, ix]
+    diagonal, right = np.zeros(me.size), np.zeros(me.size)
+    rows, columns = [], []
+    for place in ((iy, ix + 1), (iy, ix - 1), (iy + 1, ix), (iy - 1, ix)):
+        other = numbers[place]
+        diagonal += other != -2
+        right += np.where(other == -1, heights[place], 0.0)
+        rows.append(me[other >= 0])
+        columns.append(other[other >= 0])
+    i, j = np.concatenate(rows), np.concatenate(columns)
+    matrix = coo_matrix((-np.ones(i.size), (i, j)), shape=(me.size, me.size)).tocsr()
+    matrix.setdiag(diagonal)
+    full, middle = np.array(z), float(np.mean(z[~gaps]))
+    start = np.full(me.size, middle)
+    full[gaps], _ = cg(matrix, right, start, rtol=1e-12, maxiter=10_000)
+    return full

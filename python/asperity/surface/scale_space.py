@@ -13,8 +13,7 @@ from asperity.arrays import Array
 Heights = Callable[[Array, Array], Array]
 
 _ALPHA = math.sqrt(math.log(2) / math.pi)  # constant of the Gaussian filter, ISO 16610-61
-_SPACING = 0.5  # distance of the nodes of smoothed heights over their width
-_FEWEST = 16  # of these nodes along a period
+_SPACING, _FEWEST = 0.5, 16  # distance of the nodes of smoothed heights over their width; least nodes of a period
 
 
 class ScaleSpace:

@@ -12,10 +12,8 @@ from asperity.arrays import Array
 from asperity.errors import InputError
 from asperity.surface.statistics import Spectrum
 
-_PER_DECADE = 8  # bands of the wave number
-_FIRST = 2  # waves per side from which levelling does not disturb the spectrum
-_LONGEST = 2.5  # waves per side of the longest roll-off that bands from _FIRST on can show
-_ROLLS = 80  # roll-offs tried
+_PER_DECADE, _ROLLS = 8, 80  # bands of the wave number, and roll-offs tried
+_FIRST, _LONGEST = 2, 2.5  # waves per side from which levelling does not disturb the spectrum; of the longest roll-off
 _MODEL = 0.02  # variance of ln C about the power law in any band
 _CLIFF = 30.0  # a density that falls by this factor from band to band is beyond the cut-off of the surface
 _SIGNIFICANT = 4.0  # drop of the squared misfit that shows a roll-off; on surfaces without one it is below 2

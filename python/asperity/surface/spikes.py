@@ -10,8 +10,6 @@ from asperity.errors import InputError
 WINDOW = 7  # nodes per side of the surroundings; it sees streaks of up to three rows
 STANDS_OUT = 15.0  # over the usual distance from the median, from which a height is a spike
 MOST = 0.05  # share of the heights beyond which they are features of the surface
-MIDDLE = 512  # nodes per side of the middle of a map, enough for a median
-USUAL = 1.4826  # standard deviation of a normal distribution over its median absolute value
 
 
 def prominence_of_summit(z: Array) -> float:
@@ -55,10 +53,6 @@ def _above(z: Array) -> Array:
 
 
 def _usual(z: Array) -> float:
-    """Usual size of the difference of heights from the median of their surroundings (length).
-
-    It is 1.4826 times the median absolute value in the middle of the map, and the rms value where most are zero.
-    """
-    middle = tuple(slice(max(n - MIDDLE, 0) // 2, (n + MIDDLE) // 2) for n in z.shape)
-    above = _above(z[middle])
-    return USUAL * float(np.median(np.abs(above))) or float(np.sqrt(np.mean(above**2))) or 1.0
+    """Standard deviation of heights from the median of their surroundings by the median absolute one (length)."""
+    above = _above(z[tuple(slice(max(n - 512, 0) // 2, (n + 512) // 2) for n in z.shape)])  # the middle is enough
+    return 1.4826 * float(np.median(np.abs(above))) or float(np.sqrt(np.mean(above**2))) or 1.0

@@ -23,8 +23,7 @@ BULGE = 4.0 / 27.0  # greatest value of a cubic on [0, 1] with values 0 at both 
 MATTERS = 0.03  # rise of the spline above the limited one, over the depth of a light contact
 
 DEGREE = 3  # of the spline
-LIGHT = 0.02  # share of the heights above the flat at a light load
-LEAST = 0.02  # that depth over the range of heights, where more of them are equally high
+LIGHT, LEAST = 0.02, 0.02  # share of the heights above the flat at a light load; least depth over their range
 
 
 def interpolate(z: Array, L: float) -> tuple[BivariateSpline, float]:

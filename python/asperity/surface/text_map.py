@@ -15,13 +15,12 @@ from asperity.surface.text_header import Header, length_unit
 
 OFF_GRID = 0.1  # greatest distance of a point from its place on the grid, over the step; coordinates are rounded
 STRAIGHT = 0.02  # the same for coordinates in the first row or column of a matrix
-SPARSE = 2.0  # places on a grid over those with points, beyond which it is none
+SPARSE, FILLED = 2.0, 100  # places along an axis over those with points, and on a grid, beyond which it is none
 LEAST = 8  # rows of a map
 PROFILE = (
     "a contact needs heights over an area; measure a map, or write the profile as ridges: a map of so many equal rows "
     "that it is square"
 )
-FILLED = 100  # places on a grid over its points
 _SCALE = re.compile(r"unit|einheit|fa[ck]tor|scal|skal|[ck]alib|conver|[\[(][nuµm]?m[\])]", re.IGNORECASE)
 _FEW = 5  # rows that are compared with the first one
 

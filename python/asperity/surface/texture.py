@@ -9,8 +9,7 @@ import numpy as np
 
 from asperity.arrays import Array
 
-FIRST = 3  # waves per side from which a wave that repeats is sought; levelling changes longer ones
-STEP = 3  # waves per side to its neighbours, beyond the lobe of the window
+FIRST, STEP = 3, 3  # waves per side of the longest wave sought; to its neighbours, beyond the lobe of the window
 STANDS_OUT = 100.0  # density over those of its neighbours; on random surfaces it is below 40
 SHARE = 0.05  # least part of the mean square height in it
 
