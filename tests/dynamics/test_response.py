@@ -191,6 +191,16 @@ def test_no_damping() -> None:
     assert lower.u_max < 0.88 < upper.u_max + 0.05
 
 
+def test_undamped_orbits_of_period_2_are_found_where_stability_changes() -> None:
+    r = ContactOscillator(PowerLaw(2.63), zeta=0.0).response(0.15, (0.6, 0.7))
+    double = [s for s in r.at(0.643) if s.order == 2]
+    assert [s.stable for s in double] == [True, False]
+    for s in double:
+        once, twice = (motion(r.equation, 0.643, 0.15, s.states[0], periods).end for periods in (1, 2))
+        np.testing.assert_allclose(twice, s.states[0], atol=1e-6)
+        assert np.abs(once - s.states[0]).max() > 0.1
+
+
 @pytest.mark.parametrize(
     ("window", "omega", "ends"),
     [((0.47, 1.3), 0.7, (-3.6, 1.95)), ((0.5, 1.3), 0.7, (-3.6, 1.95)), ((0.45, 0.65), 0.6, (-6.0, 2.6))],

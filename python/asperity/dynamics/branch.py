@@ -26,7 +26,7 @@ from asperity.runtime.display import short_repr
 _RTOL = 9e-4  # relative error of a straight line between rows
 _FLAT = (1e-9, 1e-4)  # relative changes of Omega and of u_max below which the other is not checked
 _PLACES = np.array([0.25, 0.5, 0.75])  # of a segment, where it is compared with its chord
-_TOP, _CHANGE = "largest u_max", "change of stability"  # points, but not events
+_TOP, CHANGE = "largest u_max", "change of stability"  # points, but not events; the change is undamped
 _TRIALS = 14  # orbits at which a pair of events between two points is searched
 _SAME = 1e-3  # relative distance below which two orbits are identical
 _DIP = 2.5  # psi^2 of the multipliers below which it is
@@ -165,7 +165,7 @@ def _deviation(orbits: Orbits, a: Point, b: Point) -> float:
 def located(orbits: Orbits, path: Sequence[Point], how: Tracing) -> tuple[tuple[Point, ...], list[tuple[str, Point]]]:
     """Path with its events as points, and these with their names: outside the window period doublings alone."""
     points = _with_dips(orbits, path)
-    flip = "period doubling" if orbits.equation.zeta > 0 else _CHANGE
+    flip = "period doubling" if orbits.equation.zeta > 0 else CHANGE
     tests: dict[str, Callable[[Point], float]] = {
         "fold": lambda p: p.rate,
         "grazing": lambda p: float(p.extremes[1]) + 1.0,
@@ -190,7 +190,7 @@ def located(orbits: Orbits, path: Sequence[Point], how: Tracing) -> tuple[tuple[
     found.sort(key=lambda item: item[:2])
     for shift, (i, _, _, p) in enumerate(found):
         points.insert(i + 1 + shift, p)
-    return tuple(points), [(name, p) for _, _, name, p in found if name not in (_TOP, _CHANGE)]
+    return tuple(points), [(name, p) for _, _, name, p in found if name != _TOP]
 
 
 def _with_dips(orbits: Orbits, path: Sequence[Point]) -> list[Point]:

@@ -15,7 +15,7 @@ from itertools import pairwise, product
 import numpy as np
 
 from asperity.arrays import Array
-from asperity.dynamics.branch import Branch, Event, doubled, located, subharmonic, through
+from asperity.dynamics.branch import CHANGE, Branch, Event, doubled, located, subharmonic, through
 from asperity.dynamics.equation import TURN, Equation, Forcing, motions
 from asperity.dynamics.free import FreeOrbit, free_orbits, largest_amplitude, resonance_peak
 from asperity.dynamics.orbits import Orbits
@@ -323,12 +323,13 @@ class Search:
         points, found = located(orbits, path.points, self.how)
         u, v = np.moveaxis(np.array([p.states for p in points]), (0, 1), (2, 1))
         self._known.append(np.stack([np.broadcast_to([p.omega for p in points], u.shape), u, v]))
-        if 2 * order in self.orders and self.equation.zeta > 0.0:
-            self._doublings += [p for name, p in found if name == "period doubling"]
+        if 2 * order in self.orders:
+            near = [(name, p) for name, p in found if self.equation.zeta > 0.0 or self.how.is_inside(p.omega)]
+            self._doublings += [p for name, p in near if name in ("period doubling", CHANGE)]
         at = np.array([p.omega for p in points])
         low, high = self.how.window
-        edge, inside = (at == low) | (at == high), (low <= at) & (at <= high)
-        within = inside[1:] & inside[:-1] & ~(edge[1:] & edge[:-1] & (at[1:] == at[:-1]))  # it turns back outside
+        edge, known = (at == low) | (at == high), (low <= at) & (at <= high)
+        within = known[1:] & known[:-1] & ~(edge[1:] & edge[:-1] & (at[1:] == at[:-1]))  # it turns back outside
         cuts = np.unique([0, *(np.flatnonzero(within[1:] != within[:-1]) + 1), at.size - 1])
         for first, last in pairwise(cuts):
             if not within[first]:
@@ -341,7 +342,8 @@ class Search:
                 )
             )
             self._ends += [(order, piece[0]), (order, piece[-1])]
-            self.events += [Event.at(name, number, p) for name, p in found if any(p is q for q in piece)]
+            inside = [(name, p) for name, p in found if name != CHANGE and any(p is q for q in piece)]
+            self.events += [Event.at(name, number, p) for name, p in inside]
         for p, reason in ((points[0], path.begin), (points[-1], path.end)):
             if reason not in ("window", "closed", "period doubling", TOO_MUCH) and not self.how.is_inside(p.omega):
                 self.notes.append(
