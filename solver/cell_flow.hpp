@@ -2,61 +2,19 @@
 #pragma once
 
 #include "cells.hpp"
+#include "log_strain.hpp"
+
+#include <optional>
+#include <stdexcept>
+#include <string>
 
 namespace asperity
 {
-/// Strain of a point in small strain, with the members of the forms of log_strain.hpp.
-struct SmallStrain
-{
-  Sym strain;
-
-  const Sym& nominal(const Sym& stress) const { return stress; }
-  Tangent tangent(const Sym&, const Moduli& C, const Sym& n) const { return nominal_tangent(C, n); }
-};
-
-/// Call `kernel(x)` with the strain of a point; returns false where it is inside out, without a call.
-template <bool finite, typename Kernel>
-bool with_strain(const Gradients& g, const Gradients& u, Kernel&& kernel)
-{
-  if constexpr (finite)
-  {
-    const Deformation deformation(g, u);
-    if (!deformation.valid())
-      return false;
-    with_log_strain(deformation, kernel);
-  }
-  else
-    kernel(SmallStrain{strain(g, u)});
-  return true;
-}
-
 template <MaterialLaw L>
 double bulk_modulus(const L& law)
 {
   const Moduli C = law.elastic();
   return C.lambda + 2.0 / 3.0 * C.mu;
-}
-
-/// The flow of a cell, and the volumetric strains of its points; of a law without flow nothing.
-template <bool finite, MaterialLaw L>
-CellFlow flow_of(const CellPoints& points, const Relaxation& relaxation, const L& material, const History& committed,
-                 const Gradients& u)
-{
-  CellFlow out;
-  if constexpr (FlowLaw<L>)
-  {
-    points.at_points(
-        [&](const Point& p)
-        {
-          const State state = committed.at(p.index);
-          const auto at = [&](const auto& x)
-          { out.add(trace(x.strain), state.dilatation, material.respond(x.strain, state).excess, p.volume); };
-          if (!with_strain<finite>(p.g, u, at))
-            out.add(0.0, 0.0, -1.0, 0.0);
-        });
-    out.solve(material.resistance(), material.strength(), bulk_modulus(material), relaxation);
-  }
-  return out;
 }
 
 /// The strain with another volumetric one.
@@ -67,28 +25,82 @@ inline Sym dilated(Sym strain, double change)
   return strain;
 }
 
-/// Response of a point of a cell.
-template <MaterialLaw L>
-typename L::Response respond(const L& material, const CellFlow& cell, std::size_t at, const Sym& strain,
-                             const State& committed)
+/// Strain and response of the points of a cell to the displacement of its nodes.
+template <bool finite, MaterialLaw L>
+class CellResponse
 {
-  if constexpr (FlowLaw<L>)
+public:
+  CellFlow flow; // of all points; of a law without flow nothing
+
+  CellResponse(const Cells& cells, std::size_t c, const L& material, const History& committed, const Gradients& u)
   {
-    auto r = material.respond(dilated(strain, -cell.permanent(at)), committed, cell.relief);
-    r.state.dilatation = cell.permanent(at);
-    return r;
+    if (cells.points() > most_points)
+      throw std::invalid_argument("weights has more than " + std::to_string(most_points) + " points");
+    cells.at_points(c,
+                    [&](const Point& p)
+                    {
+                      auto& at = points[count++].emplace(p, u, committed);
+                      if (at.x.valid())
+                        at.r = material.respond(dilated(at.x.strain, -at.state.dilatation), at.state);
+                      if constexpr (FlowLaw<L>)
+                        flow.add(trace(at.x.strain), at.state.dilatation, at.r.excess, at.x.valid() ? p.volume : 0.0);
+                    });
+    if constexpr (FlowLaw<L>)
+      settle(material, cells.relaxation);
   }
-  else
-    return material.respond(strain, committed);
-}
+
+  /// Call `kernel` with point, strain and response; the latter is void where the strain is not valid.
+  template <typename Kernel>
+  void at_points(Kernel kernel) const
+  {
+    for (std::size_t q = 0; q < count; ++q)
+      kernel(Point{q, points[q]->index, points[q]->g, points[q]->det, points[q]->volume}, points[q]->x, points[q]->r);
+  }
+
+private:
+  struct Entry
+  {
+    std::size_t index;
+    double det, volume;
+    Gradients g;
+    Strain<finite> x;
+    State state; // committed
+    typename L::Response r{};
+
+    Entry(const Point& p, const Gradients& u, const History& committed)
+        : index(p.index), det(p.det), volume(p.volume), g(p.g), x(p.g, u), state(committed.at(p.index))
+    {
+    }
+  };
+  std::size_t count = 0;
+  std::array<std::optional<Entry>, most_points> points;
+
+  /// Find the flow, and what it makes of the responses.
+  void settle(const L& material, const Relaxation& relaxation)
+  {
+    const double bulk = bulk_modulus(material);
+    flow.solve(material.resistance(), material.strength(), bulk, relaxation);
+    for (std::size_t q = 0; q < count; ++q)
+    {
+      Entry& at = *points[q];
+      const double permanent = flow.permanent(q);
+      if (flow.relief > 0.0 && at.r.excess + flow.relief > 0.0)
+        at.r = material.respond(dilated(at.x.strain, -permanent), at.state, flow.relief);
+      else
+        for (int i = 0; i < 3; ++i)
+          at.r.stress[i] -= bulk * (permanent - at.state.dilatation);
+      at.r.state.dilatation = permanent;
+    }
+  }
+};
 
 /// Derivatives, with respect to the displacement, of what the points of a cell have in common.
 struct CommonSlopes
 {
   Gradients dilatation{}, deviation{}, driving{}; // of mean volumetric strain, D^2/2, and flow at a given relief; times V
 
-  template <typename L, typename Strain, typename Response>
-  void add(const L& material, const CellFlow& cell, const Point& p, const Strain& x, const Response& r)
+  template <typename L, typename AnyStrain, typename Response>
+  void add(const L& material, const CellFlow& cell, const Point& p, const AnyStrain& x, const Response& r)
   {
     constexpr Sym one{1.0, 1.0, 1.0, 0.0, 0.0, 0.0};
     Gradients g{};

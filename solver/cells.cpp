@@ -4,7 +4,6 @@
 #include "cell_flow.hpp"
 
 #include <algorithm>
-#include <cmath>
 #include <type_traits>
 
 namespace asperity
@@ -98,32 +97,24 @@ std::pair<std::int64_t, std::int64_t> residual(const Cells& cells, const Law& la
   cells.expect_nodal("b", b);
   std::int64_t total = 0, inverted = 0;
   with_kind(law, finite,
-            [&](const auto& material, auto kind)
+            [&]<MaterialLaw L>(const L& material, auto kind)
             {
               for (std::size_t c = 0; c < cells.count(); ++c)
               {
-                const Gradients uc = gather(u.data(), cells.dofs_of(c));
+                const CellResponse<kind(), L> cell(cells, c, material, committed, gather(u.data(), cells.dofs_of(c)));
                 Gradients f{};
                 int flowing = 0;
-                const CellPoints points(cells, c);
-                const CellFlow cell = flow_of<kind()>(points, cells.relaxation, material, committed, uc);
-                points.at_points(
-                    [&](const Point& p)
+                cell.at_points(
+                    [&](const Point& p, const auto& x, const auto& r)
                     {
-                      const State state = committed.at(p.index);
-                      const auto at = [&](const auto& x)
-                      {
-                        const auto r = respond(material, cell, p.at, x.strain, state);
-                        trial.put(p.index, r.state);
+                      trial.put(p.index, x.valid() ? r.state : committed.at(p.index));
+                      if (!x.valid())
+                        ++inverted;
+                      else
                         add_residual(p.g, x.nominal(r.stress), p.volume, f);
-                        flowing += r.plastic;
-                      };
-                      if (with_strain<kind()>(p.g, uc, at))
-                        return;
-                      trial.put(p.index, state);
-                      ++inverted;
+                      flowing += r.plastic;
                     });
-                plastic.data()[c] = flowing > 0 || cell.relaxes();
+                plastic.data()[c] = flowing > 0 || cell.flow.relaxes();
                 total += flowing;
                 scatter(f, cells.dofs_of(c), b.data());
               }
@@ -144,101 +135,52 @@ void stiffness_elastic(const Cells& cells, const Law& law, const Pattern& patter
 }
 
 template <typename Pattern>
-void stiffness_plastic(const Cells& cells, const Law& law, const Array<const double>& u, const History& committed,
-                       const Array<const bool>& plastic, const Pattern& pattern,
-                       const Array<typename Pattern::Value>& values)
+void stiffness_consistent(const Cells& cells, const Law& law, bool finite, const Array<const double>& u,
+                          const History& committed, const Array<const bool>& marked, const Pattern& pattern,
+                          const Array<typename Pattern::Value>& values)
 {
   cells.expect_nodal("u", u);
   committed.expect_shape("committed", cells.count(), cells.points());
-  expect("plastic", plastic, {cells.count()});
+  expect("marked", marked, {cells.count()});
   auto* out = pattern.start(values, cells.count());
-  with_law(law,
-           [&]<MaterialLaw L>(const L& material)
-           {
-             if constexpr (FlowLaw<L>)
-               for (std::size_t c = 0; c < cells.count(); ++c)
-               {
-                 if (!plastic.data()[c])
-                   continue;
-                 const Gradients uc = gather(u.data(), cells.dofs_of(c));
-                 const CellPoints points(cells, c);
-                 const CellFlow cell = flow_of<false>(points, cells.relaxation, material, committed, uc);
-                 const double less = (1.0 - cell.kept) * bulk_modulus(material);
-                 CommonSlopes common;
-                 const auto fill = [&](double* A)
-                 {
-                   points.at_points(
-                       [&](const Point& p)
-                       {
-                         const SmallStrain x{strain(p.g, uc)};
-                         const auto r = respond(material, cell, p.at, x.strain, committed.at(p.index));
-                         Moduli moduli = r.plastic ? material.softening(r) : Moduli{};
-                         moduli.lambda -= less;
-                         add_stiffness(p.g, nominal_tangent(moduli, r.direction), p.volume, A);
-                         if (cell.relaxes())
-                           common.add(material, cell, p, x, r);
-                       });
-                   if (cell.relaxes())
-                     common.add_to(material, cell, A);
-                 };
-                 add_cell(cells, c, pattern, out, fill);
-               }
-           });
-}
-
-template <typename Pattern>
-void stiffness_finite(const Cells& cells, const Law& law, const Array<const double>& u, const History& committed,
-                      const Pattern& pattern, const Array<typename Pattern::Value>& values)
-{
-  cells.expect_nodal("u", u);
-  committed.expect_shape("committed", cells.count(), cells.points());
-  auto* out = pattern.start(values, cells.count());
-  with_law(law,
-           [&]<MaterialLaw L>(const L& material)
-           {
-             for (std::size_t c = 0; c < cells.count(); ++c)
-             {
-               const Gradients uc = gather(u.data(), cells.dofs_of(c));
-               const CellPoints points(cells, c);
-               const CellFlow cell = flow_of<true>(points, cells.relaxation, material, committed, uc);
-               const double less = (1.0 - cell.kept) * bulk_modulus(material);
-               CommonSlopes common;
-               const auto at_point = [&](const Point& p, double* A)
-               {
-                 const auto at = [&](const auto& x)
-                 {
-                   const auto r = respond(material, cell, p.at, x.strain, committed.at(p.index));
-                   Moduli moduli = material.tangent(r);
-                   moduli.lambda -= less;
-                   add_stiffness(p.g, x.tangent(r.stress, moduli, r.direction), p.volume, A);
-                   if constexpr (FlowLaw<L>)
-                     if (cell.relaxes())
-                       common.add(material, cell, p, x, r);
-                 };
-                 with_strain<true>(p.g, uc, at);
-               };
-               const auto fill = [&](double* A)
-               {
-                 points.at_points([&](const Point& p) { at_point(p, A); });
-                 if constexpr (FlowLaw<L>)
-                   if (cell.relaxes())
-                     common.add_to(material, cell, A);
-               };
-               add_cell(cells, c, pattern, out, fill);
-             }
-           });
+  with_kind(law, finite,
+            [&]<MaterialLaw L>(const L& material, auto kind)
+            {
+              for (std::size_t c = 0; c < cells.count(); ++c)
+              {
+                if (!marked.data()[c])
+                  continue;
+                const CellResponse<kind(), L> cell(cells, c, material, committed, gather(u.data(), cells.dofs_of(c)));
+                const auto fill = [&](double* A)
+                {
+                  CommonSlopes common;
+                  cell.at_points(
+                      [&](const Point& p, const auto& x, const auto& r)
+                      {
+                        if (!x.valid())
+                          return;
+                        Moduli moduli = kind() ? material.tangent(r) : material.softening(r);
+                        moduli.lambda -= (1.0 - cell.flow.kept) * bulk_modulus(material);
+                        add_stiffness(p.g, x.tangent(r.stress, moduli, r.direction), p.volume, A);
+                        if constexpr (FlowLaw<L>)
+                          if (cell.flow.relaxes())
+                            common.add(material, cell.flow, p, x, r);
+                      });
+                  if constexpr (FlowLaw<L>)
+                    if (cell.flow.relaxes())
+                      common.add_to(material, cell.flow, A);
+                };
+                add_cell(cells, c, pattern, out, fill);
+              }
+            });
 }
 
 template void stiffness_elastic(const Cells&, const Law&, const BlockPattern&, const Array<double>&);
 template void stiffness_elastic(const Cells&, const Law&, const HalfPattern&, const Array<float>&);
-template void stiffness_plastic(const Cells&, const Law&, const Array<const double>&, const History&,
-                                const Array<const bool>&, const BlockPattern&, const Array<double>&);
-template void stiffness_plastic(const Cells&, const Law&, const Array<const double>&, const History&,
-                                const Array<const bool>&, const HalfPattern&, const Array<float>&);
-template void stiffness_finite(const Cells&, const Law&, const Array<const double>&, const History&,
-                               const BlockPattern&, const Array<double>&);
-template void stiffness_finite(const Cells&, const Law&, const Array<const double>&, const History&,
-                               const HalfPattern&, const Array<float>&);
+template void stiffness_consistent(const Cells&, const Law&, bool, const Array<const double>&, const History&,
+                                   const Array<const bool>&, const BlockPattern&, const Array<double>&);
+template void stiffness_consistent(const Cells&, const Law&, bool, const Array<const double>&, const History&,
+                                   const Array<const bool>&, const HalfPattern&, const Array<float>&);
 
 void stress(const Cells& cells, const Law& law, bool finite, bool conjugate, const Array<const double>& u,
             const History& committed, const Array<double>& out)
@@ -247,31 +189,15 @@ void stress(const Cells& cells, const Law& law, bool finite, bool conjugate, con
   committed.expect_shape("committed", cells.count(), cells.points());
   expect("out", out, {cells.count(), cells.points(), 6});
   with_kind(law, finite,
-            [&](const auto& material, auto kind)
+            [&]<MaterialLaw L>(const L& material, auto kind)
             {
               for (std::size_t c = 0; c < cells.count(); ++c)
               {
-                const Gradients uc = gather(u.data(), cells.dofs_of(c));
-                const CellPoints points(cells, c);
-                const CellFlow cell = flow_of<kind()>(points, cells.relaxation, material, committed, uc);
-                const auto at_point = [&](const Point& p, const Sym& strain)
-                { return respond(material, cell, p.at, strain, committed.at(p.index)).stress; };
-                points.at_points(
-                    [&](const Point& p)
+                const CellResponse<kind(), L> cell(cells, c, material, committed, gather(u.data(), cells.dofs_of(c)));
+                cell.at_points(
+                    [&](const Point& p, const auto& x, const auto& r)
                     {
-                      Sym s{};
-                      if constexpr (kind())
-                      {
-                        if (const Deformation deformation(p.g, uc); deformation.valid())
-                        {
-                          const LogStrain x(deformation);
-                          s = at_point(p, x.strain);
-                          if (!conjugate)
-                            s = x.cauchy(s);
-                        }
-                      }
-                      else
-                        s = at_point(p, strain(p.g, uc));
+                      const Sym s = !x.valid() ? Sym{} : conjugate ? r.stress : x.cauchy(r.stress);
                       std::copy_n(s.begin(), 6, out.data() + 6 * p.index);
                     });
               }

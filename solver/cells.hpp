@@ -4,13 +4,10 @@
 
 #include "arrays.hpp"
 #include "laws.hpp"
-#include "log_strain.hpp"
 #include "patterns.hpp"
 #include "relaxation.hpp"
 
 #include <cstdint>
-#include <stdexcept>
-#include <string>
 #include <utility>
 
 namespace asperity
@@ -61,40 +58,6 @@ struct Cells
   {
     expect(name, values, {at_least(u_nodes), 3});
   }
-};
-
-/// The quadrature points of a cell, for kernels that need them twice.
-class CellPoints
-{
-public:
-  CellPoints(const Cells& cells, std::size_t c)
-  {
-    if (cells.points() > most_points)
-      throw std::invalid_argument("weights has more than " + std::to_string(most_points) + " points");
-    cells.at_points(c,
-                    [&](const Point& p)
-                    {
-                      g[p.at] = p.g;
-                      points[count++] = {p.index, p.det, p.volume};
-                    });
-  }
-
-  template <typename At>
-  void at_points(At at) const
-  {
-    for (std::size_t q = 0; q < count; ++q)
-      at(Point{q, points[q].index, g[q], points[q].det, points[q].volume});
-  }
-
-private:
-  struct Measures
-  {
-    std::size_t index;
-    double det, volume;
-  };
-  std::size_t count = 0;
-  std::array<Gradients, most_points> g;
-  std::array<Measures, most_points> points;
 };
 
 /// Committed or trial history of a solid: plastic strain (rows, points, 6), accumulated and permanent volumetric strain
@@ -150,16 +113,11 @@ template <typename Pattern>
 void stiffness_elastic(const Cells& cells, const Law& law, const Pattern& pattern,
                        const Array<typename Pattern::Value>& values);
 
-/// Add consistent tangent less elastic stiffness of the cells marked `plastic` (cells) by `residual`.
+/// Add the consistent tangent of the `marked` cells (cells), in small strain less the elastic stiffness.
 template <typename Pattern>
-void stiffness_plastic(const Cells& cells, const Law& law, const Array<const double>& u, const History& committed,
-                       const Array<const bool>& plastic, const Pattern& pattern,
-                       const Array<typename Pattern::Value>& values);
-
-/// Add the consistent tangent of finite strain of all cells.
-template <typename Pattern>
-void stiffness_finite(const Cells& cells, const Law& law, const Array<const double>& u, const History& committed,
-                      const Pattern& pattern, const Array<typename Pattern::Value>& values);
+void stiffness_consistent(const Cells& cells, const Law& law, bool finite, const Array<const double>& u,
+                          const History& committed, const Array<const bool>& marked, const Pattern& pattern,
+                          const Array<typename Pattern::Value>& values);
 
 /// Stress at the quadrature points, out (cells, points, 6). Of finite strain: Cauchy's, or if `conjugate` that whose
 /// work per undeformed volume is done on the logarithmic strain.

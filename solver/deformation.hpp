@@ -65,24 +65,6 @@ struct Deformation
   bool valid() const { return det > 0.0; }
 };
 
-/// Gradients g F^-1 with respect to the deformed position: those of the logarithm of det F are their sum.
-inline Gradients deformed(const Gradients& g, const Deformation& deformation)
-{
-  const auto& F = deformation.F;
-  Matrix inverse;
-  for (int i = 0; i < 3; ++i)
-    for (int j = 0; j < 3; ++j)
-    {
-      const int k = (i + 1) % 3, l = (i + 2) % 3, m = (j + 1) % 3, n = (j + 2) % 3;
-      inverse[j][i] = (F[k][m] * F[l][n] - F[k][n] * F[l][m]) / deformation.det;
-    }
-  Gradients out;
-  for (int a = 0; a < nodes; ++a)
-    for (int i = 0; i < 3; ++i)
-      out[a][i] = g[a][0] * inverse[0][i] + g[a][1] * inverse[1][i] + g[a][2] * inverse[2][i];
-  return out;
-}
-
 /// Add weight * P g of each node to the element residual, P the nominal stress.
 inline void add_residual(const Gradients& g, const Matrix& P, double weight, Gradients& b)
 {

@@ -61,22 +61,18 @@ private:
   void find(const L& material, const Cells& cells, std::size_t f, const Gradients& u, const History& committed,
             bool differentiate)
   {
-    const CellPoints points(cells, f);
-    cell = flow_of<finite>(points, cells.relaxation, material, committed, u);
+    const CellResponse<finite, L> response(cells, f, material, committed, u);
+    cell = response.flow;
     if (!differentiate || !cell.relaxes())
       return;
-    points.at_points(
-        [&](const Point& p)
+    response.at_points(
+        [&](const Point& p, const auto& x, const auto& r)
         {
-          constexpr Sym one{1.0, 1.0, 1.0, 0.0, 0.0, 0.0};
           dilatation[p.at] = {};
-          with_strain<finite>(p.g, u,
-                              [&](const auto& x)
-                              {
-                                const auto r = respond(material, cell, p.at, x.strain, committed.at(p.index));
-                                common.add(material, cell, p, x, r);
-                                add_residual(p.g, x.nominal(one), 1.0, dilatation[p.at]);
-                              });
+          if (!x.valid())
+            return;
+          common.add(material, cell, p, x, r);
+          add_residual(p.g, x.nominal({1.0, 1.0, 1.0, 0.0, 0.0, 0.0}), 1.0, dilatation[p.at]);
         });
   }
 };
@@ -101,14 +97,18 @@ struct Traction
     with_law(law.material,
              [&](const auto& material)
              {
-               const auto at = [&](const auto& x) { find(material, p, x, below, linear, differentiate); };
-               law.finite ? with_strain<true>(p.g, u, at) : with_strain<false>(p.g, u, at);
+               const auto at = [&](const auto& x)
+               {
+                 if (x.valid())
+                   find(material, p, x, below, linear, differentiate);
+               };
+               law.finite ? at(FiniteStrain(p.g, u)) : at(SmallStrain(p.g, u));
              });
   }
 
 private:
-  template <MaterialLaw L, typename Strain>
-  void find(const L& material, const FacetPoint& p, const Strain& x, const FlowBelow& below, const double* linear,
+  template <MaterialLaw L, typename AnyStrain>
+  void find(const L& material, const FacetPoint& p, const AnyStrain& x, const FlowBelow& below, const double* linear,
             bool differentiate)
   {
     const auto r = [&]
@@ -135,8 +135,8 @@ private:
   }
 
   /// Add what follows from the flow of the cell: the traction of the change of its permanent volumetric strain and relief.
-  template <FlowLaw L, typename Strain, typename Response>
-  void add_slope_below(const L& material, const FacetPoint& p, const Strain& x, const Response& r,
+  template <FlowLaw L, typename AnyStrain, typename Response>
+  void add_slope_below(const L& material, const FacetPoint& p, const AnyStrain& x, const Response& r,
                        const FlowBelow& below, const double* linear)
   {
     const CellFlow& cell = below.cell;

@@ -48,10 +48,8 @@ template <typename Pattern>
 void bind_stiffness(nb::module_& m)
 {
   m.def("stiffness_elastic", &stiffness_elastic<Pattern>, "cells"_a, "law"_a, "pattern"_a, out("values"), unlocked);
-  m.def("stiffness_plastic", &stiffness_plastic<Pattern>, "cells"_a, "law"_a, "u"_a, "committed"_a, "plastic"_a,
-        "pattern"_a, out("values"), unlocked);
-  m.def("stiffness_finite", &stiffness_finite<Pattern>, "cells"_a, "law"_a, "u"_a, "committed"_a, "pattern"_a,
-        out("values"), unlocked);
+  m.def("stiffness_consistent", &stiffness_consistent<Pattern>, "cells"_a, "law"_a, "finite"_a, "u"_a, "committed"_a,
+        "marked"_a, "pattern"_a, out("values"), unlocked);
 }
 
 void bind_cells(nb::module_& m)

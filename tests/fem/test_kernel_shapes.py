@@ -83,8 +83,7 @@ def many(n: int) -> dict[str, Arguments]:
     pressure = np.ones(quadrature)
     stiffness: dict[str, Arguments] = {
         "stiffness_elastic": at | dict(law=law),
-        "stiffness_plastic": at | dict(law=law, u=u, **history, plastic=np.ones(n, dtype=bool)),
-        "stiffness_finite": at | dict(law=law, u=u, **history),
+        "stiffness_consistent": at | dict(law=law, finite=False, u=u, **history, marked=np.ones(n, dtype=bool)),
     }
     onto: Arguments = dict(
         kept=np.ones_like(u), parents=parents.reshape(-1, 2).astype(np.int32),

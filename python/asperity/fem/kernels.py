@@ -132,18 +132,19 @@ class ElementKernels:
         values: Floats | Singles,
         shift: float = 0.0,
     ) -> None:
-        pattern = self._pattern(values)
+        flowing = self._flowing
         if self._finite:
             values[:] = 0.0
             if shift > 0.0:
                 self._write_elastic(values)
                 values *= shift
-            _solver.stiffness_finite(self._cells, law, u, compiled(history), pattern, values)
-            return
-        self._write_elastic(values)
-        if self._flowing.any() and law is not self._held:
-            committed = compiled(self._committed)
-            _solver.stiffness_plastic(self._cells, law, u, committed, self._flowing, pattern, values)
+            flowing = np.ones_like(flowing)
+        else:
+            self._write_elastic(values)
+            if law is self._held or not flowing.any():
+                return
+        pattern, over = self._pattern(values), compiled(history)
+        _solver.stiffness_consistent(self._cells, law, self._finite, u, over, flowing, pattern, values)
 
     def _write_elastic(self, values: Floats | Singles) -> None:
         """Write the stiffness without plastic flow in small strain."""
