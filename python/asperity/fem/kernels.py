@@ -36,7 +36,7 @@ def law_of(material: Material, flows: bool = True) -> _solver.Elastic | _solver.
 
 
 #: c of solver/relaxation.hpp, and T over the yield strength (docs/theory.md); an infinite T is no relaxation.
-RELAXATION = (0.6, 0.04)
+RELAXATION = (0.7, 0.08)
 #: Greatest relief over the yield strength.
 MOST_RELIEF: float = _solver.most_relief
 
