@@ -13,9 +13,8 @@ from asperity.fem.cell_flow import CellFlow
 from asperity.fem.history import History
 from asperity.fem.kernels import ElementKernels, relaxation_of
 from asperity.fem.sparsity import SparsityPattern
-from asperity.fem.weak_form import Matrix, PointValues, Values, WeakForm, measure
+from asperity.fem.weak_form import PointValues, Values, WeakForm
 from asperity.laws.definition import SHAPES, USUAL
-from asperity.laws.shipped import hooke
 from asperity.mesh.element import QUADRATURE_DEGREE, quadrature
 from asperity.model.material import Material
 from asperity.runtime.compiled import solver as _solver
@@ -99,26 +98,23 @@ class FormKernels(ElementKernels):
         self.plastic_points = int(np.sum(self._trial.accumulated > self._committed.accumulated))
 
     @cached_property
-    def _small_elastic(self) -> Matrix:
-        """Elastic stiffness in small strain."""
-        import ufl
-
-        V, E, nu = self._u.function_space, self._material.E, self._material.nu
-        of_w, of_v = (ufl.sym(ufl.grad(of(V))) for of in (ufl.TrialFunction, ufl.TestFunction))
-        return Matrix(ufl.inner(hooke(of_w, E, nu), of_v) * measure(V.mesh), self._sparsity)
+    def _at_rest(self) -> Floats:
+        """Blocks of the tangent at rest, the elastic stiffness in small strain."""
+        virgin = History(**{name: 0.0 * values for name, values in self._committed.arrays().items()})
+        self._set(self._law, 0.0 * self._u.x.array, virgin)
+        return self._law.matrix.blocks()
 
     def _write(self, law: Any, history: History, u: Floats, values: Floats | Singles, shift: float = 0.0) -> None:
         from scipy import sparse
 
+        added = shift * self._at_rest if shift > 0.0 and self._material.finite else 0.0
         self._set(law, u, history)
-        blocks, pattern = law.matrix.blocks(), self._sparsity
-        if shift > 0.0 and self._material.finite:
-            blocks += shift * self._small_elastic.blocks()
+        blocks, pattern = law.matrix.blocks() + added, self._sparsity
         if self._cell is not None and not law.held:
             rows, cells = law.measure_rows, self._cell.flowing  # compiled together, flowing or not
-            added, nodes = self._cell.stiffness(rows(cells)), self._cell_nodes[cells]
+            flow, nodes = self._cell.stiffness(rows(cells)), self._cell_nodes[cells]
             at = pattern.positions(nodes[:, :, None], nodes[:, None, :])
-            np.add.at(blocks, at, added.reshape(len(cells), 10, 3, 10, 3).swapaxes(2, 3))
+            np.add.at(blocks, at, flow.reshape(len(cells), 10, 3, 10, 3).swapaxes(2, 3))
         size = 3 * (len(pattern.indptr) - 1)
         full = sparse.bsr_array((blocks, pattern.indices, pattern.indptr), shape=(size, size)).tocsr().data
         if values.dtype == np.float32:

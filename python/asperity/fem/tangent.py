@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from functools import partial
+from functools import cached_property, partial
 from typing import Any
 
 import numpy as np
@@ -43,8 +43,6 @@ class Tangent:
         self.halved, self.version = False, 0
         self._write: Write | None = None  # wrote the last one
         self._alone = False  # whether the last one is that of the solid, without the contact
-        self._values: Floats | None = None
-        self._half: Singles | None = None
         self._versions = {"values": 0, "half": 0}  # that the two hold
 
     @property
@@ -70,9 +68,9 @@ class Tangent:
         self._write, self._alone = write, add is None
         with self._phases.phase("tangent"):
             if self.halved and add is None and self.inertia is None:
-                self._write_to("half", self._memory_of_half())
+                self._write_to("half", self._half)
                 return
-            self._write_to("values", self._memory())
+            self._write_to("values", self._values)
             if add is not None:
                 add()
             if self.inertia is not None:
@@ -88,34 +86,33 @@ class Tangent:
         at the displacement of now."""
         if self._write is not None and self._versions["values"] != self.version:
             with self._phases.phase("tangent"):
-                self._write_to("values", self._memory())
-        return self._memory()
+                self._write_to("values", self._values)
+        return self._values
 
     def half(self) -> Singles:
         """Upper half of the last matrix by the columns of its blocks (9 blocks + 1,), see `SparsityPattern.upper`.
 
         The lower half counts for nothing. The next matrix overwrites it.
         """
-        half, sparsity = self._memory_of_half(), self._sparsity
+        half, sparsity = self._half, self._sparsity
         if self._versions["half"] != self.version:
             _solver.upper_half(sparsity.indptr, sparsity.indices, self.values(), half)
             self._versions["half"] = self.version
         return half
 
-    def _memory(self) -> Floats:
-        if self._values is None:
-            self._values = np.zeros(self._sparsity.size)
-        return self._values
+    @cached_property
+    def _values(self) -> Floats:
+        return np.zeros(self._sparsity.size)
 
-    def _memory_of_half(self) -> Singles:
-        if self._half is None:
-            self._half = np.zeros(9 * len(self._sparsity.upper[1]) + 1, dtype=np.float32)  # 1: read with the last
-        return self._half
+    @cached_property
+    def _half(self) -> Singles:
+        return np.zeros(9 * len(self._sparsity.upper[1]) + 1, dtype=np.float32)  # 1: read with the last
 
     def drop(self) -> None:
         """Free the matrices, most of the memory of a solid; the next tangent makes them again."""
-        self._values = self._half = self._write = None
-        self._alone, self._versions = False, {"values": 0, "half": 0}
+        self.__dict__.pop("_values", None)
+        self.__dict__.pop("_half", None)
+        self._write, self._alone, self._versions = None, False, {"values": 0, "half": 0}
         self._kernels.drop_matrices()
 
 
