@@ -49,7 +49,7 @@ class FormKernels(ElementKernels):
         self._cell: CellFlow | None = None
         if np.isfinite(self.relaxation[1]):
             bulk = material.E / (3.0 * (1.0 - 2.0 * material.nu))
-            self._cell = CellFlow(V.mesh, self.volumes, bulk, self.relaxation, material.yield_strength)
+            self._cell = CellFlow(V.mesh, self.volumes, bulk, self.relaxation, material.yield_strength or np.inf)
         self._law = self._weak_form(held=False)
         more = {name: (SHAPES[s],) if s else () for name, s in state.items() if name not in USUAL}
         self._committed, self._trial = (

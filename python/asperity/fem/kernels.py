@@ -92,7 +92,7 @@ class ElementKernels:
         rows = cells if material.plastic else 0  # an elastic material has no history
         self._committed, self._trial = History.zeros(rows, points), History.zeros(rows, points)
         self._flowing = np.zeros(cells, dtype=bool)
-        self.volumes = np.empty((cells, points))
+        self.volumes: Floats = np.empty((cells, points))
         _solver.volumes(self._cells, self.volumes)
 
     def add_internal_force(self, u: Floats, b: Floats) -> None:

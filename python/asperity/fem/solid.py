@@ -77,7 +77,7 @@ class Solid:
         self.cell_nodes = np.ascontiguousarray(self.V.dofmap.list[:cells])
         self.sparsity = SparsityPattern(self.cell_nodes, self.nodes)
         self.base = self.nodes_on(BASE)
-        fixed = [(3 * self.base[:, None] + np.arange(3)).ravel()]
+        fixed: list[npt.NDArray[np.int32]] = [(3 * self.base[:, None] + np.arange(3)).ravel()]
         if sides == "rollers":
             fixed += [3 * self.nodes_on(SIDE_X), 3 * self.nodes_on(SIDE_Y) + 1]
         self.fixed = np.unique(np.concatenate(fixed)).astype(np.int32)

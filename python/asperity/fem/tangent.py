@@ -135,7 +135,7 @@ class Inertia:
         import ufl
 
         self.shift = 0.0
-        self.anchor = np.zeros((len(sparsity.indptr) - 1, 3))
+        self.anchor: Floats = np.zeros((len(sparsity.indptr) - 1, 3))
         self.mass = density * nodal_matrix(V, sparsity, ufl.inner, MASS_DEGREE)
         self.heaviest = max(V.mesh.comm.allgather(float(abs(self.mass).sum(axis=1).max(initial=0.0))))
         self._diagonals = sparsity.diagonals(np.arange(self.mass.nnz))
