@@ -32,13 +32,7 @@ _REQUIRED = ("delta", "force")
 
 
 def column(about: str, dimension: str = "", kind: type = float) -> dict[str, Any]:
-    """Metadata of a column of the curve.
-
-    Args:
-        about: what it is
-        dimension: in terms of length, force and s (seconds); "" if it has none
-        kind: of its values; unknown numbers are NaN, unknown counts 0
-    """
+    """Metadata of a column: what it is, its dimension in terms of length, force and s (seconds), kind of its values."""
     return {"about": about, "dimension": dimension, "kind": kind}
 
 

@@ -168,7 +168,11 @@ class LoopTable:
         try:
             columns = read_csv(path)
             rows = zip(*columns.values(), strict=True)
-            table = cls(tuple(_loop(dict(zip(columns, row, strict=True))) for row in rows))
+            found = [dict(zip(columns, row, strict=True)) for row in rows]
+            names = [item.name for item in fields(Loop)][2:]
+            table = cls(
+                tuple(Loop(float(r["amplitude"]), int(r["loop"]), *(float(r[n]) for n in names)) for r in found)
+            )
         except UNREADABLE as error:
             raise InputError(f"the loops cannot be read from {path}: {error}") from None
         if not table.loops:
@@ -179,9 +183,3 @@ class LoopTable:
     def scaled(cls, loops: Iterable[Loop], force: float, length: float) -> LoopTable:
         """A table of loops in other units: forces times `force`, lengths times `length`."""
         return cls(tuple(loop.scaled(force, length) for loop in loops))
-
-
-def _loop(row: dict[str, str]) -> Loop:
-    """A loop of a row of the file."""
-    amplitude, _, *values = (float(row[item.name]) for item in fields(Loop))
-    return Loop(amplitude, int(row["loop"]), *values)

@@ -284,10 +284,8 @@ def run_dynamics(
 def _moved(oscillator: ContactOscillator, shape: str, settings: DynamicsSettings) -> Trajectory:
     """Motion from rest under the first forcing of the settings."""
     omega = settings.omega if shape == "chirp" else (0.5 / (settings.pulse or 0.5),)
-    samples = math.ceil(_SAMPLES / omega[0])
-    return oscillator.simulate(
-        omega, settings.forcing[0], shape=shape, periods=settings.span * omega[0], samples=samples
-    )
+    periods, samples = settings.span * omega[0], math.ceil(_SAMPLES / omega[0])
+    return oscillator.simulate(omega, settings.forcing[0], shape=shape, periods=periods, samples=samples)
 
 
 def small_vibration(source: Any, settings: DynamicsSettings) -> Numbers:
