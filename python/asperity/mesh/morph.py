@@ -108,13 +108,10 @@ def _check_joined(rise: Floats, L: float, copies: SharedNodes) -> None:
 
 
 def _relax(rise: Floats, points: Floats, tets: Indices, gradients: Floats, height: float, copies: SharedNodes) -> Flags:
-    """Move nodes between base and top vertically until their elements are sound or it hardly helps; collective.
+    """Change `rise` (N,) inside until elements are sound or it hardly helps; which nodes have moved (N,); collective.
 
     A stretch below SOUND breaks an inequality of the rises of its nodes. The step to AIM along its gradient is the
-    shortest; each node takes the mean of its steps. `rise` (N,) changes in place.
-
-    Returns:
-        Which nodes have moved (N,)
+    shortest; each node takes the mean of its steps.
     """
     n = len(points)
     free = (points[:, 2] > NEAR * height) & (points[:, 2] < (1.0 - NEAR) * height)

@@ -52,19 +52,20 @@ def global_maximum(
         x, y, z = _climb(surface, x, y, h, rounds)
         top = slice(int(np.argmax(z)), int(np.argmax(z)) + 1)
         x, y = x[top], y[top]
-    slope, kept, step = np.inf, (x, y), np.full(1, 1e-3 * surface.feature_size)  # too short for another summit
+    slope, best, step = np.inf, (x, y), np.full(1, 1e-3 * surface.feature_size)  # too short for another summit
     while True:
         new_x, new_y, left = _newton_step(surface, x, y, step, 0.0)
         if not left[0] < 0.5 * slope:
             break
-        slope, kept, x, y = float(left[0]), (x, y), new_x, new_y
-    x, y = kept
+        slope, best, x, y = float(left[0]), (x, y), new_x, new_y
+    x, y = best
     return float(x[0]), float(y[0]), float(surface.height(x, y)[0])
 
 
 def _climb(surface: Surface, x: Array, y: Array, longest: float, rounds: int) -> tuple[Array, Array, Array]:
     """Points (n,) that ascents from (x, y) (n,) reach in so many steps, all points at once, and their heights."""
-    z, step = surface.height(x, y), np.full(x.size, longest)
+    z: Array = surface.height(x, y)
+    step: Array = np.full(x.size, longest)
     for _ in range(rounds):
         new_x, new_y, _ = _newton_step(surface, x, y, step, 1e-3)
         new_z = surface.height(new_x, new_y)
@@ -77,13 +78,9 @@ def _climb(surface: Surface, x: Array, y: Array, longest: float, rounds: int) ->
 
 
 def _newton_step(surface: Surface, x: Array, y: Array, longest: Array, least: float) -> tuple[Array, Array, Array]:
-    """Points after a step of Newton's method on the closed patch, and the slope before it, all (n,).
+    """Points (n,) after a step of Newton's method, no longer than `longest`, and the slopes before it.
 
-    Args:
-        surface: the height field
-        x, y: the points (length)
-        longest: longest steps (length)
-        least: curvature below which a summit counts as a ridge, over the sum of both
+    A summit counts as a ridge where the smaller curvature is below `least` times the sum of both.
     """
     zx, zy = surface.gradient(x, y)
     fixed_x = ((x <= 0) & (zx < 0)) | ((x >= surface.L) & (zx > 0))

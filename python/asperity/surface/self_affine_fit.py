@@ -61,7 +61,7 @@ def fit_self_affine(spectrum: Spectrum, shortest: float) -> SelfAffineFit:
             f"the spectrum has {x.size} bands down to the wavelength {shortest:g}, a Hurst exponent needs 4"
         )
     first, last = math.log(_LONGEST), float(x[-3])  # three bands beyond a roll-off at least
-    rolls = np.linspace(first, last, _ROLLS) if first < last else []
+    rolls: Array = np.linspace(first, last, _ROLLS if first < last else 0)
     without = _line(x, y, weight, None)
     best = min((_line(x, y, weight, float(roll)) for roll in rolls), key=lambda line: line.misfit, default=without)
     scatter = max(1.0, best.misfit / max(x.size - 3, 1))

@@ -127,11 +127,7 @@ def _said(header: Header) -> list[str]:
 
 
 def _coordinates(table: Array) -> tuple[Array, float | None, float | None, list[str]]:
-    """Heights of a matrix, the steps along y and x of coordinates in its first column and row, and what was taken.
-
-    Raises:
-        ValueError: they may be coordinates or heights, or are on no regular grid
-    """
+    """Heights of a matrix, the steps along y and x of coordinates in its first column and row, and what was taken."""
     notes: list[str] = []
     steps: list[float | None] = [None, None]
     taken, signs = [0, 0], [1, 1]
@@ -214,11 +210,7 @@ def _of_points(
 
 
 def _places(values: Array, name: str) -> tuple[int, float, Array]:
-    """Number of places, their distance, and the place of each of the values of a coordinate.
-
-    Raises:
-        ValueError: they are not regular
-    """
+    """Number of places, their distance, and the place of each of the values of a coordinate, which must be regular."""
     ordered = np.unique(values)
     gaps = np.diff(ordered)
     real = gaps[gaps > 1e-3 * gaps.max()] if gaps.size else gaps  # round-off writes one place in two ways
