@@ -223,7 +223,7 @@ def test_a_mesh_that_does_not_converge_leaves_the_curve_of_the_one_before(monkey
 
     def solve(*args: Any, **kwargs: Any) -> ContactResult:
         if curves:  # the second mesh is done; one mesh at a time has matrices
-            assert results[-1].solver.solid.tangent._values is None
+            assert "_values" not in vars(results[-1].solver.solid.tangent)
             raise PartialResult("no convergence", results[-1])
         results.append(solve_problem(*args, **kwargs))
         return results[-1]

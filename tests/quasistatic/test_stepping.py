@@ -313,7 +313,7 @@ def test_matrices_that_are_dropped_are_made_again(press_of: Callable[..., Contac
             assert solver.step(delta).converged
         left = weakref.ref(dropped.newton.linear)
         dropped.drop_matrices()
-        assert dropped.solid.tangent._values is None and left() is None
+        assert "_values" not in vars(dropped.solid.tangent) and left() is None
     # equations are solved to 1e-8, and sums over ranks are not repeatable to the last bit
     assert dropped.force == pytest.approx(kept.force, rel=1e-7)
     found, expected = (measures.row(solver) for solver in (dropped, kept))
@@ -406,7 +406,7 @@ def test_the_midpoint_rule_does_not_ring_where_the_yield_strain_is_negligible(
     for rule in (extrapolate, whole):
         monkeypatch.setattr("asperity.quasistatic.midpoint.extrapolate", rule)
         solver = make_contact_solver(world(), rough, coarse, soft)
-        drive(solver, delta_max=0.015, steps=12, integrator="midpoint")
+        drive(solver, delta_max=0.0125, steps=10, integrator="midpoint")
         errors.append(abs(1.0 - solver.checks.energy_ratio))
     assert errors[0] < 0.5 * errors[1]
 
