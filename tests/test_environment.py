@@ -105,7 +105,7 @@ class Clone:
             self.environment.pop(name, None)
 
     def start(self, *command: str) -> subprocess.Popen[str]:
-        words, pipe = ["bash", self.path / "run", *(command or ("echo", "inside"))], subprocess.PIPE
+        words, pipe = ["bash", str(self.path / "run"), *(command or ("echo", "inside"))], subprocess.PIPE
         return subprocess.Popen(
             words, env=self.environment, cwd=self.path, stdin=subprocess.DEVNULL, stdout=pipe, stderr=pipe, text=True
         )
@@ -223,8 +223,7 @@ def test_what_others_may_have_written_is_not_entered(clone: Clone, what: str, ho
 
 def test_what_is_made_others_may_not_write_whatever_the_umask(clone: Clone) -> None:
     """The command has the umask of the user."""
-    script = clone.path / "run"
-    words = ["sh", "-c", 'umask 002; exec bash "$0" sh -c umask', script]
+    words = ["sh", "-c", 'umask 002; exec bash "$0" sh -c umask', str(clone.path / "run")]
     started = subprocess.run(words, env=clone.environment, capture_output=True, text=True)
     assert int(started.stdout, 8) == 0o002, started.stderr
     for path in (clone.cache, *clone.cache.iterdir()):

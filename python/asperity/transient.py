@@ -231,7 +231,8 @@ class Transient:
             supplied += (self.load + 0.5 * (was + push(self.time))) * (self.plate.x - old.x)
             supplied -= 0.5 * h * self.dashpot * (old.v**2 + self.plate.v**2)
             rows.append(self._row(supplied))
-        return TimeSeries(*np.array(rows).T, newton=self.solver.counts.newton - newton)
+        time, approach, velocity, force, energy, work = np.array(rows).T
+        return TimeSeries(time, approach, velocity, force, energy, work, self.solver.counts.newton - newton)
 
     def step(self, h: float, push: float) -> None:
         """Make one step `h`; the forcing at its end is `push` [E L^2]."""

@@ -62,7 +62,7 @@ def test_each_compiled_kernel_is_its_form(rough: Surface, coarse: BlockMesh | No
     for name, (u, flowing) in states(ours.points, np.random.default_rng(ours.comm.rank)).items():
         if name == "turned" and not material.finite:
             continue
-        found = []
+        found: list[Any] = []
         for solid in (ours, theirs):
             kernels, b = solid.kernels, np.zeros((solid.nodes, 3))
             kernels.add_internal_force(u, b)

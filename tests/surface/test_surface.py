@@ -236,7 +236,8 @@ def test_the_summit_of_a_noisy_map_is_the_highest_point_of_its_spline(shape):
     for seed in range(4):
         surface = HeightMap.of(0.01 * np.random.default_rng(seed).normal(size=shape), (1.0, 1.0))
         x, y, z = surface.maximum()
-        dense = surface.on_product(*(np.linspace(0, 1, 40 * (n - 1) + 1) for n in shape[::-1]))
+        across, along = (np.linspace(0, 1, 40 * (n - 1) + 1) for n in shape[::-1])
+        dense = surface.on_product(across, along)
         assert dense.max() <= z * (1 + 1e-14) and z == pytest.approx(dense.max(), rel=1e-3)
         assert surface.height(x, y) == pytest.approx(z, rel=1e-14)
 
@@ -267,7 +268,8 @@ def test_the_summit_of_ridges_and_equal_peaks_is_found_at_once(monkeypatch, name
     monkeypatch.setattr(HeightMap, "_at", counted)
     summit = surface.maximum()
     assert sum(points) < 50 * n**2
-    dense = surface.on_product(*2 * [np.linspace(0, 1, 10 * (n - 1) + 1)])
+    line = np.linspace(0, 1, 10 * (n - 1) + 1)
+    dense = surface.on_product(line, line)
     assert dense.max() <= summit[2] + 1e-12
     assert summit[2] - dense.max() < surface.curvature_bound() * (0.1 / (n - 1)) ** 2 / 4
     assert surface.height(*summit[:2]) == pytest.approx(summit[2], abs=1e-14)

@@ -118,8 +118,9 @@ class Guide:
         heights, some = heights_of_top(top, self._surface, self._layer.n, nodal=True), self._some
         at, steps = self.delta_star[some], self.delta_star
         mesh = self._layer.curve(heights, self._summit, at, on_part=self._on_part, starts=self._pressures)
-        changes = (_change(self.force[some], mesh.P_star), _change(self._area[some], mesh.area_fraction))
-        return Omission(steps, *(np.interp(steps, at, change) for change in changes), self._singular)
+        force = np.interp(steps, at, _change(self.force[some], mesh.P_star))
+        area = np.interp(steps, at, _change(self._area[some], mesh.area_fraction))
+        return Omission(steps, force, area, self._singular)
 
 
 def planned_steps(steps: int) -> int:

@@ -89,11 +89,11 @@ class CellFlow:
         put(kept[:, None], of=2)
         self.permanent = before + (1.0 - kept)[:, None] * own
         # of the tangent
-        limited = limited[cells]
+        limits = limited[cells]
         self._own, self._lost, self._softness = own[cells], lost, softness[cells]
-        self._slope = np.where(limited, -self._bulk * c / size[cells], 0.0)
-        self._curvature = self._bulk * np.where(limited, lost, lost - 1.0) / squares[cells]
-        self._relief_slope = np.where(limited, -steepest, 0.0)
+        self._slope = np.where(limits, -self._bulk * c / size[cells], 0.0)
+        self._curvature = self._bulk * np.where(limits, lost, lost - 1.0) / squares[cells]
+        self._relief_slope = np.where(limits, -steepest, 0.0)
 
     def stiffness(self, rows: Floats) -> Floats:
         """What the flowing cells add to the tangent of their points (n, dofs, dofs).

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from io import StringIO
+from io import BytesIO
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
@@ -77,7 +77,7 @@ def write_mesh(block: BlockMesh, surface: Surface, path: str | Path, about: str 
     faces = {"TOP": outer[on_top], "BASE": outer[on_base], "SIDES": outer[~on_top & ~on_base]}
     path.parent.mkdir(parents=True, exist_ok=True)
     if kind == ".inp":
-        data = _inp(block, faces, about).encode()
+        data = _inp(block, faces, about)
     elif kind == ".vtu":
         data = _vtu(block, faces).encode()
     else:
@@ -86,18 +86,18 @@ def write_mesh(block: BlockMesh, surface: Surface, path: str | Path, about: str 
     return path
 
 
-def _inp(block: BlockMesh, faces: dict[str, Indices], about: str) -> str:
+def _inp(block: BlockMesh, faces: dict[str, Indices], about: str) -> bytes:
     """Deck with nodes, elements, and node sets and element surfaces of the faces."""
-    out = StringIO()
+    out = BytesIO()
 
     def write(head: str, rows: Array, form: str) -> None:
-        out.write(f"*{head}\n")
+        out.write(f"*{head}\n".encode())
         np.savetxt(out, rows, fmt=form, delimiter=", ")
 
     def numbered(rows: Array) -> Array:
         return np.column_stack([np.arange(1, len(rows) + 1), rows])
 
-    out.write(f"** {comment(about)}\n")
+    out.write(f"** {comment(about)}\n".encode())
     write("NODE, NSET=ALL", numbered(block.points), "%d, %.12g, %.12g, %.12g")
     write("ELEMENT, TYPE=C3D10, ELSET=BLOCK", numbered(block.tets[:, GMSH_TO_VTK] + 1), "%d")
     for name, of_set in faces.items():

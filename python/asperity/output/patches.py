@@ -97,7 +97,7 @@ def _others(surface: Surface, layer: RoughHalfSpace, own: Floats) -> Iterator[Fl
     seed, phases = getattr(surface, "seed", None), getattr(surface, "phases", None)
     again: Any = replace
     drawn = {} if phases is None else {"phases": None}
-    explicit = drawn and not np.array_equal(again(surface, **drawn).phases, phases)
+    explicit = phases is not None and not np.array_equal(again(surface, **drawn).phases, phases)
     if seed is not None and not explicit:
         for k in range(1, OTHERS + 1):
             other = again(surface, seed=seed + 1000 + k, **drawn)

@@ -224,8 +224,8 @@ class ContactSolver:
         depth = np.max(-self.gap()[owned], initial=0.0)
         peaks = np.array([depth, np.max(-pressure, initial=0.0), np.max(pressure, initial=0.0), decrease])
         solid.comm.Allreduce(MPI.IN_PLACE, peaks, op=MPI.MAX)
-        numbers = (self.delta, before.delta, self.force, before.force, *sums.tolist(), *peaks.tolist())
-        return StepBalance(*numbers)
+        found = map(float, (*sums, *peaks))
+        return StepBalance(self.delta, before.delta, self.force, before.force, *found)
 
     def _find_forces(self) -> None:
         """Force and pressure of the current state; collective."""

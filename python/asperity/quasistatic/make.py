@@ -76,7 +76,11 @@ def make_contact_solver(
         destroy_unused(comm)  # solvers of earlier runs
     L = surface.L
 
-    on_root(comm, lambda: block is None or block.check(surface))
+    def check() -> None:
+        if block is not None:
+            block.check(surface)
+
+    on_root(comm, check)
     height = comm.bcast(None if block is None else block.height, root=0)
     mesh, tags = distribute(comm, block, 1.0 / L, sides == "periodic", surface)
     check_distortion(mesh, surface)
