@@ -41,11 +41,6 @@ def case_of(**sections: Mapping[str, Any] | str) -> Case:
     return Case.from_dict({**CASE, **sections})
 
 
-def write_case(path: Path, **sections: Mapping[str, Any]) -> Path:
-    path.write_text(case_of(**sections).to_toml(), encoding="utf-8")
-    return path
-
-
 @pytest.fixture(scope="module")
 def full(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, RunResult]:
     """A run with everything a case can ask for."""
@@ -182,7 +177,14 @@ def test_a_full_disk_mentions_a_saved_state_only_where_there_is_one(
 
 def test_loops_and_ledger_take_the_vibration_that_was_computed() -> None:
     """A joint with a mass only leaves the preload to [dynamics]."""
-    dynamics = {"law": "paper", "model": ["exact"], "preload": 5e-5, "omega": [0.9, 0.95], "zeta": 0.2}
+    dynamics = {
+        "law": "paper",
+        "model": ["exact"],
+        "preload": 5e-5,
+        "omega": [0.9, 0.95],
+        "zeta": 0.2,
+        "simulate": ["half-sine"],
+    }
     quiet = {"figures": False, "report": False}
     loops = {"amplitudes": [0.3], "cycles": 1, "steps": 1}
     material = CASE["material"] | {"density": 7800.0}

@@ -180,9 +180,11 @@ class Equation:
         """Damping factor over the contact force, where the damping follows that."""
         return self.restoring.n_loc if self.damping == "hunt-crossley" else 0.0
 
-    @cached_property
     def acceleration(self) -> Callable[[float, float], float]:
-        """Acceleration without forcing, -f - 2 zeta g v, at a displacement and a speed, as in solver/period_map.cpp."""
+        """Function for the acceleration without forcing, -f - 2 zeta g v, at a displacement and a speed.
+
+        It is that of solver/period_map.cpp.
+        """
         edges, rows = list(map(float, self.cells[0])), [tuple(map(float, row)) for row in self.cells[1]]
         rest, of_force, twice = 1.0 / self.restoring.n_loc, self.of_force, 2.0 * self.zeta
 

@@ -86,7 +86,7 @@ def integrate(
         ConvergenceError: the integrator fails
         RangeError: the motion escapes from a Taylor well
     """
-    contact, acceleration = equation.restoring.contact, equation.acceleration
+    contact, acceleration = equation.restoring.contact, equation.acceleration()
 
     def field(t: float, y: Array) -> list[float]:
         x, speed = float(y[0]), float(y[1])

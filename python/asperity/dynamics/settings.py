@@ -100,7 +100,7 @@ def window(omega: Sequence[float]) -> tuple[float, float]:
     """Lowest and highest Omega; raise `InputError` unless they are a legal window."""
     values = tuple(within("omega", value, OMEGA) for value in positives("omega", omega))
     if len(values) != 2 or values[0] >= values[1]:
-        raise InputError(f"omega = {list(values)} is not legal: give two frequencies 0 < low < high")
+        raise InputError(f"omega = {list(values)} is not legal: give low < high, for example [0.5, 1.3]")
     return values[0], values[1]
 
 
@@ -198,7 +198,7 @@ class DynamicsSettings:
         if self.window is not None:
             ends = positives("window", self.window)
             if len(ends) != 2 or ends[0] >= ends[1]:
-                raise InputError(f"window = {list(ends)} is not legal: give two frequencies 0 < low < high")
+                raise InputError(f"window = {list(ends)} is not legal: give two frequencies, low < high")
             object.__setattr__(self, "window", ends)
         object.__setattr__(self, "omega", window(self.omega))
         object.__setattr__(self, "model", (self.model,) if isinstance(self.model, str) else tuple(self.model))

@@ -15,7 +15,7 @@ from asperity.laws import definition as laws
 from asperity.laws import load, shipped
 from asperity.laws.point import ISOTROPY, traits
 from asperity.model.limits import check
-from asperity.runtime.display import short_repr
+from asperity.runtime.display import short_repr, show
 
 AUTO = "auto"  # kinematics that a run chooses, see adaptive.small_strain
 KINEMATICS = ("small", "finite", AUTO)
@@ -78,8 +78,8 @@ class Material:
         share = SHARES.get(self.hardening, -1.0) if isinstance(self.hardening, str) else self.hardening
         if not 0 <= share <= 1:
             raise InputError(
-                f'material.hardening = {self.hardening!r} must be "isotropic", "kinematic", or the kinematic share in '
-                "[0, 1]"
+                f'material.hardening = {show(self.hardening)} must be "isotropic", "kinematic", or the kinematic '
+                "share in [0, 1]"
             )
         if self.law is not None and self.law.hyperelastic and not self.finite:
             raise InputError(
@@ -88,7 +88,7 @@ class Material:
             )
         if share > 0 and self.yield_strength is None:
             raise InputError(
-                f"material.hardening = {self.hardening!r} needs material.yield_strength: give one, or leave "
+                f"material.hardening = {show(self.hardening)} needs material.yield_strength: give one, or leave "
                 "material.hardening out of an elastic material"
             )
 

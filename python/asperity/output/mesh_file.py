@@ -20,7 +20,6 @@ from asperity.runtime.files import replace_file
 from asperity.surface import Surface
 from asperity.surface.cutoff import approach_of_share
 
-SETS = ("TOP", "BASE", "SIDES")
 BY_GMSH = (".msh", ".stl", ".bdf", ".unv")
 SUFFIXES = (".inp", ".vtu", *BY_GMSH)
 #: Corners of the faces of an element in CalculiX and Abaqus, S1 to S4, counted from 0.

@@ -56,6 +56,6 @@ class SlipSettings:
         low, high = bounds(AMPLITUDES).values()
         if not self.amplitudes or not all(low <= t <= high for t in self.amplitudes):
             raise InputError(
-                f"slip.amplitudes = {list(self.amplitudes)} must be some in {AMPLITUDES}: they are the tangential "
-                "force over the limit of friction"
+                f"slip.amplitudes = {list(self.amplitudes)} must be one or more numbers in {AMPLITUDES}: they are the "
+                "tangential force over the limit of friction"
             )
