@@ -79,7 +79,7 @@ private:
   void settle(const L& material, const Relaxation& relaxation)
   {
     const double bulk = bulk_modulus(material);
-    flow.solve(material.resistance(), material.strength(), bulk, relaxation);
+    flow.solve(material.resistance(), bulk, relaxation);
     for (std::size_t q = 0; q < count; ++q)
     {
       Entry& at = *points[q];
@@ -126,16 +126,17 @@ struct CommonSlopes
       for (int i = 0; i < 3; ++i)
       {
         row[0][dof(a, i)] = dilatation[a][i];
-        row[1][dof(a, i)] = deviation[a][i];
+        row[1][dof(a, i)] = slope * deviation[a][i];
         row[2][dof(a, i)] = driving[a][i];
       }
     const double mean = bulk * (1.0 - cell.kept) / cell.volume;
-    const double curvature = bulk * cell.kept_curvature / cell.volume;
+    // where the slope of `kept` vanishes, so does its curvature
+    const double curvature = slope != 0.0 ? bulk * cell.kept_curvature / (cell.volume * slope * slope) : 0.0;
     for (int r = 0; r < dofs; ++r)
     {
       const double x = mean * row[0][r];
-      const double y = slope * share * (row[2][r] - cell.softness * slope * row[1][r]) + curvature * row[1][r];
-      const double z = share * (slope * row[1][r] - cell.relief_slope * row[2][r]);
+      const double y = share * (row[2][r] - cell.softness * row[1][r]) + curvature * row[1][r];
+      const double z = share * (row[1][r] - cell.relief_slope * row[2][r]);
       for (int s = r; s < dofs; ++s)
         A[r * row_length + s] += x * row[0][s] + y * row[1][s] + z * row[2][s];
     }

@@ -40,9 +40,9 @@ void with_kind(const Law& law, bool finite, Kernel&& kernel)
 } // namespace
 
 Cells::Cells(Array<const double> x, Array<const int> x_dofs, Array<const int> u_dofs, Array<const double> gradients,
-             Array<const double> weights, double most, double threshold)
+             Array<const double> weights, double spent, double threshold)
     : x(x), x_dofs(x_dofs), u_dofs(u_dofs), gradients(gradients), weights(weights),
-      relaxation{most, threshold}
+      relaxation{spent, threshold}
 {
   expect("x", x, {any(), 3});
   expect("x_dofs", x_dofs, {any(), nodes});
@@ -114,7 +114,7 @@ std::pair<std::int64_t, std::int64_t> residual(const Cells& cells, const Law& la
                         add_residual(p.g, x.nominal(r.stress), p.volume, f);
                       flowing += r.plastic;
                     });
-                plastic.data()[c] = flowing > 0 || cell.flow.relaxes();
+                plastic.data()[c] = flowing > 0;
                 total += flowing;
                 scatter(f, cells.dofs_of(c), b.data());
               }

@@ -33,7 +33,7 @@ struct Cells
   std::size_t u_nodes;           // least number of nodes of a nodal array
 
   Cells(Array<const double> x, Array<const int> x_dofs, Array<const int> u_dofs, Array<const double> gradients,
-        Array<const double> weights, double most, double threshold);
+        Array<const double> weights, double spent, double threshold);
 
   std::size_t count() const { return x_dofs.shape(0); }
   std::size_t points() const { return weights.shape(0); }

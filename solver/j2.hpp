@@ -57,7 +57,6 @@ struct J2
   }
 
   Moduli elastic() const { return {lambda, mu, 0.0}; }
-  double strength() const { return yield; }
   double resistance() const { return 3.0 * mu + hardening; }
   double drive() const { return std::sqrt(6.0) * mu; }
 

@@ -58,7 +58,6 @@ concept FlowLaw
     = MaterialLaw<Law> && requires(const Law& law, const Sym& strain, const State& committed) {
         { law.respond(strain, committed, 1.0) } -> std::same_as<typename Law::Response>;
         { law.respond(strain, committed).excess } -> std::convertible_to<double>; // of trial over yield stress
-        { law.strength() } -> std::same_as<double>;   // most that may be relieved
         { law.resistance() } -> std::same_as<double>; // by which the excess falls with the plastic strain
         { law.drive() } -> std::same_as<double>;      // by which it rises with the strain along n
       };

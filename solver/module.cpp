@@ -54,13 +54,12 @@ void bind_stiffness(nb::module_& m)
 
 void bind_cells(nb::module_& m)
 {
-  m.attr("most_relief") = most_relief;
   nb::class_<Cells>(m, "Cells")
       .def(
           nb::init<Array<const double>, Array<const int>, Array<const int>, Array<const double>, Array<const double>,
                    double, double>(),
           "x"_a, "x_dofs"_a, "u_dofs"_a, "gradients"_a, "weights"_a,
-          "most"_a = 0.0, "threshold"_a = std::numeric_limits<double>::infinity());
+          "spent"_a = std::numeric_limits<double>::infinity(), "threshold"_a = std::numeric_limits<double>::infinity());
   nb::class_<History>(m, "History")
       .def(nb::init<Array<double>, Array<double>, Array<double>>(), out("plastic_strain"), out("accumulated"),
            out("dilatation"));

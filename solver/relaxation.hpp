@@ -3,12 +3,11 @@
 //
 // Let d be the volumetric strain of a point less the mean over its cell and less the permanent part e of earlier steps, D
 // its root mean square, x that of an increment de, G the mean increment of the plastic strain of the cell, K the bulk
-// modulus, s the yield strength, T a stress, c a number. The cell stores K/2 |d - de|^2 and spends T x, and flow carries
-// an x of c G; more costs s/c. So x grows along d while c <R - K x> exceeds the relief, R = <K D - T>, and the relief
-// lowers the yield stress: it is c (R - K c G) where flow limits x, 0 where it does not, and never more than s.
-// Stored and spent are jointly convex, of first degree in x and G: the step has the potential, the symmetric tangent and the
-// bounds of energy of associative plasticity, a state that is held stays, cycles shake down as they do there, and nothing
-// switches. K D is of the order of h where the mesh resolves the pressure: there the element is the usual one.
+// modulus, S and T two stresses. The cell stores K/2 |d - de|^2 and spends T x + S x^2/(2 G): without flow there is no
+// increment, and with it x = R/K (1 - m) along d, R = <K D - T>, m = 1/(1 + K G/S). What is left falls with G and so adds
+// the relief (R m)^2/(2 S) to the stress that drives the flow. Stored and spent are jointly convex: the step has the
+// potential, the symmetric tangent and the bounds of energy of associative plasticity, and nothing switches. K D is of the
+// order of h where the mesh resolves the pressure: there the element is the usual one.
 #pragma once
 
 #include <algorithm>
@@ -19,12 +18,11 @@
 namespace asperity
 {
 constexpr std::size_t most_points = 16; // of the quadrature of a cell
-constexpr double most_relief = 0.99;    // over the yield strength: a yield stress is positive
 
-/// c, and T [force/length^2]; where T is infinite nothing relaxes.
+/// S and T [force/length^2]; where T is infinite nothing relaxes.
 struct Relaxation
 {
-  double most, threshold;
+  double spent, threshold;
 };
 
 /// Flow of a cell in a step: the points are added, then `solve` finds what all of them have in common.
@@ -50,8 +48,8 @@ struct CellFlow
 
   /// Find the flow.
   ///
-  /// Args: stress by which the excess falls with the plastic strain, yield strength, K, c and T
-  void solve(double resistance, double strength, double bulk, const Relaxation& relaxation)
+  /// Args: stress by which the excess falls with the plastic strain, K, S and T
+  void solve(double resistance, double bulk, const Relaxation& relaxation)
   {
     double mean = 0.0, permanent = 0.0, squares = 0.0;
     for (std::size_t q = 0; q < count; ++q)
@@ -66,12 +64,10 @@ struct CellFlow
       squares += weights[q] / volume * own[q] * own[q];
     }
     const double size = std::sqrt(squares), beyond = std::max(bulk * size - relaxation.threshold, 0.0); // D, R
-    if (!(beyond > 0.0))
-      return;
-    const double c = relaxation.most, steepest = bulk * c * c, highest = most_relief * strength;
-    relief = std::min(c * beyond, highest);
-    flow = (c * beyond - relief) / steepest; // where the relief begins to fall
-    for (int i = 0; i < 100; ++i)            // Newton's method from below on a convex function: monotone
+    const double rate = bulk / relaxation.spent, first = 0.5 * beyond * beyond / relaxation.spent;
+    double m = 1.0;
+    relief = first;
+    for (int i = 0; i < 100; ++i) // Newton's method from below on a concave function: monotone
     {
       double driven = 0.0, flowing = 0.0;
       for (std::size_t q = 0; q < count; ++q)
@@ -81,28 +77,24 @@ struct CellFlow
           flowing += weights[q];
         }
       softness = flowing / (resistance * volume);
-      relief_slope = relief > 0.0 ? -steepest : 0.0;
+      relief_slope = -2.0 * rate * m * relief;
       const double step = (driven / (resistance * volume) - flow) / (1.0 - softness * relief_slope);
       if (!(step > 1e-16 * flow))
-      {
-        if (relief == highest) // less flow than that: the rest is paid for
-          relief_slope = 0.0;
         break;
-      }
       flow += step;
-      relief = c * std::max(beyond - bulk * c * flow, 0.0);
+      m = 1.0 / (1.0 + rate * flow);
+      relief = first * m * m;
     }
-    const bool limited = relief_slope != 0.0;
-    const double relaxed = limited ? bulk * c * flow : beyond - relief / c; // K x
-    if (!(relaxed > 0.0))
+    if (!(beyond > 0.0))
       return;
-    kept = 1.0 - relaxed / (bulk * size);
-    kept_slope = limited ? -c / size : 0.0;
-    kept_curvature = (limited ? 1.0 - kept : -(relaxation.threshold + relief / c) / (bulk * size)) / squares;
+    const double part = beyond / (bulk * size), lost = rate * flow * m; // 1 - m
+    kept = 1.0 - part * lost;
+    kept_slope = -part * rate * m * m;
+    kept_curvature = -lost * relaxation.threshold / (bulk * size * squares);
   }
 
   /// Whether flow changes the volumetric strains of the cell.
-  bool relaxes() const { return kept < 1.0; }
+  bool relaxes() const { return flow > 0.0 && kept_slope != 0.0; }
   std::size_t points() const { return count; }
   /// Volumetric strain of a point less its permanent part, less the mean of both.
   double deviation(std::size_t q) const { return own[q]; }

@@ -71,7 +71,7 @@ def sample(block: BlockMesh | None, material: Material, forms: bool = False, poi
     """A sample; `pointwise` without the relaxation of volumetric strain in a cell."""
     with pytest.MonkeyPatch.context() as patch:
         if pointwise:
-            patch.setattr("asperity.fem.kernels.RELAXATION", (1.0, np.inf))
+            patch.setattr("asperity.fem.kernels.RELAXATION", (np.inf, np.inf))
         solid = Solid(*distribute(here(), block, 1.0), material, forms=forms)
     return Sample(solid, solid.kernels)
 

@@ -15,7 +15,7 @@ from scipy.optimize import minimize
 import asperity as asp
 from asperity.arrays import Flags
 from asperity.errors import CheckError
-from asperity.fem.kernels import MOST_RELIEF, RELAXATION
+from asperity.fem.kernels import RELAXATION
 from asperity.mesh.block import BlockMesh
 from asperity.mesh.generate import build_block
 from asperity.mesh.size_field import SizeField
@@ -68,8 +68,7 @@ def test_a_step_of_a_cell_minimises_its_potential(coarse: BlockMesh) -> None:
     it.kernels.commit()
     after, volumes, strain = it.kernels.history(), it.kernels.volumes, strains(it, u)
     lam, mu = STEEL.lame
-    bulk, hardening, (carried, threshold) = lam + 2.0 / 3.0 * mu, STEEL.plastic_modulus, RELAXATION
-    threshold *= Y
+    bulk, hardening, (spent, threshold) = lam + 2.0 / 3.0 * mu, STEEL.plastic_modulus, Y * np.array(RELAXATION)
     trace = strain[..., :3].sum(axis=-1)
     trial = 2.0 * mu * (strain - before.plastic_strain)
     trial[..., :3] -= 2.0 / 3.0 * mu * trace[..., None]
@@ -82,24 +81,19 @@ def test_a_step_of_a_cell_minimises_its_potential(coarse: BlockMesh) -> None:
         size = Y + hardening * before.accumulated[c]
 
         def potential(x: Array, c: int = c, w: Array = w, own: Array = own, size: Array = size) -> float:
-            gamma, de = Y * x[:4], np.append(Y * x[4:7], -(w[:3] @ (Y * x[4:7])) / w[3])  # de without a mean
+            gamma, de = Y * x[:4], np.append(Y * x[4:], -(w[:3] @ (Y * x[4:])) / w[3])  # de without a mean
             elastic = (q[c] - 3.0 * mu * gamma) ** 2 / (6.0 * mu) + size * gamma + 0.5 * hardening * gamma**2
-            stored = w @ elastic + 0.5 * bulk * (w @ (own - de) ** 2)
-            paid = MOST_RELIEF * Y / carried * Y * x[7]
-            return float((stored + threshold * np.sqrt(w @ de**2) + paid) / Y**2)
-
-        def beyond(x: Array, w: Array = w) -> float:
-            de = np.append(x[4:7], -(w[:3] @ x[4:7]) / w[3])
-            return float(carried * (w @ x[:4]) - np.sqrt(w @ de**2))
+            flow = max(float(w @ gamma), 1e-14)
+            relaxed = 0.5 * spent * (w @ de**2) / flow + threshold * np.sqrt(w @ de**2)
+            return float((w @ elastic + 0.5 * bulk * (w @ (own - de) ** 2) + relaxed) / Y**2)
 
         found = minimize(
-            potential, np.r_[np.full(4, 0.1), np.full(3, 0.01), 1.0], method="SLSQP",
-            bounds=[(0, None)] * 4 + [(None, None)] * 3 + [(0, None)],
-            constraints={"type": "ineq", "fun": lambda x: beyond(x) + x[7]}, options={"maxiter": 1000, "ftol": 1e-14},
+            potential, np.r_[np.full(4, 0.1), np.full(3, 0.01)], method="L-BFGS-B",
+            bounds=[(0, None)] * 4 + [(None, None)] * 3,
+            options={"maxiter": 5000, "maxfun": 100000, "ftol": 1e-15, "gtol": 1e-9},
         )  # fmt: skip
         gamma, de = after.accumulated[c] - before.accumulated[c], after.dilatation[c] - before.dilatation[c]
-        x = np.r_[gamma, de[:3]] / Y
-        ours = potential(np.r_[x, max(-beyond(x), 0.0)])
+        ours = potential(np.r_[gamma, de[:3]] / Y)
         assert ours <= found.fun + 1e-9 * abs(found.fun)
         np.testing.assert_allclose(gamma / Y, found.x[:4], rtol=0, atol=2e-3)
         assert abs(w @ de) < 1e-15
@@ -173,7 +167,7 @@ def test_the_midpoint_rule_keeps_its_order(coarse: BlockMesh, material: Material
 
     def end(steps: int, rule: str) -> Array:
         it = sample(coarse, material)
-        first, second = noise(it, 5e-4), noise(it, 5e-4, seed=1)
+        first, second = noise(it, 1e-3), noise(it, 1e-3, seed=1)
         at: float | None = None
         for k in range(1, steps + 1):
             t = k / steps
@@ -234,7 +228,7 @@ def test_a_force_that_is_held_stays(spot: BlockMesh, method: str, kinematics: st
 def test_a_spot_as_small_as_an_element_does_not_lock(spot: BlockMesh, monkeypatch: pytest.MonkeyPatch) -> None:
     """A sphere pressed in far beyond yield: the limit is that of the usual elements on much finer meshes."""
     free = pressed(spot).curve.P_star[-1]
-    monkeypatch.setattr("asperity.fem.kernels.RELAXATION", (1.0, np.inf))
+    monkeypatch.setattr("asperity.fem.kernels.RELAXATION", (np.inf, np.inf))
     locked, limit = (pressed(block).curve.P_star[-1] for block in (spot, even(0.028, growth=0.125)))
     assert locked > 1.08 * limit
     assert abs(free / limit - 1.0) < 0.03

@@ -47,21 +47,14 @@ def inflated(size: float) -> np.ndarray:
     load = pressure * fem.assemble_vector(fem.form(power)).array
     r, step = solid.vector(), solid.vector()
     for part in (0.25, 0.5, 0.75, 1.0):  # each point keeps the direction of its stress, so steps cause no error
-        slope = 0.0  # of the energy along the last step, at its beginning
         for _ in range(20):
             r.array = part * load - solid.internal_force().ravel()
             r.array[solid.fixed] = 0.0
-            left = float(r.array @ step.array)
-            if left < -0.1 * slope:  # too far in a convex energy
-                solid.u.x.array[:] += left / (slope - left) * step.array
-                r.array = part * load - solid.internal_force().ravel()
-                r.array[solid.fixed] = 0.0
             if np.linalg.norm(r.array) < 1e-9 * np.linalg.norm(load):
                 break
             solid.tangent.assemble()
             assert LinearSolver(solid, "lu").solve(r, solid.fixed, np.empty(0), step, 1e-10)[1]
             solid.u.x.array[:] += step.array
-            slope = float(r.array @ step.array)
         else:
             pytest.fail("no equilibrium")
         solid.kernels.commit()

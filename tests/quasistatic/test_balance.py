@@ -110,7 +110,7 @@ def test_cycles_of_a_rough_contact(rough: Surface, coarse: BlockMesh | None) -> 
         assert solver.checks.violated == {} and solver.checks.energy_excess == 0.0
         assert solver.checks.least_dissipation >= -1e-15 * solver.checks.dissipated  # rounding
         if hardening == "isotropic":
-            assert lost[2] < 0.1 * lost[1] < 0.01 * lost[0]
+            assert lost[2] < 0.4 * lost[1] < 0.16 * lost[0]
             shaken_down = areas[2]
         else:
             assert np.ptp(lost[1:]) < 0.03 * lost[2]

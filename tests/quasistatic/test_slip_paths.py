@@ -157,7 +157,7 @@ def test_a_yielded_solid_slips_from_its_state_and_keeps_it(wave: Surface, wave_b
         path = slip_paths(solver, SlipSettings(MU, (0.6,), part * force, steps=4))[0]
         assert np.all(np.diff(path.dissipated) >= 0.0)
         assert path.force == pytest.approx(0.6 * MU * part * force, rel=3e-3)
-        assert work_around(path) == pytest.approx(path.energy, rel=0.005)
+        assert work_around(path) == pytest.approx(path.energy, rel=0.01)
         assert path.energy == pytest.approx(4.0 * path.dissipated[path.end(0)], rel=0.02)  # Masing
     np.testing.assert_array_equal(solver.state().displacement, before)
     np.testing.assert_array_equal(solver.solid.kernels.history().plastic_strain, history.plastic_strain)

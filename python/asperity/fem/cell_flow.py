@@ -8,10 +8,10 @@ from typing import Any
 import numpy as np
 
 from asperity.arrays import Floats, Integers
-from asperity.fem.kernels import MOST_RELIEF
 from asperity.fem.weak_form import PointValues
 
 ITERATIONS = 100  # of the flow of a cell, as in relaxation.hpp
+MOST = 4.99  # relief over S at which it begins to be sought: a yield stress is positive
 ROUNDING = 1e-15  # of the flow, at which it has settled
 #: Dilatation, flow and its derivative by a relief at the points of some cells (n, points, 3).
 Measures = Callable[[Integers], Floats]
@@ -24,8 +24,7 @@ class CellFlow:
         mesh: of dolfinx
         volumes: of the quadrature points (cells, points) [L^3]
         bulk: bulk modulus K [E]
-        relaxation: c, and the stress T [E]
-        strength: yield strength [E]
+        relaxation: stresses S and T [E]
 
     Attributes:
         coefficients: for the forms: permanent part before, mean dilatation, kept part, relief at the quadrature points
@@ -33,13 +32,11 @@ class CellFlow:
         permanent: volumetric strain that flow has made permanent, at the end of the step (cells, points)
     """
 
-    def __init__(
-        self, mesh: Any, volumes: Floats, bulk: float, relaxation: tuple[float, float], strength: float
-    ) -> None:
+    def __init__(self, mesh: Any, volumes: Floats, bulk: float, relaxation: tuple[float, float]) -> None:
         self.coefficients = PointValues(mesh, len(volumes), 4)
         self._volumes, self._volume = volumes, volumes.sum(axis=1)
-        self._bulk, (self._most, self._threshold) = bulk, relaxation
-        self._highest = MOST_RELIEF * strength  # relief
+        self._bulk, (self._spent, self._threshold) = bulk, relaxation
+        self._most = MOST * relaxation[0]
 
     def _mean(self, values: Floats, cells: Any = slice(None)) -> Floats:
         mean: Floats = np.einsum("cq,cq->c", self._volumes[cells], values) / self._volume[cells]
@@ -58,12 +55,12 @@ class CellFlow:
         mean = self._mean(theta)[:, None]
         own = theta - mean - before
         squares = self._mean(own**2)
-        size, c = np.sqrt(squares), self._most
-        steepest = self._bulk * c**2
+        size, rate = np.sqrt(squares), self._bulk / self._spent
         beyond = np.maximum(self._bulk * size - self._threshold, 0.0)
-        relief = np.minimum(c * beyond, self._highest)
-        least = (c * beyond - relief) / steepest  # of the flow, where the relief begins to fall
-        flow, softness, limited = least.copy(), np.zeros_like(size), np.zeros(len(size), dtype=bool)
+        first = 0.5 * beyond**2 / self._spent
+        m = np.sqrt(np.minimum(1.0, self._most / np.maximum(first, 1e-300)))
+        least = (1.0 / m - 1.0) / rate  # of the flow; less would make a yield stress negative
+        flow, relief, softness = least.copy(), first * m**2, np.zeros_like(size)
         cells: Integers = np.flatnonzero(beyond).astype(np.int32)
         for _ in range(ITERATIONS):
             if not len(cells):
@@ -71,29 +68,26 @@ class CellFlow:
             put(relief[cells, None], cells, of=3)
             found = measures(cells)
             driven, softness[cells] = (self._mean(found[..., k], cells) for k in (1, 2))
-            limited[cells] = relief[cells] > 0.0
-            step = (driven - flow[cells]) / (1.0 + softness[cells] * steepest * limited[cells])
-            paid = (step <= 0.0) & (relief[cells] == self._highest)
-            limited[cells[paid]] = False
-            on = ~paid & (np.abs(step) > ROUNDING * flow[cells])
-            cells, step = cells[on], step[on]
-            flow[cells] = np.maximum(flow[cells] + step, least[cells])
-            relief[cells] = np.clip(c * (beyond[cells] - self._bulk * c * flow[cells]), 0.0, self._highest)
+            steep = softness[cells] * 2.0 * rate * m[cells] * relief[cells]
+            step = np.maximum((driven - flow[cells]) / (1.0 + steep), least[cells] - flow[cells])
+            flow[cells] += step
+            m[cells] = 1.0 / (1.0 + rate * flow[cells])
+            relief[cells] = first[cells] * m[cells] ** 2
+            cells = cells[np.abs(step) > ROUNDING * flow[cells]]
         put(relief[:, None], of=3)
-        relaxed = np.where(limited, self._bulk * c * flow, beyond - relief / c)  # K x
-        self.flowing = cells = np.flatnonzero(relaxed > 0.0).astype(np.int32)
-        lost = (relaxed[cells] / self._bulk) / size[cells]
+        self.flowing = cells = np.flatnonzero(flow * beyond > 0.0).astype(np.int32)
+        part = beyond[cells] / (self._bulk * size[cells])
+        lost = rate * flow[cells] * m[cells]  # 1 - m
         kept = np.ones_like(size)
-        kept[cells] = 1.0 - lost
+        kept[cells] = 1.0 - part * lost
         put(mean, of=1)
         put(kept[:, None], of=2)
         self.permanent = before + (1.0 - kept)[:, None] * own
         # of the tangent
-        limits = limited[cells]
-        self._own, self._lost, self._softness = own[cells], lost, softness[cells]
-        self._slope = np.where(limits, -self._bulk * c / size[cells], 0.0)
-        self._curvature = self._bulk * np.where(limits, lost, lost - 1.0) / squares[cells]
-        self._relief_slope = np.where(limits, -steepest, 0.0)
+        self._own, self._lost, self._softness = own[cells], 1.0 - kept[cells], softness[cells]
+        self._slope = -self._bulk * part * rate * m[cells] ** 2
+        self._curvature = -lost * self._threshold / (size * squares)[cells]
+        self._relief_slope = -2.0 * rate * (m * relief)[cells]
 
     def stiffness(self, rows: Floats) -> Floats:
         """What the flowing cells add to the tangent of their points (n, dofs, dofs).

@@ -7,7 +7,6 @@ import numpy as np
 from asperity.arrays import Floats
 from asperity.fem.forms import FormKernels
 from asperity.fem.history import History
-from asperity.fem.kernels import MOST_RELIEF
 from asperity.fem.solid import Solid
 from asperity.model.material import PAIRS
 
@@ -54,13 +53,11 @@ def dissipation(solid: Solid, before: History) -> tuple[float, float, float]:
     flow = after.plastic_strain[yielded] - before.plastic_strain[yielded]
     work = float(np.einsum("cq,cqi,cqi,i", volumes, driving, flow, PAIRS))
     relaxed = after.dilatation[yielded] - before.dilatation[yielded]
-    work += float(np.vdot(volumes, pressure * relaxed))
     strain = np.sum(volumes * (after.accumulated[yielded] - before.accumulated[yielded]), axis=1)
-    size = np.sqrt(np.sum(volumes, axis=1) * np.sum(volumes * relaxed**2, axis=1))
-    if not size.any():  # no stress of relaxation is known where nothing relaxes
-        return work, 0.0, decrease
-    carried, threshold = kernels.relaxation
-    beyond = np.maximum(size - carried * strain, 0.0)
-    relief = MOST_RELIEF * (solid.material.yield_strength or 0.0)
-    spent = float(np.sum(threshold * size + relief / carried * beyond))
+    squares = np.sum(volumes, axis=1) * np.sum(volumes * relaxed**2, axis=1)
+    flowing = (strain > 0.0) & (squares > 0.0)  # elsewhere it is rounding
+    work += float(np.vdot(volumes[flowing], (pressure * relaxed)[flowing]))
+    strain, squares = strain[flowing], squares[flowing]
+    by_flow, threshold = kernels.relaxation
+    spent = float(np.sum(0.5 * by_flow * squares / strain + threshold * np.sqrt(squares)))
     return work, spent, decrease

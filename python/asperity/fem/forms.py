@@ -47,9 +47,9 @@ class FormKernels(ElementKernels):
         self.volumes = np.abs(J(self._all)) * quadrature(QUADRATURE_DEGREE)[1]
         self.relaxation = relaxation_of(material)
         self._cell: CellFlow | None = None
-        if np.isfinite(self.relaxation[1]):
+        if np.isfinite(self.relaxation).all():
             bulk = material.E / (3.0 * (1.0 - 2.0 * material.nu))
-            self._cell = CellFlow(V.mesh, self.volumes, bulk, self.relaxation, material.yield_strength or np.inf)
+            self._cell = CellFlow(V.mesh, self.volumes, bulk, self.relaxation)
         self._law = self._weak_form(held=False)
         more = {name: (SHAPES[s],) if s else () for name, s in state.items() if name not in USUAL}
         self._committed, self._trial = (

@@ -35,16 +35,14 @@ def law_of(material: Material, flows: bool = True) -> _solver.Elastic | _solver.
     return law
 
 
-#: c of solver/relaxation.hpp, and T over the yield strength (docs/theory.md); an infinite T is no relaxation.
-RELAXATION = (0.7, 0.08)
-#: Greatest relief over the yield strength.
-MOST_RELIEF: float = _solver.most_relief
+#: Stresses S and T of solver/relaxation.hpp over the yield strength (docs/theory.md); infinite is no relaxation.
+RELAXATION = (0.2, 0.04)
 
 
 def relaxation_of(material: Material) -> tuple[float, float]:
-    """c and T [E] of solver/relaxation.hpp; T is infinite where nothing relaxes."""
+    """The stresses S and T of solver/relaxation.hpp [E]; infinite where nothing relaxes."""
     strength = material.yield_strength if material.relaxes else None
-    return RELAXATION[0], RELAXATION[1] * (strength or np.inf)
+    return RELAXATION[0] * (strength or np.inf), RELAXATION[1] * (strength or np.inf)
 
 
 class ElementKernels:
@@ -65,7 +63,7 @@ class ElementKernels:
 
     Attributes:
         linear: whether the tangent never changes
-        relaxation: c and T [E] of solver/relaxation.hpp; T is infinite where nothing flows
+        relaxation: the stresses S and T of solver/relaxation.hpp [E]; infinite where nothing flows
         volumes: of the quadrature points before deformation (cells, points) [L^3]
         plastic_points: that yielded in the last internal force
         inverted_points: that finite strain turned inside out there: no valid state
