@@ -192,3 +192,10 @@ def test_straight_lines_between_free_orbits(n: float) -> None:
     for name in ("omega_ratio", "u_min"):
         line = np.interp(middle.u0, rows.u0, getattr(rows, name))
         np.testing.assert_allclose(line, getattr(middle, name), rtol=1e-3)
+
+
+def test_an_orbit_near_rest_that_another_start_leads_to_is_not_missing() -> None:
+    """The linear response is far from it, with damping in contact only."""
+    oscillator = ContactOscillator(PowerLaw(3.3), zeta=0.0018998719793791121, damping="contact")
+    response = oscillator.response(0.028580478370612505)
+    assert response.at(0.5) and response.notes == ()

@@ -185,13 +185,15 @@ class Search:
         impedance = complex(1.0 - omega * omega, 2.0 * self.equation.zeta * omega)
         linear = force / max(abs(impedance), force) * impedance.conjugate() / (abs(impedance) or 1.0)
         rest = np.array([linear.real, -omega * linear.imag])  # of an amplitude of at most 1
-        known = len(self._paths)
+        known, notes = len(self._paths), len(self._lost)
         self._through("main", 1, rest, omega, abs(linear) + 1e-12)
         if len(self._paths) == known:
             _, y = self._lanes(1)
             y = np.concatenate([[rest, 0.3 * rest, 0.0 * rest], y[:: max(len(y) // _AT_EDGE, 1)]])
             for rough, _, amplitude in self._found(1, np.full(len(y), omega), y):
                 self._through("main", 1, rough, omega, amplitude)
+            if len(self._paths) > known:  # one of the other starts leads to it
+                del self._lost[notes:]
 
     def _lanes(self, order: int) -> tuple[Array, Array]:
         """Omega (starts,), and states (starts, 2) on free orbits up to the amplitude that the forcing sustains.
