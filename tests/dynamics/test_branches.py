@@ -199,3 +199,14 @@ def test_an_orbit_near_rest_that_another_start_leads_to_is_not_missing() -> None
     oscillator = ContactOscillator(PowerLaw(3.3), zeta=0.0018998719793791121, damping="contact")
     response = oscillator.response(0.028580478370612505)
     assert response.at(0.5) and response.notes == ()
+
+
+def test_two_folds_between_two_points_are_found() -> None:
+    """Omega turns as often along the rows of the branches as there are folds."""
+    oscillator = ContactOscillator(PowerLaw(3.976767426169466), zeta=0.08519362424378724, damping="contact")
+    response = oscillator.response(0.11089888030597267)
+    turns = 0
+    for branch in response.branches:
+        steps = np.diff(branch.Omega)
+        turns += np.count_nonzero(np.diff(np.sign(steps[steps != 0])))
+    assert len(response["fold"]) == turns == 4

@@ -83,6 +83,11 @@ class Restoring:
         for name, value in zip(("z_s", "scale", "n_loc", "a2", "a3", "kappa"), values, strict=True):
             object.__setattr__(self, name, float(value))
 
+    @cached_property
+    def cells(self) -> tuple[Array, Array]:
+        """Pieces of the law about the static deflection, see `Law.cells`."""
+        return self.law.cells(self.z_s)
+
     @property
     def contact(self) -> bool:
         """Whether contact is lost at u = -1."""
@@ -145,7 +150,7 @@ class Equation:
         edges: Array = np.empty(0)
         rows: Array = np.zeros((1, 8))
         if r.contact:
-            x, law = r.law.cells(r.z_s)
+            x, law = r.cells
             edges = np.append(_CLOSEST - 1.0 if law[0, 2] < 1.0 else -1.0, np.exp(x) / r.z_s - 1.0)
             rows = np.zeros((x.size + 2, 8))
             rows[0, 2] = -rest

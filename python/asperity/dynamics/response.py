@@ -177,7 +177,7 @@ def frequency_response(
 ) -> FrequencyResponse:
     """Compute all branches in a window; arguments and errors as in `ContactOscillator.response`.
 
-    `max_work` is that of `orbits.Tracing`, for all branches together.
+    `max_work` is that of `point.Tracing`, for all branches together.
     """
     rtol = min(max(_RTOL * tol, _FINEST), _COARSEST)
     how = Tracing(omega, (omega[1] - omega[0]) / 25.0, max_work)

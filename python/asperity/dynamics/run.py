@@ -251,14 +251,14 @@ def run_dynamics(
     if spread is not None and not (spread.origin and np.isfinite(spread.k_n.half)):
         spread = None  # nothing bounds the law, or a law that does not reach the preload
     bands = []
-    for f in settings.forcing if kind != "base" else ():
-        try:
-            if settings.bands and spread is not None and "exact" in oscillators:
+    if settings.bands and spread is not None and "exact" in oscillators:
+        if kind == "base":
+            notes.append("exact: no band of the response, which is for a force or an acceleration of the base")
+        for f in settings.forcing if kind != "base" else ():
+            try:
                 bands.append(response_band(exact, f, spread, settings.omega))
-        except AsperityError as error:
-            notes.append(f"exact, F^ = {f:g}: no band: {error}")
-    if settings.bands and kind == "base" and spread is not None and "exact" in oscillators:
-        notes.append("exact: no band of the response, which is for a force or an acceleration of the base")
+            except AsperityError as error:
+                notes.append(f"exact, F^ = {f:g}: no band: {error}")
     onsets = {name: oscillator.thresholds(settings.forcing, kind) for name, oscillator in oscillators.items()}
     if spread is not None:  # with the other laws and the error bar
         onsets = {name: replace(one, softening=spread.softening) for name, one in onsets.items()}

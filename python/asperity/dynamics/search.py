@@ -38,7 +38,7 @@ _AMPLITUDES = (0.05, 300.0)  # of free orbits: small ones, and those above which
 _MODERATE = 2.5  # amplitude up to which starts fill the states evenly
 _FAINT = 1e-4  # least of the largest amplitudes, far above round-off
 _POINTS = 12  # amplitudes on the backbone
-_MOST_LOST = 2.0  # of `Search.may_double`: up to 1.1 with orbits of period 2, in 250 random windows
+_MOST_LOST = 2.0  # of `Search.lost`: up to 1.1 with orbits of period 2, in 250 random windows
 _BEYOND = 1.2  # frequency over that of a resonance, beyond which the orbit is unique
 _BELOW = 0.5  # lowest frequency outside the window, over its low end
 _RESONANCES = 6  # main and superharmonic ones, at Omega = 1/k, between which an undamped branch starts
