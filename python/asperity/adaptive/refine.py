@@ -69,10 +69,10 @@ def refine(
         guide: half-space of the problem on rank 0, where there is one
 
     Raises:
-        InputError: target.max_dofs does not even allow the guide; the contact is a penalty too soft for an error bar;
-            or the kinematics of the material is not chosen yet
+        InputError: target.max_dofs does not even allow the first mesh; the contact is a penalty too soft for an error
+            bar; or the kinematics of the material is not chosen yet
         PartialResult: a load step does not converge before there is an error bar, the run was stopped, or
-            target.max_dofs allows no mesh except the guide
+            target.max_dofs allows no mesh except the first
 
     Examples:
         >>> from asperity.surface import Flat

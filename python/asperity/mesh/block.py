@@ -41,7 +41,7 @@ class BlockMesh:
         tets: node numbers of each element (M, 10) in the order of gmsh
         side: length L of the square base [length]
         height: height of the block [length]
-        smoothing: standard deviation of the Gaussian that smooths the surface at each node, see `lift.lift` (N,)
+        smoothing: standard deviation of the Gaussian that smooths the surface at each node, see `morph.lift` (N,)
             [length]; inf where a node inside has left its column; None where all heights are exact
         refinements: number of times the ranks split each element into eight, see `refine.refined`, before they lift the
             nodes onto the surface; the top of a mesh that is still to be refined is flat

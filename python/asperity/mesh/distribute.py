@@ -40,7 +40,7 @@ def distribute(
         are those of its local cells that do not depend on the ranks; those of its nodes are `input_global_indices`.
 
     Raises:
-        MeshError: opposite sides do not fit, see `shared_nodes.joined`, or no lift is possible, see `lift.lift`
+        MeshError: opposite sides do not fit, see `shared_nodes.joined`, or no lift is possible, see `morph.lift`
     """
     import basix.ufl
     import ufl

@@ -55,7 +55,7 @@ def build_block(
         refinements: see `BlockMesh`; `size` is that of the elements before them
 
     Raises:
-        MeshError: gmsh fails, or see `lift.lift`
+        MeshError: gmsh fails, or see `morph.lift`
 
     Examples:
         >>> wave = asp.Surface.from_spec("sinusoid", L=1.0, amplitude=0.01)

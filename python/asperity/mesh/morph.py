@@ -26,8 +26,10 @@ if TYPE_CHECKING:
     from asperity.surface import Surface
 
 SOUND = 0.1  # least ratio of the volume elements of a lifted and the flat element, at any point of it
-FIRST_WIDTH, WIDER = 0.1, 1.25  # standard deviation of the first Gaussian over the element size, and of two rounds
-SPREAD, SETTLED = 0.4, 1e-3  # fall of the width with the distance from them; relative change that is not passed on
+# standard deviation of the first Gaussian over the element size; ratio of the widths of two rounds, and of two limits
+FIRST_WIDTH, WIDER = 0.1, 1.25
+# fall of the width per distance from such elements; relative change that is not passed on
+SPREAD, SETTLED = 0.4, 1e-3
 WIDEST = 0.2  # greatest width over the element size, before nodes inside have moved; most of the summits stay exact
 LIMITS = 45  # number of such limits, each WIDER times the one before, until they are beyond the side of any block
 SWEEPS, TRIED = 60, 20  # of the nodes inside for each; until half of the elements must have become sound

@@ -42,7 +42,7 @@ def refined(mesh: Any, times: int, surface: Surface, height: float) -> tuple[Any
         its local cells
 
     Raises:
-        MeshError: see `lift.lift`
+        MeshError: see `morph.lift`
     """
     numbers = np.asarray(mesh.topology.original_cell_index)
     corners = mesh.geometry.x[compat.geometry_dofmap(mesh)[:, :4]]

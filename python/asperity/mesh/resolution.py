@@ -25,6 +25,7 @@ ELEMENTS = 1.5  # per wavelength: with fewer, the difference of two meshes does 
 SHARE = 0.25  # greatest height of unresolved waves, over the approach times the tolerance
 ONE_MESH = 0.05  # error of the force accepted without a tolerance
 MOST_LOWERED = 0.5  # change of height by smoothing, over the approach, beyond which the mesh is not of this surface
+CLOSE = 1.02  # ratio below which two sizes count as equal
 
 
 def unresolved_height(surface: Surface, h: float, delta: float) -> float:
@@ -45,7 +46,7 @@ def resolving_size(surface: Surface, delta: float, tolerance: float, largest: fl
     if enough(largest):
         return inf
     low, high = min(surface.feature_size / (4.0 * ELEMENTS), 0.5 * largest), largest
-    while high > 1.02 * low:
+    while high > CLOSE * low:
         middle = sqrt(low * high)
         low, high = (middle, high) if enough(middle) else (low, middle)
     return low
@@ -56,7 +57,7 @@ def doubt_of_waves(surface: Surface, h: float, delta: float) -> str:
     part = unresolved_height(surface, h, delta)
     if part <= SHARE * ONE_MESH:
         return ""
-    size, limit = min(resolving_size(surface, delta, ONE_MESH, h), h / 1.02), SHARE * ONE_MESH
+    size, limit = min(resolving_size(surface, delta, ONE_MESH, h), h / CLOSE), SHARE * ONE_MESH
     digit = 10.0 ** (floor(log10(size)) - 1)
     size = floor(size / digit) * digit  # rounded down, so that it is another size and resolves them
     cutoff = shortest_cutoff(surface, delta, lambda filtered, depth: unresolved_height(filtered, h, depth) <= limit)
@@ -68,7 +69,7 @@ def doubt_of_waves(surface: Surface, h: float, delta: float) -> str:
 
 
 def lowered_height(top: Floats, surface: Surface, height: float, delta: float, comm: MPI.Comm) -> float:
-    """Rms change of height by smoothing (see `lift.lift`) of the nodes that the flat would meet, over the approach.
+    """Rms change of height by smoothing (see `morph.lift`) of the nodes that the flat would meet, over the approach.
 
     `top` are the nodes there that this rank owns (n, 3) [length]; collective.
     """

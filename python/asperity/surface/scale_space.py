@@ -60,6 +60,10 @@ class ScaleSpace:
                 used = np.flatnonzero((below == j) & (weights[i] != 0))
                 if used.size:
                     z[used] += weights[i, used] * self._level(min(level, self._last))(px[used], py[used])
+        inside = np.flatnonzero(start & (t > 0.0))  # at steps of a map the quadratic leaves both levels
+        if inside.size:
+            ends = [self._level(k)(px[inside], py[inside]) for k in (0, 1)]
+            z[inside] = np.clip(z[inside], np.minimum(*ends), np.maximum(*ends))
         return z.reshape(points[0].shape)
 
     def _level(self, level: int) -> Heights:
