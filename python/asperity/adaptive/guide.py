@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cache
 from math import inf
 from typing import TYPE_CHECKING
 
@@ -153,6 +154,7 @@ def approach_of_force(problem: Problem) -> float:
     # all of the surface in contact, and the block below compressed
     deepest = summit - float(heights.min()) + wanted * height * solid.reduced_modulus / solid.E
 
+    @cache
     def missing(delta_star: float) -> float:
         """What is missing of the force, in a power of it that a single contact makes straight."""
         found = layer.curve(heights, summit, [delta_star], tolerance=1e-2).P_star[0]

@@ -111,8 +111,10 @@ def dynamics(
     tangential = direction == "tangential"
     if tangential and source is None:
         raise InputError("--direction tangential needs the folder of a run with [slip]")
-    alien = set(settings) - {"preload", "gravity", "forcing", "zeta"} if tangential else {"law", "overload"}
-    for name in settings if tangential or source is None else ():
+    alien = {"law", "overload"} if source is None else set[str]()
+    if tangential:
+        alien = set(settings) - {"preload", "gravity", "forcing", "zeta"}
+    for name in settings:
         if name in alien and settings[name] is not None:
             raise InputError(f"--{name} is for {'the normal direction' if tangential else 'a curve'}: leave it out")
     if tangential:

@@ -35,8 +35,10 @@ def row(case: str, quantity: str, source: str, reference: float, value: float, b
     Error and bar are relative to the reference, absolute where it is zero.
     """
     error = abs(reference - value) / (abs(reference) or 1.0)
-    names = ("case", "quantity", "source", "reference", "value", "bar", "error", "passed")
-    return dict(zip(names, (case, quantity, source, reference, value, bar, error, error <= bar), strict=True))
+    return {
+        "case": case, "quantity": quantity, "source": source, "reference": reference, "value": value, "bar": bar,
+        "error": error, "passed": error <= bar,
+    }  # fmt: skip
 
 
 def patch() -> Iterator[dict[str, Any]]:
@@ -144,9 +146,14 @@ def verify(names: tuple[str, ...], as_json: bool) -> None:
     if as_json:
         options.print_json(rows)
     else:
-        form = "{case}|{quantity}|{source}|{reference:.5g}|{value:.5g}|{error:.1e}|{bar:.1e}|{pass}"
-        texts = (form.format(**one, **{"pass": "yes" if one["passed"] else "NO"}) for one in rows)
-        options.table("Verification", (tuple(text.split("|")) for text in texts), HEADER)
+        texts = (
+            (
+                one["case"], one["quantity"], one["source"], f"{one['reference']:.5g}", f"{one['value']:.5g}",
+                f"{one['error']:.1e}", f"{one['bar']:.1e}", "yes" if one["passed"] else "NO",
+            )
+            for one in rows
+        )  # fmt: skip
+        options.table("Verification", texts, HEADER)
     missed = [f"{one['case']}: {one['quantity']}" for one in rows if not one["passed"]]
     if missed:
         raise ConvergenceError(f"{len(missed)} of {len(rows)} rows outside their bar ({'; '.join(missed)})")

@@ -107,9 +107,11 @@ class FormKernels(ElementKernels):
     def _write(self, law: Any, history: History, u: Floats, values: Floats | Singles, shift: float = 0.0) -> None:
         from scipy import sparse
 
-        added = shift * self._at_rest if shift > 0.0 and self._material.finite else 0.0
+        added = shift * self._at_rest if shift > 0.0 and self._material.finite else None
         self._set(law, u, history)
-        blocks, pattern = law.matrix.blocks() + added, self._sparsity
+        blocks, pattern = law.matrix.blocks(), self._sparsity
+        if added is not None:
+            blocks += added
         if self._cell is not None and not law.held:
             rows, cells = law.measure_rows, self._cell.flowing  # compiled together, flowing or not
             flow, nodes = self._cell.stiffness(rows(cells)), self._cell_nodes[cells]
@@ -126,6 +128,7 @@ class FormKernels(ElementKernels):
         """Free stored matrices; they are made again when they are needed."""
         for forms in {self._law, self.__dict__.get("_held", self._law)}:
             forms.matrix.drop()
+        self.__dict__.pop("_at_rest", None)
 
     def energy(self, u: Floats) -> Floats:
         """Energy per volume before deformation (cells, points) [E], where the law is one."""

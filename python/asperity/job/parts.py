@@ -89,10 +89,12 @@ class SolvedCase:
         elif case.mesh.file is None and tolerance is None:  # a run with a tolerance may have no bar
             h = case.mesh.h_contact
         change = None if self.strain is None else (self.strain.percent, self.strain.limit)
-        joint = case.joint
-        side = case.surface.L if joint is None or joint.nominal_area is None else math.sqrt(joint.nominal_area)
-        if case.joint is not None and (load := (settings := _settings(case)).load) is not None:
-            patches = spread_of_patches(self.problem, load / settings.factor / case.surface.L**2)
+        joint, side = case.joint, case.surface.L
+        if joint is not None:
+            side = side if joint.nominal_area is None else math.sqrt(joint.nominal_area)
+            settings = _settings(case)
+            if settings.load is not None:
+                patches = spread_of_patches(self.problem, settings.load / settings.factor / case.surface.L**2)
         return Evidence(
             self.contact.curve, self.problem, si=case.units == "SI", tolerance=tolerance, h=h, roughness=roughness,
             small_strain=change, density=case.material.density, vibration=vibration, side=side,

@@ -1,7 +1,7 @@
 """Arrays whose rows are spread over the ranks in equal blocks: filled from any ranks, looked up, passed to rank 0.
 
-No rank holds more than two blocks and the rows that it gives or wants. Rows travel as they are in memory, without
-pickling.
+No rank holds more than two blocks and the rows that it gives or wants, except rank 0, which holds a whole array that it
+reads from a file or collects. Rows travel as they are in memory, without pickling.
 """
 
 from __future__ import annotations

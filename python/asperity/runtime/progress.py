@@ -149,8 +149,7 @@ class StepLines(LevelLines):
         super().__init__(live=False)
 
     def stage(self, name: str) -> None:
-        self._name, self._state, self._first, self._steps = name, "", None, 0
-        self._last = time.monotonic()
+        super().stage(name)
         _write(f"{self._time()} {name}")
 
     def step(self, row: Mapping[str, Any], fraction_done: float) -> None:

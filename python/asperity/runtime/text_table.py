@@ -27,9 +27,7 @@ BLANK = frozenset(
 WIDE = 8  # cells from which a row of numbers is one of a table, whatever follows
 _NUMBER = re.compile(r"[-+]?(\d[\d.,]*|[.,]\d+)([eEdD][-+]?\d+)?")
 _MARKS = ((".", ","), (",", "."))  # of decimals, and of groups of digits
-_GROUPS = {
-    point: re.compile(rf"[-+]?\d{{1,3}}(\{mark}\d{{3}})+(\{point}\d*)?") for point, mark in ((".", ","), (",", "."))
-}
+_GROUPS = {point: re.compile(rf"[-+]?\d{{1,3}}(\{mark}\d{{3}})+(\{point}\d*)?") for point, mark in _MARKS}
 _COMMENT = ("#", "%", "!")
 
 
