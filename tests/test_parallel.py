@@ -103,6 +103,8 @@ def test_fields_are_numbered_like_the_mesh_on_any_ranks(
 ) -> None:
     """Snapshots gathered from all ranks against those of one."""
     one, all_ = solve_both(rough, coarse, PLASTIC, steps=2, snapshots=2)
+    for a, b in zip(all_.snapshots, one.snapshots, strict=True):
+        assert (a.step, a.branch, a.delta) == (b.step, b.branch, pytest.approx(b.delta))
     together = stored_fields(all_, shared_path / "together.vtkhdf")
     alone = stored_fields(one, shared_path / f"alone{world().rank}.vtkhdf")
     assert alone is not None

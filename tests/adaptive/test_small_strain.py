@@ -101,6 +101,16 @@ def test_a_solver_refuses_what_is_not_decided() -> None:
         Material(1.0, 0.3, kinematics="large")
 
 
+def test_slopes_are_a_limit_of_small_strain_alone() -> None:
+    steep = Surface.from_spec("weierstrass-mandelbrot", L=1.0, D=2.4, G=1.36e-5)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        for kinematics in ("finite", "auto"):
+            Problem.of(steep, Material(1.0, 0.3, kinematics=kinematics), delta_max=0.01)
+    with pytest.warns(UserWarning, match="rms slope"):
+        Problem.of(steep, Material(1.0, 0.3), delta_max=0.01)
+
+
 @pytest.mark.mpi
 def test_the_choice_and_its_record_are_the_same_on_any_number_of_ranks(shared_path: Path) -> None:
     problem = Problem.of(Sinusoid(L=1.0, amplitude=0.02, dims=2), AUTO, delta_max=0.01, steps=3)

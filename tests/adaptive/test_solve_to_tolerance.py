@@ -14,7 +14,8 @@ import pytest
 from conftest import ELASTIC, PLASTIC, here, world
 
 import asperity as asp
-from asperity.adaptive.extrapolation import limit_of_meshes, loading_force
+from asperity.adaptive.extrapolation import limit_of_meshes, loading_force, steady
+from asperity.adaptive.guide import planned_steps
 from asperity.adaptive.mesh_plan import (
     DOFS_ORDER,
     EDGE_ORDER,
@@ -91,6 +92,11 @@ def test_meshes_that_agree_by_chance_at_one_step_do_not_move_its_limit() -> None
     assert np.mean(error <= np.hypot(bar, 2.0 * 0.004)) > 0.95  # of the finer mesh the area shows it
 
 
+def test_a_mesh_without_a_force_is_not_extrapolated() -> None:
+    factor, bar = limit_of_meshes(np.array([0.0, 1.1, 1.1]), np.array([0.1, 0.0, 1.0]), 2.0)
+    assert list(factor[:2]) == [1.0, 1.0] and factor[2] < 1.0 and np.all(np.isfinite(bar))
+
+
 @pytest.mark.parametrize(("singular", "order"), [(0.0, MESH_ORDER), (1.0, EDGE_ORDER)])
 def test_the_next_mesh_meets_the_bar_of_a_force_of_the_typical_order(singular: float, order: float) -> None:
     """Or of the order of a singular pressure; a very wide bar takes more than one mesh."""
@@ -112,6 +118,13 @@ def test_a_mesh_is_never_extrapolated_from_one_of_nearly_its_size() -> None:
     """Scatter would hide the order; max_dofs can make the last mesh hardly finer than the one before."""
     assert [partner([2.0, 1.0, last]) for last in (1.0 / LEAST_RATIO, 0.8, 1.0)] == [1, 0, 0]
     assert partner([2.0, 1.0]) == 0 and partner([2.0, 1.0, 0.8, 0.4]) == 2
+
+
+def test_bars_do_not_vanish_with_a_change_of_sign() -> None:
+    error = np.array([0.02, 0.01, 0.0, -0.01, -0.02])
+    bars = steady(error)
+    assert np.all(bars >= np.abs(error))
+    assert bars[2] == pytest.approx(np.sqrt(np.mean(error**2)))
 
 
 @pytest.mark.parametrize(
@@ -186,6 +199,16 @@ def test_the_bar_holds_the_error_against_an_independent_solution(
     json.dumps(result.to_dict(), allow_nan=False)
 
 
+def test_unloading_follows_an_extrapolated_elastic_plastic_loading() -> None:
+    """The finest curve is scaled as a whole at its greatest load, and keeps the bar it has there."""
+    result = solve_contact(bump(), PLASTIC, tolerance=AccuracyTarget(0.2), delta_max=0.04, steps=3, unload_steps=2)
+    curve, raw = result.curve, result.raw
+    last = int(np.flatnonzero(curve.branch == "load")[-1])
+    assert result.met and curve.branch[last + 1] == "unload"
+    np.testing.assert_allclose(curve.P_star[last:] * raw.P_star[last], raw.P_star[last:] * curve.P_star[last])
+    assert np.all(curve.error_P_star[last:] == curve.error_P_star[last])
+
+
 @pytest.mark.mpi
 def test_a_run_with_a_tolerance_does_not_depend_on_the_ranks() -> None:
     together, alone = (
@@ -205,6 +228,12 @@ def test_one_step_and_steps_without_force() -> None:
     assert loading_force(Curve.from_rows(rows), np.array([0.05, 0.6])) == pytest.approx([0.025, 0.6])
     with pytest.raises(asp.InputError, match=r"the force is zero in every step"):
         loading_force(Curve.from_rows(rows[:1]), np.array([0.1]))
+
+
+@pytest.mark.parametrize(("steps", "solved"), [(1, 5), (2, 6), (3, 6), (4, 8), (5, 5), (12, 12)])
+def test_few_planned_steps_are_divided_until_their_bars_support_each_other(steps: int, solved: int) -> None:
+    """The difference of two meshes at one approach may vanish by chance, and with it the bar."""
+    assert planned_steps(steps) == solved
 
 
 def test_limit_ends_the_refinement_with_what_is_known() -> None:

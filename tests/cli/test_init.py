@@ -67,6 +67,18 @@ def test_the_commented_defaults_are_the_defaults(kind: str, solid: str, tmp_path
     assert Case.load(full) == Case.load(plain)
 
 
+@pytest.mark.parametrize(("kind", "solid"), [("weierstrass-mandelbrot", "plastic"), ("flat", "elastic")])
+def test_the_case_runs(kind: str, solid: str, tmp_path: Path) -> None:
+    """Here with large elements and few steps."""
+    path = tmp_path / "case.toml"
+    path.write_text(starting_case(kind, solid), encoding="utf-8")
+    quick = ["mesh.h_contact=0.24e-6", "mesh.growth=1.0", "loading.steps=3", "accuracy.tolerance="]
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        curve = asp.run(Case.load(path, quick)).curve
+    assert curve.delta[-1] == pytest.approx(Case.load(path).loading.delta_max) and curve.force[-1] > 0
+
+
 def test_a_joint_is_in_the_numbers_of_the_user(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """The load path reaches twice the pressure of the preload, and returns."""
     path = tmp_path / "joint.toml"

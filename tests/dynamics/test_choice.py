@@ -153,6 +153,21 @@ def test_an_overload_leaves_the_small_vibration_elastic_and_yields_above_it() ->
     assert not any("yields" in note for note in weak.notes)
 
 
+def test_small_motion_over_the_kink_is_integrated_on_both_sides() -> None:
+    """Just below the greatest force: the potential is the integral of the force."""
+    law, load = law_from(contact(), load=0.999 * C)
+    r = asp.ContactOscillator(law, load=load).restoring
+    kink = r.law.yields_at / r.z_s - 1.0
+    assert 0 < kink < 1e-2
+    for u in (0.5 * kink, 2 * kink, 0.03, kink + 0.06, 0.4):
+        pieces = np.concatenate([np.linspace(0.0, min(u, kink), 4001), np.linspace(min(u, kink), u, 40001)])
+        exact = np.trapezoid(r.f(pieces), pieces)
+        potential = float(law.potential(r.z_s * (1 + u)) - law.potential(r.z_s)) / (r.scale * r.z_s) - u / r.n_loc
+        rounding = 1e-12 if u < kink else 0.0  # of a difference of large numbers
+        assert potential == pytest.approx(exact, rel=1e-5, abs=rounding)
+    assert asp.ContactOscillator(law, load=load).free([1e-3, 0.02, 0.1]).tolerance < 1e-6
+
+
 @pytest.mark.parametrize(
     ("options", "error", "words"),
     [

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import shutil
+import subprocess
+import sys
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 import pytest
-from conftest import ELASTIC, assembled, here, world
+from conftest import ELASTIC, MPIRUN, assembled, here, world
 from j2_path import confined_stress
 from scipy import sparse
 
@@ -441,3 +444,28 @@ def test_near_null_space_is_orthonormal_and_rigid(coarse: BlockMesh | None) -> N
     for v in basis:
         A.mult(v, y)
         assert y.norm() < 1e-13 * scale
+
+
+#: Ghosts on more ranks than the tests run on, where a rank may hold nodes that it shares with some of the others only.
+GHOSTS = """
+import numpy as np
+from asperity.runtime import compat
+compat.start()
+from asperity.fem.ghosts import Ghosts
+from dolfinx.fem import functionspace
+from dolfinx.mesh import create_unit_cube
+from mpi4py import MPI
+
+for n in (2, 3, 4):
+    V = functionspace(create_unit_cube(MPI.COMM_WORLD, n, n, n), ("Lagrange", 2, (3,)))
+    points, owned = V.tabulate_dof_coordinates(), V.dofmap.index_map.size_local
+    found = Ghosts(V.dofmap.index_map).scatter_forward(points[:owned].copy())
+    assert np.allclose(found, points, rtol=0, atol=1e-14)
+"""
+
+
+@pytest.mark.skipif(shutil.which("mpirun") is None, reason="there is no mpirun")
+def test_ghosts_have_the_numbers_of_their_owners_on_four_ranks() -> None:
+    command = [*MPIRUN, "4", sys.executable, "-c", GHOSTS]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=120)
+    assert done.returncode == 0, done.stderr

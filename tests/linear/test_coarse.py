@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from conftest import world
+from conftest import ELASTIC, world
 from scipy import sparse
 
 from asperity import _solver
@@ -17,6 +17,9 @@ from asperity.linear import coarse as coarse_problem
 from asperity.linear.coarse import Distributed, Substructures, interface_of, make_coarse
 from asperity.mesh.block import BlockMesh
 from asperity.mesh.distribute import distribute
+from asperity.model.settings import SolverOptions
+from asperity.quasistatic.make import make_contact_solver
+from asperity.surface import Surface
 
 pytestmark = pytest.mark.skipif(not hasattr(_solver, "Cholesky"), reason="built without CHOLMOD")
 
@@ -167,3 +170,19 @@ def test_way_to_solve_the_coarse_problem(coarse: BlockMesh | None, monkeypatch: 
         assert kind() is Distributed
     monkeypatch.delattr(_solver, "Cholesky")
     assert kind() is Distributed
+
+
+@pytest.mark.mpi
+def test_a_path_without_cholmod_is_the_usual_one(
+    rough: Surface, coarse: BlockMesh | None, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Force and iterations as with it, and no rescue."""
+    options = SolverOptions(linear="cg")
+    usual = make_contact_solver(world(), rough, coarse, ELASTIC, options=options)
+    monkeypatch.delattr(_solver, "Cholesky")
+    without = make_contact_solver(world(), rough, coarse, ELASTIC, options=options)
+    for solver in (usual, without):
+        for delta in (0.01, 0.02, 0.015):
+            assert solver.step(delta).converged
+        assert solver.counts.direct == 0
+    assert without.force == pytest.approx(usual.force, rel=1e-6)

@@ -23,6 +23,11 @@ def change(curve: Curve, row: int, **values: object) -> Curve:
     return Curve.from_rows(rows, curve.header)
 
 
+def test_equal_curves_have_no_differences():
+    assert compare_curves(make_curve(), make_curve()) == []
+    assert compare_curves(make_curve(), change(make_curve(), 1, seconds=9.0, krylov=1)) == []
+
+
 def test_differences_name_column_row_and_size():
     reference = make_curve()
     largest = reference.force.max()

@@ -8,7 +8,8 @@ import warnings
 import weakref
 from collections.abc import Callable
 from dataclasses import asdict, replace
-from typing import Any
+from types import SimpleNamespace
+from typing import Any, cast
 
 import numpy as np
 import numpy.typing as npt
@@ -29,7 +30,7 @@ from asperity.quasistatic.contact_solver import ContactSolver
 from asperity.quasistatic.make import make_contact_solver
 from asperity.quasistatic.midpoint import extrapolate
 from asperity.quasistatic.newton import NewtonSolver, StepStats
-from asperity.quasistatic.stepping import GROWTH, SMALLEST_CUT, Record, follow
+from asperity.quasistatic.stepping import GROWTH, SMALLEST_CUT, Record, _find_force, follow
 from asperity.surface import Flat, Surface
 
 Array = npt.NDArray[np.float64]
@@ -224,6 +225,26 @@ def test_force_control_hits_its_force(press_of: Callable[..., ContactSolver], ma
     assert again.force == pytest.approx(force_max, rel=1.1e-6)  # found to 1e-6, and solved twice to 1e-8
 
 
+@pytest.mark.parametrize("n", [1.1, 3.0])
+@pytest.mark.parametrize("ends", [(0.9, 1.02), (0.0, 1.5)], ids=str)
+def test_the_force_is_found_in_few_solves(n: float, ends: tuple[float, float]) -> None:
+    """Of a power law; bisection to 1e-6 takes 20."""
+    tried: list[float] = []
+
+    class Solver:
+        delta, force = ends[0], ends[0] ** n
+
+        def solve(self, target: float) -> Any:
+            tried.append(target)
+            return SimpleNamespace(converged=True)
+
+        def solved_force(self) -> float:
+            return (tried[-1] if tried else ends[1]) ** n
+
+    target, _ = _find_force(cast(Any, Solver()), 1.0, ends[1], cast(Any, None))
+    assert target**n == pytest.approx(1.0, rel=1e-6) and len(tried) <= 8
+
+
 @EACH
 def test_cycles(press_of: Callable[..., ContactSolver], material: Material) -> None:
     solver = press_of(material)
@@ -322,6 +343,20 @@ def test_matrices_that_are_dropped_are_made_again(press_of: Callable[..., Contac
     for solver in (kept, dropped):
         assert solver.release().converged
     assert dropped.delta == pytest.approx(kept.delta, abs=1e-9)
+
+
+@pytest.mark.mpi
+def test_the_solvers_of_dropped_matrices_are_destroyed(press_of: Callable[..., ContactSolver]) -> None:
+    """On several ranks PETSc puts objects aside that are released, and their matrices with them."""
+    solver = press_of(PLASTIC, linear="cg")
+    assert solver.step(0.01).converged
+    linear = solver.newton.linear
+    multigrid = linear.multigrid
+    assert multigrid is not None
+    left = [weakref.ref(x) for x in (linear, multigrid, multigrid._tangent, multigrid._coarse)]
+    del linear, multigrid
+    solver.drop_matrices()
+    assert [x() for x in left] == [None] * 4
 
 
 @pytest.mark.mpi

@@ -17,7 +17,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from conftest import files, world
+from conftest import call, files, world
 
 from asperity.case import Case
 from asperity.curve import Curve
@@ -420,6 +420,34 @@ def test_a_run_killed_while_it_is_replaced_can_be_replaced_again(tmp_path: Path)
 def test_the_list_names_every_picture_and_each_file_once() -> None:
     assert {*CAPTIONS, "scene"} == set(PICTURES)
     assert len(set(PRODUCTS)) == len(PRODUCTS)
+
+
+# --- cases ----------------------------------------------------------------------------------------------------
+
+
+def output_of_the_command(case: Case, out: Path, capsys: pytest.CaptureFixture[str]) -> tuple[int, list[str]]:
+    """Exit code and lines of a run, without their prefixes."""
+    path = out.with_suffix(".toml")
+    path.write_text(case.to_toml(), encoding="utf-8")
+    code = call("run", path, "-o", out, "-q")
+    lines = capsys.readouterr().err.splitlines()
+    return code, [line.partition(": ")[2] for line in lines]
+
+
+def test_warnings_about_a_case_are_those_of_the_command(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """An unused key, and a modulus and a side that are not in Pa and m."""
+    case = case_of(contact={"penalty": 20.0}, output={"fields": False})
+    case = Case.from_dict({**case.to_dict(), "units": "SI"})
+    with pytest.warns(CaseWarning) as caught:
+        run(case, tmp_path / "python")
+    texts = [str(w.message) for w in caught]
+    assert len(texts) == 3 and "material.E = 1 is taken as Pa" in texts[0] and "surface.L = 1 is taken as m" in texts[1]
+    assert "contact.penalty = 20 is not used" in texts[2]
+    code, lines = output_of_the_command(case, tmp_path / "out", capsys)
+    assert code == 0 and lines == texts
+    for out in ("python", "out"):
+        summary = json.loads((tmp_path / out / "summary.json").read_text())
+        assert summary["warnings"] == texts
 
 
 # --- ranks ----------------------------------------------------------------------------------------------------

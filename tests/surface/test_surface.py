@@ -418,6 +418,13 @@ def test_a_sampled_fractal_has_the_same_summit():
     copy = HeightMap.of(surface.grid(257), L)
     for a, b in zip(copy.maximum(), surface.maximum(), strict=True):
         assert a == pytest.approx(b, rel=1e-5)
+    s = np.linspace(0, L, 33)
+    for grid, points in (
+        *zip(copy.grid_gradient(33), copy.gradient(s[None, :], s[:, None]), strict=True),
+        *zip(copy.grid_hessian(33), copy.hessian(s[None, :], s[:, None]), strict=True),
+        (copy.grid(33), copy.height(s[None, :], s[:, None])),
+    ):
+        np.testing.assert_allclose(grid, points, rtol=1e-10, atol=1e-12 * abs(points).max())
     xx, xy, yy = copy.grid_hessian(513)
     assert (abs((xx + yy) / 2) + np.hypot((xx - yy) / 2, xy)).max() <= copy.curvature_bound()
 
