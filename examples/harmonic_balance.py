@@ -133,10 +133,8 @@ def largest(coefficients: Any) -> Any:
 def sideways(sliders: Path) -> tuple[float, float]:
     """Return pyHarm's amplitude and frequency at the resonance on sliders over ours, the latter by one harmonic."""
     module = runpy.run_path(str(sliders))
-    k, f = (
-        module["K"] / module["K"].sum(),
-        module["F"],
-    )  # lengths in units of the limit of friction over the stiffness at rest
+    # lengths in units of the limit of friction over the stiffness at rest
+    k, f = module["K"] / module["K"].sum(), module["F"]
     jenkins = {
         f"slider{i}": {"type": "Jenkins", "connect": {"mass": [0]}, "dirs": [0], "k": k[i], "mu": 1.0, "N0": f[i]}
         for i in range(k.size)

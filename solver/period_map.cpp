@@ -323,7 +323,7 @@ struct Motion
   }
 };
 
-/// Map `lanes` (n, 7): u, v, Omega, F, dF/dOmega, phase at the start, length in s; NaN, but for the number
+/// Map `lanes` (n, 7): u, v, Omega, F, dF/dOmega, phase at the start, length in s; NaN, except the number
 /// of steps, for a motion that escapes or takes too many.
 void period_map(const Array<const double>& edges, const Array<const double>& cells, double rest, double of_force,
                 double zeta, double limit, double rtol, bool derivatives, const Array<const double>& lanes,

@@ -43,7 +43,7 @@ class GeneralisedAlpha:
     Attributes:
         rho_inf: in [0, 1], the factor a step by which motion is damped that it cannot resolve. With 1 the energy of a
             linear solid is conserved, but the force of a node that meets the plate oscillates without end, because its
-            velocity jumps; with 0 the first modes of the block are damped too. docs/verification.md uses 0.8.
+            velocity jumps; with 0 the first modes of the block are damped too. The default is 0.8.
 
     Raises:
         InputError: rho_inf is outside [0, 1]

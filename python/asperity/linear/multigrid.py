@@ -42,7 +42,7 @@ class PMultigrid:
 
     Attributes:
         ready: whether the last update succeeded
-        measures: whether `energy` will be asked for after each V-cycle
+        measures: whether `energy` is computed after each V-cycle
     """
 
     def __init__(self, tangent: TangentOperator, symmetric: bool = True) -> None:

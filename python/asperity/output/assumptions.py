@@ -33,7 +33,7 @@ SHORT_RANGE = 0.1  # greatest range of the attraction over the gaps next to cont
 POINTS = 257  # per side, for slope and curvature
 SLOW = 0.1  # frequency over the first one of the block: its stiffness is 0.8 % lower than that of a static block
 NEGLIGIBLE = 0.1  # part of the damping ratio that may be left out
-LOCKING = 70.0  # excess of the force over h/L: 4.7, 2.9 and 1.6 % at 0.08, 0.04 and 0.02, the greatest of three [%]
+LOCKING = 70.0  # excess of the force over h/L, the greatest of three surfaces [%]
 TWO_BODIES = 0.7  # force of one block over that of two, the greatest difference of four pairs in CalculiX [%]
 DIFFERENT = 20.0  # change of the stiffness beyond which a patch does not stand for its joint [%]
 
