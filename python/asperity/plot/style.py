@@ -12,6 +12,7 @@ from typing import Any, ParamSpec
 import matplotlib as mpl
 import numpy as np
 from matplotlib.axes import Axes
+from matplotlib.backend_bases import get_registered_canvas_class
 from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter, ScalarFormatter
 
@@ -115,7 +116,9 @@ def save(figure: Figure, path: str | Path) -> Path:
     form = path.suffix[1:] or "png"
     fixed: dict[str, Any] = {"metadata": dict.fromkeys(("Creator", "Date", "Format", "Type"))} if form == "svg" else {}
     with mpl.rc_context(settings() | {"svg.hashsalt": path.stem}):
-        figure.savefig(picture, dpi=DPI, format=form, **fixed)
+        figure.set_dpi(DPI)
+        canvas = get_registered_canvas_class(form)(figure)
+        getattr(canvas, f"print_{form}")(picture, **fixed)  # `Figure.savefig` draws twice
     replace_file(path, picture.getvalue())
     return path
 
