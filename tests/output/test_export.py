@@ -119,6 +119,33 @@ def test_a_deck_begins_at_zero_and_rises(folder: Path, program: str) -> None:
     assert any("Pa/m" in line for line in head) and any("k_t at" in line for line in head)
 
 
+@pytest.mark.parametrize(("law", "kinds"), [("table", ["COMP", "LUNL"]), ("unload-reload", ["COMP"])])
+def test_a_gasket_of_ansys_has_the_curve_and_the_slopes_of_its_unloading(
+    folder: Path, law: str, kinds: list[str]
+) -> None:
+    lines = asp.export(folder, "ansys", law=law).read_text(encoding="ascii").splitlines()
+    curves: dict[str, Any] = {}
+    for line in (line for line in lines if line[0] != "!"):
+        if line.startswith("TB,"):
+            *key, count, kind = line.split(",")
+            assert key == ["TB", "GASKET", "asperity", "1"]
+            curves[kind] = (int(count), [])
+        elif line.startswith("TBPT,,"):
+            curves[kind][1].append([float(x) for x in line.split(",")[2:]])
+        else:
+            assert line.startswith("asperity = 1 ")
+    assert list(curves) == kinds and all(count == len(rows) > 20 for count, rows in curves.values())
+    z, p = np.array(curves["COMP"][1]).T
+    assert (np.diff(z) > 0).all() and z[0] < 0.03 * z[-1]
+    if law == "table":
+        np.testing.assert_allclose(p, pressure(z), rtol=1e-3)
+        closure, slope = np.array(curves["LUNL"][1]).T
+        np.testing.assert_allclose(slope, 1.25 * 2 * P0 * closure / Z0**2, rtol=1e-2)
+        assert closure[-1] == z[-1] == pytest.approx(Z0, rel=1e-6)
+    else:
+        np.testing.assert_allclose(p, P0 * (z / (Z0 - RESIDUE)) ** 1.5, rtol=3e-3)
+
+
 def test_a_csv_file_holds_stiffness(folder: Path, tmp_path: Path) -> None:
     path = asp.export(folder, "csv", tmp_path / "other.csv")
     with path.open() as file:
@@ -149,8 +176,8 @@ def test_the_module_needs_numpy_only_and_has_a_continuous_slope(folder: Path) ->
 
 
 def test_what_cannot_be_exported_is_refused(folder: Path) -> None:
-    with pytest.raises(InputError, match='to = "ansys" is unknown'):
-        asp.export(folder, "ansys")
+    with pytest.raises(InputError, match='to = "marc" is unknown'):
+        asp.export(folder, "marc")
     with pytest.raises(InputError, match='law = "paper" is not for an export'):
         asp.export(folder, "csv", law="paper")
     (folder / "case.toml").unlink()

@@ -64,9 +64,10 @@ def export(folder: str, to: str, output: str | None, **settings: Any) -> None:
     """Write the contact of a run for another program.
 
     Nominal pressure over the approach of the mean planes, from first touch: a contact property to include in a deck of
-    CalculiX or Abaqus, a CSV file, or a Python module with force and stiffness that needs NumPy only. With the section
-    [slip] of the case also friction and stick slope in a deck, and the tangential force as an array of sliders. --to
-    mesh writes the rough block itself: FILE.inp for CalculiX and Abaqus, .msh, .vtu, .stl, .bdf or .unv.
+    CalculiX or Abaqus, a gasket material of ANSYS, a CSV file, or a Python module with force and stiffness that needs
+    NumPy only. With the section [slip] of the case also friction and stick slope in a deck of the first two, and the
+    tangential force as an array of sliders. --to mesh writes the rough block itself: FILE.inp for CalculiX and Abaqus,
+    .msh, .vtu, .stl, .bdf or .unv.
     """
     from asperity.output import export as exporting
 

@@ -63,6 +63,7 @@ class Interface:
         conduction: nominal pressure, conductance per nominal area h and its error bar at the steps with contact, at
             rising pressure, (rows, 3); no rows where unknown
         preload: nominal pressure of the joint [force/length^2]
+        yields: whether an unloading leaves the table, with the slope k_n_elastic
     """
 
     approach: Array
@@ -77,6 +78,7 @@ class Interface:
     patch: float = np.nan
     conduction: Array = field(default_factory=lambda: np.empty((0, 3)))
     preload: float = np.nan
+    yields: bool = False
 
     @property
     def h(self) -> Array:
@@ -147,9 +149,10 @@ def interface(folder: str | Path, law: str = "table", load: float | None = None)
         of_patch = slip_of_case(case.to_dict(), curve, case.slip.preload or load)
         about += of_patch.notes
         slip = replace(of_patch.law, block=(of_patch.law.block[0], 0.0))
+    yields = law == "table" and bool(np.any(curve.max_plastic_strain > 0))
     conduction = np.stack(results.gap_conductance(), axis=1)
     conduction = conduction[columns.rising(rows & (conduction[:, 1] > 0) & (curve.force > 0))]
-    return Interface(z, pressure, slope, k_n, k_n_elastic, k_t, area, about, slip, patch, conduction, preload)
+    return Interface(z, pressure, slope, k_n, k_n_elastic, k_t, area, about, slip, patch, conduction, preload, yields)
 
 
 def export(
@@ -160,10 +163,10 @@ def export(
     Args:
         folder: of the run
         to: "calculix" or "abaqus" (a contact property with tabular pressure-overclosure, to be included in a deck),
-            "csv", or "python" (a module that needs NumPy only: force and stiffness over the approach). With
-            `material.conductivity` the decks have the conductance of the gap too. With the section [slip] they have
-            friction and stick slope, and "sliders-python" (a module with state) is the tangential force as an array of
-            sliders. "mesh" is the block itself, see `mesh_file.write_mesh`.
+            "ansys" (a gasket material), "csv", or "python" (a module that needs NumPy only: force and stiffness over
+            the approach). With `material.conductivity` the decks of the first two have the conductance of the gap too,
+            with the section [slip] friction and stick slope, and "sliders-python" (a module with state) is the
+            tangential force as an array of sliders. "mesh" is the block itself, see `mesh_file.write_mesh`.
         path: of the file; default in the folder
         law: see `interface`; default "auto" for "python", whose use is vibration, and "table" for the others
         load: see `interface`
@@ -229,17 +232,30 @@ def _about(results: Results, case: Case, law: TableLaw, name: str, measure: str)
     yield f"error bar of the force: {known}"
 
 
+def _head(table: Interface, mark: str, *advice: str) -> list[str]:
+    """Comments of a deck behind a mark: what the numbers are, and stiffness at the greatest pressure."""
+    lines = [line for text in (*table.about, *advice) for line in wrap(comment(text), _WIDTH)]
+    for name, words in (("k_n", "loading"), ("k_n_elastic", "small vibration"), ("k_t", "tangential, without slip")):
+        known = np.flatnonzero(np.isfinite(getattr(table, name)))
+        if known.size:
+            i = known[-1]
+            lines.append(f"{name} at {table.pressure[i]:.6g}: {getattr(table, name)[i]:.6g} ({words})")
+    return [f"{mark} {line}" for line in lines]
+
+
+def _few(table: Interface) -> tuple[Array, Array]:
+    """Approach and pressure in as few rows as CalculiX reads."""
+    z, p = table.approach, table.pressure
+    points = np.geomspace(max(z[-1] / _RANGE, z[0]), z[-1], _ROWS - 2)
+    return points, np.exp(np.interp(np.log(points), np.log(z), np.log(p)))
+
+
 def _deck(rows: Array, table: Interface, *advice: str) -> str:
     """Contact property with the tabular pressure-overclosure of CalculiX and Abaqus, to be included in a deck.
 
     Both read lines of pressure and overclosure that rise from zero. Beyond the last line Abaqus keeps the slope.
     """
-    lines = [f"** {line}" for text in (*table.about, *advice) for line in wrap(comment(text), _WIDTH)]
-    for name, words in (("k_n", "loading"), ("k_n_elastic", "small vibration"), ("k_t", "tangential, without slip")):
-        known = np.flatnonzero(np.isfinite(getattr(table, name)))
-        if known.size:
-            i = known[-1]
-            lines.append(f"** {name} at {table.pressure[i]:.6g}: {getattr(table, name)[i]:.6g} ({words})")
+    lines = _head(table, "**", *advice)
     lines += ["*SURFACE INTERACTION, NAME=ASPERITY", "*SURFACE BEHAVIOR, PRESSURE-OVERCLOSURE=TABULAR", "0., 0."]
     lines += [f"{float(p):.8e}, {float(z):.8e}" for p, z in rows]
     return "\n".join(lines) + "\n"
@@ -266,16 +282,14 @@ def _abaqus(table: Interface) -> str:
 
 
 def _calculix(table: Interface) -> str:
-    """Deck, in as few rows as CalculiX reads, with the stick slope and the conductance at the preload.
+    """Deck, with the stick slope and the conductance at the preload.
 
     Its lines end in a row at constant pressure, so a further row continues the last slope. Where the overclosure is a
     table its springs between node and surface have no pressure for a table of conductances, and take the first row.
     """
-    z, p = table.approach, table.pressure
-    points = np.geomspace(max(z[-1] / _RANGE, z[0]), z[-1], _ROWS - 2)
-    values = np.exp(np.interp(np.log(points), np.log(z), np.log(p)))
+    z, p = _few(table)
     far = z[-1] + (_BEYOND - 1) * p[-1] / table.slope[-1]
-    text = _deck(np.stack([np.append(values, _BEYOND * p[-1]), np.append(points, far)], axis=1), table, _ADVICE)
+    text = _deck(np.stack([np.append(p, _BEYOND * p[-1]), np.append(z, far)], axis=1), table, _ADVICE)
     if len(table.conduction):
         h = float(np.interp(table.preload, table.conduction[:, 0], table.conduction[:, 1]))
         text += f"** conductance at the pressure {table.preload:.6g}, and so at any: CalculiX 2.20 takes the first row "
@@ -284,6 +298,22 @@ def _calculix(table: Interface) -> str:
         mu, _, stick, head = _friction(table)
         text += f"{head}\n{mu:g}, {stick:.8e}\n"
     return text
+
+
+def _ansys(table: Interface) -> str:
+    """Gasket material of Mechanical APDL for INTER192 to 195: pressure over closure from zero, slopes of unloading.
+
+    A gasket without these slopes unloads along its compression curve. They are linear: right at the load they begin at.
+    """
+    z, p = _few(table)
+    curves = {"COMP": np.stack([z, p], axis=1)}
+    slopes = np.interp(z, table.approach, table.k_n_elastic)
+    if table.yields and (known := np.isfinite(slopes)).any():
+        curves["LUNL"] = np.stack([z, slopes], axis=1)[known]
+    lines = [*_head(table, "!"), "asperity = 1 ! number of the material"]
+    for kind, rows in curves.items():
+        lines += [f"TB,GASKET,asperity,1,{len(rows)},{kind}", *(f"TBPT,,{x:.8e},{y:.8e}" for x, y in rows)]
+    return "\n".join(lines) + "\n"
 
 
 def _csv(table: Interface) -> str:
@@ -309,5 +339,6 @@ def _sliders(table: Interface) -> str:
 
 
 _WRITERS: dict[str, Callable[[Interface], str]] = {
-    "calculix": _calculix, "abaqus": _abaqus, "csv": _csv, "python": _python, "sliders-python": _sliders,
+    "calculix": _calculix, "abaqus": _abaqus, "ansys": _ansys, "csv": _csv, "python": _python,
+    "sliders-python": _sliders,
 }  # fmt: skip

@@ -38,6 +38,7 @@ FIELD_PICTURES = ("surface", "pressure", "slip_map", "scene")  # the others cons
 EXPORTS = {
     "calculix": "contact_calculix.inp",
     "abaqus": "contact_abaqus.inp",
+    "ansys": "contact_ansys.inp",
     "csv": "contact.csv",
     "python": "contact.py",
     "sliders-python": "sliders.py",
