@@ -112,7 +112,8 @@ def ranks(sizes: tuple[float, ...]) -> None:
             seconds = ALONE + work / comm.size + TANGENT * BUSIEST.get(comm.size, 3.2) / comm.size
             seconds += KRYLOV * (stored / STREAM + (comm.size > 1) * MESSAGES[kind] * LATENCY) + FACTORS * flops / RATE
             row = comm.size, dofs, kind, shared, f"{stored / 1e6:.1f}", f"{flops / 1e9:.1f}", f"{seconds:.1f}"
-            share, known = (EVEN + TANGENT + ALONE) / seconds / comm.size, MEASURED.get(comm.size, "-") if dense else "-"
+            share = (EVEN + TANGENT + ALONE) / seconds / comm.size
+            known = MEASURED.get(comm.size, "-") if dense else "-"
             out("| " + " | ".join(map(str, row)) + f" | {share:.2f} | {known} |")
 
 
