@@ -18,16 +18,12 @@ from asperity.adaptive.extrapolation import limit_of_meshes, loading_force, stea
 from asperity.adaptive.guide import planned_steps
 from asperity.adaptive.mesh_plan import (
     DOFS_ORDER,
-    EDGE_ORDER,
     LEAST_RATIO,
     LEAST_STEP,
     MARGIN,
-    MESH_ORDER,
     MESH_ORDERS,
-    RATIO,
     enough_substeps,
     partner,
-    refinement,
     shares,
 )
 from asperity.adaptive.solve_contact import solve_contact
@@ -95,15 +91,6 @@ def test_meshes_that_agree_by_chance_at_one_step_do_not_move_its_limit() -> None
 def test_a_mesh_without_a_force_is_not_extrapolated() -> None:
     factor, bar = limit_of_meshes(np.array([0.0, 1.1, 1.1]), np.array([0.1, 0.0, 1.0]), 2.0)
     assert list(factor[:2]) == [1.0, 1.0] and factor[2] < 1.0 and np.all(np.isfinite(bar))
-
-
-@pytest.mark.parametrize(("singular", "order"), [(0.0, MESH_ORDER), (1.0, EDGE_ORDER)])
-def test_the_next_mesh_meets_the_bar_of_a_force_of_the_typical_order(singular: float, order: float) -> None:
-    """Or of the order of a singular pressure; a very wide bar takes more than one mesh."""
-    for excess in (0.95, 1.5, 3.0, 8.0):
-        step = refinement(excess, singular)
-        assert LEAST_STEP <= step <= RATIO
-        assert excess * step**-order <= MARGIN * 1.001 or step == RATIO
 
 
 def test_load_steps_are_divided_until_their_bar_is_within_the_tolerance() -> None:

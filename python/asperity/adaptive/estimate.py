@@ -18,7 +18,6 @@ from asperity.adaptive.mesh_plan import (
     DOFS_ORDER,
     LEAST_STEP,
     MARGIN,
-    MESH_ORDER,
     RATIO,
     STEP_RULES,
     TYPICAL_BAR,
@@ -27,6 +26,7 @@ from asperity.adaptive.mesh_plan import (
     enough_substeps,
     first_scale,
     step_rule,
+    typical_order,
 )
 from asperity.adaptive.small_strain import judge
 from asperity.errors import InputError
@@ -135,7 +135,7 @@ class Estimate:
         """Relative error bar that a mesh of `max_dofs` is expected to give."""
         if self.bar is None or self.max_dofs is None:
             return None
-        return self.bar * min(self.dofs / self.max_dofs, 1.0) ** (MESH_ORDER / DOFS_ORDER)
+        return self.bar * min(self.dofs / self.max_dofs, 1.0) ** (float(typical_order()) / DOFS_ORDER)
 
     @property
     def dofs(self) -> int:
@@ -250,7 +250,7 @@ def _plan(
         substeps = enough_substeps({1: np.array([share * planned**-order])}, tolerance, rule)
         parts = [2**k for k in range(max(int(log2(substeps)), 1) + 1)]  # the first mesh measures the error of the steps
     plan = [(family.h(first), coarse, _steps(problem, n)) for n in parts]
-    return [*plan, (family.h(second), fine, _steps(problem, substeps))], TYPICAL_BAR * second**MESH_ORDER
+    return [*plan, (family.h(second), fine, _steps(problem, substeps))], TYPICAL_BAR * second ** float(typical_order())
 
 
 def _dofs(problem: Problem, depth: float) -> int:

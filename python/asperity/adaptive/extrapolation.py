@@ -15,7 +15,7 @@ import numpy as np
 from scipy.interpolate import PchipInterpolator
 
 from asperity.adaptive.guide import REACH, Omission
-from asperity.adaptive.mesh_plan import AREA_ORDER, shares
+from asperity.adaptive.mesh_plan import AREA_ORDER, shares, typical_order
 from asperity.arrays import Array, Flags, Floats
 from asperity.curve import WITH_ERRORS, Curve
 from asperity.curve.slope import SINGLE_CONTACT, legs, slopes
@@ -75,6 +75,22 @@ class PressedMesh:
     def doubt(self) -> str:
         """Why there is nothing to extrapolate from; empty where there is."""
         return "no node is touched" if self.curve.untouched() else self.curve.unresolved()
+
+    def finer(self, step: float, limit: Curve) -> PressedMesh:
+        """What a mesh so much finer probably gives, to plan with.
+
+        Args:
+            step: ratio of the scales
+            limit: of this mesh and a coarser one, in the same rows
+        """
+        loading, missed = self.curve.branch == "load", self.missed
+        P, exact = self.curve.P_star[loading], limit.P_star[loading]
+        part = step ** -typical_order(missed.singular)  # of the errors of this mesh
+        power = np.interp(self.curve.delta_star[loading], missed.delta_star, part) - 1.0
+        curve = scaled(self.curve, np.divide(P, exact, out=np.ones(len(P)), where=exact > 0.0) ** power)
+        curve = replace(curve, error_area_fraction=self.curve.error_area_fraction * step**-AREA_ORDER)
+        missed = replace(missed, force=part * missed.force)
+        return PressedMesh(self.scale / step, self.dofs, curve, missed)
 
 
 def without_omission(curve: Curve, missed: Omission, compliance: float) -> Curve:

@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 from time import perf_counter
 from typing import TYPE_CHECKING
 
-from asperity.adaptive.mesh_plan import LEAST_STEP, RATIO, MeshFamily
+from asperity.adaptive.mesh_plan import DOFS_ORDER, LEAST_STEP, RATIO, MeshFamily
 from asperity.contact.contact_surface import gather_top
 from asperity.errors import InputError
 from asperity.mesh.block import BlockMesh
@@ -129,13 +129,12 @@ class LevelSolver:
         return result
 
     def _later(self, substeps: int) -> float:
-        """Work of the meshes that follow the current one at least, over its own; on rank 0."""
-        if self._family is None or len(self.scales) > 1:
+        """Work of the meshes that follow the current one at least, over its own."""
+        if len(self.scales) > 1:
             return 0.0
-        first = self.scales[0]
-        finer = self._family.dofs(min(first, self._first_scale) / RATIO) / self._family.dofs(first)
+        finer = max(self.scales[0] / self._first_scale, 1.0) * RATIO
         twice = 2.0 if self.problem.path_dependent and substeps == 1 else 0.0  # the same mesh with half the steps
-        return twice + finer / substeps
+        return twice + finer**DOFS_ORDER / substeps
 
     def left_out(self, result: ContactResult) -> Omission:
         """What the top of the mesh of a result leaves out."""
@@ -159,6 +158,8 @@ class LevelSolver:
         def limit() -> str:
             family, scale, last = self._family, self.scales[-1], self.levels[-1]
             assert family is not None
+            if goal.max_seconds is None and last.dofs * RATIO**3 <= goal.max_dofs:  # no mesh has more
+                return ""
             counted = [family.dofs(scale / min(finer, step)) for step in (1.0, LEAST_STEP, RATIO)]
             least, dofs = (int(last.dofs * count / counted[0]) for count in counted[1:])
             if least > goal.max_dofs:

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property, lru_cache
 from itertools import product
 from math import ceil, inf, log, log2, prod
 from operator import add
@@ -32,7 +33,6 @@ Size = Callable[[float, float, float], float]
 
 MESH_ORDERS = (1.7, 2.6)  # range of the order of the force in the scale (docs/accuracy.md)
 EDGE_ORDER = 1.0  # lowest one where the pressure is singular at the edge of the contact, as that of a flat punch
-MESH_ORDER = sum(MESH_ORDERS) / 2.0  # typical one, to plan with
 AREA_ORDER = 1.5  # of the bar of the contact area, that of the edges of spots (docs/theory.md)
 RATIO = 2.0  # of the first two scales, and the greatest one from a scale to the next
 LEAST_STEP = 1.25  # least one from a scale to the next
@@ -65,24 +65,18 @@ def shares(ratio: float, singular: Floats | float = 0.0) -> tuple[Floats, Floats
     return 0.5 * (low + high), 0.5 * (low - high)
 
 
+def typical_order(singular: Floats | float = 0.0) -> Floats:
+    """Order that gives the limit of meshes whose ratio is RATIO, to plan with; see `shares`."""
+    return np.asarray(np.log(1.0 + 1.0 / shares(RATIO, singular)[0]) / log(RATIO))
+
+
 def first_scale(tolerance: float) -> float:
     """Scale of the second mesh, which usually meets a tolerance of the force with the first, RATIO times coarser.
 
     At most 1: where elements are larger than the spots, those of single elements agree by chance. What takes a smaller
     one than 1/RATIO, the bar of that one shows first.
     """
-    return float(np.clip((MARGIN * tolerance / TYPICAL_BAR) ** (1.0 / MESH_ORDER), 1.0 / RATIO, 1.0))
-
-
-def refinement(excess: float, singular: float = 0.0) -> float:
-    """How much finer the next mesh is, for its bar to be MARGIN times the wanted one.
-
-    Args:
-        excess: bar of the last one over the wanted bar
-        singular: part of the edges with a singular pressure where it is, see `shares`
-    """
-    order = MESH_ORDER + singular * (EDGE_ORDER - MESH_ORDER)
-    return float(np.clip((excess / MARGIN) ** (1.0 / order), LEAST_STEP, RATIO))
+    return float(np.clip((MARGIN * tolerance / TYPICAL_BAR) ** (1.0 / typical_order()), 1.0 / RATIO, 1.0))
 
 
 def partner(scales: Sequence[float]) -> int:
@@ -215,5 +209,8 @@ class MeshFamily:
         problem = self.problem
         return dofs_of(self._field(scale), problem.size.refinements, problem.height / problem.surface.L, most)
 
-    def _field(self, scale: float) -> SizeField:
-        return size_field(self.problem.surface, self.guide.depth, self.size(scale), self.problem.sides)
+    @cached_property
+    def _field(self) -> Callable[[float], SizeField]:
+        """Size field of a scale; the last one is kept, for a mesh is counted before it is made."""
+        problem, depth = self.problem, self.guide.depth
+        return lru_cache(maxsize=1)(lambda scale: size_field(problem.surface, depth, self.size(scale), problem.sides))

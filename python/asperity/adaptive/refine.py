@@ -27,17 +27,8 @@ from asperity.adaptive.extrapolation import (
 from asperity.adaptive.guide import Guide, guide_of, planned_steps
 from asperity.adaptive.load_step_error import LoadStepError, choose_substeps
 from asperity.adaptive.mesh_levels import Level, LevelSolver
-from asperity.adaptive.mesh_plan import (
-    AREA_ORDER,
-    LEAST_STEP,
-    MARGIN,
-    MESH_ORDER,
-    RATIO,
-    first_scale,
-    partner,
-    refinement,
-)
-from asperity.arrays import Floats
+from asperity.adaptive.mesh_plan import LEAST_STEP, MARGIN, RATIO, first_scale, partner
+from asperity.arrays import Flags, Floats
 from asperity.curve import Curve
 from asperity.errors import Interrupted, MeshError
 from asperity.model.problem import Problem
@@ -212,32 +203,30 @@ class MeshErrorEstimate:
         """
         run, path = self._run, self._path
         fine = self.add(result)
-        coarse = self._meshes[partner([mesh.scale for mesh in self._meshes])]
+        coarse = self._partner(fine)
         given, algebraic = run.problem.load_path, result.checks.unsolved
         judged = judged_rows(result.curve, given.steps)
         unresolved = fine.doubt() or coarse.doubt() or path.unknown
         if min(coarse.scale / fine.scale, fine.dofs / coarse.dofs) < 0.999 * LEAST_STEP:
             unresolved = unresolved or "two meshes are nearly the same"
+        finer, limit, worst, worst_area = RATIO, "", nan, nan
         if not unresolved:
-            of_steps = path.bar[run.levels[-1].substeps]
-            plastic = run.problem.material.plastic
-            curve, budget = correct(fine, coarse, judged, of_steps, algebraic, run.compliance, plastic)
+            curve, budget = self._limit(fine, judged, algebraic)
             unresolved = curve.unresolved()
-            if given.force_max is not None:  # it is the corrected curve that reaches it
-                curve, budget = at_given_forces(curve, budget, result.curve, run.compliance, given.force_max)
         if unresolved:
             # by a single node the force grows with its size, and the difference of two meshes is no error
             nothing = np.full(len(result.curve), nan)
             curve, budget = replace(result.curve, error_P_star=nothing), Budget(*4 * [nothing])
-            known, limit, finer, worst, worst_area = f"the force has no error bar, {unresolved}", "", RATIO, nan, nan
+            known = f"the force has no error bar, {unresolved}"
         else:
-            P, area = curve.P_star[judged], curve.area_fraction[judged]
-            bars = relative(curve.error_P_star[judged], P)
-            worst = float(np.max(bars))
-            of_area = relative(curve.error_area_fraction[judged], area)
-            worst_area = float(np.max(np.where(np.isnan(of_area), inf, of_area)))
+            extrapolated = curve
+            if given.force_max is not None:  # it is the corrected curve that reaches it
+                curve, budget = at_given_forces(curve, budget, result.curve, run.compliance, given.force_max)
+            worst, worst_area = _worst(curve, judged)
             known = self._known(worst, worst_area)
-            finer, limit = self._next(bars, curve.delta_star[judged], worst, worst_area, algebraic)
+            if known:
+                finer = self._finer(extrapolated, judged, algebraic)
+                limit = self._no_mesh_helps(worst, curve.delta_star[judged], algebraic)
         found = AccurateResult(
             curve, result.curve, budget, tuple(run.levels), result, worst, worst_area, not known, known or "done"
         )
@@ -246,23 +235,39 @@ class MeshErrorEstimate:
         limit = limit or run.limit(finer, path.substeps)
         if not limit:
             return found, finer
-        if not unresolved and np.any(relative(budget.roughness[judged], P) > self._goal.tolerance):
+        if not unresolved and np.any(relative(budget.roughness, curve.P_star)[judged] > self._goal.tolerance):
             limit += "; waves shorter than the elements limit it too: cut them off (asperity check tries cut-offs)"
         return replace(found, reason=f"{known}: {limit}"), None
 
-    def _next(self, bars: Floats, at: Floats, worst: float, worst_area: float, algebraic: float) -> tuple[float, str]:
-        """How much finer the next mesh is by the bars of the force and the worst of the area, and why none would do."""
+    def _partner(self, fine: PressedMesh) -> PressedMesh:
+        """Mesh to extrapolate another one from."""
+        coarser = [mesh for mesh in self._meshes if mesh is not fine]
+        return coarser[partner([*(mesh.scale for mesh in coarser), fine.scale])]
+
+    def _limit(self, fine: PressedMesh, judged: Flags, algebraic: float) -> tuple[Curve, Budget]:
+        """What a mesh and its partner say of the force."""
+        run, coarse, of_steps = self._run, self._partner(fine), self._path.bar[self._run.levels[-1].substeps]
+        plastic = run.problem.material.plastic
+        return correct(fine, coarse, judged, of_steps, algebraic, run.compliance, plastic)
+
+    def _finer(self, limit: Curve, judged: Flags, algebraic: float) -> float:
+        """How much finer the next mesh is: the least that probably meets the tolerances, by the rule that judges it."""
+
+        def meets(step: float) -> bool:
+            curve, _ = self._limit(self._meshes[-1].finer(step, limit), judged, algebraic)
+            force, area = _worst(curve, judged)
+            return force <= MARGIN * self._goal.tolerance and area <= MARGIN * (self._goal.area_tolerance or inf)
+
+        return next((step for step in np.linspace(LEAST_STEP, RATIO, 16).tolist() if meets(step)), RATIO)
+
+    def _no_mesh_helps(self, worst: float, at: Floats, algebraic: float) -> str:
+        """Why no other mesh would meet the tolerance of the force; empty where one may."""
         goal, of_steps = self._goal, float(self._path.bar[self._path.substeps](at).max())
-        excess = worst / goal.tolerance
-        if goal.area_tolerance is not None:  # as a bar that falls with the order of the force
-            excess = max(excess, (worst_area / goal.area_tolerance) ** (MESH_ORDER / AREA_ORDER))
-        *_, singular = self._meshes[-1].missed.at(at[[np.argmax(bars)]])
-        finer = refinement(excess, float(singular[0]))
         if worst <= goal.tolerance or algebraic + of_steps <= MARGIN * goal.tolerance:
-            return finer, ""
+            return ""
         if algebraic > of_steps:
-            return finer, f"{algebraic:.2g} is left by the equations, lower solver.rtol or raise accuracy.tolerance"
-        return finer, self._path.limit or "what is left comes from the load steps, raise loading.steps"
+            return f"{algebraic:.2g} is left by the equations, lower solver.rtol or raise accuracy.tolerance"
+        return self._path.limit or "what is left comes from the load steps, raise loading.steps"
 
     def _known(self, worst: float, area: float) -> str:
         """How well force or area are known, a clause; empty where both meet their tolerances."""
@@ -281,3 +286,10 @@ class MeshErrorEstimate:
             f"the contact area is known to {per_cent(area)}, not to the {per_cent(goal.area_tolerance)} of "
             "accuracy.area_tolerance"
         )
+
+
+def _worst(curve: Curve, judged: Flags) -> tuple[float, float]:
+    """Greatest relative bars of force and area at the judged rows."""
+    force = relative(curve.error_P_star[judged], curve.P_star[judged])
+    area = relative(curve.error_area_fraction[judged], curve.area_fraction[judged])
+    return float(np.max(force)), float(np.max(np.where(np.isnan(area), inf, area)))
