@@ -77,11 +77,11 @@ def test_flat_tops_with_sharp_edges_have_a_singular_pressure_and_smooth_ones_hav
     smooth, punch = (np.clip(1.0 - ((x - c) ** 2 + y**2) / 0.16, 0.0, None) for c in (-0.5, 0.5))
     smooth = np.sqrt(smooth)
     punch = np.where(punch > 0.0, 1.0 / np.sqrt(np.maximum(punch, 0.01)), 0.0)
-    assert spots_of(smooth)[1] == spots_of(np.zeros((5, 5)))[1] == spots_of(np.ones((5, 5)))[1] == 0.0
-    assert spots_of(punch)[1] == 1.0
-    assert spots_of(np.minimum(punch, 1.0))[1] == 0.0  # of a solid that flows
+    assert spots_of(smooth)[2] == spots_of(np.zeros((5, 5)))[2] == spots_of(np.ones((5, 5)))[2] == 0.0
+    assert spots_of(punch)[2] == 1.0
+    assert spots_of(np.minimum(punch, 1.0))[2] == 0.0  # of a solid that flows
     both = smooth / smooth.sum() + 2.0 * punch / punch.sum()
-    assert spots_of(both)[1] == pytest.approx(2.0 / 3.0)
+    assert spots_of(both)[2] == pytest.approx(2.0 / 3.0)
 
 
 @pytest.mark.parametrize("order", [1.0, 1.5, 2.4])

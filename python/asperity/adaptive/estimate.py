@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from asperity.adaptive.guide import Guide, approach_of_force, guide_of, planned_steps
+from asperity.adaptive.guide import CELLS, Guide, approach_of_force, guide_of, planned_steps
 from asperity.adaptive.mesh_plan import (
     DOFS_ORDER,
     LEAST_STEP,
@@ -148,7 +148,7 @@ class Estimate:
         return self.others + sum(level.seconds for level in self.levels)
 
 
-def estimate(case: Case, ranks: int = 1, surface: Surface | None = None, passes: float = inf) -> Estimate:
+def estimate(case: Case, ranks: int = 1, surface: Surface | None = None, cells: float = inf) -> Estimate:
     """Estimate the cost of a case, without meshing or solving it.
 
     The approach of a load path that gives a force is that of a half-space, see `approach_of_force`.
@@ -159,7 +159,7 @@ def estimate(case: Case, ranks: int = 1, surface: Surface | None = None, passes:
         case: the input
         ranks: that share the work
         surface: in place of that of the case
-        passes: see `Guide`
+        cells: most per side of the half-space
 
     Raises:
         InputError: the case has more than MOST_DOFS, or a run would refuse it for its accuracy.max_dofs
@@ -177,12 +177,12 @@ def estimate(case: Case, ranks: int = 1, surface: Surface | None = None, passes:
     rates, tolerance, file, others = _rates(case), case.accuracy.tolerance, case.mesh.file, 1.3  # libraries, results
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # of what the run warns of too
-        problem, bar, cells, guide = case.problem(surface), None, 0, None
+        problem, bar, grid, guide = case.problem(surface), None, 0, None
         if tolerance is not None:
-            guide = guide_of(problem, passes=passes)
+            guide = guide_of(problem, most=cells)
             plan, bar = _plan(problem, guide, tolerance, case.accuracy.max_dofs)
-            cells = guide.sizes.size
-            others += HALF_SPACE * cells * (guide.passes + 1.0) * len(guide.delta_star)
+            grid = guide.sizes.size
+            others += HALF_SPACE * guide.cells
         path = problem.load_path
         depth = path.delta_max or (approach_of_force(problem) if guide is None else guide.depth)
         if guide is None:
@@ -195,7 +195,7 @@ def estimate(case: Case, ranks: int = 1, surface: Surface | None = None, passes:
             kinematics = judge(problem, tolerance, guide).kinematics
     levels = tuple(rates.of(*one, kinematics == "finite") for one in plan)
     share = BASE + rates.per_dof * levels[-1].dofs / ranks
-    first = share + ROOT + PER_CELL * cells
+    first = share + ROOT + PER_CELL * grid
     most = None if tolerance is None else case.accuracy.max_dofs
     return Estimate(levels, (first, *[share] * (ranks - 1)), depth, kinematics, bar, tolerance, others, most)
 
@@ -272,7 +272,7 @@ def filter_advice(case: Case, found: Estimate, surface: Surface) -> str:
         loading = case.loading.model_copy(update={"delta_max": delta, "force_max": None, "pressure_max": None})
         changed = case.model_copy(update={"loading": loading, "accuracy": accuracy})
         try:  # a coarse half-space, which takes a tenth of the time, refuses most
-            return all(estimate(changed, surface=filtered, passes=n).enough for n in (1, inf))
+            return all(estimate(changed, surface=filtered, cells=n).enough for n in (CELLS[0], inf))
         except InputError:  # its first mesh is too large
             return False
 

@@ -21,13 +21,13 @@ from scipy.optimize import brentq
 from asperity.arrays import Array, Floats
 from asperity.curve.slope import SINGLE_CONTACT
 from asperity.mesh.top import Top, heights_of_top
-from asperity.reference.halfspace import HARDNESS, RoughHalfSpace, cells_per_side
+from asperity.reference.halfspace import HARDNESS, SINGLE, RoughHalfSpace, cells_per_side
 
 if TYPE_CHECKING:
     from asperity.model.problem import Problem
 
 CELLS = 128, 720  # fewest and most per side
-PER_SIZE = 1.5  # cells per element of scale 1
+PER_SIZE = 2.3  # cells per element of a mesh of scale 1 with the same elements everywhere
 REACH = 2  # steps to either side that support the bar of a step: two meshes agree by chance at one approach
 EARLY = 0.25  # power of the approach in the sizes: the first spots are the least of a mesh and have its largest errors
 
@@ -59,12 +59,14 @@ class Omission:
 class Guide:
     """Half-space with all waves of the surface of a problem, in one process.
 
+    Each step has a grid of its own, as fine as its spots take: the first ones are the smallest.
+
     Args:
         problem: what is pressed
         depth: greatest approach [length]
         steps: planned load steps
         on_part: called with the part of a half-space that is done
-        passes: at most, of which each shows how fine the next must be
+        most: cells per side, at most CELLS
 
     Attributes:
         depth: greatest approach [length]
@@ -72,56 +74,77 @@ class Guide:
         force: mean pressures there over E' (k,)
         sizes: of elements of scale 1 at the cells of a grid, inf where the surface is not touched (n, n) [L]
         slope: rms slope of the spots in contact at the greatest approach, 0 of a summit between the centres of cells
-        passes: that were made
+        cells: that were pressed, over all grids and steps
     """
 
     def __init__(
         self, problem: Problem, depth: float, steps: int, on_part: Callable[[float], None] | None = None,
-        passes: float = inf,
+        most: float = inf,
     ) -> None:  # fmt: skip
-        self.depth, self._surface, self._on_part = depth, problem.surface, on_part
-        L = problem.surface.L
+        self.depth, self._problem, self._on_part, L = depth, problem, on_part, problem.surface.L
         self._summit = problem.surface.maximum()[2] / L
         self.delta_star = depth / L * np.linspace(1.0 / steps, 1.0, steps)
-        self.sizes: Floats
-        self._layer: RoughHalfSpace
-        self.passes, cells = 0, float(CELLS[0])
-        while self.passes < passes and (not self.passes or self._layer.n < min(cells, CELLS[1])):
-            self._layer = half_space(problem, cells_per_side(min(cells, CELLS[1])))
-            self._press_surface()
-            cells = PER_SIZE / float(self.sizes.min())
-            self.passes += 1
-
-    def _press_surface(self) -> None:
-        layer, steps = self._layer, self.delta_star
-        heights = layer.heights(self._surface)
-        self.sizes = np.full(heights.shape, inf)
-        self._some = sorted({0, len(steps) // 2, len(steps) - 1})
-        self._pressures: list[Array] = []  # there
-        columns = []
-        for k, p in enumerate(layer.pressures(heights, self._summit, steps)):
-            force, area, touched = float(p.mean()), layer.area(p), p > 0.0
-            if k in self._some:
-                self._pressures.append(p.astype(np.single))
-            if not touched.any():  # a spot between the centres of the cells
-                p[np.unravel_index(heights.argmax(), p.shape)] = 1.0
-            sizes, singular = spots_of(p)
-            columns.append((force, area, singular))
-            self.sizes = np.minimum(self.sizes, (steps[k] / steps[-1]) ** EARLY * sizes)
-            if self._on_part is not None:
-                self._on_part((k + 1) / len(steps))
+        self.sizes, self.cells = np.full((1, 1), inf), 0
+        self._heights: dict[int, Floats] = {}  # by the cells per side
+        self._pressed: dict[int, tuple[RoughHalfSpace, Array]] = {}  # at some steps
+        columns, p = [], np.asarray(np.zeros((1, 1)))
+        for k in range(steps):
+            delta = float(self.delta_star[k])
+            layer, p, sizes, singular = self._press(delta, p, min(CELLS[1], most))
+            n = max(layer.n, len(self.sizes))
+            early = (delta / self.delta_star[-1]) ** EARLY
+            self.sizes = np.minimum(on_grid(self.sizes, n), early * on_grid(sizes, n))
+            columns.append((float(p.mean()), layer.area(p), singular))
+            if k in (0, steps // 2, steps - 1):
+                self._pressed[k] = layer, p.astype(np.single)
+            if on_part is not None:
+                on_part((k + 1) / steps)
         self.force, self._area, self._singular = np.transpose(columns)
-        square = sum(slope[touched] ** 2 for slope in np.gradient(heights, 1.0 / layer.n))
-        self.slope = float(np.sqrt(np.mean(square))) if touched.any() else 0.0
+        square, touched = sum(slope**2 for slope in np.gradient(self._heights[layer.n], 1.0 / layer.n)), p > 0.0
+        self.slope = float(np.sqrt(np.mean(square[touched]))) if touched.any() else 0.0
+        self._heights.clear()
+
+    def _press(self, delta: float, p: Floats, most: float) -> tuple[RoughHalfSpace, Floats, Floats, float]:
+        """Half-space and pressure at an approach, and what `spots_of` says of it.
+
+        Args:
+            delta: approach [L]
+            p: pressure to begin with, on any grid
+            most: cells per side
+        """
+        cells, n = float(CELLS[0]), 0
+        while n < min(cells, most):
+            layer = half_space(self._problem, cells_per_side(min(cells, most)))
+            n = layer.n
+            if n not in self._heights:
+                self._heights[n] = layer.heights(self._problem.surface)
+            (p,) = layer.pressures(self._heights[n], self._summit, [delta], SINGLE, [on_grid(p, n)])
+            spot = p
+            if not p.any():  # a spot between the centres of the cells
+                spot = np.zeros_like(p)
+                spot[np.unravel_index(self._heights[n].argmax(), p.shape)] = 1.0
+            sizes, even, singular = spots_of(spot)
+            cells, self.cells = PER_SIZE / even, self.cells + n * n
+        return layer, p, sizes, singular
 
     def left_out(self, top: Top) -> Omission:
         """What the top of a mesh leaves out; it changes little from step to step, and three of them are enough."""
-        heights, some = heights_of_top(top, self._surface, self._layer.n, nodal=True), self._some
-        at, steps = self.delta_star[some], self.delta_star
-        mesh = self._layer.curve(heights, self._summit, at, on_part=self._on_part, starts=self._pressures)
-        force = np.interp(steps, at, _change(self.force[some], mesh.P_star))
-        area = np.interp(steps, at, _change(self._area[some], mesh.area_fraction))
-        return Omission(steps, force, area, self._singular)
+        at, parts, heights = self.delta_star, [], {}
+        for k, (layer, start) in self._pressed.items():
+            if layer.n not in heights:
+                heights[layer.n] = heights_of_top(top, self._problem.surface, layer.n, nodal=True)
+            (p,) = layer.pressures(heights[layer.n], self._summit, at[[k]], SINGLE, [start])
+            parts.append((_change(self.force[k], float(p.mean())), _change(self._area[k], layer.area(p))))
+            if self._on_part is not None:
+                self._on_part(len(parts) / len(self._pressed))
+        force, area = (np.interp(at, at[[*self._pressed]], part) for part in np.transpose(parts))
+        return Omission(at, force, area, self._singular)
+
+
+def on_grid(values: Floats, n: int) -> Floats:
+    """Values of cells at those of another grid (n, n), each of the cell that holds its centre."""
+    near = ((np.arange(n) + 0.5) * len(values) / n).astype(int)
+    return values[np.ix_(near, near)]
 
 
 def planned_steps(steps: int) -> int:
@@ -129,11 +152,11 @@ def planned_steps(steps: int) -> int:
     return steps * -(-(2 * REACH + 1) // steps)
 
 
-def guide_of(problem: Problem, on_part: Callable[[float], None] | None = None, passes: float = inf) -> Guide:
+def guide_of(problem: Problem, on_part: Callable[[float], None] | None = None, most: float = inf) -> Guide:
     """Guide of a run with a tolerance, see `Guide`."""
     path = problem.load_path
     depth = path.delta_max or approach_of_force(problem)
-    return Guide(problem, depth, planned_steps(path.steps), on_part, passes)
+    return Guide(problem, depth, planned_steps(path.steps), on_part, most)
 
 
 def half_space(problem: Problem, cells: int) -> RoughHalfSpace:
@@ -166,7 +189,7 @@ def approach_of_force(problem: Problem) -> float:
     return surface.L * float(brentq(missing, lightest, deepest, rtol=1e-2))
 
 
-def spots_of(pressure: Floats) -> tuple[Floats, float]:
+def spots_of(pressure: Floats) -> tuple[Floats, float, float]:
     """Sizes with which the sum of F_i/F (h_i/a_i)^2 over the spots is 1, and the part of their edges that is singular.
 
     A spot of half-width a and force F_i adds F_i (h/a)^2 to the error of the force and A_i/h^2 elements to the mesh,
@@ -180,12 +203,13 @@ def spots_of(pressure: Floats) -> tuple[Floats, float]:
         pressure: at the cells, not negative (n, n)
 
     Returns:
-        sizes at the cells, inf where there is no contact (n, n) [side], and the part of the edges, by the forces
+        sizes at the cells, inf where there is no contact (n, n) [side], the same size everywhere that has this error
+        [side], and the part of the edges, by the forces
     """
     n, touched = len(pressure), pressure > 0.0
     spot, count = ndimage.label(touched, np.ones((3, 3)))
     if count == 0:
-        return np.full(pressure.shape, np.inf), 0.0
+        return np.full(pressure.shape, np.inf), inf, 0.0
     inside = np.full(touched.shape, 0.5 * n) if touched.all() else ndimage.distance_transform_edt(touched)
     of, p = spot[touched] - 1, pressure[touched]
     half_width, cells, force = np.zeros(count), np.bincount(of), np.bincount(of, p)
@@ -194,13 +218,15 @@ def spots_of(pressure: Floats) -> tuple[Floats, float]:
     share = force / force.sum()
     sizes = (cells / n**2 * half_width**2 / share) ** 0.25
     sizes /= np.sqrt(np.sum(share * (sizes / half_width) ** 2))
+    even = float(np.sum(share / half_width**2) ** -0.5)
     edge = ~ndimage.binary_erosion(touched, border_value=1)[touched]
     # of a solid that flows all pressures are the mean one
     high = edge & (p > (force / cells * (1.0 + np.finfo(np.single).eps))[of])
     edges, singular = (np.bincount(of, each, count) for each in (edge, high))
-    return np.append(np.inf, sizes)[spot], float(np.sum(share * singular / np.maximum(edges, 1.0)))
+    part = float(np.sum(share * singular / np.maximum(edges, 1.0)))
+    return np.append(np.inf, sizes)[spot], even, part
 
 
-def _change(whole: Floats, part: Floats) -> Floats:
-    """Ratio of two curves minus 1; 0 where the top of the mesh is not touched, whose mesh has no force either."""
-    return np.divide(whole, part, out=np.ones(len(part)), where=part > 0.0) - 1.0
+def _change(whole: float, part: float) -> float:
+    """Ratio minus 1; 0 where the top of the mesh is not touched, whose mesh has no force either."""
+    return whole / part - 1.0 if part > 0.0 else 0.0

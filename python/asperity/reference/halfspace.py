@@ -11,7 +11,7 @@ period, and the series has sines too.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -76,14 +76,11 @@ class RoughHalfSpace:
         summit: float,
         delta_star: ArrayLike,
         tolerance: float = 1e-3,
-        on_part: Callable[[float], None] | None = None,
-        starts: Sequence[Array] = (),
     ) -> RoughCurve:
         """Press the layer to ascending approaches.
 
         Args:
-            heights, summit, delta_star, tolerance, starts: see `pressures`
-            on_part: called after each approach with the part of them that is done
+            heights, summit, delta_star, tolerance: see `pressures`
 
         Raises:
             InputError: the approaches do not ascend from above zero
@@ -91,12 +88,10 @@ class RoughHalfSpace:
         delta = np.asarray(delta_star, dtype=float)
         touched_at = np.full(heights.shape, np.inf)
         force, area = [], []
-        for k, p in enumerate(self.pressures(heights, summit, delta, tolerance, starts)):
+        for k, p in enumerate(self.pressures(heights, summit, delta, tolerance)):
             touched_at[(p > 0.0) & np.isinf(touched_at)] = delta[k]
             force.append(float(p.mean()))
             area.append(self.area(p))
-            if on_part is not None:
-                on_part((k + 1) / len(delta))
         return RoughCurve(delta, np.array(force), np.array(area), touched_at)
 
     def area(self, pressure: Floats) -> float:
