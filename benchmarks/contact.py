@@ -15,9 +15,11 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
+from mpi4py import MPI
 from scipy.optimize import brentq
 
 from asperity import reference
+from asperity.arrays import Floats
 from asperity.model.material import Material
 from asperity.model.settings import Formulation, MeshSize
 from asperity.quasistatic import measures
@@ -30,22 +32,13 @@ ELASTIC = Material(1.0, NU)
 PLASTIC = Material(1.0, NU, 0.005, 0.05)
 FORMULATIONS = {
     "active set": Formulation(),
-    "penalty, beta 1": Formulation("penalty", 1.0),
-    "penalty, beta 10": Formulation("penalty", 10.0),
-    "penalty, beta 100": Formulation("penalty", 100.0),
-    "Nitsche, gamma 1": Formulation("nitsche", gamma=1.0),
-    "Nitsche, gamma 10": Formulation("nitsche", gamma=10.0),
+    **{f"penalty, beta {beta:g}": Formulation("penalty", beta) for beta in (1.0, 10.0, 100.0)},
+    **{f"Nitsche, gamma {gamma:g}": Formulation("nitsche", gamma=gamma) for gamma in (1.0, 10.0)},
 }
-
-
-@dataclass(frozen=True)
-class State:
-    """What is compared at a step, in units of E = L = 1."""
-
-    force: float
-    area: float
-    area_error: float
-    peak: float
+HEAD = (
+    "h_contact/L", "dofs", "formulation", "force %", "area %", "area bar %", "peak %", "Newton/step", "Krylov/Newton",
+    "CPU s",
+)  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -53,8 +46,8 @@ class Case:
     """A surface pressed in steps, and what is known about the result.
 
     Attributes:
-        theory: force, area, peak pressure at each step in closed form, given the force of a finer mesh at each step;
-            None compares with the finer mesh alone
+        theory: force, area, peak pressure at each step (steps, 3) in closed form, of the forces of a finer mesh; None
+            compares with the finer mesh alone
     """
 
     surface: Surface
@@ -63,7 +56,7 @@ class Case:
     steps: tuple[float, ...]
     sizes: tuple[float, ...]
     finer: float
-    theory: Callable[[list[State]], list[State]] | None = None
+    theory: Callable[[Floats], Floats] | None = None
 
 
 def hertz() -> Case:
@@ -71,12 +64,9 @@ def hertz() -> Case:
     radius, a = 1.0, 0.05
     law = reference.Hertz(radius, reference.reduced_modulus(1.0, NU))
 
-    def theory(fine: list[State]) -> list[State]:
-        depths = [float(law.approach(4.0 * s.force)) for s in fine]
-        return [
-            State(s.force, 0.25 * np.pi * float(law.radius(d)) ** 2, 0.0, float(law.peak_pressure(d)))
-            for s, d in zip(fine, depths, strict=True)
-        ]
+    def theory(force: Floats) -> Floats:
+        depths = np.array([float(law.approach(4.0 * one)) for one in force])
+        return np.column_stack([force, 0.25 * np.pi * law.radius(depths) ** 2, law.peak_pressure(depths)])
 
     cap = Sphere(L=1.0, radius=radius, centre=(0.0, 0.0), shape="paraboloid")
     return Case(cap, ELASTIC, 1.0, (0.5 * a**2, a**2), (a / 3, a / 6), a / 16, theory)
@@ -89,12 +79,12 @@ def westergaard() -> Case:
     steps = (0.75 * amplitude, 1.5 * amplitude)
     compliance = height / reference.block_modulus(1.0, NU)
 
-    def theory(_: list[State]) -> list[State]:
+    def theory(_: Floats) -> Floats:
         means = [
             brentq(lambda p, d=d: float(wave.approach(p)) + compliance * p - d, 0.0, wave.full_pressure, xtol=1e-18)
             for d in steps
         ]
-        return [State(p, float(wave.area_fraction(p)), 0.0, float(wave.pressure(np.zeros(1), p)[0])) for p in means]
+        return np.array([(p, float(wave.area_fraction(p)), float(wave.pressure(np.zeros(1), p)[0])) for p in means])
 
     surface = Sinusoid(L=1.0, amplitude=amplitude, wavelength=2.0, dims=1, centre=(0.0, 0.0))
     return Case(surface, ELASTIC, height, steps, (0.12, 0.06), 0.06, theory)
@@ -102,9 +92,7 @@ def westergaard() -> Case:
 
 def fractal(material: Material, steps: int, sizes: tuple[float, ...], finer: float) -> Case:
     """The surface of cases/single.toml, to 0.03 L."""
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore")
-        surface = WeierstrassMandelbrot(L=1.0, D=2.4, G=1.36e-5, M=10, gamma=1.5, f_max=5, seed=0)
+    surface = WeierstrassMandelbrot(L=1.0, D=2.4, G=1.36e-5, M=10, gamma=1.5, f_max=5, seed=0)
     depths = tuple(float(d) for d in np.linspace(0.0, 0.03, steps + 1)[1:])
     return Case(surface, material, 1.0, depths, sizes, finer)
 
@@ -118,80 +106,51 @@ CASES: dict[str, Callable[[], Case]] = {
 }
 
 
-def press_along(case: Case, solver: ContactSolver) -> list[State]:
-    """Follow the steps of a case; fails when one does not converge."""
-    states = []
+def press_along(case: Case, solver: ContactSolver) -> Floats:
+    """Force, area, peak pressure and bar of the area at each step (steps, 4), in units of E = L = 1."""
+    found = []
     for delta in case.steps:
         if not solver.step(delta).converged:
             raise RuntimeError(f"no convergence at delta = {delta:g}")
         area = solver.contact_surface.area_of(*solver.contact.touched())
-        states.append(State(solver.force, area.value, area.error, measures.row(solver)["max_pressure"]))
-    return states
+        found.append((solver.force, area.value, measures.row(solver)["max_pressure"], area.error))
+    return np.array(found)
 
 
-def make(case: Case, size: float) -> Callable[[Formulation], ContactSolver]:
-    """A maker of presses on one mesh."""
-    from mpi4py import MPI
-
-    comm = MPI.COMM_SELF
-    block = make_block(comm, case.surface, case.height, case.steps[-1], MeshSize(size, growth=0.4))
-    return lambda formulation: make_contact_solver(comm, case.surface, block, case.material, formulation=formulation)
-
-
-def rms(values: Any) -> float:
-    """Root of the mean square, in per cent."""
-    return 100.0 * float(np.sqrt(np.mean(np.square(values))))
-
-
-def rows(case: Case) -> Iterator[tuple[str, ...]]:
+def rows(case: Case) -> Iterator[tuple[Any, ...]]:
     """Rows of the table of a case."""
-    fine = press_along(case, make(case, case.finer)(Formulation()))
-    known = fine if case.theory is None else case.theory(fine)
-    for size in case.sizes:
-        press_of = make(case, size)
-        for name, formulation in FORMULATIONS.items():
-            solver = press_of(formulation)
-            start = time.process_time()
-            try:
-                states = press_along(case, solver)
-            except RuntimeError as failure:
-                yield f"{size:.4g}", f"{solver.solid.dofs}", name, str(failure), *[""] * (len(HEAD) - 4)
-                continue
-            seconds = time.process_time() - start
-            counts = solver.counts
+    fine, *blocks = (
+        make_block(MPI.COMM_SELF, case.surface, case.height, case.steps[-1], MeshSize(size, growth=0.4))
+        for size in (case.finer, *case.sizes)
+    )
 
-            def error(key: str, states: list[State] = states) -> list[float]:
-                pairs = zip(states, known, strict=True)
-                return [getattr(s, key) / getattr(k, key) - 1.0 for s, k in pairs]
+    def solver_of(block: Any, formulation: Formulation) -> ContactSolver:
+        return make_contact_solver(MPI.COMM_SELF, case.surface, block, case.material, formulation=formulation)
 
-            bar = rms([s.area_error / s.area for s in states])
-            yield (
-                f"{size:.4g}",
-                f"{solver.solid.dofs}",
-                name,
-                f"{rms(error('force')):.2f}",
-                f"{rms(error('area')):.1f}",
-                f"{bar:.1f}",
-                f"{rms(error('peak')):.2f}",
-                f"{counts.newton / counts.steps:.1f}",
-                f"{counts.krylov / counts.newton:.1f}",
-                f"{seconds:.1f}",
-            )
-
-
-HEAD = (
-    "h_contact/L", "dofs", "formulation", "force %", "area %", "area bar %", "peak %", "Newton/step", "Krylov/Newton",
-    "CPU s",
-)  # fmt: skip
-
-
-def main(names: list[str]) -> None:
-    """Print the rows of the scenes named, of all without names."""
-    print("| scene | " + " | ".join(HEAD) + " |\n|" + "---|" * (len(HEAD) + 1))
-    for name in names or CASES:
-        for row in rows(CASES[name]()):
-            print(f"| {name} | " + " | ".join(row) + " |", flush=True)
+    known = press_along(case, solver_of(fine, Formulation()))[:, :3]
+    if case.theory is not None:
+        known = case.theory(known[:, 0])
+    for (size, block), (name, formulation) in (
+        (mesh, way) for mesh in zip(case.sizes, blocks, strict=True) for way in FORMULATIONS.items()
+    ):
+        solver, start = solver_of(block, formulation), time.process_time()
+        try:
+            found = press_along(case, solver)
+        except RuntimeError as failure:
+            yield f"{size:.4g}", solver.solid.dofs, name, failure, *[""] * (len(HEAD) - 4)
+            continue
+        seconds, counts = time.process_time() - start, solver.counts
+        errors = np.column_stack([found[:, :3] / known - 1.0, found[:, 3] / found[:, 1]])
+        force, area, peak, bar = 100.0 * np.sqrt(np.mean(errors**2, axis=0))
+        yield (
+            f"{size:.4g}", solver.solid.dofs, name, f"{force:.2f}", f"{area:.1f}", f"{bar:.1f}", f"{peak:.2f}",
+            f"{counts.newton / counts.steps:.1f}", f"{counts.krylov / counts.newton:.1f}", f"{seconds:.1f}",
+        )  # fmt: skip
 
 
 if __name__ == "__main__":
-    main(sys.argv[1:])
+    warnings.simplefilter("ignore")
+    print("| scene | " + " | ".join(HEAD) + " |\n|" + "---|" * (len(HEAD) + 1))
+    for name in sys.argv[1:] or CASES:
+        for row in rows(CASES[name]()):
+            print(f"| {name} | " + " | ".join(map(str, row)) + " |", flush=True)

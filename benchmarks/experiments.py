@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import argparse
 import math
-from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -56,70 +55,16 @@ def run(case: dict[str, Any], folder: Path) -> asp.Curve:
     return asp.Curve.read(folder / "curve.csv")
 
 
-# -- Hertzian contact under harmonic force -----------------------------------------------------------------------
-
-
-def onset_by_energy(n: float) -> float:
-    """F^/(2 zeta) at which the resonance of light damping begins to lose contact, by quadrature of the free orbit.
-
-    The work of the force at phase resonance, pi a_1 F^, is the loss 2 zeta INT u'^2 over the orbit that touches u = -1.
-    """
-    top = (n + 1.0) ** (1.0 / n) - 1.0
-
-    def potential(u: float) -> float:
-        return ((1.0 + u) ** (n + 1.0) / (n + 1.0) - (1.0 + u)) / n
-
-    energy = potential(top)
-    middle, half = 0.5 * (top - 1.0), 0.5 * (top + 1.0)
-
-    def speed(u: float) -> float:
-        return math.sqrt(max(2.0 * (energy - potential(u)), 0.0))
-
-    def over(angle: float) -> tuple[float, float]:
-        u = middle + half * math.sin(angle)
-        v = speed(u)
-        return u, half * math.cos(angle) / v if v > 1e-12 else math.nan
-
-    edge = 0.5 * math.pi - 1e-9
-    quarter = quad(lambda a: over(a)[1], -edge, edge, epsrel=1e-10, limit=200)[0]  # half of the period
-    loss = 2.0 * quad(lambda a: half * math.cos(a) * speed(middle + half * math.sin(a)), -edge, edge, epsrel=1e-10)[0]
-    rate = math.pi / quarter
-
-    @cache
-    def time(angle: float) -> float:
-        return float(quad(lambda a: over(a)[1], angle, edge, epsrel=1e-9, limit=200)[0])  # since the greatest u
-
-    first = quad(lambda a: over(a)[0] * math.cos(rate * time(a)) * over(a)[1], -edge, edge, epsrel=1e-7, limit=100)[0]
-    a1 = 2.0 * first / quarter
-    return loss / (math.pi * abs(a1))
-
-
-def threshold(kind: str, zeta: float, window: tuple[float, float], bracket: tuple[float, float]) -> float:
-    """Smallest F^ at which the response of a Hertzian contact has an event of a kind, by bisection."""
-    oscillator = asp.ContactOscillator(asp.PowerLaw(1.5), zeta=zeta)
-    low, high = bracket
-    while high / low > 1.001:
-        middle = math.sqrt(low * high)
-        found = oscillator.response(middle, window, tol=1e-4, subharmonics=False)[kind]
-        low, high = (low, middle) if found else (middle, high)
-    return math.sqrt(low * high)
-
-
 def vibration() -> None:
-    """Onsets of contact loss and of the second subharmonic over the damping ratio."""
-    loss = onset_by_energy(1.5)
-    rows = []
+    """Onset of contact loss of the resonance over the damping ratio, by bisection of the response and by energy."""
+    print("| zeta | F/W, contact loss | by the work of a period |\n|---|---|---|")
     for zeta in (0.0025, 0.005, 0.01, 0.02):
-        lost = threshold("grazing", zeta, (0.9, 1.05), (1.0 * zeta, 3.0 * zeta))
-        doubled = threshold("period doubling", zeta, (1.7, 2.3), (15.0 * zeta, 35.0 * zeta))
-        rows.append((zeta, 1.5 * lost, 3.0 * zeta * loss, 1.5 * doubled, 36.0 * zeta))
-    print(f"Hertzian contact: F^/(2 zeta) at the onset of contact loss {loss:.5f} by the energy of the free orbit\n")
-    print("| zeta | F/W, contact loss | 2 n zeta x that | F/W, second subharmonic | 36 zeta |\n|---|---|---|---|---|")
-    for row in rows:
-        print("| " + " | ".join(f"{x:.4g}" for x in row) + " |")
-
-
-# -- stiffness of a rough joint over pressure --------------------------------------------------------------------
+        oscillator, (low, high) = asp.ContactOscillator(asp.PowerLaw(1.5), zeta=zeta), (zeta, 3.0 * zeta)
+        while high / low > 1.001:
+            middle = math.sqrt(low * high)
+            lost = oscillator.response(middle, (0.9, 1.05), tol=1e-4, subharmonics=False)["grazing"]
+            low, high = (low, middle) if lost else (middle, high)
+        print(f"| {zeta:g} | {1.5 * math.sqrt(low * high):.5f} | {1.5 * oscillator.thresholds().contact_loss:.5f} |")
 
 
 def joint(folder: Path) -> None:
@@ -136,21 +81,14 @@ def joint(folder: Path) -> None:
     touching = up & (p > 0.02 * p.max())
     light, late = touching & (p < 0.2 * p.max()), touching & (p > 0.2 * p.max())
     for name, k in {"k_n": elastic, "k_t": shear}.items():
-        parts = ", ".join(f"p^{power(p, k, rows):.2f}" for rows in (touching, light, late))
-        print(f"\nrough joint: {name} of small vibration, in loading, below a fifth of the load, above: {parts}")
+        parts = (np.polyfit(np.log(p[rows]), np.log(k[rows]), 1)[0] for rows in (touching, light, late))
+        print(f"\nrough joint: {name} of small vibration, in loading, below a fifth of the load, above: "
+              + ", ".join(f"p^{part:.2f}" for part in parts))  # fmt: skip
     print("\n| p in MPa | k_n, loading | k_n, small vibration | the same, unloading | k_t/k_n |\n|---|---|---|---|---|")
     order = np.flatnonzero(down)[np.argsort(p[down])]
     for i in np.flatnonzero(touching)[:: max(1, touching.sum() // 7)]:
         back = np.interp(p[i], p[order], elastic[order])
         print(f"| {p[i]:.3g} | {static[i]:.3g} | {elastic[i]:.3g} | {back:.3g} | {shear[i] / elastic[i]:.3f} |")
-
-
-def power(p: Any, k: Any, rows: Any) -> float:
-    """Exponent of a stiffness over pressure at some rows."""
-    return float(np.polyfit(np.log(p[rows]), np.log(k[rows]), 1)[0])
-
-
-# -- impact of a cap -----------------------------------------------------------------------------------------------
 
 
 def thornton(work: float) -> float:
@@ -193,34 +131,22 @@ def impact(folder: Path) -> None:
     print("|---|---|---|---|---|")
     first = R * (math.pi * ONSET / (2.0 * E_PRIME)) ** 2
     unit = 0.4 * float(hertz.force(first)) * first
-    rows, pressed = [], []
     for depth in DEPTHS:
-        case = cap(depth, plastic=True)
-        curve = run(case, folder / f"cap_{depth:g}")
-        z = curve.delta
-        pressed.append((z, curve))
-        up = asp.TableLaw(z[curve.branch == "load"], curve.force[curve.branch == "load"])
-        down = asp.unload_reload({"delta": z, "force": curve.force, "branch": curve.branch})
-        top = float(up.z[-1])
-        work, back = float(up.potential(top)), float(down.potential(float(down.z[-1])))
-        e = math.sqrt(back / work)
-        lasting = 0.5 * (duration(up, top, mass) + duration(down, float(down.z[-1]), mass))
-        rows.append((top / first, work / unit, e, thornton(work), lasting / hertz_duration(hertz, work, mass)))
-        print("| " + " | ".join(f"{x:.3g}" for x in rows[-1]) + " |")
+        curve = run(cap(depth, plastic=True), folder / f"cap_{depth:g}")
+        loading = curve.branch == "load"
+        up = asp.TableLaw(curve.delta[loading], curve.force[loading])
+        down = asp.unload_reload({"delta": curve.delta, "force": curve.force, "branch": curve.branch})
+        top, bottom = float(up.z[-1]), float(down.z[-1])
+        work, back = float(up.potential(top)), float(down.potential(bottom))
+        lasting = 0.5 * (duration(up, top, mass) + duration(down, bottom, mass)) / hertz_duration(hertz, work, mass)
+        cells = top / first, work / unit, math.sqrt(back / work), thornton(work), lasting
+        print("| " + " | ".join(f"{x:.3g}" for x in cells) + " |")
     critical = (math.pi * (0.454 + 0.41 * NU) * 2.8 * YIELD / (2.0 * E_PRIME)) ** 2 * R  # depth of Kogut and Etsion
-    kogut(pressed[-1], critical)
-
-
-def kogut(pressed: tuple[Any, asp.Curve], critical: float) -> None:
-    """Print force and stiffness of the cap over those of Kogut and Etsion."""
-    z, curve = pressed
-    up = curve.branch == "load"
-    law = asp.TableLaw(z[up], curve.force[up])
     print("\n| depth over the critical one | force over Kogut-Etsion | stiffness over Kogut-Etsion |\n|---|---|---|")
     for w in (2.0, 4.0, 8.0):
-        if w * critical < law.z[-1]:
+        if w * critical < top:
             d = critical * w * np.array([0.98, 1.0, 1.02])
-            force, fit = law.force(d), kogut_etsion(d, R, E, NU, YIELD)[0]
+            force, fit = up.force(d), kogut_etsion(d, R, E, NU, YIELD)[0]
             print(f"| {w:g} | {force[1] / fit[1]:.3f} | {(force[2] - force[0]) / (fit[2] - fit[0]):.3f} |")
 
 
@@ -244,15 +170,10 @@ def hertz_duration(hertz: Hertz, work: float, mass: float) -> float:
     return 2.0 * share * top / math.sqrt(2.0 * work / mass)
 
 
-def main() -> None:
-    """Print the tables."""
+if __name__ == "__main__":
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("folder", type=Path, help="keeps the runs")
     options = parser.parse_args()
     vibration()
     joint(options.folder)
     impact(options.folder)
-
-
-if __name__ == "__main__":
-    main()

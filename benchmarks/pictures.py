@@ -92,29 +92,21 @@ def plain_log_ticks(axis: Any) -> None:
 
 @style.styled
 def peers() -> Figure:
-    """Error against CPU time: a row a material, a column a program, asperity black in each panel."""
-    tables = {"elastic": table("peers_elastic"), "plastic": table("peers_plastic")}
-    programs = {"CalculiX": ("CalculiX", "CalculiX, mesh of asperity"), "GetFEM": ("GetFEM, Q1", "GetFEM, Q2"),
-                "Tamaas (half-space)": ("Tamaas (half-space)",)}  # fmt: skip
-    titles = [f"{material}: {name}" for material in tables for name in programs]
-    figure, axes = style.figure(style.WIDE, 6.4, *titles, rows=2, sharex="row", sharey="row")
-    for number, axis in enumerate(axes):
-        rows = list(tables.values())[number // 3]
-        names = list(programs.values())[number % 3]
-        if number == 5:
-            axis.remove()  # elastic only
-            continue
-        present = [name for name in names if any(row["program"] == name for row in rows)]
-        own = {"asperity": (style.BLACK, "o"), "asperity, by tolerance": (style.GREY, "o")}
-        others = dict(zip(present, ((style.VERMILION, "s"), (style.BLUE, "^")), strict=False))
-        for name, (colour, marker) in (own | others).items():
+    """Error against CPU time: a panel a material, asperity black and grey."""
+    looks = {
+        "asperity": (style.BLACK, "o"), "asperity, by tolerance": (style.GREY, "o"), "CalculiX": (style.VERMILION, "s"),
+        "CalculiX, mesh of asperity": (style.BLUE, "^"), "Tamaas (half-space)": (style.GREEN, "d"),
+    }  # fmt: skip
+    figure, axes = style.figure(style.WIDE, 3.4, "elastic", "plastic")
+    for axis, material in zip(axes, ("elastic", "plastic"), strict=True):
+        rows = table(f"peers_{material}")
+        for name, (colour, marker) in looks.items():
             draw_costs(axis, [row for row in rows if row["program"] == name], "CPU s", "rms error %",
                        {"color": colour, "marker": marker, "mfc": "white", "label": name})  # fmt: skip
         axis.legend(loc="best", fontsize="x-small")
-        axis.set_xlabel("CPU time (s)" if number // 3 or number == 2 else "")
-        axis.tick_params(labelbottom=True)
-        axis.set_ylabel("" if number % 3 else "rms error of the force (%)")
+        axis.set_xlabel("CPU time (s)")
         plain_log_ticks(axis)
+    axes[0].set_ylabel("rms error of the force (%)")
     return figure
 
 

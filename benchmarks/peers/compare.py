@@ -1,4 +1,4 @@
-"""asperity against CalculiX, GetFEM and Tamaas: time and memory at equal error of the force.
+"""asperity against CalculiX and Tamaas: time and memory at equal error of the force.
 
     benchmarks/peers/install                                        once: fetches the programs
     ./run python3 benchmarks/peers/compare.py [-o FOLDER] [--limit CPU_SECONDS] [--kept] [elastic] [plastic]
@@ -57,10 +57,6 @@ def jobs(material: str, force: scene.Floats) -> Iterator[Job]:
     if not plastic:
         for n in (32, 64, 128, 256):
             yield programs.tamaas(n, (force[0], force[-1]))
-    for n in (6, 8) if plastic else (6, 8, 12, 16):
-        yield programs.getfem(material, n, 2)
-    for n in (16, 24) if plastic else (16, 24, 32, 48):
-        yield programs.getfem(material, n, 1)
     for h in (0.14, 0.1) if plastic else (0.14, 0.1, 0.07):
         yield programs.calculix_own(material, h)
     for n in (16, 24, 32, 64):

@@ -185,33 +185,6 @@ def calculix_deck(program: str, material: str, mesh: str, write: Callable[[Path]
     return Job(program, material, mesh, prepare, threads)
 
 
-def getfem(material: str, n: int, degree: int) -> Job:
-    """n x n columns of isoparametric bricks of first or second degree."""
-
-    def prepare(place: Path) -> Start:
-        np.savez(
-            place / "mesh.npz",
-            grid=scene.grid(n, degree),
-            degree=degree,
-            plastic=material == "plastic",
-            E=scene.E,
-            nu=scene.NU,
-            sigma_y=scene.YIELD,
-            hardening=scene.HARDENING,
-            path=scene.AT,
-        )
-        command, environment = inside("trixie", "usr/bin/python3.13")
-        out = place / "out.json"
-        out.unlink(missing_ok=True)
-        return Start(
-            [*command, str(HERE / "getfem_model.py"), "mesh.npz", "out.json"],
-            {"PYTHONHOME": environment["PYTHONHOME"]},
-            read_json(out),
-        )
-
-    return Job(f"GetFEM, Q{degree}", material, f"{n} x {n} hex", prepare)
-
-
 def tamaas(n: int, exact: tuple[float, float]) -> Job:
     """n x n points, mirrored to 2 n x 2 n; forces are sought between half the least and twice the greatest one."""
 
@@ -231,17 +204,12 @@ def tamaas(n: int, exact: tuple[float, float]) -> Job:
 
 
 def versions() -> str:
-    """Versions of the other programs, as packaged; FileNotFoundError where one of them is missing."""
-    out = []
-    for name, document in (
-        ("CalculiX", "bookworm/usr/share/doc/calculix-ccx"),
-        ("GetFEM", "trixie/usr/share/doc/libgetfem5t64"),
-    ):
-        with gzip.open(PEERS / document / "changelog.Debian.gz", "rt", encoding="utf-8") as lines:
-            out.append(f"{name} {lines.readline().partition('(')[2].partition(')')[0]}")
-    for wheel in PEERS.glob("pypi/tamaas-*.dist-info"):
-        out.append(f"Tamaas {wheel.stem.partition('-')[2]}")
-    return ", ".join(out)
+    """Versions of the other programs, as packaged; FileNotFoundError where CalculiX is missing."""
+    document = PEERS / "bookworm/usr/share/doc/calculix-ccx/changelog.Debian.gz"
+    with gzip.open(document, "rt", encoding="utf-8") as lines:
+        calculix = f"CalculiX {lines.readline().partition('(')[2].partition(')')[0]}"
+    tamaas = (f"Tamaas {wheel.stem.partition('-')[2]}" for wheel in PEERS.glob("pypi/tamaas-*.dist-info"))
+    return ", ".join([calculix, *tamaas])
 
 
 def cpu_name() -> str:

@@ -26,7 +26,6 @@ from asperity.surface import Surface
 DELTA, STEPS = 0.03, 10
 AT = DELTA * np.arange(1, STEPS + 1) / STEPS  # approaches compared [L]
 E, NU, YIELD, TANGENT = 1.0, 0.3, 0.005, 0.05  # of cases/single.toml over its E = 200 GPa
-HARDENING = E * TANGENT / (E - TANGENT)  # of the yield strength with the plastic strain
 MATERIALS = {"elastic": asp.Material(E, NU), "plastic": asp.Material(E, NU, YIELD, TANGENT)}
 TOLERANCE = {"elastic": 0.002, "plastic": 0.007}  # of the reference: greatest error bar
 
@@ -62,26 +61,25 @@ def compute_reference(material: str, file: str) -> None:
     Path(file).write_text(json.dumps(kept, indent=1) + "\n", encoding="utf-8")
 
 
-def grid(n: int, degree: int = 1, growth: float = 1.4, largest: float = 0.125) -> Floats:
+def grid(n: int, growth: float = 1.4, largest: float = 0.125) -> Floats:
     """Nodes of a structured mesh of the block as one makes it by hand: n x n columns, layers that grow with the depth.
 
     They are moved vertically to put the top on the surface, less and less towards the base.
 
     Args:
         n: elements along a side; the upmost layer is as high as they are wide
-        degree: of the elements: 2 puts nodes on the middle of edges, faces and elements
         growth: of the height from layer to layer
         largest: height of a layer
 
     Returns:
-        (degree n + 1, degree n + 1, degree layers + 1, 3)
+        (n + 1, n + 1, layers + 1, 3)
     """
     heights = [1.0 / n]
     while sum(heights) < 1.0:
         heights.append(min(heights[-1] * growth, largest))
-    z = np.cumsum([0.0, *np.repeat(heights[::-1], degree)])
+    z = np.cumsum([0.0, *heights[::-1]])
     z /= z[-1]
-    t = np.linspace(0.0, 1.0, degree * n + 1)
+    t = np.linspace(0.0, 1.0, n + 1)
     top = surface()
     x, y = (a[..., None] for a in np.meshgrid(t, t, indexing="ij"))
     return np.stack(np.broadcast_arrays(x, y, z * (1.0 + top.height(x, y) - top.mean())), axis=-1)
