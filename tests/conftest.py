@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import gc
 import math
+import os
+import re
 import shutil
 import subprocess
 import sys
@@ -40,6 +42,10 @@ ELASTIC = Material(1.0, 0.3)
 PLASTIC = Material(1.0, 0.3, 0.005, 0.05)
 #: Start of a command on several ranks, also on more of them than there are cores.
 MPIRUN = ("mpirun", *(("--oversubscribe", "--bind-to", "none") if is_open_mpi() else ()), "-n")
+
+
+#: The environment without what an MPI process adds to it, so that a child can start a job of its own.
+CLEAN = {k: v for k, v in os.environ.items() if not re.match("PMIX_|PMI_|PRTE_(?!MCA)|OMPI_(?!MCA|A)", k)}
 
 
 def world() -> Any:

@@ -1,7 +1,8 @@
-"""A small mesh under given nodal displacements, for the tests of the element kernels."""
+"""Meshes of cubes, and a small mesh under given nodal displacements, for the tests of the element kernels."""
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Any
@@ -15,7 +16,9 @@ from scipy import sparse
 from asperity.fem.solid import Solid
 from asperity.mesh.block import BlockMesh
 from asperity.mesh.distribute import distribute
+from asperity.mesh.element import EDGES
 from asperity.model.material import Material
+from asperity.surface import Flat, Surface
 
 Array = npt.NDArray[np.float64]
 
@@ -79,3 +82,20 @@ def sample(block: BlockMesh | None, material: Material, forms: bool = False, poi
 def difference(a: Any, b: Any) -> float:
     """Largest difference relative to the largest magnitude."""
     return float(np.max(np.abs(np.asarray(a) - np.asarray(b))) / np.max(np.abs(np.asarray(b))))
+
+
+def cubes(n: int, surface: Surface | None = None) -> BlockMesh:
+    """A block of unit side under a surface, by default a flat one: n^3 cubes of six tetrahedra, nodes on the edges."""
+    surface = surface or Flat(L=1.0)
+    corner = np.stack(np.meshgrid(*3 * [np.arange(n + 1)], indexing="ij"), axis=-1).reshape(-1, 3)
+    of_cube = []
+    for order in itertools.permutations(range(3)):
+        axes = np.eye(3, dtype=int)[list(order)]
+        path = np.concatenate([[[0, 0, 0]], axes.cumsum(axis=0)])
+        of_cube.append(path if np.linalg.det(axes) > 0.0 else path[[0, 2, 1, 3]])  # none is turned inside out
+    corners = 2 * (corner[(corner < n).all(axis=1)][:, None, None] + np.array(of_cube)).reshape(-1, 4, 3)
+    nodes = np.concatenate([corners, corners[:, EDGES].mean(axis=2).astype(int)], axis=1)
+    found, tets = np.unique(nodes.reshape(-1, 3), axis=0, return_inverse=True)
+    x, y, z = found.T / (2 * n)
+    points = np.stack([x, y, z * (1.0 + surface.height(x, y) - surface.mean())], axis=1)
+    return BlockMesh(points, tets.reshape(-1, 10), 1.0, 1.0)

@@ -8,7 +8,6 @@ import os
 import re
 import shlex
 import shutil
-import tomllib
 import warnings
 from collections.abc import Iterator
 from pathlib import Path
@@ -122,29 +121,15 @@ def test_pages_do_not_share_the_folder_of_a_run() -> None:
     assert {folder: cases for folder, cases in runs.items() if len(cases) > 1} == {}
 
 
-def test_the_files_of_the_architecture_exist() -> None:
+def test_the_files_of_the_architecture_exist_and_are_counted() -> None:
     page = (ROOT / "docs/architecture.md").read_text(encoding="utf-8")
     names = set(re.findall(r"`([\w/]+\.(?:py|cpp|hpp))`", page))
     assert len(names) > 30
     assert not [name for name in names if not ((ROOT / name).exists() or (ROOT / "python/asperity" / name).exists())]
-
-
-def test_the_architecture_counts_its_files() -> None:
-    page = (ROOT / "docs/architecture.md").read_text(encoding="utf-8")
     rows = re.findall(r"^\| .* \| (\d+) \| (.*) \|$", page, re.MULTILINE)
     assert len(rows) >= 10
     for count, files in rows:
         assert len(files.partition(";")[0].split(", ")) == int(count), files
-
-
-@pytest.mark.parametrize("page", [p for p in PAGES if blocks(p, "toml")], ids=lambda p: p.name)
-def test_case_files_are_legal(page: Path) -> None:
-    for code in blocks(page, "toml"):
-        data = tomllib.loads(code)
-        if {"surface", "material", "loading"} <= set(data):
-            with warnings.catch_warnings():
-                warnings.simplefilter("ignore")
-                Case.from_dict(data)
 
 
 @pytest.mark.parametrize("path", sorted((ROOT / "docs/tables").glob("*.csv")), ids=lambda p: p.stem)
@@ -160,11 +145,14 @@ def test_tables_name_their_command_and_are_read(path: Path) -> None:
     assert links, "no page leads to this table"
 
 
+def table(name: str) -> list[dict[str, str]]:
+    with (ROOT / f"docs/tables/{name}.csv").open(encoding="utf-8", newline="") as file:
+        return list(csv.DictReader(line for line in file if not line.startswith("#")))
+
+
 def test_the_first_page_gives_the_numbers_of_the_demo() -> None:
     """Those of its stored curve; stiffness between two interpolants of the unloading, frequency by the mass."""
-    joint = Case.load(ROOT / "cases/demo.toml").to_dict()
-    with (ROOT / "docs/tables/demo.csv").open(encoding="utf-8", newline="") as file:
-        rows = list(csv.DictReader(line for line in file if not line.startswith("#")))
+    joint, rows = Case.load(ROOT / "cases/demo.toml").to_dict(), table("demo")
     top = next(i for i, row in enumerate(rows) if row["branch"] == "unload") - 1
     text = " ".join((ROOT / "README.md").read_text(encoding="utf-8").split())
     bar = float(rows[top]["error_P_star"]) / float(rows[top]["P_star"])
@@ -189,6 +177,13 @@ def test_the_first_page_gives_the_numbers_of_the_demo() -> None:
     assert float(half) == pytest.approx(float(bar) / 2, abs=0.076)  # both are rounded
 
 
+def test_what_the_paper_cites_is_in_its_list_and_the_other_way_round() -> None:
+    bib, paper = ((ROOT / "paper" / name).read_text(encoding="utf-8") for name in ("paper.bib", "paper.md"))
+    defined = re.findall(r"^@\w+\{(\w+),", bib, re.MULTILINE)
+    assert len(set(defined)) == len(defined) == len(re.findall(r"^  doi +=", bib, re.MULTILINE)) > 5
+    assert set(re.findall(r"@(\w+)", paper)) == set(defined)
+
+
 def test_every_picture_has_its_command_and_is_shown(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.syspath_prepend(str(ROOT / "benchmarks"))
     made = importlib.import_module("pictures").NAMES
@@ -201,14 +196,13 @@ def test_every_picture_has_its_command_and_is_shown(monkeypatch: pytest.MonkeyPa
 
 # --- pages of the Python API ----------------------------------------------------------------------------------
 
-API = [ROOT / "docs/api.md"]
 DIRECTIVE = re.compile(r"^::: ([\w.]+)\n(?:    options:\n      members: \[(.*)\]\n)?", re.MULTILINE)
 
 
-def public_names(page: Path) -> list[tuple[str, str]]:
-    """Module and name of each class and function on a page: those it lists, or all that the module defines."""
+def public_names() -> list[tuple[str, str]]:
+    """Module and name of each class and function on the page: those it lists, or all that the module defines."""
     found = []
-    for name, listed in DIRECTIVE.findall(page.read_text(encoding="utf-8") + "\n"):
+    for name, listed in DIRECTIVE.findall((ROOT / "docs/api.md").read_text(encoding="utf-8") + "\n"):
         module = importlib.import_module(name)
         own = [n for n, o in vars(module).items() if n[0] != "_" and getattr(o, "__module__", "") == name]
         found += [(name, member) for member in (listed.split(", ") if listed else own)]
@@ -220,16 +214,11 @@ def member(module: str, name: str) -> object:
     return getattr(importlib.import_module(module), name, None)
 
 
-@pytest.mark.parametrize("page", API, ids=lambda p: p.name)
-def test_each_name_of_an_api_page_exists(page: Path) -> None:
-    names = public_names(page)
-    assert names
-    assert [pair for pair in names if member(*pair) is None] == []
-
-
-def test_each_public_name_is_on_an_api_page() -> None:
-    shown = [member(*pair) for page in API for pair in public_names(page)]
-    modules = {importlib.import_module(name.rpartition(".")[0]) for page in API for name, _ in public_names(page)}
+def test_each_name_of_the_api_page_exists_and_each_public_name_is_on_it() -> None:
+    names = public_names()
+    shown = [member(*pair) for pair in names]
+    assert names and [pair for pair, found in zip(names, shown, strict=True) if found is None] == []
+    modules = {importlib.import_module(name.rpartition(".")[0]) for name, _ in names}
     public = {name: getattr(asperity, name) for name in asperity.__all__}
     assert [name for name, o in public.items() if not any(o is s for s in (*shown, *modules))] == []
 
@@ -249,19 +238,13 @@ def test_links_lead_to_no_archive_of_packages() -> None:
 
 @pytest.mark.parametrize("name", ["elastic", "yielding"])
 def test_the_steps_inside_the_bars_are_those_of_the_table(name: str) -> None:
-    with (ROOT / f"docs/tables/bars_{name}.csv").open(encoding="utf-8", newline="") as file:
-        rows = list(csv.DictReader(line for line in file if not line.startswith("#")))
+    rows = table(f"bars_{name}")
     inside, steps = (sum(int(row["inside"].split("/")[k]) for row in rows) for k in (0, 1))
     for page in ("docs/accuracy.md", "docs/verification.md", "paper/paper.md"):
         assert f"{inside} of {steps}" in (ROOT / page).read_text(encoding="utf-8"), page
     if name == "elastic":
         inside, steps = (sum(int(row["area inside"].split("/")[k]) for row in rows) for k in (0, 1))
         assert f"the area is inside at {inside} of {steps}" in (ROOT / "docs/accuracy.md").read_text(encoding="utf-8")
-
-
-def slip_table(name: str) -> list[dict[str, str]]:
-    with (ROOT / f"docs/tables/slip_{name}.csv").open(encoding="utf-8", newline="") as file:
-        return list(csv.DictReader(line for line in file if not line.startswith("#")))
 
 
 def numbers(rows: list[dict[str, str]], column: str) -> np.ndarray:
@@ -271,17 +254,17 @@ def numbers(rows: list[dict[str, str]], column: str) -> np.ndarray:
 def test_the_evidence_of_slip_gives_the_numbers_of_its_tables() -> None:
     page = " ".join((ROOT / "docs/verification.md").read_text(encoding="utf-8").split())
     u, energy = "u at 0.1, 0.3, 0.6, 0.9 mu P, %", "energy, %"
-    of = [[row for row in slip_table("law") if row["nu"] == nu] for nu in ("0.3", "0.45")]
+    of = [[row for row in table("slip_law") if row["nu"] == nu] for nu in ("0.3", "0.45")]
     most_u = " and ".join(f"{np.abs(numbers(rows, u)).max():.1f}" for rows in of)
     most_energy = " and ".join(f"{np.abs(numbers(rows, energy)[:, 1:]).max():.1f}" for rows in of)
     assert f"up to {most_u} % off" in page and f"up to {most_energy} %" in page
-    assert {row[name] for row in slip_table("rows") for name in ("inside u", "inside energy")} == {"120 of 120"}
-    steep = [row for row in slip_table("solid") if row["slope"] == "0.1"]
+    assert {row[name] for row in table("slip_rows") for name in ("inside u", "inside energy")} == {"120 of 120"}
+    steep = [row for row in table("slip_solid") if row["slope"] == "0.1"]
     for method, words in (("solid", ("{} to {} % softer", "{} to {} % more")), ("its curve", ("{} to {} % of",) * 2)):
         some = [row for row in steep if row["method"] == method]
         for values, text in zip((numbers(some, u), numbers(some, energy)[:, 1:]), words, strict=True):
             assert text.format(f"{values.min():.1f}", f"{values.max():.1f}") in page
-    rows = slip_table("yielded")
+    rows = table("slip_yielded")
     inside = (sum(int(row[k].split()[0]) for row in rows) for k in ("inside u", "inside energy"))
     assert "{} of {n} displacements and {} of {n} energies".format(*inside, n=4 * len(rows)) in page
     assert f"median for the energy is {np.median(numbers(rows, 'bar of the energy, %')[:, 1:]):.0f} %" in page

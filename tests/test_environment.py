@@ -16,14 +16,10 @@ from collections.abc import Callable
 from pathlib import Path
 
 import pytest
+from conftest import CLEAN
 
 PROJECT = Path(__file__).parents[1]
 PACKAGES = re.findall(r"^[a-z0-9.+-]+", (PROJECT / "packages.txt").read_text(), re.MULTILINE)
-
-
-def clean_environment() -> dict[str, str]:
-    """The environment without what an MPI process adds to it, so that a new MPI job can start."""
-    return {k: v for k, v in os.environ.items() if not re.match("PMIX_|PRTE_(?!MCA)|OMPI_(?!MCA|A)", k)}
 
 
 def wait_until(condition: Callable[[], object]) -> None:
@@ -94,7 +90,7 @@ class Clone:
         (self.path / "python/asperity").mkdir(parents=True)
         for name in ("packages.txt", "CMakeLists.txt", "pyproject.toml", "python/asperity/version.py"):
             shutil.copy(PROJECT / name, self.path / name)
-        self.environment = clean_environment() | {
+        self.environment = CLEAN | {
             "PATH": f"{tools}:/usr/bin:/bin",
             "XDG_CACHE_HOME": str(self.cache.parent),
             "CALLS": str(self.calls),

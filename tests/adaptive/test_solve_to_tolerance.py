@@ -197,6 +197,7 @@ def test_unloading_follows_an_extrapolated_elastic_plastic_loading() -> None:
 
 
 @pytest.mark.mpi
+@pytest.mark.usefixtures("several_ranks")
 def test_a_run_with_a_tolerance_does_not_depend_on_the_ranks() -> None:
     together, alone = (
         solve_contact(bump(), PLASTIC, tolerance=AccuracyTarget(0.2), delta_max=0.04, steps=2, comm=comm)

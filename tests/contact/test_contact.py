@@ -77,6 +77,7 @@ def test_sphere_on_a_layer(cap: Surface, formulation: Formulation) -> None:
 
 @EACH
 def test_westergaard(formulation: Formulation) -> None:
+    """In closed form at each approach; a mean gap, at the pressure of the step, is free of the compression."""
     amplitude, height = 0.002, 2.0
     surface = Sinusoid(L=1.0, amplitude=amplitude, wavelength=2.0, dims=1, centre=(0.0, 0.0))
     wave = ref.Westergaard(amplitude, 2.0, ref.reduced_modulus(1.0, NU))
@@ -97,6 +98,8 @@ def test_westergaard(formulation: Formulation) -> None:
     ]
     np.testing.assert_allclose(curve.force, mean, rtol=0.01)
     np.testing.assert_allclose(curve.area_fraction, wave.area_fraction(mean), atol=0.02)
+    np.testing.assert_allclose(curve.mean_gap, wave.mean_gap(curve.force), atol=0.004 * amplitude)
+    np.testing.assert_allclose(curve.mean_pressure, curve.force / curve.area_fraction)
 
 
 def grid_press(formulation: Formulation, material: Material) -> ContactSolver:

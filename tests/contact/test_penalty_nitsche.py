@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 import pytest
-from conftest import ELASTIC, PLASTIC, assembled, here, world
+from conftest import ELASTIC, PLASTIC, assembled, here
 from element_sample import PAIRS
 from scipy import sparse
 from scipy.sparse.linalg import splu
@@ -248,19 +248,6 @@ def test_active_set_solves_the_variational_inequality(wave: Surface, coarse_wave
     snes.solve(None, x)
     assert snes.getConvergedReason() > 0
     np.testing.assert_allclose(x.array, expected, atol=1e-9)
-
-
-@pytest.mark.mpi
-@pytest.mark.usefixtures("several_ranks")
-@pytest.mark.parametrize("material", [ELASTIC, PLASTIC], ids=["elastic", "plastic"])
-def test_same_curve_on_any_number_of_ranks(rough: Surface, coarse: BlockMesh | None, material: Material) -> None:
-    comm = world()
-    settings: dict[str, Any] = dict(delta_max=0.03, steps=3, formulation=NITSCHE)
-    together = solve_contact(rough, material, block=coarse, comm=comm, **settings).curve
-    if comm.rank == 0:
-        alone = solve_contact(rough, material, block=coarse, comm=here(), **settings).curve
-        np.testing.assert_allclose(together.force, alone.force, rtol=1e-8)
-        np.testing.assert_allclose(together.area_fraction, alone.area_fraction, rtol=1e-8)
 
 
 @pytest.mark.parametrize(("method", "factor"), [("penalty", None), ("penalty", 1e3), ("nitsche", None)])

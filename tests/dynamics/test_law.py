@@ -312,14 +312,6 @@ def test_the_offset_of_the_approach_can_be_fitted() -> None:
         TableLaw.from_curve({"delta": Z, "force": Z}, origin="guess")
 
 
-def test_a_table_as_spreadsheets_and_hands_write_it_is_read(tmp_path) -> None:
-    path = tmp_path / "measured.csv"
-    rows = [f"{float(z)!r}, {float(z) ** 1.5!r}" for z in Z]
-    path.write_text("\ufeffdelta, force\r\n" + "\r\n".join(rows), encoding="utf-8", newline="")
-    law, _ = law_from(path, "table")
-    assert float(law.force(Z[7])) == pytest.approx(Z[7] ** 1.5, rel=1e-12)
-
-
 def test_a_file_that_is_not_a_table_is_refused(tmp_path) -> None:
     path = tmp_path / "curve.csv"
     path.write_bytes(bytes(range(256)))

@@ -11,6 +11,7 @@ import numpy as np
 import numpy.typing as npt
 import pytest
 from conftest import ELASTIC, MPIRUN, assembled, here, world
+from element_sample import cubes
 from j2_path import confined_stress
 from scipy import sparse
 
@@ -325,25 +326,6 @@ def test_multigrid_iterations_do_not_grow_with_the_mesh() -> None:
 # --- orders of convergence ------------------------------------------------------------------------------------
 
 
-def structured_block(surface: Surface, n: int) -> BlockMesh:
-    """n^3 cubes of six tetrahedra, so that meshes of different n are similar."""
-    m = 2 * n + 1
-    t = np.linspace(0.0, 1.0, m)
-    x, y, z = (a.ravel() for a in np.meshgrid(t, t, t, indexing="ij"))
-    points = np.stack([x, y, z * (1.0 + surface.height(x, y) - surface.mean())], axis=1)
-    first = 2 * np.stack(np.meshgrid(*[np.arange(n)] * 3, indexing="ij"), axis=-1).reshape(-1, 1, 3)
-    tets = []
-    even, odd = ((0, 1, 2), (1, 2, 0), (2, 0, 1)), ((0, 2, 1), (1, 0, 2), (2, 1, 0))
-    for axes in even + odd:
-        corner = np.zeros((4, 3), dtype=int)
-        for k, axis in enumerate(axes):
-            corner[k + 1 :, axis] += 2
-        a, b, c, d = corner if axes in even else corner[[0, 2, 1, 3]]
-        edges = [(a, b), (b, c), (a, c), (a, d), (c, d), (b, d)]  # in the order of gmsh
-        tets.append(first + np.array([a, b, c, d, *((p + q) // 2 for p, q in edges)]))
-    return BlockMesh(points, np.concatenate(tets) @ [m * m, m, 1], 1.0, 1.0)
-
-
 def projection_errors(block: BlockMesh, material: Material) -> tuple[float, float]:
     """Errors of displacement and of its gradient, in L2, for a smooth solution with rollers and a clamped base.
 
@@ -384,7 +366,7 @@ def projection_errors(block: BlockMesh, material: Material) -> tuple[float, floa
 @pytest.mark.parametrize("material", [ELASTIC, Material(1.0, NU, 0.8)], ids=["elastic", "below yield"])
 @pytest.mark.parametrize("surface", [Flat(L=1.0), Sinusoid(L=1.0, amplitude=0.1, dims=2)], ids=["plane", "curved"])
 def test_displacement_converges_with_order_three_and_strain_with_two(surface: Surface, material: Material) -> None:
-    coarse, fine = (np.array(projection_errors(structured_block(surface, n), material)) for n in (4, 8))
+    coarse, fine = (np.array(projection_errors(cubes(n, surface), material)) for n in (4, 8))
     assert np.all(np.log2(coarse / fine) > np.array([3.0, 2.0]) - 0.1)
 
 

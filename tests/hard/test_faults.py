@@ -14,7 +14,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from conftest import MPIRUN
+from conftest import CLEAN, MPIRUN
 
 from asperity.curve import Curve
 from asperity.runtime.files import is_aside, read_npz
@@ -26,8 +26,6 @@ material = {E = 1.0, nu = 0.3, yield_strength = 0.005, tangent_modulus = 0.05}
 mesh = {h_contact = 0.2, h_max = 0.5}
 loading = {delta_max = 0.02, steps = 4, unload = true, integrator = "backward-euler"}
 """
-# tests of other modules may have started MPI in this process; its children must not join that job
-CLEAN = {k: v for k, v in os.environ.items() if not k.startswith(("OMPI_COMM", "PMIX_", "PRTE_", "PMI_"))}
 needs_mpirun = pytest.mark.skipif(shutil.which("mpirun") is None, reason="there is no mpirun")
 
 # Breaks something on one rank after some calls, then runs the command line.

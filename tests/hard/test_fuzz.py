@@ -6,7 +6,6 @@
 from __future__ import annotations
 
 import io
-import itertools
 import math
 import tempfile
 import warnings
@@ -16,6 +15,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from element_sample import cubes
 from hypothesis import HealthCheck, event, given, settings
 from hypothesis import strategies as st
 
@@ -24,7 +24,6 @@ from asperity.curve import Curve
 from asperity.errors import AsperityError, CheckError, ConvergenceError, InputError
 from asperity.job.run_case import run
 from asperity.mesh.block import BlockMesh
-from asperity.mesh.element import EDGES
 from asperity.surface import Flat
 
 ROOT = Path(__file__).parents[2]
@@ -273,18 +272,6 @@ CURVE = b"step,branch,delta,force\n1,load,1e-9,2e-6\n2,load,2e-9,5e-6\n3,unload,
 test_any_bytes_are_a_curve_or_a_sentence, test_any_of_many_curves = fuzz(
     any_bytes_are_a_curve_or_a_sentence, mutated((CURVE, b'# {"a": 1}\n' + CURVE)), FEW, MANY
 )
-
-
-def cubes(n: int) -> BlockMesh:
-    """A flat block of unit side made of n^3 cubes with six tetrahedra each, with nodes on the edges."""
-    corner = np.stack(np.meshgrid(*3 * [np.arange(n + 1)], indexing="ij"), axis=-1).reshape(-1, 3)
-    steps = [np.eye(3, dtype=int)[list(order)].cumsum(axis=0) for order in itertools.permutations(range(3))]
-    of_cube = np.array([[(0, 0, 0), *path] for path in steps])
-    at = corner[(corner < n).all(axis=1)][:, None, None] + of_cube
-    corners = 2 * at.reshape(-1, 4, 3)
-    nodes = np.concatenate([corners, corners[:, EDGES].mean(axis=2).astype(int)], axis=1)
-    points, tets = np.unique(nodes.reshape(-1, 3), axis=0, return_inverse=True)
-    return BlockMesh(points / (2 * n), tets.reshape(-1, 10), 1.0, 1.0)
 
 
 BLOCK = cubes(2)

@@ -16,7 +16,7 @@ import asperity as asp
 import asperity.quasistatic.contact_solver
 from asperity.case import Case
 from asperity.contact import ActiveSet
-from asperity.errors import CheckError, ResolutionWarning
+from asperity.errors import CheckError
 from asperity.job.run_case import run
 from asperity.mesh.block import BlockMesh
 from asperity.mesh.generate import build_block
@@ -230,20 +230,6 @@ def test_a_flat_that_touches_no_node_is_noticed(wave: Surface, coarse_wave: Bloc
     assert "no node is touched" in solver.checks.violated["touch"]
     follow(solver, Schedule(0.02, steps=2), Record(1.0, 1.0, 1.0))
     assert solver.checks.violated == {}
-
-
-def test_a_contact_of_a_few_facets_is_said() -> None:
-    case = Case.from_dict(
-        {
-            "units": "other",
-            "surface": {"kind": "sphere", "L": 1.0, "radius": 1.0, "centre": [0.31, 0.47]},
-            "material": {"E": 1.0, "nu": 0.3},
-            "loading": {"delta_max": 1e-5, "steps": 2},
-        }
-    )
-    with pytest.warns(ResolutionWarning, match="touches a few facets only"):
-        result = run(case)
-    assert result.curve.error_area_fraction[-1] > 0.5 * result.curve.area_fraction[-1]
 
 
 def test_a_wrong_run_ends_with_an_error_that_says_so(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:

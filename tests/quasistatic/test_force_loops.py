@@ -137,6 +137,8 @@ def test_a_request_to_stop(rough: Surface, coarse: BlockMesh | None, asked: int)
     np.testing.assert_allclose(found, expected, rtol=1e-9)
 
 
+@pytest.mark.mpi
+@pytest.mark.usefixtures("several_ranks")
 def test_ranks_agree(rough: Surface, coarse: BlockMesh | None) -> None:
     """One rank and all find the same loops, within the tolerance of the force at their ends."""
     found = []

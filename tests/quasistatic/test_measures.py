@@ -25,20 +25,6 @@ NU = 0.3
 EACH = pytest.mark.parametrize("formulation", [Formulation(), Formulation("penalty")], ids=lambda f: f.method)
 
 
-@EACH
-def test_mean_gap_of_westergaard(formulation: Formulation) -> None:
-    """Closed form at the pressure of each step; a mean gap is free of the compression of the block."""
-    amplitude = 0.002
-    surface = Sinusoid(L=1.0, amplitude=amplitude, wavelength=2.0, dims=1, centre=(0.0, 0.0))
-    wave = ref.Westergaard(amplitude, 2.0, ref.reduced_modulus(1.0, NU))
-    curve = solve_contact(
-        surface, ELASTIC, height=2.0, delta_max=1.5 * amplitude, steps=2, formulation=formulation, comm=here(),
-        size=MeshSize(0.08, growth=0.5, h_max=0.5),
-    ).curve  # fmt: skip
-    np.testing.assert_allclose(curve.mean_gap, wave.mean_gap(curve.force), atol=0.004 * amplitude)
-    np.testing.assert_allclose(curve.mean_pressure, curve.force / curve.area_fraction)
-
-
 def test_mean_gap_of_a_wave_in_two_directions() -> None:
     """Against a half-space (Johnson, Greenwood and Higginson); lengths and pressures in physical units."""
     amplitude, side, E = 0.004, 3e-6, 2e11
@@ -125,20 +111,6 @@ def test_the_equivalent_strain_is_that_of_the_displacement(cube: Any, material: 
         e = 0.5 * logm(C) if material.finite else 0.5 * (H + H.T)
         e = e - np.trace(e) / 3.0 * np.eye(3)
         np.testing.assert_allclose(equivalent_strain(solver), np.sqrt(2.0 / 3.0 * np.sum(e * e)), rtol=1e-9)
-
-
-@pytest.mark.mpi
-@pytest.mark.usefixtures("several_ranks")
-def test_ranks_agree(wave: Surface, coarse_wave: Any) -> None:
-    """Measures of all ranks are those of one."""
-    material, found = Material(1.0, NU, 0.01, 0.05), []
-    for comm in (here(), world()):
-        block = world().bcast(coarse_wave) if comm.size == 1 else coarse_wave
-        result = solve_contact(wave, material, delta_max=0.02, steps=2, block=block, comm=comm)
-        found.append(result.curve)
-    one, all_ = found
-    for name in ("mean_gap", "mean_pressure", "spots", "largest_spot"):
-        np.testing.assert_allclose(getattr(all_, name), getattr(one, name), rtol=1e-6)
 
 
 def test_the_plastic_fraction_is_one_of_volume(rough: Surface, coarse: Any) -> None:

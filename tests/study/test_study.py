@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import csv
 import json
-import os
 import subprocess
 import sys
 import time
@@ -15,7 +14,7 @@ from typing import Any
 import numpy as np
 import pytest
 import tomli_w
-from conftest import call, world
+from conftest import CLEAN, call, world
 
 from asperity.case import Case
 from asperity.curve import Curve
@@ -204,16 +203,10 @@ def test_ranks_that_do_not_divide_are_refused(tmp_path: Path) -> None:
         run_study(study(grid={"block.height": [1.0]}), tmp_path / "out", ranks_per_case=world().size + 1)
 
 
-def environ() -> dict[str, str]:
-    """Variables of a job of its own: those of mpirun would join it to the one that runs the tests."""
-    kept = {k: v for k, v in os.environ.items() if not k.startswith(("OMPI_", "PMIX_", "PRTE_"))}
-    return kept | {k: v for k, v in os.environ.items() if k.startswith(("OMPI_ALLOW", "OMPI_MCA"))}
-
-
 def on_two_ranks(path: Path, out: Path, *options: str) -> str:
     """Output of `asperity study` on two ranks."""
     command = ["mpirun", "-n", "2", sys.executable, "-m", "asperity", "study", str(path), "-o", str(out), *options]
-    done = subprocess.run(command, env=environ(), capture_output=True, text=True, timeout=300)
+    done = subprocess.run(command, env=CLEAN, capture_output=True, text=True, timeout=300)
     assert done.returncode == 0, done.stderr
     return done.stdout
 
@@ -262,7 +255,7 @@ def test_a_stopped_case_continues_and_is_no_failure(tmp_path: Path, straight: Cu
     path.write_text(tomli_w.dumps({"base": SMALL | MANY_STEPS, "grid": ONE}))
     place = case_folder(out, made.entries[0].key)
     command = [sys.executable, "-m", "asperity", "study", str(path), "-o", str(out)]
-    process = subprocess.Popen(command, env=environ(), stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+    process = subprocess.Popen(command, env=CLEAN, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
     end = time.monotonic() + 120
     while not ((place / "checkpoint/state.npz").exists() and (place / "curve.csv").exists()):
         assert time.monotonic() < end and process.poll() is None, process.communicate()
