@@ -20,7 +20,7 @@ from asperity.curve import COLUMNS, Curve
 from asperity.curve.loops import LoopTable
 from asperity.curve.power_law import with_misfit
 from asperity.dynamics import LoopDamping, PowerLaw, TableLaw, law_from, run_dynamics
-from asperity.errors import CheckError, ConvergenceError, MeshError, OutputError
+from asperity.errors import CheckError, CheckpointError, ConvergenceError, MeshError, OutputError
 from asperity.job.run_case import RunResult, run
 from asperity.mesh.block import BlockMesh
 from asperity.model.material import Material
@@ -208,6 +208,19 @@ def test_a_summary_of_anything_is_written_again(tmp_path: Path, summary: str) ->
     np.testing.assert_array_equal(again.curve.force, first.curve.force)
     assert json.loads((tmp_path / "summary.json").read_text(encoding="utf-8"))["finished"] is True
     assert again.contact is not None
+
+
+def test_a_finished_run_is_not_resumed_under_another_tolerance_of_the_equations(tmp_path: Path) -> None:
+    """The curve would stay, and the case next to it would describe another one."""
+    settings: dict[str, Any] = {"loading": {"delta_max": 0.01e-6, "steps": 1}, "material": {"E": 200e9, "nu": 0.3}}
+    run(case_of(**settings), tmp_path)
+    before = files(tmp_path)
+    with pytest.raises(CheckpointError, match=r"solver\.rtol = 1e-08 there, 1e-10 here"):
+        run(case_of(solver={"rtol": 1e-10}, **settings), tmp_path, resume=True)
+    assert files(tmp_path) == before
+    case = case_of(output={"figures": True}, **settings)
+    run(case, tmp_path, resume=True)
+    assert (tmp_path / "figures/curve.svg").is_file() and Case.load(tmp_path / "case.toml") == case
 
 
 def test_summary(full: tuple[Path, RunResult]) -> None:

@@ -259,6 +259,19 @@ def test_a_loop_closes_and_loses(wave: Surface, block: BlockMesh) -> None:
     assert T[-1] == pytest.approx(path.T[top], rel=3e-3) and np.all(np.diff(u) > 0.0)
 
 
+def test_a_yielded_solid_keeps_its_plastic_strain_around_a_loop(wave: Surface, block: BlockMesh) -> None:
+    solver = make_contact_solver(here(), wave, block, PLASTIC, sides="free", formulation=Formulation(friction=0.3))
+    for k in range(1, 9):
+        assert solver.step(0.02 * k / 8).converged
+    before, strain = solver.force, solver.solid.kernels.history().plastic_strain.copy()
+    path = slip_paths(solver, SlipSettings(0.3, (0.6,), 0.8 * solver.force, steps=1))[0]
+    assert np.all(np.diff(path.dissipated) >= 0.0) and path.energy > 0.0
+    assert path.force == pytest.approx(0.6 * 0.3 * 0.8 * before, rel=3e-3)
+    assert path.u[-1] == pytest.approx(path.u[path.end(0)], rel=0.1)  # pressing left tangential forces
+    np.testing.assert_array_equal(solver.solid.kernels.history().plastic_strain, strain)
+    assert solver.force == before
+
+
 @pytest.mark.mpi
 @pytest.mark.usefixtures("several_ranks")
 def test_ranks_find_the_same(wave: Surface) -> None:
