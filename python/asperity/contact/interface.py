@@ -104,7 +104,7 @@ class Contact(ABC):
     def penetration_work(self) -> float:
         """Sum of force times penetration over the points of a compliant contact at the last residual [E L^3].
 
-        Part of this rank; zero for exact contact.
+        Part of this rank; zero for exact contact, and where the penetration is meant, as the compression of a coating.
         """
         return 0.0
 
