@@ -315,7 +315,7 @@ def test_the_offset_of_the_approach_can_be_fitted() -> None:
 def test_a_file_that_is_not_a_table_is_refused(tmp_path) -> None:
     path = tmp_path / "curve.csv"
     path.write_bytes(bytes(range(256)))
-    with pytest.raises(InputError, match="not a table of text"):
+    with pytest.raises(InputError, match="cannot be read: it is no text"):
         TableLaw.from_curve(path)
     with pytest.raises(InputError, match="not a number"):
         TableLaw("approach", "force")

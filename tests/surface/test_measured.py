@@ -108,6 +108,9 @@ def test_without_surfacetopography_the_remedy_is_named(tmp_path: Path, monkeypat
     monkeypatch.setattr(builtins, "__import__", absent)
     with pytest.raises(CompatError, match=r"pip install .asperity\[scan\]"):
         HeightField.read(tmp_path / "scan.sur")
+    (tmp_path / "scan.png").write_bytes(b"x")
+    with pytest.raises(InputError, match="a picture has colours, not heights"):
+        HeightField.read(tmp_path / "scan.png")
 
 
 def test_instrument_files_are_read_by_surfacetopography(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -231,6 +231,8 @@ def test_points_whose_units_are_named_in_part_are_a_question(tmp_path: Path) -> 
     np.testing.assert_allclose(read.z, 1e-9 * Z)
     (tmp_path / "a.csv").write_text(",x,y,z\n" + "\n".join(f"{i}," + text([p], ",") for i, p in enumerate(POINTS)))
     np.testing.assert_allclose(HeightField.read(tmp_path / "a.csv").z, Z)
+    (tmp_path / "a.csv").write_text(f"X,Y,Z\num,um,[nm]\n{rows}")
+    np.testing.assert_allclose(HeightField.read(tmp_path / "a.csv").z, 1e-9 * Z)
     (tmp_path / "a.csv").write_text(f"a,b,c\n{rows}")
     with pytest.raises(InputError, match="are not x, y and z"):
         HeightField.read(tmp_path / "a.csv")

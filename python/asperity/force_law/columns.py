@@ -156,5 +156,5 @@ def _read(path: Path) -> tuple[Mapping[str, Any], tuple[str, ...]]:
     except OSError as error:
         raise InputError(f"cannot read the curve {path}: {error.strerror}") from error
     except (ValueError, csv.Error) as error:
-        raise InputError(f"the curve {path} is not a table of text: {error}") from error
+        raise InputError(f"the curve {path} cannot be read: {error}") from error
     return measured.columns, measured.notes

@@ -123,7 +123,7 @@ class TableLaw(Law):
         z, F, k = z[keep], F[keep], None if k is None else np.where(k[keep] > 0, k[keep], np.nan)
         least = MIN_POINTS if k is None else 1 if np.isfinite(k).all() else 2
         if z.size < least:
-            raise InputError(f"the table has {z.size} usable rows, at least {least} are needed")
+            raise InputError(f"the table has {z.size} usable rows, at least {least} are needed: take more steps")
         return z, F, k
 
     @classmethod

@@ -21,6 +21,7 @@ from asperity.units import LENGTHS
 
 TEXT = (".csv", ".txt", ".dat", ".tsv", ".asc", ".xyz")
 PLAIN = (".npz", ".npy", *TEXT)
+PICTURES = (".png", ".jpg", ".jpeg")
 MARKS = (-32768.0, -2147483648.0, -9999.0, -99999.0)  # usual ones of missing heights
 OUTSIDE = 0.1  # distance of a mark from the nearest of the other heights, over their range
 REGULAR = 1e-6  # relative difference of steps, or of sides, that were rounded
@@ -164,6 +165,8 @@ def read_instrument(
         InputError: the file cannot be read as a map, lacks pixel or unit, or has no such channel
         CompatError: SurfaceTopography is not installed
     """
+    if path.suffix.lower() in PICTURES:
+        raise InputError(f"{path}: a picture has colours, not heights; export the map as text, .npz or .gwy")
     try:
         import SurfaceTopography  # type: ignore[import-not-found, import-untyped, unused-ignore]
     except ImportError:

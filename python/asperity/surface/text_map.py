@@ -78,6 +78,9 @@ def read_text_map(
     above = max((i for i, line in enumerate(text.lines[: text.first], 1) if line.strip()), default=0)
     if lines and lines[-1][0] == above and len(last := text.cells(lines[-1][1])) == table.shape[1]:
         lines, names = lines[:-1], last
+    named = text.cells(lines[-1][1]) if lines else []
+    if names and len(named) == len(names) and all(length_unit(name.strip("[]()")) for name in names):  # units below
+        lines, names = lines[:-1], [f"{name} [{unit.strip('[]()')}]" for name, unit in zip(named, names, strict=True)]
     if table.shape[1] == 4 and names and names[0] == "" and _progression(table[:, 0]) is not None:
         table, names = table[:, 1:], names[1:]  # the index of a data frame
     if table.shape[1] == 3 and "".join(names[1:]).lower()[:1] == "x" and "y" not in "".join(names).lower():
