@@ -137,8 +137,7 @@ def test_a_run_in_pieces_has_the_same_stiffness(
         np.testing.assert_allclose(getattr(pieces, name), getattr(straight, name), rtol=same)
 
 
-@pytest.mark.mpi
-@pytest.mark.parametrize("name", ["stiffness", "conductance"])
+@pytest.mark.parametrize("name", [pytest.param("stiffness", marks=pytest.mark.mpi), "conductance"])
 def test_a_column_that_begins_or_ends_inside_a_curve_is_refused(
     wave: Surface, coarse_wave: BlockMesh | None, shared_path: Path, name: str
 ) -> None:
