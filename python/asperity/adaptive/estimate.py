@@ -9,6 +9,7 @@ from __future__ import annotations
 import warnings
 from dataclasses import dataclass, replace
 from math import inf, log2
+from time import process_time
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -43,7 +44,6 @@ if TYPE_CHECKING:
     from asperity.surface import Surface
 
 MOST_DOFS = 1e8  # that are counted
-HALF_SPACE = 4e-7  # seconds of a half-space with the surface, or with the top of a mesh, per cell and approach
 #: Memory of a rank without a mesh, what the first has beside it, and a cell of its half-space [bytes].
 BASE, ROOT, PER_CELL = 180e6, 120e6, 250.0
 
@@ -174,7 +174,7 @@ def estimate(case: Case, ranks: int = 1, surface: Surface | None = None, cells: 
         >>> len(found.levels), 10_000 < found.dofs < 30_000
         (1, True)
     """
-    rates, tolerance, file, others = _rates(case), case.accuracy.tolerance, case.mesh.file, 1.3  # libraries, results
+    since, rates, tolerance, file = process_time(), _rates(case), case.accuracy.tolerance, case.mesh.file
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # of what the run warns of too
         problem, bar, grid, guide = case.problem(surface), None, 0, None
@@ -182,7 +182,6 @@ def estimate(case: Case, ranks: int = 1, surface: Surface | None = None, cells: 
             guide = guide_of(problem, most=cells)
             plan, bar = _plan(problem, guide, tolerance, case.accuracy.max_dofs)
             grid = guide.sizes.size
-            others += HALF_SPACE * guide.cells
         path = problem.load_path
         depth = path.delta_max or (approach_of_force(problem) if guide is None else guide.depth)
         if guide is None:
@@ -197,6 +196,7 @@ def estimate(case: Case, ranks: int = 1, surface: Surface | None = None, cells: 
     share = BASE + rates.per_dof * levels[-1].dofs / ranks
     first = share + ROOT + PER_CELL * grid
     most = None if tolerance is None else case.accuracy.max_dofs
+    others = 1.3 + process_time() - since  # libraries and results, and what a run does of this too
     return Estimate(levels, (first, *[share] * (ranks - 1)), depth, kinematics, bar, tolerance, others, most)
 
 

@@ -74,7 +74,6 @@ class Guide:
         force: mean pressures there over E' (k,)
         sizes: of elements of scale 1 at the cells of a grid, inf where the surface is not touched (n, n) [L]
         slope: rms slope of the spots in contact at the greatest approach, 0 of a summit between the centres of cells
-        cells: that were pressed, over all grids and steps
     """
 
     def __init__(
@@ -84,7 +83,7 @@ class Guide:
         self.depth, self._problem, self._on_part, L = depth, problem, on_part, problem.surface.L
         self._summit = problem.surface.maximum()[2] / L
         self.delta_star = depth / L * np.linspace(1.0 / steps, 1.0, steps)
-        self.sizes, self.cells = np.full((1, 1), inf), 0
+        self.sizes = np.full((1, 1), inf)
         self._heights: dict[int, Floats] = {}  # by the cells per side
         self._pressed: dict[int, tuple[RoughHalfSpace, Array]] = {}  # at some steps
         columns, p = [], np.asarray(np.zeros((1, 1)))
@@ -124,7 +123,7 @@ class Guide:
                 spot = np.zeros_like(p)
                 spot[np.unravel_index(self._heights[n].argmax(), p.shape)] = 1.0
             sizes, even, singular = spots_of(spot)
-            cells, self.cells = PER_SIZE / even, self.cells + n * n
+            cells = PER_SIZE / even
         return layer, p, sizes, singular
 
     def left_out(self, top: Top) -> Omission:
