@@ -124,7 +124,7 @@ def test_the_force_of_a_spot_scatters_with_its_place_by_a_part_of_what_its_area_
     for x, y in np.random.default_rng(5).uniform(0.4, 0.6, (6, 2)):
         sphere = asp.Surface.from_spec("sphere", L=1.0, radius=20.0, centre=(float(x), float(y)), shape="paraboloid")
         problem = Problem.of(sphere, ELASTIC, delta_max=2.8e-3, steps=5)
-        run = LevelSolver(problem, Guide(problem, 2.8e-3, 5), 2.0, asp.AccuracyTarget(0.1), here(), Callbacks())
+        run = LevelSolver(problem, Guide(problem, 2.8e-3, 5), asp.AccuracyTarget(0.1), here(), Callbacks())
         coarse, fine = (run(finer).curve.loading() for finer in (1.0, 2.0))
         change.append(np.log(coarse.P_star / fine.P_star))
         left_open.append(np.hypot(*(0.5 * c.error_area_fraction / c.area_fraction for c in (coarse, fine))))

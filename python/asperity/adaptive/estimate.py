@@ -21,11 +21,9 @@ from asperity.adaptive.mesh_plan import (
     MARGIN,
     RATIO,
     STEP_RULES,
-    TYPICAL_BAR,
     MeshFamily,
     dofs_of,
     enough_substeps,
-    first_scale,
     step_rule,
     typical_order,
 )
@@ -44,6 +42,7 @@ if TYPE_CHECKING:
     from asperity.surface import Surface
 
 MOST_DOFS = 1e8  # that are counted
+TYPICAL_BAR = 0.0235  # relative, that two meshes of the scales RATIO and 1 give at the worst step
 #: Memory of a rank without a mesh, what the first has beside it, and a cell of its half-space [bytes].
 BASE, ROOT, PER_CELL = 180e6, 120e6, 250.0
 
@@ -230,15 +229,15 @@ def _plan(
     """Meshes that a run plans: of each the greatest size in the contact [length], dofs, load steps; and their bar."""
     most, planned = min(max_dofs, MOST_DOFS), planned_steps(problem.load_path.steps)
     problem = replace(problem, load_path=replace(problem.load_path, steps=planned))
-    family, scale = MeshFamily(problem, guide), first_scale(tolerance)
-    first, coarse = family.first(RATIO * scale, most)
-    second, fine = family.finest(min(scale, first / RATIO), first, most)
+    family = MeshFamily(problem, guide)
+    first, coarse = family.first(most)
+    scale, dofs = family.finest(min(1.0, first / RATIO), first, most)
     small = None
     if coarse > most:
         small = f"a coarse mesh of this block has about {coarse} dofs: raise it"
-    elif min(first / second, fine / coarse) < LEAST_STEP:
+    elif min(first / scale, dofs / coarse) < LEAST_STEP:
         small = (
-            f"the force would have no error bar, for meshes of about {coarse} and {fine} dofs are nearly the same; "
+            f"the force would have no error bar, for meshes of about {coarse} and {dofs} dofs are nearly the same; "
             "raise it"
         )
     if small:
@@ -250,7 +249,16 @@ def _plan(
         substeps = enough_substeps({1: np.array([share * planned**-order])}, tolerance, rule)
         parts = [2**k for k in range(max(int(log2(substeps)), 1) + 1)]  # the first mesh measures the error of the steps
     plan = [(family.h(first), coarse, _steps(problem, n)) for n in parts]
-    return [*plan, (family.h(second), fine, _steps(problem, substeps))], TYPICAL_BAR * second ** float(typical_order())
+    power = float(typical_order())
+    while True:
+        plan.append((family.h(scale), dofs, _steps(problem, substeps)))
+        if (bar := TYPICAL_BAR * scale**power) <= tolerance:
+            return plan, bar
+        step = float(np.clip((bar / (MARGIN * tolerance)) ** (1.0 / power), LEAST_STEP, RATIO))
+        finer, dofs = family.finest(scale / step, scale, most)
+        if scale / finer < LEAST_STEP:
+            return plan, bar
+        scale = finer
 
 
 def _dofs(problem: Problem, depth: float) -> int:

@@ -39,7 +39,6 @@ class LevelSolver:
     Args:
         problem: what to solve; its load path has the planned steps, its element sizes are not used
         guide: half-space with all waves, on rank 0, which makes the meshes
-        scale: of the first mesh
         goal: limits
         comm: communicator
         hooks: see `Callbacks`; each level has a checkpoint of its own
@@ -52,11 +51,11 @@ class LevelSolver:
     """
 
     def __init__(
-        self, problem: Problem, guide: Guide | None, scale: float, goal: AccuracyTarget, comm: MPI.Comm,
+        self, problem: Problem, guide: Guide | None, goal: AccuracyTarget, comm: MPI.Comm,
         hooks: Callbacks,
     ) -> None:  # fmt: skip
         material = problem.material
-        self.problem, self._first_scale, self._goal, self._comm, self._hooks = problem, scale, goal, comm, hooks
+        self.problem, self._goal, self._comm, self._hooks = problem, goal, comm, hooks
         self.compliance = problem.height * material.reduced_modulus / material.block_modulus(problem.sides)
         self._family = None if guide is None else MeshFamily(problem, guide)
         self._start = perf_counter()
@@ -84,7 +83,7 @@ class LevelSolver:
             if self.scales:
                 scale, dofs = family.finest(self.scales[-1] / finer, self.scales[-1], most, made)
             else:
-                scale, dofs = family.first(self._first_scale, most, made)
+                scale, dofs = family.first(most, made)
             return scale, dofs, family.h(scale)
 
         scale, dofs, h = on_root_bcast(self._comm, make)
@@ -132,9 +131,8 @@ class LevelSolver:
         """Work of the meshes that follow the current one at least, over its own."""
         if len(self.scales) > 1:
             return 0.0
-        finer = max(self.scales[0] / self._first_scale, 1.0) * RATIO
         twice = 2.0 if self.problem.path_dependent and substeps == 1 else 0.0  # the same mesh with half the steps
-        return twice + finer**DOFS_ORDER / substeps
+        return twice + self.scales[0] ** DOFS_ORDER / substeps
 
     def left_out(self, result: ContactResult) -> Omission:
         """What the top of the mesh of a result leaves out."""

@@ -37,7 +37,6 @@ AREA_ORDER = 1.5  # of the bar of the contact area, that of the edges of spots (
 RATIO = 2.0  # of the first two scales, and the greatest one from a scale to the next
 LEAST_STEP = 1.25  # least one from a scale to the next
 LEAST_RATIO = RATIO / LEAST_STEP  # of two scales: below it scatter hides the order
-TYPICAL_BAR = 0.0235  # relative, that two meshes of the scales RATIO and 1 give at the worst step
 MARGIN = 0.9  # part of a limit, such as the tolerance, that is planned for
 DOFS_ORDER = 2.0  # time and dofs grow as scale^-order: refinement is nearly confined to the contact
 STICK = "stick"  # where nodes are touched within a step (docs/theory.md)
@@ -68,15 +67,6 @@ def shares(ratio: float, singular: Floats | float = 0.0) -> tuple[Floats, Floats
 def typical_order(singular: Floats | float = 0.0) -> Floats:
     """Order that gives the limit of meshes whose ratio is RATIO, to plan with; see `shares`."""
     return np.asarray(np.log(1.0 + 1.0 / shares(RATIO, singular)[0]) / log(RATIO))
-
-
-def first_scale(tolerance: float) -> float:
-    """Scale of the second mesh, which usually meets a tolerance of the force with the first, RATIO times coarser.
-
-    At most 1: where elements are larger than the spots, those of single elements agree by chance. What takes a smaller
-    one than 1/RATIO, the bar of that one shows first.
-    """
-    return float(np.clip((MARGIN * tolerance / TYPICAL_BAR) ** (1.0 / typical_order()), 1.0 / RATIO, 1.0))
 
 
 def partner(scales: Sequence[float]) -> int:
@@ -159,9 +149,9 @@ class MeshFamily:
     problem: Problem
     guide: Guide
 
-    def first(self, scale: float, most: float, made: Callable[[float], int] | None = None) -> tuple[float, int]:
+    def first(self, most: float, made: Callable[[float], int] | None = None) -> tuple[float, int]:
         """The first mesh, with room for a second one; see `finest`. The coarsest has its greatest size everywhere."""
-        return self.finest(scale, H_MAX / float(self.guide.sizes.min()), most / LEAST_RATIO**DOFS_ORDER, made)
+        return self.finest(RATIO, H_MAX / float(self.guide.sizes.min()), most / LEAST_RATIO**DOFS_ORDER, made)
 
     def finest(
         self, scale: float, coarsest: float, most: float, made: Callable[[float], int] | None = None

@@ -27,7 +27,7 @@ from asperity.adaptive.extrapolation import (
 from asperity.adaptive.guide import Guide, guide_of, planned_steps
 from asperity.adaptive.load_step_error import LoadStepError, choose_substeps
 from asperity.adaptive.mesh_levels import Level, LevelSolver
-from asperity.adaptive.mesh_plan import LEAST_STEP, MARGIN, RATIO, first_scale, partner
+from asperity.adaptive.mesh_plan import LEAST_STEP, MARGIN, RATIO, partner
 from asperity.arrays import Flags, Floats
 from asperity.curve import Curve
 from asperity.errors import Interrupted, MeshError
@@ -81,8 +81,7 @@ def refine(
     comm, hooks = MPI.COMM_WORLD if comm is None else comm, hooks or Callbacks()
     hooks.stage("half-space with all waves")
     guide = on_root(comm, lambda: guide or guide_of(problem, hooks.on_part))
-    scale = first_scale(target.tolerance)
-    run = LevelSolver(planned, guide, RATIO * scale, target, comm, hooks)
+    run = LevelSolver(planned, guide, target, comm, hooks)
     if problem.path_dependent:
         result, path = choose_substeps(run, target.tolerance)
     else:
@@ -90,7 +89,7 @@ def refine(
     estimate = MeshErrorEstimate(run, target, path)
     estimate.add(result)
     result.solver.drop_matrices()
-    result = run(max(run.scales[-1] / scale, RATIO), path.substeps)
+    result = run(max(run.scales[-1], RATIO), path.substeps)
     while True:
         with suppress(Interrupted):  # this mesh is judged first; the next one is not begun
             hooks.stage("half-space with the top of the mesh")
