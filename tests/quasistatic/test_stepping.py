@@ -158,7 +158,6 @@ def test_the_predictor_saves_work_and_changes_nothing_else(press_of: Callable[..
     assert newton[0] <= newton[1]
 
 
-@pytest.mark.mpi
 def test_linear_solvers_give_the_same_curve(press_of: Callable[..., ContactSolver]) -> None:
     curves = [
         drive(press_of(PLASTIC, linear=kind, rtol=1e-10), delta_max=DELTA, steps=3, unload_steps=1).curve()
@@ -206,7 +205,6 @@ def test_a_flat_unloads_along_confined_compression(cube: BlockMesh) -> None:
 # --- force control and cycles ---------------------------------------------------------------------------------
 
 
-@pytest.mark.mpi
 @pytest.mark.parametrize(("material", "steps"), [(PLASTIC, 1), (ELASTIC, 4)])
 def test_force_control_hits_its_force(press_of: Callable[..., ContactSolver], material: Material, steps: int) -> None:
     force_star = 0.004
