@@ -71,6 +71,15 @@ def test_a_case_is_made_with_statistics(tmp_path: Path, capsys: pytest.CaptureFi
     assert 0.01 < cut < 0.03
 
 
+def test_a_run_is_not_written_over(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    scan = write(tmp_path, SCAN)
+    assert import_map(scan, "-o", scan) == 2 and "is a file; give another folder" in capsys.readouterr().err
+    (tmp_path / "checkpoint").mkdir()
+    (tmp_path / "checkpoint/state.npz").touch()
+    assert import_map(scan, "-o", tmp_path) == 2 and "holds a run" in capsys.readouterr().err
+    assert not (tmp_path / "case.toml").exists()
+
+
 def test_plateaus_are_pressed_as_lightly_as_summits(tmp_path: Path) -> None:
     """Half of the summit's height above the mean plane would press a worn surface by most of its roughness."""
     worn = np.minimum(SCAN, np.quantile(SCAN, 0.5)) + 0.02 * SCAN

@@ -90,6 +90,8 @@ def test_a_curve_of_a_run_is_not_repaired(tmp_path: Path) -> None:
         ("delta;other\n1;2\n2;3\n", "column 'force' is missing"),
         ("delta;force\n1;2\n2;x\n", "row 3 has 'x'"),
         ("delta;force\n1;2\n2;\n3;4\n", "row 3 has no force"),
+        ("delta;force\n1;-2\n2;-3\n", "no force is positive: compression counts positive"),
+        ("delta;force\n-1;2\n-2;3\n", "no delta is positive"),
         ("delta;F;force\n1;2;3\n2;3;4\n", "occurs twice"),
         ("step;delta;force\n1;1;3\ns;2;4\n", "step has a cell that is not a number"),
         ("delta;force\n1;1,234\n2;2,345\n", "separates decimals or thousands"),

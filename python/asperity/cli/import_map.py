@@ -85,10 +85,13 @@ def import_map(map_file: str, output: str | None, as_json: bool, **given: Any) -
     """
     from asperity.runtime.files import files_into
     from asperity.runtime.progress import Progress, StepLines
+    from asperity.runtime.run_folder import holds_run
     from asperity.surface.cutoff import approach_of_share, share_of_approach
 
     progress = Progress() if as_json else StepLines()
     folder = Path(output) if output else Path("out") / Path(map_file).stem
+    if folder.is_file() or holds_run(folder):
+        raise InputError(f"{folder} {'is a file' if folder.is_file() else 'holds a run'}; give another folder to -o")
     scan = _Scan(map_file, progress.stage, **given)
     about: dict[str, Any] = {
         "file": map_file, "channel": scan.channel or None, "notes": scan.notes, "side": scan.surface.L,

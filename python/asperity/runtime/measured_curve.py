@@ -38,7 +38,8 @@ def read_measured_curve(path: Path, decimal: str | None = None) -> MeasuredCurve
     """Read a curve; lengths and forces whose unit the file names become metres and newtons; `decimal` as for a table.
 
     Raises:
-        ValueError: no columns of approach and force, a cell that is no number, or a unit of one of them only
+        ValueError: no columns of approach and force, none positive, a cell that is no number, or a unit of one of
+            them only
         OSError: it cannot be read
     """
     text = TextTable.read(path, 2, decimal)
@@ -57,6 +58,9 @@ def read_measured_curve(path: Path, decimal: str | None = None) -> MeasuredCurve
     if units:
         notes.append("the file names the units of approach and force: they are metres and newtons here")
     if "step" not in found:  # of a run, which needs no repair
+        for name in NAMES:
+            if found[name].max() <= 0.0:
+                raise ValueError(f"no {name} is positive: compression counts positive, so reverse its sign")
         found, repairs = repaired(found)
         notes += repairs
     return MeasuredCurve(found, tuple(notes))
