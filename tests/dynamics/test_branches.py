@@ -210,3 +210,13 @@ def test_two_folds_between_two_points_are_found() -> None:
         steps = np.diff(branch.Omega)
         turns += np.count_nonzero(np.diff(np.sign(steps[steps != 0])))
     assert len(response["fold"]) == turns == 4
+
+
+@pytest.mark.parametrize("low", [0.4, 0.5, 0.53])
+def test_a_resonance_that_ends_in_the_window_is_found(low: float) -> None:
+    """Three cycles in two forcing periods: stable up to the fold at 0.5443, on no other branch."""
+    oscillator = ContactOscillator(PowerLaw(1.9574510939971683), zeta=0.006375104033240781, damping="contact")
+    response = oscillator.response(0.24089059043568575, (low, 1.3))
+    (orbit,) = (s for s in response.at(0.54) if s.stable and s.order == 2 and s.kind == "detached")
+    expected = [[0.0891109, -0.9223050], [0.9262858, 0.8941701]]
+    assert min(np.abs(orbit.states - np.roll(expected, k, axis=0)).max() for k in range(2)) < 1e-5

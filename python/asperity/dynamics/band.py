@@ -13,7 +13,7 @@ from asperity.dynamics.equation import Restoring
 from asperity.dynamics.oscillator import ContactOscillator
 from asperity.dynamics.response import FrequencyResponse, frequency_response
 from asperity.dynamics.settings import forcings, window
-from asperity.errors import InputError
+from asperity.errors import ConvergenceError, InputError
 from asperity.force_law.intervals import Uncertainty, intervals
 from asperity.force_law.law import Law
 from asperity.force_law.table import TableLaw
@@ -97,6 +97,7 @@ def response_band(
 
     Raises:
         InputError: the bounds of the stiffness reach zero
+        ConvergenceError: no orbit is stable
 
     Examples:
         >>> oscillator = asp.ContactOscillator(asp.PowerLaw(1.5), zeta=0.1)
@@ -125,6 +126,8 @@ def response_band(
         found = frequency_response(equation, setting, ends, tol=tol, subharmonics=False)
         rows.append([u * (r.z_s / centre.z_s) for u in _moved(found, grid / own, moved)])
     upper, lower = np.transpose([_branches(*np.concatenate(u, axis=1)) for u in zip(*rows, strict=True)], (1, 2, 0))
+    if not np.isfinite(upper).any():
+        raise ConvergenceError("no orbit of period 1 is stable")
     return Band(f, grid, upper, lower)
 
 

@@ -15,7 +15,6 @@ from itertools import pairwise
 from typing import Any
 
 import numpy as np
-from scipy.optimize import minimize_scalar
 
 from asperity.arrays import Array, Flags
 from asperity.dynamics.equation import TURN
@@ -28,8 +27,6 @@ _RTOL = 9e-4  # relative error of a straight line between rows
 _FLAT = (1e-9, 1e-4)  # relative changes of Omega and of u_max below which the other is not checked
 _PLACES = np.array([0.25, 0.5, 0.75])  # of a segment, where it is compared with its chord
 _TOP, CHANGE = "largest u_max", "change of stability"  # points, but not events; the change is undamped
-_TRIALS = 14  # orbits at which a pair of events between two points is searched
-_DIP = 2.5  # psi^2 of the multipliers below which it is
 _SAME = 1e-3  # relative distance below which two orbits are identical
 
 
@@ -195,53 +192,14 @@ def located(orbits: Orbits, path: Sequence[Point], how: Tracing) -> tuple[tuple[
 
 
 def _with_pairs(orbits: Orbits, path: Sequence[Point]) -> list[Point]:
-    """Points with one more inside each pair of folds or of period doublings that lies between two points."""
+    """Points with one more inside each pair of folds that lies between two points."""
     points = list(path[:1])
     for a, b in pairwise(path):
         if len(back := orbits.turns(a, b)) == 2:
             with suppress(ConvergenceError):
                 points.append(orbits.between(a, b, 0.5 * sum(back)))
         points.append(b)
-    if orbits.equation.zeta == 0:
-        return points
-    new: list[tuple[int, Point]] = []
-    for sign in (1.0, -1.0)[: 2 if orbits.order == 1 else 1]:
-        new += _dips(orbits, points, sign)
-    for shift, (i, p) in enumerate(sorted(new, key=lambda item: item[0])):
-        points.insert(i + 1 + shift, p)
     return points
-
-
-def _dips(orbits: Orbits, points: Sequence[Point], sign: float) -> list[tuple[int, Point]]:
-    """Point inside each pair of folds (1) or doublings (-1) narrower than a step, with the number of that before.
-
-    Multipliers near `sign` are sign * rho exp(+-i psi). psi^2 is smooth along the branch, vanishes where they meet on
-    the real axis and is negative beyond.
-    """
-
-    def passed(p: Point) -> bool:
-        return (p.fold if sign > 0 else p.flip) < 0
-
-    square = np.array([p.phase_square(sign) for p in points])
-    rise = np.sign(np.diff([p.omega for p in points]))
-    dips = (square[1:-1] < square[:-2]) & (square[1:-1] <= square[2:]) & (square[1:-1] < _DIP) & (rise[1:] == rise[:-1])
-    new: list[tuple[int, Point]] = []
-
-    def trial(s: float) -> float:
-        left = int(s)
-        p = orbits.between(points[left], points[left + 1], s - left)
-        if passed(p):
-            new.append((left, p))
-            raise StopIteration
-        return p.phase_square(sign)
-
-    for i in np.flatnonzero(dips) + 1:
-        if not any(passed(p) for p in points[i - 1 : i + 2]):
-            with suppress(StopIteration, ConvergenceError):
-                minimize_scalar(
-                    trial, bounds=(i - 1, i + 1), method="bounded", options={"maxiter": _TRIALS, "xatol": 1e-6}
-                )
-    return new
 
 
 def doubled(orbits: Orbits, flip: Point) -> Point:

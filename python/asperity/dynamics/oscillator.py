@@ -187,7 +187,7 @@ class ContactOscillator:
         directions = (directions,) if isinstance(directions, str) else tuple(directions)
         if not directions or not set(directions) <= {"up", "down"}:
             raise InputError(f'directions = {directions} is not legal: choose from "up" and "down"')
-        if points < 2:
+        if (points := int(positive("points", points))) < 2:
             raise InputError(f"points = {points} is not legal: a sweep needs at least 2")
         settings, path = [self.setting(f, excitation) for f in forcings(forcing)], np.linspace(*window(omega), points)
         tol = positive("tol", tol)
@@ -202,7 +202,7 @@ class ContactOscillator:
         u: float = 0.0,
         v: float = 0.0,
         periods: float = 50.0,
-        samples: int = 64,
+        samples: float = 64,
         rtol: float = 1e-10,
     ) -> Trajectory:
         """Motion in time from the state u, v = du/dtau, with each separation and landing located.
@@ -229,6 +229,7 @@ class ContactOscillator:
         period = 2.0 * np.pi / w
         duration = positive("periods", periods) * period
         force, corners = course(shape, f, (w, ends[-1]), duration)
+        samples = positive("samples", samples, zero=True)
         path = integrate(
             self.equation, force, float(u), float(v), duration, rtol=positive("rtol", rtol), samples=samples / period,
             max_step=min(0.25, np.pi / max(ends) / 8.0), corners=corners,

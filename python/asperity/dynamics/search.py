@@ -24,26 +24,23 @@ from asperity.dynamics.settings import MIN_ZETA
 from asperity.errors import ConvergenceError
 from asperity.force_law.damping import only_in_contact
 
-_STARTS = 480  # on the period map
+_CYCLES = 5  # resonances of an order: free orbits with 1, 1 + order, ... cycles in its forcing periods
+_AMPLITUDES, _PHASES = 12, 8  # starts on the free orbits of each resonance
 _AT_EDGE = 24  # of these, at an end of the window
 _SLOW = 0.2  # Omega below which there are fewer, because each takes longer
-_TOGETHER = 8  # starts whose motions are followed at once
 _ITERATIONS = 9  # of Newton's method on the period map
 _MOST_STEPS = 8e5  # of the integrator in the search from the starts
 _ROUGH = 1e-6  # tolerance of the motions of the search; the orbits are corrected later
 _CLOSE = 1e-4  # Newton step that ends the search, relative to the state
 _KNOWN = 1e-2  # distance within which an orbit is identical to a known one, relative to the state
-_CYCLES = 5  # of free orbits in a forcing period
-_AMPLITUDES = (0.05, 300.0)  # of free orbits: small ones, and those above which the mass flies all the time
-_MODERATE = 2.5  # amplitude up to which starts fill the states evenly
+_SIZES = (0.05, 300.0)  # of free orbits: small ones, and those above which the mass flies all the time
+_FINE = 2000  # amplitudes between them
 _FAINT = 1e-4  # least of the largest amplitudes, far above round-off
 _POINTS = 12  # amplitudes on the backbone
 _MOST_LOST = 2.0  # of `Search.lost`: up to 1.1 with orbits of period 2, in 250 random windows
 _BEYOND = 1.2  # frequency over that of a resonance, beyond which the orbit is unique
 _BELOW = 0.5  # lowest frequency outside the window, over its low end
 _RESONANCES = 6  # main and superharmonic ones, at Omega = 1/k, between which an undamped branch starts
-_LONG = 40.0  # time on a free orbit to a start
-_GOLDEN = 1.2207440846057596  # root of x^4 = x + 1, of a sequence that fills a cube evenly (Roberts 2018)
 
 
 class Search:
@@ -59,13 +56,14 @@ class Search:
         self.orders = (1, 2) if subharmonics else (1,)
         self.orbits = {order: Orbits(equation, forcing, order, rtol) for order in (1, 2)}
         self.strong = float(forcing.at(max(1.0, how.window[1])))  # F^, the greatest in the window and at the resonance
-        self.starts = int(_STARTS * min(1.0, how.window[0] / _SLOW) ** 2)
+        share = min(1.0, how.window[0] / _SLOW)
+        self.grid = int(np.ceil(_AMPLITUDES * share)), int(np.ceil(_PHASES * share))
         self.branches: list[Branch] = []
         self.events: list[Event] = []
         self.notes: list[str] = []
         self._paths: list[tuple[int, Path]] = []  # order and path, in and outside the window
         self._ends: list[tuple[int, Point]] = []  # of branches, with their order
-        self._known: list[Array] = []  # Omega, u and v at forcing phase 0 (3, order, points) along each path
+        self._known: list[Array] = []  # u, v, Omega (points, 3) along each path, at each of its forcing periods
         self._doublings: list[Point] = []
         self._lost: list[str] = []  # notes on orbits near rest, of no interest where the others add up
         self._backbone()
@@ -77,10 +75,10 @@ class Search:
         if zeta > 0.0 and not only_in_contact(e.damping):
             peak = resonance_peak(r, Forcing(self.strong), zeta, e.damping)
             top = top if peak is None else min(peak.u0, top)
-        top = min(max(top, _FAINT), _AMPLITUDES[1])
+        top = min(max(top, _FAINT), _SIZES[1])
         free: tuple[FreeOrbit, ...] = ()
         while not free:
-            self.amplitude = np.geomspace(min(_AMPLITUDES[0], 0.1 * top), top, _POINTS)
+            self.amplitude = np.geomspace(min(_SIZES[0], 0.1 * top), top, _POINTS)
             try:
                 free = free_orbits(r, self.amplitude, e.damping)
             except ConvergenceError:  # the law is too stiff at amplitudes far beyond any resonance
@@ -110,8 +108,8 @@ class Search:
                 if below < omega < above:
                     self._near_rest(omega)
         for order in self._searched_orders():
-            for rough, omega, amplitude in self._found(order, *self._lanes(order)):
-                self._through("detached", order, rough, omega, amplitude)
+            for found in self._found(order, *self._lanes(order)):
+                self._through("detached", order, *found)
                 if self._left < 0.0:
                     break
         if not self.branches:
@@ -142,7 +140,8 @@ class Search:
     def describe(self) -> str:
         """Sentence `FrequencyResponse.searched`."""
         periods, tried = (" and ".join(map(str, orders)) for orders in (self.orders, self._searched_orders()))
-        origins = f"rest and up to {self.starts} starts of period {tried}" if tried else "rest"
+        starts = _CYCLES * self.grid[0] * self.grid[1]
+        origins = f"rest and up to {starts} starts of period {tried}" if tried else "rest"
         left = "that start from none of these states" if tried else "that so weak a forcing is not expected to sustain"
         return (
             f"searched: orbits of period {periods}, from {origins}; not searched: longer periods, which period "
@@ -190,100 +189,102 @@ class Search:
         if len(self._paths) == known:
             _, y = self._lanes(1)
             y = np.concatenate([[rest, 0.3 * rest, 0.0 * rest], y[:: max(len(y) // _AT_EDGE, 1)]])
-            for rough, _, amplitude in self._found(1, np.full(len(y), omega), y):
+            for rough, _, amplitude, _ in self._found(1, np.full(len(y), omega), y, fixed=True):
                 self._through("main", 1, rough, omega, amplitude)
             if len(self._paths) > known:  # one of the other starts leads to it
                 del self._lost[notes:]
 
     def _lanes(self, order: int) -> tuple[Array, Array]:
-        """Omega (starts,), and states (starts, 2) on free orbits up to the amplitude that the forcing sustains.
+        """Omega (starts,), and states (starts, 2): free orbits in resonance with `order` periods of a forcing.
 
-        Half of them have 1 to 5 cycles in a forcing period, or odd numbers in two: superharmonic and subharmonic
-        resonances follow these orbits, at a phase that balances the loss.
+        The forcing must do as much work on a resonant orbit as the damper takes, at some phase: so there are starts at
+        all phases, of every amplitude whose resonance is in the window, up to the one that the forcing sustains. The
+        phase of an orbit that is shifted by a forcing period differs by that of its cycle over `order`.
         """
-        (low, high), count = self.how.window, np.arange(self.starts)
-        place, phase, period = (0.5 + np.multiply.outer(_GOLDEN ** -np.arange(1.0, 4.0), count + 1.0)) % 1.0
-        locked, size = count % 2 == 1, np.log(self.amplitude)
-        log_u = np.interp(place * (size.size - 1), np.arange(size.size), size)
-        log_u = np.where(locked, log_u, np.minimum(0.5 * np.log(place) + np.log(_MODERATE), size[-1]))
+        (low, high), size = self.how.window, np.log(self.amplitude)
+        log_u = np.linspace(size[0], size[-1], _FINE)
         own = np.interp(log_u, size, self.frequency)
-        share = order / (1.0 + order * (count // 2 % _CYCLES))  # of the frequency of the free orbit
-        omega = np.where(locked, share * own, 1.0 / (1.0 / high + period * (1.0 / low - 1.0 / high)))
-        kept = (omega > low) & (omega < high)
-        rest = np.column_stack([np.exp(log_u), np.zeros(count.size)])[kept]
-        free = Equation(self.equation.restoring, 0.0)
-        length = phase[kept] * np.minimum(TURN / own[kept], _LONG)
-        y = motions(free, rest, 1.0, 0.0, length=length, rtol=_ROUGH, derivatives=False).end
-        return omega[kept], y
+        phases, found = np.arange(self.grid[1]) / self.grid[1], [np.empty((3, 0))]
+        for omega in own * order / (1.0 + order * np.arange(_CYCLES))[:, None]:
+            near = np.flatnonzero((omega > low) & (omega < high))
+            if near.size:
+                at = near[((np.arange(self.grid[0]) + 0.5) / self.grid[0] * near.size).astype(int)].repeat(phases.size)
+                found.append([omega[at], log_u[at], TURN / order / own[at] * np.resize(phases, at.size)])
+        omega, log_u, length = np.concatenate(found, axis=1)
+        rest, free = np.column_stack([np.exp(log_u), 0.0 * log_u]), Equation(self.equation.restoring, 0.0)
+        return omega, motions(free, rest, 1.0, 0.0, length=length, rtol=_ROUGH, derivatives=False).end
 
-    def _found(self, order: int, omegas: Array, starts: Array) -> Iterator[tuple[Array, float, float]]:
-        """Rough states (order, 2), Omega and amplitude of new orbits of `order` forcing periods near the starts.
+    def _found(
+        self, order: int, omega: Array, y: Array, *, fixed: bool = False
+    ) -> Iterator[tuple[Array, float, float, Array]]:
+        """Rough states (order, 2), Omega, amplitude, normal of new orbits of `order` forcing periods near the starts.
 
-        Orbits of shorter periods are left out. A search that is too long ends with a note.
+        Unless Omega is fixed, a step of Newton's method is the shortest one in the states and Omega: so a branch is
+        found also from frequencies beyond its folds. Orbits of shorter periods are left out. A search that is too long
+        ends with a note.
         """
-        steps, parts, length_of = 0.0, max(len(starts) // _TOGETHER, 1), TURN * order
-        tried = [np.empty((0, 3))]
-        for i in range(parts):  # a motion by itself comes closer; each part is spread over all starts
-            if steps < _MOST_STEPS / _ITERATIONS:
-                omega, y = omegas[i::parts], starts[i::parts]
-                force = self.forcing.at(omega)
-                m = motions(self.equation, y, omega, force, length=length_of, rtol=_ROUGH, derivatives=False)
-                steps += m.steps
-                tried.append(np.column_stack([omega, m.end]))
-        lanes = np.concatenate(tried)
-        omega, y, skipped = lanes[:, 0], lanes[:, 1:], len(starts) - len(lanes)
-        most = 0.5 * _MOST_STEPS if skipped else _MOST_STEPS  # not for long where there is little hope
+        steps, starts = 0.0, len(y)
         for _ in range(_ITERATIONS):
             kept = np.isfinite(y).all(axis=1)
             omega, y = omega[kept], y[kept]
-            if steps > most or not y.size:
-                skipped += len(y)
+            if steps > _MOST_STEPS or not y.size:
                 break
-            m = motions(self.equation, y, omega, self.forcing.at(omega), length=length_of, rtol=_ROUGH)
+            m = motions(self.equation, y, omega, self.forcing.at(omega), length=TURN * order, rtol=_ROUGH)
             steps += m.steps
-            size = 0.1 + np.abs(y).sum(axis=1)
+            scale = _scale(y, omega) * (1.0, 1.0, not fixed)
+            matrix = (m.by_end - np.eye(2, 3)) * scale[:, None]
             with np.errstate(all="ignore"):
-                (a, b), (c, d) = m.by_end[:, :, :2].transpose(1, 2, 0)
-                p, q = (m.end - y).T
-                step = np.array([b * q - (d - 1.0) * p, c * p - (a - 1.0) * q]) / ((a - 1.0) * (d - 1.0) - b * c)
-            length = np.hypot(*step)
-            for j in np.flatnonzero(length < _CLOSE * size):
-                found = self._new(order, y[j] + step[:, j], float(omega[j]))
+                g, h, _, k = np.einsum("nik,njk->ijn", matrix, matrix).reshape(4, -1)
+                p, q = (y - m.end).T
+                step = np.einsum("nik,in->nk", matrix, np.array([k * p - h * q, g * q - h * p]) / (g * k - h * h))
+                length = np.linalg.norm(step, axis=1)
+                step *= scale * np.minimum(1.0, 0.3 / length)[:, None]
+            y, omega = y + step[:, :2], omega + step[:, 2]
+            if not fixed:
+                omega = np.clip(omega, *self.how.window)
+            for j in np.flatnonzero(length < _CLOSE):
+                found = self._new(order, y[j], float(omega[j]))
                 if found is not None:
-                    yield found, float(omega[j]), float(0.5 * (m.high[j, 0] - m.low[j, 0]))
-            moving = np.isfinite(length) & (length >= _CLOSE * size)
-            omega, y, length, size, step = omega[moving], y[moving], length[moving], size[moving], step[:, moving]
-            y = y + (step * np.minimum(1.0, 0.3 * size / length)).T
-        if skipped:
+                    normal = np.cross(*matrix[j]) / (scale[j] + 1e-300)
+                    yield found, float(omega[j]), float(0.5 * (m.high[j, 0] - m.low[j, 0])), normal
+            moving = length >= _CLOSE
+            omega, y = omega[moving], y[moving]
+        if steps > _MOST_STEPS and y.size:
             self.notes.append(
-                f"the search from {skipped} of {len(starts)} starts of period {order} ended after too much work, and "
+                f"the search from {len(y)} of {starts} starts of period {order} ended after too much work, and "
                 "orbits may be missing: give a narrower window"
             )
 
     def _new(self, order: int, start: Array, omega: float) -> Array | None:
         """States (order, 2) of an orbit through a state, unless its period is shorter or a path has it."""
-        size, states = 0.1 + np.abs(start).sum(), [start]
+        scale, states = _scale(start[None], np.array([omega]))[0], [start]
         if order == 2:
             force = self.forcing.at(omega)
             states.append(motions(self.equation, start, omega, force, rtol=_ROUGH, derivatives=False).end[0])
-            if np.abs(states[1] - start).sum() < _KNOWN * size:
+            if np.abs((states[1] - start) / scale[:2]).max() < _KNOWN:
                 return None
-        for rows in self._known:
-            above = rows[0, 0] > omega
-            j = np.flatnonzero(above[1:] != above[:-1])
-            a, b = rows[..., j], rows[..., j + 1]
-            s = (omega - a[0]) / np.where(b[0] == a[0], 1.0, b[0] - a[0])
-            gap = np.hypot(*(a[k] + s * (b[k] - a[k]) - start[k - 1] for k in (1, 2)))
-            if (gap < _KNOWN * size).any():
+        for line in self._known:
+            off, chord = (np.append(start, omega) - line[:-1]) / scale, np.diff(line, axis=0) / scale
+            s = np.clip(np.sum(off * chord, axis=1) / np.maximum(np.sum(chord**2, axis=1), 1e-300), 0.0, 1.0)
+            if (np.linalg.norm(off - s[:, None] * chord, axis=1) < _KNOWN).any():
                 return None
         return np.array(states)
 
-    def _through(self, kind: str, order: int, rough: Array, omega: float, amplitude: float) -> None:
-        """Trace the branch through an orbit near rough states (order, 2), if it is new, and those that leave it."""
+    def _through(
+        self, kind: str, order: int, rough: Array, omega: float, amplitude: float, normal: Array | None = None
+    ) -> None:
+        """Trace the branch through an orbit near rough states (order, 2), if it is new, and those that leave it.
+
+        The orbit is that of Omega, or in the plane with a normal in the first u, v and Omega.
+        """
         orbits = self.orbits[order]
         known = [path for other, path in self._paths if other == order]
         try:
-            first = orbits.at(orbits.through(rough, omega), amplitude, -1.0)
+            y = orbits.through(rough, omega)
+            if normal is None:
+                first = orbits.at(y, amplitude, -1.0)
+            else:
+                first = orbits.correct(y, np.concatenate([normal[:2], 0.0 * y[2:-1], normal[2:]]), amplitude)
             path = through(orbits, first, self._tracing(order), known)
         except ConvergenceError as error:
             where = f"Omega = {omega:.6g}"
@@ -323,8 +324,7 @@ class Search:
         orbits = self.orbits[order]
         self._paths.append((order, path))
         points, found = located(orbits, path.points, self.how)
-        u, v = np.moveaxis(np.array([p.states for p in points]), (0, 1), (2, 1))
-        self._known.append(np.stack([np.broadcast_to([p.omega for p in points], u.shape), u, v]))
+        self._known += [np.array([(*p.states[k], p.omega) for p in points]) for k in range(order)]
         if 2 * order in self.orders:
             near = [(name, p) for name, p in found if self.equation.zeta > 0.0 or self.how.is_inside(p.omega)]
             self._doublings += [p for name, p in near if name in ("period doubling", CHANGE)]
@@ -352,3 +352,9 @@ class Search:
                     f"a branch of period {order} is lost outside the window at {p.omega:.6g}, where it may return: "
                     f"{reason}"
                 )
+
+
+def _scale(y: Array, omega: Array) -> Array:
+    """Scales of u, v and Omega (lanes, 3) in distances between orbits with the states (lanes, 2)."""
+    size = 0.1 + np.abs(y).sum(axis=1)
+    return np.column_stack([size, size * np.maximum(1.0, omega), omega])

@@ -27,6 +27,7 @@ if TYPE_CHECKING:
 
 OMEGA = (0.01, 100.0)  # below, motion is quasi-static; above, the mass hardly moves
 FORCING = (1e-9, 1e6)  # below, motion is linear in the forcing and lost in the round-off of the force
+SPAN = (1e-3, 1e4)  # periods of a short motion, the longest of which takes half a minute
 MIN_ZETA = 1e-4  # smallest damping ratio with which motion settles in 20000 periods
 MODELS = ("exact", "taylor")
 #: Courses of the forcing of a short motion; the chirp runs through frequencies, the others have one.
@@ -190,7 +191,7 @@ class DynamicsSettings:
             raise InputError(
                 "simulate is for a force or an acceleration of the base: a displacement that jumps has no acceleration"
             )
-        positive("span", self.span)
+        within("span", self.span, SPAN)
         if self.pulse is not None:
             positive("pulse", self.pulse)
         if any(value >= 1 for value in self.zetas):
@@ -238,9 +239,14 @@ class DynamicsSettings:
             if values := getattr(self, name):
                 own = () if forcing == type(self).forcing else forcing
                 forcing = (*own, *(value / unit for value in values))
+        times = OMEGA[0] * frequency, OMEGA[1] * frequency
         if self.window is not None:
+            for end in self.window:
+                within("window", end, times)
             omega = (self.window[0] / frequency, self.window[1] / frequency)
-        pulse = None if self.pulse is None else self.pulse * frequency
+        pulse = self.pulse
+        if pulse is not None:
+            pulse = frequency * within("pulse", pulse, (0.5 / times[1], 0.5 / times[0]))
         return replace(self, forcing=forcing, omega=omega, window=None, pulse=pulse, **none)
 
     @classmethod
