@@ -214,48 +214,31 @@ def _settle(
     distance, `residual`. Slow convergence is accelerated by steps of Newton's method to the fixed point of the map.
     `kind` is the period, 0 not settled, -1 escaped; the periods integrated are the last row (6, lanes).
     """
-    lanes = omega.size
     shrink = 1.0 - np.exp(-2.0 * np.pi * equation.zeta / omega)
     # perturb by more than the tolerance: a start exactly on an unstable orbit must not look settled
-    state = state + np.outer([10.0 * tol, 0.0], np.hypot(*state))
-    kind = np.where(np.isnan(state[0]), -1, 0)
-    residual, a1, periods = np.full(lanes, np.inf), np.full(lanes, np.nan), np.zeros(lanes, int)
-    highest, lowest = np.full((2, _LONGEST, lanes), np.nan)
-    history = [state]
-    for period in range(limit):
-        active = np.flatnonzero(kind == 0)
-        if active.size == 0:
-            break
-        m = motions(equation, state[:, active].T, omega[active], forcing[active], rtol=_RTOL, derivatives=False)
+    history, values = [state + np.outer([10.0 * tol, 0.0], np.hypot(*state))], list[Array]()
+    kind, residual, period = np.zeros(omega.size, int), np.full(omega.size, np.inf), 0
+    while period < limit and not kind.all():
+        period += 1
+        m = motions(equation, history[-1].T, omega, forcing, rtol=_RTOL, derivatives=False)
+        history = [*history, m.end.T][-(2 * _LONGEST + 1) :]
+        values = [*values, np.array([m.high[:, 0], m.low[:, 0], np.hypot(*m.wave[:, :, 0].T) / np.pi])][-_LONGEST:]
         gone = ~np.isfinite(m.end[:, 0])
-        kind[active[gone]] = -1
-        state = state.copy()
-        state[:, active] = m.end.T
-        high, low = m.high[:, 0], m.low[:, 0]
-        first = np.hypot(*m.wave[:, :, 0].T) / np.pi
-        periods[active] += 1
-        highest[period % _LONGEST, active], lowest[period % _LONGEST, active], a1[active] = high, low, first
-        history = [*history, state][-(2 * _LONGEST + 1) :]
-        if len(history) < 4:
-            continue
-        size = 0.5 * (np.nanmax(highest[:, active], axis=0) - np.nanmin(lowest[:, active], axis=0)) + 1e-12
-        y = np.array(history)[:, :, active]
-        repeats, residual[active] = _periods(y, shrink[active], size, tol)
-        kind[active] = np.where(gone, -1, repeats)
-        slow = np.flatnonzero(kind[active] == 0)
-        if len(history) == 2 * _LONGEST + 1 and slow.size:
-            jump = _to_fixed_point(equation, state[:, active[slow]], omega[active[slow]], forcing[active[slow]])
-            near = np.abs(jump).max(axis=0) < 0.05 * size[slow]
+        if len(history) >= 4:
+            size = 0.5 * (np.max(values, axis=0)[0] - np.min(values, axis=0)[1]) + 1e-12
+            kind, residual = _periods(np.array(history), shrink, size, tol)
+        kind[gone] = -1
+        slow = np.flatnonzero(kind == 0)
+        if len(history) == 2 * _LONGEST + 1 and slow.size and period < limit:
+            jump = np.zeros((2, omega.size))
+            jump[:, slow] = _to_fixed_point(equation, history[-1][:, slow], omega[slow], forcing[slow])
+            near = (kind == 0) & (np.abs(jump).max(axis=0) < 0.05 * size)
             if near.any():
-                state = state.copy()
-                state[:, active[slow[near]]] += jump[:, near]
-                history = [state]
-    lost = np.where(kind < 0, np.nan, 1.0)
-    top, bottom = (
-        np.where(kind == 1, record[(periods - 1) % _LONGEST, np.arange(lanes)], best.reduce(record, axis=0)) * lost
-        for record, best in ((highest, np.fmax), (lowest, np.fmin))
-    )
-    return state, np.array([top, bottom, a1 * lost, residual, kind, periods])
+                history, values = [history[-1] + np.where(near, jump, 0.0)], []
+    top, bottom = np.max(values, axis=0)[0], np.min(values, axis=0)[1]  # of a longer period, of the last ones
+    found = np.array([top, bottom, values[-1][2], residual, kind, np.full(omega.size, period)])
+    found[:3, kind < 0] = np.nan
+    return history[-1], found
 
 
 def _periods(y: Array, shrink: Array, size: Array, tol: float) -> tuple[Array, Array]:
