@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import json
+import warnings
 from pathlib import Path
 from typing import Any
 
@@ -14,7 +15,8 @@ from scipy.integrate import solve_ivp
 
 from asperity.cli.dynamics import dynamics as command
 from asperity.dynamics import ContactOscillator, PowerLaw, run_dynamics
-from asperity.errors import InputError
+from asperity.errors import ConvergenceError, InputError
+from asperity.plot import plot_dynamics
 
 LINEAR = ContactOscillator(PowerLaw(1.0), zeta=0.05)
 
@@ -165,8 +167,38 @@ def _joint() -> Any:
         ({"excitation": "base", "simulate": "step"}, "simulate is for a force or an acceleration"),
         ({"simulate": "saw"}, 'simulate = "saw" is unknown'),
         ({"base_acceleration": (1.0,), "units": "other"}, "needs the mass"),
+        ({"window": (1e-6, 1.0)}, "window = 1e-06 is not legal: it must lie between 0.006"),
+        ({"simulate": "half-sine", "pulse": 1e-9}, "pulse = 1e-09 is not legal: it must lie between 0.008"),
+        ({"simulate": "chirp", "span": 1e6}, "span = 1e[+]06 is not legal: it must lie between 0.001 and 10000"),
     ],
 )
 def test_excitations_that_contradict_each_other_are_refused(options: dict[str, Any], words: str) -> None:
     with pytest.raises(InputError, match=words):
         run_dynamics(PowerLaw(1.5), **options)
+
+
+def test_a_series_that_no_orbit_stays_in_is_left_out_with_a_note() -> None:
+    """A strong shock: the law has its orbits and its motion, the series has none."""
+    more: dict[str, Any] = {"forcing": 50.0, "omega": (0.9, 1.1), "tol": 1e-3, "simulate": "half-sine"}
+    result = run_dynamics(PowerLaw(1.5), **more)
+    assert [*result.oscillators] == [*result.free] == ["exact"] and result.motions["half-sine"].u.max() > 1.0
+    (note,) = (note for note in result.notes if "left out" in note and note.startswith("taylor"))
+    assert "no periodic orbit found" in note
+    with pytest.raises(ConvergenceError, match="no periodic orbit"):
+        run_dynamics(PowerLaw(1.5), model="taylor", **more)
+
+
+def test_figures_without_a_stable_or_a_physical_orbit(tmp_path: Path) -> None:
+    """One of two forcings has no stable orbit of period 1, so no band; a series with unphysical orbits alone."""
+    z = np.linspace(0.05, 1.0, 20)
+    curve, quick = {"delta": z, "force": z**1.5}, {"omega": (0.8, 1.1), "units": "other", "tol": 1e-3}
+    both = run_dynamics(curve, forcing=(0.01, 2.04), model="exact", **quick)
+    assert [band.F_hat for band in both.bands] == [0.01]
+    assert any("no band: no orbit of period 1 is stable" in note for note in both.notes)
+    series = run_dynamics(PowerLaw(1.5), forcing=0.9, model="taylor", **quick)
+    assert not any((b.u_min >= -1.0).any() for b in series.responses["taylor"][0].branches)
+    undamped = run_dynamics(PowerLaw(1.0), zeta=0.0, model="exact", forcing=0.01, omega=(0.5, 1.5), units="other")
+    with warnings.catch_warnings():
+        warnings.simplefilter("error", RuntimeWarning)
+        for result in (both, series, undamped):
+            assert plot_dynamics(result, tmp_path)

@@ -12,7 +12,7 @@ import pytest
 from twin import computed
 
 from asperity.curve import Curve
-from asperity.dynamics import ContactOscillator, PowerLaw, orbits
+from asperity.dynamics import ContactOscillator, PowerLaw, TaylorLaw, orbits
 from asperity.errors import ConvergenceError
 from asperity.output.results import Results
 from asperity.plot import vibration
@@ -220,3 +220,20 @@ def test_a_resonance_that_ends_in_the_window_is_found(low: float) -> None:
     (orbit,) = (s for s in response.at(0.54) if s.stable and s.order == 2 and s.kind == "detached")
     expected = [[0.0891109, -0.9223050], [0.9262858, 0.8941701]]
     assert min(np.abs(orbit.states - np.roll(expected, k, axis=0)).max() for k in range(2)) < 1e-5
+
+
+def test_an_orbit_near_rest_that_a_branch_reaches_is_not_missing() -> None:
+    """Newton's method does not reach it from the linear response, the branch from high frequencies does."""
+    for oscillator, forcing in (
+        (ContactOscillator(PowerLaw(1.5), zeta=0.3, damping="contact"), 2.0),
+        (ContactOscillator(PowerLaw(1.5), zeta=0.03, damping="contact"), 0.9),
+    ):
+        response = oscillator.response(forcing)
+        assert [s.order for s in response.at(0.5)].count(1) % 2 == 1 and response.notes == ()
+
+
+def test_both_orbits_of_a_loop_near_the_rim_of_a_series() -> None:
+    """There the frequency falls within a few per cent of the amplitude."""
+    series = TaylorLaw(1.0, 1.0, (1.8855659215430647, 1.669792922941482, -0.19108121435072092))
+    response = ContactOscillator(series, zeta=0.003858935237335842).response(0.053319960004413754, (1.575, 1.783))
+    assert sorted(s.stable for s in response.at(1.6861) if s.order == 2) == [False, True]

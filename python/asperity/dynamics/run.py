@@ -21,7 +21,7 @@ from asperity.dynamics.motion import ESCAPED, Sweep, Trajectory
 from asperity.dynamics.oscillator import GRAVITY, ContactOscillator
 from asperity.dynamics.response import FrequencyResponse
 from asperity.dynamics.settings import DynamicsSettings
-from asperity.errors import AsperityError, InputError
+from asperity.errors import AsperityError, ConvergenceError, InputError
 from asperity.force_law.checks import positive
 from asperity.force_law.choice import Choice, choose
 from asperity.force_law.columns import CurveColumns
@@ -235,12 +235,19 @@ def run_dynamics(
     oscillators = {name: exact if name == "exact" else exact.taylor() for name in settings.model}
     swept: dict[str, tuple[Sweep, ...]] = dict.fromkeys(oscillators, ())
     responses: dict[str, tuple[FrequencyResponse, ...]] = {}
-    for name, oscillator in oscillators.items():
-        responses[name] = tuple(
-            replace(oscillator, zeta=zeta).response(f, settings.omega, excitation=kind, tol=settings.tol)
-            for zeta in dict.fromkeys((settings.zeta, *settings.zetas))
-            for f in settings.forcing
-        )
+    for name, oscillator in list(oscillators.items()):
+        try:
+            responses[name] = tuple(
+                replace(oscillator, zeta=zeta).response(f, settings.omega, excitation=kind, tol=settings.tol)
+                for zeta in dict.fromkeys((settings.zeta, *settings.zetas))
+                for f in settings.forcing
+            )
+        except ConvergenceError as error:
+            if name == "exact" or len(oscillators) == 1:
+                raise
+            notes.append(f"{name}: left out, its series lets the motion escape: {error}")
+            del oscillators[name], swept[name]
+            continue
         if settings.sweeps and settings.zeta > 0:
             try:
                 swept[name] = oscillator.sweep(settings.forcing, settings.omega, excitation=kind, points=_SWEEP_POINTS)

@@ -36,7 +36,7 @@ _KNOWN = 1e-2  # distance within which an orbit is identical to a known one, rel
 _SIZES = (0.05, 300.0)  # of free orbits: small ones, and those above which the mass flies all the time
 _FINE = 2000  # amplitudes between them
 _FAINT = 1e-4  # least of the largest amplitudes, far above round-off
-_POINTS = 12  # amplitudes on the backbone
+_POINTS = 24  # amplitudes on the backbone
 _MOST_LOST = 2.0  # of `Search.lost`: up to 1.1 with orbits of period 2, in 250 random windows
 _BEYOND = 1.2  # frequency over that of a resonance, beyond which the orbit is unique
 _BELOW = 0.5  # lowest frequency outside the window, over its low end
@@ -184,15 +184,19 @@ class Search:
         impedance = complex(1.0 - omega * omega, 2.0 * self.equation.zeta * omega)
         linear = force / max(abs(impedance), force) * impedance.conjugate() / (abs(impedance) or 1.0)
         rest = np.array([linear.real, -omega * linear.imag])  # of an amplitude of at most 1
-        known, notes = len(self._paths), len(self._lost)
+        notes = len(self._lost)
+
+        def known() -> bool:
+            return any(p.omega == omega for order, path in self._paths if order == 1 for p in path.points)
+
         self._through("main", 1, rest, omega, abs(linear) + 1e-12)
-        if len(self._paths) == known:
+        if not known():
             _, y = self._lanes(1)
             y = np.concatenate([[rest, 0.3 * rest, 0.0 * rest], y[:: max(len(y) // _AT_EDGE, 1)]])
             for rough, _, amplitude, _ in self._found(1, np.full(len(y), omega), y, fixed=True):
                 self._through("main", 1, rough, omega, amplitude)
-            if len(self._paths) > known:  # one of the other starts leads to it
-                del self._lost[notes:]
+        if known():
+            del self._lost[notes:]
 
     def _lanes(self, order: int) -> tuple[Array, Array]:
         """Omega (starts,), and states (starts, 2): free orbits in resonance with `order` periods of a forcing.

@@ -122,11 +122,12 @@ def response(results: Results) -> Figure:
             for name in np.unique(chosen["branch"]):
                 _branch(axis, where(chosen, chosen["branch"] == name), str(name), model, colour)
             _events(axis, [e for e in events if e["model"] == model and e["F_hat"] == forcing])
-            if model == "exact" and bands:
+            if model == "exact" and bands and forcing in bands["F_hat"]:
                 _band(axis, where(bands, bands["F_hat"] == forcing), colour)
         about = "" if driven == "force" else " relative to the base"
         axis.set(xlabel="frequency $\\Omega = \\omega/\\omega_s$", ylabel=f"largest displacement{about} $u_{{\\max}}$")
-        axis.set(xlim=(rows["Omega"].min(), rows["Omega"].max()), ylim=(0, 1.1 * np.nanmax(rows["u_max"][physical])))
+        top = np.nanmax(rows["u_max"][physical | ~physical.any()])
+        axis.set(xlim=(rows["Omega"].min(), rows["Omega"].max()), ylim=(0, 1.1 * top))
         Scale.of(t).axes(axis, "right", "top")
     keys = []
     for forcing, colour in zip(forcings, np.resize(style.COLOURS, len(forcings)), strict=True):
@@ -242,7 +243,8 @@ def receptance(results: Results) -> Figure:
         factor, metre = prefix(compliance * high, metre)
         compliance *= factor
     grid = np.linspace(rows["Omega"].min(), rows["Omega"].max(), 2001)
-    linear = (np.hypot(1.0, 2.0 * zeta * grid) if of_base else 1.0) / np.hypot(1.0 - grid**2, 2.0 * zeta * grid)
+    with np.errstate(divide="ignore"):  # without damping, at resonance
+        linear = (np.hypot(1.0, 2.0 * zeta * grid) if of_base else 1.0) / np.hypot(1.0 - grid**2, 2.0 * zeta * grid)
     axis.plot(frequency * grid, compliance * linear, color=style.GREY, lw=0.8, label="linear")
     forcings = np.unique(rows["F_hat"])
     for forcing, colour in zip(forcings, np.resize(style.COLOURS, len(forcings)), strict=True):
