@@ -25,7 +25,9 @@ from asperity.errors import ConvergenceError
 from asperity.force_law.damping import only_in_contact
 
 _CYCLES = 5  # resonances of an order: free orbits with 1, 1 + order, ... cycles in its forcing periods
-_AMPLITUDES, _PHASES = 12, 8  # starts on the free orbits of each resonance
+_AMPLITUDES, _PHASES = 20, 8  # starts on the free orbits of each resonance, at most
+_APART = 0.04  # distance of these amplitudes, in the logarithm of the frequency, or in that of the amplitude over
+_FLAT = 0.1  # this, where the frequency hardly changes
 _AT_EDGE = 24  # of these, at an end of the window
 _SLOW = 0.2  # Omega below which there are fewer, because each takes longer
 _ITERATIONS = 9  # of Newton's method on the period map
@@ -35,6 +37,7 @@ _CLOSE = 1e-4  # Newton step that ends the search, relative to the state
 _KNOWN = 1e-2  # distance within which an orbit is identical to a known one, relative to the state
 _SIZES = (0.05, 300.0)  # of free orbits: small ones, and those above which the mass flies all the time
 _FINE = 2000  # amplitudes between them
+_SMALL = 1e-3  # amplitude below which the bend of the frequency is lost in round-off
 _FAINT = 1e-4  # least of the largest amplitudes, far above round-off
 _POINTS = 24  # amplitudes on the backbone
 _MOST_LOST = 2.0  # of `Search.lost`: up to 1.1 with orbits of period 2, in 250 random windows
@@ -85,15 +88,15 @@ class Search:
                 if top < _FAINT:
                     raise
                 top *= 0.5
-        self.frequency, drive, second = np.array([(o.omega, o.drive, o.a2 / o.a1) for o in free]).T
+        self.frequency, drive, second = np.array([(o.omega, o.drive, abs(o.a2 / o.a1)) for o in free]).T
         # at twice the frequency, share of the work on the second harmonic that the damping takes
-        self.lost = np.divide(
-            zeta * drive, self.strong * np.abs(second), out=np.full(_POINTS, np.inf), where=second != 0
-        )
+        self.lost = np.divide(zeta * drive, self.strong * second, out=np.full(_POINTS, np.inf), where=second != 0)
         # below the main resonance the orbit is unique where the second-order force, 0.9 |a2| F^^2 at half of the
-        # resonance, is well below the onset of hysteresis
-        onset = np.sqrt(6.16 * zeta**3 / max(abs(r.kappa), 1e-12))
-        self.alone = bool(r.contact and 0.9 * abs(r.a2) * self.strong**2 < 0.5 * onset)
+        # resonance, is well below the onset of hysteresis, both by the free orbits of any amplitude
+        size = np.maximum(self.amplitude, _SMALL)
+        a2, kappa = max(abs(r.a2), *6.0 * second / size), max(abs(r.kappa), *np.abs(self.frequency - 1.0) / size**2)
+        onset = np.sqrt(6.16 * zeta**3 / max(kappa, 1e-12))
+        self.alone = bool(r.contact and 0.9 * a2 * self.strong**2 < 0.5 * onset)
         self.lowest, self.highest = float(min(1.0, *self.frequency)), float(max(1.0, *self.frequency))
 
     def run(self) -> None:
@@ -202,18 +205,22 @@ class Search:
         """Omega (starts,), and states (starts, 2): free orbits in resonance with `order` periods of a forcing.
 
         The forcing must do as much work on a resonant orbit as the damper takes, at some phase: so there are starts at
-        all phases, of every amplitude whose resonance is in the window, up to the one that the forcing sustains. The
-        phase of an orbit that is shifted by a forcing period differs by that of its cycle over `order`.
+        all phases, of every amplitude whose resonance is in the window, or near it, up to the one that the forcing
+        sustains. An orbit that is shifted by a forcing period has another phase, by a cycle over `order`.
         """
         (low, high), size = self.how.window, np.log(self.amplitude)
         log_u = np.linspace(size[0], size[-1], _FINE)
         own = np.interp(log_u, size, self.frequency)
         phases, found = np.arange(self.grid[1]) / self.grid[1], [np.empty((3, 0))]
         for omega in own * order / (1.0 + order * np.arange(_CYCLES))[:, None]:
-            near = np.flatnonzero((omega > low) & (omega < high))
+            near = np.flatnonzero((omega > low / _BEYOND) & (omega < high * _BEYOND))
             if near.size:
-                at = near[((np.arange(self.grid[0]) + 0.5) / self.grid[0] * near.size).astype(int)].repeat(phases.size)
-                found.append([omega[at], log_u[at], TURN / order / own[at] * np.resize(phases, at.size)])
+                away = np.hypot(_FLAT * np.diff(log_u[near]), np.diff(np.log(own[near])))
+                along = np.append(0.0, np.cumsum(away))
+                count = min(self.grid[0], 1 + int(along[-1] / _APART))
+                i = near[np.searchsorted(along, (np.arange(count) + 0.5) / count * along[-1])].repeat(phases.size)
+                length = TURN / order / own[i] * np.resize(phases, i.size)
+                found.append([np.clip(omega[i], low, high), log_u[i], length])
         omega, log_u, length = np.concatenate(found, axis=1)
         rest, free = np.column_stack([np.exp(log_u), 0.0 * log_u]), Equation(self.equation.restoring, 0.0)
         return omega, motions(free, rest, 1.0, 0.0, length=length, rtol=_ROUGH, derivatives=False).end
