@@ -22,7 +22,6 @@ from asperity.runtime.display import short_repr
 _RTOL = 1.5e-3  # relative error of the straight lines between orbits
 _SAME_SHAPE = 1e-3  # sum of differences in n and kappa up to which laws differ by their stiffness alone
 _SAME_ORBIT = 1e-9  # relative difference in u_max up to which two orbits at a frequency are one
-BAND_COLUMNS = ("F_hat", "Omega", "upper_low", "upper_high", "lower_low", "lower_high")
 
 
 def uncertainty(oscillator: ContactOscillator, members: Iterable[Law] = (), origin: str = "laws given") -> Uncertainty:
@@ -68,8 +67,9 @@ class Band:
 
     def rows(self) -> Iterator[dict[str, float]]:
         """Rows of band.csv."""
+        names = ("Omega", "upper_low", "upper_high", "lower_low", "lower_high")
         for values in zip(self.Omega, *self.upper, *self.lower, strict=True):
-            yield dict(zip(BAND_COLUMNS, (self.F_hat, *(float(x) for x in values)), strict=True))
+            yield {"F_hat": self.F_hat} | dict(zip(names, map(float, values), strict=True))
 
 
 def response_band(

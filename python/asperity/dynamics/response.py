@@ -129,12 +129,9 @@ class FrequencyResponse:
                     after = [s.u_max for s in self.at(beyond) if s.stable]
             yield e.Omega, upwards, e.u_max, after[0] if len(after) == 1 else None
 
+    @cached_property
     def lines(self) -> tuple[Branch, ...]:
         """Each branch with more orbits; straight lines between them have errors below 1e-3."""
-        return self._lines
-
-    @cached_property
-    def _lines(self) -> tuple[Branch, ...]:
         return tuple(replace(b, points=dense(self.orbits(b), b.points)) for b in self.branches)
 
     def orbits(self, branch: Branch) -> Orbits:
@@ -160,7 +157,7 @@ class FrequencyResponse:
 
     def rows(self) -> Iterator[dict[str, Any]]:
         """Rows of response.csv, in order along each branch, as dense as in `lines`."""
-        for line in self.lines():
+        for line in self.lines:
             for p in line.points:
                 u_max, u_min = (float(u) for u in p.extremes[:2])
                 yield self.setting.row(line.kind, p.omega, u_max, u_min, p.harmonic, p.stable, p.phase)

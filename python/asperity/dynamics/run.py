@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from asperity.curve.loops import LoopTable
-from asperity.dynamics.band import BAND_COLUMNS, Band, response_band
+from asperity.dynamics.band import Band, response_band
 from asperity.dynamics.free import FreeVibration, Thresholds
 from asperity.dynamics.joint import Numbers
 from asperity.dynamics.motion import ESCAPED, Sweep, Trajectory
@@ -34,12 +34,6 @@ from asperity.runtime.display import short_repr
 from asperity.runtime.files import replace_file, write_csv
 
 _SWEEP_POINTS = 41  # half a second per forcing
-FREE_COLUMNS = ("model", "u0", "omega_ratio", "u_min", "frequency", "amplitude", "a1")
-RESPONSE_COLUMNS = (
-    "model", "F_hat", "zeta", "Omega", "u_max", "u_min", "a1", "stable", "branch", "contact_loss",
-    "frequency", "force", "x_max", "x_min", "receptance", "phase", "transmissibility",
-)  # fmt: skip
-MOTION_COLUMNS = ("shape", "tau", "u", "v", "F_hat", "time", "x", "force")
 _SAMPLES = 32  # of a period of small vibration
 
 
@@ -97,30 +91,30 @@ class Dynamics:
         path = Path(out_dir)
         path.mkdir(parents=True, exist_ok=True)
         z_s, scale, unit = self.first.restoring.z_s, self.first.restoring.scale, self.numbers.frequency
-        free = (
-            row | {"frequency": unit * row["omega_ratio"], "amplitude": z_s * row["u0"]}
-            for one in self.free.values()
-            for row in one.rows()
-        )
         results: list[FrequencyResponse | Sweep] = [*chain(*self.responses.values()), *chain(*self.sweeps.values())]
-        forced = (
-            row
-            | {"frequency": unit * row["Omega"], "force": force}
-            | {"x_max": z_s * row["u_max"], "x_min": z_s * row["u_min"], "receptance": z_s * row["a1"] / force}
-            for one in results
-            for row in one.rows()
-            for force in [scale * one.setting.forcing.at(row["Omega"])]
-        )
+        tables: dict[str, list[dict[str, Any]]] = {
+            run_folder.FREE: [
+                row | {"frequency": unit * row["omega_ratio"], "amplitude": z_s * row["u0"]}
+                for one in self.free.values()
+                for row in one.rows()
+            ],
+            run_folder.RESPONSE: [
+                row
+                | {"frequency": unit * row["Omega"], "force": force}
+                | {"x_max": z_s * row["u_max"], "x_min": z_s * row["u_min"], "receptance": z_s * row["a1"] / force}
+                for one in results
+                for row in one.rows()
+                for force in [scale * one.setting.forcing.at(row["Omega"])]
+            ],
+            run_folder.BAND: [row for band in self.bands for row in band.rows()],
+            run_folder.MOTION: self.moved(),
+        }
         with run_folder.writing_into(path):
-            write_csv(path / run_folder.FREE, FREE_COLUMNS, map(_cells, free))
-            write_csv(path / run_folder.RESPONSE, RESPONSE_COLUMNS, map(_cells, forced))
-            for name, columns, rows in (
-                (run_folder.BAND, BAND_COLUMNS, [row for band in self.bands for row in band.rows()]),
-                (run_folder.MOTION, MOTION_COLUMNS, self.moved()),
-            ):
-                (path / name).unlink(missing_ok=True)  # of an earlier analysis
+            for name, rows in tables.items():
                 if rows:
-                    write_csv(path / name, columns, map(_cells, rows))
+                    write_csv(path / name, list(rows[0]), map(_cells, rows))
+                else:  # of an earlier analysis
+                    (path / name).unlink(missing_ok=True)
             text = json.dumps(self.to_dict(), indent=2, allow_nan=False)
             replace_file(path / run_folder.THRESHOLDS, f"{text}\n".encode())
 

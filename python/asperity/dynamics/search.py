@@ -3,7 +3,7 @@
 The branch of order 1 starts where its orbit is unique and known: above the resonance, or near rest. Every branch is
 traced beyond the window and then cut, so a window has the orbits of a wide one. Branches of twice the period start at
 period doublings. Newton's method on the period map finds loops, and orbits of period 2 that no period doubling leads
-to: it starts on free orbits, at resonance with the forcing and at frequencies that fill the window evenly.
+to: it starts on the free orbits that are in resonance with the forcing.
 """
 
 from __future__ import annotations
@@ -28,7 +28,6 @@ _CYCLES = 5  # resonances of an order: free orbits with 1, 1 + order, ... cycles
 _AMPLITUDES, _PHASES = 20, 8  # starts on the free orbits of each resonance, at most
 _APART = 0.04  # distance of these amplitudes, in the logarithm of the frequency, or in that of the amplitude over
 _FLAT = 0.1  # this, where the frequency hardly changes
-_AT_EDGE = 24  # of these, at an end of the window
 _SLOW = 0.2  # Omega below which there are fewer, because each takes longer
 _ITERATIONS = 9  # of Newton's method on the period map
 _MOST_STEPS = 8e5  # of the integrator in the search from the starts
@@ -43,7 +42,6 @@ _POINTS = 24  # amplitudes on the backbone
 _MOST_LOST = 2.0  # of `Search.lost`: up to 1.1 with orbits of period 2, in 250 random windows
 _BEYOND = 1.2  # frequency over that of a resonance, beyond which the orbit is unique
 _BELOW = 0.5  # lowest frequency outside the window, over its low end
-_RESONANCES = 6  # main and superharmonic ones, at Omega = 1/k, between which an undamped branch starts
 
 
 class Search:
@@ -61,6 +59,7 @@ class Search:
         self.strong = float(forcing.at(max(1.0, how.window[1])))  # F^, the greatest in the window and at the resonance
         share = min(1.0, how.window[0] / _SLOW)
         self.grid = int(np.ceil(_AMPLITUDES * share)), int(np.ceil(_PHASES * share))
+        self.searched: list[int] = []  # orders of the orbits from starts
         self.branches: list[Branch] = []
         self.events: list[Event] = []
         self.notes: list[str] = []
@@ -68,7 +67,7 @@ class Search:
         self._ends: list[tuple[int, Point]] = []  # of branches, with their order
         self._known: list[Array] = []  # u, v, Omega (points, 3) along each path, at each of its forcing periods
         self._doublings: list[Point] = []
-        self._lost: list[str] = []  # notes on orbits near rest, of no interest where the others add up
+        self._lost: list[tuple[float, str]] = []  # Omega of orbits near rest that were not found, and a note
         self._backbone()
 
     def _backbone(self) -> None:
@@ -106,11 +105,8 @@ class Search:
         unique = below <= self.lowest / _BEYOND or low >= _BEYOND * self.highest
         if not unique or min((p.omega for _, path in self._paths for p in path.points), default=np.inf) > below:
             self._near_rest(low)
-        if self.equation.zeta < MIN_ZETA:  # resonances so high that between each two there is a branch of its own
-            for omega in (1.0 / np.sqrt(k * (k + 1.0)) for k in range(1, _RESONANCES)):
-                if below < omega < above:
-                    self._near_rest(omega)
-        for order in self._searched_orders():
+        self.searched = self._searched_orders()
+        for order in self.searched:
             for found in self._found(order, *self._lanes(order)):
                 self._through("detached", order, *found)
                 if self._left < 0.0:
@@ -128,21 +124,21 @@ class Search:
             for order, edge in product(self.orders, self.how.window)
             if self._left >= 0.0 and self._excess(order, edge)
         ]
-        self.notes += missing if self._adds_up() and not missing else [*self._lost, *missing]
+        self.notes += missing if self._adds_up() and not missing else [*self._unreached(), *missing]
 
     def _searched_orders(self) -> list[int]:
         """Orders of orbits that may be on branches that no other one leads to."""
-        if self.equation.zeta < MIN_ZETA:
-            return []
+        if self.equation.zeta < MIN_ZETA:  # between each two resonances there is a branch of its own
+            return [1]
         (low, high), omega = self.how.window, 2.0 * self.frequency
         near = (np.maximum(omega[1:], omega[:-1]) > low) & (np.minimum(omega[1:], omega[:-1]) < high)
         may_double = bool((np.minimum(self.lost[1:], self.lost[:-1])[near] < _MOST_LOST).any())
-        needed = {1: not self.alone, 2: not self.alone or may_double}
+        needed = {1: not self.alone or bool(self._unreached()), 2: not self.alone or may_double}
         return [order for order in self.orders if needed[order]]
 
     def describe(self) -> str:
         """Sentence `FrequencyResponse.searched`."""
-        periods, tried = (" and ".join(map(str, orders)) for orders in (self.orders, self._searched_orders()))
+        periods, tried = (" and ".join(map(str, orders)) for orders in (self.orders, self.searched))
         starts = _CYCLES * self.grid[0] * self.grid[1]
         origins = f"rest and up to {starts} starts of period {tried}" if tried else "rest"
         left = "that start from none of these states" if tried else "that so weak a forcing is not expected to sustain"
@@ -182,24 +178,17 @@ class Search:
         return sum(n * int(np.sign(p.fold * (p.flip if n < order else 1.0))) for n, p in at) - 1
 
     def _near_rest(self, omega: float) -> None:
-        """Trace the branch of the linear response at a frequency, or those that Newton's method finds there."""
+        """Trace the branch of the linear response at a frequency."""
         force = float(self.forcing.at(omega))
         impedance = complex(1.0 - omega * omega, 2.0 * self.equation.zeta * omega)
         linear = force / max(abs(impedance), force) * impedance.conjugate() / (abs(impedance) or 1.0)
         rest = np.array([linear.real, -omega * linear.imag])  # of an amplitude of at most 1
-        notes = len(self._lost)
-
-        def known() -> bool:
-            return any(p.omega == omega for order, path in self._paths if order == 1 for p in path.points)
-
         self._through("main", 1, rest, omega, abs(linear) + 1e-12)
-        if not known():
-            _, y = self._lanes(1)
-            y = np.concatenate([[rest, 0.3 * rest, 0.0 * rest], y[:: max(len(y) // _AT_EDGE, 1)]])
-            for rough, _, amplitude, _ in self._found(1, np.full(len(y), omega), y, fixed=True):
-                self._through("main", 1, rough, omega, amplitude)
-        if known():
-            del self._lost[notes:]
+
+    def _unreached(self) -> list[str]:
+        """Notes on the orbits near rest that no branch has."""
+        known = [p.omega for order, path in self._paths if order == 1 for p in path.points]
+        return [note for omega, note in self._lost if omega not in known]
 
     def _lanes(self, order: int) -> tuple[Array, Array]:
         """Omega (starts,), and states (starts, 2): free orbits in resonance with `order` periods of a forcing.
@@ -225,14 +214,11 @@ class Search:
         rest, free = np.column_stack([np.exp(log_u), 0.0 * log_u]), Equation(self.equation.restoring, 0.0)
         return omega, motions(free, rest, 1.0, 0.0, length=length, rtol=_ROUGH, derivatives=False).end
 
-    def _found(
-        self, order: int, omega: Array, y: Array, *, fixed: bool = False
-    ) -> Iterator[tuple[Array, float, float, Array]]:
+    def _found(self, order: int, omega: Array, y: Array) -> Iterator[tuple[Array, float, float, Array]]:
         """Rough states (order, 2), Omega, amplitude, normal of new orbits of `order` forcing periods near the starts.
 
-        Unless Omega is fixed, a step of Newton's method is the shortest one in the states and Omega: so a branch is
-        found also from frequencies beyond its folds. Orbits of shorter periods are left out. A search that is too long
-        ends with a note.
+        A step of Newton's method is the shortest one in state and Omega: so a branch is found also from frequencies
+        beyond its folds. Orbits of shorter periods are left out. A search that is too long ends with a note.
         """
         steps, starts = 0.0, len(y)
         for _ in range(_ITERATIONS):
@@ -242,7 +228,7 @@ class Search:
                 break
             m = motions(self.equation, y, omega, self.forcing.at(omega), length=TURN * order, rtol=_ROUGH)
             steps += m.steps
-            scale = _scale(y, omega) * (1.0, 1.0, not fixed)
+            scale = _scale(y, omega)
             matrix = (m.by_end - np.eye(2, 3)) * scale[:, None]
             with np.errstate(all="ignore"):
                 g, h, _, k = np.einsum("nik,njk->ijn", matrix, matrix).reshape(4, -1)
@@ -250,13 +236,11 @@ class Search:
                 step = np.einsum("nik,in->nk", matrix, np.array([k * p - h * q, g * q - h * p]) / (g * k - h * h))
                 length = np.linalg.norm(step, axis=1)
                 step *= scale * np.minimum(1.0, 0.3 / length)[:, None]
-            y, omega = y + step[:, :2], omega + step[:, 2]
-            if not fixed:
-                omega = np.clip(omega, *self.how.window)
+            y, omega = y + step[:, :2], np.clip(omega + step[:, 2], *self.how.window)
             for j in np.flatnonzero(length < _CLOSE):
                 found = self._new(order, y[j], float(omega[j]))
                 if found is not None:
-                    normal = np.cross(*matrix[j]) / (scale[j] + 1e-300)
+                    normal = np.cross(*matrix[j]) / scale[j]
                     yield found, float(omega[j]), float(0.5 * (m.high[j, 0] - m.low[j, 0])), normal
             moving = length >= _CLOSE
             omega, y = omega[moving], y[moving]
@@ -300,7 +284,7 @@ class Search:
         except ConvergenceError as error:
             where = f"Omega = {omega:.6g}"
             if kind == "main":
-                self._lost.append(f"the orbit near rest at {where} was not found: {error}")
+                self._lost.append((omega, f"the orbit near rest at {where} was not found: {error}"))
             else:
                 self.notes.append(f"an orbit at {where} is on no branch and could not be continued: {error}")
             return

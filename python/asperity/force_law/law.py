@@ -39,7 +39,7 @@ class Law(ABC):
         contact: whether the force vanishes for ``z <= 0`` (False for a truncated series)
         known_to: largest approach of the points behind the law (length); beyond it motion is on a continuation
         yields_at: approach above which the contact yields again, where the slope may jump (length)
-        knots: approaches at which the law is not smooth (length)
+        knots: approaches at which a law without `cells` is not smooth (length)
 
     Examples:
         A linear spring of 2 N/m that pushes only:
@@ -67,7 +67,7 @@ class Law(ABC):
         """Force and stiffness (force/length) at approaches `z` (length, any shape)."""
 
     def at(self, z: float) -> tuple[float, float]:
-        """Force and stiffness at one approach, without range check, for the inner loop of integration."""
+        """Force and stiffness at one approach, without range check."""
         force, slope = self.both(np.array([z]))
         return float(force[0]), float(slope[0])
 

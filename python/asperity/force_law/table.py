@@ -69,7 +69,6 @@ class TableLaw(Law):
     repaired: str = field(default="", kw_only=True)
     noise: float = field(default=0.0, init=False)
     known_to: float = field(init=False, repr=False)
-    knots: Array = field(init=False, repr=False)
     _measured: Array = field(init=False, repr=False)  # the forces given, in contact
 
     __repr__ = short_repr
@@ -86,7 +85,7 @@ class TableLaw(Law):
             for i in np.flatnonzero(np.diff(column) <= 0):
                 pair = f"({column[i]:g} to {column[i + 1]:g})"
                 raise InputError(f"the {name} does not rise after row {i} of the table {pair}: {remedy}")
-        derived = {"z": z, "F": F, "k": k, "knots": z, "known_to": float(z[-1]), "_measured": measured}
+        derived = {"z": z, "F": F, "k": k, "known_to": float(z[-1]), "_measured": measured}
         derived["noise"] = noise if F is not measured else 0.0
         for name, values in derived.items():
             if isinstance(values, np.ndarray):
