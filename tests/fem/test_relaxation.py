@@ -211,13 +211,13 @@ def spot() -> BlockMesh:
     return even(0.06)
 
 
-@pytest.mark.parametrize("unload_steps", [0, 3])
 @pytest.mark.parametrize("kinematics", ["small", "finite"])
 @pytest.mark.parametrize("method", ["active-set", "penalty", "nitsche"])
-def test_a_force_that_is_held_stays(spot: BlockMesh, method: str, kinematics: str, unload_steps: int) -> None:
+def test_a_force_that_is_held_stays(spot: BlockMesh, method: str, kinematics: str) -> None:
+    """At the end of the loading, and at three steps of the unloading."""
     material = Material(E, NU, 0.002, kinematics=kinematics)
     solver = pressed(spot, material, formulation=asp.Formulation(method)).solver
-    for delta in np.linspace(1.0, 0.97, unload_steps + 1) * solver.delta:
+    for delta in np.linspace(1.0, 0.97, 4) * solver.delta:
         solver.step(delta)
         force = solver.force
         for _ in range(2):
