@@ -257,7 +257,7 @@ class MeshErrorEstimate:
             force, area = _worst(curve, judged)
             return force <= MARGIN * self._goal.tolerance and area <= MARGIN * (self._goal.area_tolerance or inf)
 
-        return next((step for step in np.linspace(LEAST_STEP, RATIO, 16).tolist() if meets(step)), RATIO)
+        return next((step for step in map(float, np.linspace(LEAST_STEP, RATIO, 16)) if meets(step)), RATIO)
 
     def _no_mesh_helps(self, worst: float, at: Floats, algebraic: float) -> str:
         """Why no other mesh would meet the tolerance of the force; empty where one may."""
