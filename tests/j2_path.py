@@ -6,9 +6,9 @@ import math
 
 import numpy as np
 from numpy.typing import ArrayLike
+from yielding_sphere import hardening_modulus
 
 from asperity.arrays import Array
-from asperity.reference import hardening_modulus
 
 
 def j2_path(

@@ -7,6 +7,7 @@ from math import hypot
 import gmsh
 import numpy as np
 import pytest
+import yielding_sphere
 from conftest import here
 
 from asperity import reference
@@ -21,10 +22,10 @@ from asperity.model.material import Material
 from asperity.model.settings import SolverOptions
 from asperity.quasistatic.stepping import ContactSolver, Record, follow
 
-E, NU, Y = 200e9, 0.3, 1e9  # of the sphere in reference.FLATTENED_SPHERE [Pa]
+E, NU, Y = 200e9, 0.3, 1e9  # of the sphere in yielding_sphere.FLATTENED_SPHERE [Pa]
 HERTZ = reference.Hertz(1.0, reference.reduced_modulus(1.0, NU))  # R = E = 1
 ONSET = float((0.5 * np.pi * 1.295 * np.exp(0.736 * NU) * Y / reference.reduced_modulus(E, NU)) ** 2)
-W = np.array(reference.FLATTENED_DEPTHS)  # approaches over that at the onset of yield
+W = np.array(yielding_sphere.FLATTENED_DEPTHS)  # approaches over that at the onset of yield
 
 
 def eighth_of_a_sphere() -> BlockMesh:
@@ -64,8 +65,8 @@ def test_a_flattened_sphere_has_the_force_of_the_plane_solution_and_of_the_fits(
     """Jackson & Green (2005) without hardening, Ghaednia et al. (2019) with; the latter exceeds both solutions."""
     coarse, fine = (forces(tangent, steps) for steps in (21, 42))
     found = 2.0 * fine - coarse  # the error of the load steps is of first order
-    plane = np.interp(W, reference.FLATTENED_DEPTHS, reference.FLATTENED_SPHERE[tangent])
+    plane = np.interp(W, yielding_sphere.FLATTENED_DEPTHS, yielding_sphere.FLATTENED_SPHERE[tangent])
     np.testing.assert_allclose(found, plane, rtol=bar)
     sphere = (W * ONSET, 1.0, 1.0, NU, Y / E)
-    fit = reference.ghaednia(*sphere, tangent)[0] if tangent else reference.jackson_green(*sphere)[0]
+    fit = yielding_sphere.ghaednia(*sphere, tangent)[0] if tangent else yielding_sphere.jackson_green(*sphere)[0]
     np.testing.assert_allclose(found, fit / HERTZ.force(ONSET), rtol=bar_of_fit)

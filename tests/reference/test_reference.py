@@ -6,6 +6,7 @@ import math
 
 import numpy as np
 import pytest
+import yielding_sphere as sphere
 from j2_path import confined_stress, j2_path, uniaxial_stress
 from scipy.integrate import quad
 from scipy.linalg import expm
@@ -127,12 +128,12 @@ def test_jackson_green_is_hertz_up_to_1_9_critical_approaches_and_its_own_fit_be
     R, C, yields = 1e-3, 1.295 * math.exp(0.736 * 0.3), 1e9 / (200e9 / 0.91)
     critical, hertz = critical_approach(R), ref.Hertz(R, ref.reduced_modulus(200e9, 0.3))
     for w in (1.0, 1.85):
-        assert ref.jackson_green(w * critical, R, **STEEL)[0] == pytest.approx(hertz.force(w * critical), rel=1e-12)
+        assert sphere.jackson_green(w * critical, R, **STEEL)[0] == pytest.approx(hertz.force(w * critical), rel=1e-12)
     for w in (1.95, 2.5, 3.5):
         a = math.pi * C * yields / 2 * math.sqrt(w * (w / 1.9) ** (0.14 * math.exp(23 * yields)))  # over R
         hardness = 2.84 * (1 - math.exp(-0.82 * a**-0.7))
         force = math.exp(-0.25 * w ** (5 / 12)) * w**1.5 + 4 * hardness / C * (1 - math.exp(-(w ** (5 / 9)) / 25)) * w
-        found = ref.jackson_green(w * critical, R, **STEEL)[0] / hertz.force(critical)
+        found = sphere.jackson_green(w * critical, R, **STEEL)[0] / hertz.force(critical)
         assert found == pytest.approx(force, rel=1e-9)
         assert w > 2.0 or force == pytest.approx(w**1.5, rel=0.02)
 
@@ -141,15 +142,15 @@ def test_jackson_green_numbers():
     w, R = np.array([6.0, 10.0, 50.0, 110.0]), 1e-3
     hertz = ref.Hertz(R, ref.reduced_modulus(200e9, 0.3))
     critical = float(hertz.force(critical_approach(R)))
-    force, area = ref.jackson_green(w * critical_approach(R), R, **STEEL)
+    force, area = sphere.jackson_green(w * critical_approach(R), R, **STEEL)
     np.testing.assert_allclose(force / critical, [13.00, 25.88, 201.0, 502.9], rtol=3e-4)
-    other, other_area = ref.kogut_etsion(w * critical_approach(R), R, **STEEL)
+    other, other_area = sphere.kogut_etsion(w * critical_approach(R), R, **STEEL)
     np.testing.assert_allclose(other, force, rtol=0.06)
     np.testing.assert_allclose(other_area, area, rtol=0.06)
     small = 0.5 * critical_approach(R)
-    for model in (ref.jackson_green, ref.kogut_etsion):
+    for model in (sphere.jackson_green, sphere.kogut_etsion):
         assert model(small, R, **STEEL)[0] == pytest.approx(float(hertz.force(small)))
-    assert np.isnan(ref.kogut_etsion(200 * critical_approach(R), R, **STEEL)[0])
+    assert np.isnan(sphere.kogut_etsion(200 * critical_approach(R), R, **STEEL)[0])
 
 
 def test_ghaednia_numbers():
@@ -157,24 +158,24 @@ def test_ghaednia_numbers():
     delta = 50 * critical_approach(R)
     elastic = float(ref.Hertz(R, ref.reduced_modulus(200e9, 0.3)).force(delta))
     for ratio, expected in [(0.0, 0.569), (0.1, 0.691), (0.3, 0.841), (0.5, 0.918)]:
-        force, area = ref.ghaednia(delta, R, **STEEL, E_t=ratio * 200e9)
+        force, area = sphere.ghaednia(delta, R, **STEEL, E_t=ratio * 200e9)
         assert force / elastic == pytest.approx(expected, abs=6e-4)
         assert math.pi * R * delta * (1 - 1e-9) <= area < 2 * math.pi * R * delta
     small = critical_approach(R)
-    assert ref.ghaednia(small, R, **STEEL, E_t=1e9)[0] == pytest.approx(
+    assert sphere.ghaednia(small, R, **STEEL, E_t=1e9)[0] == pytest.approx(
         float(ref.Hertz(R, ref.reduced_modulus(200e9, 0.3)).force(small))
     )
 
 
 def test_flattened_sphere_of_the_table_against_the_fits():
-    R, w = 1e-3, np.array(ref.FLATTENED_DEPTHS)
+    R, w = 1e-3, np.array(sphere.FLATTENED_DEPTHS)
     delta = w * critical_approach(R)
     critical = float(ref.Hertz(R, ref.reduced_modulus(200e9, 0.3)).force(critical_approach(R)))
-    for ratio, forces in ref.FLATTENED_SPHERE.items():
+    for ratio, forces in sphere.FLATTENED_SPHERE.items():
         if ratio == 0.0:
-            np.testing.assert_allclose(ref.jackson_green(delta, R, **STEEL)[0] / critical, forces, rtol=0.03)
+            np.testing.assert_allclose(sphere.jackson_green(delta, R, **STEEL)[0] / critical, forces, rtol=0.03)
         else:
-            fit = ref.ghaednia(delta, R, **STEEL, E_t=ratio * 200e9)[0] / critical
+            fit = sphere.ghaednia(delta, R, **STEEL, E_t=ratio * 200e9)[0] / critical
             np.testing.assert_allclose(fit, forces, rtol=0.13)
             np.testing.assert_allclose(fit[0], forces[0], rtol=0.03)
 

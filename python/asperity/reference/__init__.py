@@ -22,18 +22,8 @@ from asperity.reference.elastic import (
 )
 from asperity.reference.halfspace import HalfSpaceContact, RoughCurve, RoughHalfSpace, half_space_contact
 from asperity.reference.inertia import LONG_WAVES, first_frequency, radiation_compliance, radiation_loss
-from asperity.reference.plastic import (
-    FLATTENED_DEPTHS,
-    FLATTENED_SPHERE,
-    ghaednia,
-    hardening_modulus,
-    jackson_green,
-    kogut_etsion,
-)
 
 __all__ = [
-    "FLATTENED_DEPTHS",
-    "FLATTENED_SPHERE",
     "LONG_WAVES",
     "HalfSpaceContact",
     "Hertz",
@@ -44,11 +34,7 @@ __all__ = [
     "cooper_mikic_yovanovich",
     "first_frequency",
     "first_yield",
-    "ghaednia",
     "half_space_contact",
-    "hardening_modulus",
-    "jackson_green",
-    "kogut_etsion",
     "mikic_elastic",
     "patch_test_slope",
     "pull_off",

@@ -75,11 +75,6 @@ def jackson_green(delta: ArrayLike, R: float, E: float, nu: float, Y: float) -> 
 
     Jackson and Green, J. Tribol. 127 (2005) 343; a fit to finite elements with errors of a few per
     cent. Hertz below 1.9 delta_c.
-
-    Examples:
-        >>> force, area = asp.reference.jackson_green(1e-5, R=1e-3, E=200e9, nu=0.3, Y=1e9)
-        >>> print(f"{force:.2f} N, {1e6 * area:.4f} mm^2")
-        146.49 N, 0.0556 mm^2
     """
     delta = np.asarray(delta, float)
     onset = _Yield(reduced_modulus(E, nu), nu, Y, R)
