@@ -16,7 +16,6 @@ from asperity.reference.elastic import (
     Hertz,
     Westergaard,
     block_modulus,
-    first_yield,
     patch_test_slope,
     reduced_modulus,
 )
@@ -33,7 +32,6 @@ __all__ = [
     "block_modulus",
     "cooper_mikic_yovanovich",
     "first_frequency",
-    "first_yield",
     "half_space_contact",
     "mikic_elastic",
     "patch_test_slope",

@@ -72,22 +72,6 @@ class Hertz:
         return self.peak_pressure(delta) * np.sqrt(np.maximum(inside, 0.0))
 
 
-def first_yield(nu: float) -> tuple[float, float]:
-    """(p0/sigma_y, depth/a) of the first yield under a Hertz contact.
-
-    The largest von Mises stress is on the axis: Johnson (1985), eq. 3.45 for the stresses.
-    """
-    from scipy.optimize import minimize_scalar
-
-    def mises(depth: float) -> float:
-        term = 1 / (1 + depth**2)
-        radial = -(1 + nu) * (1 - depth * math.atan2(1.0, depth)) + term / 2
-        return abs(radial + term)  # sigma_r - sigma_z over p0
-
-    best = minimize_scalar(lambda d: -mises(d), bounds=(0.05, 2.0), options={"xatol": 1e-10})
-    return 1 / mises(best.x), float(best.x)
-
-
 @dataclass(frozen=True)
 class Westergaard:
     """Wave z = A cos(2 pi x/lam) in plane strain: Westergaard (1939), Johnson (1985) 13.2; E_prime is E/(1-nu^2).
