@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from twin import computed
+from twin import computed, motion
 
 from asperity.curve import Curve
 from asperity.dynamics import ContactOscillator, PowerLaw, TaylorLaw, orbits
@@ -237,3 +237,12 @@ def test_both_orbits_of_a_loop_near_the_rim_of_a_series() -> None:
     series = TaylorLaw(1.0, 1.0, (1.8855659215430647, 1.669792922941482, -0.19108121435072092))
     response = ContactOscillator(series, zeta=0.003858935237335842).response(0.053319960004413754, (1.575, 1.783))
     assert sorted(s.stable for s in response.at(1.6861) if s.order == 2) == [False, True]
+
+
+def test_a_loop_of_a_contact_that_is_linear_until_it_is_lost() -> None:
+    """Two cycles in a forcing period, in flight: nothing about rest shows that such orbits exist."""
+    oscillator = ContactOscillator(PowerLaw(0.9908), zeta=0.0109, damping="contact")
+    response = oscillator.response(0.4, (0.3676, 0.71))
+    (orbit,) = (s for s in response.at(0.4127) if 2.5 < s.u_max < 2.65)
+    path = motion(response.equation, 0.4127, 0.4, orbit.states[0])
+    assert orbit.stable and np.abs(path.end - orbit.states[0]).max() < 1e-4
