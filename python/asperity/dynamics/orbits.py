@@ -26,6 +26,7 @@ _NEWTON_RTOL = 1e-6  # relative size of its last step; the remaining error is of
 _LOST = 1e9  # relative state beyond which Newton's method has left the orbit
 _CUT = 0.35  # of a step that does not converge
 _HMIN = 1e-9  # smallest step along the branch
+_TURNED = 1e-5  # step that is taken though the branch seems to turn: at a symmetric one that splits
 _LONGEST = 0.4  # longest step, relative to amplitude and frequency
 _STRIDE = 0.03  # longest step outside the window, over the frequency
 _PREDICTED = 0.03  # allowed error of the prediction
@@ -265,6 +266,11 @@ class Orbits:
                 error = float(np.linalg.norm(miss - (miss @ along) * along)) / allowed
                 if error > 2.0 or float(along @ (w * unit)) < 0.5:
                     h *= max(0.2, min(0.6, (0.5 / max(error, 1e-9)) ** 0.25))
+                    continue
+                # Omega turns where a multiplier passes 1, or else the step has jumped to where the branch comes back;
+                # not so at the period doubling that a branch of twice the period passes
+                if self.order == 1 and h > _TURNED and here.fold * here.rate * point.fold * point.rate < 0:
+                    h *= _CUT
                     continue
                 break
             passed = [e for e in {*limits, *how.window} if (e - omega) * (e - point.omega) < 0]

@@ -29,6 +29,7 @@ _AMPLITUDES, _PHASES = 20, 8  # starts on the free orbits of each resonance, at 
 _APART = 0.04  # distance of these amplitudes, in the logarithm of the frequency, or in that of the amplitude over
 _FLAT = 0.1  # this, where the frequency hardly changes
 _SLOW = 0.2  # Omega below which there are fewer, because each takes longer
+_PARTS = 8  # of the starts: the first one shows how much work they take
 _ITERATIONS = 9  # of Newton's method on the period map
 _MOST_STEPS = 8e5  # of the integrator in the search from the starts
 _ROUGH = 1e-6  # tolerance of the motions of the search; the orbits are corrected later
@@ -214,39 +215,47 @@ class Search:
         rest, free = np.column_stack([np.exp(log_u), 0.0 * log_u]), Equation(self.equation.restoring, 0.0)
         return omega, motions(free, rest, 1.0, 0.0, length=length, rtol=_ROUGH, derivatives=False).end
 
-    def _found(self, order: int, omega: Array, y: Array) -> Iterator[tuple[Array, float, float, Array]]:
+    def _found(self, order: int, omegas: Array, starts: Array) -> Iterator[tuple[Array, float, float, Array]]:
         """Rough states (order, 2), Omega, amplitude, normal of new orbits of `order` forcing periods near the starts.
 
         A step of Newton's method is the shortest one in state and Omega: so a branch is found also from frequencies
         beyond its folds. Orbits of shorter periods are left out. A search that is too long ends with a note.
         """
-        steps, starts = 0.0, len(y)
-        for _ in range(_ITERATIONS):
-            kept = np.isfinite(y).all(axis=1)
-            omega, y = omega[kept], y[kept]
-            if steps > _MOST_STEPS or not y.size:
-                break
-            m = motions(self.equation, y, omega, self.forcing.at(omega), length=TURN * order, rtol=_ROUGH)
-            steps += m.steps
-            scale = _scale(y, omega)
-            matrix = (m.by_end - np.eye(2, 3)) * scale[:, None]
-            with np.errstate(all="ignore"):
-                g, h, _, k = np.einsum("nik,njk->ijn", matrix, matrix).reshape(4, -1)
-                p, q = (y - m.end).T
-                step = np.einsum("nik,in->nk", matrix, np.array([k * p - h * q, g * q - h * p]) / (g * k - h * h))
-                length = np.linalg.norm(step, axis=1)
-                step *= scale * np.minimum(1.0, 0.3 / length)[:, None]
-            y, omega = y + step[:, :2], np.clip(omega + step[:, 2], *self.how.window)
-            for j in np.flatnonzero(length < _CLOSE):
-                found = self._new(order, y[j], float(omega[j]))
-                if found is not None:
-                    normal = np.cross(*matrix[j]) / scale[j]
-                    yield found, float(omega[j]), float(0.5 * (m.high[j, 0] - m.low[j, 0])), normal
-            moving = length >= _CLOSE
-            omega, y = omega[moving], y[moving]
-        if steps > _MOST_STEPS and y.size:
+        steps, every, skipped = 0.0, np.arange(len(starts)), 0
+        parts = [every[i::_PARTS] for i in range(_PARTS)]
+        while parts:
+            part = parts.pop(0)
+            omega, y = omegas[part], starts[part]
+            for _ in range(_ITERATIONS):
+                kept = np.isfinite(y).all(axis=1)
+                omega, y = omega[kept], y[kept]
+                if steps > _MOST_STEPS or not y.size:
+                    break
+                m = motions(self.equation, y, omega, self.forcing.at(omega), length=TURN * order, rtol=_ROUGH)
+                steps += m.steps
+                scale = _scale(y, omega)
+                matrix = (m.by_end - np.eye(2, 3)) * scale[:, None]
+                with np.errstate(all="ignore"):
+                    g, h, _, k = np.einsum("nik,njk->ijn", matrix, matrix).reshape(4, -1)
+                    p, q = (y - m.end).T
+                    step = np.einsum("nik,in->nk", matrix, np.array([k * p - h * q, g * q - h * p]) / (g * k - h * h))
+                    length = np.linalg.norm(step, axis=1)
+                    step *= scale * np.minimum(1.0, 0.3 / length)[:, None]
+                y, omega = y + step[:, :2], np.clip(omega + step[:, 2], *self.how.window)
+                for j in np.flatnonzero(length < _CLOSE):
+                    found = self._new(order, y[j], float(omega[j]))
+                    if found is not None:
+                        normal = np.cross(*matrix[j]) / scale[j]
+                        yield found, float(omega[j]), float(0.5 * (m.high[j, 0] - m.low[j, 0])), normal
+                moving = length >= _CLOSE
+                omega, y = omega[moving], y[moving]
+            if steps > _MOST_STEPS:
+                skipped += len(y)
+            elif parts and _PARTS * steps < _MOST_STEPS:  # the others together
+                parts = [np.concatenate(parts)]
+        if skipped:
             self.notes.append(
-                f"the search from {len(y)} of {starts} starts of period {order} ended after too much work, and "
+                f"the search from {skipped} of {len(starts)} starts of period {order} ended after too much work, and "
                 "orbits may be missing: give a narrower window"
             )
 
