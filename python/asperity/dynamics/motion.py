@@ -217,7 +217,9 @@ def _settle(
     shrink = 1.0 - np.exp(-2.0 * np.pi * equation.zeta / omega)
     # perturb by more than the tolerance: a start exactly on an unstable orbit must not look settled
     history, values = [state + np.outer([10.0 * tol, 0.0], np.hypot(*state))], list[Array]()
-    kind, residual, period = np.zeros(omega.size, int), np.full(omega.size, np.inf), 0
+    kind: Array = np.zeros(omega.size, int)
+    residual: Array = np.full(omega.size, np.inf)
+    period = 0
     while period < limit and not kind.all():
         period += 1
         m = motions(equation, history[-1].T, omega, forcing, rtol=_RTOL, derivatives=False)

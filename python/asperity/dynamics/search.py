@@ -210,7 +210,7 @@ class Search:
                 count = min(self.grid[0], 1 + int(along[-1] / _APART))
                 i = near[np.searchsorted(along, (np.arange(count) + 0.5) / count * along[-1])].repeat(phases.size)
                 length = TURN / order / own[i] * np.resize(phases, i.size)
-                found.append([np.clip(omega[i], low, high), log_u[i], length])
+                found.append(np.stack([np.clip(omega[i], low, high), log_u[i], length]))
         omega, log_u, length = np.concatenate(found, axis=1)
         rest, free = np.column_stack([np.exp(log_u), 0.0 * log_u]), Equation(self.equation.restoring, 0.0)
         return omega, motions(free, rest, 1.0, 0.0, length=length, rtol=_ROUGH, derivatives=False).end
