@@ -38,7 +38,7 @@ def commands() -> dict[str, list[Path]]:
 def markdown_tables(text: str) -> Iterator[Rows]:
     """Tables of a text, each as its header and its rows."""
     lines: Rows = []
-    for line in [*text.splitlines(), ""]:
+    for line in [*text.translate(str.maketrans("│┃┡", "|||")).splitlines(), ""]:  # commands draw theirs
         if line.startswith("|"):
             lines.append([cell.strip() for cell in line.strip().strip("|").split(" | ")])
         elif lines:
