@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 from pathlib import Path
 
 import click
@@ -41,7 +42,10 @@ def run(
     from asperity.output.assumption import DOUBTFUL, describe
     from asperity.output.results import Results
     from asperity.output.verdict import doubts, verdict
+    from asperity.runtime import compat
 
+    compat.start()
+    gc.freeze()  # what the modules hold is no garbage, and each solver that goes has the rest searched
     progress = make_progress(quiet, verbose)
     try:
         result = run_case.run(case, folder, progress=progress, resume=resume, force=force)
