@@ -31,6 +31,7 @@ from asperity.model.material import Material
 from asperity.model.problem import Problem
 from asperity.quasistatic.callbacks import Callbacks
 from asperity.quasistatic.contact_result import PartialResult
+from asperity.reference import Hertz
 from asperity.surface import HeightMap, SelfAffine, SurfaceWarning
 
 
@@ -52,6 +53,13 @@ def test_the_cells_are_enough_and_pixels_do_not_count(tmp_path: Path, monkeypatc
     force, exact = (guide.left_out(Top.of(block, problem.surface)).force for guide in (few, many))
     assert np.abs(exact).max() > 0.05
     assert np.abs(force - exact).max() < 0.01
+
+
+def test_each_step_has_the_cells_that_its_spot_takes() -> None:
+    """A spot of Hertz of half-widths from 0.006 to 0.015 L, of which 128 cells per side see four at first."""
+    sphere = asp.Surface.from_spec("sphere", L=1.0, radius=2.0, centre=(0.5, 0.5), shape="paraboloid")
+    guide = Guide(Problem.of(sphere, ELASTIC, delta_max=1.125e-4, steps=6), 1.125e-4, 6)
+    assert guide.force == pytest.approx(Hertz(2.0, 1.0).force(guide.delta_star), rel=0.03)
 
 
 def test_no_other_sizes_of_one_error_have_fewer_elements() -> None:
