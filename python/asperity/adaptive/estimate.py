@@ -195,7 +195,7 @@ def estimate(case: Case, ranks: int = 1, surface: Surface | None = None, cells: 
     share = BASE + rates.per_dof * levels[-1].dofs / ranks
     first = share + ROOT + PER_CELL * grid
     most = None if tolerance is None else case.accuracy.max_dofs
-    others = 1.3 + process_time() - since  # libraries and results, and what a run does of this too
+    others = 0.8 + process_time() - since  # libraries and results, and what a run does of this too
     return Estimate(levels, (first, *[share] * (ranks - 1)), depth, kinematics, bar, tolerance, others, most)
 
 
