@@ -135,11 +135,14 @@ def test_calculix_finds_the_forces_of_a_rigid_flat_with_friction(
 ) -> None:
     """Pressing, then a sideways motion at the same approach, on the same mesh; there contact and stick are springs.
 
+    Its elements lock where they flow, so ours do not relax here.
+
     Where the solid yields, CalculiX loses 7 % of the normal force in the first increment of a sideways step, however
     short, and regains it in the next ones: there the increments are short.
     """  # fmt: skip
     mu, move = 0.4, 0.0075
     block = build_block(wave, 1.0, SizeField.of(wave, 0.02, 0.14, growth=0.6, h_max=0.5).at)
+    monkeypatch.setattr("asperity.fem.kernels.relaxation_of", lambda _: (np.inf, np.inf))
     solver = make_contact_solver(here(), wave, block, material, sides="free", formulation=Formulation(friction=mu))
     for k in range(1, steps + 1):
         assert solver.step(0.02 * k / steps).converged
