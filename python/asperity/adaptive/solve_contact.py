@@ -5,7 +5,6 @@ from __future__ import annotations
 from dataclasses import fields
 from typing import TYPE_CHECKING, Unpack, overload
 
-from asperity.adaptive.refine import AccurateResult, refine
 from asperity.errors import InputError
 from asperity.mesh.block import BlockMesh
 from asperity.model.material import Material
@@ -18,6 +17,8 @@ from asperity.surface import Surface
 
 if TYPE_CHECKING:
     from mpi4py import MPI
+
+    from asperity.adaptive.refine import AccurateResult
 
 
 class Arguments(ProblemArguments, CallbackArguments, total=False):
@@ -102,5 +103,7 @@ def solve_contact(
         raise InputError(
             "a tolerance chooses mesh and substeps: leave out block, size (mesh.h_contact, mesh.file) and substeps"
         )
+    from asperity.adaptive.refine import refine
+
     target = tolerance if isinstance(tolerance, AccuracyTarget) else AccuracyTarget(tolerance)
     return refine(problem, target, comm, hooks).checked()
