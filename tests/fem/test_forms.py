@@ -30,6 +30,7 @@ MATERIALS = {
 }
 TWINS = MATERIALS | {"perfect": Material(E, NU, Y)}
 METHODS = ("active-set", "penalty", "nitsche")
+RANDOM = TWINS | {"weak": Material(E, NU, 1e-6, E_T)}  # whose relief exceeds the yield strength
 STEPS = (0.004, 0.008, 0.012, 0.011, 0.01)  # approaches, up and back [L]
 
 
@@ -101,10 +102,10 @@ def test_each_compiled_kernel_is_its_form(coarse: BlockMesh | None, material: Ma
 
 
 @pytest.mark.mpi
-@pytest.mark.parametrize("name", [name for name, material in TWINS.items() if not material.finite])
+@pytest.mark.parametrize("name", [name for name, material in RANDOM.items() if not material.finite])
 def test_each_compiled_kernel_is_its_form_in_random_states(coarse: BlockMesh | None, name: str) -> None:
     """At small strain: the quadrature that is the logarithm of a form is not exact for the large ones."""
-    compare(coarse, TWINS[name], random_states)
+    compare(coarse, RANDOM[name], random_states)
 
 
 @pytest.mark.parametrize(
@@ -127,4 +128,4 @@ def test_forces_on_forms_are_those_of_compiled_kernels(
         assert not solver.checks.violated
     assert min(forces[0]) > 0.0
     assert difference(np.array(forces[1]), np.array(forces[0])) < 1e-8
-    assert abs(newton[1] - newton[0]) <= 0.15 * newton[0]  # the forms alone bound the relief of a cell, see CellFlow
+    assert abs(newton[1] - newton[0]) <= 0.1 * newton[0]

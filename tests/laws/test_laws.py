@@ -181,6 +181,17 @@ def test_locking_is_doubted_where_a_law_hides_its_strength(coarse: BlockMesh, ro
     assert locked > 1.02 * relaxed
 
 
+def test_a_law_that_takes_no_strength_below_zero_does_not_relax() -> None:
+    """It would not flow where a relief exceeds its strength."""
+
+    @asp.law(state={"plastic_strain": (3, 3), "accumulated": ()}, elastic=asp.laws.without_flow)
+    def unsigned(strain: Any, state: Any, E: float, nu: float, yield_strength: Any) -> Any:
+        return asp.laws.j2(strain, state, E, nu, (yield_strength**2) ** 0.5)
+
+    laws = [asp.Material.of_law(law, E=1.0, nu=NU, yield_strength=0.005) for law in (asp.laws.j2, unsigned)]
+    assert [law.relaxes for law in laws] == [True, False]
+
+
 # --- bad laws -------------------------------------------------------------------------------------------------
 
 GOOD = """import ufl

@@ -11,7 +11,6 @@ from asperity.arrays import Floats, Integers
 from asperity.fem.weak_form import PointValues
 
 ITERATIONS = 100  # of the flow of a cell, as in relaxation.hpp
-MOST = 4.99  # relief over S at which it begins to be sought: a yield stress is positive
 ROUNDING = 1e-15  # of the flow, at which it has settled
 #: Dilatation, flow and its derivative by a relief at the points of some cells (n, points, 3).
 Measures = Callable[[Integers], Floats]
@@ -36,7 +35,6 @@ class CellFlow:
         self.coefficients = PointValues(mesh, len(volumes), 4)
         self._volumes, self._volume = volumes, volumes.sum(axis=1)
         self._bulk, (self._spent, self._threshold) = bulk, relaxation
-        self._most = MOST * relaxation[0]
 
     def _mean(self, values: Floats, cells: Any = slice(None)) -> Floats:
         mean: Floats = np.einsum("cq,cq->c", self._volumes[cells], values) / self._volume[cells]
@@ -51,16 +49,14 @@ class CellFlow:
         self.flowing: Integers = np.empty(0, dtype=np.int32)
         if measures is None:
             return
-        theta = measures(np.arange(len(before), dtype=np.int32))[..., 0]
-        mean = self._mean(theta)[:, None]
-        own = theta - mean - before
+        own = measures(np.arange(len(before), dtype=np.int32))[..., 0] - before
+        mean = self._mean(own)[:, None]
+        own -= mean
         squares = self._mean(own**2)
         size, rate = np.sqrt(squares), self._bulk / self._spent
         beyond = np.maximum(self._bulk * size - self._threshold, 0.0)
         first = 0.5 * beyond**2 / self._spent
-        m = np.sqrt(np.minimum(1.0, self._most / np.maximum(first, 1e-300)))
-        least = (1.0 / m - 1.0) / rate  # of the flow; less would make a yield stress negative
-        flow, relief, softness = least.copy(), first * m**2, np.zeros_like(size)
+        m, flow, relief, softness = np.ones_like(size), np.zeros_like(size), first.copy(), np.zeros_like(size)
         cells: Integers = np.flatnonzero(beyond).astype(np.int32)
         for _ in range(ITERATIONS):
             if not len(cells):
@@ -69,7 +65,7 @@ class CellFlow:
             found = measures(cells)
             driven, softness[cells] = (self._mean(found[..., k], cells) for k in (1, 2))
             steep = softness[cells] * 2.0 * rate * m[cells] * relief[cells]
-            step = np.maximum((driven - flow[cells]) / (1.0 + steep), least[cells] - flow[cells])
+            step = (driven - flow[cells]) / (1.0 + steep)
             flow[cells] += step
             m[cells] = 1.0 / (1.0 + rate * flow[cells])
             relief[cells] = first[cells] * m[cells] ** 2

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 from typing import Any
 
@@ -158,16 +158,26 @@ def traits(law: Law) -> Traits:
     isotropic[:3, :3] += lam
     if np.abs(stiffness - isotropic).max() > ISOTROPY * modulus:
         return Traits(None, None, symmetric)
-    relaxes = symmetric and all(_relaxes(answer, strain, lam + 2.0 / 3.0 * mu) for answer, strain in answers)
+    relaxes = symmetric and _relaxes(law, answers, lam + 2.0 / 3.0 * mu)
     return Traits(law.unit * mu * (3.0 * lam + 2.0 * mu) / (lam + mu), 0.5 * lam / (lam + mu), symmetric, relaxes)
 
 
-def _relaxes(answer: Response, strains: Floats, bulk: float) -> bool:
-    if answer.raised is None or answer.driven is None or not answer.driven.any():
+def _relaxes(law: Law, answers: list[tuple[Response, Floats]], bulk: float) -> bool:
+    given, path = dict(law.parameters), answers[0][1]
+    if answers[0][0].raised is None:
         return False
-    pressure = np.trace(answer.stress, axis1=1, axis2=2) / 3.0
-    kept = _same(pressure, bulk * np.trace(strains, axis1=1, axis2=2))
-    return kept and _same(answer.raised, 0.5 * (answer.driven + np.swapaxes(answer.driven, 1, 2)))
+    # a relief may exceed the strength, then any shear flows
+    below = respond(replace(law, parameters=tuple((given | {STRENGTH: -given[STRENGTH]}).items())), path)
+    if not np.all(below.state["accumulated"][1:] > 0.0):
+        return False
+    for answer, strains in [*answers, (below, path)]:
+        assert answer.raised is not None and answer.driven is not None
+        pressure = np.trace(answer.stress, axis1=1, axis2=2) / 3.0
+        kept = _same(pressure, bulk * np.trace(strains, axis1=1, axis2=2))
+        driven = 0.5 * (answer.driven + np.swapaxes(answer.driven, 1, 2))
+        if not (answer.driven.any() and kept and _same(answer.raised, driven)):
+            return False
+    return True
 
 
 def _symmetric(tangent: Floats, of_strain: bool) -> bool:

@@ -51,7 +51,7 @@ def j2(
     trial = hooke(strain - state.plastic_strain, E, nu)
     s = ufl.dev(trial) - back
     size = yield_strength + (1.0 - kinematic_share) * H * state.accumulated
-    yields = ufl.gt(1.5 * ufl.inner(s, s), size**2)
+    yields = ufl.gt(1.5 * ufl.inner(s, s), ufl.max_value(size, 0.0) ** 2)
     # the root is differentiated only where it is far from zero
     q = ufl.sqrt(ufl.conditional(yields, 1.5 * ufl.inner(s, s), size**2))
     flow = ufl.conditional(yields, (q - size) / (3.0 * mu + H), 0.0)
@@ -74,7 +74,7 @@ def voce(strain: Any, state: Any, E: float, nu: float, yield_strength: float, sa
     trial = hooke(strain - state.plastic_strain, E, nu)
     s = ufl.dev(trial)
     now = yield_strength + saturation * (1.0 - ufl.exp(-rate * state.accumulated))
-    yields = ufl.gt(1.5 * ufl.inner(s, s), now**2)
+    yields = ufl.gt(1.5 * ufl.inner(s, s), ufl.max_value(now, 0.0) ** 2)
     q = ufl.sqrt(ufl.conditional(yields, 1.5 * ufl.inner(s, s), now**2))
     flow = 0.0
     for _ in range(NEWTON):
