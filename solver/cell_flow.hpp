@@ -17,14 +17,6 @@ double bulk_modulus(const L& law)
   return C.lambda + 2.0 / 3.0 * C.mu;
 }
 
-/// The strain with another volumetric one.
-inline Sym dilated(Sym strain, double change)
-{
-  for (int i = 0; i < 3; ++i)
-    strain[i] += change / 3.0;
-  return strain;
-}
-
 /// Strain and response of the points of a cell to the displacement of its nodes.
 template <bool finite, MaterialLaw L>
 class CellResponse
@@ -33,20 +25,21 @@ public:
   CellFlow flow; // of all points; of a law without flow nothing
 
   CellResponse(const Cells& cells, std::size_t c, const L& material, const History& committed, const Gradients& u)
+      : material(material), committed(committed), count(cells.points())
   {
-    if (cells.points() > most_points)
+    if (count > most_points)
       throw std::invalid_argument("weights has more than " + std::to_string(most_points) + " points");
-    cells.at_points(c,
-                    [&](const Point& p)
-                    {
-                      auto& at = points[count++].emplace(p, u, committed);
-                      if (at.x.valid())
-                        at.r = material.respond(dilated(at.x.strain, -at.state.dilatation), at.state);
-                      if constexpr (FlowLaw<L>)
-                        flow.add(trace(at.x.strain), at.state.dilatation, at.r.excess, at.x.valid() ? p.volume : 0.0);
-                    });
+    const Gradients corners = cells.corners(c);
+    for (std::size_t q = 0; q < count; ++q)
+    {
+      auto& [p, x, trial] = points[q].emplace(cells, c, q, corners, u);
+      const State state = committed.at(p.index);
+      trial = material.trial(x.strain, state);
+      if constexpr (FlowLaw<L>)
+        flow.add(trace(x.strain), state.dilatation, trial.excess, x.valid() ? p.volume : 0.0);
+    }
     if constexpr (FlowLaw<L>)
-      settle(material, cells.relaxation);
+      flow.solve(material.resistance(), bulk_modulus(material), cells.relaxation);
   }
 
   /// Call `kernel` with point, strain and response; the latter is void where the strain is not valid.
@@ -54,44 +47,40 @@ public:
   void at_points(Kernel kernel) const
   {
     for (std::size_t q = 0; q < count; ++q)
-      kernel(Point{q, points[q]->index, points[q]->g, points[q]->det, points[q]->volume}, points[q]->x, points[q]->r);
+    {
+      const Entry& at = *points[q];
+      kernel(at.p, at.x, at.x.valid() ? respond(at) : typename L::Response{});
+    }
   }
 
 private:
   struct Entry
   {
-    std::size_t index;
-    double det, volume;
-    Gradients g;
+    Point p;
     Strain<finite> x;
-    State state; // committed
-    typename L::Response r{};
+    typename L::Trial trial;
 
-    Entry(const Point& p, const Gradients& u, const History& committed)
-        : index(p.index), det(p.det), volume(p.volume), g(p.g), x(p.g, u), state(committed.at(p.index))
+    Entry(const Cells& cells, std::size_t c, std::size_t q, const Gradients& corners, const Gradients& u)
+        : p(cells.point(c, q, corners)), x(p.g, u)
     {
     }
   };
-  std::size_t count = 0;
-  std::array<std::optional<Entry>, most_points> points;
 
-  /// Find the flow, and what it makes of the responses.
-  void settle(const L& material, const Relaxation& relaxation)
+  typename L::Response respond(const Entry& at) const
   {
-    const double bulk = bulk_modulus(material);
-    flow.solve(material.resistance(), bulk, relaxation);
-    for (std::size_t q = 0; q < count; ++q)
-    {
-      Entry& at = *points[q];
-      const double permanent = flow.permanent(q);
-      if (flow.relief > 0.0 && at.r.excess + flow.relief > 0.0)
-        at.r = material.respond(dilated(at.x.strain, -permanent), at.state, flow.relief);
-      else
-        for (int i = 0; i < 3; ++i)
-          at.r.stress[i] -= bulk * (permanent - at.state.dilatation);
-      at.r.state.dilatation = permanent;
-    }
+    double permanent = 0.0;
+    if constexpr (FlowLaw<L>)
+      permanent = flow.permanent(at.p.at);
+    auto r = material.respond(at.trial, trace(at.x.strain) - permanent, committed.at(at.p.index), flow.relief);
+    if constexpr (FlowLaw<L>)
+      r.state.dilatation = permanent;
+    return r;
   }
+
+  const L& material;
+  const History& committed;
+  std::size_t count;
+  std::array<std::optional<Entry>, most_points> points;
 };
 
 /// Derivatives, with respect to the displacement, of what the points of a cell have in common.

@@ -161,7 +161,8 @@ void stiffness_consistent(const Cells& cells, const Law& law, bool finite, const
                           return;
                         Moduli moduli = kind() ? material.tangent(r) : material.softening(r);
                         moduli.lambda -= (1.0 - cell.flow.kept) * bulk_modulus(material);
-                        add_stiffness(p.g, x.tangent(r.stress, moduli, r.direction), p.volume, A);
+                        if (kind() || r.plastic || cell.flow.kept < 1.0)
+                          add_stiffness(p.g, x.tangent(r.stress, moduli, r.direction), p.volume, A);
                         if constexpr (FlowLaw<L>)
                           if (cell.flow.relaxes())
                             common.add(material, cell.flow, p, x, r);

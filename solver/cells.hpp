@@ -17,7 +17,7 @@ namespace asperity
 struct Point
 {
   std::size_t at, index;
-  const Gradients& g;
+  Gradients g;
   double det, volume;
 };
 
@@ -39,17 +39,24 @@ struct Cells
   std::size_t points() const { return weights.shape(0); }
   const int* dofs_of(std::size_t c) const { return u_dofs.data() + nodes * c; }
 
+  Gradients corners(std::size_t c) const { return gather(x.data(), x_dofs.data() + nodes * c); }
+
+  /// A point of a cell from its `corners`.
+  Point point(std::size_t c, std::size_t q, const Gradients& corners) const
+  {
+    Point p{q, c * points() + q, {}, 0.0, 0.0};
+    p.det = push_forward(gradients.data() + dofs * q, corners, p.g);
+    p.volume = p.det * weights.data()[q];
+    return p;
+  }
+
   /// The loop over the quadrature points of a cell.
   template <typename At>
   void at_points(std::size_t c, At at) const
   {
-    const Gradients corners = gather(x.data(), x_dofs.data() + nodes * c);
-    Gradients g;
+    const Gradients x = corners(c);
     for (std::size_t q = 0; q < points(); ++q)
-    {
-      const double det = push_forward(gradients.data() + dofs * q, corners, g);
-      at(Point{q, c * points() + q, g, det, det * weights.data()[q]});
-    }
+      at(point(c, q, x));
   }
 
   /// Refuse nodal values (nodes, 3) of fewer nodes than the cells have.

@@ -17,12 +17,15 @@ struct Elastic
     static constexpr bool plastic = false;
   };
 
-  Response respond(const Sym& strain, const State&) const
+  using Trial = Sym; // the strain
+
+  Trial trial(const Sym& strain, const State&) const { return strain; }
+
+  Response respond(const Trial& strain, double dilatation, const State&, double) const
   {
     Response r;
-    const double trace = strain[0] + strain[1] + strain[2];
     for (int i = 0; i < 6; ++i)
-      r.stress[i] = 2.0 * mu * strain[i] + (i < 3 ? lambda * trace : 0.0);
+      r.stress[i] = 2.0 * mu * strain[i] + (i < 3 ? lambda * dilatation : 0.0);
     return r;
   }
 

@@ -111,18 +111,11 @@ private:
   void find(const L& material, const FacetPoint& p, const AnyStrain& x, const FlowBelow& below, const double* linear,
             bool differentiate)
   {
-    const auto r = [&]
-    {
-      if constexpr (FlowLaw<L>)
-      {
-        double permanent = 0.0;
-        for (std::size_t q = 0; q < below.cell.points(); ++q)
-          permanent += linear[q] * below.cell.permanent(q);
-        return material.respond(dilated(x.strain, -permanent), state, below.cell.relief);
-      }
-      else
-        return material.respond(x.strain, state);
-    }();
+    double permanent = 0.0;
+    for (std::size_t q = 0; q < below.cell.points(); ++q)
+      permanent += linear[q] * below.cell.permanent(q);
+    const auto r = material.respond(material.trial(x.strain, state), trace(x.strain) - permanent, state,
+                                    below.cell.relief);
     t = traction(x.nominal(r.stress), p.normal);
     if (differentiate)
     {

@@ -18,38 +18,50 @@ struct J2
   double yield, hardening; // initial yield stress and plastic modulus H = E E_t/(E - E_t) [force/length^2]
   double kinematic_share;  // beta, in [0, 1]
 
+  double back_modulus() const { return 2.0 / 3.0 * kinematic_share * hardening; } // back stress over plastic strain
+
   struct Response
   {
     Sym stress, direction; // the unit direction of flow
     State state;
     double theta, chi; // of the consistent tangent kappa 1x1 + 2 mu theta I_dev + chi n x n
-    double excess;     // of the trial stress over the yield stress
     bool plastic;
   };
 
-  Response respond(const Sym& strain, const State& committed, double relief = 0.0) const
+  /// Deviator of the trial stress less the back stress, its Mises stress, and the excess of that over the yield stress.
+  struct Trial
+  {
+    Sym s;
+    double q, excess;
+  };
+
+  Trial trial(const Sym& strain, const State& committed) const
+  {
+    Trial out;
+    const double mean = trace(strain) / 3.0, back = back_modulus();
+    for (int i = 0; i < 6; ++i)
+      out.s[i] = 2.0 * mu * (strain[i] - (i < 3 ? mean : 0.0) - committed.plastic_strain[i])
+                 - back * committed.plastic_strain[i];
+    out.q = std::sqrt(1.5 * contract(out.s, out.s));
+    out.excess = out.q - (yield + (1.0 - kinematic_share) * hardening * committed.accumulated);
+    return out;
+  }
+
+  Response respond(const Trial& trial, double dilatation, const State& committed, double relief) const
   {
     Response r;
-    const double trace = strain[0] + strain[1] + strain[2];
-    const double pressure = (lambda + 2.0 * mu / 3.0) * trace;
-    const double back = 2.0 / 3.0 * kinematic_share * hardening; // back stress over plastic strain
-    Sym s;                                                       // deviator of the trial stress less the back stress
-    for (int i = 0; i < 6; ++i)
-      s[i] = 2.0 * mu * (strain[i] - (i < 3 ? trace / 3.0 : 0.0) - committed.plastic_strain[i])
-             - back * committed.plastic_strain[i];
-    const double norm = std::sqrt(contract(s, s));
-    const double q = std::sqrt(1.5) * norm;
-    r.excess = q - (yield + (1.0 - kinematic_share) * hardening * committed.accumulated);
-    const double overstress = r.excess + relief;
-    r.plastic = overstress > 0.0;
+    const auto& [s, q, excess] = trial;
+    const double pressure = (lambda + 2.0 * mu / 3.0) * dilatation, back = back_modulus();
+    const double overstress = excess + relief;
+    r.plastic = overstress > 0.0 && q > 0.0;
     const double dgamma = r.plastic ? overstress / (3.0 * mu + hardening) : 0.0;
-    const double ratio = r.plastic ? dgamma / q : 0.0;
+    const double ratio = r.plastic ? dgamma / q : 0.0, unit = r.plastic ? std::sqrt(1.5) / q : 0.0;
     r.theta = 1.0 - 3.0 * mu * ratio;
     r.chi = r.plastic ? 6.0 * mu * mu * (ratio - 1.0 / (3.0 * mu + hardening)) : 0.0;
     r.state.accumulated = committed.accumulated + dgamma;
     for (int i = 0; i < 6; ++i)
     {
-      r.direction[i] = r.plastic ? s[i] / norm : 0.0;
+      r.direction[i] = unit * s[i];
       r.state.plastic_strain[i] = committed.plastic_strain[i] + 1.5 * ratio * s[i];
       r.stress[i] = r.theta * s[i] + (back * committed.plastic_strain[i] + (i < 3 ? pressure : 0.0));
     }

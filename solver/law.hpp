@@ -38,27 +38,28 @@ struct State
   double dilatation = 0.0;  // volumetric strain that flow has made permanent, see relaxation.hpp
 };
 
-/// A law: the response to a total strain from the committed state, and what it makes of the stiffness.
+/// A law: the response to a total strain from the committed state, and what it makes of the stiffness. It begins with the
+/// trial state, that without flow; the response takes its own volumetric strain and a relief of the yield stress.
 template <typename Law>
 concept MaterialLaw
-    = requires(const Law& law, const Sym& strain, const State& committed, const typename Law::Response& r) {
-        { law.respond(strain, committed) } -> std::same_as<typename Law::Response>;
+    = requires(const Law& law, const Sym& strain, const State& committed, const typename Law::Trial& trial,
+               const typename Law::Response& r, double dilatation, double relief) {
+        { law.trial(strain, committed) } -> std::same_as<typename Law::Trial>;
+        { law.respond(trial, dilatation, committed, relief) } -> std::same_as<typename Law::Response>;
         { r.stress } -> std::convertible_to<Sym>;
         { r.state } -> std::convertible_to<State>;
-        { r.plastic } -> std::convertible_to<bool>; // whether the state changes
+        { r.plastic } -> std::convertible_to<bool>;  // whether the state changes
         { r.direction } -> std::convertible_to<Sym>; // n of the tangent
         { law.elastic() } -> std::same_as<Moduli>;
         { law.tangent(r) } -> std::same_as<Moduli>;   // the consistent tangent
         { law.softening(r) } -> std::same_as<Moduli>; // the same less the elastic stiffness
       };
 
-/// A law with a plastic strain, whose yield stress is lower by a `relief`.
+/// A law with a plastic strain that keeps the volume.
 template <typename Law>
-concept FlowLaw
-    = MaterialLaw<Law> && requires(const Law& law, const Sym& strain, const State& committed) {
-        { law.respond(strain, committed, 1.0) } -> std::same_as<typename Law::Response>;
-        { law.respond(strain, committed).excess } -> std::convertible_to<double>; // of trial over yield stress
-        { law.resistance() } -> std::same_as<double>; // by which the excess falls with the plastic strain
-        { law.drive() } -> std::same_as<double>;      // by which it rises with the strain along n
-      };
+concept FlowLaw = MaterialLaw<Law> && requires(const Law& law, const typename Law::Trial& trial) {
+  { trial.excess } -> std::convertible_to<double>; // of the stress over the yield stress
+  { law.resistance() } -> std::same_as<double>;    // by which it falls with the plastic strain
+  { law.drive() } -> std::same_as<double>;         // by which it rises with the strain along n
+};
 } // namespace asperity

@@ -39,7 +39,7 @@ struct CellFlow
   /// Add a point: its volumetric strain, the permanent part, and the excess of its stress over the yield stress.
   void add(double dilatation, double permanent, double excess, double weight)
   {
-    theta[count] = dilatation;
+    own[count] = dilatation - permanent;
     before[count] = permanent;
     over[count] = excess;
     weights[count++] = weight;
@@ -51,20 +51,27 @@ struct CellFlow
   /// Args: stress by which the excess falls with the plastic strain, K, S and T
   void solve(double resistance, double bulk, const Relaxation& relaxation)
   {
-    double mean = 0.0, permanent = 0.0, squares = 0.0;
+    double mean = 0.0, permanent = 0.0, squares = 0.0, greatest = over[0];
     for (std::size_t q = 0; q < count; ++q)
     {
-      mean += weights[q] / volume * theta[q];
-      permanent += weights[q] / volume * before[q];
+      mean += weights[q] * own[q];
+      permanent += weights[q] * before[q];
+      greatest = std::max(greatest, over[q]);
     }
+    mean /= volume;
+    permanent /= volume; // a history that was extrapolated point by point has one
     for (std::size_t q = 0; q < count; ++q)
     {
+      own[q] -= mean;
       before[q] -= permanent;
-      own[q] = theta[q] - mean - before[q];
-      squares += weights[q] / volume * own[q] * own[q];
+      squares += weights[q] * own[q] * own[q];
     }
+    squares /= volume;
+    const double rate = bulk / relaxation.spent;
+    if (greatest + 0.5 * rate * bulk * squares <= 0.0) // nothing flows, even with the greatest relief
+      return;
     const double size = std::sqrt(squares), beyond = std::max(bulk * size - relaxation.threshold, 0.0); // D, R
-    const double rate = bulk / relaxation.spent, first = 0.5 * beyond * beyond / relaxation.spent;
+    const double first = 0.5 * beyond * beyond / relaxation.spent;
     double m = 1.0;
     relief = first;
     for (int i = 0; i < 100; ++i) // Newton's method from below on a concave function: monotone
@@ -103,6 +110,6 @@ struct CellFlow
 
 private:
   std::size_t count = 0;
-  std::array<double, most_points> theta, before, own, over, weights;
+  std::array<double, most_points> own, before, over, weights;
 };
 } // namespace asperity
