@@ -11,8 +11,10 @@ from asperity.fem.solid import Solid
 from asperity.model.material import PAIRS
 
 
-def energies(solid: Solid, force: Floats) -> tuple[float, float]:
+def energies(solid: Solid, force: Floats, stress: Floats | None = None) -> tuple[float, float]:
     """Stored and dissipated energy over the committed history, of an internal force (owned, 3) [E L^3]; this rank's.
+
+    The conjugate stress is computed where it is wanted and not given.
 
     Elastic strain and back stress store energy. That of a law in UFL is known where it is hyperelastic, else zero.
     """
@@ -24,7 +26,8 @@ def energies(solid: Solid, force: Floats) -> tuple[float, float]:
         return 0.0, 0.0
     if kernels.linear:
         return 0.5 * float(np.vdot(u[: solid.owned], force)), 0.0
-    stored = float(np.vdot(kernels.volumes, material.elastic_energy(kernels.conjugate_stress(u))))
+    stress = kernels.conjugate_stress(u) if stress is None else stress
+    stored = float(np.vdot(kernels.volumes, material.elastic_energy(stress)))
     history = kernels.history()
     yielded = history.changed()
     volumes = kernels.volumes[yielded]
@@ -32,22 +35,22 @@ def energies(solid: Solid, force: Floats) -> tuple[float, float]:
     return stored, float(np.vdot(volumes, material.dissipated_energy(history.accumulated[yielded])))
 
 
-def dissipation(solid: Solid, before: History) -> tuple[float, float, float]:
+def dissipation(solid: Solid, before: History, stress: Floats | None) -> tuple[float, float, float]:
     """Plastic work of a step less what the back stress X stores, sum (sigma - X) : d eps_p [E L^3], that of the
     relaxation of volumetric strain included; of the latter what the step spends (solver/relaxation.hpp) [E L^3]; and
     the greatest decrease of the accumulated plastic strain.
 
-    Part of this rank; zero for an elastic solid, and the work for a law in UFL.
+    Part of this rank; zero for an elastic solid, and the work without a conjugate stress, for a law in UFL.
     """
     kernels = solid.kernels
     after = kernels.history()
     if not after.rows:
         return 0.0, 0.0, 0.0
     decrease = float(np.max(before.accumulated - after.accumulated))
-    if solid.material.law is not None:
+    if stress is None:
         return 0.0, 0.0, decrease
     yielded = after.changed()
-    driving = kernels.conjugate_stress(solid.u.x.array.reshape(-1, 3))[yielded]
+    driving = stress[yielded]
     pressure, volumes = driving[..., :3].mean(axis=-1), kernels.volumes[yielded]
     driving -= solid.material.back_stress(after.plastic_strain[yielded])
     flow = after.plastic_strain[yielded] - before.plastic_strain[yielded]

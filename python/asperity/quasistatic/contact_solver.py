@@ -211,9 +211,11 @@ class ContactSolver:
         solid, internal, contact = self.solid, self.newton.force, self.contact
         owned = self.contact_surface.owned_nodes
         pressure = self.pressure[owned]
-        dissipation_of_step, relaxed, decrease = dissipation(solid, history)
+        needed = solid.kernels.history().rows and solid.material.law is None
+        stress = solid.kernels.conjugate_stress(solid.u.x.array.reshape(-1, 3)) if needed else None
+        dissipation_of_step, relaxed, decrease = dissipation(solid, history, stress)
         move = self._u - before.u
-        stored, dissipated = energies(solid, internal)
+        stored, dissipated = energies(solid, internal, stress)
         # both in the order of `StepBalance`
         sums = summed(
             solid.comm, internal[solid.base, 2].sum(), np.abs(self.newton.residual).sum(), stored, dissipated,
