@@ -131,8 +131,8 @@ class SolverOptions:
         linear: see `linear.solver.LinearSolver`
         rtol: residual force relative to the contact force at which a step has converged
         newton_max: Newton iterations after which a step is given up
-        krylov_rtol: loosest relative tolerance of the linear solver; None takes 1e-2, 3e-2 where the solid is linear
-            and the contact exact (benchmarks/linear.py), and 1e-3 for a nearly incompressible solid; in (0, 1)
+        krylov_rtol: loosest relative tolerance of the linear solver; None takes 4e-2 (benchmarks/linear.py), in finite
+            strain 1e-2, and 1e-3 for a nearly incompressible solid; in (0, 1)
         kernels: "compiled", or "forms" of UFL; None takes forms for a material with a law of its own
 
     Raises:
