@@ -121,7 +121,7 @@ def test_forces_on_forms_are_those_of_compiled_kernels(
 ) -> None:
     forces, newton = [], []
     for kernels in ("compiled", "forms"):
-        options = SolverOptions(kernels=kernels)
+        options = SolverOptions(kernels=kernels, krylov_rtol=1e-4)  # iterations that what is left does not scatter
         solver = make_contact_solver(world(), rough, coarse, material, formulation=Formulation(method), options=options)
         forces.append([solver.step(delta).converged * solver.force for delta in STEPS])
         newton.append(solver.counts.newton)
