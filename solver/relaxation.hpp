@@ -68,12 +68,12 @@ struct CellFlow
     }
     squares /= volume;
     const double rate = bulk / relaxation.spent;
-    if (greatest + 0.5 * rate * bulk * squares <= 0.0) // nothing flows, even with the greatest relief
-      return;
     const double size = std::sqrt(squares), beyond = std::max(bulk * size - relaxation.threshold, 0.0); // D, R
     const double first = 0.5 * beyond * beyond / relaxation.spent;
-    double m = 1.0;
     relief = first;
+    if (greatest + first <= 0.0) // nothing flows
+      return;
+    double m = 1.0;
     for (int i = 0; i < 100; ++i) // Newton's method from below on a concave function: monotone
     {
       double driven = 0.0, flowing = 0.0;

@@ -89,7 +89,7 @@ def refine(
     estimate = MeshErrorEstimate(run, target, path)
     estimate.add(result)
     result.solver.drop_matrices()
-    result = run(max(run.scales[-1], RATIO), path.substeps)
+    result = run(run.scales[-1], path.substeps)
     while True:
         with suppress(Interrupted):  # this mesh is judged first; the next one is not begun
             hooks.stage("half-space with the top of the mesh")

@@ -17,7 +17,8 @@ class Contact(ABC):
 
     The flat exerts a force on the nodes. Internal force + contact force = 0 on free dofs, so contact adds a positive z
     component. A formulation may prescribe dofs instead. What has a default does nothing: a compliant contact overrides
-    the tangents and `penetration_work`, one with a history the methods from `commit` on.
+    the tangents, and `penetration_work` where its penetration is an error; one with a history the methods from `commit`
+    on.
 
     Attributes:
         surface: of the solid

@@ -102,8 +102,9 @@ class Traits:
     Attributes:
         E, nu: moduli at rest [force/length^2]; None where it is not isotropic there
         symmetric: whether its tangent is
-        relaxes: whether a lower yield strength drives its flow, which leaves the volume to Hooke's law: the plastic
-            strain is then the derivative by the strength of the potential of which the stress is that by the strain
+        relaxes: whether a lower yield strength, below zero too, drives its flow, which leaves the volume to Hooke's
+            law: the plastic strain is then the derivative by the strength of the potential of which the stress is
+            that by the strain
     """
 
     E: float | None

@@ -129,6 +129,8 @@ class RoughHalfSpace:
             penetration = (heights - (summit - d)).astype(precision)
             p = starts[k].astype(precision) if len(starts) else p
             within, outside = np.zeros(heights.shape, dtype=bool), penetration > 0.0
+            if not outside.any():
+                p = np.zeros_like(p)  # not that of another grid, which resolves the first spot
             while outside.any():  # a thin layer bulges beside the spots, and may touch where it would not undeformed
                 within |= outside | (p > 0.0)  # few cells: what is done besides the transforms is done for them
                 cells = np.flatnonzero(within)
