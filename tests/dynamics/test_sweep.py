@@ -57,8 +57,9 @@ def test_free_decay_has_the_damping_ratio() -> None:
     assert ratio == pytest.approx(2 * np.pi * zeta / np.sqrt(1 - zeta**2), rel=1e-3)
 
 
-def test_sweeps_lie_on_the_stable_branches() -> None:
-    o = ContactOscillator(PowerLaw(1.5), zeta=0.03)
+@pytest.mark.parametrize("zeta", [0.3, 0.03])
+def test_sweeps_lie_on_the_stable_branches(zeta: float) -> None:
+    o = ContactOscillator(PowerLaw(1.5), zeta=zeta)
     up, down = o.sweep(0.1, (0.7, 1.2), points=26)
     r = o.response(0.1, (0.7, 1.2))
     for s in (up, down):
@@ -66,6 +67,8 @@ def test_sweeps_lie_on_the_stable_branches() -> None:
         for omega, *found in zip(s.Omega, s.u_max, s.u_min, strict=True):
             nearest = min((x for x in r.at(omega) if x.stable), key=lambda x: abs(x.u_max - found[0]))
             assert found == pytest.approx([nearest.u_max, nearest.u_min], rel=2e-4)
+    if zeta > 0.1:
+        return
     folds = sorted(e.Omega for e in r["fold"])
     inside = (up.Omega > folds[0]) & (up.Omega < folds[-1])
     jumps = np.abs(up.u_max[inside] - down.u_max[::-1][inside])
@@ -91,7 +94,7 @@ def test_taylor_sweep_reports_its_escape() -> None:
         o.simulate(1.0, 0.0, u=2.0, periods=20)
 
 
-@pytest.mark.parametrize(("n", "drive"), [(1.2, 0.94898), (3.0, 0.70205)])
+@pytest.mark.parametrize(("n", "drive"), [(1.2, 0.94898), (1.5, 0.88652), (3.0, 0.70205)])
 def test_onset_of_contact_loss(n: float, drive: float) -> None:
     t = ContactOscillator(PowerLaw(n), zeta=0.01).thresholds()
     assert t.drive_loss == pytest.approx(drive, abs=6e-6)

@@ -124,7 +124,7 @@ class Forcing:
         """F^ at frequencies Omega."""
         return self.amplitude * omega**self.power
 
-    def rate(self, omega: float) -> float:
+    def rate(self, omega: Any) -> Any:
         """Its derivative with respect to Omega."""
         return self.power * self.at(omega) / omega
 

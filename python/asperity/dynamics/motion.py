@@ -237,7 +237,9 @@ def _settle(
             near = (kind == 0) & (np.abs(jump).max(axis=0) < 0.05 * size)
             if near.any():
                 history, values = [history[-1] + np.where(near, jump, 0.0)], []
-    top, bottom = np.max(values, axis=0)[0], np.min(values, axis=0)[1]  # of a longer period, of the last ones
+    last = np.array(values)
+    last[:, :, kind == 1] = last[-1][:, kind == 1]  # of a longer period, of the last ones
+    top, bottom = last.max(axis=0)[0], last.min(axis=0)[1]
     found = np.array([top, bottom, values[-1][2], residual, kind, np.full(omega.size, period)])
     found[:3, kind < 0] = np.nan
     return history[-1], found

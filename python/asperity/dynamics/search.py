@@ -231,7 +231,8 @@ class Search:
                 omega, y = omega[kept], y[kept]
                 if steps > _MOST_STEPS or not y.size:
                     break
-                m = motions(self.equation, y, omega, self.forcing.at(omega), length=TURN * order, rtol=_ROUGH)
+                force, grows = self.forcing.at(omega), self.forcing.rate(omega)
+                m = motions(self.equation, y, omega, force, grows=grows, length=TURN * order, rtol=_ROUGH)
                 steps += m.steps
                 scale = _scale(y, omega)
                 matrix = (m.by_end - np.eye(2, 3)) * scale[:, None]
