@@ -10,6 +10,7 @@ import matplotlib as mpl
 import numpy as np
 import pytest
 from made_up_run import FIT, write_run
+from matplotlib.figure import Figure
 
 from asperity.curve import Curve
 from asperity.errors import InputError
@@ -24,6 +25,7 @@ from asperity.plot import (
     plot_run,
     pressure_maps,
     response,
+    save,
     stiffness,
     surface_map,
 )
@@ -235,3 +237,9 @@ def test_a_damaged_file_is_named(tmp_path: Path, name: str) -> None:
     (tmp_path / name).write_bytes(b"{[,\x01")
     with pytest.raises(InputError, match=Path(name).name):
         Results.read(tmp_path)
+
+
+def test_the_suffix_is_that_of_a_picture(tmp_path: Path) -> None:
+    assert save(Figure(), tmp_path / "a.PNG").read_bytes()[1:4] == b"PNG"
+    with pytest.raises(InputError, match=r"a\.xyz has no suffix"):
+        save(Figure(), tmp_path / "a.xyz")

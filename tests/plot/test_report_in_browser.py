@@ -138,3 +138,15 @@ def after_drawing(chromium: Any) -> list[float]:
     later = f"requestAnimationFrame(() => requestAnimationFrame(() => done((() => {{{DRAWN}}})())));"
     script = f"const done = arguments[0]; {later}"
     return list(chromium.execute_async_script(script))
+
+
+def test_a_fault_of_the_page_is_seen(chromium: Any, report: Path, tmp_path: Path) -> None:
+    """The checks of this file find what they look for."""
+    text = report.read_text(encoding="utf-8")
+    bad = tmp_path / "bad.html"
+    faults = '<p style="width: 2000px">wide</p><img src="data:image/png;base64,AAAA" alt="broken"><script>x.y</script>'
+    bad.write_text(text.replace("<h2>Figures</h2>", f"<h2>Figures</h2>{faults}"), encoding="utf-8")
+    show(chromium, bad, WIDTHS["desk"])
+    assert chromium.execute_script(CUT_OFF) == ["P wide"]
+    assert chromium.execute_script(BROKEN) == ["broken"]
+    assert chromium.get_log("browser") != []  # the policy of the page refuses the script

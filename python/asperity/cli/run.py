@@ -34,7 +34,7 @@ def run(
 
     case = Case.load(case_file, overrides)
     folder = Path(output) if output else Path("out") / Path(case_file).stem
-    if ranks is not None and launch.started_ranks() is None:  # mpirun adds words of its own to a refusal
+    if launch.started_ranks() is None:  # before the libraries start; mpirun adds words of its own to a refusal
         run_folder.check(folder, resume=resume, force=force)
     options.start_ranks(ranks, quiet)
     from asperity.curve.power_law import with_misfit

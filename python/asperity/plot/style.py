@@ -16,6 +16,7 @@ from matplotlib.backend_bases import get_registered_canvas_class
 from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter, ScalarFormatter
 
+from asperity.errors import InputError
 from asperity.runtime.files import replace_file
 from asperity.runtime.run_folder import FIELD_PICTURES
 from asperity.units import prefix
@@ -111,9 +112,14 @@ def save(figure: Figure, path: str | Path) -> Path:
     """Write a figure in the format of the suffix and return its path; the file is complete or absent.
 
     Fields in an SVG file are pixels, so that it stays small; the same figure gives the same file.
+
+    Raises:
+        InputError: the suffix is that of no picture
     """
     path, picture = Path(path), io.BytesIO()
-    form = path.suffix[1:] or "png"
+    form = path.suffix[1:].lower() or "png"
+    if form not in figure.canvas.get_supported_filetypes():
+        raise InputError(f"{path.name} has no suffix of a picture: end it in .png, .svg or .pdf")
     fixed: dict[str, Any] = {"metadata": dict.fromkeys(("Creator", "Date", "Format", "Type"))} if form == "svg" else {}
     with mpl.rc_context(settings() | {"svg.hashsalt": path.stem}):
         figure.set_dpi(DPI)
