@@ -15,6 +15,9 @@ from scipy.integrate import solve_ivp
 
 from asperity.cli.dynamics import dynamics as command
 from asperity.dynamics import ContactOscillator, PowerLaw, run_dynamics
+from asperity.dynamics.equation import Forcing
+from asperity.dynamics.point import Tracing
+from asperity.dynamics.search import Search, _scale
 from asperity.errors import ConvergenceError, InputError
 from asperity.plot import plot_dynamics
 
@@ -202,3 +205,21 @@ def test_figures_without_a_stable_or_a_physical_orbit(tmp_path: Path) -> None:
         warnings.simplefilter("error", RuntimeWarning)
         for result in (both, series, undamped):
             assert plot_dynamics(result, tmp_path)
+
+
+@pytest.mark.parametrize("power", [0, 2])
+def test_an_orbit_from_a_start_has_the_direction_of_its_branch(power: int) -> None:
+    """In closed form for a linear contact; the force of a moving base grows with the frequency."""
+    forcing, zeta = Forcing(1e-3, power), LINEAR.zeta
+
+    def state(omega: Any) -> Any:
+        motion = forcing.at(omega) / (1.0 - omega**2 + 2j * zeta * omega)
+        return np.array([motion.real, (1j * omega * motion).real])
+
+    search = Search(LINEAR.equation, forcing, Tracing((0.5, 2.0), 0.05), False, 1e-8)
+    (found,) = search._found(1, np.array([1.3]), 1.05 * state(np.array([1.3])).T)
+    states, omega, _, normal = found
+    direction = normal * _scale(states, np.array([omega]))[0] ** 2  # the plane is normal to the branch in these units
+    np.testing.assert_allclose(states[0], state(omega), rtol=1e-3)
+    slope = np.append((state(omega + 1e-6) - state(omega - 1e-6)) / 2e-6, 1.0)
+    assert np.linalg.norm(np.cross(direction, slope)) < 1e-3 * np.linalg.norm(direction) * np.linalg.norm(slope)
