@@ -128,4 +128,4 @@ def test_forces_on_forms_are_those_of_compiled_kernels(
         assert not solver.checks.violated
     assert min(forces[0]) > 0.0
     assert difference(np.array(forces[1]), np.array(forces[0])) < 1e-8
-    assert abs(newton[1] - newton[0]) <= 0.1 * newton[0]
+    assert abs(newton[1] - newton[0]) <= 3  # in five steps
