@@ -275,7 +275,7 @@ def test_one_power_law_in_all_that_a_run_leaves(full: tuple[Path, RunResult], tm
     of_mass = json.loads((folder / "thresholds.json").read_text(encoding="utf-8"))
     assert of_mass["n_loc"] == pytest.approx(n, rel=1e-12)
     assert of_mass["load"] / of_mass["z_s"] ** n == pytest.approx(K, rel=1e-12)
-    row = summarise_case(case, curve, {})
+    row = summarise_case(curve, {})
     assert (row["n"], row["k"]) == pytest.approx((n, fit["k"]), rel=1e-12)
     bare = tmp_path / "bare.csv"
     pairs = zip(load.delta, load.force, strict=True)

@@ -7,7 +7,6 @@ import json
 import subprocess
 import sys
 import time
-import warnings
 from pathlib import Path
 from typing import Any
 
@@ -20,9 +19,8 @@ from asperity.case import Case
 from asperity.curve import Curve
 from asperity.errors import AsperityWarning, InputError
 from asperity.job.run_case import run
-from asperity.study import Study, case_folder, read_table, run_study
+from asperity.study import Study, case_folder, run_study
 from asperity.study.run import DONE, summarise_case
-from asperity.surface import SurfaceWarning
 
 ROOT = Path(__file__).parents[2]
 
@@ -50,22 +48,10 @@ def test_a_grid_is_every_combination_and_an_empty_text_removes_a_key() -> None:
     assert made.keys == ("block.height", "material.yield_strength", "material.tangent_modulus")
     assert found == [(1.0, 0.01, 0.05), (1.0, None, None), (2.0, 0.01, 0.05), (2.0, None, None)]
     assert BASE["material"]["tangent_modulus"] == 0.05
-    made = study(grid={"block": {"height": {"from": 1, "to": 4, "count": 3, "log": True}}})
-    assert [e.value("block.height") for e in made.entries] == pytest.approx([1, 2, 4])
+    made = study(grid={"block": {"height": [1.0, 2.0]}})
+    assert [e.value("block.height") for e in made.entries] == [1.0, 2.0]
     seeds = study(base=BASE | {"surface": ROUGH}, grid={"surface.seed": {"first": 3, "count": 2}})
     assert [e.value("surface.seed") for e in seeds.entries] == [3, 4]
-
-
-@pytest.mark.filterwarnings("ignore:surface")
-def test_a_study_of_cut_offs_with_unrelated_surfaces_warns() -> None:
-    rough = BASE | {"surface": ROUGH}
-    with pytest.warns(SurfaceWarning, match='surface.drawing = "nested" adds waves to the same surface'):
-        study(base=rough, grid={"surface.f_max": [4, 5]})
-    with warnings.catch_warnings():
-        warnings.simplefilter("error")
-        made = study(base=rough, grid={"surface.f_max": [4, 5], "surface.drawing": ["nested"]})
-    waves = [e.case.build_surface().phases for e in made.entries]  # type: ignore[attr-defined]
-    np.testing.assert_array_equal(waves[0], waves[1][:, :5])
 
 
 def test_parts_are_the_study() -> None:
@@ -87,7 +73,6 @@ MISTAKES: list[tuple[dict[str, Any], str]] = [
     ({"grid": {"surface.amplitude": [0.1, 0.1]}}, "twice"),
     ({"grid": {"material.nu": [0.3, 0.7]}}, "material.nu = 0.7"),
     ({"grid": {"surface.amplitude": {"from": 0, "to": 1, "count": 3, "log": True}}}, "is not an axis"),
-    ({"grid": {"surface.amplitude": {"from": 0.1, "to": 10**400, "count": 3}}}, "is not an axis"),
     ({"grid": {"surface.seed": {"first": 0, "count": 10_000_000}}}, "is not an axis"),
     ({"grid": {"block.height, material.nu": [1.0, 2.0]}}, "2 values each"),
     ({"grid": {"block.height, material.nu": [[1.0, 0.2], [2.0]]}}, "2 values each"),
@@ -118,20 +103,20 @@ def test_a_study_is_run_continued_and_tabled(tmp_path: Path) -> None:
     assert (counts.cases, counts.done, counts.failed, counts.run) == (4, 2, 2, 4)
     assert len(lines) == 4 and sum("FAILED" in line for line in lines) == 2
     again = run_study(made, tmp_path / "out", say=lines.append)
-    assert (again.done, again.run, len(lines)) == (2, 0, 4)
-    assert run_study(made, tmp_path / "out", retry=True).run == 2
+    assert (again.done, again.failed, again.run, len(lines)) == (2, 2, 2, 6)  # what has failed is tried again
 
-    rows = read_table(tmp_path / "out")
+    with (tmp_path / "out/results.csv").open() as file:
+        rows = list(csv.DictReader(file))
     soft, hard = (row for row in rows if row["exit_reason"] == "done")
-    assert soft["material.tangent_modulus"] == 0.01 and hard["material.tangent_modulus"] == 0.1
-    assert soft["P_star_max"] < hard["P_star_max"]
-    failed = [r["exit_reason"] for r in rows if r["loading.delta_max"] == 0.9]
+    assert soft["material.tangent_modulus"] == "0.01" and hard["material.tangent_modulus"] == "0.1"
+    assert float(soft["P_star_max"]) < float(hard["P_star_max"])
+    failed = [r["exit_reason"] for r in rows if r["loading.delta_max"] == "0.9"]
     assert len(failed) == 2 and all(f.startswith("InputError") and "leaves no gap" in f for f in failed)
     place = case_folder(tmp_path / "out", soft["case"])
     curve = Curve.read(place / "curve.csv")
     assert len(curve.planned()) == 6 <= len(curve)
-    assert (soft["k"], soft["n"]) == (curve.fit().k, curve.fit().n)
-    assert soft["force"] == curve.force[-1] and soft["k_n"] == curve.k_n[-1]
+    assert (float(soft["k"]), float(soft["n"])) == (curve.fit().k, curve.fit().n)
+    assert float(soft["force"]) == curve.force[-1] and float(soft["k_n"]) == curve.k_n[-1]
     assert Case.load(place / "case.toml").material.tangent_modulus == 0.01
     alone = run(next(e.case for e in made.entries if e.key == soft["case"]))
     np.testing.assert_allclose(alone.curve.force, curve.force, rtol=1e-9)
@@ -151,15 +136,6 @@ def test_a_case_warns_in_a_study_as_it_does_alone(tmp_path: Path) -> None:
     assert summary["warnings"] == alone.summary["warnings"]
     assert any("waves shorter than" in text for text in summary["warnings"])
     assert (place / "case.toml").read_text() == (tmp_path / "alone/case.toml").read_text()
-
-
-def test_the_table_marks_a_first_contact_on_an_edge(tmp_path: Path) -> None:
-    """A crest on an edge is not a ridge between rollers, but at a free side there is no solid next to it."""
-    crest = {"surface": BASE["surface"] | {"centre": [0.0, 0.5]}, "loading": {"delta_max": 0.01, "steps": 1}}
-    made = study(base=BASE | crest, grid={"block.sides": ["rollers", "free"]})
-    assert run_study(made, tmp_path).done == 2
-    rows = read_table(tmp_path)
-    assert {row["block.sides"]: row["summit_on_edge"] for row in rows} == {"rollers": 0.0, "free": 1.0}
 
 
 def test_a_folder_with_other_files_is_refused(tmp_path: Path) -> None:
@@ -191,9 +167,9 @@ def test_a_failed_case_is_listed_and_the_exit_code_is_3(tmp_path: Path, capsys: 
     for _ in range(2):
         assert call("study", path, "-o", out) == 3
         printed, errors = capsys.readouterr()
-        failed = [line for line in printed.splitlines() if "MeshError" in line and "│" in line]
-        assert len(failed) == 1 and "0.021" in failed[0] and "0.25" in failed[0]
-        assert errors.splitlines()[-1] == "error: 1 of 2 cases failed; --retry repeats them"
+        failed = [line for line in printed.splitlines() if "FAILED MeshError" in line]
+        assert len(failed) == 1 and "height 0.021, nu 0.25" in failed[0]
+        assert errors.splitlines()[-1].startswith("error: 1 of 2 cases failed; see exit_reason")
     assert call("study", path, "-o", out, "--quiet") == 3
     assert capsys.readouterr().out == ""
 
@@ -224,15 +200,12 @@ def test_two_ranks_continue_a_study_of_one_rank(tmp_path: Path) -> None:
 
 
 def test_the_results_of_an_exact_power_law() -> None:
-    case = Case.from_dict(BASE | {"loading": {"delta_max": 0.03, "steps": 12}})
     delta = np.linspace(0, 0.03, 13)[1:]
     rows = [{"delta": d, "delta_star": d, "P_star": 2.0 * d**2.2, "force": 2.0 * d**2.2 / 0.91} for d in delta]
     full = {"area_fraction": 0.5, "plastic_fraction": 0.1, "max_plastic_strain": 0.02}
-    row = summarise_case(case, Curve.from_rows([full | row for row in rows]), {"dofs": 7})
+    row = summarise_case(Curve.from_rows([full | row for row in rows]), {"dofs": 7})
     assert (row["k"], row["n"], row["P_star_max"]) == pytest.approx((2.0, 2.2, 2.0 * 0.03**2.2))
     assert row["force"] == pytest.approx(row["P_star_max"] / 0.91) and row["area_fraction"] == 0.5
-    # between rollers the block yields at sigma_y (1 - nu)/(1 - 2 nu)
-    assert row["block_load"] == pytest.approx(2.0 * 0.03**2.2 / 0.91 / (0.01 * 0.7 / 0.4))
     assert row["dofs"] == 7 and row["error_P_star"] is None
 
 

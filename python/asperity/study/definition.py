@@ -5,7 +5,6 @@
     [grid]                          # every combination
     "surface.seed" = {first = 0, count = 10}
     "surface.D" = [2.4, 2.5]
-    "loading.delta_max" = {from = 1e-9, to = 1e-8, count = 3, log = true}
     "material.yield_strength, material.tangent_modulus" = [[1e9, 20e9], ["", ""]]   # keys that vary together
 
 An empty string removes a key, as with `--set`.
@@ -22,15 +21,10 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from asperity.case.case_file import Case, override, read_toml
-from asperity.errors import InputError, warn
+from asperity.errors import InputError
 from asperity.runtime.display import nearest, short_repr, show
-from asperity.surface import SurfaceWarning
 
-#: Keys of the shortest wave of a surface.
-CUTOFFS = {"surface.f_max", "surface.L_s"}
 #: Greatest number of cases of a study; guards against typing errors.
 MOST_CASES = 100_000
 
@@ -139,12 +133,6 @@ class Study:
             case = _case(base, point, folder, source)
             cases.setdefault("c" + case.hash()[:15], case)
         keys = tuple(key for axis in axes for key in axis[0])
-        if CUTOFFS & set(keys) and any(getattr(case.surface, "drawing", None) == "array" for case in cases.values()):
-            warn(
-                f"{source}: surfaces of one seed with different cut-offs are unrelated, because all phases are drawn "
-                'at once; surface.drawing = "nested" adds waves to the same surface',
-                SurfaceWarning,
-            )
         return Study(tuple(Entry(key, case) for key, case in cases.items()), keys)
 
 
@@ -175,7 +163,7 @@ def _axes(grid: Any, source: str) -> list[list[Point]]:
 
 
 def _values(value: Any, where: str) -> list[Any]:
-    """Values of an axis: a list, {first, count}, or {from, to, count, log}."""
+    """Values of an axis: a list, or {first, count}."""
     match value:
         case []:
             raise InputError(f"{where} is an empty list; give at least one value")
@@ -185,14 +173,8 @@ def _values(value: Any, where: str) -> list[Any]:
             return values
         case {"first": int(first), "count": int(count), **rest} if not rest and 1 <= count <= MOST_CASES:
             return list(range(first, first + count))
-        case {"from": int() | float() as low, "to": int() | float() as high, "count": int(count), **rest}:
-            log = bool(rest.get("log"))
-            legal = set(rest) <= {"log"} and 1 <= count <= MOST_CASES and max(abs(low), abs(high)) < 1e300
-            if legal and (not log or min(low, high) > 0):
-                return [float(v) for v in (np.geomspace if log else np.linspace)(low, high, count)]
     raise InputError(
-        f"{where} = {show(value)} is not an axis; give a list [..], {{first = 0, count = 10}}, or {{from = 1.0, "
-        "to = 2.0, count = 5} with log = true for equal ratios"
+        f"{where} = {show(value)} is not an axis; give a list [..], or for whole numbers {{first = 0, count = 10}}"
     )
 
 

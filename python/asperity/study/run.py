@@ -6,7 +6,7 @@ import gc
 import json
 import warnings
 from collections.abc import Callable, Mapping, Sequence
-from contextlib import ExitStack, suppress
+from contextlib import ExitStack
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -17,9 +17,8 @@ from asperity.case import Case
 from asperity.curve import Curve
 from asperity.errors import AsperityError, AssumptionWarning, CheckpointError, InputError, Interrupted
 from asperity.output.assumption import DOUBTFUL
-from asperity.output.assumptions import ON_EDGE
 from asperity.output.run_files import read_summary
-from asperity.runtime.files import UNREADABLE, is_aside, read_csv, read_text, remove_asides, replace_file, write_csv
+from asperity.runtime.files import UNREADABLE, is_aside, read_text, remove_asides, replace_file, write_csv
 from asperity.runtime.parallel import on_root, on_root_bcast
 from asperity.runtime.progress import duration
 from asperity.runtime.run_folder import CURVE, LOCK, working_in
@@ -32,12 +31,11 @@ Row = dict[str, Any]
 
 TABLE = "results.csv"
 DONE = "done.json"  # exit reason and time of a case
-TEXTS = ("case", "exit_reason", "doubtful")
 #: Columns of results.csv after "case" and the keys that vary.
 RESULT_COLUMNS = (
-    "exit_reason", "summit_on_edge", "delta_star_max", "P_star_max", "error_P_star", "k", "n", "n_low", "n_high", "r2",
-    "force", "k_n", "error_k_n", "area_fraction", "plastic_fraction", "max_plastic_strain", "block_load", "doubtful",
-    "dofs", "cells", "newton", "seconds",
+    "exit_reason", "delta_star_max", "P_star_max", "error_P_star", "k", "n", "n_low", "n_high", "r2", "force", "k_n",
+    "error_k_n", "area_fraction", "plastic_fraction", "max_plastic_strain", "doubtful", "dofs", "cells", "newton",
+    "seconds",
 )  # fmt: skip
 
 
@@ -59,22 +57,21 @@ class StudyCounts:
 
 
 def run_study(
-    study: Study, folder: str | Path, *, ranks_per_case: int = 1, retry: bool = False,
-    comm: MPI.Intracomm | None = None, say: Callable[[str], None] | None = None,
+    study: Study, folder: str | Path, *, ranks_per_case: int = 1, comm: MPI.Intracomm | None = None,
+    say: Callable[[str], None] | None = None,
 ) -> StudyCounts:  # fmt: skip
     """Run the missing cases of a study and write its table; collective over `comm`.
 
     The ranks are split into groups, and the first rank of each takes the next case by a common counter. A case whose
     results are in the folder is not repeated; cases are identified by the hash of the completed input. An error of the
     solver is recorded with its case, and the next case starts. An unexpected error is recorded too if a group is a
-    single rank; otherwise it ends the job, which can be started again. A case that was stopped by a signal continues
-    from its last saved step when the job is started again.
+    single rank; otherwise it ends the job, which can be started again. A case that was stopped, or has failed,
+    continues from its last saved step when the job is started again.
 
     Args:
         study: the study to run
         folder: receives results.csv and cases/HASH/
         ranks_per_case: number of ranks in a group
-        retry: whether to repeat the cases that failed
         comm: communicator; default all ranks
         say: called with a line for each case, on the first rank of each group
 
@@ -103,7 +100,7 @@ def run_study(
         )
     total, run = len(study.entries), 0
     with ExitStack() as lock:
-        todo = on_root_bcast(comm, partial(_prepare, study, folder, lock, retry))
+        todo = on_root_bcast(comm, partial(_prepare, study, folder, lock))
         group = comm.Split(comm.rank // ranks_per_case, comm.rank)
         turns, ended = Counter(comm=comm), Counter(comm=comm)
         start = perf_counter()
@@ -128,20 +125,17 @@ def run_study(
 
 
 def _run_case(case: Case, place: Path, comm: MPI.Comm) -> dict[str, Any]:
-    """Run a case in its folder, one that ended before from the beginning, and return its exit state; collective."""
+    """Run or continue a case in its folder, and return its exit state; collective."""
     from asperity.job.run_case import run
 
     start, reason = perf_counter(), "done"
-    again = on_root_bcast(comm, (place / DONE).exists)
     try:
         on_root(comm, partial((place / DONE).unlink, missing_ok=True))
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", AssumptionWarning)  # the summary of each case has them
             try:
-                run(case, place, resume=not again, force=again, comm=comm)
+                run(case, place, resume=True, comm=comm)
             except CheckpointError:  # what a killed job left cannot be continued
-                if again:
-                    raise
                 run(case, place, force=True, comm=comm)
     except Interrupted:
         raise  # the case has not ended
@@ -157,7 +151,7 @@ def _run_case(case: Case, place: Path, comm: MPI.Comm) -> dict[str, Any]:
     return found
 
 
-def _prepare(study: Study, folder: Path, lock: ExitStack, retry: bool) -> list[int]:
+def _prepare(study: Study, folder: Path, lock: ExitStack) -> list[int]:
     """Numbers of the cases to run; `lock` locks the folder, refused if not usable, and ends with the table."""
     try:
         if folder.exists() and not folder.is_dir():
@@ -173,7 +167,7 @@ def _prepare(study: Study, folder: Path, lock: ExitStack, retry: bool) -> list[i
         raise InputError(f"{folder} cannot be written: {error.strerror}") from None
     lock.callback(write_table, study, folder)  # also where the study is stopped
     states = [case_state(folder, entry.key) for entry in study.entries]
-    return [i for i, state in enumerate(states) if state is None or (retry and state["exit_reason"] != "done")]
+    return [i for i, state in enumerate(states) if state is None or state["exit_reason"] != "done"]
 
 
 def _line(entry: Entry, state: dict[str, Any], keys: Sequence[str], done: int, total: int, left: float) -> str:
@@ -182,17 +176,16 @@ def _line(entry: Entry, state: dict[str, Any], keys: Sequence[str], done: int, t
     return f"{done:{len(str(total))}}/{total}  {values}  {state['seconds']:.1f} s, {duration(left)} left{end}"
 
 
-def summarise_case(case: Case, curve: Curve, summary: Mapping[str, Any]) -> Row:
+def summarise_case(curve: Curve, summary: Mapping[str, Any]) -> Row:
     """Results of one case; those that cannot be computed from its curve are missing.
 
     Args:
-        case: as it was run
         curve: its curve
         summary: contents of its summary.json, or an empty mapping
 
     Returns:
         columns of the curve at the greatest load; k, n, n_low, n_high, r2 of its power law, with the interval of n;
-        block_load, the mean pressure over that at which the block itself yields; names of doubtful assumptions
+        names of doubtful assumptions
     """
     load = curve.loading()
     if not len(load):
@@ -205,12 +198,8 @@ def summarise_case(case: Case, curve: Curve, summary: Mapping[str, Any]) -> Row:
         "P_star_max": float(load.P_star.max()),
         "seconds": sum((summary.get("seconds") or {}).values()) or None,
         "doubtful": "; ".join(doubts) or None,
-        "summit_on_edge": int(any(name.startswith(ON_EDGE) for name in doubts)),
         **{name: summary.get(name) for name in ("dofs", "cells", "newton")},
     }
-    if case.material.yield_strength is not None:
-        limit = case.surface.L**2 * case.material.solid.yield_pressure(case.block.sides)
-        row["block_load"] = float(load.force[-1]) / limit
     fit = curve.fit_or_none()
     if fit is not None:
         row |= {"k": fit.k, "n": fit.n, "n_low": fit.ci_n[0], "n_high": fit.ci_n[1], "r2": fit.r2}
@@ -230,33 +219,11 @@ def write_table(study: Study, folder: Path) -> None:
         if (place / CURVE).is_file():
             curve = Curve.read(place / CURVE)
             try:
-                row = summarise_case(entry.case, curve, read_summary(place)) | row
+                row = summarise_case(curve, read_summary(place)) | row
             except UNREADABLE:  # a summary with values of other types
-                row = summarise_case(entry.case, curve, {}) | row
+                row = summarise_case(curve, {}) | row
         rows.append(row)
     write_csv(folder / TABLE, ("case", *study.keys, *RESULT_COLUMNS), rows)
-
-
-def read_table(folder: str | Path) -> list[Row]:
-    """Rows of results.csv, numbers as floats, missing values None; `pandas.read_csv` reads it too.
-
-    Raises:
-        InputError: the folder contains no study
-    """
-    try:
-        columns = read_csv(Path(folder) / TABLE)
-    except (OSError, ValueError) as error:
-        raise InputError(f"{folder} holds no study: {error}; run asperity study first") from None
-
-    def value(name: str, text: str) -> float | str | None:
-        if text == "" or name in TEXTS:
-            return text or None
-        with suppress(ValueError):
-            return float(text)
-        return text
-
-    rows = zip(*columns.values(), strict=True)
-    return [{name: value(name, text) for name, text in zip(columns, row, strict=True)} for row in rows]
 
 
 def case_folder(folder: str | Path, key: str) -> Path:
