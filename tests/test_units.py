@@ -2,14 +2,11 @@
 
 from __future__ import annotations
 
-import math
-import re
 from decimal import Decimal
 
 import pytest
 
 from asperity.runtime.measured_curve import FORCES
-from asperity.surface.text_header import _ALIASES
 from asperity.units import LENGTHS, per_cent, plus_minus, prefix, quantity
 
 SI = {
@@ -28,7 +25,6 @@ SI = {
     "T": 12,
     "P": 15,
 }
-NAMES = {"centi": "c", "milli": "m", "micro": "u", "nano": "n", "pico": "p", "": ""}
 
 
 @pytest.mark.parametrize(("table", "unit"), [(LENGTHS, "m"), (FORCES, "N")])
@@ -36,12 +32,6 @@ def test_each_unit_of_a_file_is_its_power_of_ten(table: dict[str, float], unit: 
     assert len(table) > 4
     for name, factor in table.items():
         assert name.endswith(unit) and Decimal(str(factor)) == Decimal(10) ** SI[name.removesuffix(unit)], name
-
-
-def test_each_name_of_a_length_is_its_power_of_ten() -> None:
-    for name, factor in _ALIASES.items():
-        if found := re.fullmatch(r"(centi|milli|micro|nano|pico|)(met(?:er|re)s?)", name):
-            assert math.isclose(factor, 10.0 ** SI[NAMES[found[1]]], rel_tol=1e-12), name
 
 
 @pytest.mark.parametrize("power", range(-20, 20))

@@ -1,4 +1,4 @@
-"""Rms values of the spline of a map, waves that repeat, and the shortest cut-off that makes a surface acceptable."""
+"""Rms values of the spline of a map, and the shortest cut-off that makes a surface acceptable."""
 
 from __future__ import annotations
 
@@ -8,7 +8,6 @@ import pytest
 from asperity.mesh.resolution import ONE_MESH, SHARE, doubt_of_waves, unresolved_height
 from asperity.surface import HeightMap, SelfAffine, Surface, WeierstrassMandelbrot
 from asperity.surface.cutoff import approach_of_share, share_of_approach, shortest_cutoff
-from asperity.surface.texture import repeating_wave
 
 L = 1e-6
 
@@ -61,13 +60,3 @@ def test_closed_forms_are_cut_off_by_their_keys() -> None:
     np.testing.assert_allclose(fractal.cut_off(L / 1.5**5).height(x, x), short.height(x, x))
     affine = SelfAffine(L=L, H=0.8, rms_height=1e-8, lambda_roll=L / 2, lambda_short=L / 30)
     assert affine.cut_off(L / 10).lambda_short == L / 10 and affine.cut_off(L / 90).lambda_short == L / 30
-
-
-def test_random_surfaces_have_no_repeating_wave() -> None:
-    for seed in range(20):
-        for aspect in (1.0, 5.0):
-            surface = SelfAffine(
-                L=1.0, H=0.9, rms_height=0.01, lambda_roll=0.5, lambda_short=0.05, seed=seed, periodic=False,
-                aspect=aspect,
-            )  # fmt: skip
-            assert repeating_wave(surface.grid(128), 1.0) is None

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable, Iterator
-from contextlib import suppress
 from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -14,7 +13,6 @@ import click
 from asperity.cli import options
 from asperity.cli.surface import draw, iso_rows
 from asperity.errors import CompatError, InputError
-from asperity.runtime.text_table import DECIMALS
 from asperity.units import LENGTHS, quantity
 
 if TYPE_CHECKING:
@@ -32,15 +30,13 @@ E = 200e9
 nu = 0.3
 
 [loading]
-delta_max = {delta:.3g}              # {share:.1%} of the heights are above the flat then
+delta_max = {delta:.3g}              # of a light load
 steps = 10
 
 [accuracy]
 tolerance = 0.05                 # of the force; without it, one mesh of mesh.h_contact
 """
-KEPT = 5  # heights per wavelength of the filter that a patch keeps which has too many of them
 HIGH = 8.0  # height of the summit above the mean plane over the rms height that no Gaussian surface reaches
-FORM = 2.5  # Sq of a second-order form over that of the rest; random surfaces without roll-off reach 2
 LARGEST = 0.1  # side of a patch [m]
 SMOOTHEST = 1e-4  # rms slope; below it, heights and distances may have different units
 
@@ -64,51 +60,41 @@ def _pixel(text: str) -> tuple[float, float]:
               "number of metres; default m.")  # fmt: skip
 @click.option("--channel", metavar="NAME", help="Of the file of an instrument, or its number; default the heights.")
 @click.option("--array", metavar="NAME", help="Of the heights in an .npz file; default z, or the only map.")
-@click.option("--decimal", type=click.Choice(tuple(DECIMALS)), help="Of text in which 1,234 may be both.")
 @click.option("--missing", type=float, metavar="VALUE", help="Value in the file that stands for a missing height.")
 @click.option("--level", type=click.Choice(["mean", "plane", "curvature"]), default="plane", show_default=True,
               help="Trend to remove.")  # fmt: skip
 @click.option("--window", type=float, nargs=3, metavar="X Y SIDE", help="Square to cut; default the largest.")
-@click.option("--despike", is_flag=True, help="Remove spikes and streaks, and fill them as gaps.")
 @click.option("--cutoff", type=float, metavar="LENGTH", help="Wavelength of a Gaussian low-pass filter; default none.")
-@click.option("--tip-radius", type=float, metavar="LENGTH",
-              help="Of the instrument in metres; waves that it does not resolve are filtered.")  # fmt: skip
-@click.option("--shortest", type=float, metavar="LENGTH",
-              help="Shortest wavelength for the Hurst exponent; default 4 pixels.")  # fmt: skip
 @options.as_json
 def import_map(map_file: str, output: str | None, as_json: bool, **given: Any) -> None:
     """Make a case from a measured height map.
 
     Levels the map, cuts a square patch, and computes its statistics, spectrum and Hurst exponent. MAP is .npz or .npy,
-    text (a matrix, or x, y, z, with any separator), or a file of an instrument that SurfaceTopography reads. Lengths in
-    metres. OUT receives patch.npz, case.toml to start from, measured.json, surface.png, abbott.png and spectrum.png.
+    text (a matrix, or lines of x, y, z), or a file of an instrument that SurfaceTopography reads. Lengths in metres.
+    OUT receives patch.npz, case.toml to start from, measured.json, surface.png and spectrum.png.
     """
     from asperity.runtime.files import files_into
     from asperity.runtime.progress import Progress, StepLines
     from asperity.runtime.run_folder import holds_run
-    from asperity.surface.cutoff import approach_of_share, share_of_approach
+    from asperity.surface.cutoff import approach_of_share
 
     progress = Progress() if as_json else StepLines()
     folder = Path(output) if output else Path("out") / Path(map_file).stem
     if folder.is_file() or holds_run(folder):
         raise InputError(f"{folder} {'is a file' if folder.is_file() else 'holds a run'}; give another folder to -o")
     scan = _Scan(map_file, progress.stage, **given)
-    about: dict[str, Any] = {
-        "file": map_file, "channel": scan.channel or None, "notes": scan.notes, "side": scan.surface.L,
-        "nodes": len(scan.patch.z), "level": given["level"], "cutoff": scan.cutoff, "filled": scan.filled,
-        "despike": given["despike"], "instrument": scan.reliable if scan.limited else None,
-        "iso25178": scan.iso.to_dict(),
+    origin = {"file": map_file, "channel": scan.channel or None, "level": given["level"], "cutoff": given["cutoff"],
+              "filled": scan.filled}  # fmt: skip
+    about: dict[str, Any] = origin | {
+        "notes": scan.notes, "side": scan.surface.L, "nodes": len(scan.patch.z), "iso25178": scan.iso.to_dict(),
+        "statistics": asdict(scan.statistics), "self_affine": None if scan.affine is None else asdict(scan.affine),
     }  # fmt: skip
-    for name, part in (("statistics", scan.statistics), ("self_affine", scan.affine), ("repeating_wave", scan.wave)):
-        about[name] = None if part is None else asdict(part)
     with files_into(folder) as aside:  # whole, or not at all
-        origin = {name: about[name] for name in ("file", "channel", "level", "cutoff", "filled", "despike")}
         scan.patch.save(aside / "patch.npz", about=origin)
         progress.stage("figures")
         _draw(aside, scan)
         (aside / "measured.json").write_text(f"{json.dumps(about, indent=2)}\n", encoding="utf-8")
-        delta = float(f"{approach_of_share(scan.surface):.3g}")  # of a light load
-        text = CASE.format(delta=delta, share=share_of_approach(scan.surface, delta))
+        text = CASE.format(delta=approach_of_share(scan.surface))
         (aside / "case.toml").write_text(text, encoding="utf-8")
         try:
             cost = _cost(aside / "case.toml", scan.surface)
@@ -139,77 +125,44 @@ class _Scan:
 
     def __init__(
         self, map_file: str, stage: Callable[[str], None], *, level: Trend, window: tuple[float, float, float] | None,
-        despike: bool, cutoff: float | None, tip_radius: float | None, shortest: float | None, **given: Any,
+        cutoff: float | None, **given: Any,
     ) -> None:  # fmt: skip
-        from asperity.surface.height_map import MOST, HeightMap
+        from asperity.surface.height_map import HeightMap
         from asperity.surface.iso25178 import iso25178
         from asperity.surface.measured import HeightField
+        from asperity.surface.self_affine_fit import fit_self_affine
+        from asperity.surface.statistics import psd
 
-        if tip_radius is not None and not tip_radius > 0:
-            raise InputError(f"tip-radius = {tip_radius:g} is not a positive length")
+        def cut(field: HeightField) -> HeightField:
+            return (field.square() if window is None else field.window(*window)).levelled(level)
+
         stage(f"read {map_file}")
         whole = HeightField.read(map_file, **given)
         self.channel, self.notes = whole.channel, whole.notes
-        # shares of the heights that are exactly 0, and that were missing, in the window if there is one
-        self.zeros, self.filled = whole.odd_zeros(), whole.missing if window is None else whole.missing_in(*window)
-        ny, nx = whole.z.shape
-        if min(nx, ny) > MOST and window is None and cutoff is None:
-            raise InputError(
-                f"{map_file}: {nx} x {ny} heights are more than the {MOST} x {MOST} of a surface; cut a window "
-                "(--window), or filter the map (--cutoff): a patch of fewer heights, a fifth of the cut-off apart, is "
-                "kept"
-            )
-        stage(f"level {nx} x {ny} heights")
+        self.filled = whole.missing if window is None else whole.missing_in(*window)
+        stage(f"level {' x '.join(map(str, whole.z.shape[::-1]))} heights")
         whole = whole.filled(window).levelled(level)
-        if despike:
-            stage("remove spikes")
-            whole = whole.despiked()
-        self.whole, self._level, self._window = whole, level, window
-        self.reliable = whole.reliable(tip_radius)  # wavelength below which the map shows its instrument [m]
-        self.limited = cutoff is None and self.reliable > 2 * min(whole.dx, whole.dy)
-        self.cutoff = self.reliable if self.limited else cutoff
-        self.bare = self.patch = self.cut(whole)  # without a filter, which would bend the spectrum near its cut-off
-        if self.cutoff is not None:
+        bare = self.patch = cut(whole)  # without a filter, which would bend the spectrum near its cut-off
+        if cutoff is not None:
             stage("filter")
-            self.patch = self.cut(whole.filtered(self.cutoff))
-            if len(self.patch.z) > MOST:
-                self.patch = self.patch.thinned(max(1, int(self.cutoff / (KEPT * self.patch.dx)))).square()
+            self.patch = cut(whole.filtered(cutoff))
         self.patch.check_plausible()
         stage("statistics")
-        self._analyse(shortest)
+        self.spectrum, self.affine = psd(bare.z, len(bare.z) * bare.dx), None
+        try:
+            self.affine = fit_self_affine(self.spectrum, 4 * bare.dx)
+        except InputError as error:
+            click.echo(f"no Hurst exponent: {error}", err=True)
         self.surface = HeightMap.of(self.patch.z, self.patch.size[0])
         self.statistics = self.surface.statistics(min(len(self.patch.z), 1025))
         self.iso = iso25178(self.patch.z, self.patch.dx, self.patch.dy)
-
-    def cut(self, field: HeightField) -> HeightField:
-        """The patch of a levelled map."""
-        return (field.square() if self._window is None else field.window(*self._window)).levelled(self._level)
-
-    def _analyse(self, shortest: float | None) -> None:
-        """Spectrum, wave that repeats, and where there is none the self-affine equivalent down to a wavelength [m]."""
-        from asperity.surface.self_affine_fit import fit_self_affine
-        from asperity.surface.statistics import psd
-        from asperity.surface.texture import repeating_wave
-
-        bare, side = self.bare, self.bare.size[0]
-        shortest = 4 * bare.dx if shortest is None else shortest
-        if not 2 * bare.dx <= shortest < side:
-            between = f"two pixels, {2 * bare.dx:g}, and the side {side:g}"
-            raise InputError(f"shortest = {shortest:g} must lie between {between}")
-        self.spectrum, self.wave = psd(bare.z, len(bare.z) * bare.dx), repeating_wave(bare.z, side)
-        self.affine = None
-        if self.wave is None:
-            try:
-                self.affine = fit_self_affine(self.spectrum, shortest)
-            except InputError as error:
-                click.echo(f"no Hurst exponent: {error}", err=True)
 
 
 def _draw(folder: Path, scan: _Scan) -> None:
     from asperity.plot import save
     from asperity.plot.fields import spectrum_figure
 
-    draw(folder, scan.surface, scan.patch.z, scan.iso, "m")
+    draw(folder, scan.surface, "m")
     save(spectrum_figure(scan.spectrum, "m", scan.affine), folder / "spectrum.png")
 
 
@@ -233,58 +186,21 @@ def _metres(length: float) -> str:
 
 
 def _doubts(scan: _Scan, cost: str) -> Iterator[str]:
-    """What the instrument does not resolve, what is doubtful, and the cost, a sentence each."""
-    import numpy as np
-
-    from asperity.surface.spikes import STANDS_OUT, prominence_of_summit
-
-    slope, affine, wave, bare = scan.statistics.rms_slope, scan.affine, scan.wave, scan.bare
-    if scan.limited:
-        yield (
-            f"waves shorter than {_metres(scan.reliable)}, which the instrument does not resolve, are filtered: "
-            "--cutoff filters at another wavelength"
-        )
-    elif scan.cutoff is not None and scan.cutoff < scan.reliable:
-        yield f"waves shorter than {_metres(scan.reliable)} are not resolved by the instrument: --cutoff is below that"
+    """What is doubtful, and the cost, a sentence each."""
+    statistics, affine = scan.statistics, scan.affine
     if scan.surface.L > LARGEST:
         yield f"the side of {_metres(scan.surface.L)} is long for roughness: if lengths are not in metres, give --unit"
-    if slope < SMOOTHEST:
+    if statistics.rms_slope < SMOOTHEST:
         yield (
-            f"the rms slope of {slope:.1e} is small for roughness: if heights and distances have different units in "
-            "the file, write both in one"
-        )
-    if scan.zeros:
-        yield f"{scan.zeros:.2%} of the heights are exactly 0: if they are missing, give --missing 0"
-    if wave is not None:
-        yield (
-            f"no Hurst exponent: waves of {_metres(wave.length)} repeat, with {wave.share:.0%} of the mean square "
-            "height, as on turned or textured surfaces"
+            f"the rms slope of {statistics.rms_slope:.1e} is small for roughness: if heights and distances have "
+            "different units in the file, write both in one"
         )
     if affine is not None and not -affine.error_H <= affine.H <= 1.0 + affine.error_H:
         yield f"H = {affine.H:.2f} is outside 0 to 1: the spectrum is not that of a self-affine surface"
-    elif affine is not None and scan.surface.limited:
-        yield "steps or edges change the spectrum: H may not be that of the roughness"
-    without = bare.levelled("curvature").z
-    rest, form = float(np.std(without)), float(np.std(bare.z - without))
-    if form > FORM * rest:
-        yield (
-            f"the map has a form of second order, as of a sphere, with Sq = {_metres(form)}, and {_metres(rest)} "
-            "without it: if only roughness is meant, --level curvature removes the form"
-        )
-    spike, statistics, removed = prominence_of_summit(bare.z), scan.statistics, False
-    if spike > STANDS_OUT and wave is None:  # crests of a wave are no spikes
-        with suppress(InputError):
-            removed = prominence_of_summit(scan.cut(scan.whole.despiked()).z) <= STANDS_OUT
-    if removed:
-        yield (
-            f"the highest point stands {spike:.0f} times the local roughness above its surroundings, as dust or a "
-            "spike of the instrument does: --despike removes such heights"
-        )
-        return
     if statistics.Sp > HIGH * statistics.Sq:
         yield (
-            f"the highest point is {statistics.Sp / statistics.Sq:.0f} rms heights above the mean: if it does not "
-            "belong to the surface, mark it as missing (NaN) in the map, and it is filled"
+            f"the highest point is {statistics.Sp / statistics.Sq:.0f} rms heights above the mean, as dust or a spike "
+            "is: if it does not belong to the surface, mark it as missing (NaN) in the map, and it is filled"
         )
     if cost:
         yield cost

@@ -8,7 +8,6 @@ from matplotlib.figure import Figure
 from asperity.arrays import Array
 from asperity.plot import style
 from asperity.surface import Spectrum
-from asperity.surface.iso25178 import ISO25178, AbbottCurve
 from asperity.surface.self_affine_fit import SelfAffineFit
 from asperity.units import prefix
 
@@ -40,26 +39,6 @@ def surface_map(heights: Array, side: float, touch: tuple[float, float, float], 
     rough = f"$S_q$ = {heights.std() * up:.3g} {up_unit}".rstrip()
     axis.annotate(rough, (1.0, 1.0), (0, 5), xycoords="axes fraction", textcoords="offset points", ha="right")
     figure.colorbar(image, ax=axis, shrink=0.9).set_label(style.label("height above the mean plane", up_unit))
-    return figure
-
-
-@style.styled
-def abbott_figure(curve: AbbottCurve, found: ISO25178, unit: str = "") -> Figure:
-    """Draw heights over their material ratio, the line through the core, and Sk, Spk and Svk; `unit` of length."""
-    figure, (axis,) = style.figure(style.SINGLE, 3.4, "Abbott curve")
-    scale, name = prefix(found.Sz / 2.0, unit)
-    axis.plot(100.0 * curve.ratio, scale * curve.height, color=style.BLUE)
-    axis.plot([0.0, 100.0], [scale * curve.upper, scale * curve.lower], "--", color=style.VERMILION, lw=1.0)
-    for height in (curve.upper, curve.lower):
-        axis.axhline(scale * height, color=style.GREY, lw=0.6)
-    # the peaks of the curve are at the left, its pits at the right
-    for height, up, label in (
-        (curve.upper, found.Spk, "Spk"), (curve.lower, found.Sk, "Sk"), (curve.lower - found.Svk, found.Svk, "Svk")
-    ):  # fmt: skip
-        at = (70.0 if label == "Spk" else 2.0, scale * (height + up / 2.0))
-        axis.annotate(f"{label} = {scale * up:.3g} {name}".rstrip(), at, va="center")
-    ratio = f"material ratio (%), Smr1 = {100 * found.Smr1:.3g}, Smr2 = {100 * found.Smr2:.3g}"
-    axis.set(xlabel=ratio, ylabel=style.label("height above the mean", name), xlim=(0.0, 100.0))
     return figure
 
 

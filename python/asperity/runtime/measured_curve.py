@@ -34,15 +34,15 @@ class MeasuredCurve:
     notes: tuple[str, ...]
 
 
-def read_measured_curve(path: Path, decimal: str | None = None) -> MeasuredCurve:
-    """Read a curve; lengths and forces whose unit the file names become metres and newtons; `decimal` as for a table.
+def read_measured_curve(path: Path) -> MeasuredCurve:
+    """Read a curve; lengths and forces whose unit the file names become metres and newtons.
 
     Raises:
         ValueError: no columns of approach and force, none positive, a cell that is no number, or a unit of one of
             them only
         OSError: it cannot be read
     """
-    text = TextTable.read(path, 2, decimal)
+    text = TextTable.read(path, 2)
     rows = text.rows()
     names, units, notes = _heading(text, len(rows[0][1]))
     found: dict[str, Array] = {}

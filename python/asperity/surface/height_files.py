@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import logging
 import math
-import re
 import warnings
 from contextlib import redirect_stdout, suppress
 from pathlib import Path
@@ -15,19 +14,13 @@ import numpy as np
 from asperity.arrays import Array
 from asperity.errors import CompatError, InputError
 from asperity.runtime.files import UNREADABLE, one_line, read_npy, read_npz, real
-from asperity.runtime.text_table import DECIMALS
-from asperity.surface.text_map import PROFILE, Heights, read_text_map
+from asperity.surface.text_map import PROFILE, Heights, read_text_map, without_marks
 from asperity.units import LENGTHS
 
 TEXT = (".csv", ".txt", ".dat", ".tsv", ".asc", ".xyz")
 PLAIN = (".npz", ".npy", *TEXT)
-PICTURES = (".png", ".jpg", ".jpeg")
-MARKS = (-32768.0, -2147483648.0, -9999.0, -99999.0)  # usual ones of missing heights
-OUTSIDE = 0.1  # distance of a mark from the nearest of the other heights, over their range
 REGULAR = 1e-6  # relative difference of steps, or of sides, that were rounded
-WIDEST = 1.0  # side of a map of an instrument that is believed [m]
 UNEQUAL = "{} x {} heights on a side L would have different distances along x and y"
-_HEIGHT = re.compile(r"height|topograph|h(ö|oe)he|zsensor|^z\b", re.IGNORECASE)
 MOST_READ = 400_000_000  # heights of a file, 3.2 GB; the largest instruments have 1e8
 
 
@@ -52,12 +45,10 @@ def metres_of(unit: str | None) -> float | None:
 def read_heights(
     path: Path,
     *,
-    pixel: tuple[float, float] | None = None,
     unit: float | None = None,
     missing: float | None = None,
     channel: str | None = None,
     array: str | None = None,
-    decimal: str | None = None,
 ) -> Heights:
     """Read an array of NumPy, or text.
 
@@ -84,32 +75,16 @@ def read_heights(
         raise InputError(f"{path}: {name} is for files of {'instruments' if name == '--channel' else 'type .npz'}")
     try:
         if kind in TEXT:
-            mark = None if decimal is None else DECIMALS[decimal]
-            return read_text_map(path, unit, lambda z: _without_marks(z, missing), pixel, mark)
+            return read_text_map(path, unit, missing)
         z, dx, dy, name = _read_arrays(path, array)
+        z = without_marks(z, missing)
     except UNREADABLE as error:
         raise InputError(f"{path}: cannot be read as a height map ({one_line(error)})") from None
     factor = 1.0 if unit is None else unit
     dx, dy = (None if step is None else factor * step for step in (dx, dy))
     named = name not in ("", "z")
     notes = (f"the heights are the array {name!r}",) if named else ()
-    return Heights(factor * _without_marks(z, missing), dx, dy, channel=name if named else "", notes=notes)
-
-
-def _without_marks(z: Array, missing: float | None) -> Array:
-    """Heights with NaN in place of values that mark missing ones (unit of the file).
-
-    A mark of `MARKS` counts only if it lies outside all other heights.
-    """
-    for mark in MARKS if missing is None else (*MARKS, missing):
-        at = z == mark
-        if not at.any():
-            continue
-        if mark != missing and not at.all():
-            rest = z[np.isfinite(z) & ~at]
-            at &= bool(rest.size) and float(rest.min()) - mark > OUTSIDE * float(np.ptp(rest))
-        z = np.where(at, np.nan, z)
-    return z
+    return Heights(factor * z, dx, dy, channel=name if named else "", notes=notes)
 
 
 def _read_arrays(path: Path, wanted: str | None) -> tuple[Array, float | None, float | None, str]:
@@ -165,8 +140,6 @@ def read_instrument(
         InputError: the file cannot be read as a map, lacks pixel or unit, or has no such channel
         CompatError: SurfaceTopography is not installed
     """
-    if path.suffix.lower() in PICTURES:
-        raise InputError(f"{path}: a picture has colours, not heights; export the map as text, .npz or .gwy")
     try:
         import SurfaceTopography  # type: ignore[import-not-found, import-untyped, unused-ignore]
     except ImportError:
@@ -223,19 +196,8 @@ def _of_reader(
         raise InputError(f"{path} does not give the unit of its lengths: give it (--unit)")
     in_metres, factor = (topography, unit) if topography.unit is None and unit else (topography.to_unit("m"), 1.0)
     dx, dy = (factor * float(p) for p in in_metres.pixel_size)
-    side = max(dx * topography.nb_grid_pts[0], dy * topography.nb_grid_pts[1])
-    if not 0.0 < side < WIDEST:
-        raise InputError(
-            f"{path} is read as {seen}, {side:.3g} m wide: the reader mistakes its unit or its format; export the map "
-            "as .npz, .gwy or text"
-        )
     z = np.ma.filled(np.ma.masked_invalid(np.ma.asarray(in_metres.heights(), dtype=float)), np.nan)
-    limits = (topography.info.get("instrument") or {}).get("parameters") or {}
-    tip, resolution = (
-        float(given["value"]) * LENGTHS[given["unit"]] if (given := limits.get(limit)) else 0.0
-        for limit in ("tip_radius", "resolution")
-    )
-    return Heights(factor * np.asarray(z).T, dx, dy, tip, resolution, name, notes)  # its first index is x
+    return Heights(factor * np.asarray(z).T, dx, dy, name, notes)  # its first index is x
 
 
 def _channel(path: Path, reader: Any, wanted: str | None, who: str) -> tuple[Any, str, tuple[str, ...]]:
@@ -258,9 +220,6 @@ def _channel(path: Path, reader: Any, wanted: str | None, who: str) -> tuple[Any
     else:
         own, more = reader.default_channel, ": --channel chooses another"
         at = next((i for i, one in enumerate(channels) if one is own or one.index == own.index), 0)
-        if not _HEIGHT.search(str(own.name)):
-            maps = (i for i, one in enumerate(channels) if _HEIGHT.search(str(one.name)) and one.dim == 2)
-            at = next(maps, at)
     return channels[at], names[at] if len(channels) > 1 else "", (f"channel {numbered[at]} of {listed}{more}",)
 
 

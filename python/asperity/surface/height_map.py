@@ -311,11 +311,6 @@ def _as_patch(read: Heights, side: float | None, where: str) -> tuple[Array, flo
     """Heights (ny, nx) and side of a square patch (length); `side` is None where the file has it."""
     z, dx, dy, L = read.z, read.dx, read.dy, side
     _check_heights(z, where)
-    if max(z.shape) > MOST:
-        raise InputError(
-            f"{where}{z.shape[1]} x {z.shape[0]} heights are more than the {MOST} x {MOST} of a surface; cut "
-            "a window, or filter the map and keep fewer (asperity import-map --window or --cutoff)."
-        )
     if dx is not None and dy is not None:
         L, other = dx * (z.shape[1] - 1), dy * (z.shape[0] - 1)
         check_positive("L", L)
@@ -352,6 +347,11 @@ def _check_heights(z: Array, where: str = "") -> None:
     if z.ndim != 2 or min(z.shape) <= DEGREE:
         raise InputError(
             f"{where}heights have shape {z.shape}; a map needs two dimensions of at least {DEGREE + 1} points"
+        )
+    if max(z.shape) > MOST:
+        raise InputError(
+            f"{where}{z.shape[1]} x {z.shape[0]} heights are more than the {MOST} x {MOST} of a surface; cut a window "
+            "(asperity import-map --window), or filter the map and keep every second height"
         )
     bad = np.argwhere(~np.isfinite(z))
     if len(bad):

@@ -19,20 +19,15 @@ import numpy as np
 from asperity.arrays import Array, Flags
 from asperity.errors import InputError
 from asperity.runtime.files import npz_bytes, replace_file
-from asperity.runtime.text_table import DECIMALS
 from asperity.surface.base import FLAT
 from asperity.surface.height_files import PLAIN, TEXT, metres_of, read_heights, read_instrument
 from asperity.surface.height_map import DEEPEST
 from asperity.surface.scale_space import gaussian_filtered
-from asperity.surface.spikes import without_spikes
-from asperity.surface.text_header import SAME
 
 Trend = Literal["mean", "plane", "curvature"]
 
-FEW_ZEROS, ODD = 5e-4, 10.0  # share of zeros that is noticed, and over that of the most frequent other height
 MOST_MISSING = 0.2  # share of heights that may be filled; more would be guesswork
-PASSES = 3  # of the search for spikes: what is left of a broad one stands out of what the last pass has filled
-SHARPEST = 0.5  # curvature of a summit times the tip radius from which the tip shows (Sanner et al.)
+SAME = 1e-3  # relative difference of lengths that were rounded
 STEEPEST = 30.0  # greatest plausible rms slope
 LIKELY = {"mm": 1e-3, "um": 1e-6, "nm": 1e-9, "pm": 1e-12}  # of heights that were read as metres
 USUAL = 0.1  # rms slope of rough surfaces, within a factor of ten
@@ -59,7 +54,6 @@ class HeightField:
     Attributes:
         z: heights (ny, nx), index [iy, ix] (length); NaN where the instrument measured nothing
         dx, dy: distance between neighbouring nodes (length)
-        tip_radius, resolution: of the instrument (length), 0 where unknown
         channel: of the file, empty where it has one
         notes: how the file was read, a sentence each
     """
@@ -67,8 +61,6 @@ class HeightField:
     z: Array
     dx: float
     dy: float
-    tip_radius: float = 0.0
-    resolution: float = 0.0
     channel: str = ""
     notes: tuple[str, ...] = ()
 
@@ -97,19 +89,6 @@ class HeightField:
         """Share of the heights that are missing."""
         return float(np.isnan(self.z).mean())
 
-    def odd_zeros(self) -> float:
-        """Share of the heights that are exactly 0, if they may stand for missing ones that can be filled, else 0.
-
-        No other height is nearly as frequent then.
-        """
-        zeros = self.z == 0.0
-        share = float(zeros.mean())
-        if not FEW_ZEROS < share < MOST_MISSING - self.missing:
-            return 0.0
-        rest = self.z[~zeros & np.isfinite(self.z)][:: max(1, self.z.size // 10**6)]
-        usual = np.unique(rest, return_counts=True)[1].max(initial=1) / rest.size
-        return share if share > ODD * usual else 0.0
-
     @staticmethod
     def read(
         path: str | Path,
@@ -119,22 +98,20 @@ class HeightField:
         missing: float | None = None,
         channel: str | None = None,
         array: str | None = None,
-        decimal: str | None = None,
     ) -> HeightField:
         """Read a file of heights.
 
-        Arrays of NumPy and text as in `height_files.read_heights`; other files, and text that it does not understand,
-        by SurfaceTopography, which reads the formats of some forty instruments.
+        Arrays of NumPy and text as in `height_files.read_heights`; other files, and text that it refuses, by
+        SurfaceTopography, which reads the formats of some forty instruments.
 
         Args:
             path: the file
             pixel: distance between heights (m), or that along x and along y, for files that do not contain it
             unit: of lengths whose unit the file does not name, a key of `units.LENGTHS`, or the metres of one unit as
                 a number; default metres
-            missing: value in the file that stands for a missing height, besides the usual ones
-            channel: name, or number from 1, of the channel of an instrument's file; default that of the heights
+            missing: value in the file that stands for a missing height, besides NaN
+            channel: name, or number from 1, of the channel of an instrument's file; default that of SurfaceTopography
             array: name of the heights in an .npz file; default z, or the only map
-            decimal: "point" or "comma", for text in which 1,234 may be both
 
         Raises:
             InputError: the file cannot be read, it has no lengths and `pixel` is missing, or others than `pixel`
@@ -142,16 +119,12 @@ class HeightField:
         """
         path = Path(path)
         both = (pixel, pixel) if isinstance(pixel, (int, float)) else pixel
-        if decimal not in (None, *DECIMALS):
-            raise InputError(f"decimal = {decimal!r} is unknown; choose {', '.join(DECIMALS)}")
         metres, kind = metres_of(unit), path.suffix.lower()
         if path.is_file() and kind not in PLAIN:
             read = read_instrument(path, both, metres, channel)
         else:
             try:
-                read = read_heights(
-                    path, pixel=both, unit=metres, missing=missing, channel=channel, array=array, decimal=decimal
-                )
+                read = read_heights(path, unit=metres, missing=missing, channel=channel, array=array)
             except InputError as error:  # perhaps of an instrument, with all lengths
                 if kind not in TEXT or find_spec("SurfaceTopography") is None:
                     raise
@@ -170,25 +143,7 @@ class HeightField:
             dx, dy = both[0] if dx is None else dx, both[1] if dy is None else dy
         if dx is None or dy is None:
             raise InputError(f"{path} contains heights without lengths; give the distance between heights (--pixel)")
-        return HeightField(read.z, dx, dy, read.tip_radius, read.resolution, read.channel, read.notes)
-
-    def reliable(self, tip_radius: float | None = None) -> float:
-        """Wavelength (length) below which the map shows its instrument, 0 where all waves are reliable.
-
-        Args:
-            tip_radius: in place of that of the file (length)
-
-        Raises:
-            InputError: heights are missing, or all of them are curved as the tip
-        """
-        radius = self.tip_radius if tip_radius is None else tip_radius
-        if not radius:
-            return self.resolution
-        self._require_complete("compared with the tip")
-        found = _reliable_wavelength(self.z, self.dx, self.dy, radius)
-        if found > min(self.size):
-            raise InputError(f"a tip radius of {radius:g} leaves no reliable wavelength on a map of {min(self.size):g}")
-        return max(found, self.resolution)
+        return HeightField(read.z, dx, dy, read.channel, read.notes)
 
     def missing_in(self, x: float, y: float, side: float) -> float:
         """Share of the heights that are missing in the square of :meth:`window`, 0 outside the map."""
@@ -217,14 +172,6 @@ class HeightField:
                 "choose a window with fewer gaps"
             )
         return replace(self, z=_harmonic_fill(self.z, np.isnan(self.z)))
-
-    def despiked(self) -> HeightField:
-        """Fill spikes, and the nodes next to them, as missing heights; see `spikes.without_spikes`."""
-        self._require_complete("searched for spikes")
-        field = self
-        for _ in range(PASSES):
-            field = replace(field, z=without_spikes(field.z)).filled()
-        return field
 
     def levelled(self, trend: Trend = "plane") -> HeightField:
         """Subtract the least-squares polynomial: "mean", "plane", or "curvature" (second order)."""
@@ -274,10 +221,6 @@ class HeightField:
         count = round(side / min(self.dx, self.dy)) + 1
         s = np.linspace(0.0, side, count)
         return HeightField(spline(y + s, x + s), s[1], s[1])
-
-    def thinned(self, step: int) -> HeightField:
-        """Keep every step-th height along x and y; filter the map first, or short waves pretend to be long ones."""
-        return HeightField(self.z[::step, ::step], step * self.dx, step * self.dy)
 
     def square(self) -> HeightField:
         """Cut the largest square in the middle of the map."""
@@ -332,25 +275,6 @@ class HeightField:
     def _require_complete(self, what: str) -> None:
         if self.missing:
             raise InputError(f"{self.missing:.2%} of the heights are missing; fill them before the map is {what}")
-
-
-def _reliable_wavelength(z: Array, dx: float, dy: float, tip_radius: float) -> float:
-    """Shortest wavelength that is not that of the tip, 0 where all are reliable; inf where none is (length).
-
-    A tip rounds summits and sharpens valleys, for heights scanned by a sphere are at most as curved as the sphere. The
-    second difference over a distance is compared with half of that curvature, as in Sanner, Nöhring, Thimons, Jacobs &
-    Pastewka, Appl. Surf. Sci. Adv. 7 (2022) 100190; the wavelength is the length of its stencil.
-    """
-    found = 0.0
-    for rows, step in ((z.T, dx), (z, dy)):
-        for m in range(1, (len(rows) + 1) // 2):
-            bend = rows[2 * m :] - 2.0 * rows[m:-m] + rows[: -2 * m]
-            if float(bend.min()) >= -SHARPEST / tip_radius * (m * step) ** 2:
-                break
-        else:
-            return float("inf")
-        found = max(found, 2 * m * step if m > 1 else 0.0)
-    return found
 
 
 def _trend(z: Array, trend: str) -> Array:
