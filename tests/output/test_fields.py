@@ -55,7 +55,7 @@ def stored(pressed: ContactResult, tmp_path_factory: pytest.TempPathFactory) -> 
 def test_all_ranks_write_one_file(wave: Surface, coarse_wave: BlockMesh | None, shared_path: Path) -> None:
     """Or none: then all of them know."""
     result = solve_contact(wave, SOLID, delta_max=DELTA, steps=2, block=coarse_wave, snapshots=2)
-    whole, found = result.whole_mesh(), stored_fields(result, shared_path / "contact.vtkhdf", 3.0)
+    whole, found = result.block, stored_fields(result, shared_path / "contact.vtkhdf", 3.0)
     solid, top, comm = result.solver.solid, result.solver.contact_surface, world()
     gathered = [
         {

@@ -184,7 +184,7 @@ def estimate(case: Case, ranks: int = 1, surface: Surface | None = None, cells: 
         path = problem.load_path
         depth = path.delta_max or (approach_of_force(problem) if guide is None else guide.depth)
         if guide is None:
-            dofs = _dofs(problem, depth) if file is None else 3 * BlockMesh.read(file).counts()[0]
+            dofs = _dofs(problem, depth) if file is None else 3 * len(BlockMesh.read(file).points)
             if dofs > MOST_DOFS:
                 raise InputError(f"the mesh has more than {MOST_DOFS:g} dofs: raise mesh.h_contact")
             plan = [(case.mesh.h_contact, dofs, _steps(problem))]
@@ -264,7 +264,7 @@ def _plan(
 def _dofs(problem: Problem, depth: float) -> int:
     """Dofs of the mesh of a problem, up to about MOST_DOFS."""
     field = size_field(problem.surface, depth, problem.size, problem.sides)
-    return dofs_of(field, problem.size.refinements, problem.height / problem.surface.L, MOST_DOFS)
+    return dofs_of(field, problem.height / problem.surface.L, MOST_DOFS)
 
 
 def filter_advice(case: Case, found: Estimate, surface: Surface) -> str:

@@ -78,7 +78,7 @@ class LevelSolver:
 
             def made(scale: float) -> int:
                 self._block = family.block(scale)
-                return 3 * self._block.counts()[0]
+                return 3 * len(self._block.points)
 
             if self.scales:
                 scale, dofs = family.finest(self.scales[-1] / finer, self.scales[-1], most, made)

@@ -98,14 +98,13 @@ def enough_substeps(bars: Mapping[int, Floats], tolerance: float, rule: str) -> 
     return next((n for n in sorted(excess) if excess[n] < 1.0), more if more <= MOST_SUBSTEPS else most)
 
 
-def nodes_of(size: Size, height: float, most: float = inf, split: int = 1, joined: bool = False) -> float:
+def nodes_of(size: Size, height: float, most: float = inf, joined: bool = False) -> float:
     """Nodes of the block: integrals of 1/h^3 over it and of 1/h^2 over its surface, by boxes of at most 2 h.
 
     Args:
         size: h at (x, y, depth), in units of L
         height: of the block [L]
         most: value beyond which it is given up
-        split: parts of each edge
         joined: whether opposite sides are, which have their nodes in common
     """
     solid = (1.0, 1.0, height)
@@ -119,7 +118,7 @@ def nodes_of(size: Size, height: float, most: float = inf, split: int = 1, joine
         centre, edges = boxes.pop()
         h = size(*centre)
         if max(edges) <= min(2.0 * h, LARGEST):
-            along = [edge * split / h for edge in edges if edge]
+            along = [edge / h for edge in edges if edge]
             total += (NODES if len(along) == 3 else NODES_OF_SURFACE) * prod(along)
             continue
         halves = tuple(0.5 * edge for edge in edges)
@@ -128,10 +127,9 @@ def nodes_of(size: Size, height: float, most: float = inf, split: int = 1, joine
     return total
 
 
-def dofs_of(field: SizeField, refinements: int, height: float, most: float = inf) -> int:
+def dofs_of(field: SizeField, height: float, most: float = inf) -> int:
     """Dofs of a mesh of a block, whose height is in units of L; beyond `most` they are not counted."""
-    size = field.coarser(refinements).at
-    return round(3 * nodes_of(size, height, most / 3, 2**refinements, field.periodic))
+    return round(3 * nodes_of(field.at, height, most / 3, field.periodic))
 
 
 @dataclass(frozen=True)
@@ -142,7 +140,7 @@ class MeshFamily:
     would keep an error that no refinement of the contact shows.
 
     Attributes:
-        problem: what is pressed; of its element sizes the refinements are used
+        problem: what is pressed
         guide: half-space with all waves
     """
 
@@ -187,17 +185,17 @@ class MeshFamily:
         L, sizes, growth = self.problem.surface.L, scale * self.guide.sizes, GROWTH * scale**0.5
         widest = H_MAX * min(1.0, (scale / RATIO) ** 0.5)
         h = min(float(sizes[np.isfinite(sizes)].max()), widest)
-        return MeshSize(h * L, growth, widest * L, cells=sizes * L, refinements=self.problem.size.refinements)
+        return MeshSize(h * L, growth, widest * L, cells=sizes * L)
 
     def block(self, scale: float) -> BlockMesh:
         """Mesh of a scale."""
-        problem, field, parts = self.problem, self._field(scale), self.problem.size.refinements
-        return build_block(problem.surface, problem.height, field.coarser(parts).at, field.periodic, parts)
+        field = self._field(scale)
+        return build_block(self.problem.surface, self.problem.height, field.at, field.periodic)
 
     def dofs(self, scale: float, most: float = inf) -> int:
         """Dofs of a mesh by its size field; beyond so many they are not counted."""
         problem = self.problem
-        return dofs_of(self._field(scale), problem.size.refinements, problem.height / problem.surface.L, most)
+        return dofs_of(self._field(scale), problem.height / problem.surface.L, most)
 
     @cached_property
     def _field(self) -> Callable[[float], SizeField]:

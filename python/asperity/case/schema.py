@@ -127,16 +127,12 @@ class MeshSection(Section):
     h_contact: Real = key("size at the surface where it is reached last", shown="0.04 L", unit=LENGTH, gt=0)
     growth: Real = key("increase of size per unit distance", MeshSize.growth, **bounds(settings.GROWTH))
     h_max: Real | None = optional("largest size", LENGTH, "0.25 L, less where slopes need it")
-    refinements: Whole = key(
-        "number n of times the ranks split each element of a mesh of 2^n times these sizes into eight", 0,
-        ge=0, le=settings.MOST_REFINEMENTS,
-    )  # fmt: skip
     file: Text | None = key("a saved mesh instead", None)
 
     @property
     def size(self) -> MeshSize:
         """Element sizes of a mesh that is not saved."""
-        return MeshSize(self.h_contact, self.growth, self.h_max, refinements=self.refinements)
+        return MeshSize(self.h_contact, self.growth, self.h_max)
 
 
 DRIVERS = ("delta_max", "force_max", "pressure_max")  # keys of LoadingSection, of which one is given

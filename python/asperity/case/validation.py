@@ -169,7 +169,7 @@ def doubts(case: Input) -> Iterator[str]:
     limits = ("accuracy.area_tolerance", "accuracy.max_dofs", "accuracy.max_seconds")
     idle = [
         (tolerance is not None, size, "accuracy.tolerance chooses the mesh"),
-        (case.mesh.file is not None, (*size, "mesh.refinements"), "mesh.file is the mesh"),
+        (case.mesh.file is not None, size, "mesh.file is the mesh"),
         (tolerance is None, limits, "there is no accuracy.tolerance"),
         (method != "penalty", ("contact.penalty",), by_method),
         (method != "nitsche", ("contact.gamma",), by_method),

@@ -13,7 +13,6 @@ import numpy.typing as npt
 from asperity.arrays import Floats, Indices
 from asperity.errors import MeshError
 from asperity.mesh.element import EDGES, NODES, ON_EDGES, outer_faces
-from asperity.model.settings import MOST_REFINEMENTS
 from asperity.runtime.display import short_repr
 from asperity.runtime.files import npz_bytes, read_npz, replace_file
 
@@ -43,8 +42,6 @@ class BlockMesh:
         height: height of the block [length]
         smoothing: standard deviation of the Gaussian that smooths the surface at each node, see `morph.lift` (N,)
             [length]; inf where a node inside has left its column; None where all heights are exact
-        refinements: number of times the ranks split each element into eight, see `refine.refined`, before they lift the
-            nodes onto the surface; the top of a mesh that is still to be refined is flat
 
     Examples:
         >>> from asperity.mesh.generate import build_block
@@ -60,7 +57,6 @@ class BlockMesh:
     side: float
     height: float
     smoothing: Floats | None = None
-    refinements: int = 0
 
     __repr__ = short_repr
 
@@ -69,37 +65,16 @@ class BlockMesh:
         arrays = {"points": self.points, "tets": self.tets}
         if self.smoothing is not None:
             arrays["smoothing"] = self.smoothing
-        if self.refinements:
-            arrays["refinements"] = np.array(self.refinements)
         return {**arrays, "side": np.array(self.side), "height": np.array(self.height)}
 
     def heights(self, surface: Surface) -> Floats:
         """Height of the top above the base at x and y of each node, inf if it has left its column (N,) [length]."""
-        if self.refinements:
-            return np.full(len(self.points), self.height)
         x, y, _ = self.points.T
         if self.smoothing is None:
             return np.asarray(self.height + surface.height(x, y) - surface.mean())
         z, column = np.full(len(x), np.inf), np.isfinite(self.smoothing)
         z[column] = heights_at(surface, x[column], y[column], self.smoothing[column])
         return np.asarray(self.height + z - surface.mean())
-
-    def counts(self) -> tuple[int, int]:
-        """Numbers of nodes and elements after the refinements."""
-        cells = len(self.tets)
-        if not self.refinements:
-            return len(self.points), cells
-        corners = len(np.unique(self.tets[:, :4]))
-        faces = (4 * cells + sum(1 for _ in outer_faces(self.tets))) // 2
-        edges = corners + faces - cells - 1  # Euler's formula of a ball
-        for _ in range(self.refinements):
-            corners, edges, faces, cells = (
-                corners + edges,
-                2 * edges + 3 * faces + cells,
-                4 * faces + 8 * cells,
-                8 * cells,
-            )
-        return corners + (edges if ON_EDGES else 0), cells
 
     @staticmethod
     def from_arrays(arrays: Mapping[str, npt.NDArray[Any]]) -> BlockMesh:
@@ -126,10 +101,7 @@ class BlockMesh:
         smoothing = arrays.get("smoothing")
         if smoothing is not None and not (smoothing.shape == (len(points),) and np.all(smoothing >= 0.0)):
             raise ValueError(f"its smoothing should be {len(points)} lengths that are not negative")
-        refinements = arrays.get("refinements", np.array(0))
-        if not (refinements.shape == () and refinements.dtype.kind in "iu" and 0 <= refinements <= MOST_REFINEMENTS):
-            raise ValueError(f"its refinements should be a number from 0 to {MOST_REFINEMENTS}")
-        return BlockMesh(points, tets, float(side), float(height), smoothing, int(refinements))
+        return BlockMesh(points, tets, float(side), float(height), smoothing)
 
     def save(self, path: str | Path) -> None:
         """Write a compressed .npz file; the suffix is added if it is missing."""

@@ -10,7 +10,6 @@ from asperity.arrays import Floats, Indices
 from asperity.errors import MeshError
 from asperity.mesh.block import BlockMesh
 from asperity.mesh.element import DEGREE, NODES, least_jacobians
-from asperity.mesh.refine import refined
 from asperity.mesh.shared_nodes import joined
 from asperity.runtime import compat
 from asperity.runtime.parallel import on_root
@@ -23,24 +22,21 @@ if TYPE_CHECKING:
 BASE, SIDE_X, SIDE_Y, TOP = 1, 2, 3, 4  # tags of the facets
 
 
-def distribute(
-    comm: MPI.Comm, block: BlockMesh | None, scale: float, periodic: bool = False, surface: Surface | None = None
-) -> tuple[Any, Any]:
-    """Partition the mesh of a block over the ranks of `comm`, and refine it there; collective.
+def distribute(comm: MPI.Comm, block: BlockMesh | None, scale: float, periodic: bool = False) -> tuple[Any, Any]:
+    """Partition the mesh of a block over the ranks of `comm`; collective.
 
     Args:
         block: the mesh on rank 0, ignored elsewhere
         scale: factor on the coordinates, 1/L for a block of unit side
         periodic: whether to join opposite sides: their nodes are the same in the topology of the mesh, and so have the
             same dofs, but not in its geometry, where each cell keeps its own coordinates
-        surface: the top, onto which a block with refinements is lifted here; others are not
 
     Returns:
         dolfinx mesh and facet tags (BASE, SIDE_X, SIDE_Y, TOP); joined sides have no facets. `cell_numbers` of the mesh
         are those of its local cells that do not depend on the ranks; those of its nodes are `input_global_indices`.
 
     Raises:
-        MeshError: opposite sides do not fit, see `shared_nodes.joined`, or no lift is possible, see `morph.lift`
+        MeshError: opposite sides do not fit, see `shared_nodes.joined`
     """
     import basix.ufl
     import ufl
@@ -61,13 +57,8 @@ def distribute(
     mesh = dmesh.create_mesh(comm, cells=joined_cells, x=points, e=ufl.Mesh(element))  # 0.10 changed their order
     if periodic:
         mesh = _with_geometry(mesh, cells, points)
-    numbers = np.asarray(mesh.topology.original_cell_index)
-    times, height = comm.bcast(None if block is None else (block.refinements, block.height), root=0)
-    if times:
-        assert surface is not None
-        mesh, numbers = refined(mesh, times, surface, height)
     mesh.geometry.x[:] *= scale
-    mesh.cell_numbers = numbers
+    mesh.cell_numbers = np.asarray(mesh.topology.original_cell_index)
     return mesh, _tag_facets(mesh)
 
 

@@ -18,7 +18,7 @@ from asperity.errors import MeshError
 from asperity.mesh.block import BlockMesh
 from asperity.mesh.element import DEGREE, NODES
 from asperity.mesh.morph import lift
-from asperity.mesh.shared_nodes import SharedNodes, same_nodes
+from asperity.mesh.shared_nodes import same_nodes
 from asperity.mesh.size_field import rounded
 from asperity.runtime import compat
 from asperity.surface.base import EDGE
@@ -44,7 +44,6 @@ def build_block(
     height: float,
     size: Callable[[float, float, float], float],
     periodic: bool = False,
-    refinements: int = 0,
 ) -> BlockMesh:
     """Mesh the block under `surface` with gmsh, in one process.
 
@@ -52,7 +51,6 @@ def build_block(
         height: height of the mean plane above the base [length]
         size: element size at (x, y, depth below the top), all in units of L
         periodic: whether opposite sides have the same nodes and faces
-        refinements: see `BlockMesh`; `size` is that of the elements before them
 
     Raises:
         MeshError: gmsh fails, or see `morph.lift`
@@ -68,10 +66,7 @@ def build_block(
     x, y, _ = surface.maximum()
     points, tets = _flat_block(rounded(height / L), size, (_summit_node(x / L), _summit_node(y / L)), periodic)
     points *= L
-    if refinements:
-        return BlockMesh(points, tets, L, height, refinements=refinements)
-    copies = SharedNodes(same_nodes(points, L)) if periodic else None
-    points, smoothing = lift(points, tets, surface, height, copies)
+    points, smoothing = lift(points, tets, surface, height, same_nodes(points, L) if periodic else None)
     return BlockMesh(points, tets, L, height, smoothing if smoothing.any() else None)
 
 

@@ -20,7 +20,7 @@ from asperity.arrays import Flags, Floats, Indices
 from asperity.errors import MeshError
 from asperity.mesh.block import NEAR, heights_at
 from asperity.mesh.element import EDGES, ON_EDGES, corner_derivatives
-from asperity.mesh.shared_nodes import SharedNodes
+from asperity.mesh.shared_nodes import greatest, total
 
 if TYPE_CHECKING:
     from asperity.surface import Surface
@@ -38,9 +38,9 @@ FREE = np.inf  # width at nodes inside that have left their columns
 
 
 def lift(
-    points: Floats, tets: Indices, surface: Surface, height: float, copies: SharedNodes | None = None
+    points: Floats, tets: Indices, surface: Surface, height: float, same: Indices | None = None
 ) -> tuple[Floats, Floats]:
-    """Lift the nodes of a flat block so that its top follows a surface; collective where several ranks hold parts.
+    """Lift the nodes of a flat block so that its top follows a surface.
 
     The map is z -> z (1 + f/height) with the height f above the mean plane, so base and sides stay plane. All top
     nodes, mid-edge nodes included, lie on the surface, or on the smoothed one.
@@ -49,7 +49,7 @@ def lift(
         points: nodes of the block with a flat top at z = height (N, 3) [length]
         tets: their numbers in the tetrahedra, in the order of gmsh (M, 10)
         height: height of the mean plane above the base [length]
-        copies: of nodes on several ranks or on joined sides
+        same: number that the copies of a node on joined sides have in common (N,)
 
     Returns:
         Nodes of the lifted block (N, 3) [length], and the standard deviation of the Gaussian at each node, 0 where its
@@ -58,39 +58,37 @@ def lift(
     Raises:
         MeshError: a valley reaches the base, no smoothing makes the elements sound, or periodic sides do not fit
     """
-    copies = copies or SharedNodes()
-    gradients, size = _vertical_gradients(points, tets), _sizes(points, tets, copies)
+    gradients, size = _vertical_gradients(points, tets), _sizes(points, tets, same)
     width: Floats = np.zeros(len(points))
     free: Flags = np.zeros(len(points), dtype=bool)
-    rise = _rise(points, width, surface, height, copies)
+    rise = _rise(points, width, surface, height)
     limit = WIDEST
     for _ in range(LIMITS):
         while True:
-            _check_joined(rise, surface.L, copies)
+            _check_joined(rise, surface.L, same)
             bad = tets[_least_stretch(gradients, rise[tets]) < SOUND]
-            left = copies.count(len(bad))
-            if not left:
+            if not len(bad):
                 return points + rise[:, None] * [0.0, 0.0, 1.0], np.where(free, FREE, width)
-            wider = np.maximum(width, np.minimum(_widened(width, size, points, tets, bad, copies), limit * size))
+            wider = np.maximum(width, np.minimum(_widened(width, size, points, tets, bad, same), limit * size))
             moved = wider > (1.0 + SETTLED) * width
-            if not copies.count(int(moved[bad].any())):
+            if not moved[bad].any():
                 break
             width[moved] = wider[moved]
-            rise[moved] = _rise(points[moved], width[moved], surface, height, copies)
+            rise[moved] = _rise(points[moved], width[moved], surface, height)
             free[moved] = False
-        free |= _relax(rise, points, tets, gradients, height, copies)
+        free |= _relax(rise, points, tets, gradients, height, same)
         limit *= WIDER
     raise MeshError(
-        f"the surface is no height field on this block: {left} elements stay turned inside out, however smooth the "
+        f"the surface is no height field on this block: {len(bad)} elements stay turned inside out, however smooth the "
         "heights at their nodes are; filter the surface"
     )
 
 
-def _rise(points: Floats, width: Floats, surface: Surface, height: float, copies: SharedNodes) -> Floats:
-    """Rise (n,) [length] of some nodes of the flat block, in proportion to the smoothed surface above; collective."""
+def _rise(points: Floats, width: Floats, surface: Surface, height: float) -> Floats:
+    """Rise (n,) [length] of some nodes of the flat block, in proportion to the smoothed surface above."""
     x, y, z_of_flat = points.T
     above = heights_at(surface, x, y, width) - surface.mean()
-    lowest = copies.least(float(np.min(above, initial=np.inf)))
+    lowest = float(above.min(initial=np.inf))
     if lowest <= -height:
         raise MeshError(
             f"block.height = {height:g} is less than the depth {-lowest:g} of the deepest valley below the mean "
@@ -99,9 +97,9 @@ def _rise(points: Floats, width: Floats, surface: Surface, height: float, copies
     return np.asarray(z_of_flat * above / height)
 
 
-def _check_joined(rise: Floats, L: float, copies: SharedNodes) -> None:
-    """Refuse copies of a node that do not rise alike (MeshError); collective."""
-    apart = -copies.least(-float(np.max(copies.greatest(rise) - rise, initial=0.0)))
+def _check_joined(rise: Floats, L: float, same: Indices | None) -> None:
+    """Refuse copies of a node that do not rise alike (MeshError)."""
+    apart = float(np.max(greatest(rise, same) - rise))
     if apart > NEAR * L:
         raise MeshError(
             f'block.sides = "periodic": heights at opposite sides of the mesh differ by {apart:.3g}, because the '
@@ -109,8 +107,10 @@ def _check_joined(rise: Floats, L: float, copies: SharedNodes) -> None:
         )
 
 
-def _relax(rise: Floats, points: Floats, tets: Indices, gradients: Floats, height: float, copies: SharedNodes) -> Flags:
-    """Change `rise` (N,) inside until elements are sound or it hardly helps; which nodes have moved (N,); collective.
+def _relax(
+    rise: Floats, points: Floats, tets: Indices, gradients: Floats, height: float, same: Indices | None
+) -> Flags:
+    """Change `rise` (N,) inside until elements are sound or it hardly helps; which nodes have moved (N,).
 
     A stretch below SOUND breaks an inequality of the rises of its nodes. The step to AIM along its gradient is the
     shortest; each node takes the mean of its steps.
@@ -126,7 +126,7 @@ def _relax(rise: Floats, points: Floats, tets: Indices, gradients: Floats, heigh
         of_nodes = np.einsum("qnk,mk->mqn", derivatives, gradients[near])  # stretch at the corners q over the rise
         stretch = 1.0 + np.einsum("mqn,mn->mq", of_nodes, rise[nodes])
         broken = stretch < SOUND
-        left = copies.count(int(broken.any(axis=1).sum()))
+        left = int(broken.any(axis=1).sum())
         if not left or (sweep % TRIED == 0 and left > 0.5 * before):
             break
         before = left if sweep % TRIED == 0 else before
@@ -134,25 +134,25 @@ def _relax(rise: Floats, points: Floats, tets: Indices, gradients: Floats, heigh
         squares = (of_nodes**2).sum(axis=2)
         lengths = np.divide(AIM - stretch, squares, out=np.zeros_like(squares), where=squares > 0.0)
         steps, weights = OVERSHOOT * (lengths[:, :, None] * of_nodes).sum(axis=1), (of_nodes != 0.0).sum(axis=1)
-        total, count = (
-            copies.total(np.bincount(nodes.ravel(), values.ravel(), minlength=n).astype(float))
+        whole, count = (
+            total(np.bincount(nodes.ravel(), values.ravel(), minlength=n).astype(float), same)
             for values in (steps, weights)
         )
         now = count > 0.0
-        rise[now] += total[now] / count[now]
+        rise[now] += whole[now] / count[now]
         moved |= now
         near = np.asarray(moved[tets].any(axis=1))
     return moved
 
 
-def _widened(width: Floats, size: Floats, points: Floats, tets: Indices, bad: Indices, copies: SharedNodes) -> Floats:
+def _widened(width: Floats, size: Floats, points: Floats, tets: Indices, bad: Indices, same: Indices | None) -> Floats:
     """Widths (N,) [length] of the next round: larger at the nodes of bad elements, falling with the distance."""
     wider = width.copy()
     own = np.maximum(WIDER * width[bad].max(axis=1), FIRST_WIDTH * size[bad].max(axis=1))
     np.maximum.at(wider, bad, own[:, None])
-    wider = copies.greatest(wider)
+    wider = greatest(wider, same)
     changed = wider > width
-    while copies.count(int(changed.any())):
+    while changed.any():
         near = tets[changed[tets].any(axis=1)]
         before = wider.copy()
         for middle, ends in enumerate(EDGES[:ON_EDGES], start=4):
@@ -161,22 +161,22 @@ def _widened(width: Floats, size: Floats, points: Floats, tets: Indices, bad: In
                 fall = SPREAD * np.linalg.norm(points[i] - points[j], axis=1)
                 np.maximum.at(wider, j, before[i] - fall)
                 np.maximum.at(wider, i, before[j] - fall)
-        wider = copies.greatest(wider)
+        wider = greatest(wider, same)
         changed = wider > (1.0 + SETTLED) * before
     return wider
 
 
-def _sizes(points: Floats, tets: Indices, copies: SharedNodes) -> Floats:
+def _sizes(points: Floats, tets: Indices, same: Indices | None) -> Floats:
     """Mean length of the edges that meet at each corner; mean of two corners for a mid-edge node (N,) [length]."""
     ends = tets[:, EDGES]
     lengths = np.linalg.norm(points[ends[:, :, 0]] - points[ends[:, :, 1]], axis=2)
     n = len(points)
     corners = ends.reshape(-1, 2)
-    total, count = (
-        copies.total(np.asarray(sum(np.bincount(corners[:, k], weights, minlength=n) for k in (0, 1)), dtype=float))
+    whole, count = (
+        total(np.asarray(sum(np.bincount(corners[:, k], weights, minlength=n) for k in (0, 1)), dtype=float), same)
         for weights in (lengths.ravel(), np.ones(lengths.size))
     )
-    size = np.divide(total, count, out=np.zeros(n), where=count > 0)
+    size = np.divide(whole, count, out=np.zeros(n), where=count > 0)
     size[tets[:, 4:]] = size[ends[:, :ON_EDGES]].mean(axis=2)
     return size
 

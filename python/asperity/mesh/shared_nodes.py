@@ -1,8 +1,6 @@
-"""Nodes that have copies, on several ranks or on periodic sides of the block, and values there."""
+"""Nodes that have copies on periodic sides of the block, and values there."""
 
 from __future__ import annotations
-
-from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -11,81 +9,19 @@ from asperity.errors import MeshError
 from asperity.mesh.block import NEAR, BlockMesh
 from asperity.mesh.element import outer_faces
 
-if TYPE_CHECKING:
-    from mpi4py import MPI
+
+def total(values: Floats, same: Indices | None) -> Floats:
+    """Sum of values (n,) over the copies of each node, which have a number in common, `same`; None: no node has one."""
+    return values if same is None else np.bincount(same, values)[same].astype(float)
 
 
-class Exchange:
-    """Sum or maximum of the values that several ranks have at a node, with the result on all of them."""
-
-    def __init__(self, index_map: Any) -> None:
-        from mpi4py import MPI
-        from petsc4py import PETSc
-
-        comm = self.comm = index_map.comm
-        self._owned, self._sf = index_map.size_local, PETSc.SF().create(comm)
-        starts = np.array(comm.allgather(index_map.local_range[0]))
-        owners = np.asarray(index_map.owners)
-        remote = np.column_stack([owners, np.asarray(index_map.ghosts) - starts[owners]]).astype(PETSc.IntType)
-        self._sf.setGraph(self._owned, None, remote.ravel())
-        self._unit, self._replace = MPI.DOUBLE, MPI.REPLACE
-
-    def merge(self, values: Floats, op: MPI.Op) -> Floats:
-        """Combine the values of all ranks at the local nodes, ghosts included (nodes,); collective."""
-        owned, ghosts = values[: self._owned].copy(), values[self._owned :].copy()
-        self._sf.reduceBegin(self._unit, ghosts, owned, op)
-        self._sf.reduceEnd(self._unit, ghosts, owned, op)
-        self._sf.bcastBegin(self._unit, owned, ghosts, self._replace)
-        self._sf.bcastEnd(self._unit, owned, ghosts, self._replace)
-        return np.concatenate([owned, ghosts])
-
-
-class SharedNodes:
-    """What the copies of a node share. All methods are collective where the nodes belong to several ranks.
-
-    Args:
-        same: number that the copies of a node on this rank have in common (n,); None where no node has one
-        exchange: between the ranks, at nodes with these numbers; None in a single process
-    """
-
-    def __init__(self, same: Indices | None = None, exchange: Exchange | None = None) -> None:
-        self._same, self._exchange = same, exchange
-        self._count = 0 if same is None else 1 + int(same.max(initial=-1))
-
-    def total(self, values: Floats) -> Floats:
-        """Sum over the copies of each node (n,)."""
-        if self._same is None:
-            return values
-        sums: Floats = np.bincount(self._same, values, minlength=self._count).astype(float)
-        if self._exchange is not None:
-            from mpi4py import MPI
-
-            sums = self._exchange.merge(sums, MPI.SUM)
-        return np.asarray(sums[self._same])
-
-    def greatest(self, values: Floats) -> Floats:
-        """Maximum over the copies of each node (n,)."""
-        if self._same is None:
-            return values
-        most: Floats = np.full(self._count, -np.inf)
-        np.maximum.at(most, self._same, values)
-        if self._exchange is not None:
-            from mpi4py import MPI
-
-            most = self._exchange.merge(most, MPI.MAX)
-        return np.asarray(most[self._same])
-
-    def count(self, here: int) -> int:
-        """Sum of a number over the ranks."""
-        return here if self._exchange is None else int(self._exchange.comm.allreduce(here))
-
-    def least(self, here: float) -> float:
-        """Minimum of a number over the ranks."""
-        if self._exchange is None:
-            return here
-        from mpi4py import MPI
-
-        return float(self._exchange.comm.allreduce(here, MPI.MIN))
+def greatest(values: Floats, same: Indices | None) -> Floats:
+    """Maximum over the copies of each node, see `total`."""
+    if same is None:
+        return values
+    most: Floats = np.full(1 + int(same.max()), -np.inf)
+    np.maximum.at(most, same, values)
+    return np.asarray(most[same])
 
 
 def same_nodes(points: Floats, side: float) -> Indices:

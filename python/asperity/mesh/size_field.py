@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING
 
@@ -20,7 +20,6 @@ if TYPE_CHECKING:
 
 POWER, LEAST = 0.5, 0.2  # of the size in the depth, for a spot grows with its root; least size over h_contact
 GRID = 257  # nodes per side of the grid on which the region of each size is found
-WIDEST, STEEPEST = 0.5, 0.5  # greatest size of an element that is to be split [L], and growth of it
 GRADED = 8  # different sizes around a summit
 LEVELS = 10  # different sizes on cells: with geometric steps each is within a few per cent of what a cell wants
 
@@ -114,16 +113,6 @@ class SizeField:
         for k, size in enumerate(levels):
             distances[:, :, k] = _distances(wanted & (near <= _just_above(float(size))), periodic) / (grid - 1)
         return SizeField(levels, distances, (0.0, 0.0, 1.0), growth, greatest, periodic)
-
-    def coarser(self, refinements: int) -> SizeField:
-        """Field of a mesh whose elements have this one, or less, after so many splits of their edges in two.
-
-        Its growth is limited to STEEPEST: of a steeper one the mesh would not notice small spots between its nodes.
-        """
-        ratio = 2.0**refinements
-        greatest = min(ratio * self.h_max, max(self.h_max, WIDEST_JOINED if self.periodic else WIDEST))
-        growth = min(ratio * self.growth, max(self.growth, STEEPEST))
-        return replace(self, sizes=ratio * self.sizes, growth=growth, h_max=greatest)
 
     @cached_property
     def at(self) -> Callable[[float, float, float], float]:

@@ -11,7 +11,6 @@ from asperity.model.limits import bounds, check
 from asperity.runtime.display import show
 
 H_CONTACT, H_MAX = 0.04, 0.25  # element sizes of a mesh when none are given [L]
-MOST_REFINEMENTS = 6  # of a mesh: each makes eight elements of one
 WIDEST_JOINED = 0.2  # greatest size with periodic sides: elements are up to twice as wide, `shared_nodes.joined` [L]
 METHODS = ("active-set", "penalty", "nitsche")  # of the contact
 FACTORS = "[0.01, 1e4]"  # legal penalty and gamma; larger ones lose the balance of forces in rounding
@@ -100,8 +99,6 @@ class MeshSize:
         h_max: greatest size; None takes H_MAX of the side; WIDEST_JOINED of it at most with periodic sides
         cells: sizes at the cells of a regular grid on the patch, inf where none is wanted (n, n), index [iy, ix]; None
             takes h_contact, and less at the summit
-        refinements: number n of times the ranks split each element of a mesh of 2^n times these sizes into eight, at
-            most MOST_REFINEMENTS
 
     Raises:
         InputError: a value outside its range
@@ -116,11 +113,9 @@ class MeshSize:
     growth: float = 0.25
     h_max: float | None = None
     cells: Floats | None = field(default=None, compare=False)
-    refinements: int = 0
 
     def __post_init__(self) -> None:
-        refinements = f"[0, {MOST_REFINEMENTS}]"
-        check(self, "mesh", h_contact="(0, inf)", growth=GROWTH, h_max="(0, inf)", refinements=refinements)
+        check(self, "mesh", h_contact="(0, inf)", growth=GROWTH, h_max="(0, inf)")
 
 
 @dataclass(frozen=True)

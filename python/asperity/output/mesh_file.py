@@ -45,11 +45,9 @@ def block_of_case(case: Case, h: float | None = None) -> tuple[BlockMesh, Surfac
         block: BlockMesh | None = BlockMesh.read(case.mesh.file)
     else:
         delta = case.loading.delta_max or (approach_of_share(surface) if surface.rough else 1e-3 * surface.L)
-        size = replace(case.mesh.size, refinements=0, h_contact=case.mesh.size.h_contact if h is None else h)
+        size = replace(case.mesh.size, h_contact=case.mesh.size.h_contact if h is None else h)
         block = make_block(MPI.COMM_SELF, surface, case.problem().height, delta, size, case.block.sides)
     assert block is not None
-    if block.refinements:
-        raise InputError("the mesh of mesh.file is refined by a run: leave mesh.file out")
     return block, surface
 
 

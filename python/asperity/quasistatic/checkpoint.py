@@ -147,7 +147,7 @@ class Checkpoint:
             with _refusing(path):
                 blocks.append(block := BlockMesh.from_arrays(read_npz(path)))
                 nodes = shapes[DISPLACEMENTS[0]][0]
-            if not block.refinements and nodes != len(block.points):
+            if nodes != len(block.points):
                 raise CheckpointError(f"{path} does not belong to the state; start the run again with --force")
             names = [SNAPSHOT.format(k) for k in range(len(meta["snapshots"]))]
             return meta, {STATE: shapes} | {name: scan(self.folder / name)[1] for name in names}

@@ -7,13 +7,11 @@ from typing import Any
 
 from asperity.curve import Curve
 from asperity.errors import CheckError, ConvergenceError
-from asperity.fem.global_numbering import share_mesh
 from asperity.mesh.block import BlockMesh
 from asperity.quasistatic.balance import Checks
 from asperity.quasistatic.contact_solver import ContactSolver, Counts
 from asperity.quasistatic.measures import Snapshot, mean_stress
 from asperity.runtime.display import brief
-from asperity.runtime.distributed_array import collect
 from asperity.runtime.timing import Phases
 
 
@@ -28,7 +26,7 @@ class ContactResult:
         phases: seconds per phase, this rank
         memory: greatest resident memory, all ranks [bytes]
         snapshots: states of the top kept, this rank's part
-        block: the mesh as built on rank 0, None elsewhere; with refinements that the ranks make, see `whole_mesh`
+        block: the mesh as built on rank 0, None elsewhere
         solver: with the solid in its last state
         complete: whether the path was followed to its end
         reason: why it ended
@@ -89,16 +87,6 @@ class ContactResult:
         stress.x.array.reshape(-1, 9)[cells] = values[:, (0, 3, 4, 3, 1, 5, 4, 5, 2)]  # of xx yy zz xy xz yz
         stress.x.scatter_forward()
         return stress
-
-    def whole_mesh(self) -> BlockMesh | None:
-        """Mesh with its refinements, gathered on rank 0; None elsewhere; collective."""
-        solid, block = self.solver.solid, self.block
-        if not solid.comm.bcast(block is not None and block.refinements > 0, root=0):
-            return block
-        points, tets = map(collect, share_mesh(solid))
-        if block is None or points is None or tets is None:
-            return None
-        return BlockMesh(points * block.side, tets, block.side, block.height)
 
 
 def refuse_wrong(checks: Checks, result: object) -> None:

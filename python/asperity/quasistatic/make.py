@@ -34,8 +34,7 @@ def make_block(
 
     def build() -> BlockMesh:
         field = size_field(surface, delta_max, size, sides)
-        coarse = field.coarser(size.refinements)
-        return build_block(surface, height, coarse.at, field.periodic, size.refinements)
+        return build_block(surface, height, field.at, field.periodic)
 
     return on_root(comm, build)
 
@@ -82,7 +81,7 @@ def make_contact_solver(
 
     on_root(comm, check)
     height = comm.bcast(None if block is None else block.height, root=0)
-    mesh, tags = distribute(comm, block, 1.0 / L, sides == "periodic", surface)
+    mesh, tags = distribute(comm, block, 1.0 / L, sides == "periodic")
     check_distortion(mesh, surface)
     options = options or SolverOptions()
     solid = Solid(mesh, tags, material.scaled(material.E), sides, options.forms, phases, comm)

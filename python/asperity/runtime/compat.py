@@ -73,7 +73,6 @@ def with_geometry(
     numbers: npt.NDArray[np.int64],
     x_nodes: npt.NDArray[np.int32],
     x: npt.NDArray[np.float64],
-    element: Any = None,
 ) -> Any:
     """A mesh of the same topology with another geometry, whose nodes no rank shares with another; collective.
 
@@ -82,21 +81,16 @@ def with_geometry(
         numbers: global number of each node of this rank (n,)
         x_nodes: nodes of each local cell (cells, nodes per cell)
         x: coordinates (n, 3) [length]
-        element: of the coordinates, of basix.ufl; None for that of `mesh`
     """
-    import ufl
-    from dolfinx import cpp, fem
+    from dolfinx import cpp
     from dolfinx import mesh as dmesh
 
     old = mesh.geometry._cpp_object
-    if element is not None:
-        coordinates, domain = fem.coordinate_element(element.basix_element)._cpp_object, ufl.Mesh(element)
-    else:
-        coordinates, domain = old.cmap if hasattr(old, "cmap") else old.cmaps[0], mesh.ufl_domain()  # since 0.11
+    coordinates = old.cmap if hasattr(old, "cmap") else old.cmaps[0]  # since 0.11
     nodes = cpp.common.IndexMap(mesh.comm, len(x))
     geometry = cpp.mesh.Geometry_float64(nodes, x_nodes, coordinates, x, numbers)
     made = cpp.mesh.Mesh_float64(mesh.comm, mesh.topology._cpp_object, geometry)
-    return dmesh.Mesh(made, domain)
+    return dmesh.Mesh(made, mesh.ufl_domain())
 
 
 def ghost_holders(index_map: Any) -> Any:
@@ -105,13 +99,3 @@ def ghost_holders(index_map: Any) -> Any:
         return index_map.index_to_dest_ranks()
     except TypeError:  # since 0.11 with a tag of its messages
         return index_map.index_to_dest_ranks(0)
-
-
-def stay(comm: Any, parts: int, kinds: Any, cells: Any) -> Any:
-    """Partition of a mesh, for dolfinx, that leaves each cell on the rank that has it."""
-    from dolfinx import graph
-    from dolfinx.cpp.mesh import cell_num_vertices
-
-    here = sum(len(nodes) // cell_num_vertices(kind) for kind, nodes in zip(kinds, cells, strict=True))
-    links = graph.adjacencylist(np.full((here, 1), comm.rank, dtype=np.int32))
-    return getattr(links, "_cpp_object", links)
