@@ -15,7 +15,7 @@ from conftest import call
 from made_up_run import write_run
 
 from asperity.dynamics import Dynamics, PowerLaw, run_dynamics
-from asperity.model.two_bodies import SumSurface
+from asperity.model.two_bodies import save_sum
 from asperity.plot import plot_run
 from asperity.plot.report import write_report
 from asperity.runtime.files import files_into, is_aside, read_npz, remove_asides, replacing
@@ -50,7 +50,7 @@ def patch(folder: Path) -> None:
 
 def sum_of_two(folder: Path) -> None:
     plane = Surface.from_spec(kind="flat", L=1.0)
-    SumSurface.of(plane, plane).save(folder / "sum.npz", 5)
+    save_sum(plane, plane, folder / "sum.npz", 5)
 
 
 WRITERS: dict[Callable[[Path], None], set[str]] = {

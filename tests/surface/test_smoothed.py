@@ -8,8 +8,7 @@ import numpy as np
 import pytest
 from scipy.ndimage import gaussian_filter
 
-from asperity.model.two_bodies import SumSurface
-from asperity.surface import Flat, HeightMap, SelfAffine, Sinusoid, Surface, WeierstrassMandelbrot
+from asperity.surface import HeightMap, SelfAffine, Sinusoid, Surface, WeierstrassMandelbrot
 
 ROUGH = SelfAffine(L=1.0, H=0.6, slope=0.3, lambda_roll=0.5, lambda_short=0.06, aspect=1.5, seed=2)
 FRACTAL = WeierstrassMandelbrot(L=1.0, D=2.5, G=1e-4, M=5, f_max=6)
@@ -31,14 +30,6 @@ def test_formulas_against_quadrature_of_the_convolution(surface: Surface, error:
     exact = [convolved(surface, x, y, float(s)) for x, y, s in zip(X[:25], Y[:25], widths, strict=True)]
     found = surface.smoothed(X[:25], Y[:25], widths)
     np.testing.assert_allclose(found, exact, rtol=0, atol=error * surface.statistics(129).Sq)
-
-
-def test_two_surfaces_are_smoothed_alike() -> None:
-    both = SumSurface.of(ROUGH, FRACTAL)
-    expected = ROUGH.smoothed(X, Y, 0.02) + FRACTAL.smoothed(1 - X, Y, 0.02)
-    np.testing.assert_allclose(both.smoothed(X, Y, 0.02), expected)
-    assert not both.periodic and SumSurface.of(ROUGH, Flat(L=1.0)).periodic
-    assert both.short_waves(0.1, 1.0) > FRACTAL.short_waves(0.1, 1.0) > 0
 
 
 @pytest.mark.parametrize("shape", [(129, 129), (120, 151)])

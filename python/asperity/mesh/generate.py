@@ -26,7 +26,6 @@ from asperity.surface.base import EDGE
 if TYPE_CHECKING:
     from asperity.surface import Surface
 
-MODEL = "asperity"  # name of the model in gmsh
 OPTIONS = {
     "General.Terminal": 0,
     "General.NumThreads": 1,
@@ -126,28 +125,22 @@ def nodes_and_elements() -> tuple[Floats, npt.NDArray[np.int64]]:
 
 @contextmanager
 def separate_model(options: Mapping[str, float]) -> Iterator[None]:
-    """Context with a new gmsh model and these options.
+    """Context with a session of gmsh with these options.
 
-    An open session of the caller has its models, the current one and its options afterwards; its other options count.
+    Raises:
+        MeshError: the caller has one
     """
     import gmsh
 
-    own = not gmsh.isInitialized()
-    if own:
-        gmsh.initialize(readConfigFiles=False, interruptible=False)
-    current, before = gmsh.model.getCurrent(), {name: gmsh.option.getNumber(name) for name in options}
+    if gmsh.isInitialized():
+        raise MeshError("a session of gmsh is open: end it before by gmsh.finalize()")
+    gmsh.initialize(readConfigFiles=False, interruptible=False)
     try:
         for name, value in options.items():
             gmsh.option.setNumber(name, value)
-        gmsh.model.add(MODEL)
-        try:
-            yield
-        finally:
-            gmsh.model.remove()
+        yield
     finally:
-        for name, value in before.items():
-            gmsh.option.setNumber(name, value)
-        gmsh.finalize() if own else gmsh.model.setCurrent(current)
+        gmsh.finalize()
 
 
 def _summit_node(c: float) -> float:

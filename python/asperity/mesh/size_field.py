@@ -8,7 +8,6 @@ from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.ndimage import distance_transform_edt, minimum_filter
 
 from asperity.arrays import Flags, Floats
 from asperity.model.settings import H_CONTACT, H_MAX, WIDEST_JOINED, MeshSize
@@ -100,6 +99,8 @@ class SizeField:
             h_max: greatest size [L]
             periodic: see `of`, for the default of `h_max` too
         """
+        from scipy.ndimage import minimum_filter  # here, for it is 10 MiB, and only rank 0 makes a mesh
+
         n = len(sizes)
         greatest = min(H_MAX if h_max is None else h_max, WIDEST_JOINED if periodic else np.inf)
         grid = max(n + 1, GRID)
@@ -133,6 +134,8 @@ def size_field(surface: Surface, delta_max: float, size: MeshSize, sides: str) -
 
 def _distances(reached: Flags, periodic: bool) -> Floats:
     """Distance of each node (n, n) of a grid, periodic or not, from those that are reached, in spacings of the grid."""
+    from scipy.ndimage import distance_transform_edt
+
     n = len(reached)
     margin = n // 2 if periodic else 0
     if periodic:

@@ -11,15 +11,11 @@ docs/measured.md lists the limits.
 from __future__ import annotations
 
 import json
-import math
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
-from typing import ClassVar
 
 import numpy as np
-from numpy.typing import ArrayLike
 
-from asperity.arrays import Array
 from asperity.errors import InputError
 from asperity.model.material import Material
 from asperity.runtime.files import npz_bytes, replace_file
@@ -67,83 +63,28 @@ def equivalent_block(
     return material, compliance * material.block_modulus(sides)
 
 
-@dataclass(frozen=True, eq=False, kw_only=True)
-class SumSurface(Surface):
-    """z1(x, y) + z2(L - x, y): two surfaces that face each other, each seen from its own outside.
+def save_sum(first: Surface, second: Surface, path: str | Path, n: int = 513) -> Path:
+    """Write z1(x, y) + z2(L - x, y), two surfaces that face each other, for kind = "file"; return the path.
 
-    Attributes:
-        L: side of the patch [length]; that of both
+    Args:
         first: the lower surface, heights upwards
-        second: the upper surface as it lies on a table, heights upwards; turned over about the y direction to face
-            the first
+        second: the upper surface as it lies on a table, heights upwards; turned over about y to face the first
+        path: of a .npz file
+        n: heights along each side
+
+    Raises:
+        InputError: the sides differ
 
     Examples:
         >>> wave = asp.Surface.from_spec("sinusoid", L=1.0, amplitude=0.01)
-        >>> both = SumSurface.of(wave, wave)
-        >>> round(float(both.height(0.5, 0.2) / wave.height(0.5, 0.2)), 6)
+        >>> both = asp.Surface.from_spec("file", path=save_sum(wave, wave, "sum.npz", 65))
+        >>> round(float(both.height(0.5, 0.2) / wave.height(0.5, 0.2)), 4)
         2.0
     """
-
-    L: float
-    first: Surface
-    second: Surface
-
-    rough: ClassVar[bool] = True
-    about: ClassVar[dict[str, int]] = {"bodies": 2}  # as `HeightMap.about` has it
-
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        if not (np.isclose(self.first.L, self.L) and np.isclose(self.second.L, self.L)):
-            sides = f"{self.first.L:g} and {self.second.L:g}"
-            raise InputError(f"surfaces of sides {sides} have no sum on a side {self.L:g}: cut both to one side")
-
-    @staticmethod
-    def of(first: Surface, second: Surface) -> SumSurface:
-        """Sum of two surfaces on patches of one side."""
-        return SumSurface(L=first.L, first=first, second=second)
-
-    def height(self, x: ArrayLike, y: ArrayLike) -> Array:
-        return np.asarray(self.first.height(x, y) + self.second.height(self.L - np.asarray(x), y))
-
-    def gradient(self, x: ArrayLike, y: ArrayLike) -> tuple[Array, Array]:
-        ax, ay = self.first.gradient(x, y)
-        bx, by = self.second.gradient(self.L - np.asarray(x), y)
-        return ax - bx, ay + by
-
-    def hessian(self, x: ArrayLike, y: ArrayLike) -> tuple[Array, Array, Array]:
-        axx, axy, ayy = self.first.hessian(x, y)
-        bxx, bxy, byy = self.second.hessian(self.L - np.asarray(x), y)
-        return axx + bxx, axy - bxy, ayy + byy
-
-    def on_product(self, x: Array, y: Array, dx: int = 0, dy: int = 0) -> Array:
-        turned = self.second.on_product((self.L - x)[::-1], y, dx, dy)[:, ::-1]
-        return np.asarray(self.first.on_product(x, y, dx, dy) + (-1) ** dx * turned)
-
-    def mean(self) -> float:
-        return self.first.mean() + self.second.mean()
-
-    def curvature_bound(self) -> float:
-        return self.first.curvature_bound() + self.second.curvature_bound()
-
-    @property
-    def feature_size(self) -> float:
-        """The smaller feature of the two [length]."""
-        return min(self.first.feature_size, self.second.feature_size)
-
-    @property
-    def periodic(self) -> bool:
-        """Whether both are."""
-        return self.first.periodic and self.second.periodic
-
-    def short_waves(self, wavelength: float, depth: float) -> float:
-        return math.hypot(*(surface.short_waves(wavelength, depth) for surface in (self.first, self.second)))
-
-    def smoothed(self, x: ArrayLike, y: ArrayLike, s: ArrayLike) -> Array:
-        return np.asarray(self.first.smoothed(x, y, s) + self.second.smoothed(self.L - np.asarray(x), y, s))
-
-    def save(self, path: str | Path, n: int = 513) -> Path:
-        """Write heights on an n x n grid as .npz, for kind = "file" in a case; return the path."""
-        path = Path(path).with_suffix(".npz")
-        about = np.frombuffer(json.dumps(self.about).encode(), dtype=np.uint8)
-        replace_file(path, npz_bytes({"z": self.grid(n), "L": np.array(self.L), "about": about}, compress=True))
-        return path
+    if not np.isclose(first.L, second.L):
+        raise InputError(f"surfaces of sides {first.L:g} and {second.L:g} have no sum: cut both to one side")
+    path = Path(path).with_suffix(".npz")
+    heights = first.grid(n) + second.grid(n)[:, ::-1]
+    about = np.frombuffer(json.dumps({"bodies": 2}).encode(), dtype=np.uint8)  # for `assumptions`
+    replace_file(path, npz_bytes({"z": heights, "L": np.array(first.L), "about": about}, compress=True))
+    return path
