@@ -1,7 +1,6 @@
 // Cholesky factors of a coarse matrix in single precision, by CHOLMOD (Chen et al., ACM Trans. Math. Softw. 35 (2008)
-// 22), whole or by substructures (Przemieniecki, AIAA J. 1 (1963) 138): each rank eliminates the nodes that it alone
-// holds, and a dense matrix is left of those that ranks share. A solution takes as long as reading the factors, hence
-// single precision, which CHOLMOD has since 5.1. The build leaves this class out where there is no such library.
+// 22), see asperity/linear/coarse.py. A solution takes as long as reading the factors, hence single precision, which
+// CHOLMOD has since 5.1. The build leaves this class out where there is no such library.
 #pragma once
 
 #include "linear.hpp"
@@ -9,32 +8,30 @@
 #include <suitesparse/cholmod.h>
 
 #include <memory>
-#include <vector>
 
 namespace asperity
 {
-/// Factors L L^T of one rank's part of a symmetric matrix with three dofs a node, on the square graph of its nodes.
+/// Factors L L^T of a symmetric matrix, given by its upper half by columns: `starts` (n + 1,), rows, values.
 class Cholesky
 {
 public:
   /// Whether the library that is loaded has single precision, as the one built against.
   static bool available() { return cholmod_version(nullptr) >= CHOLMOD_VER_CODE(5, 1); }
 
-  /// Order of elimination and structure of the factors. The nodes of `interface` come last, in that order.
-  Cholesky(const Graph& indptr, const Graph& indices, const Array<const int>& interface);
+  /// Write the best order (n,) of elimination for such a graph, of minimum degree and nested dissection.
+  static void best_order(const Graph& starts, const Graph& rows, const Array<int>& order);
 
-  /// Factorise; false where the matrix is not positive definite to this precision, or memory too small. One rank's part
-  /// alone may be singular at the interface, so its diagonal gets `shift` (3 interface,) there.
-  bool factorise(const Array<const double>& values, const Array<const float>& shift);
+  /// Structure of the factors, for elimination in this order (n,).
+  Cholesky(const Graph& starts, const Graph& rows, const Array<const int>& order);
 
-  /// Factor, its lower half only, of the Schur complement at the interface (3 interface, 3 interface), shift included.
-  void interface_factors(const Array<float>& out) const;
+  /// Factorise; false where the matrix is not positive definite to this precision, or memory too small.
+  bool factorise(const Array<const float>& values);
 
-  /// Solve L y = b, b (dofs,) in the order of the nodes, y in that of elimination.
-  void forward(const Array<const float>& b, const Array<float>& y);
+  /// Copy the last k rows and columns of L, its lower half only, to (k, k).
+  void last_block(const Array<float>& out) const;
 
-  /// Solve L^T x = y in the orders of `forward`; overwrites y.
-  void backward(const Array<float>& y, const Array<float>& x);
+  /// Solve L y = x in place, or L^T y = x; both in the order of elimination.
+  void solve(const Array<float>& x, bool transposed);
 
 private:
   struct Library : cholmod_common // made first and removed last: all that CHOLMOD allocates needs it
@@ -47,7 +44,6 @@ private:
   struct Release
   {
     cholmod_common* library;
-    void operator()(cholmod_sparse* object) const { cholmod_free_sparse(&object, library); }
     void operator()(cholmod_factor* object) const { cholmod_free_factor(&object, library); }
   };
   struct Dense // workspace of solutions
@@ -56,25 +52,14 @@ private:
     cholmod_dense* array = nullptr;
     ~Dense() { cholmod_free_dense(&array, library); }
   };
-  using Sparse = std::unique_ptr<cholmod_sparse, Release>;
   using Factor = std::unique_ptr<cholmod_factor, Release>;
 
-  Sparse allocate(std::size_t n, std::size_t entries, int kind);
-  Factor analyse(cholmod_sparse& of, std::vector<int>* order);
-  std::vector<int> elimination_order(const Graph& indptr, const Graph& indices);
-  void expand(const Graph& indptr, const Graph& indices);
-  bool fill(const Array<const double>& values, const Array<const float>& shift);
-  void solve(int system, float* values);
+  static cholmod_sparse view(const Graph& starts, const Graph& rows, const float* values);
+  static Factor analyse(const Graph& starts, const Graph& rows, const int* order, Library& library);
 
   Library library;
-  std::size_t dofs = 0, interior = 0; // all, and those that are eliminated
-  std::size_t given = 0;              // number of values of the matrix from outside
-  std::vector<int> interface;
-  std::vector<char> shared;                  // whether a node is of the interface
-  Sparse matrix{nullptr, Release{&library}}; // upper half by columns
+  Graph starts, rows;
   Factor factor{nullptr, Release{&library}};
   Dense found{&library}, work{&library}, more{&library};
-  std::vector<std::size_t> source;   // place of each entry of the matrix among the values
-  std::vector<std::size_t> diagonal; // place of each diagonal entry in the matrix
 };
 } // namespace asperity

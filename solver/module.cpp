@@ -109,11 +109,11 @@ void bind_linear(nb::module_& m)
   if (!Cholesky::available())
     return;
   nb::class_<Cholesky>(m, "Cholesky")
-      .def(nb::init<Graph, Graph, Array<const int>>(), "indptr"_a, "indices"_a, "interface"_a)
-      .def("factorise", &Cholesky::factorise, "values"_a, "shift"_a, unlocked)
-      .def("interface_factors", &Cholesky::interface_factors, out("out"), unlocked)
-      .def("forward", &Cholesky::forward, "b"_a, out("y"), unlocked)
-      .def("backward", &Cholesky::backward, out("y"), out("x"), unlocked);
+      .def(nb::init<Graph, Graph, Array<const int>>(), "starts"_a, "rows"_a, "order"_a)
+      .def_static("best_order", &Cholesky::best_order, "starts"_a, "rows"_a, out("order"), unlocked)
+      .def("factorise", &Cholesky::factorise, "values"_a, unlocked)
+      .def("last_block", &Cholesky::last_block, out("out"), unlocked)
+      .def("solve", &Cholesky::solve, out("x"), "transposed"_a, unlocked);
 #endif
 }
 

@@ -59,7 +59,7 @@ def many(n: int) -> dict[str, Arguments]:
         ),
         "BlockPattern": dict(cell_dofs=cells, **graph),
         "HalfPattern": dict(cell_dofs=cells, **upper_graph),
-        "Cholesky": dict(**graph, interface=np.array([3, 7], dtype=np.int32)),
+        "Cholesky": dict(starts=indptr, rows=indices, order=np.arange(NODES * n, dtype=np.int32)),
         "Facets": dict(
             x=x, x_dofs=cells, u_dofs=cells, local=np.zeros(n, dtype=np.int32), gradients=facet_gradients,
             shape=shape, normals=element.area_vectors(), weights=facet_weights,
@@ -137,10 +137,8 @@ def spoilt(array: Any) -> dict[str, Any]:
     }
 
 
-LEGAL = {  # fewer cells need not have the whole graph; points are known to the facets only; any nodes are an interface
+LEGAL = {  # fewer cells need not have the whole graph; points are known to the facets only
     ("BlockPattern", "cell_dofs", "a row less"),
-    ("Cholesky", "interface", "a row less"),
-    ("Cholesky", "interface", "a column less"),
     ("ContactLaw", "height", "a column less"),
     ("HalfPattern", "cell_dofs", "a row less"),
 }
@@ -190,7 +188,7 @@ def test_objects_of_other_cells_are_refused(name: str, key: str) -> None:
 
 
 RANGES = [("Cells", "x_dofs"), ("Facets", "x_dofs"), ("Facets", "local"), ("BlockPattern", "cell_dofs")]
-RANGES += [("HalfPattern", "cell_dofs"), ("Cholesky", "interface")]
+RANGES += [("HalfPattern", "cell_dofs"), ("Cholesky", "order")]
 NEGATIVE = [("Cells", "u_dofs", -1), ("Facets", "u_dofs", -1)]
 
 

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 import pytest
 from conftest import ELASTIC, world
@@ -14,7 +12,7 @@ from asperity.arrays import Floats
 from asperity.fem.ghosts import Ghosts
 from asperity.fem.sparsity import SparsityPattern
 from asperity.linear import coarse as coarse_problem
-from asperity.linear.coarse import Distributed, Substructures, interface_of, make_coarse
+from asperity.linear.coarse import Distributed, Factors, Substructures, interface_of, make_coarse
 from asperity.mesh.block import BlockMesh
 from asperity.mesh.distribute import distribute
 from asperity.model.settings import SolverOptions
@@ -55,31 +53,28 @@ def test_elimination_leaves_the_schur_complement(name: str) -> None:
     A, interface = whole(pattern, values), np.array(nodes, dtype=np.int32)
     outer = (3 * interface[:, None] + np.arange(3)).ravel()
     inner = np.setdiff1d(np.arange(len(A)), outer)
-    factors = _solver.Cholesky(pattern.indptr, pattern.indices, interface)
+    factors = Factors(pattern, interface)
     shift = np.linspace(1.0, 2.0, len(outer), dtype=np.float32)
     assert factors.factorise(values, shift)
 
-    lower = np.zeros((len(outer), len(outer)), dtype=np.float32)
-    factors.interface_factors(lower)
+    lower = factors.last_block()
     eliminated = A[np.ix_(outer, inner)] @ np.linalg.solve(A[np.ix_(inner, inner)], A[np.ix_(inner, outer)])
     schur = A[np.ix_(outer, outer)] - eliminated
     np.testing.assert_allclose(lower @ lower.T - np.diag(shift), schur, atol=1e-5 * abs(A).max())
 
     right = np.random.default_rng(4).normal(size=len(A)).astype(np.float32)
-    work, x = np.empty_like(right), np.empty_like(right)
-    factors.forward(right, work)
+    work = factors.forward(right)
     left = right[outer] - A[np.ix_(outer, inner)] @ np.linalg.solve(A[np.ix_(inner, inner)], right[inner])
     tail = work[len(inner) :]
     np.testing.assert_allclose(lower @ tail, left, atol=1e-5)
     tail[:] = lower.T @ np.linalg.solve(schur, left)
-    factors.backward(work, x)
-    np.testing.assert_allclose(x, np.linalg.solve(A, right), rtol=1e-4, atol=1e-6)
+    np.testing.assert_allclose(factors.backward(work), np.linalg.solve(A, right), rtol=1e-4, atol=1e-6)
 
 
 def test_a_matrix_that_is_not_positive_definite_is_refused(capfd: pytest.CaptureFixture[str]) -> None:
     """Without a word of the library; the next matrix is factorised again."""
     pattern, values = matrix(PIECES["no interface"][0])
-    factors = _solver.Cholesky(pattern.indptr, pattern.indices, np.empty(0, dtype=np.int32))
+    factors = Factors(pattern, np.empty(0, dtype=np.int64))
     none = np.empty(0, dtype=np.float32)
     worse = values.copy()
     worse[pattern.diagonal[5]] = -1.0
@@ -90,22 +85,14 @@ def test_a_matrix_that_is_not_positive_definite_is_refused(capfd: pytest.Capture
     assert capfd.readouterr() == ("", "")
 
 
-@pytest.mark.parametrize("method", ["factorise", "interface_factors", "forward", "backward"])
-def test_arrays_of_another_shape_and_a_node_twice_are_refused(method: str) -> None:
-    pattern, values = matrix(PIECES["pieces"][0])
-    factors = _solver.Cholesky(pattern.indptr, pattern.indices, np.array([9, 3], dtype=np.int32))
-    short, dofs = np.zeros(5, dtype=np.float32), np.zeros(36, dtype=np.float32)
-    wrong: dict[str, list[tuple[Any, ...]]] = {
-        "factorise": [(values[:-1], np.zeros(6, dtype=np.float32)), (values, short)],
-        "interface_factors": [(np.zeros((6, 5), dtype=np.float32),)],
-        "forward": [(short, dofs), (dofs, short)],
-        "backward": [(short, dofs), (dofs, short)],
-    }
-    for arguments in wrong[method]:
+def test_arrays_of_another_shape_are_refused() -> None:
+    pattern, _ = matrix(PIECES["pieces"][0])
+    factors = _solver.Cholesky(pattern.rows, pattern.columns, np.arange(36, dtype=np.int32))
+    for call, shape in ((factors.factorise, 5), (factors.last_block, (6, 5)), (lambda x: factors.solve(x, True), 5)):
         with pytest.raises(ValueError, match="has shape"):
-            getattr(factors, method)(*arguments)
-    with pytest.raises(ValueError, match="interface has node 3 twice"):
-        _solver.Cholesky(pattern.indptr, pattern.indices, np.array([3, 3], dtype=np.int32))
+            call(np.zeros(shape, dtype=np.float32))
+    with pytest.raises(ValueError, match="more rows than"):
+        factors.last_block(np.zeros((37, 37), dtype=np.float32))
 
 
 @pytest.mark.mpi

@@ -12,6 +12,7 @@ of L, is the right side of the interface; L^T x = y goes on from its solution ti
 
 from __future__ import annotations
 
+from copy import copy
 from functools import partial
 from typing import Any, NamedTuple
 
@@ -120,6 +121,57 @@ def interface_of(index_map: Any, comm: Any) -> Interface:
     return Interface(nodes, at, 3 * len(everywhere))
 
 
+class Factors:
+    """Factors L L^T of one rank's part of a symmetric matrix in single precision, the nodes of `last` eliminated last.
+
+    `forward` and `backward` solve L y = b and L^T x = y; y is in the order of elimination.
+    """
+
+    def __init__(self, sparsity: SparsityPattern, last: Indices) -> None:
+        from scipy import sparse
+
+        indptr, indices = sparsity.indptr, sparsity.indices
+        inner = np.setdiff1d(np.arange(len(indptr) - 1), last)
+        graph = sparse.csr_array((np.ones(len(indices), dtype=np.int8), indices, indptr))[inner][:, inner]
+        graph = sparse.tril(graph, format="csr")  # the rows of a lower half are the columns of the upper one
+        order = np.empty(len(inner), dtype=np.int32)
+        if len(inner):
+            _solver.Cholesky.best_order(graph.indptr, graph.indices, order)
+        nodes = np.concatenate([inner[order], last])
+        self._order = (3 * nodes[:, None] + np.arange(3)).ravel().astype(np.int32)
+        whole = copy(sparsity)  # with three dofs a node, which is not kept
+        below = whole.columns <= np.repeat(np.arange(len(self._order)), np.diff(whole.rows))
+        self._source = np.flatnonzero(below)
+        starts = np.concatenate([[0], np.cumsum(below)])[whole.rows].astype(np.int32)
+        self._shifted = starts[self._order[3 * len(inner) :] + 1] - 1  # the diagonal is the last of its column
+        self._factors = _solver.Cholesky(starts, whole.columns[below], self._order)
+
+    def factorise(self, values: Floats, shift: Singles) -> bool:
+        """Of the sum of these values and a `shift` of the diagonal at the last nodes; whether it is definite."""
+        with np.errstate(over="ignore"):
+            upper = values[self._source].astype(np.float32)
+        upper[self._shifted] += shift
+        return bool(np.isfinite(upper).all()) and self._factors.factorise(upper)
+
+    def last_block(self) -> Singles:
+        """L at the last nodes: the factor of what is left of the matrix there, the shift included."""
+        out = np.zeros((len(self._shifted), len(self._shifted)), dtype=np.float32)
+        self._factors.last_block(out)
+        return out
+
+    def forward(self, right: Singles) -> Singles:
+        y = right[self._order]
+        self._factors.solve(y, transposed=False)
+        return y
+
+    def backward(self, y: Singles) -> Singles:
+        """Overwrites y."""
+        self._factors.solve(y, transposed=True)
+        x = np.empty_like(y)
+        x[self._order] = y
+        return x
+
+
 class Substructures:
     """Symmetric and positive definite, in single precision; the methods are those of `Distributed`."""
 
@@ -132,26 +184,24 @@ class Substructures:
         self.values: Floats = np.zeros(self.sparsity.size)
         self._ghosts = Ghosts(index_map)
         self._nodes, self._at, dofs = interface
-        self._factors = _solver.Cholesky(self.sparsity.indptr, self.sparsity.indices, self._nodes.astype(np.int32))
+        self._factors = Factors(self.sparsity, self._nodes)
         self._schur = np.zeros((dofs, dofs), dtype=np.float32)
         self._left = np.zeros(dofs, dtype=np.float32)
-        self._work = np.empty(3 * corners, dtype=np.float32)
 
     def update(self) -> bool:
         from mpi4py import MPI
         from scipy.linalg.lapack import spotrf
 
         if self._comm.size == 1:
-            return bool(self._factors.factorise(self.values, np.empty(0, dtype=np.float32)))
+            return self._factors.factorise(self.values, np.empty(0, dtype=np.float32))
         # the diagonal of the whole matrix, without which the part of one rank may be singular at the interface
         parts = self.values[self.sparsity.diagonal].reshape(-1, 3)
         whole = self._ghosts.scatter_forward(self._ghosts.scatter_reverse(parts).copy())
         shift = whole[self._nodes].ravel().astype(np.float32)
         done = self._factors.factorise(self.values, shift)
-        if not self._comm.allreduce(bool(done), MPI.LAND):
+        if not self._comm.allreduce(done, MPI.LAND):
             return False
-        lower = np.zeros((len(self._at), len(self._at)), dtype=np.float32)
-        self._factors.interface_factors(lower)
+        lower = self._factors.last_block()
         self._upper = lower.T  # as LAPACK stores it, by columns
         part = lower @ lower.T
         part[np.diag_indices_from(part)] -= shift
@@ -164,15 +214,13 @@ class Substructures:
     def solve(self, right: Singles) -> Singles:
         from mpi4py import MPI
 
-        self._factors.forward(right, self._work)
-        x = np.empty_like(self._work)
+        work = self._factors.forward(right)
         if not len(self._left):
-            self._factors.backward(self._work, x)
-            return x
+            return self._factors.backward(work)
         from scipy.linalg.blas import strmv
         from scipy.linalg.lapack import spotrs
 
-        tail = self._work[len(self._work) - len(self._at) :]
+        tail = work[len(work) - len(self._at) :]
         self._left[:] = 0.0
         if len(tail):  # what is left of the right side there
             self._left[self._at] = strmv(self._upper, tail, trans=1)
@@ -180,6 +228,6 @@ class Substructures:
         shared = spotrs(self._schur, self._left, lower=True)[0][self._at]
         if len(tail):
             tail[:] = strmv(self._upper, shared)
-        self._factors.backward(self._work, x)
+        x = self._factors.backward(work)
         x.reshape(-1, 3)[self._nodes] = shared.reshape(-1, 3)  # the same bits on each rank
         return x
