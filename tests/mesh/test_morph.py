@@ -11,12 +11,11 @@ from conftest import here
 
 from asperity.errors import MeshError, ResolutionWarning
 from asperity.mesh.block import NEAR, BlockMesh
-from asperity.mesh.element import least_jacobians, projected_area
+from asperity.mesh.element import least_jacobians
 from asperity.mesh.generate import build_block
-from asperity.mesh.morph import FREE, _least_stretch, _vertical_gradients
+from asperity.mesh.morph import _least_stretch, _vertical_gradients
 from asperity.mesh.resolution import judge_mesh, lowered_height
 from asperity.mesh.size_field import SizeField
-from asperity.mesh.top import Top
 from asperity.reference import RoughHalfSpace
 from asperity.runtime import compat
 from asperity.surface import Flat, HeightMap, SelfAffine, Sinusoid, Surface
@@ -110,17 +109,16 @@ def test_smoothing_stays_near_the_elements_that_need_it() -> None:
     surface = SelfAffine(L=1.0, H=0.8, slope=0.7, lambda_roll=0.3, lambda_short=0.05, seed=2)
     block = build_block(surface, 1.0, lambda x, y, depth: 0.012 + 0.4 * max(x - 0.3, depth, 0.0))
     assert block.smoothing is not None and jacobians(block).min() > 0.0
-    width = np.where(block.smoothing < FREE, block.smoothing, 0.0)
+    width = block.smoothing
     assert width.max() < 0.1
     fine = width[(block.points[:, 2] > 0.9) & (block.points[:, 0] < 0.25)]
     assert (fine > 0.0).mean() < 0.5 and fine.max() < 3.0 * 0.012
 
 
-@pytest.mark.parametrize(("slope", "seed"), [(1.0, 3), (1.5, 9)])
-def test_steep_summits_keep_their_heights(slope: float, seed: int) -> None:
+def test_steep_summits_keep_their_heights() -> None:
     """Elements that resolve the summits and grow around them, as the program makes them; the rest is far too steep."""
-    delta = 0.02 * slope
-    surface = self_affine(slope=slope, seed=seed, H=0.8, lambda_roll=0.25)
+    delta = 0.02
+    surface = self_affine(slope=1.0, seed=3, H=0.8, lambda_roll=0.25)
     layer = RoughHalfSpace(256, 1.0, 0.3)
     curve = layer.curve(layer.heights(surface), surface.maximum()[2], np.array([0.5, 1.0]) * delta)
     sizes = 0.015 * np.maximum(curve.touched_at / delta, 0.15)  # inf where nothing is touched
@@ -131,20 +129,6 @@ def test_steep_summits_keep_their_heights(slope: float, seed: int) -> None:
     gap = block.points[:, 2].max() - 1.0 - (surface.maximum()[2] - surface.mean())
     assert abs(gap) < 1e-3 * delta
     assert lowered(block, surface, delta) < 0.05
-
-
-def test_nodes_leave_their_columns_inside_only(tmp_path: Path) -> None:
-    """What they do there is no surface: a mesh file says which they are, and its top is still that of the surface."""
-    surface = self_affine(slope=1.5)
-    block = build_block(surface, 1.0, lambda x, y, depth: 0.03 + 0.3 * max(x - 0.3, depth, 0.0))
-    assert block.smoothing is not None
-    free = block.smoothing == FREE
-    assert 0 < free.sum() < 0.2 * len(free) and jacobians(block).min() > 0.0
-    top, base = Top.of(block, surface), block.points[:, 2] == 0.0
-    assert not free[base].any() and not free[np.unique(top.faces)].any()
-    assert projected_area(top.points[top.faces[:, [0, 1, 2, 4, 5, 3]]]).sum() == pytest.approx(1.0, abs=1e-9)
-    block.save(tmp_path / "mesh.npz")
-    BlockMesh.read(tmp_path / "mesh.npz").check(surface)
 
 
 def test_a_sheer_step_has_sound_elements(tmp_path: Path) -> None:

@@ -41,7 +41,7 @@ class BlockMesh:
         side: length L of the square base [length]
         height: height of the block [length]
         smoothing: standard deviation of the Gaussian that smooths the surface at each node, see `morph.lift` (N,)
-            [length]; inf where a node inside has left its column; None where all heights are exact
+            [length]; None where all heights are exact
 
     Examples:
         >>> from asperity.mesh.generate import build_block
@@ -68,13 +68,11 @@ class BlockMesh:
         return {**arrays, "side": np.array(self.side), "height": np.array(self.height)}
 
     def heights(self, surface: Surface) -> Floats:
-        """Height of the top above the base at x and y of each node, inf if it has left its column (N,) [length]."""
+        """Height of the top above the base at x and y of each node (N,) [length]."""
         x, y, _ = self.points.T
         if self.smoothing is None:
             return np.asarray(self.height + surface.height(x, y) - surface.mean())
-        z, column = np.full(len(x), np.inf), np.isfinite(self.smoothing)
-        z[column] = heights_at(surface, x[column], y[column], self.smoothing[column])
-        return np.asarray(self.height + z - surface.mean())
+        return np.asarray(self.height + heights_at(surface, x, y, self.smoothing) - surface.mean())
 
     @staticmethod
     def from_arrays(arrays: Mapping[str, npt.NDArray[Any]]) -> BlockMesh:
