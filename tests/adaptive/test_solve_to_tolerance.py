@@ -30,7 +30,7 @@ from asperity.adaptive.solve_contact import solve_contact
 from asperity.case import Case
 from asperity.curve import Curve
 from asperity.errors import ResolutionWarning
-from asperity.mesh.resolution import ELEMENTS, doubt_of_waves, resolving_size
+from asperity.mesh.resolution import ELEMENTS, doubt_of_waves
 from asperity.model.load_path import MIDPOINT
 from asperity.model.settings import AccuracyTarget
 from asperity.quasistatic.contact_result import ContactResult, PartialResult
@@ -293,15 +293,14 @@ def test_a_case_of_a_rough_surface_that_meets_no_tolerance_names_a_cut_off(tmp_p
     assert np.all(Curve.read(tmp_path / "curve.csv").error_P_star > 0.0)
 
 
-def test_the_size_that_resolves_gives_the_shortest_wave_one_and_a_half_elements() -> None:
-    """A little more for a tolerance that is tight, and nothing where the flat hardly feels the height of the waves."""
+def test_waves_shorter_than_one_and_a_half_elements_are_missed_where_the_flat_feels_them() -> None:
     for f_max in (7, 8):
-        surface = rough(f_max, 0)
-        loose, tight = (resolving_size(surface, 0.006, tolerance, 0.07) for tolerance in (0.05, 0.005))
-        waves = 1.5**-f_max / np.array([loose, tight])
-        assert 0.9 * ELEMENTS < waves[0] < waves[1] < 1.4 * ELEMENTS
-        assert resolving_size(surface, 0.9, 0.05, 0.07) == np.inf
-    assert resolving_size(bump(), 0.03, 0.01, 0.07) == np.inf
+        surface, wave = rough(f_max, 0), 1.5**-f_max
+        for elements, missed in ((0.9, True), (1.4, False)):
+            h = wave / (elements * ELEMENTS)
+            assert bool(doubt_of_waves(surface, h, 0.006)) is missed
+        assert not doubt_of_waves(surface, 0.07, 0.9)
+    assert not doubt_of_waves(bump(), 0.07, 0.03)
 
 
 def test_one_mesh_that_misses_waves_is_told() -> None:

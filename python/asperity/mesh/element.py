@@ -22,13 +22,6 @@ ON_EDGES = NODES - 4
 #: Nodes of the faces in the order of gmsh: the corners, then the nodes on the edges 01, 12, 20 of the face.
 FACES = ((0, 1, 2, 4, 5, 6), (0, 1, 3, 4, 9, 7), (0, 2, 3, 6, 8, 7), (1, 2, 3, 5, 8, 9))
 FACE_TRIANGLES = ((0, 3, 5), (1, 4, 3), (2, 5, 4), (3, 4, 5))  # linear ones through all nodes of a face in that order
-#: Split of a tetrahedron into eight whose corners are its nodes in the order of gmsh: four at its corners, and four in
-#: the octahedron between them, about one of its diagonals with the other four nodes in a ring. All are oriented alike.
-AT_CORNERS = ((0, 4, 6, 7), (4, 1, 5, 9), (6, 5, 2, 8), (7, 9, 8, 3))
-DIAGONALS = (((4, 8), (5, 6, 7, 9)), ((5, 7), (9, 8, 6, 4)), ((6, 9), (4, 5, 8, 7)))  # ends, and the ring around
-#: These eight for each of the diagonals (3, 8, 4).
-PARTS = np.array([[*AT_CORNERS, *((*ends, ring[k], ring[(k + 1) % 4]) for k in range(4))] for ends, ring in DIAGONALS])
-
 #: Points of the nodes of a facet on the reference triangle, in the order of dolfinx: corners, middles opposite to them.
 FACET_POINTS = np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0], [0.5, 0.5], [0.0, 0.5], [0.5, 0.0]])
 #: Nodes of a facet that carry a uniform pressure, each an equal part of it; the others carry nothing.
@@ -36,7 +29,10 @@ BEARING = (3, 4, 5)
 
 VTK_TYPE = 24  # quadratic tetrahedron
 GMSH_TO_VTK = (0, 1, 2, 3, 4, 5, 6, 7, 9, 8)  # the last two edges are swapped
-LINEAR_TETS = np.array(GMSH_TO_VTK)[PARTS[0]]  # through all nodes of a cell, in the order of VTK (8, 4)
+#: Linear tetrahedra through all nodes of a cell, in the order of VTK: four at its corners, four in the middle.
+LINEAR_TETS = (
+    (0, 4, 6, 7), (4, 1, 5, 8), (6, 5, 2, 9), (7, 8, 9, 3), (4, 9, 5, 6), (4, 9, 6, 7), (4, 9, 7, 8), (4, 9, 8, 5)
+)  # fmt: skip
 
 # -- shape functions and quadrature ----------------------------------------------------------------------------
 

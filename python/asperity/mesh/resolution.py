@@ -7,7 +7,7 @@ proportional to the height of these waves over the approach (measured in docs/ac
 
 from __future__ import annotations
 
-from math import floor, inf, log10, sqrt
+from math import floor, inf, log10
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -25,7 +25,7 @@ ELEMENTS = 1.5  # per wavelength: with fewer, the difference of two meshes does 
 SHARE = 0.25  # greatest height of unresolved waves, over the approach times the tolerance
 ONE_MESH = 0.05  # error of the force accepted without a tolerance
 MOST_LOWERED = 0.5  # change of height by smoothing, over the approach, beyond which the mesh is not of this surface
-CLOSE = 1.02  # ratio below which two sizes count as equal
+FINER = 1.2  # ratio of the sizes that are tried for one that would do
 
 
 def unresolved_height(surface: Surface, h: float, delta: float) -> float:
@@ -33,31 +33,13 @@ def unresolved_height(surface: Surface, h: float, delta: float) -> float:
     return surface.short_waves(ELEMENTS * h, delta) / delta
 
 
-def resolving_size(surface: Surface, delta: float, tolerance: float, largest: float) -> float:
-    """Largest element size in the contact whose unresolved waves are compatible with a tolerance of the force [length].
-
-    Returns:
-        The size, up to 2 % too small; inf if `largest` is small enough
-    """
-
-    def enough(h: float) -> bool:
-        return unresolved_height(surface, h, delta) <= SHARE * tolerance
-
-    if enough(largest):
-        return inf
-    low, high = min(surface.feature_size / (4.0 * ELEMENTS), 0.5 * largest), largest
-    while high > CLOSE * low:
-        middle = sqrt(low * high)
-        low, high = (middle, high) if enough(middle) else (low, middle)
-    return low
-
-
 def doubt_of_waves(surface: Surface, h: float, delta: float) -> str:
     """Text of a warning that elements of size h do not resolve the shortest waves of the surface; empty if they do."""
-    part = unresolved_height(surface, h, delta)
-    if part <= SHARE * ONE_MESH:
+    part, size, limit = unresolved_height(surface, h, delta), h, SHARE * ONE_MESH
+    if part <= limit:
         return ""
-    size, limit = min(resolving_size(surface, delta, ONE_MESH, h), h / CLOSE), SHARE * ONE_MESH
+    while unresolved_height(surface, size, delta) > limit:
+        size /= FINER
     digit = 10.0 ** (floor(log10(size)) - 1)
     size = floor(size / digit) * digit  # rounded down, so that it is another size and resolves them
     cutoff = shortest_cutoff(surface, delta, lambda filtered, depth: unresolved_height(filtered, h, depth) <= limit)
