@@ -3,8 +3,7 @@
     ./run python3 benchmarks/pictures.py [-o out/pictures] [NAME]...
 
 All of them, or those that are named. Pictures of a run are files that the commands of a page make: these are run in
-the folder, as they stand on the page and once. Figures of cost and error are drawn from the tables in docs/tables. The
-picture scene needs PyVista.
+the folder, as they stand on the page and once. Figures of cost and error are drawn from the tables in docs/tables.
 """
 
 from __future__ import annotations
@@ -34,7 +33,7 @@ from test_walkthroughs import FENCE  # noqa: E402
 
 # picture -> page, file that its commands make
 OF_PAGES = {name: ("gallery", f"out/demo/figures/{name}") for name in (
-    "scene.png", "curve.svg", "pressure.png", "area.svg", "area_load.svg", "response.svg",
+    "curve.svg", "pressure.png", "area.svg", "area_load.svg", "response.svg",
 )} | {
     "tutorial_scan.png": ("tutorials/scan", "out/scan/surface.png"),
     "tangential.svg": ("tutorials/vibration", "out/tangential/slip_response.svg"),

@@ -4,8 +4,7 @@
     python3 examples/harmonic_balance.py
 
 A rough patch is pressed and unloaded, and both programs compute the response of a mass on it: along the normal with
-the contact of `asperity export --to python` as an element of ours, and sideways with the sliders of
-`--to sliders-python` as Jenkins elements of pyHarm.
+the table of `asperity export --to csv` as an element of ours, and sideways with sliders as Jenkins elements of pyHarm.
 """
 
 from __future__ import annotations
@@ -14,7 +13,6 @@ import contextlib
 import importlib
 import io
 import logging
-import runpy
 import tempfile
 import warnings
 from collections.abc import Callable
@@ -22,9 +20,11 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from scipy.interpolate import PchipInterpolator
 
 import asperity as asp
-from asperity.slip import JenkinsArray, tangential_response
+from asperity.output.export import interface
+from asperity.slip import JenkinsArray, SlipLaw, tangential_response
 
 CASE: dict[str, Any] = {
     "surface": {
@@ -130,11 +130,11 @@ def largest(coefficients: Any) -> Any:
     return (coefficients[:, :1] + coefficients[:, 1::2] @ cosines + coefficients[:, 2::2] @ sines).max(axis=1)
 
 
-def sideways(sliders: Path) -> tuple[float, float]:
+def sideways(law: SlipLaw) -> tuple[float, float]:
     """Return pyHarm's amplitude and frequency at the resonance on sliders over ours, the latter by one harmonic."""
-    module = runpy.run_path(str(sliders))
+    sliders = law.array(20, 0.02)
     # lengths in units of the limit of friction over the stiffness at rest
-    k, f = module["K"] / module["K"].sum(), module["F"]
+    k, f = sliders.k / sliders.k.sum(), sliders.f / law.limit
     jenkins = {
         f"slider{i}": {"type": "Jenkins", "connect": {"mass": [0]}, "dirs": [0], "k": k[i], "mu": 1.0, "N0": f[i]}
         for i in range(k.size)
@@ -152,23 +152,27 @@ def main() -> tuple[float, float, float]:
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name) / "run"
         asp.run(asp.Case.from_dict(CASE), folder)
-        contact = runpy.run_path(str(asp.export(folder, "python")))
-        slips = sideways(asp.export(folder, "sliders-python"))
-    element, load = contact["Contact"](), CASE["joint"]["preload"]
-    z = np.geomspace(contact["Z"][1], contact["Z"][-1], 300)
-    oscillator = asp.ContactOscillator(asp.TableLaw(z, element.force(z)), load=load, zeta=ZETA)
+        law = interface(folder, "unload-reload").slip
+        table = np.genfromtxt(asp.export(folder, "csv", law="unload-reload"), delimiter=",", usecols=(0, 1))[1:]
+    assert law is not None
+    slips = sideways(law)
+    load, area = CASE["joint"]["preload"], CASE["joint"]["nominal_area"]
+    force = PchipInterpolator(*np.vstack([(0.0, 0.0), table * (1.0, area)]).T)  # continuous slope
+    stiffness_of = force.derivative()
+    z = np.geomspace(table[0, 0], table[-1, 0], 300)
+    oscillator = asp.ContactOscillator(asp.TableLaw(z, force(z)), load=load, zeta=ZETA)
     normal = oscillator.restoring  # of lengths z_s and forces z_s k_n
 
     def spring(u: Any) -> tuple[Any, Any]:
-        force, slope = element(normal.z_s * (1.0 + u))
-        return (force - load) / normal.scale, slope * normal.z_s / normal.scale
+        z = np.maximum(normal.z_s * (1.0 + u), 0.0)
+        slope = np.where(z > 0.0, stiffness_of(z), 0.0)
+        return (force(z) - load) / normal.scale, slope * normal.z_s / normal.scale
 
     omega, coefficients = pyharm_response(spring, ZETA, FORCING, WINDOW, 40, 0.05)()
     theirs = largest(coefficients)
     ours = oscillator.response(FORCING, WINDOW)
     stiffness = normal.scale / normal.z_s
-    points = contact["Z"].size - 1
-    print(f"k_n = {stiffness:.4g} N/m at {load:g} N; {points} points exported, {omega.size} orbits of pyHarm")
+    print(f"k_n = {stiffness:.4g} N/m at {load:g} N; {len(table)} points exported, {omega.size} orbits of pyHarm")
     folds = [e.Omega for e in ours["fold"]]
     different = [
         min(abs(orbit.u_max / u - 1.0) for orbit in ours.at(float(w)))

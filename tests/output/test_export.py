@@ -1,4 +1,4 @@
-"""The contact of a run in other programs: CalculiX finds the curve, and so does a module that needs NumPy only."""
+"""The contact of a run in other programs: CalculiX finds the curve."""
 
 from __future__ import annotations
 
@@ -7,7 +7,6 @@ import re
 import runpy
 import shutil
 import subprocess
-import sys
 from pathlib import Path
 from typing import Any
 
@@ -83,11 +82,10 @@ def test_the_table_is_the_interface_without_the_block(folder: Path) -> None:
     np.testing.assert_allclose(table.k_n[known], table.slope[known], rtol=1e-2)
     np.testing.assert_allclose(table.k_n_elastic[known], 1.25 * table.k_n[known], rtol=1e-9)
     np.testing.assert_allclose(table.k_t[known], 0.8 * table.k_n[known], rtol=1e-9)
-    assert table.area == pytest.approx(3e-4, rel=1e-12)
 
 
 def test_the_branch_after_yield_is_that_of_the_preload(folder: Path) -> None:
-    table = interface(folder, "auto", load=0.5 * P0 * L**2)
+    table = interface(folder, "unload-reload", load=0.5 * P0 * L**2)
     expected = P0 * (table.approach / (Z0 - RESIDUE)) ** 1.5
     np.testing.assert_allclose(table.pressure, expected, rtol=1e-3)
 
@@ -152,27 +150,6 @@ def test_a_csv_file_holds_stiffness(folder: Path, tmp_path: Path) -> None:
         rows = list(csv.DictReader(line for line in file if not line.startswith("#")))
     assert float(rows[-1]["pressure"]) == pytest.approx(P0, rel=1e-6) and rows[0]["k_t"] == ""
     assert float(rows[-1]["k_t"]) == pytest.approx(0.8 * 2 * P0 / Z0, rel=1e-6)
-
-
-def test_the_module_needs_numpy_only_and_has_a_continuous_slope(folder: Path) -> None:
-    path = asp.export(folder, "python", law="table")
-    code = "import sys, contact; print(sorted(m for m in sys.modules if m.startswith(('scipy', 'asperity'))))"
-    found = subprocess.run([sys.executable, "-c", code], cwd=folder, capture_output=True, text=True, check=True)
-    assert found.stdout.strip() == "[]"
-    names: dict[str, Any] = {}
-    exec(path.read_text(encoding="utf-8"), names)
-    element = names["Contact"]()
-    z = np.linspace(-0.2 * Z0, 1.5 * Z0, 4001)
-    force, stiffness = element(z)
-    inside = (z > 0.02 * Z0) & (z < Z0)
-    np.testing.assert_allclose(force[inside], 3e-4 * pressure(z[inside]), rtol=2e-3)
-    assert (force[z <= 0] == 0).all() and (stiffness >= 0).all() and (np.diff(force) >= 0).all()
-    h = 1e-5 * Z0
-    slope = (element.force(z + h) - element.force(z - h)) / (2 * h)
-    np.testing.assert_allclose(stiffness, slope, atol=1e-3 * stiffness.max())
-    assert np.abs(np.diff(stiffness)).max() < 0.01 * stiffness.max()  # no jump
-    assert element.force(element.approach(2e5)) == pytest.approx(2e5, rel=1e-12)
-    assert element(np.zeros((2, 3)))[0].shape == (2, 3)
 
 
 def test_what_cannot_be_exported_is_refused(folder: Path) -> None:

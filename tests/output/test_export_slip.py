@@ -1,8 +1,7 @@
-"""Slip for other programs: friction and stick slope of the decks, sliders with memory against Mindlin's loop."""
+"""Slip for other programs: friction and stick slope of the decks."""
 
 from __future__ import annotations
 
-import ast
 import json
 import re
 import shutil
@@ -48,14 +47,9 @@ def test_a_text_of_a_file_stays_in_a_comment(folder: Path, tmp_path: Path, to: s
         shutil.copytree(folder, out)
         (out / "summary.json").write_text(json.dumps({"exit_reason": reason}))
     texts = [asp.export(out, to).read_text() for out in (plain, forged)]
-    if to in ("python", "sliders-python"):
-        trees = [ast.parse(text).body for text in texts]
-        assert all(isinstance(tree[0], ast.Expr) for tree in trees)
-        assert ast.dump(ast.Module(trees[0][1:], [])) == ast.dump(ast.Module(trees[1][1:], []))
-    else:
-        sign = {"csv": "#", "ansys": "!"}.get(to, "**")
-        rest = [[line for line in text.splitlines() if not line.startswith(sign)] for text in texts]
-        assert rest[0] == rest[1]
+    sign = {"csv": "#", "ansys": "!"}.get(to, "**")
+    rest = [[line for line in text.splitlines() if not line.startswith(sign)] for text in texts]
+    assert rest[0] == rest[1]
 
 
 def test_a_deck_has_friction_and_stick_slope(folder: Path) -> None:
@@ -67,27 +61,6 @@ def test_a_deck_has_friction_and_stick_slope(folder: Path) -> None:
     lines = asp.export(folder, "abaqus").read_text().splitlines()
     elastic = float(lines[-2].removeprefix("*FRICTION, ELASTIC SLIP="))
     assert lines[-1] == f"{MU:g}," and elastic == pytest.approx(MU * 0.5 * K / 4.0 / stick, rel=1e-4)
-
-
-def test_sliders_follow_the_loop_of_mindlin(folder: Path) -> None:
-    scope: dict[str, Any] = {}
-    exec(asp.export(folder, "sliders-python").read_text(), scope)
-    joint, law = scope["Sliders"](), SlipLaw(asp.PowerLaw(1.5, K), 0.5 * K, MU, NU)
-    path = path_of_law(law, 0.8, steps=10)
-    for u, force in zip(path.u, path.T, strict=True):
-        assert joint(u) == pytest.approx(force, abs=0.02 * law.limit)
-        joint.accept(u)
-    assert scope["F"].sum() == pytest.approx(1.0)
-    assert 4.0 * scope["K"].sum() == pytest.approx(law.k_tangent(0.0), rel=0.02)
-
-
-def test_sliders_need_the_section(folder: Path, tmp_path: Path) -> None:
-    (tmp_path / "curve.csv").write_bytes((folder / "curve.csv").read_bytes())
-    text = (folder / "case.toml").read_text()
-    (tmp_path / "case.toml").write_text(text[: text.index("[slip]")] + text[text.index("[solver]") :])
-    with pytest.raises(InputError, match=r"no section \[slip\]"):
-        asp.export(tmp_path, "sliders-python")
-    assert "*FRICTION" not in asp.export(tmp_path, "calculix").read_text()
 
 
 @pytest.mark.skipif(not calculix(), reason="there is no CalculiX: benchmarks/peers/install unpacks ccx")

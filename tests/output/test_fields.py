@@ -1,4 +1,4 @@
-"""Fields of a run: contents of the file for ParaView, read by h5py and by VTK, and its rendering."""
+"""Fields of a run: contents of the file for ParaView, read by h5py and by VTK."""
 
 from __future__ import annotations
 
@@ -6,16 +6,15 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from conftest import call, stored_fields, world
+from conftest import stored_fields, world
 
 from asperity.adaptive.solve_contact import solve_contact
 from asperity.arrays import Array
-from asperity.errors import CompatError, InputError, OutputError
+from asperity.errors import OutputError
 from asperity.fem.global_numbering import at_built_nodes, cell_numbers
 from asperity.mesh.block import BlockMesh
 from asperity.model.material import Material
 from asperity.output.fields import gather_top_states, von_mises, write_vtkhdf
-from asperity.output.results import Results
 from asperity.quasistatic.contact_result import ContactResult
 from asperity.surface import Surface
 
@@ -137,45 +136,6 @@ def test_vtk_reads_every_step(file: Path, pressed: ContactResult, stored: list[d
         # VTK has its own node order of second-order cells; a wrong one would turn them inside out
         volume = vtk_to_numpy(sizes.GetOutput().GetCellData().GetArray("Volume"))
         assert volume.min() > 0 and volume.sum() == pytest.approx(1.0, rel=1e-2)
-
-
-def test_fields_as_data_sets_of_other_packages(
-    file: Path, pressed: ContactResult, stored: list[dict[str, Array]]
-) -> None:
-    results, last = Results.read(file.parent.parent), pressed.snapshots[-1]
-    pytest.importorskip("pyvista")
-    for k, state in enumerate(stored):
-        np.testing.assert_array_equal(results.to_pyvista(k).point_data["displacement"], state["displacement"])
-    with pytest.raises(InputError, match="no step 2"):
-        results.to_pyvista(2)
-    pytest.importorskip("xarray")
-    data = results.to_xarray().sel(step=last.step)
-    assert float(data.delta) == pytest.approx(last.delta)
-    assert float(data.pressure.max()) == pytest.approx(stored[-1]["pressure"].max())
-    assert data.x.max() == data.y.max() == 1.0
-
-
-def test_plot_3d_draws_the_block(file: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    pytest.importorskip("pyvista")
-    from matplotlib.image import imread
-
-    assert call("plot", file.parent.parent, "--3d") == 0, capsys.readouterr().err
-    picture = imread(file.parent.parent / "figures/scene.png")
-    shown = np.ptp(picture[..., :3], axis=-1) > 0.2  # coloured, where background and untouched top are grey
-    left_half, right_half = np.array_split(shown, 2, axis=1)
-    assert 0.02 < left_half.mean() < 0.8 and 0.005 < right_half.mean() < 0.8
-
-
-def test_plot_3d_names_what_is_missing(file: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    from asperity.plot.scene import scene
-
-    (tmp_path / "curve.csv").write_bytes((file.parent.parent / "curve.csv").read_bytes())
-    monkeypatch.setattr("importlib.util.find_spec", lambda name: None if name == "pyvista" else name)
-    with pytest.raises(CompatError, match="pip install pyvista"):
-        scene(tmp_path)
-    monkeypatch.setattr("importlib.util.find_spec", lambda name: name)
-    with pytest.raises(InputError, match=r"output\.fields = true"):
-        scene(tmp_path)
 
 
 def test_von_mises_of_known_states() -> None:

@@ -63,7 +63,7 @@ def test_a_deck_has_nodes_elements_and_surfaces(tmp_path: Path, made: Any) -> No
     assert np.abs(covered) == pytest.approx([1.0, 1.0, 0.0], abs=1e-6)  # in projection
 
 
-@pytest.mark.parametrize("suffix", [".msh", ".stl", ".bdf", ".unv"])
+@pytest.mark.parametrize("suffix", [".msh", ".vtk", ".stl", ".bdf", ".unv"])
 def test_gmsh_reads_what_it_wrote(tmp_path: Path, made: Any, suffix: str) -> None:
     import gmsh
 
@@ -90,16 +90,6 @@ def test_gmsh_reads_what_it_wrote(tmp_path: Path, made: Any, suffix: str) -> Non
         gmsh.finalize()
 
 
-def test_vtk_reads_the_grid(tmp_path: Path, made: Any) -> None:
-    pyvista = pytest.importorskip("pyvista")
-    block, surface = made
-    grid = pyvista.read(write_mesh(block, surface, tmp_path / "a.vtu"))
-    assert (grid.n_points, grid.n_cells) == (len(block.points), len(block.tets))
-    np.testing.assert_allclose(grid.points, block.points, rtol=1e-11)
-    assert set(grid.celltypes) == {24} and grid["TOP"].sum() > 10
-    assert grid.volume == pytest.approx(1e-4 * 1e-8, rel=0.01)  # of unit aspect, in the mean
-
-
 def test_without_a_solve_and_of_a_run(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     case, out = tmp_path / "case.toml", tmp_path / "out"
     case.write_text(Case.from_dict(CASE).to_toml())
@@ -115,5 +105,5 @@ def test_without_a_solve_and_of_a_run(tmp_path: Path, capsys: pytest.CaptureFixt
 
 
 def test_another_suffix_is_refused(made: Any, tmp_path: Path) -> None:
-    with pytest.raises(InputError, match=r"meshes are written as \.inp, \.vtu"):
+    with pytest.raises(InputError, match=r"meshes are written as \.inp, \.msh"):
         write_mesh(made[0], made[1], tmp_path / "a.step")

@@ -15,19 +15,12 @@ from asperity.runtime.run_folder import CURVE, EXPORTS
 
 @click.command()
 @options.run_folder
-@click.option("--3d", "solid", is_flag=True, help="Draw figures/scene.png, the block in three dimensions, instead.")
 @click.option("--png", "pixels", is_flag=True, help="PNG files also of what consists of lines.")
-def plot(folder: str, solid: bool, pixels: bool) -> None:
+def plot(folder: str, pixels: bool) -> None:
     """Draw the figures of a run.
 
     From the files of the run in OUT, into OUT/figures: SVG where they consist of lines, otherwise PNG.
     """
-    if solid:
-        from asperity.plot.scene import scene
-
-        with options.files_of_run(folder):
-            options.say(f"written {scene(folder)}")
-        return
     from asperity.plot import plot_run
 
     with options.files_of_run(folder):
@@ -54,9 +47,8 @@ def report(folder: str) -> None:
 @click.command()
 @options.run_folder
 @click.option("--to", required=True, type=click.Choice(tuple(EXPORTS)), help="Program or kind of file.")
-@click.option("--law", type=click.Choice(("auto", "table", "unload-reload")),
-              help="First loading (table), or the branch through the preload; default auto (after yield the branch) "
-              "for python, table for the others.")  # fmt: skip
+@click.option("--law", type=click.Choice(("table", "unload-reload")),
+              help="First loading (table, the default), or the branch through the preload.")  # fmt: skip
 @click.option("--preload", "load", type=float, metavar="W", help="Force on the patch that the branch passes through; "
               "default that of the joint, or half of the greatest force.")  # fmt: skip
 @options.output("FILE", "File to write; default in OUT.")
@@ -64,10 +56,9 @@ def export(folder: str, to: str, output: str | None, **settings: Any) -> None:
     """Write the contact of a run for another program.
 
     Nominal pressure over the approach of the mean planes, from first touch: a contact property to include in a deck of
-    CalculiX or Abaqus, a gasket material of ANSYS, a CSV file, or a Python module with force and stiffness that needs
-    NumPy only. With the section [slip] of the case also friction and stick slope in a deck of the first two, and the
-    tangential force as an array of sliders. --to mesh writes the rough block itself: FILE.inp for CalculiX and Abaqus,
-    .msh, .vtu, .stl, .bdf or .unv.
+    CalculiX or Abaqus, a gasket material of ANSYS, or a CSV file. With the section [slip] of the case also friction and
+    stick slope in a deck of the first two. --to mesh writes the rough block itself: FILE.inp for CalculiX and Abaqus,
+    .msh, .vtk, .stl, .bdf or .unv.
     """
     from asperity.output import export as exporting
 

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 @options.case_file
 @options.output("DIR", "Folder for surface.png.")
 @click.option("--to", "mesh", metavar="FILE", help="Mesh of the block, without a solve: FILE.inp (CalculiX, Abaqus), "
-              ".msh, .vtu, .stl, .bdf or .unv.")  # fmt: skip
+              ".msh, .vtk, .stl, .bdf or .unv.")  # fmt: skip
 @options.as_json
 @options.overrides
 def surface(case_file: str, output: str | None, mesh: str | None, as_json: bool, overrides: tuple[str, ...]) -> None:

@@ -29,10 +29,6 @@ BEARING = (3, 4, 5)
 
 VTK_TYPE = 24  # quadratic tetrahedron
 GMSH_TO_VTK = (0, 1, 2, 3, 4, 5, 6, 7, 9, 8)  # the last two edges are swapped
-#: Linear tetrahedra through all nodes of a cell, in the order of VTK: four at its corners, four in the middle.
-LINEAR_TETS = (
-    (0, 4, 6, 7), (4, 1, 5, 8), (6, 5, 2, 9), (7, 8, 9, 3), (4, 9, 5, 6), (4, 9, 6, 7), (4, 9, 7, 8), (4, 9, 8, 5)
-)  # fmt: skip
 
 # -- shape functions and quadrature ----------------------------------------------------------------------------
 

@@ -19,10 +19,9 @@ from asperity.case import Case
 from asperity.curve.power_law import interface_approach
 from asperity.dynamics.joint import Joint
 from asperity.errors import InputError
-from asperity.force_law.choice import choose, unload_reload
+from asperity.force_law.choice import unload_reload
 from asperity.force_law.columns import CurveColumns
 from asperity.force_law.table import TableLaw
-from asperity.output.export_module import contact_module, sliders_module
 from asperity.output.mesh_file import block_of_case, write_mesh
 from asperity.output.results import Results
 from asperity.runtime.display import comment
@@ -33,7 +32,7 @@ from asperity.slip.joint_slip import slip_of_case
 from asperity.units import per_cent
 from asperity.version import __version__
 
-LAWS = ("auto", "table", "unload-reload")
+LAWS = ("table", "unload-reload")
 _WIDTH = 110  # of a comment in a deck
 _BETWEEN = 4  # points from one of the curve to the next
 _BELOW = (0.125, 0.25, 0.5)  # of the first point of the curve, points added below it
@@ -56,7 +55,6 @@ class Interface:
         slope: dp/dz of the table [force/length^3]
         k_n, k_n_elastic, k_t: normal stiffness of the loading and of small vibration, tangential stiffness, over the
             nominal area and without the block [force/length^3], from the columns of the curve
-        area: nominal area of the joint, or of the patch [length^2]
         about: what the numbers are, one line each
         slip: of the interface of the patch, None for a case without [slip]
         patch: nominal area of the patch [length^2]
@@ -72,7 +70,6 @@ class Interface:
     k_n: Array
     k_n_elastic: Array
     k_t: Array
-    area: float
     about: tuple[str, ...]
     slip: SlipLaw | None = None
     patch: float = np.nan
@@ -92,8 +89,7 @@ def interface(folder: str | Path, law: str = "table", load: float | None = None)
 
     Args:
         folder: of the run, with curve.csv and case.toml
-        law: "table" (first loading), "unload-reload" (branch through the preload), or "auto": after yield
-            "unload-reload" where the curve has it, else "table"
+        law: "table" (first loading) or "unload-reload" (branch through the preload)
         load: preload on the patch [force], for the branch; default that of the joint, or half of the greatest force
 
     Raises:
@@ -108,11 +104,8 @@ def interface(folder: str | Path, law: str = "table", load: float | None = None)
     case, curve = Case.from_dict(results.case, folder=folder), results.curve
     patch = case.surface.L**2
     joint = Joint(**case.joint.model_dump()) if case.joint else Joint()
-    area = patch * joint.factor(patch)
     if load is None and (of_joint := joint.load(patch)) is not None:
         load = of_joint / joint.factor(patch)
-    if law == "auto":
-        law = "unload-reload" if choose(CurveColumns.of(curve), law, load).name == "unload-reload" else "table"
     # approach of the mean planes at each step
     block = {"height": case.block.height, "area": patch, "modulus": case.material.solid.block_modulus(case.block.sides)}
     approach = interface_approach(curve.delta, curve.force, **block)
@@ -152,7 +145,7 @@ def interface(folder: str | Path, law: str = "table", load: float | None = None)
     yields = law == "table" and bool(np.any(curve.max_plastic_strain > 0))
     conduction = np.stack(results.gap_conductance(), axis=1)
     conduction = conduction[columns.rising(rows & (conduction[:, 1] > 0) & (curve.force > 0))]
-    return Interface(z, pressure, slope, k_n, k_n_elastic, k_t, area, about, slip, patch, conduction, preload, yields)
+    return Interface(z, pressure, slope, k_n, k_n_elastic, k_t, about, slip, patch, conduction, preload, yields)
 
 
 def export(
@@ -163,12 +156,11 @@ def export(
     Args:
         folder: of the run
         to: "calculix" or "abaqus" (a contact property with tabular pressure-overclosure, to be included in a deck),
-            "ansys" (a gasket material), "csv", or "python" (a module that needs NumPy only: force and stiffness over
-            the approach). With `material.conductivity` the decks of the first two have the conductance of the gap too,
-            with the section [slip] friction and stick slope, and "sliders-python" (a module with state) is the
-            tangential force as an array of sliders. "mesh" is the block itself, see `mesh_file.write_mesh`.
+            "ansys" (a gasket material), or "csv". With `material.conductivity` the decks of the first two have the
+            conductance of the gap too, with the section [slip] friction and stick slope. "mesh" is the block itself,
+            see `mesh_file.write_mesh`.
         path: of the file; default in the folder
-        law: see `interface`; default "auto" for "python", whose use is vibration, and "table" for the others
+        law: see `interface`; default "table"
         load: see `interface`
 
     Raises:
@@ -201,7 +193,7 @@ def export(
         levels = (results.summary.get("accuracy") or {}).get("levels") or [{}]  # the last has the finest mesh
         block, surface = block_of_case(Case.from_dict(results.case, folder=folder), levels[-1].get("h"))
         return write_mesh(block, surface, target, f"block of {Path(folder).resolve().name} by asperity {__version__}")
-    table = interface(folder, law or ("auto" if to == "python" else "table"), load)
+    table = interface(folder, law or "table", load)
     target.parent.mkdir(parents=True, exist_ok=True)
     replace_file(target, _WRITERS[to](table).encode())
     return target
@@ -323,22 +315,6 @@ def _csv(table: Interface) -> str:
     return "\n".join(lines) + "\n"
 
 
-def _python(table: Interface) -> str:
-    """Module of a monotone cubic with a continuous slope, also where contact is lost (at 0)."""
-    z, p = np.append(0.0, table.approach), np.append(0.0, table.pressure)
-    secant = np.diff(p) / np.diff(z)
-    # monotone up to three times the secants next to it (Fritsch & Carlson, SIAM J. Numer. Anal. 17 (1980) 238)
-    limit = 3.0 * np.minimum(secant, np.append(secant[1:], np.inf))
-    return contact_module(z, p, np.append(0.0, np.minimum(table.slope, limit)), table.area, table.about)
-
-
-def _sliders(table: Interface) -> str:
-    if table.slip is None:
-        raise InputError("the case has no section [slip]: add it with slip.friction, and run it with --resume")
-    return sliders_module(table.slip, table.patch, table.area, table.about)
-
-
 _WRITERS: dict[str, Callable[[Interface], str]] = {
-    "calculix": _calculix, "abaqus": _abaqus, "ansys": _ansys, "csv": _csv, "python": _python,
-    "sliders-python": _sliders,
+    "calculix": _calculix, "abaqus": _abaqus, "ansys": _ansys, "csv": _csv,
 }  # fmt: skip

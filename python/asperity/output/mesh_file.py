@@ -13,15 +13,14 @@ from asperity.arrays import Array, Indices
 from asperity.case import Case
 from asperity.errors import InputError, MeshError
 from asperity.mesh.block import NEAR, BlockMesh
-from asperity.mesh.element import FACE_TRIANGLES, GMSH_TO_VTK, VTK_TYPE, outer_faces
+from asperity.mesh.element import FACE_TRIANGLES, GMSH_TO_VTK, outer_faces
 from asperity.runtime import compat
 from asperity.runtime.display import comment
 from asperity.runtime.files import replace_file
 from asperity.surface import Surface
 from asperity.surface.cutoff import approach_of_share
 
-BY_GMSH = (".msh", ".stl", ".bdf", ".unv")
-SUFFIXES = (".inp", ".vtu", *BY_GMSH)
+SUFFIXES = (".inp", ".msh", ".vtk", ".stl", ".bdf", ".unv")  # of the deck, and of what gmsh writes
 #: Corners of the faces of an element in CalculiX and Abaqus, S1 to S4, counted from 0.
 ABAQUS_FACES = ((0, 1, 2), (0, 3, 1), (1, 3, 2), (2, 3, 0))
 
@@ -57,7 +56,7 @@ def write_mesh(block: BlockMesh, surface: Surface, path: str | Path, about: str 
     Args:
         block: in the unit of length of its case, the base at z = 0
         surface: the top it was built for
-        path: .inp (CalculiX, Abaqus), .msh (gmsh 4.1), .vtu, .stl (the boundary, of flat triangles), .bdf, .unv
+        path: .inp (CalculiX, Abaqus), .msh (gmsh 4.1), .vtk, .stl (the boundary, of flat triangles), .bdf, .unv
         about: first line of a deck
 
     Raises:
@@ -73,13 +72,7 @@ def write_mesh(block: BlockMesh, surface: Surface, path: str | Path, about: str 
     on_base = (np.abs(z) < near)[outer].all(axis=1) & ~on_top
     faces = {"TOP": outer[on_top], "BASE": outer[on_base], "SIDES": outer[~on_top & ~on_base]}
     path.parent.mkdir(parents=True, exist_ok=True)
-    if kind == ".inp":
-        data = _inp(block, faces, about)
-    elif kind == ".vtu":
-        data = _vtu(block, faces).encode()
-    else:
-        data = _by_gmsh(block, faces, kind)
-    replace_file(path, data)
+    replace_file(path, _inp(block, faces, about) if kind == ".inp" else _by_gmsh(block, faces, kind))
     return path
 
 
@@ -114,27 +107,6 @@ def _element_faces(tets: Indices, faces: Indices) -> Array:
     wanted = numbers(faces[:, :3])
     sides = [np.isin(numbers(tets[:, corners]), wanted) for corners in ABAQUS_FACES]
     return np.argwhere(np.transpose(sides))
-
-
-def _vtu(block: BlockMesh, faces: dict[str, Indices]) -> str:
-    """XML of an unstructured grid, with a mark of each set at its nodes."""
-    n, m = len(block.points), len(block.tets)
-
-    def array(name: str, values: Array, kind: str, parts: int = 1) -> str:
-        text = " ".join(f"{v:.12g}" for v in values.ravel())
-        return f'<DataArray type="{kind}" Name="{name}" NumberOfComponents="{parts}" format="ascii">{text}</DataArray>'
-
-    marks = [array(name, np.isin(np.arange(n), of_set).astype(int), "UInt8") for name, of_set in faces.items()]
-    return "\n".join([
-        '<?xml version="1.0"?>',
-        '<VTKFile type="UnstructuredGrid" version="0.1" byte_order="LittleEndian"><UnstructuredGrid>',
-        f'<Piece NumberOfPoints="{n}" NumberOfCells="{m}"><Points>',
-        array("Points", block.points, "Float64", 3), "</Points><Cells>",
-        array("connectivity", block.tets[:, GMSH_TO_VTK], "Int64"),
-        array("offsets", np.arange(1, m + 1) * block.tets.shape[1], "Int64"),
-        array("types", np.full(m, VTK_TYPE), "UInt8"), "</Cells><PointData>", *marks, "</PointData></Piece>",
-        "</UnstructuredGrid></VTKFile>", "",
-    ])  # fmt: skip
 
 
 def _by_gmsh(block: BlockMesh, faces: dict[str, Indices], kind: str) -> bytes:

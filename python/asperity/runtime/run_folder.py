@@ -31,17 +31,15 @@ FIELDS, FIGURES, CHECKPOINT = "fields", "figures", "checkpoint"  # folders
 TOP, VTKHDF = "top.npz", "contact.vtkhdf"  # in fields
 PICTURES = (
     "surface", "curve", "area", "area_load", "pressure", "stiffness", "plasticity", "frequency", "response",
-    "receptance", "motion", "slip", "slip_map", "conductance", "scene",
+    "receptance", "motion", "slip", "slip_map", "conductance",
 )  # in figures # fmt: skip
-FIELD_PICTURES = ("surface", "pressure", "slip_map", "scene")  # the others consist of lines and are in .svg too
+FIELD_PICTURES = ("surface", "pressure", "slip_map")  # the others consist of lines and are in .svg too
 #: Files of `asperity export` in the folder of a run, by program or kind of file.
 EXPORTS = {
     "calculix": "contact_calculix.inp",
     "abaqus": "contact_abaqus.inp",
     "ansys": "contact_ansys.inp",
     "csv": "contact.csv",
-    "python": "contact.py",
-    "sliders-python": "sliders.py",
     "mesh": "block.inp",
 }
 LOCK = ".lock"  # of the process that works in the folder
