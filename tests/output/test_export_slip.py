@@ -6,7 +6,6 @@ import json
 import re
 import shutil
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
@@ -15,14 +14,11 @@ from test_export import calculated, calculix, in_contact, two_bricks
 
 import asperity as asp
 from asperity.contact.friction import Coulomb
-from asperity.errors import InputError
 from asperity.mesh.generate import build_block
 from asperity.mesh.size_field import SizeField
 from asperity.model.settings import Formulation
 from asperity.quasistatic.make import make_contact_solver
 from asperity.runtime.run_folder import EXPORTS
-from asperity.slip import SlipLaw
-from asperity.slip.law import path_of_law
 
 E, NU, MU, K = 1e6, 0.3, 0.4, 20.0  # force K z^1.5 on a patch of side 2
 
