@@ -33,7 +33,7 @@ from test_walkthroughs import FENCE  # noqa: E402
 
 # picture -> page, file that its commands make
 OF_PAGES = {name: ("gallery", f"out/demo/figures/{name}") for name in (
-    "curve.svg", "pressure.png", "area.svg", "area_load.svg", "response.svg",
+    "curve.svg", "pressure.png", "area.svg", "response.svg",
 )} | {
     "tutorial_scan.png": ("tutorials/scan", "out/scan/surface.png"),
     "tangential.svg": ("tutorials/vibration", "out/tangential/slip_response.svg"),

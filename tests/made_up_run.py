@@ -9,6 +9,7 @@ import numpy as np
 
 from asperity.case import Case
 from asperity.curve import COLUMNS, Curve
+from asperity.mesh.element import FACE_TRIANGLES
 from asperity.surface import Surface
 
 CASE = {
@@ -76,9 +77,11 @@ def write_top(folder: Path, surface: Surface, rows: list[list[object]], n: int =
     x = np.linspace(0, 1e-6, n + 1)
     z = surface.grid(n + 1).ravel()
     points = np.stack(np.meshgrid(x, x), axis=-1).reshape(-1, 2)
-    corner = (np.arange(n)[:, None] * (n + 1) + np.arange(n)).ravel()
-    right, up = corner + 1, corner + n + 1
-    triangles = np.concatenate([np.stack([corner, right, up], 1), np.stack([right, up + 1, up], 1)])
+    first = (np.arange(0, n, 2)[:, None] * (n + 1) + np.arange(0, n, 2)).ravel()[:, None]
+    right, up = 1, n + 1  # facets of second order: corners, and middles of 01, 12, 20
+    nodes_of = np.array([0, 2 * right, 2 * up, right, right + up, up])
+    facets = np.concatenate([first + nodes_of, first + 2 * (right + up) - nodes_of])
+    triangles = np.concatenate([facets[:, nodes] for nodes in FACE_TRIANGLES])
     steps = [0, 3, 6, 9, 12, 15]
     delta = np.array([0.0] + [rows[i - 1][2] for i in steps[1:]])
     branch = ["load"] * 5 + ["unload"]

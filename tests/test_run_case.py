@@ -431,7 +431,7 @@ def test_slip_is_that_of_the_joint_by_the_curve_and_by_the_solid(tmp_path: Path)
     np.testing.assert_allclose(loops["k_secant"], loops["T"] / loops["u"], rtol=1e-12)
     np.testing.assert_allclose(loops["u_curve"], loops["u"], rtol=0.13)  # rms slope 0.13
     assert np.all(np.abs(steps["T"] - steps["T_curve"]) < 0.06 * section["limit"])  # few facets touch
-    nodes = results.slip_nodes
+    nodes = np.genfromtxt(tmp_path / "slip_nodes.csv", delimiter=",", names=True)
     assert np.unique(nodes["amplitude"]).tolist() == [0.3, 0.9]
     assert -1e-15 <= nodes["x"].min() < nodes["x"].max() < 1.001e-6
     for amplitude, share, u in zip(loops["amplitude"], loops["slip_share"], loops["u"], strict=True):
@@ -443,7 +443,7 @@ def test_slip_is_that_of_the_joint_by_the_curve_and_by_the_solid(tmp_path: Path)
     assert light["f"] == pytest.approx(np.sqrt(1e8 * loops["k_secant"][0] / 0.5) / (2 * np.pi))
     assert light["zeta"] == pytest.approx(0.5 * loops["eta"][0])
     assert section["in_words"][0].startswith("Slip at 0.3 of the friction limit: frequency ")
-    assert all((tmp_path / f"figures/{name}").is_file() for name in ("slip.svg", "slip_map.png"))
+    assert (tmp_path / "figures/slip.svg").is_file()
     assert {"slip.csv", "slip_loops.csv", "slip_nodes.csv"} <= set(PRODUCTS)
 
 

@@ -45,7 +45,7 @@ def results(folder: Path) -> Results:
 
 def test_all_figures_of_a_run_are_drawn(folder: Path) -> None:
     written = plot_run(folder)
-    other = {"conductance", "frequency", "motion", "response", "receptance", "slip", "slip_map", "stiffness"}
+    other = {"conductance", "frequency", "motion", "response", "receptance", "slip", "stiffness"}
     assert {path.stem for path in written} >= set(CAPTIONS) - other
     starts = {".png": b"\x89PNG", ".svg": b"<?xml"}
     assert all(path.read_bytes().startswith(starts[path.suffix]) for path in written)
@@ -60,7 +60,7 @@ def test_all_figures_of_a_run_are_drawn(folder: Path) -> None:
 def test_figures_without_data_are_left_out(tmp_path: Path) -> None:
     write_run(tmp_path, material={"E": 200e9, "nu": 0.3})
     shutil.rmtree(tmp_path / "fields")
-    assert {*figures_of(Results.read(tmp_path))} == {"surface", "area", "area_load", "curve"}
+    assert {*figures_of(Results.read(tmp_path))} == {"surface", "area", "curve"}
     for name in ("case.toml", "summary.json"):
         (tmp_path / name).unlink()
     assert {path.stem for path in plot_run(tmp_path)} == {"area", "curve"}
@@ -85,8 +85,7 @@ def test_every_axis_has_quantity_and_unit(results: Results) -> None:
     assert heights.axes[1].get_ylabel() == "height above the mean plane (nm)"
     maps = pressure_maps(results)
     assert maps.axes[-1].get_ylabel().startswith("contact pressure (")
-    counted = replace(results, curve=replace(results.curve, spots=np.arange(len(results.curve)) + 1))
-    for figure in (contact_area(counted), force_curve(results), plasticity(results)):
+    for figure in (contact_area(results), force_curve(results), plasticity(results)):
         assert all(axis.get_xlabel() and axis.get_ylabel() for axis in figure.axes)
         assert [axis.get_title(loc="left")[:3] for axis in figure.axes] == ["(a)", "(b)", "(c)"][: len(figure.axes)]
 
@@ -168,7 +167,7 @@ def test_a_run_that_stopped_early_has_figures(tmp_path: Path, rows: int) -> None
     for name in ("steps", "branch", "delta", "pressure", "gap", "touched"):
         fields[name] = fields[name][:rows]  # the first level carries no load
     np.savez(tmp_path / "fields/top.npz", **fields)
-    expected = {"pressure", "area", "area_load", "curve", "plasticity"} if rows else set()
+    expected = {"pressure", "area", "curve", "plasticity"} if rows else set()
     assert {path.stem for path in plot_run(tmp_path)} == {"surface"} | expected
 
 

@@ -31,7 +31,7 @@ class Results:
 
     Attributes:
         case: completed input, as nested tables
-        free, response, band, motion, slip, slip_loops, slip_nodes: columns of the files of these names
+        free, response, band, motion, slip, slip_loops: columns of the files of these names
         top: arrays of fields/top.npz
         built: the surface of the case if it was passed to `read`, else None
 
@@ -54,7 +54,6 @@ class Results:
     motion: Columns = field(default_factory=dict)
     slip: Columns = field(default_factory=dict)
     slip_loops: Columns = field(default_factory=dict)
-    slip_nodes: Columns = field(default_factory=dict)
     top: Columns = field(default_factory=dict)
     built: Surface | None = None
 
@@ -155,8 +154,5 @@ _FILES: dict[str, tuple[str, Callable[[Path], Any]]] = {
     "curve": (run_folder.CURVE, Curve.read),
     "thresholds": (run_folder.THRESHOLDS, _read_json),
     "top": (f"{run_folder.FIELDS}/{run_folder.TOP}", read_npz),
-    **{
-        name: (f"{name}.csv", _read_columns)
-        for name in ("free", "response", "band", "motion", "slip", "slip_loops", "slip_nodes")
-    },
+    **{name: (f"{name}.csv", _read_columns) for name in ("free", "response", "band", "motion", "slip", "slip_loops")},
 }

@@ -10,22 +10,21 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from asperity.output.results import Results
-from asperity.plot.contact import area_load, contact_area, pressure_maps
+from asperity.plot.contact import contact_area, pressure_maps
 from asperity.plot.curves import conductance, force_curve, plasticity, stiffness
 from asperity.plot.fields import surface_map
-from asperity.plot.slip import slip, slip_map
+from asperity.plot.slip import slip
 from asperity.plot.style import save, save_in
 from asperity.plot.vibration import frequency, motion, receptance, response, results_of
 from asperity.runtime.run_folder import FIGURES, locking
-from asperity.surface.base import surface_kinds
 
 if TYPE_CHECKING:
     from asperity.dynamics import Dynamics
     from asperity.surface import Surface
 
 __all__ = [
-    "CAPTIONS", "area_load", "conductance", "contact_area", "force_curve", "frequency", "motion", "plasticity",
-    "plot_dynamics", "plot_run", "pressure_maps", "receptance", "response", "save", "slip", "slip_map",
+    "CAPTIONS", "conductance", "contact_area", "force_curve", "frequency", "motion", "plasticity",
+    "plot_dynamics", "plot_run", "pressure_maps", "receptance", "response", "save", "slip",
     "stiffness", "surface_map",
 ]  # fmt: skip
 
@@ -35,10 +34,9 @@ CAPTIONS = {
     "surface": "Heights of the surface; the ring marks the first touch.",
     "curve": "(a) Load over approach with the fitted power law. (b) The same on logarithmic axes. (c) Local "
     "exponent of the loading; that of a power law is constant.",
-    "area": "(a) Regions in contact at increasing approach. (b) Contact area over load. (c) Number of contact spots.",
-    "area_load": "(a) Contact area over load beside the theories of elastic rough contact, with the rms slope of the "
-    "surface. (b) Distribution of the contact pressure over the nominal area.",
-    "pressure": "Contact pressure at selected approaches, with force and number of contact spots (grey: no contact). "
+    "area": "(a) Regions in contact at increasing approach. (b) Contact area over load, of a rough surface beside the "
+    "theories of elastic contact. (c) Distribution of the contact pressure over the nominal area.",
+    "pressure": "Contact pressure on the shaded surface at selected approaches, with force and number of spots. "
     "Last: the spot of the greatest pressure, the blue square, with the facets of the mesh.",
     "stiffness": "(a) Stiffness of the contact during loading. (b) Mean gap.",
     "conductance": "Conductance per nominal area over the nominal pressure, beside the law of summits that are elastic "
@@ -57,7 +55,6 @@ CAPTIONS = {
     "has beyond the secant of the loop, over its greatest value, which the legend gives as a share of the amplitude; "
     "dots, where the solid was moved: its states. (b) Loss factor, twice the damping ratio. "
     "(c) Amplitude of the force over that of the displacement.",
-    "slip_map": "Slip of the nodes in contact from rest to an amplitude, by the solid; grey nodes stick.",
 }
 
 
@@ -104,7 +101,6 @@ def plot_dynamics(result: Dynamics, folder: str | Path) -> list[Path]:
 def figures_of(results: Results) -> dict[str, Callable[[Results], Figure]]:
     """Name and function of each figure for which there are data."""
     rows = len(results.curve)
-    rough = "surface" in results.case and surface_kinds()[results.case["surface"]["kind"]].rough
     plastic = np.any(results.curve.max_plastic_strain > 0)
 
     def heights(results: Results) -> Figure:
@@ -115,13 +111,11 @@ def figures_of(results: Results) -> dict[str, Callable[[Results], Figure]]:
         "surface": ("surface" in results.case, heights),
         "pressure": (results.snapshots > 0, pressure_maps),
         "area": (rows > 0, contact_area),
-        "area_load": (rough and bool(np.any(results.curve.loading().area_fraction > 0)), area_load),
         "curve": (rows > 0, force_curve),
         "stiffness": (bool(np.any(results.curve.k_n_elastic > 0)), stiffness),
         "conductance": (bool(np.any(results.gap_conductance()[1] > 0)), conductance),
         "plasticity": (bool(plastic), plasticity),
         "slip": (len(results.slip_loops.get("u", ())) > 0, slip),
-        "slip_map": (len(results.slip_nodes.get("slip", ())) > 0, slip_map),
         "frequency": (len(results.free.get("u0", ())) > 0, frequency),
         "response": (len(results.response.get("Omega", ())) > 0, response),
         "receptance": (len(results.response.get("a1", ())) > 0 and "F_hat" in results.response, receptance),

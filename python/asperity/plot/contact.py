@@ -7,10 +7,9 @@ from typing import Any
 
 import numpy as np
 from matplotlib import colormaps
-from matplotlib.colors import ListedColormap
+from matplotlib.colors import LightSource, ListedColormap
 from matplotlib.figure import Figure
 from matplotlib.patches import Patch, Rectangle
-from matplotlib.ticker import MaxNLocator
 from matplotlib.tri import Triangulation
 from numpy.typing import NDArray
 
@@ -23,6 +22,7 @@ from asperity.units import prefix, quantity
 
 BINS = 40  # of the distribution of the pressure
 PIXELS = 400  # of a map, along each side
+RELIEF = 0.1  # range of the heights that shade a map, over its side
 
 
 @style.styled
@@ -39,9 +39,11 @@ def pressure_maps(results: Results, count: int = 4) -> Figure:
     look = {"cmap": "inferno_r", "vmin": 0.0, "vmax": highest * scale or 1.0}
     on_patch = Raster(top)
     for axis, i in zip(axes, chosen, strict=False):
+        _relief(axis, results, on_patch, i)
         image = _map(axis, results, on_patch, on_patch.pressure(i) * scale, **look)
         axis.label_outer()
     on_spot = Raster(top, _around_peak(results, last))
+    _relief(axes[-1], results, on_spot, last)
     _map(axes[-1], results, on_spot, on_spot.pressure(last) * scale, **look)
     # the facets there, and the box on the patch
     corners, across = facets(top)[0], _across(results)[0]
@@ -91,6 +93,13 @@ def _map(axis: Any, results: Results, on_grid: Raster, values: Array, **look: An
     axis.set(facecolor=style.PALE, xlabel=style.label("$x$", unit), ylabel=style.label("$y$", unit))
     extent = tuple((on_grid.box * across).T.ravel())
     return axis.imshow(values, origin="lower", extent=extent, interpolation="nearest", **look)
+
+
+def _relief(axis: Any, results: Results, on_grid: Raster, i: int) -> None:
+    """Shade the deformed surface of a snapshot, light from the upper left."""
+    z = -on_grid(results.top["gap"][i])
+    light = LightSource().hillshade(z * RELIEF * PIXELS / (float(np.ptp(z)) or 1.0))
+    _map(axis, results, on_grid, light, cmap="gray", vmin=-2.0, vmax=1.0)
 
 
 class Raster:
@@ -154,24 +163,21 @@ def pressed_thirds(top: Any, i: int) -> tuple[Array, Array]:
 
 @style.styled
 def contact_area(results: Results, count: int = 6) -> Figure:
-    """Draw the regions in contact at up to `count` load levels, and contact area and number of spots over the load."""
-    titles = ("regions in contact", "contact area", "contact spots")
-    figure, (patches, area, spots) = style.figure(style.WIDE, 3.9, *titles, width_ratios=(1.25, 1, 1))
+    """Draw the regions in contact at up to `count` load levels, the area over the load, and the pressure at the end.
+
+    Beside a rough surface are Persson's theory and that of Bush, Gibson and Thomas, which need its rms slope alone.
+    """
+    titles = ("regions in contact", "contact area", "pressure at the greatest load")
+    figure, (patches, area, pressure) = style.figure(style.WIDE + 1.0, 3.7, *titles, width_ratios=(1.1, 1, 1))
+    surface = results.surface
+    slope = surface.rms_slope() if surface is not None and surface.rough else math.nan
+    _area(area, results, slope)
     if results.snapshots:
         _patches(patches, results, count)
+        _distribution(pressure, results, slope)
     else:
         patches.set_axis_off()
-    draw_branches(area, results, "P_star", "area_fraction", 100.0)
-    area.set(xlabel=LOAD, ylabel="share of $A_0$ (%)", xlim=(0, None), ylim=(0, None))
-    area.legend(loc="best")
-    load_axis(area, results, "top")
-    if np.any(results.curve.spots > 0):
-        draw_branches(spots, results, "P_star", "spots")
-        spots.set(xlabel=LOAD, ylabel="number of spots", xlim=(0, None), ylim=(0, None))
-        spots.yaxis.set_major_locator(MaxNLocator(integer=True))
-        load_axis(spots, results, "top")
-    else:
-        spots.annotate("not counted", (0.5, 0.5), xycoords="axes fraction", ha="center", color=style.GREY)
+        pressure.set_axis_off()
     return figure
 
 
@@ -189,24 +195,6 @@ def _patches(axis: Any, results: Results, count: int) -> None:
     axis.legend(handles=keys, title="at $\\delta/L$", loc="upper left", bbox_to_anchor=(1.0, 1.0), handlelength=1)
 
 
-@style.styled
-def area_load(results: Results) -> Figure:
-    """Draw contact area over load on logarithmic axes, and the distribution of the pressure at the greatest load.
-
-    Persson's theory and that of Bush, Gibson and Thomas need the rms slope of the surface alone.
-    """
-    i = int(np.argmax([p.mean() for p in results.top["pressure"]])) if results.snapshots else -1
-    pressures, areas = pressed_thirds(results.top, i) if results.snapshots else (np.empty(0), np.empty(0))
-    figure, axes = style.figure(style.DOUBLE, 3.6, "area and load", "pressure at the greatest load")
-    slope = results.surface.rms_slope()
-    _area(axes[0], results, slope)
-    if (pressures > 0.0).any():
-        _distribution(axes[1], results, slope, i, pressures, areas / results.surface.L**2)
-    else:
-        axes[1].set_axis_off()
-    return figure
-
-
 def persson_area(load: Array, slope: float) -> Array:
     """Contact area over the nominal one at loads P/(A0 E') (n,) (Persson, J. Chem. Phys. 115 (2001) 3840)."""
     from scipy.special import erf
@@ -222,39 +210,49 @@ def persson_density(pressure: Array, mean: float, slope: float) -> Array:
 
 
 def _area(axis: Any, results: Results, slope: float) -> None:
+    """Draw the area over the load, and that of the theories at an rms slope, if it is known."""
+    draw_branches(axis, results, "P_star", "area_fraction")
     load = results.curve.loading()
     p = load.P_star[(load.P_star > 0.0) & (load.area_fraction > 0.0)]
-    draw_branches(axis, results, "P_star", "area_fraction", names=("load",))
-    axis.lines[0].set_label("this run")
-    line = np.geomspace(p.min() / 2.0, p.max() * 2.0, 100)
-    axis.plot(line, persson_area(line, slope), color=style.VERMILION, label="Persson, elastic")
-    bush = math.sqrt(2.0 * math.pi) * line / slope
-    axis.plot(line[bush < 1.0], bush[bush < 1.0], "--", color=style.GREEN, label="Bush, Gibson, Thomas, elastic")
+    if len(p) and math.isfinite(slope):
+        line = np.geomspace(p.min() / 2.0, p.max() * 2.0, 100)
+        bush = math.sqrt(2.0 * math.pi) * line / slope
+        axis.plot(line, persson_area(line, slope), color=style.BLACK, lw=1.0, label="Persson, elastic")
+        axis.plot(line[bush < 1.0], bush[bush < 1.0], "--", color=style.GREY, label="Bush, Gibson, Thomas, elastic")
     axis.set(xlabel=LOAD, ylabel="contact area over the nominal area")
     style.logarithmic(axis)
-    axis.legend(loc="upper left", title=f"rms slope {slope:.3g}", title_fontsize="small")
+    title = f"rms slope {slope:.3g}" if math.isfinite(slope) else None
+    axis.legend(loc="lower right", title=title, title_fontsize="small")
+    load_axis(axis, results, "top")
 
 
-def _distribution(axis: Any, results: Results, slope: float, i: int, pressures: Array, shares: Array) -> None:
-    """Draw the density of the pressures of a snapshot, each on a share of the patch."""
-    highest = float(results.top["pressure"][i].max())  # as in the table; few thirds have more
+def _distribution(axis: Any, results: Results, slope: float) -> None:
+    """Draw the density of the pressures in the snapshot of the greatest load, with Persson's of an elastic solid."""
+    top = results.top
+    i = int(np.argmax([p.mean() for p in top["pressure"]]))
+    pressures, areas = pressed_thirds(top, i)
+    if not (pressures > 0.0).any():
+        axis.set_axis_off()
+        return
+    shares = areas / np.prod(np.ptp(top["points"], axis=0))
+    highest = float(top["pressure"][i].max())  # as in the table; few thirds have more
     scale, unit = prefix(highest, results.unit("stress"))
     edges = np.linspace(0.0, highest * scale, BINS + 1)
     axis.hist(np.minimum(pressures, highest) * scale, edges, weights=shares / np.diff(edges)[0], color=style.SKY,
               label=f"this run, {100 * shares.sum():.3g} % in contact")  # fmt: skip
-    row = results.curve.where(results.curve.step == int(results.top["steps"][i]))
-    solid = results.case["material"]
-    if len(row) and not solid.get("yield_strength"):
+    row = results.curve.where(results.curve.step == int(top["steps"][i]))
+    solid = results.case.get("material", {})
+    if len(row) and math.isfinite(slope) and not solid.get("yield_strength"):
         modulus = solid["E"] / (1.0 - solid["nu"] ** 2)
         p = np.linspace(0.0, edges[-1], 200)
         axis.plot(p, persson_density(p / scale / modulus, float(row.P_star[0]), slope) / (scale * modulus),
-                  color=style.VERMILION, label="Persson")  # fmt: skip
+                  color=style.BLACK, label="Persson")  # fmt: skip
     mean = float(row.mean_pressure[0]) * scale if len(row) else math.nan  # force over area, as in the report
     if math.isfinite(mean):
         axis.axvline(mean, color=style.BLACK, lw=0.8, ls=":", label=f"force over area {mean:.3g} {unit}".rstrip())
     density = style.label("density on the nominal area", f"1/{unit}" if unit else "")
     axis.set(xlabel=style.label("contact pressure", unit), ylabel=density, xlim=(0.0, edges[-1]))
-    axis.set_ylim(top=1.25 * axis.get_ylim()[1])
+    axis.set_ylim(top=1.3 * axis.get_ylim()[1])
     axis.legend(loc="upper left")
 
 

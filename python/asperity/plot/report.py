@@ -71,7 +71,6 @@ def write_report(folder: str | Path, finished: bool | None = None) -> Path:
         trim_blocks=True, lstrip_blocks=True,
     ).get_template("report.html.j2")  # fmt: skip
     script = files("asperity").joinpath("templates", "turn.js").read_text(encoding="utf-8")
-    turning, growing = turning_surface(results)
     order = list(CAPTIONS)
     drawn = [path for path in (results.folder / FIGURES).glob("*") if path.suffix in (".png", ".svg")]
     drawn.sort(key=lambda path: (order.index(path.stem) if path.stem in order else len(order), path.stem))
@@ -92,8 +91,7 @@ def write_report(folder: str | Path, finished: bool | None = None) -> Path:
         subject=_subject(results),
         outcome=_outcome(results),
         assumptions=ledger,
-        turning=turning,
-        growing=growing,
+        turning=turning_surface(results),
         figures=[_figure(path) for path in drawn],
         raw=list(raw.items()),
         laws=_laws(results),

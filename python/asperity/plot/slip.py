@@ -6,9 +6,6 @@ from itertools import cycle
 from typing import Any
 
 import numpy as np
-from matplotlib import colormaps
-from matplotlib.collections import EllipseCollection
-from matplotlib.colors import Normalize
 from matplotlib.figure import Figure
 
 from asperity.output.results import Results
@@ -16,7 +13,6 @@ from asperity.plot import style
 from asperity.slip.tangential import TangentialVibration
 from asperity.units import prefix
 
-STICK = 1e-6  # slip over the greatest one, below which a node sticks
 _SMOOTH = 40  # points of a leg of a loop
 
 
@@ -71,38 +67,6 @@ def _loops(axis: Any, results: Results) -> None:
             axis.plot(u, (T - u) / size, "o", color=colour, markersize=3)
     axis.set(xlabel="displacement over its amplitude", ylabel="force beyond the secant, over its greatest")
     axis.legend(title=r"$T/(\mu P)$: greatest over $T$", loc="center")
-
-
-@style.styled
-def slip_map(results: Results, count: int = 4) -> Figure:
-    """Draw the slip of each node in contact at up to `count` amplitudes, each node a disc of its area."""
-    nodes = results.slip_nodes
-    amplitudes = np.unique(nodes["amplitude"])[-count:]
-    titles = [rf"$T/(\mu P)$ = {amplitude:g}" for amplitude in amplitudes]
-    figure, axes = style.figure(0.5 + 2.6 * len(titles), 2.8, *titles)
-    box = np.array([(nodes[name].min(), nodes[name].max()) for name in ("x", "y")])
-    across, unit = prefix(float(box.max()), results.unit("length"))
-    middle, half = across * box.mean(axis=1), 0.6 * across * np.ptp(box, axis=1).max() * np.array([-1.0, 1.0])
-    most = float(nodes["slip"].max())
-    scale, unit_of_slip = prefix(most, results.unit("length"))
-    discs: Any = None
-    for axis, amplitude in zip(axes, amplitudes, strict=True):
-        of = (nodes["amplitude"] == amplitude) & (nodes["area"] > 0.0)
-        size = 2.0 * across * np.sqrt(nodes["area"][of] / np.pi)
-        slips = np.ma.masked_less(scale * nodes["slip"][of], STICK * scale * most)
-        at = across * np.column_stack([nodes["x"][of], nodes["y"][of]])
-        discs = EllipseCollection(
-            size, size, np.zeros(size.size), units="xy", offsets=at,
-            transOffset=axis.transData, array=slips, cmap=colormaps["viridis_r"].with_extremes(bad=style.GREY), lw=0,
-            norm=Normalize(0.0, scale * most),
-        )  # fmt: skip
-        axis.add_collection(discs)
-        axis.grid(False)
-        axis.set(xlim=middle[0] + half, ylim=middle[1] + half, aspect="equal", facecolor=style.PALE)
-        axis.set(xlabel=style.label("$x$", unit), ylabel=style.label("$y$", unit))
-        axis.label_outer()
-    figure.colorbar(discs, ax=axes, shrink=0.8).set_label(style.label("slip", unit_of_slip))
-    return figure
 
 
 @style.styled

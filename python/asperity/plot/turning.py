@@ -1,4 +1,4 @@
-"""The loaded surface in three dimensions, as data for templates/turn.js, and its spots as they grow."""
+"""The loaded surface in three dimensions, as data for templates/turn.js."""
 
 from __future__ import annotations
 
@@ -9,32 +9,29 @@ from typing import Any
 import numpy as np
 from matplotlib import colormaps
 from matplotlib.colors import to_hex
-from PIL import Image
+from matplotlib.image import imsave
 
-from asperity.arrays import Array
 from asperity.output.results import Results
 from asperity.plot.contact import PIXELS, Raster
 from asperity.units import quantity
 
 NODES = 134  # of the shape along each side, every third pixel of the map: 48 kB
 RELIEF = 0.25  # range of the heights shown, over the side
-UNLOADED = 184  # grey
-MILLISECONDS = 700  # of a picture of the growing spots
+UNLOADED = "#B8B8B8"
 
 
-def turning_surface(results: Results) -> tuple[dict[str, Any] | None, str | None]:
-    """Deformed surface at the greatest approach with the pressure on it, and the spots at the steps of the loading.
+def turning_surface(results: Results) -> dict[str, Any] | None:
+    """Deformed surface at the greatest approach with the pressure on it.
 
     Returns:
         None without a pressure map, else what the page shows: nodes of the shape along each side; heights, base64 of 16
         bits each from lowest to highest, rows in y; colours, base64 of a PNG file, the pressure over the patch, its
         first row at y = 0; relief, the range of the heights over the side as shown; scale, the colours of the legend;
         highest, the greatest pressure with its unit; caption
-        base64 of an animated PNG file, None with fewer than two steps under pressure
     """
     top = results.top
     if not results.snapshots or not np.any(top["pressure"] > 0.0):
-        return None, None
+        return None
     on_grid = Raster(top)
     i = int(np.argmax(top["delta"]))
     z = -on_grid(top["gap"][i])[:: PIXELS // (NODES - 1), :: PIXELS // (NODES - 1)]  # below the flat
@@ -42,34 +39,16 @@ def turning_surface(results: Results) -> tuple[dict[str, Any] | None, str | None
     highest = float(top["pressure"][i].max()) or 1.0  # as in the table; between the pixels
     factor = RELIEF * float(np.ptp(top["points"][:, 0])) / span
     approach = quantity(float(top["delta"][i]), results.unit("length"), 3)
-    shown = {
+    pressure, picture = on_grid.pressure(i), io.BytesIO()
+    colours = colormaps["inferno_r"].with_extremes(bad=UNLOADED)
+    imsave(picture, np.where(pressure > 0.0, pressure, np.nan), vmin=0.0, vmax=highest, cmap=colours, format="png")
+    return {
         "nodes": len(z),
         "heights": base64.b64encode(np.round((z - z.min()) / span * 65535).astype("<u2").tobytes()).decode(),
-        "colours": _png([_picture(on_grid.pressure(i), highest)]),
+        "colours": base64.b64encode(picture.getvalue()).decode(),
         "relief": RELIEF,
         "scale": ", ".join(to_hex(colour) for colour in colormaps["inferno_r"](np.linspace(0.0, 1.0, 9))),
         "highest": quantity(highest, results.unit("stress"), 3),
         "caption": f"The surface under the flat at the greatest approach, {approach}, with the contact pressure; "
         f"heights {factor:.2g} times enlarged. Drag it, or use the arrow keys.",
     }
-    levels = [i for i, name in enumerate(top["branch"]) if name == "load" and top["pressure"][i].max() > 0.0]
-    if len(levels) < 2:
-        return shown, None
-    highest = max(float(top["pressure"][i].max()) for i in levels)
-    frames = [_picture(on_grid.pressure(i)[::-1], highest) for i in levels]
-    palette = frames[-1].quantize(64)  # one for all frames, as the format has it
-    frames = [frame.quantize(palette=palette, dither=Image.Dither.NONE) for frame in frames]
-    return shown, _png(frames)
-
-
-def _picture(pressure: Array, highest: float) -> Image.Image:
-    """Colours of a pressure, grey out of contact, the first row at the top."""
-    picture = colormaps["inferno_r"](np.nan_to_num(pressure) / highest, bytes=True)[..., :3]
-    picture[~(pressure > 0.0)] = UNLOADED
-    return Image.fromarray(picture)
-
-
-def _png(frames: list[Image.Image]) -> str:
-    file = io.BytesIO()
-    frames[0].save(file, "PNG", save_all=len(frames) > 1, append_images=frames[1:], duration=MILLISECONDS, loop=0)
-    return base64.b64encode(file.getvalue()).decode()

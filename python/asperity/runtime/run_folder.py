@@ -30,10 +30,10 @@ REPORT = "report.html"
 FIELDS, FIGURES, CHECKPOINT = "fields", "figures", "checkpoint"  # folders
 TOP, VTKHDF = "top.npz", "contact.vtkhdf"  # in fields
 PICTURES = (
-    "surface", "curve", "area", "area_load", "pressure", "stiffness", "plasticity", "frequency", "response",
-    "receptance", "motion", "slip", "slip_map", "conductance",
+    "surface", "curve", "area", "pressure", "stiffness", "plasticity", "frequency", "response", "receptance", "motion",
+    "slip", "conductance",
 )  # in figures # fmt: skip
-FIELD_PICTURES = ("surface", "pressure", "slip_map")  # the others consist of lines and are in .svg too
+FIELD_PICTURES = ("surface", "pressure")  # the others consist of lines and are in .svg too
 #: Files of `asperity export` in the folder of a run, by program or kind of file.
 EXPORTS = {
     "calculix": "contact_calculix.inp",
