@@ -35,7 +35,7 @@ def test_theories_are_drawn_for_rough_surfaces(tmp_path: Path) -> None:
                           (replace(results, case=smooth), [])):  # fmt: skip
         _, area, pressure = contact_area(run).axes
         labels = area.get_legend_handles_labels()[1]
-        assert labels == ["loading", "error bar", "unloading", *theories]
+        assert labels == ["loading", "error bar", *theories]
         assert area.get_xscale() == area.get_yscale() == "log"
         assert any("in contact" in text for text in pressure.get_legend_handles_labels()[1])
 

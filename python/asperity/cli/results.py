@@ -15,8 +15,7 @@ from asperity.runtime.run_folder import CURVE, EXPORTS
 
 @click.command()
 @options.run_folder
-@click.option("--png", "pixels", is_flag=True, help="PNG files also of what consists of lines.")
-def plot(folder: str, pixels: bool) -> None:
+def plot(folder: str) -> None:
     """Draw the figures of a run.
 
     From the files of the run in OUT, into OUT/figures: SVG where they consist of lines, otherwise PNG.
@@ -24,7 +23,7 @@ def plot(folder: str, pixels: bool) -> None:
     from asperity.plot import plot_run
 
     with options.files_of_run(folder):
-        written = plot_run(folder, pixels=pixels)
+        written = plot_run(folder)
     for path in written:
         options.say(f"written {path}")
 

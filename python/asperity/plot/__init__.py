@@ -59,9 +59,7 @@ CAPTIONS = {
 
 
 @locking
-def plot_run(
-    folder: str | Path, surface: Surface | None = None, names: Sequence[str] = tuple(CAPTIONS), pixels: bool = False
-) -> list[Path]:
+def plot_run(folder: str | Path, surface: Surface | None = None, names: Sequence[str] = tuple(CAPTIONS)) -> list[Path]:
     """Draw the figures that the files of a run allow, into its folder figures/, and return the files.
 
     Those that consist of lines are SVG files, the others PNG files.
@@ -70,22 +68,21 @@ def plot_run(
         folder: of the run
         surface: of the case, if already built
         names: of the figures, keys of CAPTIONS
-        pixels: make all of them PNG files
 
     Raises:
         InputError: the folder contains no run, or another process works in it
     """
     results = Results.read(folder, surface)
     possible = figures_of(results)
-    return [draw(results, name, pixels) for name in names if name in possible]
+    return [draw(results, name) for name in names if name in possible]
 
 
-def draw(results: Results, name: str, pixels: bool = False) -> Path:
+def draw(results: Results, name: str) -> Path:
     """Draw one of the figures that the files of a run allow into its folder figures/, and return the file."""
     target = results.folder / FIGURES
     target.mkdir(exist_ok=True)
     try:
-        return save_in(target, name, figures_of(results)[name](results), pixels)
+        return save_in(target, name, figures_of(results)[name](results))
     except Exception as error:
         error.add_note(f"the figure {name}")
         raise
@@ -93,9 +90,8 @@ def draw(results: Results, name: str, pixels: bool = False) -> Path:
 
 def plot_dynamics(result: Dynamics, folder: str | Path) -> list[Path]:
     """Draw the figures of a result of `run_dynamics` into a folder, and return the files written."""
-    drawn, results = {"frequency": frequency, "response": response, "receptance": receptance}, results_of(result)
-    drawn |= {"motion": motion} if result.motions else {}
-    return [save_in(Path(folder), name, make(results)) for name, make in drawn.items()]
+    results = results_of(result)
+    return [save_in(Path(folder), name, make(results)) for name, make in figures_of(results).items()]
 
 
 def figures_of(results: Results) -> dict[str, Callable[[Results], Figure]]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable
 from typing import Any
 
 import numpy as np
@@ -38,12 +39,12 @@ def pressure_maps(results: Results, count: int = 4) -> Figure:
     scale, unit = prefix(highest, results.unit("stress"))
     look = {"cmap": "inferno_r", "vmin": 0.0, "vmax": highest * scale or 1.0}
     on_patch = Raster(top)
+    _relief(axes[:-1], results, on_patch)
     for axis, i in zip(axes, chosen, strict=False):
-        _relief(axis, results, on_patch, i)
         image = _map(axis, results, on_patch, on_patch.pressure(i) * scale, **look)
         axis.label_outer()
     on_spot = Raster(top, _around_peak(results, last))
-    _relief(axes[-1], results, on_spot, last)
+    _relief(axes[-1:], results, on_spot)
     _map(axes[-1], results, on_spot, on_spot.pressure(last) * scale, **look)
     # the facets there, and the box on the patch
     corners, across = facets(top)[0], _across(results)[0]
@@ -95,11 +96,15 @@ def _map(axis: Any, results: Results, on_grid: Raster, values: Array, **look: An
     return axis.imshow(values, origin="lower", extent=extent, interpolation="nearest", **look)
 
 
-def _relief(axis: Any, results: Results, on_grid: Raster, i: int) -> None:
-    """Shade the deformed surface of a snapshot, light from the upper left."""
-    z = -on_grid(results.top["gap"][i])
-    light = LightSource().hillshade(z * RELIEF * PIXELS / (float(np.ptp(z)) or 1.0))
-    _map(axis, results, on_grid, light, cmap="gray", vmin=-2.0, vmax=1.0)
+def _relief(axes: Iterable[Any], results: Results, on_grid: Raster) -> None:
+    """Shade the surface that is pressed, light from the upper left."""
+    if results.surface is None:
+        return
+    x, y = np.meshgrid(*(np.linspace(low, high, PIXELS // 2) for low, high in on_grid.box.T))
+    z = results.surface.height(x, y)
+    light = LightSource().hillshade(z * RELIEF * len(z) / (float(np.ptp(z)) or 1.0))
+    for axis in axes:
+        _map(axis, results, on_grid, light, cmap="gray", vmin=-2.0, vmax=1.0)
 
 
 class Raster:
@@ -211,7 +216,7 @@ def persson_density(pressure: Array, mean: float, slope: float) -> Array:
 
 def _area(axis: Any, results: Results, slope: float) -> None:
     """Draw the area over the load, and that of the theories at an rms slope, if it is known."""
-    draw_branches(axis, results, "P_star", "area_fraction")
+    draw_branches(axis, results, "P_star", "area_fraction", names=("load",))
     load = results.curve.loading()
     p = load.P_star[(load.P_star > 0.0) & (load.area_fraction > 0.0)]
     if len(p) and math.isfinite(slope):
@@ -222,7 +227,7 @@ def _area(axis: Any, results: Results, slope: float) -> None:
     axis.set(xlabel=LOAD, ylabel="contact area over the nominal area")
     style.logarithmic(axis)
     title = f"rms slope {slope:.3g}" if math.isfinite(slope) else None
-    axis.legend(loc="lower right", title=title, title_fontsize="small")
+    axis.legend(loc="lower right", title=title)
     load_axis(axis, results, "top")
 
 

@@ -80,7 +80,7 @@ def force_curve(results: Results) -> Figure:
     exponents.set(xlabel=DELTA, ylabel="local exponent $\\mathrm{d}\\ln P/\\mathrm{d}\\ln\\delta$", xlim=(0, None))
     exponents.set_ylim(0, max(2.0, 1.15 * float(np.max(exponent, initial=0.0))))
     exponents.legend(loc="best")
-    for axis in (linear, exponents):
+    for axis in axes:
         approach_axis(axis, results)
     load_axis(linear, results, "right")
     return figure

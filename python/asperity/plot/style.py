@@ -40,6 +40,7 @@ _RC: dict[str, Any] = {
     "xtick.labelsize": "small",
     "ytick.labelsize": "small",
     "legend.fontsize": "small",
+    "legend.title_fontsize": "small",
     "legend.frameon": False,
     "legend.handlelength": 1.8,
     "axes.linewidth": 0.7,
@@ -57,17 +58,12 @@ _RC: dict[str, Any] = {
 }
 
 
-def settings() -> dict[str, Any]:
-    """Settings of this style, without those that the user has changed from matplotlib's defaults."""
-    return {name: value for name, value in _RC.items() if mpl.rcParams[name] == mpl.rcParamsDefault[name]}
-
-
 def styled(draw: Callable[P, Figure]) -> Callable[P, Any]:
-    """Make a function draw in this style; settings of the user win, and `matplotlib.rcParams` stay as they are."""
+    """Make a function draw in this style; `matplotlib.rcParams` stay as they are."""
 
     @functools.wraps(draw)
     def in_style(*args: P.args, **kwargs: P.kwargs) -> Any:
-        with mpl.rc_context(settings()):
+        with mpl.rc_context(_RC):
             return draw(*args, **kwargs)
 
     return in_style
@@ -86,17 +82,9 @@ def figure(width: float, height: float, *titles: str, rows: int = 1, **grid: Any
     axes = list(np.ravel(new.subplots(rows, len(titles) // rows, **grid)))
     for axis, letter, text in zip(axes, "abcdefghijkl", titles, strict=False):
         axis.set_title(f"({letter}) {text}".rstrip() if len(axes) > 1 else text, loc="left")
-        for name, sides in (("x", ("bottom", "top")), ("y", ("left", "right"))):
-            getattr(axis, f"{name}axis").set_major_formatter(Numbers())
-            _freeze(axis, name, **{side: mpl.rcParams[f"{name}tick.{side}"] for side in sides})
+        for scale in (axis.xaxis, axis.yaxis):
+            scale.set_major_formatter(Numbers())
     return new, axes
-
-
-def _freeze(axis: Any, name: str, **more: Any) -> None:
-    """Keep the style of the ticks and the grid, which matplotlib makes when it saves the figure."""
-    look = {key: mpl.rcParams[f"{name}tick.{key}"] for key in ("direction", "labelsize")}
-    look |= {f"grid_{key}": mpl.rcParams[f"grid.{key}"] for key in ("color", "linewidth")}
-    axis.tick_params(axis=name, which="both", **look, **more)
 
 
 class Numbers(ScalarFormatter):
@@ -121,7 +109,7 @@ def save(figure: Figure, path: str | Path) -> Path:
     if form not in figure.canvas.get_supported_filetypes():
         raise InputError(f"{path.name} has no suffix of a picture: end it in .png, .svg or .pdf")
     fixed: dict[str, Any] = {"metadata": dict.fromkeys(("Creator", "Date", "Format", "Type"))} if form == "svg" else {}
-    with mpl.rc_context(settings() | {"svg.hashsalt": path.stem}):
+    with mpl.rc_context(_RC | {"svg.hashsalt": path.stem}):
         figure.set_dpi(DPI)
         canvas = get_registered_canvas_class(form)(figure)
         getattr(canvas, f"print_{form}")(picture, **fixed)  # `Figure.savefig` draws twice
@@ -129,11 +117,9 @@ def save(figure: Figure, path: str | Path) -> Path:
     return path
 
 
-def save_in(folder: Path, name: str, figure: Figure, pixels: bool = False) -> Path:
-    """Write a figure of a run: as an SVG file, or as a PNG file where it has fields or `pixels` are wanted."""
-    form, other = ("png", "svg") if pixels or name in FIELD_PICTURES else ("svg", "png")
-    (folder / f"{name}.{other}").unlink(missing_ok=True)  # of an older drawing
-    return save(figure, folder / f"{name}.{form}")
+def save_in(folder: Path, name: str, figure: Figure) -> Path:
+    """Write a figure of a run: as an SVG file, or as a PNG file where it has fields."""
+    return save(figure, folder / f"{name}.{'png' if name in FIELD_PICTURES else 'svg'}")
 
 
 def label(quantity: str, unit: str) -> str:
@@ -146,10 +132,11 @@ def second_axis(axis: Any, side: str, factor: float, text: str) -> None:
     axis.tick_params(**{side: False}, which="both")
     draw = axis.secondary_xaxis if side == "top" else axis.secondary_yaxis
     second = draw(side, functions=(lambda x: x * factor, lambda x: x / factor))
-    name = "x" if side == "top" else "y"
-    if axis.get_xscale() == axis.get_yscale() == "linear":
-        getattr(second, f"{name}axis").set_major_formatter(Numbers())
-    _freeze(second, name)
+    scale, first = (second.xaxis, axis.xaxis) if side == "top" else (second.yaxis, axis.yaxis)
+    if first.get_scale() == "linear":
+        scale.set_major_formatter(Numbers())
+    else:
+        _few_labels(scale, *(factor * limit for limit in first.get_view_interval()))
     second.grid(False)
     if side == "top":
         axis.yaxis.get_offset_text().set_x(-0.17)  # left of the labels at the top
@@ -168,13 +155,17 @@ def physical_axis(axis: Any, side: str, quantity: str, scale: float, unit: str) 
     second_axis(axis, side, scale * factor, label(quantity, name))
 
 
-def logarithmic(axis: Axes) -> None:
-    """Make both scales logarithmic, labelled at 1, 2 and 5 where they are shorter than one and a half decades."""
-    axis.set_xscale("log")
-    axis.set_yscale("log")
-    for scale in (axis.xaxis, axis.yaxis):
-        low, high = scale.get_view_interval()
-        if high < 30 * low:
-            scale.set_major_locator(LogLocator(subs=(1, 2, 5)))
-            scale.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
-            scale.set_minor_formatter(NullFormatter())
+def logarithmic(axis: Axes, names: str = "xy") -> None:
+    """Make scales logarithmic."""
+    for name in names:
+        getattr(axis, f"set_{name}scale")("log")
+        scale = getattr(axis, f"{name}axis")
+        _few_labels(scale, *scale.get_view_interval())
+
+
+def _few_labels(scale: Any, low: float, high: float) -> None:
+    """Label a logarithmic scale at 1, 2 and 5 where it is shorter than two decades."""
+    if high < 100 * low:
+        scale.set_major_locator(LogLocator(subs=(1, 2, 5)))
+        scale.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
+        scale.set_minor_formatter(NullFormatter())

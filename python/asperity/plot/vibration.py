@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
 from pathlib import Path as Folder
 from typing import TYPE_CHECKING, Any
 
@@ -12,14 +11,13 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import PathPatch
 from matplotlib.path import Path
-from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 from numpy.typing import NDArray
 
 from asperity.arrays import Array
 from asperity.curve import Curve
 from asperity.output.results import Columns, Results
 from asperity.plot import style
-from asperity.units import prefix
+from asperity.units import prefix, quantity
 
 if TYPE_CHECKING:
     from asperity.dynamics import Dynamics
@@ -44,35 +42,39 @@ def heading(zeta: Iterable[float], damping: str | None, n_loc: float | None) -> 
     return f"{exponent}damping ratio $\\zeta$ = {', '.join(f'{value:g}' for value in zeta)}{acting}"
 
 
-@dataclass(frozen=True)
-class Scale:
-    """Physical units of the second axes of a figure.
+def scales(thresholds: Mapping[str, Any]) -> tuple[float, float, bool]:
+    """Static approach z_s [length] and frequency of small vibration [1/time], and whether they are in m and Hz.
 
-    Attributes:
-        length: static approach z_s [length]; NaN for an assumed law, which has no units
-        frequency: natural frequency of small vibration [1/time], NaN if unknown
-        si: whether these are metres and hertz
+    They are those of thresholds.json: NaN where unknown, as of an assumed law, which has no units.
     """
+    if thresholds.get("laws") is None and not thresholds.get("joint"):
+        return np.nan, np.nan, False
+    frequency = (thresholds.get("numbers") or {}).get("f")
+    return float(thresholds["z_s"]), np.nan if frequency is None else frequency, thresholds.get("units") != "other"
 
-    length: float
-    frequency: float
-    si: bool
 
-    @classmethod
-    def of(cls, thresholds: Mapping[str, Any]) -> Scale:
-        """Scale of the content of thresholds.json."""
-        if thresholds.get("laws") is None and not thresholds.get("joint"):
-            return cls(np.nan, np.nan, False)
-        frequency = (thresholds.get("numbers") or {}).get("f")
-        frequency = np.nan if frequency is None else float(frequency)
-        return cls(float(thresholds["z_s"]), frequency, thresholds.get("units") != "other")
+def _physical(axis: Any, thresholds: Mapping[str, Any], lengths: str, frequencies: str = "") -> None:
+    """Add physical axes of the displacement at one side and of the frequency at another, where they are known."""
+    length, frequency, si = scales(thresholds)
+    style.physical_axis(axis, lengths, "displacement", length, "m" if si else "")
+    if frequencies:
+        style.physical_axis(axis, frequencies, "frequency", frequency, "Hz" if si else "")
 
-    def axes(self, axis: Any, lengths: str, frequencies: str = "") -> None:
-        """Draw second axes of lengths and frequencies at sides, "top" or "right", if they are known."""
-        style.physical_axis(axis, lengths, "amplitude", self.length, "m" if self.si else "")
-        if frequencies and np.isfinite(self.frequency):
-            factor, unit = prefix(self.frequency, "Hz" if self.si else "")
-            style.second_axis(axis, frequencies, self.frequency * factor, style.label("frequency", unit))
+
+def _coloured(rows: Columns) -> list[tuple[float, str]]:
+    """Each amplitude of the excitation in rows of response.csv, with its colour."""
+    forcings = np.unique(rows["F_hat"])
+    return list(zip(forcings.tolist(), np.resize(style.COLOURS, len(forcings)).tolist(), strict=True))
+
+
+def _in_words(thresholds: Mapping[str, Any], forcing: float) -> str:
+    """An amplitude of the excitation: dimensionless, and as a force in newton and over the preload, where known."""
+    driven, n_loc, load = (thresholds.get(name) for name in ("excitation", "n_loc", "load"))
+    text = f"{SYMBOLS[driven or 'force']} = {forcing:.3g}"
+    if not n_loc or SYMBOLS.get(driven, "") not in ("", SYMBOLS["force"]):
+        return text
+    newton = f"{quantity(n_loc * forcing * load, 'N', 3)} = " if load and scales(thresholds)[2] else ""
+    return f"{text}, $F$ = {newton}{n_loc * forcing:.3g} $W$"
 
 
 @style.styled
@@ -95,7 +97,7 @@ def frequency(results: Results) -> Figure:
     axis.set(xlabel="amplitude $u_0 = (z_0 - z_s)/z_s$", ylabel="natural frequency $\\omega_n/\\omega_s$")
     axis.set_xlim(left=0)
     axis.legend(loc="best")
-    Scale.of(results.thresholds).axes(axis, "top", "right")
+    _physical(axis, results.thresholds, "top", "right")
     return figure
 
 
@@ -114,13 +116,10 @@ def response(results: Results) -> Figure:
         if model == "exact" or e["u_min"] >= -1.0  # physical
     ]  # fmt: skip
     figure, axes = style.figure(1.2 + 4.0 * len(models), 4.4, *(MODELS[model][2] for model in models))
-    forcings = np.unique(rows["F_hat"])
     physical = (rows["model"] == "exact") | (rows["u_min"] >= -1.0)
     for axis, model in zip(axes, models, strict=True):
-        for forcing, colour in zip(forcings, np.resize(style.COLOURS, len(forcings)), strict=True):
-            chosen = where(rows, (rows["model"] == model) & (rows["F_hat"] == forcing))
-            for name in np.unique(chosen["branch"]):
-                _branch(axis, where(chosen, chosen["branch"] == name), str(name), model, colour)
+        for forcing, colour in _coloured(rows):
+            _branches(axis, where(rows, (rows["model"] == model) & (rows["F_hat"] == forcing)), "u_max", model, colour)
             _events(axis, [e for e in events if e["model"] == model and e["F_hat"] == forcing])
             if model == "exact" and bands and forcing in bands["F_hat"]:
                 _band(axis, where(bands, bands["F_hat"] == forcing), colour)
@@ -128,11 +127,8 @@ def response(results: Results) -> Figure:
         axis.set(xlabel="frequency $\\Omega = \\omega/\\omega_s$", ylabel=f"largest displacement{about} $u_{{\\max}}$")
         top = np.nanmax(rows["u_max"][physical | ~physical.any()])
         axis.set(xlim=(rows["Omega"].min(), rows["Omega"].max()), ylim=(0, 1.1 * top))
-        Scale.of(t).axes(axis, "right", "top")
-    keys = []
-    for forcing, colour in zip(forcings, np.resize(style.COLOURS, len(forcings)), strict=True):
-        weight = f", $F/W$ = {n_loc * forcing:.3g}" if n_loc and driven == "force" else ""
-        keys.append(Line2D([], [], color=colour, label=f"{SYMBOLS[driven]} = {forcing:g}{weight}"))
+        _physical(axis, t, "right", "top")
+    keys = [Line2D([], [], color=colour, label=_in_words(t, forcing)) for forcing, colour in _coloured(rows)]
     shown = {*np.unique(rows["branch"]).tolist(), *(e["kind"] for e in events)}
     keys += _line_keys(shown, bool(physical.all()), bool(bands))
     figure.legend(handles=keys, loc="outside lower center", ncols=2 if len(models) == 1 else 4)
@@ -140,18 +136,21 @@ def response(results: Results) -> Figure:
     return figure
 
 
-def _branch(axis: Any, rows: Columns, name: str, model: str, colour: str) -> None:
-    """Draw one branch: solid where stable, otherwise dashed, faint where unphysical; triangles for a sweep."""
-    omega, u, stable = rows["Omega"], rows["u_max"], truth(rows["stable"])
-    if name in SWEEPS:
-        axis.plot(omega[stable], u[stable], SWEEPS[name][0], color=colour, mfc="white", ms=3, mew=0.7, zorder=3)
-        return
-    valid = (rows["u_min"] >= -1.0) | (model == "exact")
-    for start, stop in pieces(omega, u, stable + 2 * valid):
-        axis.plot(
-            omega[start:stop], u[start:stop], ls="-" if stable[start] else DASHES, color=colour, lw=1.2, zorder=2,
-            alpha=1.0 if valid[start] else _FAINT,
-        )  # fmt: skip
+def _branches(axis: Any, rows: Columns, column: str, model: str, colour: str) -> None:
+    """Draw a column over the frequency: solid where stable, else dashed, faint where unphysical; sweeps as marks."""
+    for name in np.unique(rows["branch"]):
+        of = where(rows, rows["branch"] == name)
+        omega, y, stable = of["Omega"], of[column], truth(of["stable"])
+        if name in SWEEPS:
+            mark = SWEEPS[name][0]
+            axis.plot(omega[stable], y[stable], mark, color=colour, mfc="white", ms=3, mew=0.7, zorder=3)
+            continue
+        valid = (of["u_min"] >= -1.0) | (model == "exact")
+        for start, stop in pieces(omega, y, stable + 2 * valid):
+            axis.plot(
+                omega[start:stop], y[start:stop], ls="-" if stable[start] else DASHES, color=colour, lw=1.2, zorder=2,
+                alpha=1.0 if valid[start] else _FAINT,
+            )  # fmt: skip
 
 
 def _band(axis: Any, rows: Columns, colour: str) -> None:
@@ -215,70 +214,41 @@ def _line_keys(shown: set[str], physical: bool, band: bool) -> list[Line2D]:
 
 @style.styled
 def receptance(results: Results) -> Figure:
-    """Draw amplitude over force with the backbone, or that of the mass over that of the base.
-
-    Axes are in hertz and in units of the case where these are known, else over omega_s and 1/k_n.
-    """
-    rows, free, thresholds = results.response, results.free, results.thresholds
-    driven, n_loc, load = thresholds.get("excitation", "force"), thresholds.get("n_loc"), thresholds.get("load")
-    frequency, compliance, hertz, metre, si = Scale.of(thresholds).frequency, 1.0, "", "", False
-    if np.isfinite(frequency):
-        si, compliance = Scale.of(thresholds).si, 1.0 / float(thresholds["numbers"]["k_n"])
-        factor, hertz = prefix(frequency, "Hz") if si else (1.0, "1/time")
-        frequency, metre = factor * frequency, "m" if si else "length"
-    else:
-        frequency = 1.0
+    """Draw amplitude over force with the backbone, or that of the mass over that of the base."""
+    rows, free, t = results.response, results.free, results.thresholds
+    of_base = t.get("excitation", "force") != "force"
     model = "exact" if "exact" in rows["model"] else str(rows["model"][0])
     rows = where(rows, (rows["model"] == model) & ~np.isin(rows["branch"], list(SWEEPS)))
-    zeta = float(rows["zeta"][0])
-    figure, (axis,) = style.figure(style.SINGLE + 1.6, 4.0, heading([zeta], thresholds.get("damping"), n_loc))
-    of_base = driven != "force"
     free = where(free, free["model"] == model) if "a1" in free and not of_base else {}
     value: Array = rows["transmissibility"] if of_base else rows["a1"] / rows["F_hat"]
-    rows = {**rows, "value": value}
-    if of_base:
-        compliance, metre, si = 1.0, "", False
-    low, high = value[value > 0.0].min() / _FLOOR, 1.3 * value.max()  # 0 where orbits have no first harmonic
-    if si:
-        factor, metre = prefix(compliance * high, metre)
-        compliance *= factor
+    rows, zeta = {**rows, "value": value}, float(rows["zeta"][0])
+    figure, (axis,) = style.figure(style.SINGLE + 1.6, 4.0, heading([zeta], t.get("damping"), t.get("n_loc")))
     grid = np.linspace(rows["Omega"].min(), rows["Omega"].max(), 2001)
     with np.errstate(divide="ignore"):  # without damping, at resonance
         linear = (np.hypot(1.0, 2.0 * zeta * grid) if of_base else 1.0) / np.hypot(1.0 - grid**2, 2.0 * zeta * grid)
-    axis.plot(frequency * grid, compliance * linear, color=style.GREY, lw=0.8, label="linear")
-    forcings = np.unique(rows["F_hat"])
-    for forcing, colour in zip(forcings, np.resize(style.COLOURS, len(forcings)), strict=True):
+    axis.plot(grid, linear, color=style.GREY, lw=0.8, label="linear")
+    for forcing, colour in _coloured(rows):
         of = where(rows, rows["F_hat"] == forcing)
-        for name in np.unique(of["branch"]):
-            branch = where(of, of["branch"] == name)
-            stable, y = truth(branch["stable"]), branch["value"]
-            for start, stop in pieces(branch["Omega"], y, stable):
-                axis.plot(
-                    frequency * branch["Omega"][start:stop], compliance * y[start:stop], color=colour, lw=1.2,
-                    ls="-" if stable[start] else DASHES,
-                )  # fmt: skip
+        _branches(axis, of, "value", model, colour)
+        axis.plot([], [], color=colour, label=_in_words(t, forcing))
         if free:
             reached = free["a1"] <= of["a1"].max()
-            x, y = free["omega_ratio"][reached], free["a1"][reached] / forcing
-            axis.plot(frequency * x, compliance * y, ":", color=colour, lw=1.0)
-        label = f"{SYMBOLS[driven]} = {forcing:.3g}"
-        if n_loc and not of_base:  # in newton where that is known, and over the preload
-            newton = f"{n_loc * forcing * load:.3g} N, " if si and load else ""
-            label = f"$F$ = {newton}{n_loc * forcing:.3g} $W$"
-        axis.plot([], [], color=colour, label=label)
+            axis.plot(free["omega_ratio"][reached], free["a1"][reached] / forcing, ":", color=colour, lw=1.0)
     if free:
         axis.plot([], [], ":", color=style.GREY, label="backbone of each force")
     if not truth(rows["stable"]).all():
         axis.plot([], [], ls=DASHES, color=style.GREY, label="unstable")
-    axis.set(yscale="log", xlim=(frequency * grid[0], frequency * grid[-1]), ylim=(compliance * low, compliance * high))
-    if high < 300 * low:
-        axis.yaxis.set_major_locator(LogLocator(subs=(1, 2, 5)))
-        axis.yaxis.set_minor_formatter(NullFormatter())
-    axis.yaxis.set_major_formatter(FuncFormatter(lambda y, _: f"{y:g}"))
-    axis.set_xlabel(style.label("frequency", hertz) if hertz else "frequency $\\Omega = \\omega/\\omega_s$")
-    force = "N" if si else "force"
-    what = f"receptance $|X/F|$ ({metre}/{force})" if metre else "receptance $k_n|X/F|$"
-    axis.set_ylabel("transmissibility, mass over base" if of_base else what)
+    low, high = value[value > 0.0].min() / _FLOOR, 1.3 * value.max()  # 0 where orbits have no first harmonic
+    axis.set(xlim=(grid[0], grid[-1]), ylim=(low, high), xlabel="frequency $\\Omega = \\omega/\\omega_s$")
+    style.logarithmic(axis, "y")
+    _, frequency, si = scales(t)
+    style.physical_axis(axis, "top", "frequency", frequency, "Hz" if si else "")
+    if of_base:
+        axis.set_ylabel("transmissibility, mass over base")
+    else:
+        axis.set_ylabel("receptance $k_n|X/F|$")
+        compliance = 1.0 / t["numbers"]["k_n"] if np.isfinite(frequency) else np.nan
+        style.physical_axis(axis, "right", "receptance $|X/F|$", compliance, "m/N" if si else "")
     axis.legend(loc="best")
     return figure
 
@@ -286,11 +256,11 @@ def receptance(results: Results) -> Figure:
 @style.styled
 def motion(results: Results) -> Figure:
     """Draw displacement and force over the time of short motions, a panel for each course of the force."""
-    rows, scale = results.motion, Scale.of(results.thresholds)
+    rows, (_, frequency, si) = results.motion, scales(results.thresholds)
     shapes = [str(shape) for shape in dict.fromkeys(rows["shape"])]
-    known, factor, text = bool(np.isfinite(scale.frequency)), 1.0, "time $\\omega_s t$"
+    known, factor, text = bool(np.isfinite(frequency)), 1.0, "time $\\omega_s t$"
     if known:
-        factor, second = prefix(float(np.nanmax(rows["time"])), "s" if scale.si else "")
+        factor, second = prefix(float(np.nanmax(rows["time"])), "s" if si else "")
         text = style.label("time", second)
     figure, axes = style.figure(style.DOUBLE, 1.0 + 2.1 * len(shapes), *shapes, rows=len(shapes), sharex=True)
     for axis, shape in zip(axes, shapes, strict=True):
@@ -301,7 +271,7 @@ def motion(results: Results) -> Figure:
         axis.plot(t, of["F_hat"], color=style.VERMILION, lw=0.9, label=driven)
         axis.plot(t, u, color=style.BLUE, lw=1.1, label="displacement $u$")
         axis.set(xlim=(t[0], t[-1]), ylabel="$u = (z - z_s)/z_s$")
-        scale.axes(axis, "right")
+        _physical(axis, results.thresholds, "right")
     axes[0].legend(loc="best", ncols=2)
     axes[-1].set_xlabel(text)
     return figure
