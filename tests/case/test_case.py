@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import tomllib
 import warnings
 from pathlib import Path
@@ -17,7 +16,7 @@ from asperity.case.keys import input_reference
 from asperity.case.schema import Input
 from asperity.errors import InputError
 from asperity.model.material import Material
-from asperity.model.problem import Problem, full_contact_pressure
+from asperity.model.problem import Problem
 from asperity.surface import Flat
 
 ROOT = Path(__file__).parents[2]
@@ -35,7 +34,7 @@ def doubts_of(case: Case) -> list[str]:
     """Of the load."""
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
-        return case.problem().check_load()
+        return case.problem().doubts()
 
 
 def refusal(*overrides: str, path: Path = DEMO) -> str:
@@ -275,32 +274,8 @@ def test_a_modulus_in_gigapascal_with_lengths_in_metre_is_refused() -> None:
     assert Case.load(DEMO, [*elastic, "units=other"]).material.E == 200
 
 
-def test_full_contact_pressure_of_a_wave_is_westergaards() -> None:
-    case = Case.load(ROOT / "cases/sinusoid.toml")
-    surface = case.build_surface()
-    expected = math.pi * case.material.E_prime * 2e-9 / 2e-6
-    pressure = full_contact_pressure(
-        surface.grid(129), surface.L, case.material.solid, case.block.height, case.block.sides
-    )
-    assert pressure == pytest.approx(expected, rel=1e-9)
-
-
-def test_a_load_that_closes_every_gap_is_refused() -> None:
-    case = Case.load(DEMO, ["loading.delta_max=0.1e-6"])
-    with pytest.raises(InputError, match="no gap at all"):
-        doubts_of(case)
-    case = Case.load(DEMO, ["loading.delta_max=0.05e-6"])
-    assert "peak to valley" in doubts_of(case)[0]
-
-
-def test_a_block_that_yields_first_keeps_its_gaps() -> None:
-    """With free sides a soft block flows under the load of its contacts; between rollers its volume resists."""
-    keys = ["loading.delta_max=0.05e-6", "material.yield_strength=0.2e9", "material.tangent_modulus=2e9"]
-    free = Case.load(DEMO, [*keys, "block.sides=free"])
-    assert "peak to valley" in doubts_of(free)[0]
-    confined = Case.load(DEMO, keys)
-    with pytest.raises(InputError, match="no gap at all"):
-        doubts_of(confined)
+def test_a_load_that_passes_the_lowest_valley_is_told() -> None:
+    assert "peak to valley" in doubts_of(Case.load(DEMO, ["loading.delta_max=0.05e-6"]))[0]
 
 
 @pytest.mark.parametrize(

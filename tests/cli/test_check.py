@@ -30,7 +30,7 @@ mesh = {{file = "{ROOT / "meshes/fractal.npz"}"}}
 loading = {{delta_max = 1e-8}}
 """
 REFUSED = {
-    "no gap": (COARSE, ["loading.delta_max=0.9"]),
+    "more than the block": (COARSE, ["loading.delta_max=1.1"]),
     "a key": (COARSE, ["material.mu=0.3"]),
     "two masters of the mesh": (FRACTAL, ["accuracy.tolerance=0.1"]),
     "the mesh of another surface": (FRACTAL, []),

@@ -24,6 +24,15 @@ def nearly_full(case: Case, curve: Curve) -> tuple[bool, str]:
     return 0.95 < area < 1.0 + 1e-9, f"contact area {area:.1%}"
 
 
+def closed(case: Case, curve: Curve) -> tuple[bool, str]:
+    """All of the area is in contact, and the block answers as a flat one between rollers, M over its height."""
+    solid, height = case.material.solid, case.block.height
+    expected = solid.confined_modulus * case.surface.given()["L"] ** 2 / height
+    error = abs(float(np.diff(curve.force)[-1] / np.diff(curve.delta)[-1]) / expected - 1.0)
+    area = float(curve.area_fraction.max())
+    return area > 1.0 - 1e-9 and error < 1e-3, f"contact area {area:.1%}, stiffness of the block within {error:.0e}"
+
+
 def hertz(tolerance: float) -> Claim:
     """A sphere follows Hertz, P = 4/3 E' sqrt(R) delta^1.5, within `tolerance` times the greatest force.
 

@@ -54,10 +54,10 @@ SCENES: tuple[Scene, ...] = (
     ),
     Scene(
         "full/beyond",
-        "delta_max beyond full contact",
-        {"loading.delta_max": 0.2 * L},
-        ends="refused",
-        reason="no gap at all",
+        "elastic wave pressed beyond full contact",
+        wave(0.01) | ELASTIC,
+        depth=8.0,
+        claim=claims.closed,
         fast=True,
     ),
     Scene(

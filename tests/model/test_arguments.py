@@ -79,9 +79,9 @@ def of_script(tables: dict[str, Any]) -> Problem:
     return Problem.of(surface, material, **parts, **tables["loading"], **tables.get("block", {}))
 
 
-# metres for micrometres, more than the block, beyond full contact; above the greatest size; GPa for Pa
+# metres for micrometres, more than the block; above the greatest size; GPa for Pa
 REFUSED: dict[str, tuple[Any, ...]] = {
-    "loading.delta_max": (0.02, 1.1e-6, 0.5e-6, 1e-14, -1e-9), "loading.force_max": (1.0, 1e-20),
+    "loading.delta_max": (0.02, 1.1e-6, 1e-14, -1e-9), "loading.force_max": (1.0, 1e-20),
     "loading.pressure_max": (1e12,), "loading.steps": (0,), "loading.cycles": (0,), "block.height": (1.0,),
     "mesh.h_contact": (0.04, 0.5e-6), "mesh.h_max": (1e-12,), "mesh.growth": (0.0,),
     "material.E": (0.0, float("inf")), "material.nu": (0.4951, -1.0), "material.yield_strength": (1.0, 300e9),

@@ -75,7 +75,7 @@ def test_ranks_that_are_started_give_the_curve_of_one(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("options", "code", "message"),
     [
-        (("--set", "loading.delta_max=0.5"), 2, "leaves no gap"),  # refused by the ranks
+        (("--set", "accuracy.tolerance=0.1", "--set", "accuracy.max_dofs=1000"), 2, "max_dofs"),  # refused by the ranks
         (("--set", "solver.newton_max=1"), 3, "no convergence"),
     ],
 )

@@ -465,7 +465,7 @@ def test_all_ranks_raise_the_same_error(shared_path: Path, monkeypatch: pytest.M
     comm = world()
     with monkeypatch.context() as patch:
         if comm.rank == comm.size - 1:
-            patch.setattr("asperity.model.problem.Problem.check_load", lambda problem: refuse())
+            patch.setattr("asperity.model.problem.Problem.doubts", lambda problem: refuse())
         with pytest.raises(InputError, match="not here"):
             run(case_of(), shared_path / "out", comm=comm)
     comm.Barrier()

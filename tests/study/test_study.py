@@ -95,11 +95,11 @@ def test_a_missing_base_is_named(tmp_path: Path) -> None:
 
 
 def test_a_study_is_run_continued_and_tabled(tmp_path: Path) -> None:
-    tables = {"material.tangent_modulus": [0.01, 0.1], "loading.delta_max": [0.02, 0.9]}
+    tables = {"material.tangent_modulus": [0.01, 0.1], "block.height": [1.0, 0.04]}
     made = study(grid=tables)
     lines: list[str] = []
     counts = run_study(made, tmp_path / "out", say=lines.append)
-    # an approach of 0.9 leaves no gap; the failure is recorded and the study continues
+    # the valley of the wave is deeper than the low block; the failure is recorded and the study continues
     assert (counts.cases, counts.done, counts.failed, counts.run) == (4, 2, 2, 4)
     assert len(lines) == 4 and sum("FAILED" in line for line in lines) == 2
     again = run_study(made, tmp_path / "out", say=lines.append)
@@ -110,8 +110,8 @@ def test_a_study_is_run_continued_and_tabled(tmp_path: Path) -> None:
     soft, hard = (row for row in rows if row["exit_reason"] == "done")
     assert soft["material.tangent_modulus"] == "0.01" and hard["material.tangent_modulus"] == "0.1"
     assert float(soft["P_star_max"]) < float(hard["P_star_max"])
-    failed = [r["exit_reason"] for r in rows if r["loading.delta_max"] == "0.9"]
-    assert len(failed) == 2 and all(f.startswith("InputError") and "leaves no gap" in f for f in failed)
+    failed = [r["exit_reason"] for r in rows if r["block.height"] == "0.04"]
+    assert len(failed) == 2 and all(f.startswith("MeshError") and "deepest valley" in f for f in failed)
     place = case_folder(tmp_path / "out", soft["case"])
     curve = Curve.read(place / "curve.csv")
     assert len(curve.planned()) == 6 <= len(curve)

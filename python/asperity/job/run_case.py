@@ -112,7 +112,7 @@ def run(
         comm: communicator; default all ranks
 
     Raises:
-        InputError: the case is wrong, its load leaves no gap, `folder` holds something that would be written over, or
+        InputError: the case is wrong, `folder` holds something that would be written over, or
             another process works in it
         CheckpointError: the run in `folder` is of another case, or its checkpoint is damaged
         ConvergenceError: the path could not be followed, the files hold the part before; or the tolerance was not met,

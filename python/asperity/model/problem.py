@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field, fields, replace
-from math import inf
 from typing import Any, TypedDict, Unpack
 
 import numpy as np
@@ -21,7 +20,6 @@ SIDES = ("rollers", "free", "periodic")
 SAMPLES = 257  # heights along each side by which a load is judged
 _FALLS = 0.01  # slope across an edge next to the summit that makes a ridge, over the rms slope
 _NEAR_FREE = 0.1  # distance of a summit from a free side that is near, over the shortest wavelength
-_MARGIN = 1.2  # on the compression of the block, whose surface answers a little stiffer than a half-space does
 
 
 class ProblemArguments(TypedDict, total=False):
@@ -133,57 +131,31 @@ class Problem:
                 'take "auto" or "lu"'
             )
 
-    def check_load(self) -> list[str]:
-        """Refuse a load at which no gap is left.
-
-        Returns:
-            what is doubtful: a flat that passes the lowest valley, or begins on an edge
-
-        Raises:
-            InputError: the greatest approach leaves no gap
-        """
+    def doubts(self) -> list[str]:
+        """What is doubtful of the load: a flat that passes the lowest valley, or begins on an edge."""
         surface, delta = self.surface, self.load_path.delta_max
-        z = surface.grid(SAMPLES)
-        depth = float(np.ptp(z))
+        depth = float(np.ptp(surface.grid(SAMPLES)))
         if depth <= 1e-12 * surface.L:
             return []
         edge = edge_of_summit(self.sides, surface)
-        doubts = [edge.doubt] if edge is not None and edge.doubt else []
-        if delta is None:
-            return doubts
-        # the flat has come down to the mean plane, and the block is compressed by the mean pressure
-        pressure = full_contact_pressure(z, surface.L, self.material, self.height, self.sides)
-        limit = surface.maximum()[2] - float(z.mean()) + _MARGIN * self.height * self._strain(pressure)
-        if delta >= limit:
-            raise InputError(
-                f"loading.delta_max = {delta:g} leaves no gap at all: the surface is {depth:.3g} deep from peak to "
-                f"valley and in full contact before {limit:.3g}; choose a smaller delta_max"
-            )
-        if delta > depth:
-            doubts.append(
+        found = [edge.doubt] if edge is not None and edge.doubt else []
+        if delta is not None and delta > depth:
+            found.append(
                 f"loading.delta_max = {delta:g} is more than the surface's depth from peak to valley, {depth:.3g}: the "
                 "compression of the whole block is a large part of the curve"
             )
-        return doubts
-
-    def _strain(self, pressure: float) -> float:
-        """Strain of the block under a mean pressure; with free sides it flows beyond yield, else its volume resists."""
-        solid, limit = self.material, self.material.yield_pressure(self.sides)
-        if self.sides != "free" or pressure <= limit or solid.law is not None:
-            return pressure / solid.block_modulus(self.sides)
-        beyond = (pressure - limit) / solid.tangent_modulus if solid.tangent_modulus > 0.0 else inf
-        return limit / solid.E + beyond
+        return found
 
     @staticmethod
     def of(surface: Surface, material: Material, **given: Unpack[ProblemArguments]) -> Problem:
         """Make a problem of flat arguments, as scripts write them: see `ProblemArguments`.
 
         Warns (ResolutionWarning) of a greatest size that periodic sides do not allow, and (CaseWarning) of a load that
-        is doubtful, see `check_load`.
+        is doubtful, see `doubts`.
 
         Raises:
             InputError: a value of another type or outside its range, not exactly one of delta_max, force_max and
-                pressure_max, or a greatest approach that leaves no gap
+                pressure_max
         """
         check_kind("surface", surface, "Surface")
         check_kind("material", material, "Material")
@@ -205,7 +177,7 @@ class Problem:
                 '"periodic" elements must be narrower than half the side; give that, or leave mesh.h_max out',
                 ResolutionWarning,
             )
-        for text in problem.check_load():
+        for text in problem.doubts():
             warn(text, CaseWarning)
         return problem
 
@@ -248,30 +220,6 @@ def check_lengths(side: float, height: float, delta_max: float | None, size: Mes
         raise InputError(
             f"loading.delta_max = {delta_max:g} exceeds the block: block.height = {height:g}; about 0.03 L is usual"
         )
-
-
-def full_contact_pressure(z: np.ndarray[Any, Any], side: float, material: Material, height: float, sides: str) -> float:
-    """Estimate of the mean pressure above which no gap is left [force/length^2].
-
-    To flatten a wave z(q) of an elastic half-space takes the pressure E' q z(q)/2 (Johnson, Contact Mechanics, 1985,
-    eq. 13.5), and of a thin block M z(q)/h at least; contact is full when the mean makes up for the lowest. Rollers
-    mirror the surface, hence the cosine transform. Plastic flow bounds it by twice the hardness: 6 times the flow
-    stress at a strain of the rms slope.
-    """
-    from scipy.fft import dctn, fft2, fftfreq, idctn, ifft2
-
-    n, periodic = len(z), sides == "periodic"
-    wave = 2 * np.pi / side * (n - 1) * fftfreq(n - 1) if periodic else np.pi / side * np.arange(n)
-    q = np.hypot(wave[:, None], wave)
-    stiffness = np.maximum(material.reduced_modulus * q / 2, material.block_modulus(sides) / height)
-    if periodic:
-        pressure = -float(ifft2(stiffness * fft2(z[:-1, :-1] - z[:-1, :-1].mean())).real.min())
-    else:
-        pressure = -float(idctn(stiffness * dctn(z - z.mean(), type=1), type=1).min())
-    if material.yield_strength is None or material.law is not None:  # whose hardening is not known here
-        return pressure
-    slope = float(np.sqrt(np.mean(np.square(np.gradient(z, side / (n - 1))).sum(axis=0))))
-    return min(pressure, 6 * (material.yield_strength + material.tangent_modulus * slope))
 
 
 @dataclass(frozen=True)
