@@ -13,9 +13,7 @@ from asperity.dynamics import Joint as Joint
 from asperity.dynamics import PowerLaw as PowerLaw
 from asperity.dynamics import TableLaw as TableLaw
 from asperity.dynamics import TaylorLaw as TaylorLaw
-from asperity.dynamics import response_band as response_band
 from asperity.dynamics import run_dynamics as run_dynamics
-from asperity.dynamics import uncertainty as uncertainty
 from asperity.dynamics import unload_reload as unload_reload
 from asperity.errors import AsperityError as AsperityError
 from asperity.errors import AsperityWarning as AsperityWarning

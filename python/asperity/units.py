@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import math
+import re
+from collections.abc import Iterable
 from decimal import Decimal
 
 _PREFIXES = {-15: "f", -12: "p", -9: "n", -6: "µ", -3: "m", 0: "", 3: "k", 6: "M", 9: "G", 12: "T", 15: "P"}
@@ -57,6 +59,24 @@ def quantity(value: float, unit: str, digits: int = 4, *, bar: float = math.nan)
     if known and bar >= 1.0:  # a positive quantity of which no more is known
         return f"{text} (0 to {quantity((1.0 + bar) * (value / factor), unit, 2)})"
     return f"{text} ± {per_cent(bar)}" if known else text
+
+
+def amount(text: str, units: Iterable[str]) -> tuple[float, str]:
+    """Number of a text, and which of the units it has; a prefix of the unit is taken into the number.
+
+    Raises:
+        ValueError: it is no number with one of these units
+
+    Examples:
+        >>> amount("5 kHz", ("N", "Hz")), amount("2e-8m", ("m",)), amount("3 mm/s^2", ("m", "m/s^2"))
+        ((5000.0, 'Hz'), (2e-08, 'm'), (0.003, 'm/s^2'))
+    """
+    factors = {"": 1.0, "u": 1e-6} | {name: 10.0**power for power, name in _PREFIXES.items()}
+    pattern = f"([-+.0-9eE]+) ?({'|'.join(factors)})({'|'.join(map(re.escape, units))})"
+    found = re.fullmatch(pattern, text.strip())
+    if found is None:
+        raise ValueError(f"{text!r} is no number with the unit {' or '.join(units)}")
+    return float(found[1]) * factors[found[2]], found[3]
 
 
 def plus_minus(value: float, half: float) -> str:

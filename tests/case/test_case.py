@@ -172,11 +172,7 @@ MISTAKES = {
     "slip.friction=0.3 & slip.amplitudes=[0.3, 0.1]": ("0.3, 0.1", "must rise"),
     "slip.friction=0.3 & slip.amplitudes=[0.5, 1.0]": ("slip.amplitudes", "0.99"),
     "slip.friction=0.3 & slip.preload=1.0": ("slip.preload", "must lie between"),
-    "loading.delta_max= & loading.force_max=1e-6 & dynamics.overload=2e-6": (
-        "dynamics.overload",
-        "and 1e-06, the greatest",
-    ),
-    "loading.delta_max= & loading.force_max=1e-6 & joint.mass=1e-3 & joint.gravity=9.81": ("joint.gravity", "0.00981"),
+    "loading.delta_max= & loading.force_max=1e-6 & joint.preload=2e-6": ("joint.preload", "and 1e-06, the greatest"),
     f"{SOLID_SLIP} & contact.method=penalty": ("slip.method",),
     f"{SOLID_SLIP} & slip.direction=20": ("between rollers",),
     f"{SOLID_SLIP} & block.sides=free & contact.friction=0.2": ("give both the same value",),
@@ -184,9 +180,12 @@ MISTAKES = {
     f"{SOLID_SLIP} & contact.friction=0.3": ("block.sides",),
     "contact.friction=-1": ("contact.friction",),
     "contact.friction=stick": ("contact.friction",),
-    f"dynamics.zeta=0 & {LOOPS}": ('dynamics.zeta = 0 with dynamics.damping = "loops" must lie in (0, 1)',),
-    f"joint.damping=0 & {LOOPS}": ('joint.damping = 0 with dynamics.damping = "loops" must lie in (0, 1)',),
-    f"dynamics.zeta=0 & joint.damping=0.02 & {LOOPS}": ("differ; remove one of them",),
+    f"dynamics.zeta=0 & {LOOPS}": ("dynamics.zeta = 0", "[0.0001, 0.9999]"),
+    "dynamics.zeta=[0.1, 2.0]": ("dynamics.zeta", "[0.0001, 0.9999]"),
+    'dynamics.forcing=["5 N", "2 um"]': ("dynamics.forcing", "give all with one unit"),
+    'dynamics.forcing=["5 K"]': ("dynamics.forcing", "'5 K' is no number with the unit N"),
+    'dynamics.omega=["9 kHz", "5 kHz"]': ("dynamics.omega", "low < high"),
+    'dynamics.forcing=["5 N"] & units=other': ("dynamics.forcing in N cannot go with units",),
 }
 
 
@@ -203,7 +202,7 @@ def test_each_mistake_gives_one_sentence_with_key_value_and_range(override: str)
         f"{SOLID_SLIP} & slip.direction=20 & block.sides=free",
         f"{SOLID_SLIP} & block.sides=free & contact.friction=0.3",
         f"dynamics.zeta=0.02 & {LOOPS}",
-        f"joint.damping=0.02 & {LOOPS}",
+        'dynamics.forcing=["5 N", "3kN"] & dynamics.omega=["5 kHz", "9kHz"] & dynamics.zeta=[0.01, 0.02]',
     ],
 )
 def test_what_goes_together_is_accepted(overrides: str) -> None:

@@ -152,7 +152,7 @@ def test_an_empty_name_is_refused(
         (("dynamics", "--power-law", "1.5", "--omega", "1.3", "0.5"), "omega"),
         (("dynamics", "--power-law", "1.5", "--damping", "some"), "hunt-crossley"),
         (("dynamics", "nowhere.csv"), "nowhere.csv"),
-        (("dynamics", "--power-law", "1.5", "--forcing", "3K"), "'3K' is neither a number nor one with the unit N"),
+        (("dynamics", "--power-law", "1.5", "--forcing", "3K"), "forcing: '3K' is no number with the unit N"),
     ],
 )
 def test_bad_input_is_one_line_and_exit_code_2(

@@ -97,8 +97,7 @@ def test_a_random_window() -> None:
 
 
 def test_what_is_not_searched_is_in_the_result() -> None:
-    assert "starts of period 1 and 2; not searched: longer" in computed(1.5, 0.01, 0.3, (1.5, 2.5)).searched
-    assert "from rest; not searched" in computed().searched
+    assert "period 1 and 2, from rest and up to 800 starts of each; not searched: longer" in computed().searched
 
 
 @pytest.mark.parametrize(("n", "zeta", "low"), [(3.0, 0.005, 0.3), (0.7, 0.02, 0.6)])
@@ -137,9 +136,8 @@ def test_period_2_branch_ends_at_a_period_doubling() -> None:
 
 
 def test_stability_changes_at_points_of_a_branch() -> None:
-    """Also on period-2 branches, and without damping."""
-    branches = computed(2.0, 0.05, 0.9, (0.3, 2.4)).branches + computed(1.5, 0.0, 0.05, (0.5, 1.3)).branches
-    for b in branches:
+    """Also on period-2 branches."""
+    for b in computed(2.0, 0.05, 0.9, (0.3, 2.4)).branches:
         for i in np.flatnonzero(b.stable[:-1] != b.stable[1:]):
             assert np.abs(b.radius[i : i + 2] - 1).min() < 1e-3
 

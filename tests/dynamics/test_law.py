@@ -17,7 +17,6 @@ from asperity.dynamics import (
     TableLaw,
     TaylorLaw,
     law_from,
-    uncertainty,
     unload_reload,
 )
 from asperity.errors import InputError, RangeError
@@ -87,7 +86,7 @@ def test_a_noisy_table_is_a_smoothing_spline_near_the_true_law() -> None:
     for law in noisy:
         with pytest.warns(UserWarning, match="the points scatter so that the stiffness"):
             o = ContactOscillator(law, load=0.5)
-        r, kappa = o.restoring, uncertainty(o).kappa
+        r, kappa = o.restoring, o.uncertainty().kappa
         assert r.n_loc == pytest.approx(1.5, abs=0.03) and r.kappa == pytest.approx(-1 / 24, abs=0.02)
         assert float(law.stiffness(r.z_s)) == pytest.approx(r.scale / r.z_s, rel=1e-12)
         covered += kappa.low <= -1 / 24 <= kappa.high
@@ -132,7 +131,7 @@ def test_the_warning_of_noise_appears_once() -> None:
         warnings.simplefilter("always")
         oscillator = ContactOscillator(_noisy(0))
         oscillator.taylor()
-        uncertainty(oscillator)
+        oscillator.uncertainty()
     assert len(caught) == 1 and caught[0].filename == __file__
 
 
@@ -303,13 +302,6 @@ def test_the_static_deflection_of_an_own_law_has_any_size(size: float) -> None:
 
     for x in (1e-3, 0.7, 20.0):
         assert Cubic().deflection(x + x**3) == pytest.approx(x * size, rel=1e-13)
-
-
-def test_the_offset_of_the_approach_can_be_fitted() -> None:
-    law = TableLaw.from_curve({"delta": Z, "force": np.maximum(Z - 0.3, 0.0) ** 1.5}, origin="fit")
-    assert law.origin == pytest.approx(0.3, abs=1e-6)
-    with pytest.raises(InputError, match="origin"):
-        TableLaw.from_curve({"delta": Z, "force": Z}, origin="guess")
 
 
 def test_a_file_that_is_not_a_table_is_refused(tmp_path) -> None:

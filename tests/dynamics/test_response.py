@@ -180,44 +180,6 @@ def test_grazing_within_1e_10_from_both_sides(n: float) -> None:
         np.testing.assert_allclose([*path.end, path.u_max, path.u_min], [*s.start, s.u_max, s.u_min], atol=1e-8)
 
 
-def test_no_damping() -> None:
-    """Two large orbits lie on both sides of the free one of that frequency; a window may begin at the resonance."""
-    r = ContactOscillator(PowerLaw(1.5), zeta=0.0).response(0.01, (0.6, 1.3))
-    assert all((b.det_error < 1e-6).all() for b in r.branches)
-    at_resonance = ContactOscillator(PowerLaw(1.5), zeta=0.0).response(0.01, (1.0, 1.3))
-    assert at_resonance.at(1.2)[0].u_max == pytest.approx(r.at(1.2)[0].u_max, rel=1e-6)
-    assert free_orbits(r.equation.restoring, 0.8648)[0].omega == pytest.approx(0.95, abs=2e-3)
-    _, lower, upper = r.at(0.95)
-    assert lower.u_max < 0.88 < upper.u_max + 0.05
-
-
-def test_undamped_orbits_of_period_2_are_found_where_stability_changes() -> None:
-    r = ContactOscillator(PowerLaw(2.63), zeta=0.0).response(0.15, (0.6, 0.7))
-    double = [s for s in r.at(0.643) if s.order == 2]
-    assert [s.stable for s in double] == [True, False]
-    for s in double:
-        once, twice = (motion(r.equation, 0.643, 0.15, s.states[0], periods).end for periods in (1, 2))
-        np.testing.assert_allclose(twice, s.states[0], atol=1e-6)
-        assert np.abs(once - s.states[0]).max() > 0.1
-
-
-@pytest.mark.parametrize(
-    ("window", "omega", "ends"),
-    [((0.47, 1.3), 0.7, (-3.6, 1.95)), ((0.5, 1.3), 0.7, (-3.6, 1.95)), ((0.45, 0.65), 0.6, (-6.0, 2.6))],
-)
-def test_undamped_orbits_above_a_superharmonic_resonance_are_all_those_that_rest_twice(
-    window: tuple[float, float], omega: float, ends: tuple[float, float]
-) -> None:
-    """At rest at the greatest and at the least force: roots of the speed after half a period."""
-    r = ContactOscillator(PowerLaw(1.5), zeta=0.0).response(0.05, window, tol=1e-4)
-    starts = np.linspace(*ends, 80)  # no orbit begins between two
-    speed = motions(r.equation, [(u, 0.0) for u in starts], omega, 0.05, length=np.pi).end[:, 1]
-    known = sorted(s.start[0] for s in r.at(omega))
-    roots = np.flatnonzero(np.diff(np.sign(speed)))
-    assert len(known) == len(roots) == 3
-    assert all(starts[i] < u < starts[i + 1] for i, u in zip(roots, known, strict=True))
-
-
 def test_light_damping_traces_the_narrow_peak() -> None:
     o = ContactOscillator(PowerLaw(1.5), zeta=1e-4)
     r = o.response(1e-4, (0.8, 1.2))

@@ -15,15 +15,7 @@ from hypothesis import strategies as st
 
 import asperity as asp
 from asperity.case import Case
-from asperity.dynamics import (
-    ContactOscillator,
-    DynamicsSettings,
-    Joint,
-    PowerLaw,
-    TableLaw,
-    response_band,
-    run_dynamics,
-)
+from asperity.dynamics import ContactOscillator, DynamicsSettings, Joint, PowerLaw, run_dynamics
 from asperity.dynamics.run import small_vibration
 from asperity.dynamics.settings import forcings, window
 from asperity.errors import AsperityError, InputError, RangeError
@@ -147,7 +139,7 @@ def _curve_in(folder: Path, length: float, force: float, case: str = "") -> Path
     return folder
 
 
-QUICK: dict[str, Any] = {"model": ["exact"], "omega": (0.9, 0.91), "sweeps": False, "bands": False}
+QUICK: dict[str, Any] = {"model": ["exact"], "omega": (0.9, 0.91), "sweeps": False}
 
 
 def test_gravity_belongs_to_the_units(tmp_path: Path) -> None:
@@ -182,32 +174,14 @@ def test_the_case_of_a_run_gives_what_is_not_given(tmp_path: Path) -> None:
     folder = _curve_in(tmp_path / "run", 1.0, 1.0, text)
     found = DynamicsSettings.of_source(folder)
     assert found == DynamicsSettings(
-        law="table", preload=3e-5, forcing=(0.002, 0.004), model=("exact",), omega=(0.95, 1.05), zeta=0.2, sweeps=True,
-        units="SI", patch_area=1e-12,
+        law="table", preload=3e-5, forcing=(0.002, 0.004), model=("exact",), omega=(0.95, 1.05), zeta=(0.2,),
+        sweeps=True, units="SI", patch_area=1e-12,
     )  # fmt: skip
     other = run_dynamics(folder, law="paper", preload=2e-5, forcing=0.003, omega=(0.9, 0.91), sweeps=False)
     assert other.laws is not None and other.laws.choice.name == "paper" and other.first.restoring.load == 2e-5
     assert len(other.responses["exact"]) == 1 and other.sweeps["exact"] == ()
     joint = DynamicsSettings.of_source(folder, asp.Joint(nominal_area=3e-12, mass=1.0))
     assert joint.preload == pytest.approx(9e-5, rel=1e-12)
-
-
-def test_an_overload_of_the_case_goes_with_its_preload(tmp_path: Path) -> None:
-    text = 'units = "SI"\n[dynamics]\npreload = 0.2\noverload = 0.3\n'
-    (tmp_path / "case.toml").write_text(text, encoding="utf-8")
-    given = DynamicsSettings.of_source(tmp_path)
-    assert given.overload == 0.3 and given.replaced(overload=0.25).preload == 0.2
-    assert given.replaced(preload=0.1).overload is None and given.replaced(law="paper").overload is None
-
-
-def test_an_analysis_without_bands_keeps_no_old_ones(tmp_path: Path) -> None:
-    z = np.linspace(0.0, 1.0, 6)[1:]
-    law = TableLaw(z, z**1.5 + 0.3 * z**2)
-    options = {**QUICK, "gravity": 1.0, "tol": 1e-3, "out_dir": tmp_path}
-    run_dynamics(law, **{**options, "bands": True})
-    assert (tmp_path / "band.csv").is_file()
-    run_dynamics(law, **options)
-    assert not (tmp_path / "band.csv").exists()
 
 
 def test_units_assumed_for_a_curve_are_reported(tmp_path: Path) -> None:
@@ -232,6 +206,11 @@ def test_units_assumed_for_a_curve_are_reported(tmp_path: Path) -> None:
         ({"gravity": 0.0}, "gravity = 0.* is not legal"),
         ({"omega": (1e-5, 1.3)}, "omega = 1e-05 is not legal: it must lie between 0.01 and 100"),
         ({"forcing": [0.1, 1e-300]}, "forcing = 1e-300"),
+        ({"forcing": ["2 N", 0.1]}, "give all with one unit"),
+        ({"forcing": "2 K"}, "'2 K' is no number with the unit N"),
+        ({"forcing": "2 N", "units": "other"}, 'forcing in N cannot go with units = "other"'),
+        ({"omega": ["2 kHz", "1 kHz"]}, "give low < high"),
+        ({"zeta": 1e-6}, "zeta = 1e-06 is not legal: it must lie between 0.0001 and 0.9999"),
     ],
 )
 def test_bad_arguments_write_nothing(tmp_path, options, words) -> None:
@@ -255,6 +234,7 @@ def test_bad_arguments_write_nothing(tmp_path, options, words) -> None:
         (lambda o: o.sweep([]), "forcing"),
         (lambda o: o.sweep(0.1, directions=("left",)), "left"),
         (lambda o: o.sweep(0.1, points=1), "points"),
+        (lambda o: replace(o, zeta=0.0).response(0.1), "zeta of forced motion = 0.* is not legal"),
         (lambda o: o.simulate(1e-9, 0.1), "omega = 1e-09"),
         (lambda o: o.simulate(1.0, 1e300), r"forcing = 1e\+300"),
     ],
@@ -262,17 +242,6 @@ def test_bad_arguments_write_nothing(tmp_path, options, words) -> None:
 def test_bad_calls_are_refused_in_one_sentence(call, words) -> None:
     with pytest.raises(InputError, match=words):
         call(ContactOscillator(PowerLaw(1.5)))
-
-
-def test_a_sweep_left_out_for_light_damping_is_reported() -> None:
-    result = run_dynamics(PowerLaw(1.5), zeta=1e-6, forcing=1e-5, omega=(0.7, 0.71), model=["exact"], sweeps=True)
-    assert result.sweeps["exact"] == () and any("no sweep: zeta = 1e-06 is not legal" in note for note in result.notes)
-
-
-def test_band_reaches_the_ends_of_the_legal_frequencies() -> None:
-    o = ContactOscillator(PowerLaw(1.5), zeta=0.5)
-    band = response_band(o, 1e-9, asp.uncertainty(o, [PowerLaw(1.4)]), (0.01, 0.0101), points=3)
-    assert np.isfinite(band.upper).all()
 
 
 TEN_TO = st.floats(-320, 308).map(lambda e: 10.0**e)
@@ -289,7 +258,7 @@ TEN_TO = st.floats(-320, 308).map(lambda e: 10.0**e)
 )
 def test_any_input_gives_finite_results_or_an_error_message(n: float, K: float, options: dict[str, Any]) -> None:
     try:
-        result = run_dynamics(PowerLaw(n, K), bands=False, omega=(0.95, 1.05), **options)
+        result = run_dynamics(PowerLaw(n, K), omega=(0.95, 1.05), **options)
     except AsperityError as error:
         assert "\n" not in str(error)
     else:
@@ -343,14 +312,14 @@ def test_force_in_newtons_window_in_hertz_several_dampings_and_jumps(tmp_path: P
     """The same response as with F^ and Omega, and jumps where sweeps in time jump."""
     delta = np.linspace(0.0, 1e-7, 21)
     curve = {"delta": delta, "force": 400.0 * (delta / 1e-7) ** 2}
-    joint = {"joint": Joint(preload=100.0, mass=2.0), "model": "exact", "bands": False, "units": "SI"}
+    joint = {"joint": Joint(preload=100.0, mass=2.0), "model": "exact", "units": "SI"}
     plain = run_dynamics(curve, forcing=0.02, omega=(0.8, 1.1), **joint)
     scale, hertz = plain.first.restoring.scale, plain.numbers.frequency
     found = run_dynamics(
         curve,
-        forcing_newton=(0.02 * scale,),
-        window=(0.8 * hertz, 1.1 * hertz),
-        zetas=(0.05,),
+        forcing=f"{0.02 * scale} N",
+        omega=(f"{8e-4 * hertz} kHz", f"{1.1 * hertz}Hz"),
+        zeta=(0.01, 0.05),
         out_dir=tmp_path,
         **joint,
     )
@@ -367,8 +336,8 @@ def test_force_in_newtons_window_in_hertz_several_dampings_and_jumps(tmp_path: P
         at = int(np.abs(np.diff(s.u_max)).argmax())
         assert min(s.Omega[at : at + 2]) - 1e-3 <= jump["Omega"] <= max(s.Omega[at : at + 2]) + 1e-3
     assert len(json.loads((tmp_path / "thresholds.json").read_text())["jumps"]) == 2
-    with pytest.raises(InputError, match="a window in Hz needs the mass"):
-        run_dynamics(curve, window=(1.0, 2.0), units="other", model="exact")
+    with pytest.raises(InputError, match="frequencies in Hz, pulses and accelerations need the mass"):
+        run_dynamics(curve, omega=("1 Hz", "2 Hz"), joint=Joint(preload=100.0), model="exact")
 
 
 def test_the_end_of_a_window_is_no_peak() -> None:

@@ -197,7 +197,7 @@ def test_the_receptance_of_a_run_has_the_units_of_the_joint(tmp_path: Path) -> N
 
     write_run(tmp_path)
     joint = asp.Joint(nominal_area=1e-6, pressure=2e8, mass=2.0)
-    result = asp.run_dynamics(tmp_path, joint=joint, forcing=1e-4, out_dir=tmp_path, bands=False)
+    result = asp.run_dynamics(tmp_path, joint=joint, forcing=1e-4, out_dir=tmp_path)
     results = Results.read(tmp_path)
     assert "receptance" in figures_of(results)
     (own,) = receptance(results).axes

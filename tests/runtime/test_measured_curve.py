@@ -28,7 +28,7 @@ UNLOADING = [(d, 0.97 * f) for d, f in ROWS[-2:5:-1]]
 
 def numbers(path: Path) -> tuple[float, float, tuple[str, ...]]:
     """Stiffness under 100 N, half of its bar, and notes."""
-    found = run_dynamics(path, preload=100.0, joint=Joint(mass=5.0), model=("exact",), forcing=(0.001,), bands=False)
+    found = run_dynamics(path, preload=100.0, joint=Joint(mass=5.0), model=("exact",), forcing=(0.001,))
     assert found.uncertainty is not None
     return found.uncertainty.k_n.value, found.uncertainty.k_n.half, found.notes
 

@@ -9,7 +9,7 @@ from pydantic import BaseModel, ConfigDict, Field
 
 from asperity.case import surfaces
 from asperity.case.surfaces import FORCE, LENGTH, STRESS, Flag, Real, Section, Text, Whole, key, optional
-from asperity.dynamics.settings import FORCING, OMEGA, DynamicsSettings
+from asperity.dynamics.settings import FORCING, OMEGA, ZETA, DynamicsSettings
 from asperity.errors import InputError
 from asperity.laws import load
 from asperity.model import settings
@@ -175,9 +175,10 @@ class AccuracySection(Section):
 
 
 Model = Literal["exact", "taylor"]
-Frequency = Annotated[Real, Field(ge=OMEGA[0], le=OMEGA[1])]
+Frequency = Annotated[Real, Field(ge=OMEGA[0], le=OMEGA[1])] | Text
+Amplitude = Annotated[Real, Field(ge=FORCING[0], le=FORCING[1])] | Text
 Positive = Annotated[Real, Field(gt=0)]
-Ratio = Annotated[Real, Field(gt=0, lt=1)]
+Ratio = Annotated[Real, Field(ge=ZETA[0], le=ZETA[1])]
 
 
 class DynamicsSection(Section):
@@ -188,41 +189,25 @@ class DynamicsSection(Section):
         "the run has after yield, and the points of the loading before", DynamicsSettings.law,
     )  # fmt: skip
     preload: Real | None = optional("static force, the weight of the mass", FORCE, "half of the greatest force")
-    overload: Real | None = optional(
-        "greatest force before the vibration; equal to the preload: the weight itself", FORCE,
-        "that of the unloading, else the preload",
-    )  # fmt: skip
     gravity: Real | None = optional(
         "gravity, for mass and omega_s alone", ACCELERATION, "9.80665; none with other units, nor mass and omega_s"
     )
-    zeta: Real = key("damping ratio", DynamicsSettings.zeta, ge=0, lt=1)
+    zeta: Ratio | Annotated[tuple[Ratio, ...], Field(min_length=1, max_length=20)] = key(
+        "damping ratio, or several for the responses", *DynamicsSettings.zeta
+    )
     damping: Literal["always", "contact", "hunt-crossley", "loops"] = key(
         "when damping acts; loops adds that of [loops], in contact", DynamicsSettings.damping
     )
-    excitation: Literal["force", "base", "acceleration"] = key(
-        "a force on the mass, or a displacement (base) or an acceleration of the base", DynamicsSettings.excitation
-    )
-    forcing: tuple[Annotated[Real, Field(ge=FORCING[0], le=FORCING[1])], ...] = key(
-        "amplitudes F/(m omega_s^2 z_s), b/z_s, or b''/(omega_s^2 z_s)", DynamicsSettings.forcing, min_length=1,
-        max_length=100,
+    forcing: tuple[Amplitude, ...] = key(
+        'amplitudes F/(m omega_s^2 z_s) of the force, or all in one unit: "5 N", or of the base "2 um" or "3 m/s^2"',
+        DynamicsSettings.forcing, min_length=1, max_length=100,
     )  # fmt: skip
-    forcing_newton: tuple[Positive, ...] = key(
-        "amplitudes of the force, instead of forcing", DynamicsSettings.forcing_newton, unit=FORCE, max_length=100
-    )
-    base: tuple[Positive, ...] = key(
-        "amplitudes of the displacement of the base", DynamicsSettings.base, unit="length", max_length=100
-    )
-    base_acceleration: tuple[Positive, ...] = key(
-        "amplitudes of its acceleration", DynamicsSettings.base_acceleration, unit=ACCELERATION, max_length=100
-    )
-    zetas: tuple[Ratio, ...] = key("further damping ratios", DynamicsSettings.zetas, max_length=20)
-    window: tuple[Positive, Positive] | None = key(
-        "range of excitation frequency, instead of omega", None, shown="that of omega", unit="1/time"
-    )
     model: tuple[Model, ...] = key(
         "restoring force: exact, its Taylor expansion", DynamicsSettings.model, min_length=1, max_length=2
     )
-    omega: tuple[Frequency, Frequency] = key("range of excitation frequency over omega_s", DynamicsSettings.omega)
+    omega: tuple[Frequency, Frequency] = key(
+        'range of excitation frequency over omega_s, or as ["5 kHz", "9 kHz"]', DynamicsSettings.omega
+    )
     simulate: tuple[Literal["harmonic", "step", "half-sine", "chirp"], ...] = key(
         "short motions from rest under the first forcing, which the figure motion shows", DynamicsSettings.simulate
     )
@@ -239,10 +224,7 @@ class JointSection(Section):
         "static force, of a bolt for example (or pressure)", FORCE, "half of the greatest force"
     )
     pressure: Real | None = optional("static nominal pressure (or preload)", STRESS)
-    mass: Real | None = optional("mass that vibrates (or frequency)", "mass")
-    frequency: Real | None = optional("frequency of small vibration, where that is known", "1/time")
-    gravity: Real | None = optional("adds the weight of the mass to the preload", ACCELERATION, "none")
-    damping: Real | None = key("damping ratio", None, shown="dynamics.zeta", ge=0, lt=1)
+    mass: Real | None = optional("mass that vibrates", "mass")
 
 
 class LoopsSection(Section):

@@ -93,44 +93,23 @@ def _check_vibration(case: Input) -> None:
         raise InputError('dynamics.law = "unload-reload" needs an unloading; set loading.unload = true')
     if dynamics.damping == "loops" and case.loops is None:
         raise InputError('dynamics.damping = "loops" needs the section [loops], which computes them')
-    if dynamics.overload is not None and dynamics.law != "auto":
-        raise InputError(
-            f"dynamics.overload = {dynamics.overload:g} cannot go with dynamics.law = {show(dynamics.law)}"
-        )
-    forces = (joint.preload, joint.pressure, joint.nominal_area, joint.gravity)
+    forces = (joint.preload, joint.pressure, joint.nominal_area)
     if dynamics.preload is not None and any(value is not None for value in forces):
-        raise InputError(
-            "dynamics.preload cannot go with the area, preload, pressure or gravity of [joint]; give joint.preload"
-        )
-    if dynamics.gravity is not None and (joint.mass is not None or joint.frequency is not None):
+        raise InputError("dynamics.preload cannot go with the area, preload or pressure of [joint]; give joint.preload")
+    if dynamics.gravity is not None and joint.mass is not None:
         raise InputError(
             "dynamics.gravity takes the mass from the preload, and [joint] has its own; remove one of them"
-        )
-    if joint.damping is not None and dynamics.zeta not in (joint.damping, DynamicsSection().zeta):
-        raise InputError(
-            f"joint.damping = {joint.damping:g} and dynamics.zeta = {dynamics.zeta:g} differ; remove one of them"
         )
     try:
         settings = DynamicsSettings.of_case(case.model_dump(mode="json", exclude_none=True))
     except InputError as error:
         raise InputError(str(error) if str(error).startswith("joint.") else f"dynamics.{error}") from None
-    if dynamics.damping == "loops" and settings.zeta == 0.0:
-        key = "dynamics.zeta" if joint.damping is None else "joint.damping"
-        raise InputError(
-            f'{key} = 0 with dynamics.damping = "loops" must lie in (0, 1): loops contain plastic flow only; give the '
-            "damping ratio of the rest, 0.01 for example"
-        )
-    given = [f"joint.{name}" for name in ("gravity", "pressure", "preload") if getattr(joint, name) is not None]
-    key = (*given, "dynamics.preload")[0]
-    load, overload = (x and x / settings.factor for x in (settings.load, settings.overload))  # on the patch
-    _check_reached(case, key, load)
-    _check_reached(case, "dynamics.overload", overload)
-    if overload is not None and load is not None and overload < load:
-        raise InputError(f"dynamics.overload = {overload:g} lies below the preload of the patch, {load:g}; raise it")
+    given = [f"joint.{name}" for name in ("pressure", "preload") if getattr(joint, name) is not None]
+    _check_reached(case, (*given, "dynamics.preload")[0], settings.load and settings.load / settings.factor)
 
 
 def _check_reached(case: Input, key: str, force: float | None) -> None:
-    """Refuse a preload or overload whose force on the patch, None where it is not given, is that of no run."""
+    """Refuse a preload whose force on the patch, None where it is not given, is that of no run."""
     full = case.material.E_prime * case.surface.L**2
     least, most = LEAST_FORCE * full, case.greatest_force or full
     if force is not None and not least <= force <= most * _ROUND:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -21,21 +20,12 @@ if TYPE_CHECKING:
     from asperity.force_law.laws import LawTable
 
 
-Amplitudes = tuple[tuple[float, str], ...]  # numbers with their units, "" where there is none
-
-
-def with_unit(*units: str) -> Callable[[Any], tuple[float, str]]:
-    """Reader of a number like 0.01 or 3N, with its unit as a string, "" where it has none."""
-
-    def number(text: str) -> tuple[float, str]:
-        unit = next((unit for unit in units if text.strip().endswith(unit)), "")
-        try:
-            return float(text.strip().removesuffix(unit)), unit
-        except ValueError:
-            legal = f"one with the unit {' or '.join(units)}"
-            raise click.BadParameter(f"{text!r} is neither a number nor {legal}") from None
-
-    return number
+def amount(text: str) -> float | str:
+    """A number, or a text with a unit."""
+    try:
+        return float(text)
+    except ValueError:
+        return text
 
 
 @click.command()
@@ -47,25 +37,21 @@ def with_unit(*units: str) -> Callable[[Any], tuple[float, str]]:
               "power law of the loading. auto: the first that the curve has after yield, the points of the loading "
               "before.")  # fmt: skip
 @click.option("--preload", type=float, metavar="W", help="Static force; else half of the greatest force.")
-@click.option("--overload", type=float, metavar="F", help="Greatest force before the vibration; else that of the "
-              "unloading, if there is one, or the preload.")  # fmt: skip
 @click.option("--area", "nominal_area", type=float, metavar="A", help="Nominal area of the joint; else of the patch.")
 @click.option("--pressure", type=float, metavar="P", help="Nominal pressure instead of the preload.")
 @click.option("--mass", type=float, metavar="M", help="Mass that vibrates; else the preload over gravity.")
-@click.option("--frequency", type=float, metavar="F", help="Frequency of small vibration instead of the mass.")
 @click.option("--gravity", type=float, metavar="G", help="In the units of the curve, for mass and omega_s; else "
               "9.80665 with SI units.")  # fmt: skip
 @click.option("--zeta", type=float, multiple=True, help="Damping ratio; repeatable; else 0.01. Tangential: in "
               "addition to that of slip, else 0.")  # fmt: skip
 @click.option("--damping", type=click.Choice((*DAMPING, LOOPS)),
               help="When the damping acts, or that of the loops of OUT in addition; else always.")  # fmt: skip
-@click.option("--forcing", type=with_unit("N"), multiple=True, metavar="F",
-              help="F^ = F/(n W) with the preload W, or a force as in 3N; repeatable; else 0.01.")  # fmt: skip
-@click.option("--base", type=with_unit("m/s2", "m"), multiple=True, metavar="B",
-              help="The base moves instead: amplitude over z_s, or as in 2e-8m or 30m/s2; repeatable.")  # fmt: skip
+@click.option("--forcing", type=amount, multiple=True, metavar="F",
+              help="F^ = F/(n W) with the preload W, or a force as in 3N, or what the base does, as in 2um or 30m/s2; "
+              "repeatable; else 0.01.")  # fmt: skip
 @click.option("--model", type=click.Choice(MODELS), multiple=True, help="Restoring force; repeatable; else both.")
-@click.option("--omega", type=with_unit("Hz"), nargs=2, metavar="LOW HIGH",
-              help="Range of excitation frequency over omega_s, or as 800Hz 1200Hz; else 0.5 1.3.")  # fmt: skip
+@click.option("--omega", type=amount, nargs=2, metavar="LOW HIGH",
+              help="Range of excitation frequency over omega_s, or as 800Hz 1.2kHz; else 0.5 1.3.")  # fmt: skip
 @click.option("--direction", type=click.Choice(("normal", "tangential")), default="normal", show_default=True,
               help="tangential: micro-slip of OUT, whose case has [slip]; --forcing is then over the friction "
               "limit.")  # fmt: skip
@@ -75,8 +61,6 @@ def with_unit(*units: str) -> Callable[[Any], tuple[float, str]]:
               help="Length of its half-sine; else half a period of small vibration.")  # fmt: skip
 @click.option("--span", type=float, metavar="N", help="Its length in periods of small vibration; else 20.")
 @click.option("--sweeps/--no-sweeps", default=None, help="Also integrate sweeps up and down; else no.")
-@click.option("--bands/--no-bands", default=None, help="Carry the error bar of the force and the spread of the laws to "
-              "the response; else yes.")  # fmt: skip
 @options.output("DIR", "Folder for free.csv, response.csv, thresholds.json and the figures.")
 @options.as_json
 def dynamics(
@@ -88,7 +72,7 @@ def dynamics(
     Free and forced vibration about the equilibrium under the preload, with thresholds and stability. The law comes from
     a run directory, from a table with columns delta and force, perhaps with their units, or from --power-law. Options
     that are not given are those of the case of OUT. Lengths and forces have the units of the curve; with a joint, that
-    of the case or of --area, --pressure, --mass and --frequency, forces are those of the joint.
+    of the case or of --area, --pressure and --mass, forces are those of the joint.
     """
     from asperity.dynamics import Joint, PowerLaw, run_dynamics
 
@@ -97,21 +81,17 @@ def dynamics(
     if source is not None and k_fit is not None:
         raise InputError("--k-fit is for --power-law: leave it out")
     law = PowerLaw(exponent, 1.0 if k_fit is None else k_fit) if exponent is not None else source
-    given = {name: settings.pop(name) for name in ("nominal_area", "pressure", "mass", "frequency")}
+    given = {name: settings.pop(name) for name in ("nominal_area", "pressure", "mass")}
     if settings["preload"] is not None and given["pressure"] is not None:
         raise InputError("--preload and --pressure are both given; give one of them")
     joint = None
     if any(value is not None for value in given.values()):
         joint = (DynamicsSettings.of_source(source).joint or Joint()).replaced(given)
-    settings["model"] = settings["model"] or None
-    settings |= _excitation(settings["forcing"], settings.pop("base"), settings["omega"] or ())
-    settings["simulate"] = settings["simulate"] or None
-    settings["zeta"], *zetas = settings["zeta"] or (None,)
-    settings["zetas"] = tuple(zetas) or None
+    settings = {name: None if value == () else value for name, value in settings.items()}
     tangential = direction == "tangential"
     if tangential and source is None:
         raise InputError("--direction tangential needs the folder of a run with [slip]")
-    alien = {"law", "overload"} if source is None else set[str]()
+    alien = {"law"} if source is None else set[str]()
     if tangential:
         alien = set(settings) - {"preload", "gravity", "forcing", "zeta"}
     for name in settings:
@@ -135,26 +115,6 @@ def dynamics(
         options.say(f"written to {Path(output)}")
 
 
-def _excitation(forcing: Amplitudes, base: Amplitudes, ends: Amplitudes) -> dict[str, Any]:
-    """Settings of --forcing, --base and --omega."""
-    if forcing and base:
-        raise InputError("--forcing and --base are both given; give one of them")
-    if len({unit for _, unit in ends}) > 1:
-        raise InputError("--omega: give both ends in Hz, or none")
-    if len({unit for _, unit in base}) > 1:
-        raise InputError("--base: give all amplitudes in one unit")
-    own = {"N": "forcing_newton", "m": "base", "m/s2": "base_acceleration"}
-    found: dict[str, Any] = dict.fromkeys(("forcing", "excitation", "omega", "window", *own.values()))
-    if ends:
-        found["window" if ends[0][1] else "omega"] = tuple(value for value, _ in ends)
-    if base and not base[0][1]:
-        found["excitation"] = "base"
-    for value, unit in (*forcing, *base):
-        name = own.get(unit, "forcing")
-        found[name] = (*(found[name] or ()), value)
-    return found
-
-
 def _tangential(source: str, joint: Joint | None, settings: dict[str, Any], output: str | None, as_json: bool) -> None:
     from asperity.output.results import Results
     from asperity.slip.tangential import tangential_vibration
@@ -164,7 +124,9 @@ def _tangential(source: str, joint: Joint | None, settings: dict[str, Any], outp
     if "slip" in case and (preload, settings["pressure"]) != (None, None):
         case["slip"] = {name: value for name, value in case["slip"].items() if name != "preload"}
     given = DynamicsSettings.of_source(source, joint).replaced(preload=preload, gravity=settings["gravity"])
-    forcing, zeta = settings["forcing"] or (0.01,), settings["zeta"] or 0.0
+    (zeta, *more), forcing = settings["zeta"] or (0.0,), settings["forcing"] or (0.01,)
+    if more or any(isinstance(value, str) for value in forcing):
+        raise InputError("--direction tangential takes one --zeta, and each --forcing over the friction limit")
     found = tangential_vibration(case, results.curve, given, forcing, zeta)
     if output:
         from asperity.plot.slip import response
@@ -211,7 +173,7 @@ def _show(result: Dynamics) -> None:
     for responses in zip(*result.responses.values(), strict=True):
         setting = responses[0].setting
         name = setting.amplitude + (f", F/W = {setting.F_over_mg:g}" if setting.excitation == "force" else "")
-        if len(result.settings.zetas):
+        if len(result.settings.zeta) > 1:
             name += f", zeta = {setting.zeta:g}"
         words = ("peak {:.4g} at {:.4g}", "no peak inside: {:.4g} at the end {:.4g}")
         rows.append((name, *(words[not one.has_peak].format(one.peak[1], one.peak[0]) for one in responses)))

@@ -19,13 +19,12 @@ _MODULES = {
     "force_law.choice": "law_from unload_reload",
     "force_law.laws": "LawAtLoad LawTable",
     "motion": "Sweep Trajectory",
-    "branch": "Branch Event Solution",
+    "branch": "Branch Solution",
     "free": "FreeOrbit FreeVibration Thresholds",
     "response": "FrequencyResponse",
     "oscillator": "ContactOscillator",
     "run": "Dynamics run_dynamics",
     "force_law.intervals": "Uncertainty",
-    "band": "Band response_band uncertainty",
 }
 _PUBLIC = {name: module for module, names in _MODULES.items() for name in names.split()}
 

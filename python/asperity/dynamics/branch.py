@@ -27,34 +27,10 @@ from asperity.runtime.display import short_repr
 _RTOL = 9e-4  # relative error of a straight line between rows
 _FLAT = (1e-9, 1e-4)  # relative changes of Omega and of u_max below which the other is not checked
 _PLACES = np.array([0.25, 0.5, 0.75])  # of a segment, where it is compared with its chord
-_TOP, CHANGE = "largest u_max", "change of stability"  # points, but not events; the change is undamped
+_TOP = "largest u_max"  # a point, but no event
 _TRIALS = 14  # orbits at which a pair of doublings between two points is searched
 _DIP = 2.5  # psi^2 of the multipliers below which it is
 _SAME = 1e-3  # relative distance below which two orbits are identical
-
-
-@dataclass(frozen=True)
-class Event:
-    """Special orbit on a branch, of the kind "fold", "period doubling" or "grazing" (u_min = -1).
-
-    Attributes:
-        branch: index of its branch in the response
-        Omega, u_max, u_min, a1: as in `Branch`
-    """
-
-    kind: str
-    branch: int
-    Omega: float
-    u_max: float
-    u_min: float
-    a1: float
-
-    __repr__ = short_repr
-
-    @classmethod
-    def at(cls, kind: str, branch: int, p: Point) -> Event:
-        """Event at a point."""
-        return cls(kind, branch, p.omega, float(p.extremes[0]), float(p.extremes[1]), p.harmonic)
 
 
 def _column(of: Callable[[Point], Any], words: str) -> Any:
@@ -106,14 +82,16 @@ class Branch:
 
 @dataclass(frozen=True)
 class Solution:
-    """One periodic orbit at a given frequency; attributes as in `Branch`, and its states at forcing phase 0.
+    """One periodic orbit, at a given frequency or a special one; other attributes as in `Branch`.
 
     Attributes:
+        kind: that of its branch, or of an event: "fold", "period doubling" or "grazing" (u_min = -1)
+        branch: index of its branch in the response
         states: u and v at the beginning of each forcing period (order, 2)
     """
 
-    branch: int
     kind: str
+    branch: int
     order: int
     Omega: float
     u_max: float
@@ -125,6 +103,12 @@ class Solution:
     states: Array
 
     __repr__ = short_repr
+
+    @classmethod
+    def at(cls, kind: str, branch: int, order: int, p: Point) -> Solution:
+        """Orbit at a point of a branch."""
+        u_max, u_min = (float(u) for u in p.extremes[:2])
+        return cls(kind, branch, order, p.omega, u_max, u_min, p.harmonic, p.phase, p.stable, p.error, p.states)
 
     @property
     def start(self) -> tuple[float, float]:
@@ -166,11 +150,10 @@ def _deviation(orbits: Orbits, a: Point, b: Point) -> float:
 def located(orbits: Orbits, path: Sequence[Point], how: Tracing) -> tuple[tuple[Point, ...], list[tuple[str, Point]]]:
     """Path with its events as points, and these with their names: outside the window period doublings alone."""
     points = _with_pairs(orbits, path)
-    flip = "period doubling" if orbits.equation.zeta > 0 else CHANGE
     tests: dict[str, Callable[[Point], float]] = {
         "fold": lambda p: p.rate,
         "grazing": lambda p: float(p.extremes[1]) + 1.0,
-        flip: lambda p: p.flip,
+        "period doubling": lambda p: p.flip,
         _TOP: lambda p: float(p.slopes[0]),
     }
     found: list[tuple[int, float, str, Point]] = []
@@ -180,7 +163,7 @@ def located(orbits: Orbits, path: Sequence[Point], how: Tracing) -> tuple[tuple[
         if name == "fold" and len(values) > 1:  # it also vanishes at the ends of a period-2 branch, which are no folds
             values[0], values[-1] = values[0] or values[1], values[-1] or values[-2]
         changes = (values[:-1] > 0) != (values[1:] > 0)
-        for i in np.flatnonzero(changes & ((inside[1:] & inside[:-1]) | (name == flip))):
+        for i in np.flatnonzero(changes & ((inside[1:] & inside[:-1]) | (name == "period doubling"))):
             if name == _TOP and values[i] < 0:  # a minimum of u_max
                 continue
             a, b = points[i], points[i + 1]
@@ -202,7 +185,7 @@ def _with_pairs(orbits: Orbits, path: Sequence[Point]) -> list[Point]:
             with suppress(ConvergenceError):
                 points.append(orbits.between(a, b, 0.5 * sum(back)))
         points.append(b)
-    if orbits.equation.zeta == 0 or orbits.order > 1:
+    if orbits.order > 1:
         return points
     # psi^2 of multipliers -rho exp(+-i psi) is smooth along the branch, and negative between two doublings
     square = np.array([p.phase_square(-1.0) for p in points])

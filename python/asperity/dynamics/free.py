@@ -40,7 +40,7 @@ class FreeOrbit:
     Attributes:
         u0, u_min: turning points (u > 0 is compression)
         omega: frequency over omega_s
-        a1, a2: amplitudes of the first and second harmonic of u, cosines
+        a1: amplitude of the first harmonic of u, a cosine
         v_s: speed at separation (0 if contact is kept)
         flight: share of the period out of contact
         dissipation: INT g u'^2 over a period, for the requested damping model
@@ -51,7 +51,6 @@ class FreeOrbit:
     u_min: float
     omega: float
     a1: float
-    a2: float
     v_s: float
     flight: float
     dissipation: float
@@ -122,9 +121,7 @@ def free_orbits(restoring: Restoring, u0: ArrayLike, damping: Damping = "always"
         )
     equation, rest = Equation(restoring, 0.0, damping), np.column_stack([start, np.zeros(start.size)])
     half = _half_periods(equation, rest)
-    once, twice = (
-        motions(equation, rest, k * np.pi / half, 0.0, length=k * np.pi, rtol=_RTOL, derivatives=False) for k in (1, 2)
-    )
+    once = motions(equation, rest, np.pi / half, 0.0, length=np.pi, rtol=_RTOL, derivatives=False)
     low = np.minimum(once.low[:, 0], once.end[:, 0])
     error = np.maximum(once.error / (start - low), _ROUND_OFF / n / start)
     if restoring.contact and equation.cells[0][0] > -1.0:  # the stiffness at contact loss is infinite
@@ -135,8 +132,7 @@ def free_orbits(restoring: Restoring, u0: ArrayLike, damping: Damping = "always"
         )
     speed = np.sqrt(2.0 * np.maximum(-1.0 - low, 0.0) / n) if restoring.contact else 0.0 * low
     columns = (
-        start, low, np.pi / half, once.wave[:, 0, 0] * 2.0 / np.pi, twice.wave[:, 0, 0] / np.pi, speed,
-        n * speed / half, 2.0 * once.loss, error,
+        start, low, np.pi / half, once.wave[:, 0, 0] * 2.0 / np.pi, speed, n * speed / half, 2.0 * once.loss, error,
     )  # fmt: skip
     return tuple(FreeOrbit(*values) for values in np.transpose(columns).tolist())
 

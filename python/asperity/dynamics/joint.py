@@ -9,10 +9,7 @@ from typing import Any
 
 from asperity.errors import InputError
 from asperity.force_law.checks import positive
-from asperity.units import per_cent, quantity
-
-#: Keys of which at most one is given.
-EXCLUSIVE = (("preload", "pressure"), ("mass", "frequency"))
+from asperity.units import quantity
 
 
 @dataclass(frozen=True)
@@ -22,9 +19,7 @@ class Joint:
     Attributes:
         nominal_area: of the joint (length^2); default that of the patch
         preload, pressure: static force, of a bolt for example (force), or nominal pressure (force/length^2)
-        mass, frequency: of what vibrates (mass), or of small vibration for a joint that was measured (1/time)
-        gravity: acceleration that adds the weight of the mass to the preload (length/time^2); none by default
-        damping: damping ratio of small motion, 0 <= damping < 1
+        mass: of what vibrates (mass)
 
     Raises:
         InputError: a value is out of range, or two of them contradict each other
@@ -43,30 +38,20 @@ class Joint:
     preload: float | None = None
     pressure: float | None = None
     mass: float | None = None
-    frequency: float | None = None
-    gravity: float | None = None
-    damping: float | None = None
 
     def __post_init__(self) -> None:
         for item in fields(self):
             value = getattr(self, item.name)
             if value is not None:
-                positive(f"joint.{item.name}", value, zero=item.name == "damping")
-        for one, other in EXCLUSIVE:
-            if getattr(self, one) is not None and getattr(self, other) is not None:
-                raise InputError(f"joint.{one} and joint.{other} are both given; give one of them")
-        if self.gravity is not None and self.mass is None:
-            raise InputError("joint.gravity needs joint.mass, whose weight it adds to the preload")
-        if self.damping is not None and self.damping >= 1:
-            raise InputError(f"joint.damping = {self.damping:g} is not legal: it must be below 1")
+                positive(f"joint.{item.name}", value)
+        if self.preload is not None and self.pressure is not None:
+            raise InputError("joint.preload and joint.pressure are both given; give one of them")
 
     def replaced(self, given: Mapping[str, Any]) -> Joint:
-        """Joint with other values, None for no change; a value removes the one that it contradicts."""
+        """Joint with other values, None for no change; of preload and pressure a value removes the other."""
         new = {name: value for name, value in given.items() if value is not None}
-        for pair in EXCLUSIVE:
-            for one, other in (pair, pair[::-1]):
-                if one in new and other not in new:
-                    new[other] = None
+        if new.keys() & {"preload", "pressure"}:
+            new = {"preload": None, "pressure": None} | new
         return replace(self, **new)
 
     def factor(self, patch: float | None) -> float:
@@ -74,20 +59,10 @@ class Joint:
         return 1.0 if self.nominal_area is None else self.nominal_area / _known(patch, "nominal_area")
 
     def load(self, patch: float | None) -> float | None:
-        """Static force of the joint, weight included (force); None if nothing gives it."""
-        force = self.preload
-        if self.pressure is not None:
-            force = self.pressure * (self.nominal_area or _known(patch, "pressure"))
-        if self.gravity is not None and self.mass is not None:
-            force = (force or 0.0) + self.mass * self.gravity
-        return force
-
-    def mass_at(self, stiffness: float) -> float | None:
-        """Mass at a stiffness k_n of the joint (force/length); None if nothing gives it."""
-        if self.frequency is None:
-            return self.mass
-        omega = 2 * math.pi * self.frequency
-        return positive(f"mass (of joint.frequency {self.frequency:g})", stiffness / omega / omega)
+        """Static force of the joint (force); None if nothing gives it."""
+        if self.pressure is None:
+            return self.preload
+        return self.pressure * (self.nominal_area or _known(patch, "pressure"))
 
 
 def _known(patch: float | None, name: str) -> float:
@@ -109,7 +84,6 @@ class Numbers:
         approach: static approach z_s (length)
         damping: damping ratio
         bar: error bar of the stiffness over it
-        given: whether the frequency is an input, from which the mass follows, with the bar of the stiffness
     """
 
     stiffness: float
@@ -118,22 +92,19 @@ class Numbers:
     approach: float
     damping: float
     bar: float = math.nan
-    given: bool = False
 
     @property
     def frequency_bar(self) -> float:
-        """Error bar of the frequency (1/time); NaN if unknown or if the frequency is an input."""
-        return math.nan if self.given else 0.5 * self.bar * self.frequency
+        """Error bar of the frequency (1/time); NaN if unknown."""
+        return 0.5 * self.bar * self.frequency
 
     def sentence(self, units: str | None) -> str:
         """Them as one line, with SI units if `units` is "SI"."""
         si, bar = units == "SI", self.bar
         parts = [f"k_n = {quantity(self.stiffness, 'N/m' if si else '', 5, bar=bar)}"]
         if math.isfinite(self.mass):
-            mass = f"{self.mass:.5g}{' kg' if si else ''}"
-            parts.append(f"m = {mass}{f' ± {per_cent(bar)}' if self.given and bar > 0.0 else ''}")
-            of_f = math.nan if self.given else 0.5 * bar
-            parts.append(f"f = {quantity(self.frequency, 'Hz' if si else '', 5, bar=of_f)}")
+            parts.append(f"m = {self.mass:.5g}{' kg' if si else ''}")
+            parts.append(f"f = {quantity(self.frequency, 'Hz' if si else '', 5, bar=0.5 * bar)}")
         else:
             parts.append("m and f unknown (give joint.mass)")
         parts += [f"z_s = {quantity(self.approach, 'm' if si else '')}", f"zeta = {self.damping:.5g}"]

@@ -13,7 +13,7 @@ from scipy.integrate import solve_ivp
 from scipy.optimize import brentq
 
 from asperity.arrays import Array
-from asperity.dynamics.equation import ESCAPE, Equation, motions
+from asperity.dynamics.equation import ESCAPE, TURN, Equation, motions
 from asperity.dynamics.settings import Setting
 from asperity.errors import ConvergenceError, RangeError
 from asperity.runtime.display import short_repr
@@ -182,7 +182,7 @@ def sweep(
     """Sweep all forcings and directions in parallel; see `ContactOscillator.sweep`. The frequencies `omega` rise."""
     lanes = [(s, d) for s in settings for d in directions]
     path = np.array([omega if d == "up" else omega[::-1] for _, d in lanes])
-    state: Array = np.zeros((2, len(lanes)))
+    state: Array = np.zeros((len(lanes), 2))
     limit = max_periods or int(np.clip(4.0 / equation.zeta, 100, 20000))
     columns = []
     for j in range(omega.size):
@@ -208,67 +208,47 @@ def sweep(
 def _settle(
     equation: Equation, state: Array, omega: Array, forcing: Array, tol: float, limit: int
 ) -> tuple[Array, Array]:
-    """Steady state (u, v) of every lane from a state (2, lanes), NaN after an escape; u_max, u_min, a1, residual, kind.
+    """Steady state (lanes, 2) of every lane from a state; u_max, u_min, a1, residual, kind, periods (6, lanes).
 
-    The change of the Poincare map over a period, divided by ``1 - exp(-2 pi zeta / Omega)``, estimates the remaining
-    distance, `residual`. Slow convergence is accelerated by steps of Newton's method to the fixed point of the map.
-    `kind` is the period, 0 not settled, -1 escaped; the periods integrated are the last row (6, lanes).
+    Each lane goes on by as many periods as bring it closer by a factor of e, and is then judged by a few more: the
+    change over a period of the orbit, divided by ``1 - exp(-2 pi zeta / Omega)``, estimates the remaining distance,
+    `residual`. `kind` is the period, 0 not settled, -1 escaped; then the others are NaN.
     """
-    shrink = 1.0 - np.exp(-2.0 * np.pi * equation.zeta / omega)
+    shrink = 1.0 - np.exp(-2.0 * pi * equation.zeta / omega)
+    closer = np.minimum(np.ceil(omega / (2.0 * pi * equation.zeta)), max(limit - _LONGEST, 1))
     # perturb by more than the tolerance: a start exactly on an unstable orbit must not look settled
-    history, values = [state + np.outer([10.0 * tol, 0.0], np.hypot(*state))], list[Array]()
-    kind: Array = np.zeros(omega.size, int)
-    residual: Array = np.full(omega.size, np.inf)
-    period = 0
-    while period < limit and not kind.all():
-        period += 1
-        m = motions(equation, history[-1].T, omega, forcing, rtol=_RTOL, derivatives=False)
-        history = [*history, m.end.T][-(2 * _LONGEST + 1) :]
-        values = [*values, np.array([m.high[:, 0], m.low[:, 0], np.hypot(*m.wave[:, :, 0].T) / np.pi])][-_LONGEST:]
-        gone = ~np.isfinite(m.end[:, 0])
-        if len(history) >= 4:
-            size = 0.5 * (np.max(values, axis=0)[0] - np.min(values, axis=0)[1]) + 1e-12
-            kind, residual = _periods(np.array(history), shrink, size, tol)
-        kind[gone] = -1
-        slow = np.flatnonzero(kind == 0)
-        if len(history) == 2 * _LONGEST + 1 and slow.size and period < limit:
-            jump = np.zeros((2, omega.size))
-            jump[:, slow] = _to_fixed_point(equation, history[-1][:, slow], omega[slow], forcing[slow])
-            near = (kind == 0) & (np.abs(jump).max(axis=0) < 0.05 * size)
-            if near.any():
-                history, values = [history[-1] + np.where(near, jump, 0.0)], []
-    last = np.array(values)
-    last[:, :, kind == 1] = last[-1][:, kind == 1]  # of a longer period, of the last ones
-    top, bottom = last.max(axis=0)[0], last.min(axis=0)[1]
-    found = np.array([top, bottom, values[-1][2], residual, kind, np.full(omega.size, period)])
-    found[:3, kind < 0] = np.nan
-    return history[-1], found
+    y = state + np.outer(np.hypot(*state.T), [10.0 * tol, 0.0])
+    found = np.zeros((6, omega.size))
+    left = np.arange(omega.size)
+    while left.size:
+        w, force = omega[left], forcing[left]
+        path = [motions(equation, y[left], w, force, length=TURN * closer[left], rtol=_RTOL, derivatives=False).end]
+        values = []
+        for _ in range(_LONGEST):
+            m = motions(equation, path[-1], w, force, rtol=_RTOL, derivatives=False)
+            path.append(m.end)
+            values.append((m.high[:, 0], m.low[:, 0], np.hypot(*m.wave[:, :, 0].T) / pi))
+        y[left], last = path[-1], np.array(values)
+        size = 0.5 * (last[:, 0].max(axis=0) - last[:, 1].min(axis=0)) + 1e-12
+        kind, residual = _periods(np.array(path), shrink[left], size, tol)
+        last[:, :, kind == 1] = last[-1][:, kind == 1]  # of a longer period, of the last ones
+        spent = found[5, left] + closer[left] + _LONGEST
+        found[:, left] = last[:, 0].max(axis=0), last[:, 1].min(axis=0), last[-1, 2], residual, kind, spent
+        left = left[(kind == 0) & (spent < limit)]
+    return y, found
 
 
 def _periods(y: Array, shrink: Array, size: Array, tol: float) -> tuple[Array, Array]:
-    """Period of each lane (0 if it does not repeat), and its estimated distance from the orbit.
+    """Period of each lane, 0 if it does not repeat and -1 after an escape, and its estimated distance from the orbit.
 
-    `y` are the states at the ends of the last periods (periods + 1, 2, lanes), `size` the amplitudes.
+    `y` are the states at the ends of the last periods (periods + 1, lanes, 2), `size` the amplitudes.
     """
-    found, distance = np.zeros(size.size, int), np.full(size.size, np.inf)
-    gaps: dict[int, Array] = {}
-    for m in range(1, _LONGEST + 1):
-        if len(y) < max(m + 2, 2 * m + 1 if m > 1 else 0):
-            break
-        gaps[m], before = (np.abs(y[-k] - y[-k - m]).max(axis=0) / shrink / size for k in (1, 2))
-        done = (np.maximum(gaps[m], before) < tol * m) & (found == 0)
-        for divisor in (d for d in gaps if m % d == 0 and d < m):
-            # a decaying spiral also comes close after a few periods, but not by so much
-            done &= gaps[m] < 0.05 * shrink * gaps[divisor]
-        found[done], distance[done] = m, gaps[m][done] / m
-    return found, distance
-
-
-def _to_fixed_point(equation: Equation, state: Array, omega: Array, forcing: Array) -> Array:
-    """Steps (2, lanes) of Newton's method to attracting fixed points of the map, infinite where there is none."""
-    m = motions(equation, state.T, omega, forcing, rtol=_RTOL)
-    matrix = np.nan_to_num(m.by_end[:, :, :2])
-    attracting = (np.abs(np.linalg.eigvals(matrix)).max(axis=1) < 1.0) & np.isfinite(m.end[:, 0])
-    matrix[~attracting] = 0.0
-    step = np.linalg.solve(np.eye(2) - matrix, (m.end - state.T)[..., None])[..., 0].T
-    return np.where(attracting, step, np.inf)
+    kind, distance = np.zeros(size.size), np.full(size.size, np.inf)
+    once = np.zeros(size.size)
+    for k in range(1, len(y)):
+        gap = np.abs(y[k:] - y[:-k]).max(axis=(0, 2)) / shrink / size
+        once = gap if k == 1 else once
+        # a decaying spiral also comes close after a few periods, but not by so much
+        done = (kind == 0) & (gap < tol * k) & ((k == 1) | (gap < 0.05 * shrink * once))
+        kind[done], distance[done] = k, gap[done] / k
+    return np.where(np.isfinite(y[-1, :, 0]), kind, -1.0), distance

@@ -15,10 +15,11 @@ from asperity.dynamics.equation import Equation, Restoring
 from asperity.dynamics.free import FreeVibration, Thresholds, contact_limit, largest_amplitude
 from asperity.dynamics.motion import Sweep, Trajectory, course, integrate
 from asperity.dynamics.response import FrequencyResponse, frequency_response
-from asperity.dynamics.settings import EXCITATIONS, FORCING, MIN_ZETA, OMEGA, SHAPES, Setting, forcings, window
+from asperity.dynamics.settings import EXCITATIONS, FORCING, OMEGA, SHAPES, ZETA, Setting, forcings, window
 from asperity.errors import AsperityWarning, InputError, RangeError, warn
 from asperity.force_law.checks import one_of, positive, positives, within
 from asperity.force_law.damping import Damping, check_damping
+from asperity.force_law.intervals import Uncertainty, intervals
 from asperity.force_law.law import Law, TaylorLaw
 from asperity.runtime.display import short_repr
 
@@ -150,10 +151,26 @@ class ContactOscillator:
 
         Raises:
             ConvergenceError: no orbit is found
+            InputError: an argument is not legal, or zeta is below 1e-4
         """
+        within("zeta of forced motion", self.zeta, ZETA)
         setting = self.setting(within("forcing", forcing, FORCING), excitation)
         ends, tol = window(omega), positive("tol", tol)
         return frequency_response(self.equation, setting, ends, tol=tol, subharmonics=subharmonics)
+
+    def uncertainty(self, members: Iterable[Law] = (), origin: str = "laws given") -> Uncertainty:
+        """Intervals of the law, by its points and with the extremes over others (of other seeds, for example).
+
+        Args:
+            members: laws whose extremes are bounds
+            origin: what they are, in words
+
+        Examples:
+            >>> known = asp.ContactOscillator(asp.PowerLaw(1.5)).uncertainty([asp.PowerLaw(1.4), asp.PowerLaw(1.6)])
+            >>> print(f"omega_s = {known.omega_s.low:.3f} to {known.omega_s.high:.3f} rad/s")
+            omega_s = 3.705 to 3.961 rad/s
+        """
+        return intervals(self.law, self.restoring.load, members, origin, self.mass)
 
     def sweep(
         self,
@@ -179,11 +196,7 @@ class ContactOscillator:
         Raises:
             InputError: an argument is not legal, or zeta is below 1e-4
         """
-        if self.zeta < MIN_ZETA:
-            raise InputError(
-                f"zeta = {self.zeta:g} is not legal for motion that must settle: it must be at least {MIN_ZETA:g}; "
-                "response accepts any"
-            )
+        within("zeta of forced motion", self.zeta, ZETA)
         directions = (directions,) if isinstance(directions, str) else tuple(directions)
         if not directions or not set(directions) <= {"up", "down"}:
             raise InputError(f'directions = {directions} is not legal: choose from "up" and "down"')

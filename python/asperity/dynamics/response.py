@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from asperity.dynamics.branch import Branch, Event, Solution, dense, distance
+from asperity.dynamics.branch import Branch, Solution, dense, distance
 from asperity.dynamics.equation import Equation
 from asperity.dynamics.orbits import Orbits
 from asperity.dynamics.point import Point, Tracing
@@ -32,7 +32,7 @@ class FrequencyResponse:
     Attributes:
         setting: law, damping and forcing
         omega: lowest and highest Omega
-        branches, events: see `Branch`, `Event`
+        branches, events: see `Branch`, `Solution`
         tolerance: largest error of an orbit, relative to its amplitude
         det_error: largest deviation from Liouville's determinant
         valid: whether every orbit is physical
@@ -51,7 +51,7 @@ class FrequencyResponse:
     setting: Setting
     omega: tuple[float, float]
     branches: tuple[Branch, ...]
-    events: tuple[Event, ...]
+    events: tuple[Solution, ...]
     tolerance: float
     det_error: float
     valid: bool
@@ -62,7 +62,7 @@ class FrequencyResponse:
 
     __repr__ = short_repr
 
-    def __getitem__(self, kind: str) -> tuple[Event, ...]:
+    def __getitem__(self, kind: str) -> tuple[Solution, ...]:
         """Events of one kind: "fold", "period doubling" or "grazing"."""
         return tuple(e for e in self.events if e.kind == kind)
 
@@ -91,11 +91,7 @@ class FrequencyResponse:
                     f"{error}; use a smaller tol"
                 ) from error
             for p in points:
-                u_max, u_min = (float(u) for u in p.extremes[:2])
-                s = Solution(
-                    number, branch.kind, branch.order, omega, u_max, u_min, p.harmonic, p.phase, p.stable, p.error,
-                    p.states,
-                )  # fmt: skip
+                s = Solution.at(branch.kind, number, branch.order, p)
                 # the sense differs on the two sides of a fold, however close
                 if not any(
                     (p.fold > 0) == (q.fold > 0) and s.order == o.order

@@ -14,14 +14,13 @@ from typing import Any
 import numpy as np
 
 from asperity.curve.loops import LoopTable
-from asperity.dynamics.band import Band, response_band
 from asperity.dynamics.free import FreeVibration, Thresholds
 from asperity.dynamics.joint import Numbers
 from asperity.dynamics.motion import ESCAPED, Sweep, Trajectory
 from asperity.dynamics.oscillator import GRAVITY, ContactOscillator
 from asperity.dynamics.response import FrequencyResponse
 from asperity.dynamics.settings import DynamicsSettings
-from asperity.errors import AsperityError, ConvergenceError, InputError
+from asperity.errors import ConvergenceError, InputError
 from asperity.force_law.checks import positive
 from asperity.force_law.choice import Choice, choose
 from asperity.force_law.columns import CurveColumns
@@ -37,10 +36,10 @@ _SWEEP_POINTS = 41  # half a second per forcing
 _SAMPLES = 32  # of a period of small vibration
 
 
-def numbers_of(oscillator: ContactOscillator, bar: float = math.nan, given: bool = False) -> Numbers:
-    """Numbers of the small vibration of an oscillator; `bar` and `given` as in `Numbers`."""
+def numbers_of(oscillator: ContactOscillator, bar: float = math.nan) -> Numbers:
+    """Numbers of the small vibration of an oscillator; `bar` as in `Numbers`."""
     r, frequency = oscillator.restoring, oscillator.omega_s / (2 * math.pi)
-    return Numbers(r.scale / r.z_s, oscillator.mass, frequency, r.z_s, oscillator.zeta, bar, given)
+    return Numbers(r.scale / r.z_s, oscillator.mass, frequency, r.z_s, oscillator.zeta, bar)
 
 
 @dataclass(frozen=True)
@@ -51,7 +50,6 @@ class Dynamics:
         oscillators, free, thresholds: see there
         responses, sweeps: one per forcing, and direction
         uncertainty: intervals by the error bar, the spread of the laws and the points of the law; None without these
-        bands: bands of the exact response by the same, one per forcing
         motions: short motions from rest, by the course of the force
         notes: limits and assumptions of the results, one sentence each
         gravity: for mass and omega_s (length/time^2), None if unknown or if the joint has a mass
@@ -65,7 +63,6 @@ class Dynamics:
     sweeps: dict[str, tuple[Sweep, ...]]
     thresholds: dict[str, Thresholds]
     uncertainty: Uncertainty | None
-    bands: tuple[Band, ...]
     notes: tuple[str, ...]
     motions: dict[str, Trajectory] = field(default_factory=dict)
     gravity: float | None = None
@@ -80,14 +77,13 @@ class Dynamics:
     @property
     def numbers(self) -> Numbers:
         """Stiffness and frequency with their bar, mass, static approach and damping of small vibration."""
-        known, joint = None if self.uncertainty is None else self.uncertainty.k_n, self.settings.joint
-        bar = math.nan if known is None else known.half / known.value
-        return numbers_of(self.first, bar, joint is not None and joint.frequency is not None)
+        known = None if self.uncertainty is None else self.uncertainty.k_n
+        return numbers_of(self.first, math.nan if known is None else known.half / known.value)
 
     __repr__ = short_repr
 
     def write(self, out_dir: str | os.PathLike[str]) -> None:
-        """Write free.csv, response.csv and thresholds.json into `out_dir`; band.csv and motion.csv if there are any."""
+        """Write free.csv, response.csv and thresholds.json into `out_dir`; motion.csv if there is any."""
         path = Path(out_dir)
         path.mkdir(parents=True, exist_ok=True)
         z_s, scale, unit = self.first.restoring.z_s, self.first.restoring.scale, self.numbers.frequency
@@ -106,7 +102,6 @@ class Dynamics:
                 for row in one.rows()
                 for force in [scale * one.setting.forcing.at(row["Omega"])]
             ],
-            run_folder.BAND: [row for band in self.bands for row in band.rows()],
             run_folder.MOTION: self.moved(),
         }
         with run_folder.writing_into(path):
@@ -214,8 +209,7 @@ def run_dynamics(
     Examples:
         >>> delta = np.linspace(0.0, 1e-8, 11)
         >>> curve = {"delta": delta, "force": 2e9 * delta**1.5}
-        >>> result = asp.run_dynamics(curve, units="SI", forcing=0.005, model="exact", omega=(0.9, 1.1), tol=1e-3,
-        ...                           bands=False)
+        >>> result = asp.run_dynamics(curve, units="SI", forcing=0.005, model="exact", omega=(0.9, 1.1), tol=1e-3)
         >>> omega, u_max = result.responses["exact"][0].peak
         >>> print(f"peak u = {u_max:.3f} at Omega = {omega:.3f}")
         peak u = 0.245 at Omega = 0.997
@@ -224,17 +218,17 @@ def run_dynamics(
         settings = DynamicsSettings.of_source(source, changes.get("joint"))
     settings = settings.replaced(**changes)
     exact, gravity, laws, notes = _vibration(source, settings)
-    settings = settings.on(exact.restoring.scale, exact.restoring.z_s, exact.omega_s)
     kind = settings.excitation
+    forcing, omega, pulse = settings.on(exact.restoring.scale, exact.restoring.z_s, exact.omega_s)
     oscillators = {name: exact if name == "exact" else exact.taylor() for name in settings.model}
     swept: dict[str, tuple[Sweep, ...]] = dict.fromkeys(oscillators, ())
     responses: dict[str, tuple[FrequencyResponse, ...]] = {}
     for name, oscillator in list(oscillators.items()):
         try:
             responses[name] = tuple(
-                replace(oscillator, zeta=zeta).response(f, settings.omega, excitation=kind, tol=settings.tol)
-                for zeta in dict.fromkeys((settings.zeta, *settings.zetas))
-                for f in settings.forcing
+                replace(oscillator, zeta=zeta).response(f, omega, excitation=kind, tol=settings.tol)
+                for zeta in dict.fromkeys(settings.zeta)
+                for f in forcing
             )
         except ConvergenceError as error:
             if name == "exact" or len(oscillators) == 1:
@@ -242,25 +236,13 @@ def run_dynamics(
             notes.append(f"{name}: left out, its series lets the motion escape: {error}")
             del oscillators[name], swept[name]
             continue
-        if settings.sweeps and settings.zeta > 0:
-            try:
-                swept[name] = oscillator.sweep(settings.forcing, settings.omega, excitation=kind, points=_SWEEP_POINTS)
-            except AsperityError as error:
-                notes.append(f"{name}: no sweep: {error}")
+        if settings.sweeps:
+            swept[name] = oscillator.sweep(forcing, omega, excitation=kind, points=_SWEEP_POINTS)
         notes.extend(_notes(name, oscillator, responses[name], swept[name]))
     spread = intervals(exact.law, exact.restoring.load, mass=exact.mass) if laws is None else laws.chosen.known
     if spread is not None and not (spread.origin and np.isfinite(spread.k_n.half)):
         spread = None  # nothing bounds the law, or a law that does not reach the preload
-    bands = []
-    if settings.bands and spread is not None and "exact" in oscillators:
-        if kind == "base":
-            notes.append("exact: no band of the response, which is for a force or an acceleration of the base")
-        for f in settings.forcing if kind != "base" else ():
-            try:
-                bands.append(response_band(exact, f, spread, settings.omega))
-            except AsperityError as error:
-                notes.append(f"exact, F^ = {f:g}: no band: {error}")
-    onsets = {name: oscillator.thresholds(settings.forcing, kind) for name, oscillator in oscillators.items()}
+    onsets = {name: oscillator.thresholds(forcing, kind) for name, oscillator in oscillators.items()}
     if spread is not None:  # with the other laws and the error bar
         onsets = {name: replace(one, softening=spread.softening) for name, one in onsets.items()}
     result = Dynamics(
@@ -270,9 +252,8 @@ def run_dynamics(
         sweeps=swept,
         thresholds=onsets,
         uncertainty=spread,
-        bands=tuple(bands),
         notes=tuple(notes),
-        motions={shape: _moved(next(iter(oscillators.values())), shape, settings) for shape in settings.simulate},
+        motions=_moved(next(iter(oscillators.values())), settings, forcing[0], omega, pulse or 0.5),
         gravity=gravity,
         laws=laws,
         settings=settings,
@@ -282,11 +263,16 @@ def run_dynamics(
     return result
 
 
-def _moved(oscillator: ContactOscillator, shape: str, settings: DynamicsSettings) -> Trajectory:
-    """Motion from rest under the first forcing of the settings."""
-    omega = settings.omega if shape == "chirp" else (0.5 / (settings.pulse or 0.5),)
-    periods, samples = settings.span * omega[0], math.ceil(_SAMPLES / omega[0])
-    return oscillator.simulate(omega, settings.forcing[0], shape=shape, periods=periods, samples=samples)
+def _moved(
+    oscillator: ContactOscillator, settings: DynamicsSettings, forcing: float, window: tuple[float, float], pulse: float
+) -> dict[str, Trajectory]:
+    """Motions from rest by their shapes, with a pulse in periods."""
+    found = {}
+    for shape in settings.simulate:
+        omega = window if shape == "chirp" else (0.5 / pulse,)
+        periods, samples = settings.span * omega[0], math.ceil(_SAMPLES / omega[0])
+        found[shape] = oscillator.simulate(omega, forcing, shape=shape, periods=periods, samples=samples)
+    return found
 
 
 def small_vibration(source: Any, settings: DynamicsSettings) -> Numbers:
@@ -325,16 +311,15 @@ def _law(source: Any, settings: DynamicsSettings) -> tuple[Law, float, tuple[Cur
             raise InputError("joint.nominal_area is for a curve: a law has the force of the joint already")
         return source, source.default_load if load is None else load, None
     columns = CurveColumns.of(source, settings.factor)
-    choice = choose(columns, settings.law, load, overload=settings.overload)
+    choice = choose(columns, settings.law, load)
     return choice.law, choice.load, (columns, choice)
 
 
 def _oscillator(law: Law, load: float, settings: DynamicsSettings, gravity: float | None) -> ContactOscillator:
     """Oscillator on a law, with the mass of the joint if it has one."""
-    exact = ContactOscillator(law, load=load, gravity=gravity, zeta=settings.zeta, damping=settings.damping)
-    joint = settings.joint
-    mass = None if joint is None else joint.mass_at(exact.restoring.scale / exact.restoring.z_s)
-    return exact if mass is None else replace(exact, gravity=load / mass)
+    if settings.joint is not None and settings.joint.mass is not None:
+        gravity = load / settings.joint.mass
+    return ContactOscillator(law, load=load, gravity=gravity, zeta=settings.zeta[0], damping=settings.damping)
 
 
 def _first_yield(choice: Choice) -> str:
@@ -369,7 +354,7 @@ def _notes(
 def _gravity(settings: DynamicsSettings, source: str) -> tuple[float | None, str]:
     """Gravity in the units of a source, None if unknown or of no use, and a note on it or ""."""
     joint, gravity, units = settings.joint, settings.gravity, settings.units
-    with_mass = joint is not None and (joint.mass is not None or joint.frequency is not None)
+    with_mass = joint is not None and joint.mass is not None
     if gravity is not None:
         if with_mass:
             raise InputError(
@@ -379,7 +364,7 @@ def _gravity(settings: DynamicsSettings, source: str) -> tuple[float | None, str
     if with_mass:
         return None, ""
     if joint is not None:
-        return None, "m and f are left out: the joint has neither joint.mass nor joint.frequency"
+        return None, "m and f are left out: the joint has no joint.mass"
     if units == "other":
         return None, 'mass and omega_s are left out: units = "other" needs gravity (length over time squared)'
     if units is None:

@@ -15,12 +15,11 @@ from itertools import pairwise, product
 import numpy as np
 
 from asperity.arrays import Array
-from asperity.dynamics.branch import CHANGE, Branch, Event, doubled, located, subharmonic, through
+from asperity.dynamics.branch import Branch, Solution, doubled, located, subharmonic, through
 from asperity.dynamics.equation import TURN, Equation, Forcing, motions
 from asperity.dynamics.free import FreeOrbit, free_orbits, largest_amplitude, resonance_peak
 from asperity.dynamics.orbits import Orbits
 from asperity.dynamics.point import TOO_MUCH, Path, Point, Tracing
-from asperity.dynamics.settings import MIN_ZETA
 from asperity.errors import ConvergenceError
 from asperity.force_law.damping import only_in_contact
 
@@ -29,7 +28,7 @@ _AMPLITUDES, _PHASES = 20, 8  # starts on the free orbits of each resonance, at 
 _APART = 0.04  # distance of these amplitudes, in the logarithm of the frequency, or in that of the amplitude over
 _FLAT = 0.1  # this, where the frequency hardly changes
 _SLOW = 0.2  # Omega below which there are fewer, because each takes longer
-_PARTS = 8  # of the starts: the first one shows how much work they take
+_PART = 100  # of the starts, searched together
 _ITERATIONS = 9  # of Newton's method on the period map
 _MOST_STEPS = 8e5  # of the integrator in the search from the starts
 _ROUGH = 1e-6  # tolerance of the motions of the search; the orbits are corrected later
@@ -37,10 +36,8 @@ _CLOSE = 1e-4  # Newton step that ends the search, relative to the state
 _KNOWN = 1e-2  # distance within which an orbit is identical to a known one, relative to the state
 _SIZES = (0.05, 300.0)  # of free orbits: small ones, and those above which the mass flies all the time
 _FINE = 2000  # amplitudes between them
-_SMALL = 1e-3  # amplitude below which the bend of the frequency is lost in round-off
 _FAINT = 1e-4  # least of the largest amplitudes, far above round-off
 _POINTS = 24  # amplitudes on the backbone
-_MOST_LOST = 2.0  # of `Search.lost`: up to 1.1 with orbits of period 2, in 250 random windows
 _BEYOND = 1.2  # frequency over that of a resonance, beyond which the orbit is unique
 _BELOW = 0.5  # lowest frequency outside the window, over its low end
 
@@ -60,23 +57,21 @@ class Search:
         self.strong = float(forcing.at(max(1.0, how.window[1])))  # F^, the greatest in the window and at the resonance
         share = min(1.0, how.window[0] / _SLOW)
         self.grid = int(np.ceil(_AMPLITUDES * share)), int(np.ceil(_PHASES * share))
-        self.searched: list[int] = []  # orders of the orbits from starts
         self.branches: list[Branch] = []
-        self.events: list[Event] = []
+        self.events: list[Solution] = []
         self.notes: list[str] = []
         self._paths: list[tuple[int, Path]] = []  # order and path, in and outside the window
         self._ends: list[tuple[int, Point]] = []  # of branches, with their order
         self._known: list[Array] = []  # u, v, Omega (points, 3) along each path, at each of its forcing periods
         self._doublings: list[Point] = []
-        self._lost: list[tuple[float, str]] = []  # Omega of orbits near rest that were not found, and a note
         self._backbone()
 
     def _backbone(self) -> None:
-        """Free orbits up to the amplitude that the forcing sustains at phase resonance, and what follows from them."""
-        e, r, zeta = self.equation, self.equation.restoring, self.equation.zeta
+        """Frequencies of free orbits up to the amplitude that the forcing sustains at phase resonance."""
+        e, r = self.equation, self.equation.restoring
         top = largest_amplitude(r)
-        if zeta > 0.0 and not only_in_contact(e.damping):
-            peak = resonance_peak(r, Forcing(self.strong), zeta, e.damping)
+        if not only_in_contact(e.damping):
+            peak = resonance_peak(r, Forcing(self.strong), e.zeta, e.damping)
             top = top if peak is None else min(peak.u0, top)
         top = min(max(top, _FAINT), _SIZES[1])
         free: tuple[FreeOrbit, ...] = ()
@@ -88,26 +83,14 @@ class Search:
                 if top < _FAINT:
                     raise
                 top *= 0.5
-        self.frequency, drive, second = np.array([(o.omega, o.drive, abs(o.a2 / o.a1)) for o in free]).T
-        # at twice the frequency, share of the work on the second harmonic that the damping takes
-        self.lost = np.divide(zeta * drive, self.strong * second, out=np.full(_POINTS, np.inf), where=second != 0)
-        # below the main resonance the orbit is unique where the second-order force, 0.9 |a2| F^^2 at half of the
-        # resonance, is well below the onset of hysteresis, both by the free orbits of any amplitude
-        size = np.maximum(self.amplitude, _SMALL)
-        a2, kappa = max(abs(r.a2), *6.0 * second / size), max(abs(r.kappa), *np.abs(self.frequency - 1.0) / size**2)
-        onset = np.sqrt(6.16 * zeta**3 / max(kappa, 1e-12))
-        self.alone = bool(r.contact and 0.9 * a2 * self.strong**2 < 0.5 * onset)
-        self.lowest, self.highest = float(min(1.0, *self.frequency)), float(max(1.0, *self.frequency))
+        self.frequency = np.array([o.omega for o in free])
 
     def run(self) -> None:
         """Trace branches until nothing is left."""
-        (low, high), (below, above) = self.how.window, self._limits(1)
-        self._near_rest(above)
-        unique = below <= self.lowest / _BEYOND or low >= _BEYOND * self.highest
-        if not unique or min((p.omega for _, path in self._paths for p in path.points), default=np.inf) > below:
-            self._near_rest(low)
-        self.searched = self._searched_orders()
-        for order in self.searched:
+        (low, high), above = self.how.window, self._limits()[1]
+        for omega in (above, low):
+            self._near_rest(omega)
+        for order in self.orders:
             for found in self._found(order, *self._lanes(order)):
                 self._through("detached", order, *found)
                 if self._left < 0.0:
@@ -119,64 +102,45 @@ class Search:
                 "the search ended after too much work, and orbits may be missing: give a narrower window, or one of "
                 "higher frequencies"
             )
-        missing = [
+            return
+        self.notes += [
             f"at the end Omega = {edge:g} of the window at least one orbit of period {order} is missing: "
             "give another window, which ends between the resonances"
             for order, edge in product(self.orders, self.how.window)
-            if self._left >= 0.0 and self._excess(order, edge)
+            if self._lacks(order, edge)
         ]
-        self.notes += missing if self._adds_up() and not missing else [*self._unreached(), *missing]
-
-    def _searched_orders(self) -> list[int]:
-        """Orders of orbits that may be on branches that no other one leads to."""
-        if self.equation.zeta < MIN_ZETA:  # between each two resonances there is a branch of its own
-            return [1]
-        (low, high), omega = self.how.window, 2.0 * self.frequency
-        near = (np.maximum(omega[1:], omega[:-1]) > low) & (np.minimum(omega[1:], omega[:-1]) < high)
-        may_double = bool((np.minimum(self.lost[1:], self.lost[:-1])[near] < _MOST_LOST).any())
-        needed = {1: not self.alone or bool(self._unreached()), 2: not self.alone or may_double}
-        return [order for order in self.orders if needed[order]]
 
     def describe(self) -> str:
         """Sentence `FrequencyResponse.searched`."""
-        periods, tried = (" and ".join(map(str, orders)) for orders in (self.orders, self.searched))
-        starts = _CYCLES * self.grid[0] * self.grid[1]
-        origins = f"rest and up to {starts} starts of period {tried}" if tried else "rest"
-        left = "that start from none of these states" if tried else "that so weak a forcing is not expected to sustain"
+        periods = " and ".join(map(str, self.orders))
         return (
-            f"searched: orbits of period {periods}, from {origins}; not searched: longer periods, which period "
-            f"doublings of the last one may lead to, and loops {left}"
+            f"searched: orbits of period {periods}, from rest and up to {_CYCLES * self.grid[0] * self.grid[1]} starts "
+            "of each; not searched: longer periods, which period doublings of the last one may lead to, and loops that "
+            "start from none of these states"
         )
 
-    def _limits(self, order: int) -> tuple[float, float]:
-        """Frequencies up to which branches of an order are followed outside the window.
-
-        Those of period 1 are followed as far as their period doublings bear orbits in the window.
-        """
+    def _limits(self) -> tuple[float, float]:
+        """Frequencies up to which branches are followed outside the window, in which they may return."""
         low, high = self.how.window
-        above = max([order, *self._searched_orders()]) * _BEYOND * self.highest * (1.0 + self.strong)
-        below = self.lowest / _BEYOND if order == 1 and self.alone else 0.0
-        return max(_BELOW * low, below) if below < low < above else low, above if below < high < above else high
+        above = self.orders[-1] * _BEYOND * max(1.0, *self.frequency) * (1.0 + self.strong)
+        return _BELOW * low if low < above else low, max(above, high)
 
     @property
     def _left(self) -> float:
         """Work that is left."""
         return self.how.max_work - sum(orbits.work for orbits in self.orbits.values())
 
-    def _adds_up(self) -> bool:
-        """Whether the period map moves every distant state inwards."""
-        e = self.equation
-        return e.restoring.contact and not only_in_contact(e.damping) and e.zeta > 0
+    def _lacks(self, order: int, edge: float) -> bool:
+        """Whether the orbits at an edge are too few.
 
-    def _excess(self, order: int, edge: float) -> int:
-        """By how much the signs of the orbits at an edge exceed 1, the degree of such a map.
-
-        A positive determinant of (identity less monodromy) counts 1, a negative one -1.
+        Where the period map moves every distant state inwards its degree is 1: a positive determinant of (identity less
+        monodromy) counts 1, a negative one -1. A map that may not do so is only expected to have an orbit.
         """
-        if not self._adds_up():
-            return 0
+        e = self.equation
         at = [(other, p) for other, p in self._ends if other <= order and p.omega == edge]
-        return sum(n * int(np.sign(p.fold * (p.flip if n < order else 1.0))) for n, p in at) - 1
+        if not e.restoring.contact or only_in_contact(e.damping):
+            return order == 1 and not at
+        return sum(n * int(np.sign(p.fold * (p.flip if n < order else 1.0))) for n, p in at) != 1
 
     def _near_rest(self, omega: float) -> None:
         """Trace the branch of the linear response at a frequency."""
@@ -185,11 +149,6 @@ class Search:
         linear = force / max(abs(impedance), force) * impedance.conjugate() / (abs(impedance) or 1.0)
         rest = np.array([linear.real, -omega * linear.imag])  # of an amplitude of at most 1
         self._through("main", 1, rest, omega, abs(linear) + 1e-12)
-
-    def _unreached(self) -> list[str]:
-        """Notes on the orbits near rest that no branch has."""
-        known = [p.omega for order, path in self._paths if order == 1 for p in path.points]
-        return [note for omega, note in self._lost if omega not in known]
 
     def _lanes(self, order: int) -> tuple[Array, Array]:
         """Omega (starts,), and states (starts, 2): free orbits in resonance with `order` periods of a forcing.
@@ -221,11 +180,9 @@ class Search:
         A step of Newton's method is the shortest one in state and Omega: so a branch is found also from frequencies
         beyond its folds. Orbits of shorter periods are left out. A search that is too long ends with a note.
         """
-        steps, every, skipped = 0.0, np.arange(len(starts)), 0
-        parts = [every[i::_PARTS] for i in range(_PARTS)]
-        while parts:
-            part = parts.pop(0)
-            omega, y = omegas[part], starts[part]
+        steps, skipped, parts = 0.0, 0, -(-len(starts) // _PART)
+        for part in range(parts):
+            omega, y = omegas[part::parts], starts[part::parts]
             for _ in range(_ITERATIONS):
                 kept = np.isfinite(y).all(axis=1)
                 omega, y = omega[kept], y[kept]
@@ -252,8 +209,6 @@ class Search:
                 omega, y = omega[moving], y[moving]
             if steps > _MOST_STEPS:
                 skipped += len(y)
-            elif parts and _PARTS * steps < _MOST_STEPS:  # the others together
-                parts = [np.concatenate(parts)]
         if skipped:
             self.notes.append(
                 f"the search from {skipped} of {len(starts)} starts of period {order} ended after too much work, and "
@@ -290,26 +245,25 @@ class Search:
                 first = orbits.at(y, amplitude, -1.0)
             else:
                 first = orbits.correct(y, np.concatenate([normal[:2], 0.0 * y[2:-1], normal[2:]]), amplitude)
-            path = through(orbits, first, self._tracing(order), known)
+            path = through(orbits, first, self._tracing(), known)
         except ConvergenceError as error:
-            where = f"Omega = {omega:.6g}"
-            if kind == "main":
-                self._lost.append((omega, f"the orbit near rest at {where} was not found: {error}"))
-            else:
-                self.notes.append(f"an orbit at {where} is on no branch and could not be continued: {error}")
+            if kind != "main":
+                self.notes.append(
+                    f"an orbit at Omega = {omega:.6g} is on no branch and could not be continued: {error}"
+                )
             return
         if path is not None:
             self._add(kind, order, path)
         while self._doublings and self._left > 0.0:
             flip = self._doublings.pop(0)
             known = [path for other, path in self._paths if other == 2]
-            path = subharmonic(self.orbits[2], flip, self._tracing(2), known)
+            path = subharmonic(self.orbits[2], flip, self._tracing(), known)
             if len(path.points) > 2:
                 self._add("sub2", 2, self._joined(path))
 
-    def _tracing(self, order: int) -> Tracing:
-        """How branches of an order are traced."""
-        return replace(self.how, limits=self._limits(order), max_work=max(self._left, 0.0))
+    def _tracing(self) -> Tracing:
+        """How branches are traced."""
+        return replace(self.how, limits=self._limits(), max_work=max(self._left, 0.0))
 
     def _joined(self, path: Path) -> Path:
         """Path of twice the period up to the period doubling at which it ends, from which it is not traced again."""
@@ -331,8 +285,7 @@ class Search:
         points, found = located(orbits, path.points, self.how)
         self._known += [np.array([(*p.states[k], p.omega) for p in points]) for k in range(order)]
         if 2 * order in self.orders:
-            near = [(name, p) for name, p in found if self.equation.zeta > 0.0 or self.how.is_inside(p.omega)]
-            self._doublings += [p for name, p in near if name in ("period doubling", CHANGE)]
+            self._doublings += [p for name, p in found if name == "period doubling"]
         at = np.array([p.omega for p in points])
         low, high = self.how.window
         edge, known = (at == low) | (at == high), (low <= at) & (at <= high)
@@ -349,8 +302,8 @@ class Search:
                 )
             )
             self._ends += [(order, piece[0]), (order, piece[-1])]
-            inside = [(name, p) for name, p in found if name != CHANGE and any(p is q for q in piece)]
-            self.events += [Event.at(name, number, p) for name, p in inside]
+            inside = [(name, p) for name, p in found if any(p is q for q in piece)]
+            self.events += [Solution.at(name, number, order, p) for name, p in inside]
         for p, reason in ((points[0], path.begin), (points[-1], path.end)):
             if reason not in ("window", "closed", "period doubling", TOO_MUCH) and not self.how.is_inside(p.omega):
                 self.notes.append(

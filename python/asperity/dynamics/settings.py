@@ -8,7 +8,7 @@ from __future__ import annotations
 import cmath
 import math
 import os
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, fields, replace
 from pathlib import Path
@@ -21,6 +21,7 @@ from asperity.errors import InputError
 from asperity.force_law.checks import one_of, positive, positives, within
 from asperity.force_law.damping import Damping
 from asperity.runtime.files import parse_toml, read_text
+from asperity.units import amount
 
 if TYPE_CHECKING:
     from asperity.dynamics.equation import Forcing
@@ -28,14 +29,14 @@ if TYPE_CHECKING:
 OMEGA = (0.01, 100.0)  # below, motion is quasi-static; above, the mass hardly moves
 FORCING = (1e-9, 1e6)  # below, motion is linear in the forcing and lost in the round-off of the force
 SPAN = (1e-3, 1e4)  # periods of a short motion, the longest of which takes half a minute
-MIN_ZETA = 1e-4  # smallest damping ratio with which motion settles in 20000 periods
+ZETA = (1e-4, 0.9999)  # of forced motion: below, it takes more than 20000 periods to settle
 MODELS = ("exact", "taylor")
 #: Courses of the forcing of a short motion; the chirp runs through frequencies, the others have one.
 SHAPES = ("harmonic", "step", "half-sine", "chirp")
 #: What moves the mass: a force on it, a displacement of the base, or an acceleration of the base.
 EXCITATIONS = ("force", "base", "acceleration")
-#: Attribute of `DynamicsSettings` with an amplitude in its own unit -> the excitation.
-_PHYSICAL = dict(zip(("forcing_newton", "base", "base_acceleration"), EXCITATIONS, strict=True))
+#: Unit of an amplitude -> the excitation; a number without a unit is F^.
+_UNITS = {"": "force", "N": "force", "m/s^2": "acceleration", "m/s2": "acceleration", "m": "base"}
 
 
 @dataclass(frozen=True)
@@ -99,10 +100,28 @@ def forcings(values: Any) -> tuple[float, ...]:
 
 def window(omega: Sequence[float]) -> tuple[float, float]:
     """Lowest and highest Omega; raise `InputError` unless they are a legal window."""
-    values = tuple(within("omega", value, OMEGA) for value in positives("omega", omega))
+    low, high = _two(omega)
+    return within("omega", low, OMEGA), within("omega", high, OMEGA)
+
+
+def _two(omega: Sequence[Any]) -> tuple[float, float]:
+    """Two rising frequencies."""
+    values = positives("omega", omega)
     if len(values) != 2 or values[0] >= values[1]:
         raise InputError(f"omega = {list(values)} is not legal: give low < high, for example [0.5, 1.3]")
     return values[0], values[1]
+
+
+def _amounts(name: str, values: Any, units: Iterable[str]) -> tuple[str, tuple[float, ...]]:
+    """The one unit of numbers, "" without one, and the numbers in it (`InputError`: they have several, or others)."""
+    several = [values] if isinstance(values, str) or np.ndim(values) == 0 else list(values)
+    try:
+        read = [amount(one, [unit for unit in units if unit]) if isinstance(one, str) else (one, "") for one in several]
+    except ValueError as error:
+        raise InputError(f"{name}: {error}") from None
+    if len(found := {unit for _, unit in read}) > 1:
+        raise InputError(f"{name} = {several} is not legal: give all with one unit, or all without")
+    return max(found, default=""), positives(name, [number for number, _ in read])
 
 
 @dataclass(frozen=True)
@@ -110,28 +129,23 @@ class DynamicsSettings:
     """What is computed of a vibration, in the units of its source.
 
     Attributes:
-        law, overload: see `law_from`; of no use for a `Law`
+        law: see `law_from`; of no use for a `Law`
         preload: static force W (force); default that of the joint, or half of the largest force of the curve
         gravity: for mass and omega_s where no joint has a mass (length/time^2); default 9.80665 with SI units
-        zeta: damping ratio of small motion, 0 <= zeta < 1
+        zeta: damping ratio of small motion, 1e-4 to 1, or several, of which all but the first one are for responses
         damping: "always", "contact", "hunt-crossley", or "loops": in addition to zeta that of the loops.csv of a run
             directory (or a `LoopDamping`)
-        excitation: "force" on the mass, or a displacement ("base") or an "acceleration" of the base
-        forcing: F^ = F/(n_loc W), or b/z_s, or m b''/(n_loc W), one or several, each 1e-9 to 1e6
-        forcing_newton, base, base_acceleration: amplitudes of the force itself (force), or of the displacement (length)
-            or acceleration (length/time^2) of the base, of one kind, instead of `forcing`
-        zetas: further damping ratios, for the responses
-        window: lowest and highest frequency of the excitation (1/time), instead of `omega`
+        forcing: one amplitude or several, all of one kind: F^ = F/(n_loc W), 1e-9 to 1e6, or in SI units as texts, of
+            the force ("5 N"), or of the displacement ("2 um") or acceleration ("3 m/s^2") of the base
         model: "exact" and/or "taylor"
-        omega: lowest and highest Omega = omega/omega_s, 0.01 to 100
+        omega: lowest and highest Omega = omega/omega_s, 0.01 to 100, or frequency as a text ("5 kHz")
         simulate: shapes of short motions from rest under the first forcing: "step", "half-sine", "chirp" over the
             window, "harmonic"
         pulse: length of the half-sine, half a period of the harmonic (time); default half a period of small vibration
         span: length of these motions in periods of small vibration
-        sweeps: also integrate sweeps up and down (half a second per forcing; not for zeta = 0)
-        bands: also carry the uncertainty of the law to the response (about 1 s per forcing)
+        sweeps: also integrate sweeps up and down (half a second per forcing)
         tol: relative truncation error of the response
-        joint: with a joint all forces and the mass are those of the joint, and its damping is zeta
+        joint: with a joint all forces and the mass are those of the joint
         patch_area: nominal area of the curve (length^2)
         units: "SI" or "other"; with "other" and no `gravity`, mass and omega_s are left out. Default SI, with a note.
 
@@ -140,81 +154,66 @@ class DynamicsSettings:
 
     Examples:
         >>> from asperity.dynamics import DynamicsSettings
-        >>> settings = DynamicsSettings(forcing=0.02).replaced(omega=[0.9, 1.1], zeta=None)
-        >>> settings.forcing, settings.omega, settings.zeta
-        ((0.02,), (0.9, 1.1), 0.01)
+        >>> settings = DynamicsSettings(forcing="3 N").replaced(omega=[0.9, 1.1], zeta=None)
+        >>> settings.forcing, settings.omega, settings.zeta, settings.excitation
+        (('3 N',), (0.9, 1.1), (0.01,), 'force')
     """
 
     law: str = "auto"
     preload: float | None = None
-    overload: float | None = None
     gravity: float | None = None
-    zeta: float = 0.01
+    zeta: tuple[float, ...] = (0.01,)
     damping: Damping = "always"
-    excitation: str = "force"
-    forcing: tuple[float, ...] = (0.01,)
-    forcing_newton: tuple[float, ...] = ()
-    base: tuple[float, ...] = ()
-    base_acceleration: tuple[float, ...] = ()
-    zetas: tuple[float, ...] = ()
-    window: tuple[float, float] | None = None
+    forcing: tuple[float | str, ...] = (0.01,)
     model: tuple[str, ...] = MODELS
-    omega: tuple[float, float] = (0.5, 1.3)
+    omega: tuple[float | str, float | str] = (0.5, 1.3)
     simulate: tuple[str, ...] = ()
     pulse: float | None = None
     span: float = 20.0
     sweeps: bool = False
-    bands: bool = True
     tol: float = 1e-5
     joint: Joint | None = None
     patch_area: float | None = None
     units: str | None = None
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "forcing", forcings(self.forcing))
-        for name in ("zetas", *_PHYSICAL):
+        object.__setattr__(self, "zeta", tuple(within("zeta", value, ZETA) for value in positives("zeta", self.zeta)))
+        for name in ("forcing", "omega", "model", "simulate"):
             values = getattr(self, name)
-            object.__setattr__(self, name, positives(name, values) if np.size(values) else ())
-        given = [name for name in _PHYSICAL if getattr(self, name)]
-        if len(given) > 1:
-            raise InputError(f"{' and '.join(given)} are given; give one of them")
-        if given:
-            if self.excitation not in (_PHYSICAL[given[0]], type(self).excitation):
-                raise InputError(f'{given[0]} is given, and excitation = "{self.excitation}"; give one of them')
-            object.__setattr__(self, "excitation", _PHYSICAL[given[0]])
-        one_of("excitation", self.excitation, EXCITATIONS)
-        shapes = (self.simulate,) if isinstance(self.simulate, str) else tuple(self.simulate)
-        object.__setattr__(self, "simulate", shapes)
-        for name in shapes:
-            one_of("simulate", name, SHAPES)
-        if shapes and self.excitation == "base":
+            several = (values,) if isinstance(values, str) or np.ndim(values) == 0 else tuple(values)
+            object.__setattr__(self, name, several)
+        self._check_excitation()
+        for name, legal in (("model", MODELS), ("simulate", SHAPES)):
+            for value in getattr(self, name):
+                one_of(name, value, legal)
+        if not self.model:
+            raise InputError("model is empty: choose exact, taylor or both")
+        if self.simulate and self.excitation == "base":
             raise InputError(
                 "simulate is for a force or an acceleration of the base: a displacement that jumps has no acceleration"
             )
         within("span", self.span, SPAN)
         if self.pulse is not None:
             positive("pulse", self.pulse)
-        if any(value >= 1 for value in self.zetas):
-            raise InputError(f"zetas = {list(self.zetas)} is not legal: each must be below 1")
-        if self.window is not None:
-            ends = positives("window", self.window)
-            if len(ends) != 2 or ends[0] >= ends[1]:
-                raise InputError(f"window = {list(ends)} is not legal: give two frequencies, low < high")
-            object.__setattr__(self, "window", ends)
-        object.__setattr__(self, "omega", window(self.omega))
-        object.__setattr__(self, "model", (self.model,) if isinstance(self.model, str) else tuple(self.model))
-        if self.joint is not None and self.joint.damping is not None:
-            if self.zeta not in (self.joint.damping, type(self).zeta):
-                raise InputError(
-                    f"zeta = {self.zeta:g} and joint.damping = {self.joint.damping:g} differ: give one of them"
-                )
-            object.__setattr__(self, "zeta", self.joint.damping)
-        for name in self.model:
-            one_of("model", name, MODELS)
-        if not self.model:
-            raise InputError("model is empty: choose exact, taylor or both")
         if self.units is not None:
             one_of("units", self.units, ("SI", "other"))
+
+    def _check_excitation(self) -> None:
+        """Refuse amplitudes and frequencies that are not legal whatever the law."""
+        unit, values = _amounts("forcing", self.forcing, _UNITS)
+        if not unit:
+            object.__setattr__(self, "forcing", forcings(values))
+        hertz, ends = _amounts("omega", self.omega, ("Hz",))
+        object.__setattr__(self, "omega", self.omega if hertz else window(ends))
+        _two(ends)
+        if (unit or hertz) and self.units == "other":
+            name = f"forcing in {unit}" if unit else "omega in Hz"
+            raise InputError(f'{name} cannot go with units = "other": give numbers without units')
+
+    @property
+    def excitation(self) -> str:
+        """What moves the mass, by the unit of `forcing`: "force", "base" or "acceleration"."""
+        return _UNITS[_amounts("forcing", self.forcing, _UNITS)[0]]
 
     @property
     def load(self) -> float | None:
@@ -223,31 +222,28 @@ class DynamicsSettings:
             return self.preload
         return self.joint.load(self.patch_area)
 
-    def on(self, scale: float, length: float, omega_s: float) -> DynamicsSettings:
-        """Settings with excitation and window over a force, a length and a frequency of small vibration (rad/time).
+    def on(
+        self, scale: float, length: float, omega_s: float
+    ) -> tuple[tuple[float, ...], tuple[float, float], float | None]:
+        """Forcings, window of Omega and pulse (periods), over a force, a length and the frequency omega_s (rad/time).
 
         Raises:
             InputError: the frequency is unknown (NaN) and needed, or they are out of range
         """
         frequency = omega_s / (2 * math.pi)
-        for name, of in (("window", "window in Hz"), ("base_acceleration", "acceleration"), ("pulse", "pulse")):
-            if getattr(self, name) and not math.isfinite(frequency):
-                raise InputError(f"{name}: a {of} needs the mass: give joint.mass, joint.frequency or gravity")
-        forcing, omega = self.forcing, self.omega
-        none: dict[str, Any] = dict.fromkeys(_PHYSICAL, ())
-        for name, unit in zip(_PHYSICAL, (scale, length, length * omega_s**2), strict=True):
-            if values := getattr(self, name):
-                own = () if forcing == type(self).forcing else forcing
-                forcing = (*own, *(value / unit for value in values))
-        times = OMEGA[0] * frequency, OMEGA[1] * frequency
-        if self.window is not None:
-            for end in self.window:
-                within("window", end, times)
-            omega = (self.window[0] / frequency, self.window[1] / frequency)
-        pulse = self.pulse
-        if pulse is not None:
-            pulse = frequency * within("pulse", pulse, (0.5 / times[1], 0.5 / times[0]))
-        return replace(self, forcing=forcing, omega=omega, window=None, pulse=pulse, **none)
+        unit, values = _amounts("forcing", self.forcing, _UNITS)
+        hertz, ends = _amounts("omega", self.omega, ("Hz",))
+        if not math.isfinite(frequency) and (hertz or self.pulse or self.excitation == "acceleration"):
+            raise InputError("frequencies in Hz, pulses and accelerations need the mass: give joint.mass or gravity")
+        over = {"": 1.0, "N": scale, "m": length}.get(unit, length * omega_s**2)
+        forcing = forcings([value / over for value in values])
+        slowest, fastest = (bound * frequency for bound in OMEGA)
+        if hertz:
+            low, high = (within("omega in Hz", end, (slowest, fastest)) / frequency for end in ends)
+        else:
+            low, high = ends
+        pulse = self.pulse and frequency * within("pulse", self.pulse, (0.5 / fastest, 0.5 / slowest))
+        return forcing, (low, high), pulse
 
     @classmethod
     def of_case(cls, case: Mapping[str, Any], joint: Joint | None = None) -> DynamicsSettings:
@@ -261,11 +257,9 @@ class DynamicsSettings:
         length = case.get("surface", {}).get("L")
         patch = None if length is None else float(length) ** 2
         given |= {"units": case.get("units"), "patch_area": patch}
-        if joint is not None:  # the forces of the section [dynamics] are those of the patch
-            own = {name: given[name] for name in ("preload", "overload") if given.get(name) is not None}
-            given |= {name: joint.factor(patch) * force for name, force in own.items()}
-            load = joint.load(patch)
-            given |= {} if load is None else {"preload": load}
+        if joint is not None:  # the preload of the section [dynamics] is that of the patch
+            own = given.get("preload")
+            given["preload"] = joint.load(patch) or (own and joint.factor(patch) * own)
         return cls().replaced(**given).replaced(joint=joint)
 
     @property
@@ -285,17 +279,9 @@ class DynamicsSettings:
         return cls.of_case(case, joint)
 
     def replaced(self, **changes: Any) -> DynamicsSettings:
-        """Settings with other values, None for no change.
-
-        The overload does not outlive a change of law or preload; a damping ratio replaces that of the joint.
-        """
+        """Settings with other values, None for no change."""
         new = {name: value for name, value in changes.items() if value is not None}
         names = [field.name for field in fields(self)]
         if unknown := new.keys() - set(names):
             raise InputError(f"{min(unknown)} is no setting of the vibration: choose from {', '.join(names)}")
-        if new.keys() & {"law", "preload"}:
-            new.setdefault("overload", None)
-        joint = new.get("joint", self.joint)
-        if joint is not None and joint.damping is not None:
-            new["joint"] = replace(joint, damping=new.setdefault("zeta", joint.damping))
         return replace(self, **new)

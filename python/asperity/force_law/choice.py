@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from contextlib import suppress
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -15,7 +14,7 @@ from asperity.errors import AsperityError, AsperityWarning, InputError, RangeErr
 from asperity.force_law import LAWS, MIN_ROWS
 from asperity.force_law.checks import one_of, positive
 from asperity.force_law.columns import CurveColumns
-from asperity.force_law.law import EXPONENT, Law, PowerLaw
+from asperity.force_law.law import Law, PowerLaw
 from asperity.force_law.points import FALL, MIN_POINTS, TOUCH, fit_origin
 from asperity.force_law.table import TableLaw
 
@@ -42,8 +41,6 @@ class Choice:
     yielded: bool | None  # None if the curve does not show it
     reason: str  # why it is this law, a part of a sentence
     note: str = ""  # sentence on a law to be doubted
-    bounds: tuple[Law, ...] = ()  # other laws that bound this one
-    bounds_of: str = "unknown branch of the overload"  # what they are
 
     @property
     def yields_at(self) -> float | None:
@@ -53,9 +50,7 @@ class Choice:
         return max(self.law.deflection(self.reached) / self.law.deflection(self.load) - 1.0, 0.0)
 
 
-def law_from(
-    source: Any, law: str = "auto", load: float | None = None, *, overload: float | None = None
-) -> tuple[Law, float]:
+def law_from(source: Any, law: str = "auto", load: float | None = None) -> tuple[Law, float]:
     """Static law and the preload (force) of a curve.
 
     Args:
@@ -64,8 +59,6 @@ def law_from(
             k_n_elastic), "table" (points of the loading) or "paper" (power law of `Curve.fit`, as a reversible spring);
             "auto": after yield the first of these without "table" that the curve has, before yield "table"
         load: preload (force); default half of the largest force of the curve
-        overload: for "auto", greatest force before the vibration (force); default that of the unloading through the
-            preload, if there is one, else the preload. Equal to the preload, it is the weight itself.
 
     Raises:
         InputError: the law is unknown, or the curve does not contain what it needs
@@ -80,30 +73,19 @@ def law_from(
     """
     if isinstance(source, Law):
         return source, source.default_load if load is None else load
-    choice = choose(CurveColumns.of(source), law, load, overload=overload)
+    choice = choose(CurveColumns.of(source), law, load)
     if choice.note:
         warn(choice.note, AsperityWarning)
     return choice.law, choice.load
 
 
-def choose(
-    columns: CurveColumns, law: str = "auto", load: float | None = None, *, overload: float | None = None
-) -> Choice:
+def choose(columns: CurveColumns, law: str = "auto", load: float | None = None) -> Choice:
     """Choose the law of a curve for the vibration about a preload; for arguments and errors see `law_from`."""
     one_of("law", law, LAWS)
     top = float(np.max(columns.force))
     load, lowered = met(0.5 * top if load is None else positive("load", load), top, columns.bar_at(top))
-    if overload is not None:
-        if law != "auto":
-            raise InputError(f'overload = {overload:g} cannot go with law = "{law}": it is for law = "auto"')
-        if not load * (1 - _SAME) <= overload <= top * (1 + _SAME):
-            raise InputError(
-                f"overload = {overload:g} must lie between the preload {load:g} and {top:g}, the greatest force of the "
-                "curve; compute the curve further"
-            )
-        overload = min(overload, top)
     if law == "auto":
-        choice = _automatic(columns, load, overload)
+        choice = _automatic(columns, load)
         return replace(choice, note="; ".join(filter(None, (choice.note, lowered))))
     found = law_named(columns, law, load)
     yielded = columns.yielded(top if law == "unload-reload" else load)
@@ -153,22 +135,6 @@ def law_named(columns: CurveColumns, name: str, load: float) -> Law:
     rows = fitted_rows(delta, force)
     fitted = PowerLaw.from_fit(fit_power_law(delta[rows] / length, force[rows] / unit), length, unit)
     return replace(fitted, fitted_to=max(fitted.fitted_to, fitted.deflection(unit)))  # to the force of the curve
-
-
-def _secants(columns: CurveColumns, load: float) -> tuple[Law, ...]:
-    """Power laws through the point next to a preload, with the extreme slopes between those around it, and more."""
-    rows = columns.rising(columns.loading & (columns.delta > 0) & (columns.force > 0))
-    x, y = np.log(columns.delta[rows]), np.log(columns.force[rows])
-    middle = int(np.searchsorted(y, np.log(load)))
-    some = slice(max(middle - 2, 0), middle + 2)
-    with np.errstate(all="ignore"):
-        n = np.diff(y[some]) / np.diff(x[some])
-    n = n[np.isfinite(n)]
-    if not n.size:
-        return ()
-    spare, i = 0.5 * float(n.max() - n.min()), min(middle, x.size - 1)
-    ends = np.clip([n.min() - spare, n.max() + spare], *EXPONENT)
-    return tuple(PowerLaw(float(e), float(np.exp(y[i] - e * x[i]))) for e in ends)
 
 
 def unload_reload(curve: Any, load: float | None = None) -> TableLaw:
@@ -239,58 +205,39 @@ def elastic_tangent(columns: CurveColumns, load: float) -> TableLaw:
     return TableLaw.of_stiffness(force, columns.elastic[rows], name="elastic tangent of the loading")
 
 
-def _automatic(columns: CurveColumns, load: float, overload: float | None) -> Choice:
+def _automatic(columns: CurveColumns, load: float) -> Choice:
     leg, lack = _leg(columns, load)
-    met = overload if overload is not None else load if leg is None else leg.top
-    yielded = columns.yielded(met)
+    yielded = columns.yielded(load if leg is None else leg.top)
+    above: TableLaw | None = None
+    missing = ""  # why there is no law through the points of the loading
+    try:
+        above = TableLaw.from_curve(columns)
+    except InputError as error:
+        missing = str(error)
     if not yielded:
-        why = "nothing has yielded up to the preload" if yielded is False else "the curve does not show that it yields"
-        try:
-            return Choice("table", law_named(columns, "table", load), load, None, yielded, why)
-        except InputError as error:
-            lack = str(error)
+        if above is not None:
+            why = (
+                "nothing has yielded up to the preload"
+                if yielded is False
+                else "the curve does not show that it yields"
+            )
+            return Choice("table", above, load, None, yielded, why)
         try:
             found = law_named(columns, "paper", load)
         except InputError as error:
-            raise InputError(f"{lack}; no power law either: {error}") from error
-        reason = lack.split(":")[0]
+            raise InputError(f"{missing}; no power law either: {error}") from error
+        reason = missing.split(":")[0]
         note = f"the points of the loading are no law ({reason}): the law is the power law through all of them"
-        slopes = _secants(columns, load)
-        return Choice("paper", found, load, None, yielded, reason, note, slopes, "slopes between the points")
-    above = None
-    with suppress(InputError):
-        above = TableLaw.from_curve(columns)
-    if leg is not None and met >= leg.top * (1 - 1e-6):
+        return Choice("paper", found, load, None, yielded, reason, note)
+    if leg is not None:
         whole = leg if above is None else leg.yielding(above, min(leg.top, above.top))
         return Choice("unload-reload", whole, load, leg.top, True, "yielded, and unloaded through the preload", lack)
     try:
-        tangent = elastic_tangent(columns, met)
-    except AsperityError as error:
-        if overload is not None:
-            raise InputError(
-                f"overload = {overload:g} lies below the force at which the curve unloads: its branch needs the "
-                "elastic stiffness of the loading; compute the curve with output.stiffness = true, or load it to the "
-                "overload"
-            ) from error
-        found = law_named(columns, "paper", load)
+        tangent = elastic_tangent(columns, load)
+    except AsperityError:
         doubt = f"{lack}; until then {TOO_LOW}" if lack else LACK
-        return Choice("paper", found, load, None, True, "yielded, no other law", doubt)
-    if overload is None:
-        return Choice("elastic", tangent, load, load, True, "yielded, and the elastic stiffness is known", lack)
-    if above is None:
-        raise InputError("the points of the loading do not rise, so nothing is known above the overload: smooth them")
-    bounds: tuple[Law, ...] = ()
-    if met > load * (1 + 1e-6):
-        # the state at the overload has more spots than that at the preload, and unloading closes them one by one
-        k_load, k_met = (float(tangent.stiffness(tangent.deflection(force))) for force in (load, met))
-        bounds = (tangent.scaled(1.0, k_met / k_load),)
-        lack = (
-            f"the curve does not unload from the overload {met:.5g}: k_n lies between {k_load:.5g}, that of the "
-            f"loading at the preload, which is taken, and {k_met:.5g}, that at the overload; load the curve to the "
-            "overload, with loading.unload = true"
-        )
-    reason = "yielded up to the overload, with the elastic stiffness"
-    return Choice("elastic", tangent.yielding(above, met), load, met, True, reason, lack, bounds)
+        return Choice("paper", law_named(columns, "paper", load), load, None, True, "yielded, no other law", doubt)
+    return Choice("elastic", tangent, load, load, True, "yielded, and the elastic stiffness is known", lack)
 
 
 def _leg(columns: CurveColumns, load: float) -> tuple[TableLaw | None, str]:

@@ -44,7 +44,6 @@ class Uncertainty:
         n_loc, kappa, z_s, k_n: local exponent, backbone curvature, static deflection (length), stiffness
             (force/length)
         omega_s: natural frequency of small motion (rad/time), NaN without a mass
-        members: laws that bound it
         origin: what bounds it, in words; "" where nothing does
     """
 
@@ -53,7 +52,6 @@ class Uncertainty:
     z_s: Interval
     k_n: Interval
     omega_s: Interval
-    members: tuple[Law, ...]
     origin: str
 
     __repr__ = short_repr
@@ -106,4 +104,4 @@ def intervals(
     frequency = np.sqrt(np.maximum(found[3], 0.0) / mass)
     n_loc, kappa, z_s, k_n, omega_s = (Interval(*row) for row in [*found.tolist(), frequency.tolist()])
     words = [origin] * bool(members) + ["points of the law"] * bool(thinned)
-    return Uncertainty(n_loc, kappa, z_s, k_n, omega_s, members, " and ".join(words))
+    return Uncertainty(n_loc, kappa, z_s, k_n, omega_s, " and ".join(words))

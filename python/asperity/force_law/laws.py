@@ -164,9 +164,8 @@ def tabulate(columns: CurveColumns, choice: Choice, mass: float = math.nan) -> L
         members, origin = () if row.chosen and lacking else row.sides(), _words(row.bar_of, row.bar)
         if row.chosen:
             others = [law for other in applying[1:] for law in other.sides() or (other.law,) if law is not None]
-            members = (*members, *choice.bounds, *others)
+            members = (*members, *others)
             parts = sorted({_words(one.bar_of, one.bar) for one in applying if one.bar > 0})
-            parts += [choice.bounds_of] if choice.bounds else []
             names = [one.name for one in applying]
             origin = " and ".join(parts + ([f"spread of the laws {', '.join(names)}"] if names[1:] else []))
         known = intervals(row.law, load, members, origin, mass)

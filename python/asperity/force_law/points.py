@@ -64,28 +64,3 @@ def fit_origin(delta: Array, force: Array) -> float:
         return lowest
     ends = (lowest, first - 1e-6 * span)
     return float(minimize_scalar(misfit, bounds=ends, method="bounded", options={"xatol": 1e-12 * span}).x)
-
-
-def rising(z: Array, F: Array) -> tuple[Array, Array, str]:
-    """Points in the order of the approach, those that do not rise merged to their means, and a note on these or "".
-
-    Larger falls than `FALL` of the greatest force are left.
-    """
-    order = np.argsort(z, kind="stable")
-    groups: list[tuple[float, float, int]] = []
-    for i in order:
-        group = (float(z[i]), float(F[i]), 1)
-        while groups and (group[0] <= groups[-1][0] or group[1] <= groups[-1][1]) and group[1] > 0:
-            (x_0, y_0, n_0), (x_1, y_1, n_1) = groups[-1], group
-            if y_0 - y_1 > FALL * F.max():
-                break
-            groups.pop()
-            n = n_0 + n_1
-            group = ((n_0 * x_0 + n_1 * x_1) / n, (n_0 * y_0 + n_1 * y_1) / n, n)
-        groups.append(group)
-    merged = sum(n for _, _, n in groups if n > 1)
-    if not merged:
-        return z, F, ""
-    x, y, _ = zip(*groups, strict=True)
-    note = f"{merged} rows of the loading do not rise, and are merged with their neighbours to means"
-    return np.array(x), np.array(y), note

@@ -21,7 +21,7 @@ from asperity.errors import InputError, RangeError
 from asperity.force_law.checks import positive
 from asperity.force_law.columns import CurveColumns
 from asperity.force_law.law import EXPONENT, Law, curvature
-from asperity.force_law.points import MAX_ROUGHNESS, MIN_POINTS, fit_origin, rising, roughness, smoothed
+from asperity.force_law.points import MAX_ROUGHNESS, MIN_POINTS, roughness, smoothed
 from asperity.runtime.display import short_repr
 
 _GROUPS = 4  # of points that are left out in turn
@@ -44,7 +44,6 @@ class TableLaw(Law):
         yields_at: approach of a point at which the slope changes (length): a contact that was loaded to it yields
             beyond
         k_above: stiffness there on the side of larger approaches (force/length)
-        repaired: what was done to points that do not rise, a sentence
         noise: relative uncertainty of the stiffness through points that scatter, 0 if they do not (derived)
 
     Raises:
@@ -66,7 +65,6 @@ class TableLaw(Law):
     k: Array | None = field(default=None, kw_only=True)
     yields_at: float = field(default=np.inf, kw_only=True)
     k_above: float = field(default=np.nan, kw_only=True)
-    repaired: str = field(default="", kw_only=True)
     noise: float = field(default=0.0, init=False)
     known_to: float = field(init=False, repr=False)
     _measured: Array = field(init=False, repr=False)  # the forces given, in contact
@@ -117,7 +115,7 @@ class TableLaw(Law):
         if early > 1e-6 * F.max() or gap > 1e-9 * z.max():
             raise InputError(
                 f"the table has force {early:g} at or below zero approach, and none up to {gap:g}: its origin is "
-                'offset; subtract the approach of first contact, pass it as origin, or use from_curve(origin="fit")'
+                "offset; subtract the approach of first contact, or pass it as origin"
             )
         z, F, k = z[keep], F[keep], None if k is None else np.where(k[keep] > 0, k[keep], np.nan)
         least = MIN_POINTS if k is None else 1 if np.isfinite(k).all() else 2
@@ -126,29 +124,18 @@ class TableLaw(Law):
         return z, F, k
 
     @classmethod
-    def from_curve(cls, curve: Any, *, origin: float | str = 0.0) -> TableLaw:
+    def from_curve(cls, curve: Any, *, origin: float = 0.0) -> TableLaw:
         """Law through the loading of a `Curve`, a CSV file or a mapping with the columns delta and force.
 
         Args:
             curve: source of the columns
-            origin: approach of first contact (length), or "fit" to find it with the power law
+            origin: approach of first contact (length)
 
         Raises:
             InputError: as for `TableLaw`, or the columns cannot be read
         """
         columns = CurveColumns.of(curve)
-        delta, force = columns.delta[columns.loading], columns.force[columns.loading]
-        if isinstance(origin, str):
-            if origin != "fit":
-                raise InputError(f'origin = "{origin}" is unknown: give an approach or "fit"')
-            origin = fit_origin(delta, force)
-        try:
-            return cls(delta, force, origin=float(origin))
-        except InputError:
-            delta, force, repaired = rising(delta, force)
-            if not repaired:
-                raise
-            return cls(delta, force, origin=float(origin), repaired=repaired)
+        return cls(columns.delta[columns.loading], columns.force[columns.loading], origin=origin)
 
     @classmethod
     def of_stiffness(cls, force: ArrayLike, k: ArrayLike, name: str = "table") -> TableLaw:
@@ -316,11 +303,9 @@ class TableLaw(Law):
                 f"load {load:g} lies below the first point of the table (force {self.F[0]:g}): the law there is the "
                 f"power {self._curve.c[2, 0]:.3g} of the approach, that of the first points",
             )
-        repaired = (self.repaired,) if self.repaired else ()
         if not self.noise:
-            return repaired
+            return ()
         return (
-            *repaired,
             f"the points scatter so that the stiffness through them is uncertain by {100 * self.noise:.0f} %: the "
             "table is noisy, and the law a smoothing spline through it",
         )

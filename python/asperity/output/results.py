@@ -31,7 +31,7 @@ class Results:
 
     Attributes:
         case: completed input, as nested tables
-        free, response, band, motion, slip, slip_loops: columns of the files of these names
+        free, response, motion, slip, slip_loops: columns of the files of these names
         top: arrays of fields/top.npz
         built: the surface of the case if it was passed to `read`, else None
 
@@ -50,7 +50,6 @@ class Results:
     free: Columns = field(default_factory=dict)
     response: Columns = field(default_factory=dict)
     thresholds: Mapping[str, Any] = field(default_factory=dict)
-    band: Columns = field(default_factory=dict)
     motion: Columns = field(default_factory=dict)
     slip: Columns = field(default_factory=dict)
     slip_loops: Columns = field(default_factory=dict)
@@ -154,5 +153,5 @@ _FILES: dict[str, tuple[str, Callable[[Path], Any]]] = {
     "curve": (run_folder.CURVE, Curve.read),
     "thresholds": (run_folder.THRESHOLDS, _read_json),
     "top": (f"{run_folder.FIELDS}/{run_folder.TOP}", read_npz),
-    **{name: (f"{name}.csv", _read_columns) for name in ("free", "response", "band", "motion", "slip", "slip_loops")},
+    **{name: (f"{name}.csv", _read_columns) for name in ("free", "response", "motion", "slip", "slip_loops")},
 }

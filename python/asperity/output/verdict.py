@@ -59,8 +59,7 @@ def _vibration(results: Results) -> Iterator[str]:
         text = f"Small vibration of the {'joint' if joint else 'patch'}{about} has a stiffness of "
         text += quantity(numbers["k_n"], metre, bar=bar)
         if numbers.get("f") is not None:  # sqrt(k_n/m): half the bar, and none of one that the case gives
-            of_f = nan if joint.get("frequency") is not None else 0.5 * bar
-            text += f" and a frequency of {quantity(numbers['f'], hertz, bar=of_f)}"
+            text += f" and a frequency of {quantity(numbers['f'], hertz, bar=0.5 * bar)}"
         yield f"{text}."
         if joint and (record := results.summary.get("patches")):
             known = Spread(record["change"], record["error"], record["patches"])

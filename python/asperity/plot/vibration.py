@@ -105,9 +105,10 @@ def frequency(results: Results) -> Figure:
 def response(results: Results) -> Figure:
     """Draw the largest displacement over the excitation frequency: one panel per model, one colour per forcing.
 
-    Sweeps are triangles, bands those of exact responses, by the error bar of the force and the spread of the laws.
+    Sweeps are triangles. Where a law is stiffer by a factor s^2, its response has frequencies s times as high and
+    displacements 1/s^2 as large: what the error bar of the stiffness makes of the stable exact one so is shaded.
     """
-    rows, bands, t = results.response, results.band, results.thresholds
+    rows, t = results.response, results.thresholds
     driven, n_loc = t.get("excitation", "force"), t.get("n_loc")
     models = [model for model in MODELS if model in rows["model"]]
     events = [
@@ -115,14 +116,16 @@ def response(results: Results) -> Figure:
         for model in MODELS for r in t.get(model, {}).get("responses", ()) for e in r.get("events", ())
         if model == "exact" or e["u_min"] >= -1.0  # physical
     ]  # fmt: skip
+    known = (t.get("uncertainty") or {}).get("k_n")
+    bar = np.sqrt(np.array(known[1:]) / known[0]) if known and known[1] > 0.0 and driven != "base" else None
     figure, axes = style.figure(1.2 + 4.0 * len(models), 4.4, *(MODELS[model][2] for model in models))
     physical = (rows["model"] == "exact") | (rows["u_min"] >= -1.0)
     for axis, model in zip(axes, models, strict=True):
         for forcing, colour in _coloured(rows):
             _branches(axis, where(rows, (rows["model"] == model) & (rows["F_hat"] == forcing)), "u_max", model, colour)
+            if model == "exact" and bar is not None:
+                _shade(axis, where(rows, (rows["model"] == model) & (rows["F_hat"] == forcing)), bar, colour)
             _events(axis, [e for e in events if e["model"] == model and e["F_hat"] == forcing])
-            if model == "exact" and bands and forcing in bands["F_hat"]:
-                _band(axis, where(bands, bands["F_hat"] == forcing), colour)
         about = "" if driven == "force" else " relative to the base"
         axis.set(xlabel="frequency $\\Omega = \\omega/\\omega_s$", ylabel=f"largest displacement{about} $u_{{\\max}}$")
         top = np.nanmax(rows["u_max"][physical | ~physical.any()])
@@ -130,7 +133,7 @@ def response(results: Results) -> Figure:
         _physical(axis, t, "right", "top")
     keys = [Line2D([], [], color=colour, label=_in_words(t, forcing)) for forcing, colour in _coloured(rows)]
     shown = {*np.unique(rows["branch"]).tolist(), *(e["kind"] for e in events)}
-    keys += _line_keys(shown, bool(physical.all()), bool(bands))
+    keys += _line_keys(shown, bool(physical.all()), bar is not None)
     figure.legend(handles=keys, loc="outside lower center", ncols=2 if len(models) == 1 else 4)
     figure.suptitle(heading(np.unique(rows["zeta"]), t.get("damping"), n_loc))
     return figure
@@ -153,19 +156,20 @@ def _branches(axis: Any, rows: Columns, column: str, model: str, colour: str) ->
             )  # fmt: skip
 
 
-def _band(axis: Any, rows: Columns, colour: str) -> None:
-    """Fill the band of each stable branch up to its ends, once where both are one."""
-    omega, extent = rows["Omega"], float(np.nanmax(rows["upper_high"]))
-    outlines = []
-    for side in ("upper", "lower"):
-        low, high = rows[f"{side}_low"], rows[f"{side}_high"]
-        # the end of a branch is a jump to another, or to none
-        joined = np.maximum(low[1:] - high[:-1], low[:-1] - high[1:]) < _CLOSE * extent
-        for part in np.split(np.arange(len(omega)), np.flatnonzero(~joined) + 1):
-            there, back = np.stack([omega, low], axis=1)[part], np.stack([omega, high], axis=1)[part[::-1]]
-            outlines.append(Path(np.concatenate([there, back, there[:1]]), closed=True))
-    whole = Path.make_compound_path(*outlines)
-    axis.add_patch(PathPatch(whole, fc=colour, alpha=0.5 * _FAINT, lw=0))
+def _shade(axis: Any, rows: Columns, bar: Array, colour: str) -> None:
+    """Fill what the stable branches sweep with frequencies times s and displacements over s^2, s between two factors."""
+    for name in {*np.unique(rows["branch"])} - {*SWEEPS}:
+        of = where(rows, rows["branch"] == name)
+        line, stable = np.stack([of["Omega"], of["u_max"]], axis=1), truth(of["stable"])
+        for start, stop in pieces(*line.T, stable):
+            low, high = (line[start:stop] * (s, s**-2.0) for s in bar)
+            corners = np.stack([low[:-1], low[1:], high[1:], high[:-1]], axis=1)  # of what each straight line sweeps
+            one, two = corners[:, 2] - corners[:, 0], corners[:, 3] - corners[:, 1]
+            turned = one[:, 0] * two[:, 1] < one[:, 1] * two[:, 0]  # an area is filled where all are positive
+            corners[turned] = corners[turned, ::-1]
+            if stable[start] and len(corners):
+                whole = Path.make_compound_path(*(Path([*c, c[0]], closed=True) for c in corners))
+                axis.add_patch(PathPatch(whole, fc=colour, alpha=0.5 * _FAINT, lw=0))
 
 
 def pieces(omega: Array, u: Array, state: NDArray[Any]) -> Iterator[tuple[int, int]]:
@@ -208,7 +212,7 @@ def _line_keys(shown: set[str], physical: bool, band: bool) -> list[Line2D]:
     if not physical:
         keys.append(Line2D([], [], color=style.GREY, alpha=_FAINT, label="unphysical ($u_{min}<-1$)"))
     if band:
-        keys.append(Line2D([], [], color=style.GREY, lw=6, alpha=0.5 * _FAINT, label="error bar and laws"))
+        keys.append(Line2D([], [], color=style.GREY, lw=6, alpha=0.5 * _FAINT, label="error bar of the stiffness"))
     return keys
 
 
@@ -284,7 +288,6 @@ def results_of(found: Dynamics) -> Results:
         Folder(), Curve.from_rows([]), thresholds=found.to_dict(),
         free=columns_of(row for free in found.free.values() for row in free.rows()),
         response=columns_of(row for r in responses for row in r.rows()),
-        band=columns_of(row for band in found.bands for row in band.rows()),
         motion=columns_of(found.moved()),
     )  # fmt: skip
 

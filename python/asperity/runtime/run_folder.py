@@ -23,7 +23,7 @@ P = ParamSpec("P")
 T = TypeVar("T")
 
 CASE, CURVE, SUMMARY, LOG = "case.toml", "curve.csv", "summary.json", "run.log"
-FREE, RESPONSE, BAND, MOTION, THRESHOLDS = "free.csv", "response.csv", "band.csv", "motion.csv", "thresholds.json"
+FREE, RESPONSE, MOTION, THRESHOLDS = "free.csv", "response.csv", "motion.csv", "thresholds.json"
 LOOPS = "loops.csv"
 SLIP, SLIP_LOOPS, SLIP_NODES = "slip.csv", "slip_loops.csv", "slip_nodes.csv"
 REPORT = "report.html"
@@ -47,7 +47,7 @@ MESH, STATE, SNAPSHOT = "mesh.npz", "state.npz", "snapshot-{}.npz"  # in checkpo
 
 #: All files and folders that a run writes, folders after their files; without those of the checkpoint.
 PRODUCTS = (
-    CURVE, SUMMARY, LOG, LOOPS, SLIP, SLIP_LOOPS, SLIP_NODES, FREE, RESPONSE, BAND, MOTION, THRESHOLDS,
+    CURVE, SUMMARY, LOG, LOOPS, SLIP, SLIP_LOOPS, SLIP_NODES, FREE, RESPONSE, MOTION, THRESHOLDS,
     REPORT,
     *(f"{FIELDS}/{name}" for name in (TOP, VTKHDF)), FIELDS,
     *(f"{FIGURES}/{name}.png" for name in PICTURES),

@@ -193,7 +193,7 @@ def slip_of_curve(
     unloaded = not choice.yielded or choice.name == "unload-reload"
     if math.isfinite(laws.bar) and ((ratio is not None and unloaded) or computed):
         with suppress(AsperityError):  # at the end of its bar the curve may not reach the preload
-            bars = _change(law, [law_on(member) for member in (*laws.chosen.sides(), *choice.bounds)], t)
+            bars = _change(law, [law_on(member) for member in laws.chosen.sides()], t)
     if computed and bars is not None:  # the mesh of the solid, of which only the curve gives an estimate
         ours, theirs = (np.array([[path.loop()[k] for k in WITH_ERRORS] for path in of]) for of in (computed, paths))
         bars = bars + np.abs(ours - theirs).T
