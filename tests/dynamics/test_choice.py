@@ -62,7 +62,7 @@ def test_after_yield_small_vibration_is_on_the_unloading_branch() -> None:
     """The frequency is that of the closed form, and not that of the loading, half as stiff."""
     law, load = law_from(contact())
     z = law.deflection(load)
-    assert float(law.force(law.yields_at)) == pytest.approx(C)
+    assert isinstance(law, TableLaw) and law.top == pytest.approx(C)
     assert law.derivatives(z)[0] == pytest.approx(float(stiffness(load)), rel=1e-6)
     assert law.n_loc(z) == pytest.approx(1.5, rel=1e-6) and law.kappa(z) == pytest.approx(-1 / 24, rel=1e-3)
     paper = law_from(contact(), "paper")[0]
@@ -114,41 +114,8 @@ def test_before_yield_the_law_is_the_loading(strain: bool) -> None:
 
 
 def test_without_plastic_columns_the_hysteresis_shows_yield() -> None:
-    assert math.isfinite(law_from(contact(strain=False))[0].yields_at)
-    assert math.isinf(law_from(contact(strain=False, unload=False))[0].yields_at)
-
-
-def test_a_preload_by_the_weight_itself_has_two_branches() -> None:
-    """Elastic below, the loading above: the slopes of both sides, and the period of the first cycle."""
-    curve = contact(probe=True)
-    law, load = law_from(curve, load=C)
-    z = law.deflection(load)
-    below, above = law.both(np.array([z * (1 - 1e-6), z * (1 + 1e-6)]))[1]
-    loading = 1.2 * C ** (1 / 1.2) * load ** (1 - 1 / 1.2)
-    assert below == pytest.approx(float(stiffness(load)), rel=2e-3)
-    assert above == pytest.approx(loading, rel=2e-2)
-    ratio = math.sqrt(float(stiffness(load)) / loading)
-    oscillator = asp.ContactOscillator(law, load=load)
-    assert oscillator.free(1e-4).omega_ratio[0] == pytest.approx(2 / (1 + ratio), rel=1e-2)
-    strong = run_dynamics(curve, preload=0.8 * C, zeta=0.05, forcing=0.3, **{**QUICK, "omega": (0.8, 1.1)})
-    assert any("yields again" in note for note in strong.notes)
-    weak = run_dynamics(curve, preload=0.2 * C, zeta=0.05, forcing=0.003, **QUICK)
-    assert not any("yields" in note for note in weak.notes)
-
-
-def test_small_motion_over_the_kink_is_integrated_on_both_sides() -> None:
-    """Just below the greatest force: the potential is the integral of the force."""
-    law, load = law_from(contact(), load=0.999 * C)
-    r = asp.ContactOscillator(law, load=load).restoring
-    kink = r.law.yields_at / r.z_s - 1.0
-    assert 0 < kink < 1e-2
-    for u in (0.5 * kink, 2 * kink, 0.03, kink + 0.06, 0.4):
-        pieces = np.concatenate([np.linspace(0.0, min(u, kink), 4001), np.linspace(min(u, kink), u, 40001)])
-        exact = np.trapezoid(r.f(pieces), pieces)
-        potential = float(law.potential(r.z_s * (1 + u)) - law.potential(r.z_s)) / (r.scale * r.z_s) - u / r.n_loc
-        rounding = 1e-12 if u < kink else 0.0  # of a difference of large numbers
-        assert potential == pytest.approx(exact, rel=1e-5, abs=rounding)
-    assert asp.ContactOscillator(law, load=load).free([1e-3, 0.02, 0.1]).tolerance < 1e-6
+    names = [choose(CurveColumns.of(contact(strain=False, unload=unload))).name for unload in (True, False)]
+    assert names == ["unload-reload", "table"]
 
 
 @pytest.mark.parametrize(

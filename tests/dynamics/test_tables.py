@@ -20,7 +20,7 @@ TABLES: dict[str, dict[str, Any]] = json.loads((Path(__file__).parent / "tables.
 
 
 def oscillator(table: dict[str, Any]) -> ContactOscillator:
-    more = {name: table[name] for name in ("k", "yields_at", "k_above") if name in table}
+    more = {name: table[name] for name in ("k",) if name in table}
     return ContactOscillator(TableLaw(table["z"], table["F"], **more), load=table["load"], zeta=table.get("zeta", 0.01))
 
 

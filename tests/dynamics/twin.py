@@ -35,14 +35,13 @@ class Motion:
 
 
 def motion(e: Equation, omega: float, forcing: float, y: Vector, periods: int = 1, rtol: float = 1e-11) -> Motion:
-    """Integrate a state over whole forcing periods, from contact loss to landing and yield, with its variations.
+    """Integrate a state over whole forcing periods, from contact loss to landing, with its variations.
 
     The independent variable is the phase s = Omega tau. Where the acceleration jumps, by J, a neighbour whose distance
     is d arrives d/v later: its speed then differs by J d/v (saltation).
     """
     r, law = e.restoring, e.restoring.law
     edges = [-1.0] if r.contact else []
-    edges += [law.yields_at / r.z_s - 1.0] if np.isfinite(law.yields_at) else []
 
     def acceleration(s: float, u: float, v: float, region: int) -> Vector:
         """Acceleration, and its derivatives with respect to u and v."""

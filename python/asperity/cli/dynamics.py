@@ -216,10 +216,6 @@ def _show_laws(laws: LawTable, units: str) -> None:
     bar = f"error bar of the {own.bar_of} {per_cent(own.bar)}" if own.bar == own.bar else "no error bar of the force"
     several = sum(row.applies for row in laws.rows) > 1
     options.say(f"spread of the laws that apply: {per_cent(laws.spread)} of k_n; {bar}" if several else bar)
-    if choice.yields_at:
-        options.say(
-            f"the contact yields again above u = {choice.yields_at:.4g}, where the force passes {choice.reached:.5g}"
-        )
 
 
 def _text(value: Any) -> str:

@@ -99,11 +99,6 @@ class Restoring:
         return self.law.known_to / self.z_s - 1.0
 
     @property
-    def kink(self) -> float:
-        """Displacement at which the contact yields again, where the stiffness may jump; inf if it does not."""
-        return self.law.yields_at / self.z_s - 1.0
-
-    @property
     def model(self) -> str:
         """ "exact" or "taylor"."""
         return "exact" if self.contact else "taylor"

@@ -238,7 +238,7 @@ def run_dynamics(
             continue
         if settings.sweeps:
             swept[name] = oscillator.sweep(forcing, omega, excitation=kind, points=_SWEEP_POINTS)
-        notes.extend(_notes(name, oscillator, responses[name], swept[name]))
+        notes.extend(_notes(name, responses[name], swept[name]))
     spread = intervals(exact.law, exact.restoring.load, mass=exact.mass) if laws is None else laws.chosen.known
     if spread is not None and not (spread.origin and np.isfinite(spread.k_n.half)):
         spread = None  # nothing bounds the law, or a law that does not reach the preload
@@ -299,7 +299,7 @@ def _vibration(
     notes, laws = [*static.doubts(load), assumed, loop_note], None
     if chosen is not None:
         laws = tabulate(*chosen, exact.mass)
-        notes += [*chosen[0].notes, laws.choice.note, _first_yield(laws.choice)]
+        notes += [*chosen[0].notes, laws.choice.note]
     return exact, gravity, laws, [note for note in notes if note]
 
 
@@ -322,29 +322,10 @@ def _oscillator(law: Law, load: float, settings: DynamicsSettings, gravity: floa
     return ContactOscillator(law, load=load, gravity=gravity, zeta=settings.zeta[0], damping=settings.damping)
 
 
-def _first_yield(choice: Choice) -> str:
-    """Note where the preload is the greatest force that the contact has met, or ""."""
-    if choice.reached is None or choice.reached > choice.load * (1 + 1e-9):
-        return ""
-    settled = "the law is that of the cycles that follow"
-    if np.isfinite(choice.law.yields_at):
-        settled = "above the preload the law is that of this cycle, the loading curve; those that follow are stiffer"
-    return f"the preload is the greatest force that the contact has met: motion yields in its first cycle; {settled}"
-
-
-def _notes(
-    name: str, oscillator: ContactOscillator, responses: Iterable[FrequencyResponse], sweeps: Iterable[Sweep]
-) -> Iterator[str]:
+def _notes(name: str, responses: Iterable[FrequencyResponse], sweeps: Iterable[Sweep]) -> Iterator[str]:
     """Notes on the results of a model."""
-    again = oscillator.restoring.kink
     for r in responses:
-        where, top = f"{name}, {r.setting.amplitude}:", max(float(b.u_max.max()) for b in r.branches)
-        if 1e-9 < again < top:
-            yield (
-                f"{where} the response reaches u = {top:.4g}, and above u = {again:.4g} the contact yields again: "
-                "there the law is the loading curve, which holds for the first cycle of that amplitude; those that "
-                "follow find a stiffer contact"
-            )
+        where = f"{name}, {r.setting.amplitude}:"
         yield from (f"{where} {note}" for note in r.notes)
     for s in (s for s in sweeps if ESCAPED in s.status):
         where = f"at Omega = {s.Omega[s.status.index(ESCAPED)]:.4g}, a property of the truncation"

@@ -37,17 +37,9 @@ class Choice:
     name: str  # of the law, one of `NAMES`
     law: Law
     load: float  # preload (force)
-    reached: float | None  # greatest force before the vibration, above which it yields again; None without yield
     yielded: bool | None  # None if the curve does not show it
     reason: str  # why it is this law, a part of a sentence
     note: str = ""  # sentence on a law to be doubted
-
-    @property
-    def yields_at(self) -> float | None:
-        """Displacement u = (z - z_s)/z_s above which the contact yields again; None where it has not yielded."""
-        if self.reached is None:
-            return None
-        return max(self.law.deflection(self.reached) / self.law.deflection(self.load) - 1.0, 0.0)
 
 
 def law_from(source: Any, law: str = "auto", load: float | None = None) -> tuple[Law, float]:
@@ -89,9 +81,7 @@ def choose(columns: CurveColumns, law: str = "auto", load: float | None = None) 
         return replace(choice, note="; ".join(filter(None, (choice.note, lowered))))
     found = law_named(columns, law, load)
     yielded = columns.yielded(top if law == "unload-reload" else load)
-    reached = found.top if law == "unload-reload" and isinstance(found, TableLaw) else load
-    known = yielded and law in ("unload-reload", "elastic")
-    return Choice(law, found, load, reached if known else None, yielded, "named", lowered)
+    return Choice(law, found, load, yielded, "named", lowered)
 
 
 def met(load: float, top: float, bar: float, name: str = "load") -> tuple[float, str]:
@@ -208,36 +198,27 @@ def elastic_tangent(columns: CurveColumns, load: float) -> TableLaw:
 def _automatic(columns: CurveColumns, load: float) -> Choice:
     leg, lack = _leg(columns, load)
     yielded = columns.yielded(load if leg is None else leg.top)
-    above: TableLaw | None = None
-    missing = ""  # why there is no law through the points of the loading
-    try:
-        above = TableLaw.from_curve(columns)
-    except InputError as error:
-        missing = str(error)
     if not yielded:
-        if above is not None:
-            why = (
-                "nothing has yielded up to the preload"
-                if yielded is False
-                else "the curve does not show that it yields"
-            )
-            return Choice("table", above, load, None, yielded, why)
+        why = "nothing has yielded up to the preload" if yielded is False else "the curve does not show that it yields"
+        try:
+            return Choice("table", TableLaw.from_curve(columns), load, yielded, why)
+        except InputError as error:
+            lack = str(error)
         try:
             found = law_named(columns, "paper", load)
         except InputError as error:
-            raise InputError(f"{missing}; no power law either: {error}") from error
-        reason = missing.split(":")[0]
+            raise InputError(f"{lack}; no power law either: {error}") from error
+        reason = lack.split(":")[0]
         note = f"the points of the loading are no law ({reason}): the law is the power law through all of them"
-        return Choice("paper", found, load, None, yielded, reason, note)
+        return Choice("paper", found, load, yielded, reason, note)
     if leg is not None:
-        whole = leg if above is None else leg.yielding(above, min(leg.top, above.top))
-        return Choice("unload-reload", whole, load, leg.top, True, "yielded, and unloaded through the preload", lack)
+        return Choice("unload-reload", leg, load, True, "yielded, and unloaded through the preload", lack)
     try:
         tangent = elastic_tangent(columns, load)
     except AsperityError:
         doubt = f"{lack}; until then {TOO_LOW}" if lack else LACK
-        return Choice("paper", law_named(columns, "paper", load), load, None, True, "yielded, no other law", doubt)
-    return Choice("elastic", tangent, load, load, True, "yielded, and the elastic stiffness is known", lack)
+        return Choice("paper", law_named(columns, "paper", load), load, True, "yielded, no other law", doubt)
+    return Choice("elastic", tangent, load, True, "yielded, and the elastic stiffness is known", lack)
 
 
 def _leg(columns: CurveColumns, load: float) -> tuple[TableLaw | None, str]:

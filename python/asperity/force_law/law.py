@@ -38,7 +38,6 @@ class Law(ABC):
     Attributes:
         contact: whether the force vanishes for ``z <= 0`` (False for a truncated series)
         known_to: largest approach of the points behind the law (length); beyond it motion is on a continuation
-        yields_at: approach above which the contact yields again, where the slope may jump (length)
         knots: approaches at which a law without `cells` is not smooth (length)
 
     Examples:
@@ -59,7 +58,6 @@ class Law(ABC):
 
     contact = True
     known_to: float = np.inf
-    yields_at: float = np.inf
     knots: Array = np.empty(0)
 
     @abstractmethod

@@ -114,8 +114,6 @@ class LawTable:
             "reason": choice.reason,
             "doubt": choice.note,
             "yielded": choice.yielded,
-            "reached": choice.reached,
-            "yields_again_at_u": choice.yields_at,
             "spread_of_k_n": self.spread,
             "error_bar_of_the_force": self.bar if math.isfinite(self.bar) else None,
             "error_bar_of_k_n": bar if math.isfinite(bar) else None,

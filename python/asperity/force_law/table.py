@@ -41,9 +41,6 @@ class TableLaw(Law):
         origin: approach of the curve at first contact (length), subtracted from `z`
         name: name of the law in descriptions
         k: stiffness at the points (force/length), shape (m,), NaN where unknown; None without any
-        yields_at: approach of a point at which the slope changes (length): a contact that was loaded to it yields
-            beyond
-        k_above: stiffness there on the side of larger approaches (force/length)
         noise: relative uncertainty of the stiffness through points that scatter, 0 if they do not (derived)
 
     Raises:
@@ -63,8 +60,6 @@ class TableLaw(Law):
     origin: float = 0.0
     name: str = "table"
     k: Array | None = field(default=None, kw_only=True)
-    yields_at: float = field(default=np.inf, kw_only=True)
-    k_above: float = field(default=np.nan, kw_only=True)
     noise: float = field(default=0.0, init=False)
     known_to: float = field(init=False, repr=False)
     _measured: Array = field(init=False, repr=False)  # the forces given, in contact
@@ -152,44 +147,19 @@ class TableLaw(Law):
         start = F[0] / stiffness[0] / (1 - np.clip(p[0], 0.0, _STEEPEST))
         return cls(start + np.append(0.0, np.cumsum(steps)), F, k=stiffness, name=name)
 
-    def yielding(self, loading: TableLaw, reached: float) -> TableLaw:
-        """Law of a contact that has met a force: this law below it, and above it a loading curve.
-
-        The loading is shifted along the approach so that both meet. As a spring the law is reversible: above the force
-        it is that of the first cycle.
-
-        Args:
-            loading: law of the first loading
-            reached: greatest force that the contact has met (force)
-
-        Raises:
-            RangeError: a law does not reach it
-        """
-        top = self.deflection(reached)
-        shift = loading.deflection(reached) - top
-        low, high = self.z < top * (1 - 1e-9), loading.F > reached * (1 + 1e-9)
-        z = np.concatenate([self.z[low], [top], loading.z[high] - shift])
-        F = np.concatenate([self.F[low], [reached], loading.F[high]])
-        k = np.concatenate([self.slopes[low], self.both(np.array([top]))[1], loading.slopes[high]])
-        above = loading.both(np.array([top + shift]))[1][0]
-        return TableLaw(z, F, name=self.name, k=k, yields_at=top, k_above=float(above))
-
     def scaled(self, force: float = 1.0, stiffness: float | None = None) -> TableLaw:
         """Law with forces and stiffnesses multiplied by factors, the stiffness by default as the force."""
         k = force if stiffness is None else stiffness
         length = force / k
         given = None if self.k is None else self.k * k
-        return replace(
-            self, z=self.z * length, F=self.F * force, origin=0.0, k=given, yields_at=self.yields_at * length,
-            k_above=self.k_above * k,
-        )  # fmt: skip
+        return replace(self, z=self.z * length, F=self.F * force, origin=0.0, k=given)
 
     @cached_property
     def thinned(self) -> tuple[TableLaw, ...]:
         """The law without every fourth of its points but the last, in all ways; what this changes is its error."""
-        inner, laws = np.flatnonzero(self.z[:-1] != self.yields_at), []
-        for i in range(min(_GROUPS, inner.size)):
-            kept = np.setdiff1d(np.arange(self.z.size), inner[i::_GROUPS])
+        every, laws = np.arange(self.z.size), []
+        for i in range(min(_GROUPS, self.z.size - 1)):
+            kept = np.setdiff1d(every, every[:-1][i::_GROUPS])
             F, k = self.F[kept], np.full(kept.size, np.nan) if self.k is None else self.k[kept]
             if self.noise and kept.size < MIN_POINTS:
                 continue
@@ -237,8 +207,7 @@ class TableLaw(Law):
         points that scatter: how much it differs without some, and, of slopes, for shorter reaches.
         """
         _, kappa, best = self._reaches(z)
-        branch = self._about(z)
-        x, i = np.log(branch.z / z), int(np.searchsorted(branch.z, z))
+        x, i = np.log(self.z / z), int(np.searchsorted(self.z, z))
         bar = 0.0 if self.k is None else float(np.abs(kappa[1:, best] - kappa[0, best]).sum())
         if x.size < 4 or (self.k is not None and not self.noise):
             first, last = max(i - 2, 0), min(i + 1, x.size - 1)
@@ -246,34 +215,22 @@ class TableLaw(Law):
             return bar + float(np.abs(kappa[0, : int(np.sum(apart < 1.5 * _REACHES)) + 1] - kappa[0, best]).max())
         near = []
         for k in range(min(max(i - 4, 0), x.size - 4), min(i + 1, x.size - 3)):
-            fit = polynomial.polyfit(x[k : k + 4], np.log(branch.F[k : k + 4]), 3)[1:] * (1.0, 2.0, 6.0)
+            fit = polynomial.polyfit(x[k : k + 4], np.log(self.F[k : k + 4]), 3)[1:] * (1.0, 2.0, 6.0)
             near.append(curvature(_derivatives(fit, 1.0, 1.0), 1.0))
         return bar + float(np.abs(near - kappa[0, best]).max() + _UNSEEN * np.ptp(near))
 
     def _reaches(self, z: float) -> tuple[Array, Array, int]:
         """Differences and kappa for each reach, with kappa without some points, and the reach with the least error."""
-        branch = self._about(z)
-        rows = [law._differences(z) for law in (branch, *branch.thinned)]
+        rows = [law._differences(z) for law in (self, *self.thinned)]
         kappa = np.array([[curvature(_derivatives(y, 1.0, 1.0), 1.0) for y in row] for row in rows])
         change = np.abs(np.diff(kappa[0]))
         change = np.maximum(change, np.append(0.0, change[:-1]))
         error = change + np.abs(kappa - kappa[0]).sum(axis=0)[:-1]
         return rows[0], kappa, int(error.argmin())
 
-    def _about(self, z: float) -> TableLaw:
-        return self.elastic if z <= self.yields_at * (1 + 1e-12) else self
-
-    @cached_property
-    def elastic(self) -> TableLaw:
-        """The law up to `yields_at`, continued beyond."""
-        below = self.z <= self.yields_at
-        if below.all() and np.isinf(self.yields_at):
-            return self
-        return TableLaw(self.z[below], self.F[below], k=None if self.k is None else self.k[below])
-
     def without_slopes(self) -> TableLaw:
-        """The law below `yields_at` by its points alone; `InputError` where they are too few."""
-        return replace(self.elastic, k=None, origin=0.0)
+        """The law by its points alone; `InputError` where they are too few."""
+        return replace(self, k=None, origin=0.0)
 
     def _differences(self, z: float) -> Array:
         """First three derivatives of ln F with respect to ln z for each reach, shape (reaches, 3)."""
@@ -311,12 +268,11 @@ class TableLaw(Law):
         )
 
     def describe(self) -> str:
-        text = f"{self.name}, {self.z.size} points, {'smoothed' if self.noise else 'interpolated'}"
-        return text if np.isinf(self.yields_at) else f"{text}, yielding above {self.at(self.yields_at)[0]:.5g}"
+        return f"{self.name}, {self.z.size} points, {'smoothed' if self.noise else 'interpolated'}"
 
     @cached_property
     def slopes(self) -> Array:
-        """Stiffness at the points (force/length), at `yields_at` that below, shape (m,)."""
+        """Stiffness at the points (force/length), shape (m,)."""
         return self._exponents * self.F / self.z
 
     @cached_property
@@ -335,16 +291,9 @@ class TableLaw(Law):
     def _curve(self) -> PPoly:
         """ln F over ln z, straight in the first and the last cell, below and beyond the points."""
         x, y, slopes = np.log(self.z), np.log(self.F), self._exponents
-        kink = self.z == self.yields_at
         ends = np.array([x[0] - 1.0, *x, x[-1] + 1.0])  # the outer cells continue to all z
-
-        def spline(slopes: Array) -> PPoly:
-            first, last = max(float(slopes[0]), EXPONENT[0]), float(slopes[-1])
-            return CubicHermiteSpline(ends, [y[0] - first, *y, y[-1] + last], [first, *slopes, last])
-
-        curve = spline(slopes)
-        for i in np.flatnonzero(kink):  # the cell above begins with the slope above
-            curve.c[:, i + 1] = spline(np.where(kink, self.k_above * self.z / self.F, slopes)).c[:, i + 1]
+        first, last = max(float(slopes[0]), EXPONENT[0]), float(slopes[-1])
+        curve = CubicHermiteSpline(ends, [y[0] - first, *y, y[-1] + last], [first, *slopes, last])
         curve.c[:2, [0, -1]] = 0.0
         return curve
 

@@ -70,7 +70,6 @@ def stuck_law(law: TableLaw, forces: Array, ratios: Array, block: float, load: f
     Raises:
         InputError: the curve is as stiff as the block
     """
-    law = law.elastic
     z, softness = law.z - block * law.F, 1.0 / law.slopes - block
     known = np.minimum.accumulate((softness > LEAST * block) & (np.diff(z, prepend=0.0) > 0.0))
     if not known[-1] and (not known.any() or law.F[known][-1] < load):
@@ -87,7 +86,6 @@ def left_out(law: TableLaw) -> list[list[TableLaw]]:
 
     Between rows the law is a guess, and what a part of them changes shows how good it is.
     """
-    law = law.elastic
     unknown = np.full(law.z.size, np.nan)
     known = unknown if law.k is None else law.k
 
