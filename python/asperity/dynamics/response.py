@@ -190,8 +190,8 @@ def _limitations(branches: Sequence[Branch], known_to: float) -> Iterator[str]:
     if known < top:
         yield (
             f"the response reaches u = {top:.4g}, the curve that the law was fitted to ends at u = "
-            f"{max(known, 0.0):.4g}: beyond it the law is extrapolated, and one that has yielded yields again; lower the "
-            "forcing, or compute the curve further"
+            f"{max(known, 0.0):.4g}: beyond it the law is extrapolated, and a contact that has yielded yields again; "
+            "lower the forcing, or compute the curve further"
         )
     for number, b in enumerate(branches):
         if b.end not in ("window", "closed", "period doubling"):
