@@ -208,14 +208,13 @@ def _show(result: Dynamics) -> None:
 
 
 def _show_laws(laws: LawTable, units: str) -> None:
-    """Print all laws at the preload, and their spread."""
+    """Print all laws at the preload, and the error bar of the chosen one."""
     choice = laws.choice
     header = ("law", "n", "kappa", "k_n in N/m" if units else "k_n", "f in Hz" if units else "f", "")
     options.table(f"laws at the preload {choice.load:.5g}: {choice.name}, {choice.reason}", laws.texts(), header)
     own = laws.chosen
     bar = f"error bar of the {own.bar_of} {per_cent(own.bar)}" if own.bar == own.bar else "no error bar of the force"
-    several = sum(row.applies for row in laws.rows) > 1
-    options.say(f"spread of the laws that apply: {per_cent(laws.spread)} of k_n; {bar}" if several else bar)
+    options.say(bar)
 
 
 def _text(value: Any) -> str:

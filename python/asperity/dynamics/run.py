@@ -49,7 +49,7 @@ class Dynamics:
     Attributes:
         oscillators, free, thresholds: see there
         responses, sweeps: one per forcing, and direction
-        uncertainty: intervals by the error bar, the spread of the laws and the points of the law; None without these
+        uncertainty: intervals by the error bar and the points of the law; None without these
         motions: short motions from rest, by the course of the force
         notes: limits and assumptions of the results, one sentence each
         gravity: for mass and omega_s (length/time^2), None if unknown or if the joint has a mass

@@ -1,4 +1,4 @@
-"""Intervals of a law at a preload: error bar, spread of the laws, points of a table."""
+"""Intervals of a law at a preload: error bar, points of a table."""
 
 from __future__ import annotations
 

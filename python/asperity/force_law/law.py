@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from abc import ABC, abstractmethod
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -233,10 +233,6 @@ class PowerLaw(Law):
         with np.errstate(over="ignore"):
             K = float(force * fit.k * np.float64(length) ** -fit.n)
         return cls(float(fit.n), K, float(fit.range[1] * length))
-
-    def scaled(self, force: float) -> PowerLaw:
-        """Law with its force multiplied by a factor."""
-        return replace(self, K=self.K * force)
 
     def both(self, z: Array) -> tuple[Array, Array]:
         s = np.maximum(z, 0.0)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 from contextlib import suppress
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 from asperity.errors import AsperityError
@@ -13,7 +13,7 @@ from asperity.force_law import NAMES
 from asperity.force_law.choice import Choice, law_named
 from asperity.force_law.columns import CurveColumns
 from asperity.force_law.intervals import Uncertainty, intervals
-from asperity.force_law.law import Law, PowerLaw
+from asperity.force_law.law import Law
 from asperity.force_law.table import TableLaw
 from asperity.units import plus_minus, quantity
 
@@ -33,8 +33,7 @@ class LawAtLoad:
     Attributes:
         name: of the law, see `law_from`
         law, known: the law and its intervals at the preload; None where the curve does not have it
-        applies: whether it describes small vibration about this preload, which after yield an unloading or the elastic
-            tangent alone does
+        applies: whether it may describe small vibration about this preload, which after yield the chosen one alone does
         chosen: whether it is the law of the vibration
         missing: why there is no law, or ""
         bar, bar_of: relative error bar at the preload, NaN if unknown, and its column, "k_n_elastic" or "force"
@@ -83,7 +82,7 @@ class LawAtLoad:
 
 @dataclass(frozen=True, eq=False)
 class LawTable:
-    """The laws of a curve at a preload, and their spread.
+    """The laws of a curve at a preload.
 
     Attributes:
         rows: one for each law, the chosen one first, those without a law last
@@ -100,12 +99,6 @@ class LawTable:
         """Row of the law of the vibration."""
         return self.rows[0]
 
-    @property
-    def spread(self) -> float:
-        """Largest less smallest stiffness of the laws that apply, over that of the chosen one."""
-        known = [row.stiffness for row in self.rows if row.applies]
-        return (max(known) - min(known)) / self.chosen.stiffness
-
     def to_dict(self) -> dict[str, Any]:
         """Section "laws" of thresholds.json."""
         choice, bar = self.choice, self.chosen.stiffness_bar
@@ -114,7 +107,6 @@ class LawTable:
             "reason": choice.reason,
             "doubt": choice.note,
             "yielded": choice.yielded,
-            "spread_of_k_n": self.spread,
             "error_bar_of_the_force": self.bar if math.isfinite(self.bar) else None,
             "error_bar_of_k_n": bar if math.isfinite(bar) else None,
             "table": [row.to_dict() for row in self.rows],
@@ -136,47 +128,31 @@ class LawTable:
 
 def tabulate(columns: CurveColumns, choice: Choice, mass: float = math.nan) -> LawTable:
     """All laws of a curve at the preload of the chosen one, for a mass on them (NaN if unknown)."""
-    rows, load, of_force = [], choice.load, columns.bar_at(choice.load)
-    # a law of the loading for want of another: neither its points nor the bar of the force bound the vibration
-    lacking = bool(choice.yielded and choice.note) and choice.name == "paper"
+    rows = []
     for name in NAMES:
-        chosen = name == choice.name
         try:
-            law = choice.law if chosen else law_named(columns, name, load)
-            intervals(law, load)
+            rows.append(_row(columns, choice, name, mass))
         except AsperityError as error:
             rows.append(LawAtLoad(name, missing=str(error).split(":")[0].split(";")[0]))
-            continue
-        # after yield the other laws are of another history
-        applies = chosen or not (lacking or (choice.yielded and choice.name in ("unload-reload", "elastic")))
-        bar, bar_of = columns.bar_at(load, elastic=True), "k_n_elastic"
-        if math.isnan(bar) or not (isinstance(law, TableLaw) and law.k is not None and not law.noise):
-            bar, bar_of = of_force, "force"
-        rows.append(LawAtLoad(name, law, None, applies, chosen, "", bar, bar_of))
     rows.sort(key=lambda row: (row.law is None, not row.chosen))
-    applying = [row for row in rows if row.applies]
+    return LawTable(tuple(rows), choice, columns.bar_at(choice.load))
 
-    def bounded(row: LawAtLoad) -> LawAtLoad:
-        if row.law is None:
-            return row
-        members, origin = () if row.chosen and lacking else row.sides(), _words(row.bar_of, row.bar)
-        if row.chosen:
-            others = [law for other in applying[1:] for law in other.sides() or (other.law,) if law is not None]
-            members = (*members, *others)
-            parts = sorted({_words(one.bar_of, one.bar) for one in applying if one.bar > 0})
-            names = [one.name for one in applying]
-            origin = " and ".join(parts + ([f"spread of the laws {', '.join(names)}"] if names[1:] else []))
-        known = intervals(row.law, load, members, origin, mass)
-        alone = not row.chosen or len(applying) == 1
-        # the points of an unloading know its stiffness too, independently of that column
-        if alone and row.name == "unload-reload" and row.bar_of == "k_n_elastic" and isinstance(row.law, TableLaw):
-            with suppress(AsperityError):
-                points = row.law.without_slopes()
-                if sides := _sides(points, of_force, "force"):
-                    known = known.within(intervals(points, load, sides, _words("force", of_force), mass))
-        return replace(row, known=known)
 
-    return LawTable(tuple(bounded(row) for row in rows), choice, of_force)
+def _row(columns: CurveColumns, choice: Choice, name: str, mass: float) -> LawAtLoad:
+    """One law at the preload; errors as of `law_named`."""
+    load, chosen = choice.load, name == choice.name
+    law = choice.law if chosen else law_named(columns, name, load)
+    of_force, bar, bar_of = columns.bar_at(load), columns.bar_at(load, elastic=True), "k_n_elastic"
+    if math.isnan(bar) or not (isinstance(law, TableLaw) and law.k is not None and not law.noise):
+        bar, bar_of = of_force, "force"
+    known = intervals(law, load, _sides(law, bar, bar_of), _words(bar_of, bar), mass)
+    # the points of an unloading know its stiffness too, independently of that column
+    if name == "unload-reload" and bar_of == "k_n_elastic" and isinstance(law, TableLaw):
+        with suppress(AsperityError):
+            points = law.without_slopes()
+            if sides := _sides(points, of_force, "force"):
+                known = known.within(intervals(points, load, sides, _words("force", of_force), mass))
+    return LawAtLoad(name, law, known, chosen or not choice.yielded, chosen, "", bar, bar_of)
 
 
 def _words(of: str, bar: float) -> str:
@@ -184,8 +160,11 @@ def _words(of: str, bar: float) -> str:
 
 
 def _sides(law: Law | None, bar: float, bar_of: str) -> tuple[Law, ...]:
-    """Law at both ends of an error bar of the force, or of the stiffness of its points; none without a bar."""
-    factors = (1.0 - bar, 1.0 + bar) if bar > 0 else ()
-    if isinstance(law, TableLaw) and bar_of == "k_n_elastic":
-        return tuple(law.scaled(1.0, factor) for factor in factors)
-    return tuple(law.scaled(factor) for factor in factors) if isinstance(law, (TableLaw, PowerLaw)) else ()
+    """Table at both ends of an error bar of the force, or of the stiffness of its points; none without a bar.
+
+    A power law has none: nothing bounds how far it is from the curve at the preload.
+    """
+    if not (isinstance(law, TableLaw) and bar > 0):
+        return ()
+    factors = (1.0 - bar, 1.0 + bar)
+    return tuple(law.scaled(1.0, f) if bar_of == "k_n_elastic" else law.scaled(f) for f in factors)
