@@ -157,7 +157,7 @@ def _branches(axis: Any, rows: Columns, column: str, model: str, colour: str) ->
 
 
 def _shade(axis: Any, rows: Columns, bar: Array, colour: str) -> None:
-    """Fill what the stable branches sweep with frequencies times s and displacements over s^2, s between two factors."""
+    """Fill what the stable branches sweep, frequencies times s and displacements over s^2, s between two factors."""
     for name in {*np.unique(rows["branch"])} - {*SWEEPS}:
         of = where(rows, rows["branch"] == name)
         line, stable = np.stack([of["Omega"], of["u_max"]], axis=1), truth(of["stable"])
