@@ -112,7 +112,7 @@ def test_it_solves_and_writes_nothing(
 def test_a_rough_case_driven_by_a_force_to_a_tolerance(
     f_max: int, case_file: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """The approach of its force gives its cut-off: one where no mesh resolves the waves, none where the meshes do."""
+    """A cut-off is advised where no mesh resolves the waves, none where the meshes do."""
     text = """
     surface = {kind = "weierstrass-mandelbrot", L = 1e-6, D = 2.4, G = 1.36e-11, f_max = %d}
     material = {E = 200e9, nu = 0.3}
@@ -123,6 +123,8 @@ def test_a_rough_case_driven_by_a_force_to_a_tolerance(
     code, out, _ = check(case_file, capsys)
     assert code == 0 and "that of a half-space" in out and "a run accepts" in out
     assert (
-        out.count("a run would need more than the 200000 dofs") == out.count("cut off what is shorter") == (f_max > 5)
+        out.count("a run would need more than the 200000 dofs")
+        == out.count("or cut off short waves (surface.f_max")
+        == (f_max > 5)
     )
     assert "time on one core: from about" in " ".join(out.split())

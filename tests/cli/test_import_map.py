@@ -31,11 +31,6 @@ def import_map(*arguments: Any) -> int:
     return call("import-map", *arguments)
 
 
-def recommended(said: str) -> str:
-    """Cut-off in the output."""
-    return said.split("cut off what is shorter than ")[1].split()[0]
-
-
 def write(folder: Path, z: Any, **lengths: Any) -> Path:
     np.savez(folder / "scan.npz", z=z, **(lengths or {"L": SIDE}))
     return folder / "scan.npz"
@@ -219,20 +214,6 @@ def turned(feed: float) -> np.ndarray:
     return ((X + 0.03 * Y) % feed - feed / 2) ** 2 / 80e-6 + rough(11, 15e-9, lambda_short=1.2e-6) + 4e-9 * NOISE
 
 
-def dimpled() -> np.ndarray:
-    place = (X % 25e-6 - 12.5e-6) ** 2 + (Y % 25e-6 - 12.5e-6) ** 2
-    return rough(12, 30e-9) - 2e-6 * np.clip(1.0 - place / 6e-6**2, 0.0, None) + 4e-9 * NOISE
-
-
-MAPS = {
-    "noisy": lambda: rough(13) + 30e-9 * NOISE,
-    "turned": lambda: turned(14e-6),
-    "ground": lambda: rough(14, 0.4e-6, aspect=6.0, lambda_short=1.2e-6) + 30e-9 * NOISE,
-    "dimpled": dimpled,
-    "quantised": lambda: np.rint(rough(15) / 20e-9) * 20e-9,
-}
-
-
 @pytest.fixture
 def few_dofs(monkeypatch: pytest.MonkeyPatch) -> None:
     """Fewer than the turned map takes."""
@@ -245,37 +226,6 @@ def coarse_guide(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("asperity.adaptive.guide.CELLS", (128, 180))
 
 
-@pytest.mark.usefixtures("few_dofs")
-@pytest.mark.parametrize(
-    "kind", [pytest.param(kind, marks=pytest.mark.slow) if kind == "turned" else kind for kind in MAPS]
-)
-def test_one_cutoff_is_recommended_and_it_is_the_last(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str], request: pytest.FixtureRequest, kind: str
-) -> None:
-    """The same in `check`; after the filter none is recommended, and most of the height is left."""
-    if kind != "turned":
-        request.getfixturevalue("coarse_guide")
-    z = MAPS[kind]()
-    scan = write(tmp_path, z, L=S[-1])
-    assert import_map(scan, "-o", tmp_path / "out") == 0
-    said = capsys.readouterr().out
-    assert call("check", tmp_path / "out/case.toml") == 0
-    checked = capsys.readouterr().out
-    assert ("cut off what is shorter" in said) is ("cut off what is shorter" in checked)
-    if "cut off what is shorter" not in said:
-        assert kind != "turned" and "accuracy.max_dofs" not in said
-        return
-    assert "more than the 1000000 dofs of accuracy.max_dofs" in said
-    assert said.count("--cutoff)") == 1 and recommended(said) == recommended(checked)
-    assert import_map(scan, "-o", tmp_path / "filtered", "--cutoff", recommended(said)) == 0
-    said = capsys.readouterr().out
-    assert "cut off" not in said and "accuracy.max_dofs" not in said
-    assert call("check", tmp_path / "filtered/case.toml") == 0
-    assert "cut off" not in capsys.readouterr().out
-    patch = HeightMap(path=tmp_path / "filtered/patch.npz")
-    assert patch.exact_rms()[0] > 0.75 * HeightField(z, 1.0, 1.0).levelled("plane").z.std()
-
-
 @pytest.mark.parametrize("feed", [9e-6, 14e-6, 22e-6])
 def test_grooves_are_no_power_law(tmp_path: Path, capsys: pytest.CaptureFixture[str], feed: float) -> None:
     assert import_map(write(tmp_path, turned(feed), L=S[-1]), "-o", tmp_path / "out") == 0
@@ -285,7 +235,7 @@ def test_grooves_are_no_power_law(tmp_path: Path, capsys: pytest.CaptureFixture[
 
 def test_heights_and_slopes_have_one_definition(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """Summary, `surface` and the surface of the run agree."""
-    scan = write(tmp_path, MAPS["noisy"](), L=S[-1])
+    scan = write(tmp_path, rough(13) + 30e-9 * NOISE, L=S[-1])
     assert import_map(scan, "-o", tmp_path / "bare") == 0
     surface = HeightMap(path=tmp_path / "bare/patch.npz")
     capsys.readouterr()

@@ -8,13 +8,13 @@ from __future__ import annotations
 
 import warnings
 from dataclasses import dataclass, replace
-from math import inf, log2
+from math import log2
 from time import process_time
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from asperity.adaptive.guide import CELLS, Guide, approach_of_force, guide_of, planned_steps
+from asperity.adaptive.guide import Guide, approach_of_force, guide_of, planned_steps
 from asperity.adaptive.mesh_plan import (
     DOFS_ORDER,
     LEAST_STEP,
@@ -34,7 +34,6 @@ from asperity.mesh.size_field import size_field
 from asperity.model.material import AUTO
 from asperity.model.problem import Problem
 from asperity.runtime.display import short_repr
-from asperity.surface.cutoff import shortest_cutoff
 from asperity.units import per_cent
 
 if TYPE_CHECKING:
@@ -147,7 +146,7 @@ class Estimate:
         return self.others + sum(level.seconds for level in self.levels)
 
 
-def estimate(case: Case, ranks: int = 1, surface: Surface | None = None, cells: float = inf) -> Estimate:
+def estimate(case: Case, ranks: int = 1, surface: Surface | None = None) -> Estimate:
     """Estimate the cost of a case, without meshing or solving it.
 
     The approach of a load path that gives a force is that of a half-space, see `approach_of_force`.
@@ -158,7 +157,6 @@ def estimate(case: Case, ranks: int = 1, surface: Surface | None = None, cells: 
         case: the input
         ranks: that share the work
         surface: in place of that of the case
-        cells: most per side of the half-space
 
     Raises:
         InputError: the case has more than MOST_DOFS, or a run would refuse it for its accuracy.max_dofs
@@ -178,7 +176,7 @@ def estimate(case: Case, ranks: int = 1, surface: Surface | None = None, cells: 
         warnings.simplefilter("ignore")  # of what the run warns of too
         problem, bar, grid, guide = case.problem(surface), None, 0, None
         if tolerance is not None:
-            guide = guide_of(problem, most=cells)
+            guide = guide_of(problem)
             plan, bar = _plan(problem, guide, tolerance, case.accuracy.max_dofs)
             grid = guide.sizes.size
         path = problem.load_path
@@ -268,30 +266,14 @@ def _dofs(problem: Problem, depth: float) -> int:
 
 
 def filter_advice(case: Case, found: Estimate, surface: Surface) -> str:
-    """Sentence on a surface that probably no mesh of the case resolves, with the cut-off to apply; empty for others.
-
-    That is the shortest with which the case is expected to meet its tolerance, see `cutoff.shortest_cutoff`.
-    """
+    """Sentence on a surface that probably no mesh of the case resolves; empty for others."""
     if found.enough:
         return ""
-    accuracy = case.accuracy.model_copy(update={"max_dofs": int(MARGIN * case.accuracy.max_dofs)})
-
-    def accepts(filtered: Surface, delta: float) -> bool:
-        loading = case.loading.model_copy(update={"delta_max": delta, "force_max": None, "pressure_max": None})
-        changed = case.model_copy(update={"loading": loading, "accuracy": accuracy})
-        try:  # a coarse half-space, which takes a tenth of the time, refuses most
-            return all(estimate(changed, surface=filtered, cells=n).enough for n in (CELLS[0], inf))
-        except InputError:  # its first mesh is too large
-            return False
-
-    cutoff = shortest_cutoff(surface, found.approach, accepts)
-    text = (
+    other = f", or cut off short waves ({surface.cutoff_key})" if surface.cutoff_key else ""
+    return (
         f"a run would need more than the {case.accuracy.max_dofs} dofs of accuracy.max_dofs for the "
-        f"{case.accuracy.tolerance:.2g} of accuracy.tolerance: raise one of them"
+        f"{case.accuracy.tolerance:.2g} of accuracy.tolerance: raise one of them{other}"
     )
-    if cutoff is None:
-        return f"{text}; a cut-off that helps would take more than a quarter of the rms height"
-    return f"{text}, or cut off what is shorter than {cutoff:g} ({surface.cutoff_key})"
 
 
 def note_on_steps(surface: Surface, approach: float) -> str:

@@ -66,7 +66,6 @@ class Guide:
         depth: greatest approach [length]
         steps: planned load steps
         on_part: called with the part of a half-space that is done
-        most: cells per side, at most CELLS
 
     Attributes:
         depth: greatest approach [length]
@@ -77,9 +76,8 @@ class Guide:
     """
 
     def __init__(
-        self, problem: Problem, depth: float, steps: int, on_part: Callable[[float], None] | None = None,
-        most: float = inf,
-    ) -> None:  # fmt: skip
+        self, problem: Problem, depth: float, steps: int, on_part: Callable[[float], None] | None = None
+    ) -> None:
         self.depth, self._problem, self._on_part, L = depth, problem, on_part, problem.surface.L
         self._summit = problem.surface.maximum()[2] / L
         self.delta_star = depth / L * np.linspace(1.0 / steps, 1.0, steps)
@@ -89,7 +87,7 @@ class Guide:
         columns, p = [], np.asarray(np.zeros((1, 1)))
         for k in range(steps):
             delta = float(self.delta_star[k])
-            layer, p, sizes, singular = self._press(delta, p, min(CELLS[1], most))
+            layer, p, sizes, singular = self._press(delta, p, CELLS[1])
             n = max(layer.n, len(self.sizes))
             early = (delta / self.delta_star[-1]) ** EARLY
             self.sizes = np.minimum(on_grid(self.sizes, n), early * on_grid(sizes, n))
@@ -151,11 +149,11 @@ def planned_steps(steps: int) -> int:
     return steps * -(-(2 * REACH + 1) // steps)
 
 
-def guide_of(problem: Problem, on_part: Callable[[float], None] | None = None, most: float = inf) -> Guide:
+def guide_of(problem: Problem, on_part: Callable[[float], None] | None = None) -> Guide:
     """Guide of a run with a tolerance, see `Guide`."""
     path = problem.load_path
     depth = path.delta_max or approach_of_force(problem)
-    return Guide(problem, depth, planned_steps(path.steps), on_part, most)
+    return Guide(problem, depth, planned_steps(path.steps), on_part)
 
 
 def half_space(problem: Problem, cells: int) -> RoughHalfSpace:

@@ -76,7 +76,7 @@ def import_map(map_file: str, output: str | None, as_json: bool, **given: Any) -
     from asperity.runtime.files import files_into
     from asperity.runtime.progress import Progress, StepLines
     from asperity.runtime.run_folder import holds_run
-    from asperity.surface.cutoff import approach_of_share
+    from asperity.surface.iso25178 import light_approach
 
     progress = Progress() if as_json else StepLines()
     folder = Path(output) if output else Path("out") / Path(map_file).stem
@@ -94,7 +94,7 @@ def import_map(map_file: str, output: str | None, as_json: bool, **given: Any) -
         progress.stage("figures")
         _draw(aside, scan)
         (aside / "measured.json").write_text(f"{json.dumps(about, indent=2)}\n", encoding="utf-8")
-        text = CASE.format(delta=approach_of_share(scan.surface))
+        text = CASE.format(delta=light_approach(scan.surface))
         (aside / "case.toml").write_text(text, encoding="utf-8")
         try:
             cost = _cost(aside / "case.toml", scan.surface)

@@ -14,7 +14,6 @@ import numpy as np
 
 from asperity.arrays import Floats
 from asperity.errors import MeshError, ResolutionWarning, warn
-from asperity.surface.cutoff import shortest_cutoff
 
 if TYPE_CHECKING:
     from mpi4py import MPI
@@ -42,8 +41,7 @@ def doubt_of_waves(surface: Surface, h: float, delta: float) -> str:
         size /= FINER
     digit = 10.0 ** (floor(log10(size)) - 1)
     size = floor(size / digit) * digit  # rounded down, so that it is another size and resolves them
-    cutoff = shortest_cutoff(surface, delta, lambda filtered, depth: unresolved_height(filtered, h, depth) <= limit)
-    other = "" if cutoff is None else f", or cut off what is shorter than {cutoff:g} ({surface.cutoff_key})"
+    other = f", or cut off short waves ({surface.cutoff_key})" if surface.cutoff_key else ""
     return (
         f"waves shorter than {ELEMENTS:g} elements of mesh.h_contact = {h:.3g} have an rms height of {part:.2g} of the "
         f"greatest approach, and the force may be off by about as much: {size:.2g} would resolve them{other}"

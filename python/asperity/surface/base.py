@@ -30,6 +30,7 @@ EDGE = 1e-3
 FLAT = 1e-12  # depth over the side below which a surface is a plane: that of round-off
 
 _SMALLEST, _LARGEST = 1e-50, 1e50  # lengths
+_CELLS, _POINTS = 128, 4  # of the rule for the mean height, along a side and in a cell
 _STEEPNESS, _LONG = 16, 1e6  # exponent in `short_wave_share`, and ratio of lengths beyond which that is zero
 
 
@@ -112,9 +113,12 @@ class Surface(ABC):
     def hessian(self, x: ArrayLike, y: ArrayLike) -> tuple[Array, Array, Array]:
         """(z_xx, z_xy, z_yy) (1/length), in the broadcast shape of x and y."""
 
-    @abstractmethod
     def mean(self) -> float:
-        """Mean height over the patch (length)."""
+        """Mean height over the patch (length); that of smooth surfaces, by Gauss's rule in cells."""
+        at, weight = np.polynomial.legendre.leggauss(_POINTS)
+        s = ((np.arange(_CELLS)[:, None] + 0.5 * (1.0 + at)) * (self.L / _CELLS)).ravel()
+        share = np.tile(0.5 * weight / _CELLS, _CELLS)
+        return float(share @ self.on_product(s, s) @ share)
 
     @abstractmethod
     def curvature_bound(self) -> float:
@@ -135,10 +139,6 @@ class Surface(ABC):
             depth: depth below the summit (length); a surface that is not statistically uniform is judged above it
         """
         return 0.0
-
-    def cut_off(self, wavelength: float) -> Surface:
-        """Surface without the waves shorter than a wavelength (length), as `cutoff_key` makes it."""
-        return self
 
     @property
     def periodic(self) -> bool:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from functools import cached_property
 from typing import ClassVar, Literal, NamedTuple
 
@@ -251,11 +251,6 @@ class WeierstrassMandelbrot(Surface):
         a, kx, ky, phi = self._waves
         hx, hy = 0.5 * self.L * kx, 0.5 * self.L * ky
         return self._offset - float(np.sum(a * np.cos(phi + hx + hy) * np.sinc(hx / np.pi) * np.sinc(hy / np.pi)))
-
-    def cut_off(self, wavelength: float) -> WeierstrassMandelbrot:
-        assert self.f_max is not None and self.phases is not None
-        f_max = min(cut_off_index(self.L, min(wavelength, self.L), self.gamma), self.f_max)
-        return replace(self, f_max=f_max, L_s=None, phases=self.phases[:, : f_max + 1])
 
     def curvature_bound(self) -> float:
         a, kx, ky, _ = self._waves

@@ -19,7 +19,7 @@ from asperity.runtime.files import UNREADABLE
 from asperity.surface.base import Surface, SurfaceWarning, check, check_positive, short_wave_share
 from asperity.surface.height_files import REGULAR, UNEQUAL, Heights, read_heights
 from asperity.surface.maximum import global_maximum
-from asperity.surface.scale_space import ScaleSpace, gaussian_filtered
+from asperity.surface.scale_space import ScaleSpace
 from asperity.surface.spline import DEGREE, interpolate, with_middles
 from asperity.surface.statistics import SurfaceStatistics
 
@@ -291,10 +291,6 @@ class HeightMap(Surface):
         """Roughness parameters, those of :meth:`exact_rms` exactly, the others of an n x n grid."""
         Sq, slope, curvature = self.exact_rms()
         return replace(super().statistics(n), Sq=Sq, rms_slope=slope, rms_curvature=curvature)
-
-    def cut_off(self, wavelength: float) -> HeightMap:
-        """Map after a Gaussian filter with 50 % transmission at a wavelength (length)."""
-        return self.of(gaussian_filtered(self.heights, sides := (self.L, self.L), wavelength), sides)
 
     def curvature_bound(self) -> float:
         """Bound of the Hessian (1/length) from the convex hull of the spline coefficients."""

@@ -1,4 +1,4 @@
-"""Parameters of ISO 25178-2 and the Abbott curve of heights on a regular grid."""
+"""Parameters of ISO 25178-2 of heights on a regular grid."""
 
 from __future__ import annotations
 
@@ -12,6 +12,7 @@ from asperity.errors import InputError
 from asperity.runtime.display import short_repr
 from asperity.surface.base import Surface
 from asperity.surface.height_map import HeightMap
+from asperity.surface.spline import light_depth
 
 RATIOS = 10_001  # material ratios of the Abbott curve
 CORE = 0.4  # width of the secant of least slope (annex B)
@@ -59,45 +60,23 @@ class ISO25178:
         return {name: value if value == value else None for name, value in asdict(self).items()}
 
 
-@dataclass(frozen=True, eq=False)
-class AbbottCurve:
-    """Heights over their material ratio, and the line through the core.
+def core_and_ends(z: Array) -> tuple[float, float, float, float, float]:
+    """Sk, Spk, Svk, Smr1 and Smr2 of heights of any shape [length], by the line through the core of the Abbott curve.
 
-    Attributes:
-        ratio: 0 to 1 (n,)
-        height: which that share of the area exceeds, about the mean (n,) [length]
-        upper, lower: ends of the line at the ratios 0 and 1 [length]
+    Spk and Svk are heights of triangles with the area of the curve above and below the line.
     """
-
-    ratio: Array
-    height: Array
-    upper: float
-    lower: float
-
-    @classmethod
-    def of(cls, z: Array) -> AbbottCurve:
-        """Curve of heights of any shape [length]."""
-        ratio = np.linspace(0.0, 1.0, RATIOS)
-        height = np.quantile(z - z.mean(), 1.0 - ratio)
-        width = round(CORE * (RATIOS - 1))
-        first = int(np.argmax(height[width:] - height[:-width]))  # the least slope, the first of equal ones
-        inside = slice(first, first + width + 1)
-        slope, upper = np.polyfit(ratio[inside], height[inside], 1)
-        return cls(ratio, height, float(upper), float(upper + slope))
-
-    def ratio_at(self, height: float) -> float:
-        """Material ratio at a height [length]."""
-        return float(np.interp(-height, -self.height, self.ratio))
-
-    def reduced(self) -> tuple[float, float, float, float]:
-        """Smr1, Spk, Smr2 and Svk: ratios of peaks and pits, and heights of triangles of their area [length]."""
-        peaks, pits = self.ratio_at(self.upper), self.ratio_at(self.lower)
-        above = np.trapezoid(np.maximum(self.height - self.upper, 0.0), self.ratio)
-        below = np.trapezoid(np.maximum(self.lower - self.height, 0.0), self.ratio)
-        Spk, Svk = (
-            float(2.0 * area / share) if share > 0.0 else 0.0 for area, share in ((above, peaks), (below, 1.0 - pits))
-        )
-        return peaks, Spk, pits, Svk
+    ratio = np.linspace(0.0, 1.0, RATIOS)
+    height = np.quantile(z - z.mean(), 1.0 - ratio)
+    width = round(CORE * (RATIOS - 1))
+    first = int(np.argmax(height[width:] - height[:-width]))  # the least slope, the first of equal ones
+    slope, upper = np.polyfit(ratio[first : first + width + 1], height[first : first + width + 1], 1)
+    peaks, pits = (float(np.interp(-end, -height, ratio)) for end in (upper, upper + slope))
+    above = np.trapezoid(np.maximum(height - upper, 0.0), ratio)
+    below = np.trapezoid(np.maximum(upper + slope - height, 0.0), ratio)
+    Spk, Svk = (
+        float(2.0 * area / share) if share > 0.0 else 0.0 for area, share in ((above, peaks), (below, 1.0 - pits))
+    )
+    return -float(slope), Spk, Svk, peaks, pits
 
 
 def iso25178(z: Array, dx: float, dy: float) -> ISO25178:
@@ -114,8 +93,7 @@ def iso25178(z: Array, dx: float, dy: float) -> ISO25178:
     Sq = float(np.sqrt(np.mean(z**2)))
     if not Sq > 0.0:
         raise InputError("the heights are all equal: there is no roughness")
-    curve = AbbottCurve.of(z)
-    Smr1, Spk, Smr2, Svk = curve.reduced()
+    Sk, Spk, Svk, Smr1, Smr2 = core_and_ends(z)
     zx, zy = np.diff(z, axis=1) / dx, np.diff(z, axis=0) / dy
     shortest, longest = _decay_lengths(z, dx, dy)
     # developed area: the mean of both ways to split each cell into triangles
@@ -126,7 +104,7 @@ def iso25178(z: Array, dx: float, dy: float) -> ISO25178:
         Sq=Sq, Sa=float(np.mean(np.abs(z))), Sz=float(np.ptp(z)), Sp=float(z.max()), Sv=-float(z.min()),
         Ssk=float(np.mean((z / Sq) ** 3)), Sku=float(np.mean((z / Sq) ** 4)),
         Sdq=math.sqrt(float(np.mean(zx**2) + np.mean(zy**2))), Sdr=sum(excess) / 4.0,
-        Sal=shortest, Str=shortest / longest, Sk=curve.upper - curve.lower, Spk=Spk, Svk=Svk, Smr1=Smr1, Smr2=Smr2,
+        Sal=shortest, Str=shortest / longest, Sk=Sk, Spk=Spk, Svk=Svk, Smr1=Smr1, Smr2=Smr2,
     )  # fmt: skip
 
 
@@ -135,6 +113,14 @@ def heights_of(surface: Surface) -> tuple[Array, float, float]:
     z = surface.heights if isinstance(surface, HeightMap) else surface.grid(GRID)
     ny, nx = z.shape
     return z, surface.L / (nx - 1), surface.L / (ny - 1)
+
+
+def light_approach(surface: Surface) -> float:
+    """Approach from the summit (length), at most a tenth of the side, with a small share of the heights above it.
+
+    The share does not depend on the spectrum. A spike takes all of the approach.
+    """
+    return min(light_depth(heights_of(surface)[0], surface.maximum()[2]), 0.1 * surface.L)
 
 
 def _decay_lengths(z: Array, dx: float, dy: float) -> tuple[float, float]:

@@ -139,10 +139,6 @@ class SelfAffine(Surface):
         """Same surface with waves down to another shortest wavelength (length)."""
         return replace(self, lambda_short=lambda_short, rms_height=self._ideal_rms, slope=None)
 
-    def cut_off(self, wavelength: float) -> SelfAffine:
-        assert self.lambda_roll is not None
-        return self.with_cutoff(min(max(wavelength, self.lambda_short), self.lambda_roll))
-
     @cached_property
     def _ideal_sum(self) -> float:
         """Mean square of the heights with waves of all lengths, with amplitude 1 at the roll-off."""

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import itertools
 import math
 from dataclasses import dataclass
 from typing import ClassVar, Literal
@@ -124,36 +123,6 @@ class Sphere(Surface):
         dx, dy, r = self._offset(x, y)
         _, over_r, bend = self._profile(r)
         return over_r + bend * dx**2, bend * dx * dy, over_r + bend * dy**2
-
-    def mean(self) -> float:
-        """Mean height over the patch (length), by integrals over eight triangles with the apex as a corner."""
-        from scipy.integrate import quad
-
-        assert self.centre is not None
-        cx, cy = self.centre
-        total, rim = 0.0, self.cap * self.radius
-        for a, b in itertools.product((cx, self.L - cx), (cy, self.L - cy)):
-            for width, height in ((a, b), (b, a)):
-                if width > 0 and height > 0:
-                    kink = [math.acos(width / rim)] if width < rim else None  # larger angles cross the cone
-                    top = math.atan2(height, width)
-                    found = quad(lambda t, w=width: self._sector(w / math.cos(t)), 0.0, top, points=kink, epsabs=0.0)
-                    total += found[0]
-        return total / self.L**2
-
-    def _sector(self, r: Array) -> Array:
-        """Integral of z(s) s ds from 0 to r (length^3), in the shape of r."""
-        R = self.radius
-        if self.shape == "paraboloid":
-            return -(r**4) / (8 * R)
-        rim = self.cap * R
-        inner = np.minimum(r, rim)
-        depth = np.sqrt(R**2 - inner**2)
-        total = -(inner**4) * (2 * depth + R) / (6 * (R + depth) ** 2)  # no difference of large numbers
-        root = math.sqrt(R**2 - rim**2)
-        slope, outer = -rim / root, np.maximum(r, rim)
-        level = root - R - slope * rim
-        return total + level * (outer**2 - rim**2) / 2 + slope * (outer**3 - rim**3) / 3
 
     def curvature_bound(self) -> float:
         R = self.radius

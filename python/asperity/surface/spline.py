@@ -89,15 +89,15 @@ def _minmod(a: Array, b: Array) -> Array:
     return 0.5 * (np.sign(a) + np.sign(b)) * np.minimum(np.abs(a), np.abs(b))
 
 
-def light_depth(z: Array, share: float = LIGHT, summit: float | None = None) -> float:
-    """Depth below the summit, or the highest height, with a share of the heights above it (length).
+def light_depth(z: Array, summit: float | None = None) -> float:
+    """Depth below the summit, or the highest height, with a small share of the heights above it (length).
 
     >>> from asperity.surface.spline import light_depth
-    >>> round(float(light_depth(np.linspace(0.0, 1.0, 101), share=0.1)), 9)
-    0.1
+    >>> round(float(light_depth(np.linspace(0.0, 1.0, 101))), 9)
+    0.02
     """
     highest = float(z.max()) if summit is None else summit
-    return max(highest - float(np.quantile(z, 1.0 - share)), LEAST * float(np.ptp(z)))
+    return max(highest - float(np.quantile(z, 1.0 - LIGHT)), LEAST * float(np.ptp(z)))
 
 
 def with_middles(t: Array) -> Array:
