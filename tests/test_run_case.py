@@ -94,7 +94,8 @@ def test_loops_are_the_damping_of_the_vibration(full: tuple[Path, RunResult]) ->
     assert len(table.loops) == 4 and table.loops[0].preload == pytest.approx(preload, rel=1e-14)
     assert 1.0 < table.loops[0].k / result.dynamics.numbers.stiffness < 4.0  # the paper's law is too soft
     assert section["amplitudes"][1]["eta"] == table.loops[3].eta
-    assert 0 < result.summary["radiation"]["eta"] < 0.01
+    (radiated,) = (line for line in result.summary["assumptions"] if "by radiation" in line["name"])
+    assert 0 < radiated["value"] < 0.005
     oscillator = result.dynamics.first
     damping, note = LoopDamping.of(table).on(result.dynamics.numbers.stiffness, table.loops[0].preload)
     found = oscillator.damping
@@ -255,8 +256,6 @@ def test_summary(full: tuple[Path, RunResult]) -> None:
     assert parallel["slowest_seconds"] == {name: pytest.approx(value, abs=1e-3) for name, value in seconds.items()}
     assert seconds["mesh"] + seconds["figures"] < parallel["rank_0_alone_seconds"] < sum(seconds.values())
     assert 0.0 < parallel["serial_share"] < 1.0
-    stiffness = summary["stiffness_per_area"]
-    assert stiffness["k_n_elastic"] == load.k_n_elastic[-1] / 1e-12 and stiffness["k_n"] < stiffness["k_n_elastic"]
     page = (folder / "report.html").read_text(encoding="utf-8")
     for words in ("contact spots", "mean gap", "elastic normal stiffness", "constriction conductance"):
         assert words in page

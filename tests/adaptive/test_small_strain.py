@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import tomllib
 import warnings
 from pathlib import Path
 from typing import Any
@@ -118,9 +117,7 @@ def test_the_choice_and_its_record_are_the_same_on_any_number_of_ranks(shared_pa
     assert world().allgather(summary["model"]) == [summary["model"]] * world().size
     model = summary["model"]
     assert model["kinematics"] == "small" and 0.1 < model["small_strain"]["greatest_percent"] < 1.0
-    text = (shared_path / "out/case.toml").read_text()
-    assert text.startswith('# kinematics = "auto" took "small"\n')
-    assert Case.load(shared_path / "out/case.toml") == Case.from_dict(WAVY) and tomllib.loads(text)
+    assert Case.load(shared_path / "out/case.toml") == Case.from_dict(WAVY)
     assert "small strain changes the force by up to" in (shared_path / "out/run.log").read_text()
     given = run(Case.from_dict(WAVY | {"material": {"E": 1.0, "nu": 0.3}})).summary["model"]
     assert given == {"kinematics": "small", "small_strain": None}

@@ -26,7 +26,7 @@ from asperity.model.problem import Problem
 from asperity.model.settings import MeshSize
 from asperity.model.two_bodies import save_sum
 from asperity.output.assumption import DOUBTFUL, FINE, Evidence, describe
-from asperity.output.assumptions import SLOW, SMALL_STRAIN, ledger
+from asperity.output.assumptions import SMALL_STRAIN, ledger
 from asperity.quasistatic.solve_problem import solve_problem
 from asperity.runtime.warnings_log import noting
 from asperity.surface import Flat, Sinusoid, Sphere, Surface
@@ -76,7 +76,7 @@ def line_of(run: Evidence, beginning: str | tuple[str, ...]) -> Any:
     return next((line for line in ledger(run) if line.name.startswith(beginning)), None)
 
 
-small_strain = partial(line_of, beginning=("small strain", "finite strain"))
+small_strain = partial(line_of, beginning="small strain")
 elastic = partial(line_of, beginning="elastic")
 bulk_yield = partial(line_of, beginning="block: mean pressure")
 approach_to_mean_plane = partial(line_of, beginning="block: approach")
@@ -111,8 +111,7 @@ def test_a_comparison_replaces_the_limit_of_strain() -> None:
     assert describe(line.to_dict()).startswith("small strain: 2.6 % of the force, at most 1 %")
     finite = replace(STEEL, kinematics="finite")
     assert small_strain(evidence(material=finite, **strained)) is None
-    line = small_strain(evidence(material=finite, **strained, small_strain=(2.6, 1.0)))
-    assert verdict(line) == FINE and "2.6 %" in line.detail
+    assert small_strain(evidence(material=finite, **strained, small_strain=(2.6, 1.0))) is None
 
 
 def test_pressure_of_an_elastic_contact_beyond_that_of_metals() -> None:
@@ -307,13 +306,6 @@ def test_the_vibration_is_slow_for_the_block(sides: str, speed: float) -> None:
     tall = Sinusoid(L=0.1, amplitude=1e-4)
     assert verdict(slow_vibration(evidence(tall, sides=sides, **moving(frequency=1e3)))) == FINE
     assert verdict(slow_vibration(evidence(tall, sides=sides, **moving(frequency=2e3)))) == DOUBTFUL
-
-
-def test_the_limit_of_a_slow_vibration_is_that_of_a_rod() -> None:
-    """At a tenth of its first frequency the stiffness of a rod is 0.8 % below that of statics, at 0.3 more than 7 %."""
-    x = 0.5 * np.pi * np.array([SLOW, 0.3])
-    softer = 1 - x / np.tan(x)
-    assert softer[0] == pytest.approx(x[0] ** 2 / 3, rel=0.01) and 0.007 < softer[0] < 0.01 and softer[1] > 0.07
 
 
 def test_radiation_next_to_the_damping_of_the_model() -> None:

@@ -15,7 +15,6 @@ from asperity.mesh.block import BlockMesh
 from asperity.mesh.generate import build_block
 from asperity.model.material import Material
 from asperity.model.settings import Formulation, MeshSize, SolverOptions
-from asperity.output.summary import stiffness_per_area
 from asperity.quasistatic.contact_solver import ContactSolver
 from asperity.quasistatic.make import make_contact_solver
 from asperity.quasistatic.measures import Conductance
@@ -159,7 +158,7 @@ def test_first_touch(cap: Surface, formulation: Formulation) -> None:
         assert 0.0 < getattr(curve, name)[0] < 1.0
 
 
-def test_physical_units_and_summary() -> None:
+def test_physical_units() -> None:
     """Stiffness in units of E L, conductance in those of L."""
     side, E = 2e-6, 2e11
     unit, physical = (
@@ -172,9 +171,6 @@ def test_physical_units_and_summary() -> None:
     for name in STIFFNESSES:
         np.testing.assert_allclose(getattr(physical, name), getattr(unit, name) * E * side, rtol=1e-3)
     np.testing.assert_allclose(physical.conductance, unit.conductance * side, rtol=1e-6)
-    section = stiffness_per_area(physical, side)["stiffness_per_area"]
-    assert section["k_n"] == physical.k_n[-1] / side**2
-    assert stiffness_per_area(unit.where(unit.delta < 0.0), 1.0) == {}
 
 
 def test_interface_is_independent_of_the_height_of_the_block() -> None:

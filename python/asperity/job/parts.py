@@ -123,7 +123,6 @@ def solve_case(
     chosen, strain = choose_kinematics(problem, tolerance, comm, guide)
     if strain is not None:
         hooks.stage(strain.describe())
-        files.note(f'kinematics = "auto" took "{strain.kinematics}"')
     accurate = failure = None
     try:
         if tolerance is None:

@@ -211,8 +211,6 @@ def _run(
     summary["assumptions"] = [line.to_dict() for line in lines]
     if evidence.patches is not None:
         summary["patches"] = evidence.patches.to_dict()
-    if evidence.radiated:
-        summary["radiation"] = evidence.radiated
     _warn(case, folder, solved, lines)
     notices.share()
     write()

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from functools import cached_property
 from math import inf, nan, pi, sqrt
 from typing import TYPE_CHECKING, Any
 
@@ -13,7 +12,6 @@ import numpy as np
 from asperity.curve import Curve
 from asperity.model.problem import Problem
 from asperity.output.patches import Spread
-from asperity.reference import LONG_WAVES, radiation_loss
 from asperity.surface.base import FLAT
 
 if TYPE_CHECKING:
@@ -136,16 +134,3 @@ class Evidence:
         xx, _, yy = self.problem.surface.hessian(x, y)
         curvature = -0.5 * float(xx + yy)
         return 1.0 / curvature if curvature > 0.0 else inf
-
-    @cached_property
-    def radiated(self) -> dict[str, float]:
-        """Section "radiation" of summary.json: the loss factor eta where the waves are long; empty where unknown."""
-        if self.vibration is None or self.density is None:
-            return {}
-        solid, frequency = self.problem.material, self.vibration.frequency
-        over = (self.side or self.problem.surface.L) * frequency / sqrt(solid.lame[1] / self.density)
-        if over > LONG_WAVES:
-            return {"side_over_wavelength": over}
-        k, omega = self.vibration.stiffness, 2.0 * pi * frequency
-        eta = radiation_loss(k, omega, E=solid.E, nu=solid.nu, density=self.density)
-        return {"side_over_wavelength": over, "eta": eta}

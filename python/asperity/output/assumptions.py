@@ -14,7 +14,14 @@ from asperity.curve import UNRESOLVED
 from asperity.mesh.resolution import ELEMENTS, ONE_MESH, SHARE, unresolved_height
 from asperity.model.problem import edge_of_summit
 from asperity.output.assumption import Assumption, Evidence
-from asperity.reference import first_frequency, pull_off, range_of_stickiness, stickiness, tabor_parameter
+from asperity.reference import (
+    LONG_WAVES,
+    first_frequency,
+    pull_off,
+    radiation_loss,
+    stickiness,
+    tabor_parameter,
+)
 from asperity.reference.conductance import TABOR
 from asperity.units import quantity
 
@@ -29,7 +36,6 @@ SPOT = 0.1  # contact radius over the height of the block, which stiffens a bond
 SMALL_CONTACT = 1e-6  # radius below which metals are harder [m]
 WORKS = (0.05, 0.2, 1.0)  # of adhesion: surfaces in air, in between, clean metals [J/m^2]
 WEAK = 0.01  # pull-off over the greatest force
-SHORT_RANGE = 0.1  # greatest range of the attraction over the gaps next to contacts, for the stickiness
 POINTS = 257  # per side, for slope and curvature
 SLOW = 0.1  # frequency over the first one of the block: its stiffness is 0.8 % lower than that of a static block
 NEGLIGIBLE = 0.1  # part of the damping ratio that may be left out
@@ -56,18 +62,12 @@ def _strain(run: Evidence) -> Iterator[Assumption]:
     detail, advice = "", 'material.kinematics = "finite", or a smaller load'
     if np.isfinite(run.curve.strained_fraction).any():
         detail = f"equivalent strain above 5 % in {100 * run.greatest('strained_fraction'):.2g} % of the volume"
-    if run.small_strain is not None:
+    if run.small_strain is not None and not material.finite:
         value, limit = run.small_strain
-        if material.finite:
-            yield Assumption(
-                "finite strain", 0.0, limit, "% of the force", "finite strain has no limit of strain", advice,
-                f"small strain would change the force by up to {value:.2g} %; {detail}".rstrip("; "),
-            )  # fmt: skip
-        else:
-            yield Assumption(
-                "small strain", value, limit, "% of the force", "the slope of the spots in contact", advice, detail,
-                warns=True,
-            )  # fmt: skip
+        yield Assumption(
+            "small strain", value, limit, "% of the force", "the slope of the spots in contact", advice, detail,
+            warns=True,
+        )  # fmt: skip
     elif not material.finite:
         what = "plastic" if material.plastic else "equivalent"
         yield Assumption(
@@ -198,10 +198,6 @@ def _size(run: Evidence) -> Iterator[Assumption]:
         curvature = 0.5 * float(np.sqrt(np.mean((xx + yy) ** 2)))
         values = [stickiness(slope, curvature, w, modulus) for w in WORKS]
         known = ", ".join(f"{value:.3g} for {w:g} J/m²" for w, value in zip(WORKS, values, strict=True))
-        if (reach := range_of_stickiness(slope, curvature)) > SHORT_RANGE:
-            known += (
-                f"; rough: the attraction reaches over {reach:.2g} of the gaps next to contacts, above {SHORT_RANGE:g}"
-            )
         yield Assumption(
             f"adhesion: stickiness for {WORKS[1]:g} J/m²", values[1], 1.0, "",
             "Pastewka & Robbins, PNAS 111 (2014) 3298, eq. 10",
@@ -235,16 +231,19 @@ def _inertia(run: Evidence) -> Iterator[Assumption]:
     """
     if run.vibration is None or run.density is None:
         return
-    problem, frequency, damping = run.problem, run.vibration.frequency, run.vibration.damping
-    first = first_frequency(problem.material.block_modulus(problem.sides), run.density, problem.height)
+    problem, solid, frequency = run.problem, run.problem.material, run.vibration.frequency
+    first = first_frequency(solid.block_modulus(problem.sides), run.density, problem.height)
     yield Assumption(
         "inertia: frequency of the vibration over the first of the block", frequency / first, SLOW, "",
         "rod, fixed below: stiffness x cot x, x = pi/2 times the value", "a model with the mass of the block",
         f"{frequency:.3g} and {first:.3g} cycles per time",
     )  # fmt: skip
-    if "eta" in run.radiated:
+    wavelength = sqrt(solid.lame[1] / run.density) / frequency
+    if (run.side or problem.surface.L) <= LONG_WAVES * wavelength:
+        omega, damping = 2.0 * pi * frequency, run.vibration.damping
+        eta = radiation_loss(run.vibration.stiffness, omega, E=solid.E, nu=solid.nu, density=run.density)
         yield Assumption(
-            "inertia: damping ratio by radiation", 0.5 * run.radiated["eta"], NEGLIGIBLE * damping, "",
+            "inertia: damping ratio by radiation", 0.5 * eta, NEGLIGIBLE * damping, "",
             "Miller & Pursey, Proc. R. Soc. Lond. A 223 (1954) 521", "a damping ratio greater by the value",
             f"the model has {damping:.3g}; a block on a rigid base radiates less than the half-space",
         )  # fmt: skip

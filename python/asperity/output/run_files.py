@@ -42,7 +42,6 @@ class RunFiles:
         self.open_log: Callable[[], None] = lambda: None
         self._case, self._comm = case, comm
         self._begun = self._continues = self._replaces = self._whole = False
-        self._note = ""
         self._lock, self._found = ExitStack(), False  # on rank 0: the lock of the folder, and whether it holds a run
 
     @contextmanager
@@ -89,7 +88,7 @@ class RunFiles:
                 curve = Curve.read(folder / run_folder.CURVE)
             except (*UNREADABLE, InputError):
                 return None
-            return (curve, summary) if text.endswith(self._case.to_toml()) else None
+            return (curve, summary) if text == self._case.to_toml() else None
 
         return self._on_root(read)
 
@@ -168,14 +167,8 @@ class RunFiles:
             self.checkpoint.clear()
             self._on_root(withdraw)
 
-    def note(self, text: str) -> None:
-        """Put a choice of the run as a comment above the completed input."""
-        self._note = f"# {text}\n"
-        if self._begun:
-            self._on_root(self._write_case)
-
     def _write_case(self, folder: Path) -> None:
-        replace_file(folder / run_folder.CASE, (self._note + self._case.to_toml()).encode())
+        replace_file(folder / run_folder.CASE, self._case.to_toml().encode())
 
     def curve(self, curve: Curve, whole: bool = True) -> None:
         """Write the curve; the steps so far replace no whole one, which a coarser mesh has given."""

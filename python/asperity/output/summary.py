@@ -9,7 +9,6 @@ from importlib import metadata
 from typing import Any
 
 from asperity.case import Case
-from asperity.curve import STIFFNESSES, Curve
 from asperity.quasistatic.contact_result import ContactResult
 from asperity.runtime.memory import peak
 from asperity.runtime.timing import Clock
@@ -29,7 +28,6 @@ def summarise(case: Case, contact: ContactResult, ranks: int) -> dict[str, Any]:
         "cells": contact.cells,
         **asdict(contact.counts),
         "checks": contact.checks.physical(case.surface.L, case.material.E),
-        **stiffness_per_area(contact.curve, case.surface.L),
         "unresolved": contact.curve.unresolved(),
         "seconds": {k: round(v, 4) for k, v in contact.phases.seconds.items()},
         "calls": contact.phases.calls,
@@ -58,16 +56,6 @@ def of_ranks(comm: Any, seconds: dict[str, float], clock: Clock) -> dict[str, An
         "rank_0_alone_seconds": round(clock.alone, 4),
         "serial_share": round(clock.alone / clock.wall, 4),
     }
-
-
-def stiffness_per_area(curve: Curve, side: float) -> dict[str, dict[str, float]]:
-    """Stiffness at the greatest force over the nominal area [force/length^3] as a section; empty where not computed."""
-    if not len(curve):
-        return {}
-    top = int(curve.force.argmax())
-    known = {name: float(getattr(curve, name)[top]) / side**2 for name in STIFFNESSES}
-    known = {name: value for name, value in known.items() if value == value}
-    return {"stiffness_per_area": {"force": float(curve.force[top])} | known} if known else {}
 
 
 def versions() -> dict[str, str]:

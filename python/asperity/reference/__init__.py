@@ -10,7 +10,7 @@ Examples:
 
 from __future__ import annotations
 
-from asperity.reference.adhesion import pull_off, range_of_stickiness, stickiness, tabor_parameter
+from asperity.reference.adhesion import pull_off, stickiness, tabor_parameter
 from asperity.reference.conductance import cooper_mikic_yovanovich, mikic_elastic
 from asperity.reference.elastic import (
     Hertz,
@@ -38,7 +38,6 @@ __all__ = [
     "pull_off",
     "radiation_compliance",
     "radiation_loss",
-    "range_of_stickiness",
     "reduced_modulus",
     "stickiness",
     "tabor_parameter",

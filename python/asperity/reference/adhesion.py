@@ -37,16 +37,7 @@ def stickiness(slope: float, curvature: float, w: float, E_prime: float, z0: flo
 
     Pastewka & Robbins, PNAS 111 (2014) 3298, eq. 10 with kappa = 2, diameter of contacts 4 h'/h'' and
     pi (3/16)^(2/3) = 1.03 as 1: so the program of that group has it (ContactEngineering/Adhesion,
-    examples/adhesive_simulation_rough.py). It needs an attraction of short range, see `range_of_stickiness`. A plastic
-    surface is less sticky.
+    examples/adhesive_simulation_rough.py). It needs a range z0 below a tenth of the gaps next to contacts,
+    16 h'^2/(3 h''). A plastic surface is less sticky.
     """
     return float(slope * E_prime * z0 / (KAPPA * w) * (slope**2 / (curvature * z0)) ** (2.0 / 3.0))
-
-
-def range_of_stickiness(slope: float, curvature: float, z0: float = RANGE) -> float:
-    """z0 over the gaps next to contacts, 16 h'^2/(3 h''): below about 0.1 the stickiness applies.
-
-    Monti, Sanner & Pastewka, Tribol. Lett. 69 (2021), doi:10.1007/s11249-021-01454-6; the limit is that of the program
-    named in `stickiness`.
-    """
-    return 3.0 * z0 * curvature / (16.0 * slope**2)
