@@ -20,7 +20,6 @@ from asperity.plot import (
     figures_of,
     force_curve,
     frequency,
-    plasticity,
     plot_run,
     pressure_maps,
     response,
@@ -81,7 +80,7 @@ def test_every_axis_has_quantity_and_unit(results: Results) -> None:
     assert heights.axes[1].get_ylabel() == "height above the mean plane (nm)"
     maps = pressure_maps(results)
     assert maps.axes[-1].get_ylabel().startswith("contact pressure (")
-    for figure in (contact_area(results), force_curve(results), plasticity(results)):
+    for figure in (contact_area(results), force_curve(results)):
         assert all(axis.get_xlabel() and axis.get_ylabel() for axis in figure.axes)
         assert [axis.get_title(loc="left")[:3] for axis in figure.axes] == ["(a)", "(b)", "(c)"][: len(figure.axes)]
 
@@ -149,7 +148,7 @@ def test_a_run_that_stopped_early_has_figures(tmp_path: Path, rows: int) -> None
     for name in ("steps", "branch", "delta", "pressure", "gap", "touched"):
         fields[name] = fields[name][:rows]  # the first level carries no load
     np.savez(tmp_path / "fields/top.npz", **fields)
-    expected = {"pressure", "area", "curve", "plasticity"} if rows else set()
+    expected = {"pressure", "area", "curve"} if rows else set()
     assert {path.stem for path in plot_run(tmp_path)} == {"surface"} | expected
 
 

@@ -219,11 +219,11 @@ def _run(
         if folder is not None and (case.output.figures or case.output.report):
             with stage("figures"):
                 _draw(comm, folder, problem.surface)
-            write()  # for the report, with the time of the figures
+            write()  # with the time of the figures
         if folder is not None and case.output.report:
             from asperity.plot.report import write_report
 
-            on_root(comm, partial(write_report, folder, failure is None))
+            on_root(comm, partial(write_report, folder))
         summary["finished"] = failure is None  # not before all is there: a finished run is not continued
         write()
     if failure is not None:

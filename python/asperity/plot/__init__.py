@@ -11,7 +11,7 @@ from matplotlib.figure import Figure
 
 from asperity.output.results import Results
 from asperity.plot.contact import contact_area, pressure_maps
-from asperity.plot.curves import conductance, force_curve, plasticity, stiffness
+from asperity.plot.curves import conductance, force_curve, stiffness
 from asperity.plot.fields import surface_map
 from asperity.plot.slip import slip
 from asperity.plot.style import save, save_in
@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from asperity.surface import Surface
 
 __all__ = [
-    "CAPTIONS", "conductance", "contact_area", "force_curve", "frequency", "motion", "plasticity",
+    "CAPTIONS", "conductance", "contact_area", "force_curve", "frequency", "motion",
     "plot_dynamics", "plot_run", "pressure_maps", "receptance", "response", "save", "slip",
     "stiffness", "surface_map",
 ]  # fmt: skip
@@ -41,7 +41,6 @@ CAPTIONS = {
     "stiffness": "(a) Stiffness of the contact during loading. (b) Mean gap.",
     "conductance": "Conductance per nominal area over the nominal pressure, beside the law of summits that are elastic "
     "or flow.",
-    "plasticity": "(a) Yielded share of the volume. (b) Largest equivalent plastic strain.",
     "frequency": "Natural frequency over the amplitude of free vibration about the static "
     "deflection. Beyond the dot contact is lost (exact law), or the Taylor law pulls although there is "
     "no contact.",
@@ -97,7 +96,6 @@ def plot_dynamics(result: Dynamics, folder: str | Path) -> list[Path]:
 def figures_of(results: Results) -> dict[str, Callable[[Results], Figure]]:
     """Name and function of each figure for which there are data."""
     rows = len(results.curve)
-    plastic = np.any(results.curve.max_plastic_strain > 0)
 
     def heights(results: Results) -> Figure:
         surface = results.surface
@@ -110,7 +108,6 @@ def figures_of(results: Results) -> dict[str, Callable[[Results], Figure]]:
         "curve": (rows > 0, force_curve),
         "stiffness": (bool(np.any(results.curve.k_n_elastic > 0)), stiffness),
         "conductance": (bool(np.any(results.gap_conductance()[1] > 0)), conductance),
-        "plasticity": (bool(plastic), plasticity),
         "slip": (len(results.slip_loops.get("u", ())) > 0, slip),
         "frequency": (len(results.free.get("u0", ())) > 0, frequency),
         "response": (len(results.response.get("Omega", ())) > 0, response),

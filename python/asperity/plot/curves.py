@@ -1,4 +1,4 @@
-"""Figures of the columns of a curve: load over approach, plasticity, stiffness, mean gap, conductance."""
+"""Figures of the columns of a curve: load over approach, stiffness, mean gap, conductance."""
 
 from __future__ import annotations
 
@@ -133,19 +133,6 @@ def tex(value: float) -> str:
 
 
 @style.styled
-def plasticity(results: Results) -> Figure:
-    """Draw the yielded share of the volume and the largest plastic strain over the approach."""
-    figure, axes = style.figure(style.DOUBLE, 3.4, "yielded volume", "plastic strain")
-    draw_branches(axes[0], results, "delta_star", "plastic_fraction", 100.0)
-    draw_branches(axes[1], results, "delta_star", "max_plastic_strain")
-    for axis, text in zip(axes, ("yielded share of the volume (%)", "largest equivalent plastic strain"), strict=True):
-        axis.set(xlabel=DELTA, ylabel=text, xlim=(0, None), ylim=(0, None))
-        approach_axis(axis, results)
-    axes[0].legend(loc="upper left")
-    return figure
-
-
-@style.styled
 def stiffness(results: Results) -> Figure:
     """Draw the stiffnesses of the first loading over the load, and the mean gap of all branches."""
     figure, (left, right) = style.figure(style.DOUBLE, 3.5, "stiffness", "mean gap")
@@ -154,9 +141,6 @@ def stiffness(results: Results) -> Figure:
     for name, (mark, colour, text) in STIFFNESSES.items():
         left.plot(loading.P_star, factor * getattr(loading, name), mark, color=colour, mfc="white", label=text)
     left.set(ylabel=style.label("stiffness", unit), ylim=(0, None))
-    scale, side = value_of_one(loading.force, loading.P_star), value_of_one(loading.delta, loading.delta_star)
-    if np.isfinite(scale * side):
-        style.second_axis(left, "right", side / (factor * scale), "$k^{*}{=}\\,k/(LE')$")
     factor, unit = prefix(float(np.nanmax(curve.mean_gap)), results.unit("length"))
     draw_branches(right, results, "P_star", "mean_gap", factor)
     right.set_ylabel(style.label("mean gap", unit))

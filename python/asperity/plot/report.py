@@ -4,10 +4,8 @@ from __future__ import annotations
 
 import base64
 import hashlib
-import json
 import math
 import re
-from functools import partial
 from importlib.resources import files
 from pathlib import Path
 from typing import Any
@@ -38,15 +36,13 @@ STIFFNESS_WORDS = {
 
 
 @locking
-def write_report(folder: str | Path, finished: bool | None = None) -> Path:
+def write_report(folder: str | Path) -> Path:
     """Write report.html into the folder of a run, from its files; return it.
 
     It shows the figures that are in the folder. All text from the input is escaped.
 
     Args:
         folder: of the run
-        finished: whether the page reports a finished run; default as in summary.json, which a run updates only after
-            it has written its report
 
     Raises:
         InputError: the folder contains no run
@@ -55,16 +51,15 @@ def write_report(folder: str | Path, finished: bool | None = None) -> Path:
     from jinja2 import Environment, PackageLoader, StrictUndefined
 
     results = Results.read(folder)
-    summary = dict(results.summary) | ({} if finished is None else {"finished": finished})
-    warnings = list(summary.pop("warnings", []))
+    summary = results.summary
+    warnings = list(summary.get("warnings", []))
     if (summary.get("accuracy") or {}).get("met") is False:
         warnings.insert(0, f"the tolerance is not met: {summary.get('exit_reason', '')}")
-    summary.pop("dynamics", None)  # as in thresholds.json
     ledger = [
         {name: record[name] for name in ("name", "verdict", "source", "detail", "advice")}
         | {"value": f"{record['value']:.3g} {record['unit']}"}
         | {"limit": f"{'≥' if record['bound'] == 'least' else '≤'} {record['limit']:.3g} {record['unit']}"}
-        for record in summary.pop("assumptions", [])
+        for record in summary.get("assumptions", [])
     ]
     page = Environment(
         loader=PackageLoader("asperity"), autoescape=True, undefined=StrictUndefined,
@@ -74,17 +69,13 @@ def write_report(folder: str | Path, finished: bool | None = None) -> Path:
     order = list(CAPTIONS)
     drawn = [path for path in (results.folder / FIGURES).glob("*") if path.suffix in (".png", ".svg")]
     drawn.sort(key=lambda path: (order.index(path.stem) if path.stem in order else len(order), path.stem))
-    pretty = partial(json.dumps, indent=2, ensure_ascii=False)
-    raw = {"Run: counts, times, checks, versions": pretty(summary)}
-    if results.thresholds:
-        raw["Vibration: thresholds"] = pretty(results.thresholds)
-    raw["Input: the completed case"] = tomli_w.dumps(dict(results.case))
     text = page.render(
         verdict=[*verdict(results), *doubts(results.summary.get("assumptions") or [], named=True)],
         script=script,
         script_hash=base64.b64encode(hashlib.sha256(script.encode()).digest()).decode(),
         title=results.folder.resolve().name,
         version=__version__,
+        versions=", ".join(f"{name} {version}" for name, version in summary.get("versions", {}).items()),
         exit_reason=str(summary.get("exit_reason", "")),
         warnings=warnings,
         law=_law(results),
@@ -93,7 +84,7 @@ def write_report(folder: str | Path, finished: bool | None = None) -> Path:
         assumptions=ledger,
         turning=turning_surface(results),
         figures=[_figure(path) for path in drawn],
-        raw=list(raw.items()),
+        case=tomli_w.dumps(dict(results.case)),
         laws=_laws(results),
         jumps=_jumps(results),
         columns=COLUMNS,

@@ -30,7 +30,7 @@ REPORT = "report.html"
 FIELDS, FIGURES, CHECKPOINT = "fields", "figures", "checkpoint"  # folders
 TOP, VTKHDF = "top.npz", "contact.vtkhdf"  # in fields
 PICTURES = (
-    "surface", "curve", "area", "pressure", "stiffness", "plasticity", "frequency", "response", "receptance", "motion",
+    "surface", "curve", "area", "pressure", "stiffness", "frequency", "response", "receptance", "motion",
     "slip", "conductance",
 )  # in figures # fmt: skip
 FIELD_PICTURES = ("surface", "pressure")  # the others consist of lines and are in .svg too
