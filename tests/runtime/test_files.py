@@ -102,7 +102,7 @@ def test_a_report_and_its_pictures_are_whole_or_absent(tmp_path: Path) -> None:
     folder = write_run(tmp_path / "run")
 
     def write() -> None:
-        plot_run(folder, names=["curve"])
+        plot_run(folder)
         write_report(folder)
 
     for victim in ("figures/curve.svg", "report.html"):

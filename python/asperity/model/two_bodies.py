@@ -10,7 +10,6 @@ docs/measured.md lists the limits.
 
 from __future__ import annotations
 
-import json
 from dataclasses import replace
 from pathlib import Path
 
@@ -85,6 +84,5 @@ def save_sum(first: Surface, second: Surface, path: str | Path, n: int = 513) ->
         raise InputError(f"surfaces of sides {first.L:g} and {second.L:g} have no sum: cut both to one side")
     path = Path(path).with_suffix(".npz")
     heights = first.grid(n) + second.grid(n)[:, ::-1]
-    about = np.frombuffer(json.dumps({"bodies": 2}).encode(), dtype=np.uint8)  # for `assumptions`
-    replace_file(path, npz_bytes({"z": heights, "L": np.array(first.L), "about": about}, compress=True))
+    replace_file(path, npz_bytes({"z": heights, "L": np.array(first.L)}, compress=True))
     return path

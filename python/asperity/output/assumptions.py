@@ -10,7 +10,6 @@ from math import exp, inf, pi, sqrt
 
 import numpy as np
 
-from asperity.curve import UNRESOLVED
 from asperity.mesh.resolution import ELEMENTS, ONE_MESH, SHARE, unresolved_height
 from asperity.model.problem import edge_of_summit
 from asperity.output.assumption import Assumption, Evidence
@@ -34,13 +33,12 @@ FIRST_YIELD = 1.6  # greatest pressure of a spot over the yield strength at firs
 AT_BASE = 0.2  # part of the pressure of the longest wave that arrives at the base
 SPOT = 0.1  # contact radius over the height of the block, which stiffens a bonded layer by about as much
 SMALL_CONTACT = 1e-6  # radius below which metals are harder [m]
-WORKS = (0.05, 0.2, 1.0)  # of adhesion: surfaces in air, in between, clean metals [J/m^2]
+WORK = 0.2  # of adhesion: surfaces in air have some 0.05, clean metals 1 [J/m^2]
 WEAK = 0.01  # pull-off over the greatest force
 POINTS = 257  # per side, for slope and curvature
 SLOW = 0.1  # frequency over the first one of the block: its stiffness is 0.8 % lower than that of a static block
 NEGLIGIBLE = 0.1  # part of the damping ratio that may be left out
 LOCKING = 70.0  # excess of the force over h/L, the greatest of three surfaces [%]
-TWO_BODIES = 0.7  # force of one block over that of two, the greatest difference of four pairs in CalculiX [%]
 DIFFERENT = 20.0  # change of the stiffness beyond which a patch does not stand for its joint [%]
 
 
@@ -116,13 +114,8 @@ def _resolution(run: Evidence) -> Iterator[Assumption]:
 
 
 def _patch(run: Evidence) -> Iterator[Assumption]:
-    """Two rough bodies as one, see `asperity.model.two_bodies`; one patch for a joint; facets; a summit on an edge."""
+    """One patch for a joint; a summit on an edge."""
     problem = run.problem
-    if getattr(problem.surface, "about", {}).get("bodies") == 2:
-        yield Assumption(
-            "two bodies as one: force", TWO_BODIES, 100 * (run.tolerance or ONE_MESH), "% of the force",
-            "two rough blocks with slopes of 0.05 in CalculiX (docs/measured.md)", "a larger tolerance, smaller slopes",
-        )  # fmt: skip
     if (found := run.patches) is not None:
         yield Assumption(
             "joint: stiffness by other patches of its roughness", 100 * found.bar, DIFFERENT, "%",
@@ -130,15 +123,6 @@ def _patch(run: Evidence) -> Iterator[Assumption]:
             "a larger surface.L, or the mean of several seeds (asperity study)",
             f"the mean of the patches is {found}; this one has {int(run.curve.spots[run.top])} spot(s) at the greatest "
             "force",
-        )  # fmt: skip
-    load = run.curve.loading()
-    if len(load):
-        area, error = float(load.area_fraction[-1]), float(load.error_area_fraction[-1])
-        yield Assumption(
-            "resolution: error of the contact area over the area",
-            error / area if area > 0.0 else float(error > 0.0),  # single nodes have no area: their error is all of it
-            UNRESOLVED, "", "about six facets in contact", "a smaller mesh.h_contact, or accuracy.tolerance",
-            warned=True,
         )  # fmt: skip
     edge = None if run.plane else edge_of_summit(problem.sides, problem.surface)
     if edge is not None:
@@ -196,22 +180,20 @@ def _size(run: Evidence) -> Iterator[Assumption]:
         slope = surface.rms_slope()
         xx, _, yy = surface.grid_hessian(POINTS)
         curvature = 0.5 * float(np.sqrt(np.mean((xx + yy) ** 2)))
-        values = [stickiness(slope, curvature, w, modulus) for w in WORKS]
-        known = ", ".join(f"{value:.3g} for {w:g} J/m²" for w, value in zip(WORKS, values, strict=True))
         yield Assumption(
-            f"adhesion: stickiness for {WORKS[1]:g} J/m²", values[1], 1.0, "",
+            f"adhesion: stickiness for {WORK:g} J/m²", stickiness(slope, curvature, WORK, modulus), 1.0, "",
             "Pastewka & Robbins, PNAS 111 (2014) 3298, eq. 10",
-            "the surface sticks: contact without adhesion is not enough", known, least=True,
+            "the surface sticks: contact without adhesion is not enough", "it falls as the work of adhesion rises",
+            least=True,
         )  # fmt: skip
     if radius < inf and force > 0.0:
-        tabor = [tabor_parameter(radius, w, modulus) for w in WORKS]
-        forces = [pull_off(radius, w, mu) for w, mu in zip(WORKS, tabor, strict=True)]
-        parts = zip(forces, tabor, WORKS, strict=True)
+        tabor = tabor_parameter(radius, WORK, modulus)
+        adhesion = pull_off(radius, WORK, tabor)
         yield Assumption(
-            f"adhesion: pull-off of the first summit over the greatest force, {WORKS[1]:g} J/m²", forces[1] / force,
+            f"adhesion: pull-off of the first summit over the greatest force, {WORK:g} J/m²", adhesion / force,
             WEAK, "", "Tabor, J. Colloid Interface Sci. 58 (1977) 2; Carpick et al., ibid. 211 (1999) 395",
             "a greater load: adhesion adds to a light one",
-            ", ".join(f"{F:.2g} N (Tabor {mu:.2g}) for {w:g} J/m²" for F, mu, w in parts),
+            f"{adhesion:.2g} N, Tabor's parameter {tabor:.2g}",
         )  # fmt: skip
     if run.greatest("max_plastic_strain") > 0.0:
         contact = run.contact_radius

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -20,7 +20,6 @@ from asperity.runtime.run_folder import FIGURES, locking
 
 if TYPE_CHECKING:
     from asperity.dynamics import Dynamics
-    from asperity.surface import Surface
 
 __all__ = [
     "CAPTIONS", "conductance", "contact_area", "force_curve", "frequency", "motion",
@@ -58,22 +57,20 @@ CAPTIONS = {
 
 
 @locking
-def plot_run(folder: str | Path, surface: Surface | None = None, names: Sequence[str] = tuple(CAPTIONS)) -> list[Path]:
+def plot_run(folder: str | Path) -> list[Path]:
     """Draw the figures that the files of a run allow, into its folder figures/, and return the files.
 
     Those that consist of lines are SVG files, the others PNG files.
 
     Args:
         folder: of the run
-        surface: of the case, if already built
-        names: of the figures, keys of CAPTIONS
 
     Raises:
         InputError: the folder contains no run, or another process works in it
     """
-    results = Results.read(folder, surface)
+    results = Results.read(folder)
     possible = figures_of(results)
-    return [draw(results, name) for name in names if name in possible]
+    return [draw(results, name) for name in CAPTIONS if name in possible]
 
 
 def draw(results: Results, name: str) -> Path:

@@ -127,22 +127,6 @@ def label(quantity: str, unit: str) -> str:
     return f"{quantity} ({unit})" if unit else quantity
 
 
-def second_axis(axis: Any, side: str, factor: float, text: str) -> None:
-    """Draw a second axis at a side, "top" or "right": the values of the first times a factor."""
-    axis.tick_params(**{side: False}, which="both")
-    draw = axis.secondary_xaxis if side == "top" else axis.secondary_yaxis
-    second = draw(side, functions=(lambda x: x * factor, lambda x: x / factor))
-    scale, first = (second.xaxis, axis.xaxis) if side == "top" else (second.yaxis, axis.yaxis)
-    if first.get_scale() == "linear":
-        scale.set_major_formatter(Numbers())
-    else:
-        _few_labels(scale, *(factor * limit for limit in first.get_view_interval()))
-    second.grid(False)
-    if side == "top":
-        axis.yaxis.get_offset_text().set_x(-0.17)  # left of the labels at the top
-    (second.set_xlabel if side == "top" else second.set_ylabel)(text)
-
-
 def physical_axis(axis: Any, side: str, quantity: str, scale: float, unit: str) -> None:
     """Draw a second axis of a physical quantity at a side, "top" or "right", after the limits of the axis are set.
 
@@ -150,9 +134,22 @@ def physical_axis(axis: Any, side: str, quantity: str, scale: float, unit: str) 
     """
     if not np.isfinite(scale):
         return
-    _, high = axis.get_xlim() if side == "top" else axis.get_ylim()
+    first = axis.xaxis if side == "top" else axis.yaxis
+    low, high = first.get_view_interval()
     factor, name = prefix(high * scale, unit)
-    second_axis(axis, side, scale * factor, label(quantity, name))
+    factor *= scale
+    axis.tick_params(**{side: False}, which="both")
+    draw = axis.secondary_xaxis if side == "top" else axis.secondary_yaxis
+    second = draw(side, functions=(lambda x: x * factor, lambda x: x / factor))
+    own = second.xaxis if side == "top" else second.yaxis
+    if first.get_scale() == "linear":
+        own.set_major_formatter(Numbers())
+    else:
+        _few_labels(own, factor * low, factor * high)
+    second.grid(False)
+    if side == "top":
+        axis.yaxis.get_offset_text().set_x(-0.17)  # left of the labels at the top
+    own.set_label_text(label(quantity, name))
 
 
 def logarithmic(axis: Axes, names: str = "xy") -> None:
