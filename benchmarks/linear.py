@@ -3,6 +3,7 @@
     ./run python3 benchmarks/linear.py krylov [H ...]     tolerance of the Krylov solver, elastic and elastic-plastic
     ./run python3 benchmarks/linear.py coarse [H ...]     ways to solve the coarse problem, also under mpirun
     ./run mpirun --oversubscribe -n N python3 benchmarks/linear.py ranks [H]    counts of N ranks, and what they cost
+    ./run mpirun --oversubscribe -n N python3 benchmarks/linear.py memory [H]   memory of N ranks in one step
 
 Load steps to 0.03 L; H is the element size in the contact in units of L; seconds are CPU seconds of the load path.
 """
@@ -11,6 +12,7 @@ from __future__ import annotations
 
 import sys
 import warnings
+from pathlib import Path
 from time import process_time
 from typing import Any
 
@@ -117,6 +119,16 @@ def ranks(sizes: tuple[float, ...]) -> None:
             out("| " + " | ".join(map(str, row)) + f" | {share:.2f} | {known} |")
 
 
+def memory(sizes: tuple[float, ...]) -> None:
+    """Sum of the peaks of the ranks, and what they take of the machine at the end, where shared pages count once."""
+    out("| ranks | dofs | peaks MiB | of the machine MiB |\n|---|---|---|---|")
+    for h in sizes:
+        result, _ = fractal(MATERIALS["plastic"], h, steps=1)
+        lines = Path("/proc/self/smaps_rollup").read_text().splitlines()
+        taken = MPI.COMM_WORLD.allreduce(next(int(line.split()[1]) / 1024 for line in lines if line.startswith("Pss:")))
+        out(f"| {MPI.COMM_WORLD.size} | {result.dofs} | {result.memory / 2**20:.0f} | {taken:.0f} |")
+
+
 def out(line: str) -> None:
     """Print on rank 0."""
     if MPI.COMM_WORLD.rank == 0:
@@ -124,6 +136,7 @@ def out(line: str) -> None:
 
 
 if __name__ == "__main__":
-    jobs = {"krylov": (krylov, (0.05,)), "coarse": (coarse, (0.1, 0.05, 0.022)), "ranks": (ranks, (0.0125,))}
+    jobs = {"krylov": (krylov, (0.05,)), "coarse": (coarse, (0.1, 0.05, 0.022)), "ranks": (ranks, (0.0125,)),
+            "memory": (memory, (0.0125,))}  # fmt: skip
     job, default = jobs[sys.argv[1]]
     job(tuple(map(float, sys.argv[2:])) or default)

@@ -65,8 +65,7 @@ def here() -> Any:
 def assembled(solid: Solid) -> Any:
     """Copy of the current tangent of a solid as a PETSc matrix; collective."""
     matrix = NodeMatrix(solid.sparsity, solid.V.dofmap.index_map, solid.comm)
-    np.copyto(matrix.values, solid.tangent.values())
-    matrix.assemble()
+    matrix.assemble(solid.tangent.values())
     return matrix.A
 
 

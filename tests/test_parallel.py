@@ -21,7 +21,7 @@ from asperity.linear.coarse import DENSE
 from asperity.mesh.block import BlockMesh
 from asperity.mesh.generate import build_block
 from asperity.model.material import Material
-from asperity.model.settings import Formulation, MeshSize, SolverOptions
+from asperity.model.settings import Formulation, SolverOptions
 from asperity.output.results import Results
 from asperity.plot import figures_of
 from asperity.quasistatic import measures
@@ -132,16 +132,6 @@ def test_a_run_writes_one_set_of_files(shared_path: Path) -> None:
     assert {path.name for path in folder.iterdir()} >= {"case.toml", "curve.csv", "summary.json", "fields"}
     drawn = {path.stem for path in (folder / FIGURES).glob("*.*")}
     assert drawn == {*figures_of(Results.read(folder))} >= {"frequency", "response", "curve", "pressure"}
-
-
-def test_a_mesh_made_by_all_is_the_mesh_made_by_one(rough: Surface) -> None:
-    size = MeshSize(0.2, growth=0.6, h_max=0.6)
-    alone, together = here(), world()
-    one, all_ = (solve_contact(rough, ELASTIC, delta_max=DELTA, steps=1, size=size, comm=c) for c in (alone, together))
-    assert_same(all_.curve, one.curve)
-    if together.rank == 0:
-        assert one.block is not None and all_.block is not None
-        np.testing.assert_array_equal(one.block.tets, all_.block.tets)
 
 
 def test_no_rank_but_the_first_holds_an_array_of_the_mesh(rough: Surface, coarse: BlockMesh | None) -> None:

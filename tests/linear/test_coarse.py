@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from conftest import ELASTIC, world
+from conftest import world
 from scipy import sparse
 
 from asperity import _solver
@@ -15,9 +15,6 @@ from asperity.linear import coarse as coarse_problem
 from asperity.linear.coarse import Distributed, Factors, Substructures, interface_of, make_coarse
 from asperity.mesh.block import BlockMesh
 from asperity.mesh.distribute import distribute
-from asperity.model.settings import SolverOptions
-from asperity.quasistatic.make import make_contact_solver
-from asperity.surface import Surface
 
 pytestmark = pytest.mark.skipif(not hasattr(_solver, "Cholesky"), reason="built without CHOLMOD")
 
@@ -114,13 +111,13 @@ def test_coarse_solution_solves_the_sum_of_the_parts(coarse: BlockMesh | None, k
         assert problem._matrix.A.getBlockSize() == 3  # it aggregates nodes, not dofs, on one rank too
     sparsity = problem.sparsity
     rows = np.repeat(np.arange(3 * corners), np.diff(sparsity.rows))
-    problem.values[:] = np.where(rows == sparsity.columns, 2.0, -0.01)
-    assert problem.update()
+    values = np.where(rows == sparsity.columns, 2.0, -0.01)
+    assert problem.update(values)
     right = np.random.default_rng(mesh.comm.rank).normal(size=(corners, 3)).astype(np.float32)
     x = problem.solve(right.ravel())
     np.testing.assert_array_equal(x, ghosts.scatter_forward(x[: 3 * index_map.size_local].reshape(-1, 3)).ravel())
     image = np.zeros(3 * corners)
-    np.add.at(image, rows, problem.values * x[sparsity.columns])
+    np.add.at(image, rows, values * x[sparsity.columns])
     owned = ghosts.scatter_reverse(image.reshape(-1, 3)).copy(), ghosts.scatter_reverse(right).copy()
     tolerance = 0.3 if kind == "distributed" else 1e-5
     error = mesh.comm.allreduce(float(np.sum((owned[0] - owned[1]) ** 2)))
@@ -157,19 +154,3 @@ def test_way_to_solve_the_coarse_problem(coarse: BlockMesh | None, monkeypatch: 
         assert kind() is Distributed
     monkeypatch.delattr(_solver, "Cholesky")
     assert kind() is Distributed
-
-
-@pytest.mark.mpi
-def test_a_path_without_cholmod_is_the_usual_one(
-    rough: Surface, coarse: BlockMesh | None, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """Force and iterations as with it, and no rescue."""
-    options = SolverOptions(linear="cg")
-    usual = make_contact_solver(world(), rough, coarse, ELASTIC, options=options)
-    monkeypatch.delattr(_solver, "Cholesky")
-    without = make_contact_solver(world(), rough, coarse, ELASTIC, options=options)
-    for solver in (usual, without):
-        for delta in (0.01, 0.02, 0.015):
-            assert solver.step(delta).converged
-        assert solver.counts.direct == 0
-    assert without.force == pytest.approx(usual.force, rel=1e-6)

@@ -76,7 +76,7 @@ def test_a_coarse_problem_that_multigrid_does_not_solve_is_factorised(
     assert isinstance(algebraic, coarse_problem.Distributed)
     with monkeypatch.context() as patch:
         patch.setattr(algebraic, "solve", np.zeros_like)
-        patch.setattr(algebraic, "update", lambda: multigrid._coarse is not algebraic)
+        patch.setattr(algebraic, "update", lambda values: multigrid._coarse is not algebraic)
         assert solver.solve(r, solid.fixed, np.empty(0), y, 1e-3)[1]
     assert multigrid._coarse is not algebraic and multigrid._coarse.factorisation is None
     assert solver.rescued == 0

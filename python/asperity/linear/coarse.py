@@ -55,7 +55,6 @@ class Distributed:
 
     Attributes:
         sparsity: of this rank's part of the matrix, on its corners, ghosts included
-        values: of this rank's part; the matrix is the sum of the parts
         factorisation: makes the same problem factorised by MUMPS; None where it is, or where the user has chosen
     """
 
@@ -66,9 +65,8 @@ class Distributed:
         self.factorisation = None
         if not (factorised or PETSc.Options(PREFIX).hasName("pc_type")):
             self.factorisation = partial(Distributed, dofmap, points, comm, symmetric, factorised=True)
-        self._matrix = NodeMatrix(SparsityPattern(dofmap.list, len(points)), index_map, comm)
-        self.sparsity = self._matrix.sparsity
-        self.values: Floats = self._matrix.values
+        self.sparsity = SparsityPattern(dofmap.list, len(points))
+        self._matrix = NodeMatrix(self.sparsity, index_map, comm)
         set_rigid_modes(self._matrix.A, points)
         self._matrix.A.setOption(PETSc.Mat.Option.SPD, symmetric)
         self._ghosts = Ghosts(index_map)
@@ -85,9 +83,9 @@ class Distributed:
         set_defaults(PREFIX, GAMG | {"mg_levels_ksp_max_it": 4})
         self._ksp.setFromOptions()
 
-    def update(self) -> bool:
-        """Take up the current `values`; whether it can be solved, the same on all ranks; collective."""
-        self._matrix.assemble()
+    def update(self, values: Floats) -> bool:
+        """Take up the values of this rank's part; whether the sum can be solved, the same on all ranks; collective."""
+        self._matrix.assemble(values)
         self._ksp.setOperators(self._matrix.A)
         self._ksp.setUp()
         return not self._ksp.getPC().getFailedReason()
@@ -181,24 +179,23 @@ class Substructures:
         index_map, self._comm = dofmap.index_map, comm
         corners = index_map.size_local + index_map.num_ghosts
         self.sparsity = SparsityPattern(dofmap.list, corners)
-        self.values: Floats = np.zeros(self.sparsity.size)
         self._ghosts = Ghosts(index_map)
         self._nodes, self._at, dofs = interface
         self._factors = Factors(self.sparsity, self._nodes)
         self._schur = np.zeros((dofs, dofs), dtype=np.float32)
         self._left = np.zeros(dofs, dtype=np.float32)
 
-    def update(self) -> bool:
+    def update(self, values: Floats) -> bool:
         from mpi4py import MPI
         from scipy.linalg.lapack import spotrf
 
         if self._comm.size == 1:
-            return self._factors.factorise(self.values, np.empty(0, dtype=np.float32))
+            return self._factors.factorise(values, np.empty(0, dtype=np.float32))
         # the diagonal of the whole matrix, without which the part of one rank may be singular at the interface
-        parts = self.values[self.sparsity.diagonal].reshape(-1, 3)
+        parts = values[self.sparsity.diagonal].reshape(-1, 3)
         whole = self._ghosts.scatter_forward(self._ghosts.scatter_reverse(parts).copy())
         shift = whole[self._nodes].ravel().astype(np.float32)
-        done = self._factors.factorise(self.values, shift)
+        done = self._factors.factorise(values, shift)
         if not self._comm.allreduce(done, MPI.LAND):
             return False
         lower = self._factors.last_block()

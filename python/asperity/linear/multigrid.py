@@ -124,10 +124,11 @@ class PMultigrid:
             renew = not self._reusable or bool(total > max(LAG, LAG_SHARE * solid.dofs))
         if renew:
             coarse, corners = self._coarse, np.ascontiguousarray(tangent.kept[self._corners])
-            tangent.project(self._parents, coarse.sparsity, corners, coarse.values)
+            values = np.empty(coarse.sparsity.size)
+            tangent.project(self._parents, coarse.sparsity, corners, values)
             held = np.flatnonzero(corners[: self._owned_corners].ravel() == 0.0)
-            coarse.values[coarse.sparsity.diagonal[held]] = 1.0  # unit rows
-            self._reusable = coarse.update()
+            values[coarse.sparsity.diagonal[held]] = 1.0  # unit rows
+            self._reusable = coarse.update(values)
             if not self._reusable:
                 return False
             self._of, self._usual = tangent.kept, 0.0

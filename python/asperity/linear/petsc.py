@@ -28,32 +28,29 @@ TOO_LITTLE = -19  # error of MUMPS: that is too little
 
 
 class NodeMatrix:
-    """PETSc matrix of the local CSR matrices: it shares the values on one rank, and is their sum on several ranks.
-
-    Attributes:
-        values: of this rank's part, in the order of `sparsity.columns`
-        A: the matrix; on one rank it shares `values`, and an elimination changes them
-    """
+    """PETSc matrix `A`, the sum of the parts of the ranks, which are local CSR matrices of one pattern."""
 
     def __init__(self, sparsity: SparsityPattern, index_map: Any, comm: Any) -> None:
         from petsc4py import PETSc
 
-        self.sparsity, self._comm = sparsity, comm
-        self.values = np.zeros(sparsity.size)
+        self._sparsity, self._comm = sparsity, comm
         if comm.size > 1:
             self.A = empty_matrix(index_map, 3, comm)
             return
-        csr, size = (sparsity.rows, sparsity.columns, self.values), len(sparsity.rows) - 1
+        self._values = np.zeros(sparsity.size)
+        csr, size = (sparsity.rows, sparsity.columns, self._values), len(sparsity.rows) - 1
         self.A = PETSc.Mat().createAIJWithArrays((size, size), csr, bsize=3, comm=comm)
         self.A.setBlockSize(3)  # without which algebraic multigrid would aggregate dofs instead of nodes
 
-    def assemble(self) -> None:
-        """Assemble the matrix from `values`; collective."""
+    def assemble(self, values: Floats) -> None:
+        """Assemble the matrix from the values of this rank's part, in the order of `sparsity.columns`; collective."""
         from petsc4py import PETSc
 
         if self._comm.size > 1:
             self.A.zeroEntries()
-            self.A.setValuesLocalCSR(self.sparsity.rows, self.sparsity.columns, self.values, PETSc.InsertMode.ADD)
+            self.A.setValuesLocalCSR(self._sparsity.rows, self._sparsity.columns, values, PETSc.InsertMode.ADD)
+        else:
+            np.copyto(self._values, values)
         self.A.assemble()
 
 

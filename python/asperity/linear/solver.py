@@ -258,8 +258,7 @@ class Assembled:
     def prepare(self, rows: Integers) -> None:
         """Take up the current tangent with these owned dofs prescribed; collective."""
         A, solid = self.operator, self._solid
-        np.copyto(self._matrix.values, solid.tangent.values())
-        self._matrix.assemble()
+        self._matrix.assemble(solid.tangent.values())
         diagonal = A.getDiagonal().sum() / solid.dofs
         A.zeroRowsColumns(rows + A.getOwnershipRange()[0], diag=diagonal)
         self._ksp.setOperators(A)
