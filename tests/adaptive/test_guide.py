@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from conftest import ELASTIC, here
+from conftest import ELASTIC, here, top_of
 
 import asperity as asp
 from asperity.adaptive.extrapolation import (
@@ -26,7 +26,6 @@ from asperity.adaptive.refine import refine
 from asperity.curve import Curve
 from asperity.errors import Interrupted
 from asperity.mesh.generate import build_block
-from asperity.mesh.top import Top
 from asperity.model.material import Material
 from asperity.model.problem import Problem
 from asperity.quasistatic.callbacks import Callbacks
@@ -50,7 +49,7 @@ def test_the_cells_are_enough_and_pixels_do_not_count(tmp_path: Path, monkeypatc
     many = Guide(problem, 0.02, 4)
     cells = [len(guide.sizes) for guide in (few, many)]
     assert cells[0] < 300 < cells[1]
-    force, exact = (guide.left_out(Top.of(block, problem.surface)).force for guide in (few, many))
+    force, exact = (guide.left_out(top_of(block, problem.surface)).force for guide in (few, many))
     assert np.abs(exact).max() > 0.05
     assert np.abs(force - exact).max() < 0.01
 

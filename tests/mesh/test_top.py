@@ -5,9 +5,10 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
+from conftest import top_of
 
 from asperity.mesh.generate import build_block
-from asperity.mesh.top import Top, heights_of_top
+from asperity.mesh.top import heights_of_top
 from asperity.surface import Flat
 
 
@@ -29,5 +30,5 @@ def test_a_quadratic_top_is_exact() -> None:
     points = np.column_stack([x, y, z + f(x, y) * (z / 3.0)])
     n = 37
     c = (np.arange(n) + 0.5) * 2.0 / n
-    found = heights_of_top(Top.of(replace(block, points=points), Quadratic(L=2.0)), Quadratic(L=2.0), n)
+    found = heights_of_top(top_of(replace(block, points=points), Quadratic(L=2.0)), Quadratic(L=2.0), n)
     np.testing.assert_allclose(found, f(c[None, :], c[:, None]) / 2.0, atol=1e-13)

@@ -8,8 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from asperity.arrays import Floats, Indices
-from asperity.mesh.block import NEAR, BlockMesh
-from asperity.mesh.element import face_functions, outer_faces, shares
+from asperity.mesh.element import face_functions, shares
 from asperity.runtime.display import short_repr
 
 if TYPE_CHECKING:
@@ -29,14 +28,6 @@ class Top:
     faces: Indices
 
     __repr__ = short_repr
-
-    @staticmethod
-    def of(block: BlockMesh, surface: Surface) -> Top:
-        """Top of a mesh that is not refined any more, made for `surface`."""
-        on_top = np.abs(block.heights(surface) - block.points[:, 2]) < NEAR * block.side
-        faces = outer_faces(block.tets)
-        points = (block.points - np.array([0.0, 0.0, block.height])) / block.side
-        return Top(points, faces[on_top[faces].all(axis=1)])
 
 
 def heights_of_top(top: Top, surface: Surface, n: int, nodal: bool = False) -> Floats:
