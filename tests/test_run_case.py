@@ -46,7 +46,7 @@ def full(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, RunResult]:
     """A run with everything a case can ask for."""
     folder = tmp_path_factory.mktemp("full") / "new" / "folder"
     everything = {"figures": True, "fields": True, "report": True, "snapshots": 2}
-    everything |= {"stiffness": True, "conductance": True}
+    everything |= {"stiffness": True}
     dynamics = {"law": "paper", "zeta": 0.05, "forcing": [0.02], "model": ["exact"], "damping": "loops"}
     loops = {"amplitudes": [0.3, 0.6], "cycles": 2, "steps": 1}
     material = CASE["material"] | {"density": 7800.0}

@@ -31,7 +31,7 @@ def write(folder: Path, **material: float) -> Path:
     ]  # fmt: skip
     asp.Curve.from_rows(rows).write(folder / "curve.csv")
     case = {"surface": {"kind": "sphere", "L": L, "radius": 1e-2}, "material": {"E": 200e9, "nu": 0.3, **material}}
-    case |= {"loading": {"delta_max": 1e-6, "unload": True}, "output": {"conductance": True}}
+    case |= {"loading": {"delta_max": 1e-6, "unload": True}, "output": {"stiffness": True}}
     (folder / "case.toml").write_text(asp.Case.from_dict(case).to_toml(), encoding="utf-8")
     return folder
 

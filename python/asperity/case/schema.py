@@ -51,7 +51,7 @@ class MaterialSection(Section):
         "7800 kg/m^3 for steel",
     )  # fmt: skip
     conductivity: Real | None = optional(
-        "of heat or current: with output.conductance for the conductance of the joint per area", CONDUCTIVITY, "none",
+        "of heat or current: with output.stiffness for the conductance of the joint per area", CONDUCTIVITY, "none",
         "50 W/(m K) for steel",
     )  # fmt: skip
     conductivity_other: Real | None = optional(
@@ -274,9 +274,9 @@ class OutputSection(Section):
     fields: Flag = key("fields/ for ParaView", False)
     report: Flag = key("report.html", False)
     stiffness: Flag = key(
-        "columns k_n_elastic to k_t_interface, always with [slip]; load steps take a third to a half longer", False
+        "columns k_n_elastic to conductance, always with [slip]; load steps take a third to a half longer",
+        False,
     )
-    conductance: Flag = key("column conductance of the curve", False)
     snapshots: Whole = key("load levels kept for pressure maps and fields", 4, ge=0, le=1000)
     checkpoint: Whole = key("accepted steps from one checkpoint to the next, 0 for none", 1, ge=0)
 

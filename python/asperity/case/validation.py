@@ -154,7 +154,7 @@ def doubts(case: Input) -> Iterator[str]:
         (method != "nitsche", ("contact.gamma",), by_method),
         (not case.material.plastic, ("loading.integrator",), "the material is elastic"),
         (case.dynamics is None and case.joint is None, ("material.density",), "no [dynamics], no [joint]"),
-        (not case.output.conductance, ("material.conductivity",), "output.conductance is false"),
+        (not case.has_stiffness, ("material.conductivity",), "output.stiffness is false"),
         (case.material.conductivity is None, ("material.conductivity_other",), "there is no material.conductivity"),
     ]
     defaults = {"mesh.h_contact": H_CONTACT * case.surface.L}  # which follow from other keys

@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING, Any, TypedDict
 
 from asperity.curve import Curve
 from asperity.fem.solid import Solid
-from asperity.quasistatic.measures import Conductance
 from asperity.quasistatic.stepping import Callback
 from asperity.quasistatic.stiffness import Stiffness
 
@@ -26,7 +25,6 @@ class CallbackArguments(TypedDict, total=False):
     snapshots: int
     on_ready: Callable[[], None] | None
     stiffness: bool
-    conductance: bool
     on_part: Callable[[float], None] | None
     on_curve: Callable[[Curve], None] | None
 
@@ -42,8 +40,7 @@ class Callbacks:
         checkpoint: receives the state; one that holds a state is continued from
         snapshots: states of the top to keep per loading
         on_ready: called when mesh and solver are made, before anything is saved
-        stiffness: whether to compute the columns k_n_elastic to k_t_interface
-        conductance: whether to compute the column conductance
+        stiffness: whether to compute the columns k_n_elastic to k_t_interface, and conductance
         on_part: called on rank 0 with the part of a stage without load steps that is done, 0 to 1
         on_curve: with a tolerance, called with the curve with error bars that each mesh after the first gives
     """
@@ -55,14 +52,12 @@ class Callbacks:
     snapshots: int = 0
     on_ready: Callable[[], None] | None = None
     stiffness: bool = False
-    conductance: bool = False
     on_part: Callable[[float], None] | None = None
     on_curve: Callable[[Curve], None] | None = None
 
     def probes(self, solid: Solid) -> tuple[Any, ...]:
         """Measurements of each accepted step that are requested, see `ContactSolver`; collective."""
-        found: tuple[Any, ...] = (Stiffness(solid),) if self.stiffness else ()
-        return (*found, Conductance(solid)) if self.conductance else found
+        return (Stiffness(solid),) if self.stiffness else ()
 
     def stage(self, name: str) -> None:
         """Announce a stage."""

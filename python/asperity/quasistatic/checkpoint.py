@@ -13,7 +13,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, TypeGuard
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -27,7 +27,6 @@ from asperity.quasistatic.balance import Checks
 from asperity.quasistatic.contact_solver import ContactSolver, Counts, SolverState
 from asperity.quasistatic.measures import Snapshot
 from asperity.quasistatic.stepping import Position, Record
-from asperity.quasistatic.stiffness import Stiffness
 from asperity.runtime.distributed_array import (
     DistributedArray,
     deal,
@@ -54,14 +53,13 @@ from asperity.version import __version__
 if TYPE_CHECKING:
     from mpi4py import MPI
 
-FORMAT = 8  # of the files, which other versions refuse
+FORMAT = 9  # of the files, which other versions refuse
 META = "meta"  # array of letters: the numbers of a state as JSON
 Shapes = dict[str, tuple[int, ...]]  # of arrays by name
 DISPLACEMENTS = ("displacement", "previous")  # of a state
 OF_CELLS = ("stress", "plastic_strain")  # fields of a snapshot with a row per cell
 OF_CONTACT = "contact."  # prefix of the names of the contact's history
 HELD = "held"  # what friction keeps of the nodes in contact
-STIFFNESS = "stiffness"  # start of the systems of the stiffness columns; in states of runs with these columns only
 
 
 def refuse_another_run(path: Path, saved: Mapping[str, Any], now: Mapping[str, Any]) -> None:
@@ -302,10 +300,6 @@ class Saved:
             solver.contact.restore(history(of_contact, facet_numbers(solver.contact_surface), OF_CONTACT))
         if solver.contact.held is not None:
             solver.contact.held = some(HELD, top, np.nan)
-        if STIFFNESS in arrays:
-            memory = look_up(arrays[STIFFNESS], owned)
-            for probe in filter(_remembers, solver.probes):
-                probe.recall(memory)
         numbers = dict(self.meta["solver"])
         numbers |= {"counts": Counts(**numbers["counts"]), "checks": Checks.from_dict(numbers["checks"])}
         numbers |= {name: look_up(arrays[name], owned) for name in DISPLACEMENTS}
@@ -338,8 +332,6 @@ def solver_fields(solver: ContactSolver) -> dict[str, DistributedArray]:
 
     for name in DISPLACEMENTS:
         out[name] = share_nodes(solid, solid.scatter_forward(getattr(solver.state(), name).ravel()))
-    for probe in filter(_remembers, solver.probes):
-        out[STIFFNESS] = share_nodes(solid, solid.ghosts.scatter_forward(probe.memory()))
     if solid.material.plastic:
         history = solid.kernels.history()
         changed = history.changed()
@@ -358,11 +350,6 @@ def solver_fields(solver: ContactSolver) -> dict[str, DistributedArray]:
         for name, values in of_contact.arrays().items():
             keep_some(OF_CONTACT + name, facets, values)
     return out
-
-
-def _remembers(probe: Any) -> TypeGuard[Stiffness]:
-    """Whether a probe starts from what it found at the step before."""
-    return isinstance(probe, Stiffness)
 
 
 def snapshot_fields(solver: ContactSolver, snapshot: Snapshot) -> dict[str, DistributedArray]:

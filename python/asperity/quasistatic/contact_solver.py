@@ -72,7 +72,7 @@ class ContactSolver:
         pressure: at the local nodes, ghosts included (nodes,) [E]
         counts, checks: over all steps so far
         probes: measure what depends on the tangent of a step: called with the solver before its history is committed,
-            collective, they return values by the name of a column, in units of L and E; `drop_matrices` frees theirs
+            collective, they return values by the name of a column, in units of L and E
         probed: what they found in the last accepted step
     """
 
@@ -107,8 +107,6 @@ class ContactSolver:
         The state of the last accepted step stays, and steps may follow.
         """
         self._newton = None
-        for probe in self.probes:
-            probe.drop_matrices()
         self.solid.tangent.drop()
         destroy_unused(self.solid.comm)
 
