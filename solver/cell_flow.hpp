@@ -10,21 +10,14 @@
 
 namespace asperity
 {
-template <MaterialLaw L>
-double bulk_modulus(const L& law)
-{
-  const Moduli C = law.elastic();
-  return C.lambda + 2.0 / 3.0 * C.mu;
-}
-
 /// Strain and response of the points of a cell to the displacement of its nodes.
-template <bool finite, MaterialLaw L>
+template <bool finite>
 class CellResponse
 {
 public:
-  CellFlow flow; // of all points; of a law without flow nothing
+  CellFlow flow; // of all points
 
-  CellResponse(const Cells& cells, std::size_t c, const L& material, const History& committed, const Gradients& u)
+  CellResponse(const Cells& cells, std::size_t c, const J2& material, const History& committed, const Gradients& u)
       : material(material), committed(committed), count(cells.points())
   {
     if (count > most_points)
@@ -35,11 +28,9 @@ public:
       auto& [p, x, trial] = points[q].emplace(cells, c, q, corners, u);
       const State state = committed.at(p.index);
       trial = material.trial(x.strain, state);
-      if constexpr (FlowLaw<L>)
-        flow.add(trace(x.strain), state.dilatation, trial.excess, x.valid() ? p.volume : 0.0);
+      flow.add(trace(x.strain), state.dilatation, trial.excess, x.valid() ? p.volume : 0.0);
     }
-    if constexpr (FlowLaw<L>)
-      flow.solve(material.resistance(), bulk_modulus(material), cells.relaxation);
+    flow.solve(material.resistance(), material.bulk(), cells.relaxation);
   }
 
   /// Call `kernel` with point, strain and response; the latter is void where the strain is not valid.
@@ -49,7 +40,7 @@ public:
     for (std::size_t q = 0; q < count; ++q)
     {
       const Entry& at = *points[q];
-      kernel(at.p, at.x, at.x.valid() ? respond(at) : typename L::Response{});
+      kernel(at.p, at.x, at.x.valid() ? respond(at) : J2::Response{});
     }
   }
 
@@ -58,7 +49,7 @@ private:
   {
     Point p;
     Strain<finite> x;
-    typename L::Trial trial;
+    J2::Trial trial;
 
     Entry(const Cells& cells, std::size_t c, std::size_t q, const Gradients& corners, const Gradients& u)
         : p(cells.point(c, q, corners)), x(p.g, u)
@@ -66,18 +57,15 @@ private:
     }
   };
 
-  typename L::Response respond(const Entry& at) const
+  J2::Response respond(const Entry& at) const
   {
-    double permanent = 0.0;
-    if constexpr (FlowLaw<L>)
-      permanent = flow.permanent(at.p.at);
+    const double permanent = flow.permanent(at.p.at);
     auto r = material.respond(at.trial, trace(at.x.strain) - permanent, committed.at(at.p.index), flow.relief);
-    if constexpr (FlowLaw<L>)
-      r.state.dilatation = permanent;
+    r.state.dilatation = permanent;
     return r;
   }
 
-  const L& material;
+  const J2& material;
   const History& committed;
   std::size_t count;
   std::array<std::optional<Entry>, most_points> points;
@@ -88,8 +76,8 @@ struct CommonSlopes
 {
   Gradients dilatation{}, deviation{}, driving{}; // of mean volumetric strain, D^2/2, and flow at a given relief; times V
 
-  template <typename L, typename AnyStrain, typename Response>
-  void add(const L& material, const CellFlow& cell, const Point& p, const AnyStrain& x, const Response& r)
+  template <typename AnyStrain>
+  void add(const J2& material, const CellFlow& cell, const Point& p, const AnyStrain& x, const J2::Response& r)
   {
     constexpr Sym one{1.0, 1.0, 1.0, 0.0, 0.0, 0.0};
     Gradients g{};
@@ -105,10 +93,9 @@ struct CommonSlopes
   }
 
   /// Add to the stiffness what a point does not have from its own strain.
-  template <typename L>
-  void add_to(const L& material, const CellFlow& cell, double* A) const
+  void add_to(const J2& material, const CellFlow& cell, double* A) const
   {
-    const double bulk = bulk_modulus(material), slope = bulk * cell.kept_slope;
+    const double bulk = material.bulk(), slope = bulk * cell.kept_slope;
     const double share = 1.0 / (cell.volume * (1.0 - cell.softness * cell.relief_slope));
     double row[3][row_length] = {}; // by the order `dof`
     for (int a = 0; a < nodes; ++a)
@@ -132,10 +119,9 @@ struct CommonSlopes
   }
 
   /// Derivative of flow * `flow` + relief * `relief` + D^2/2 * `deviated` of a cell.
-  template <typename L>
-  Gradients of_flow(const L& material, const CellFlow& cell, double flow, double relief, double deviated) const
+  Gradients of_flow(const J2& material, const CellFlow& cell, double flow, double relief, double deviated) const
   {
-    const double slope = bulk_modulus(material) * cell.kept_slope;
+    const double slope = material.bulk() * cell.kept_slope;
     const double share = 1.0 / (cell.volume * (1.0 - cell.softness * cell.relief_slope));
     const double driven = share * (flow + cell.relief_slope * relief);
     deviated = deviated / cell.volume - share * slope * (cell.softness * flow + relief);

@@ -1,5 +1,5 @@
 // Kernels over cells, see cells.hpp. Each has one loop over cells and one over their quadrature points, the latter in
-// `Cells::at_points`; those that depend on the material are compiled for each law, see laws.hpp.
+// `Cells::at_points`; those that depend on the strain are compiled for small and finite ones.
 #include "cells.hpp"
 #include "cell_flow.hpp"
 
@@ -23,18 +23,14 @@ void add_cell(const Cells& cells, std::size_t c, const Pattern& pattern, typenam
   pattern.add(cells.dofs_of(c), c, A, values);
 }
 
-/// Call `kernel(law, finite)` with the law and the kind of strain as constants.
+/// Call `kernel(finite)` with the kind of strain as a constant.
 template <typename Kernel>
-void with_kind(const Law& law, bool finite, Kernel&& kernel)
+void with_kind(bool finite, Kernel&& kernel)
 {
-  with_law(law,
-           [&](const auto& material)
-           {
-             if (finite)
-               kernel(material, std::true_type{});
-             else
-               kernel(material, std::false_type{});
-           });
+  if (finite)
+    kernel(std::true_type{});
+  else
+    kernel(std::false_type{});
 }
 
 } // namespace
@@ -74,18 +70,7 @@ void volumes(const Cells& cells, const Array<double>& out)
     cells.at_points(c, [&](const Point& p) { out.data()[p.index] = p.volume; });
 }
 
-void min_jacobian(const Cells& cells, const Array<double>& out)
-{
-  expect("out", out, {cells.count()});
-  for (std::size_t c = 0; c < cells.count(); ++c)
-  {
-    double smallest = 1e300;
-    cells.at_points(c, [&](const Point& p) { smallest = std::min(smallest, p.det); });
-    out.data()[c] = smallest;
-  }
-}
-
-std::pair<std::int64_t, std::int64_t> residual(const Cells& cells, const Law& law, bool finite,
+std::pair<std::int64_t, std::int64_t> residual(const Cells& cells, const J2& law, bool finite,
                                                const Array<const double>& u, const History& committed,
                                                const History& trial, const Array<bool>& plastic,
                                                const Array<double>& b)
@@ -96,12 +81,12 @@ std::pair<std::int64_t, std::int64_t> residual(const Cells& cells, const Law& la
   expect("plastic", plastic, {cells.count()});
   cells.expect_nodal("b", b);
   std::int64_t total = 0, inverted = 0;
-  with_kind(law, finite,
-            [&]<MaterialLaw L>(const L& material, auto kind)
+  with_kind(finite,
+            [&](auto kind)
             {
               for (std::size_t c = 0; c < cells.count(); ++c)
               {
-                const CellResponse<kind(), L> cell(cells, c, material, committed, gather(u.data(), cells.dofs_of(c)));
+                const CellResponse<kind()> cell(cells, c, law, committed, gather(u.data(), cells.dofs_of(c)));
                 Gradients f{};
                 int flowing = 0;
                 cell.at_points(
@@ -123,11 +108,11 @@ std::pair<std::int64_t, std::int64_t> residual(const Cells& cells, const Law& la
 }
 
 template <typename Pattern>
-void stiffness_elastic(const Cells& cells, const Law& law, const Pattern& pattern,
+void stiffness_elastic(const Cells& cells, const J2& law, const Pattern& pattern,
                        const Array<typename Pattern::Value>& values)
 {
   auto* out = pattern.start(values, cells.count());
-  const Tangent tangent = nominal_tangent(with_law(law, [](const auto& material) { return material.elastic(); }), {});
+  const Tangent tangent = nominal_tangent(law.elastic(), {});
   for (std::size_t c = 0; c < cells.count(); ++c)
     add_cell(cells, c, pattern, out,
              [&](double* A)
@@ -135,7 +120,7 @@ void stiffness_elastic(const Cells& cells, const Law& law, const Pattern& patter
 }
 
 template <typename Pattern>
-void stiffness_consistent(const Cells& cells, const Law& law, bool finite, const Array<const double>& u,
+void stiffness_consistent(const Cells& cells, const J2& law, bool finite, const Array<const double>& u,
                           const History& committed, const Array<const bool>& marked, const Pattern& pattern,
                           const Array<typename Pattern::Value>& values)
 {
@@ -143,14 +128,14 @@ void stiffness_consistent(const Cells& cells, const Law& law, bool finite, const
   committed.expect_shape("committed", cells.count(), cells.points());
   expect("marked", marked, {cells.count()});
   auto* out = pattern.start(values, cells.count());
-  with_kind(law, finite,
-            [&]<MaterialLaw L>(const L& material, auto kind)
+  with_kind(finite,
+            [&](auto kind)
             {
               for (std::size_t c = 0; c < cells.count(); ++c)
               {
                 if (!marked.data()[c])
                   continue;
-                const CellResponse<kind(), L> cell(cells, c, material, committed, gather(u.data(), cells.dofs_of(c)));
+                const CellResponse<kind()> cell(cells, c, law, committed, gather(u.data(), cells.dofs_of(c)));
                 const auto fill = [&](double* A)
                 {
                   CommonSlopes common;
@@ -159,42 +144,40 @@ void stiffness_consistent(const Cells& cells, const Law& law, bool finite, const
                       {
                         if (!x.valid())
                           return;
-                        Moduli moduli = kind() ? material.tangent(r) : material.softening(r);
-                        moduli.lambda -= (1.0 - cell.flow.kept) * bulk_modulus(material);
+                        Moduli moduli = kind() ? law.tangent(r) : law.softening(r);
+                        moduli.lambda -= (1.0 - cell.flow.kept) * law.bulk();
                         if (kind() || r.plastic || cell.flow.kept < 1.0)
                           add_stiffness(p.g, x.tangent(r.stress, moduli, r.direction), p.volume, A);
-                        if constexpr (FlowLaw<L>)
-                          if (cell.flow.relaxes())
-                            common.add(material, cell.flow, p, x, r);
+                        if (cell.flow.relaxes())
+                          common.add(law, cell.flow, p, x, r);
                       });
-                  if constexpr (FlowLaw<L>)
-                    if (cell.flow.relaxes())
-                      common.add_to(material, cell.flow, A);
+                  if (cell.flow.relaxes())
+                    common.add_to(law, cell.flow, A);
                 };
                 add_cell(cells, c, pattern, out, fill);
               }
             });
 }
 
-template void stiffness_elastic(const Cells&, const Law&, const BlockPattern&, const Array<double>&);
-template void stiffness_elastic(const Cells&, const Law&, const HalfPattern&, const Array<float>&);
-template void stiffness_consistent(const Cells&, const Law&, bool, const Array<const double>&, const History&,
+template void stiffness_elastic(const Cells&, const J2&, const BlockPattern&, const Array<double>&);
+template void stiffness_elastic(const Cells&, const J2&, const HalfPattern&, const Array<float>&);
+template void stiffness_consistent(const Cells&, const J2&, bool, const Array<const double>&, const History&,
                                    const Array<const bool>&, const BlockPattern&, const Array<double>&);
-template void stiffness_consistent(const Cells&, const Law&, bool, const Array<const double>&, const History&,
+template void stiffness_consistent(const Cells&, const J2&, bool, const Array<const double>&, const History&,
                                    const Array<const bool>&, const HalfPattern&, const Array<float>&);
 
-void stress(const Cells& cells, const Law& law, bool finite, bool conjugate, const Array<const double>& u,
+void stress(const Cells& cells, const J2& law, bool finite, bool conjugate, const Array<const double>& u,
             const History& committed, const Array<double>& out)
 {
   cells.expect_nodal("u", u);
   committed.expect_shape("committed", cells.count(), cells.points());
   expect("out", out, {cells.count(), cells.points(), 6});
-  with_kind(law, finite,
-            [&]<MaterialLaw L>(const L& material, auto kind)
+  with_kind(finite,
+            [&](auto kind)
             {
               for (std::size_t c = 0; c < cells.count(); ++c)
               {
-                const CellResponse<kind(), L> cell(cells, c, material, committed, gather(u.data(), cells.dofs_of(c)));
+                const CellResponse<kind()> cell(cells, c, law, committed, gather(u.data(), cells.dofs_of(c)));
                 cell.at_points(
                     [&](const Point& p, const auto& x, const auto& r)
                     {

@@ -3,7 +3,7 @@
 #pragma once
 
 #include "arrays.hpp"
-#include "laws.hpp"
+#include "j2.hpp"
 #include "patterns.hpp"
 #include "relaxation.hpp"
 
@@ -104,30 +104,27 @@ struct History
 /// Volume of each quadrature point, out (cells, points).
 void volumes(const Cells& cells, const Array<double>& out);
 
-/// Smallest Jacobian determinant over the quadrature points of each cell, out (cells).
-void min_jacobian(const Cells& cells, const Array<double>& out);
-
 /// Add the internal force of the displacement `u` (nodes, 3) to `b` (nodes, 3), of small or `finite` strain. The same
 /// pass writes the trial history and `plastic` (cells), whether any point of a cell flows. Returns the number of points that
 /// flow, and of those where finite strain turns the solid inside out; these add nothing.
-std::pair<std::int64_t, std::int64_t> residual(const Cells& cells, const Law& law, bool finite,
+std::pair<std::int64_t, std::int64_t> residual(const Cells& cells, const J2& law, bool finite,
                                                const Array<const double>& u, const History& committed,
                                                const History& trial, const Array<bool>& plastic,
                                                const Array<double>& b);
 
 /// Add the elastic stiffness of all cells to the values of the matrix.
 template <typename Pattern>
-void stiffness_elastic(const Cells& cells, const Law& law, const Pattern& pattern,
+void stiffness_elastic(const Cells& cells, const J2& law, const Pattern& pattern,
                        const Array<typename Pattern::Value>& values);
 
 /// Add the consistent tangent of the `marked` cells (cells), in small strain less the elastic stiffness.
 template <typename Pattern>
-void stiffness_consistent(const Cells& cells, const Law& law, bool finite, const Array<const double>& u,
+void stiffness_consistent(const Cells& cells, const J2& law, bool finite, const Array<const double>& u,
                           const History& committed, const Array<const bool>& marked, const Pattern& pattern,
                           const Array<typename Pattern::Value>& values);
 
 /// Stress at the quadrature points, out (cells, points, 6). Of finite strain: Cauchy's, or if `conjugate` that whose
 /// work per undeformed volume is done on the logarithmic strain.
-void stress(const Cells& cells, const Law& law, bool finite, bool conjugate, const Array<const double>& u,
+void stress(const Cells& cells, const J2& law, bool finite, bool conjugate, const Array<const double>& u,
             const History& committed, const Array<double>& out);
 } // namespace asperity

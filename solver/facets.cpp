@@ -38,7 +38,7 @@ Gradients traction_slope(const Tangent& C, const FacetPoint& p)
   return out;
 }
 
-/// The flow of the cell of a facet, and its derivatives if wanted; of a law without flow nothing.
+/// The flow of the cell of a facet, and its derivatives if wanted.
 struct FlowBelow
 {
   CellFlow cell;
@@ -47,21 +47,16 @@ struct FlowBelow
 
   FlowBelow(const ContactLaw& law, std::size_t f, const Gradients& u, const History& committed, bool differentiate)
   {
-    with_law(law.material,
-             [&]<MaterialLaw L>(const L& material)
-             {
-               if constexpr (FlowLaw<L>)
-                 law.finite ? find<true>(material, law.cells, f, u, committed, differentiate)
-                            : find<false>(material, law.cells, f, u, committed, differentiate);
-             });
+    law.finite ? find<true>(law.material, law.cells, f, u, committed, differentiate)
+               : find<false>(law.material, law.cells, f, u, committed, differentiate);
   }
 
 private:
-  template <bool finite, FlowLaw L>
-  void find(const L& material, const Cells& cells, std::size_t f, const Gradients& u, const History& committed,
+  template <bool finite>
+  void find(const J2& material, const Cells& cells, std::size_t f, const Gradients& u, const History& committed,
             bool differentiate)
   {
-    const CellResponse<finite, L> response(cells, f, material, committed, u);
+    const CellResponse<finite> response(cells, f, material, committed, u);
     cell = response.flow;
     if (!differentiate || !cell.relaxes())
       return;
@@ -94,21 +89,17 @@ struct Traction
       : state(committed)
   {
     // where strain is inside out t = 0; the cells reject such a state
-    with_law(law.material,
-             [&](const auto& material)
-             {
-               const auto at = [&](const auto& x)
-               {
-                 if (x.valid())
-                   find(material, p, x, below, linear, differentiate);
-               };
-               law.finite ? at(FiniteStrain(p.g, u)) : at(SmallStrain(p.g, u));
-             });
+    const auto at = [&](const auto& x)
+    {
+      if (x.valid())
+        find(law.material, p, x, below, linear, differentiate);
+    };
+    law.finite ? at(FiniteStrain(p.g, u)) : at(SmallStrain(p.g, u));
   }
 
 private:
-  template <MaterialLaw L, typename AnyStrain>
-  void find(const L& material, const FacetPoint& p, const AnyStrain& x, const FlowBelow& below, const double* linear,
+  template <typename AnyStrain>
+  void find(const J2& material, const FacetPoint& p, const AnyStrain& x, const FlowBelow& below, const double* linear,
             bool differentiate)
   {
     double permanent = 0.0;
@@ -120,20 +111,19 @@ private:
     if (differentiate)
     {
       slope = traction_slope(x.tangent(r.stress, material.tangent(r), r.direction), p);
-      if constexpr (FlowLaw<L>)
-        if (below.cell.relaxes())
-          add_slope_below(material, p, x, r, below, linear);
+      if (below.cell.relaxes())
+        add_slope_below(material, p, x, r, below, linear);
     }
     state = r.state;
   }
 
   /// Add what follows from the flow of the cell: the traction of the change of its permanent volumetric strain and relief.
-  template <FlowLaw L, typename AnyStrain, typename Response>
-  void add_slope_below(const L& material, const FacetPoint& p, const AnyStrain& x, const Response& r,
+  template <typename AnyStrain>
+  void add_slope_below(const J2& material, const FacetPoint& p, const AnyStrain& x, const J2::Response& r,
                        const FlowBelow& below, const double* linear)
   {
     const CellFlow& cell = below.cell;
-    const double bulk = bulk_modulus(material) * traction(x.nominal({1.0, 1.0, 1.0, 0.0, 0.0, 0.0}), p.normal);
+    const double bulk = material.bulk() * traction(x.nominal({1.0, 1.0, 1.0, 0.0, 0.0, 0.0}), p.normal);
     const double relieved
         = r.plastic ? material.drive() / material.resistance() * traction(x.nominal(r.direction), p.normal) : 0.0;
     double deviation = 0.0;
@@ -183,7 +173,7 @@ Facets::Facets(Array<const double> x, Array<const int> x_dofs, Array<const int> 
   check_range("local", local, 4);
 }
 
-ContactLaw::ContactLaw(const Law& material, bool finite, Array<const double> stiffness, Array<const double> height,
+ContactLaw::ContactLaw(const J2& material, bool finite, Array<const double> stiffness, Array<const double> height,
                        bool traction, const Cells& cells, Array<const double> linear)
     : material(material), finite(finite), stiffness(stiffness), height(height), traction(traction), cells(cells),
       linear(linear)
@@ -234,23 +224,6 @@ void facet_pressure(const Facets& facets, const ContactLaw& law, double z, const
       pressure.data()[at] = std::max(excess, 0.0);
     }
   }
-}
-
-void facet_load(const Facets& facets, const Array<const double>& weights, const Array<const double>& pressure,
-                const Array<double>& b)
-{
-  expect("weights", weights, {facets.count(), facets.points()});
-  expect("pressure", pressure, {facets.count(), facets.points()});
-  expect("b", b, {at_least(facets.u_nodes)});
-  const std::size_t points = facets.points();
-  for (std::size_t f = 0; f < facets.count(); ++f)
-    for (std::size_t q = 0; q < points; ++q)
-    {
-      const std::size_t at = f * points + q;
-      if (pressure.data()[at] > 0.0)
-        for (int a = 0; a < nodes; ++a)
-          b.data()[facets.dofs_of(f)[a]] += weights.data()[at] * pressure.data()[at] * facets.shape_at(f, q)[a];
-    }
 }
 
 void facet_stiffness(const Facets& facets, const ContactLaw& law, const Array<const double>& u,

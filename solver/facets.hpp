@@ -61,7 +61,7 @@ struct FacetPoint
 /// The contact law of a solid on its facets.
 struct ContactLaw
 {
-  Law material;
+  J2 material;
   bool finite; // whether strains are finite; t is then the nominal traction, per area projected before deformation
   Array<const double> stiffness; // g of each facet [force/length^3] (facets)
   Array<const double> height;    // of the undeformed surface at the points (facets, points)
@@ -70,7 +70,7 @@ struct ContactLaw
   Array<const double> linear;    // of values at the points of a cell, those of their linear function at the points of its
                                  // facets (4, points, points of a cell)
 
-  ContactLaw(const Law& material, bool finite, Array<const double> stiffness, Array<const double> height, bool traction,
+  ContactLaw(const J2& material, bool finite, Array<const double> stiffness, Array<const double> height, bool traction,
              const Cells& cells, Array<const double> linear);
 
   const double* linear_at(const Facets& facets, std::size_t f, std::size_t q) const
@@ -88,10 +88,6 @@ void facet_weights(const Facets& facets, const Array<double>& out);
 void facet_pressure(const Facets& facets, const ContactLaw& law, double z, const Array<const double>& u,
                     const History& committed, const History& below, const History& trial,
                     const Array<double>& pressure);
-
-/// Add the nodal force of a pressure at the points to b (nodes); `weights` are those of `facet_weights`.
-void facet_load(const Facets& facets, const Array<const double>& weights, const Array<const double>& pressure,
-                const Array<double>& b);
 
 /// Add the derivative of the virtual work to the values of the matrix; `pressure` is that of the same displacement.
 void facet_stiffness(const Facets& facets, const ContactLaw& law, const Array<const double>& u,

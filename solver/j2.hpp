@@ -1,4 +1,5 @@
-// Radial return for J2 plasticity with linear hardening, isotropic, kinematic or mixed, in closed form.
+// The law of the kernels: radial return for J2 plasticity with linear hardening, isotropic, kinematic or mixed, in closed
+// form. An elastic material has an infinite yield stress, and no history. Another law is one in UFL.
 //
 // Prager's rule: the share beta of the hardening moves the centre of the yield surface to the back stress
 // 2/3 beta H eps_p, the rest increases its size to yield + (1 - beta) H alpha. Simo & Hughes, Computational Inelasticity
@@ -14,6 +15,7 @@ namespace asperity
 {
 struct J2
 {
+  static constexpr double rounding = 4e-14; // of the yield stress
   double lambda, mu;       // Lame moduli [force/length^2]
   double yield, hardening; // initial yield stress and plastic modulus H = E E_t/(E - E_t) [force/length^2]
   double kinematic_share;  // beta, in [0, 1]
@@ -43,15 +45,18 @@ struct J2
       out.s[i] = 2.0 * mu * (strain[i] - (i < 3 ? mean : 0.0) - committed.plastic_strain[i])
                  - back * committed.plastic_strain[i];
     out.q = std::sqrt(1.5 * contract(out.s, out.s));
-    out.excess = out.q - (yield + (1.0 - kinematic_share) * hardening * committed.accumulated);
+    // a state that flowed and stays is on the yield surface, where rounding decides: it is elastic
+    out.excess = out.q - (1.0 + rounding) * (yield + (1.0 - kinematic_share) * hardening * committed.accumulated);
     return out;
   }
 
+  /// Args: the trial state, the volumetric strain that is not permanent, the committed state, the relief of the yield
+  /// stress (relaxation.hpp)
   Response respond(const Trial& trial, double dilatation, const State& committed, double relief) const
   {
     Response r;
     const auto& [s, q, excess] = trial;
-    const double pressure = (lambda + 2.0 * mu / 3.0) * dilatation, back = back_modulus();
+    const double pressure = bulk() * dilatation, back = back_modulus();
     const double overstress = excess + relief;
     r.plastic = overstress > 0.0 && q > 0.0;
     const double dgamma = r.plastic ? overstress / (3.0 * mu + hardening) : 0.0;
@@ -69,8 +74,9 @@ struct J2
   }
 
   Moduli elastic() const { return {lambda, mu, 0.0}; }
-  double resistance() const { return 3.0 * mu + hardening; }
-  double drive() const { return std::sqrt(6.0) * mu; }
+  double bulk() const { return lambda + 2.0 * mu / 3.0; }
+  double resistance() const { return 3.0 * mu + hardening; } // by which the excess falls with the plastic strain
+  double drive() const { return std::sqrt(6.0) * mu; }       // by which it rises with the strain along the direction
 
   /// The consistent tangent.
   Moduli tangent(const Response& r) const { return {lambda + 2.0 / 3.0 * mu * (1.0 - r.theta), mu * r.theta, r.chi}; }

@@ -9,7 +9,6 @@
 
 #include <nanobind/stl/array.h>
 #include <nanobind/stl/pair.h>
-#include <nanobind/stl/variant.h>
 
 #include <limits>
 
@@ -26,12 +25,8 @@ auto out(const char* name)
   return nb::arg(name).noconvert();
 }
 
-void bind_laws(nb::module_& m)
+void bind_law(nb::module_& m)
 {
-  nb::class_<Elastic>(m, "Elastic", "Linear isotropic elasticity: Lame moduli [force/length^2].")
-      .def(nb::init<double, double>(), "lam"_a, "mu"_a)
-      .def_ro("lam", &Elastic::lambda)
-      .def_ro("mu", &Elastic::mu);
   nb::class_<J2>(m, "J2",
                  "J2 plasticity with linear hardening: Lame moduli, initial yield stress, plastic modulus "
                  "[force/length^2], share of the hardening that is kinematic.")
@@ -68,7 +63,6 @@ void bind_cells(nb::module_& m)
   nb::class_<HalfPattern>(m, "HalfPattern")
       .def(nb::init<Array<const int>, Array<const int>, Array<const int>>(), "cell_dofs"_a, "indptr"_a, "indices"_a);
   m.def("volumes", &volumes, "cells"_a, out("out"), unlocked);
-  m.def("min_jacobian", &min_jacobian, "cells"_a, out("out"), unlocked);
   m.def("residual", &residual, "cells"_a, "law"_a, "finite"_a, "u"_a, "committed"_a, "trial"_a, out("plastic"), out("b"),
         unlocked);
   bind_stiffness<BlockPattern>(m);
@@ -83,13 +77,12 @@ void bind_facets(nb::module_& m)
                     Array<const double>, Array<const double>, Array<const double>>(),
            "x"_a, "x_dofs"_a, "u_dofs"_a, "local"_a, "gradients"_a, "shape"_a, "normals"_a, "weights"_a);
   nb::class_<ContactLaw>(m, "ContactLaw")
-      .def(nb::init<const Law&, bool, Array<const double>, Array<const double>, bool, const Cells&,
+      .def(nb::init<const J2&, bool, Array<const double>, Array<const double>, bool, const Cells&,
                     Array<const double>>(),
            "material"_a, "finite"_a, "stiffness"_a, "height"_a, "traction"_a, "cells"_a, "linear"_a);
   m.def("facet_weights", &facet_weights, "facets"_a, out("out"), unlocked);
   m.def("facet_pressure", &facet_pressure, "facets"_a, "law"_a, "z"_a, "u"_a, "committed"_a, "below"_a, "trial"_a,
         out("pressure"), unlocked);
-  m.def("facet_load", &facet_load, "facets"_a, "weights"_a, "pressure"_a, out("b"), unlocked);
   m.def("facet_stiffness", &facet_stiffness, "facets"_a, "law"_a, "u"_a, "committed"_a, "below"_a, "pressure"_a,
         "pattern"_a, out("values"), unlocked);
 }
@@ -130,7 +123,7 @@ NB_MODULE(_solver, m)
 {
   nb::set_leak_warnings(false); // results of a script live until the interpreter ends
   m.doc() = "Kernels for curved second-order tetrahedra: element sizes, elasticity, J2 plasticity, contact, linear solver.";
-  bind_laws(m);
+  bind_law(m);
   bind_cells(m);
   bind_facets(m);
   bind_linear(m);

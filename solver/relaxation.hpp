@@ -51,11 +51,12 @@ struct CellFlow
   /// Args: stress by which the excess falls with the plastic strain, K, S and T
   void solve(double resistance, double bulk, const Relaxation& relaxation)
   {
-    double mean = 0.0, permanent = 0.0, squares = 0.0;
+    double mean = 0.0, permanent = 0.0, squares = 0.0, greatest = over[0];
     for (std::size_t q = 0; q < count; ++q)
     {
       mean += weights[q] * own[q];
       permanent += weights[q] * before[q];
+      greatest = std::max(greatest, over[q]);
     }
     mean /= volume;
     permanent /= volume; // a history that was extrapolated point by point has one
@@ -71,7 +72,9 @@ struct CellFlow
     const double first = 0.5 * beyond * beyond / relaxation.spent;
     double m = 1.0;
     relief = first;
-    for (int i = 0; i < 100; ++i) // Newton's method from below on a concave function: monotone
+    relief_slope = -2.0 * rate * first;
+    const int most = greatest + first > 0.0 ? 100 : 0; // else nothing flows
+    for (int i = 0; i < most; ++i) // Newton's method from below on a concave function: monotone
     {
       double driven = 0.0, flowing = 0.0;
       for (std::size_t q = 0; q < count; ++q)

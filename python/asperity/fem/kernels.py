@@ -22,17 +22,13 @@ def compiled(history: History) -> _solver.History:
     return _solver.History(**history.arrays())
 
 
-def law_of(material: Material, flows: bool = True) -> _solver.Elastic | _solver.J2:
+def law_of(material: Material, flows: bool = True) -> _solver.J2:
     """The material as the compiled kernels receive it.
 
     Args:
         flows: False keeps the plastic strain as it is, for the stiffness against small vibration
     """
-    name, parameters = material.compiled
-    if material.plastic and not flows:
-        parameters = {**parameters, "yield_stress": np.inf}
-    law: _solver.Elastic | _solver.J2 = getattr(_solver, name)(**parameters)
-    return law
+    return _solver.J2(**material.compiled | ({} if flows else {"yield_stress": np.inf}))
 
 
 #: Stresses S and T of solver/relaxation.hpp over the yield strength (docs/theory.md); infinite is no relaxation.
@@ -124,7 +120,7 @@ class ElementKernels:
 
     def _write(
         self,
-        law: _solver.Elastic | _solver.J2,
+        law: _solver.J2,
         history: History,
         u: Floats,
         values: Floats | Singles,

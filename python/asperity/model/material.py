@@ -220,15 +220,16 @@ class Material:
         return replace(self, E=self.E / stress, yield_strength=strength, tangent_modulus=slope, law=law)
 
     @property
-    def compiled(self) -> tuple[str, dict[str, float]]:
-        """Name of the law in solver/laws.hpp and its parameters: moduli [force/length^2] and shares."""
+    def compiled(self) -> dict[str, float]:
+        """Parameters of the law in solver/j2.hpp: moduli [force/length^2] and shares."""
         if self.law is not None:
             raise InputError(f'{laws.KEY} = "{self.law.source}" is in UFL, and this needs a compiled law')
         lam, mu = self.lame
-        if self.yield_strength is None:
-            return "Elastic", {"lam": lam, "mu": mu}
-        law = {"yield_stress": self.yield_strength, "hardening": self.plastic_modulus}
-        return "J2", {"lam": lam, "mu": mu, **law, "kinematic_share": self.kinematic_share}
+        yields = {"yield_stress": np.inf, "hardening": 0.0, "kinematic_share": 0.0}
+        if self.yield_strength is not None:
+            yields |= {"yield_stress": self.yield_strength, "hardening": self.plastic_modulus}
+            yields |= {"kinematic_share": self.kinematic_share}
+        return {"lam": lam, "mu": mu, **yields}
 
     def elastic_energy(self, stress: Floats) -> Floats:
         """Elastic energy per volume of a stress (..., 6) [force/length^2]."""
