@@ -11,12 +11,12 @@ from typing import Any
 
 from asperity.laws import shipped
 from asperity.laws.definition import Law, law, law_of_function, raising, refuse
-from asperity.laws.shipped import drucker_prager, hooke, j2, mooney_rivlin, neo_hookean, voce, without_flow
+from asperity.laws.shipped import hooke, j2, neo_hookean, voce, without_flow
 from asperity.runtime.display import show
 from asperity.runtime.files import MOST_TEXT, read_whole
 
 __all__ = ["Law", "law", "law_of_function", "load", "without_flow"]
-__all__ += ["drucker_prager", "hooke", "j2", "mooney_rivlin", "neo_hookean", "voce"]
+__all__ += ["hooke", "j2", "neo_hookean", "voce"]
 
 
 def load(source: str, parameters: Mapping[str, Any], offered: Mapping[str, Any] | None = None) -> Law:

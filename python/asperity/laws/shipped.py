@@ -1,16 +1,15 @@
 """Laws that come along, each a function in UFL to read, to use, and to start from.
 
-Moduli and strengths are in one unit of stress [force/length^2], angles in degrees.
+Moduli and strengths are in one unit of stress [force/length^2].
 """
 
 from __future__ import annotations
 
-import math
 from typing import Any
 
 from asperity.laws.definition import law
 
-NAMES = ("hooke", "j2", "voce", "drucker_prager", "neo_hookean", "mooney_rivlin")
+NAMES = ("hooke", "j2", "voce", "neo_hookean")
 NEWTON = 8  # iterations of Voce's return, which converge from one side without a bound
 
 
@@ -88,44 +87,6 @@ def voce(strain: Any, state: Any, E: float, nu: float, yield_strength: float, sa
     }
 
 
-@law(state=PLASTIC, elastic=without_flow)
-def drucker_prager(
-    strain: Any, state: Any, E: float, nu: float, cohesion: float, friction: float, dilation: float
-) -> Any:
-    """Drucker & Prager's cone q + 3 eta p <= k, p the mean stress, that touches Mohr-Coulomb's on the compressive side.
-
-    Flow as on the cone of the angle `dilation`: the tangent is symmetric where it equals `friction`. Return to the
-    apex as de Souza Neto, Peric & Owen, Computational Methods for Plasticity (2008), section 8.3.
-    """
-    import ufl
-
-    def cone(angle: Any) -> tuple[Any, Any]:
-        sine = ufl.sin(math.pi / 180.0 * angle)
-        return 2.0 * sine / (3.0 - sine), 6.0 * ufl.cos(math.pi / 180.0 * angle) / (3.0 - sine)
-
-    (eta, xi), (eta_flow, _) = cone(friction), cone(dilation)
-    mu, K, k = E / (2.0 * (1.0 + nu)), E / (3.0 * (1.0 - 2.0 * nu)), xi * cohesion
-    trial = hooke(strain - state.plastic_strain, E, nu)
-    s, p = ufl.dev(trial), ufl.tr(trial) / 3.0
-    squared, room = 1.5 * ufl.inner(s, s), k - 3.0 * eta * p
-    yields = ufl.Or(ufl.lt(room, 0.0), ufl.gt(squared, room**2))
-    sheared = ufl.And(yields, ufl.gt(squared, 0.0))
-    q = ufl.sqrt(ufl.conditional(sheared, squared, k**2))  # differentiated only where it is not zero
-    size = ufl.conditional(sheared, q, 0.0)
-    flow = ufl.conditional(yields, (size - room) / (3.0 * mu + 9.0 * K * eta * eta_flow), 0.0)
-    apex = ufl.And(yields, ufl.ge(3.0 * mu * flow, size))
-    left = ufl.conditional(apex, 0.0, 1.0 - 3.0 * mu * flow / q)
-    mean = ufl.conditional(apex, k / (3.0 * eta), p - 3.0 * K * eta_flow * flow)
-    stress = ufl.conditional(yields, left * s + mean * ufl.Identity(3), trial)
-    plastic = strain - ((1.0 + nu) * stress - nu * ufl.tr(stress) * ufl.Identity(3)) / E
-    step = ufl.dev(plastic - state.plastic_strain)
-    moved = ufl.conditional(yields, ufl.inner(step, step), 1.0)
-    return stress, {
-        "plastic_strain": ufl.conditional(yields, plastic, state.plastic_strain),
-        "accumulated": state.accumulated + ufl.conditional(yields, ufl.sqrt(2.0 / 3.0 * moved), 0.0),
-    }
-
-
 def neo_hookean(F: Any, E: float, nu: float) -> Any:
     """Compressible neo-Hookean energy mu/2 (I1 - 3 - 2 ln J) + lambda/2 (ln J)^2; E and nu are those at rest."""
     import ufl
@@ -133,12 +94,3 @@ def neo_hookean(F: Any, E: float, nu: float) -> Any:
     lam, mu = E * nu / ((1.0 + nu) * (1.0 - 2.0 * nu)), E / (2.0 * (1.0 + nu))
     lnJ = ufl.ln(ufl.det(F))
     return 0.5 * mu * (ufl.inner(F, F) - 3.0 - 2.0 * lnJ) + 0.5 * lam * lnJ**2
-
-
-def mooney_rivlin(F: Any, c1: float, c2: float, bulk: float) -> Any:
-    """Energy c1 (I1' - 3) + c2 (I2' - 3) + bulk/2 (J - 1)^2 of the invariants of constant volume; mu = 2 (c1 + c2)."""
-    import ufl
-
-    C, J = F.T * F, ufl.det(F)
-    I1, I2 = ufl.tr(C), 0.5 * (ufl.tr(C) ** 2 - ufl.inner(C, C))
-    return c1 * (J ** (-2.0 / 3.0) * I1 - 3.0) + c2 * (J ** (-4.0 / 3.0) * I2 - 3.0) + 0.5 * bulk * (J - 1.0) ** 2
