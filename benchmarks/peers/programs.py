@@ -12,7 +12,6 @@ import sys
 from collections.abc import Callable
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from time import perf_counter
 
 import calculix
 import numpy as np
@@ -34,7 +33,6 @@ class Run:
         force: after each load step done [E L^2]
         ended: "done", "limit" (of CPU time), or "failed" with the exit code
         limit: CPU seconds it was allowed
-        wall: seconds of the clock
     """
 
     program: str
@@ -46,24 +44,21 @@ class Run:
     force: list[float]
     ended: str
     limit: float
-    wall: float = float("nan")
 
 
 @dataclass(frozen=True)
 class Usage:
-    """CPU seconds of a process, user and system, its memory [bytes], how it ended (see Run), seconds of the clock."""
+    """CPU seconds of a process, user and system, its memory [bytes], how it ended (see Run)."""
 
     cpu: float
     memory: int
     ended: str
-    wall: float
 
 
-def timed(command: list[str], environment: dict[str, str], place: Path, limit: float, threads: int = 1) -> Usage:
-    """Run a command on so many threads in a folder, with its output in the file `log` there."""
-    started = perf_counter()
+def timed(command: list[str], environment: dict[str, str], place: Path, limit: float) -> Usage:
+    """Run a command in a folder, with its output in the file `log` there."""
     # bytecode is kept, as it is for users
-    variables = os.environ | {"OMP_NUM_THREADS": str(threads), "PYTHONDONTWRITEBYTECODE": ""} | environment
+    variables = os.environ | {"OMP_NUM_THREADS": "1", "PYTHONDONTWRITEBYTECODE": ""} | environment
 
     def limited() -> None:
         seconds = int(np.ceil(limit))
@@ -76,7 +71,7 @@ def timed(command: list[str], environment: dict[str, str], place: Path, limit: f
     ended = "done" if child.returncode == 0 else f"failed ({child.returncode})"
     if child.returncode == -signal.SIGXCPU:
         ended = "limit"
-    return Usage(used.ru_utime + used.ru_stime, used.ru_maxrss * 1024, ended, perf_counter() - started)
+    return Usage(used.ru_utime + used.ru_stime, used.ru_maxrss * 1024, ended)
 
 
 @dataclass(frozen=True)
@@ -90,13 +85,12 @@ class Start:
 
 @dataclass(frozen=True)
 class Job:
-    """One run to make on one thread or more; `prepare` writes the input to a folder, and is not part of its time."""
+    """One run to make; `prepare` writes the input to a folder, and is not part of its time."""
 
     program: str
     material: str
     mesh: str
     prepare: Callable[[Path], Start]
-    threads: int = 1
 
     @property
     def _name(self) -> str:
@@ -116,12 +110,12 @@ class Job:
         place.mkdir(parents=True, exist_ok=True)
         start = self.prepare(place)
 
-        used = timed(start.command, start.environment, place, limit, self.threads)
+        used = timed(start.command, start.environment, place, limit)
         dofs, force = start.read()
         ended = "done"
         if len(force) < scene.STEPS:
             ended = used.ended
-        run = Run(self.program, self.material, self.mesh, dofs, used.cpu, used.memory, force, ended, limit, used.wall)
+        run = Run(self.program, self.material, self.mesh, dofs, used.cpu, used.memory, force, ended, limit)
         file = folder / "runs" / f"{self._name}.json"
         file.parent.mkdir(parents=True, exist_ok=True)
         file.write_text(json.dumps(asdict(run), indent=1) + "\n", encoding="utf-8")
@@ -173,7 +167,7 @@ def calculix_own(material: str, h: float, steps: int = scene.STEPS) -> Job:
     )  # fmt: skip
 
 
-def calculix_deck(program: str, material: str, mesh: str, write: Callable[[Path], int], threads: int = 1) -> Job:
+def calculix_deck(program: str, material: str, mesh: str, write: Callable[[Path], int]) -> Job:
     """CalculiX with the deck that `write` makes, which returns its dofs."""
 
     def prepare(place: Path) -> Start:
@@ -182,7 +176,7 @@ def calculix_deck(program: str, material: str, mesh: str, write: Callable[[Path]
         command, environment = inside("bookworm", "usr/bin/ccx")
         return Start([*command, "model"], environment, lambda: (dofs, calculix.read(place / "model.dat")))
 
-    return Job(program, material, mesh, prepare, threads)
+    return Job(program, material, mesh, prepare)
 
 
 def tamaas(n: int, exact: tuple[float, float]) -> Job:

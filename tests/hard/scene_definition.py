@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Any
 
 import bad_inputs
-from claims import Claim
 
 Keys = dict[str, Any]
 
@@ -82,9 +80,7 @@ class Scene:
         reason: text that the message of a refusal or stop must contain
         depth: delta_max over the height of the summit above the mean plane
         twin: second solution to compare the curve with
-        claim: theoretical property of the curve
         map: heights of a surface of kind "file"
-        spoil: function that makes a bad mesh from the mesh of the scene
         fast: whether the scene is in the short suite
     """
 
@@ -95,7 +91,5 @@ class Scene:
     reason: str = ""
     depth: float | None = None
     twin: Twin | None = None
-    claim: Claim | None = None
     map: bad_inputs.Map | None = None
-    spoil: Callable[[Any], Any] | None = None
     fast: bool = False

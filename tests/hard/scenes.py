@@ -1,8 +1,8 @@
 """Hard cases: scenes where a contact solver is likely to fail, each run to its end or refused with a reason.
 
 Each scene is run as `asperity run` would, in its own folder, and judged (`outcome`): it ends as expected, passes the
-checks of `asperity.quasistatic.balance` at every step, agrees with its twin (the same problem solved in a second way)
-and with theory (`claims`). A scene that stops leaves its curve and a checkpoint to continue from.
+checks of `asperity.quasistatic.balance` at every step, and agrees with its twin (the same problem solved in a second
+way). A scene that stops leaves its curve and a checkpoint to continue from.
 """
 
 from __future__ import annotations
@@ -10,7 +10,6 @@ from __future__ import annotations
 from math import pi
 
 import bad_inputs
-import claims
 import grids
 import mechanics
 from scene_definition import DIRECT, ELASTIC, FILE, FLAT, PENALTY, L, Scene, Twin, sphere, wave
@@ -35,7 +34,6 @@ SCENES: tuple[Scene, ...] = (
         "elastic wave pressed to nearly full contact",
         wave(0.01, 1) | ELASTIC | {"loading.steps": 10},
         depth=3.56,
-        claim=claims.nearly_full,
         fast=True,
     ),
     Scene(
@@ -43,14 +41,12 @@ SCENES: tuple[Scene, ...] = (
         "elastic egg-box pressed to nearly full contact",
         wave(0.01) | ELASTIC | {"loading.steps": 10},
         depth=4.6,
-        claim=claims.nearly_full,
     ),
     Scene(
         "full/plastic",
         "soft plastic wave pressed to nearly full contact, and released",
         wave(0.01) | {"material.yield_strength": 2e8, "loading.unload": True},
         depth=2.6,
-        claim=claims.nearly_full,
     ),
     Scene(
         "full/beyond",
@@ -64,7 +60,6 @@ SCENES: tuple[Scene, ...] = (
         "touch/one-point",
         "sphere of R = L touched at one point, lifted off",
         sphere(1.0) | ELASTIC | {"mesh.h_contact": 4e-3 * L, "loading.delta_max": 1e-4 * L, "loading.unload": True},
-        claim=claims.hertz(0.05),
         fast=True,
     ),
     Scene(
@@ -107,7 +102,6 @@ SCENES: tuple[Scene, ...] = (
         "yield/whole-block",
         "flat block in uniaxial strain far beyond yield, and back",
         FLAT | {"material.yield_strength": 2e8, "loading.delta_max": 0.03 * L, "loading.unload": True},
-        claim=claims.uniaxial_strain,
         fast=True,
     ),
     Scene(
@@ -146,7 +140,6 @@ SCENES: tuple[Scene, ...] = (
             "loading.steps": 2,
             "loading.unload_steps": 2,
         },
-        claim=claims.shakes_down,
     ),
     Scene(
         "edge/free-corner",
@@ -165,27 +158,12 @@ SCENES: tuple[Scene, ...] = (
         twin=Twin("exact contact", 0.1, {"contact.method": "active-set", "contact.gamma": None}),
     ),
     Scene(
-        "nitsche/1e4",
-        "Nitsche's method, gamma = 1e4",
-        {"contact.method": "nitsche", "contact.gamma": 1e4, "loading.unload": True},
+        "nitsche/100",
+        "Nitsche's method, gamma = 100",
+        {"contact.method": "nitsche", "contact.gamma": 100.0, "loading.unload": True},
         twin=Twin("exact contact", 0.05, {"contact.method": "active-set", "contact.gamma": None}),
     ),
-    Scene(
-        "mesh/slivers",
-        f"tetrahedra flattened to {bad_inputs.SLIVER:g} of their height",
-        {"loading.unload": True, "mesh.h_max": 0.15 * L},
-        spoil=bad_inputs.with_slivers,
-        twin=Twin("without them", 0.05, {"mesh.file": None}),
-    ),
     Scene("mesh/abrupt", "elements grow abruptly", {"mesh.growth": 10.0, "mesh.h_max": L}, twin=DIRECT),
-    Scene(
-        "mesh/turned",
-        "mesh with an element turned inside out",
-        spoil=bad_inputs.with_turned_element,
-        ends="refused",
-        reason="turned inside out",
-        fast=True,
-    ),
     Scene("solver/loose", "equations solved to 1e-2 only", {"solver.rtol": 1e-2, "loading.unload": True}, fast=True),
     Scene(
         "force/given",

@@ -8,8 +8,7 @@ import warnings
 import weakref
 from collections.abc import Callable
 from dataclasses import asdict, replace
-from types import SimpleNamespace
-from typing import Any, cast
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -30,7 +29,7 @@ from asperity.quasistatic.contact_solver import ContactSolver
 from asperity.quasistatic.make import make_contact_solver
 from asperity.quasistatic.midpoint import extrapolate
 from asperity.quasistatic.newton import NewtonSolver, StepStats
-from asperity.quasistatic.stepping import GROWTH, SMALLEST_CUT, Record, _find_force, follow
+from asperity.quasistatic.stepping import GROWTH, SMALLEST_CUT, Record, follow
 from asperity.surface import Flat, Surface
 
 Array = npt.NDArray[np.float64]
@@ -143,29 +142,6 @@ def test_a_step_that_never_converges_ends_the_run_with_the_curve_so_far(
 # --- predictor and linear solvers -----------------------------------------------------------------------------
 
 
-@pytest.mark.mpi
-def test_the_predictor_saves_work_and_changes_nothing_else(press_of: Callable[..., ContactSolver]) -> None:
-    with_it, without = press_of(ELASTIC, rtol=1e-10), press_of(ELASTIC, rtol=1e-10)
-    newton = [0, 0]
-    for delta in DELTA * np.arange(1, 6) / 40:  # larger steps may fail without it, on some partitions
-        stats = with_it.step(delta)
-        without._previous = None
-        plain = without.step(delta)
-        assert stats.converged and plain.converged
-        newton = [newton[0] + stats.newton, newton[1] + plain.newton]
-        assert with_it.force == pytest.approx(without.force, rel=1e-8)
-        assert measures.row(with_it) == pytest.approx(measures.row(without), rel=1e-7)
-    assert newton[0] <= newton[1]
-
-
-def test_linear_solvers_give_the_same_curve(press_of: Callable[..., ContactSolver]) -> None:
-    curves = [
-        drive(press_of(PLASTIC, linear=kind, rtol=1e-10), delta_max=DELTA, steps=3, unload_steps=1).curve()
-        for kind in ("lu", "cg")
-    ]
-    np.testing.assert_allclose(curves[1].force, curves[0].force, rtol=1e-8)
-
-
 # --- unloading ------------------------------------------------------------------------------------------------
 
 
@@ -221,26 +197,6 @@ def test_force_control_hits_its_force(press_of: Callable[..., ContactSolver], ma
     for delta in curve.loading().delta:
         assert again.step(delta).converged
     assert again.force == pytest.approx(force_max, rel=1.1e-6)  # found to 1e-6, and solved twice to 1e-8
-
-
-@pytest.mark.parametrize("n", [1.1, 3.0])
-@pytest.mark.parametrize("ends", [(0.9, 1.02), (0.0, 1.5)], ids=str)
-def test_the_force_is_found_in_few_solves(n: float, ends: tuple[float, float]) -> None:
-    """Of a power law; bisection to 1e-6 takes 20."""
-    tried: list[float] = []
-
-    class Solver:
-        delta, force = ends[0], ends[0] ** n
-
-        def solve(self, target: float) -> Any:
-            tried.append(target)
-            return SimpleNamespace(converged=True)
-
-        def solved_force(self) -> float:
-            return (tried[-1] if tried else ends[1]) ** n
-
-    target, _ = _find_force(cast(Any, Solver()), 1.0, ends[1], cast(Any, None))
-    assert target**n == pytest.approx(1.0, rel=1e-6) and len(tried) <= 8
 
 
 @EACH
@@ -402,27 +358,6 @@ def test_a_force_next_to_nothing(press_of: Callable[..., ContactSolver], linear:
     stiffness = light.force / light.delta
     np.testing.assert_allclose(stiffness, stiffness[0], rtol=1e-7)
     np.testing.assert_allclose(tiny.force / tiny.delta, stiffness[0], rtol=1e-4)
-
-
-def test_flow_is_extrapolated_as_far_as_it_keeps_its_direction() -> None:
-    """Angles between tensors by the double contraction, in which a shear component counts twice."""
-    strain = (
-        np.array([[2, -1, -1, 0, 0, 0], [0, 0, 0, 3, 0, 0], [0] * 6, [1, -1, 0, 0, 0, 0], [1, -1, 0, 1, 0, 0]]) * 1e-3
-    )
-    flow = 1e-3 * np.array(
-        [[4, -2, -2, 0, 0, 0], [0, 0, 0, 1, 1, 0], [1, 0, -1, 0, 0, 0], [0, 0, 0, 0, 0, 1], [1, -1, 0, 0, 0, 0]]
-    )
-    a, da = np.full(5, 5e-3), np.full(5, 2e-3)
-
-    def of(strain: Array, accumulated: Array) -> History:
-        return History(plastic_strain=strain, accumulated=accumulated, dilatation=0.0 * accumulated)
-
-    for extrapolation in (1.0, 0.5):
-        carried = extrapolate(of(strain, a), of(strain + flow, a + da), extrapolation)
-        part = extrapolation * np.array([1.0, np.sqrt(0.5), 1.0, 0.0, np.sqrt(0.5)])
-        rounding = 8 * np.finfo(float).eps * flow.max()
-        np.testing.assert_allclose(carried.plastic_strain, strain + (1.0 + part[:, None]) * flow, rtol=0, atol=rounding)
-        np.testing.assert_allclose(carried.accumulated, a + (1.0 + part) * da, rtol=1e-14)
 
 
 def test_the_midpoint_rule_does_not_ring_where_the_yield_strain_is_negligible(
