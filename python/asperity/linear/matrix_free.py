@@ -33,7 +33,6 @@ class TangentOperator:
         solid: owner of the tangent
         symmetric: whether the tangent is symmetric; the half treats any tangent as if it were
         single: whether PETSc uses the half of a symmetric tangent, sufficient for tolerances above 1e-5
-        keeps: whether the operator has a copy, which stays when the solid writes another matrix
 
     Attributes:
         kept: 1 at the free dofs, 0 at the others, ghosts included (nodes, 3)
@@ -41,10 +40,10 @@ class TangentOperator:
         version: of the solid's matrix that the operator has taken
     """
 
-    def __init__(self, solid: Solid, symmetric: bool, single: bool, keeps: bool = False) -> None:
+    def __init__(self, solid: Solid, symmetric: bool, single: bool) -> None:
         from dolfinx import la
 
-        self.solid, self._symmetric, self._single, self._keeps = solid, symmetric, symmetric and single, keeps
+        self.solid, self._symmetric, self._single = solid, symmetric, symmetric and single
         self._starts, self._columns = solid.sparsity.upper
         self._blocks: Singles = np.empty(0, dtype=np.float32)
         self._sums = la.vector(solid.V.dofmap.index_map, 4, np.float32)
@@ -69,7 +68,7 @@ class TangentOperator:
     def update(self) -> None:
         """Take the current matrix of the solid, unless it has been taken."""
         if self.version != self.solid.tangent.version:
-            self._blocks = self.solid.tangent.half().copy() if self._keeps else self.solid.tangent.half()
+            self._blocks = self.solid.tangent.half()
             self.version = self.solid.tangent.version
 
     def diagonal(self) -> Floats:

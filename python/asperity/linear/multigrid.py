@@ -273,19 +273,16 @@ class EnergyTest:
     Args:
         ksp: CG; gets the test
         multigrid: its preconditioner
-        least: number of iterations
 
     Attributes:
         left: energy of the error of the last iterate
-        contraction: by which it fell in the second iteration, in the last solve with two
     """
 
-    def __init__(self, ksp: Any, multigrid: PMultigrid, least: int = 1) -> None:
+    def __init__(self, ksp: Any, multigrid: PMultigrid) -> None:
         from petsc4py import PETSc
 
-        self._multigrid, self._least, multigrid.measures = multigrid, least, True
+        self._multigrid, multigrid.measures = multigrid, True
         self._norm = self._first = self.left = 0.0
-        self.contraction = 1.0
         ksp.setNormType(PETSc.KSP.NormType.UNPRECONDITIONED)
         ksp.setConvergenceTest(self)
 
@@ -306,13 +303,9 @@ class EnergyTest:
             return int(reasons.DIVERGED_INDEFINITE_PC)
         if iteration == 1:
             self._first = energy
-        fall = (norm / before) ** 2
-        self.left = energy * fall
-        if iteration == 2:
-            self.contraction = fall
-        if iteration >= self._least:
-            if self.left <= ksp.atol**2:
-                return int(reasons.CONVERGED_ATOL)
-            if self.left <= ksp.rtol**2 * self._first:
-                return int(reasons.CONVERGED_RTOL)
+        self.left = energy * (norm / before) ** 2
+        if self.left <= ksp.atol**2:
+            return int(reasons.CONVERGED_ATOL)
+        if self.left <= ksp.rtol**2 * self._first:
+            return int(reasons.CONVERGED_RTOL)
         return int(reasons.ITERATING if iteration < ksp.max_it else reasons.DIVERGED_MAX_IT)
