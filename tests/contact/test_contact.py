@@ -102,6 +102,15 @@ def test_westergaard(formulation: Formulation) -> None:
     np.testing.assert_allclose(curve.mean_pressure, curve.force / curve.area_fraction)
 
 
+def test_beyond_full_contact_a_wave_answers_as_a_flat_block() -> None:
+    """Between rollers, M over its height."""
+    wave, size = Sinusoid(L=1.0, amplitude=0.01, dims=2), MeshSize(0.12, growth=0.6, h_max=0.4)
+    curve = solve_contact(wave, ELASTIC, delta_max=0.08, steps=6, size=size, comm=here()).curve
+    assert curve.area_fraction.max() > 1.0 - 1e-9
+    stiffness = np.diff(curve.force)[-1] / np.diff(curve.delta)[-1]
+    assert stiffness == pytest.approx(ELASTIC.confined_modulus, rel=1e-3)
+
+
 def grid_press(formulation: Formulation, material: Material) -> ContactSolver:
     """A flat block with a top of equal facets, whose penalty is uniform."""
     block = build_block(Flat(L=1.0), 1.0, lambda x, y, depth: 1.0)

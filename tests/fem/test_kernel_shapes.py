@@ -22,8 +22,8 @@ from asperity.quasistatic.stiffness import Stiffness
 from asperity.surface import Flat
 
 USERS = ("fem.kernels", "fem.forms", "fem.tangent", "contact.contact_surface", "contact.penalty_nitsche")
-USERS += ("linear.matrix_free", "linear.multigrid", "linear.coarse")
-OTHERS = {"J2", "SizeField"}  # without shapes, or with tests of their own
+USERS += ("linear.matrix_free", "linear.multigrid")
+OTHERS = {"J2", "SizeField", "Cholesky"}  # without shapes, or with tests of their own
 NAMES = {name for name in dir(_solver) if callable(getattr(_solver, name)) and name[0] != "_"} - OTHERS
 
 Call = tuple[str, tuple[Any, ...], dict[str, Any]]

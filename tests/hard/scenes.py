@@ -53,7 +53,6 @@ SCENES: tuple[Scene, ...] = (
         "elastic wave pressed beyond full contact",
         wave(0.01) | ELASTIC,
         depth=8.0,
-        claim=claims.closed,
         fast=True,
     ),
     Scene(
