@@ -1,4 +1,4 @@
-"""Numbers of docs/verification.md: Hertzian vibration, stiffness of a rough joint, impact of a cap.
+"""Numbers of docs/verification.md: stiffness of a rough joint, impact of a cap.
 
     ./run python3 benchmarks/experiments.py FOLDER
 
@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import argparse
 import math
-import sys
 from pathlib import Path
 from typing import Any
 
@@ -19,10 +18,6 @@ from scipy.optimize import brentq
 
 import asperity as asp
 from asperity.reference import Hertz, reduced_modulus
-
-sys.path.insert(0, str(Path(__file__).parents[1] / "tests"))
-
-from yielding_sphere import kogut_etsion
 
 E, NU, YIELD, TANGENT = 200e9, 0.3, 1e9, 2e9
 L, R = 4e-6, 2e-6  # the greatest spot is a thirtieth of the side
@@ -58,18 +53,6 @@ def run(case: dict[str, Any], folder: Path) -> asp.Curve:
     if not (folder / "summary.json").is_file():
         asp.run(asp.Case.from_dict(case), folder, force=True)
     return asp.Curve.read(folder / "curve.csv")
-
-
-def vibration() -> None:
-    """Onset of contact loss of the resonance over the damping ratio, by bisection of the response and by energy."""
-    print("| zeta | F/W, contact loss | by the work of a period |\n|---|---|---|")
-    for zeta in (0.0025, 0.005, 0.01, 0.02):
-        oscillator, (low, high) = asp.ContactOscillator(asp.PowerLaw(1.5), zeta=zeta), (zeta, 3.0 * zeta)
-        while high / low > 1.001:
-            middle = math.sqrt(low * high)
-            lost = oscillator.response(middle, (0.9, 1.05), tol=1e-4, subharmonics=False)["grazing"]
-            low, high = (low, middle) if lost else (middle, high)
-        print(f"| {zeta:g} | {1.5 * math.sqrt(low * high):.5f} | {1.5 * oscillator.thresholds().contact_loss:.5f} |")
 
 
 def joint(folder: Path) -> None:
@@ -146,13 +129,6 @@ def impact(folder: Path) -> None:
         lasting = 0.5 * (duration(up, top, mass) + duration(down, bottom, mass)) / hertz_duration(hertz, work, mass)
         cells = top / first, work / unit, math.sqrt(back / work), thornton(work), lasting
         print("| " + " | ".join(f"{x:.3g}" for x in cells) + " |")
-    critical = (math.pi * (0.454 + 0.41 * NU) * 2.8 * YIELD / (2.0 * E_PRIME)) ** 2 * R  # depth of Kogut and Etsion
-    print("\n| depth over the critical one | force over Kogut-Etsion | stiffness over Kogut-Etsion |\n|---|---|---|")
-    for w in (2.0, 4.0, 8.0):
-        if w * critical < top:
-            d = critical * w * np.array([0.98, 1.0, 1.02])
-            force, fit = up.force(d), kogut_etsion(d, R, E, NU, YIELD)[0]
-            print(f"| {w:g} | {force[1] / fit[1]:.3f} | {(force[2] - force[0]) / (fit[2] - fit[0]):.3f} |")
 
 
 def duration(law: Any, top: float, mass: float) -> float:
@@ -179,6 +155,5 @@ if __name__ == "__main__":
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("folder", type=Path, help="keeps the runs")
     options = parser.parse_args()
-    vibration()
     joint(options.folder)
     impact(options.folder)

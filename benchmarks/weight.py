@@ -1,9 +1,9 @@
-"""How much there is to read: lines, files, words, pages, tables and tuned constants, as Markdown tables.
+"""How much there is to read: lines, files, words, pages, tables and constants, as Markdown tables.
 
     python3 benchmarks/weight.py [FOLDER]     of this clone or another one, for example a worktree of an old commit
 
 Counts the files that git knows. A constant is a number, or a tuple of numbers, that a module assigns to a name in
-capitals; it is explained if a comment stands in its lines or above them. Prints, and judges nothing.
+capitals. Prints, and judges nothing.
 """
 
 from __future__ import annotations
@@ -23,24 +23,20 @@ def is_number(node: ast.expr) -> bool:
     return bool(parts) and all(isinstance(p, ast.Constant) and type(p.value) in (int, float) for p in parts)
 
 
-def constants(text: str) -> tuple[int, int]:
-    """Number of constants of a module, and of those that are explained."""
-    lines, found, explained = text.splitlines(), 0, 0
+def constants(text: str) -> int:
+    """Number of constants of a module."""
+    found = 0
     for node in ast.parse(text).body:
-        if not isinstance(node, ast.Assign | ast.AnnAssign) or node.value is None or not is_number(node.value):
-            continue
-        target = node.targets[0] if isinstance(node, ast.Assign) else node.target
-        if ast.unparse(target).strip("()").replace(", ", "").isupper():
-            found += 1
-            own = lines[max(node.lineno - 2, 0) : node.end_lineno]
-            explained += any("#" in line for line in own[1:]) or own[0].startswith("#")
-    return found, explained
+        if isinstance(node, ast.Assign | ast.AnnAssign) and node.value is not None and is_number(node.value):
+            target = node.targets[0] if isinstance(node, ast.Assign) else node.target
+            found += ast.unparse(target).strip("()").replace(", ", "").isupper()
+    return found
 
 
 def main(root: Path) -> None:
     """Print the tables."""
     names = subprocess.run(["git", "ls-files"], cwd=root, capture_output=True, text=True, check=True).stdout.split("\n")
-    lines, files, tuned, explained = Counter[str](), Counter[str](), Counter[str](), Counter[str]()
+    lines, files, tuned = Counter[str](), Counter[str](), Counter[str]()
     words = pages = tables = 0
     for path in (Path(name) for name in names if (root / name).is_file()):
         if path.suffix in (".png", ".svg", ".csv", ".npz", ".json") or not path.parts:
@@ -49,18 +45,17 @@ def main(root: Path) -> None:
         text = (root / path).read_text(encoding="utf-8", errors="replace")
         depth = 3 if path.parts[0] == "python" and len(path.parts) > 3 else 1
         places = {"/".join(path.parts[:depth]) if len(path.parts) > 1 else "(top)", path.parts[0]}
-        count = constants(text) if path.suffix == ".py" else (0, 0)
+        count = constants(text) if path.suffix == ".py" else 0
         for place in places:
             lines[place] += text.count("\n")
             files[place] += 1
-            tuned[place] += count[0]
-            explained[place] += count[1]
+            tuned[place] += count
         if path.parts[0] == "docs" and path.suffix == ".md":
             pages, words = pages + 1, words + len(text.split())
-    print("| part | lines | files | constants | explained |\n|---|---|---|---|---|")
+    print("| part | lines | files | constants |\n|---|---|---|---|")
     for place in sorted(lines):
         if place in ("(top)", "solver", ".ci") or files[place] > 1:
-            print(f"| {place} | {lines[place]} | {files[place]} | {tuned[place]} | {explained[place]} |")
+            print(f"| {place} | {lines[place]} | {files[place]} | {tuned[place]} |")
     print(f"\n| pages of docs | words | stored tables |\n|---|---|---|\n| {pages} | {words} | {tables} |")
 
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import warnings
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -19,8 +18,8 @@ from asperity.case import Case
 from asperity.curve import COLUMNS, Curve
 from asperity.curve.loops import LoopTable
 from asperity.curve.power_law import with_misfit
-from asperity.dynamics import LoopDamping, PowerLaw, TableLaw, law_from, run_dynamics
-from asperity.errors import CheckError, CheckpointError, ConvergenceError, MeshError, OutputError
+from asperity.dynamics import LoopDamping, PowerLaw, law_from, run_dynamics
+from asperity.errors import CheckpointError, ConvergenceError, MeshError, OutputError
 from asperity.job.run_case import RunResult, run
 from asperity.mesh.block import BlockMesh
 from asperity.model.material import Material
@@ -318,38 +317,7 @@ def test_a_saved_mesh_is_used(tmp_path: Path, full: tuple[Path, RunResult]) -> N
         run(case_of(mesh={**MESH, "file": str(tmp_path / "block.npz")}, surface={**SURFACE, "seed": 1}))
 
 
-def test_the_points_of_the_curve_are_the_law_of_the_mass(tmp_path: Path) -> None:
-    """In another system of units; a computed curve is not called noisy."""
-    gravity = 9.80665e6
-    dynamics = {"law": "table", "model": ["exact"], "omega": [0.9, 0.95], "zeta": 0.1, "gravity": gravity}
-    loading = {"delta_max": 0.03e-6, "steps": 8}
-    case = case_of(material={"E": 200e9, "nu": 0.3}, loading=loading, dynamics=dynamics, units="other")
-    with warnings.catch_warnings():
-        warnings.filterwarnings("error", "the points scatter")
-        result = run(case, tmp_path)
-    of_mass = json.loads((tmp_path / "thresholds.json").read_text(encoding="utf-8"))
-    assert of_mass["law"] == "table, 8 points, interpolated" and of_mass["notes"][1:] == []
-    assert of_mass["z_s"] == pytest.approx(TableLaw.from_curve(result.curve).deflection(of_mass["load"]), rel=1e-12)
-    assert of_mass["gravity"] == gravity
-    assert of_mass["omega_s"] == pytest.approx(np.sqrt(of_mass["n_loc"] * gravity / of_mass["z_s"]), rel=1e-12)
-    for name in ("free", "response"):
-        assert len((tmp_path / f"{name}.csv").read_text(encoding="utf-8").splitlines()) > 10
-    assert run_dynamics(tmp_path, law="table", model=["exact"], omega=(0.9, 0.95), sweeps=False).gravity == gravity
-
-
 # --- failures -------------------------------------------------------------------------------------------------
-
-
-@pytest.mark.slow
-def test_meshes_too_coarse_to_be_touched_are_no_wrong_result() -> None:
-    """The slopes take more elements than allowed: smoothed summits hardly reach the flat, and the message says so."""
-    surface = {"kind": "self-affine", "L": 1.0, "H": 0.5, "rms_slope": 10.0, "lambda_roll": 0.3, "lambda_short": 0.02}
-    loading, accuracy = {"delta_max": 0.01, "steps": 2}, {"tolerance": 0.1, "max_dofs": 17_000}
-    material = {"E": 1.0, "nu": 0.3, "kinematics": "small"}
-    case = Case.from_dict({"surface": surface, "material": material, "loading": loading, "accuracy": accuracy})
-    with pytest.raises(ConvergenceError, match=r"no error bar, the contact touches a few facets only: ") as e:
-        run(case)
-    assert not isinstance(e.value, CheckError)
 
 
 def test_a_tolerance_that_is_not_met_leaves_all_that_was_found(tmp_path: Path) -> None:

@@ -9,22 +9,8 @@ import pytest
 from asperity.runtime.measured_curve import FORCES
 from asperity.units import LENGTHS, per_cent, plus_minus, prefix, quantity
 
-SI = {
-    "": 0,
-    "c": -2,
-    "m": -3,
-    "u": -6,
-    "µ": -6,
-    "μ": -6,
-    "n": -9,
-    "p": -12,
-    "f": -15,
-    "k": 3,
-    "M": 6,
-    "G": 9,
-    "T": 12,
-    "P": 15,
-}
+SI = {"": 0, "c": -2, "m": -3, "u": -6, "µ": -6, "μ": -6, "n": -9, "p": -12, "f": -15}
+SI |= {"k": 3, "M": 6, "G": 9, "T": 12, "P": 15}
 
 
 @pytest.mark.parametrize(("table", "unit"), [(LENGTHS, "m"), (FORCES, "N")])

@@ -13,7 +13,6 @@ from hypothesis import strategies as st
 
 from asperity.case.case_file import Case
 from asperity.case.keys import input_reference
-from asperity.case.schema import Input
 from asperity.errors import InputError
 from asperity.model.material import Material
 from asperity.model.problem import Problem
@@ -299,14 +298,6 @@ def test_a_quarter_of_a_sphere_in_a_corner_is_no_first_touch_on_an_edge(sides: s
     quarter = {"kind": "sphere", "L": 1.0, "radius": 1.0, "centre": [0.0, 0.0]}
     case = Case.from_dict(MINIMAL | {"surface": quarter, "block": {"sides": sides}})
     assert len(doubts_of(case)) == count
-
-
-def test_the_reference_lists_every_key_once() -> None:
-    rows = list(input_reference())
-    names = [(section, key) for section, key, *_ in rows]
-    assert len(set(names)) == len(names)
-    assert {section.split()[0] for section, _ in names} == set(Input.model_fields) - {"units"}
-    assert all(all(cell for cell in row) for row in rows)
 
 
 VALUES = st.one_of(

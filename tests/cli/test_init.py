@@ -7,7 +7,6 @@ import re
 import subprocess
 import sys
 import warnings
-from itertools import product
 from pathlib import Path
 
 import numpy as np
@@ -20,9 +19,8 @@ from asperity.case.keys import kind_of, properties, sections
 from asperity.case.schema import Input
 from asperity.case.surfaces import SURFACES as MODELS
 from asperity.cli.check import judge
-from asperity.cli.init import SOLIDS, SURFACES, starting_case
+from asperity.cli.init import SURFACES, starting_case
 
-ALL = list(product(SURFACES, SOLIDS))
 COMMENTED = re.compile(r"^# (\[\w+\]|\w+ = \S.*)$", re.MULTILINE)
 ADVICE = re.compile(r"^# (\w+) = +#", re.MULTILINE)  # a key without a plain default
 
@@ -31,21 +29,21 @@ def init(*arguments: str | Path) -> int:
     return call("init", *arguments)
 
 
-@pytest.mark.parametrize(("kind", "solid"), ALL)
-def test_the_case_is_accepted_without_a_warning(kind: str, solid: str, tmp_path: Path) -> None:
+@pytest.mark.parametrize("kind", SURFACES)
+def test_the_case_is_accepted_without_a_warning(kind: str, tmp_path: Path) -> None:
     path = tmp_path / "new/case.toml"
-    assert init(path, "--surface", kind, f"--{solid}") == 0
+    assert init(path, "--surface", kind) == 0
     case = Case.load(path)
-    assert case.surface.kind == kind and (case.material.yield_strength is not None) == (solid == "plastic")
+    assert case.surface.kind == kind and case.material.plastic
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         judge(case)
 
 
-@pytest.mark.parametrize(("kind", "solid"), ALL)
-def test_the_commented_defaults_are_the_defaults(kind: str, solid: str, tmp_path: Path) -> None:
+@pytest.mark.parametrize("kind", SURFACES)
+def test_the_commented_defaults_are_the_defaults(kind: str, tmp_path: Path) -> None:
     """Every key of the schema is in the file; setting those that are commented out changes nothing."""
-    text = starting_case(kind, solid)
+    text = starting_case(kind)
     keys = {name: {key for m in sections(name) for key in properties(m)} for name in Input.model_fields}
     keys["surface"] = next(set(properties(m)) for m in MODELS if kind_of(m) == kind)
     found: dict[str, set[str]] = {}
@@ -67,18 +65,6 @@ def test_the_commented_defaults_are_the_defaults(kind: str, solid: str, tmp_path
     assert Case.load(full) == Case.load(plain)
 
 
-@pytest.mark.parametrize(("kind", "solid"), [("weierstrass-mandelbrot", "plastic"), ("flat", "elastic")])
-def test_the_case_runs(kind: str, solid: str, tmp_path: Path) -> None:
-    """Here with large elements and few steps."""
-    path = tmp_path / "case.toml"
-    path.write_text(starting_case(kind, solid), encoding="utf-8")
-    quick = ["mesh.h_contact=0.24e-6", "mesh.growth=1.0", "loading.steps=3", "accuracy.tolerance="]
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore")
-        curve = asp.run(Case.load(path, quick)).curve
-    assert curve.delta[-1] == pytest.approx(Case.load(path).loading.delta_max) and curve.force[-1] > 0
-
-
 def test_a_joint_is_in_the_numbers_of_the_user(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """The load path reaches twice the pressure of the preload, and returns."""
     path = tmp_path / "joint.toml"
@@ -98,27 +84,12 @@ def test_a_joint_is_in_the_numbers_of_the_user(tmp_path: Path, capsys: pytest.Ca
     assert init(tmp_path / "no.toml", "--Sq", "-1", "--slope", "0.1") == 2
 
 
-def test_examples_are_those_of_the_pages(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    monkeypatch.chdir(tmp_path)
-    assert init("--example", "demo") == 0 and init("--example", "scan") == 0
-    assert init("joint.toml", "--example", "joint") == 0
-    demo = Path(asp.__file__).parent.parent.parent / "cases/demo.toml"
-    assert Path("case.toml").read_text() == demo.read_text()
-    joint, given = Case.load("joint.toml"), tmp_path / "given.toml"
-    assert init(given, "--joint", "1e-5", "250", "5", "--Sq", "0.4e-6", "--slope", "0.1") == 0
-    assert joint == Case.load(given)
-    advice = capsys.readouterr().out.splitlines()[1].partition("next: asperity ")[2].split()
-    assert call(*advice, "-o", "out") == 0 and Path("out/case.toml").is_file()
-
-
 def test_a_map_is_taken_from_its_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """From where the case is, with the approach of a light load on it."""
     surface = asp.Surface.from_spec(kind="sinusoid", L=1e-4, amplitude=1e-6, dims=2)
     np.savez(tmp_path / "scan.npz", z=surface.grid(65), L=1e-4)
     monkeypatch.chdir(tmp_path)
-    assert init("cases/mine.toml", "--from", "scan.npz", "--elastic") == 0
+    assert init("cases/mine.toml", "--from", "scan.npz") == 0
     case = Case.load("cases/mine.toml")
     heights = surface.grid(65)
     assert case.surface.kind == "file" and case.build_surface().L == pytest.approx(1e-4)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import csv
-import json
 import subprocess
 import sys
 import time
@@ -17,7 +16,7 @@ from conftest import CLEAN, call, world
 
 from asperity.case import Case
 from asperity.curve import Curve
-from asperity.errors import AsperityWarning, InputError
+from asperity.errors import InputError
 from asperity.job.run_case import run
 from asperity.study import Study, case_folder, run_study
 from asperity.study.run import DONE, summarise_case
@@ -120,22 +119,6 @@ def test_a_study_is_run_continued_and_tabled(tmp_path: Path) -> None:
     assert Case.load(place / "case.toml").material.tangent_modulus == 0.01
     alone = run(next(e.case for e in made.entries if e.key == soft["case"]))
     np.testing.assert_allclose(alone.curve.force, curve.force, rtol=1e-9)
-
-
-def test_a_case_warns_in_a_study_as_it_does_alone(tmp_path: Path) -> None:
-    """The element sizes are those of the shared mesh, too coarse for the waves of this surface."""
-    rough = BASE | {"surface": ROUGH, "loading": {"delta_max": 0.002, "steps": 1}}
-    made = study(base=rough, grid={"material.tangent_modulus": [0.01, 0.1]})
-    with pytest.warns(AsperityWarning) as caught:
-        run_study(made, tmp_path / "out")
-    with pytest.warns(AsperityWarning):
-        alone = run(made.entries[0].case, tmp_path / "alone")
-    assert not any("is not used" in str(w.message) for w in caught)
-    place = case_folder(tmp_path / "out", made.entries[0].key)
-    summary = json.loads((place / "summary.json").read_text())
-    assert summary["warnings"] == alone.summary["warnings"]
-    assert any("waves shorter than" in text for text in summary["warnings"])
-    assert (place / "case.toml").read_text() == (tmp_path / "alone/case.toml").read_text()
 
 
 def test_a_folder_with_other_files_is_refused(tmp_path: Path) -> None:

@@ -170,5 +170,3 @@ def doubts(case: Input) -> Iterator[str]:
             f"loading.unload_steps = {rows} gives the law of the vibration {rows} rows in contact, and at least "
             f"{least} show its curvature: raise it{'' if case.has_stiffness else ', or set output.stiffness = true'}"
         )
-    if case.loops is not None and not case.material.plastic:
-        yield "[loops] finds loss factors of zero only: the material is elastic; leave it out, or give a yield_strength"

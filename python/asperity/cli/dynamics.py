@@ -12,7 +12,6 @@ from asperity.dynamics.settings import MODELS, SHAPES, DynamicsSettings
 from asperity.errors import InputError
 from asperity.force_law import LAWS
 from asperity.force_law.damping import DAMPING, LOOPS
-from asperity.runtime.run_folder import writing_into
 from asperity.units import per_cent, plus_minus, quantity
 
 if TYPE_CHECKING:
@@ -98,15 +97,13 @@ def dynamics(
         if name in alien and settings[name] is not None:
             raise InputError(f"--{name} is for {'the normal direction' if tangential else 'a curve'}: leave it out")
     if tangential:
-        with writing_into(output):
-            _tangential(str(source), joint, settings | {"pressure": given["pressure"]}, output, as_json)
+        _tangential(str(source), joint, settings | {"pressure": given["pressure"]}, output, as_json)
         return
-    with writing_into(output):
-        result = run_dynamics(law, joint=joint, out_dir=output, **settings)
-        if output:
-            from asperity.plot import plot_dynamics
+    result = run_dynamics(law, joint=joint, out_dir=output, **settings)
+    if output:
+        from asperity.plot import plot_dynamics
 
-            plot_dynamics(result, output)
+        plot_dynamics(result, output)
     if as_json:
         options.print_json(result.to_dict())
         return

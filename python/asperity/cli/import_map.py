@@ -74,11 +74,11 @@ def import_map(map_file: str, output: str | None, as_json: bool, **given: Any) -
     OUT receives patch.npz, case.toml to start from, measured.json, surface.png and spectrum.png.
     """
     from asperity.runtime.files import files_into
-    from asperity.runtime.progress import Progress, StepLines
+    from asperity.runtime.progress import LevelLines, Progress
     from asperity.runtime.run_folder import holds_run
     from asperity.surface.iso25178 import light_approach
 
-    progress = Progress() if as_json else StepLines()
+    progress = Progress() if as_json else LevelLines()
     folder = Path(output) if output else Path("out") / Path(map_file).stem
     if folder.is_file() or holds_run(folder):
         raise InputError(f"{folder} {'is a file' if folder.is_file() else 'holds a run'}; give another folder to -o")

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
@@ -68,8 +67,7 @@ def export(folder: str, to: str, output: str | None, **settings: Any) -> None:
 @click.argument("first", metavar="A", type=click.Path(exists=True, path_type=Path))
 @click.argument("second", metavar="B", type=click.Path(exists=True, path_type=Path))
 @options.tolerances
-@options.as_json
-def compare(first: Path, second: Path, tolerances: dict[str, float] | None, as_json: bool) -> int:
+def compare(first: Path, second: Path, tolerances: dict[str, float] | None) -> int:
     """Compare two curves, column by column.
 
     A is the run, B the reference; each is a run directory or a curve.csv. Exit code 0 when they agree, 1 when not.
@@ -82,10 +80,6 @@ def compare(first: Path, second: Path, tolerances: dict[str, float] | None, as_j
         raise InputError(f"{first} and {second} are the same curve, so nothing is compared")
     a, b = map(Curve.read, files)
     differences = compare_curves(a, b, tolerances)
-    if as_json:
-        found = [asdict(difference) for difference in differences]
-        options.print_json({"agree": not found, "steps": len(a), "differences": found})
-        return 1 if found else 0
     for difference in differences:
         options.say(str(difference))
     if not differences:

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import gc
+import logging
+import sys
 from pathlib import Path
 
 import click
 
 from asperity.cli import options
-from asperity.runtime.progress import make_progress, world_rank
+from asperity.runtime.progress import LevelLines, Progress, world_rank
 
 
 @click.command()
@@ -18,7 +20,7 @@ from asperity.runtime.progress import make_progress, world_rank
 @click.option("--force", is_flag=True, help="Replace the run in OUT.")
 @options.job_ranks
 @click.option("-q", "--quiet", is_flag=True, help="Show no progress.")
-@click.option("-v", "--verbose", is_flag=True, help="Show a row per load step; run.log has them in any case.")
+@click.option("-v", "--verbose", is_flag=True, help="Show the lines of run.log instead.")
 @options.overrides
 def run(
     case_file: str, output: str | None, resume: bool, force: bool, ranks: int | None, quiet: bool, verbose: bool,
@@ -46,7 +48,10 @@ def run(
 
     compat.start()
     gc.freeze()  # what the modules hold is no garbage, and each solver that goes has the rest searched
-    progress = make_progress(quiet, verbose)
+    progress = Progress() if quiet or verbose or world_rank() else LevelLines()
+    if verbose and not world_rank():
+        logging.basicConfig(stream=sys.stdout, format="%(asctime)s %(message)s")
+        logging.raiseExceptions = False  # of a pipe whose reader has gone: the run goes on
     try:
         result = run_case.run(case, folder, progress=progress, resume=resume, force=force)
     finally:

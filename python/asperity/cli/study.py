@@ -42,6 +42,4 @@ def study(
         click.echo(f"{counts.done} of {counts.cases} cases done, {counts.failed} failed, {counts.run} run now")
         click.echo(f"written to {folder}")
     if counts.failed:
-        raise ConvergenceError(
-            f"{counts.failed} of {counts.cases} cases failed; exit_reason in {folder / 'results.csv'} says why"
-        )
+        raise ConvergenceError(f"{counts.failed} of {counts.cases} cases failed; see exit_reason in its results.csv")

@@ -8,7 +8,6 @@ slopes is negligible.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from time import process_time
 from typing import TYPE_CHECKING, Any
 
 import click
@@ -80,7 +79,7 @@ def hertz() -> Iterator[dict[str, Any]]:
     for method in METHODS:
         result = _solve(sphere, CONTACT**2 / RADIUS, 2, tolerance=TOLERANCE, formulation=Formulation(method))
         yield from _forces("hertz", method, sphere, result)
-        for step in _half_and_whole(result):
+        for step in (len(result.curve) // 2 - 1, -1):
             radius = theory.radius(theory.approach(4.0 * result.curve.force[step]))
             area, bar = float(result.curve.area_fraction[step]), result.curve.bar("area_fraction", step)
             name = f"area at a = {radius:.3f} L, {method}"
@@ -102,7 +101,7 @@ def _forces(case: str, method: str, surface: Surface, result: AccurateResult) ->
     """Force at half and at the whole approach against small-slope theory for the whole block."""
     from asperity.reference import half_space_contact
 
-    for step in _half_and_whole(result):
+    for step in (len(result.curve) // 2 - 1, -1):
         delta = float(result.curve.delta_star[step])
         coarse, fine = (
             half_space_contact(surface, n, delta_star=delta, height=1.0, nu=NU).P_star for n in (CELLS // 2, CELLS)
@@ -110,11 +109,6 @@ def _forces(case: str, method: str, surface: Surface, result: AccurateResult) ->
         bar = TOLERANCE + abs(fine - coarse) / fine / 3.0
         name = f"force at delta/L = {delta:.2e}, {method}"
         yield row(case, name, "boundary elements", fine, float(result.curve.P_star[step]), bar)
-
-
-def _half_and_whole(result: AccurateResult) -> tuple[int, int]:
-    """Rows of half and of the whole approach."""
-    return len(result.curve) // 2 - 1, len(result.curve) - 1
 
 
 def _solve(surface: Surface, delta: float, steps: int, nu: float = NU, **settings: Any) -> Any:
@@ -129,31 +123,22 @@ def _solve(surface: Surface, delta: float, steps: int, nu: float = NU, **setting
 
 @click.command()
 @click.argument("names", metavar="[NAME]...", nargs=-1, type=click.Choice(tuple(CASES)))
-@options.as_json
-def verify(names: tuple[str, ...], as_json: bool) -> None:
+def verify(names: tuple[str, ...]) -> None:
     """Compare the solver with reference solutions.
 
     A flat block, a sphere and a rough surface, against closed forms and boundary elements; all cases if no NAME is
     given. A row passes when its error is within its bar, what the run promises and the uncertainty of the reference.
     Errors and bars are relative. Exit code 0 when all rows pass, 3 when not.
     """
-    start, rows = process_time(), []
-    for name in names or tuple(CASES):
-        found = list(CASES[name]())
-        rows += found
-        passed = sum(one["passed"] for one in found)
-        click.echo(f"{name}: {passed} of {len(found)} within the bar, {process_time() - start:.0f} s so far", err=True)
-    if as_json:
-        options.print_json(rows)
-    else:
-        texts = (
-            (
-                one["case"], one["quantity"], one["source"], f"{one['reference']:.5g}", f"{one['value']:.5g}",
-                f"{one['error']:.1e}", f"{one['bar']:.1e}", "yes" if one["passed"] else "NO",
-            )
-            for one in rows
-        )  # fmt: skip
-        options.table("Verification", texts, HEADER)
+    rows = [one for name in names or tuple(CASES) for one in CASES[name]()]
+    texts = (
+        (
+            one["case"], one["quantity"], one["source"], f"{one['reference']:.5g}", f"{one['value']:.5g}",
+            f"{one['error']:.1e}", f"{one['bar']:.1e}", "yes" if one["passed"] else "NO",
+        )
+        for one in rows
+    )  # fmt: skip
+    options.table("Verification", texts, HEADER)
     missed = [f"{one['case']}: {one['quantity']}" for one in rows if not one["passed"]]
     if missed:
         raise ConvergenceError(f"{len(missed)} of {len(rows)} rows outside their bar ({'; '.join(missed)})")

@@ -14,11 +14,9 @@ import numpy as np
 
 from asperity.arrays import Array
 from asperity.curve.slope import fitted_rows, legs, planned_rows, slopes
-from asperity.errors import AsperityWarning, InputError, warn
+from asperity.errors import InputError
 from asperity.runtime.display import nearest
 from asperity.runtime.files import MOST_TEXT, read_whole, write_csv
-from asperity.runtime.measured_curve import read_measured_curve, repaired
-from asperity.runtime.notebook import line_picture, optional
 from asperity.runtime.text_table import decoded
 
 if TYPE_CHECKING:
@@ -252,16 +250,6 @@ class Curve:
         except InputError:
             return None
 
-    def to_pandas(self) -> Any:
-        """Data frame of the steps, a column each; needs the package pandas."""
-        frame = optional("pandas").DataFrame({name: getattr(self, name) for name in COLUMNS})
-        frame.attrs = dict(self.header)
-        return frame
-
-    def _repr_html_(self) -> str:
-        """Picture of force over approach, for a notebook."""
-        return line_picture(self.delta, self.force, f"{self!r}", "approach", "force")
-
     def write(self, path: str | Path) -> None:
         """Write a CSV file, whole or not at all, that is read back to the same bits; NaNs are empty cells."""
         comment = json.dumps(dict(self.header), sort_keys=True) if self.header else ""
@@ -273,32 +261,25 @@ class Curve:
         """Read a CSV file: optional "# {json}" line, column names, one line per step.
 
         Columns "delta" and "force" are required, the other names of COLUMNS are optional. An empty cell is unknown.
-        Files that no run has written may have another dialect and units, and are repaired with a warning, see
-        `measured_curve`.
+        Other dialects and units are read by `asperity.force_law`, see `runtime.measured_curve`.
 
         Raises:
             InputError: the file does not exist, has no or unknown column names, or a value that is not a number
                 (the message gives its line)
         """
         try:
-            curve, notes = _parsed(Path(path))
+            return _parsed(Path(path))
         except (InputError, OSError, ValueError, OverflowError, RecursionError, csv.Error) as error:
             raise InputError(f"{path} cannot be read as a curve: {error}") from None
-        for note in notes:
-            warn(f"{path}: {note}", AsperityWarning)
-        return curve
 
 
-def _parsed(path: Path) -> tuple[Curve, Sequence[str]]:
-    """Curve of a file, and what was repaired where no run has written it."""
+def _parsed(path: Path) -> Curve:
+    """Curve of a file."""
     lines = decoded(read_whole(path, MOST_TEXT)).splitlines()
-    first = next((line for line in lines if not line.startswith("#")), "")
-    names = [name.strip() for name in first.split(",")]
-    if first and not set(names) <= set(COLUMNS):
-        return _measured(path, names)
     header, skip = _read_header(lines)
     if len(lines) <= skip:
         raise InputError(f"no column names; expected {','.join(COLUMNS)}.")
+    names = [name.strip() for name in lines[skip].split(",")]
     _check_names(names)
     rows = []
     for number, values in enumerate(csv.reader(lines[skip + 1 :]), start=skip + 2):
@@ -307,36 +288,7 @@ def _parsed(path: Path) -> tuple[Curve, Sequence[str]]:
         if len(values) != len(names):
             raise InputError(f"line {number}: {len(values)} values for {len(names)} columns.")
         rows.append({name: _parse(name, text, number) for name, text in zip(names, values, strict=True)})
-    curve = Curve.from_rows(rows, header)
-    if "step" in names:
-        return curve, ()
-    found, notes = repaired({name: getattr(curve, name) for name in names})
-    return (_of_columns(found, header), notes) if notes else (curve, ())
-
-
-def _measured(path: Path, names: list[str]) -> tuple[Curve, Sequence[str]]:
-    """Curve of a file in another dialect, or with units or other names."""
-    try:
-        measured = read_measured_curve(path)
-    except ValueError:
-        if len(names) > 1 and set(names) & set(_REQUIRED):
-            _check_names(names)
-        raise
-    _check_names(list(measured.columns))
-    texts = [name for name, values in measured.columns.items() if values.dtype.kind == "U" and name != "branch"]
-    if texts:
-        raise InputError(f"{texts[0]} has a cell that is not a number.")
-    return _of_columns(measured.columns, {}), measured.notes
-
-
-def _of_columns(columns: Mapping[str, Array], header: Mapping[str, Any]) -> Curve:
-    """Curve of columns (n,); unknown counts are 0."""
-    counted = {
-        name: np.where(np.isnan(values), 0, values).astype(int) if _KINDS[name] is int else values
-        for name, values in columns.items()
-    }
-    rows = zip(*counted.values(), strict=True)
-    return Curve.from_rows([dict(zip(counted, row, strict=True)) for row in rows], header)
+    return Curve.from_rows(rows, header)
 
 
 _TABLE = {each.name: each.metadata for each in fields(Curve) if each.metadata}

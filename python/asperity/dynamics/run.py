@@ -104,14 +104,13 @@ class Dynamics:
             ],
             run_folder.MOTION: self.moved(),
         }
-        with run_folder.writing_into(path):
-            for name, rows in tables.items():
-                if rows:
-                    write_csv(path / name, list(rows[0]), map(_cells, rows))
-                else:  # of an earlier analysis
-                    (path / name).unlink(missing_ok=True)
-            text = json.dumps(self.to_dict(), indent=2, allow_nan=False)
-            replace_file(path / run_folder.THRESHOLDS, f"{text}\n".encode())
+        for name, rows in tables.items():
+            if rows:
+                write_csv(path / name, list(rows[0]), map(_cells, rows))
+            else:  # of an earlier analysis
+                (path / name).unlink(missing_ok=True)
+        text = json.dumps(self.to_dict(), indent=2, allow_nan=False)
+        replace_file(path / run_folder.THRESHOLDS, f"{text}\n".encode())
 
     def moved(self) -> list[dict[str, Any]]:
         """Rows of motion.csv."""

@@ -16,7 +16,7 @@ from asperity.plot.fields import surface_map
 from asperity.plot.slip import slip
 from asperity.plot.style import save, save_in
 from asperity.plot.vibration import frequency, motion, receptance, response, results_of
-from asperity.runtime.run_folder import FIGURES, locking
+from asperity.runtime.run_folder import FIGURES, refuse_links
 
 if TYPE_CHECKING:
     from asperity.dynamics import Dynamics
@@ -56,7 +56,6 @@ CAPTIONS = {
 }
 
 
-@locking
 def plot_run(folder: str | Path) -> list[Path]:
     """Draw the figures that the files of a run allow, into its folder figures/, and return the files.
 
@@ -66,9 +65,10 @@ def plot_run(folder: str | Path) -> list[Path]:
         folder: of the run
 
     Raises:
-        InputError: the folder contains no run, or another process works in it
+        InputError: the folder contains no run
     """
     results = Results.read(folder)
+    refuse_links(results.folder)
     possible = figures_of(results)
     return [draw(results, name) for name in CAPTIONS if name in possible]
 

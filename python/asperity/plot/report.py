@@ -20,7 +20,7 @@ from asperity.plot.citations import publications
 from asperity.plot.style import DPI
 from asperity.plot.turning import turning_surface
 from asperity.runtime.files import replace_file
-from asperity.runtime.run_folder import FIGURES, REPORT, locking
+from asperity.runtime.run_folder import FIGURES, REPORT
 from asperity.units import plus_minus, quantity
 from asperity.version import __version__
 
@@ -35,7 +35,6 @@ STIFFNESS_WORDS = {
 }
 
 
-@locking
 def write_report(folder: str | Path) -> Path:
     """Write report.html into the folder of a run, from its files; return it.
 

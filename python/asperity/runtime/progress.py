@@ -1,4 +1,4 @@
-"""Progress display of a run: nothing, one line per mesh or one per step; and its log file."""
+"""Progress display of a run, one line per mesh or nothing; and its log file."""
 
 from __future__ import annotations
 
@@ -67,12 +67,10 @@ class Progress:
 
 
 SILENCE = 10.0  # time between two lines about the same phase [s]
-COLUMNS = ("step", "branch", "delta/L", "P*", "area", "Newton", "Krylov", "time", "left")
 _CELLS = {  # column of curve.csv: format of its values
     "step": "{}", "branch": "{}", "delta_star": "{:.4e}", "P_star": "{:.4e}", "area_fraction": "{:.4f}",
     "newton": "{}", "krylov": "{}", "seconds": "{:.1f} s",
 }  # fmt: skip
-_WIDTHS = (5, 7, 11, 11, 7, 6, 6, 8, 8)  # of the columns [characters]
 
 
 class LevelLines(Progress):
@@ -100,25 +98,21 @@ class LevelLines(Progress):
         self._show()
 
     def step(self, row: Mapping[str, Any], fraction_done: float) -> None:
-        left = self._left(row, fraction_done)
-        self._state = f"{left} left, step {row['step']}, {row['branch']}"  # a narrow screen cuts the end
+        now = time.monotonic()
+        self._steps += 1
+        if self._first is None:
+            self._first = now - float(row["seconds"])
+        left = (now - self._first) * (1 / fraction_done - 1) if fraction_done > 0 else float("nan")
+        self._state = f"{duration(left)} left, step {row['step']}, {row['branch']}"  # a narrow screen cuts the end
         self._show()
 
     def done(self) -> None:
         self._close()
         if self._name:  # the case was not refused
-            _write(f"{self._time()} end")
+            print(f"{self._time()} end", flush=True)
 
     def _time(self) -> str:
         return f"[{time.monotonic() - self._start:6.1f} s]"
-
-    def _left(self, row: Mapping[str, Any], fraction_done: float) -> str:
-        """Remaining time of the phase after a step."""
-        now = time.monotonic()
-        self._steps += 1
-        if self._first is None:
-            self._first = now - float(row["seconds"])
-        return duration((now - self._first) * (1 / fraction_done - 1) if fraction_done > 0 else float("nan"))
 
     def _line(self) -> str:
         return f"{self._time()} {self._name}{': ' if self._state else ''}{self._state}"
@@ -129,7 +123,7 @@ class LevelLines(Progress):
             width = shutil.get_terminal_size().columns - 1
             print(f"\r{self._line()[:width]}\x1b[K", end="", flush=True)
         elif self._state and now - self._last >= SILENCE:
-            _write(self._line())
+            print(self._line(), flush=True)
             self._last = now
 
     def _close(self) -> None:
@@ -139,34 +133,7 @@ class LevelLines(Progress):
         elif self._live:
             return
         if self._name:
-            _write(f"\r{self._line()}\x1b[K" if self._live else self._line())
-
-
-class StepLines(LevelLines):
-    """One plain line per step, with the remaining time."""
-
-    def __init__(self) -> None:
-        super().__init__(live=False)
-
-    def stage(self, name: str) -> None:
-        super().stage(name)
-        _write(f"{self._time()} {name}")
-
-    def step(self, row: Mapping[str, Any], fraction_done: float) -> None:
-        if not self._steps:
-            _write(_line(COLUMNS))
-        cells = [form.format(row[name]) for name, form in _CELLS.items()]
-        _write(_line((*cells, self._left(row, fraction_done))))
-
-    def _close(self) -> None:
-        """A phase has its line already."""
-
-
-def make_progress(quiet: bool = False, verbose: bool = False) -> Progress:
-    """Display for this process: on rank 0 a line per mesh, or per step where `verbose`; nothing where `quiet`."""
-    if quiet or world_rank() > 0:
-        return Progress()
-    return StepLines() if verbose else LevelLines()
+            print(f"\r{self._line()}\x1b[K" if self._live else self._line(), flush=True)
 
 
 def row_line(row: Mapping[str, Any]) -> str:
@@ -190,11 +157,3 @@ def duration(seconds: float) -> str:
     if seconds < 3600:
         return f"{seconds // 60} m {seconds % 60:02}"
     return f"{seconds // 3600} h {seconds % 3600 // 60:02}"
-
-
-def _write(line: str) -> None:
-    print(line, flush=True)
-
-
-def _line(cells: tuple[str, ...]) -> str:
-    return " ".join(cell.rjust(width) for cell, width in zip(cells, _WIDTHS, strict=True))

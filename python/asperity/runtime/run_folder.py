@@ -9,18 +9,12 @@ from __future__ import annotations
 import errno
 import fcntl
 import os
-import threading
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager, suppress
-from functools import wraps
 from pathlib import Path
-from typing import Concatenate, ParamSpec, TypeVar
 
 from asperity.errors import InputError
 from asperity.runtime.files import is_aside, parse_toml, read_text
-
-P = ParamSpec("P")
-T = TypeVar("T")
 
 CASE, CURVE, SUMMARY, LOG = "case.toml", "curve.csv", "summary.json", "run.log"
 FREE, RESPONSE, MOTION, THRESHOLDS = "free.csv", "response.csv", "motion.csv", "thresholds.json"
@@ -84,7 +78,12 @@ def check(folder: Path, *, resume: bool = False, force: bool = False) -> None:
         pass
 
 
-_held: set[tuple[Path, int]] = set()  # folders that threads of this process work in
+def refuse_links(folder: Path) -> None:
+    """Refuse (InputError) a folder with a link where a run writes."""
+    places = [folder / name for name in (LOCK, LOG, FIELDS, FIGURES, CHECKPOINT)]
+    for path in (*places, *(folder / CHECKPOINT).rglob("*")):
+        if path.is_symlink():
+            raise InputError(f"{path} is a link, which a run does not follow; remove it, or take another folder")
 
 
 @contextmanager
@@ -94,16 +93,12 @@ def working_in(folder: Path) -> Iterator[None]:
     Raises:
         InputError: another process works there, or this one already does, or a link is where a run writes
     """
-    places = [folder / name for name in (LOCK, LOG, FIELDS, FIGURES, CHECKPOINT)]
-    for path in (*places, *(folder / CHECKPOINT).rglob("*")):
-        if path.is_symlink():
-            raise InputError(f"{path} is a link, which a run does not follow; remove it, or take another folder")
+    refuse_links(folder)
     try:
         file = os.open(folder / LOCK, os.O_RDWR | os.O_CREAT | os.O_NOFOLLOW | os.O_CLOEXEC, 0o666)
     except OSError:  # nothing else can be written there either, which says why
         yield
         return
-    mine = folder.resolve(), threading.get_ident()
     try:
         with suppress(OSError):  # a file system without locks
             try:
@@ -113,32 +108,9 @@ def working_in(folder: Path) -> Iterator[None]:
                 free = False
             if not free:
                 raise InputError(f"another process works in {folder}; wait for its end, or take another folder")
-        _held.add(mine)
         yield
     finally:
-        _held.discard(mine)
         os.close(file)
-
-
-@contextmanager
-def writing_into(folder: str | Path | None) -> Iterator[None]:
-    """Lock the folder of a run against other runs and commands, unless the run itself writes; no other folder."""
-    if folder is None or (Path(folder).resolve(), threading.get_ident()) in _held or not holds_run(Path(folder)):
-        yield
-        return
-    with working_in(Path(folder)):
-        yield
-
-
-def locking(function: Callable[Concatenate[str | Path, P], T]) -> Callable[Concatenate[str | Path, P], T]:
-    """Decorate a function whose first argument is a folder that it writes into, see `writing_into`."""
-
-    @wraps(function)
-    def locked(folder: str | Path, *args: P.args, **named: P.kwargs) -> T:
-        with writing_into(folder):
-            return function(folder, *args, **named)
-
-    return locked
 
 
 def check_writable(folder: Path) -> None:
