@@ -233,20 +233,6 @@ def test_grooves_are_no_power_law(tmp_path: Path, capsys: pytest.CaptureFixture[
     assert "no Hurst exponent" in said or "is outside 0 to 1: the spectrum is not that" in said
 
 
-def test_heights_and_slopes_have_one_definition(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """Summary, `surface` and the surface of the run agree."""
-    scan = write(tmp_path, rough(13) + 30e-9 * NOISE, L=S[-1])
-    assert import_map(scan, "-o", tmp_path / "bare") == 0
-    surface = HeightMap(path=tmp_path / "bare/patch.npz")
-    capsys.readouterr()
-    assert call("surface", tmp_path / "bare/case.toml", "--json") == 0
-    shown = json.loads(capsys.readouterr().out)["statistics"]
-    about = json.loads((tmp_path / "bare/measured.json").read_text())["statistics"]
-    for key, exact in zip(("Sq", "rms_slope", "rms_curvature"), surface.exact_rms(), strict=True):
-        assert shown[key] == pytest.approx(exact) and about[key] == pytest.approx(exact)
-    assert surface.rms_slope() == surface.exact_rms()[1]
-
-
 def test_a_pixel_does_not_replace_lengths_of_the_file(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     scan, own = write(tmp_path, SCAN), SIDE / 255
     assert import_map(scan, "-o", tmp_path / "out", "--pixel", "1e-6") == 2
@@ -278,7 +264,7 @@ def test_units_missing_heights_and_form_are_treated_as_told(tmp_path: Path) -> N
     scan = write(tmp_path, np.where(NOISE > 2.0, 0.0, z), L=100.0)
     assert import_map(scan, "-o", tmp_path / "out", "--unit", "um", "--missing", "0", "--level", "curvature") == 0
     patch = HeightMap(path=tmp_path / "out/patch.npz")
-    assert patch.L == pytest.approx(100e-6) and patch.exact_rms()[0] == pytest.approx(0.3e-6, rel=0.3)
+    assert patch.L == pytest.approx(100e-6) and patch.statistics().Sq == pytest.approx(0.3e-6, rel=0.3)
 
 
 def test_channel_and_array_are_named_where_the_map_goes(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -291,5 +277,9 @@ def test_channel_and_array_are_named_where_the_map_goes(tmp_path: Path, capsys: 
     assert json.loads((tmp_path / "out/measured.json").read_text())["channel"] == "topo"
     about = HeightMap(path=tmp_path / "out/patch.npz").about
     assert about["file"].endswith("two.npz") and about["channel"] == "topo" and about["level"] == "plane"
+    assert import_map(tmp_path / "two.npz", "--array", "third", "-o", tmp_path / "out") == 2
+    assert "no array 'third'" in capsys.readouterr().err
+    np.savez(tmp_path / "one.npz", topo=SCAN, L=SIDE, about="none")
+    assert HeightField.read(tmp_path / "one.npz").channel == "topo"
     assert import_map(tmp_path / "two.npz", "--channel", "topo", "-o", tmp_path / "out") == 2
     assert "--channel is for files of instruments" in capsys.readouterr().err

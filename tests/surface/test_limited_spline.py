@@ -68,9 +68,6 @@ def test_derivatives_moments_and_bounds_of_limited_slopes() -> None:
     middle_x, middle_y = (zx[:, 1:] + zx[:, :-1]) / 2, (zy[1:] + zy[:-1]) / 2
     assert np.abs(np.diff(z, axis=1) * (n - 1) - middle_x).max() < 1e-2 * np.abs(zx).max()
     assert np.abs(np.diff(z, axis=0) * (n - 1) - middle_y).max() < 1e-2 * np.abs(zy).max()
-    height, slope, _ = surface.exact_rms()
-    assert height == pytest.approx(float(z.std()), rel=5e-3)
-    assert slope == pytest.approx(float(np.sqrt(np.mean(zx**2 + zy**2))), rel=5e-3)
     assert surface.mean() == pytest.approx(float(z.mean()), rel=5e-3)
     assert surface.curvature_bound() >= max(float(np.abs(h).max()) for h in surface.grid_hessian(n))
 

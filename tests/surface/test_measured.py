@@ -56,19 +56,6 @@ def test_a_rectangular_map_is_not_stretched_to_the_square_of_its_side(tmp_path: 
         HeightMap.of(z, (6.3e-7, 3.1e-7))
 
 
-def test_the_array_of_an_npz_file_is_named(tmp_path: Path) -> None:
-    z = np.random.default_rng(0).normal(size=(9, 9))
-    np.savez(tmp_path / "one.npz", topo=z, L=8e-6, about="none")
-    read = HeightField.read(tmp_path / "one.npz")
-    assert read.channel == "topo" and read.notes == ("the heights are the array 'topo'",)
-    np.savez(tmp_path / "two.npz", first=-z, second=z, L=8e-6)
-    with pytest.raises(InputError, match="it has first, second, L: name the heights with --array"):
-        HeightField.read(tmp_path / "two.npz")
-    np.testing.assert_array_equal(HeightField.read(tmp_path / "two.npz", array="second").z, z)
-    with pytest.raises(InputError, match="no array 'third'"):
-        HeightField.read(tmp_path / "two.npz", array="third")
-
-
 @pytest.mark.parametrize(
     ("name", "content", "reason"),
     [
@@ -148,6 +135,9 @@ def test_instrument_files_are_read_by_surfacetopography(tmp_path: Path, monkeypa
     assert read.z[3, 5] == pytest.approx((5 * 8 + 3) * 1e-6)
     assert np.isnan(read.z[7, 9]) and read.missing == pytest.approx(1 / 80)
     assert read.notes == () and read.channel == ""
+
+    (tmp_path / "scan.txt").write_text("Pixel size: 1 um")
+    np.testing.assert_array_equal(HeightField.read(tmp_path / "scan.txt", channel="1").z, read.z)
 
     channels[:] = [channel("Amplitude", 0), channel("Height", 1), channel("Phase\n", 2)]
     reader.default_channel = channels[1]

@@ -429,19 +429,6 @@ def test_a_sampled_fractal_has_the_same_summit():
     assert (abs((xx + yy) / 2) + np.hypot((xx - yy) / 2, xy)).max() <= copy.curvature_bound()
 
 
-def test_rms_values_of_a_map_are_those_of_its_spline() -> None:
-    """Against a midpoint rule of 20 points a cell, which converges to them."""
-    n, side = 33, 1e-6
-    made = SelfAffine(L=side, H=0.7, slope=0.2, lambda_roll=side / 3, lambda_short=side / 40, periodic=False)
-    surface = HeightMap.of(made.grid(n) + 3 * side, side)
-    s = (np.arange(20 * (n - 1)) + 0.5) * side / (20 * (n - 1))
-    z, zx, zy, xx, yy = (surface.on_product(s, s, *d) for d in ((0, 0), (1, 0), (0, 1), (2, 0), (0, 2)))
-    expected = np.std(z), np.sqrt(np.mean(zx**2 + zy**2)), np.sqrt(np.mean((xx + yy) ** 2)) / 2
-    np.testing.assert_allclose(surface.exact_rms(), expected, rtol=1e-3)
-    found = surface.statistics(65)
-    assert (found.Sq, found.rms_slope, found.rms_curvature) == surface.exact_rms()
-
-
 def bent(x: np.ndarray) -> np.ndarray:
     """Return coordinates with one irregular step."""
     return np.where(np.arange(x.size) == 3, x + 0.3 * (x[1] - x[0]), x)

@@ -154,7 +154,7 @@ class _Scan:
         except InputError as error:
             click.echo(f"no Hurst exponent: {error}", err=True)
         self.surface = HeightMap.of(self.patch.z, self.patch.size[0])
-        self.statistics = self.surface.statistics(min(len(self.patch.z), 1025))
+        self.statistics = self.surface.statistics()
         self.iso = iso25178(self.patch.z, self.patch.dx, self.patch.dy)
 
 

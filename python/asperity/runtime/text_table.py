@@ -23,6 +23,7 @@ BLANK = frozenset({"", "nan"})
 WIDE = 8  # cells from which a row of numbers is one of a table, whatever follows
 _NUMBER = re.compile(r"[-+]?(\d+[.,]?\d*|[.,]\d+)([eE][-+]?\d+)?")
 _THOUSANDS = re.compile(r"[-+]?[1-9]\d{0,2},\d{3}")  # what may be 1.234 or 1234
+_ZEROS = re.compile(r"(?:^|,)\s*[-+]?0\d")  # 1,05 in two cells
 _COMMENT = ("#", "%", "!")
 
 
@@ -79,6 +80,8 @@ class TextTable:
 
     def numbers(self) -> Array:
         """All rows as numbers (m, n), else ValueError; NaN for blank cells."""
+        if self.separator == "," and any(_ZEROS.search(line) for line in self.lines[self.first :] if '"' not in line):
+            raise ValueError("numbers begin with zeros, as if commas were those of decimals too: write points")
         with suppress(ValueError):  # another line shows what is wrong, or blank, or has decimal commas
             return np.loadtxt(self.lines[self.first :], delimiter=self.separator, ndmin=2, dtype=float)
         return np.array([[self.value(cell, i) for cell in row] for i, row in self.rows()])

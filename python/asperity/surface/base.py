@@ -29,6 +29,7 @@ EDGE = 1e-3
 FLAT = 1e-12  # depth over the side below which a surface is a plane: that of round-off
 
 _SMALLEST, _LARGEST = 1e-50, 1e50  # lengths
+_GRID = 1009  # nodes per side for statistics, out of step with those of a map
 _CELLS, _POINTS = 128, 4  # of the rule for the mean height, along a side and in a cell
 _STEEPNESS, _LONG = 16, 1e6  # exponent in `short_wave_share`, and ratio of lengths beyond which that is zero
 
@@ -219,7 +220,7 @@ class Surface(ABC):
         step = max(1, 2**18 // x.size)
         return np.concatenate([rows(y[i : i + step]) for i in range(0, y.size, step)])
 
-    def statistics(self, n: int = 1025) -> SurfaceStatistics:
+    def statistics(self, n: int = _GRID) -> SurfaceStatistics:
         """Roughness parameters of an n x n grid; see :class:`SurfaceStatistics`."""
         return surface_statistics(self.grid(n), self.grid_gradient(n), self.grid_hessian(n))
 
@@ -229,7 +230,7 @@ class Surface(ABC):
 
     def rms_slope(self) -> float:
         """sqrt(<|grad z|^2>) over the patch (dimensionless)."""
-        zx, zy = self.grid_gradient(1025)
+        zx, zy = self.grid_gradient(_GRID)
         return float(np.sqrt(np.mean(zx**2 + zy**2)))
 
     def check_small_slope(self) -> None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import math
 from contextlib import suppress
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar
@@ -21,7 +21,6 @@ from asperity.surface.height_files import REGULAR, UNEQUAL, Heights, read_height
 from asperity.surface.maximum import global_maximum
 from asperity.surface.scale_space import ScaleSpace
 from asperity.surface.spline import DEGREE, interpolate, with_middles
-from asperity.surface.statistics import SurfaceStatistics
 
 if TYPE_CHECKING:
     from scipy.interpolate import BivariateSpline
@@ -31,7 +30,6 @@ MOST = 6000  # heights along a side: beyond it the spline and its derivatives ne
 DEEPEST, FARTHEST = 10.0, 1e6  # greatest plausible peak-to-valley height and distance of heights from zero [L]
 _FIRST = 0.225  # width that the levels of smoothed maps start from, over the distance of the heights
 _TREND = 8  # degree of the polynomial trend removed before the waves are separated by length
-_CELLS = 1024  # along a side in which rms values are integrated
 _SAME = 1e-6  # greatest difference of opposite edges of a periodic map, over the range of heights
 
 
@@ -250,47 +248,11 @@ class HeightMap(Surface):
             found.append(same and np.sqrt(np.mean(across**2)) <= 2.0 * np.sqrt(np.mean(bend**2)))
         return all(found)
 
-    def exact_rms(self) -> tuple[float, float, float]:
-        """(Sq, rms slope, rms curvature) of the spline over the patch (length, 1, 1/length).
-
-        Curvature is half the Laplacian. Gauss's rule is exact in each cell; of more than 1024 along a side every second
-        or third is taken. A grid of the same or of half the spacing would favour some places.
-        """
-        return self._exact_rms
-
-    @cached_property
-    def _exact_rms(self) -> tuple[float, float, float]:
-        at, weight = np.polynomial.legendre.leggauss(DEGREE + 1)
-        points, weights = [], []
-        for ends in self._knots:
-            every = -(-(len(ends) - 1) // _CELLS)
-            half = 0.5 * np.diff(ends)[::every, None]
-            points.append((ends[:-1:every, None] + half * (1 + at)).ravel())
-            weights.append((half * weight).ravel() / (2 * half.sum()))
-        (x, y), (of_x, of_y), step = points, weights, 2**22 // points[0].size
-        sums = np.zeros(4)
-        for i in range(0, y.size, step):
-            z, zx, zy, xx, yy = (
-                self.on_product(x, y[i : i + step], *d) for d in ((0, 0), (1, 0), (0, 1), (2, 0), (0, 2))
-            )
-            for j, values in enumerate((z - self.mean(), (z - self.mean()) ** 2, zx**2 + zy**2, (xx + yy) ** 2)):
-                sums[j] += of_y[i : i + step] @ values @ of_x
-        return math.sqrt(max(sums[1] - sums[0] ** 2, 0.0)), math.sqrt(sums[2]), math.sqrt(sums[3]) / 2
-
     @property
     def _knots(self) -> tuple[Array, Array]:
         """Ends of the polynomials of the spline along x and y (length)."""
         along_x, along_y = (np.unique(t) for t in self._derivatives[0, 0].get_knots())
         return along_x, along_y
-
-    def rms_slope(self) -> float:
-        """sqrt(<|grad z|^2>) of the spline over the patch (dimensionless)."""
-        return self.exact_rms()[1]
-
-    def statistics(self, n: int = 1025) -> SurfaceStatistics:
-        """Roughness parameters, those of :meth:`exact_rms` exactly, the others of an n x n grid."""
-        Sq, slope, curvature = self.exact_rms()
-        return replace(super().statistics(n), Sq=Sq, rms_slope=slope, rms_curvature=curvature)
 
     def curvature_bound(self) -> float:
         """Bound of the Hessian (1/length) from the convex hull of the spline coefficients."""

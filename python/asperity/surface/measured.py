@@ -10,7 +10,6 @@ import json
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from importlib.util import find_spec
 from pathlib import Path
 from typing import Any, Literal
 
@@ -101,8 +100,8 @@ class HeightField:
     ) -> HeightField:
         """Read a file of heights.
 
-        Arrays of NumPy and text as in `height_files.read_heights`; other files, and text that it refuses, by
-        SurfaceTopography, which reads the formats of some forty instruments.
+        Arrays of NumPy and text as in `height_files.read_heights`; other files, and text of which a channel is given,
+        by SurfaceTopography, which reads the formats of some forty instruments.
 
         Args:
             path: the file
@@ -120,18 +119,10 @@ class HeightField:
         path = Path(path)
         both = (pixel, pixel) if isinstance(pixel, (int, float)) else pixel
         metres, kind = metres_of(unit), path.suffix.lower()
-        if path.is_file() and kind not in PLAIN:
+        if path.is_file() and (kind not in PLAIN or (kind in TEXT and channel is not None)):
             read = read_instrument(path, both, metres, channel)
         else:
-            try:
-                read = read_heights(path, unit=metres, missing=missing, channel=channel, array=array)
-            except InputError as error:  # perhaps of an instrument, with all lengths
-                if kind not in TEXT or find_spec("SurfaceTopography") is None:
-                    raise
-                try:
-                    read = read_instrument(path, channel=channel)
-                except InputError:
-                    raise error from None
+            read = read_heights(path, unit=metres, missing=missing, channel=channel, array=array)
         dx, dy = read.dx, read.dy
         if both is not None:
             for name, own, given in (("dx", dx, both[0]), ("dy", dy, both[1])):

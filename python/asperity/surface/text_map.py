@@ -69,6 +69,7 @@ def read_text_map(path: Path, unit: float | None, missing: float | None) -> Heig
     """
     text = TextTable.read(path, 2)
     table, header = text.numbers(), text.header
+    table[np.isinf(table)] = np.nan
     if table.shape[1] == 2:
         raise ValueError(f"{len(table)} lines of two numbers are a profile, not a map: {PROFILE}")
     if table.shape[1] == 3:
