@@ -21,7 +21,6 @@ from typing import Any
 
 import numpy as np
 from matplotlib.figure import Figure
-from matplotlib.ticker import LogLocator
 
 from asperity.plot import style
 
@@ -79,16 +78,6 @@ def draw_costs(axis: Any, rows: Rows, x: str, y: str, look: Mapping[str, Any]) -
         axis.loglog(*np.transpose(points), **{"marker": "o", "lw": 1.3, **look})
 
 
-def plain_log_ticks(axis: Any) -> None:
-    """Label logarithmic axes 1, 10, 100, and those of less than two decades 1, 2, 5, 10."""
-    for scale in (axis.xaxis, axis.yaxis):
-        low, high = scale.get_view_interval()
-        if high < 100 * low:
-            scale.set_major_locator(LogLocator(subs=(1, 2, 5)))
-        scale.set_major_formatter("{x:g}")
-        scale.set_minor_formatter("")
-
-
 @style.styled
 def peers() -> Figure:
     """Error against CPU time: a panel a material, asperity black and grey."""
@@ -104,30 +93,12 @@ def peers() -> Figure:
                        {"color": colour, "marker": marker, "mfc": "white", "label": name})  # fmt: skip
         axis.legend(loc="best", fontsize="x-small")
         axis.set_xlabel("CPU time (s)")
-        plain_log_ticks(axis)
+        style.logarithmic(axis)
     axes[0].set_ylabel("rms error of the force (%)")
     return figure
 
 
-def layers() -> Figure:
-    """The packages, each above those that it may import: the order that tests/test_architecture.py keeps."""
-    from test_architecture import ORDER
-
-    rows = [[name for name in row if not name.startswith("_")] for row in ORDER]
-    rows = [row for row in rows if row]
-    figure = Figure(figsize=(6.4, 0.26 * len(rows)), layout="constrained")
-    axis = figure.subplots()
-    for height, row in enumerate(rows):
-        axis.barh(height, 1.0, height=0.84, color="0.92")
-        axis.text(0.5, height, "    ".join(row), ha="center", va="center", fontsize="small", family="monospace")
-    axis.annotate("imports", (1.04, -0.4), (1.04, len(rows) - 0.6), rotation=90, va="top", ha="center",
-                  fontsize="small", arrowprops={"arrowstyle": "->"})  # fmt: skip
-    axis.set(xlim=(0.0, 1.08), ylim=(-0.6, len(rows) - 0.4))
-    axis.set_axis_off()
-    return figure
-
-
-DRAWN: dict[str, Callable[[], Figure]] = {"peers": peers, "layers": layers}
+DRAWN: dict[str, Callable[[], Figure]] = {"peers": peers}
 NAMES = (*DRAWN, *(Path(name).stem for name in OF_PAGES))
 
 
