@@ -33,7 +33,7 @@ def test_theories_are_drawn_for_rough_surfaces(tmp_path: Path) -> None:
     smooth = {**results.case, "surface": {"kind": "sphere", "L": 1e-6, "radius": 2e-6}}
     for run, theories in ((results, ["Persson, elastic", "Bush, Gibson, Thomas, elastic"]),
                           (replace(results, case=smooth), [])):  # fmt: skip
-        _, area, pressure = contact_area(run).axes
+        area, pressure = contact_area(run).axes
         labels = area.get_legend_handles_labels()[1]
         assert labels == ["loading", "error bar", *theories]
         assert area.get_xscale() == area.get_yscale() == "log"

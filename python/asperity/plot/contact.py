@@ -1,4 +1,4 @@
-"""Figures of the contact: pressure, regions in contact, area and spots over the load, theories of rough contact."""
+"""Figures of the contact: maps of the pressure, area over the load and pressures beside theories of rough contact."""
 
 from __future__ import annotations
 
@@ -7,10 +7,9 @@ from collections.abc import Iterable
 from typing import Any
 
 import numpy as np
-from matplotlib import colormaps
-from matplotlib.colors import LightSource, ListedColormap
+from matplotlib.colors import LightSource
 from matplotlib.figure import Figure
-from matplotlib.patches import Patch, Rectangle
+from matplotlib.patches import Rectangle
 from matplotlib.tri import Triangulation
 from numpy.typing import NDArray
 
@@ -167,37 +166,20 @@ def pressed_thirds(top: Any, i: int) -> tuple[Array, Array]:
 
 
 @style.styled
-def contact_area(results: Results, count: int = 6) -> Figure:
-    """Draw the regions in contact at up to `count` load levels, the area over the load, and the pressure at the end.
+def contact_area(results: Results) -> Figure:
+    """Draw the contact area over the load, and the distribution of the pressure at the greatest load.
 
     Beside a rough surface are Persson's theory and that of Bush, Gibson and Thomas, which need its rms slope alone.
     """
-    titles = ("regions in contact", "contact area", "pressure at the greatest load")
-    figure, (patches, area, pressure) = style.figure(style.WIDE + 1.0, 3.7, *titles, width_ratios=(1.1, 1, 1))
+    figure, (area, pressure) = style.figure(style.DOUBLE, 3.6, "contact area", "pressure at the greatest load")
     surface = results.surface
     slope = surface.rms_slope() if surface is not None and surface.rough else math.nan
     _area(area, results, slope)
     if results.snapshots:
-        _patches(patches, results, count)
         _distribution(pressure, results, slope)
     else:
-        patches.set_axis_off()
         pressure.set_axis_off()
     return figure
-
-
-def _patches(axis: Any, results: Results, count: int) -> None:
-    """Draw the contact patches of the loading, the earliest darkest."""
-    top = results.top
-    loads = [i for i in _levels(top, count) if str(top["branch"][i]) == "load"]
-    shades = colormaps["YlGnBu"](np.linspace(1.0, 0.35, len(loads)))
-    on_grid = Raster(top)
-    first = np.full((PIXELS, PIXELS), np.nan)  # the level at which a point comes into contact
-    for n, i in reversed(list(enumerate(loads))):
-        first[on_grid.touching(i)] = n
-    _map(axis, results, on_grid, first, cmap=ListedColormap(shades), vmin=-0.5, vmax=len(loads) - 0.5)
-    keys = [Patch(color=shade, label=f"{_strain(results, i):.3g}") for i, shade in zip(loads, shades, strict=True)]
-    axis.legend(handles=keys, title="at $\\delta/L$", loc="upper left", bbox_to_anchor=(1.0, 1.0), handlelength=1)
 
 
 def persson_area(load: Array, slope: float) -> Array:

@@ -101,12 +101,7 @@ def _law(results: Results) -> Rows:
     if not {"k", "n"} <= set(fit):
         return []
     misfit = " (misfit of the fit)" if fit.get("ci") else ""
-    low, high = fit.get("range", (0.0, 0.0))
-    return [
-        *((name, f"{text}{misfit}") for name, text in zip(("k", "n"), with_misfit(fit), strict=True)),
-        ("range of δ*", f"{low:.4g} to {high:.4g}, {fit.get('points', '?')} points"),
-        ("least squares", f"{fit.get('norm', '?')} scale, R² = {fit.get('r2', 0):.5f}"),
-    ]
+    return [(name, f"{text}{misfit}") for name, text in zip(("k", "n"), with_misfit(fit), strict=True)]
 
 
 def _subject(results: Results) -> Rows:

@@ -69,9 +69,9 @@ def _coloured(rows: Columns) -> list[tuple[float, str]]:
 
 def _in_words(thresholds: Mapping[str, Any], forcing: float) -> str:
     """An amplitude of the excitation: dimensionless, and as a force in newton and over the preload, where known."""
-    driven, n_loc, load = (thresholds.get(name) for name in ("excitation", "n_loc", "load"))
-    text = f"{SYMBOLS[driven or 'force']} = {forcing:.3g}"
-    if not n_loc or SYMBOLS.get(driven, "") not in ("", SYMBOLS["force"]):
+    driven, n_loc, load = thresholds.get("excitation", "force"), thresholds.get("n_loc"), thresholds.get("load")
+    text = f"{SYMBOLS[driven]} = {forcing:.3g}"
+    if not n_loc or driven != "force":
         return text
     newton = f"{quantity(n_loc * forcing * load, 'N', 3)} = " if load and scales(thresholds)[2] else ""
     return f"{text}, $F$ = {newton}{n_loc * forcing:.3g} $W$"
