@@ -33,7 +33,7 @@ CAPTIONS = {
     "surface": "Heights of the surface; the ring marks the first touch.",
     "curve": "(a) Load over approach with the fitted power law. (b) The same on logarithmic axes. (c) Local "
     "exponent of the loading; that of a power law is constant.",
-    "area": "(a) Contact area over load, beside theories where the surface is rough and elastic. (b) Distribution of "
+    "area": "(a) Contact area over load, of a rough surface beside elastic theories. (b) Distribution of "
     "the contact pressure over the nominal area.",
     "pressure": "Contact pressure on the shaded surface at selected approaches, with force and number of spots. "
     "Last: the spot of the greatest pressure, the blue square, with the facets of the mesh.",
