@@ -59,8 +59,6 @@ class Surface(ABC):
     kind: ClassVar[str] = ""
     #: Whether slope statistics over the patch describe the contact (False for a single bump).
     rough: ClassVar[bool] = False
-    #: What makes it smoother, for a warning.
-    smoother: ClassVar[str] = ""
     #: What cuts off its short waves, for a message.
     cutoff_key: ClassVar[str] = ""
 
@@ -239,8 +237,7 @@ class Surface(ABC):
         if slope > SMALL_SLOPE * (1.0 + 1e-9):  # the same in all units
             warn(
                 f"surface: rms slope {slope:.3g} exceeds {SMALL_SLOPE:g}; small-strain results are approximate, "
-                'material.kinematics = "auto" shows by how much'
-                + (f" ({self.smoother} is smoother)." if self.smoother else "."),
+                'material.kinematics = "auto" shows by how much.',
                 SurfaceWarning,
             )
 

@@ -99,7 +99,6 @@ class WeierstrassMandelbrot(Surface):
 
     kind: ClassVar[str] = "weierstrass-mandelbrot"
     rough: ClassVar[bool] = True
-    smoother: ClassVar[str] = "smaller G or larger D"
     cutoff_key: ClassVar[str] = "surface.f_max or surface.L_s"
 
     def __post_init__(self) -> None:

@@ -100,10 +100,6 @@ def _read_arrays(path: Path, wanted: str | None) -> tuple[Array, float | None, f
     z = real(data[name])
     if "x" in data and "y" in data:
         x, y = real(data["x"]), real(data["y"])
-        if x.ndim == y.ndim == 2:
-            if not (np.allclose(x, x[0]) and np.allclose(y, y[:, :1])):
-                raise ValueError("x must vary along columns only, y along rows only")
-            x, y = x[0], y[:, 0]
         if z.shape != (y.size, x.size):
             raise ValueError(f"z has shape {z.shape}, expected (len(y), len(x)) = ({y.size}, {x.size})")
         return z, _step("x", x), _step("y", y), name

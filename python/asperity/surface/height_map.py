@@ -62,7 +62,6 @@ class HeightMap(Surface):
 
     kind: ClassVar[str] = "file"
     rough: ClassVar[bool] = True
-    smoother: ClassVar[str] = "a filtered map"
     cutoff_key: ClassVar[str] = "asperity import-map --cutoff"
 
     def __post_init__(self) -> None:
@@ -123,11 +122,6 @@ class HeightMap(Surface):
     def spline_rise(self) -> float:
         """Rise above all heights that the spline without limited slopes has (length), 0 if none is limited."""
         return self._interpolation[1]
-
-    @property
-    def limited(self) -> bool:
-        """Whether the heights have steps or edges, at which the slopes of the spline are limited."""
-        return self.spline_rise > 0.0
 
     @cached_property
     def _derivatives(self) -> dict[tuple[int, int], Any]:
@@ -199,7 +193,7 @@ class HeightMap(Surface):
     def _scales(self) -> ScaleSpace:
         """Levels of smoothed heights; the map is mirrored at its edges unless it is periodic."""
         z, first = self.heights, _FIRST * self.L / (max(self.heights.shape) - 1)
-        if self.limited:  # a spline of little smoothed samples would ring as one without limits
+        if self.spline_rise:  # a spline of little smoothed samples would ring as one without limits
             y, x = (np.linspace(0.0, self.L, 2 * n - 1) for n in z.shape)
             z, first = self.on_product(x, y), 2 * first
         mean = float(z.mean())

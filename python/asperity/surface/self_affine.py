@@ -82,7 +82,6 @@ class SelfAffine(Surface):
 
     kind: ClassVar[str] = "self-affine"
     rough: ClassVar[bool] = True
-    smoother: ClassVar[str] = "a smaller height or slope"
     cutoff_key: ClassVar[str] = "surface.lambda_short"
 
     def __post_init__(self) -> None:

@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from dataclasses import dataclass
-from functools import partial
 
 import numpy as np
 
@@ -20,8 +18,6 @@ _ROLLS = 80  # roll-offs tried
 _MODEL = 0.02  # variance of ln C about the power law in any band
 _CLIFF = 30.0  # a density that falls by this factor from band to band is beyond the cut-off of the surface
 _SIGNIFICANT = 7.0  # drop of the squared misfit that shows a roll-off; on surfaces without one it is below 5
-_SPREAD = 40  # waves per side up to which the spread of the window is computed; beyond, it changes C by 0.2 %
-_ROUNDS = 4  # of the correction for the window
 
 
 @dataclass(frozen=True)
@@ -60,51 +56,25 @@ def fit_self_affine(spectrum: Spectrum, shortest: float) -> SelfAffineFit:
     Raises:
         InputError: there are too few waves between the longest and the shortest, or the patch is flat
     """
-    bands = _bands(spectrum, shortest)
-    if bands is None or bands.x.size < 4:
+    x, y, weight = _bands(spectrum, shortest)
+    if x.size < 4:
         raise InputError(
-            f"the spectrum has {0 if bands is None else bands.x.size} bands down to the wavelength {shortest:g}, "
-            "a Hurst exponent needs 4"
+            f"the spectrum has {x.size} bands down to the wavelength {shortest:g}, a Hurst exponent needs 4"
         )
-    without = _line(bands, None)
-    best = min((_line(bands, float(x)) for x in _candidates(bands)), key=lambda line: line.misfit, default=without)
-    scatter = max(1.0, best.misfit / max(bands.x.size - 3, 1))
+    without, first, last = _line(x, y, weight, None), math.log(_LONGEST), x[-3]  # three bands beyond at least
+    rolls = np.linspace(first, last, _ROLLS) if first < last else np.empty(0)
+    best = min((_line(x, y, weight, roll) for roll in rolls.tolist()), key=lambda line: line.misfit, default=without)
+    scatter = max(1.0, best.misfit / max(x.size - 3, 1))
     found = best if without.misfit - best.misfit > _SIGNIFICANT * scatter else without
     L = 2 * math.pi / float(spectrum.q[0])
     return SelfAffineFit(
         H=found.exponent / 2 - 1,
         error_H=math.sqrt(found.variance) / 2,
         lambda_roll=None if found.x_roll is None else L / math.exp(found.x_roll),
-        lambda_short=L / math.exp(bands.x[-1]),
-        lambda_long=L / math.exp(bands.x[0]),
-        C0=math.exp(found.level - (found.exponent * bands.x[0] if found.x_roll is None else 0.0)),
+        lambda_short=L / math.exp(x[-1]),
+        lambda_long=L / math.exp(x[0]),
+        C0=math.exp(found.level - (found.exponent * x[0] if found.x_roll is None else 0.0)),
     )
-
-
-@dataclass(frozen=True)
-class _Bands:
-    """Densities averaged in bands; lengths in units of the side of the patch.
-
-    Attributes:
-        count, of, waves: of each ring of the spectrum its waves per side, its band, and its number of waves, (rings,)
-        x: log of the mean waves per side of a band (bands,)
-        y: log of its density (bands,)
-        weight: over the standard deviation of y (bands,)
-        tapered: whether a Hann window was applied
-    """
-
-    count: Array
-    of: Array
-    waves: Array
-    x: Array
-    y: Array
-    weight: Array
-    tapered: bool
-
-    def mean(self, values: Array) -> Array:
-        """Mean of values of the rings (rings,) over the waves of each band (bands,)."""
-        sums = (np.bincount(self.of, self.waves * part) for part in (values, np.ones(self.of.size)))
-        return np.divide(*sums)[: self.x.size]
 
 
 @dataclass(frozen=True)
@@ -118,8 +88,8 @@ class _Line:
     misfit: float
 
 
-def _bands(spectrum: Spectrum, shortest: float) -> _Bands | None:
-    """Average the densities down to the shortest wavelength in bands, None where there are none.
+def _bands(spectrum: Spectrum, shortest: float) -> tuple[Array, Array, Array]:
+    """Logs of mean waves per side and of density of bands down to the shortest wavelength, and weights of the latter.
 
     A random density scatters by itself; the mean of m of them, which the window makes dependent, by 2/m.
     """
@@ -128,7 +98,7 @@ def _bands(spectrum: Spectrum, shortest: float) -> _Bands | None:
     used = (count >= _FIRST) & (q <= 2 * np.pi / shortest * (1 + 1e-9)) & (C > 0)
     count, C = count[used], C[used]
     if not count.size:
-        return None
+        return (count,) * 3
     waves = np.pi * count  # of different direction in a ring
     band = np.unique(np.floor(np.log10(count / count[0]) * _PER_DECADE + 1e-9), return_inverse=True)[1]
     total = np.bincount(band, waves)
@@ -137,49 +107,14 @@ def _bands(spectrum: Spectrum, shortest: float) -> _Bands | None:
     cliffs = np.flatnonzero(density[1:] < density[:-1] / _CLIFF)
     end = int(cliffs[0]) if cliffs.size else density.size  # the band before it contains part of the cliff
     weight = 1 / np.sqrt(2 / total + _MODEL)
-    return _Bands(count, band, waves, middle[:end], np.log(density[:end]), weight[:end], spectrum.window == "hann")
+    return middle[:end], np.log(density[:end]), weight[:end]
 
 
-def _candidates(bands: _Bands) -> Array:
-    """Logs of the waves per side of the roll-offs to try, with three bands beyond at least."""
-    first, last = math.log(_LONGEST), bands.x[-3]
-    return np.linspace(first, last, _ROLLS) if first < last else np.empty(0)
-
-
-def _line(bands: _Bands, x_roll: float | None) -> _Line:
-    """Fit the law with a given roll-off, or without, to densities corrected for window and width of the bands."""
-
-    def law(x: Array) -> Array:
-        return x if x_roll is None else np.maximum(x - x_roll, 0.0)
-
-    def power(x: Array, exponent: float) -> Array:
-        return np.asarray(np.exp(-exponent * law(x)))
-
-    basis = np.stack([np.ones(bands.x.size), -law(bands.x)], axis=1) * bands.weight[:, None]
-    corrected, exponent = bands.y, 3.0
-    for _ in range(_ROUNDS):
-        seen = np.log(bands.mean(_seen(bands, partial(power, exponent=exponent))) / power(bands.x, exponent))
-        corrected = (bands.y - seen) * bands.weight
-        (level, exponent), *_ = np.linalg.lstsq(basis, corrected, rcond=None)
-    misfit = float(np.sum((corrected - basis @ (level, exponent)) ** 2))
-    variance = np.linalg.inv(basis.T @ basis)[1, 1] * misfit / max(bands.x.size - 3, 1)
+def _line(x: Array, y: Array, weight: Array, x_roll: float | None) -> _Line:
+    """Fit the law with a given roll-off, or without."""
+    law = x if x_roll is None else np.maximum(x - x_roll, 0.0)
+    basis, right = np.stack([np.ones(law.size), -law], axis=1) * weight[:, None], y * weight
+    (level, exponent), *_ = np.linalg.lstsq(basis, right, rcond=None)
+    misfit = float(np.sum((right - basis @ (level, exponent)) ** 2))
+    variance = np.linalg.inv(basis.T @ basis)[1, 1] * misfit / max(law.size - 3, 1)
     return _Line(x_roll, float(level), float(exponent), float(variance), misfit)
-
-
-def _seen(bands: _Bands, density: Callable[[Array], Array]) -> Array:
-    """Density of each ring (rings,) that a window shows of one that depends on the log of the waves per side only.
-
-    The Hann window adds to each wave a sixth of both its neighbours in each direction and leaves it two thirds.
-    """
-    out = density(np.log(bands.count))
-    if not bands.tapered:
-        return out
-    k = np.arange(-_SPREAD - 1, _SPREAD + 2)
-    r = np.hypot(k[:, None], k)
-    C = np.where(r > 0, density(np.log(np.maximum(r, 1.0))), 0.0)  # the mean height is subtracted
-    for axis in (0, 1):
-        C = 2 / 3 * C + (np.roll(C, 1, axis) + np.roll(C, -1, axis)) / 6
-    ring = np.rint(r).astype(int).ravel()
-    near = bands.count <= _SPREAD
-    out[near] = (np.bincount(ring, C.ravel()) / np.bincount(ring))[bands.count[near].astype(int)]
-    return out
