@@ -84,7 +84,6 @@ def test_each_defect_of_a_map_has_its_own_message(tmp_path: Path, name: str, con
 
 
 def test_without_surfacetopography_the_remedy_is_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    (tmp_path / "scan.sur").write_bytes(b"x")
     real = builtins.__import__
 
     def absent(name: str, *args: Any, **kwargs: Any) -> Any:
@@ -93,8 +92,10 @@ def test_without_surfacetopography_the_remedy_is_named(tmp_path: Path, monkeypat
         return real(name, *args, **kwargs)
 
     monkeypatch.setattr(builtins, "__import__", absent)
-    with pytest.raises(CompatError, match=r"pip install .asperity\[scan\]"):
-        HeightField.read(tmp_path / "scan.sur")
+    for name in ("scan.sur", "scan.dat"):  # as its bytes show
+        (tmp_path / name).write_bytes(b"x\0")
+        with pytest.raises(CompatError, match=r"is no text and .* pip install .asperity\[scan\]"):
+            HeightField.read(tmp_path / name)
 
 
 def test_instrument_files_are_read_by_surfacetopography(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

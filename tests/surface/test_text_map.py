@@ -101,10 +101,9 @@ def test_lengths_without_a_unit_are_metres_and_others_are_not(tmp_path: Path) ->
         ("z,x,y\n" + text(POINTS), "'z,x,y' is not understood: name the columns x, y, z in this order"),
         ("x [um],y [um],z\n" + text(POINTS), "names no units of x, y and z"),
         ("x [um],y [um],z [V]\n" + text(POINTS), "names no units of x, y and z"),
-        ("\0\0" + MATRIX, "it is no text"),
         (text(Z, ",", ","), "numbers begin with zeros, as if commas were those of decimals too"),
     ],
-    ids=range(28),
+    ids=range(27),
 )
 def test_what_has_no_or_two_meanings_is_one_sentence_that_says_where(tmp_path: Path, content: str, words: str) -> None:
     (tmp_path / "a.csv").write_text(content, encoding="utf-8")

@@ -25,6 +25,7 @@ _NUMBER = re.compile(r"[-+]?(\d+[.,]?\d*|[.,]\d+)([eE][-+]?\d+)?")
 _THOUSANDS = re.compile(r"[-+]?[1-9]\d{0,2},\d{3}")  # what may be 1.234 or 1234
 _ZEROS = re.compile(r"(?:^|,)\s*[-+]?0\d")  # 1,05 in two cells
 _COMMENT = ("#", "%", "!")
+_UTF_16 = (b"\xff\xfe", b"\xfe\xff")  # marks
 
 
 @dataclass(frozen=True, eq=False)
@@ -98,11 +99,16 @@ class TextTable:
         )
 
 
+def is_text(start: bytes) -> bool:
+    """Whether the first bytes of a file are those of a text."""
+    return start[:2] in _UTF_16 or b"\0" not in start
+
+
 def decoded(raw: bytes) -> str:
     """Text of a file in UTF-8, UTF-16 with its mark, or Latin-1; ValueError where it is none."""
-    if raw[:2] in (b"\xff\xfe", b"\xfe\xff"):
+    if raw[:2] in _UTF_16:
         return raw.decode("utf-16", errors="replace")
-    if b"\0" in raw[:4096]:
+    if not is_text(raw[:4096]):
         raise ValueError("it is no text")
     try:
         return raw.decode("utf-8-sig")

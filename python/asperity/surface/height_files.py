@@ -140,7 +140,8 @@ def read_instrument(
         import SurfaceTopography  # type: ignore[import-not-found, import-untyped, unused-ignore]
     except ImportError:
         raise CompatError(
-            f"{path}: files of type {path.suffix!r} need the package SurfaceTopography: pip install 'asperity[scan]'"
+            f"{path} is no text and no array of NumPy: the files of instruments need SurfaceTopography, pip install "
+            "'asperity[scan]'"
         ) from None
     from SurfaceTopography.Exceptions import (  # type: ignore[import-not-found, import-untyped, unused-ignore]
         CannotDetectFileFormat,

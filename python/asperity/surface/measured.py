@@ -18,6 +18,7 @@ import numpy as np
 from asperity.arrays import Array, Flags
 from asperity.errors import InputError
 from asperity.runtime.files import npz_bytes, replace_file
+from asperity.runtime.text_table import is_text
 from asperity.surface.base import FLAT
 from asperity.surface.height_files import PLAIN, TEXT, metres_of, read_heights, read_instrument
 from asperity.surface.height_map import DEEPEST
@@ -119,7 +120,11 @@ class HeightField:
         path = Path(path)
         both = (pixel, pixel) if isinstance(pixel, (int, float)) else pixel
         metres, kind = metres_of(unit), path.suffix.lower()
-        if path.is_file() and (kind not in PLAIN or (kind in TEXT and channel is not None)):
+        other = kind not in PLAIN
+        if kind in TEXT and path.is_file():
+            with path.open("rb") as file:  # some instruments give their files the name of a text
+                other = channel is not None or not is_text(file.read(4096))
+        if other and path.is_file():
             read = read_instrument(path, both, metres, channel)
         else:
             read = read_heights(path, unit=metres, missing=missing, channel=channel, array=array)

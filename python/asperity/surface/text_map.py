@@ -90,8 +90,8 @@ def _refuse_header(header: list[tuple[int, str]], unit: float | None) -> None:
     """Refuse lines that may name a unit or a factor, unless the user has given one."""
     if header and unit is None:
         raise ValueError(
-            f"line {header[-1][0]}, {header[-1][1][:40]!r}, is a header, and none is read: give the unit of the "
-            "numbers, by name or in metres, and the distance of heights (--unit 6e-8 --pixel 1e-6), or remove it"
+            f"line {header[-1][0]}, {header[-1][1][:40]!r}, is a header, and none is read: give unit and distance of "
+            "heights (--unit 6e-8 --pixel 1e-6), let SurfaceTopography read it (--channel 1), or remove it"
         )
 
 
