@@ -68,59 +68,6 @@ std::size_t expect_matrix(const Graph& indptr, const Graph& indices, const Array
   return indptr.shape(0) - 1;
 }
 
-/// Galerkin's coarse matrix of blocks by rows that `block_of(node, k, block)` writes, k the entry of the graph.
-template <typename BlockOf>
-void add_projected(const Graph& indptr, const Graph& indices, BlockOf block_of, const Array<const double>& kept,
-                   const Array<const int>& parents, const Graph& coarse_indptr, const Graph& coarse_indices,
-                   const Array<const double>& coarse_kept, const Array<double>& coarse)
-{
-  const int nodes = static_cast<int>(indptr.shape(0)) - 1;
-  expect("kept", kept, {indptr.shape(0) - 1, 3});
-  expect("parents", parents, {indptr.shape(0) - 1, 2});
-  expect_graph("coarse_indptr", coarse_indptr, "coarse_indices", coarse_indices);
-  expect("coarse_kept", coarse_kept, {coarse_indptr.shape(0) - 1, 3});
-  expect("coarse", coarse, {9 * coarse_indices.shape(0)});
-  std::fill_n(coarse.data(), coarse.size(), 0.0);
-  std::vector<int> place(coarse_indptr.shape(0)); // of a column in the current coarse row
-  double block[9];
-  for (int node = 0; node < nodes; ++node)
-  {
-    const double* mine = kept.data() + 3 * static_cast<std::ptrdiff_t>(node);
-    const int* up = parents.data() + 2 * static_cast<std::ptrdiff_t>(node);
-    const int count = up[0] == up[1] ? 1 : 2;
-    for (int p = 0; p < count; ++p)
-    {
-      const int start = coarse_indptr.data()[up[p]], end = coarse_indptr.data()[up[p] + 1], size = end - start;
-      double* out = coarse.data() + 9 * static_cast<std::ptrdiff_t>(start);
-      for (int k = start; k < end; ++k)
-        place[coarse_indices.data()[k]] = k - start;
-      const double* above = coarse_kept.data() + 3 * static_cast<std::ptrdiff_t>(up[p]);
-      double left[3];
-      for (int i = 0; i < 3; ++i)
-        left[i] = mine[i] * above[i] / count;
-      for (int k = indptr.data()[node]; k < indptr.data()[node + 1]; ++k)
-      {
-        const std::ptrdiff_t other = indices.data()[k];
-        const double* theirs = kept.data() + 3 * other;
-        const int* across = parents.data() + 2 * other;
-        const int counted = across[0] == across[1] ? 1 : 2;
-        const double share = 1.0 / counted;
-        block_of(node, k, block);
-        for (int q = 0; q < counted; ++q)
-        {
-          const double* beyond = coarse_kept.data() + 3 * static_cast<std::ptrdiff_t>(across[q]);
-          const double right[3]
-              = {share * theirs[0] * beyond[0], share * theirs[1] * beyond[1], share * theirs[2] * beyond[2]};
-          double* to = out + 3 * place[across[q]];
-          for (int i = 0; i < 3; ++i, to += 3 * size)
-            for (int j = 0; j < 3; ++j)
-              to[j] += left[i] * block[3 * i + j] * right[j];
-        }
-      }
-    }
-  }
-}
-
 /// Add to a matrix with a symmetric graph its transpose.
 void add_transpose(const Graph& indptr, const Graph& indices, double* values)
 {
@@ -258,38 +205,73 @@ void relax(const Array<const float>& image, const Array<const float>& free, cons
   }
 }
 
-void galerkin(const Graph& indptr, const Graph& indices, const Array<const double>& values,
-              const Array<const double>& kept, const Array<const int>& parents, const Graph& coarse_indptr,
-              const Graph& coarse_indices, const Array<const double>& coarse_kept, const Array<double>& coarse)
+void galerkin(const Graph& indptr, const Graph& indices, const Matrix& values, const Array<const double>& kept,
+              const Array<const int>& parents, const Graph& coarse_indptr, const Graph& coarse_indices,
+              const Array<const double>& coarse_kept, const Array<double>& coarse)
 {
-  expect_matrix(indptr, indices, values);
-  const auto block_of = [&](int node, int k, double* block)
-  {
-    const int first = indptr.data()[node], width = indptr.data()[node + 1] - first;
-    const double* rows = values.data() + 9 * static_cast<std::ptrdiff_t>(first) + 3 * (k - first);
-    for (int i = 0; i < 3; ++i)
-      std::copy_n(rows + 3 * i * width, 3, block + 3 * i);
-  };
-  add_projected(indptr, indices, block_of, kept, parents, coarse_indptr, coarse_indices, coarse_kept, coarse);
-}
-
-void symmetric_galerkin(const Graph& indptr, const Graph& indices, const Array<const float>& blocks,
-                        const Array<const double>& kept, const Array<const int>& parents, const Graph& coarse_indptr,
-                        const Graph& coarse_indices, const Array<const double>& coarse_kept,
-                        const Array<double>& coarse)
-{
+  const auto* whole = std::get_if<Array<const double>>(&values);
+  const auto* half = std::get_if<Array<const float>>(&values);
   expect_graph("indptr", indptr, "indices", indices);
-  expect("blocks", blocks, {at_least(9 * indices.shape(0))});
-  // with half of the diagonal the matrix is the sum of what is here and its transpose, and so is the coarse one
-  const auto block_of = [&](int node, int k, double* block)
+  if (whole)
+    expect("values", *whole, {9 * indices.shape(0)});
+  else
+    expect("values", *half, {at_least(9 * indices.shape(0))});
+  const int nodes = static_cast<int>(indptr.shape(0)) - 1;
+  expect("kept", kept, {indptr.shape(0) - 1, 3});
+  expect("parents", parents, {indptr.shape(0) - 1, 2});
+  expect_graph("coarse_indptr", coarse_indptr, "coarse_indices", coarse_indices);
+  expect("coarse_kept", coarse_kept, {coarse_indptr.shape(0) - 1, 3});
+  expect("coarse", coarse, {9 * coarse_indices.shape(0)});
+  std::fill_n(coarse.data(), coarse.size(), 0.0);
+  std::vector<int> place(coarse_indptr.shape(0)); // of a column in the current coarse row
+  double block[9];
+  for (int node = 0; node < nodes; ++node)
   {
-    const float* columns = blocks.data() + 9 * static_cast<std::ptrdiff_t>(k);
-    const double share = k == indptr.data()[node] ? 0.5 : 1.0;
-    for (int i = 0; i < 3; ++i)
-      for (int j = 0; j < 3; ++j)
-        block[3 * i + j] = share * static_cast<double>(columns[3 * j + i]);
-  };
-  add_projected(indptr, indices, block_of, kept, parents, coarse_indptr, coarse_indices, coarse_kept, coarse);
-  add_transpose(coarse_indptr, coarse_indices, coarse.data());
+    const double* mine = kept.data() + 3 * static_cast<std::ptrdiff_t>(node);
+    const int* up = parents.data() + 2 * static_cast<std::ptrdiff_t>(node);
+    const int count = up[0] == up[1] ? 1 : 2;
+    for (int p = 0; p < count; ++p)
+    {
+      const int start = coarse_indptr.data()[up[p]], end = coarse_indptr.data()[up[p] + 1], size = end - start;
+      double* out = coarse.data() + 9 * static_cast<std::ptrdiff_t>(start);
+      for (int k = start; k < end; ++k)
+        place[coarse_indices.data()[k]] = k - start;
+      const double* above = coarse_kept.data() + 3 * static_cast<std::ptrdiff_t>(up[p]);
+      double left[3];
+      for (int i = 0; i < 3; ++i)
+        left[i] = mine[i] * above[i] / count;
+      for (int k = indptr.data()[node]; k < indptr.data()[node + 1]; ++k)
+      {
+        const std::ptrdiff_t other = indices.data()[k];
+        const double* theirs = kept.data() + 3 * other;
+        const int* across = parents.data() + 2 * other;
+        const int counted = across[0] == across[1] ? 1 : 2;
+        const double share = 1.0 / counted;
+        if (whole)
+        {
+          const int first = indptr.data()[node], width = indptr.data()[node + 1] - first;
+          const double* rows = whole->data() + 9 * static_cast<std::ptrdiff_t>(first) + 3 * (k - first);
+          for (int i = 0; i < 3; ++i)
+            std::copy_n(rows + 3 * i * width, 3, block + 3 * i);
+        }
+        else // with half of the diagonal the matrix is the sum of what is here and its transpose, so is the coarse one
+          for (int i = 0; i < 9; ++i)
+            block[3 * (i % 3) + i / 3] = (k == indptr.data()[node] ? 0.5 : 1.0)
+                                         * static_cast<double>(half->data()[9 * static_cast<std::ptrdiff_t>(k) + i]);
+        for (int q = 0; q < counted; ++q)
+        {
+          const double* beyond = coarse_kept.data() + 3 * static_cast<std::ptrdiff_t>(across[q]);
+          const double right[3]
+              = {share * theirs[0] * beyond[0], share * theirs[1] * beyond[1], share * theirs[2] * beyond[2]};
+          double* to = out + 3 * place[across[q]];
+          for (int i = 0; i < 3; ++i, to += 3 * size)
+            for (int j = 0; j < 3; ++j)
+              to[j] += left[i] * block[3 * i + j] * right[j];
+        }
+      }
+    }
+  }
+  if (half)
+    add_transpose(coarse_indptr, coarse_indices, coarse.data());
 }
 } // namespace asperity

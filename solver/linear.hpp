@@ -6,6 +6,8 @@
 
 #include "arrays.hpp"
 
+#include <variant>
+
 namespace asperity
 {
 using Graph = Array<const int>;
@@ -27,15 +29,12 @@ void symmetric_product(const Graph& indptr, const Graph& indices, const Array<co
 void relax(const Array<const float>& image, const Array<const float>& free, const Array<const float>& scaling,
            float keep, float add, const Array<float>& residual, const Array<float>& step, const Array<float>& x);
 
+/// All values of a matrix, or the blocks of its upper half as in `symmetric_product`.
+using Matrix = std::variant<Array<const double>, Array<const float>>;
+
 /// Galerkin's coarse matrix (m P c)^T A (m P c): `kept` (nodes, 3) is the mask m, `coarse_kept` the mask c, and P gives
 /// each node the mean of its two `parents` (nodes, 2), which are the same for a node of the coarse level.
-void galerkin(const Graph& indptr, const Graph& indices, const Array<const double>& values,
-              const Array<const double>& kept, const Array<const int>& parents, const Graph& coarse_indptr,
-              const Graph& coarse_indices, const Array<const double>& coarse_kept, const Array<double>& coarse);
-
-/// The same of a symmetric matrix, given by its upper half as in `symmetric_product`.
-void symmetric_galerkin(const Graph& indptr, const Graph& indices, const Array<const float>& blocks,
-                        const Array<const double>& kept, const Array<const int>& parents, const Graph& coarse_indptr,
-                        const Graph& coarse_indices, const Array<const double>& coarse_kept,
-                        const Array<double>& coarse);
+void galerkin(const Graph& indptr, const Graph& indices, const Matrix& values, const Array<const double>& kept,
+              const Array<const int>& parents, const Graph& coarse_indptr, const Graph& coarse_indices,
+              const Array<const double>& coarse_kept, const Array<double>& coarse);
 } // namespace asperity

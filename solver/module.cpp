@@ -9,6 +9,7 @@
 
 #include <nanobind/stl/array.h>
 #include <nanobind/stl/pair.h>
+#include <nanobind/stl/variant.h>
 
 #include <limits>
 
@@ -96,8 +97,6 @@ void bind_linear(nb::module_& m)
         unlocked);
   m.def("galerkin", &galerkin, "indptr"_a, "indices"_a, "values"_a, "kept"_a, "parents"_a, "coarse_indptr"_a,
         "coarse_indices"_a, "coarse_kept"_a, out("coarse"), unlocked);
-  m.def("symmetric_galerkin", &symmetric_galerkin, "indptr"_a, "indices"_a, "blocks"_a, "kept"_a, "parents"_a,
-        "coarse_indptr"_a, "coarse_indices"_a, "coarse_kept"_a, out("coarse"), unlocked);
 #ifdef ASPERITY_CHOLMOD
   if (!Cholesky::available())
     return;

@@ -40,8 +40,8 @@ class Recorder:
 
         def call(*arguments: Any, **named: Any) -> Any:
             arguments, named = unwrapped(arguments), {key: unwrapped((value,))[0] for key, value in named.items()}
-            last = getattr(arguments[-1], "dtype", "") if arguments else ""
-            self.calls.setdefault(f"{name} {last}", (name, arguments, named))
+            kinds = [str(getattr(a, "dtype", "")) for a in arguments]
+            self.calls.setdefault(f"{name} {kinds}", (name, arguments, named))
             return kernel(*arguments, **named)
 
         return call

@@ -281,7 +281,7 @@ def test_galerkin_matrix_is_that_of_the_interpolation(coarse: BlockMesh) -> None
     full, half = np.empty((2, len(graph.columns)))
     onto = kept, parents, graph.indptr, graph.indices, above
     _solver.galerkin(solid.sparsity.indptr, solid.sparsity.indices, solid.tangent.values(), *onto, full)
-    _solver.symmetric_galerkin(*solid.sparsity.upper, solid.tangent.half(), *onto, half)
+    _solver.galerkin(*solid.sparsity.upper, solid.tangent.half(), *onto, half)
     Pm = kept.reshape(-1, 1) * P * above.reshape(-1)
     rows, columns, entries = A.getValuesCSR()
     fine = sparse.csr_array((entries, columns, rows))

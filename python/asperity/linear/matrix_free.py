@@ -83,12 +83,11 @@ class TangentOperator:
         Each node is the mean of its `parents` (nodes, 2), a corner the same twice; `corners` is 1 at the free dofs of
         the coarse matrix (corners, 3).
         """
-        onto = self.kept, parents, coarse.indptr, coarse.indices, corners, values
-        if self._symmetric:
-            _solver.symmetric_galerkin(self._starts, self._columns, self._blocks, *onto)
-        else:
-            fine = self.solid.sparsity
-            _solver.galerkin(fine.indptr, fine.indices, self.solid.tangent.values(), *onto)
+        fine, matrix = self.solid.sparsity, self._blocks
+        graph = self._starts, self._columns
+        if not self._symmetric:
+            graph, matrix = (fine.indptr, fine.indices), self.solid.tangent.values()
+        _solver.galerkin(*graph, matrix, self.kept, parents, coarse.indptr, coarse.indices, corners, values)
 
     def single_product(self, x: Singles, ghosts: bool = True) -> Singles:
         """The tangent by its upper half times dof values, both `padded`; collective.
