@@ -91,20 +91,19 @@ class PMultigrid:
         ksp.setFromOptions()
         return operator
 
-    def update(self, renew: bool | None = None) -> bool:
+    def update(self) -> bool:
         """Adapt to the current values and free dofs of the tangent; collective.
 
-        Args:
-            renew: whether to renew the coarse matrix, the same on all ranks; None where more than some dofs were held
-                or released since it was made, or where `judge` finds it too old
+        The coarse matrix is renewed where more than some dofs were held or released since it was made, or where `judge`
+        finds it too old.
 
         Returns:
             whether the matrix can be smoothed, its diagonal is positive, and the coarse one solved
         """
-        self.ready = self._update(renew)
+        self.ready = self._update()
         return self.ready
 
-    def _update(self, renew: bool | None) -> bool:
+    def _update(self) -> bool:
         from mpi4py import MPI
 
         solid, tangent = self._solid, self._tangent
@@ -118,11 +117,8 @@ class PMultigrid:
             self._inverse = tangent.padded(1.0 / np.where(diagonal > 0.0, diagonal, 1.0))
             self._version = tangent.version
         self._scaling = self._free * self._inverse
-        if renew is None:
-            changed = np.count_nonzero(self._of[: solid.owned] != tangent.kept[: solid.owned])
-            total = summed(solid.comm, changed)[0]
-            renew = not self._reusable or bool(total > max(LAG, LAG_SHARE * solid.dofs))
-        if renew:
+        changed = np.count_nonzero(self._of[: solid.owned] != tangent.kept[: solid.owned])
+        if not self._reusable or summed(solid.comm, changed)[0] > max(LAG, LAG_SHARE * solid.dofs):
             coarse, corners = self._coarse, np.ascontiguousarray(tangent.kept[self._corners])
             values = np.empty(coarse.sparsity.size)
             tangent.project(self._parents, coarse.sparsity, corners, values)
