@@ -21,7 +21,7 @@ from asperity.adaptive.extrapolation import (
 )
 from asperity.adaptive.guide import Guide, Omission, spots_of
 from asperity.adaptive.mesh_levels import LevelSolver
-from asperity.adaptive.mesh_plan import AREA_ORDER, partner, shares, typical_order
+from asperity.adaptive.mesh_plan import shares
 from asperity.adaptive.refine import refine
 from asperity.curve import Curve
 from asperity.errors import Interrupted
@@ -150,25 +150,6 @@ def test_the_bar_holds_whatever_part_of_what_the_tops_leave_out_is_true(true: fl
     error = np.abs(found.P_star / at - 1.0)
     assert np.all(error < budget.total / at) and np.all(error < 0.035) and np.all(budget.total / at < 0.06)
     assert np.all(budget.roughness > 0.0)
-
-
-@pytest.mark.parametrize("step", [1.25, 1.55, 1.65, 2.0])
-@pytest.mark.parametrize(("stiff", "left_open", "singular"), [(0.05, 1e-5, 0.0), (0.05, 0.0, 1.0), (0.002, 1e-3, 0.0)])
-def test_the_bar_that_is_planned_is_that_of_the_mesh(
-    step: float, stiff: float, left_open: float, singular: float
-) -> None:
-    """Whether it will be extrapolated from the last mesh or from the one before, of errors by order and by chance."""
-    order = float(typical_order(singular))
-
-    def mesh(scale: float) -> PressedMesh:
-        curve = rows(np.exp(stiff * scale**order), left_open * scale**AREA_ORDER)
-        return PressedMesh(scale, 1, curve, omission(0.1 * stiff * scale**order, singular))
-
-    limit, before = corrected(mesh(1.0), mesh(2.0))
-    scales = [2.0, 1.0, 1.0 / step]
-    coarse = mesh(scales[partner(scales)])
-    planned, found = (corrected(fine, coarse)[1].total for fine in (mesh(1.0).finer(step, limit), mesh(1.0 / step)))
-    assert planned == pytest.approx(found, rel=0.1) and np.all(found < 0.85 * before.total)
 
 
 def test_a_stop_while_a_mesh_is_judged_keeps_its_curve() -> None:

@@ -2,11 +2,17 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
+from typing import Any
+
 import numpy as np
 import pytest
+from conftest import PLASTIC
 
-from asperity.adaptive.load_step_error import step_errors
+import asperity as asp
+from asperity.adaptive.load_step_error import choose_substeps, step_errors
 from asperity.adaptive.mesh_plan import STICK
+from asperity.curve import Curve
 from asperity.model.load_path import BACKWARD_EULER, MIDPOINT
 
 LIMIT = np.array([0.1, 0.3, 0.6, 1.0, 1.5])
@@ -35,3 +41,25 @@ def test_the_bar_of_stick_holds_where_the_correction_has_the_wrong_sign() -> Non
     """As on an egg-box: the second force is farther from the limit than the first."""
     forces = {1: LIMIT * (1.0 - 0.0007), 2: LIMIT * (1.0 - 0.0023)}
     assert left_over_bar(forces, STICK) < 1.0
+
+
+@pytest.mark.parametrize(
+    ("tolerance", "order", "parts"),
+    [(0.1, 2, 1), (0.0134, 2, 1), (0.01, 2, 2), (1e-3, 2, 4), (6e-4, 2, 8), (1e-3, 0, 4)],
+)
+def test_load_steps_are_divided_until_their_bar_is_within_the_tolerance(
+    tolerance: float, order: int, parts: int
+) -> None:
+    """Bars of 1.2 % of undivided steps; those of runs that differ by chance, of order 0, are given up."""
+    solved = []
+
+    def run(finer: float | None = None, substeps: int = 1) -> Any:
+        solved.append(substeps)
+        error = 0.024 / substeps**2 if order else 0.01 * (-1.0) ** len(solved)
+        rows = [{"delta": d, "delta_star": d, "force": d, "P_star": (1.0 + error) * d} for d in (0.01, 0.02)]
+        return SimpleNamespace(curve=Curve.from_rows(rows))
+
+    flat = asp.Surface.from_spec("flat", L=1.0)
+    run.problem = asp.Problem.of(flat, PLASTIC, delta_max=0.02, steps=2)  # type: ignore[attr-defined]
+    _, found = choose_substeps(run, tolerance)  # type: ignore[arg-type]
+    assert found.substeps == parts and solved == [1, *(2**k for k in range(1, max(parts.bit_length(), 2)))]

@@ -20,9 +20,7 @@ from asperity.adaptive.mesh_plan import (
     DOFS_ORDER,
     LEAST_RATIO,
     LEAST_STEP,
-    MARGIN,
     MESH_ORDERS,
-    enough_substeps,
     partner,
     shares,
 )
@@ -31,7 +29,6 @@ from asperity.case import Case
 from asperity.curve import Curve
 from asperity.errors import ResolutionWarning
 from asperity.mesh.resolution import ELEMENTS, doubt_of_waves
-from asperity.model.load_path import MIDPOINT
 from asperity.model.settings import AccuracyTarget
 from asperity.quasistatic.contact_result import ContactResult, PartialResult
 from asperity.quasistatic.solve_problem import solve_problem
@@ -91,14 +88,6 @@ def test_meshes_that_agree_by_chance_at_one_step_do_not_move_its_limit() -> None
 def test_a_mesh_without_a_force_is_not_extrapolated() -> None:
     factor, bar = limit_of_meshes(np.array([0.0, 1.1, 1.1]), np.array([0.1, 0.0, 1.0]), 2.0)
     assert list(factor[:2]) == [1.0, 1.0] and factor[2] < 1.0 and np.all(np.isfinite(bar))
-
-
-def test_load_steps_are_divided_until_their_bar_is_within_the_tolerance() -> None:
-    bars = {n: np.array([0.004, 0.012]) / n**2 for n in (1, 2)}
-    for tolerance, parts in ((0.1, 1), (0.0134, 1), (0.01, 2), (1e-3, 4), (6e-4, 8)):
-        assert enough_substeps(bars, tolerance, MIDPOINT) == parts
-        assert 0.012 / parts**2 < MARGIN * tolerance and (parts == 1 or 0.012 / (parts // 2) ** 2 >= MARGIN * tolerance)
-    assert enough_substeps(bars, 1e-6, MIDPOINT) == 2  # none would do
 
 
 def test_a_mesh_is_never_extrapolated_from_one_of_nearly_its_size() -> None:
@@ -321,15 +310,3 @@ def test_no_room_for_more_than_the_first_mesh_leaves_its_curve() -> None:
     with pytest.raises(PartialResult, match=r"the force has no error bar: accuracy\.max_dofs") as caught:
         solve_contact(SPHERE, ELASTIC, tolerance=AccuracyTarget(0.1, max_dofs=dofs), delta_max=0.01, steps=5)
     assert len(caught.value.result.curve) == 5
-
-
-def test_what_is_left_is_that_of_all_meshes() -> None:
-    """The share that is done on the first mesh leaves room for the second; that on the last one ends at one."""
-    shares: list[list[float]] = []
-    solve_contact(
-        wave(), asp.Material(E=1.0, nu=0.3), delta_max=0.01, steps=3, tolerance=0.2,
-        on_stage=lambda name: shares.append([]) if "load path" in name else None,
-        on_step=lambda rows, done: shares[-1].append(done),
-    )  # fmt: skip
-    assert len(shares) > 1 and 0.02 < shares[0][-1] < 0.6
-    assert shares[-1][-1] == pytest.approx(1.0) and shares[0] == sorted(shares[0])

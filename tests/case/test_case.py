@@ -248,7 +248,7 @@ def test_the_source_of_a_mistake_is_named() -> None:
     ("change", "why"),
     [
         ("accuracy.tolerance=0.01 mesh.h_contact=5e-8", "accuracy.tolerance chooses the mesh"),
-        ("accuracy.max_seconds=100", "there is no accuracy.tolerance"),
+        ("accuracy.max_dofs=100_000", "there is no accuracy.tolerance"),
         ("contact.gamma=3", "contact.method is active-set"),
         ("contact.method=nitsche contact.penalty=20", "contact.method is nitsche"),
         ("loading.integrator=backward-euler material.yield_strength= material.tangent_modulus=", "is elastic"),

@@ -127,4 +127,4 @@ def test_a_rough_case_driven_by_a_force_to_a_tolerance(
         == out.count("or cut off short waves (surface.f_max")
         == (f_max > 5)
     )
-    assert "time on one core: from about" in " ".join(out.split())
+    assert "time on one core: about" in " ".join(out.split())

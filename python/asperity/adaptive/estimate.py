@@ -8,24 +8,20 @@ from __future__ import annotations
 
 import warnings
 from dataclasses import dataclass, replace
-from math import log2
 from time import process_time
 from typing import TYPE_CHECKING
 
-import numpy as np
-
 from asperity.adaptive.guide import Guide, approach_of_force, guide_of, planned_steps
 from asperity.adaptive.mesh_plan import (
-    DOFS_ORDER,
     LEAST_STEP,
     MARGIN,
     RATIO,
     STEP_RULES,
     MeshFamily,
     dofs_of,
-    enough_substeps,
+    lowest_order,
+    next_step,
     step_rule,
-    typical_order,
 )
 from asperity.adaptive.small_strain import judge
 from asperity.errors import InputError
@@ -104,7 +100,6 @@ class Estimate:
         bar: relative error bar of the force expected of the last mesh, None without a tolerance
         tolerance: relative, of the force; None without one
         others: time of one core for all that is no mesh [s]
-        max_dofs: accuracy.max_dofs
     """
 
     levels: tuple[MeshEstimate, ...]
@@ -114,7 +109,6 @@ class Estimate:
     bar: float | None = None
     tolerance: float | None = None
     others: float = 0.0
-    max_dofs: int | None = None
 
     __repr__ = short_repr
 
@@ -127,13 +121,6 @@ class Estimate:
     def enough(self) -> bool:
         """Whether the meshes end where the tolerance is expected to be met, not before, at accuracy.max_dofs."""
         return self.bar is None or self.tolerance is None or self.bar <= self.tolerance
-
-    @property
-    def least_bar(self) -> float | None:
-        """Relative error bar that a mesh of `max_dofs` is expected to give."""
-        if self.bar is None or self.max_dofs is None:
-            return None
-        return self.bar * min(self.dofs / self.max_dofs, 1.0) ** (float(typical_order()) / DOFS_ORDER)
 
     @property
     def dofs(self) -> int:
@@ -192,23 +179,8 @@ def estimate(case: Case, ranks: int = 1, surface: Surface | None = None) -> Esti
     levels = tuple(rates.of(*one, kinematics == "finite") for one in plan)
     share = BASE + rates.per_dof * levels[-1].dofs / ranks
     first = share + ROOT + PER_CELL * grid
-    most = None if tolerance is None else case.accuracy.max_dofs
     others = 0.8 + process_time() - since  # libraries and results, and what a run does of this too
-    return Estimate(levels, (first, *[share] * (ranks - 1)), depth, kinematics, bar, tolerance, others, most)
-
-
-def further_meshes(case: Case, found: Estimate) -> list[MeshEstimate]:
-    """All meshes that a run with a tolerance can add to the planned ones, up to `accuracy.max_dofs`.
-
-    Args:
-        case: with accuracy.tolerance
-        found: its estimate
-    """
-    most, levels = min(case.accuracy.max_dofs, int(MOST_DOFS)), [found.levels[-1]]
-    while (last := levels[-1]).dofs < most:  # each as fine as may follow the one before
-        dofs = min(int(last.dofs * RATIO**DOFS_ORDER), most)
-        levels.append(_rates(case).of(last.h_contact / RATIO, dofs, last.steps, found.kinematics == "finite"))
-    return levels[1:]
+    return Estimate(levels, (first, *[share] * (ranks - 1)), depth, kinematics, bar, tolerance, others)
 
 
 def _rates(case: Case) -> Rates:
@@ -216,9 +188,15 @@ def _rates(case: Case) -> Rates:
 
 
 def _steps(problem: Problem, substeps: int = 1) -> int:
-    """Load steps of a problem, those of its unloadings too, in so many equal parts of each step of a loading."""
+    """Load steps of a problem, those of its unloadings too, in so many equal parts of each step of a loading.
+
+    Where a solid yields those to a force are not divided at first: each counts twice, and the search for the end.
+    """
     schedule = replace(problem.schedule, substeps=substeps)
-    return sum(steps if branch == "unload" else len(schedule.stops()) for branch, steps in schedule.legs)
+    loading = len(schedule.stops())
+    if problem.path_dependent and schedule.delta_max is None:
+        loading = 2 * (schedule.steps * substeps + 1)
+    return sum(steps if branch == "unload" else loading for branch, steps in schedule.legs)
 
 
 def _plan(
@@ -242,18 +220,16 @@ def _plan(
         raise InputError(f"accuracy.max_dofs = {most:g} is too small, {small}, or choose the mesh by mesh.h_contact")
     parts, substeps = [1], 1
     if problem.path_dependent:
-        rule = step_rule(problem)
-        order, share = STEP_RULES[rule]
-        substeps = enough_substeps({1: np.array([share * planned**-order])}, tolerance, rule)
-        parts = [2**k for k in range(max(int(log2(substeps)), 1) + 1)]  # the first mesh measures the error of the steps
+        order, share = STEP_RULES[step_rule(problem)]
+        while share * (planned * substeps) ** -order >= MARGIN * tolerance:
+            substeps *= 2
+        parts = [2**k for k in range(max(substeps.bit_length(), 2))]  # the first mesh measures the error of the steps
     plan = [(family.h(first), coarse, _steps(problem, n)) for n in parts]
-    power = float(typical_order())
     while True:
         plan.append((family.h(scale), dofs, _steps(problem, substeps)))
-        if (bar := TYPICAL_BAR * scale**power) <= tolerance:
+        if (bar := TYPICAL_BAR * scale ** lowest_order()) <= tolerance:
             return plan, bar
-        step = float(np.clip((bar / (MARGIN * tolerance)) ** (1.0 / power), LEAST_STEP, RATIO))
-        finer, dofs = family.finest(scale / step, scale, most)
+        finer, dofs = family.finest(scale / next_step(bar / tolerance, lowest_order()), scale, most)
         if scale / finer < LEAST_STEP:
             return plan, bar
         scale = finer

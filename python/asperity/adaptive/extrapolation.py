@@ -8,14 +8,14 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, fields, replace
-from math import inf, nan
+from math import inf
 from typing import Any
 
 import numpy as np
 from scipy.interpolate import PchipInterpolator
 
 from asperity.adaptive.guide import REACH, Omission
-from asperity.adaptive.mesh_plan import AREA_ORDER, shares, typical_order
+from asperity.adaptive.mesh_plan import AREA_ORDER, shares
 from asperity.arrays import Array, Flags, Floats
 from asperity.curve import WITH_ERRORS, Curve
 from asperity.curve.slope import SINGLE_CONTACT, legs, slopes
@@ -75,22 +75,6 @@ class PressedMesh:
     def doubt(self) -> str:
         """Why there is nothing to extrapolate from; empty where there is."""
         return "no node is touched" if self.curve.untouched() else self.curve.unresolved()
-
-    def finer(self, step: float, limit: Curve) -> PressedMesh:
-        """What a mesh so much finer probably gives, to plan with.
-
-        Args:
-            step: ratio of the scales
-            limit: of this mesh and a coarser one, in the same rows
-        """
-        loading, missed = self.curve.branch == "load", self.missed
-        P, exact = self.curve.P_star[loading], limit.P_star[loading]
-        part = step ** -typical_order(missed.singular)  # of the errors of this mesh
-        power = np.interp(self.curve.delta_star[loading], missed.delta_star, part) - 1.0
-        curve = scaled(self.curve, np.divide(P, exact, out=np.ones(len(P)), where=exact > 0.0) ** power)
-        curve = replace(curve, error_area_fraction=self.curve.error_area_fraction * step**-AREA_ORDER)
-        missed = replace(missed, force=part * missed.force)
-        return PressedMesh(self.scale / step, self.dofs, curve, missed)
 
 
 def without_omission(curve: Curve, missed: Omission, compliance: float) -> Curve:
@@ -225,9 +209,8 @@ def at_given_forces(
 ) -> tuple[Curve, Budget]:
     """A corrected curve at the forces that were computed, which a load path gives: its approaches are corrected.
 
-    A correction of the force by f at an approach is one of the approach by f^(-1/n) at a force, n being the exponent of
-    the loading; what a change of n from step to step makes of it is in the bar. Later branches get the approach of the
-    end of the first loading. Other bars stay the same part of their columns.
+    Each column is moved along the loading as the power of the force that it is there, its bar with it. Later branches
+    are moved as the end of the first loading.
 
     Args:
         curve, budget: with corrected forces
@@ -242,30 +225,25 @@ def at_given_forces(
     force[ends], P[ends] = greatest, raw.P_star[ends] * greatest / raw.force[ends]
     touched = (first.P_star > 0.0) & (P[loading] > 0.0)
     factor = np.divide(P[loading], first.P_star, out=np.ones(len(first)), where=touched)
-    slope, change = slopes(first.delta, first.force, first.branch)
-    n = np.divide(slope * first.delta, first.force, out=np.full(len(first), nan), where=touched)
-    n = np.where(np.isfinite(n) & (n > 0.0), n, SINGLE_CONTACT)
-    longer = factor ** (1.0 / n)
 
-    def scale(of: Floats) -> Floats:
-        """What the other approach makes of a column (n,), in all rows."""
-        if len(of) < 2 or not np.all(of > 0.0):
-            return np.ones(len(curve))
-        return np.asarray(longer ** np.gradient(np.log(of), np.log(first.delta)))[rows]
+    def moved(name: str) -> Floats:
+        """What the other force makes of a column (n,), in all rows."""
+        of, power = getattr(first, name), np.full(len(first), 1.0 / SINGLE_CONTACT if name == "delta" else 0.0)
+        known = touched & (of > 0.0)
+        if np.count_nonzero(known) > 1:
+            power[known] = np.gradient(np.log(of[known]), np.log(first.P_star[known]))
+        return np.asarray(factor**power)[rows]
 
-    parts = {part.name: getattr(budget, part.name) * factor[rows] for part in fields(budget)}
-    parts["mesh"] = np.hypot(parts["mesh"], (np.nan_to_num(change) * np.abs(np.log(factor)) * P[loading])[rows])
-    budget = Budget(**parts)
-    columns: dict[str, Any] = {"delta": curve.delta * longer[rows], "delta_star": curve.delta_star * longer[rows]}
-    columns |= {"P_star": P, "error_P_star": budget.total}
+    budget = Budget(*(getattr(budget, part.name) * factor[rows] for part in fields(budget)))
+    columns: dict[str, Any] = {"P_star": P, "error_P_star": budget.total}
+    columns |= {name: moved("delta") * getattr(curve, name) for name in ("delta", "delta_star")}
     columns["mean_gap"] = curve.mean_gap - (columns["delta"] - curve.delta) + compliance * (P - curve.P_star)
     for name in ("area_fraction", *(name for name in WITH_ERRORS if name not in ("mean_gap", "k_n"))):
-        by = scale(getattr(first, name))
-        columns |= {key: by * getattr(curve, key) for key in (name, f"error_{name}")}
-    columns["mean_pressure"] = curve.mean_pressure * factor[rows] / scale(first.area_fraction)
-    moved = replace(curve, **columns).with_force(force)
-    steeper = np.divide(moved.k_n, curve.k_n, out=np.ones(len(P)), where=curve.k_n > 0.0)
-    return replace(moved, error_k_n=curve.error_k_n * steeper), budget
+        columns |= {key: moved(name) * getattr(curve, key) for key in (name, f"error_{name}")}
+    columns["mean_pressure"] = curve.mean_pressure * factor[rows] / moved("area_fraction")
+    found = replace(curve, **columns).with_force(force)
+    steeper = np.divide(found.k_n, curve.k_n, out=np.ones(len(P)), where=curve.k_n > 0.0)
+    return replace(found, error_k_n=curve.error_k_n * steeper), budget
 
 
 def loading_force(curve: Curve, delta_star: Floats) -> Floats:

@@ -8,7 +8,6 @@ sign and one order.
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cache
 from math import inf
@@ -65,7 +64,6 @@ class Guide:
         problem: what is pressed
         depth: greatest approach [length]
         steps: planned load steps
-        on_part: called with the part of a half-space that is done
 
     Attributes:
         depth: greatest approach [length]
@@ -75,10 +73,8 @@ class Guide:
         slope: rms slope of the spots in contact at the greatest approach, 0 of a summit between the centres of cells
     """
 
-    def __init__(
-        self, problem: Problem, depth: float, steps: int, on_part: Callable[[float], None] | None = None
-    ) -> None:
-        self.depth, self._problem, self._on_part, L = depth, problem, on_part, problem.surface.L
+    def __init__(self, problem: Problem, depth: float, steps: int) -> None:
+        self.depth, self._problem, L = depth, problem, problem.surface.L
         self._summit = problem.surface.maximum()[2] / L
         self.delta_star = depth / L * np.linspace(1.0 / steps, 1.0, steps)
         self.sizes = np.full((1, 1), inf)
@@ -87,31 +83,28 @@ class Guide:
         columns, p = [], np.asarray(np.zeros((1, 1)))
         for k in range(steps):
             delta = float(self.delta_star[k])
-            layer, p, sizes, singular = self._press(delta, p, CELLS[1])
+            layer, p, sizes, singular = self._press(delta, p)
             n = max(layer.n, len(self.sizes))
             early = (delta / self.delta_star[-1]) ** EARLY
             self.sizes = np.minimum(on_grid(self.sizes, n), early * on_grid(sizes, n))
             columns.append((float(p.mean()), layer.area(p), singular))
             if k in (0, steps // 2, steps - 1):
                 self._pressed[k] = layer, p.astype(np.single)
-            if on_part is not None:
-                on_part((k + 1) / steps)
         self.force, self._area, self._singular = np.transpose(columns)
         square, touched = sum(slope**2 for slope in np.gradient(self._heights[layer.n], 1.0 / layer.n)), p > 0.0
         self.slope = float(np.sqrt(np.mean(square[touched]))) if touched.any() else 0.0
         self._heights.clear()
 
-    def _press(self, delta: float, p: Floats, most: float) -> tuple[RoughHalfSpace, Floats, Floats, float]:
+    def _press(self, delta: float, p: Floats) -> tuple[RoughHalfSpace, Floats, Floats, float]:
         """Half-space and pressure at an approach, and what `spots_of` says of it.
 
         Args:
             delta: approach [L]
             p: pressure to begin with, on any grid
-            most: cells per side
         """
         cells, n = float(CELLS[0]), 0
-        while n < min(cells, most):
-            layer = half_space(self._problem, cells_per_side(min(cells, most)))
+        while n < (wanted := min(cells, CELLS[1])):
+            layer = half_space(self._problem, cells_per_side(wanted))
             n = layer.n
             if n not in self._heights:
                 self._heights[n] = layer.heights(self._problem.surface)
@@ -132,8 +125,6 @@ class Guide:
                 heights[layer.n] = heights_of_top(top, self._problem.surface, layer.n, nodal=True)
             (p,) = layer.pressures(heights[layer.n], self._summit, at[[k]], SINGLE, [start])
             parts.append((_change(self.force[k], float(p.mean())), _change(self._area[k], layer.area(p))))
-            if self._on_part is not None:
-                self._on_part(len(parts) / len(self._pressed))
         force, area = (np.interp(at, at[[*self._pressed]], part) for part in np.transpose(parts))
         return Omission(at, force, area, self._singular)
 
@@ -149,11 +140,10 @@ def planned_steps(steps: int) -> int:
     return steps * -(-(2 * REACH + 1) // steps)
 
 
-def guide_of(problem: Problem, on_part: Callable[[float], None] | None = None) -> Guide:
+def guide_of(problem: Problem) -> Guide:
     """Guide of a run with a tolerance, see `Guide`."""
     path = problem.load_path
-    depth = path.delta_max or approach_of_force(problem)
-    return Guide(problem, depth, planned_steps(path.steps), on_part)
+    return Guide(problem, path.delta_max or approach_of_force(problem), planned_steps(path.steps))
 
 
 def half_space(problem: Problem, cells: int) -> RoughHalfSpace:

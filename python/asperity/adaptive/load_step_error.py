@@ -10,13 +10,14 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import partial
+from math import inf
 from typing import Any
 
 import numpy as np
 
 from asperity.adaptive.extrapolation import judged_rows, loading_force, scaled, steady
 from asperity.adaptive.mesh_levels import LevelSolver
-from asperity.adaptive.mesh_plan import RATIO, STEP_RULES, enough_substeps, step_rule
+from asperity.adaptive.mesh_plan import MARGIN, RATIO, STEP_RULES, step_rule
 from asperity.arrays import Floats
 from asperity.curve import Curve
 from asperity.quasistatic.contact_result import ContactResult
@@ -32,14 +33,12 @@ class LoadStepError:
         correction: error of the force
         bar: error left after the correction
         substeps: parts chosen for the finer meshes
-        limit: why not more of them, if the tolerance takes more
         unknown: why there is no such error, empty where it is known
     """
 
     correction: Mapping[int, Along]
     bar: Mapping[int, Along]
     substeps: int = 1
-    limit: str = ""
     unknown: str = ""
 
     @classmethod
@@ -77,26 +76,27 @@ def choose_substeps(run: LevelSolver, tolerance: float) -> tuple[ContactResult, 
     corrects other meshes as well.
 
     Returns:
-        the result with the most parts, at least two, and the error; no more parts are chosen than these. If the
-        greatest number of dofs allows no mesh that is touched, the result of the last one without an error
+        the result with the most parts, at least two, and the error. If the greatest number of dofs allows no mesh that
+        is touched, the result of the last one without an error
     """
     rule, result = step_rule(run.problem), run(1.0)
-    while result.curve.untouched() and not run.limit(RATIO, 2):
+    while result.curve.untouched() and not run.limit(RATIO):
         result = run(RATIO)  # heights smoothed for large elements may lie below the flat
     if result.curve.untouched():
         return result, LoadStepError.none("no mesh that measures its load steps is touched")
     # a coarse mesh of a rough surface is touched late: a row without a force has no error of its own
     judged = judged_rows(result.curve, run.problem.load_path.steps)
     at = result.curve.delta_star[judged & (result.curve.P_star > 0.0)]
-    P, n = {1: loading_force(result.curve, at)}, 1
+    P, n, before = {1: loading_force(result.curve, at)}, 1, inf
     while True:
         n *= 2
         del result
         result = run(substeps=n)
         P[n] = loading_force(result.curve, at)
         errors, bars = step_errors(P, rule)
-        chosen = enough_substeps(bars, tolerance, rule)
-        stopped = run.limit(substeps=2 * n) if chosen > n else ""
-        if stopped or chosen <= n:
+        left = {k: float(np.max(bar)) for k, bar in bars.items()}
+        enough = next((k for k in sorted(left) if left[k] < MARGIN * tolerance), 0)
+        if enough or left[n] >= before:  # the runs differ by chance, and more parts would not do
             correction, bar = ({k: partial(np.interp, xp=at, fp=v) for k, v in of.items()} for of in (errors, bars))
-            return result, LoadStepError(correction, bar, min(chosen, n), stopped)
+            return result, LoadStepError(correction, bar, enough or n)
+        before = left[n]

@@ -1,4 +1,4 @@
-"""The curves of a run with a tolerance, one mesh after the other, within limits of size and time."""
+"""The curves of a run with a tolerance, one mesh after the other, within a limit of size."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 from time import perf_counter
 from typing import TYPE_CHECKING
 
-from asperity.adaptive.mesh_plan import DOFS_ORDER, LEAST_STEP, RATIO, MeshFamily
+from asperity.adaptive.mesh_plan import LEAST_STEP, RATIO, MeshFamily
 from asperity.contact.contact_surface import gather_top
 from asperity.errors import InputError
 from asperity.mesh.block import BlockMesh
@@ -58,7 +58,6 @@ class LevelSolver:
         self.problem, self._goal, self._comm, self._hooks = problem, goal, comm, hooks
         self.compliance = problem.height * material.reduced_modulus / material.block_modulus(problem.sides)
         self._family = None if guide is None else MeshFamily(problem, guide)
-        self._start = perf_counter()
         self._block: BlockMesh | None = None  # the last mesh, on rank 0
         self._first: ContactResult | None = None  # the result of the first mesh, until there is another
         self.levels: list[Level] = []
@@ -111,9 +110,6 @@ class LevelSolver:
             name = f"level-{len(self.levels) + 1}-{self.scales[-1]:.6g}-{substeps}"
             hooks = replace(hooks, checkpoint=hooks.checkpoint.part(name))
         level = f"h = {h / problem.surface.L:.3g} L" + (f", {substeps} substeps" if substeps > 1 else "")
-        whole, on_step = 1.0 + self._later(substeps), hooks.on_step
-        if on_step is not None:  # what is shown as left is that of all meshes that are planned
-            hooks = replace(hooks, on_step=lambda rows, done: on_step(rows, done / whole))
         hooks = replace(hooks, on_stage=lambda name: self._hooks.stage(f"{level}: {name}"))
         path = replace(problem.load_path, substeps=substeps)
         problem = replace(problem, load_path=path, size=replace(problem.size, h_contact=h))
@@ -127,13 +123,6 @@ class LevelSolver:
         self._first = result if len(self.scales) == 1 else None
         return result
 
-    def _later(self, substeps: int) -> float:
-        """Work of the meshes that follow the current one at least, over its own."""
-        if len(self.scales) > 1:
-            return 0.0
-        twice = 2.0 if self.problem.path_dependent and substeps == 1 else 0.0  # the same mesh with half the steps
-        return twice + self.scales[0] ** DOFS_ORDER / substeps
-
     def left_out(self, result: ContactResult) -> Omission:
         """What the top of the mesh of a result leaves out."""
         top = gather_top(result.solver.contact_surface, self.problem.height / self.problem.surface.L)
@@ -144,31 +133,18 @@ class LevelSolver:
 
         return on_root_bcast(self._comm, left_out)
 
-    def limit(self, finer: float = 1.0, substeps: int = 1) -> str:
-        """Why the next level must not be computed; empty when it may; collective, by the clock of rank 0.
-
-        Args:
-            finer: than the last mesh, see `__call__`; max_dofs may make it less
-            substeps: of the next level
-        """
-        goal = self._goal
+    def limit(self, finer: float) -> str:
+        """Why no mesh must follow, so much finer or by what max_dofs allows; empty when one may; collective."""
+        most = self._goal.max_dofs
 
         def limit() -> str:
-            family, scale, last = self._family, self.scales[-1], self.levels[-1]
+            family, scale, last = self._family, self.scales[-1], self.levels[-1].dofs
             assert family is not None
-            if goal.max_seconds is None and last.dofs * RATIO**3 <= goal.max_dofs:  # no mesh has more
+            if last * RATIO**3 <= most:  # no mesh has more
                 return ""
-            counted = [family.dofs(scale / min(finer, step)) for step in (1.0, LEAST_STEP, RATIO)]
-            least, dofs = (int(last.dofs * count / counted[0]) for count in counted[1:])
-            if least > goal.max_dofs:
-                return f"the next mesh has about {dofs} dofs, accuracy.max_dofs = {goal.max_dofs} allows no more"
-            elapsed = max(perf_counter() - self._start, sum(level.seconds for level in self.levels))
-            needed = last.seconds * substeps / last.substeps * min(dofs, goal.max_dofs) / last.dofs
-            if goal.max_seconds is None or elapsed + needed <= goal.max_seconds:
+            here, least, dofs = (family.dofs(scale / step) for step in (1.0, LEAST_STEP, finer))
+            if last * least <= most * here:
                 return ""
-            return (
-                f"the next mesh takes about {needed:.0f} s after the {elapsed:.0f} s so far, accuracy.max_seconds = "
-                f"{goal.max_seconds:g} allows no more"
-            )
+            return f"the next mesh has about {last * dofs // here} dofs, accuracy.max_dofs = {most} allows no more"
 
         return on_root_bcast(self._comm, limit)

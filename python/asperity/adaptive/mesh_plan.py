@@ -8,11 +8,11 @@ J. Fluids Eng. 116 (1994) 405).
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
 from itertools import product
-from math import ceil, inf, log, log2, prod
+from math import inf, log, prod
 from operator import add
 from typing import TYPE_CHECKING
 
@@ -44,7 +44,6 @@ STICK = "stick"  # where nodes are touched within a step (docs/theory.md)
 # of first order much more is corrected. With other steps other nodes stick first, so that the order of stick is seen as
 # low as 0.5 between two runs, and its correction may even have the wrong sign: 1 + (2^1.5 - 1)/(2^0.5 - 1)
 STEP_RULES = {MIDPOINT: (2.0, 0.5), STICK: (1.5, 5.4), BACKWARD_EULER: (1.0, 1.0)}
-MOST_SUBSTEPS = 32  # parts of a load step: each doubling is one more run of the first mesh
 GROWTH = 0.5  # growth of the element size around the contact at scale 1
 # Nodes in a volume h^3 and on a part h^2 of the surface: within 13 % (rms, at most 23 %) of 29 meshes of 60 to 17,000
 # nodes, whose growth is from 0.1 to 1.2
@@ -64,9 +63,14 @@ def shares(ratio: float, singular: Floats | float = 0.0) -> tuple[Floats, Floats
     return 0.5 * (low + high), 0.5 * (low - high)
 
 
-def typical_order(singular: Floats | float = 0.0) -> Floats:
-    """Order that gives the limit of meshes whose ratio is RATIO, to plan with; see `shares`."""
-    return np.asarray(np.log(1.0 + 1.0 / shares(RATIO, singular)[0]) / log(RATIO))
+def lowest_order(singular: float = 0.0) -> float:
+    """With which the force at least converges; see `shares`."""
+    return MESH_ORDERS[0] + singular * (EDGE_ORDER - MESH_ORDERS[0])
+
+
+def next_step(excess: float, order: float) -> float:
+    """How much finer the next mesh is, by what its bar is to shrink by and the order with which it does."""
+    return float(np.clip((excess / MARGIN) ** (1.0 / order), LEAST_STEP, RATIO))
 
 
 def partner(scales: Sequence[float]) -> int:
@@ -79,23 +83,6 @@ def step_rule(problem: Problem) -> str:
     """What the error of the load steps follows, a key of STEP_RULES: the rule of plasticity, or that of stick."""
     integrator, sticks = problem.load_path.integrator, problem.formulation.sticks
     return STICK if sticks and not (problem.material.plastic and integrator == BACKWARD_EULER) else integrator
-
-
-def enough_substeps(bars: Mapping[int, Floats], tolerance: float, rule: str) -> int:
-    """Fewest equal parts of each load step that meet a part of the tolerance.
-
-    Args:
-        bars: relative error bars of the load steps at some approaches (n,), by their parts, which are powers of 2
-        tolerance: relative error bar requested
-        rule: by which the bars of more parts follow from the last, see `step_rule`
-
-    Returns:
-        the parts; the most of `bars` when no number up to MOST_SUBSTEPS would do
-    """
-    excess = {n: float(np.max(bar)) / (MARGIN * tolerance) for n, bar in bars.items()}
-    most = max(bars)
-    more = most * 2 ** max(ceil(log2(max(excess[most], 1.0)) / STEP_RULES[rule][0]), 1)
-    return next((n for n in sorted(excess) if excess[n] < 1.0), more if more <= MOST_SUBSTEPS else most)
 
 
 def nodes_of(size: Size, height: float, most: float = inf, joined: bool = False) -> float:

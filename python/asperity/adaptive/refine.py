@@ -27,7 +27,7 @@ from asperity.adaptive.extrapolation import (
 from asperity.adaptive.guide import Guide, guide_of, planned_steps
 from asperity.adaptive.load_step_error import LoadStepError, choose_substeps
 from asperity.adaptive.mesh_levels import Level, LevelSolver
-from asperity.adaptive.mesh_plan import LEAST_STEP, MARGIN, RATIO, partner
+from asperity.adaptive.mesh_plan import AREA_ORDER, LEAST_STEP, MARGIN, RATIO, lowest_order, next_step, partner
 from asperity.arrays import Flags, Floats
 from asperity.curve import Curve
 from asperity.errors import Interrupted, MeshError
@@ -80,7 +80,7 @@ def refine(
     planned = replace(problem, load_path=replace(path_of, steps=planned_steps(path_of.steps)))
     comm, hooks = MPI.COMM_WORLD if comm is None else comm, hooks or Callbacks()
     hooks.stage("half-space with all waves")
-    guide = on_root(comm, lambda: guide or guide_of(problem, hooks.on_part))
+    guide = on_root(comm, lambda: guide or guide_of(problem))
     run = LevelSolver(planned, guide, target, comm, hooks)
     if problem.path_dependent:
         result, path = choose_substeps(run, target.tolerance)
@@ -218,24 +218,24 @@ class MeshErrorEstimate:
             curve, budget = replace(result.curve, error_P_star=nothing), Budget(*4 * [nothing])
             known = f"the force has no error bar, {unresolved}"
         else:
-            extrapolated = curve
             if given.force_max is not None:  # it is the corrected curve that reaches it
                 curve, budget = at_given_forces(curve, budget, result.curve, run.compliance, given.force_max)
             worst, worst_area = _worst(curve, judged)
             known = self._known(worst, worst_area)
             if known:
-                finer = self._finer(extrapolated, judged, algebraic)
+                force, area = worst / self._goal.tolerance, worst_area / (self._goal.area_tolerance or inf)
+                finer = max(next_step(force, lowest_order(fine.missed.singular.max())), next_step(area, AREA_ORDER))
                 limit = self._no_mesh_helps(worst, curve.delta_star[judged], algebraic)
         found = AccurateResult(
             curve, result.curve, budget, tuple(run.levels), result, worst, worst_area, not known, known or "done"
         )
         if not known:
             return found, None
-        limit = limit or run.limit(finer, path.substeps)
+        limit = limit or run.limit(finer)
         if not limit:
             return found, finer
         if not unresolved and np.any(relative(budget.roughness, curve.P_star)[judged] > self._goal.tolerance):
-            limit += "; waves shorter than the elements limit it too: cut them off (asperity check tries cut-offs)"
+            limit += "; waves shorter than the elements limit it too: cut them off"
         return replace(found, reason=f"{known}: {limit}"), None
 
     def _partner(self, fine: PressedMesh) -> PressedMesh:
@@ -249,16 +249,6 @@ class MeshErrorEstimate:
         plastic = run.problem.material.plastic
         return correct(fine, coarse, judged, of_steps, algebraic, run.compliance, plastic)
 
-    def _finer(self, limit: Curve, judged: Flags, algebraic: float) -> float:
-        """How much finer the next mesh is: the least that probably meets the tolerances, by the rule that judges it."""
-
-        def meets(step: float) -> bool:
-            curve, _ = self._limit(self._meshes[-1].finer(step, limit), judged, algebraic)
-            force, area = _worst(curve, judged)
-            return force <= MARGIN * self._goal.tolerance and area <= MARGIN * (self._goal.area_tolerance or inf)
-
-        return next((step for step in map(float, np.linspace(LEAST_STEP, RATIO, 16)) if meets(step)), RATIO)
-
     def _no_mesh_helps(self, worst: float, at: Floats, algebraic: float) -> str:
         """Why no other mesh would meet the tolerance of the force; empty where one may."""
         goal, of_steps = self._goal, float(self._path.bar[self._path.substeps](at).max())
@@ -266,7 +256,7 @@ class MeshErrorEstimate:
             return ""
         if algebraic > of_steps:
             return f"{algebraic:.2g} is left by the equations, lower solver.rtol or raise accuracy.tolerance"
-        return self._path.limit or "what is left comes from the load steps, raise loading.steps"
+        return "what is left comes from the load steps, raise loading.steps"
 
     def _known(self, worst: float, area: float) -> str:
         """How well force or area are known, a clause; empty where both meet their tolerances."""

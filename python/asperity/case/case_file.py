@@ -36,7 +36,7 @@ CHANGEABLE = frozenset(
     {
         *("units", "dynamics", "joint", "loops", "slip", "output"),
         *("material.density", "material.conductivity", "material.conductivity_other"),
-        *("solver.linear", "accuracy.max_seconds", "accuracy.max_dofs"),
+        *("solver.linear", "accuracy.max_dofs"),
     }
 )
 

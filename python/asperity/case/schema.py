@@ -171,7 +171,6 @@ class AccuracySection(Section):
         hint="0.05 for five per cent, with accuracy.tolerance",
     )  # fmt: skip
     max_dofs: Whole = key("limit of the dofs", AccuracyTarget.max_dofs, **bounds(settings.MAX_DOFS))
-    max_seconds: Real | None = optional("limit of time", "s", "none")
 
 
 Model = Literal["exact", "taylor"]

@@ -145,7 +145,7 @@ def doubts(case: Input) -> Iterator[str]:
             yield f"{key} = {value:g} is taken as {unit}; {other}"
     method, tolerance = case.contact.method, case.accuracy.tolerance
     size, by_method = ("mesh.h_contact", "mesh.growth", "mesh.h_max"), f"contact.method is {method}"
-    limits = ("accuracy.area_tolerance", "accuracy.max_dofs", "accuracy.max_seconds")
+    limits = ("accuracy.area_tolerance", "accuracy.max_dofs")
     idle = [
         (tolerance is not None, size, "accuracy.tolerance chooses the mesh"),
         (case.mesh.file is not None, size, "mesh.file is the mesh"),

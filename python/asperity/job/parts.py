@@ -166,7 +166,7 @@ def _hooks(case: Case, files: RunFiles, progress: Progress, stop: Callable[[], s
         on_stage, on_step, stop, files.checkpoint,
         snapshots=output.snapshots if output.figures or output.fields else 0,
         on_ready=files.begin,
-        stiffness=case.has_stiffness, on_part=progress.part,
+        stiffness=case.has_stiffness,
     )  # fmt: skip
 
 

@@ -161,7 +161,6 @@ class AccuracyTarget:
     Attributes:
         tolerance: greatest error bar of the force along the first loading, relative to the force, in (0, 1)
         max_dofs: size no mesh may exceed
-        max_seconds: time after which no finer mesh is started; None for no limit
         area_tolerance: greatest error bar of the contact area as well, relative to the area, in (0, 1); None judges
             the force only
 
@@ -169,15 +168,14 @@ class AccuracyTarget:
         InputError: a value outside its range
 
     Examples:
-        >>> asp.AccuracyTarget(0.01, max_seconds=600.0).max_dofs
+        >>> asp.AccuracyTarget(0.01).max_dofs
         1000000
     """
 
     tolerance: float
     max_dofs: int = 1_000_000
-    max_seconds: float | None = None
     area_tolerance: float | None = None
 
     def __post_init__(self) -> None:
         shares = {"tolerance": "(0, 1)", "area_tolerance": "(0, 1)"}
-        check(self, "accuracy", max_dofs=MAX_DOFS, max_seconds="(0, inf)", **shares)
+        check(self, "accuracy", max_dofs=MAX_DOFS, **shares)

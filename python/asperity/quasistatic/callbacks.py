@@ -25,7 +25,6 @@ class CallbackArguments(TypedDict, total=False):
     snapshots: int
     on_ready: Callable[[], None] | None
     stiffness: bool
-    on_part: Callable[[float], None] | None
     on_curve: Callable[[Curve], None] | None
 
 
@@ -41,7 +40,6 @@ class Callbacks:
         snapshots: states of the top to keep per loading
         on_ready: called when mesh and solver are made, before anything is saved
         stiffness: whether to compute the columns k_n_elastic to k_t_interface, and conductance
-        on_part: called on rank 0 with the part of a stage without load steps that is done, 0 to 1
         on_curve: with a tolerance, called with the curve with error bars that each mesh after the first gives
     """
 
@@ -52,7 +50,6 @@ class Callbacks:
     snapshots: int = 0
     on_ready: Callable[[], None] | None = None
     stiffness: bool = False
-    on_part: Callable[[float], None] | None = None
     on_curve: Callable[[Curve], None] | None = None
 
     def probes(self, solid: Solid) -> tuple[Any, ...]:

@@ -56,9 +56,6 @@ class Progress:
     def stage(self, name: str) -> None:
         """Show the start of a phase, for example "mesh"."""
 
-    def part(self, fraction_done: float) -> None:
-        """Show how much of a phase without load steps is done, 0 to 1."""
-
     def step(self, row: Mapping[str, Any], fraction_done: float) -> None:
         """Show an accepted load step by its row of curve.csv, and the fraction of the load path done, 0 to 1."""
 
@@ -91,10 +88,6 @@ class LevelLines(Progress):
         self._close()
         self._name, self._state, self._first, self._steps = name, "", None, 0
         self._last = time.monotonic()
-        self._show()
-
-    def part(self, fraction_done: float) -> None:
-        self._state = f"{fraction_done:.0%}"
         self._show()
 
     def step(self, row: Mapping[str, Any], fraction_done: float) -> None:
