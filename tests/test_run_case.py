@@ -228,7 +228,7 @@ def test_summary(full: tuple[Path, RunResult]) -> None:
     summary = json.loads((folder / "summary.json").read_text(encoding="utf-8"))
     assert summary["exit_reason"] == "done" and summary["finished"] is True
     fit = summary["fit"]
-    assert {"k", "n", "norm", "range", "points", "r2", "ci"} <= set(fit)
+    assert {"k", "n", "range", "points", "r2", "ci"} <= set(fit)
     planned = result.curve.planned()
     assert fit["points"] == len(planned) == 6 and fit["range"] == pytest.approx([0.005, 0.03])
     refit = asperity.fit_power_law(planned.delta_star, planned.P_star)

@@ -7,7 +7,6 @@ import pytest
 
 from asperity.dynamics import ContactOscillator, LoopDamping, PowerLaw
 from asperity.errors import InputError
-from asperity.reference import radiation_compliance
 
 LOOPS = LoopDamping((0.05, 0.1, 0.3), (0.0005, 0.002, 0.004))
 ZETA = 0.005
@@ -45,15 +44,6 @@ def test_resonance() -> None:
     without = ContactOscillator(PowerLaw(1.5), zeta=ZETA, damping="contact").response(0.002, (0.97, 1.01)).peak[1]
     assert peak < 0.85 * without
     assert oscillator.setting(0.002).damping == "loops"
-
-
-@pytest.mark.parametrize("nu", [0.0, 0.25, 0.45])
-def test_radiation(nu: float) -> None:
-    """Against Lysmer's analogue, a fit that is good to some ten per cent; Rayleigh's share for 1/4 is 67 %."""
-    value, share = radiation_compliance(nu)
-    assert value == pytest.approx(0.2125 * (1.0 - nu), rel=0.15)
-    if nu == 0.25:
-        assert share == pytest.approx(0.67, abs=0.005)
 
 
 def test_wrong_arguments() -> None:

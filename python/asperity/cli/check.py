@@ -78,7 +78,10 @@ def _sentences(case: Case, surface: Surface, found: Estimate, ranks: int) -> Ite
     if note := note_on_steps(surface, found.approach):
         yield note
     if case.accuracy.tolerance is not None:
-        yield filter_advice(case, found, surface) or "finer meshes follow where the error bar of the last one is above the tolerance"
+        yield (
+            filter_advice(case, found, surface)
+            or "finer meshes follow where the error bar of the last one is above the tolerance"
+        )
         yield f"time on one core: about {duration(found.seconds)}"
     if case.accuracy.area_tolerance is not None:
         yield "accuracy.area_tolerance is not in this estimate: it often takes finer meshes"

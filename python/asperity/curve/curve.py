@@ -8,7 +8,7 @@ import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -222,11 +222,8 @@ class Curve:
         """Loadings and unloadings in order, each after the first with the end of the one before."""
         return [self.where(np.arange(max(start - 1, 0), stop)) for start, stop in legs(self.branch) if stop > start]
 
-    def fit(self, norm: Literal["linear", "log"] = "linear") -> PowerLawFit:
+    def fit(self) -> PowerLawFit:
         """Power law P* = k (delta*)^n of the planned loading points with delta* > 0 and P* > 0.
-
-        Args:
-            norm: "linear" minimises the error of the force, "log" that of its logarithm
 
         Raises:
             InputError: fewer than three such points, or delta_star and P_star are unknown
@@ -241,7 +238,7 @@ class Curve:
                 "the curve has no delta_star and P_star, so no dimensionless power law: asperity.dynamics.law_from "
                 "fits delta and force"
             )
-        return fit_power_law(delta, force, norm)
+        return fit_power_law(delta, force)
 
     def fit_or_none(self) -> PowerLawFit | None:
         """`fit`, or None where it is not possible."""

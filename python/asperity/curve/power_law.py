@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -15,25 +15,23 @@ from asperity.errors import InputError
 from asperity.runtime.display import short_repr
 from asperity.units import plus_minus, quantity
 
+CONFIDENCE = 0.95  # of the intervals
 _LARGEST_LN = 700.0  # of numbers in floating-point range
 _WIDE = 0.3  # part of k above which the two sides of its interval differ in their first digit
 
 
 @dataclass(frozen=True)
 class PowerLawFit:
-    """Least-squares fit P* = k (delta*)^n; it depends on norm and range.
+    """Least-squares fit P* = k (delta*)^n; it depends on the range.
 
     Attributes:
         k: dimensionless coefficient
         n: exponent
-        norm: "linear" (least squares of P*) or "log" (of ln P*)
         range: smallest and largest delta* of the fit
         points: number of points
-        r2: coefficient of determination, on the scale of the norm
-        ci_k: confidence interval of k (symmetric in ln k, so always positive)
-        ci_n: confidence interval of n
-        correlation: correlation of the estimates of ln k and n
-        confidence: level of the intervals
+        r2: coefficient of determination
+        ci_k: interval of k of the level CONFIDENCE (symmetric in ln k, so always positive)
+        ci_n: the same of n
 
     Examples:
         >>> fit = asp.fit_power_law([0.01, 0.02, 0.04], [0.001, 0.0028, 0.008])
@@ -43,14 +41,11 @@ class PowerLawFit:
 
     k: float
     n: float
-    norm: str
     range: tuple[float, float]
     points: int
     r2: float
     ci_k: tuple[float, float]
     ci_n: tuple[float, float]
-    correlation: float
-    confidence: float
 
     __repr__ = short_repr
 
@@ -67,11 +62,10 @@ class PowerLawFit:
         return {
             "k": self.k,
             "n": self.n,
-            "norm": self.norm,
             "range": list(self.range),
             "points": self.points,
             "r2": self.r2,
-            "ci": {"k": list(self.ci_k), "n": list(self.ci_n), "confidence": self.confidence},
+            "ci": {"k": list(self.ci_k), "n": list(self.ci_n), "confidence": CONFIDENCE},
         }
 
 
@@ -103,29 +97,21 @@ def with_misfit(fit: Mapping[str, Any]) -> tuple[str, str]:
     return quantity(k, "", bar=bar if bar > 1e-6 else math.nan), plus_minus(n, half)
 
 
-def fit_power_law(
-    delta_star: ArrayLike,
-    P_star: ArrayLike,
-    norm: Literal["linear", "log"] = "linear",
-    *,
-    confidence: float = 0.95,
-) -> PowerLawFit:
-    """Fit P* = k (delta*)^n.
+def fit_power_law(delta_star: ArrayLike, P_star: ArrayLike) -> PowerLawFit:
+    """Fit P* = k (delta*)^n by least squares of P*.
 
-    The log-log regression has a closed form; least squares on the linear scale begin with it (Levenberg-Marquardt in
-    ln k and n, then Newton steps). The intervals come from the residual variance and Student's t with points - 2
-    degrees of freedom (Seber and Wild, Nonlinear Regression, 1989, section 5.1), for points that scatter independently.
-    Those of one smooth curve do not: there the intervals measure the misfit of the law rather than chance.
+    They begin with the regression of the logarithms (Levenberg-Marquardt in ln k and n, then Newton steps). The
+    intervals come from the residual variance and Student's t with points - 2 degrees of freedom (Seber and Wild,
+    Nonlinear Regression, 1989, section 5.1), for points that scatter independently. Those of one smooth curve do not:
+    there the intervals measure the misfit of the law rather than chance.
 
     Args:
         delta_star: delta/L, positive, at least 3 different values, shape (m,)
         P_star: P/(A_0 E'), positive, shape (m,)
-        norm: "linear" or "log"
-        confidence: level of the intervals, between 0 and 1
 
     Raises:
-        InputError: values that are not positive and finite, fewer than 3 different approaches, an unknown norm, an
-            illegal confidence, or k beyond floating-point range
+        InputError: values that are not positive and finite, fewer than 3 different approaches, or k beyond
+            floating-point range
 
     Examples:
         >>> delta = np.array([0.01, 0.02, 0.03, 0.04])
@@ -137,26 +123,18 @@ def fit_power_law(
     from scipy.special import stdtrit
 
     d, p = _fit_data(delta_star, P_star)
-    if norm not in ("linear", "log"):
-        raise InputError(f'norm must be "linear" or "log", not {norm!r}.')
-    if not 0 < confidence < 1:
-        raise InputError(f"confidence must lie between 0 and 1, not {confidence!r}.")
     # scaled by the largest values for good conditioning in any units and for steep laws
     x, y = np.log(d / d.max()), p / p.max()
     design = np.stack([np.ones_like(x), x], axis=1)
-    solution = np.linalg.lstsq(design, np.log(y), rcond=None)[0]
-    if norm == "linear":
-        solution = least_squares(
-            lambda s: np.exp(design @ s) - y, solution, jac=lambda s: np.exp(design @ s)[:, None] * design, method="lm",
-            xtol=1e-15, ftol=1e-15, gtol=1e-15,
-        ).x  # fmt: skip
-        solution = _polished(solution, design, y)
-        model = np.exp(design @ solution)
-        jacobian, target = model[:, None] * design, y
-    else:
-        model, jacobian, target = design @ solution, design, np.log(y)
-    rss = float(np.sum((target - model) ** 2))
-    tss = float(np.sum((target - target.mean()) ** 2))
+    solution = least_squares(
+        lambda s: np.exp(design @ s) - y, np.linalg.lstsq(design, np.log(y), rcond=None)[0],
+        jac=lambda s: np.exp(design @ s)[:, None] * design, method="lm", xtol=1e-15, ftol=1e-15, gtol=1e-15,
+    ).x  # fmt: skip
+    solution = _polished(solution, design, y)
+    model = np.exp(design @ solution)
+    jacobian = model[:, None] * design
+    rss = float(np.sum((y - model) ** 2))
+    tss = float(np.sum((y - y.mean()) ** 2))
     covariance = np.linalg.inv(jacobian.T @ jacobian) * (rss / (d.size - 2))
     # ln k = s_0 + ln(max p) - n ln(max d)
     back = np.array([[1.0, -math.log(d.max())], [0.0, 1.0]])
@@ -167,19 +145,15 @@ def fit_power_law(
             f"the power law through the points has n = {n:g} and ln k = {ln_k:g}, beyond floating-point range: scale "
             "approach and force to about 1"
         )
-    spread_k, spread_n = np.sqrt(np.diag(covariance)) * stdtrit(d.size - 2, (1 + confidence) / 2)
-    scale = math.sqrt(covariance[0, 0] * covariance[1, 1])
+    spread_k, spread_n = np.sqrt(np.diag(covariance)) * stdtrit(d.size - 2, (1 + CONFIDENCE) / 2)
     return PowerLawFit(
         k=math.exp(ln_k),
         n=float(n),
-        norm=norm,
         range=(float(d.min()), float(d.max())),
         points=int(d.size),
         r2=1.0 - rss / tss if tss > 0 else math.nan,
         ci_k=(_exp(ln_k - spread_k), _exp(ln_k + spread_k)),
         ci_n=(float(n - spread_n), float(n + spread_n)),
-        correlation=float(covariance[0, 1] / scale) if scale > 0 else 0.0,
-        confidence=confidence,
     )
 
 

@@ -61,10 +61,10 @@ def force_curve(results: Results) -> Figure:
         draw_branches(axis, results, "delta_star", "P_star", names=names)
         axis.set(xlabel=DELTA, ylabel=LOAD)
         if law is not None:
-            k, n, norm, (low, high) = law
+            k, n, (low, high) = law
             x = np.geomspace(low, high, 200)
             digits = [text.split()[0] for text in with_misfit(results.summary["fit"])]  # as its intervals allow
-            text = f"$P^{{*}}{{=}}\\,{tex(float(digits[0]))}\\,(\\delta^{{*}})^{{{digits[1]}}}$, {norm} fit"
+            text = f"$P^{{*}}{{=}}\\,{tex(float(digits[0]))}\\,(\\delta^{{*}})^{{{digits[1]}}}$, fit"
             axis.plot(x, k * x**n, color=style.BLACK, lw=1.0, zorder=4, label=text)
     linear.set(xlim=(0, None), ylim=(0, None))
     linear.legend(loc="upper left")
@@ -73,8 +73,8 @@ def force_curve(results: Results) -> Figure:
     x, exponent = local_exponent(results.curve)
     exponents.plot(x, exponent, "o-", color=style.BLUE, mfc="white", label="of the curve", zorder=3)
     if law is not None:
-        _, n, norm, bounds = law
-        text = f"{norm} fit, $n$ = {with_misfit(results.summary['fit'])[1]}"
+        _, n, bounds = law
+        text = f"fit, $n$ = {with_misfit(results.summary['fit'])[1]}"
         exponents.plot(bounds, (n, n), color=style.BLACK, lw=1.0, label=text)
     exponents.axhline(1.0, color=style.GREY, lw=0.7)
     exponents.set(xlabel=DELTA, ylabel="local exponent $\\mathrm{d}\\ln P/\\mathrm{d}\\ln\\delta$", xlim=(0, None))
@@ -86,15 +86,15 @@ def force_curve(results: Results) -> Figure:
     return figure
 
 
-def _law(results: Results) -> tuple[float, float, str, tuple[float, float]] | None:
-    """k, n, norm and range of the fit; None without one."""
+def _law(results: Results) -> tuple[float, float, tuple[float, float]] | None:
+    """k, n and range of the fit; None without one."""
     fit = results.summary.get("fit") or {}
     loads = results.branches("load")
     if not {"k", "n"} <= set(fit) or not loads:
         return None
     low, high = fit.get("range") or (0.0, float(np.max(loads[0].delta_star)))
     low = low or min((float(x) for x in loads[0].delta_star if x > 0), default=1e-6)
-    return float(fit["k"]), float(fit["n"]), str(fit["norm"]), (low, high)
+    return float(fit["k"]), float(fit["n"]), (low, high)
 
 
 def local_exponent(curve: Curve) -> tuple[Array, Array]:

@@ -20,7 +20,7 @@ from asperity.reference.elastic import (
     reduced_modulus,
 )
 from asperity.reference.halfspace import HalfSpaceContact, RoughCurve, RoughHalfSpace, half_space_contact
-from asperity.reference.inertia import LONG_WAVES, first_frequency, radiation_compliance, radiation_loss
+from asperity.reference.inertia import LONG_WAVES, first_frequency, radiation_loss
 
 __all__ = [
     "LONG_WAVES",
@@ -36,7 +36,6 @@ __all__ = [
     "mikic_elastic",
     "patch_test_slope",
     "pull_off",
-    "radiation_compliance",
     "radiation_loss",
     "reduced_modulus",
     "stickiness",

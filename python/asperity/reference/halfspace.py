@@ -222,14 +222,12 @@ class HalfSpaceContact:
             block for a layer
         area_fraction: true over nominal contact area, corrected for the perimeter
         pressure: pressure over E' at the cell centres ((i + 1/2) L/n), shape (n, n), [iy, ix]
-        iterations: conjugate gradient steps
     """
 
     P_star: float
     delta_star: float
     area_fraction: float
     pressure: Array
-    iterations: int
 
     __repr__ = short_repr
 
@@ -303,7 +301,7 @@ def half_space_contact(
         )
     if delta_star is None:
         delta_star = -float(np.mean((depth - displaced)[found > 0.0]))
-    return HalfSpaceContact(float(found.mean()), delta_star, corrected_area(found > 0.0, sides), found, count - 1)
+    return HalfSpaceContact(float(found.mean()), delta_star, corrected_area(found > 0.0, sides), found)
 
 
 def displacement(p: Array, compliance: Array, sides: str = "rollers") -> Array:
