@@ -32,13 +32,13 @@ if TYPE_CHECKING:
 Size = Callable[[float, float, float], float]
 
 MESH_ORDERS = (1.7, 2.6)  # range of the order of the force in the scale (docs/accuracy.md)
-EDGE_ORDER = 1.0  # lowest one where the pressure is singular at the edge of the contact, as that of a flat punch
-AREA_ORDER = 1.5  # of the bar of the contact area, that of the edges of spots (docs/theory.md)
+# Lowest order where the pressure is singular at the edge of the contact, as of a flat punch; that of the bar of the
+# area, of the edges of spots (docs/theory.md); and dofs and time grow as scale^-2, for the contact alone is refined
+EDGE_ORDER, AREA_ORDER, DOFS_ORDER = 1.0, 1.5, 2.0
 RATIO = 2.0  # of the first two scales, and the greatest one from a scale to the next
-LEAST_STEP = 1.25  # least one from a scale to the next
+LEAST_STEP = RATIO ** (1.0 / 3.0)  # least one from a scale to the next
 LEAST_RATIO = RATIO / LEAST_STEP  # of two scales: below it scatter hides the order
 MARGIN = 0.9  # part of a limit, such as the tolerance, that is planned for
-DOFS_ORDER = 2.0  # time and dofs grow as scale^-order: refinement is nearly confined to the contact
 STICK = "stick"  # where nodes are touched within a step (docs/theory.md)
 # Order of the force in the load step, and bar over correction, which need not carry over to other meshes. Of the rule
 # of first order much more is corrected. With other steps other nodes stick first, so that the order of stick is seen as
