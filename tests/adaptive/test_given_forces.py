@@ -9,8 +9,7 @@ import pytest
 from conftest import ELASTIC, PLASTIC, here
 
 import asperity as asp
-from asperity.adaptive.extrapolation import Budget, at_given_forces, without_omission
-from asperity.adaptive.guide import Omission
+from asperity.adaptive.extrapolation import Budget, at_given_forces
 from asperity.case import Case
 from asperity.curve import Curve
 from asperity.reference import half_space_contact
@@ -38,19 +37,6 @@ def test_the_approach_of_a_power_law_is_exact(factor: float) -> None:
     np.testing.assert_allclose(bars.total, np.hypot(0.01, 0.02) * found.P_star)
     compressed = found.delta - 0.5 * found.P_star - (corrected.delta - 0.5 * corrected.P_star)
     np.testing.assert_allclose(found.mean_gap, corrected.mean_gap - compressed)
-
-
-def test_half_of_what_a_top_leaves_out_is_taken() -> None:
-    """The bar of the area holds the other half; a block that is pressed more is compressed more, and its gap wider."""
-    curve = power(2.0, ("load", "unload"), area_fraction=0.1, mean_gap=0.01, error_area_fraction=0.002)
-    found = without_omission(
-        curve, Omission(np.array([0.001, 0.01]), np.full(2, -0.2), np.full(2, 0.4), np.zeros(2)), 0.5
-    )
-    np.testing.assert_allclose(found.force, 0.9 * curve.force)
-    np.testing.assert_allclose(found.P_star, 0.9 * curve.P_star)
-    np.testing.assert_allclose(found.area_fraction, 0.12)
-    np.testing.assert_allclose(found.error_area_fraction, 0.0024 + 0.02)
-    np.testing.assert_allclose(found.mean_gap, 0.01 - 0.5 * 0.1 * curve.P_star)
 
 
 def test_a_force_that_is_given_is_met_by_the_corrected_curve() -> None:

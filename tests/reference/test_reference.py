@@ -6,8 +6,6 @@ import math
 
 import numpy as np
 import pytest
-import yielding_sphere as sphere
-from j2_path import confined_stress, j2_path, uniaxial_stress
 from scipy.integrate import quad
 from scipy.linalg import expm
 from scipy.optimize import brentq
@@ -16,9 +14,6 @@ from asperity import reference as ref
 from asperity.errors import ConvergenceError, InputError
 from asperity.reference.halfspace import compliance_of_waves
 from asperity.surface import Flat, Sinusoid, Sphere, WeierstrassMandelbrot
-
-STEEL = {"E": 200e9, "nu": 0.3, "Y": 1e9}
-
 
 # --- elastic closed forms ---------------------------------------------------------------------
 
@@ -68,110 +63,6 @@ def test_similarity_law_against_computation():
     b = ref.half_space_contact(high, 64, P_star=s * 1e-4)
     assert b.delta_star == pytest.approx(s * a.delta_star, rel=1e-6)
     assert b.area_fraction == pytest.approx(a.area_fraction)
-
-
-# --- material point ---------------------------------------------------------------------------
-
-E, NU, Y, E_T = 200.0, 0.3, 1.0, 10.0
-MU, BULK, H = E / 2.6, E / 1.2, E * E_T / (E - E_T)
-
-
-def test_uniaxial_loading_and_reversal():
-    """Yield at strain 0.005, slope E_t to 1.25; reversed yield at -1.25, slope E_t again."""
-    stress, p = uniaxial_stress([0.004, 0.005, 0.03, 0.0175, 0.0075, -0.01], E, Y, E_T)
-    np.testing.assert_allclose(stress, [0.8, 1.0, 1.25, -1.25, -1.35, -1.525], rtol=1e-12)
-    forward = 0.03 - 1.25 / E
-    np.testing.assert_allclose(p[:4], [0, 0, forward, forward], atol=1e-15)
-    assert p[4] - p[3] == pytest.approx(0.01 * (1 - E_T / E))
-
-
-def test_confined_compression():
-    onset = Y / (2 * MU)
-    axial, lateral, p = confined_stress([-onset, -2 * onset], E, NU, Y, E_T)
-    assert abs(axial[0] - lateral[0]) == pytest.approx(Y, rel=1e-12)
-    assert axial[0] == pytest.approx(-(BULK + 4 / 3 * MU) * onset)
-    assert p[0] == pytest.approx(0, abs=1e-15)
-    # plastic slope K + (4/3) mu H/(H + 3 mu)
-    slope = (axial[1] - axial[0]) / -onset
-    assert slope == pytest.approx(BULK + 4 / 3 * MU * H / (H + 3 * MU))
-    assert abs(axial[1] - lateral[1]) == pytest.approx(Y + H * p[1])
-
-
-def test_rate_integration_agrees_with_confined_compression():
-    history = np.array([-0.002, -0.02, 0.01, -0.03])
-    strain = np.zeros((4, 3, 3))
-    strain[:, 2, 2] = history
-    stress, p = j2_path(strain, E, NU, Y, E_T)
-    axial, lateral, q = confined_stress(history, E, NU, Y, E_T)
-    np.testing.assert_allclose(stress[:, 2, 2], axial, rtol=1e-9)
-    np.testing.assert_allclose(stress[:, 0, 0], lateral, rtol=1e-9)
-    np.testing.assert_allclose(p, q, rtol=1e-8, atol=1e-14)
-
-
-# --- flattened sphere -------------------------------------------------------------------------
-
-
-def critical_approach(R: float) -> float:
-    """Return delta_c of Jackson and Green for STEEL."""
-    C = 1.295 * math.exp(0.736 * 0.3)
-    return (math.pi * C * 1e9 / (2 * 200e9 / 0.91)) ** 2 * R
-
-
-def test_jackson_green_is_hertz_up_to_1_9_critical_approaches_and_its_own_fit_beyond():
-    """Eqs. 13 and 21 of the paper written out; its two laws meet within two per cent."""
-    R, C, yields = 1e-3, 1.295 * math.exp(0.736 * 0.3), 1e9 / (200e9 / 0.91)
-    critical, hertz = critical_approach(R), ref.Hertz(R, ref.reduced_modulus(200e9, 0.3))
-    for w in (1.0, 1.85):
-        assert sphere.jackson_green(w * critical, R, **STEEL)[0] == pytest.approx(hertz.force(w * critical), rel=1e-12)
-    for w in (1.95, 2.5, 3.5):
-        a = math.pi * C * yields / 2 * math.sqrt(w * (w / 1.9) ** (0.14 * math.exp(23 * yields)))  # over R
-        hardness = 2.84 * (1 - math.exp(-0.82 * a**-0.7))
-        force = math.exp(-0.25 * w ** (5 / 12)) * w**1.5 + 4 * hardness / C * (1 - math.exp(-(w ** (5 / 9)) / 25)) * w
-        found = sphere.jackson_green(w * critical, R, **STEEL)[0] / hertz.force(critical)
-        assert found == pytest.approx(force, rel=1e-9)
-        assert w > 2.0 or force == pytest.approx(w**1.5, rel=0.02)
-
-
-def test_jackson_green_numbers():
-    w, R = np.array([6.0, 10.0, 50.0, 110.0]), 1e-3
-    hertz = ref.Hertz(R, ref.reduced_modulus(200e9, 0.3))
-    critical = float(hertz.force(critical_approach(R)))
-    force, area = sphere.jackson_green(w * critical_approach(R), R, **STEEL)
-    np.testing.assert_allclose(force / critical, [13.00, 25.88, 201.0, 502.9], rtol=3e-4)
-    other, other_area = sphere.kogut_etsion(w * critical_approach(R), R, **STEEL)
-    np.testing.assert_allclose(other, force, rtol=0.06)
-    np.testing.assert_allclose(other_area, area, rtol=0.06)
-    small = 0.5 * critical_approach(R)
-    for model in (sphere.jackson_green, sphere.kogut_etsion):
-        assert model(small, R, **STEEL)[0] == pytest.approx(float(hertz.force(small)))
-    assert np.isnan(sphere.kogut_etsion(200 * critical_approach(R), R, **STEEL)[0])
-
-
-def test_ghaednia_numbers():
-    R = 1e-3
-    delta = 50 * critical_approach(R)
-    elastic = float(ref.Hertz(R, ref.reduced_modulus(200e9, 0.3)).force(delta))
-    for ratio, expected in [(0.0, 0.569), (0.1, 0.691), (0.3, 0.841), (0.5, 0.918)]:
-        force, area = sphere.ghaednia(delta, R, **STEEL, E_t=ratio * 200e9)
-        assert force / elastic == pytest.approx(expected, abs=6e-4)
-        assert math.pi * R * delta * (1 - 1e-9) <= area < 2 * math.pi * R * delta
-    small = critical_approach(R)
-    assert sphere.ghaednia(small, R, **STEEL, E_t=1e9)[0] == pytest.approx(
-        float(ref.Hertz(R, ref.reduced_modulus(200e9, 0.3)).force(small))
-    )
-
-
-def test_flattened_sphere_of_the_table_against_the_fits():
-    R, w = 1e-3, np.array(sphere.FLATTENED_DEPTHS)
-    delta = w * critical_approach(R)
-    critical = float(ref.Hertz(R, ref.reduced_modulus(200e9, 0.3)).force(critical_approach(R)))
-    for ratio, forces in sphere.FLATTENED_SPHERE.items():
-        if ratio == 0.0:
-            np.testing.assert_allclose(sphere.jackson_green(delta, R, **STEEL)[0] / critical, forces, rtol=0.03)
-        else:
-            fit = sphere.ghaednia(delta, R, **STEEL, E_t=ratio * 200e9)[0] / critical
-            np.testing.assert_allclose(fit, forces, rtol=0.13)
-            np.testing.assert_allclose(fit[0], forces[0], rtol=0.03)
 
 
 # --- half-space solver ------------------------------------------------------------------------
