@@ -19,8 +19,8 @@ from asperity.adaptive.mesh_plan import (
     STEP_RULES,
     MeshFamily,
     dofs_of,
-    lowest_order,
     next_step,
+    planned_order,
     step_rule,
 )
 from asperity.adaptive.small_strain import judge
@@ -227,9 +227,9 @@ def _plan(
     plan = [(family.h(first), coarse, _steps(problem, n)) for n in parts]
     while True:
         plan.append((family.h(scale), dofs, _steps(problem, substeps)))
-        if (bar := TYPICAL_BAR * scale ** lowest_order()) <= tolerance:
+        if (bar := TYPICAL_BAR * scale ** planned_order()) <= tolerance:
             return plan, bar
-        finer, dofs = family.finest(scale / next_step(bar / tolerance, lowest_order()), scale, most)
+        finer, dofs = family.finest(scale / next_step(bar / tolerance, planned_order()), scale, most)
         if scale / finer < LEAST_STEP:
             return plan, bar
         scale = finer

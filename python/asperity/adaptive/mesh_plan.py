@@ -67,9 +67,10 @@ def shares(ratio: float, singular: Floats | float = 0.0) -> tuple[Floats, Floats
     return 0.5 * (low + high), 0.5 * (low - high)
 
 
-def lowest_order(singular: float = 0.0) -> float:
-    """With which the force at least converges; see `shares`."""
-    return MESH_ORDERS[0] + singular * (EDGE_ORDER - MESH_ORDERS[0])
+def planned_order(singular: float = 0.0) -> float:
+    """Order of the force to plan with, the mean of MESH_ORDERS or that of singular pressures; see `shares`."""
+    smooth = 0.5 * sum(MESH_ORDERS)
+    return smooth + singular * (EDGE_ORDER - smooth)
 
 
 def next_step(excess: float, order: float) -> float:

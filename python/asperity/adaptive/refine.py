@@ -27,7 +27,7 @@ from asperity.adaptive.extrapolation import (
 from asperity.adaptive.guide import Guide, guide_of, planned_steps
 from asperity.adaptive.load_step_error import LoadStepError, choose_substeps
 from asperity.adaptive.mesh_levels import Level, LevelSolver
-from asperity.adaptive.mesh_plan import AREA_ORDER, LEAST_STEP, MARGIN, RATIO, lowest_order, next_step, partner
+from asperity.adaptive.mesh_plan import AREA_ORDER, LEAST_STEP, MARGIN, RATIO, next_step, partner, planned_order
 from asperity.arrays import Flags, Floats
 from asperity.curve import Curve
 from asperity.errors import Interrupted, MeshError
@@ -224,7 +224,7 @@ class MeshErrorEstimate:
             known = self._known(worst, worst_area)
             if known:
                 force, area = worst / self._goal.tolerance, worst_area / (self._goal.area_tolerance or inf)
-                finer = max(next_step(force, lowest_order(fine.missed.singular.max())), next_step(area, AREA_ORDER))
+                finer = max(next_step(force, planned_order(fine.missed.singular.max())), next_step(area, AREA_ORDER))
                 limit = self._no_mesh_helps(worst, curve.delta_star[judged], algebraic)
         found = AccurateResult(
             curve, result.curve, budget, tuple(run.levels), result, worst, worst_area, not known, known or "done"
