@@ -153,49 +153,20 @@ def test_approach_of_the_unloading_is_measured_from_separation() -> None:
     assert r.z_s == pytest.approx(0.6 * 0.5 ** (1 / 1.5), rel=1e-5)
 
 
-def _cycled(cycles: int, plastic: float) -> dict[str, np.ndarray]:
-    """Cycles between load 1 and separation; each reloading ends at a slightly larger approach."""
-    rows: list[tuple[float, float, str]] = [(d, d**1.2, "load") for d in np.linspace(0, 1, 11)[1:]]
-    for k in range(cycles):
-        left = plastic * (0.4 + 0.02 * k)
-        down, up = np.linspace(1, left, 8)[1:], np.linspace(left, 1, 11)[1:]
-        rows += [(d, (max(d - left, 0.0) / (1 - left)) ** (1.5 + 0.1 * k), "unload") for d in down]
-        if k < cycles - 1:
-            rows += [(d, (max(d - left, 0.0) / (1 - left)) ** (1.55 + 0.1 * k), "reload") for d in up]
-    delta, force, branch = zip(*rows, strict=True)
-    return {"delta": np.array(delta), "force": np.array(force), "branch": np.array(branch)}
-
-
-@pytest.mark.parametrize(("cycles", "plastic"), [(2, 1.0), (3, 0.0), (7, 1.0)])
-def test_the_last_closed_loop_is_the_law(cycles: int, plastic: float) -> None:
-    """Each loop has its own law; the rows of two loops together would not rise."""
-    law = unload_reload(_cycled(cycles, plastic), 0.5)
-    n, left = 1.55 + 0.1 * (cycles - 2), plastic * (0.4 + 0.02 * (cycles - 2))
-    assert law.origin == pytest.approx(left, abs=1e-6)
-    z = law.deflection(0.5)
-    assert z + law.origin == pytest.approx(left + (1 - left) * 0.5 ** (1 / n), rel=1e-5)
-    assert law.n_loc(z) == pytest.approx(n, rel=1e-4)
-
-
-def test_a_loop_that_is_not_closed_is_not_the_law() -> None:
-    """The last reloading stopped early, although it has enough rows and exceeds the preload."""
-    whole = _cycled(4, 1.0)
-    begins = np.flatnonzero(whole["branch"] == "reload")[-10]
-    stopped = {name: column[: begins + 8] for name, column in whole.items()}
-    law, before = unload_reload(stopped, 0.3), unload_reload(_cycled(3, 1.0), 0.3)
-    np.testing.assert_array_equal(law.z, before.z)
+def test_the_last_unloading_that_reaches_the_preload_is_the_law() -> None:
+    """After cycles to 1 with exponents 1.5, 1.6, 1.7, the last one to 0.4 only; reloadings do not count."""
+    rows = [(d, d**1.2, "load") for d in np.linspace(0, 1, 11)[1:]]
+    for n, left, top in ((1.5, 0.40, 1.0), (1.6, 0.42, 1.0), (1.7, 0.44, 0.4)):
+        start = left + (1 - left) * top ** (1 / n)
+        for branch, path in (("reload", np.linspace(0.4, start, 9)[1:]), ("unload", np.linspace(start, left, 9)[1:])):
+            rows += [(d, (max(d - left, 0.0) / (1 - left)) ** n, branch) for d in path]
+    curve = dict(zip(("delta", "force", "branch"), map(np.array, zip(*rows, strict=True)), strict=True))
+    for load, n, left in ((0.5, 1.6, 0.42), (0.3, 1.7, 0.44)):
+        law = unload_reload(curve, load)
+        assert law.origin == pytest.approx(left, abs=1e-6)
+        assert law.n_loc(law.deflection(load)) == pytest.approx(n, rel=1e-4)
     with pytest.raises(RangeError, match=r"preload = 1\.2 exceeds the unload-reload branch, which ends at force 1"):
-        unload_reload(whole, 1.2)
-
-
-def test_the_last_unloading_replaces_reloadings_with_few_rows() -> None:
-    whole = _cycled(3, 1.0)
-    few = np.ones(len(whole["delta"]), bool)
-    reload = np.flatnonzero(whole["branch"] == "reload")
-    few[reload[::2]] = few[reload[1::4]] = False
-    law = unload_reload({name: column[few] for name, column in whole.items()}, 0.5)
-    assert law.origin == pytest.approx(0.44, abs=1e-6)
-    assert law.n_loc(law.deflection(0.5)) == pytest.approx(1.7, rel=1e-4)
+        unload_reload(curve, 1.2)
 
 
 def test_paper_law_is_the_fit_of_the_loading_branch(tmp_path) -> None:

@@ -97,7 +97,7 @@ def test_only_models_and_programs_in_use_are_cited() -> None:
 
 SIDES = {
     "free.csv": "u0,omega_ratio\n1\n", "response.csv": "Omega,u_max,F_hat\nx,y,z\n",
-    "slip.csv": "amplitude,step\n0.1,0\n", "band.csv": "Omega\n", "slip_loops.csv": "u,T\n0,0\n1,x\n",
+    "slip.csv": "amplitude,step\n0.1,0\n", "slip_loops.csv": "u,T\n0,0\n1,x\n",
     "curve.csv": "delta\n1\n",
     "thresholds.json": '{"exact": 3, "laws": [1], "numbers": "x", "load": [], "notes": 1}',
     "summary.json": '{"assumptions": [{"verdict": 1}], "fit": {"k": "x", "n": []}, "seconds": 3, "slip": 1}',

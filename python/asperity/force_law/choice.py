@@ -128,15 +128,15 @@ def law_named(columns: CurveColumns, name: str, load: float) -> Law:
 
 
 def unload_reload(curve: Any, load: float | None = None) -> TableLaw:
-    """Physical law of a plastic contact about a preload: the last unload-reload loop of a curve.
+    """Physical law of a plastic contact about a preload: the last unloading of a curve that passes through it.
 
-    The law is the reloading of the last closed loop, else the last unloading. Its slopes are the elastic stiffness of
+    Its slopes are the elastic stiffness of
     the rows (column k_n_elastic), if known. The approach is measured from the row at which the contact separates;
     without one the law ends at zero force with the power that its lowest rows have.
 
     Args:
         curve: a `Curve`, CSV file or mapping with delta, force and branch
-        load: preload that the loop must reach (force), or None
+        load: preload that the branch must reach (force), or None
 
     Raises:
         InputError: the curve has no unloading rows, or no branch with enough of them in contact

@@ -20,7 +20,6 @@ from asperity.runtime.measured_curve import read_measured_curve
 
 SIZES = (1e-100, 1e100)  # of the greatest approach and force, so that products do not overflow
 _HYSTERESIS = 0.01  # share of the greatest force by which an unloading falls short of the loading after yield
-_CLOSED = 1e-3  # a reloading closes its loop if it ends within this share below the top, in approach or force
 
 
 @dataclass(frozen=True, eq=False)
@@ -131,21 +130,11 @@ class CurveColumns:
         return np.flatnonzero(among)[np.unique(self.force[among], return_index=True)[1]]
 
     def unloadings(self) -> list[Array]:
-        """Rows of closing reloadings, then of unloadings, each with the row before, the last one first."""
-        up, down = [], []
-        top = None  # row at which the last unloading began
-        for begin, end in legs(self.branch):
-            rows = np.arange(max(begin - 1, 0), end)
-            if self.branch[begin] == "unload":
-                top = begin - 1 if begin else None
-                down.append(rows)
-            elif self.branch[begin] == "reload" and (
-                top is None
-                or self.delta[begin:end].max() >= (1 - _CLOSED) * self.delta[top]
-                or self.force[begin:end].max() >= (1 - _CLOSED) * self.force[top]
-            ):
-                up.append(rows)
-        return [*reversed(up), *reversed(down)]
+        """Rows of each unloading with the row before, the last one first."""
+        found = [
+            np.arange(max(begin - 1, 0), end) for begin, end in legs(self.branch) if self.branch[begin] == "unload"
+        ]
+        return found[::-1]
 
 
 def _read(path: Path) -> tuple[Mapping[str, Any], tuple[str, ...]]:

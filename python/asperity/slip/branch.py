@@ -22,8 +22,7 @@ def branch_rows(columns: CurveColumns, choice: Choice) -> Array:
     """Rows of the branch of a law, in the order of their force."""
     among = columns.loading
     if choice.name == "unload-reload":
-        last = next(leg for leg in columns.unloadings() if columns.branch[leg[-1]] == "unload")
-        among = np.isin(np.arange(columns.delta.size), last)
+        among = np.isin(np.arange(columns.delta.size), columns.unloadings()[0])
     return columns.rising(among & (columns.force > 0.0))
 
 

@@ -191,7 +191,8 @@ def slip_of_curve(
     paths = tuple(path_of_law(law, amplitude, steps=settings.steps, area=area) for amplitude in settings.amplitudes)
     laws, bars = tabulate(columns, choice), None
     unloaded = not choice.yielded or choice.name == "unload-reload"
-    if math.isfinite(laws.bar) and ((ratio is not None and unloaded) or computed):
+    bounded = isinstance(choice.law, TableLaw) and math.isfinite(laws.bar)
+    if bounded and ((ratio is not None and unloaded) or computed):
         with suppress(AsperityError):  # at the end of its bar the curve may not reach the preload
             bars = _change(law, [law_on(member) for member in laws.chosen.sides()], t)
     if computed and bars is not None:  # the mesh of the solid, of which only the curve gives an estimate

@@ -86,7 +86,7 @@ def tangential_vibration(
         raise InputError("the case has no section [slip]: add it with slip.friction, and run it with --resume")
     factor, mass = settings.factor, small_vibration(curve, settings).mass
     if not math.isfinite(mass):
-        raise InputError("no mass vibrates: give --mass, joint.mass, or joint.frequency")
+        raise InputError("no mass vibrates: give --mass or joint.mass")
     load = None if settings.load is None else settings.load / factor
     slip = slip_of_case(case, curve, case["slip"].get("preload") or load)
     sliders = slip.law.array(_SLIDERS)
