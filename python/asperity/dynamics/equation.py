@@ -14,7 +14,6 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import cached_property
 from math import exp, log
-from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -106,22 +105,6 @@ class Restoring:
     def f(self, u: ArrayLike) -> Array:
         """Restoring force f(u), same shape as `u`."""
         return (self.law.both(self.z_s * (1.0 + np.asarray(u, float)))[0] - self.load) / self.scale
-
-
-@dataclass(frozen=True)
-class Forcing:
-    """Excitation F^ = amplitude Omega^power: 0 for a force, or an acceleration of the base; 2 for its displacement."""
-
-    amplitude: float
-    power: int = 0
-
-    def at(self, omega: Any) -> Any:
-        """F^ at frequencies Omega."""
-        return self.amplitude * omega**self.power
-
-    def rate(self, omega: Any) -> Any:
-        """Its derivative with respect to Omega."""
-        return self.power * self.at(omega) / omega
 
 
 @dataclass(frozen=True)

@@ -17,7 +17,7 @@ from numpy.typing import ArrayLike
 from scipy.optimize import brentq
 
 from asperity.arrays import Array
-from asperity.dynamics.equation import Equation, Forcing, Restoring, motions
+from asperity.dynamics.equation import Equation, Restoring, motions
 from asperity.dynamics.settings import Setting
 from asperity.errors import ConvergenceError, RangeError
 from asperity.force_law.checks import positives
@@ -158,16 +158,6 @@ def _half_periods(equation: Equation, rest: Array) -> Array:
     return half
 
 
-def free_vibration(equation: Equation, amplitudes: ArrayLike, omega_s: float) -> FreeVibration:
-    """Compute the natural frequency at each release amplitude; see `free_orbits`."""
-    r = equation.restoring
-    orbits = free_orbits(r, amplitudes, equation.damping)
-    valid = tuple(r.contact or o.u_min >= -1.0 for o in orbits)
-    return FreeVibration(
-        r.model, r.law.describe(), r.n_loc, r.kappa, omega_s, orbits, valid, max(o.error for o in orbits)
-    )
-
-
 def _surplus(restoring: Restoring, u: float, level: float) -> float:
     """Potential at a displacement less that at another one."""
     z, other = (restoring.z_s * (1.0 + x) for x in (u, level))
@@ -243,13 +233,14 @@ class Thresholds:
         return asdict(self)
 
 
-def resonance_peak(restoring: Restoring, forcing: Forcing, zeta: float, damping: Damping) -> FreeOrbit | None:
+def resonance_peak(equation: Equation, setting: Setting) -> FreeOrbit | None:
     """Free orbit that a forcing sustains at phase resonance; None if there is none."""
-    limit, drive = min(largest_amplitude(restoring), _LARGEST), forcing.amplitude / (2.0 * zeta)
+    restoring, zeta, damping = equation.restoring, equation.zeta, equation.damping
+    limit, drive = min(largest_amplitude(restoring), _LARGEST), setting.F_hat / (2.0 * zeta)
 
     def surplus(u: float) -> float:
         (orbit,) = free_orbits(restoring, u, damping)
-        return orbit.drive - float(forcing.at(orbit.omega)) / (2.0 * zeta)
+        return orbit.drive - float(setting.forcing(orbit.omega)) / (2.0 * zeta)
 
     low = high = min(1e-3, 0.1 * drive, 0.5 * limit)
     try:
@@ -272,7 +263,7 @@ def thresholds(equation: Equation, settings: Sequence[Setting] = ()) -> Threshol
     peaks: list[dict[str, float | None]] = []
     for setting in settings:
         f = setting.F_hat
-        peak = resonance_peak(restoring, setting.forcing, zeta, damping) if zeta > 0 else None
+        peak = resonance_peak(equation, setting) if zeta > 0 else None
         values = (peak.omega, peak.u0, peak.u_min, peak.a1) if peak else (None,) * 4
         at_peak = dict(zip(("Omega", "u_max", "u_min", "a1"), values, strict=True))
         peaks.append({"F_hat": f, "F_over_mg": restoring.n_loc * f, **at_peak})

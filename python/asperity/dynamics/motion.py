@@ -186,7 +186,7 @@ def sweep(
     limit = max_periods or int(np.clip(4.0 / equation.zeta, 100, 20000))
     columns = []
     for j in range(omega.size):
-        forcing = np.array([s.forcing.at(w) for (s, _), w in zip(lanes, path[:, j], strict=True)])
+        forcing = np.array([s.forcing(w) for (s, _), w in zip(lanes, path[:, j], strict=True)])
         state, found = _settle(equation, state, path[:, j], forcing, tol, limit)
         columns.append(found)
     u_max, u_min, a1, residual, kind, periods = np.moveaxis(np.array(columns), 0, -1)

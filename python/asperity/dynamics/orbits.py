@@ -17,8 +17,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from asperity.arrays import Array
-from asperity.dynamics.equation import TURN, Equation, Forcing, Motions, motions
+from asperity.dynamics.equation import TURN, Equation, Motions, motions
 from asperity.dynamics.point import PIECES, SMALLEST, TOO_MUCH, Path, Point, Tracing, hermite, root, value
+from asperity.dynamics.settings import Setting
 from asperity.errors import ConvergenceError
 
 _NEWTON = 8  # iterations of the corrector
@@ -44,7 +45,7 @@ class Orbits:
     """Orbits of `order` forcing periods as zeros of a function of states and Omega."""
 
     equation: Equation
-    forcing: Forcing
+    setting: Setting
     order: int = 1
     rtol: float = 1e-9
     work: float = field(default=0.0, repr=False, compare=False)  # steps of the integrator so far, in points
@@ -59,7 +60,7 @@ class Orbits:
     def map(self, states: Array, omega: float, phase: Array, length: float, **more: Any) -> Motions:
         """Motions from states (lanes, 2) at phases over a length of it."""
         m = motions(
-            self.equation, states, omega, self.forcing.at(omega), grows=self.forcing.rate(omega), start=phase,
+            self.equation, states, omega, self.setting.forcing(omega), grows=self.setting.growth(omega), start=phase,
             length=length, rtol=self.rtol, **more,
         )  # fmt: skip
         self.work += m.steps / _WORK

@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 from asperity.dynamics import free as _free
 from asperity.dynamics import motion as _motion
 from asperity.dynamics.equation import Equation, Restoring
-from asperity.dynamics.free import FreeVibration, Thresholds, contact_limit, largest_amplitude
+from asperity.dynamics.free import FreeVibration, Thresholds, contact_limit, free_orbits, largest_amplitude
 from asperity.dynamics.motion import Sweep, Trajectory, course, integrate
 from asperity.dynamics.response import FrequencyResponse, frequency_response
 from asperity.dynamics.settings import EXCITATIONS, FORCING, OMEGA, SHAPES, ZETA, Setting, forcings, window
@@ -122,7 +122,10 @@ class ContactOscillator:
         if u0 is None:
             top = min(1.5 * self.u_max if np.isfinite(self.u_max) else 1.5, largest_amplitude(self.restoring))
             u0 = np.linspace(top / 120, top, 120)
-        return _free.free_vibration(self.equation, u0, self.omega_s)
+        r, orbits = self.restoring, free_orbits(self.restoring, u0, self.damping)
+        valid = tuple(r.contact or o.u_min >= -1.0 for o in orbits)
+        tolerance = max(o.error for o in orbits)
+        return FreeVibration(r.model, self.law.describe(), r.n_loc, r.kappa, self.omega_s, orbits, valid, tolerance)
 
     def thresholds(self, forcing: float | Iterable[float] = (), excitation: str = "force") -> Thresholds:
         """Onsets of contact loss, hysteresis and period doubling as F^, and the peak for each value of `forcing`."""

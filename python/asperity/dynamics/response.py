@@ -132,7 +132,7 @@ class FrequencyResponse:
 
     def orbits(self, branch: Branch) -> Orbits:
         """Equations of the orbits of a branch."""
-        return Orbits(self.equation, self.setting.forcing, branch.order, self.rtol)
+        return Orbits(self.equation, self.setting, branch.order, self.rtol)
 
     def to_dict(self) -> dict[str, Any]:
         """Section of thresholds.json."""
@@ -174,7 +174,7 @@ def frequency_response(
     """
     rtol = min(max(_RTOL * tol, _FINEST), _COARSEST)
     how = Tracing(omega, (omega[1] - omega[0]) / 25.0, max_work)
-    search = Search(equation, setting.forcing, how, subharmonics, rtol)
+    search = Search(equation, setting, how, subharmonics, rtol)
     search.run()
     branches = search.branches
     return FrequencyResponse(

@@ -100,7 +100,7 @@ class Dynamics:
                 | {"x_max": z_s * row["u_max"], "x_min": z_s * row["u_min"], "receptance": z_s * row["a1"] / force}
                 for one in results
                 for row in one.rows()
-                for force in [scale * one.setting.forcing.at(row["Omega"])]
+                for force in [scale * one.setting.forcing(row["Omega"])]
             ],
             run_folder.MOTION: self.moved(),
         }
@@ -131,7 +131,7 @@ class Dynamics:
                 for omega, upwards, before, after in one.jumps():
                     found.append({
                         "model": model, "zeta": one.setting.zeta, "F_hat": one.setting.F_hat,
-                        "force": r.scale * float(one.setting.forcing.at(omega)),
+                        "force": r.scale * float(one.setting.forcing(omega)),
                         "sweep": "up" if upwards else "down", "Omega": omega,
                         "frequency": hertz * omega if math.isfinite(hertz) else None, "x_max": r.z_s * before,
                         "x_max_after": None if after is None else r.z_s * after,

@@ -16,10 +16,11 @@ import numpy as np
 
 from asperity.arrays import Array
 from asperity.dynamics.branch import Branch, Solution, doubled, located, subharmonic, through
-from asperity.dynamics.equation import TURN, Equation, Forcing, motions
+from asperity.dynamics.equation import TURN, Equation, motions
 from asperity.dynamics.free import FreeOrbit, free_orbits, largest_amplitude, resonance_peak
 from asperity.dynamics.orbits import Orbits
 from asperity.dynamics.point import TOO_MUCH, Path, Point, Tracing
+from asperity.dynamics.settings import Setting
 from asperity.errors import ConvergenceError
 from asperity.force_law.damping import only_in_contact
 
@@ -50,11 +51,13 @@ class Search:
         notes: on what could not be found or continued
     """
 
-    def __init__(self, equation: Equation, forcing: Forcing, how: Tracing, subharmonics: bool, rtol: float) -> None:
-        self.equation, self.forcing, self.how = equation, forcing, how
+    def __init__(self, equation: Equation, setting: Setting, how: Tracing, subharmonics: bool, rtol: float) -> None:
+        self.equation, self.setting, self.how = equation, setting, how
         self.orders = (1, 2) if subharmonics else (1,)
-        self.orbits = {order: Orbits(equation, forcing, order, rtol) for order in (1, 2)}
-        self.strong = float(forcing.at(max(1.0, how.window[1])))  # F^, the greatest in the window and at the resonance
+        self.orbits = {order: Orbits(equation, setting, order, rtol) for order in (1, 2)}
+        self.strong = float(
+            setting.forcing(max(1.0, how.window[1]))
+        )  # F^, the greatest in the window and at the resonance
         share = min(1.0, how.window[0] / _SLOW)
         self.grid = int(np.ceil(_AMPLITUDES * share)), int(np.ceil(_PHASES * share))
         self.branches: list[Branch] = []
@@ -71,7 +74,7 @@ class Search:
         e, r = self.equation, self.equation.restoring
         top = largest_amplitude(r)
         if not only_in_contact(e.damping):
-            peak = resonance_peak(r, Forcing(self.strong), e.zeta, e.damping)
+            peak = resonance_peak(e, replace(self.setting, F_hat=self.strong, excitation="force"))
             top = top if peak is None else min(peak.u0, top)
         top = min(max(top, _FAINT), _SIZES[1])
         free: tuple[FreeOrbit, ...] = ()
@@ -144,7 +147,7 @@ class Search:
 
     def _near_rest(self, omega: float) -> None:
         """Trace the branch of the linear response at a frequency."""
-        force = float(self.forcing.at(omega))
+        force = float(self.setting.forcing(omega))
         impedance = complex(1.0 - omega * omega, 2.0 * self.equation.zeta * omega)
         linear = force / max(abs(impedance), force) * impedance.conjugate() / (abs(impedance) or 1.0)
         rest = np.array([linear.real, -omega * linear.imag])  # of an amplitude of at most 1
@@ -188,7 +191,7 @@ class Search:
                 omega, y = omega[kept], y[kept]
                 if steps > _MOST_STEPS or not y.size:
                     break
-                force, grows = self.forcing.at(omega), self.forcing.rate(omega)
+                force, grows = self.setting.forcing(omega), self.setting.growth(omega)
                 m = motions(self.equation, y, omega, force, grows=grows, length=TURN * order, rtol=_ROUGH)
                 steps += m.steps
                 scale = _scale(y, omega)
@@ -219,7 +222,7 @@ class Search:
         """States (order, 2) of an orbit through a state, unless its period is shorter or a path has it."""
         scale, states = _scale(start[None], np.array([omega]))[0], [start]
         if order == 2:
-            force = self.forcing.at(omega)
+            force = self.setting.forcing(omega)
             states.append(motions(self.equation, start, omega, force, rtol=_ROUGH, derivatives=False).end[0])
             if np.abs((states[1] - start) / scale[:2]).max() < _KNOWN:
                 return None

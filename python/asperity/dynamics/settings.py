@@ -12,7 +12,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, fields, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -22,9 +22,6 @@ from asperity.force_law.checks import one_of, positive, positives, within
 from asperity.force_law.damping import Damping
 from asperity.runtime.files import parse_toml, read_text
 from asperity.units import amount
-
-if TYPE_CHECKING:
-    from asperity.dynamics.equation import Forcing
 
 OMEGA = (0.01, 100.0)  # below, motion is quasi-static; above, the mass hardly moves
 FORCING = (1e-9, 1e6)  # below, motion is linear in the forcing and lost in the round-off of the force
@@ -54,12 +51,13 @@ class Setting:
     F_hat: float
     excitation: str = "force"
 
-    @property
-    def forcing(self) -> Forcing:
-        """F^ over the frequency."""
-        from asperity.dynamics.equation import Forcing
+    def forcing(self, omega: Any) -> Any:
+        """F^ at frequencies Omega: that of a displacement of the base grows with their square."""
+        return self.F_hat * omega ** (2 if self.excitation == "base" else 0)
 
-        return Forcing(self.F_hat, 2 if self.excitation == "base" else 0)
+    def growth(self, omega: Any) -> Any:
+        """Its derivative with respect to Omega."""
+        return 2.0 * self.F_hat * omega if self.excitation == "base" else 0.0 * omega
 
     @property
     def amplitude(self) -> str:
@@ -74,7 +72,7 @@ class Setting:
         """
         if self.excitation == "force":
             return math.nan
-        base = self.forcing.at(omega) / omega**2
+        base = self.forcing(omega) / omega**2
         return abs(a1 * cmath.exp(1j * math.radians(phase)) + base) / base
 
     @property
@@ -98,15 +96,9 @@ def forcings(values: Any) -> tuple[float, ...]:
     return tuple(within("forcing", value, FORCING) for value in positives("forcing", values))
 
 
-def window(omega: Sequence[float]) -> tuple[float, float]:
+def window(omega: Sequence[float], legal: tuple[float, float] = OMEGA) -> tuple[float, float]:
     """Lowest and highest Omega; raise `InputError` unless they are a legal window."""
-    low, high = _two(omega)
-    return within("omega", low, OMEGA), within("omega", high, OMEGA)
-
-
-def _two(omega: Sequence[Any]) -> tuple[float, float]:
-    """Two rising frequencies."""
-    values = positives("omega", omega)
+    values = tuple(within("omega", value, legal) for value in positives("omega", omega))
     if len(values) != 2 or values[0] >= values[1]:
         raise InputError(f"omega = {list(values)} is not legal: give low < high, for example [0.5, 1.3]")
     return values[0], values[1]
@@ -204,8 +196,8 @@ class DynamicsSettings:
         if not unit:
             object.__setattr__(self, "forcing", forcings(values))
         hertz, ends = _amounts("omega", self.omega, ("Hz",))
-        object.__setattr__(self, "omega", self.omega if hertz else window(ends))
-        _two(ends)
+        ends = window(ends, (0.0, math.inf) if hertz else OMEGA)
+        object.__setattr__(self, "omega", self.omega if hertz else ends)
         if (unit or hertz) and self.units == "other":
             name = f"forcing in {unit}" if unit else "omega in Hz"
             raise InputError(f'{name} cannot go with units = "other": give numbers without units')
@@ -238,12 +230,10 @@ class DynamicsSettings:
         over = {"": 1.0, "N": scale, "m": length}.get(unit, length * omega_s**2)
         forcing = forcings([value / over for value in values])
         slowest, fastest = (bound * frequency for bound in OMEGA)
-        if hertz:
-            low, high = (within("omega in Hz", end, (slowest, fastest)) / frequency for end in ends)
-        else:
-            low, high = ends
+        low, high = window(ends, (slowest, fastest) if hertz else OMEGA)
+        per = frequency if hertz else 1.0
         pulse = self.pulse and frequency * within("pulse", self.pulse, (0.5 / fastest, 0.5 / slowest))
-        return forcing, (low, high), pulse
+        return forcing, (low / per, high / per), pulse
 
     @classmethod
     def of_case(cls, case: Mapping[str, Any], joint: Joint | None = None) -> DynamicsSettings:
