@@ -68,7 +68,7 @@ def top_of(block: BlockMesh, surface: Surface) -> Top:
     """Top of a mesh that was made for `surface`."""
     faces = outer_faces(block.tets)
     on_top = np.abs(block.heights(surface) - block.points[:, 2]) < 1e-9 * block.side
-    return Top((block.points - [0.0, 0.0, block.height]) / block.side, faces[on_top[faces].all(axis=1)])
+    return Top((block.points - np.array([0.0, 0.0, block.height])) / block.side, faces[on_top[faces].all(axis=1)])
 
 
 def assembled(solid: Solid) -> Any:

@@ -47,7 +47,7 @@ def test_elimination_leaves_the_schur_complement(name: str) -> None:
     """Whatever the pieces of the interior, and whether they touch the interface."""
     pairs, nodes = PIECES[name]
     pattern, values = matrix(pairs)
-    A, interface = whole(pattern, values), np.array(nodes, dtype=np.int32)
+    A, interface = whole(pattern, values), np.array(nodes, dtype=np.int64)
     outer = (3 * interface[:, None] + np.arange(3)).ravel()
     inner = np.setdiff1d(np.arange(len(A)), outer)
     factors = Factors(pattern, interface)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 import numpy.typing as npt
@@ -83,10 +83,10 @@ class TangentOperator:
         Each node is the mean of its `parents` (nodes, 2), a corner the same twice; `corners` is 1 at the free dofs of
         the coarse matrix (corners, 3).
         """
-        fine, matrix = self.solid.sparsity, self._blocks
-        graph = self._starts, self._columns
+        graph, matrix = (self._starts, self._columns), cast("Floats | Singles", self._blocks)
         if not self._symmetric:
-            graph, matrix = (fine.indptr, fine.indices), self.solid.tangent.values()
+            fine, matrix = self.solid.sparsity, self.solid.tangent.values()
+            graph = fine.indptr, fine.indices
         _solver.galerkin(*graph, matrix, self.kept, parents, coarse.indptr, coarse.indices, corners, values)
 
     def single_product(self, x: Singles, ghosts: bool = True) -> Singles:
