@@ -13,11 +13,10 @@ import pytest
 from conftest import here, world
 
 from asperity.arrays import Indices
-from asperity.contact.contact_surface import ContactSurface
 from asperity.errors import MeshError
 from asperity.fem.solid import Solid
 from asperity.mesh.block import BlockMesh
-from asperity.mesh.distribute import BASE, SIDE_X, SIDE_Y, TOP, check_distortion, distribute
+from asperity.mesh.distribute import check_distortion, distribute
 from asperity.mesh.element import outer_faces
 from asperity.mesh.generate import build_block
 from asperity.mesh.size_field import SizeField
@@ -258,26 +257,6 @@ def test_the_ranks_have_the_same_cells_each_time() -> None:
     assert comm.allreduce(len(first)) >= len(first) > 0
     for numbers in others:
         np.testing.assert_array_equal(numbers, first)
-
-
-@pytest.mark.mpi
-def test_distribution_keeps_volume_areas_and_nodes(coarse: BlockMesh | None) -> None:
-    comm = world()
-    block = comm.bcast(coarse)
-    alone, shared = solid_of(here(), block), solid_of(comm, coarse)
-    top_alone, top_shared = ContactSurface(alone), ContactSurface(shared)
-
-    def total(value: float) -> float:
-        return float(comm.allreduce(value))
-
-    assert total(shared.kernels.volumes.sum()) == pytest.approx(alone.kernels.volumes.sum(), rel=1e-13)
-    assert total(top_shared.area.sum()) == pytest.approx(1.0, rel=1e-13)
-    assert total(len(shared.cell_nodes)) == len(block.tets)
-    assert total(len(top_shared.nodes)) == len(top_alone.nodes)
-    assert shared.dofs == alone.dofs == 3 * len(block.points)
-    for tag in (BASE, SIDE_X, SIDE_Y, TOP):
-        assert total(len(shared.nodes_on(tag))) == len(alone.nodes_on(tag))
-    assert total(len(shared.fixed)) == len(alone.fixed)
 
 
 # --- the session of gmsh --------------------------------------------------------------------------------------
