@@ -127,19 +127,6 @@ def test_the_spectrum_is_flat_and_then_a_power_law() -> None:
     assert np.all(spectrum.density[q > 2 * np.pi / 0.0195] < 1e-20 * spectrum.density[0])
 
 
-@pytest.mark.parametrize("periodic", [True, False])
-@pytest.mark.parametrize("seed", range(3))
-def test_the_summit_is_the_highest_point(seed: int, periodic: bool) -> None:
-    surface = make(seed=seed, periodic=periodic)
-    x, y, z = surface.maximum()
-    top = surface.grid(1601).max()
-    assert 0 <= z - top < 3e-4 * surface.exact_rms()[0]
-    assert z == pytest.approx(float(surface.height(x, y)), rel=1e-14)
-    for place, slope in zip((x, y), surface.gradient(x, y), strict=True):
-        outwards = {0.0: -slope, 2.0: slope}.get(place)
-        assert outwards >= 0 if outwards is not None else abs(slope) < 1e-10
-
-
 def test_the_curvature_bound_and_the_short_waves() -> None:
     surface = make()
     xx, xy, yy = surface.grid_hessian(129)
