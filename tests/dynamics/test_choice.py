@@ -297,11 +297,6 @@ def test_contradictory_cases_are_refused(sections: dict[str, Any], words: str) -
         Case.from_dict({**MINIMAL, **sections})
 
 
-def test_a_completed_case_with_a_joint_is_legal() -> None:
-    case = Case.from_dict({**MINIMAL, "joint": {"pressure": 1e8, "mass": 1.0}, "dynamics": {"zeta": [0.1, 0.2]}})
-    assert Case.from_dict(case.to_dict()) == case and "joint" in case.to_dict()
-
-
 def exponential() -> dict[str, np.ndarray]:
     """Force of 20 N (exp(z/0.5 um) - 1)."""
     z = np.linspace(0.0, 2.5e-6, 26)

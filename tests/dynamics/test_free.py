@@ -1,4 +1,4 @@
-"""Free vibration: closed forms, published values, direct integration, grazing, refusals."""
+"""Free vibration: closed forms, direct integration, grazing, refusals."""
 
 from __future__ import annotations
 
@@ -35,18 +35,6 @@ def test_grazing_from_both_sides(n: float) -> None:
     # the frequency is smooth through grazing: its slope bounds the difference
     assert (below.omega, above.omega) == pytest.approx((omega_loss(n), omega_loss(n)), abs=3e-10)
     assert below.omega > above.omega
-
-
-@pytest.mark.parametrize(
-    ("n", "published"),
-    [
-        (1.5, (0.999575, 0.998259, 0.995960, 0.992540, 0.987785, 0.981349)),
-        (2.0, (0.998920, 0.995498, 0.989370, 0.980003, 0.966582, 0.947782)),
-    ],
-)
-def test_published_frequencies(n: float, published: tuple[float, ...]) -> None:
-    found = ContactOscillator(PowerLaw(n)).free(np.arange(1, 7) / 10).omega_ratio
-    np.testing.assert_allclose(found, published, atol=5e-7)
 
 
 @pytest.mark.parametrize(("n", "u0"), [(0.8, 0.5), (1.5, 2.0), (2.0, 5.0)])
@@ -95,12 +83,6 @@ def test_a_table_whose_points_lie_at_the_turning_points_is_integrated(curvature:
     z = np.linspace(0.0, 1.0, 41)  # a linear spring turns at a point of the table for each of these amplitudes
     found = ContactOscillator(TableLaw(z, z * (1.0 + curvature * z)), load=0.5).free(np.arange(1, 40) / 40)
     np.testing.assert_allclose(found.omega_ratio, 1.0, atol=1e-11 + 0.1 * curvature)
-
-
-def test_large_amplitude_tends_to_zero_frequency() -> None:
-    for n in (0.6, 1.5, 4.0):
-        orbit = ContactOscillator(PowerLaw(n)).free(1e3).orbits[0]
-        assert orbit.flight > 0.8 and orbit.omega < 0.1
 
 
 def test_taylor_is_marked_unphysical_and_refused_beyond_the_rim() -> None:

@@ -292,22 +292,6 @@ def test_a_preload_beyond_the_run_is_refused_before_it(preload: float) -> None:
         Case.from_dict(case)
 
 
-def test_every_result_contains_its_setting() -> None:
-    """Law, damping, F^ and F/(m g), tolerance and validity."""
-    o = ContactOscillator(PowerLaw(1.5), zeta=0.05).taylor()
-    forced: list[Any] = [o.response(0.03, (0.9, 1.1)), *o.sweep(0.03, (0.9, 1.1), points=2), o.simulate(1.0, 0.03)]
-    for result in forced:
-        s = result.setting
-        assert s is not None and s.F_over_mg == pytest.approx(1.5 * s.F_hat) == pytest.approx(0.045)
-        assert (s.zeta, s.damping, s.model) == (0.05, "always", "taylor") and s.law
-        assert 0 < result.tolerance < 1e-2 and np.all(result.valid)
-    for result in (o.free(0.5), o.thresholds(0.03)):
-        assert result.law and result.model == "taylor" and result.n_loc == pytest.approx(1.5)
-        assert 0 <= result.tolerance < 1e-2 and np.all(result.valid)
-    assert not o.thresholds(0.1).valid
-    assert not o.simulate(0.9, 0.3, periods=1.0, u=1.2).valid
-
-
 def test_force_in_newtons_window_in_hertz_several_dampings_and_jumps(tmp_path: Path) -> None:
     """The same response as with F^ and Omega, and jumps where sweeps in time jump."""
     delta = np.linspace(0.0, 1e-7, 21)

@@ -175,12 +175,6 @@ def test_the_numbers_of_a_loop_follow_from_its_path_in_any_units(sphere: SlipLaw
         assert scaled[name] == pytest.approx(factor * loop[name], rel=1e-12)
 
 
-def test_light_loops_lose_the_cube_of_the_force(sphere: SlipLaw) -> None:
-    """Mindlin & Deresiewicz, J. Appl. Mech. 20 (1953) 327: so the loss factor is linear in the force."""
-    ratio = sphere.energy(2e-3) / sphere.energy(1e-3), sphere.eta(2e-3) / sphere.eta(1e-3)
-    np.testing.assert_allclose(ratio, (8.0, 2.0), rtol=2e-3)
-
-
 def test_a_flat_punch_does_not_slip_before_the_limit() -> None:
     punch = SlipLaw(asp.PowerLaw(1.0, 3.0), preload=2.0, friction=MU, nu=NU)
     t = SHARES
