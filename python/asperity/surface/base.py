@@ -30,7 +30,7 @@ FLAT = 1e-12  # depth over the side below which a surface is a plane: that of ro
 
 _SMALLEST, _LARGEST = 1e-50, 1e50  # lengths
 _GRID = 1009  # nodes per side for statistics, out of step with those of a map
-_CELLS, _POINTS = 128, 4  # of the rule for the mean height, along a side and in a cell
+_CELLS, _POINTS = (128, 1024), 4  # of the rule for the mean height: cells along a side, points in a cell
 _STEEPNESS, _LONG = 16, 1e6  # exponent in `short_wave_share`, and ratio of lengths beyond which that is zero
 
 
@@ -112,10 +112,11 @@ class Surface(ABC):
         """(z_xx, z_xy, z_yy) (1/length), in the broadcast shape of x and y."""
 
     def mean(self) -> float:
-        """Mean height over the patch (length); that of smooth surfaces, by Gauss's rule in cells."""
+        """Mean height over the patch (length), by Gauss's rule in cells, two at least for each `feature_size`."""
+        n = int(np.clip(2.0 * self.L / self.feature_size, *_CELLS))
         at, weight = np.polynomial.legendre.leggauss(_POINTS)
-        s = ((np.arange(_CELLS)[:, None] + 0.5 * (1.0 + at)) * (self.L / _CELLS)).ravel()
-        share = np.tile(0.5 * weight / _CELLS, _CELLS)
+        s = ((np.arange(n)[:, None] + 0.5 * (1.0 + at)) * (self.L / n)).ravel()
+        share = np.tile(0.5 * weight / n, n)
         return float(share @ self.on_product(s, s) @ share)
 
     @abstractmethod

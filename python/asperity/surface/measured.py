@@ -29,8 +29,6 @@ Trend = Literal["mean", "plane", "curvature"]
 MOST_MISSING = 0.2  # share of heights that may be filled; more would be guesswork
 SAME = 1e-3  # relative difference of lengths that were rounded
 STEEPEST = 30.0  # greatest plausible rms slope
-LIKELY = {"mm": 1e-3, "um": 1e-6, "nm": 1e-9, "pm": 1e-12}  # of heights that were read as metres
-USUAL = 0.1  # rms slope of rough surfaces, within a factor of ten
 
 POWERS: dict[str, tuple[tuple[int, int], ...]] = {
     "mean": ((0, 0),),
@@ -230,7 +228,7 @@ class HeightField:
         """Refuse heights that are all equal, or that cannot have the unit of the distances between them.
 
         Raises:
-            InputError: with the unit that is likely, where the slopes show it
+            InputError: they are
         """
         depth = float(np.nanmax(self.z) - np.nanmin(self.z))
         if depth <= FLAT * max(self.size):
@@ -240,11 +238,9 @@ class HeightField:
             slope = math.sqrt(float(np.nanmean(zx**2)) + float(np.nanmean(zy**2)))
         if STEEPEST > slope and depth <= DEEPEST * max(self.size):
             return
-        unit, factor = min(LIKELY.items(), key=lambda item: abs(math.log10(min(slope, 1e300) * item[1] / USUAL)))
-        guess = f"heights in {unit} with distances in m? Multiply them by {factor:g} (with --pixel: --unit {unit}), or "
         raise InputError(
             f"heights that differ by {depth:.3g} m over a side of {max(self.size):.3g} m, with an rms slope of "
-            f"{slope:.2g}, are not plausible: {guess if slope * factor < 10 else ''}give all lengths in one unit"
+            f"{slope:.2g}, are not plausible: give all lengths in one unit (--pixel is in metres, --unit of heights)"
         )
 
     def save(self, path: str | Path, about: Mapping[str, Any] | None = None) -> Path:

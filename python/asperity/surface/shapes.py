@@ -40,9 +40,6 @@ class Flat(Surface):
         zero = self.height(x, y)
         return zero, zero.copy(), zero.copy()
 
-    def mean(self) -> float:
-        return 0.0
-
     @property
     def periodic(self) -> bool:
         """Always."""
@@ -206,15 +203,6 @@ class Sinusoid(Surface):
         kx, ky = self._k
         z = self.amplitude * np.cos(u) * np.cos(v)
         return -(kx**2) * z, self.amplitude * kx * ky * np.sin(u) * np.sin(v), -(ky**2) * z
-
-    def mean(self) -> float:
-        """Mean height over the patch (length), in closed form."""
-        assert self.centre is not None
-
-        def side(k: float, c: float) -> float:
-            return 1.0 if k == 0 else (math.sin(k * (self.L - c)) + math.sin(k * c)) / (k * self.L)
-
-        return self.amplitude * math.prod(side(k, c) for k, c in zip(self._k, self.centre, strict=True))
 
     def smoothed(self, x: ArrayLike, y: ArrayLike, s: ArrayLike) -> Array:
         damping = np.exp(-0.5 * np.asarray(s, dtype=float) ** 2 * sum(k**2 for k in self._k))
