@@ -1,4 +1,4 @@
-"""Frequency response: completeness in random windows, and work over precision against pyHarm-os and solve_ivp.
+"""Frequency response: completeness in random windows, and work over precision against pyHarm-os.
 
     python3 benchmarks/dynamics.py orbits [--windows 200] [--seed 0] [--verbose]
     python3 benchmarks/dynamics.py speed [--points 81]
@@ -30,7 +30,6 @@ os.environ.setdefault("OMP_NUM_THREADS", "1")
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.integrate import solve_ivp
 
 from asperity.dynamics import ContactOscillator, FrequencyResponse, PowerLaw, Solution
 from asperity.errors import AsperityError
@@ -239,34 +238,6 @@ def own_sweep(reference: FrequencyResponse, points: int) -> Result:
     return "asperity sweep", "Runge-Kutta, up and down", seconds, *error, omega.size, "stable only"
 
 
-def ivp_sweep(reference: FrequencyResponse, points: int, method: str, rtol: float) -> Result:
-    """Sweeps up and down by solve_ivp: 2.2/zeta periods a frequency, amplitude from the last one."""
-
-    def field(t: float, y: np.ndarray, omega: float) -> list[float]:
-        s = 1.0 + y[0]
-        force = (s**N if s > 0 else 0.0) - 1.0
-        return [y[1], FORCING * np.cos(omega * t) - force / N - 2 * ZETA * y[1]]
-
-    grid = np.linspace(*WINDOW, points)
-    periods = int(np.ceil(2.2 / ZETA))
-    omega, top = [], []
-    begin = time.process_time()
-    for path in (grid, grid[::-1]):
-        y = np.zeros(2)
-        for w in path:
-            length, how = 2 * np.pi / w, {"method": method, "rtol": rtol, "atol": 1e-3 * rtol, "args": (w,)}
-            y = solve_ivp(field, (0, (periods - 1) * length), y, **how).y[:, -1]
-            last = solve_ivp(field, (0, length), y, t_eval=np.linspace(0, length, 513), **how)
-            y, u = last.y[:, -1], last.y[0]
-            j = int(np.clip(u.argmax(), 1, u.size - 2))  # parabola through the three highest samples
-            a, b, c = u[j - 1 : j + 2]
-            top.append(b - (c - a) ** 2 / (8 * (a - 2 * b + c)))
-            omega.append(w)
-    seconds = time.process_time() - begin
-    setting, error = f"{method} rtol {rtol:.0e}, {periods} periods", errors(reference, np.array(omega), np.array(top))
-    return "solve_ivp sweep", setting, seconds, *error, len(omega), "stable only"
-
-
 def peer(reference: FrequencyResponse) -> list[Result]:
     """pyHarm-os with the contact as a plug-in element, alternating frequency-time with 16 samples a harmonic."""
     example = runpy.run_path(str(Path(__file__).parent.parent / "examples" / "harmonic_balance.py"))
@@ -291,7 +262,6 @@ def speed(options: argparse.Namespace) -> None:
     reference = ContactOscillator(PowerLaw(N), zeta=ZETA).response(FORCING, WINDOW, tol=1e-9)
     rows = [*ours(reference), *peer(reference)]
     rows.append(own_sweep(reference, options.points))
-    rows.append(ivp_sweep(reference, options.points, "RK45", 1e-6))
     print("| method | setting | CPU s | largest error | median error | points | stability |")
     print("|---|---|---|---|---|---|---|")
     for method, setting, seconds, worst, median, points, stability in rows:
