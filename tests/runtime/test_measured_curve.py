@@ -36,9 +36,6 @@ def numbers(path: Path) -> tuple[float, float, tuple[str, ...]]:
 @pytest.mark.parametrize(
     ("content", "note"),
     [
-        ("delta,force\n" + text(HELD), "2 row(s) that repeat the approach before them (a hold)"),
-        ("delta,force\n" + text(ROWS[::-1]), "falling order"),
-        ("delta,force\n-1e-9,0.5\n-5e-10,-0.2\n" + text(ROWS), "2 row(s) before contact"),
         (CLEAN.replace("\n", "\n\n"), ""),
         (CLEAN.replace("\n", "\n,\n"), ""),
         ("delta;force\n" + text(ROWS, ";", ","), ""),
@@ -50,7 +47,6 @@ def numbers(path: Path) -> tuple[float, float, tuple[str, ...]]:
 )
 @pytest.mark.parametrize("encoding", ["utf-8", "utf-8-sig", "utf-16"])
 def test_a_measured_curve_keeps_its_law_and_its_bar(tmp_path: Path, content: str, note: str, encoding: str) -> None:
-    """A single repeated row gave 373 MN/m for 240, without a bar and without a word."""
     (tmp_path / "clean.csv").write_text(CLEAN)
     (tmp_path / "a.csv").write_text(content, encoding=encoding)
     if encoding != "utf-8":  # the law is that of the same columns
@@ -84,6 +80,9 @@ def test_a_curve_of_a_run_is_not_repaired(tmp_path: Path) -> None:
     [
         ("delta [um],force\n1,2\n2,3\n", "the unit of force is missing"),
         ("delta [um],force [lb]\n1,2\n2,3\n", "the unit 'lb' of force is unknown"),
+        ("delta,force\n" + text(HELD), "row 15 repeats the approach before it: one row is enough"),
+        ("delta,force\n" + text(ROWS[::-1]), "falling order: reverse them"),
+        ("delta,force\n0,0\n-5e-10,-0.2\n" + text(ROWS), "row 3 has delta < 0: leave out the rows before contact"),
         ("1,2\n2,3\n3,4\n", "no column names; name the columns"),
         ("delta;other\n1;2\n2;3\n", "column 'force' is missing"),
         ("delta;force\n1;2\n2;x\n", "row 3 has 'x'"),

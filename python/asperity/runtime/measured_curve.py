@@ -1,7 +1,7 @@
 """Curves of force over approach in text files of instruments and spreadsheets.
 
-Any usual dialect, units in the heading or below it, and what is trivially repaired: a hold, rows in falling order, rows
-before contact, an unloading without a column that names it. What was done is said.
+Any usual dialect, units in the heading or below it, an unloading without a column that names it. What was done is said;
+holds, rows before contact and rows in falling order are refused.
 """
 
 from __future__ import annotations
@@ -23,12 +23,11 @@ NAMES = {
     "delta": "approach displacement indentation depth weg eindringtiefe verschiebung annaeherung naeherung z d",
     "force": "load kraft last f fn normalforce normalkraft",
 }
-NOISE = 0.01  # force before contact over the greatest force, above which it is no noise
 
 
 @dataclass(frozen=True, eq=False)
 class MeasuredCurve:
-    """Columns of a file by name, shape (n,), and what was repaired, a sentence each."""
+    """Columns of a file by name, shape (n,), and how they were read, a sentence each."""
 
     columns: Mapping[str, Array]
     notes: tuple[str, ...]
@@ -38,8 +37,8 @@ def read_measured_curve(path: Path) -> MeasuredCurve:
     """Read a curve; lengths and forces whose unit the file names become metres and newtons.
 
     Raises:
-        ValueError: no columns of approach and force, none positive, a cell that is no number, or a unit of one of
-            them only
+        ValueError: no columns of approach and force, none positive, rows out of place, a cell that is no number, or a
+            unit of one of them only
         OSError: it cannot be read
     """
     text = TextTable.read(path, 2)
@@ -57,12 +56,11 @@ def read_measured_curve(path: Path) -> MeasuredCurve:
             raise ValueError(f"row {bad[0]} has no {name}")
     if units:
         notes.append("the file names the units of approach and force: they are metres and newtons here")
-    if "step" not in found:  # of a run, which needs no repair
+    if "step" not in found:  # else of a run
         for name in NAMES:
             if found[name].max() <= 0.0:
                 raise ValueError(f"no {name} is positive: compression counts positive, so reverse its sign")
-        found, repairs = repaired(found)
-        notes += repairs
+        notes += _order(found, [i for i, _ in rows])
     return MeasuredCurve(found, tuple(notes))
 
 
@@ -130,46 +128,29 @@ def _canonical(name: str) -> str:
     return name.strip()
 
 
-def repaired(columns: Mapping[str, Array]) -> tuple[dict[str, Array], list[str]]:
-    """Columns, delta, force and perhaps branch, with approaches in the order of the loading, and what was done."""
-    found, notes = dict(columns), []
-    delta, force = found["delta"], found["force"]
+def _order(found: dict[str, Array], numbers: list[int]) -> list[str]:
+    """Add the branch of an unloading that no column names, and say so; ValueError where rows are out of place.
 
-    def keep(rows: Array) -> None:
-        found.update({name: values[rows] for name, values in found.items()})
-
-    if "branch" not in found and len(delta) > 2 and np.all(np.diff(delta) <= 0) and delta[0] > delta[-1]:
-        keep(np.arange(len(delta))[::-1])
-        notes.append("the rows were in falling order, and are reversed")
-        delta, force = found["delta"], found["force"]
-    before = (delta < 0.0) & (np.abs(force) <= NOISE * np.abs(force).max())
-    if before.any() and len(delta) - before.sum() > 2:
-        keep(np.flatnonzero(~before))
-        notes.append(f"{before.sum()} row(s) before contact, with delta < 0, are left out")
-    if holds := _merge_holds(found):
-        notes.append(
-            f"{holds} row(s) that repeat the approach before them (a hold) are merged into one, with their mean"
+    Args:
+        found: columns by name, shape (n,), completed in place
+        numbers: of the rows in the file
+    """
+    delta = found["delta"]
+    steps = np.diff(delta)
+    if (delta < 0.0).any():
+        raise ValueError(f"row {numbers[int(np.argmax(delta < 0.0))]} has delta < 0: leave out the rows before contact")
+    held = (steps == 0.0) & (found["branch"][1:] == found["branch"][:-1] if "branch" in found else True)
+    if held.any():
+        raise ValueError(
+            f"row {numbers[int(np.argmax(held)) + 1]} repeats the approach before it: keep one row of a hold"
         )
-    delta = found["delta"]
-    top = int(np.argmax(delta))
-    falling, steps = len(delta) - 1 - top, np.diff(delta)
-    if "branch" not in found and falling > 1 and np.all(steps[:top] > 0) and np.all(steps[top:] < 0):
-        found["branch"] = np.array(["load"] * (top + 1) + ["unload"] * falling)
-        notes.append(f"the last {falling} rows, of falling approach, are the unloading")
-    return found, notes
-
-
-def _merge_holds(found: dict[str, Array]) -> int:
-    """Merge neighbouring rows of one approach and branch in place; how many were merged."""
-    delta = found["delta"]
-    same = np.diff(delta) == 0.0
     if "branch" in found:
-        same &= found["branch"][1:] == found["branch"][:-1]
-    if not same.any():
-        return 0
-    starts = np.flatnonzero(np.concatenate([[True], ~same]))
-    counts = np.diff([*starts, len(delta)])
-    for name, values in found.items():
-        first = values[starts]
-        found[name] = first if values.dtype.kind not in "f" else np.add.reduceat(values, starts) / counts
-    return int(same.sum())
+        return []
+    top = int(np.argmax(delta))
+    falling = len(delta) - 1 - top
+    if top == 0 and np.all(steps < 0):
+        raise ValueError("the rows are in falling order: reverse them")
+    if falling > 1 and np.all(steps[:top] > 0) and np.all(steps[top:] < 0):
+        found["branch"] = np.array(["load"] * (top + 1) + ["unload"] * falling)
+        return [f"the last {falling} rows, of falling approach, are the unloading"]
+    return []
