@@ -115,11 +115,10 @@ def test_auto_is_a_rank_for_each_core_that_the_process_may_use(monkeypatch: pyte
     context = click.Context(click.Command("asperity"), obj=["run", "case.toml"])
     with context:
         options.start_ranks(0, quiet=True)
-        options.start_ranks(0, quiet=True, multiple=3)
         options.start_ranks(5, quiet=True)
         options.start_ranks(1, quiet=True)
         options.start_ranks(None, quiet=True)
-    assert [command[2] for command in started] == ["7", "6", "5"]
+    assert [command[2] for command in started] == ["7", "5"]
     assert all(command[-2:] == ["run", "case.toml"] for command in started)
 
 

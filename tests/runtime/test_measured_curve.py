@@ -80,7 +80,7 @@ def test_a_curve_of_a_run_is_not_repaired(tmp_path: Path) -> None:
     [
         ("delta [um],force\n1,2\n2,3\n", "the unit of force is missing"),
         ("delta [um],force [lb]\n1,2\n2,3\n", "the unit 'lb' of force is unknown"),
-        ("delta,force\n" + text(HELD), "row 15 repeats the approach before it: one row is enough"),
+        ("delta,force\n" + text(HELD), "row 15 repeats the approach before it: keep one row of a hold"),
         ("delta,force\n" + text(ROWS[::-1]), "falling order: reverse them"),
         ("delta,force\n0,0\n-5e-10,-0.2\n" + text(ROWS), "row 3 has delta < 0: leave out the rows before contact"),
         ("1,2\n2,3\n3,4\n", "no column names; name the columns"),

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 import pytest
 import tomli_w
-from conftest import CLEAN, call, world
+from conftest import CLEAN, call
 
 from asperity.case import Case
 from asperity.curve import Curve
@@ -155,11 +155,6 @@ def test_a_failed_case_is_listed_and_the_exit_code_is_3(tmp_path: Path, capsys: 
         assert errors.splitlines()[-1].startswith("error: 1 of 2 cases failed; see exit_reason")
     assert call("study", path, "-o", out, "--quiet") == 3
     assert capsys.readouterr().out == ""
-
-
-def test_ranks_that_do_not_divide_are_refused(tmp_path: Path) -> None:
-    with pytest.raises(InputError, match="ranks-per-case"):
-        run_study(study(grid={"block.height": [1.0]}), tmp_path / "out", ranks_per_case=world().size + 1)
 
 
 def on_two_ranks(path: Path, out: Path, *options: str) -> str:

@@ -36,13 +36,13 @@ job_ranks = click.option(
 )  # fmt: skip
 
 
-def start_ranks(ranks: int | None, quiet: bool, multiple: int = 1) -> None:
-    """Replace this process by the ranks that are requested, 0 for auto (a multiple), unless it is one of them."""
+def start_ranks(ranks: int | None, quiet: bool) -> None:
+    """Replace this process by the ranks that are requested, 0 for auto, unless it is one of them."""
     from asperity.runtime import launch
 
     size = launch.started_ranks()
     if size is None and ranks is not None:
-        count = ranks or max(launch.available_cores() // multiple, 1) * multiple
+        count = ranks or launch.available_cores()
         if count > 1:
             launch.start(click.get_current_context().find_root().obj, count)
     elif size and ranks and size != ranks and not quiet:

@@ -1,4 +1,4 @@
-"""Run the cases of a study: groups of ranks take them in turn, failures are recorded, and a table has a row a case."""
+"""Run the cases of a study: the ranks take them in turn, failures are recorded, and a table has a row a case."""
 
 from __future__ import annotations
 
@@ -7,19 +7,18 @@ import json
 import warnings
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import ExitStack
-from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 from time import perf_counter
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from asperity.case import Case
 from asperity.curve import Curve
-from asperity.errors import AsperityError, AssumptionWarning, CheckpointError, InputError, Interrupted
+from asperity.errors import AssumptionWarning, CheckpointError, InputError, Interrupted
 from asperity.output.assumption import DOUBTFUL
 from asperity.output.run_files import read_summary
 from asperity.runtime.files import UNREADABLE, is_aside, read_text, remove_asides, replace_file, write_csv
-from asperity.runtime.parallel import on_root, on_root_bcast
+from asperity.runtime.parallel import on_root_bcast
 from asperity.runtime.progress import duration
 from asperity.runtime.run_folder import CURVE, LOCK, working_in
 from asperity.study.definition import Entry, Study
@@ -39,16 +38,8 @@ RESULT_COLUMNS = (
 )  # fmt: skip
 
 
-@dataclass(frozen=True)
-class StudyCounts:
-    """Numbers of cases of a study after a run.
-
-    Attributes:
-        cases: all cases of the study
-        done: finished, in this run or before
-        failed: with a recorded failure
-        run: run now
-    """
+class StudyCounts(NamedTuple):
+    """Numbers of cases of a study: all, finished now or before, failed, and run now."""
 
     cases: int
     done: int
@@ -57,26 +48,22 @@ class StudyCounts:
 
 
 def run_study(
-    study: Study, folder: str | Path, *, ranks_per_case: int = 1, comm: MPI.Intracomm | None = None,
-    say: Callable[[str], None] | None = None,
+    study: Study, folder: str | Path, *, comm: MPI.Intracomm | None = None, say: Callable[[str], None] | None = None
 ) -> StudyCounts:  # fmt: skip
     """Run the missing cases of a study and write its table; collective over `comm`.
 
-    The ranks are split into groups, and the first rank of each takes the next case by a common counter. A case whose
-    results are in the folder is not repeated; cases are identified by the hash of the completed input. An error of the
-    solver is recorded with its case, and the next case starts. An unexpected error is recorded too if a group is a
-    single rank; otherwise it ends the job, which can be started again. A case that was stopped, or has failed,
-    continues from its last saved step when the job is started again.
+    Each rank takes the next case by a common counter. A case whose results are in the folder is not repeated; cases are
+    identified by the hash of the completed input. An error is recorded with its case, and the next case starts. A case
+    that was stopped, or has failed, continues from its last saved step when the job is started again.
 
     Args:
         study: the study to run
         folder: receives results.csv and cases/HASH/
-        ranks_per_case: number of ranks in a group
         comm: communicator; default all ranks
-        say: called with a line for each case, on the first rank of each group
+        say: called with a line for each case, on its rank
 
     Raises:
-        InputError: the folder contains other files, another job works in it, or the ranks cannot be divided into groups
+        InputError: the folder contains other files, or another job works in it
         Interrupted: a signal requested the end; what is finished is kept
 
     Examples:
@@ -93,22 +80,14 @@ def run_study(
 
     comm = MPI.COMM_WORLD if comm is None else comm
     folder = Path(folder)
-    if ranks_per_case < 1 or comm.size % ranks_per_case:
-        raise InputError(
-            f"--ranks-per-case = {ranks_per_case} must divide the number of ranks, {comm.size}: "
-            f"with {max(comm.size // max(ranks_per_case, 1), 1) * max(ranks_per_case, 1)} ranks it would"
-        )
     total, run = len(study.entries), 0
     with ExitStack() as lock:
         todo = on_root_bcast(comm, partial(_prepare, study, folder, lock))
-        group = comm.Split(comm.rank // ranks_per_case, comm.rank)
         turns, ended = Counter(comm=comm), Counter(comm=comm)
         start = perf_counter()
-        while (turn := group.bcast(next(turns) if group.rank == 0 else None)) < len(todo):
+        while (turn := next(turns)) < len(todo):
             entry = study.entries[todo[turn]]
-            state = _run_case(entry.case, case_folder(folder, entry.key), group)
-            if group.rank > 0:
-                continue
+            state = _run_case(entry.case, case_folder(folder, entry.key))
             run += 1
             finished = next(ended) + 1
             if say is not None:
@@ -116,7 +95,6 @@ def run_study(
                 say(_line(entry, state, study.keys, total - len(todo) + finished, total, left))
         turns.free()  # waits for all ranks
         ended.free()
-        group.Free()
     run = comm.allreduce(run)
     states = on_root_bcast(comm, lambda: [case_state(folder, entry.key) for entry in study.entries])
     reasons = [state["exit_reason"] for state in states if state is not None]
@@ -124,30 +102,29 @@ def run_study(
     return StudyCounts(total, done, len(reasons) - done, run)
 
 
-def _run_case(case: Case, place: Path, comm: MPI.Comm) -> dict[str, Any]:
-    """Run or continue a case in its folder, and return its exit state; collective."""
+def _run_case(case: Case, place: Path) -> dict[str, Any]:
+    """Run or continue a case in its folder on this rank, and return its exit state."""
+    from mpi4py import MPI
+
     from asperity.job.run_case import run
 
     start, reason = perf_counter(), "done"
     try:
-        on_root(comm, partial((place / DONE).unlink, missing_ok=True))
+        (place / DONE).unlink(missing_ok=True)
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", AssumptionWarning)  # the summary of each case has them
             try:
-                run(case, place, resume=True, comm=comm)
+                run(case, place, resume=True, comm=MPI.COMM_SELF)
             except CheckpointError:  # what a killed job left cannot be continued
-                run(case, place, force=True, comm=comm)
+                run(case, place, force=True, comm=MPI.COMM_SELF)
     except Interrupted:
         raise  # the case has not ended
     except Exception as error:
-        if comm.size > 1 and not isinstance(error, AsperityError):
-            raise
         reason = f"{type(error).__name__}: {error}"
     gc.collect()
     found = {"exit_reason": reason, "seconds": round(perf_counter() - start, 3)}
-    if comm.rank == 0:
-        place.mkdir(parents=True, exist_ok=True)
-        replace_file(place / DONE, (json.dumps(found, indent=2) + "\n").encode())
+    place.mkdir(parents=True, exist_ok=True)
+    replace_file(place / DONE, (json.dumps(found, indent=2) + "\n").encode())
     return found
 
 
