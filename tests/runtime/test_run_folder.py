@@ -373,7 +373,7 @@ def test_a_run_killed_while_it_is_replaced_can_be_replaced_again(tmp_path: Path)
 
 
 def test_the_list_names_every_picture_and_each_file_once() -> None:
-    assert set(CAPTIONS) == set(PICTURES)
+    assert set(CAPTIONS) == set(PICTURES) - {"plasticity", "scene", "slip_map"}  # of older versions
     assert len(set(PRODUCTS)) == len(PRODUCTS)
 
 
