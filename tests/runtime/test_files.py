@@ -14,11 +14,9 @@ import pytest
 from conftest import call
 
 from asperity.dynamics import Dynamics, PowerLaw, run_dynamics
-from asperity.model.two_bodies import save_sum
 from asperity.runtime.files import files_into, is_aside, read_npz, remove_asides, replacing
 from asperity.study import Study
 from asperity.study.run import write_table
-from asperity.surface import Surface
 from asperity.surface.measured import HeightField
 
 
@@ -45,16 +43,10 @@ def patch(folder: Path) -> None:
     HeightField(np.arange(64.0).reshape(8, 8), 1.0, 1.0).save(folder / "patch.npz")
 
 
-def sum_of_two(folder: Path) -> None:
-    plane = Surface.from_spec(kind="flat", L=1.0)
-    save_sum(plane, plane, folder / "sum.npz", 5)
-
-
 WRITERS: dict[Callable[[Path], None], set[str]] = {
     dynamics: {"free.csv", "response.csv", "thresholds.json"},
     study: {"results.csv"},
     patch: {"patch.npz"},
-    sum_of_two: {"sum.npz"},
 }
 
 

@@ -14,8 +14,8 @@ import pytest
 
 from asperity.errors import CompatError, InputError
 from asperity.model.material import Material
-from asperity.model.two_bodies import equivalent_block, save_sum
-from asperity.surface import HeightMap, SelfAffine, Sinusoid, Sphere, Surface, WeierstrassMandelbrot
+from asperity.model.two_bodies import equivalent_block
+from asperity.surface import HeightMap, SelfAffine, Sinusoid, Surface
 from asperity.surface.measured import HeightField
 from asperity.surface.self_affine_fit import fit_self_affine
 from asperity.surface.statistics import psd
@@ -324,25 +324,3 @@ def test_two_blocks_of_one_metal_squeezed_whole() -> None:
         ours = height * (stress / one.E + yielded / one.plastic_modulus)
         assert ours == pytest.approx(both)
         assert one.yield_strength == metal.yield_strength
-
-
-def test_two_spheres_are_one_of_half_the_radius(tmp_path: Path) -> None:
-    """Hertz: 1/R = 1/R_1 + 1/R_2."""
-    a, b, one = (Sphere(L=1.0, radius=radius, shape="paraboloid") for radius in (20.0, 5.0, 4.0))
-    both = Surface.from_spec("file", path=save_sum(a, b, tmp_path / "sum", 65))
-    x, y = np.random.default_rng(0).uniform(0, 1, (2, 50))
-    summit = both.maximum()[2] - one.maximum()[2]
-    np.testing.assert_allclose(both.height(x, y), one.height(x, y) + summit, atol=1e-12)
-    assert both.maximum()[:2] == pytest.approx((0.5, 0.5))
-
-
-def test_the_sum_faces_the_turned_surface(tmp_path: Path) -> None:
-    a, b = WeierstrassMandelbrot(L=L, seed=0), WeierstrassMandelbrot(L=L, seed=1)
-    both = Surface.from_spec("file", path=save_sum(a, b, tmp_path / "sum.npz", 257))
-    x, y = np.random.default_rng(1).integers(0, 257, (2, 20)) * L / 256
-    np.testing.assert_allclose(both.height(x, y), a.height(x, y) + b.height(L - x, y), atol=1e-9 * L)
-    # independent surfaces: variances add
-    Sq = [s.statistics(129).Sq for s in (a, b, both)]
-    assert Sq[2] == pytest.approx(math.hypot(Sq[0], Sq[1]), rel=0.25)
-    with pytest.raises(InputError, match="no sum"):
-        save_sum(a, WeierstrassMandelbrot(L=2 * L), tmp_path / "no")

@@ -11,14 +11,9 @@ docs/measured.md lists the limits.
 from __future__ import annotations
 
 from dataclasses import replace
-from pathlib import Path
-
-import numpy as np
 
 from asperity.errors import InputError
 from asperity.model.material import Material
-from asperity.runtime.files import npz_bytes, replace_file
-from asperity.surface import Surface
 
 
 def equivalent_block(
@@ -60,29 +55,3 @@ def equivalent_block(
         material = Material(E_prime * (1 - nu**2), nu)
     compliance = sum(h / body.block_modulus(sides) for h, body in zip(heights, (first, second), strict=True))
     return material, compliance * material.block_modulus(sides)
-
-
-def save_sum(first: Surface, second: Surface, path: str | Path, n: int = 513) -> Path:
-    """Write z1(x, y) + z2(L - x, y), two surfaces that face each other, for kind = "file"; return the path.
-
-    Args:
-        first: the lower surface, heights upwards
-        second: the upper surface as it lies on a table, heights upwards; turned over about y to face the first
-        path: of a .npz file
-        n: heights along each side
-
-    Raises:
-        InputError: the sides differ
-
-    Examples:
-        >>> wave = asp.Surface.from_spec("sinusoid", L=1.0, amplitude=0.01)
-        >>> both = asp.Surface.from_spec("file", path=save_sum(wave, wave, "sum.npz", 65))
-        >>> round(float(both.height(0.5, 0.2) / wave.height(0.5, 0.2)), 4)
-        2.0
-    """
-    if not np.isclose(first.L, second.L):
-        raise InputError(f"surfaces of sides {first.L:g} and {second.L:g} have no sum: cut both to one side")
-    path = Path(path).with_suffix(".npz")
-    heights = first.grid(n) + second.grid(n)[:, ::-1]
-    replace_file(path, npz_bytes({"z": heights, "L": np.array(first.L)}, compress=True))
-    return path
