@@ -131,7 +131,7 @@ class CurveColumns:
 
     def unloadings(self) -> list[Array]:
         """Rows of each unloading with the row before, the last one first."""
-        found = [
+        found: list[Array] = [
             np.arange(max(begin - 1, 0), end) for begin, end in legs(self.branch) if self.branch[begin] == "unload"
         ]
         return found[::-1]

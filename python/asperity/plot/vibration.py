@@ -63,8 +63,8 @@ def _physical(axis: Any, thresholds: Mapping[str, Any], lengths: str, frequencie
 
 def _coloured(rows: Columns) -> list[tuple[float, str]]:
     """Each amplitude of the excitation in rows of response.csv, with its colour."""
-    forcings = np.unique(rows["F_hat"])
-    return list(zip(forcings.tolist(), np.resize(style.COLOURS, len(forcings)).tolist(), strict=True))
+    forcings = [float(forcing) for forcing in np.unique(rows["F_hat"])]
+    return list(zip(forcings, np.resize(style.COLOURS, len(forcings)).tolist(), strict=True))
 
 
 def _in_words(thresholds: Mapping[str, Any], forcing: float) -> str:
@@ -161,7 +161,7 @@ def _shade(axis: Any, rows: Columns, bar: Array, colour: str) -> None:
     for name in {*np.unique(rows["branch"])} - {*SWEEPS}:
         of = where(rows, rows["branch"] == name)
         line, stable = np.stack([of["Omega"], of["u_max"]], axis=1), truth(of["stable"])
-        for start, stop in pieces(*line.T, stable):
+        for start, stop in pieces(line[:, 0], line[:, 1], stable):
             low, high = (line[start:stop] * (s, s**-2.0) for s in bar)
             corners = np.stack([low[:-1], low[1:], high[1:], high[:-1]], axis=1)  # of what each straight line sweeps
             one, two = corners[:, 2] - corners[:, 0], corners[:, 3] - corners[:, 1]
