@@ -14,7 +14,7 @@ from scipy.optimize import brentq
 
 from asperity import reference as ref
 from asperity.dynamics import ContactOscillator, TableLaw
-from asperity.errors import ConvergenceError, InputError
+from asperity.errors import InputError
 from asperity.fem.tangent import Inertia
 from asperity.mesh.generate import build_block
 from asperity.model.load_path import Schedule
@@ -283,19 +283,3 @@ def test_plastic_block_dissipates_and_balances(bump: tuple[Surface, TableLaw]) -
     assert history.approach.max() > 0.015
     assert abs(drift[-1] - drift[0]) < 0.02 * supplied
     assert history.approach[-20:].min() > solver.delta  # it does not come back to where it was let go
-
-
-def test_a_step_that_fails_is_halved(bump: tuple[Surface, TableLaw], monkeypatch: pytest.MonkeyPatch) -> None:
-    transient, _ = released(bump, 0.1, density=1e-3)
-    step = transient.step
-
-    def fussy(h: float, push: float) -> None:
-        if h > 0.03:
-            raise ConvergenceError("too long")
-        step(h, push)
-
-    monkeypatch.setattr(transient, "step", fussy)
-    history = transient.run(0.4, 0.1)
-    assert history.time == pytest.approx([0.0, 0.1, 0.2, 0.3, 0.4], abs=1e-12)
-    assert transient.solver.counts.cutbacks == 8
-    assert np.all(np.diff(history.approach) < 0.0)

@@ -146,7 +146,6 @@ class Coulomb(ActiveSet):
     def __init__(self, solid: Solid, surface: ContactSurface, friction: float) -> None:
         super().__init__(solid, surface)
         self.friction = friction
-        self.hint = f"a smaller contact.friction than {friction:g}, "
         self.sliding = StickSlip(solid, surface, self._nodes, solid.fixed)
         self.held = np.full((len(self._nodes), 3), np.nan)
         self._from = self.sliding.shift

@@ -24,7 +24,6 @@ class Contact(ABC):
         surface: of the solid
         symmetric: whether the tangent is symmetric, and positive definite with the solid's
         has_tangent: whether the contact has a stiffness
-        hint: of its parameters, what may help where Newton's method does not converge: "... , ", or empty
         held: what friction keeps of the owned nodes of the top that are in contact after the last committed step, NaN
             of the others (N, up to 3); None, on all ranks, for a formulation without tangential forces
     """
@@ -32,7 +31,6 @@ class Contact(ABC):
     surface: ContactSurface
     symmetric: bool
     has_tangent: bool
-    hint: str = ""
     held: Floats | None = None
 
     @abstractmethod

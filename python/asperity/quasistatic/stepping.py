@@ -212,7 +212,7 @@ def _approach(
 
 def _advice(solver: ContactSolver) -> str:
     """What may help where no step converges."""
-    more = f"use {solver.contact.hint}more loading.steps, a larger solver.newton_max, or a finer mesh.h_contact"
+    more = "use more loading.steps, a larger solver.newton_max, or a finer mesh.h_contact"
     return solver.newton.linear.lacks or more
 
 

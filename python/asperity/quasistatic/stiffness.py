@@ -18,17 +18,11 @@ from asperity.curve import ELASTIC_STIFFNESSES
 from asperity.fem.solid import Solid
 from asperity.linear.matrix_free import tangent_product
 from asperity.mesh.distribute import SIDE_X, SIDE_Y
-from asperity.runtime.parallel import summed
 
 if TYPE_CHECKING:
     from asperity.quasistatic.contact_solver import ContactSolver
 
-# Estimate of the relative error of the energy at which the iteration ends; the estimate is subtracted. With the penalty
-# method it is too small after few iterations: 1e-3 left 2.5e-3 in k_n_elastic of a scene of the tests, this 1e-5.
-LEFT = 1e-4
-NEAR = 0.8  # least energy over that of its start, the solution of the step before, roughly
-PASSES = 5  # of the solver at most
-RTOL = 1e-8  # relative tolerance where an absolute one counts
+RTOL = {True: 1e-3, False: 1e-5}  # of a symmetric tangent in the norm of energy, whose error is the square; of another
 FULL = 1e-3  # part of the compliance below which that of the interface is lost in rounding and discretisation
 
 
@@ -57,16 +51,16 @@ class Stiffness:
         nodes, material = contact.nodes(), solid.material
         if not solid.comm.allreduce(len(nodes)):
             return dict.fromkeys((*ELASTIC_STIFFNESSES, "conductance"), 0.0)
-        held, symmetric = solver.newton.rows, contact.symmetric and material.symmetric
+        held = solver.newton.rows
         solid.tangent.assemble_elastic(contact.add_elastic_tangent if contact.has_tangent else None)
         rows = np.concatenate([solid.fixed, held])
-        normal, w = _Translation(solver, 2, rows, held, symmetric, contact.has_tangent).force()
+        normal, w = _moved(solver, 2, rows, held, contact.has_tangent)
         if contact.has_tangent:
             solid.tangent.assemble_elastic()
-        plate, tangential = _dofs(nodes, (0, 1)), []
+        plate, tangential = (3 * nodes[:, None] + np.arange(2)).ravel(), []
         for axis, fixed in enumerate(self._along):
-            along = _Translation(solver, axis, np.union1d(fixed, plate), plate, symmetric, False)
-            tangential.append(along.force(w[:, 2:] * along.unit)[0])  # decays alike from the contact
+            guess = w[:, 2:] * np.eye(3)[axis]  # it decays alike from the contact
+            tangential.append(_moved(solver, axis, np.union1d(fixed, plate), plate, False, guess)[0])
         k_t = 0.5 * sum(tangential)
         self._height = height = self._height or solver.contact_surface.mean(solid.points[:, 2])
         interface = without_block(normal, material.block_modulus(solid.sides) / height)  # elastic like k_t and block
@@ -81,74 +75,45 @@ class Stiffness:
         return {name: value for name, value in found.items() if value == value}
 
 
-def _dofs(nodes: Integers, components: tuple[int, ...]) -> Integers:
-    """Dofs of components of nodes."""
-    return (3 * nodes[:, None] + np.array(components, dtype=np.int32)).ravel()
-
-
 def without_block(whole: float, block: float) -> float:
     """Stiffness of two in series without that of the block; NaN where the block is practically all."""
     left = 1.0 - whole / block
     return whole / left if left > FULL else nan
 
 
-class _Translation:
-    """Motion of the flat by one along an axis: it holds the dofs `held` of the prescribed owned `rows`.
+def _moved(
+    solver: ContactSolver, axis: int, rows: Integers, held: Integers, tied: bool, guess: Floats | None = None
+) -> tuple[float, Floats]:
+    """Force of a flat that moves by one along an axis [E L], NaN where the linear solver fails; collective.
 
-    The tangent is `symmetric` or not, and may have the stiffness of a contact, `tied`, which resists a translation.
+    Args:
+        rows: prescribed owned dofs, of which the flat holds `held`
+        tied: whether the tangent has the stiffness of a contact, which resists a translation
+        guess: of the displacement (owned, 3)
+
+    Returns:
+        force, and displacement relative to the flat (owned, 3)
     """
+    solid, linear, unit = solver.solid, solver.newton.linear, np.eye(3)[axis]
+    symmetric = solver.contact.symmetric and solid.material.symmetric
+    e = np.tile(unit, (solid.owned, 1))
+    e.reshape(-1)[held] = 0.0
 
-    def __init__(
-        self, solver: ContactSolver, axis: int, rows: Integers, held: Integers, symmetric: bool, tied: bool
-    ) -> None:
-        self._solid, self._linear = solver.solid, solver.newton.linear
-        self.rows: Integers = rows.astype(np.int32)
-        self._symmetric, self._tied = symmetric, tied
-        self.unit: Floats = np.eye(3)[axis]
-        e = np.tile(self.unit, (self._solid.owned, 1))
-        e.reshape(-1)[held] = 0.0
-        self._e = e
+    def work(w: Floats) -> tuple[float, Floats]:
+        """Force of the flat, and the nodal forces (3 owned,) of a displacement."""
+        # a translation strains nothing; without it most of the solid is at rest, and single precision will do
+        image = tangent_product(solid, w) if tied else linear.product((w - unit).ravel())
+        test = w if symmetric else e  # the forces do the same work on both
+        return float(solid.comm.allreduce(float(np.vdot(test, image)))), image
 
-    def force(self, guess: Floats | None = None) -> tuple[float, Floats]:
-        """Force of the flat [E L], NaN where the linear solver fails, and displacement relative to the flat (owned, 3).
-
-        It is e on prescribed dofs, and begins with e or a guess (owned, 3) on the others.
-        The energy falls by the work of the residual on the correction, and has still to fall by what the linear solver
-        predicts. Collective.
-        """
-        solid, symmetric = self._solid, self._symmetric
-        r, y = solid.vector(), solid.vector()
-        w = (self._e if guess is None else guess).copy()
-        w.reshape(-1)[self.rows] = self._e.reshape(-1)[self.rows]
-        force, image = self._work(w)
-        guess = NEAR * force
-        for _ in range(PASSES):
-            r.array = -image
-            rtol, atol = (RTOL, np.sqrt(LEFT * abs(guess))) if symmetric else (LEFT, 0.0)
-            if not self._linear.solve(r, self.rows, np.empty(0), y, rtol, atol)[1]:
-                break
-            w, before = w + y.array_r.reshape(-1, 3), force
-            if symmetric:
-                free = np.ones(len(r.array_r), dtype=bool)
-                free[self.rows] = False
-                fall = float(summed(solid.comm, y.array_r[free] @ r.array_r[free])[0])
-                guess = force = before - fall - self._linear.left
-                if self._linear.left <= LEFT * abs(force):
-                    return force, w
-            force, image = self._work(w)
-            # the norm of GMRES is not that of the energy: the error that is left is the correction itself
-            if not symmetric and abs(before - force) <= LEFT * abs(force):
-                return force, w
+    w = (e if guess is None else guess).copy()
+    w.reshape(-1)[rows] = e.reshape(-1)[rows]
+    r, y = solid.vector(), solid.vector()
+    r.array = -work(w)[1]
+    if not linear.solve(r, rows.astype(np.int32), np.empty(0), y, RTOL[symmetric])[1]:
         return nan, w
-
-    def _work(self, w: Floats) -> tuple[float, Floats]:
-        """Force of the flat, and the nodal forces (3 owned,) of a displacement; collective."""
-        if self._tied:
-            image = tangent_product(self._solid, w)
-        else:  # a translation strains nothing; without it most of the solid is at rest, and single precision will do
-            image = self._linear.product((w - self.unit).ravel())
-        test = w if self._symmetric else self._e  # the forces do the same work on both
-        return float(self._solid.comm.allreduce(float(np.vdot(test, image)))), image
+    w = w + y.array_r.reshape(-1, 3)
+    return work(w)[0], w
 
 
 def mirrored(solid: Solid, axis: int) -> Integers:
