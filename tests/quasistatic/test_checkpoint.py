@@ -127,7 +127,7 @@ def test_a_run_in_pieces_gives_the_same_curve(
 def test_a_column_that_begins_or_ends_inside_a_curve_is_refused(
     wave: Surface, coarse_wave: BlockMesh | None, shared_path: Path
 ) -> None:
-    """Its other cells would be empty without a word; after the last step nothing can end."""
+    """Its other cells would be empty without a word."""
     settings: dict[str, Any] = {"delta_max": 0.02, "steps": 3, "block": coarse_wave}
 
     def attempt(place: str, wanted: bool, **more: Any) -> Any:
@@ -143,7 +143,6 @@ def test_a_column_that_begins_or_ends_inside_a_curve_is_refused(
         assert len(attempt(place, before).curve) == 3
     with pytest.raises(CheckpointError, match=r"output\.stiffness = true here, but not for the 3 steps"):
         attempt("without", True)
-    assert len(attempt("with", False).curve) == 3
 
 
 @pytest.mark.mpi

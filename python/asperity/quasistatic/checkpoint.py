@@ -206,7 +206,7 @@ class Checkpoint:
                 "identity": self._identity,
                 "position": asdict(position),
                 "solver": {k: v for k, v in asdict(solver.state()).items() if k not in DISPLACEMENTS},
-                "probes": probe_names(solver),
+                "stiffness": bool(solver.probes),
                 "rows": record.rows,
                 "snapshots": [{"step": s.step, "branch": s.branch, "delta": s.delta} for s in record.snapshots],
                 "seconds": solver.solid.phases.seconds,
@@ -265,16 +265,12 @@ class Saved:
     snapshots: tuple[Mapping[str, DistributedArray], ...]  # fields of each snapshot
     block: BlockMesh | None  # the mesh
 
-    def refuse_other_columns(self, solver: ContactSolver, legs: int) -> None:
-        """Refuse a solver that measures what the rows so far lack, or not what the rest of `legs` would lack."""
-        before, now = self.meta["probes"], probe_names(solver)
-        found = [(name, "true") for name in now if name not in before]
-        if self.meta["position"]["leg"] < legs:
-            found += [(name, "false") for name in before if name not in now]
-        if found and self.meta["rows"]:
-            name, value = found[0]
+    def refuse_other_columns(self, solver: ContactSolver) -> None:
+        """Refuse a solver that measures what the rows so far lack, or not what they have."""
+        now, rows = bool(solver.probes), len(self.meta["rows"])
+        if rows and now != self.meta["stiffness"]:
             raise CheckpointError(
-                f"output.{name} = {value} here, but not for the {len(self.meta['rows'])} steps saved: a part of its "
+                f"output.stiffness = {str(now).lower()} here, but not for the {rows} steps saved: a part of its "
                 "columns would be empty; resume as it was, or start again with --force"
             )
 
@@ -314,11 +310,6 @@ class Saved:
             for name, value in self.meta[kind].items():
                 totals[name] = totals.get(name, 0) + value
         return Position.from_dict(self.meta["position"])
-
-
-def probe_names(solver: ContactSolver) -> list[str]:
-    """Names of what measures each step, those of keys of the section output."""
-    return sorted(type(probe).__name__.lower() for probe in solver.probes)
 
 
 def solver_fields(solver: ContactSolver) -> dict[str, DistributedArray]:
