@@ -1,4 +1,4 @@
-"""An elastic-plastic hemisphere flattened far beyond yield, against an axisymmetric solution and fits of others."""
+"""An elastic-plastic hemisphere flattened far beyond yield, against an axisymmetric solution."""
 
 from __future__ import annotations
 
@@ -58,15 +58,9 @@ def forces(tangent: float, steps: int) -> np.ndarray:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("tangent", "bar", "bar_of_fit"), [(0.0, 0.05, 0.06), (0.3, 0.01, 0.13)])
-def test_a_flattened_sphere_has_the_force_of_the_plane_solution_and_of_the_fits(
-    tangent: float, bar: float, bar_of_fit: float
-) -> None:
-    """Jackson & Green (2005) without hardening, Ghaednia et al. (2019) with; the latter exceeds both solutions."""
+@pytest.mark.parametrize(("tangent", "bar"), [(0.0, 0.05), (0.3, 0.01)])
+def test_a_flattened_sphere_has_the_force_of_the_plane_solution(tangent: float, bar: float) -> None:
     coarse, fine = (forces(tangent, steps) for steps in (21, 42))
     found = 2.0 * fine - coarse  # the error of the load steps is of first order
     plane = np.interp(W, yielding_sphere.FLATTENED_DEPTHS, yielding_sphere.FLATTENED_SPHERE[tangent])
     np.testing.assert_allclose(found, plane, rtol=bar)
-    sphere = (W * ONSET, 1.0, 1.0, NU, Y / E)
-    fit = yielding_sphere.ghaednia(*sphere, tangent)[0] if tangent else yielding_sphere.jackson_green(*sphere)[0]
-    np.testing.assert_allclose(found, fit / HERTZ.force(ONSET), rtol=bar_of_fit)
