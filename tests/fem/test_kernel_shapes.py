@@ -21,8 +21,10 @@ from asperity.quasistatic.make import make_contact_solver
 from asperity.quasistatic.stiffness import Stiffness
 from asperity.surface import Flat
 
-USERS = ("fem.kernels", "fem.forms", "fem.tangent", "contact.contact_surface", "contact.penalty_nitsche")
-USERS += ("linear.matrix_free", "linear.multigrid")
+USERS = [
+    "fem.kernels", "fem.tangent", "contact.contact_surface", "contact.penalty_nitsche", "linear.matrix_free",
+    "linear.multigrid",
+]  # fmt: skip
 OTHERS = {"J2", "SizeField", "Cholesky"}  # without shapes, or with tests of their own
 NAMES = {name for name in dir(_solver) if callable(getattr(_solver, name)) and name[0] != "_"} - OTHERS
 
@@ -75,7 +77,8 @@ def small() -> dict[str, Call]:
 def arrays(call: Call) -> Iterator[tuple[int | str, Any]]:
     """Place and value of each array of a call."""
     _, arguments, named = call
-    for key, value in [*enumerate(arguments), *named.items()]:
+    given: dict[int | str, Any] = dict(enumerate(arguments)) | named
+    for key, value in given.items():
         if isinstance(value, np.ndarray) and value.size:
             yield key, value
 
