@@ -64,3 +64,8 @@ def test_a_flattened_sphere_has_the_force_of_the_plane_solution(tangent: float, 
     found = 2.0 * fine - coarse  # the error of the load steps is of first order
     plane = np.interp(W, yielding_sphere.FLATTENED_DEPTHS, yielding_sphere.FLATTENED_SPHERE[tangent])
     np.testing.assert_allclose(found, plane, rtol=bar)
+
+
+def test_the_plane_solution_is_next_to_the_fit_of_kogut_and_etsion() -> None:
+    fit = yielding_sphere.kogut_etsion(W * ONSET, 1.0, 1.0, NU, Y / E)[0] / HERTZ.force(ONSET)
+    np.testing.assert_allclose(fit, yielding_sphere.FLATTENED_SPHERE[0.0], rtol=0.06)
