@@ -139,11 +139,10 @@ class HeightMap(Surface):
         return 2 * self.L / (min(self.heights.shape) - 1)
 
     @cached_property
-    def _waves(self) -> tuple[list[Array], Array]:
-        """Cosine transforms of the heights without a smooth trend, extended by a margin, and the wavelengths (length).
+    def _waves(self) -> tuple[Array, Array]:
+        """Cosine transform of the heights without a smooth trend, and the wavelengths (length).
 
-        Each of the two transforms extends the heights in another way beyond the edges: by odd reflection, which keeps
-        the slope, and by even reflection. An edge that causes short waves in one of them causes none in the other.
+        A margin extends them beyond the edges by odd reflection, which keeps the slope.
         """
         from scipy.fft import dctn
 
@@ -153,14 +152,10 @@ class HeightMap(Surface):
             trends.append(np.linalg.qr(np.polynomial.legendre.legvander(s, min(_TREND, n - 1)))[0])
         of_y, of_x = trends
         z = (z - of_y @ (of_y.T @ z @ of_x) @ of_x.T).astype(np.float32)  # enough for an rms value
-        margins = [(n // 8, n // 8) for n in z.shape]
-        straight = np.pad(z, margins, mode="reflect", reflect_type="odd")
-        mirrored = np.pad(z, margins, mode="reflect", reflect_type="even")
-        halves = [  # half waves per side
-            np.arange(n) * (m - 1) / (n - 1) for n, m in zip(straight.shape, z.shape, strict=True)
-        ]
+        wide = np.pad(z, [(n // 8, n // 8) for n in z.shape], mode="reflect", reflect_type="odd")
+        halves = [np.arange(n) * (m - 1) / (n - 1) for n, m in zip(wide.shape, z.shape, strict=True)]  # half waves
         lengths = 2 * self.L / np.maximum(np.hypot(halves[0][:, None], halves[1]), 0.5)
-        return [dctn(wide, type=1) for wide in (straight, mirrored)], lengths
+        return dctn(wide, type=1), lengths
 
     def short_waves(self, wavelength: float, depth: float) -> float:
         """Rms height (length) of the waves shorter than a cut-off; see :meth:`Surface.short_waves`.
@@ -170,21 +165,18 @@ class HeightMap(Surface):
         """
         from scipy.fft import idctn
 
-        transforms, lengths = self._waves
+        waves, lengths = self._waves
         gap = self.heights.max() - self.heights
-        part = short_wave_share(lengths, wavelength).astype(np.float32)
+        rest = idctn(waves * short_wave_share(lengths, wavelength).astype(np.float32), type=1)
+        rest = rest[tuple(slice(n // 8, n // 8 + n) for n in gap.shape)]
+        edge = [int(min(wavelength / self.L, 0.25) * n) for n in rest.shape]
+        inner = tuple(slice(m, n - m) for n, m in zip(rest.shape, edge, strict=True))
         found = []
-        for waves in transforms:
-            rest = idctn(waves * part, type=1)
-            rest = rest[tuple(slice(n // 8, n // 8 + n) for n in gap.shape)]
-            edge = [int(min(wavelength / self.L, 0.25) * n) for n in rest.shape]
-            inner = tuple(slice(m, n - m) for n, m in zip(rest.shape, edge, strict=True))
-            places = []
-            for reached in (gap <= depth, gap <= 0.25 * depth):
-                inside = rest[inner][reached[inner]]  # the transform rings at the edges
-                places.append(inside if inside.size else rest[reached])
-            found.append(max(float(np.sqrt(np.mean(np.square(heights, dtype=float)))) for heights in places))
-        return min(found)
+        for reached in (gap <= depth, gap <= 0.25 * depth):
+            inside = rest[inner][reached[inner]]  # the transform rings at the edges
+            heights = inside if inside.size else rest[reached]
+            found.append(float(np.sqrt(np.mean(np.square(heights, dtype=float)))))
+        return max(found)
 
     def smoothed(self, x: ArrayLike, y: ArrayLike, s: ArrayLike) -> Array:
         return self._scales.heights(x, y, s)

@@ -52,12 +52,10 @@ class Spectrum:
     Attributes:
         q: angular wave number 2 pi/wavelength (1/length), rising, without 0, (m,)
         density: at q, (m,) (length^4)
-        window: the taper, "hann" or "none"
     """
 
     q: Array
     density: Array
-    window: str
 
     __repr__ = short_repr
 
@@ -122,4 +120,4 @@ def psd(z: Array, L: float, window: str = "hann") -> Spectrum:
     ring = np.rint(np.hypot(k[:, None], k)).astype(int).ravel()
     density = np.bincount(ring, power.ravel()) / np.bincount(ring)
     index = np.arange(1, n // 2)
-    return Spectrum(2 * np.pi * index / L, density[index], window)
+    return Spectrum(2 * np.pi * index / L, density[index])
