@@ -62,7 +62,6 @@ def test_a_rectangular_map_is_not_stretched_to_the_square_of_its_side(tmp_path: 
         ("a.npy", b"no array", "it is not a whole .npy file of numbers"),
         ("a.npz", b"no archive", "it is not a whole .npz file of numbers"),
         ("a.csv", b"", "there are no numbers in it"),
-        ("words.csv", b"no heights", "no row of at least 2 numbers separated by commas"),
         ("a.npy", np.zeros((5, 5), dtype=complex), "its numbers are complex"),
         ("a.npz", np.zeros((5, 5), dtype=complex), "its numbers are complex"),
     ],
