@@ -1,7 +1,7 @@
 """Frequency response: completeness in random windows, and work over precision against pyHarm-os.
 
     python3 benchmarks/dynamics.py orbits [--windows 200] [--seed 0] [--verbose]
-    python3 benchmarks/dynamics.py speed [--points 81]
+    python3 benchmarks/dynamics.py speed
 
 `orbits`: random exponents (0.6 to 4), damping ratios (0.002 to 0.1), forcings F^ (0.005 to 1.5) and windows. At random
 frequencies inside, every orbit of period 1 and 2 of a response over a window twice as wide on both sides must
@@ -227,17 +227,6 @@ def ours(reference: FrequencyResponse) -> list[Result]:
     return rows
 
 
-def own_sweep(reference: FrequencyResponse, points: int) -> Result:
-    """The Runge-Kutta sweeps of this package, up and down."""
-    o = ContactOscillator(PowerLaw(N), zeta=ZETA)
-    begin = time.process_time()
-    sweeps = o.sweep(FORCING, WINDOW, points=points)
-    seconds = time.process_time() - begin
-    omega, u = (np.concatenate([getattr(s, name) for s in sweeps]) for name in ("Omega", "u_max"))
-    error = errors(reference, omega, u)
-    return "asperity sweep", "Runge-Kutta, up and down", seconds, *error, omega.size, "stable only"
-
-
 def peer(reference: FrequencyResponse) -> list[Result]:
     """pyHarm-os with the contact as a plug-in element, alternating frequency-time with 16 samples a harmonic."""
     example = runpy.run_path(str(Path(__file__).parent.parent / "examples" / "harmonic_balance.py"))
@@ -257,11 +246,10 @@ def peer(reference: FrequencyResponse) -> list[Result]:
     return rows
 
 
-def speed(options: argparse.Namespace) -> None:
+def speed(_: argparse.Namespace) -> None:
     """Run all methods and print the table and the ratios."""
     reference = ContactOscillator(PowerLaw(N), zeta=ZETA).response(FORCING, WINDOW, tol=1e-9)
     rows = [*ours(reference), *peer(reference)]
-    rows.append(own_sweep(reference, options.points))
     print("| method | setting | CPU s | largest error | median error | points | stability |")
     print("|---|---|---|---|---|---|---|")
     for method, setting, seconds, worst, median, points, stability in rows:
@@ -283,9 +271,7 @@ def main() -> None:
     for name, default in (("windows", 200), ("seed", 0), ("starts", 24)):
         orbits.add_argument(f"--{name}", type=int, default=default)
     orbits.add_argument("--verbose", action="store_true")
-    rows = commands.add_parser("speed")
-    rows.set_defaults(run=speed)
-    rows.add_argument("--points", type=int, default=81, help="frequencies of the sweeps (default 81)")
+    commands.add_parser("speed").set_defaults(run=speed)
     options = parser.parse_args()
     options.run(options)
 
