@@ -82,7 +82,8 @@ def response(found: TangentialVibration) -> Figure:
     middle = [float(f[a.argmax()]) for f, a in curves.values()]
     low, high = 0.8 * min(middle), 1.15 * max(middle)
     least = min(float(a[(low < f) & (f < high)].min()) for f, a in curves.values())
-    axis.set(xlim=(of_f * low, of_f * high), yscale="log", ylim=(0.8 * of_a * least, None))
+    axis.set(xlim=(of_f * low, of_f * high), ylim=(0.8 * of_a * least, None))
+    style.logarithmic(axis, "y")
     axis.set(xlabel=style.label("frequency", unit_f), ylabel=style.label("amplitude of $u$", unit_a))
     axis.legend(title=r"$F/(\mu P)$", loc="best")
     return figure
