@@ -44,10 +44,3 @@ def test_each_number_names_the_patch_or_the_joint() -> None:
     doubt = found | {"laws": {"doubt": "two rows show no curvature"}}
     said = verdict(Results(Path("out"), curve, case={"units": "SI"}, thresholds=doubt))
     assert said[-1] == "Its law is doubtful: two rows show no curvature."
-
-
-def test_a_frequency_that_the_case_gives_has_no_bar() -> None:
-    found = {"numbers": {"k_n": 2e9, "f": 3804.4}, "laws": {"error_bar_of_k_n": 0.08}}
-    case = {"units": "SI", "joint": {"frequency": 3804.4}}
-    *_, last = verdict(Results(Path("out"), asp.Curve.from_rows([ROW]), case=case, thresholds=found))
-    assert "a stiffness of 2.00 GN/m ± 8 % and a frequency of 3.804 kHz." in last
