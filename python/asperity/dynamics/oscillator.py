@@ -161,19 +161,16 @@ class ContactOscillator:
         ends, tol = window(omega), positive("tol", tol)
         return frequency_response(self.equation, setting, ends, tol=tol, subharmonics=subharmonics)
 
-    def uncertainty(self, members: Iterable[Law] = (), origin: str = "laws given") -> Uncertainty:
-        """Intervals of the law, by its points and with the extremes over others (of other seeds, for example).
-
-        Args:
-            members: laws whose extremes are bounds
-            origin: what they are, in words
+    def uncertainty(self) -> Uncertainty:
+        """Intervals of the law by its points.
 
         Examples:
-            >>> known = asp.ContactOscillator(asp.PowerLaw(1.5)).uncertainty([asp.PowerLaw(1.4), asp.PowerLaw(1.6)])
-            >>> print(f"omega_s = {known.omega_s.low:.3f} to {known.omega_s.high:.3f} rad/s")
-            omega_s = 3.705 to 3.961 rad/s
+            >>> z = np.linspace(0.1, 1.0, 10)
+            >>> known = asp.ContactOscillator(asp.TableLaw(z, z**1.5 + z**2), load=1.0).uncertainty()
+            >>> print(f"n = {known.n_loc.value:.3f}, {known.n_loc.low:.3f} to {known.n_loc.high:.3f}")
+            n = 1.725, 1.722 to 1.729
         """
-        return intervals(self.law, self.restoring.load, members, origin, self.mass)
+        return intervals(self.law, self.restoring.load, mass=self.mass)
 
     def sweep(
         self,
