@@ -128,8 +128,8 @@ def test_pressure_maps_share_one_scale_and_skip_empty_levels(results: Results) -
     titles = [axis.get_title(loc="left") for axis in figure.axes[:3]]
     assert all("0.0000" not in title for title in titles)
     assert titles[-1].startswith("(c) unloading") and all(title.endswith("µN ± 3 %") for title in titles)
-    limits = {axis.images[0].get_clim() for axis in figure.axes[:4]}
-    assert len(limits) == 1
+    limits = {axis.images[-1].get_clim() for axis in figure.axes[:4]}
+    assert len(limits) == 1 and min(limits)[0] == 0.0  # over the shaded surface
     step = int(results.top["steps"][-1])
     spots = np.where(results.curve.step == step, 7, 0)
     counted = pressure_maps(replace(results, curve=replace(results.curve, spots=spots)), count=4)
