@@ -63,7 +63,7 @@ def fit_self_affine(spectrum: Spectrum, shortest: float) -> SelfAffineFit:
         )
     without, first, last = _line(x, y, weight, None), math.log(_LONGEST), x[-3]  # three bands beyond at least
     rolls = np.linspace(first, last, _ROLLS) if first < last else np.empty(0)
-    best = min((_line(x, y, weight, roll) for roll in rolls.tolist()), key=lambda line: line.misfit, default=without)
+    best = min((_line(x, y, weight, roll) for roll in map(float, rolls)), key=lambda line: line.misfit, default=without)
     scatter = max(1.0, best.misfit / max(x.size - 3, 1))
     found = best if without.misfit - best.misfit > _SIGNIFICANT * scatter else without
     L = 2 * math.pi / float(spectrum.q[0])
