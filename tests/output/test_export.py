@@ -117,6 +117,22 @@ def test_a_deck_begins_at_zero_and_rises(folder: Path, program: str) -> None:
     assert any("Pa/m" in line for line in head) and any("k_t at" in line for line in head)
 
 
+def test_stiffnesses_are_those_of_the_branch_of_the_law(folder: Path) -> None:
+    """Also where a second unloading ends above the preload."""
+    one = interface(folder, "unload-reload", load=0.3 * P0 * L**2)
+    curve = asp.Curve.read(folder / "curve.csv")
+    rows, top = list(curve.rows()), len(curve.loading()) - 1
+    again = [
+        dict(rows[top], branch="reload"),
+        dict(rows[top + 1], branch="unload"),
+        dict(rows[top + 2], branch="unload"),
+    ]
+    asp.Curve.from_rows([*rows, *(row | {"k_n_interface": 9.0} for row in again)]).write(folder / "curve.csv")
+    two = interface(folder, "unload-reload", load=0.3 * P0 * L**2)
+    for name in ("approach", "pressure", "k_n", "k_n_elastic", "k_t"):
+        np.testing.assert_allclose(getattr(two, name), getattr(one, name), rtol=1e-12)
+
+
 @pytest.mark.parametrize(("law", "kinds"), [("table", ["COMP", "LUNL"]), ("unload-reload", ["COMP"])])
 def test_a_gasket_of_ansys_has_the_curve_and_the_slopes_of_its_unloading(
     folder: Path, law: str, kinds: list[str]

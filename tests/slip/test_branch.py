@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-from types import SimpleNamespace
-from typing import Any, cast
-
 import numpy as np
 import pytest
 
+from asperity.force_law.choice import choose
 from asperity.force_law.columns import CurveColumns
 from asperity.force_law.table import TableLaw
 from asperity.model.material import Material
@@ -95,11 +93,17 @@ def test_a_ratio_of_stiffnesses_that_changes_along_the_curve_is_followed() -> No
     np.testing.assert_allclose(law.slopes, 1.0 / (1.0 + 2.0 * z), rtol=1e-12)  # dF/dw = k_t
 
 
-def test_the_rows_of_an_unloading_are_those_of_the_last_one_not_of_its_reloading() -> None:
-    delta = np.array([1.0, 2.0, 3.0, 2.5, 2.0, 2.6, 3.1, 2.7, 2.2, 2.8])
-    force = np.array([1.0, 4.0, 9.0, 5.0, 1.0, 5.2, 9.5, 6.0, 0.5, 6.2])
-    branch = np.array(["load"] * 3 + ["unload"] * 2 + ["reload"] * 2 + ["unload"] * 2 + ["reload"])
+def test_the_rows_of_a_branch_are_those_of_its_law() -> None:
+    """The law about a preload below the last, partial unloading is that of the first one, and so are its rows."""
+    up, down, again = np.linspace(0.05, 1.0, 20), np.linspace(0.95, 0.3, 14), np.linspace(0.9, 0.8, 11)
+    depth = (down - 0.3) / 0.7
+    delta = np.concatenate([up, down, [0.6, 1.0], again])
+    force = np.concatenate([up**1.5, depth**1.5, [0.3, 1.0], 1.0 - 2.0 * (1.0 - again)])
+    branch = np.array(["load"] * 20 + ["unload"] * 14 + ["reload"] * 2 + ["unload"] * 11)
     columns = CurveColumns.of({"delta": delta, "force": force, "branch": branch})
-    rows = branch_rows(columns, cast(Any, SimpleNamespace(name="unload-reload")))
-    assert force[rows].tolist() == [0.5, 6.0, 9.5]
-    assert force[branch_rows(columns, cast(Any, SimpleNamespace(name="table")))].tolist() == [1.0, 4.0, 9.0]
+    for load, rows in ((0.3, [19, *range(20, 33)]), (0.9, [35, *range(36, 47)])):
+        choice = choose(columns, "unload-reload", load)
+        found = branch_rows(columns, choice)
+        assert sorted(found) == rows and np.all(np.diff(force[found]) > 0.0)
+        np.testing.assert_allclose(choice.law.force(delta[found] - choice.law.origin), force[found], rtol=1e-9)
+    assert branch_rows(columns, choose(columns, "table", 0.3)).tolist() == list(range(20))

@@ -152,16 +152,7 @@ def unload_reload(curve: Any, load: float | None = None) -> TableLaw:
         (0.3, 0.441)
     """
     columns = CurveColumns.of(curve)
-    force, found = columns.force, columns.unloadings()
-    if not found:
-        raise InputError("the curve has no unloading branch: compute one with loading.unload = true")
-    enough = [rows for rows in found if _touching(force, rows).size >= MIN_POINTS] or found
-    reaching = [rows for rows in enough if load is None or force[rows].max() >= load * (1 - _SAME)]
-    if not reaching:
-        top = max(float(force[rows].max()) for rows in enough)
-        raise RangeError(f"preload = {load:g} exceeds the unload-reload branch, which ends at force {top:g}")
-    rows = next((rows for rows in reaching if load is None or force[rows].min() < load), reaching[0])
-    rows = rows[np.argsort(columns.delta[rows], kind="stable")]
+    force, rows = columns.force, leg_rows(columns, load)
     touching = _touching(force, rows)
     free = np.setdiff1d(rows, touching)
     z, F, k = columns.delta[touching], force[touching], columns.elastic[touching]
@@ -173,6 +164,20 @@ def unload_reload(curve: Any, load: float | None = None) -> TableLaw:
         origin = fit_origin(columns.delta[rows], force[rows])  # measured rows: none lies at the separation
     known = bool(np.any(k > 0)) or touching.size < MIN_POINTS
     return TableLaw(z, F, origin=origin, k=k if known else None, name="unload-reload branch")
+
+
+def leg_rows(columns: CurveColumns, load: float | None = None) -> Array:
+    """Rows of the unloading of `unload_reload`, in the order of their approach; errors as there."""
+    force, found = columns.force, columns.unloadings()
+    if not found:
+        raise InputError("the curve has no unloading branch: compute one with loading.unload = true")
+    enough = [rows for rows in found if _touching(force, rows).size >= MIN_POINTS] or found
+    reaching = [rows for rows in enough if load is None or force[rows].max() >= load * (1 - _SAME)]
+    if not reaching:
+        top = max(float(force[rows].max()) for rows in enough)
+        raise RangeError(f"preload = {load:g} exceeds the unload-reload branch, which ends at force {top:g}")
+    rows = next((rows for rows in reaching if load is None or force[rows].min() < load), reaching[0])
+    return rows[np.argsort(columns.delta[rows], kind="stable")]
 
 
 def _touching(force: Array, rows: Array) -> Array:
@@ -209,7 +214,10 @@ def _automatic(columns: CurveColumns, load: float) -> Choice:
         except InputError as error:
             raise InputError(f"{lack}; no power law either: {error}") from error
         reason = lack.split(":")[0]
-        note = f"the points of the loading are no law ({reason}): the law is the power law through all of them"
+        note = (
+            f"the points of the loading are no law ({reason}): the law is the power law through all of them, without "
+            "an error bar"
+        )
         return Choice("paper", found, load, yielded, reason, note)
     if leg is not None:
         return Choice("unload-reload", leg, load, True, "yielded, and unloaded through the preload", lack)

@@ -17,6 +17,8 @@ from asperity.force_law.law import Law
 from asperity.force_law.table import TableLaw
 from asperity.units import plus_minus, quantity
 
+_LEAST = 1e-3  # factor of the low side of a bar
+
 # name -> words, and a remark where it does not apply
 WORDS = {
     "unload-reload": ("unload-reload branch", "after a greater load"),
@@ -133,6 +135,8 @@ def tabulate(columns: CurveColumns, choice: Choice, mass: float = math.nan) -> L
         try:
             rows.append(_row(columns, choice, name, mass))
         except AsperityError as error:
+            if name == choice.name:
+                raise
             rows.append(LawAtLoad(name, missing=str(error).split(":")[0].split(";")[0]))
     rows.sort(key=lambda row: (row.law is None, not row.chosen))
     return LawTable(tuple(rows), choice, columns.bar_at(choice.load))
@@ -166,5 +170,5 @@ def _sides(law: Law | None, bar: float, bar_of: str) -> tuple[Law, ...]:
     """
     if not (isinstance(law, TableLaw) and bar > 0):
         return ()
-    factors = (1.0 - bar, 1.0 + bar)
+    factors = (max(1.0 - bar, _LEAST), 1.0 + bar)  # neither a force nor a stiffness is negative
     return tuple(law.scaled(1.0, f) if bar_of == "k_n_elastic" else law.scaled(f) for f in factors)

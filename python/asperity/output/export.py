@@ -19,7 +19,7 @@ from asperity.case import Case
 from asperity.curve.power_law import interface_approach
 from asperity.dynamics.joint import Joint
 from asperity.errors import InputError
-from asperity.force_law.choice import unload_reload
+from asperity.force_law.choice import leg_rows, unload_reload
 from asperity.force_law.columns import CurveColumns
 from asperity.force_law.table import TableLaw
 from asperity.output.mesh_file import block_of_case, write_mesh
@@ -114,18 +114,16 @@ def interface(folder: str | Path, law: str = "table", load: float | None = None)
         # the first step carries hardly any force: there the block is elastic
         approach = approach[0] + curve.mean_gap[0] - curve.mean_gap
         measure = "decrease of the mean gap from first touch"
-    columns = CurveColumns.of(curve)
-    of_mean_planes = {
+    columns = CurveColumns.of({
         "delta": approach, "force": curve.force / patch, "branch": curve.branch,
         "k_n_elastic": curve.k_n_interface / patch,  # the slope of an unloading without the block
-    }  # fmt: skip
+    })  # fmt: skip
     preload = (0.5 * float(curve.force.max()) if load is None else load) / patch
     if law == "table":
-        found, rows = TableLaw.from_curve(of_mean_planes), columns.loading
+        found, rows = TableLaw.from_curve(columns), columns.loading
     else:
-        found = unload_reload(of_mean_planes, preload)
-        last = next(leg for leg in columns.unloadings() if curve.branch[leg[-1]] == "unload")
-        rows = np.isin(np.arange(len(curve)), last)
+        found = unload_reload(columns, preload)
+        rows = np.isin(np.arange(len(curve)), leg_rows(columns, preload))
     z = found.z  # with points between and below them
     inner = (z[:-1, None] * (z[1:] / z[:-1])[:, None] ** (np.arange(_BETWEEN) / _BETWEEN)).ravel()
     z = np.concatenate([z[0] * np.array(_BELOW), inner, z[-1:]])

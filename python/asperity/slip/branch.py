@@ -12,7 +12,7 @@ import numpy as np
 
 from asperity.arrays import Array
 from asperity.errors import AsperityError, InputError
-from asperity.force_law.choice import Choice
+from asperity.force_law.choice import Choice, leg_rows
 from asperity.force_law.columns import CurveColumns
 from asperity.force_law.table import TableLaw
 from asperity.slip.law import AS_STIFF, LEAST
@@ -22,7 +22,7 @@ def branch_rows(columns: CurveColumns, choice: Choice) -> Array:
     """Rows of the branch of a law, in the order of their force."""
     among = columns.loading
     if choice.name == "unload-reload":
-        among = np.isin(np.arange(columns.delta.size), columns.unloadings()[0])
+        among = np.isin(np.arange(columns.delta.size), leg_rows(columns, choice.load))
     return columns.rising(among & (columns.force > 0.0))
 
 
