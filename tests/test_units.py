@@ -7,7 +7,7 @@ from decimal import Decimal
 import pytest
 
 from asperity.runtime.measured_curve import FORCES
-from asperity.units import LENGTHS, per_cent, plus_minus, prefix, quantity
+from asperity.units import LENGTHS, amount, per_cent, plus_minus, prefix, quantity
 
 SI = {"": 0, "c": -2, "m": -3, "u": -6, "µ": -6, "μ": -6, "n": -9, "p": -12, "f": -15}
 SI |= {"k": 3, "M": 6, "G": 9, "T": 12, "P": 15}
@@ -18,6 +18,7 @@ def test_each_unit_of_a_file_is_its_power_of_ten(table: dict[str, float], unit: 
     assert len(table) > 4
     for name, factor in table.items():
         assert name.endswith(unit) and Decimal(str(factor)) == Decimal(10) ** SI[name.removesuffix(unit)], name
+        assert name == "cm" or amount(f"3 {name}", (unit,)) == (pytest.approx(3.0 * factor), unit)
 
 
 @pytest.mark.parametrize("power", range(-20, 20))

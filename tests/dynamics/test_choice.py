@@ -201,6 +201,28 @@ def test_the_bar_of_the_elastic_law_is_that_of_the_elastic_stiffness() -> None:
     assert both.kappa == branch.kappa and both.n_loc == branch.n_loc
 
 
+def test_a_bar_of_the_whole_value_keeps_the_law() -> None:
+    """A force known to 120 % and a stiffness known to 100 %: the law is still the one that was chosen."""
+    for unload in (True, False):
+        curve = contact(unload=unload, probe=True)
+        curve |= {"P_star": curve["force"], "error_P_star": 1.2 * curve["force"]}
+        for bar in (math.nan, 1.0):
+            laws = laws_of(curve | {"error_k_n_elastic": bar * curve["k_n_elastic"]})
+            assert laws.chosen.chosen and laws.chosen.name == laws.choice.name == ("elastic", "unload-reload")[unload]
+            assert laws.chosen.stiffness == pytest.approx(float(stiffness(0.5 * C)), rel=1e-3)
+            assert len(laws.chosen.sides()) == 2 and not laws.chosen.stiffness_bar < 0.99
+
+
+def test_motion_about_the_greatest_force_met_yields_in_its_first_cycle() -> None:
+    for curve, load, told in (
+        (contact(unload=False, probe=True), 0.5 * C, True),
+        (contact(probe=True), C, True),
+        (contact(probe=True), 0.5 * C, False),
+    ):
+        notes = run_dynamics(curve, preload=load, **QUICK).notes
+        assert any("motion yields in its first cycle" in note for note in notes) == told
+
+
 # -- the joint ---------------------------------------------------------------------------------------------------
 
 

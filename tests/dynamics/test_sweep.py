@@ -73,6 +73,9 @@ def test_sweep_reports_period_two_and_what_has_not_settled() -> None:
     assert "period 2" in down.status
     (up,) = replace(o, zeta=1e-3).sweep(0.02, (0.95, 1.0), points=3, directions=("up",), max_periods=5)
     assert "not settled" in up.status and not all(row["stable"] for row in up.rows())
+    for most in (5, 7, 30):
+        (up,) = replace(o, zeta=1e-2).sweep(0.02, (0.95, 1.0), points=3, directions=("up",), max_periods=most)
+        assert "not settled" in up.status and up.periods.max() == most
 
 
 def test_taylor_sweep_reports_its_escape() -> None:
@@ -84,6 +87,9 @@ def test_taylor_sweep_reports_its_escape() -> None:
     assert all(np.isfinite(row["u_max"]) for row in rows)
     with pytest.raises(RangeError, match="escapes"):
         o.simulate(1.0, 0.0, u=2.0, periods=20)
+    assert o.simulate(1.0, 0.03).valid and not o.simulate(0.9, 0.3, periods=1.0, u=1.2).valid
+    damped = replace(o, zeta=0.05)
+    assert damped.thresholds(0.03).valid and not damped.thresholds(0.1).valid
 
 
 @pytest.mark.parametrize(("n", "drive"), [(1.2, 0.94898), (1.5, 0.88652), (3.0, 0.70205)])
@@ -184,6 +190,20 @@ def test_the_case_of_a_run_gives_what_is_not_given(tmp_path: Path) -> None:
     assert joint.preload == pytest.approx(9e-5, rel=1e-12)
 
 
+def test_the_case_of_a_former_version_is_refused_by_its_key(tmp_path: Path) -> None:
+    for number, (section, key) in enumerate((("joint", "frequency"), ("joint", "damping"), ("dynamics", "overload"))):
+        folder = _curve_in(tmp_path / str(number), 1.0, 1.0, f'units = "SI"\n[{section}]\n{key} = 0.1\n')
+        with pytest.raises(InputError, match=f"{key} is no setting of the vibration: choose from .* former version"):
+            DynamicsSettings.of_source(folder)
+
+
+def test_small_vibration_needs_no_loops(tmp_path: Path) -> None:
+    folder = _curve_in(tmp_path / "run", 1.0, 1.0, 'units = "SI"\n[dynamics]\ndamping = "loops"\n')
+    given = DynamicsSettings.of_source(folder)
+    found, expected = (small_vibration(folder, one) for one in (given, replace(given, damping="always")))
+    assert found.to_dict() == expected.to_dict()
+
+
 def test_units_assumed_for_a_curve_are_reported(tmp_path: Path) -> None:
     bare = _curve_in(tmp_path / "bare", 1.0, 1.0) / "curve.csv"
     result = run_dynamics(bare, **QUICK)
@@ -191,6 +211,14 @@ def test_units_assumed_for_a_curve_are_reported(tmp_path: Path) -> None:
     assert run_dynamics(bare, units="SI", **QUICK).notes == ()
     (note,) = run_dynamics(PowerLaw(1.5), **QUICK).notes
     assert note.startswith("mass and omega_s assume a law in SI units, gravity = 9.80665")
+    assumed = "amounts with units assume a curve in SI units"
+    for changes in (
+        {"forcing": "0.1 nm", "gravity": 9810.0}, {"forcing": "0.1 mN", "joint": Joint(mass=1.0)},
+        {"forcing": "0.1 mm/s^2", "joint": Joint(mass=1.0)}, {"omega": ("9 Hz", "10 Hz"), "joint": Joint(mass=0.05)},
+    ):  # fmt: skip
+        for units, count in ((None, 1), ("SI", 0)):
+            found = run_dynamics(bare, **QUICK | changes, units=units).notes
+            assert sum(note.startswith(assumed) for note in found) == count, (changes, found)
     with pytest.raises(InputError, match='units = "cgs" is unknown'):
         run_dynamics(bare, units="cgs", **QUICK)
 
@@ -234,6 +262,7 @@ def test_bad_arguments_write_nothing(tmp_path, options, words) -> None:
         (lambda o: o.sweep([]), "forcing"),
         (lambda o: o.sweep(0.1, directions=("left",)), "left"),
         (lambda o: o.sweep(0.1, points=1), "points"),
+        (lambda o: o.sweep(0.1, max_periods=4), "max_periods = 4 is not legal: it must lie between 5"),
         (lambda o: replace(o, zeta=0.0).response(0.1), "zeta of forced motion = 0.* is not legal"),
         (lambda o: o.simulate(1e-9, 0.1), "omega = 1e-09"),
         (lambda o: o.simulate(1.0, 1e300), r"forcing = 1e\+300"),

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, fields, replace
 from typing import Any
 
@@ -52,6 +52,7 @@ class Joint:
         new = {name: value for name, value in given.items() if value is not None}
         if new.keys() & {"preload", "pressure"}:
             new = {"preload": None, "pressure": None} | new
+        known_keys(new, self, "joint.")
         return replace(self, **new)
 
     def factor(self, patch: float | None) -> float:
@@ -63,6 +64,16 @@ class Joint:
         if self.pressure is None:
             return self.preload
         return self.pressure * (self.nominal_area or _known(patch, "pressure"))
+
+
+def known_keys(given: Iterable[str], settings: Any, section: str = "") -> None:
+    """Refuse keys that are no attributes of the settings of a section, as an old case may have them."""
+    names = [item.name for item in fields(settings)]
+    if unknown := set(given) - set(names):
+        raise InputError(
+            f"{section}{min(unknown)} is no setting of the vibration: choose from {', '.join(names)}; for keys of a "
+            "former version see CHANGELOG.md"
+        )
 
 
 def _known(patch: float | None, name: str) -> float:

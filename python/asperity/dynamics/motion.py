@@ -212,17 +212,18 @@ def _settle(
 
     Each lane goes on by as many periods as bring it closer by a factor of e, and is then judged by a few more: the
     change over a period of the orbit, divided by ``1 - exp(-2 pi zeta / Omega)``, estimates the remaining distance,
-    `residual`. `kind` is the period, 0 not settled, -1 escaped; then the others are NaN.
+    `residual`. `kind` is the period, 0 not settled, -1 escaped.
     """
     shrink = 1.0 - np.exp(-2.0 * pi * equation.zeta / omega)
-    closer = np.minimum(np.ceil(omega / (2.0 * pi * equation.zeta)), max(limit - _LONGEST, 1))
+    closer = np.ceil(omega / (2.0 * pi * equation.zeta))
     # perturb by more than the tolerance: a start exactly on an unstable orbit must not look settled
     y = state + np.outer(np.hypot(*state.T), [10.0 * tol, 0.0])
     found = np.zeros((6, omega.size))
     left = np.arange(omega.size)
     while left.size:
         w, force = omega[left], forcing[left]
-        path = [motions(equation, y[left], w, force, length=TURN * closer[left], rtol=_RTOL, derivatives=False).end]
+        periods = np.minimum(closer[left], limit - found[5, left] - _LONGEST)
+        path = [motions(equation, y[left], w, force, length=TURN * periods, rtol=_RTOL, derivatives=False).end]
         values = []
         for _ in range(_LONGEST):
             m = motions(equation, path[-1], w, force, rtol=_RTOL, derivatives=False)
@@ -232,9 +233,9 @@ def _settle(
         size = 0.5 * (last[:, 0].max(axis=0) - last[:, 1].min(axis=0)) + 1e-12
         kind, residual = _periods(np.array(path), shrink[left], size, tol)
         last[:, :, kind == 1] = last[-1][:, kind == 1]  # of a longer period, of the last ones
-        spent = found[5, left] + closer[left] + _LONGEST
+        spent = found[5, left] + periods + _LONGEST
         found[:, left] = last[:, 0].max(axis=0), last[:, 1].min(axis=0), last[-1, 2], residual, kind, spent
-        left = left[(kind == 0) & (spent < limit)]
+        left = left[(kind == 0) & (spent + _LONGEST < limit)]
     return y, found
 
 

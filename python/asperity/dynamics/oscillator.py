@@ -191,7 +191,7 @@ class ContactOscillator:
             points: number of frequencies
             directions: one or both
             tol: allowed distance from the steady state, relative to the orbit
-            max_periods: largest number of forcing periods per frequency; default 4/zeta (100 to 20000)
+            max_periods: largest number of forcing periods per frequency, at least 5; default 4/zeta (100 to 20000)
 
         Raises:
             InputError: an argument is not legal, or zeta is below 1e-4
@@ -204,6 +204,8 @@ class ContactOscillator:
             raise InputError(f"points = {points} is not legal: a sweep needs at least 2")
         settings, path = [self.setting(f, excitation) for f in forcings(forcing)], np.linspace(*window(omega), points)
         tol = positive("tol", tol)
+        if max_periods is not None:
+            within("max_periods", max_periods, (5, 1e9))
         return _motion.sweep(self.equation, settings, path, directions=directions, tol=tol, max_periods=max_periods)
 
     def simulate(

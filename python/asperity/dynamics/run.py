@@ -28,6 +28,7 @@ from asperity.force_law.damping import LOOPS, LoopDamping
 from asperity.force_law.intervals import Uncertainty, intervals
 from asperity.force_law.law import Law
 from asperity.force_law.laws import LawTable, tabulate
+from asperity.force_law.table import TableLaw
 from asperity.runtime import run_folder
 from asperity.runtime.display import short_repr
 from asperity.runtime.files import replace_file, write_csv
@@ -277,6 +278,7 @@ def _moved(
 def small_vibration(source: Any, settings: DynamicsSettings) -> Numbers:
     """Numbers of the small vibration on a curve; arguments and errors as in `run_dynamics`."""
     static, load, _ = _law(source, settings)
+    settings = replace(settings, damping="always")  # that of loops needs their file, and has the same small motion
     return numbers_of(_oscillator(static, load, settings, _gravity(settings, "curve")[0]))
 
 
@@ -295,10 +297,13 @@ def _vibration(
         factor = settings.factor
         damping, loop_note = damping.on(float(static.stiffness(static.deflection(load))) / factor, load / factor)
     exact = _oscillator(static, load, replace(settings, damping=damping), gravity)
-    notes, laws = [*static.doubts(load), assumed, loop_note], None
+    si = ""
+    if settings.with_units and settings.units is None:
+        si = "amounts with units assume a curve in SI units: for other units give numbers without units"
+    notes, laws = [*static.doubts(load), assumed, si, loop_note], None
     if chosen is not None:
         laws = tabulate(*chosen, exact.mass)
-        notes += [*chosen[0].notes, laws.choice.note]
+        notes += [*chosen[0].notes, laws.choice.note, _first_yield(laws.choice)]
     return exact, gravity, laws, [note for note in notes if note]
 
 
@@ -319,6 +324,17 @@ def _oscillator(law: Law, load: float, settings: DynamicsSettings, gravity: floa
     if settings.joint is not None and settings.joint.mass is not None:
         gravity = load / settings.joint.mass
     return ContactOscillator(law, load=load, gravity=gravity, zeta=settings.zeta[0], damping=settings.damping)
+
+
+def _first_yield(choice: Choice) -> str:
+    """Note where the preload is the greatest force that the contact has met, or ""."""
+    leg = choice.law.top if choice.name == "unload-reload" and isinstance(choice.law, TableLaw) else choice.load
+    if not choice.yielded or choice.name not in ("unload-reload", "elastic") or choice.load < leg * (1 - 1e-9):
+        return ""
+    return (
+        "the preload is the greatest force that the contact has met: motion yields in its first cycle; the law is that "
+        "of the cycles that follow"
+    )
 
 
 def _notes(name: str, responses: Iterable[FrequencyResponse], sweeps: Iterable[Sweep]) -> Iterator[str]:

@@ -10,13 +10,14 @@ import math
 import os
 from collections.abc import Iterable, Mapping, Sequence
 from contextlib import suppress
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from asperity.dynamics.joint import Joint
+from asperity.dynamics.joint import Joint, known_keys
 from asperity.errors import InputError
 from asperity.force_law.checks import one_of, positive, positives, within
 from asperity.force_law.damping import Damping
@@ -121,7 +122,7 @@ class DynamicsSettings:
     """What is computed of a vibration, in the units of its source.
 
     Attributes:
-        law: see `law_from`; of no use for a `Law`
+        law: of a curve, see `law_from`
         preload: static force W (force); default that of the joint, or half of the largest force of the curve
         gravity: for mass and omega_s where no joint has a mass (length/time^2); default 9.80665 with SI units
         zeta: damping ratio of small motion, 1e-4 to 1, or several, of which all but the first one are for responses
@@ -192,20 +193,29 @@ class DynamicsSettings:
 
     def _check_excitation(self) -> None:
         """Refuse amplitudes and frequencies that are not legal whatever the law."""
-        unit, values = _amounts("forcing", self.forcing, _UNITS)
+        (unit, values), (hertz, ends) = self._read
         if not unit:
             object.__setattr__(self, "forcing", forcings(values))
-        hertz, ends = _amounts("omega", self.omega, ("Hz",))
         ends = window(ends, (0.0, math.inf) if hertz else OMEGA)
         object.__setattr__(self, "omega", self.omega if hertz else ends)
         if (unit or hertz) and self.units == "other":
             name = f"forcing in {unit}" if unit else "omega in Hz"
             raise InputError(f'{name} cannot go with units = "other": give numbers without units')
 
+    @cached_property
+    def _read(self) -> tuple[tuple[str, tuple[float, ...]], tuple[str, tuple[float, ...]]]:
+        """Units and numbers of `forcing` and `omega`."""
+        return _amounts("forcing", self.forcing, _UNITS), _amounts("omega", self.omega, ("Hz",))
+
     @property
     def excitation(self) -> str:
         """What moves the mass, by the unit of `forcing`: "force", "base" or "acceleration"."""
-        return _UNITS[_amounts("forcing", self.forcing, _UNITS)[0]]
+        return _UNITS[self._read[0][0]]
+
+    @property
+    def with_units(self) -> bool:
+        """Whether amounts are given with units, which are those of the SI."""
+        return any(unit for unit, _ in self._read)
 
     @property
     def load(self) -> float | None:
@@ -223,8 +233,7 @@ class DynamicsSettings:
             InputError: the frequency is unknown (NaN) and needed, or they are out of range
         """
         frequency = omega_s / (2 * math.pi)
-        unit, values = _amounts("forcing", self.forcing, _UNITS)
-        hertz, ends = _amounts("omega", self.omega, ("Hz",))
+        (unit, values), (hertz, ends) = self._read
         if not math.isfinite(frequency) and (hertz or self.pulse or self.excitation == "acceleration"):
             raise InputError("frequencies in Hz, pulses and accelerations need the mass: give joint.mass or gravity")
         over = {"": 1.0, "N": scale, "m": length}.get(unit, length * omega_s**2)
@@ -243,7 +252,7 @@ class DynamicsSettings:
         """
         given = dict(case.get("dynamics", {}))
         if joint is None and "joint" in case:
-            joint = Joint(**case["joint"])
+            joint = Joint().replaced(case["joint"])
         length = case.get("surface", {}).get("L")
         patch = None if length is None else float(length) ** 2
         given |= {"units": case.get("units"), "patch_area": patch}
@@ -271,7 +280,5 @@ class DynamicsSettings:
     def replaced(self, **changes: Any) -> DynamicsSettings:
         """Settings with other values, None for no change."""
         new = {name: value for name, value in changes.items() if value is not None}
-        names = [field.name for field in fields(self)]
-        if unknown := new.keys() - set(names):
-            raise InputError(f"{min(unknown)} is no setting of the vibration: choose from {', '.join(names)}")
+        known_keys(new, self)
         return replace(self, **new)
