@@ -75,6 +75,13 @@ def test_a_curve_of_a_run_is_not_repaired(tmp_path: Path) -> None:
     assert len(Curve.read(tmp_path / "a.csv")) == len(HELD) == len(CurveColumns.of(tmp_path / "a.csv").delta)
 
 
+def test_a_single_row_is_in_no_order(tmp_path: Path) -> None:
+    (tmp_path / "a.csv").write_text("delta,force\n1e-9,2\n")
+    assert CurveColumns.of(tmp_path / "a.csv").force.tolist() == [2.0]
+    with pytest.raises(InputError, match="1 usable rows"):
+        law_from(tmp_path / "a.csv")
+
+
 @pytest.mark.parametrize(
     ("content", "words"),
     [
@@ -82,7 +89,7 @@ def test_a_curve_of_a_run_is_not_repaired(tmp_path: Path) -> None:
         ("delta [um],force [lb]\n1,2\n2,3\n", "the unit 'lb' of force is unknown"),
         ("delta,force\n" + text(HELD), "row 15 repeats the approach before it: keep one row of a hold"),
         ("delta,force\n" + text(ROWS[::-1]), "falling order: reverse them"),
-        ("delta,force\n0,0\n-5e-10,-0.2\n" + text(ROWS), "row 3 has delta < 0: leave out the rows before contact"),
+        ("delta,force\n0,0\n-5e-10,-0.2\n" + text(ROWS), "row 3 has delta < 0: leave out the rows out of contact"),
         ("1,2\n2,3\n3,4\n", "no column names; name the columns"),
         ("delta;other\n1;2\n2;3\n", "column 'force' is missing"),
         ("delta;force\n1;2\n2;x\n", "row 3 has 'x'"),

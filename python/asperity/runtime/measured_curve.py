@@ -1,7 +1,7 @@
 """Curves of force over approach in text files of instruments and spreadsheets.
 
 Any usual dialect, units in the heading or below it, an unloading without a column that names it. What was done is said;
-holds, rows before contact and rows in falling order are refused.
+holds, rows out of contact and rows in falling order are refused.
 """
 
 from __future__ import annotations
@@ -138,7 +138,7 @@ def _order(found: dict[str, Array], numbers: list[int]) -> list[str]:
     delta = found["delta"]
     steps = np.diff(delta)
     if (delta < 0.0).any():
-        raise ValueError(f"row {numbers[int(np.argmax(delta < 0.0))]} has delta < 0: leave out the rows before contact")
+        raise ValueError(f"row {numbers[int(np.argmax(delta < 0.0))]} has delta < 0: leave out the rows out of contact")
     held = (steps == 0.0) & (found["branch"][1:] == found["branch"][:-1] if "branch" in found else True)
     if held.any():
         raise ValueError(
@@ -148,7 +148,7 @@ def _order(found: dict[str, Array], numbers: list[int]) -> list[str]:
         return []
     top = int(np.argmax(delta))
     falling = len(delta) - 1 - top
-    if top == 0 and np.all(steps < 0):
+    if top == 0 and falling and np.all(steps < 0):
         raise ValueError("the rows are in falling order: reverse them")
     if falling > 1 and np.all(steps[:top] > 0) and np.all(steps[top:] < 0):
         found["branch"] = np.array(["load"] * (top + 1) + ["unload"] * falling)
