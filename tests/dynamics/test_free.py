@@ -1,4 +1,4 @@
-"""Free vibration: closed forms, direct integration, grazing, refusals."""
+"""Free vibration: closed forms, published values, direct integration, grazing, refusals."""
 
 from __future__ import annotations
 
@@ -35,6 +35,18 @@ def test_grazing_from_both_sides(n: float) -> None:
     # the frequency is smooth through grazing: its slope bounds the difference
     assert (below.omega, above.omega) == pytest.approx((omega_loss(n), omega_loss(n)), abs=3e-10)
     assert below.omega > above.omega
+
+
+@pytest.mark.parametrize(
+    ("n", "published"),
+    [
+        (1.5, (0.999575, 0.998259, 0.995960, 0.992540, 0.987785, 0.981349)),
+        (2.0, (0.998920, 0.995498, 0.989370, 0.980003, 0.966582, 0.947782)),
+    ],
+)
+def test_published_frequencies(n: float, published: tuple[float, ...]) -> None:
+    found = ContactOscillator(PowerLaw(n)).free(np.arange(1, 7) / 10).omega_ratio
+    np.testing.assert_allclose(found, published, atol=5e-7)
 
 
 @pytest.mark.parametrize(("n", "u0"), [(0.8, 0.5), (1.5, 2.0), (2.0, 5.0)])

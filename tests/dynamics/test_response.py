@@ -62,6 +62,18 @@ def test_orbits_agree_with_shooting_to_1e_9() -> None:
         assert np.prod(shot.multipliers).real == pytest.approx(expected, rel=1e-7)  # of differences, exact to 1e-8
 
 
+def test_a_damper_proportional_to_the_contact_force_agrees_with_shooting() -> None:
+    r = ContactOscillator(PowerLaw(1.5), zeta=0.03, damping="hunt-crossley").response(0.08, (0.7, 1.2), tol=1e-7)
+    b = r.branches[0]
+    steep = np.abs([p.rate for p in b.points]) > 1e-6  # shooting is singular at a fold
+    flying = np.flatnonzero((b.u_min < -1.0) & steep)[::28]
+    assert flying.size
+    for i in flying:
+        shot = shoot(r.equation, b.Omega[i], 0.08, *b.points[i].y[:2])
+        assert b.u_max[i] == pytest.approx(shot.u_max, rel=1e-6)
+        assert b.radius[i] == pytest.approx(max(abs(m) for m in shot.multipliers), rel=1e-3)
+
+
 @pytest.mark.parametrize("damping", ["always", "contact", "hunt-crossley"])
 @pytest.mark.parametrize("law", [PowerLaw(1.2), PowerLaw(2.5), "table"])
 def test_the_period_map_and_its_derivatives_agree_with_scipy(damping: str, law: Any) -> None:
@@ -156,6 +168,15 @@ def test_light_damping_traces_the_narrow_peak() -> None:
     peak = o.thresholds(1e-4).peaks[0]
     assert r.branches[0].a1.max() == pytest.approx(peak["a1"], rel=1e-4)
     assert r.branches[0].Omega[r.branches[0].a1.argmax()] == pytest.approx(peak["Omega"], rel=1e-5)
+
+
+def test_several_separations_per_period() -> None:
+    o = ContactOscillator(PowerLaw(1.5), zeta=0.05)
+    found = o.response(0.8, (0.11, 0.13), tol=1e-4, subharmonics=False).at(0.12)
+    paths = [(s, o.simulate(0.12, 0.8, u=s.start[0], v=s.start[1], periods=1.0)) for s in found]
+    assert max(len(path.flight) for _, path in paths) >= 2
+    for s, path in paths:
+        assert not s.stable or path.u.max() == pytest.approx(s.u_max, rel=1e-3)
 
 
 def test_table_response_follows_its_power_law_and_a_note_says_where_it_ends() -> None:
