@@ -50,7 +50,7 @@ def calls(monkeypatch: pytest.MonkeyPatch) -> list[dict[str, Any]]:
         progress.stage("solve")
         row = dict(step=1, branch="load", delta_star=1e-3, P_star=2e-6, area_fraction=0.01)
         progress.step({**row, "newton": 4, "krylov": 60, "seconds": 0.5}, 0.5)
-        fit = PowerLawFit(0.5123, 1.51234, "linear", (0.01, 0.05), 5, 0.999, (0.478, 0.549), (1.49, 1.53), 0.9, 0.95)
+        fit = PowerLawFit(0.5123, 1.51234, (0.01, 0.05), 5, 0.999, (0.478, 0.549), (1.49, 1.53))
         return types.SimpleNamespace(summary={}, fit=fit, curve=(), contact=..., dynamics=None)
 
     monkeypatch.setattr("asperity.job.run_case._run", run)
