@@ -246,7 +246,7 @@ def peer(reference: FrequencyResponse) -> list[Result]:
     return rows
 
 
-def speed(_: argparse.Namespace) -> None:
+def speed(_options: argparse.Namespace) -> None:
     """Run all methods and print the table and the ratios."""
     reference = ContactOscillator(PowerLaw(N), zeta=ZETA).response(FORCING, WINDOW, tol=1e-9)
     rows = [*ours(reference), *peer(reference)]

@@ -104,6 +104,7 @@ def test_the_rows_of_a_branch_are_those_of_its_law() -> None:
     for load, rows in ((0.3, [19, *range(20, 33)]), (0.9, [35, *range(36, 47)])):
         choice = choose(columns, "unload-reload", load)
         found = branch_rows(columns, choice)
+        assert isinstance(choice.law, TableLaw)
         assert sorted(found) == rows and np.all(np.diff(force[found]) > 0.0)
         np.testing.assert_allclose(choice.law.force(delta[found] - choice.law.origin), force[found], rtol=1e-9)
     assert branch_rows(columns, choose(columns, "table", 0.3)).tolist() == list(range(20))
