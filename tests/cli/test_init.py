@@ -84,6 +84,21 @@ def test_a_joint_is_in_the_numbers_of_the_user(tmp_path: Path, capsys: pytest.Ca
     assert init(tmp_path / "no.toml", "--Sq", "-1", "--slope", "0.1") == 2
 
 
+def test_examples_are_those_of_the_pages(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    assert init("--example", "demo") == 0 and init("--example", "scan") == 0
+    assert init("joint.toml", "--example", "joint") == 0
+    demo = Path(asp.__file__).parent.parent.parent / "cases/demo.toml"
+    assert Path("case.toml").read_text() == demo.read_text()
+    joint, given = Case.load("joint.toml"), tmp_path / "given.toml"
+    assert init(given, "--joint", "1e-5", "250", "5", "--Sq", "0.4e-6", "--slope", "0.1") == 0
+    assert joint == Case.load(given)
+    advice = capsys.readouterr().out.splitlines()[1].partition("next: asperity ")[2].split()
+    assert call(*advice, "-o", "out") == 0 and Path("out/case.toml").is_file()
+
+
 def test_a_map_is_taken_from_its_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """From where the case is, with the approach of a light load on it."""
     surface = asp.Surface.from_spec(kind="sinusoid", L=1e-4, amplitude=1e-6, dims=2)

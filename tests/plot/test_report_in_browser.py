@@ -84,7 +84,7 @@ def test_nothing_is_cut_off_and_all_pictures_are_there(chromium: Any, report: Pa
         )
         assert chromium.execute_script(CUT_OFF) == []
     assert chromium.execute_script(BROKEN) == []
-    assert chromium.execute_script("return document.querySelectorAll('img[src]').length") == 7
+    assert chromium.execute_script("return document.querySelectorAll('img[src]').length") == 8
     assert chromium.get_log("browser") == []
 
 

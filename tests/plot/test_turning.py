@@ -10,9 +10,10 @@ import matplotlib.image
 import numpy as np
 import pytest
 from made_up_run import write_run
+from PIL import Image
 
 from asperity.output.results import Results
-from asperity.plot.turning import turning_surface
+from asperity.plot.turning import growing_spots, turning_surface
 
 MOST = 300_000  # bytes that the surface may add to a page
 
@@ -33,7 +34,19 @@ def test_the_data_of_the_page_are_those_of_the_run(tmp_path: Path) -> None:
     assert "30 nm" in shown["caption"]
 
 
+def test_the_spots_grow_as_those_of_the_run(tmp_path: Path) -> None:
+    results = Results.read(write_run(tmp_path))
+    moving = Image.open(io.BytesIO(base64.b64decode(growing_spots(results) or "")))
+    pressed = (results.top["branch"] == "load") & (results.top["pressure"].max(axis=1) > 0.0)
+    assert moving.n_frames == pressed.sum()  # type: ignore[attr-defined]
+    for frame, touched in enumerate(results.top["touched"][pressed]):
+        moving.seek(frame)
+        coloured = np.ptp(np.asarray(moving.convert("RGB"), float), axis=-1) > 10.0
+        assert coloured.mean() == pytest.approx(touched.mean(), rel=0.1)
+
+
 def test_without_pressure_there_is_none(tmp_path: Path) -> None:
     folder = write_run(tmp_path)
     (folder / "fields/top.npz").unlink()
     assert turning_surface(Results.read(folder)) is None
+    assert growing_spots(Results.read(folder)) is None

@@ -71,7 +71,7 @@ def import_map(map_file: str, output: str | None, as_json: bool, **given: Any) -
 
     Levels the map, cuts a square patch, and computes its statistics, spectrum and Hurst exponent. MAP is .npz or .npy,
     text (a matrix, or lines of x, y, z), or a file of an instrument that SurfaceTopography reads. Lengths in metres.
-    OUT receives patch.npz, case.toml to start from, measured.json, surface.png and spectrum.png.
+    OUT receives patch.npz, case.toml to start from, measured.json, surface.png, abbott.png and spectrum.png.
     """
     from asperity.runtime.files import files_into
     from asperity.runtime.progress import LevelLines, Progress
@@ -162,7 +162,7 @@ def _draw(folder: Path, scan: _Scan) -> None:
     from asperity.plot import save
     from asperity.plot.fields import spectrum_figure
 
-    draw(folder, scan.surface, "m")
+    draw(folder, scan.surface, scan.patch.z, scan.iso, "m")
     save(spectrum_figure(scan.spectrum, "m", scan.affine), folder / "spectrum.png")
 
 

@@ -11,7 +11,7 @@ from typing import Any
 import click
 
 from asperity.cli import options
-from asperity.errors import InputError
+from asperity.errors import CompatError, InputError
 
 #: Values of the keys that have no default, in SI units; "file" is that of --from.
 SURFACES: dict[str, dict[str, Any]] = {
@@ -31,18 +31,20 @@ WIDTH = 34  # of "key = value"
 
 
 @click.command()
-@click.argument("file", metavar="[FILE]", default="case.toml", type=click.Path(dir_okay=False, path_type=Path))
+@click.argument("file", metavar="[FILE]", required=False, type=click.Path(dir_okay=False, path_type=Path))
 @click.option("--surface", "kind", type=click.Choice(list(SURFACES)), default="weierstrass-mandelbrot",
               show_default=True, help="Kind of surface.")  # fmt: skip
 @click.option("--from", "scan", metavar="MAP", type=click.Path(exists=True, dir_okay=False, path_type=Path),
               help="Height map instead, of kind \"file\"; import-map makes one of a raw scan.")  # fmt: skip
 @click.option("--joint", type=(float, float, float), metavar="AREA FORCE MASS",
               help="Joint with this nominal area (m²), preload (N) and vibrating mass (kg).")  # fmt: skip
+@click.option("--example", type=click.Choice(("demo", "scan", "joint")),
+              help="The case of the demo, a map as of an instrument (FILE is scan.csv then), or a joint.")  # fmt: skip
 @click.option("--Sq", "sq", type=float, metavar="LENGTH", help="Rms height of the surface (m); with --slope.")
 @click.option("--slope", type=float, metavar="SLOPE", help="Rms slope of the surface; with --Sq.")
 def init(
-    file: Path, kind: str, scan: Path | None, joint: tuple[float, float, float] | None, sq: float | None,
-    slope: float | None,
+    file: Path | None, kind: str, scan: Path | None, joint: tuple[float, float, float] | None, example: str | None,
+    sq: float | None, slope: float | None,
 ) -> None:  # fmt: skip
     """Write a commented case, ready to run.
 
@@ -53,8 +55,11 @@ def init(
     """
     from asperity.runtime.files import replace_file
 
+    file = Path("scan.csv" if example == "scan" else "case.toml") if file is None else file
     if file.exists():
         raise InputError(f"{file} exists: give another name, or remove it")
+    if example == "joint":
+        scan, joint, sq, slope = None, (1e-5, 250.0, 5.0), 0.4e-6, 0.1
     if joint is not None and not all(0.0 < value < math.inf for value in joint):
         raise InputError(f"--joint {joint}: area, force and mass must be positive")
     if (sq is None) != (slope is None) or (scan is not None and sq is not None):
@@ -64,11 +69,26 @@ def init(
             "the stiffness of a joint follows from the roughness of its faces: give their rms height and rms slope, as "
             "--Sq 0.4e-6 --slope 0.1, or a map of one with --from"
         )
-    roughness = None if sq is None or slope is None else surface_of(sq, slope)
-    text = starting_case(kind, scan, joint, file.parent, roughness)
+    advice = f"asperity check {file}"
+    if example == "scan":
+        from asperity.surface import SelfAffine
+
+        # in metres and without lengths: that of the tutorial
+        surface = SelfAffine(L=50e-6, H=0.8, rms_height=0.2e-6, lambda_short=2e-6, seed=5)
+        text = "\n".join(",".join(f"{z:.6e}" for z in row) for row in surface.grid(256).tolist()) + "\n"
+        advice = f"asperity import-map {file} --pixel 0.2e-6 --cutoff 4e-6"
+    elif example == "demo":
+        package = Path(__file__).parent.parent
+        demos = [folder / "cases/demo.toml" for folder in (package, package.parent.parent)]  # of a wheel, of a clone
+        if not any(path.is_file() for path in demos):
+            raise CompatError(f"this installation has no example: {demos[0]} is missing; install it again")
+        text = next(path for path in demos if path.is_file()).read_text(encoding="utf-8")
+    else:
+        roughness = None if sq is None or slope is None else surface_of(sq, slope)
+        text = starting_case(kind, scan, joint, file.parent, roughness)
     file.parent.mkdir(parents=True, exist_ok=True)
     replace_file(file, text.encode())
-    options.say(f"written {file}; next: asperity check {file}")
+    options.say(f"written {file}; next: {advice}")
 
 
 def starting_case(

@@ -12,13 +12,14 @@ from asperity.cli import options
 from asperity.units import quantity
 
 if TYPE_CHECKING:
+    from asperity.arrays import Array
     from asperity.surface import Surface
     from asperity.surface.iso25178 import ISO25178
 
 
 @click.command()
 @options.case_file
-@options.output("DIR", "Folder for surface.png.")
+@options.output("DIR", "Folder for surface.png and abbott.png.")
 @click.option("--to", "mesh", metavar="FILE", help="Mesh of the block, without a solve: FILE.inp (CalculiX, Abaqus), "
               ".msh, .vtk, .stl, .bdf or .unv.")  # fmt: skip
 @options.as_json
@@ -27,7 +28,7 @@ def surface(case_file: str, output: str | None, mesh: str | None, as_json: bool,
     """Show the roughness of a case's surface.
 
     Its statistics, shortest wavelength and point of first contact, and of rough ones the parameters of ISO 25178; with
-    -o also a picture.
+    -o also a picture and the Abbott curve.
     """
     from asperity.case import Case
     from asperity.surface.iso25178 import heights_of, iso25178
@@ -42,7 +43,8 @@ def surface(case_file: str, output: str | None, mesh: str | None, as_json: bool,
     rows.append(("rms curvature", f"{values['rms_curvature']:.4g} {'1/m' if metre else ''}".rstrip()))
     rows.append(("shortest wavelength", quantity(surface.feature_size, metre)))
     rows.append(("first touch x, y, z", ", ".join(quantity(value, metre) for value in surface.maximum())))
-    found = iso25178(*heights_of(surface)) if surface.rough else None
+    z, dx, dy = heights_of(surface)
+    found = iso25178(z, dx, dy) if surface.rough else None
     if as_json:
         iso = None if found is None else found.to_dict()
         touch = {"iso25178": iso, "shortest_wavelength": surface.feature_size, "first_touch": surface.maximum()}
@@ -53,7 +55,7 @@ def surface(case_file: str, output: str | None, mesh: str | None, as_json: bool,
             options.table("ISO 25178", iso_rows(found, metre))
     if output:
         Path(output).mkdir(parents=True, exist_ok=True)
-        path = draw(Path(output), surface, metre)
+        path = draw(Path(output), surface, z, found, metre)
         if not as_json:
             options.say(f"written {path}")
     if mesh:
@@ -65,10 +67,13 @@ def surface(case_file: str, output: str | None, mesh: str | None, as_json: bool,
             options.say(f"written {written}: {len(block.points)} nodes, {len(block.tets)} tetrahedra of second order")
 
 
-def draw(folder: Path, surface: Surface, metre: str) -> Path:
-    """Write a picture of a surface, and return its path."""
+def draw(folder: Path, surface: Surface, z: Array, found: ISO25178 | None, metre: str) -> Path:
+    """Write a picture of a surface, whose path is returned, and with its parameters the Abbott curve of heights."""
     from asperity.plot import save, surface_map
+    from asperity.plot.fields import abbott_figure
 
+    if found is not None:
+        save(abbott_figure(z, found, metre), folder / "abbott.png")
     return save(surface_map(surface.grid(401), surface.L, surface.maximum(), unit=metre), folder / "surface.png")
 
 

@@ -17,6 +17,7 @@ from asperity.curve.slope import fitted_rows, legs, planned_rows, slopes
 from asperity.errors import InputError
 from asperity.runtime.display import nearest
 from asperity.runtime.files import MOST_TEXT, read_whole, write_csv
+from asperity.runtime.notebook import line_picture, optional
 from asperity.runtime.text_table import decoded
 
 if TYPE_CHECKING:
@@ -246,6 +247,16 @@ class Curve:
             return self.fit()
         except InputError:
             return None
+
+    def to_pandas(self) -> Any:
+        """Data frame of the steps, a column each; needs the package pandas."""
+        frame = optional("pandas").DataFrame({name: getattr(self, name) for name in COLUMNS})
+        frame.attrs = dict(self.header)
+        return frame
+
+    def _repr_html_(self) -> str:
+        """Picture of force over approach, for a notebook."""
+        return line_picture(self.delta, self.force, f"{self!r}", "approach", "force")
 
     def write(self, path: str | Path) -> None:
         """Write a CSV file, whole or not at all, that is read back to the same bits; NaNs are empty cells."""

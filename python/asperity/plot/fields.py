@@ -1,4 +1,4 @@
-"""Figures of a surface and of its spectrum."""
+"""Figures of a surface, of its Abbott curve and of its spectrum."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ from matplotlib.figure import Figure
 from asperity.arrays import Array
 from asperity.plot import style
 from asperity.surface import Spectrum
+from asperity.surface.iso25178 import ISO25178, abbott_curve
 from asperity.surface.self_affine_fit import SelfAffineFit
 from asperity.units import prefix
 
@@ -39,6 +40,26 @@ def surface_map(heights: Array, side: float, touch: tuple[float, float, float], 
     rough = f"$S_q$ = {heights.std() * up:.3g} {up_unit}".rstrip()
     axis.annotate(rough, (1.0, 1.0), (0, 5), xycoords="axes fraction", textcoords="offset points", ha="right")
     figure.colorbar(image, ax=axis, shrink=0.9).set_label(style.label("height above the mean plane", up_unit))
+    return figure
+
+
+@style.styled
+def abbott_figure(heights: Array, found: ISO25178, unit: str = "") -> Figure:
+    """Draw heights over their material ratio, the line through the core, and Sk, Spk and Svk; `unit` of length."""
+    figure, (axis,) = style.figure(style.SINGLE, 3.4, "Abbott curve")
+    scale, name = prefix(found.Sz / 2.0, unit)
+    ratio, height = abbott_curve(heights)
+    upper, lower = np.interp([found.Smr1, found.Smr2], ratio, height)  # the ends of the line
+    axis.plot(100.0 * ratio, scale * height, color=style.BLUE)
+    axis.plot([0.0, 100.0], [scale * upper, scale * lower], "--", color=style.VERMILION, lw=1.0)
+    for end in (upper, lower):
+        axis.axhline(scale * end, color=style.GREY, lw=0.6)
+    # the peaks of the curve are at the left, its pits at the right
+    for x, base, up, label in ((70.0, upper, found.Spk, "Spk"), (2.0, lower, found.Sk, "Sk"),
+                               (2.0, lower - found.Svk, found.Svk, "Svk")):  # fmt: skip
+        axis.annotate(f"{label} = {scale * up:.3g} {name}".rstrip(), (x, scale * (base + up / 2.0)), va="center")
+    names = f"material ratio (%), Smr1 = {100 * found.Smr1:.3g}, Smr2 = {100 * found.Smr2:.3g}"
+    axis.set(xlabel=names, ylabel=style.label("height above the mean", name), xlim=(0.0, 100.0))
     return figure
 
 

@@ -18,7 +18,7 @@ from asperity.output.verdict import doubts, verdict
 from asperity.plot import CAPTIONS
 from asperity.plot.citations import publications
 from asperity.plot.style import DPI
-from asperity.plot.turning import turning_surface
+from asperity.plot.turning import growing_spots, turning_surface
 from asperity.runtime.files import replace_file
 from asperity.runtime.run_folder import FIGURES, REPORT
 from asperity.units import plus_minus, quantity
@@ -82,6 +82,7 @@ def write_report(folder: str | Path) -> Path:
         outcome=_outcome(results),
         assumptions=ledger,
         turning=turning_surface(results),
+        growing=growing_spots(results),
         figures=[_figure(path) for path in drawn],
         case=tomli_w.dumps(dict(results.case)),
         laws=_laws(results),

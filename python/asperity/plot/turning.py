@@ -1,4 +1,4 @@
-"""The loaded surface in three dimensions, as data for templates/turn.js."""
+"""The loaded surface in three dimensions, as data for templates/turn.js, and its spots as they grow."""
 
 from __future__ import annotations
 
@@ -9,15 +9,17 @@ from typing import Any
 import numpy as np
 from matplotlib import colormaps
 from matplotlib.colors import to_hex
-from matplotlib.image import imsave
+from PIL import Image
 
+from asperity.arrays import Array
 from asperity.output.results import Results
 from asperity.plot.contact import PIXELS, Raster
 from asperity.units import quantity
 
 NODES = 134  # of the shape along each side, every third pixel of the map: 48 kB
 RELIEF = 0.25  # range of the heights shown, over the side
-UNLOADED = "#B8B8B8"
+UNLOADED = 184  # grey
+MILLISECONDS = 700  # of a picture of the growing spots
 
 
 def turning_surface(results: Results) -> dict[str, Any] | None:
@@ -39,16 +41,41 @@ def turning_surface(results: Results) -> dict[str, Any] | None:
     highest = float(top["pressure"][i].max()) or 1.0  # as in the table; between the pixels
     factor = RELIEF * float(np.ptp(top["points"][:, 0])) / span
     approach = quantity(float(top["delta"][i]), results.unit("length"), 3)
-    pressure, picture = on_grid.pressure(i), io.BytesIO()
-    colours = colormaps["inferno_r"].with_extremes(bad=UNLOADED)
-    imsave(picture, np.where(pressure > 0.0, pressure, np.nan), vmin=0.0, vmax=highest, cmap=colours, format="png")
     return {
         "nodes": len(z),
         "heights": base64.b64encode(np.round((z - z.min()) / span * 65535).astype("<u2").tobytes()).decode(),
-        "colours": base64.b64encode(picture.getvalue()).decode(),
+        "colours": _png([_picture(on_grid.pressure(i), highest)]),
         "relief": RELIEF,
         "scale": ", ".join(to_hex(colour) for colour in colormaps["inferno_r"](np.linspace(0.0, 1.0, 9))),
         "highest": quantity(highest, results.unit("stress"), 3),
         "caption": f"The surface under the flat at the greatest approach, {approach}, with the contact pressure; "
         f"heights {factor:.2g} times enlarged. Drag it, or use the arrow keys.",
     }
+
+
+def growing_spots(results: Results) -> str | None:
+    """Pressure at the saved steps of the loading, one after the other: base64 of an animated PNG file.
+
+    None with fewer than two steps under pressure.
+    """
+    top = results.top
+    levels = [i for i, name in enumerate(top.get("branch", ())) if name == "load" and top["pressure"][i].max() > 0.0]
+    if len(levels) < 2:
+        return None
+    on_grid, highest = Raster(top), max(float(top["pressure"][i].max()) for i in levels)
+    frames = [_picture(on_grid.pressure(i)[::-1], highest) for i in levels]
+    palette = frames[-1].quantize(64)  # one for all frames, as the format has it
+    return _png([frame.quantize(palette=palette, dither=Image.Dither.NONE) for frame in frames])
+
+
+def _picture(pressure: Array, highest: float) -> Image.Image:
+    """Colours of a pressure, grey out of contact, the first row at the top."""
+    picture = colormaps["inferno_r"](np.nan_to_num(pressure) / highest, bytes=True)[..., :3]
+    picture[~(pressure > 0.0)] = UNLOADED
+    return Image.fromarray(picture)
+
+
+def _png(frames: list[Image.Image]) -> str:
+    file = io.BytesIO()
+    frames[0].save(file, "PNG", save_all=len(frames) > 1, append_images=frames[1:], duration=MILLISECONDS, loop=0)
+    return base64.b64encode(file.getvalue()).decode()

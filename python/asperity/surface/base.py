@@ -15,6 +15,7 @@ from numpy.typing import ArrayLike
 from asperity.arrays import Array
 from asperity.errors import AsperityWarning, InputError, warn
 from asperity.runtime.display import nearest
+from asperity.runtime.notebook import map_picture, optional
 from asperity.surface.maximum import global_maximum
 from asperity.surface.statistics import (
     SMALL_SLOPE,
@@ -226,6 +227,16 @@ class Surface(ABC):
     def psd(self, n: int = 1024, window: str = "hann") -> Spectrum:
         """Radial power spectral density of the heights; see :func:`statistics.psd`."""
         return psd(self.grid(n + 1)[:-1, :-1], self.L, window)
+
+    def to_xarray(self, n: int = 513) -> Any:
+        """Heights of an n x n grid over y and x [length]; needs the package xarray."""
+        s = np.linspace(0.0, self.L, n)
+        return optional("xarray").DataArray(self.grid(n), {"y": s, "x": s}, ("y", "x"), name="height")
+
+    def _repr_html_(self) -> str:
+        """Picture of the heights, for a notebook."""
+        z = self.grid(129)
+        return map_picture(z, f"{self.kind or type(self).__name__}, side {self.L:.4g}, Sq {z.std():.3g}")
 
     def rms_slope(self) -> float:
         """sqrt(<|grad z|^2>) over the patch (dimensionless)."""

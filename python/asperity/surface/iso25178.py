@@ -60,13 +60,18 @@ class ISO25178:
         return {name: value if value == value else None for name, value in asdict(self).items()}
 
 
+def abbott_curve(z: Array) -> tuple[Array, Array]:
+    """Material ratios 0 to 1 (n,), and the height about the mean (n,) [length] which that share of the area exceeds."""
+    ratio = np.linspace(0.0, 1.0, RATIOS)
+    return ratio, np.quantile(z - z.mean(), 1.0 - ratio)
+
+
 def core_and_ends(z: Array) -> tuple[float, float, float, float, float]:
     """Sk, Spk, Svk, Smr1 and Smr2 of heights of any shape [length], by the line through the core of the Abbott curve.
 
     Spk and Svk are heights of triangles with the area of the curve above and below the line.
     """
-    ratio = np.linspace(0.0, 1.0, RATIOS)
-    height = np.quantile(z - z.mean(), 1.0 - ratio)
+    ratio, height = abbott_curve(z)
     width = round(CORE * (RATIOS - 1))
     first = int(np.argmax(height[width:] - height[:-width]))  # the least slope, the first of equal ones
     slope, upper = np.polyfit(ratio[first : first + width + 1], height[first : first + width + 1], 1)
