@@ -7,14 +7,18 @@ from typing import Any
 
 import numpy as np
 import pytest
+import ufl
 from conftest import ELASTIC, PLASTIC, here, world
 
 from asperity.adaptive.solve_contact import solve_contact
 from asperity.curve import ELASTIC_STIFFNESSES, STIFFNESSES
+from asperity.fem.weak_form import nodal_matrix
 from asperity.mesh.block import BlockMesh
+from asperity.mesh.element import QUADRATURE_DEGREE
 from asperity.mesh.generate import build_block
 from asperity.model.material import Material
 from asperity.model.settings import Formulation, MeshSize, SolverOptions
+from asperity.quasistatic.conductance import Conductance
 from asperity.quasistatic.contact_solver import ContactSolver
 from asperity.quasistatic.make import make_contact_solver
 from asperity.quasistatic.stiffness import Stiffness, without_block
@@ -37,7 +41,7 @@ def press_of(rough: Surface, coarse: BlockMesh | None) -> Callable[..., ContactS
 
 @EACH
 def test_paraboloid(cap: Surface, formulation: Formulation) -> None:
-    """A quarter of a spot of radius a in a corner: 2 E' a, Mindlin's ratio, Holm's 4 a.
+    """A quarter of a spot of radius a in a corner: 2 E' a, Mindlin's ratio, Holm's 4 a, Barber's identity.
 
     Small spots, so that the walls matter little.
     """
@@ -52,6 +56,7 @@ def test_paraboloid(cap: Surface, formulation: Formulation) -> None:
     np.testing.assert_allclose(curve.k_n_elastic, curve.k_n, rtol=0.01)
     np.testing.assert_allclose(curve.k_t_interface / curve.k_n_interface, 2.0 * (1.0 - NU) / (2.0 - NU), rtol=0.03)
     np.testing.assert_allclose(4.0 * curve.conductance, 4.0 * a, rtol=0.02)
+    np.testing.assert_allclose(curve.conductance, 2.0 * curve.k_n_interface / E_prime, rtol=0.02)
 
 
 def test_ridges_are_softer_along_than_across() -> None:
@@ -101,6 +106,30 @@ def test_elastic_stiffness_is_the_slope_of_an_unloading(
     height = solver.contact_surface.mean(solver.solid.points[:, 2])
     interface = without_block(found["k_n_elastic"], PLASTIC.confined_modulus / height)
     assert found["k_n_interface"] == pytest.approx(interface, rel=1e-12)
+
+
+@pytest.mark.parametrize("formulation", [Formulation("penalty", penalty=100.0), Formulation("nitsche", gamma=100.0)])
+def test_stiff_springs_have_the_stiffness_of_a_factorisation(
+    press_of: Callable[..., ContactSolver], formulation: Formulation
+) -> None:
+    """The iteration starts from a rigid translation, whose energy is that of the springs, many times the result."""
+    found = []
+    for linear in ("lu", "cg"):
+        solver = press_of(ELASTIC, formulation, linear=linear)
+        solver.probes = (Stiffness(solver.solid),)
+        assert solver.step(0.03).converged
+        found.append(solver.probed)
+    assert found[1] == pytest.approx(found[0], rel=1e-4)
+
+
+def test_the_conductance_has_the_matrix_of_its_form(rough: Surface, coarse: BlockMesh) -> None:
+    solid = make_contact_solver(here(), rough, coarse, ELASTIC).solid
+    matrix = Conductance(solid)._A
+    form = nodal_matrix(solid.V, solid.sparsity, lambda u, v: ufl.inner(ufl.grad(u), ufl.grad(v)), QUADRATURE_DEGREE)
+    x, y = matrix.createVecs()
+    x.array = np.random.default_rng(1).normal(size=len(x.array))
+    matrix.mult(x, y)
+    np.testing.assert_allclose(y.array, form @ x.array, rtol=0.0, atol=1e-12 * abs(y.array).max())
 
 
 @pytest.mark.parametrize("material", [ELASTIC, PLASTIC], ids=["elastic", "plastic"])

@@ -300,8 +300,6 @@ class EnergyTest:
         if iteration == 1:
             self._first = energy
         self.left = energy * (norm / before) ** 2
-        if self.left <= ksp.atol**2:
-            return int(reasons.CONVERGED_ATOL)
         if self.left <= ksp.rtol**2 * self._first:
             return int(reasons.CONVERGED_RTOL)
         return int(reasons.ITERATING if iteration < ksp.max_it else reasons.DIVERGED_MAX_IT)

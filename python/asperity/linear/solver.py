@@ -113,7 +113,6 @@ class LinearSolver:
         rows: Integers,
         values: Floats,
         rtol: float,
-        atol: float = 0.0,
         shift: Callable[[], bool] | None = None,
     ) -> None:
         """Prepare a solve with the current values of the solid's tangent.
@@ -122,12 +121,11 @@ class LinearSolver:
             rows: owned dofs to be zero in addition to the prescribed ones, which come last
             values: of the prescribed dofs, for the last rows
             rtol: relative tolerance of the iterative solvers: CG takes the energy norm as it predicts it
-            atol: absolute one, sufficient as well
             shift: after a solve that failed, writes a tangent that is closer to a positive definite one; whether it
                 did, collective
         """
         self._rows, self._values, self._rtol, self._shift = rows, values, rtol, shift
-        self.ksp.setTolerances(rtol=rtol, atol=atol, max_it=0 if self.rescue else ITERATIONS)
+        self.ksp.setTolerances(rtol=rtol, atol=0.0, max_it=0 if self.rescue else ITERATIONS)
         if not self.rescue:
             with self._solid.phases.phase("preconditioner"):
                 self._prepare()
@@ -144,13 +142,13 @@ class LinearSolver:
         self.multigrid.update()
         self.ksp.getPC().setFailedReason(PETSc.PC.FailedReason.NOERROR)
 
-    def solve(self, r: Any, rows: Integers, values: Floats, y: Any, rtol: float, atol: float = 0.0) -> tuple[int, bool]:
+    def solve(self, r: Any, rows: Integers, values: Floats, y: Any, rtol: float) -> tuple[int, bool]:
         """Solve for y with the right side r, which stays, see `prescribe`; iterations, and whether it converged.
 
         Raises:
             ConvergenceError: there is not enough memory for the factorisation that was chosen
         """
-        self.prescribe(rows, values, rtol, atol)
+        self.prescribe(rows, values, rtol)
         with own_errors():
             self.ksp.solve(r, y)
         return self.iterations, self.solved

@@ -18,11 +18,14 @@ from asperity.curve import ELASTIC_STIFFNESSES
 from asperity.fem.solid import Solid
 from asperity.linear.matrix_free import tangent_product
 from asperity.mesh.distribute import SIDE_X, SIDE_Y
+from asperity.quasistatic.conductance import Conductance
 
 if TYPE_CHECKING:
     from asperity.quasistatic.contact_solver import ContactSolver
 
-RTOL = {True: 1e-3, False: 1e-5}  # of a symmetric tangent in the norm of energy, whose error is the square; of another
+RTOL = {True: 1e-3, False: 1e-5}  # of the start, for a symmetric tangent in the norm of energy; and for another
+LEFT = 1e-5  # error of the result for which the solution is repeated from where it ended
+PASSES = 5  # at most
 FULL = 1e-3  # part of the compliance below which that of the interface is lost in rounding and discretisation
 
 
@@ -31,6 +34,7 @@ class Stiffness:
 
     def __init__(self, solid: Solid) -> None:
         self._along = tuple(mirrored(solid, axis) for axis in (0, 1))  # dofs without displacement
+        self._conductance = Conductance(solid)
         self._height = 0.0  # of the undeformed block
 
     def __call__(self, solver: ContactSolver) -> dict[str, float]:
@@ -45,7 +49,8 @@ class Stiffness:
                 k_n_interface: k_n_elastic without the compliance h_b/(A M) of the block; absent where that is all
                     there is
                 k_t_interface: k_t without the compliance h_b/(A G), likewise
-                conductance: constriction conductance over the conductivity, of a half-space 2 k_n_interface/E' [L]
+                conductance: constriction conductance over the conductivity, without the resistance h_b/A of the block,
+                    likewise [L]
         """
         solid, contact = solver.solid, solver.contact
         nodes, material = contact.nodes(), solid.material
@@ -63,20 +68,19 @@ class Stiffness:
             tangential.append(_moved(solver, axis, np.union1d(fixed, plate), plate, False, guess)[0])
         k_t = 0.5 * sum(tangential)
         self._height = height = self._height or solver.contact_surface.mean(solid.points[:, 2])
-        interface = without_block(normal, material.block_modulus(solid.sides) / height)  # elastic like k_t and block
         found = {
             "k_n_elastic": normal,
             "k_t": k_t,
             "k_t_x": tangential[0],
-            "k_n_interface": interface,
+            "k_n_interface": without_block(normal, material.block_modulus(solid.sides) / height),  # elastic like k_t
             "k_t_interface": without_block(k_t, material.lame[1] / height),
-            "conductance": 2.0 * interface / material.reduced_modulus,
+            "conductance": without_block(self._conductance.between(nodes), 1.0 / height),
         }
         return {name: value for name, value in found.items() if value == value}
 
 
 def without_block(whole: float, block: float) -> float:
-    """Stiffness of two in series without that of the block; NaN where the block is practically all."""
+    """Stiffness or conductance of two in series without that of the block; NaN where the block is practically all."""
     left = 1.0 - whole / block
     return whole / left if left > FULL else nan
 
@@ -109,11 +113,18 @@ def _moved(
     w = (e if guess is None else guess).copy()
     w.reshape(-1)[rows] = e.reshape(-1)[rows]
     r, y = solid.vector(), solid.vector()
-    r.array = -work(w)[1]
-    if not linear.solve(r, rows.astype(np.int32), np.empty(0), y, RTOL[symmetric])[1]:
-        return nan, w
-    w = w + y.array_r.reshape(-1, 3)
-    return work(w)[0], w
+    force, image = work(w)
+    for _ in range(PASSES):
+        r.array = -image
+        if not linear.solve(r, rows.astype(np.int32), np.empty(0), y, RTOL[symmetric])[1]:
+            break
+        w, before = w + y.array_r.reshape(-1, 3), force
+        force, image = work(w)
+        # the norm of GMRES is not that of the energy: what is left is less than the correction itself
+        left = linear.left if symmetric or not linear.left else abs(force - before)
+        if left <= LEFT * abs(force):
+            return force, w
+    return nan, w
 
 
 def mirrored(solid: Solid, axis: int) -> Integers:
