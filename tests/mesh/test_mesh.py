@@ -237,6 +237,7 @@ def test_files_that_are_not_a_mesh_are_refused(coarse: BlockMesh, tmp_path: Path
         ({"side": np.array(np.nan)}, "must be finite"),
         ({"height": None}, "it has no height"),
         ({"smoothing": np.array([-1.0])}, "its smoothing should be"),
+        ({"refinements": np.array(1)}, "it is to be refined"),
     ],
 )
 def test_arrays_that_are_not_a_mesh_are_refused(
@@ -246,6 +247,14 @@ def test_arrays_that_are_not_a_mesh_are_refused(
     np.savez(tmp_path / "block.npz", **arrays)
     with pytest.raises(MeshError, match=reason):
         BlockMesh.read(tmp_path / "block.npz")
+
+
+def test_smoothing_is_finite(coarse: BlockMesh) -> None:
+    arrays = coarse.arrays() | {"smoothing": np.zeros(len(coarse.points))}
+    assert BlockMesh.from_arrays(arrays).smoothing is not None
+    arrays["smoothing"][-1] = np.inf
+    with pytest.raises(ValueError, match="its smoothing should be"):
+        BlockMesh.from_arrays(arrays)
 
 
 @pytest.mark.mpi

@@ -96,8 +96,12 @@ class BlockMesh:
             raise ValueError(f"tets names the nodes {tets.min()} to {tets.max()} of {len(points)}")
         if not (np.all(np.isfinite(points)) and 0.0 < side < np.inf and 0.0 < height < np.inf):
             raise ValueError("points, side and height must be finite, side and height positive")
+        if np.any(arrays.get("refinements", 0)):
+            raise ValueError("it is to be refined, which this version does not")
         smoothing = arrays.get("smoothing")
-        if smoothing is not None and not (smoothing.shape == (len(points),) and np.all(smoothing >= 0.0)):
+        if smoothing is not None and not (
+            smoothing.shape == (len(points),) and np.all((smoothing >= 0.0) & (smoothing < np.inf))
+        ):
             raise ValueError(f"its smoothing should be {len(points)} lengths that are not negative")
         return BlockMesh(points, tets, float(side), float(height), smoothing)
 

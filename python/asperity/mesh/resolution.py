@@ -24,7 +24,7 @@ ELEMENTS = 1.5  # per wavelength: with fewer, the difference of two meshes does 
 SHARE = 0.25  # greatest height of unresolved waves, over the approach times the tolerance
 ONE_MESH = 0.05  # error of the force accepted without a tolerance
 MOST_LOWERED = 0.5  # change of height by smoothing, over the approach, beyond which the mesh is not of this surface
-FINER = 1.2  # ratio of the sizes that are tried for one that would do
+FINER, MOST_TRIED = 1.2, 40  # ratio and number of the sizes that are tried for one that would do
 
 
 def unresolved_height(surface: Surface, h: float, delta: float) -> float:
@@ -34,17 +34,22 @@ def unresolved_height(surface: Surface, h: float, delta: float) -> float:
 
 def doubt_of_waves(surface: Surface, h: float, delta: float) -> str:
     """Text of a warning that elements of size h do not resolve the shortest waves of the surface; empty if they do."""
-    part, size, limit = unresolved_height(surface, h, delta), h, SHARE * ONE_MESH
+    part, limit = unresolved_height(surface, h, delta), SHARE * ONE_MESH
     if part <= limit:
         return ""
-    while unresolved_height(surface, size, delta) > limit:
-        size /= FINER
-    digit = 10.0 ** (floor(log10(size)) - 1)
-    size = floor(size / digit) * digit  # rounded down, so that it is another size and resolves them
-    other = f", or cut off short waves ({surface.cutoff_key})" if surface.cutoff_key else ""
+    advice = []
+    size = next(
+        (s for s in h / FINER ** np.arange(1, MOST_TRIED) if unresolved_height(surface, s, delta) <= limit), None
+    )
+    if size is not None:
+        digit = 10.0 ** (floor(log10(size)) - 1)
+        size = floor(size / digit) * digit  # rounded down, so that it is another size and resolves them
+        advice.append(f"{size:.2g} would resolve them")
+    if surface.cutoff_key:
+        advice.append(f"cut off short waves ({surface.cutoff_key})")
     return (
         f"waves shorter than {ELEMENTS:g} elements of mesh.h_contact = {h:.3g} have an rms height of {part:.2g} of the "
-        f"greatest approach, and the force may be off by about as much: {size:.2g} would resolve them{other}"
+        f"greatest approach, and the force may be off by about as much{': ' if advice else ''}{', or '.join(advice)}"
     )
 
 
