@@ -14,7 +14,7 @@ from scipy.optimize import brentq
 
 from asperity import reference as ref
 from asperity.dynamics import ContactOscillator, TableLaw
-from asperity.errors import InputError
+from asperity.errors import ConvergenceError, InputError
 from asperity.fem.tangent import Inertia
 from asperity.mesh.generate import build_block
 from asperity.model.load_path import Schedule
@@ -283,3 +283,22 @@ def test_plastic_block_dissipates_and_balances(bump: tuple[Surface, TableLaw]) -
     assert history.approach.max() > 0.015
     assert abs(drift[-1] - drift[0]) < 0.02 * supplied
     assert history.approach[-20:].min() > solver.delta  # it does not come back to where it was let go
+
+
+def test_a_step_that_fails_keeps_the_record_so_far(
+    bump: tuple[Surface, TableLaw], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    transient, _ = released(bump, 0.1, density=1e-3)
+    step = transient.step
+
+    def fussy(h: float, push: float) -> None:
+        if transient.time > 0.15:
+            raise ConvergenceError("too long")
+        step(h, push)
+
+    monkeypatch.setattr(transient, "step", fussy)
+    with pytest.raises(ConvergenceError, match="too long") as failure:
+        transient.run(0.4, 0.1)
+    history = failure.value.result
+    assert history.time == pytest.approx([0.0, 0.1, 0.2], abs=1e-12)
+    assert np.all(np.diff(history.approach) < 0.0) and history.newton > 0

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import sys
 import warnings
+from typing import Any
 
 
 class AsperityError(Exception):
@@ -29,9 +30,13 @@ class RangeError(InputError):
 
 
 class ConvergenceError(AsperityError):
-    """The solver stopped before the end of the load path; the curve up to there is kept."""
+    """The solver stopped before the end of the load path; `result`, where it is known, holds what was reached."""
 
     exit_code = 3
+
+    def __init__(self, message: str, result: Any = None) -> None:
+        super().__init__(message)
+        self.result = result
 
 
 class Interrupted(ConvergenceError):
@@ -40,10 +45,6 @@ class Interrupted(ConvergenceError):
 
 class CheckError(ConvergenceError):
     """The run ended, but its result, which `result` holds, violates a balance that every correct result satisfies."""
-
-    def __init__(self, message: str, result: object = None) -> None:
-        super().__init__(message)
-        self.result = result
 
 
 class CheckpointError(InputError):

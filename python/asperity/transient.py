@@ -209,7 +209,7 @@ class Transient:
 
         Raises:
             InputError: duration or h is not positive
-            ConvergenceError: a step does not converge
+            ConvergenceError: a step does not converge; its `result` is the record up to there
         """
         if not (h > 0.0 and duration > 0.0):
             raise InputError(f"duration = {duration!r} and h = {h!r} must be positive")
@@ -219,12 +219,19 @@ class Transient:
         rows = [self._row(supplied)]
         for _ in range(int(np.ceil(duration / h * (1.0 - 1e-12)))):
             old, was = self.plate, push(self.time)
-            self.step(h, push(self.time + h))
+            try:
+                self.step(h, push(self.time + h))
+            except ConvergenceError as failure:
+                failure.result = self._record(rows, newton)
+                raise
             supplied += (self.load + 0.5 * (was + push(self.time))) * (self.plate.x - old.x)
             supplied -= 0.5 * h * self.dashpot * (old.v**2 + self.plate.v**2)
             rows.append(self._row(supplied))
-        time, approach, velocity, force, energy, work = np.array(rows).T
-        return TimeSeries(time, approach, velocity, force, energy, work, self.solver.counts.newton - newton)
+        return self._record(rows, newton)
+
+    def _record(self, rows: list[list[float]], newton: int) -> TimeSeries:
+        """Record of rows of `_row`, after `newton` iterations before the first."""
+        return TimeSeries(*np.array(rows).T, self.solver.counts.newton - newton)
 
     def step(self, h: float, push: float) -> None:
         """Make one step `h`; the forcing at its end is `push` [E L^2]."""

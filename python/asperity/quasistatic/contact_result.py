@@ -96,8 +96,6 @@ def refuse_wrong(checks: Checks, result: object) -> None:
 
 
 class PartialResult(ConvergenceError):
-    """The load path ended early; `result` holds what was reached."""
+    """The load path ended early; `result`, a `ContactResult`, holds what was reached."""
 
-    def __init__(self, message: str, result: ContactResult) -> None:
-        super().__init__(message)
-        self.result = result
+    result: ContactResult
