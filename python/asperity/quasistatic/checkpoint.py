@@ -265,13 +265,13 @@ class Saved:
     snapshots: tuple[Mapping[str, DistributedArray], ...]  # fields of each snapshot
     block: BlockMesh | None  # the mesh
 
-    def refuse_other_columns(self, solver: ContactSolver) -> None:
-        """Refuse a solver that measures what the rows so far lack, or not what they have."""
-        now, rows = bool(solver.probes), len(self.meta["rows"])
-        if rows and now != self.meta["stiffness"]:
+    def refuse_other_columns(self, solver: ContactSolver, legs: int) -> None:
+        """Refuse a solver that measures what the rows so far lack, or not what the rest of `legs` would lack."""
+        now, before, rows = bool(solver.probes), self.meta["stiffness"], len(self.meta["rows"])
+        if rows and now != before and (now or self.meta["position"]["leg"] < legs):
             raise CheckpointError(
                 f"output.stiffness = {str(now).lower()} here, but not for the {rows} steps saved: a part of its "
-                "columns would be empty; resume as it was, or start again with --force"
+                "columns, which [slip] needs, would be empty; resume as it was, or start again with --force"
             )
 
     def restore(self, solver: ContactSolver, record: Record) -> Position:

@@ -82,7 +82,7 @@ def solve_problem(
             kernels.compile()
     record = Record(L, problem.material.E, problem.material.reduced_modulus)
     if saved is not None:
-        saved.refuse_other_columns(solver)
+        saved.refuse_other_columns(solver, len(problem.schedule.legs))
     position = None if saved is None else saved.restore(solver, record)
     if hooks.on_ready is not None:
         hooks.on_ready()
