@@ -130,7 +130,7 @@ def test_a_preconditioner_that_cannot_be_made_is_rescued(
     """And the solves after it use the preconditioner again."""
     solver = make_contact_solver(world(), rough, coarse, PLASTIC, options=SolverOptions(linear="cg"))
     with monkeypatch.context() as patch:
-        patch.setattr(PMultigrid, "_update", lambda self, renew: False)
+        patch.setattr(PMultigrid, "_update", lambda self: False)
         assert solver.step(0.01).converged
     assert solver.counts.direct == solver.counts.newton > 0 == solver.counts.krylov
     before = solver.counts.direct
@@ -172,7 +172,8 @@ def test_the_stiffest_legal_contact_converges(name: str, formulation: Formulatio
         follow(solver, Schedule(delta_max=depth, steps=1, unload_steps=1), record)
         force.append(record.curve().force.max())
         assert solver.counts.cutbacks == 0
-    assert force[0] == pytest.approx(force[1], rel=0.01)  # the error of a penalty falls with its factor
+    # the error of a penalty falls with its factor; Nitsche's method has none of the first order
+    assert force[0] == pytest.approx(force[1], rel=3e-3 if formulation.method == "nitsche" else 0.01)
 
 
 def test_steep_slopes_in_finite_strain_need_no_factorisation() -> None:
