@@ -105,7 +105,9 @@ def test_a_wrong_shape_is_refused(small: dict[str, Call]) -> None:
                     again(call, key, spoilt)
                     taken.add((call[0], key, spoilt.ndim - value.ndim))
                 except ValueError as error:
-                    assert re.search(r"has shape \(.*\), expected \(|has entries from .*, expected", str(error))
+                    assert re.search(
+                        r"^\w+ has shape \(.*\), expected \(|^\w+ has entries from .*, expected", str(error)
+                    )
     assert taken == LEGAL
 
 
@@ -113,7 +115,7 @@ def test_objects_of_other_cells_are_refused(small: dict[str, Call]) -> None:
     other = recorded(2)
     for at, call in small.items():
         for key, value in enumerate(call[1]):
-            if isinstance(value, _solver.BlockPattern | _solver.HalfPattern | _solver.ContactLaw):
+            if isinstance(value, _solver.History | _solver.BlockPattern | _solver.HalfPattern | _solver.ContactLaw):
                 with pytest.raises(ValueError, match="expected"):
                     again(call, key, other[at][1][key])
 
@@ -123,12 +125,20 @@ def test_numbers_outside_their_range_are_refused(small: dict[str, Call]) -> None
     for call in small.values():
         for key, value in arrays(call):
             if call[0][0].isupper() and value.dtype == np.int32 and value.ndim == (1 if key == 3 else 2):
-                changed = value.copy()
-                changed.flat[-1] = -1
-                with pytest.raises(ValueError, match="has entries from -1 to"):
-                    again(call, key, changed)
-                tried += 1
-    assert tried >= 7
+                points = call[0] in ("Cells", "Facets") and key == 2  # whose number nothing tells there
+                for wrong in (-1,) if points else (-1, 9999):
+                    changed = value.copy()
+                    changed.flat[-1] = wrong
+                    with pytest.raises(ValueError, match=rf"^\w+ has entries from .*{wrong}\b"):
+                        again(call, key, changed)
+                    tried += 1
+    assert tried >= 12
+
+
+def test_the_array_is_named(small: dict[str, Call]) -> None:
+    (call,) = [call for call in small.values() if call[0] == "residual"][:1]
+    with pytest.raises(ValueError, match=r"^u has shape \(7, 3\), expected \(at least \d+, 3\)$"):
+        again(call, 3, np.zeros((7, 3)))
 
 
 def test_a_graph_without_the_nodes_of_a_cell_is_refused(small: dict[str, Call]) -> None:

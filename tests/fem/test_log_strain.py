@@ -196,3 +196,21 @@ def test_areas_are_those_of_the_deformed_top(rough: Surface, coarse: BlockMesh) 
         assert (whole.value, whole.error) == (pytest.approx(expected * surface.area.sum()), 0.0)
         pressure = surface.pressure(surface.bearing_area())[np.unique(surface.nodes[:, :3])]
         np.testing.assert_allclose(pressure, 1.0 / expected, rtol=1e-12)
+
+
+@pytest.mark.parametrize("method", ["active-set", "nitsche"])
+def test_a_step_too_large_is_rolled_back_and_cut(rough: Surface, coarse: BlockMesh | None, method: str) -> None:
+    """A solve that begins inside out fails before it touches anything, and the path goes on from there."""
+    solver = press_of(rough, coarse, PLASTIC, method)
+    assert solver.step(0.002).converged
+    u, force = solver.solid.u.x.array.copy(), solver.force
+    history = solver.solid.kernels.history().copy()
+    bad = 5.0 * np.random.default_rng(7).normal(size=(solver.solid.owned, 3))
+    stats = solver.newton.solve(bad, 1.0)
+    assert not stats.converged and stats.newton == 0 and stats.reason.startswith("diverged_f")
+    solver.roll_back()
+    np.testing.assert_array_equal(solver.solid.u.x.array, u)
+    assert solver.force == force
+    for name, values in solver.solid.kernels.history().arrays().items():
+        np.testing.assert_array_equal(values, history.arrays()[name])
+    assert solver.step(0.004).converged

@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Any
 
 import bad_inputs
+
+from asperity.curve import Curve
 
 Keys = dict[str, Any]
 
@@ -80,6 +83,7 @@ class Scene:
         reason: text that the message of a refusal or stop must contain
         depth: delta_max over the height of the summit above the mean plane
         twin: second solution to compare the curve with
+        claim: theoretical property of the curve; a sentence of what does not hold
         map: heights of a surface of kind "file"
         fast: whether the scene is in the short suite
     """
@@ -91,5 +95,6 @@ class Scene:
     reason: str = ""
     depth: float | None = None
     twin: Twin | None = None
+    claim: Callable[[Curve], str] | None = None
     map: bad_inputs.Map | None = None
     fast: bool = False

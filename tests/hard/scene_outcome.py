@@ -50,6 +50,8 @@ def run_scene(scene: Scene) -> Outcome:
     with tempfile.TemporaryDirectory(prefix="asperity-") as place, warnings.catch_warnings():
         warnings.simplefilter("ignore")
         one = _run(scene, scene.keys, scene.map, Path(place) / "scene")
+        if scene.claim is not None and one.curve is not None and (said := scene.claim(one.curve)):
+            one.faults.append(said)
         if scene.twin is not None and one.curve is not None:
             twin = _run(scene, {**scene.keys, **scene.twin.keys}, scene.twin.map or scene.map, Path(place) / "twin")
             holds, text = _compare(scene, one, twin)

@@ -10,6 +10,7 @@ from __future__ import annotations
 from math import pi
 
 import bad_inputs
+import claims
 import grids
 import mechanics
 from scene_definition import DIRECT, ELASTIC, FILE, FLAT, PENALTY, L, Scene, Twin, sphere, wave
@@ -34,6 +35,7 @@ SCENES: tuple[Scene, ...] = (
         "elastic wave pressed to nearly full contact",
         wave(0.01, 1) | ELASTIC | {"loading.steps": 10},
         depth=3.56,
+        claim=claims.nearly_full,
         fast=True,
     ),
     Scene(
@@ -41,12 +43,14 @@ SCENES: tuple[Scene, ...] = (
         "elastic egg-box pressed to nearly full contact",
         wave(0.01) | ELASTIC | {"loading.steps": 10},
         depth=4.6,
+        claim=claims.nearly_full,
     ),
     Scene(
         "full/plastic",
         "soft plastic wave pressed to nearly full contact, and released",
         wave(0.01) | {"material.yield_strength": 2e8, "loading.unload": True},
         depth=2.6,
+        claim=claims.nearly_full,
     ),
     Scene(
         "full/beyond",
@@ -59,6 +63,7 @@ SCENES: tuple[Scene, ...] = (
         "touch/one-point",
         "sphere of R = L touched at one point, lifted off",
         sphere(1.0) | ELASTIC | {"mesh.h_contact": 4e-3 * L, "loading.delta_max": 1e-4 * L, "loading.unload": True},
+        claim=claims.hertz,
         fast=True,
     ),
     Scene(

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from conftest import world
+from conftest import ELASTIC, world
 from scipy import sparse
 
 from asperity import _solver
@@ -15,6 +15,9 @@ from asperity.linear import coarse as coarse_problem
 from asperity.linear.coarse import Distributed, Factors, Substructures, interface_of, make_coarse
 from asperity.mesh.block import BlockMesh
 from asperity.mesh.distribute import distribute
+from asperity.model.settings import SolverOptions
+from asperity.quasistatic.make import make_contact_solver
+from asperity.surface import Surface
 
 pytestmark = pytest.mark.skipif(not hasattr(_solver, "Cholesky"), reason="built without CHOLMOD")
 
@@ -90,6 +93,14 @@ def test_arrays_of_another_shape_are_refused() -> None:
             call(np.zeros(shape, dtype=np.float32))
     with pytest.raises(ValueError, match="more rows than"):
         factors.last_block(np.zeros((37, 37), dtype=np.float32))
+    for change, words in (({0: 36}, "order has entries from 1 to 36"), ({0: 1}, "CHOLMOD|twice|order")):
+        order = np.arange(36, dtype=np.int32)
+        order[list(change)] = list(change.values())
+        with pytest.raises((ValueError, RuntimeError), match=words):
+            _solver.Cholesky(pattern.rows, pattern.columns, order)
+    for call in (_solver.Cholesky, _solver.Cholesky.best_order):
+        with pytest.raises(ValueError, match="order has shape"):
+            call(pattern.rows, pattern.columns, np.arange(35, dtype=np.int32))
 
 
 @pytest.mark.mpi
@@ -154,3 +165,19 @@ def test_way_to_solve_the_coarse_problem(coarse: BlockMesh | None, monkeypatch: 
         assert kind() is Distributed
     monkeypatch.delattr(_solver, "Cholesky")
     assert kind() is Distributed
+
+
+@pytest.mark.mpi
+def test_a_path_without_cholmod_is_the_usual_one(
+    rough: Surface, coarse: BlockMesh | None, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Force as with it, and no rescue."""
+    options = SolverOptions(linear="cg")
+    usual = make_contact_solver(world(), rough, coarse, ELASTIC, options=options)
+    monkeypatch.delattr(_solver, "Cholesky")
+    without = make_contact_solver(world(), rough, coarse, ELASTIC, options=options)
+    for solver in (usual, without):
+        for delta in (0.01, 0.02, 0.015):
+            assert solver.step(delta).converged
+        assert solver.counts.direct == 0
+    assert without.force == pytest.approx(usual.force, rel=1e-6)
