@@ -148,3 +148,6 @@ def test_a_mark_of_missing_heights_is_named_or_denied(tmp_path: Path, name: str)
         HeightField.read(tmp_path / name, pixel=1.0)
     assert HeightField.read(tmp_path / name, pixel=1.0, missing=-32768.0).missing == 1 / Z.size
     assert HeightField.read(tmp_path / name, pixel=1.0, missing=np.nan).z[3, 4] == -32768.0
+    for missing, marks in ((0.0, "0 and -32768"), (-9999.0, "-9999 and -32768")):  # none is left as a height
+        with pytest.raises(InputError, match=f"heights of {marks} may all stand for missing ones: write NaN"):
+            HeightField.read(tmp_path / name, pixel=1.0, missing=missing)

@@ -58,7 +58,7 @@ def _pixel(text: str) -> tuple[float, float]:
 @click.option("--unit", metavar="UNIT",
               help=f"Of lengths whose unit the file does not name: {', '.join(filter(str.isascii, LENGTHS))}, or a "
               "number of metres; default m.")  # fmt: skip
-@click.option("--channel", metavar="NAME", help="Of the file of an instrument, or its number; default the heights.")
+@click.option("--channel", metavar="NAME", help="Of the file of an instrument, or its number; default its reader's.")
 @click.option("--array", metavar="NAME", help="Of the heights in an .npz file; default z, or the only map.")
 @click.option("--missing", type=float, metavar="VALUE", help="Value in the file that stands for a missing height.")
 @click.option("--level", type=click.Choice(["mean", "plane", "curvature"]), default="plane", show_default=True,

@@ -30,7 +30,7 @@ EDGE = 1e-3
 FLAT = 1e-12  # depth over the side below which a surface is a plane: that of round-off
 
 _SMALLEST, _LARGEST = 1e-50, 1e50  # lengths
-_GRID = 1009  # nodes per side for statistics, out of step with those of a map
+_GRID = 1010  # nodes per side for statistics: 1009 intervals, a prime, are out of step with those of any other map
 _CELLS, _POINTS = (128, 1024), 4  # of the rule for the mean height: cells along a side, points in a cell
 _STEEPNESS, _LONG = 16, 1e6  # exponent in `short_wave_share`, and ratio of lengths beyond which that is zero
 

@@ -48,7 +48,12 @@ class Heights:
 
 def without_marks(z: Array, missing: float | None) -> Array:
     """Heights with NaN in place of the mark of missing ones (unit of the file); ValueError where that is not given."""
-    if missing is None and (found := [mark for mark in MARKS if (z == mark).any()]):
+    denied = missing is not None and np.isnan(missing)
+    found = [] if denied else [mark for mark in MARKS if mark != missing and (z == mark).any()]
+    if found and (missing is not None or len(found) > 1):
+        marks = " and ".join(f"{mark:g}" for mark in ([] if missing is None else [missing]) + found)
+        raise ValueError(f"heights of {marks} may all stand for missing ones: write NaN in their place into the file")
+    if found:
         raise ValueError(
             f"heights of {found[0]:g} usually stand for missing ones: say so (import-map --missing {found[0]:g}), or "
             "that they are heights (--missing nan)"
