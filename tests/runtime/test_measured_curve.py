@@ -40,6 +40,7 @@ def numbers(path: Path) -> tuple[float, float, tuple[str, ...]]:
         (CLEAN.replace("\n", "\n,\n"), ""),
         ("delta;force\n" + text(ROWS, ";", ","), ""),
         ("Weg [µm]\tKraft [N]\n" + text(((1e6 * d, f) for d, f in ROWS), "\t", ","), "metres and newtons"),
+        (CLEAN.replace(",", " , "), ""),
         ("# press 7, 2026-11-26\nz (nm); F (mN)\n" + text(((1e9 * d, 1e3 * f) for d, f in ROWS), ";"), "read as delta"),
         ("delta,force\nmm,kN\n" + text((1e3 * d, 1e-3 * f) for d, f in ROWS), "metres and newtons"),
         ("time,delta_um,force_N\n" + text((3.0, 1e6 * d, f) for d, f in ROWS), "metres and newtons"),
@@ -58,6 +59,13 @@ def test_a_measured_curve_keeps_its_law_and_its_bar(tmp_path: Path, content: str
     again, bar, notes = numbers(tmp_path / "a.csv")
     assert (again, bar) == pytest.approx((k, half), rel=1e-5) and k == pytest.approx(240e6, rel=1e-3)
     assert not note or any(note in one for one in notes)
+
+
+@pytest.mark.parametrize("separator", [" ", "   ", "\t", ";"])
+def test_decimal_commas_in_two_columns(tmp_path: Path, separator: str) -> None:
+    (tmp_path / "a.csv").write_text(f"Weg[um]{separator}Kraft[N]\n" + text([(1.5, 2.5), (2.5, 7.0)], separator, ","))
+    found = CurveColumns.of(tmp_path / "a.csv")
+    assert found.delta == pytest.approx([1.5e-6, 2.5e-6]) and found.force.tolist() == [2.5, 7.0]
 
 
 def test_an_unloading_without_a_column_is_one(tmp_path: Path) -> None:

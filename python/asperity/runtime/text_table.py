@@ -178,6 +178,9 @@ def _numeric(line: str, separator: str | None, least: int) -> int:
     """Number of cells of a line, most of them numbers; 0 if it has too few or other ones."""
     if separator is not None and separator not in line:
         return 0
+    words = line.split()
+    if separator == "," and len(words) > 1 and all(is_number(word) and word == word.strip(",") for word in words):
+        return 0  # white space separates numbers with decimal commas
     cells = split(line, separator)
     filled = [cell for cell in cells if cell.lower() not in BLANK]
     return len(cells) if len(cells) >= least and len(filled) > 2 * sum(not is_number(cell) for cell in filled) else 0
