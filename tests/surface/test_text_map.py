@@ -139,6 +139,31 @@ def test_a_plane_has_no_coordinates(tmp_path: Path) -> None:
     np.testing.assert_allclose(HeightField.read(tmp_path / "a.txt", pixel=1.0).z, plane)
 
 
+@pytest.mark.parametrize("corner", [0.0, 77.0, np.nan])
+@pytest.mark.parametrize("profile", [0.01 * np.arange(12.0), 0.3 * np.abs(np.arange(12.0) - 5.0)], ids=["flat", "ramp"])
+def test_coordinates_beside_heights_in_equal_steps_are_refused(
+    tmp_path: Path, corner: float, profile: np.ndarray
+) -> None:
+    """A tilted flat, and a standard with ramps: with coordinates of rows, of columns and of both."""
+    heights = np.add.outer(0.02 * np.arange(10.0), profile)
+    rows = np.column_stack([STEP * np.arange(10.0), heights])
+    columns = np.vstack([STEP * np.arange(12.0), heights])
+    both = np.vstack([np.append(corner, columns[0]), rows])
+    for table in (both, rows, columns, both.T, rows.T, columns.T):
+        np.savetxt(tmp_path / "a.txt", table)
+        with pytest.raises(InputError, match=r"may be coordinates or heights|looks like coordinates"):
+            HeightField.read(tmp_path / "a.txt", pixel=1.0)
+    np.savetxt(tmp_path / "a.txt", heights)
+    np.testing.assert_allclose(HeightField.read(tmp_path / "a.txt", pixel=1.0).z, heights)
+
+
+def test_one_rising_edge_beside_a_blank_corner_is_refused(tmp_path: Path) -> None:
+    for z in (with_coordinates("", Z[0], Y**2), with_coordinates("", X**2, Z[:, 0])):
+        (tmp_path / "a.csv").write_text(z)
+        with pytest.raises(InputError, match="may be coordinates or heights: write heights only"):
+            HeightField.read(tmp_path / "a.csv", pixel=1.0)
+
+
 @pytest.mark.parametrize("name", ["a.npy", "a.csv"])
 def test_a_mark_of_missing_heights_is_named_or_denied(tmp_path: Path, name: str) -> None:
     z = np.where(Z == Z[3, 4], -32768.0, Z)

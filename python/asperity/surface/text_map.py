@@ -101,15 +101,27 @@ def _refuse_header(header: list[tuple[int, str]], unit: float | None) -> None:
 
 
 def _refuse_coordinates(table: Array) -> None:
-    """Refuse a matrix whose first row or column is no row or column of heights."""
-    edges = {"column": table[1:, :2].T, "row": table[:2, 1:]}
-    both = all(_rises(edge[0]) for edge in edges.values()) and not any(map(_rises, table[1::7, 1:]))
-    for name, (edge, following) in edges.items():
-        if both or (_in_equal_steps(edge) and not _in_equal_steps(following)):
-            raise ValueError(
-                f"the first {name}, {edge[0]:g}, {edge[1]:g}, {edge[2]:g} ..., looks like coordinates or an index: "
-                "leave it out and give the distance between heights (--pixel), or write lines of x, y, z"
-            )
+    """Refuse a matrix whose first row or column is, or may be, no row or column of heights."""
+    both = all(map(_rises, (table[1:, 0], table[0, 1:]))) and not any(map(_rises, table[1::7, 1:]))
+    for name, lines in (("column", table.T), ("row", table)):
+        edge, following = lines[0, 1:], lines[1, 1:]
+        straight, plane = _in_equal_steps(edge), _in_equal_steps(following)
+        if both or (straight and not plane):
+            found = "looks like coordinates or an index"
+        elif (np.isnan(table[0, 0]) and _rises(edge)) or (straight and not _continues(lines)):
+            found = "may be coordinates or heights"
+        else:
+            continue
+        raise ValueError(
+            f"the first {name}, {edge[0]:g}, {edge[1]:g}, {edge[2]:g} ..., {found}: write heights only and give the "
+            "distance between them (--pixel), or lines of x, y, z"
+        )
+
+
+def _continues(lines: Array) -> bool:
+    """Whether the first line is in equal steps from its first value on, which are those of the next one."""
+    steps = np.diff(lines[:2, [0, -1]]).ravel()
+    return _in_equal_steps(lines[0]) and bool(abs(steps[1] - steps[0]) <= STRAIGHT * abs(steps[0]))
 
 
 def _in_equal_steps(values: Array) -> bool:
