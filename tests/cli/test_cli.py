@@ -159,7 +159,7 @@ def test_failures_have_their_exit_codes(
 @pytest.mark.parametrize(
     ("environment", "words", "code"),
     [
-        ({"HOME": None}, (), 0),
+        ({"HOME": None}, ("-v",), 0),
         ({"HOME": ""}, ("--ranks", "2"), 0),
         ({"PYTHONWARNINGS": "error"}, ("--set", "contact.penalty=20.0"), 0),  # which a run warns of
         ({"PYTHONIOENCODING": "ascii", "PYTHONUTF8": "0"}, (), 0),
@@ -185,6 +185,7 @@ def test_an_odd_environment_or_argument_is_no_error_or_one_line(
     rest = [line for line in errors if not line.startswith("warning: ")]
     assert len(rest) == (code != 0) and all(line.startswith("error: ") for line in rest)
     assert (tmp_path / "out").exists() == (code == 0)
+    assert (b" step 1, branch load, " in done.stdout) == ("-v" in words)  # the lines of the log
 
 
 def test_compare_finds_what_differs(cli: Cli, tmp_path: Path) -> None:

@@ -60,16 +60,6 @@ def test_steps_must_correspond():
     assert (branch.column, branch.row) == ("rows", 1)
 
 
-def test_the_exit_code_says_whether_curves_agree(tmp_path: Path) -> None:
-    kept, other = tmp_path / "kept.csv", tmp_path / "curve.csv"
-    make_curve(tolerances={"force": 0.02}).write(kept)
-    change(make_curve(), 2, delta=1.0).write(other)
-    assert call("compare", tmp_path, kept) == 0  # with the tolerance of the reference
-    assert call("compare", kept, tmp_path) == 1
-    for tolerance, code in (("force=1e-9", 0), ("delta=1e-9", 1), ("forces=1", 2), ("force", 2), ("force=-1", 2)):
-        assert call("compare", tmp_path, kept, "--rtol", tolerance) == code
-
-
 BAD: tuple[Any, ...] = (
     {"force": -1.0}, {"forces": 1.0}, {"branch": 1.0}, {"force": "1"}, {"force": None}, ["force"], 1e-6, {},
     {"force": math.inf}, {"force": math.nan},

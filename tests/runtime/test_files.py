@@ -12,8 +12,11 @@ from zipfile import ZIP_DEFLATED, ZipFile
 import numpy as np
 import pytest
 from conftest import call
+from made_up_run import write_run
 
 from asperity.dynamics import Dynamics, PowerLaw, run_dynamics
+from asperity.plot import plot_run
+from asperity.plot.report import write_report
 from asperity.runtime.files import files_into, is_aside, read_npz, remove_asides, replacing
 from asperity.study import Study
 from asperity.study.run import write_table
@@ -85,6 +88,17 @@ def killer(victim: str) -> Callable[[Path, Path], Path]:
         return rename(path, target)
 
     return replace
+
+
+def test_a_report_and_its_pictures_are_whole_or_absent(tmp_path: Path) -> None:
+    folder = write_run(tmp_path / "run")
+    for victim, write in (("figures/curve.svg", plot_run), ("report.html", write_report)):
+        with pytest.MonkeyPatch.context() as monkeypatch, pytest.raises(Killed):
+            monkeypatch.setattr(Path, "replace", killer(Path(victim).name))
+            write(folder)
+        assert not (folder / victim).exists()
+        write(folder)
+    assert (folder / "figures/curve.svg").read_bytes().rstrip().endswith(b"</svg>")
 
 
 def test_two_processes_of_one_number_write_at_once(tmp_path: Path) -> None:

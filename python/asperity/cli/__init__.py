@@ -25,7 +25,7 @@ from asperity.version import __version__
 
 #: Module of each command, which is imported when it is used.
 COMMANDS = {
-    "check": "check", "compare": "results", "dynamics": "dynamics", "export": "results",
+    "baseline": "results", "check": "check", "compare": "results", "dynamics": "dynamics", "export": "results",
     "import-map": "import_map", "init": "init", "keys": "init", "plot": "results", "report": "results", "run": "run",
     "study": "study", "surface": "surface", "verify": "verify",
 }  # fmt: skip

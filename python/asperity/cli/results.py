@@ -1,4 +1,4 @@
-"""What is made of a finished run: `asperity plot`, `report`, `export` and `compare`."""
+"""What is made of a finished run: `asperity plot`, `report`, `export`, `baseline` and `compare`."""
 
 from __future__ import annotations
 
@@ -61,6 +61,23 @@ def export(folder: str, to: str, output: str | None, **settings: Any) -> None:
     from asperity.output import export as exporting
 
     options.say(f"written {exporting.export(folder, to, output, **settings)}")
+
+
+@click.command()
+@options.case_file
+@options.run_folder
+@click.argument("file", metavar="FILE", type=click.Path(dir_okay=False, path_type=Path))
+@options.tolerances
+def baseline(case_file: str, folder: str, file: Path, tolerances: dict[str, float] | None) -> None:
+    """Store the curve of a run as a reference.
+
+    FILE receives the curve of the finished run OUT of CASE.toml, for `asperity compare`.
+    A JSON header holds case, mesh, seed, steps, versions, the tolerance of each column, and the commands that made it.
+    """
+    from asperity.output.comparison import store_curve
+
+    curve = store_curve(case_file, folder, file, tolerances)
+    options.say(f"written {file} ({len(curve)} steps)")
 
 
 @click.command()

@@ -226,7 +226,7 @@ def _inertia(run: Evidence) -> Iterator[Assumption]:
         eta = radiation_loss(run.vibration.stiffness, omega, E=solid.E, nu=solid.nu, density=run.density)
         yield Assumption(
             "inertia: damping ratio by radiation", 0.5 * eta, NEGLIGIBLE * damping, "",
-            "Miller & Pursey, Proc. R. Soc. Lond. A 223 (1954) 521", "a damping ratio greater by the value",
+            "Lysmer & Richart, J. Soil Mech. Found. Div. ASCE 92 (1966) 65", "a damping ratio greater by the value",
             f"the model has {damping:.3g}; a block on a rigid base radiates less than the half-space",
         )  # fmt: skip
 

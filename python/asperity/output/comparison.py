@@ -1,16 +1,20 @@
-"""Comparison of a curve with a reference, with a tolerance per column."""
+"""Reference curves: stored with case, mesh and versions, and compared with a tolerance per column."""
 
 from __future__ import annotations
 
 import math
+import os
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from asperity.case import Case
 from asperity.curve import COLUMNS, Curve
 from asperity.errors import InputError
+from asperity.output.results import Results
 from asperity.runtime.display import show
 
 #: Relative tolerances of compare_curves; other columns are not compared.
@@ -23,6 +27,45 @@ TOLERANCES: Mapping[str, float] = {
     "plastic_fraction": 1e-3,
     "max_plastic_strain": 1e-3,
 }
+
+
+def store_curve(
+    case_file: str | Path, folder: str | Path, file: str | Path, tolerances: Mapping[str, float] | None = None
+) -> Curve:
+    """Write the curve of a finished run as a reference for `compare_curves`; its header records how it was computed.
+
+    Args:
+        case_file: case of the run; the header contains its path relative to `file`
+        folder: of the run
+        file: CSV file to write
+        tolerances: relative, by column; default TOLERANCES
+
+    Raises:
+        InputError: the folder contains no finished run of this case, or a tolerance is illegal
+    """
+    case, folder, file = Case.load(case_file), Path(folder), Path(file)
+    results = Results.read(folder)
+    if not results.summary.get("finished"):
+        raise InputError(f"{folder}: the run is not finished, a reference must be")
+    if results.summary.get("case_hash") != case.hash():
+        raise InputError(f"{folder} is not a run of {case_file}: run it again, or give {folder / 'case.toml'}")
+    place, mesh = file.resolve().parent, case.to_dict()["mesh"]
+    if case.mesh.file is not None:  # no element size was used
+        mesh = {"file": os.path.relpath(case.mesh.file, place)}
+    name = os.path.relpath(case_file, place)
+    header = {
+        "case": name,
+        "command": f"asperity run {name} -o OUT && asperity baseline {name} OUT {file.name}",
+        "mesh": {key: results.summary[key] for key in ("cells", "dofs")}
+        | {key: value for key, value in mesh.items() if value is not None},
+        "seed": results.summary["seed"],
+        "steps": len(results.curve),
+        "tolerances": _checked(TOLERANCES if tolerances is None else tolerances),
+        "versions": results.summary["versions"],
+    }
+    curve = replace(results.curve, header=header)
+    curve.write(file)
+    return curve
 
 
 @dataclass(frozen=True)
