@@ -63,9 +63,9 @@ def test_a_measured_curve_keeps_its_law_and_its_bar(tmp_path: Path, content: str
 
 @pytest.mark.parametrize("separator", [" ", "   ", "\t", ";"])
 def test_decimal_commas_in_two_columns(tmp_path: Path, separator: str) -> None:
-    (tmp_path / "a.csv").write_text(f"Weg[um]{separator}Kraft[N]\n" + text([(1.5, 2.5), (2.5, 7.0)], separator, ","))
+    (tmp_path / "a.csv").write_text(f"Weg[um]{separator}Kraft[N]\n" + text([(1.5, 2.5), (2.5, 7.5)], separator, ","))
     found = CurveColumns.of(tmp_path / "a.csv")
-    assert found.delta == pytest.approx([1.5e-6, 2.5e-6]) and found.force.tolist() == [2.5, 7.0]
+    assert found.delta == pytest.approx([1.5e-6, 2.5e-6]) and found.force.tolist() == [2.5, 7.5]
 
 
 def test_an_unloading_without_a_column_is_one(tmp_path: Path) -> None:
