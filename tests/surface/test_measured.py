@@ -140,6 +140,9 @@ def test_instrument_files_are_read_by_surfacetopography(tmp_path: Path, monkeypa
     np.testing.assert_array_equal(HeightField.read(tmp_path / "scan.txt", channel="1").z, read.z)
 
     channels[:] = [channel("Amplitude", 0), channel("Height", 1), channel("Phase\n", 2)]
+    reader.default_channel = channels[0]
+    with pytest.raises(InputError, match="default channel 'Amplitude' may be no heights, as 'Height' may be: choose"):
+        HeightField.read(tmp_path / "scan.sur")
     reader.default_channel = channels[1]
     for wanted, index, name in ((None, 1, "Height"), ("Phase", 2, "Phase"), ("1", 0, "Amplitude")):
         read = HeightField.read(tmp_path / "scan.sur", channel=wanted)
@@ -161,6 +164,11 @@ def test_instrument_files_are_read_by_surfacetopography(tmp_path: Path, monkeypa
             HeightField.read(tmp_path / "scan.sur")
         monkeypatch.setattr(package, "open_topography", lambda path: reader)
     monkeypatch.setattr(reader, "topography", topography)
+    monkeypatch.setattr(Topography, "pixel_size", (0.31, 0.31))  # the unit of the format was a guess
+    channels[1].nb_grid_pts = (512, 512)
+    with pytest.raises(InputError, match="159 m wide: the reader mistakes its unit"):
+        HeightField.read(tmp_path / "scan.sur")
+    channels[1].nb_grid_pts = (10, 8)
     channels[1].physical_sizes = None
     with pytest.raises(InputError, match="without lengths, as channel 'Height' of 10 x 8 heights by SimpleNamespace"):
         HeightField.read(tmp_path / "scan.sur")

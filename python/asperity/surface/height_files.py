@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import logging
 import math
+import re
 import warnings
 from contextlib import redirect_stdout, suppress
 from pathlib import Path
@@ -20,6 +21,8 @@ from asperity.units import LENGTHS
 TEXT = (".csv", ".txt", ".dat", ".tsv", ".asc", ".xyz")
 PLAIN = (".npz", ".npy", *TEXT)
 REGULAR = 1e-6  # relative difference of steps, or of sides, that were rounded
+WIDEST = 1.0  # side of a map of an instrument that is believed [m]
+_HEIGHT = re.compile(r"height|topograph|h(ö|oe)he|zsensor|^z\b", re.IGNORECASE)  # name of a channel
 UNEQUAL = "{} x {} heights on a side L would have different distances along x and y"
 MOST_READ = 400_000_000  # heights of a file, 3.2 GB; the largest instruments have 1e8
 
@@ -193,6 +196,12 @@ def _of_reader(
         raise InputError(f"{path} does not give the unit of its lengths: give it (--unit)")
     in_metres, factor = (topography, unit) if topography.unit is None and unit else (topography.to_unit("m"), 1.0)
     dx, dy = (factor * float(p) for p in in_metres.pixel_size)
+    side = max(n * step for n, step in zip(grid, (dx, dy), strict=True))
+    if not 0.0 < side < WIDEST:
+        raise InputError(
+            f"{path} is read as {seen}, {side:.3g} m wide: the reader mistakes its unit or its format; export the map "
+            "as .npz, .gwy or text"
+        )
     z = np.ma.filled(np.ma.masked_invalid(np.ma.asarray(in_metres.heights(), dtype=float)), np.nan)
     return Heights(factor * np.asarray(z).T, dx, dy, name, notes)  # its first index is x
 
@@ -217,6 +226,12 @@ def _channel(path: Path, reader: Any, wanted: str | None, who: str) -> tuple[Any
     else:
         own, more = reader.default_channel, ": --channel chooses another"
         at = next((i for i, one in enumerate(channels) if one is own or one.index == own.index), 0)
+        maps = [i for i, one in enumerate(channels) if one.dim == 2 and _HEIGHT.search(names[i])]
+        if maps and not _HEIGHT.search(names[at]):
+            raise InputError(
+                f"{path}: the default channel {names[at]!r} may be no heights, as {names[maps[0]]!r} may be: choose "
+                f"with --channel a name or a number of {listed}"
+            )
     return channels[at], names[at] if len(channels) > 1 else "", (f"channel {numbered[at]} of {listed}{more}",)
 
 
