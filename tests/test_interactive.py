@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 import os
 import subprocess
 import sys
@@ -144,3 +145,10 @@ def test_the_shell_completes_commands_and_options() -> None:
         environ = {**os.environ, "_ASPERITY_COMPLETE": "bash_complete", "COMP_WORDS": words, "COMP_CWORD": count}
         done = subprocess.run([sys.executable, "-c", MAIN], env=environ, capture_output=True, text=True, timeout=60)
         assert expected in done.stdout.split(), done.stderr
+
+
+def test_json_has_no_numbers_that_are_not_finite(capsys: pytest.CaptureFixture[str]) -> None:
+    from asperity.cli import options
+
+    options.print_json({"a": [math.nan, 1.0, (math.inf, "x")]})
+    assert json.loads(capsys.readouterr().out) == {"a": [None, 1.0, [None, "x"]]}

@@ -273,6 +273,7 @@ def test_the_spectrum_gives_hurst_exponent_and_roll_off(H: float, lambda_roll: f
 def test_long_roll_offs_are_told_from_none(H: float) -> None:
     """Three rings of waves only are longer than a roll-off at a fifth of the patch; the map is levelled."""
     found: dict[float, list[float | None]] = {}
+    off, bars = [], []
     for lambda_roll in (2.0, 0.2):
         for seed in range(4):
             surface = SelfAffine(
@@ -281,9 +282,12 @@ def test_long_roll_offs_are_told_from_none(H: float) -> None:
             patch = HeightField(surface.grid(513), 1 / 512, 1 / 512).levelled("plane")
             fit = fit_self_affine(psd(patch.z, 1.0), shortest=4 / 512)
             assert fit.H == pytest.approx(H, abs=0.12)
+            off.append(fit.H - H)
+            bars.append(fit.error_H)
             q = 2 * math.pi / np.array([fit.lambda_long, fit.lambda_short])
             assert fit.lambda_roll or fit.density(q)[0] == pytest.approx(fit.C0)
             found.setdefault(lambda_roll, []).append(fit.lambda_roll)
+    assert np.sqrt(np.mean(np.square(off))) < 0.07 and np.mean(np.abs(off) < 2 * np.array(bars)) >= 0.7
     assert found[2.0] == [None] * 4
     seen = [roll for roll in found[0.2] if roll is not None]
     assert len(seen) >= 3 and np.median(seen) == pytest.approx(0.2, rel=0.2)

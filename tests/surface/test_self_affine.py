@@ -166,3 +166,17 @@ def test_the_keys_of_a_case() -> None:
     assert surface.rms_slope() == pytest.approx(0.05)
     with pytest.raises(InputError, match='did you mean "rms_slope"'):
         Surface.from_spec("self-affine", **{**keys, "slope": 0.1})
+
+
+def test_heights_of_many_waves_are_gaussian_and_seeds_differ() -> None:
+    found = [make(lambda_roll=0.2, lambda_short=0.04, seed=seed).statistics(257) for seed in range(6)]
+    assert abs(np.mean([s.skewness for s in found])) < 0.1
+    assert np.mean([s.kurtosis for s in found]) == pytest.approx(3, abs=0.15)
+    assert len({s.Sz for s in found}) == 6 and np.ptp([s.Sq for s in found]) < 0.01 * found[0].Sq
+
+
+def test_anisotropy_stretches_features_along_x() -> None:
+    zx, zy = make(aspect=4.0, lambda_short=0.05).grid_gradient(257)
+    assert np.std(zy) / np.std(zx) == pytest.approx(4.0, rel=0.1)
+    turned = make(aspect=0.25, lambda_short=0.05).grid_gradient(257)
+    assert np.std(turned[0]) / np.std(turned[1]) == pytest.approx(4.0, rel=0.1)

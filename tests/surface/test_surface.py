@@ -507,6 +507,17 @@ def test_a_map_is_periodic_if_its_edges_agree_and_are_smooth() -> None:
     assert HeightMap.of(np.cos(2 * np.pi * s)[:, None] + np.zeros(129), 1.0).periodic
 
 
+def test_psd_slope_of_the_fractal():
+    """C(q) ~ q^(2D-8): the amplitude of index f is A_f ~ k^(D-3), one wave a ring of area ~ k^2."""
+    densities = [fractal(seed=s, f_max=11, ridges="1..M").psd(1024) for s in range(4)]
+    q = densities[0].q * L / (2 * np.pi)
+    mean = np.mean([d.density for d in densities], axis=0)
+    edges = 1.5 ** np.arange(2.5, 11)
+    bands = [(mean * q)[(q >= a) & (q < b)].sum() for a, b in itertools.pairwise(edges)]
+    slope = np.polyfit(np.log(np.sqrt(edges[1:] * edges[:-1])), np.log(bands), 1)[0]
+    assert slope == pytest.approx(2 * (2.4 - 3), abs=0.15)
+
+
 @pytest.mark.parametrize("radius", [1e2, 1e5, 1e9])
 def test_a_flat_sphere_has_the_mean_of_a_paraboloid(radius):
     """-L^2/(12 R), the sphere deeper by the order L^2/R^2."""

@@ -116,5 +116,5 @@ def _line(x: Array, y: Array, weight: Array, x_roll: float | None) -> _Line:
     basis, right = np.stack([np.ones(law.size), -law], axis=1) * weight[:, None], y * weight
     (level, exponent), *_ = np.linalg.lstsq(basis, right, rcond=None)
     misfit = float(np.sum((right - basis @ (level, exponent)) ** 2))
-    variance = np.linalg.inv(basis.T @ basis)[1, 1] * misfit / max(law.size - 3, 1)
+    variance = np.linalg.inv(basis.T @ basis)[1, 1] * max(misfit / max(law.size - 3, 1), 1.0)
     return _Line(x_roll, float(level), float(exponent), float(variance), misfit)
