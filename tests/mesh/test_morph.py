@@ -115,20 +115,35 @@ def test_smoothing_stays_near_the_elements_that_need_it() -> None:
     assert (fine > 0.0).mean() < 0.5 and fine.max() < 3.0 * 0.012
 
 
-def test_steep_summits_keep_their_heights() -> None:
-    """Elements that resolve the summits and grow around them, as the program makes them; the rest is far too steep."""
-    delta = 0.02
-    surface = self_affine(slope=1.0, seed=3, H=0.8, lambda_roll=0.25)
+def pressed(slope: float, seed: int) -> tuple[Surface, BlockMesh, float]:
+    """A surface, its block with elements that resolve the summits and grow around them, and the approach."""
+    delta = 0.02 * slope
+    surface = self_affine(slope=slope, seed=seed, H=0.8, lambda_roll=0.25)
     layer = RoughHalfSpace(256, 1.0, 0.3)
     curve = layer.curve(layer.heights(surface), surface.maximum()[2], np.array([0.5, 1.0]) * delta)
     sizes = 0.015 * np.maximum(curve.touched_at / delta, 0.15)  # inf where nothing is touched
     field = SizeField.on_cells(sizes, growth=0.15)
-    block = build_block(surface, 1.0, field.at)
+    return surface, build_block(surface, 1.0, field.at), delta
+
+
+def test_steep_summits_keep_their_heights() -> None:
+    """The rest is far too steep."""
+    surface, block, delta = pressed(1.0, 3)
     assert block.smoothing is not None and jacobians(block).min() > 0.0
     block.check(surface)
     gap = block.points[:, 2].max() - 1.0 - (surface.maximum()[2] - surface.mean())
     assert abs(gap) < 1e-3 * delta
     assert lowered(block, surface, delta) < 0.05
+
+
+def test_summits_that_are_too_steep_are_told() -> None:
+    """The highest one is lower by a third of the approach; for a third of that the mesh is refused."""
+    surface, block, delta = pressed(1.5, 9)
+    assert jacobians(block).min() > 0.0
+    with pytest.warns(ResolutionWarning, match="smoothed"):
+        judge_mesh(lowered(block, surface, delta), Flat(L=1.0), 0.1, delta)
+    with pytest.raises(MeshError, match=r"mesh\.h_contact, or filter"):
+        judge_mesh(lowered(block, surface, delta / 3.0), Flat(L=1.0), 0.1, delta)
 
 
 def test_a_sheer_step_has_sound_elements(tmp_path: Path) -> None:
