@@ -308,7 +308,7 @@ def test_a_law_whose_tangent_is_not_symmetric(cube: BlockMesh, rough: asp.Surfac
 
     material = asp.Material.of_law(skew, E=1.0, nu=NU, c=0.2)
     assert not material.symmetric
-    flat = asp.solve_contact(asp.surface.Flat(L=1.0), material, delta_max=0.01, steps=1, block=cube)
+    flat = asp.solve_contact(asp.Surface.from_spec("flat", L=1.0), material, delta_max=0.01, steps=1, block=cube)
     modulus = asp.Material(1.0, NU).confined_modulus + 0.2
     assert flat.curve.force[-1] == pytest.approx(0.01 * modulus, rel=1e-8)
     found = [
