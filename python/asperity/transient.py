@@ -231,7 +231,8 @@ class Transient:
 
     def _record(self, rows: list[list[float]], newton: int) -> TimeSeries:
         """Record of rows of `_row`, after `newton` iterations before the first."""
-        return TimeSeries(*np.array(rows).T, self.solver.counts.newton - newton)
+        time, approach, velocity, force, energy, work = np.array(rows).T
+        return TimeSeries(time, approach, velocity, force, energy, work, self.solver.counts.newton - newton)
 
     def step(self, h: float, push: float) -> None:
         """Make one step `h`; the forcing at its end is `push` [E L^2]."""

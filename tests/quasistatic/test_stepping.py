@@ -17,14 +17,15 @@ from conftest import ELASTIC, PLASTIC, here, world
 from j2_path import confined_stress
 from scipy.optimize import brentq
 
+from asperity.adaptive.solve_contact import solve_contact
 from asperity.dynamics import unload_reload
 from asperity.errors import AsperityWarning, ConvergenceError
 from asperity.fem.history import History
 from asperity.mesh.block import BlockMesh
 from asperity.model.load_path import MIDPOINT, Schedule
 from asperity.model.material import Material
-from asperity.model.settings import Formulation, SolverOptions
-from asperity.quasistatic import measures
+from asperity.model.settings import Formulation, MeshSize, SolverOptions
+from asperity.quasistatic import measures, solve_problem
 from asperity.quasistatic.contact_solver import ContactSolver
 from asperity.quasistatic.make import make_contact_solver
 from asperity.quasistatic.midpoint import extrapolate
@@ -205,6 +206,14 @@ def test_force_control_hits_its_force(press_of: Callable[..., ContactSolver], ma
     for delta in curve.loading().delta:
         assert again.step(delta).converged
     assert again.force == pytest.approx(force_max, rel=1.1e-6)  # found to 1e-6, and solved twice to 1e-8
+
+
+def test_an_estimate_of_the_approach_that_takes_long_is_ended(rough: Surface, monkeypatch: pytest.MonkeyPatch) -> None:
+    """And the run goes on with what it has."""
+    monkeypatch.setattr(solve_problem, "ESTIMATE_STEPS", 1)
+    size = MeshSize(h_contact=0.2, h_max=0.5)
+    curve = solve_contact(rough, ELASTIC, force_max=1e-3, steps=2, size=size, comm=here()).curve
+    assert curve.force[-1] == pytest.approx(1e-3, rel=1e-6)
 
 
 @EACH

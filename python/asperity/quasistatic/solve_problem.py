@@ -146,7 +146,7 @@ def estimate_approach(problem: Problem, comm: MPI.Comm) -> float:
 
     def give_up(at: Position) -> None:
         if solver.counts.steps >= ESTIMATE_STEPS:
-            raise Interrupted  # enough for an estimate
+            raise Interrupted("enough for an estimate")
 
     schedule = Schedule(force_max=problem.schedule.force_max, steps=5)
     with suppress(ConvergenceError):
