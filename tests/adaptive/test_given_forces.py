@@ -9,7 +9,8 @@ import pytest
 from conftest import ELASTIC, PLASTIC, here
 
 import asperity as asp
-from asperity.adaptive.extrapolation import Budget, at_given_forces
+from asperity.adaptive.extrapolation import Budget, at_given_forces, scaled, without_omission
+from asperity.adaptive.guide import Omission
 from asperity.case import Case
 from asperity.curve import Curve
 from asperity.reference import half_space_contact
@@ -37,6 +38,54 @@ def test_the_approach_of_a_power_law_is_exact(factor: float) -> None:
     np.testing.assert_allclose(bars.total, np.hypot(0.01, 0.02) * found.P_star)
     compressed = found.delta - 0.5 * found.P_star - (corrected.delta - 0.5 * corrected.P_star)
     np.testing.assert_allclose(found.mean_gap, corrected.mean_gap - compressed)
+
+
+@pytest.mark.parametrize("factor", [0.9, 0.98, 1.1])
+def test_the_bar_holds_what_a_bend_of_the_law_makes_of_a_force_that_is_given(factor: float) -> None:
+    """From the power 1.5 to 1 at once, as of spots that all yield; where the exponent is steady the bar is small."""
+    at = 0.001 * np.arange(1.0, 13.0)
+
+    def law(d: np.ndarray) -> np.ndarray:
+        return np.where(d < 0.006, d**1.5, 0.006**0.5 * d)
+
+    rows = [{"delta": d, "delta_star": d, "force": P, "P_star": P} for d, P in zip(at, law(at), strict=True)]
+    corrected, nothing = Curve.from_rows(rows), np.zeros(len(at))
+    raw = scaled(corrected, np.full(len(at), factor))
+    found, bars = at_given_forces(corrected, Budget(*4 * [nothing]), raw, 0.0, float(raw.force[-1]))
+    error = np.abs(found.P_star / law(found.delta_star) - 1.0)
+    bar = bars.total / found.P_star
+    assert error.max() > 0.002 and np.all(error <= bar + 1e-12)
+    assert bar[:3].max() < 1e-12 and bar.max() < 0.05
+
+
+def test_a_corrected_force_that_stands_still_or_falls_moves_no_approach_out_of_order() -> None:
+    at = np.array([0.002, 0.004, 0.006, 0.008, 0.010])
+    for third in (1.0, 1.0 + 1e-9, 1.0 + 1e-5, 0.95):  # over the force of the second step
+        P = at**1.5
+        P[2] = third * P[1]
+        rows = [
+            {"delta": d, "delta_star": d, "force": p, "P_star": p, "area_fraction": 0.1 * p}
+            for d, p in zip(at, P, strict=True)
+        ]
+        corrected, nothing = Curve.from_rows(rows), np.zeros(len(at))
+        raw = scaled(corrected, np.full(len(at), 1.05))
+        found, bars = at_given_forces(corrected, Budget(*4 * [nothing]), raw, 0.0, float(raw.force[-1]))
+        moved = np.log(found.delta / at) / np.log(1.05)
+        assert np.all(moved > 0.3) and np.all(moved < 2.1) and np.all(np.diff(found.delta) > 0.0)
+        assert np.all(found.area_fraction < 0.1 * P * 1.05**2.1)
+        assert np.isfinite(bars.total).all() and bars.total[2] > 0.05 * found.P_star[2]
+
+
+def test_half_of_what_a_top_leaves_out_is_taken() -> None:
+    """The bar of the area holds the other half; a block that is pressed more is compressed more, and its gap wider."""
+    curve = power(2.0, ("load", "unload"), area_fraction=0.1, mean_gap=0.01, error_area_fraction=0.002)
+    missed = Omission(np.array([0.001, 0.01]), np.full(2, -0.2), np.full(2, 0.4), np.zeros(2))
+    found = without_omission(curve, missed, 0.5)
+    np.testing.assert_allclose(found.force, 0.9 * curve.force)
+    np.testing.assert_allclose(found.P_star, 0.9 * curve.P_star)
+    np.testing.assert_allclose(found.area_fraction, 0.12)
+    np.testing.assert_allclose(found.error_area_fraction, 0.0024 + 0.02)
+    np.testing.assert_allclose(found.mean_gap, 0.01 - 0.5 * 0.1 * curve.P_star)
 
 
 def test_a_force_that_is_given_is_met_by_the_corrected_curve() -> None:

@@ -11,6 +11,7 @@ from conftest import ELASTIC, here, top_of
 
 import asperity as asp
 from asperity.adaptive.extrapolation import (
+    FLOWING,
     SCATTER,
     Budget,
     PressedMesh,
@@ -20,6 +21,7 @@ from asperity.adaptive.extrapolation import (
 )
 from asperity.adaptive.guide import Guide, Omission, spots_of
 from asperity.adaptive.mesh_levels import LevelSolver
+from asperity.adaptive.mesh_plan import RATIO, next_step, partner, planned_order, shares
 from asperity.adaptive.refine import refine
 from asperity.curve import Curve
 from asperity.errors import Interrupted
@@ -109,8 +111,35 @@ def omission(force: float = 0.0, singular: float = 0.0) -> Omission:
     return Omission(rows(1.0, 0.0).delta_star, np.full(3, force), np.zeros(3), np.full(3, singular))
 
 
-def corrected(fine: PressedMesh, coarse: PressedMesh) -> tuple[Curve, Budget]:
-    return correct(fine, coarse, np.ones(3, dtype=bool), np.zeros_like, 0.0, 0.0)
+def corrected(fine: PressedMesh, coarse: PressedMesh, flows: bool = False) -> tuple[Curve, Budget]:
+    return correct(fine, coarse, np.ones(3, dtype=bool), np.zeros_like, 0.0, 0.0, flows)
+
+
+@pytest.mark.parametrize(("flows", "part"), [(False, SCATTER), (True, FLOWING)])
+def test_few_elements_in_the_spots_have_a_wider_bar(flows: bool, part: float) -> None:
+    """Two meshes that agree by chance: what the edges of their contact leave open is the bar."""
+    fine, coarse = (PressedMesh(scale, 1, rows(1.0, 0.002 * scale), omission()) for scale in (1.0, 2.0))
+    _, budget = corrected(fine, coarse, flows)
+    weight, _ = shares(2.0)
+    both = np.hypot((1.0 + weight) * 0.2, weight * 0.4)  # the limit is that of the fine one and of their change
+    assert budget.mesh / fine.curve.P_star == pytest.approx(part * both)
+
+
+@pytest.mark.parametrize("excess", [1.6, 2.0, 2.6, 3.6])
+@pytest.mark.parametrize(("singular", "order"), [(0.0, 2.15), (1.0, 1.0)])
+def test_the_next_mesh_has_about_the_bar_that_is_planned(excess: float, singular: float, order: float) -> None:
+    """The tolerance, within a quarter of it: the bar is the wider, the coarser the mesh to extrapolate from is."""
+
+    def bar(scale: float, coarser: float) -> float:
+        meshes = [
+            PressedMesh(h, 1, rows(np.exp(0.02 * h**order), 0.0), omission(0.0, singular)) for h in (scale, coarser)
+        ]
+        curve, budget = corrected(*meshes)
+        return float(np.max(budget.total / curve.P_star))
+
+    scales = [2.0, 1.0, 1.0 / next_step(excess, planned_order(singular))]
+    found = bar(scales[-1], scales[partner(scales)]) / bar(1.0, 2.0)
+    assert 0.75 < found * excess < 1.25 or found < 1.01 * RATIO**-order
 
 
 def test_the_force_of_a_spot_scatters_with_its_place_by_a_part_of_what_its_area_does() -> None:

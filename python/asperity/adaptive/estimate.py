@@ -15,6 +15,7 @@ from asperity.adaptive.guide import Guide, approach_of_force, guide_of, planned_
 from asperity.adaptive.mesh_plan import (
     LEAST_STEP,
     MARGIN,
+    MOST_SUBSTEPS,
     RATIO,
     STEP_RULES,
     MeshFamily,
@@ -221,7 +222,7 @@ def _plan(
     parts, substeps = [1], 1
     if problem.path_dependent:
         order, share = STEP_RULES[step_rule(problem)]
-        while share * (planned * substeps) ** -order >= MARGIN * tolerance:
+        while share * (planned * substeps) ** -order >= MARGIN * tolerance and substeps < MOST_SUBSTEPS:
             substeps *= 2
         parts = [2**k for k in range(max(substeps.bit_length(), 2))]  # the first mesh measures the error of the steps
     plan = [(family.h(first), coarse, _steps(problem, n)) for n in parts]

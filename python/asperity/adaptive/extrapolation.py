@@ -25,6 +25,7 @@ from asperity.errors import InputError
 # 2 of twelve single spots, each at another place of the block. In a solid that yields the force is that of a full
 # indentation, its pressure times the area, and deviates by half of the open area, the deviation of the area
 SCATTER, FLOWING = 0.12, 0.5
+STEEPEST = 2.0  # power of the force that a column is moved by: where the corrected force stands still there is none
 
 
 @dataclass(frozen=True)
@@ -209,8 +210,9 @@ def at_given_forces(
 ) -> tuple[Curve, Budget]:
     """A corrected curve at the forces that were computed, which a load path gives: its approaches are corrected.
 
-    Each column is moved along the loading as the power of the force that it is there, its bar with it. Later branches
-    are moved as the end of the first loading.
+    Each column is moved along the loading as the power of the force that it is there, its bar with it; what a change
+    of the exponent from step to step makes of the force is in its bar. Later branches are moved as the end of the first
+    loading.
 
     Args:
         curve, budget: with corrected forces
@@ -225,16 +227,21 @@ def at_given_forces(
     force[ends], P[ends] = greatest, raw.P_star[ends] * greatest / raw.force[ends]
     touched = (first.P_star > 0.0) & (P[loading] > 0.0)
     factor = np.divide(P[loading], first.P_star, out=np.ones(len(first)), where=touched)
+    rising = first.P_star > (1.0 + 1e-6) * np.maximum.accumulate(np.append(0.0, first.P_star[:-1]))
 
     def moved(name: str) -> Floats:
         """What the other force makes of a column (n,), in all rows."""
-        of, power = getattr(first, name), np.full(len(first), 1.0 / SINGLE_CONTACT if name == "delta" else 0.0)
-        known = touched & (of > 0.0)
+        of, usual = getattr(first, name), 1.0 / SINGLE_CONTACT if name == "delta" else 0.0
+        power, known = np.full(len(first), usual), touched & rising & (of > 0.0)
         if np.count_nonzero(known) > 1:
             power[known] = np.gradient(np.log(of[known]), np.log(first.P_star[known]))
+        power[np.abs(power) > STEEPEST] = usual
         return np.asarray(factor**power)[rows]
 
+    _, bend = slopes(first.delta, first.force, first.branch)
     budget = Budget(*(getattr(budget, part.name) * factor[rows] for part in fields(budget)))
+    bent = np.nan_to_num(bend) * np.abs(np.log(factor)) * P[loading]
+    budget = replace(budget, mesh=np.hypot(budget.mesh, bent[rows]))
     columns: dict[str, Any] = {"P_star": P, "error_P_star": budget.total}
     columns |= {name: moved("delta") * getattr(curve, name) for name in ("delta", "delta_star")}
     columns["mean_gap"] = curve.mean_gap - (columns["delta"] - curve.delta) + compliance * (P - curve.P_star)

@@ -17,7 +17,7 @@ import numpy as np
 
 from asperity.adaptive.extrapolation import judged_rows, loading_force, scaled, steady
 from asperity.adaptive.mesh_levels import LevelSolver
-from asperity.adaptive.mesh_plan import MARGIN, RATIO, STEP_RULES, step_rule
+from asperity.adaptive.mesh_plan import MARGIN, MOST_SUBSTEPS, RATIO, STEP_RULES, step_rule
 from asperity.arrays import Floats
 from asperity.curve import Curve
 from asperity.quasistatic.contact_result import ContactResult
@@ -73,7 +73,8 @@ def choose_substeps(run: LevelSolver, tolerance: float) -> tuple[ContactResult, 
     """Solve on the first mesh for the error of the load steps, and choose the parts of each for the finer ones.
 
     It is loaded in steps of 1, 2, 4 ... parts, and the limit extrapolated from the last two runs. What is found
-    corrects other meshes as well.
+    corrects other meshes as well. Where by the order of the rule more than MOST_SUBSTEPS would be needed, or runs
+    differ by chance, the parts with the least bar are chosen, and `refine` asks for more steps.
 
     Returns:
         the result with the most parts, at least two, and the error. If the greatest number of dofs allows no mesh that
@@ -96,7 +97,8 @@ def choose_substeps(run: LevelSolver, tolerance: float) -> tuple[ContactResult, 
         errors, bars = step_errors(P, rule)
         left = {k: float(np.max(bar)) for k, bar in bars.items()}
         enough = next((k for k in sorted(left) if left[k] < MARGIN * tolerance), 0)
-        if enough or left[n] >= before:  # the runs differ by chance, and more parts would not do
+        needed = n * (left[n] / (MARGIN * tolerance)) ** (1.0 / STEP_RULES[rule][0])
+        if enough or left[n] >= before or needed > MOST_SUBSTEPS:
             correction, bar = ({k: partial(np.interp, xp=at, fp=v) for k, v in of.items()} for of in (errors, bars))
-            return result, LoadStepError(correction, bar, enough or n)
+            return result, LoadStepError(correction, bar, enough or min(left, key=lambda k: left[k]))
         before = left[n]

@@ -44,6 +44,7 @@ STICK = "stick"  # where nodes are touched within a step (docs/theory.md)
 # of first order much more is corrected. With other steps other nodes stick first, so that the order of stick is seen as
 # low as 0.5 between two runs, and its correction may even have the wrong sign: 1 + (2^1.5 - 1)/(2^0.5 - 1)
 STEP_RULES = {MIDPOINT: (2.0, 0.5), STICK: (1.5, 5.4), BACKWARD_EULER: (1.0, 1.0)}
+MOST_SUBSTEPS = 32  # parts of a load step: each doubling is one more run of the first mesh
 GROWTH = 0.5  # growth of the element size around the contact at scale 1
 # Nodes in a volume h^3 and on a part h^2 of the surface: within 13 % (rms, at most 23 %) of 29 meshes of 60 to 17,000
 # nodes, whose growth is from 0.1 to 1.2
