@@ -7,6 +7,7 @@ import os
 import shutil
 import subprocess
 import sys
+import time
 import warnings
 from collections.abc import Callable, Mapping
 from functools import partial
@@ -118,6 +119,33 @@ def case_by_another_name(folder: Path) -> None:
     (folder / "case.toml").write_text("# mine\n" + case_of().to_toml())
 
 
+def nothing_but_an_empty_checkpoint(folder: Path) -> None:
+    (folder / "checkpoint" / "level-1").mkdir(parents=True)
+    (folder / ".case.toml.12.asperity").write_text("[surfa")
+
+
+def half_a_state(folder: Path) -> None:
+    mesh_only(folder)
+    (folder / "checkpoint" / ".state.npz.12.asperity").write_bytes(b"PK")
+    (folder / ".curve.csv.12.asperity").mkdir()
+
+
+@pytest.mark.parametrize(
+    "state", [Path.mkdir, nothing_but_an_empty_checkpoint, half_a_state, curve_without_checkpoint, case_by_another_name]
+)
+def test_resuming_starts_a_run_without_a_state(
+    tmp_path: Path, straight: tuple[Curve, Path], state: Callable[[Path], None]
+) -> None:
+    """One command for a job that may have been killed at any time, or never started."""
+    out = tmp_path / "out"
+    state(out)
+    result = run(case_of(), out, resume=True)
+    assert result.contact is not None
+    assert_same(result.curve, straight[0])
+    assert_same(Curve.read(out / "curve.csv"), straight[0])
+    assert set(files(out)) == set(files(straight[1]))
+
+
 @pytest.mark.parametrize("state", [case_only, mesh_only, curve_without_checkpoint, case_by_another_name])
 def test_resuming_refuses_the_run_of_another_case(tmp_path: Path, state: Callable[[Path], None]) -> None:
     out = tmp_path / "out"
@@ -188,10 +216,19 @@ def test_a_run_that_continues_without_a_part_keeps_no_files_of_it(tmp_path: Path
     run(case_of(**steps, dynamics=quick, output=everything), tmp_path)
     assert {"free.csv", "figures/frequency.svg", "report.html"} <= {*files(tmp_path)}
     (tmp_path / "figures/mine.png").touch()
+    for name in ("band.csv", "fields/view.py"):  # of a run of 1.0.0
+        (tmp_path / name).touch()
 
     run(case_of(**steps, output=everything), tmp_path, resume=True)
     left = {*files(tmp_path)}
-    assert not left & {"free.csv", "response.csv", "thresholds.json", "figures/frequency.svg"}
+    assert not left & {
+        "free.csv",
+        "response.csv",
+        "band.csv",
+        "thresholds.json",
+        "fields/view.py",
+        "figures/frequency.svg",
+    }
     assert {"report.html", "figures/curve.svg", "fields/contact.vtkhdf"} <= left
 
     run(case_of(**steps, output={"fields": False, "report": False, "figures": True}), tmp_path, resume=True)
@@ -294,6 +331,20 @@ def test_of_two_runs_that_start_in_a_missing_folder_one_is_refused(
         with pytest.raises(InputError, match="another run has worked in"):
             run(other, out, progress=First(partial(run, case_of(), out)), resume=again)
         assert_same(Curve.read(out / "curve.csv"), straight[0])
+
+
+def test_a_killed_run_leaves_no_lock(tmp_path: Path) -> None:
+    path, out = tmp_path / "case.toml", tmp_path / "out"
+    path.write_text(case_of(mesh={"h_contact": 0.2}, loading={"delta_max": 0.02, "steps": 500}).to_toml())
+    process = subprocess.Popen([sys.executable, "-m", "asperity", "run", path, "-o", out, "-q"])
+    end = time.monotonic() + 60
+    while not (out / "curve.csv").exists():
+        assert time.monotonic() < end and process.poll() is None
+        time.sleep(0.02)
+    assert in_another_process("run", path, "-o", out, "--force")[0] == 2
+    process.kill()
+    process.wait()
+    run(case_of(), out, force=True)
 
 
 @pytest.mark.parametrize("name", ["checkpoint", "checkpoint/level-1", "fields", "figures", "run.log", ".lock"])

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import csv
+import json
 import subprocess
 import sys
 import time
+import warnings
 from pathlib import Path
 from typing import Any
 
@@ -16,10 +18,11 @@ from conftest import CLEAN, call
 
 from asperity.case import Case
 from asperity.curve import Curve
-from asperity.errors import InputError
+from asperity.errors import AsperityWarning, InputError
 from asperity.job.run_case import run
 from asperity.study import Study, case_folder, run_study
 from asperity.study.run import DONE, summarise_case
+from asperity.surface import SurfaceWarning
 
 ROOT = Path(__file__).parents[2]
 
@@ -51,6 +54,18 @@ def test_a_grid_is_every_combination_and_an_empty_text_removes_a_key() -> None:
     assert [e.value("block.height") for e in made.entries] == [1.0, 2.0]
     seeds = study(base=BASE | {"surface": ROUGH}, grid={"surface.seed": {"first": 3, "count": 2}})
     assert [e.value("surface.seed") for e in seeds.entries] == [3, 4]
+
+
+@pytest.mark.filterwarnings("ignore:surface")
+def test_a_study_of_cut_offs_with_unrelated_surfaces_warns() -> None:
+    rough = BASE | {"surface": ROUGH}
+    with pytest.warns(SurfaceWarning, match='surface.drawing = "nested" adds waves to the same surface'):
+        study(base=rough, grid={"surface.f_max": [4, 5]})
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        made = study(base=rough, grid={"surface.f_max": [4, 5], "surface.drawing": ["nested"]})
+    waves = [e.case.build_surface().phases for e in made.entries]  # type: ignore[attr-defined]
+    np.testing.assert_array_equal(waves[0], waves[1][:, :5])
 
 
 def test_parts_are_the_study() -> None:
@@ -119,6 +134,22 @@ def test_a_study_is_run_continued_and_tabled(tmp_path: Path) -> None:
     assert Case.load(place / "case.toml").material.tangent_modulus == 0.01
     alone = run(next(e.case for e in made.entries if e.key == soft["case"]))
     np.testing.assert_allclose(alone.curve.force, curve.force, rtol=1e-9)
+
+
+def test_a_case_warns_in_a_study_as_it_does_alone(tmp_path: Path) -> None:
+    """The elements are too coarse for the waves of this surface."""
+    rough = BASE | {"surface": ROUGH, "loading": {"delta_max": 0.002, "steps": 1}}
+    made = study(base=rough, grid={"material.tangent_modulus": [0.01]})
+    with pytest.warns(AsperityWarning) as caught:
+        run_study(made, tmp_path / "out")
+    with pytest.warns(AsperityWarning):
+        alone = run(made.entries[0].case, tmp_path / "alone")
+    assert not any("is not used" in str(w.message) for w in caught)
+    place = case_folder(tmp_path / "out", made.entries[0].key)
+    summary = json.loads((place / "summary.json").read_text())
+    assert summary["warnings"] == alone.summary["warnings"]
+    assert any("waves shorter than" in text for text in summary["warnings"])
+    assert (place / "case.toml").read_text() == (tmp_path / "alone/case.toml").read_text()
 
 
 def test_a_folder_with_other_files_is_refused(tmp_path: Path) -> None:

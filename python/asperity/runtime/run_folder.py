@@ -39,11 +39,12 @@ EXPORTS = {
 LOCK = ".lock"  # of the process that works in the folder
 MESH, STATE, SNAPSHOT = "mesh.npz", "state.npz", "snapshot-{}.npz"  # in checkpoint and in the folders in it
 
-#: All files and folders that a run writes, folders after their files; without those of the checkpoint.
+#: All files and folders that a run writes, folders after their files; without those of the checkpoint. A run of 1.0.0
+#: left band.csv and fields/view.py too.
 PRODUCTS = (
     CURVE, SUMMARY, LOG, LOOPS, SLIP, SLIP_LOOPS, SLIP_NODES, FREE, RESPONSE, MOTION, THRESHOLDS,
-    REPORT,
-    *(f"{FIELDS}/{name}" for name in (TOP, VTKHDF)), FIELDS,
+    REPORT, "band.csv",
+    *(f"{FIELDS}/{name}" for name in (TOP, VTKHDF, "view.py")), FIELDS,
     *(f"{FIGURES}/{name}.png" for name in PICTURES),
     *(f"{FIGURES}/{name}.svg" for name in PICTURES if name not in FIELD_PICTURES), FIGURES,
     CASE,

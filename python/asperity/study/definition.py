@@ -22,9 +22,12 @@ from pathlib import Path
 from typing import Any
 
 from asperity.case.case_file import Case, override, read_toml
-from asperity.errors import InputError
+from asperity.errors import InputError, warn
 from asperity.runtime.display import nearest, short_repr, show
+from asperity.surface import SurfaceWarning
 
+#: Keys of the shortest wave of a surface.
+CUTOFFS = {"surface.f_max", "surface.L_s"}
 #: Greatest number of cases of a study; guards against typing errors.
 MOST_CASES = 100_000
 
@@ -133,6 +136,12 @@ class Study:
             case = _case(base, point, folder, source)
             cases.setdefault("c" + case.hash()[:15], case)
         keys = tuple(key for axis in axes for key in axis[0])
+        if CUTOFFS & set(keys) and any(getattr(case.surface, "drawing", None) == "array" for case in cases.values()):
+            warn(
+                f"{source}: surfaces of one seed with different cut-offs are unrelated, because all phases are drawn "
+                'at once; surface.drawing = "nested" adds waves to the same surface',
+                SurfaceWarning,
+            )
         return Study(tuple(Entry(key, case) for key, case in cases.items()), keys)
 
 
