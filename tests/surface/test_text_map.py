@@ -160,7 +160,7 @@ def test_coordinates_beside_heights_in_equal_steps_are_refused(
 def test_one_rising_edge_beside_a_blank_corner_is_refused(tmp_path: Path) -> None:
     for z in (with_coordinates("", Z[0], Y**2), with_coordinates("", X**2, Z[:, 0])):
         (tmp_path / "a.csv").write_text(z)
-        with pytest.raises(InputError, match="may be coordinates or heights: write heights only"):
+        with pytest.raises(InputError, match="may be coordinates or heights: leave coordinates out"):
             HeightField.read(tmp_path / "a.csv", pixel=1.0)
 
 

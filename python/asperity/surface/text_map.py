@@ -113,8 +113,8 @@ def _refuse_coordinates(table: Array) -> None:
         else:
             continue
         raise ValueError(
-            f"the first {name}, {edge[0]:g}, {edge[1]:g}, {edge[2]:g} ..., {found}: write heights only and give the "
-            "distance between them (--pixel), or lines of x, y, z"
+            f"the first {name}, {edge[0]:g}, {edge[1]:g}, {edge[2]:g} ..., {found}: leave coordinates "
+            "out and give the distance between heights (--pixel), or write an .npz file or lines of x, y, z"
         )
 
 
