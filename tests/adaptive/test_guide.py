@@ -130,11 +130,11 @@ def test_few_elements_in_the_spots_have_a_wider_bar(flows: bool, part: float) ->
 def test_the_next_mesh_has_about_the_bar_that_is_planned(excess: float, singular: float, order: float) -> None:
     """The tolerance, within a quarter of it: the bar is the wider, the coarser the mesh to extrapolate from is."""
 
+    def mesh(scale: float) -> PressedMesh:
+        return PressedMesh(scale, 1, rows(np.exp(0.02 * scale**order), 0.0), omission(0.0, singular))
+
     def bar(scale: float, coarser: float) -> float:
-        meshes = [
-            PressedMesh(h, 1, rows(np.exp(0.02 * h**order), 0.0), omission(0.0, singular)) for h in (scale, coarser)
-        ]
-        curve, budget = corrected(*meshes)
+        curve, budget = corrected(mesh(scale), mesh(coarser))
         return float(np.max(budget.total / curve.P_star))
 
     scales = [2.0, 1.0, 1.0 / next_step(excess, planned_order(singular))]
