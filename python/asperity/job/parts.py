@@ -167,6 +167,7 @@ def _hooks(case: Case, files: RunFiles, progress: Progress, stop: Callable[[], s
         snapshots=output.snapshots if output.figures or output.fields else 0,
         on_ready=files.begin,
         stiffness=case.has_stiffness,
+        conductance=output.stiffness,  # of which the slip needs nothing
     )  # fmt: skip
 
 

@@ -25,6 +25,7 @@ class CallbackArguments(TypedDict, total=False):
     snapshots: int
     on_ready: Callable[[], None] | None
     stiffness: bool
+    conductance: bool
     on_curve: Callable[[Curve], None] | None
 
 
@@ -39,7 +40,8 @@ class Callbacks:
         checkpoint: receives the state; one that holds a state is continued from
         snapshots: states of the top to keep per loading
         on_ready: called when mesh and solver are made, before anything is saved
-        stiffness: whether to compute the columns k_n_elastic to k_t_interface, and conductance
+        stiffness: whether to compute the columns k_n_elastic to k_t_interface
+        conductance: with stiffness, whether to compute the column conductance too
         on_curve: with a tolerance, called with the curve with error bars that each mesh after the first gives
     """
 
@@ -50,11 +52,12 @@ class Callbacks:
     snapshots: int = 0
     on_ready: Callable[[], None] | None = None
     stiffness: bool = False
+    conductance: bool = True
     on_curve: Callable[[Curve], None] | None = None
 
     def probes(self, solid: Solid) -> tuple[Any, ...]:
         """Measurements of each accepted step that are requested, see `ContactSolver`; collective."""
-        return (Stiffness(solid),) if self.stiffness else ()
+        return (Stiffness(solid, self.conductance),) if self.stiffness else ()
 
     def stage(self, name: str) -> None:
         """Announce a stage."""

@@ -32,9 +32,9 @@ FULL = 1e-3  # part of the compliance below which that of the interface is lost 
 class Stiffness:
     """Stiffness of the contact: a probe of accepted steps, on the linear solver of Newton's method; collective."""
 
-    def __init__(self, solid: Solid) -> None:
+    def __init__(self, solid: Solid, conductance: bool = True) -> None:
         self._along = tuple(mirrored(solid, axis) for axis in (0, 1))  # dofs without displacement
-        self._conductance = Conductance(solid)
+        self._conductance = Conductance(solid) if conductance else None
         self._height = 0.0  # of the undeformed block
 
     def __call__(self, solver: ContactSolver) -> dict[str, float]:
@@ -50,12 +50,13 @@ class Stiffness:
                     there is
                 k_t_interface: k_t without the compliance h_b/(A G), likewise
                 conductance: constriction conductance over the conductivity, without the resistance h_b/A of the block,
-                    likewise [L]
+                    likewise [L]; absent where it is not requested
         """
         solid, contact = solver.solid, solver.contact
         nodes, material = contact.nodes(), solid.material
         if not solid.comm.allreduce(len(nodes)):
-            return dict.fromkeys((*ELASTIC_STIFFNESSES, "conductance"), 0.0)
+            names = ELASTIC_STIFFNESSES if self._conductance is None else (*ELASTIC_STIFFNESSES, "conductance")
+            return dict.fromkeys(names, 0.0)
         held = solver.newton.rows
         solid.tangent.assemble_elastic(contact.add_elastic_tangent if contact.has_tangent else None)
         rows = np.concatenate([solid.fixed, held])
@@ -74,8 +75,9 @@ class Stiffness:
             "k_t_x": tangential[0],
             "k_n_interface": without_block(normal, material.block_modulus(solid.sides) / height),  # elastic like k_t
             "k_t_interface": without_block(k_t, material.lame[1] / height),
-            "conductance": without_block(self._conductance.between(nodes), 1.0 / height),
         }
+        if self._conductance is not None:
+            found["conductance"] = without_block(self._conductance.between(nodes), 1.0 / height)
         return {name: value for name, value in found.items() if value == value}
 
 
