@@ -2,7 +2,7 @@
 
     ./run python3 benchmarks/experiments.py FOLDER
 
-FOLDER keeps the computed runs (about four minutes); those that are there are not computed again.
+FOLDER keeps the computed runs; those that are there are not computed again.
 """
 
 from __future__ import annotations
