@@ -13,12 +13,12 @@
 namespace asperity
 {
 /// A quadrature point in a cell: its number there and among those of all cells, gradients of the shape functions,
-/// Jacobian determinant, volume.
+/// volume.
 struct Point
 {
   std::size_t at, index;
   Gradients g;
-  double det, volume;
+  double volume;
 };
 
 /// Cells with one quadrature rule: geometry, dofs, tabulated basis.
@@ -44,9 +44,8 @@ struct Cells
   /// A point of a cell from its `corners`.
   Point point(std::size_t c, std::size_t q, const Gradients& corners) const
   {
-    Point p{q, c * points() + q, {}, 0.0, 0.0};
-    p.det = push_forward(gradients.data() + dofs * q, corners, p.g);
-    p.volume = p.det * weights.data()[q];
+    Point p{q, c * points() + q, {}, 0.0};
+    p.volume = push_forward(gradients.data() + dofs * q, corners, p.g) * weights.data()[q];
     return p;
   }
 

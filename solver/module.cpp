@@ -32,12 +32,7 @@ void bind_law(nb::module_& m)
                  "J2 plasticity with linear hardening: Lame moduli, initial yield stress, plastic modulus "
                  "[force/length^2], share of the hardening that is kinematic.")
       .def(nb::init<double, double, double, double, double>(), "lam"_a, "mu"_a, "yield_stress"_a, "hardening"_a,
-           "kinematic_share"_a)
-      .def_ro("lam", &J2::lambda)
-      .def_ro("mu", &J2::mu)
-      .def_ro("yield_stress", &J2::yield)
-      .def_ro("hardening", &J2::hardening)
-      .def_ro("kinematic_share", &J2::kinematic_share);
+           "kinematic_share"_a);
 }
 
 template <typename Pattern>

@@ -154,10 +154,10 @@ def test_a_graph_without_the_nodes_of_a_cell_is_refused(small: dict[str, Call]) 
         again(call, 1, indptr[1:])
 
 
-@pytest.mark.parametrize(("name", "place"), [("volumes", -1), ("residual", -1), ("relax", -1), ("facet_pressure", -1)])
-def test_an_output_is_never_a_copy(small: dict[str, Call], name: str, place: int) -> None:
+@pytest.mark.parametrize("name", ["volumes", "residual", "relax", "facet_pressure"])
+def test_an_output_is_never_a_copy(small: dict[str, Call], name: str) -> None:
     """A kernel would write what it was given in another type to a copy, and nobody would see it."""
     (call,) = [call for call in small.values() if call[0] == name]
-    given = call[1][place]
+    given = call[1][-1]
     with pytest.raises(TypeError):
-        again(call, len(call[1]) + place, given.astype(np.float32 if given.dtype == np.float64 else np.float64))
+        again(call, len(call[1]) - 1, given.astype(np.float32 if given.dtype == np.float64 else np.float64))

@@ -29,7 +29,7 @@ class Outcome:
     """Result of a scene and its comparisons.
 
     Attributes:
-        case, curve: None after a refusal
+        curve: None after a refusal
         ends: "done", "refused" (exit code 2), "stopped" (3), "wrong" (3, a balance is violated), or "crashed" (any
             other error)
         reason: message of the refusal or stop, or the warning that the contact is not resolved
@@ -37,7 +37,6 @@ class Outcome:
         faults: deviations from the expected result; empty when the scene passes
     """
 
-    case: Case | None = None
     curve: Curve | None = None
     ends: str = "done"
     reason: str = ""
@@ -68,7 +67,7 @@ def _run(scene: Scene, keys: Keys, heights: bad_inputs.Map | None, folder: Path)
         np.save(folder / "map.npy", L * bad_inputs.heights(heights))
     out, done = folder / "out", Outcome()
     try:
-        done.case = case = _case(scene, keys, folder)
+        case = _case(scene, keys, folder)
         run(case, out, comm=MPI.COMM_SELF)
     except InputError as error:
         return Outcome(ends="refused", reason=str(error).replace(f"{folder}/", ""))

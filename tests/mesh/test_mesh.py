@@ -262,7 +262,7 @@ def test_the_ranks_have_the_same_cells_each_time() -> None:
     """A partition that depends on threads would change the last digits of a result from run to run."""
     comm = world()
     block = on_root(comm, lambda: uniform(Flat(L=1.0), 0.1))
-    first, *others = (distribute(comm, block, 1.0)[0].cell_numbers for _ in range(8))
+    first, *others = (distribute(comm, block, 1.0)[0].topology.original_cell_index for _ in range(8))
     assert comm.allreduce(len(first)) >= len(first) > 0
     for numbers in others:
         np.testing.assert_array_equal(numbers, first)

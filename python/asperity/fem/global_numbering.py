@@ -46,7 +46,7 @@ def share_cells(solid: Solid, values: Array) -> DistributedArray:
 
 def cell_numbers(solid: Solid) -> Indices:
     """Number in the built mesh of each owned cell (cells,)."""
-    return np.asarray(solid.mesh.cell_numbers)[: len(solid.cell_nodes)]
+    return np.asarray(solid.mesh.topology.original_cell_index)[: len(solid.cell_nodes)]
 
 
 def share_mesh(solid: Solid) -> tuple[DistributedArray, DistributedArray]:

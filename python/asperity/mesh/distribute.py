@@ -32,8 +32,9 @@ def distribute(comm: MPI.Comm, block: BlockMesh | None, scale: float, periodic: 
             same dofs, but not in its geometry, where each cell keeps its own coordinates
 
     Returns:
-        dolfinx mesh and facet tags (BASE, SIDE_X, SIDE_Y, TOP); joined sides have no facets. `cell_numbers` of the mesh
-        are those of its local cells that do not depend on the ranks; those of its nodes are `input_global_indices`.
+        dolfinx mesh and facet tags (BASE, SIDE_X, SIDE_Y, TOP); joined sides have no facets. Numbers that
+        do not depend on the ranks are `topology.original_cell_index` of the cells, `geometry.input_global_indices` of
+        the nodes.
 
     Raises:
         MeshError: opposite sides do not fit, see `shared_nodes.joined`
@@ -58,7 +59,6 @@ def distribute(comm: MPI.Comm, block: BlockMesh | None, scale: float, periodic: 
     if periodic:
         mesh = _with_geometry(mesh, cells, points)
     mesh.geometry.x[:] *= scale
-    mesh.cell_numbers = np.asarray(mesh.topology.original_cell_index)
     return mesh, _tag_facets(mesh)
 
 
