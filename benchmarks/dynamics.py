@@ -148,7 +148,7 @@ def compare(case: Window, own: FrequencyResponse, starts: int, random: np.random
     wide = response(case, (0.5 * case.omega[0], 2.0 * case.omega[1]))
     for omega in case.at:
         here = states(own.at(omega))
-        orbits = [(a, s.stable, "the wide window") for s in wide.at(omega) if s.order < 3 for a in states((s,))]
+        orbits = [(a, s.stable, "the wide window") for s in wide.at(omega) for a in states((s,))]
         orbits += [(a, stable, "random starts") for a, stable in reached(case, omega, starts, random)]
         for orbit, stable, source in orbits:
             name = f"{'stable' if stable else 'unstable'} of period {len(orbit)}, {source}"

@@ -18,6 +18,7 @@ import numpy as np
 from mpi4py import MPI
 
 from asperity.curve import Curve
+from asperity.curve.slope import fitted_rows
 from asperity.dynamics import ContactOscillator, PowerLaw
 from asperity.study import Entry, Study, case_folder, run_study
 from asperity.study.run import case_state
@@ -44,9 +45,8 @@ def results(entry: Entry, folder: Path) -> tuple[float, ...]:
     if entry.case.material.yield_strength is not None:
         yields = entry.case.surface.L**2 * solid.yield_pressure(entry.case.block.sides)
     ends = ContactOscillator(PowerLaw(fit.n)).thresholds()
-    planned = curve.planned()
-    planned = planned.where((planned.delta_star > 0.0) & (planned.P_star > 0.0))
-    of_logarithms = np.polyfit(np.log(planned.delta_star), np.log(planned.P_star), 1)[0]
+    rows = fitted_rows(load.delta, load.force)
+    of_logarithms = np.polyfit(np.log(load.delta_star[rows]), np.log(load.P_star[rows]), 1)[0]
     return (
         float(load.delta_star.max()), fit.k, fit.n, float(of_logarithms), fit.r2, ends.kappa, ends.omega_loss,
         float(load.area_fraction[-1]), float(load.force[-1]) / yields,

@@ -71,7 +71,7 @@ def amount(text: str, units: Iterable[str]) -> tuple[float, str]:
         >>> amount("5 kHz", ("N", "Hz")), amount("2e-8m", ("m",)), amount("3 mm/s^2", ("m", "m/s^2"))
         ((5000.0, 'Hz'), (2e-08, 'm'), (0.003, 'm/s^2'))
     """
-    factors = {"": 1.0, "u": 1e-6, "μ": 1e-6} | {name: 10.0**power for power, name in _PREFIXES.items()}
+    factors = {"u": 1e-6, "μ": 1e-6} | {name: 10.0**power for power, name in _PREFIXES.items()}
     pattern = f"([-+.0-9eE]+) ?({'|'.join(factors)})({'|'.join(map(re.escape, units))})"
     found = re.fullmatch(pattern, text.strip())
     if found is None:

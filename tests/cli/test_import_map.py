@@ -23,7 +23,7 @@ SCAN = SelfAffine(L=SIDE, H=0.8, slope=0.4, lambda_roll=0.1e-6, lambda_short=8e-
 def without_the_rest(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> None:
     """Figures, which tests/test_interactive.py makes, and the estimate of the cost, where no test is about it."""
     monkeypatch.setattr("asperity.cli.import_map._draw", lambda *_: None)
-    if "few_dofs" not in request.fixturenames:
+    if "coarse_guide" not in request.fixturenames:
         monkeypatch.setattr("asperity.cli.import_map._cost", lambda *_: "")
 
 
@@ -174,7 +174,7 @@ def test_of_a_huge_map_a_window_is_cut(
         HeightMap(path=scan)
 
 
-@pytest.mark.usefixtures("few_dofs", "coarse_guide")
+@pytest.mark.usefixtures("coarse_guide")
 def test_a_refused_map_leaves_nothing(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -199,10 +199,9 @@ X, Y = np.meshgrid(S, S)
 NOISE = np.random.default_rng(7).normal(size=X.shape)
 
 
-def rough(seed: int, height: float = 0.3e-6, aspect: float = 1.0, lambda_short: float = 2e-6) -> np.ndarray:
+def rough(seed: int, height: float = 0.3e-6, lambda_short: float = 2e-6) -> np.ndarray:
     return SelfAffine(
         L=S[-1], H=0.8, rms_height=height, lambda_roll=30e-6, lambda_short=lambda_short, periodic=False, seed=seed,
-        aspect=aspect,
     ).grid(S.size)  # fmt: skip
 
 
@@ -211,14 +210,9 @@ def turned(feed: float) -> np.ndarray:
 
 
 @pytest.fixture
-def few_dofs(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Fewer than the turned map takes."""
-    monkeypatch.setattr("asperity.adaptive.estimate.MOST_DOFS", 200_000)
-
-
-@pytest.fixture
 def coarse_guide(monkeypatch: pytest.MonkeyPatch) -> None:
-    """The estimate on a coarse half-space, where its numbers do not count."""
+    """The estimate on a coarse half-space with few dofs, where its numbers do not count."""
+    monkeypatch.setattr("asperity.adaptive.estimate.MOST_DOFS", 200_000)
     monkeypatch.setattr("asperity.adaptive.guide.CELLS", (128, 180))
 
 

@@ -130,7 +130,7 @@ def test_what_the_curve_does_not_hold_is_refused(options: dict[str, Any], error:
         law_from(contact(), options.pop("law", "auto"), **options)
 
 
-def test_all_laws_stand_in_one_table(tmp_path: Path) -> None:
+def test_all_laws_stand_in_one_table() -> None:
     result = run_dynamics(contact(probe=True), **QUICK)
     laws = result.laws
     assert laws is not None and [row.name for row in laws.rows] == ["unload-reload", "elastic", "table", "paper"]

@@ -243,10 +243,12 @@ def at_given_forces(
     bent = np.nan_to_num(bend) * np.abs(np.log(factor)) * P[loading]
     budget = replace(budget, mesh=np.hypot(budget.mesh, bent[rows]))
     columns: dict[str, Any] = {"P_star": P, "error_P_star": budget.total}
-    columns |= {name: moved("delta") * getattr(curve, name) for name in ("delta", "delta_star")}
+    longer = moved("delta")
+    columns |= {name: longer * getattr(curve, name) for name in ("delta", "delta_star")}
     columns["mean_gap"] = curve.mean_gap - (columns["delta"] - curve.delta) + compliance * (P - curve.P_star)
     for name in ("area_fraction", *(name for name in WITH_ERRORS if name not in ("mean_gap", "k_n"))):
-        columns |= {key: moved(name) * getattr(curve, key) for key in (name, f"error_{name}")}
+        by = moved(name)
+        columns |= {key: by * getattr(curve, key) for key in (name, f"error_{name}")}
     columns["mean_pressure"] = curve.mean_pressure * factor[rows] / moved("area_fraction")
     found = replace(curve, **columns).with_force(force)
     steeper = np.divide(found.k_n, curve.k_n, out=np.ones(len(P)), where=curve.k_n > 0.0)

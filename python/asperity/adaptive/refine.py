@@ -202,7 +202,7 @@ class MeshErrorEstimate:
         """
         run, path = self._run, self._path
         fine = self.add(result)
-        coarse = self._partner(fine)
+        coarse = self._meshes[partner([mesh.scale for mesh in self._meshes])]
         given, algebraic = run.problem.load_path, result.checks.unsolved
         judged = judged_rows(result.curve, given.steps)
         unresolved = fine.doubt() or coarse.doubt() or path.unknown
@@ -210,7 +210,8 @@ class MeshErrorEstimate:
             unresolved = unresolved or "two meshes are nearly the same"
         finer, limit, worst, worst_area = RATIO, "", nan, nan
         if not unresolved:
-            curve, budget = self._limit(fine, judged, algebraic)
+            of_steps, plastic = path.bar[run.levels[-1].substeps], run.problem.material.plastic
+            curve, budget = correct(fine, coarse, judged, of_steps, algebraic, run.compliance, plastic)
             unresolved = curve.unresolved()
         if unresolved:
             # by a single node the force grows with its size, and the difference of two meshes is no error
@@ -237,17 +238,6 @@ class MeshErrorEstimate:
         if not unresolved and np.any(relative(budget.roughness, curve.P_star)[judged] > self._goal.tolerance):
             limit += "; waves shorter than the elements limit it too: cut them off"
         return replace(found, reason=f"{known}: {limit}"), None
-
-    def _partner(self, fine: PressedMesh) -> PressedMesh:
-        """Mesh to extrapolate another one from."""
-        coarser = [mesh for mesh in self._meshes if mesh is not fine]
-        return coarser[partner([*(mesh.scale for mesh in coarser), fine.scale])]
-
-    def _limit(self, fine: PressedMesh, judged: Flags, algebraic: float) -> tuple[Curve, Budget]:
-        """What a mesh and its partner say of the force."""
-        run, coarse, of_steps = self._run, self._partner(fine), self._path.bar[self._run.levels[-1].substeps]
-        plastic = run.problem.material.plastic
-        return correct(fine, coarse, judged, of_steps, algebraic, run.compliance, plastic)
 
     def _no_mesh_helps(self, worst: float, at: Floats, algebraic: float) -> str:
         """Why no other mesh would meet the tolerance of the force; empty where one may."""

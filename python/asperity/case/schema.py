@@ -273,7 +273,7 @@ class OutputSection(Section):
     fields: Flag = key("fields/ for ParaView", False)
     report: Flag = key("report.html", False)
     stiffness: Flag = key(
-        "columns k_n_elastic to k_t_interface (also with [slip]) and conductance; load steps take up to twice the time",
+        "columns k_n_elastic to k_t_interface (also with [slip]) and conductance, for more time a load step",
         False,
     )
     snapshots: Whole = key("load levels kept for pressure maps and fields", 4, ge=0, le=1000)

@@ -120,7 +120,7 @@ def _tangential(source: str, joint: Joint | None, settings: dict[str, Any], outp
     case, preload = dict(results.case), settings["preload"]
     if "slip" in case and (preload, settings["pressure"]) != (None, None):
         case["slip"] = {name: value for name, value in case["slip"].items() if name != "preload"}
-    given = DynamicsSettings.of_source(source, joint).replaced(preload=preload, gravity=settings["gravity"])
+    given = DynamicsSettings.of_case(results.case, joint).replaced(preload=preload, gravity=settings["gravity"])
     (zeta, *more), forcing = settings["zeta"] or (0.0,), settings["forcing"] or (0.01,)
     if more or any(isinstance(value, str) for value in forcing):
         raise InputError("--direction tangential takes one --zeta, and each --forcing over the friction limit")

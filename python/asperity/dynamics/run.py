@@ -25,7 +25,7 @@ from asperity.force_law.checks import positive
 from asperity.force_law.choice import Choice, choose
 from asperity.force_law.columns import CurveColumns
 from asperity.force_law.damping import LOOPS, LoopDamping
-from asperity.force_law.intervals import Uncertainty, intervals
+from asperity.force_law.intervals import Uncertainty
 from asperity.force_law.law import Law
 from asperity.force_law.laws import LawTable, tabulate
 from asperity.force_law.table import TableLaw
@@ -239,7 +239,7 @@ def run_dynamics(
         if settings.sweeps:
             swept[name] = oscillator.sweep(forcing, omega, excitation=kind, points=_SWEEP_POINTS)
         notes.extend(_notes(name, responses[name], swept[name]))
-    spread = intervals(exact.law, exact.restoring.load, mass=exact.mass) if laws is None else laws.chosen.known
+    spread = exact.uncertainty() if laws is None else laws.chosen.known
     if spread is not None and not (spread.origin and np.isfinite(spread.k_n.half)):
         spread = None  # nothing bounds the law, or a law that does not reach the preload
     onsets = {name: oscillator.thresholds(forcing, kind) for name, oscillator in oscillators.items()}

@@ -105,15 +105,14 @@ def window(omega: Sequence[float], legal: tuple[float, float] = OMEGA) -> tuple[
     return values[0], values[1]
 
 
-def _amounts(name: str, values: Any, units: Iterable[str]) -> tuple[str, tuple[float, ...]]:
+def _amounts(name: str, values: Sequence[Any], units: Iterable[str]) -> tuple[str, tuple[float, ...]]:
     """The one unit of numbers, "" without one, and the numbers in it (`InputError`: they have several, or others)."""
-    several = [values] if isinstance(values, str) or np.ndim(values) == 0 else list(values)
     try:
-        read = [amount(one, [unit for unit in units if unit]) if isinstance(one, str) else (one, "") for one in several]
+        read = [amount(one, [unit for unit in units if unit]) if isinstance(one, str) else (one, "") for one in values]
     except ValueError as error:
         raise InputError(f"{name}: {error}") from None
     if len(found := {unit for _, unit in read}) > 1:
-        raise InputError(f"{name} = {several} is not legal: give all with one unit, or all without")
+        raise InputError(f"{name} = {list(values)} is not legal: give all with one unit, or all without")
     return max(found, default=""), positives(name, [number for number, _ in read])
 
 

@@ -74,7 +74,7 @@ class Uncertainty:
 
 
 def intervals(
-    law: Law, load: float, members: Iterable[Law] = (), origin: str = "laws given", mass: float = math.nan
+    law: Law, load: float, members: Iterable[Law] = (), origin: str = "", mass: float = math.nan
 ) -> Uncertainty:
     """Intervals of a law under a load (force), with the extremes over the laws that bound it.
 

@@ -133,7 +133,7 @@ def tabulate(columns: CurveColumns, choice: Choice, mass: float = math.nan) -> L
     rows = []
     for name in NAMES:
         try:
-            rows.append(_row(columns, choice, name, mass))
+            rows.append(law_at_load(columns, choice, name, mass))
         except AsperityError as error:
             if name == choice.name:
                 raise
@@ -142,8 +142,8 @@ def tabulate(columns: CurveColumns, choice: Choice, mass: float = math.nan) -> L
     return LawTable(tuple(rows), choice, columns.bar_at(choice.load))
 
 
-def _row(columns: CurveColumns, choice: Choice, name: str, mass: float) -> LawAtLoad:
-    """One law at the preload; errors as of `law_named`."""
+def law_at_load(columns: CurveColumns, choice: Choice, name: str, mass: float = math.nan) -> LawAtLoad:
+    """One law of a curve at the preload of the chosen one, see `tabulate`; errors as of `law_named`."""
     load, chosen = choice.load, name == choice.name
     law = choice.law if chosen else law_named(columns, name, load)
     of_force, bar, bar_of = columns.bar_at(load), columns.bar_at(load, elastic=True), "k_n_elastic"

@@ -133,7 +133,7 @@ class RunFiles:
             if before.get("finished"):
                 _write_summary(before | {"finished": False}, folder)
             run_folder.clear(folder, run_folder.DERIVED)
-            self._write_case(folder)
+            replace_file(folder / run_folder.CASE, self._case.to_toml().encode())
 
         if self._begun or self.checkpoint is None:
             return
@@ -166,9 +166,6 @@ class RunFiles:
         if self.checkpoint is not None and self._begun and not self._continues:
             self.checkpoint.clear()
             self._on_root(withdraw)
-
-    def _write_case(self, folder: Path) -> None:
-        replace_file(folder / run_folder.CASE, self._case.to_toml().encode())
 
     def curve(self, curve: Curve, whole: bool = True) -> None:
         """Write the curve; the steps so far replace no whole one, which a coarser mesh has given."""

@@ -58,7 +58,7 @@ def _vibration(results: Results) -> Iterator[str]:
         about = "" if found.get("load") is None else f" about a load of {quantity(found['load'], newton)}"
         text = f"Small vibration of the {'joint' if joint else 'patch'}{about} has a stiffness of "
         text += quantity(numbers["k_n"], metre, bar=bar)
-        if numbers.get("f") is not None:  # sqrt(k_n/m): half the bar, and none of one that the case gives
+        if numbers.get("f") is not None:  # sqrt(k_n/m): half the bar
             text += f" and a frequency of {quantity(numbers['f'], hertz, bar=0.5 * bar)}"
         yield f"{text}."
         if joint and (record := results.summary.get("patches")):

@@ -18,6 +18,7 @@ from asperity.mesh.element import shares
 from asperity.output.results import Results
 from asperity.plot import style
 from asperity.plot.curves import LOAD, draw_branches, load_axis
+from asperity.reference import reduced_modulus
 from asperity.units import prefix, quantity
 
 BINS = 40  # of the distribution of the pressure
@@ -230,7 +231,7 @@ def _distribution(axis: Any, results: Results, slope: float) -> None:
     row = results.curve.where(results.curve.step == int(top["steps"][i]))
     solid = results.case.get("material", {})
     if len(row) and math.isfinite(slope) and not solid.get("yield_strength"):
-        modulus = solid["E"] / (1.0 - solid["nu"] ** 2)
+        modulus = reduced_modulus(solid["E"], solid["nu"])
         p = np.linspace(0.0, edges[-1], 200)
         axis.plot(p, persson_density(p / scale / modulus, float(row.P_star[0]), slope) / (scale * modulus),
                   color=style.BLACK, label="Persson")  # fmt: skip

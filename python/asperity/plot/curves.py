@@ -13,9 +13,9 @@ from asperity.arrays import Array
 from asperity.curve import Curve
 from asperity.curve.power_law import with_misfit
 from asperity.curve.slope import fitted_rows
-from asperity.model.material import Material
 from asperity.output.results import Results
 from asperity.plot import style
+from asperity.reference import reduced_modulus
 from asperity.reference.conductance import TABOR, cooper_mikic_yovanovich, mikic_elastic
 from asperity.units import prefix
 
@@ -174,7 +174,7 @@ def conductance(results: Results) -> Figure:
             law = cooper_mikic_yovanovich(at, TABOR * material["yield_strength"])
         else:
             name = "Mikic, elastic"
-            law = mikic_elastic(at, Material(material["E"], material["nu"]).reduced_modulus, m)
+            law = mikic_elastic(at, reduced_modulus(material["E"], material["nu"]), m)
         expected = results.conductivity * m / height.Sq * law
         axis.plot(of_p * at, of_h * expected, "-", color=style.GREY, label=name)
     style.logarithmic(axis)

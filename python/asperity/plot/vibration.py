@@ -122,9 +122,10 @@ def response(results: Results) -> Figure:
     physical = (rows["model"] == "exact") | (rows["u_min"] >= -1.0)
     for axis, model in zip(axes, models, strict=True):
         for forcing, colour in _coloured(rows):
-            _branches(axis, where(rows, (rows["model"] == model) & (rows["F_hat"] == forcing)), "u_max", model, colour)
+            of = where(rows, (rows["model"] == model) & (rows["F_hat"] == forcing))
+            _branches(axis, of, "u_max", model, colour)
             if model == "exact" and bar is not None:
-                _shade(axis, where(rows, (rows["model"] == model) & (rows["F_hat"] == forcing)), bar, colour)
+                _shade(axis, of, bar, colour)
             _events(axis, [e for e in events if e["model"] == model and e["F_hat"] == forcing])
         about = "" if driven == "force" else " relative to the base"
         axis.set(xlabel="frequency $\\Omega = \\omega/\\omega_s$", ylabel=f"largest displacement{about} $u_{{\\max}}$")

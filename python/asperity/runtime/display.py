@@ -68,7 +68,7 @@ def show(value: Any) -> str:
 
 
 def comment(text: str) -> str:
-    """A text for a comment or docstring of a generated file, of any kind: one line that ends neither of them."""
+    """A text for a comment of a generated file, of any kind: one line that does not end it."""
     line = "".join(c if c.isprintable() else " " for c in text)
     return line.replace("\\", "/").replace('"""', "'''")
 

@@ -1,7 +1,7 @@
 """The folder of a run: the list of its files, and the rules for starting a run in an existing folder.
 
 A run never overwrites files of other origin, nor follows links in its folder. A folder contains a run if it has a
-checkpoint, or a `case.toml` that was generated. One process at a time works in it.
+checkpoint, or a `case.toml` that was generated. One run at a time works in it; plots and reports take no lock.
 """
 
 from __future__ import annotations

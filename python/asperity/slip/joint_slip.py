@@ -16,7 +16,7 @@ from asperity.errors import AsperityError
 from asperity.force_law.choice import Choice, choose
 from asperity.force_law.columns import CurveColumns
 from asperity.force_law.law import Law
-from asperity.force_law.laws import tabulate
+from asperity.force_law.laws import law_at_load
 from asperity.force_law.table import TableLaw
 from asperity.model.material import Material
 from asperity.runtime.display import short_repr
@@ -189,12 +189,12 @@ def slip_of_curve(
     law, t = law_on(choice.law), np.array(settings.amplitudes)
     area = _area_of(curve, columns, rows)
     paths = tuple(path_of_law(law, amplitude, steps=settings.steps, area=area) for amplitude in settings.amplitudes)
-    laws, bars = tabulate(columns, choice), None
+    chosen, bars = law_at_load(columns, choice, choice.name), None
     unloaded = not choice.yielded or choice.name == "unload-reload"
-    bounded = isinstance(choice.law, TableLaw) and math.isfinite(laws.bar)
+    bounded = isinstance(choice.law, TableLaw) and math.isfinite(columns.bar_at(choice.load))
     if bounded and ((ratio is not None and unloaded) or computed):
         with suppress(AsperityError):  # at the end of its bar the curve may not reach the preload
-            bars = _change(law, [law_on(member) for member in laws.chosen.sides()], t)
+            bars = _change(law, [law_on(member) for member in chosen.sides()], t)
     if computed and bars is not None:  # the mesh of the solid, of which only the curve gives an estimate
         ours, theirs = (np.array([[path.loop()[k] for k in WITH_ERRORS] for path in of]) for of in (computed, paths))
         bars = bars + np.abs(ours - theirs).T
