@@ -1,88 +1,175 @@
-"""How time and memory of a load step grow with the size of the problem, and the time of a load path in two clones.
+"""Time and memory of the surface of cases/single.toml: over the size, in two clones, by ways to solve linear systems.
 
-    ./run python3 benchmarks/speed.py step [H ...]
-    ./run python3 benchmarks/speed.py path CLONE ...      # by turns
+    ./run python3 benchmarks/speed.py step [H ...]       one elastic-plastic step to 0.02 L, a process for each size
+    ./run python3 benchmarks/speed.py path [H]           ten steps and an unloading; two clones are compared by turns:
+                     for clone in A B A B A B; do $clone/run python3 benchmarks/speed.py path; done
+    ./run python3 benchmarks/speed.py krylov [H ...]     tolerance of the Krylov solver, elastic and elastic-plastic
+    ./run python3 benchmarks/speed.py coarse [H ...]     ways to solve the coarse problem, also under mpirun
+    ./run mpirun --oversubscribe -n N python3 benchmarks/speed.py ranks [H]    counts of N ranks, and what they cost
+    ./run mpirun --oversubscribe -n N python3 benchmarks/speed.py memory [H]   memory of N ranks in one step
 
-The surface of cases/single.toml with its material is pressed to 0.02 L, in a process of its own: in one step, or in ten
-and released. H is the element size in the contact in units of L.
+Paths of ten steps go to 0.03 L. H is the element size in the contact in units of L; seconds are CPU seconds.
 """
 
 from __future__ import annotations
 
-import json
 import subprocess
 import sys
 import warnings
-from collections.abc import Iterable
 from math import log
+from pathlib import Path
 from time import process_time
 from typing import Any
 
+from dolfinx import fem
+from mpi4py import MPI
+
 import asperity as asp
+from asperity.linear import coarse as coarse_problem
+from asperity.linear.coarse import interface_of
+from asperity.mesh.distribute import distribute
+from asperity.quasistatic.contact_result import ContactResult
+from asperity.quasistatic.make import make_block
 
 L = 1e-6
-STEEL = asp.Material(200e9, 0.3, 1e9, 10e9)
-DELTA = 0.02  # greatest approach [L]
-TURNS = 3
-SIZES = (0.03, 0.0125, 0.0066, 0.0053)  # of the elements [L]
+SURFACE: dict[str, Any] = {"kind": "weierstrass-mandelbrot", "L": L, "D": 2.4, "G": 1.36e-11}
+MATERIALS = {"elastic": asp.Material(200e9, 0.3), "plastic": asp.Material(200e9, 0.3, 1e9, 10e9)}
 
 
-def one(h: float, **path: Any) -> dict[str, Any]:
-    """Facts of one run."""
+def press(material: str, h: float, depth: float = 0.03, steps: int = 10, **given: Any) -> tuple[ContactResult, float]:
+    """Press the surface to a depth [L] in planned steps; the result and its CPU seconds."""
     warnings.simplefilter("ignore")
-    surface = asp.Surface.from_spec(kind="weierstrass-mandelbrot", L=L, D=2.4, G=1.36e-11)
-    cpu = process_time()
-    result = asp.solve_contact(surface, STEEL, size=asp.MeshSize(h * L), delta_max=DELTA * L, **path)
-    counts = {"dofs": result.dofs, "newton": result.counts.newton, "krylov": result.counts.krylov}
-    return counts | {"cpu": process_time() - cpu, "memory": result.memory}
+    surface, size = asp.Surface.from_spec(**SURFACE), asp.MeshSize(h * L)
+    start = process_time()
+    result = asp.solve_contact(surface, MATERIALS[material], delta_max=depth * L, steps=steps, size=size, **given)
+    return result, process_time() - start
 
 
-def row(cells: Iterable[object]) -> None:
-    """Print a row of a table."""
-    print("| " + " | ".join(f"{c:.3g}" if isinstance(c, float) else str(c) for c in cells) + " |", flush=True)
+def out(*cells: object) -> None:
+    """Print a row of a table on rank 0."""
+    if MPI.COMM_WORLD.rank == 0:
+        print("| " + " | ".join(f"{c:.3g}" if isinstance(c, float) else str(c) for c in cells) + " |", flush=True)
+
+
+def head(names: str) -> None:
+    """Print the first two rows of a table."""
+    out(*names.split(", "))
+    out(*["---"] * len(names.split(", ")))
 
 
 def step(sizes: tuple[float, ...]) -> None:
-    """A row for each size: one step of backward Euler, which does not depend on the path."""
-    row(("dofs", "Newton", "Krylov", "CPU s", "order", "CPU s a Newton iteration", "order", "GiB"))
-    row(["---"] * 8)
-    before: list[tuple[int, float]] = []
+    """A row for each size: one step of backward Euler, which does not depend on the path; orders are over the dofs."""
+    if len(sizes) == 1:
+        result, seconds = press("plastic", sizes[0], 0.02, steps=1, integrator="backward-euler")
+        counts = result.counts
+        print(result.dofs, counts.newton, counts.krylov, seconds, result.memory / 2**30)
+        return
+    head("dofs, Newton, Krylov, CPU s, order, CPU s a Newton iteration, order, GiB")
+    before: list[float] = []
     for h in sizes:
-        facts = run_apart(str(h), sys.executable)
-        now = [(facts["dofs"], facts["cpu"]), (facts["dofs"], facts["cpu"] / facts["newton"])]
-        orders = [f"{_slope(a, b):.2f}" for a, b in zip(before, now, strict=True)] if before else ["", ""]
-        row((facts["dofs"], facts["newton"], facts["krylov"], now[0][1], orders[0], now[1][1], orders[1],
-             facts["memory"] / 2**30))  # fmt: skip
+        done = subprocess.run([sys.executable, __file__, "step", str(h)], check=True, capture_output=True, text=True)
+        dofs, newton, krylov, seconds, memory = map(float, done.stdout.split())
+        now = [log(dofs), log(seconds), log(seconds / newton)]
+        orders = [f"{(now[i] - before[i]) / (now[0] - before[0]):.2f}" if before else "" for i in (1, 2)]
+        out(int(dofs), int(newton), int(krylov), seconds, orders[0], seconds / newton, orders[1], memory)
         before = now
 
 
-def path(clones: list[str]) -> None:
-    """A row for each run: CPU seconds of a load path in the clones by turns."""
-    row(("clone", "Newton", "Krylov", "CPU s"))
-    row(["---"] * 4)
-    for clone in TURNS * clones:
-        facts = run_apart("path", f"{clone}/run", "python3")
-        row((clone, facts["newton"], facts["krylov"], facts["cpu"]))
+def path(sizes: tuple[float, ...]) -> None:
+    """A row, without a head, of this environment."""
+    for h in sizes:
+        result, seconds = press("plastic", h, 0.02, unload_steps=5)
+        out(asp.__file__, result.dofs, result.counts.newton, result.counts.krylov, seconds)
 
 
-def _slope(a: tuple[int, float], b: tuple[int, float]) -> float:
-    return log(b[1] / a[1]) / log(b[0] / a[0])
+def krylov(sizes: tuple[float, ...]) -> None:
+    """Iterations against the tolerance of the Krylov solver."""
+    head("dofs, material, Krylov tolerance, Newton, Krylov, CPU s")
+    for h in sizes:
+        for name in MATERIALS:
+            for rtol in (1e-3, 1e-2, 4e-2):
+                result, seconds = press(name, h, options=asp.SolverOptions(krylov_rtol=rtol))
+                out(result.dofs, name, rtol, result.counts.newton, result.counts.krylov, f"{seconds:.1f}")
 
 
-def run_apart(what: str, *python: str) -> dict[str, Any]:
-    """A run in a process of its own, so that its memory is its own."""
-    command = [*python, __file__, "one", what]
-    out = subprocess.run(command, check=True, capture_output=True, text=True).stdout
-    facts: dict[str, Any] = json.loads(out.splitlines()[-1])
-    return facts
+def coarse(sizes: tuple[float, ...]) -> None:
+    """Iterations and time with the ways to solve the coarse problem, elastic; also under mpirun."""
+    from petsc4py import PETSc
 
+    of_petsc = {
+        "MUMPS": {"pc_type": "cholesky", "pc_factor_mat_solver_type": "mumps"},
+        "CHOLMOD of PETSc": {"pc_type": "cholesky", "pc_factor_mat_solver_type": "cholmod"},
+    }
+    if MPI.COMM_WORLD.size > 1:
+        del of_petsc["CHOLMOD of PETSc"]  # serial
+    ways: dict[str, dict[str, str]] = {"factorised": {}} | of_petsc | {"algebraic multigrid": {"pc_type": "gamg"}}
+    press("elastic", 0.2)  # imports
+    head("ranks, dofs, coarse problem, Newton, Krylov, CPU s, MiB")
+    for h in sizes:
+        for name, options in ways.items():
+            for option, value in options.items():
+                PETSc.Options(coarse_problem.PREFIX)[option] = value
+            result, seconds = press("elastic", h)
+            for option in options:
+                PETSc.Options(coarse_problem.PREFIX).delValue(option)
+            counts, memory = result.counts, f"{result.memory / 2**20:.0f}"
+            out(MPI.COMM_WORLD.size, result.dofs, name, counts.newton, counts.krylov, f"{seconds:.1f}", memory)
+
+
+# Elastic-plastic path of four steps, 221,919 dofs (h_contact 0.0125 L), on 16 cores of a Xeon: seconds of one rank that
+# are shared evenly, of the tangent, and of what no rank shares; iterations and factorisations.
+EVEN, TANGENT, ALONE, KRYLOV, FACTORS = 88.2, 7.2, 2.9, 857, 141
+BUSIEST = {1: 1.0, 2: 1.25, 4: 2.1, 8: 3.1, 16: 3.2}  # cells that flow on the busiest rank over the mean, counted
+STREAM, RATE = 3.6e9, 180e9  # bytes and flops a second of a rank, of the dense matrix on 8 ranks
+MULTIGRID = 1.26  # CPU seconds of the path with algebraic multigrid over those with substructures, one rank
+MEASURED = {1: 98.3, 2: 51.9, 4: 33.2, 8: 27.9}  # seconds of ranks with substructures, there
+LATENCY, MESSAGES = 5e-6, {"substructures": 12, "multigrid": 112}  # seconds of one, and how many an iteration takes
+
+
+def ranks(sizes: tuple[float, ...]) -> None:
+    """Counts of a mesh on these ranks, nothing is solved: the interface and its dense matrix.
+
+    Near the end is a model: seconds and efficiency of the path above, exact counts times the costs of that
+    machine, beside what was measured there; they hold for H = 0.0125.
+    """
+    comm = MPI.COMM_WORLD
+    head(
+        "ranks, dofs, coarse problem, interface, MB a solution, Gflop a factorisation, model s, efficiency, measured s"
+    )
+    for h in sizes:
+        block = make_block(comm, asp.Surface.from_spec(**SURFACE), L, 0.02 * L, asp.MeshSize(h * L), "rollers")
+        mesh = distribute(comm, block, L)[0]
+        dofs = 3 * comm.bcast(None if block is None else len(block.points), root=0)
+        corners = fem.functionspace(mesh, ("Lagrange", 1, (3,))).dofmap.index_map
+        shared, coarse = interface_of(corners, comm).dofs, 3 * corners.size_global
+        by_rule = "substructures" if shared**2 <= coarse_problem.DENSE * coarse / comm.size else "multigrid"
+        for kind in dict.fromkeys((by_rule, "substructures")):
+            dense = kind == "substructures"
+            stored, flops = 4.0 * shared**2 * dense, shared**3 / 3.0 * dense
+            work = EVEN if dense else EVEN * MULTIGRID
+            seconds = ALONE + work / comm.size + TANGENT * BUSIEST.get(comm.size, 3.2) / comm.size
+            seconds += KRYLOV * (stored / STREAM + (comm.size > 1) * MESSAGES[kind] * LATENCY) + FACTORS * flops / RATE
+            share = (EVEN + TANGENT + ALONE) / seconds / comm.size
+            known = MEASURED.get(comm.size, "-") if dense else "-"
+            out(comm.size, dofs, kind, shared, f"{stored / 1e6:.1f}", f"{flops / 1e9:.1f}", f"{seconds:.1f}",
+                f"{share:.2f}", str(known))  # fmt: skip
+
+
+def memory(sizes: tuple[float, ...]) -> None:
+    """Sum of the peaks of the ranks, and what they take of the machine at the end, where shared pages count once."""
+    head("ranks, dofs, peaks MiB, of the machine MiB")
+    for h in sizes:
+        result, _ = press("plastic", h, steps=1)
+        lines = Path("/proc/self/smaps_rollup").read_text().splitlines()
+        taken = MPI.COMM_WORLD.allreduce(next(int(line.split()[1]) / 1024 for line in lines if line.startswith("Pss:")))
+        out(MPI.COMM_WORLD.size, result.dofs, f"{result.memory / 2**20:.0f}", f"{taken:.0f}")
+
+
+JOBS = {
+    "step": (step, (0.03, 0.0125, 0.0066, 0.0053)), "path": (path, (0.06,)), "krylov": (krylov, (0.05,)),
+    "coarse": (coarse, (0.1, 0.05, 0.022)), "ranks": (ranks, (0.0125,)), "memory": (memory, (0.0125,)),
+}  # fmt: skip
 
 if __name__ == "__main__":
-    if sys.argv[1:] == ["one", "path"]:
-        print(json.dumps(one(0.06, steps=10, unload_steps=5)))
-    elif sys.argv[1:2] == ["one"]:
-        print(json.dumps(one(float(sys.argv[2]), steps=1, integrator="backward-euler")))
-    elif sys.argv[1:2] == ["path"]:
-        path(sys.argv[2:])
-    else:
-        step(tuple(map(float, sys.argv[2:])) or SIZES)
+    job, default = JOBS[sys.argv[1]]
+    job(tuple(map(float, sys.argv[2:])) or default)

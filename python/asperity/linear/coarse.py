@@ -4,7 +4,7 @@ Substructures serve while the corners that ranks share, the interface, are few: 
 small dense system is left, which each rank has and factorises. A solution takes one sum over the ranks, where algebraic
 multigrid consists of many small steps, each with a message. On one rank there is no interface, and the factors are
 those of the whole matrix (Przemieniecki, AIAA J. 1 (1963) 138). Beside algebraic multigrid they save 10 to 35 % of the
-CPU time of a run on one and two ranks, beside CHOLMOD through PETSc 5 to 25 % on one (benchmarks/linear.py coarse).
+CPU time of a run on one and two ranks, beside CHOLMOD through PETSc 5 to 25 % on one (benchmarks/speed.py coarse).
 
 A rank's factors L L^T are those of its whole part, the interface last. L y = b leaves there what, times the last block
 of L, is the right side of the interface; L^T x = y goes on from its solution times the transpose of that block.

@@ -27,7 +27,7 @@ class TangentOperator:
     """Products with the tangent of a solid; a python context of PETSc for the matrix of the free dofs.
 
     A product takes as long as reading the matrix, and neither a preconditioner nor a Newton step needs many digits. So
-    the operator takes the upper half in single precision (benchmarks/linear.py).
+    the operator takes the upper half in single precision (benchmarks/speed.py).
 
     Args:
         solid: owner of the tangent

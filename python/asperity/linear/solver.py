@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 
 SINGLE_RTOL = 1e-5  # smallest tolerance for which a product in single precision is exact enough
-LU_LIMIT = 1_000  # dofs below which a factorisation beats CG with multigrid (benchmarks/linear.py)
+LU_LIMIT = 1_000  # dofs below which a factorisation beats CG with multigrid (benchmarks/speed.py)
 GENERAL_LU_LIMIT = 6_000  # the same of a tangent that is not symmetric
 RESCUES = 10  # systems rescued by a factorisation before a word of it
 RESCUED = (

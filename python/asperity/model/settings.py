@@ -126,7 +126,7 @@ class SolverOptions:
         linear: see `linear.solver.LinearSolver`
         rtol: residual force relative to the contact force at which a step has converged
         newton_max: Newton iterations after which a step is given up
-        krylov_rtol: loosest relative tolerance of the linear solver; None takes 4e-2 (benchmarks/linear.py), in finite
+        krylov_rtol: loosest relative tolerance of the linear solver; None takes 4e-2 (benchmarks/speed.py), in finite
             strain 1e-2, and 1e-3 for a nearly incompressible solid; in (0, 1)
         kernels: "compiled", or "forms" of UFL; None takes forms for a material with a law of its own
 
