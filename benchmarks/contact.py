@@ -1,156 +1,138 @@
-"""Print what each contact formulation costs and its errors, as a Markdown table.
+"""What each contact formulation costs and its errors, as a Markdown table.
 
-Cases: Hertz and Westergaard against their closed forms, a fractal surface, elastic and elastic-plastic, against exact
-contact on a finer mesh with the same load steps.
-Arguments name the scenes, for example "fractal, light"; without any all are printed (some minutes on one core).
+    ./run python3 benchmarks/contact.py [SCENE]...      some minutes for all
+
+Hertz and Westergaard against their closed forms, a fractal surface, elastic and elastic-plastic, against exact
+contact on a finer mesh with the same load steps. "Refused" are results that a check of the run does not let pass.
 """
 
 from __future__ import annotations
 
 import sys
-import time
 import warnings
-from collections.abc import Callable, Iterator
-from dataclasses import dataclass, replace
-from typing import Any
+from collections.abc import Callable
+from dataclasses import dataclass
+from time import process_time
 
 import numpy as np
 from mpi4py import MPI
 from scipy.optimize import brentq
 
+import asperity as asp
 from asperity import reference
 from asperity.arrays import Floats
-from asperity.model.material import Material
-from asperity.model.settings import Formulation, MeshSize
-from asperity.quasistatic import measures
-from asperity.quasistatic.contact_solver import ContactSolver
-from asperity.quasistatic.make import make_block, make_contact_solver
-from asperity.surface import Sinusoid, Sphere, Surface, WeierstrassMandelbrot
+from asperity.errors import CheckError, ConvergenceError
+from asperity.mesh.block import BlockMesh
+from asperity.quasistatic.contact_result import ContactResult
+from asperity.quasistatic.make import make_block
 
 NU = 0.3
-ELASTIC = Material(1.0, NU)
-PLASTIC = Material(1.0, NU, 0.005, 0.05)
+ELASTIC = asp.Material(1.0, NU)
+PLASTIC = asp.Material(1.0, NU, 0.005, 0.05)
 FORMULATIONS = {
-    "active set": Formulation(),
-    **{f"penalty, beta {beta:g}": Formulation("penalty", beta) for beta in (1.0, 10.0, 100.0)},
-    **{f"Nitsche, gamma {gamma:g}": Formulation("nitsche", gamma=gamma) for gamma in (1.0, 10.0)},
+    "active set": asp.Formulation(),
+    **{f"penalty, beta {beta:g}": asp.Formulation("penalty", beta) for beta in (1.0, 10.0, 100.0)},
+    **{f"Nitsche, gamma {gamma:g}": asp.Formulation("nitsche", gamma=gamma) for gamma in (1.0, 10.0)},
 }
 HEAD = (
-    "h_contact/L", "dofs", "formulation", "force %", "area %", "area bar %", "peak %", "Newton/step", "Krylov/Newton",
-    "CPU s",
+    "scene", "h_contact/L", "dofs", "formulation", "force %", "area %", "area bar %", "peak %", "Newton/step",
+    "Krylov/Newton", "CPU s",
 )  # fmt: skip
+CAP, RADIUS = 1.0, 0.05  # radius of the sphere and of its contact [L]
+AMPLITUDE, HEIGHT = 0.002, 2.0  # of the wave, half of which is on the block, and of its block [L]
+
+
+def hertz(curve: asp.Curve) -> Floats:
+    """Force, area and peak pressure (steps, 3); the walls add to the force, so the forces are those found."""
+    law = reference.Hertz(CAP, reference.reduced_modulus(1.0, NU))
+    depths = np.array([float(law.approach(4.0 * force)) for force in curve.force])
+    return np.column_stack([curve.force, 0.25 * np.pi * law.radius(depths) ** 2, law.peak_pressure(depths)])
+
+
+def westergaard(curve: asp.Curve) -> Floats:
+    """The same of a wave on a high block."""
+    wave = reference.Westergaard(AMPLITUDE, 2.0, reference.reduced_modulus(1.0, NU))
+    compliance = HEIGHT / reference.block_modulus(1.0, NU)
+    means = [
+        brentq(lambda p, d=d: float(wave.approach(p)) + compliance * p - d, 0.0, wave.full_pressure, xtol=1e-18)
+        for d in curve.delta
+    ]
+    return np.array([(p, float(wave.area_fraction(p)), float(wave.pressure(np.zeros(1), p)[0])) for p in means])
+
+
+def found(curve: asp.Curve) -> Floats:
+    """Force, area and peak pressure of a curve (steps, 3)."""
+    return np.column_stack([curve.force, curve.area_fraction, curve.max_pressure])
 
 
 @dataclass(frozen=True)
-class Case:
-    """A surface pressed in steps, and what is known about the result.
+class Scene:
+    """A surface pressed to a depth [L] in steps on meshes of some sizes; what is known follows from a finer one."""
 
-    Attributes:
-        theory: force, area, peak pressure at each step (steps, 3) in closed form, of the forces of a finer mesh; None
-            compares with the finer mesh alone
-    """
-
-    surface: Surface
-    material: Material
-    height: float
-    steps: tuple[float, ...]
+    surface: asp.Surface
+    material: asp.Material
+    depth: float
+    steps: int
     sizes: tuple[float, ...]
     finer: float
-    theory: Callable[[Floats], Floats] | None = None
+    known: Callable[[asp.Curve], Floats] = found
+    height: float = 1.0
 
+    def block(self, size: float) -> BlockMesh | None:
+        """Mesh of a size."""
+        return make_block(MPI.COMM_SELF, self.surface, self.height, self.depth, asp.MeshSize(size, growth=0.4))
 
-def hertz() -> Case:
-    """Contact radius 0.05 L; the walls add to the force, so area and peak are compared at the same force."""
-    radius, a = 1.0, 0.05
-    law = reference.Hertz(radius, reference.reduced_modulus(1.0, NU))
-
-    def theory(force: Floats) -> Floats:
-        depths = np.array([float(law.approach(4.0 * one)) for one in force])
-        return np.column_stack([force, 0.25 * np.pi * law.radius(depths) ** 2, law.peak_pressure(depths)])
-
-    cap = Sphere(L=1.0, radius=radius, centre=(0.0, 0.0), shape="paraboloid")
-    return Case(cap, ELASTIC, 1.0, (0.5 * a**2, a**2), (a / 3, a / 6), a / 16, theory)
-
-
-def westergaard() -> Case:
-    """Half a wave in a block of twice its width."""
-    amplitude, height = 0.002, 2.0
-    wave = reference.Westergaard(amplitude, 2.0, reference.reduced_modulus(1.0, NU))
-    steps = (0.75 * amplitude, 1.5 * amplitude)
-    compliance = height / reference.block_modulus(1.0, NU)
-
-    def theory(_: Floats) -> Floats:
-        means = [
-            brentq(lambda p, d=d: float(wave.approach(p)) + compliance * p - d, 0.0, wave.full_pressure, xtol=1e-18)
-            for d in steps
-        ]
-        return np.array([(p, float(wave.area_fraction(p)), float(wave.pressure(np.zeros(1), p)[0])) for p in means])
-
-    surface = Sinusoid(L=1.0, amplitude=amplitude, wavelength=2.0, dims=1, centre=(0.0, 0.0))
-    return Case(surface, ELASTIC, height, steps, (0.12, 0.06), 0.06, theory)
-
-
-def fractal(material: Material, steps: int, sizes: tuple[float, ...], finer: float) -> Case:
-    """The surface of cases/single.toml, to 0.03 L."""
-    surface = WeierstrassMandelbrot(L=1.0, D=2.4, G=1.36e-5, M=10, gamma=1.5, f_max=5, seed=0)
-    depths = tuple(float(d) for d in np.linspace(0.0, 0.03, steps + 1)[1:])
-    return Case(surface, material, 1.0, depths, sizes, finer)
-
-
-CASES: dict[str, Callable[[], Case]] = {
-    "Hertz": hertz,
-    "Westergaard": westergaard,
-    "fractal, elastic": lambda: fractal(ELASTIC, 3, (0.06, 0.04), 0.02),
-    "fractal, light": lambda: replace(fractal(ELASTIC, 1, (0.06,), 0.01), steps=(0.0005,)),  # a few elements carry all
-    "fractal, plastic": lambda: fractal(PLASTIC, 10, (0.08, 0.05), 0.03),
-}
-
-
-def press_along(case: Case, solver: ContactSolver) -> Floats:
-    """Force, area, peak pressure and bar of the area at each step (steps, 4), in units of E = L = 1."""
-    found = []
-    for delta in case.steps:
-        if not solver.step(delta).converged:
-            raise RuntimeError(f"no convergence at delta = {delta:g}")
-        area = solver.contact_surface.area_of(*solver.contact.touched())
-        found.append((solver.force, area.value, measures.row(solver)["max_pressure"], area.error))
-    return np.array(found)
-
-
-def rows(case: Case) -> Iterator[tuple[Any, ...]]:
-    """Rows of the table of a case."""
-    fine, *blocks = (
-        make_block(MPI.COMM_SELF, case.surface, case.height, case.steps[-1], MeshSize(size, growth=0.4))
-        for size in (case.finer, *case.sizes)
-    )
-
-    def solver_of(block: Any, formulation: Formulation) -> ContactSolver:
-        return make_contact_solver(MPI.COMM_SELF, case.surface, block, case.material, formulation=formulation)
-
-    known = press_along(case, solver_of(fine, Formulation()))[:, :3]
-    if case.theory is not None:
-        known = case.theory(known[:, 0])
-    for (size, block), (name, formulation) in (
-        (mesh, way) for mesh in zip(case.sizes, blocks, strict=True) for way in FORMULATIONS.items()
-    ):
-        solver, start = solver_of(block, formulation), time.process_time()
-        try:
-            found = press_along(case, solver)
-        except RuntimeError as failure:
-            yield f"{size:.4g}", solver.solid.dofs, name, failure, *[""] * (len(HEAD) - 4)
-            continue
-        seconds, counts = time.process_time() - start, solver.counts
-        errors = np.column_stack([found[:, :3] / known - 1.0, found[:, 3] / found[:, 1]])
-        force, area, peak, bar = 100.0 * np.sqrt(np.mean(errors**2, axis=0))
-        yield (
-            f"{size:.4g}", solver.solid.dofs, name, f"{force:.2f}", f"{area:.1f}", f"{bar:.1f}", f"{peak:.2f}",
-            f"{counts.newton / counts.steps:.1f}", f"{counts.krylov / counts.newton:.1f}", f"{seconds:.1f}",
+    def press(self, block: BlockMesh | None, formulation: asp.Formulation) -> ContactResult:
+        """Press it on a mesh."""
+        return asp.solve_contact(
+            self.surface, self.material, delta_max=self.depth, steps=self.steps, height=self.height, block=block,
+            formulation=formulation,
         )  # fmt: skip
 
 
-if __name__ == "__main__":
+SPHERE = asp.Surface.from_spec("sphere", L=1.0, radius=CAP, centre=(0.0, 0.0), shape="paraboloid")
+WAVE = asp.Surface.from_spec("sinusoid", L=1.0, amplitude=AMPLITUDE, wavelength=2.0, dims=1, centre=(0.0, 0.0))
+FRACTAL = asp.Surface.from_spec("weierstrass-mandelbrot", L=1.0, D=2.4, G=1.36e-5)  # of cases/single.toml
+SCENES = {
+    "Hertz": Scene(SPHERE, ELASTIC, RADIUS**2, 2, (RADIUS / 3, RADIUS / 6), RADIUS / 16, hertz),
+    "Westergaard": Scene(WAVE, ELASTIC, 1.5 * AMPLITUDE, 2, (0.12, 0.06), 0.06, westergaard, HEIGHT),
+    "fractal, elastic": Scene(FRACTAL, ELASTIC, 0.03, 3, (0.06, 0.04), 0.02),
+    "fractal, light": Scene(FRACTAL, ELASTIC, 0.0005, 1, (0.06,), 0.01),  # a few elements carry all
+    "fractal, plastic": Scene(FRACTAL, PLASTIC, 0.03, 10, (0.08, 0.05), 0.03),
+}
+
+
+def row(scene: Scene, known: Floats, block: BlockMesh | None, name: str) -> list[str]:
+    """Dofs, formulation, errors and costs; the message of one that does not converge."""
+    start = process_time()
+    try:
+        result = scene.press(block, FORMULATIONS[name])
+    except CheckError as refused:
+        name, result = f"{name}, refused", refused.result
+    except ConvergenceError as failure:
+        return ["", name, str(failure), *[""] * (len(HEAD) - 5)]
+    seconds, counts, curve = process_time() - start, result.counts, result.curve
+    errors = np.column_stack([found(curve) / known - 1.0, curve.error_area_fraction / curve.area_fraction])
+    force, area, peak, bar = 100.0 * np.sqrt(np.mean(errors**2, axis=0))
+    costs = counts.newton / counts.steps, counts.krylov / counts.newton, seconds
+    cells = [f"{force:.2f}", f"{area:.1f}", f"{bar:.1f}", f"{peak:.2f}", *(f"{cost:.1f}" for cost in costs)]
+    return [str(result.dofs), name, *cells]
+
+
+def main(names: list[str]) -> None:
+    """Print the table of some scenes."""
     warnings.simplefilter("ignore")
-    print("| scene | " + " | ".join(HEAD) + " |\n|" + "---|" * (len(HEAD) + 1))
-    for name in sys.argv[1:] or CASES:
-        for row in rows(CASES[name]()):
-            print(f"| {name} | " + " | ".join(map(str, row)) + " |", flush=True)
+    print("| " + " | ".join(HEAD) + " |\n|" + "---|" * len(HEAD))
+    for name in names or SCENES:
+        scene = SCENES[name]
+        known = scene.known(scene.press(scene.block(scene.finer), asp.Formulation()).curve)
+        for size in scene.sizes:
+            block = scene.block(size)
+            for formulation in FORMULATIONS:
+                print(
+                    "| " + " | ".join([name, f"{size:.4g}", *row(scene, known, block, formulation)]) + " |", flush=True
+                )
+
+
+if __name__ == "__main__":
+    main(sys.argv[1:])
