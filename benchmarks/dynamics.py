@@ -1,7 +1,7 @@
 """Frequency response: completeness in random windows, and work over precision against pyHarm-os.
 
-    python3 benchmarks/dynamics.py orbits [--windows 200] [--seed 0] [--verbose]
-    python3 benchmarks/dynamics.py speed
+    ./run python3 benchmarks/dynamics.py orbits [WINDOWS SEED]      default 200 0
+    ./run python3 benchmarks/dynamics.py speed
 
 `orbits`: random exponents (0.6 to 4), damping ratios (0.002 to 0.1), forcings F^ (0.005 to 1.5) and windows. At random
 frequencies inside, every orbit of period 1 and 2 of a response over a window twice as wide on both sides must
@@ -15,9 +15,9 @@ out, where the amplitude is singular in Omega. Needs `./run pip install pyHarm-o
 
 from __future__ import annotations
 
-import argparse
 import os
 import runpy
+import sys
 import time
 from collections import Counter
 from collections.abc import Callable
@@ -163,32 +163,24 @@ def compare(case: Window, own: FrequencyResponse, starts: int, random: np.random
     return counts, words
 
 
-def completeness(options: argparse.Namespace) -> None:
-    """Compare the responses of random windows."""
-    random = np.random.default_rng(options.seed + 1)
+def completeness(windows: int, seed: int) -> None:
+    """Compare the responses of random windows, and print what is missing and the counts."""
+    random = np.random.default_rng(seed + 1)
     counts: Counter[str] = Counter()
-    seconds: list[float] = []
-    for number, case in enumerate(random_windows(options.windows, options.seed)):
-        begin = time.process_time()
+    for case in random_windows(windows, seed):
         try:
             own = response(case, case.omega)
-            seconds.append(time.process_time() - begin)
-            more, words = compare(case, own, options.starts, random)
+            more, words = compare(case, own, 24, random)
         except AsperityError as error:
             more, words = Counter({"windows without a result": 1}), f"    {error}\n"
         else:
             more["windows with a note"] += bool(own.notes)
         counts += more
-        if options.verbose and words:
-            print(f"{number}: {case}\n{words}    {getattr(own, 'notes', '')}", flush=True)
-        if number % 20 == 19 or number == options.windows - 1:
-            print(f"\n{number + 1} windows\n\n| orbits | number |\n|---|---|")
-            for name in sorted(counts):
-                print(f"| {name} | {counts[name]} |")
-            print(
-                f"| CPU seconds of the windows: median, sum | {np.median(seconds):.2f}, {sum(seconds):.1f} |",
-                flush=True,
-            )
+        if words:
+            print(f"{case}\n{words}", flush=True)
+    print("| orbits | number |\n|---|---|")
+    for name in sorted(counts):
+        print(f"| {name} | {counts[name]} |")
 
 
 Result = tuple[str, str, float, float, float, int, str]  # method, setting, seconds, two errors, points, stability
@@ -246,7 +238,7 @@ def peer(reference: FrequencyResponse) -> list[Result]:
     return rows
 
 
-def speed(_options: argparse.Namespace) -> None:
+def speed() -> None:
     """Run all methods and print the table and the ratios."""
     reference = ContactOscillator(PowerLaw(N), zeta=ZETA).response(FORCING, WINDOW, tol=1e-9)
     rows = [*ours(reference), *peer(reference)]
@@ -263,18 +255,8 @@ def speed(_options: argparse.Namespace) -> None:
             print(f"  {method} ({setting}): {ratios} ({own})")
 
 
-def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    commands = parser.add_subparsers(required=True)
-    orbits = commands.add_parser("orbits")
-    orbits.set_defaults(run=completeness)
-    for name, default in (("windows", 200), ("seed", 0), ("starts", 24)):
-        orbits.add_argument(f"--{name}", type=int, default=default)
-    orbits.add_argument("--verbose", action="store_true")
-    commands.add_parser("speed").set_defaults(run=speed)
-    options = parser.parse_args()
-    options.run(options)
-
-
 if __name__ == "__main__":
-    main()
+    if sys.argv[1:] == ["speed"]:
+        speed()
+    else:
+        completeness(*map(int, sys.argv[2:] or ("200", "0")))
