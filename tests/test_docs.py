@@ -175,7 +175,7 @@ def test_what_the_paper_cites_is_in_its_list_and_the_other_way_round() -> None:
 
 def test_every_picture_has_its_command_and_is_shown(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.syspath_prepend(str(ROOT / "benchmarks"))
-    made = importlib.import_module("pictures").NAMES
+    made = importlib.import_module("evidence").NAMES
     files = sorted((ROOT / "docs/pictures").iterdir())
     assert sorted(path.stem for path in files) == sorted(made)
     text = "".join(page.read_text(encoding="utf-8") for page in ALL_PAGES)
