@@ -12,6 +12,7 @@ import sys
 from collections.abc import Callable
 from dataclasses import asdict, dataclass
 from pathlib import Path
+from typing import Any
 
 import calculix
 import numpy as np
@@ -21,29 +22,31 @@ from unpacked import PEERS, inside
 HERE = Path(__file__).parent
 
 
+LIMIT = 900.0  # CPU seconds after which a run is ended
+
+
 @dataclass(frozen=True)
 class Run:
     """Result of a run.
 
     Attributes:
-        program, material, mesh: which one
+        program, mesh: which one
         dofs: displacement components, boundary conditions included
         cpu: seconds of the process, user and system, start-up included
         memory: its greatest resident memory [bytes]
         force: after each load step done [E L^2]
         ended: "done", "limit" (of CPU time), or "failed" with the exit code
-        limit: CPU seconds it was allowed
+        bar: greatest relative error bar of the force, of asperity with a tolerance
     """
 
     program: str
-    material: str
     mesh: str
     dofs: int
     cpu: float
     memory: int
     force: list[float]
     ended: str
-    limit: float
+    bar: float | None = None
 
 
 @dataclass(frozen=True)
@@ -76,11 +79,11 @@ def timed(command: list[str], environment: dict[str, str], place: Path, limit: f
 
 @dataclass(frozen=True)
 class Start:
-    """A prepared run: command line, environment, and how to read dofs and forces in the end."""
+    """A prepared run: command line, environment, and how to read dofs, forces and perhaps the bar in the end."""
 
     command: list[str]
     environment: dict[str, str]
-    read: Callable[[], tuple[int, list[float]]]
+    read: Callable[[], dict[str, Any]]
 
 
 @dataclass(frozen=True)
@@ -92,46 +95,25 @@ class Job:
     mesh: str
     prepare: Callable[[Path], Start]
 
-    @property
-    def _name(self) -> str:
-        return "-".join([self.program, self.material, self.mesh]).replace(" ", "_")
-
-    def kept(self, folder: Path) -> Run | None:
-        """Result of an earlier run."""
-        file = folder / "runs" / f"{self._name}.json"
-        return Run(**json.loads(file.read_text(encoding="utf-8"))) if file.exists() else None
-
-    def run(self, folder: Path, limit: float) -> Run:
+    def run(self, folder: Path) -> Run:
         """Run it in a process of its own, or read what an earlier call kept."""
-        earlier = self.kept(folder)
-        if earlier is not None and (earlier.ended != "limit" or earlier.limit >= limit):
-            return earlier
-        place = folder / "work" / self._name
+        place = folder / "-".join([self.program, self.material, self.mesh]).replace(" ", "_")
+        kept = place / "run.json"
+        if kept.exists():
+            return Run(**json.loads(kept.read_text(encoding="utf-8")))
         place.mkdir(parents=True, exist_ok=True)
         start = self.prepare(place)
-
-        used = timed(start.command, start.environment, place, limit)
-        dofs, force = start.read()
-        ended = "done"
-        if len(force) < scene.STEPS:
-            ended = used.ended
-        run = Run(self.program, self.material, self.mesh, dofs, used.cpu, used.memory, force, ended, limit)
-        file = folder / "runs" / f"{self._name}.json"
-        file.parent.mkdir(parents=True, exist_ok=True)
-        file.write_text(json.dumps(asdict(run), indent=1) + "\n", encoding="utf-8")
+        used = timed(start.command, start.environment, place, LIMIT)
+        found = {"dofs": 0, "force": []} | start.read()
+        ended = "done" if len(found["force"]) == scene.STEPS else used.ended
+        run = Run(self.program, self.mesh, cpu=used.cpu, memory=used.memory, ended=ended, **found)
+        kept.write_text(json.dumps(asdict(run), indent=1) + "\n", encoding="utf-8")
         return run
 
 
-def read_json(path: Path) -> Callable[[], tuple[int, list[float]]]:
+def read_json(path: Path) -> Callable[[], dict[str, Any]]:
     """Read dofs and forces from a file; nothing where there is none."""
-
-    def read() -> tuple[int, list[float]]:
-        if not path.exists():
-            return 0, []
-        found = json.loads(path.read_text(encoding="ascii"))
-        return found["dofs"], found["force"]
-
-    return read
+    return lambda: json.loads(path.read_text(encoding="ascii")) if path.exists() else {}
 
 
 def asperity(material: str, by: str, value: float, steps: int = scene.STEPS) -> Job:
@@ -139,8 +121,7 @@ def asperity(material: str, by: str, value: float, steps: int = scene.STEPS) -> 
 
     def prepare(place: Path) -> Start:
         out = place / "out.json"
-        out.unlink(missing_ok=True)
-        command = [sys.executable, str(HERE / "asperity_model.py"), material, by, str(value), str(steps), str(out)]
+        command = [sys.executable, str(HERE / "scene.py"), material, by, str(value), str(steps), str(out)]
         return Start(command, {}, read_json(out))
 
     name = "asperity" if by == "size" else "asperity, by tolerance"
@@ -172,9 +153,10 @@ def calculix_deck(program: str, material: str, mesh: str, write: Callable[[Path]
 
     def prepare(place: Path) -> Start:
         dofs = write(place / "model.inp")
-        (place / "model.dat").unlink(missing_ok=True)
         command, environment = inside("bookworm", "usr/bin/ccx")
-        return Start([*command, "model"], environment, lambda: (dofs, calculix.read(place / "model.dat")))
+        return Start(
+            [*command, "model"], environment, lambda: {"dofs": dofs, "force": calculix.read(place / "model.dat")}
+        )
 
     return Job(program, material, mesh, prepare)
 

@@ -1,4 +1,7 @@
-"""The scene all programs compute, and what its force is.
+"""The scene that all programs compute; started, asperity's run of it in a process of its own.
+
+    python3 scene.py MATERIAL size H STEPS OUT.json        the default mesh with elements of size H in the contact
+    python3 scene.py MATERIAL tolerance T STEPS OUT.json   driven by a tolerance on the force
 
 The surface of cases/single.toml is on a block of side and height 1 (E = 1 in the unit of stress of each program),
 base clamped, sides on rollers, and is pressed by a rigid frictionless flat from first touch to 0.03 L in ten steps, in
@@ -8,26 +11,21 @@ small strains.
 from __future__ import annotations
 
 import json
-import subprocess
 import sys
 import warnings
-from pathlib import Path
 
 import numpy as np
 import numpy.typing as npt
 
 import asperity as asp
 from asperity.adaptive.extrapolation import loading_force
-from asperity.adaptive.solve_contact import solve_contact
 from asperity.arrays import Floats
-from asperity.model.settings import AccuracyTarget
 from asperity.surface import Surface
 
 DELTA, STEPS = 0.03, 10
 AT = DELTA * np.arange(1, STEPS + 1) / STEPS  # approaches compared [L]
 E, NU, YIELD, TANGENT = 1.0, 0.3, 0.005, 0.05  # of cases/single.toml over its E = 200 GPa
 MATERIALS = {"elastic": asp.Material(E, NU), "plastic": asp.Material(E, NU, YIELD, TANGENT)}
-TOLERANCE = {"elastic": 0.002, "plastic": 0.007}  # of the reference: greatest error bar
 
 
 def surface() -> Surface:
@@ -35,30 +33,6 @@ def surface() -> Surface:
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
         return Surface.from_spec(kind="weierstrass-mandelbrot", L=1.0, D=2.4, G=1.36e-5)
-
-
-def reference(material: str, folder: Path) -> tuple[Floats, float]:
-    """Force at the approaches AT [E L^2] and the greatest relative error bar, kept in a file of the folder."""
-    file = folder / f"reference-{material}.json"
-    if not file.exists():
-        # in a process of its own: the memory of a child is measured from that of its parent on
-        subprocess.run([sys.executable, __file__, material, str(file)], check=True)
-    kept = json.loads(file.read_text(encoding="utf-8"))
-    return np.array(kept["force"]), kept["bar"]
-
-
-def compute_reference(material: str, file: str) -> None:
-    """Write the force and its error bar."""
-    goal = AccuracyTarget(TOLERANCE[material])
-    found = solve_contact(surface(), MATERIALS[material], tolerance=goal, delta_max=DELTA, steps=STEPS)
-    modulus = MATERIALS[material].reduced_modulus
-    kept = {
-        "force": (loading_force(found.curve, AT) * modulus).tolist(),
-        "bar": found.worst,
-        "dofs": [level.dofs for level in found.levels],
-        "substeps": found.levels[-1].substeps,
-    }
-    Path(file).write_text(json.dumps(kept, indent=1) + "\n", encoding="utf-8")
 
 
 def grid(n: int, growth: float = 1.4, largest: float = 0.125) -> Floats:
@@ -93,5 +67,20 @@ def bricks(nodes: Floats) -> npt.NDArray[np.int64]:
     return np.stack([number[i, j, k].ravel() for k in (low, high) for i, j in face], axis=-1)
 
 
+def main(material: str, by: str, value: str, steps: str, target: str) -> None:
+    """Press the surface; forces, dofs and the greatest error bar, where there is one, in a file."""
+    law, path = MATERIALS[material], {"delta_max": DELTA, "steps": int(steps)}
+    if by == "size":
+        result = asp.solve_contact(surface(), law, size=asp.MeshSize(float(value)), **path)
+        curve, dofs, bar = result.curve, result.dofs, None
+    else:
+        goal = asp.AccuracyTarget(float(value), max_dofs=2_000_000)
+        found = asp.solve_contact(surface(), law, tolerance=goal, **path)
+        curve, dofs, bar = found.curve, found.contact.dofs, found.worst
+    force = loading_force(curve, AT) * law.reduced_modulus
+    with open(target, "w", encoding="ascii") as out:
+        json.dump({"force": force.tolist(), "dofs": dofs, "bar": bar}, out)
+
+
 if __name__ == "__main__":
-    compute_reference(*sys.argv[1:])
+    main(*sys.argv[1:])
