@@ -24,6 +24,12 @@ from asperity.runtime.progress import LevelLines
 ROOT = Path(__file__).parents[2]
 DEMO = str(ROOT / "cases/single.toml")
 Cli = Callable[..., tuple[int, str, str]]
+PLANE = """units = "other"
+surface = {kind = "flat", L = 1.0}
+material = {E = 1.0, nu = 0.3}
+mesh = {h_contact = 0.5, h_max = 1.0}
+loading = {delta_max = 0.01, steps = 1}
+"""
 
 
 @pytest.fixture
@@ -173,10 +179,7 @@ def test_an_odd_environment_or_argument_is_no_error_or_one_line(
 ) -> None:
     """Also where Python would make an error of a warning, or MPI end without a home."""
     path = tmp_path / "case.toml"
-    path.write_text(
-        'units = "other"\nsurface = {kind = "flat", L = 1.0}\nmaterial = {E = 1.0, nu = 0.3}\n'
-        "mesh = {h_contact = 0.5, h_max = 1.0}\nloading = {delta_max = 0.01, steps = 1}\n"
-    )
+    path.write_text(PLANE)
     changed = {name: value for name, value in ({**CLEAN} | environment).items() if value is not None}
     command: list[Any] = [sys.executable, "-m", "asperity", "run", path, *words]
     done = subprocess.run(command, cwd=tmp_path, env=changed, capture_output=True, timeout=120)
@@ -186,6 +189,26 @@ def test_an_odd_environment_or_argument_is_no_error_or_one_line(
     assert len(rest) == (code != 0) and all(line.startswith("error: ") for line in rest)
     assert (tmp_path / "out").exists() == (code == 0)
     assert (b" step 1, branch load, " in done.stdout) == ("-v" in words)  # the lines of the log
+
+
+@pytest.mark.parametrize(
+    ("command", "code"),
+    [
+        ("run case.toml | true", 0),  # the run goes on
+        ("run case.toml -v | true", 0),
+        ("run case.toml > /dev/full", 0),
+        ("run case.toml >&- 2>&-", 0),
+        ("surface case.toml | true", 141),  # not 1, which compared curves have that differ
+        ("surface case.toml > /dev/full", 4),
+    ],
+)
+def test_output_that_nobody_reads(tmp_path: Path, command: str, code: int) -> None:
+    (tmp_path / "case.toml").write_text(PLANE)
+    shell = ["bash", "-o", "pipefail", "-c", f"{sys.executable} -m asperity {command}"]
+    assert subprocess.run(shell, cwd=tmp_path, env=CLEAN, timeout=120).returncode == code
+    if command.startswith("run"):
+        summary = json.loads((tmp_path / "out/case/summary.json").read_text())
+        assert summary["finished"] and summary["steps"] == 1
 
 
 def test_compare_finds_what_differs(cli: Cli, tmp_path: Path) -> None:

@@ -45,7 +45,7 @@ class Killed(BaseException):
     """Represents SIGKILL: the package does not handle it."""
 
 
-def case_of(**sections: Mapping[str, Any]) -> Case:
+def case_of(**sections: Mapping[str, Any] | str) -> Case:
     return Case.from_dict({**PLANE, **sections})
 
 
@@ -426,6 +426,21 @@ def test_a_run_killed_while_it_is_replaced_can_be_replaced_again(tmp_path: Path)
 def test_the_list_names_every_picture_and_each_file_once() -> None:
     assert set(CAPTIONS) == set(PICTURES) - {"plasticity", "scene", "slip_map"}  # of older versions
     assert len(set(PRODUCTS)) == len(PRODUCTS)
+
+
+def test_warnings_about_a_case_are_those_of_the_command(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """An unused key, and a modulus and a side that are not in Pa and m: each once, and in the summary."""
+    case = case_of(contact={"penalty": 20.0}, units="SI")
+    (tmp_path / "case.toml").write_text(case.to_toml(), encoding="utf-8")
+    with pytest.warns(CaseWarning) as caught:
+        run(case, tmp_path / "python")
+    texts = [str(w.message) for w in caught]
+    for text, part in zip(texts, ("E = 1 is taken as Pa", "L = 1 is taken as m", "= 20 is not used"), strict=True):
+        assert part in text
+    assert call("run", tmp_path / "case.toml", "-o", tmp_path / "command", "-q") == 0
+    assert capsys.readouterr().err.splitlines() == [f"warning: {text}" for text in texts]
+    for out in ("python", "command"):
+        assert json.loads((tmp_path / out / "summary.json").read_text(encoding="utf-8"))["warnings"] == texts
 
 
 # --- ranks ----------------------------------------------------------------------------------------------------

@@ -1,7 +1,8 @@
 """The command line: `asperity COMMAND ...`.
 
 Exit codes: 0 done; 1 compared curves differ; 2 bad input; 3 not converged, partial curve saved; 4 environment; 70 an
-internal error. An error is one line on stderr, from one rank. ASPERITY_TRACEBACK=1 shows where an internal error is.
+internal error; 130 stopped, 141 the reader of the output has gone. An error is one line on stderr, from one rank.
+ASPERITY_TRACEBACK=1 shows where an internal error is.
 """
 
 from __future__ import annotations
@@ -20,7 +21,7 @@ import click
 from asperity.errors import AsperityError, AsperityWarning
 from asperity.runtime.launch import ensure_home, on_terminal
 from asperity.runtime.parallel import INTERNAL, Ranks
-from asperity.runtime.progress import world_rank
+from asperity.runtime.progress import silence, world_rank
 from asperity.version import __version__
 
 #: Module of each command, which is imported when it is used.
@@ -62,6 +63,9 @@ def group() -> None:
 def main(arguments: Sequence[str] | None = None) -> None:
     """Run a command and leave with its exit code, the same on every rank."""
     ensure_home()
+    for name in ("stdout", "stderr"):
+        if getattr(sys, name) is None:  # it was closed
+            setattr(sys, name, open(os.devnull, "w"))
     ranks = Ranks()
     # Warnings of this package are shown whatever the environment says, and those of others are not for users.
     warnings.simplefilter("ignore")
@@ -90,6 +94,8 @@ def _outcome(arguments: Sequence[str] | None) -> tuple[int, str]:
         return error.exit_code, error.format_message()
     except (click.Abort, KeyboardInterrupt):
         return 130, "stopped"
+    except SystemExit as left:  # of click: 1 where the reader of the output has gone, 0 after a completion of the shell
+        return 141 if left.code else 0, ""
     except AsperityError as error:
         return error.exit_code, str(error)
     except ModuleNotFoundError as error:
@@ -123,6 +129,9 @@ def _show_once() -> Callable[..., None]:
         if world_rank() == 0 and str(message) not in shown:
             shown.add(str(message))
             over = "\r\x1b[K" if on_terminal() and sys.stderr.isatty() else ""  # a live line
-            click.echo(f"{over}warning: {message}", err=True)
+            try:
+                click.echo(f"{over}warning: {message}", err=True)
+            except OSError:
+                silence(sys.stderr)
 
     return show

@@ -10,7 +10,7 @@ from pathlib import Path
 import click
 
 from asperity.cli import options
-from asperity.runtime.progress import LevelLines, Progress, world_rank
+from asperity.runtime.progress import LevelLines, Progress, silence, world_rank
 
 
 @click.command()
@@ -50,8 +50,9 @@ def run(
     gc.freeze()  # what the modules hold is no garbage, and each solver that goes has the rest searched
     progress = Progress() if quiet or verbose or world_rank() else LevelLines()
     if verbose and not world_rank():
-        logging.basicConfig(stream=sys.stdout, format="%(asctime)s %(message)s")
-        logging.raiseExceptions = False  # of a pipe whose reader has gone: the run goes on
+        lines = logging.StreamHandler(sys.stdout)
+        lines.handleError = lambda record: silence(sys.stdout)  # type: ignore[method-assign]
+        logging.basicConfig(handlers=[lines], format="%(asctime)s %(message)s")
     try:
         result = run_case.run(case, folder, progress=progress, resume=resume, force=force)
     finally:

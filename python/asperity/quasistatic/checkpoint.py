@@ -53,7 +53,7 @@ from asperity.version import __version__
 if TYPE_CHECKING:
     from mpi4py import MPI
 
-FORMAT = 9  # of the files, which other versions refuse
+FORMAT = 10  # of the files, which other versions refuse
 META = "meta"  # array of letters: the numbers of a state as JSON
 Shapes = dict[str, tuple[int, ...]]  # of arrays by name
 DISPLACEMENTS = ("displacement", "previous")  # of a state
@@ -206,7 +206,7 @@ class Checkpoint:
                 "identity": self._identity,
                 "position": asdict(position),
                 "solver": {k: v for k, v in asdict(solver.state()).items() if k not in DISPLACEMENTS},
-                "stiffness": bool(solver.probes),
+                "columns": sorted(solver.columns),
                 "rows": record.rows,
                 "snapshots": [{"step": s.step, "branch": s.branch, "delta": s.delta} for s in record.snapshots],
                 "seconds": solver.solid.phases.seconds,
@@ -267,11 +267,12 @@ class Saved:
 
     def refuse_other_columns(self, solver: ContactSolver, legs: int) -> None:
         """Refuse a solver that measures what the rows so far lack, or not what the rest of `legs` would lack."""
-        now, before, rows = bool(solver.probes), self.meta["stiffness"], len(self.meta["rows"])
-        if rows and now != before and (now or self.meta["position"]["leg"] < legs):
+        now, before, rows = solver.columns, set(self.meta["columns"]), len(self.meta["rows"])
+        partly = now - before if self.meta["position"]["leg"] == legs else now ^ before
+        if rows and partly:
             raise CheckpointError(
-                f"output.stiffness = {str(now).lower()} here, but not for the {rows} steps saved: a part of its "
-                "columns, which [slip] needs, would be empty; resume as it was, or start again with --force"
+                f"output.stiffness or [slip] is not that of the {rows} steps saved: a part of the columns "
+                f"{', '.join(sorted(partly))} would be empty; resume as it was, or start again with --force"
             )
 
     def restore(self, solver: ContactSolver, record: Record) -> Position:

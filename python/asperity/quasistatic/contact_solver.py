@@ -72,7 +72,7 @@ class ContactSolver:
         pressure: at the local nodes, ghosts included (nodes,) [E]
         counts, checks: over all steps so far
         probes: measure what depends on the tangent of a step: called with the solver before its history is committed,
-            collective, they return values by the name of a column, in units of L and E
+            collective, they return values by the name of a column, of their `columns`, in units of L and E
         probed: what they found in the last accepted step
     """
 
@@ -93,6 +93,11 @@ class ContactSolver:
         self._first_touch = self._highest()
         self.probes: tuple[Any, ...] = ()
         self.probed: dict[str, float] = {}
+
+    @property
+    def columns(self) -> set[str]:
+        """Names of the columns that the probes fill."""
+        return {name for probe in self.probes for name in probe.columns}
 
     @property
     def newton(self) -> NewtonSolver:

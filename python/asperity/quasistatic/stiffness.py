@@ -30,12 +30,17 @@ FULL = 1e-3  # part of the compliance below which that of the interface is lost 
 
 
 class Stiffness:
-    """Stiffness of the contact: a probe of accepted steps, on the linear solver of Newton's method; collective."""
+    """Stiffness of the contact: a probe of accepted steps, on the linear solver of Newton's method; collective.
+
+    Attributes:
+        columns: names of what it finds
+    """
 
     def __init__(self, solid: Solid, conductance: bool = True) -> None:
         self._along = tuple(mirrored(solid, axis) for axis in (0, 1))  # dofs without displacement
         self._conductance = Conductance(solid) if conductance else None
         self._height = 0.0  # of the undeformed block
+        self.columns = (*ELASTIC_STIFFNESSES, *(["conductance"] if conductance else []))
 
     def __call__(self, solver: ContactSolver) -> dict[str, float]:
         """Elastic stiffness at the last solve, before its history is committed.
@@ -55,8 +60,7 @@ class Stiffness:
         solid, contact = solver.solid, solver.contact
         nodes, material = contact.nodes(), solid.material
         if not solid.comm.allreduce(len(nodes)):
-            names = ELASTIC_STIFFNESSES if self._conductance is None else (*ELASTIC_STIFFNESSES, "conductance")
-            return dict.fromkeys(names, 0.0)
+            return dict.fromkeys(self.columns, 0.0)
         held = solver.newton.rows
         solid.tangent.assemble_elastic(contact.add_elastic_tangent if contact.has_tangent else None)
         rows = np.concatenate([solid.fixed, held])

@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import signal
 import threading
+from contextlib import suppress
 from types import FrameType
 from typing import TYPE_CHECKING, Any
 
@@ -41,7 +42,8 @@ class StopRequest:
             signal.signal(s, signal.SIG_DFL)
         name = signal.Signals(number).name
         if self._comm.rank == 0:  # the signal may have interrupted print(), which is not re-entrant
-            os.write(2, f"{name}: the run ends after this step; a second signal ends it at once\n".encode())
+            with suppress(OSError):  # the terminal may have gone
+                os.write(2, f"{name}: the run ends after this step; a second signal ends it at once\n".encode())
 
     def agreed(self) -> str:
         """Name of the signal that some rank has received, empty if none; collective."""

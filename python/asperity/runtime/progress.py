@@ -5,12 +5,13 @@ from __future__ import annotations
 import logging
 import os
 import shutil
+import sys
 import time
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from logging.handlers import MemoryHandler
 from pathlib import Path
-from typing import Any
+from typing import Any, TextIO
 
 from asperity.runtime.launch import on_terminal
 
@@ -102,7 +103,7 @@ class LevelLines(Progress):
     def done(self) -> None:
         self._close()
         if self._name:  # the case was not refused
-            print(f"{self._time()} end", flush=True)
+            _print(f"{self._time()} end")
 
     def _time(self) -> str:
         return f"[{time.monotonic() - self._start:6.1f} s]"
@@ -114,9 +115,9 @@ class LevelLines(Progress):
         now = time.monotonic()
         if self._live:
             width = shutil.get_terminal_size().columns - 1
-            print(f"\r{self._line()[:width]}\x1b[K", end="", flush=True)
+            _print(f"\r{self._line()[:width]}\x1b[K", end="")
         elif self._state and now - self._last >= SILENCE:
-            print(self._line(), flush=True)
+            _print(self._line())
             self._last = now
 
     def _close(self) -> None:
@@ -126,7 +127,21 @@ class LevelLines(Progress):
         elif self._live:
             return
         if self._name:
-            print(f"\r{self._line()}\x1b[K" if self._live else self._line(), flush=True)
+            _print(f"\r{self._line()}\x1b[K" if self._live else self._line())
+
+
+def _print(text: str, end: str = "\n") -> None:
+    try:
+        print(text, end=end, flush=True)
+    except OSError:
+        silence(sys.stdout)
+
+
+def silence(stream: TextIO) -> None:
+    """Let what is printed go nowhere from now on: the reader has gone, or the disk is full, and the run goes on."""
+    nowhere = os.open(os.devnull, os.O_WRONLY)
+    os.dup2(nowhere, stream.fileno())
+    os.close(nowhere)
 
 
 def row_line(row: Mapping[str, Any]) -> str:
