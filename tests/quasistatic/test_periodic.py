@@ -14,7 +14,7 @@ from asperity import reference
 from asperity.adaptive.solve_contact import solve_contact
 from asperity.contact.contact_surface import ContactSurface
 from asperity.errors import InputError, MeshError, ResolutionWarning
-from asperity.fem.global_numbering import share_nodes
+from asperity.fem.global_numbering import gather_nodes
 from asperity.fem.solid import Solid
 from asperity.mesh.block import NEAR, BlockMesh
 from asperity.mesh.distribute import SIDE_X, SIDE_Y, distribute
@@ -26,7 +26,6 @@ from asperity.model.problem import Problem
 from asperity.model.settings import MeshSize, SolverOptions
 from asperity.quasistatic.make import make_block
 from asperity.runtime import compat
-from asperity.runtime.distributed_array import collect
 from asperity.surface import Flat, HeightMap, SelfAffine, Sinusoid, Sphere, Surface
 
 FINITE = Material(E=1.0, nu=0.3, yield_strength=0.005, tangent_modulus=0.05, kinematics="finite")
@@ -107,7 +106,7 @@ def test_cells_keep_their_coordinates_and_share_dofs() -> None:
     x = mesh.geometry.x[compat.geometry_dofmap(mesh)]
     off = solid.points[solid.V.dofmap.list] - x  # a dof is at the node of one side or of the other
     np.testing.assert_allclose(off, off.round(), atol=1e-12)
-    heights = collect(share_nodes(solid, solid.points[:, 2]))
+    heights = gather_nodes(solid, solid.points[:, 2])
     if heights is not None:
         np.testing.assert_allclose(heights, points[:, 2], atol=1e-12)
 

@@ -16,7 +16,7 @@ from asperity.mesh.distribute import TOP
 from asperity.mesh.top import Top
 from asperity.runtime import compat
 from asperity.runtime.compiled import solver as _solver
-from asperity.runtime.distributed_array import collect, share_some
+from asperity.runtime.gathered import gather
 
 FACET_DEGREE = 8  # 16 points: four times closer on cut facets than the 6 of degree 4, at no cost
 IN_ORDER = (0, 1, 2, 5, 3, 4)  # nodes of a facet, corners and opposite edges, in the order of `element.FACES`
@@ -203,19 +203,20 @@ def gather_top(surface: ContactSurface, height: float) -> Top | None:
     """
     geometry = surface.solid.mesh.geometry
     numbers = np.asarray(geometry.input_global_indices)[_x_nodes(surface)]
-    faces = collect(share_some(surface.solid.comm, facet_numbers(surface), numbers)[1])
+    faces = gather(surface.solid.comm, facet_numbers(surface), numbers)
     points = gather_at_top(surface, geometry.x)
     if faces is None or points is None:
         return None
-    _, place = np.unique(faces, return_inverse=True)
-    return Top(points - [0.0, 0.0, height], place.reshape(faces.shape))
+    _, place = np.unique(faces[1], return_inverse=True)
+    return Top(points - [0.0, 0.0, height], place.reshape(faces[1].shape))
 
 
 def gather_at_top(surface: ContactSurface, values: Floats) -> Floats | None:
     """Values at the points of `gather_top` from those at the local nodes of the geometry; on rank 0; collective."""
     used = np.unique(_x_nodes(surface))
     numbers = np.asarray(surface.solid.mesh.geometry.input_global_indices)[used]
-    return collect(share_some(surface.solid.comm, numbers, values[used])[1])
+    found = gather(surface.solid.comm, numbers, values[used])
+    return found and found[1]
 
 
 def _x_nodes(surface: ContactSurface) -> Integers:

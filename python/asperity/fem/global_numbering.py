@@ -9,7 +9,7 @@ import numpy as np
 from asperity.arrays import Array, Indices
 from asperity.mesh.element import NODES
 from asperity.runtime import compat
-from asperity.runtime.distributed_array import DistributedArray, count, share
+from asperity.runtime.gathered import gather
 
 if TYPE_CHECKING:
     from asperity.fem.solid import Solid
@@ -32,16 +32,16 @@ def at_built_nodes(solid: Solid, values: Array) -> tuple[Indices, Array]:
     return numbers, values[node]
 
 
-def share_nodes(solid: Solid, values: Array) -> DistributedArray:
-    """Nodal values in the order of the mesh as built; collective; see `at_built_nodes`."""
-    numbers, rows = at_built_nodes(solid, values)
-    return share(solid.comm, numbers, rows, count(solid.comm, numbers))
+def gather_nodes(solid: Solid, values: Array) -> Array | None:
+    """Nodal values in the order of the mesh as built, on rank 0; collective; see `at_built_nodes`."""
+    found = gather(solid.comm, *at_built_nodes(solid, values))
+    return found and found[1]
 
 
-def share_cells(solid: Solid, values: Array) -> DistributedArray:
-    """Values of the owned cells (cells, ...) in the order of the mesh as built; collective."""
-    numbers = cell_numbers(solid)
-    return share(solid.comm, numbers, values, count(solid.comm, numbers))
+def gather_cells(solid: Solid, values: Array) -> Array | None:
+    """Values of the owned cells (cells, ...) in the order of the mesh as built, on rank 0; collective."""
+    found = gather(solid.comm, cell_numbers(solid), values)
+    return found and found[1]
 
 
 def cell_numbers(solid: Solid) -> Indices:
@@ -49,11 +49,12 @@ def cell_numbers(solid: Solid) -> Indices:
     return np.asarray(solid.mesh.topology.original_cell_index)[: len(solid.cell_nodes)]
 
 
-def share_mesh(solid: Solid) -> tuple[DistributedArray, DistributedArray]:
-    """Nodes (N, 3) [L] and elements (M, 10), in the order of gmsh, of the mesh as built; collective."""
+def gather_mesh(solid: Solid) -> tuple[Array, Array] | None:
+    """Nodes (N, 3) [L] and elements (M, 10), in the order of gmsh, of the mesh as built; on rank 0; collective."""
     numbers = np.asarray(solid.mesh.geometry.input_global_indices)
     x_nodes = compat.geometry_dofmap(solid.mesh)[: len(solid.cell_nodes)]
-    points = share(solid.comm, numbers, solid.mesh.geometry.x, count(solid.comm, numbers))
+    points = gather(solid.comm, numbers, solid.mesh.geometry.x)
     tets = np.empty(x_nodes.shape, dtype=np.int64)
     tets[:, compat.gmsh_to_dolfinx(NODES)] = numbers[x_nodes]
-    return points, share_cells(solid, tets)
+    cells = gather_cells(solid, tets)
+    return None if points is None or cells is None else (points[1], cells)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from itertools import chain
 from pathlib import Path
 from typing import Any
 
@@ -11,13 +10,13 @@ import numpy as np
 
 from asperity.arrays import Array, Floats
 from asperity.contact.contact_surface import gather_at_top, gather_top
-from asperity.fem.global_numbering import at_built_nodes, share_cells, share_mesh, share_nodes
+from asperity.fem.global_numbering import at_built_nodes, gather_cells, gather_mesh, gather_nodes
 from asperity.fem.solid import Solid
 from asperity.mesh.element import FACE_TRIANGLES, GMSH_TO_VTK, NODES, VTK_TYPE
 from asperity.quasistatic.contact_result import ContactResult
 from asperity.quasistatic.measures import Snapshot
-from asperity.runtime.distributed_array import DistributedArray, bounds, on_root_of, pieces, stream
 from asperity.runtime.files import Stream
+from asperity.runtime.gathered import on_root_of
 
 TO_VTK_TENSOR = (0, 1, 2, 3, 5, 4)  # xx yy zz xy yz xz
 
@@ -70,36 +69,39 @@ def write_vtkhdf(path: Path, result: ContactResult, E: float) -> None:
     """
     streams = vtkhdf_streams(result, E)
     times = [s.step for s in result.snapshots]
-    on_root_of(result.solver.solid.comm, streams.values(), lambda: write_vtkhdf_streams(path, streams, times))
+    rows = (stream.rows for stream in streams.values())
+    on_root_of(result.solver.solid.comm, rows, lambda: write_vtkhdf_streams(path, streams, times))
 
 
 def vtkhdf_streams(result: ContactResult, E: float) -> dict[str, Stream]:
-    """Arrays of `write_vtkhdf` with a row for each node or cell, of all states one after the other; collective."""
+    """Arrays of `write_vtkhdf` with a row for each node or cell, of all states one after the other; collective.
+
+    They are whole on rank 0, where each state is gathered when it is written.
+    """
     solid, top, snapshots = result.solver.solid, result.solver.contact_surface, result.snapshots
-    points, tets = share_mesh(solid)
-    cells = tets.total
+    points, tets = gather_mesh(solid) or (np.empty((0, 3)), np.empty((0, NODES), dtype=np.int64))
 
     def field(
-        share_of: Callable[[Solid, Array], DistributedArray], values: Callable[[Snapshot], Floats], *row: int
+        gather_of: Callable[[Solid, Array], Array | None], values: Callable[[Snapshot], Floats], *row: int
     ) -> Stream:
-        parts = (pieces(share_of(solid, values(s))) for s in snapshots)
-        rows = points.total if share_of is share_nodes else cells
-        return Stream(np.dtype(float), (len(snapshots) * rows, *row), chain.from_iterable(parts))
+        parts = (gather_of(solid, values(s)) for s in snapshots)
+        rows = len(points) if gather_of is gather_nodes else len(tets)
+        return Stream(np.dtype(float), (len(snapshots) * rows, *row), (part for part in parts if part is not None))
 
-    parts = bounds(solid.comm, cells + 1)
-    out = {
-        "Points": stream(points),
-        "Connectivity": Stream(
-            np.dtype(np.int64), (NODES * cells,), (rows[:, GMSH_TO_VTK].ravel() for rows in pieces(tets))
-        ),
-        "Offsets": Stream(np.dtype(np.int64), (cells + 1,), (NODES * np.arange(*part) for part in parts)),
-        "PointData/displacement": field(share_nodes, lambda s: s.displacement, 3),
-        "PointData/pressure": field(share_nodes, lambda s: top.linear_on_facets(s.pressure) * E),
-        "CellData/stress": field(share_cells, lambda s: s.stress[:, TO_VTK_TENSOR] * E, 6),
-        "CellData/von Mises stress": field(share_cells, lambda s: von_mises(s.stress) * E),
+    whole = {
+        "Points": points,
+        "Connectivity": tets[:, GMSH_TO_VTK].ravel(),
+        "Offsets": NODES * np.arange(len(tets) + 1),
+    }
+    out = {name: Stream(array.dtype, array.shape, iter([array])) for name, array in whole.items()}
+    out |= {
+        "PointData/displacement": field(gather_nodes, lambda s: s.displacement, 3),
+        "PointData/pressure": field(gather_nodes, lambda s: top.linear_on_facets(s.pressure) * E),
+        "CellData/stress": field(gather_cells, lambda s: s.stress[:, TO_VTK_TENSOR] * E, 6),
+        "CellData/von Mises stress": field(gather_cells, lambda s: von_mises(s.stress) * E),
     }
     if solid.material.plastic:
-        out["CellData/plastic strain"] = field(share_cells, lambda s: s.plastic_strain.mean(axis=1))
+        out["CellData/plastic strain"] = field(gather_cells, lambda s: s.plastic_strain.mean(axis=1))
     return out
 
 

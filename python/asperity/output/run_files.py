@@ -16,8 +16,8 @@ from asperity.case.case_file import identity, refuse_another, refuse_run_of_anot
 from asperity.curve import Curve
 from asperity.errors import ConvergenceError, InputError
 from asperity.runtime import run_folder
-from asperity.runtime.distributed_array import on_root_of
 from asperity.runtime.files import UNREADABLE, files_into, read_text, remove_asides, replace_file
+from asperity.runtime.gathered import on_root_of
 from asperity.runtime.parallel import on_root_bcast
 
 if TYPE_CHECKING:
@@ -189,7 +189,7 @@ class RunFiles:
                 if grid:
                     fields.write_vtkhdf_streams(aside / run_folder.VTKHDF, grid, [s.step for s in contact.snapshots])
 
-        on_root_of(self._comm, grid.values(), write)
+        on_root_of(self._comm, (stream.rows for stream in grid.values()), write)
 
     def summary(self, summary: dict[str, Any], failure: ConvergenceError | None) -> None:
         """Write summary.json, with what the run failed by as its reason to end."""

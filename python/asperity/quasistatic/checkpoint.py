@@ -1,17 +1,17 @@
 """Checkpoint: the state of a run between two steps, on disk; a run resumes from it on any number of ranks.
 
 The folder holds mesh.npz, written once, snapshot-K.npz for each snapshot, and state.npz, replaced as a whole after
-each step: displacements and history in the numbering of the mesh as built, each rank with its share, and all numbers as
-JSON in the array "meta". Nothing is pickled. Damage shows in the checksum that the zip format has of each array. The
-state names the case that it belongs to.
+each step: displacements and history in the numbering of the mesh as built, gathered by rank 0, and all numbers as JSON
+in the array "meta". Where not all rows are there, the array "NAME.at" has their numbers. Nothing is pickled. Damage
+shows in the checksum that the zip format has of each array. The state names the case that it belongs to.
 """
 
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager, suppress
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -20,32 +20,15 @@ import numpy as np
 from asperity.arrays import Array, Indices
 from asperity.contact.contact_surface import facet_numbers
 from asperity.errors import CheckpointError
-from asperity.fem.global_numbering import at_built_nodes, cell_numbers, node_numbers, share_cells, share_nodes
+from asperity.fem.global_numbering import at_built_nodes, cell_numbers, node_numbers
 from asperity.fem.history import History
 from asperity.mesh.block import BlockMesh
 from asperity.quasistatic.balance import Checks
 from asperity.quasistatic.contact_solver import ContactSolver, Counts, SolverState
 from asperity.quasistatic.measures import Snapshot
 from asperity.quasistatic.stepping import Position, Record
-from asperity.runtime.distributed_array import (
-    DistributedArray,
-    deal,
-    look_up,
-    look_up_some,
-    on_root_of,
-    share_some,
-    stream,
-)
-from asperity.runtime.files import (
-    UNREADABLE,
-    Stream,
-    npz_bytes,
-    read_npz,
-    remove_asides,
-    replace_file,
-    stored_arrays,
-    write_npz,
-)
+from asperity.runtime.files import UNREADABLE, read_npz, remove_asides, write_npz
+from asperity.runtime.gathered import gather, hand_out, on_root_of
 from asperity.runtime.parallel import on_root_bcast
 from asperity.runtime.run_folder import MESH, SNAPSHOT, STATE
 from asperity.version import __version__
@@ -55,7 +38,8 @@ if TYPE_CHECKING:
 
 FORMAT = 10  # of the files, which other versions refuse
 META = "meta"  # array of letters: the numbers of a state as JSON
-Shapes = dict[str, tuple[int, ...]]  # of arrays by name
+Arrays = Mapping[str, Array]  # by name, on rank 0
+Field = tuple[str, Indices, Array]  # name, numbers of rows, and the rows of this rank
 DISPLACEMENTS = ("displacement", "previous")  # of a state
 OF_CELLS = ("stress", "plastic_strain")  # fields of a snapshot with a row per cell
 OF_CONTACT = "contact."  # prefix of the names of the contact's history
@@ -134,36 +118,34 @@ class Checkpoint:
         Raises:
             CheckpointError: it is damaged, of another case or of a newer version
         """
-        blocks: list[BlockMesh] = []
+        there: list[Saved] = []
 
-        def read() -> tuple[dict[str, Any], dict[str, Shapes]] | None:
+        def read() -> dict[str, Any] | None:
             if self._ignored or not (self.folder / STATE).is_file():
                 return None
             remove_asides(self.folder)
-            meta, shapes = self._read_state(self.folder / STATE)
+            meta, arrays = self._read_state(self.folder / STATE)
             path = self.folder / MESH
             with _refusing(path):
-                blocks.append(block := BlockMesh.from_arrays(read_npz(path)))
-                nodes = shapes[DISPLACEMENTS[0]][0]
+                block = BlockMesh.from_arrays(read_npz(path))
+                nodes = len(arrays[DISPLACEMENTS[0]])
             if nodes != len(block.points):
                 raise CheckpointError(f"{path} does not belong to the state; start the run again with --force")
-            names = [SNAPSHOT.format(k) for k in range(len(meta["snapshots"]))]
-            return meta, {STATE: shapes} | {name: scan(self.folder / name)[1] for name in names}
+            snapshots = tuple(_read(self.folder / SNAPSHOT.format(k)) for k in range(len(meta["snapshots"])))
+            there.append(Saved(meta, arrays, snapshots, block))
+            return meta
 
-        found = on_root_bcast(self._comm, read)
-        if found is None:
+        meta = on_root_bcast(self._comm, read)
+        if meta is None:
             return None
-        meta, files = found
-        self._begun = True
-        state, *snapshots = (read_arrays(self._comm, self.folder / name, shapes) for name, shapes in files.items())
-        self._snapshots = len(snapshots)
-        return Saved(meta, state, tuple(snapshots), blocks[0] if blocks else None)
+        self._begun, self._snapshots = True, len(meta["snapshots"])
+        return there[0] if there else Saved(meta)
 
-    def _read_state(self, path: Path) -> tuple[dict[str, Any], Shapes]:
-        """Numbers, and shapes of the arrays."""
-        text, shapes = scan(path)
+    def _read_state(self, path: Path) -> tuple[dict[str, Any], Arrays]:
+        """Numbers and arrays."""
+        arrays = _read(path)
         try:
-            meta: dict[str, Any] = json.loads(text)
+            meta: dict[str, Any] = json.loads(arrays.pop(META).tobytes())
             version = meta["format"]
         except UNREADABLE:
             raise CheckpointError(f"{path} is not a checkpoint of asperity") from None
@@ -173,7 +155,7 @@ class Checkpoint:
                 f"continues format {FORMAT}; use that version, or start again without --resume"
             )
         self._refuse(path, meta["identity"], self._identity)
-        return meta, shapes
+        return meta, arrays
 
     def begin(self, block: BlockMesh | None) -> None:
         """Write the mesh, which rank 0 holds; OutputError where it cannot be written."""
@@ -181,7 +163,7 @@ class Checkpoint:
         def write() -> None:
             assert block is not None
             self.folder.mkdir(parents=True, exist_ok=True)
-            replace_file(self.folder / MESH, npz_bytes(block.arrays()))
+            write_npz(self.folder / MESH, block.arrays().items())
 
         if self.interval and not self._begun:
             on_root_bcast(self._comm, write)
@@ -215,33 +197,35 @@ class Checkpoint:
             write_arrays(self._comm, self.folder / STATE, solver_fields(solver), json.dumps(meta, default=float))
 
 
-def write_arrays(comm: MPI.Comm, path: Path, arrays: Mapping[str, DistributedArray], text: str = "") -> None:
-    """Replace a .npz file, which rank 0 writes in pieces, with a text as the array "meta"; collective.
+def write_arrays(comm: MPI.Comm, path: Path, fields: Iterator[Field], text: str = "") -> None:
+    """Replace a .npz file, for which rank 0 gathers field after field, with a text as the array "meta"; collective.
 
     Where it cannot be written (OutputError) the earlier file is untouched.
     """
-    streams = {name: stream(array) for name, array in sorted(arrays.items())}
-    letters = np.frombuffer(text.encode(), dtype=np.uint8)
-    members = streams | {META: Stream(letters.dtype, letters.shape, iter([letters]))}
-    on_root_of(comm, streams.values(), lambda: write_npz(path, sorted(members.items())))
+
+    def arrays() -> Iterator[tuple[str, Array]]:
+        for name, numbers, rows in fields:
+            if (found := gather(comm, numbers, rows)) is not None:
+                if not np.array_equal(found[0], np.arange(len(found[0]))):
+                    yield f"{name}.at", found[0]
+                yield name, found[1]
+        yield META, np.frombuffer(text.encode(), dtype=np.uint8)
+
+    members = arrays()
+    on_root_of(comm, [members], lambda: write_npz(path, members))
 
 
-def read_arrays(comm: MPI.Comm, path: Path, names: Iterable[str]) -> dict[str, DistributedArray]:
-    """Arrays of a file that `scan` has found to be whole; collective."""
-    stored = stored_arrays(path) if comm.rank == 0 else iter(())
-    return {name: deal(comm, next((array for found, array in stored if found == name), None)) for name in sorted(names)}
+def read_rows(comm: MPI.Comm, arrays: Arrays, name: str, wanted: Indices, fill: float = 0.0) -> Array:
+    """Rows of a field of a file that rank 0 has read, `fill` where there is none; collective."""
+    found = None
+    if comm.rank == 0:
+        found = arrays.get(f"{name}.at", np.arange(len(arrays[name]))), arrays[name]
+    return hand_out(comm, found, wanted, fill)
 
 
-def scan(path: Path) -> tuple[str, Shapes]:
-    """Text of a file, and the shapes of its other arrays, which are read for their checksums and not kept."""
-    text, shapes = "", {}
+def _read(path: Path) -> dict[str, Array]:
     with _refusing(path):
-        for name, array in stored_arrays(path):
-            if name == META:
-                text = array.tobytes().decode(errors="replace")
-            else:
-                shapes[name] = array.shape
-    return text, shapes
+        return read_npz(path)
 
 
 @contextmanager
@@ -258,12 +242,12 @@ def _refusing(path: Path) -> Iterator[None]:
 
 @dataclass(frozen=True)
 class Saved:
-    """Content of a checkpoint; this rank's share of the arrays, and the mesh on rank 0 only."""
+    """Content of a checkpoint; all but the numbers on rank 0 only."""
 
     meta: Mapping[str, Any]  # position, rows, counts and all other numbers
-    arrays: Mapping[str, DistributedArray]  # fields by name
-    snapshots: tuple[Mapping[str, DistributedArray], ...]  # fields of each snapshot
-    block: BlockMesh | None  # the mesh
+    arrays: Arrays = field(default_factory=dict)
+    snapshots: tuple[Arrays, ...] = ()  # those of each
+    block: BlockMesh | None = None  # the mesh
 
     def refuse_other_columns(self, solver: ContactSolver, legs: int) -> None:
         """Refuse a solver that measures what the rows so far lack, or not what the rest of `legs` would lack."""
@@ -280,15 +264,12 @@ class Saved:
 
         Returns the position on the load path.
         """
-        solid, arrays = solver.solid, self.arrays
+        solid, comm = solver.solid, solver.solid.comm
         nodes, cells = node_numbers(solid), cell_numbers(solid)
         owned, top = nodes[: solid.owned], nodes[solver.contact_surface.owned_nodes]
 
-        def some(name: str, numbers: Indices, fill: float = 0.0) -> Array:
-            return look_up_some(arrays[f"{name}.at"], arrays[name], numbers, fill)
-
         def history(like: History, numbers: Indices, prefix: str = "") -> History:
-            return History(**{name: some(prefix + name, numbers) for name in like.arrays()})
+            return History(**{name: read_rows(comm, self.arrays, prefix + name, numbers) for name in like.arrays()})
 
         if solid.material.plastic:
             solid.kernels.restore(history(solid.kernels.history(), cells))
@@ -296,14 +277,18 @@ class Saved:
         if of_contact is not None:
             solver.contact.restore(history(of_contact, facet_numbers(solver.contact_surface), OF_CONTACT))
         if solver.contact.held is not None:
-            solver.contact.held = some(HELD, top, np.nan)
+            solver.contact.held = read_rows(comm, self.arrays, HELD, top, np.nan)
         numbers = dict(self.meta["solver"])
         numbers |= {"counts": Counts(**numbers["counts"]), "checks": Checks.from_dict(numbers["checks"])}
-        numbers |= {name: look_up(arrays[name], owned) for name in DISPLACEMENTS}
+        numbers |= {name: read_rows(comm, self.arrays, name, owned) for name in DISPLACEMENTS}
         solver.restore(SolverState(**numbers))
         record.rows[:] = self.meta["rows"]
-        for about, saved in zip(self.meta["snapshots"], self.snapshots, strict=True):
-            fields = {name: look_up(values, cells if name in OF_CELLS else nodes) for name, values in saved.items()}
+        for k, about in enumerate(self.meta["snapshots"]):
+            saved = self.snapshots[k] if self.snapshots else {}
+            fields = {
+                name: read_rows(comm, saved, name, cells if name in OF_CELLS else nodes)
+                for name in snapshot_names(solver)
+            }
             fields.setdefault("plastic_strain", solid.kernels.history().accumulated.copy())
             record.snapshots.append(Snapshot(about["step"], about["branch"], about["delta"], **fields))
         for kind in ("seconds", "calls"):
@@ -313,41 +298,42 @@ class Saved:
         return Position.from_dict(self.meta["position"])
 
 
-def solver_fields(solver: ContactSolver) -> dict[str, DistributedArray]:
-    """Fields of a state in the numbering of the mesh as built; collective."""
-    solid, comm = solver.solid, solver.solid.comm
-    cells = cell_numbers(solid)
-    out: dict[str, DistributedArray] = {}
-
-    def keep_some(name: str, numbers: Indices, values: Array) -> None:
-        out[f"{name}.at"], out[name] = share_some(comm, numbers, values)
-
+def solver_fields(solver: ContactSolver) -> Iterator[Field]:
+    """Fields of a state in the numbering of the mesh as built; the steps are collective."""
+    solid = solver.solid
     for name in DISPLACEMENTS:
-        out[name] = share_nodes(solid, solid.scatter_forward(getattr(solver.state(), name).ravel()))
+        values = solid.scatter_forward(getattr(solver.state(), name).ravel())
+        yield name, *at_built_nodes(solid, values)
     if solid.material.plastic:
-        history = solid.kernels.history()
+        history, cells = solid.kernels.history(), cell_numbers(solid)
         changed = history.changed()
         for name, values in history.arrays().items():
-            keep_some(name, cells[changed], values[changed])
+            yield name, cells[changed], values[changed]
     at = solver.contact.held
     if at is not None:
         held = np.full((solid.owned, 3), np.inf)  # but at the owned nodes of the top
         held[solver.contact_surface.owned_nodes[: len(at)], : at.shape[1]] = at
         numbers, held = at_built_nodes(solid, solid.scatter_forward(held.ravel()))
         sticking = np.isfinite(held[:, 0])
-        keep_some(HELD, numbers[sticking], held[sticking, : at.shape[1]])
+        yield HELD, numbers[sticking], held[sticking, : at.shape[1]]
     of_contact = solver.contact.history()
     if of_contact is not None:
         facets = facet_numbers(solver.contact_surface)
         for name, values in of_contact.arrays().items():
-            keep_some(OF_CONTACT + name, facets, values)
-    return out
+            yield OF_CONTACT + name, facets, values
 
 
-def snapshot_fields(solver: ContactSolver, snapshot: Snapshot) -> dict[str, DistributedArray]:
-    """Fields of a snapshot in the numbering of the mesh as built; collective."""
+def snapshot_names(solver: ContactSolver) -> list[str]:
+    """Names of the fields of a snapshot that are saved."""
     names = ["pressure", "gap", "touched", "displacement", *OF_CELLS]
-    return {
-        name: (share_cells if name in OF_CELLS else share_nodes)(solver.solid, getattr(snapshot, name))
-        for name in (names if solver.solid.material.plastic else names[:-1])
-    }
+    return names if solver.solid.material.plastic else names[:-1]
+
+
+def snapshot_fields(solver: ContactSolver, snapshot: Snapshot) -> Iterator[Field]:
+    """Fields of a snapshot in the numbering of the mesh as built."""
+    for name in snapshot_names(solver):
+        values = getattr(snapshot, name)
+        if name in OF_CELLS:
+            yield name, cell_numbers(solver.solid), values
+        else:
+            yield name, *at_built_nodes(solver.solid, values)

@@ -15,7 +15,6 @@ import zlib
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
-from math import prod
 from pathlib import Path
 from tokenize import TokenError
 from typing import IO, Any
@@ -193,36 +192,21 @@ def read_csv(path: Path) -> dict[str, tuple[str, ...]]:
     return dict(zip(header, zip(*rows, strict=True) if rows else [()] * len(header), strict=True))
 
 
-def write_npz(path: Path, arrays: Iterable[tuple[str, Stream]]) -> None:
-    """Write a .npz file in pieces, complete or not at all; see `replacing`."""
+def write_npz(path: Path, arrays: Iterable[tuple[str, npt.NDArray[Any]]]) -> None:
+    """Write a .npz file, array after array, complete or not at all; see `replacing`."""
     with replacing(path) as file, ZipFile(file, "w") as archive:
         for name, array in arrays:
             with archive.open(f"{name}.npy", "w", force_zip64=True) as member:
-                header = {"descr": array.dtype.str, "fortran_order": False, "shape": array.shape}
-                np.lib.format.write_array_header_1_0(member, header)
-                for piece in array.rows:
-                    member.write(piece.tobytes())
-
-
-def stored_arrays(path: Path) -> Iterator[tuple[str, npt.NDArray[Any]]]:
-    """Arrays of a .npz file with their names, in whose order they are read, one after the other.
-
-    Raises:
-        OSError: the file cannot be read
-        ValueError: it is damaged, of another kind, or contains Python objects
-    """
-    with path.open("rb") as file, _readable(NPZ), ZipFile(file) as archive:
-        for info in sorted(archive.infolist(), key=lambda info: info.filename.removesuffix(".npy")):
-            with archive.open(info) as member:
-                np.lib.format.read_magic(member)
-                shape, in_columns, dtype = np.lib.format.read_array_header_1_0(member)
-                if in_columns or dtype.hasobject or info.file_size != member.tell() + dtype.itemsize * prod(shape):
-                    raise ValueError
-                yield info.filename.removesuffix(".npy"), np.frombuffer(member.read(), dtype).reshape(shape or (1,))
+                np.lib.format.write_array(member, array, allow_pickle=False)
 
 
 def read_npz(path: str | Path) -> dict[str, npt.NDArray[Any]]:
-    """Arrays of a .npz file; errors as for `stored_arrays`, also for one that unpacks to far more than it is."""
+    """Arrays of a .npz file.
+
+    Raises:
+        OSError: the file cannot be read
+        ValueError: it is damaged, of another kind, contains Python objects, or would unpack to far more than it is
+    """
     data = io.BytesIO(read_whole(path))
     with _readable(NPZ), ZipFile(data) as archive:
         unpacked = sum(info.file_size for info in archive.infolist())
@@ -235,7 +219,7 @@ def read_npz(path: str | Path) -> dict[str, npt.NDArray[Any]]:
 
 
 def read_npy(path: str | Path) -> npt.NDArray[Any]:
-    """Array of a .npy file; errors as for `stored_arrays`."""
+    """Array of a .npy file; errors as for `read_npz`."""
     data = io.BytesIO(read_whole(path))
     with _readable(".npy"):
         return np.asarray(np.lib.format.read_array(data, allow_pickle=False))
