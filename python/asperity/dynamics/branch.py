@@ -9,18 +9,16 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from contextlib import suppress
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from functools import cached_property
 from itertools import pairwise
 from typing import Any
 
 import numpy as np
-from scipy.optimize import minimize_scalar
 
 from asperity.arrays import Array, Flags
-from asperity.dynamics.equation import TURN
 from asperity.dynamics.orbits import Orbits
-from asperity.dynamics.point import PIECES, Path, Point, Tracing, hermite, root, value
+from asperity.dynamics.point import Path, Point, Tracing, hermite, value
 from asperity.errors import ConvergenceError
 from asperity.runtime.display import short_repr
 
@@ -28,8 +26,6 @@ _RTOL = 9e-4  # relative error of a straight line between rows
 _FLAT = (1e-9, 1e-4)  # relative changes of Omega and of u_max below which the other is not checked
 _PLACES = np.array([0.25, 0.5, 0.75])  # of a segment, where it is compared with its chord
 _TOP = "largest u_max"  # a point, but no event
-_TRIALS = 14  # orbits at which a pair of doublings between two points is searched
-_DIP = 2.5  # psi^2 of the multipliers below which it is
 _SAME = 1e-3  # relative distance below which two orbits are identical
 
 
@@ -46,15 +42,13 @@ class Branch:
     """Periodic orbits in order along a branch.
 
     Attributes:
-        kind: "main", "sub2" (of period 2, from a period doubling) or "detached"
-        order: forcing periods per period of the orbit
+        kind: "main" or "detached"
         points: the orbits, with the tangents of the branch
         end: reason why the branch ends
         contact: whether the law loses contact
     """
 
     kind: str
-    order: int
     points: tuple[Point, ...]
     end: str
     contact: bool = field(default=True, repr=False)
@@ -87,12 +81,11 @@ class Solution:
     Attributes:
         kind: that of its branch, or of an event: "fold", "period doubling" or "grazing" (u_min = -1)
         branch: index of its branch in the response
-        states: u and v at the beginning of each forcing period (order, 2)
+        start: state u, v at forcing phase 0, for `ContactOscillator.simulate`
     """
 
     kind: str
     branch: int
-    order: int
     Omega: float
     u_max: float
     u_min: float
@@ -100,21 +93,15 @@ class Solution:
     phase: float
     stable: bool
     error: float
-    states: Array
+    start: tuple[float, float]
 
     __repr__ = short_repr
 
     @classmethod
-    def at(cls, kind: str, branch: int, order: int, p: Point) -> Solution:
+    def at(cls, kind: str, branch: int, p: Point) -> Solution:
         """Orbit at a point of a branch."""
-        u_max, u_min = (float(u) for u in p.extremes[:2])
-        return cls(kind, branch, order, p.omega, u_max, u_min, p.harmonic, p.phase, p.stable, p.error, p.states)
-
-    @property
-    def start(self) -> tuple[float, float]:
-        """State (u, v) at forcing phase 0, for `ContactOscillator.simulate`."""
-        u, v = self.states[0]
-        return float(u), float(v)
+        (u_max, u_min), (u, v) = p.extremes[:2].tolist(), p.start.tolist()
+        return cls(kind, branch, p.omega, u_max, u_min, p.harmonic, p.phase, p.stable, p.error, (u, v))
 
 
 def dense(orbits: Orbits, points: Sequence[Point], rtol: float = _RTOL) -> tuple[Point, ...]:
@@ -148,7 +135,7 @@ def _deviation(orbits: Orbits, a: Point, b: Point) -> float:
 
 
 def located(orbits: Orbits, path: Sequence[Point], how: Tracing) -> tuple[tuple[Point, ...], list[tuple[str, Point]]]:
-    """Path with its events as points, and these with their names: outside the window period doublings alone."""
+    """Path with its events in the window as points, and these with their names."""
     points = _with_pairs(orbits, path)
     tests: dict[str, Callable[[Point], float]] = {
         "fold": lambda p: p.rate,
@@ -160,10 +147,8 @@ def located(orbits: Orbits, path: Sequence[Point], how: Tracing) -> tuple[tuple[
     inside = np.array([how.is_inside(p.omega) for p in points])
     for name, at in tests.items():
         values = np.array([at(p) for p in points])
-        if name == "fold" and len(values) > 1:  # it also vanishes at the ends of a period-2 branch, which are no folds
-            values[0], values[-1] = values[0] or values[1], values[-1] or values[-2]
         changes = (values[:-1] > 0) != (values[1:] > 0)
-        for i in np.flatnonzero(changes & ((inside[1:] & inside[:-1]) | (name == "period doubling"))):
+        for i in np.flatnonzero(changes & inside[1:] & inside[:-1]):
             if name == _TOP and values[i] < 0:  # a minimum of u_max
                 continue
             a, b = points[i], points[i + 1]
@@ -178,152 +163,48 @@ def located(orbits: Orbits, path: Sequence[Point], how: Tracing) -> tuple[tuple[
 
 
 def _with_pairs(orbits: Orbits, path: Sequence[Point]) -> list[Point]:
-    """Points with one more inside each pair of folds or of period doublings that lies between two points."""
+    """Points with one more inside each pair of folds that lies between two points."""
     points = list(path[:1])
     for a, b in pairwise(path):
         if len(back := orbits.turns(a, b)) == 2:
             with suppress(ConvergenceError):
                 points.append(orbits.between(a, b, 0.5 * sum(back)))
         points.append(b)
-    if orbits.order > 1:
-        return points
-    # psi^2 of multipliers -rho exp(+-i psi) is smooth along the branch, and negative between two doublings
-    square = np.array([p.phase_square(-1.0) for p in points])
-    new: list[tuple[int, Point]] = []
-
-    def trial(s: float) -> float:
-        left = int(s)
-        p = orbits.between(points[left], points[left + 1], s - left)
-        if p.flip < 0:
-            new.append((left, p))
-            raise StopIteration
-        return p.phase_square(-1.0)
-
-    dips = (square[1:-1] < square[:-2]) & (square[1:-1] <= square[2:]) & (square[1:-1] < _DIP)
-    for i in np.flatnonzero(dips) + 1:
-        if min(p.flip for p in points[i - 1 : i + 2]) >= 0:
-            with suppress(StopIteration, ConvergenceError):
-                ends = (i - 1, i + 1)
-                minimize_scalar(trial, bounds=ends, method="bounded", options={"maxiter": _TRIALS, "xatol": 1e-6})
-    for shift, (i, p) in enumerate(new):
-        points.insert(i + 1 + shift, p)
     return points
 
 
-def doubled(orbits: Orbits, flip: Point) -> Point:
-    """Period doubling as the first point of the branch of twice the period; `orbits` are those of that."""
-    m = orbits.map(flip.y[:-1].reshape(-1, 2), flip.omega, TURN / PIECES * np.arange(PIECES), TURN / PIECES)
-    monodromy = np.linalg.multi_dot(m.by_end[::-1, :, :2])
-    directions = [np.linalg.svd(monodromy + np.eye(2))[2][-1]]
-    for piece in m.by_end[:-1, :, :2]:
-        directions.append(piece @ directions[-1])
-    t = np.concatenate([*directions, *(-d for d in directions), [0.0]])
-    t = t / np.linalg.norm(orbits.scales(flip.amplitude, flip.omega) * t)
-    top, low = int(m.high[:, 0].argmax()), int(m.low[:, 0].argmin())
-    rise = abs(m.high[top, 1:3] @ t[2 * top : 2 * top + 2])
-    fall = abs(m.low[low, 1:3] @ t[2 * low : 2 * low + 2])
-    return replace(
-        flip, y=np.concatenate([flip.y[:-1], flip.y]), tangent=t, slopes=np.array([rise, -fall, 0.0, 0.0]),
-        trace=flip.trace**2 - 2.0 * flip.determinant, determinant=flip.determinant**2,
-    )  # fmt: skip
-
-
-def subharmonic(orbits: Orbits, flip: Point, how: Tracing, known: Sequence[Path]) -> Path:
-    """Trace the branch of twice the period from a period doubling until it leaves the window or ends at another one."""
-    edges = _at_edges(known, how)
-
-    def stop(points: list[Point]) -> str | None:
-        return _doubling(orbits, points) or ("window" if any(is_same(q, points[-1], 2) for q in edges) else None)
-
-    return orbits.trace(doubled(orbits, flip), how, stop)
-
-
-def _doubling(orbits: Orbits, points: list[Point]) -> str | None:
-    """Replace the last point of a branch of twice the period by the period doubling that its last step passes."""
-    a, b = points[-2:]
-    odd_a = _odd(a)
-
-    def side(p: Point) -> float:
-        return float(_odd(p) @ odd_a)
-
-    if len(points) < 3 or side(b) > 0:
-        return None
-    points.pop()  # it repeats an orbit of the branch, shifted by half of its period
-    cubic, w, _ = orbits.segment(a, b)
-    at = root(lambda s: side(replace(a, y=value(cubic, s))), side(a), side(b))
-    end = replace(a, y=value(cubic, at), tangent=-odd_a / np.linalg.norm(w * odd_a))
-    points.append(replace(end, y=end.y - _odd(end)))
-    return "period doubling"
-
-
-def _odd(p: Point) -> Array:
-    """Half of the difference of the two forcing periods of an orbit, 0 for Omega."""
-    x = p.y[:-1]
-    return np.append(0.5 * (x - np.roll(x, x.size // 2)), 0.0)
-
-
 def through(orbits: Orbits, first: Point, how: Tracing, known: Sequence[Path]) -> Path | None:
-    """Trace the branch through an orbit in both directions, unless one of the known paths contains it.
-
-    The result is None if its true period is shorter.
-    """
-    order = orbits.order
-    if order > 1 and np.abs(_odd(first))[::2].max() < 1e-3 * first.amplitude:
-        return None  # its true period is shorter
-    if any(is_same(q, first, order) for path in known for q in orbits.crossings(path.points, first.omega)):
+    """Trace the branch through an orbit in both directions, None where one of the known paths contains it."""
+    if any(is_same(q, first) for path in known for q in orbits.crossings(path.points, first.omega)):
         return None
-    copies = [_shifted(first, k) for k in range(order)]  # the same orbit, seen from each forcing period
-    edges = _at_edges(known, how)
+    ends = {*how.window, *(how.limits or ())}
+    edges = [q for path in known for q in path.points if q.omega in ends]  # from which the known paths lead on
 
     def closed(points: list[Point]) -> str | None:
-        if order == 2 and (doubling := _doubling(orbits, points)):
-            return doubling
-        if any(is_same(q, points[-1], order) for q in edges):
+        if any(is_same(q, points[-1]) for q in edges):
             return "window"
         if len(points) < 6:
             return None
         a, b = points[-2:]
         w = orbits.scales(a.amplitude, a.omega)
-        chord = w * (b.y - a.y)
-        for f in copies:
-            to = w * (f.y - a.y)
-            s = float(to @ chord) / float(chord @ chord)
-            if 0 <= s <= 1 and np.linalg.norm(to - s * chord) < 0.1 * np.linalg.norm(chord):
-                points[-1] = f
-                return "closed"
+        chord, to = w * (b.y - a.y), w * (first.y - a.y)
+        s = float(to @ chord) / float(chord @ chord)
+        if 0 <= s <= 1 and np.linalg.norm(to - s * chord) < 0.1 * np.linalg.norm(chord):
+            points[-1] = first
+            return "closed"
         return None
 
     forward = orbits.trace(first, how, closed)
     if forward.end == "closed":  # begin at an end of the window, so that no piece begins inside
         points = forward.points
         edge = next((i for i, p in enumerate(points) if p.omega in how.window), 0)
-        shift = next(k for k, f in enumerate(copies) if f is points[-1])
-        return Path((*points[edge:], *(_shifted(p, shift) for p in points[1 : edge + 1])), "closed", "closed")
+        return Path((*points[edge:], *points[1 : edge + 1]), "closed", "closed")
     backward = orbits.trace(first.turned(), how, closed)
     turned = tuple(p.turned() for p in reversed(backward.points[1:]))
     return Path(turned + forward.points, forward.end, backward.end)
 
 
-def _shifted(p: Point, periods: int) -> Point:
-    """The same orbit, seen from a later forcing period."""
-    y, t = (np.append(np.roll(x[:-1], 2 * PIECES * periods), x[-1]) for x in (p.y, p.tangent))
-    return replace(p, y=y, tangent=t)
-
-
-def _at_edges(known: Sequence[Path], how: Tracing) -> list[Point]:
-    """Orbits of known paths on an edge of the window, from which these lead on."""
-    edges = {*how.window, *(how.limits or ())}
-    return [q for path in known for q in path.points if q.omega in edges]
-
-
-def is_same(a: Point, b: Point, order: int) -> bool:
-    """Whether two points are one orbit, up to a shift by whole forcing periods."""
-    if abs(a.omega - b.omega) > 1e-9:
-        return False
+def is_same(a: Point, b: Point) -> bool:
+    """Whether two points are one orbit."""
     close = max(_SAME, 10.0 * max(a.error, b.error)) * max(a.amplitude, 1e-300)
-    return distance(a.states, b.states, order) < close
-
-
-def distance(a: Array, b: Array, order: int) -> float:
-    """Greatest difference of the states (order, 2) of two orbits, up to a shift by whole forcing periods."""
-    return min(float(np.abs(a - np.roll(b, k, axis=0)).max()) for k in range(order))
+    return abs(a.omega - b.omega) <= 1e-9 and float(np.abs(a.start - b.start).max()) < close

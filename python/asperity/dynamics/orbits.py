@@ -22,6 +22,7 @@ from asperity.dynamics.point import PIECES, SMALLEST, TOO_MUCH, Path, Point, Tra
 from asperity.dynamics.settings import Setting
 from asperity.errors import ConvergenceError
 
+_PHASES = TURN / PIECES * np.arange(PIECES)  # at which the pieces begin
 _NEWTON = 8  # iterations of the corrector
 _NEWTON_RTOL = 1e-6  # relative size of its last step; the remaining error is of the order of the square
 _LOST = 1e9  # relative state beyond which Newton's method has left the orbit
@@ -42,37 +43,35 @@ _NOISE = 30.0  # steps of Newton's method that round-off causes, over it
 
 @dataclass
 class Orbits:
-    """Orbits of `order` forcing periods as zeros of a function of states and Omega."""
+    """Orbits of the period of the forcing as zeros of a function of states and Omega."""
 
     equation: Equation
     setting: Setting
-    order: int = 1
     rtol: float = 1e-9
     work: float = field(default=0.0, repr=False, compare=False)  # steps of the integrator so far, in points
 
     def scales(self, amplitude: float, omega: float) -> Array:
         """Weights of states and Omega in lengths along the branch."""
-        w, size = np.empty(2 * PIECES * self.order + 1), amplitude * np.sqrt(PIECES * self.order)
+        w, size = np.empty(2 * PIECES + 1), amplitude * np.sqrt(PIECES)
         w[0::2], w[1::2] = 1.0 / size, 1.0 / (size * max(1.0, omega))
         w[-1] = 1.0 / omega
         return w
 
-    def map(self, states: Array, omega: float, phase: Array, length: float, **more: Any) -> Motions:
-        """Motions from states (lanes, 2) at phases over a length of it."""
+    def map(self, states: Array, omega: float, phase: ArrayLike, **more: Any) -> Motions:
+        """Motions from states (lanes, 2) at phases over a piece of the period."""
         m = motions(
             self.equation, states, omega, self.setting.forcing(omega), grows=self.setting.growth(omega), start=phase,
-            length=length, rtol=self.rtol, **more,
+            length=TURN / PIECES, rtol=self.rtol, **more,
         )  # fmt: skip
         self.work += m.steps / _WORK
         return m
 
-    def through(self, states: ArrayLike, omega: float) -> Array:
-        """Guess of the unknowns from the states at forcing phase 0 of each period (order, 2)."""
-        rows: list[Array] = [np.reshape(states, (-1, 2))]
-        for k in range(PIECES - 1):
-            phase = np.full(len(rows[0]), k * TURN / PIECES)
-            rows.append(self.map(rows[-1], omega, phase, TURN / PIECES, derivatives=False).end)
-        return np.append(np.stack(rows, 1).ravel(), omega)
+    def through(self, start: Array, omega: float) -> Array:
+        """Guess of the unknowns from the state at forcing phase 0."""
+        states = [start]
+        for phase in _PHASES[:-1]:
+            states.append(self.map(states[-1], omega, phase, derivatives=False).end[0])
+        return np.append(states, omega)
 
     def correct(
         self, y: Array, normal: Array, amplitude: float, *, limit: float = np.inf, rtol: float = _NEWTON_RTOL
@@ -84,17 +83,15 @@ class Orbits:
         Raises:
             ConvergenceError: the iteration does not converge, or moves further than `limit`
         """
-        count = PIECES * self.order
         w = self.scales(min(amplitude, 1.0) + 1e-300, abs(y[-1]) + 1e-300)
         plane = normal / w
         plane = plane / np.sqrt(plane @ plane)
         previous, travelled = np.inf, 0.0
         rtol = max(rtol, _NOISE * _ROUND_OFF / (self.equation.restoring.n_loc * min(amplitude, 1.0) + 1e-300))
-        phase, rows = TURN / PIECES * np.arange(count), np.arange(2 * count).reshape(-1, 2)
-        ahead = -np.roll(np.eye(2 * count), 2, axis=1)
+        rows, ahead = np.arange(2 * PIECES).reshape(-1, 2), -np.roll(np.eye(2 * PIECES), 2, axis=1)
         for _ in range(_NEWTON):
             states = y[:-1].reshape(-1, 2)
-            m = self.map(states, float(y[-1]), phase, TURN / PIECES)
+            m = self.map(states, float(y[-1]), _PHASES)
             residual = (m.end - np.concatenate([states[1:], states[:1]])).ravel() * w[:-1]
             if not np.abs(residual).max() < _LOST:
                 break
@@ -128,7 +125,7 @@ class Orbits:
             [changes[:, :-1].reshape(2, -1, 2), np.broadcast_to(changes[:, None, -1:], (2, len(m.end), 1))], axis=2
         )
         top, low = int(m.high[:, 0].argmax()), int(m.low[:, 0].argmin())
-        waves = 2.0 / (TURN * self.order) * m.wave
+        waves = 2.0 / TURN * m.wave
         moves = np.array([
             by_lane[:, top] @ m.high[top, 1:], by_lane[:, low] @ m.low[low, 1:],
             *np.einsum("cij,ikj->kc", by_lane, waves[:, :, 1:]),
@@ -268,9 +265,8 @@ class Orbits:
                 if error > 2.0 or float(along @ (w * unit)) < 0.5:
                     h *= max(0.2, min(0.6, (0.5 / max(error, 1e-9)) ** 0.25))
                     continue
-                # Omega turns where a multiplier passes 1, or else the step has jumped to where the branch comes back;
-                # not so at the period doubling that a branch of twice the period passes
-                if self.order == 1 and h > _TURNED and here.fold * here.rate * point.fold * point.rate < 0:
+                # Omega turns where a multiplier passes 1, or else the step has jumped to where the branch comes back
+                if h > _TURNED and here.fold * here.rate * point.fold * point.rate < 0:
                     h *= _CUT
                     continue
                 break
@@ -298,7 +294,7 @@ class Orbits:
         """Longest step near a resonance, by the phase of the multipliers; `rate` is that of Omega along the branch."""
         if p.determinant <= SMALLEST:
             return np.inf
-        decay, turn = -0.5 * np.log(p.determinant), TURN * self.order / p.omega**2
+        decay, turn = -0.5 * np.log(p.determinant), TURN / p.omega**2
         near = min(abs(p.phase_square(sign)) for sign in (1.0, -1.0)) ** 0.5
         w = self.scales(p.amplitude, p.omega)
         drift = float(np.linalg.norm((w * p.tangent)[:-1])) / max(abs(p.rate), 1e-9)

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from asperity.dynamics.branch import Branch, Solution, dense, distance
+from asperity.dynamics.branch import Branch, Solution, dense
 from asperity.dynamics.equation import Equation
 from asperity.dynamics.orbits import Orbits
 from asperity.dynamics.point import Point, Tracing
@@ -84,21 +84,20 @@ class FrequencyResponse:
         found: list[tuple[Solution, Point]] = []
         for number, branch in enumerate(self.branches):
             try:
-                points = list(self.orbits(branch).crossings(branch.points, omega))
+                points = list(self.orbits.crossings(branch.points, omega))
             except ConvergenceError as error:
                 raise ConvergenceError(
                     f"an orbit at Omega = {omega:g} on branch {number} ({branch.kind}) could not be corrected: "
                     f"{error}; use a smaller tol"
                 ) from error
             for p in points:
-                s = Solution.at(branch.kind, number, branch.order, p)
                 # the sense differs on the two sides of a fold, however close
                 if not any(
-                    (p.fold > 0) == (q.fold > 0) and s.order == o.order
-                    and distance(p.states, q.states, s.order) < (_SAME + 10.0 * max(s.error, o.error)) * p.amplitude
-                    for o, q in found
-                ):  # fmt: skip
-                    found.append((s, p))
+                    (p.fold > 0) == (q.fold > 0)
+                    and np.abs(p.start - q.start).max() < (_SAME + 10.0 * max(p.error, q.error)) * p.amplitude
+                    for _, q in found
+                ):
+                    found.append((Solution.at(branch.kind, number, p), p))
         return tuple(sorted((s for s, _ in found), key=lambda s: s.u_max))
 
     @property
@@ -106,11 +105,13 @@ class FrequencyResponse:
         """Whether `peak` is inside the window, not at one of its ends."""
         return self.peak[0] not in self.omega
 
-    def jumps(self) -> Iterator[tuple[float, bool, float, float | None]]:
+    @cached_property
+    def jumps(self) -> tuple[tuple[float, bool, float, float | None], ...]:
         """Folds at which a stable branch ends: Omega, whether a rising frequency passes it, u_max before and after.
 
         After the jump the motion is on the other stable orbit; None where there is none, or several.
         """
+        found: list[tuple[float, bool, float, float | None]] = []
         for e in self["fold"]:
             b = self.branches[e.branch]
             i = int(np.abs(b.Omega - e.Omega).argmin())
@@ -123,16 +124,18 @@ class FrequencyResponse:
             if self.omega[0] <= beyond <= self.omega[1]:
                 with suppress(ConvergenceError):
                     after = [s.u_max for s in self.at(beyond) if s.stable]
-            yield e.Omega, upwards, e.u_max, after[0] if len(after) == 1 else None
+            found.append((e.Omega, upwards, e.u_max, after[0] if len(after) == 1 else None))
+        return tuple(found)
 
     @cached_property
     def lines(self) -> tuple[Branch, ...]:
         """Each branch with more orbits; straight lines between them have errors below 1e-3."""
-        return tuple(replace(b, points=dense(self.orbits(b), b.points)) for b in self.branches)
+        return tuple(replace(b, points=dense(self.orbits, b.points)) for b in self.branches)
 
-    def orbits(self, branch: Branch) -> Orbits:
-        """Equations of the orbits of a branch."""
-        return Orbits(self.equation, self.setting, branch.order, self.rtol)
+    @property
+    def orbits(self) -> Orbits:
+        """Equations of the orbits."""
+        return Orbits(self.equation, self.setting, self.rtol)
 
     def to_dict(self) -> dict[str, Any]:
         """Section of thresholds.json."""
@@ -165,7 +168,6 @@ def frequency_response(
     omega: tuple[float, float],
     *,
     tol: float = 1e-5,
-    subharmonics: bool = True,
     max_work: float = 4000.0,
 ) -> FrequencyResponse:
     """Compute all branches in a window; arguments and errors as in `ContactOscillator.response`.
@@ -174,7 +176,7 @@ def frequency_response(
     """
     rtol = min(max(_RTOL * tol, _FINEST), _COARSEST)
     how = Tracing(omega, (omega[1] - omega[0]) / 25.0, max_work)
-    search = Search(equation, setting, how, subharmonics, rtol)
+    search = Search(equation, setting, how, rtol)
     search.run()
     branches = search.branches
     return FrequencyResponse(
@@ -194,7 +196,7 @@ def _limitations(branches: Sequence[Branch], known_to: float) -> Iterator[str]:
             "lower the forcing, or compute the curve further"
         )
     for number, b in enumerate(branches):
-        if b.end not in ("window", "closed", "period doubling"):
+        if b.end not in ("window", "closed"):
             yield f"branch {number} ({b.kind}) ends early: {b.end}"
     unreliable = sum(int((b.det_error > _UNRELIABLE).sum()) for b in branches)
     if unreliable:

@@ -129,7 +129,7 @@ class Dynamics:
         r, hertz = self.first.restoring, self.numbers.frequency
         for model, responses in self.responses.items():
             for one in responses:
-                for omega, upwards, before, after in one.jumps():
+                for omega, upwards, before, after in one.jumps:
                     found.append({
                         "model": model, "zeta": one.setting.zeta, "F_hat": one.setting.F_hat,
                         "force": r.scale * float(one.setting.forcing(omega)),

@@ -1,21 +1,20 @@
 """Search for all branches of periodic orbits in a window of frequencies.
 
-The branch of order 1 starts where its orbit is unique and known: above the resonance, or near rest. Every branch is
-traced beyond the window and then cut, so a window has the orbits of a wide one. Branches of twice the period start at
-period doublings. Newton's method on the period map finds loops, and orbits of period 2 that no period doubling leads
-to: it starts on the free orbits that are in resonance with the forcing.
+The first branch starts where its orbit is unique and known: above the resonance, or near rest. Every branch is traced
+beyond the window and then cut, so a window has the orbits of a wide one. Newton's method on the period map finds loops:
+it starts on the free orbits that are in resonance with the forcing.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import replace
-from itertools import pairwise, product
+from itertools import pairwise
 
 import numpy as np
 
 from asperity.arrays import Array
-from asperity.dynamics.branch import Branch, Solution, doubled, located, subharmonic, through
+from asperity.dynamics.branch import Branch, Solution, located, through
 from asperity.dynamics.equation import TURN, Equation, motions
 from asperity.dynamics.free import FreeOrbit, free_orbits, largest_amplitude, resonance_peak
 from asperity.dynamics.orbits import Orbits
@@ -24,7 +23,7 @@ from asperity.dynamics.settings import Setting
 from asperity.errors import ConvergenceError
 from asperity.force_law.damping import only_in_contact
 
-_CYCLES = 5  # resonances of an order: free orbits with 1, 1 + order, ... cycles in its forcing periods
+_CYCLES = 5  # resonances: free orbits with 1, 2, ... cycles in a period of the forcing
 _AMPLITUDES, _PHASES = 20, 8  # starts on the free orbits of each resonance, at most
 _APART = 0.04  # distance of these amplitudes, in the logarithm of the frequency, or in that of the amplitude over
 _FLAT = 0.1  # this, where the frequency hardly changes
@@ -44,29 +43,26 @@ _BELOW = 0.5  # lowest frequency outside the window, over its low end
 
 
 class Search:
-    """Traces every branch of order 1 from where it is known, and those through further orbits.
+    """Traces the branch from where it is known, and those through further orbits.
 
     Attributes:
         branches, events: the branches; one that leaves the window and returns is in several pieces
         notes: on what could not be found or continued
     """
 
-    def __init__(self, equation: Equation, setting: Setting, how: Tracing, subharmonics: bool, rtol: float) -> None:
+    def __init__(self, equation: Equation, setting: Setting, how: Tracing, rtol: float) -> None:
         self.equation, self.setting, self.how = equation, setting, how
-        self.orders = (1, 2) if subharmonics else (1,)
-        self.orbits = {order: Orbits(equation, setting, order, rtol) for order in (1, 2)}
-        self.strong = float(
-            setting.forcing(max(1.0, how.window[1]))
-        )  # F^, the greatest in the window and at the resonance
+        self.orbits = Orbits(equation, setting, rtol)
+        # F^, the greatest in the window and at the resonance
+        self.strong = float(setting.forcing(max(1.0, how.window[1])))
         share = min(1.0, how.window[0] / _SLOW)
         self.grid = int(np.ceil(_AMPLITUDES * share)), int(np.ceil(_PHASES * share))
         self.branches: list[Branch] = []
         self.events: list[Solution] = []
         self.notes: list[str] = []
-        self._paths: list[tuple[int, Path]] = []  # order and path, in and outside the window
-        self._ends: list[tuple[int, Point]] = []  # of branches, with their order
-        self._known: list[Array] = []  # u, v, Omega (points, 3) along each path, at each of its forcing periods
-        self._doublings: list[Point] = []
+        self._paths: list[Path] = []  # in and outside the window
+        self._ends: list[Point] = []  # of branches
+        self._known: list[Array] = []  # u, v, Omega (points, 3) along each path
         self._backbone()
 
     def _backbone(self) -> None:
@@ -93,11 +89,10 @@ class Search:
         (low, high), above = self.how.window, self._limits()[1]
         for omega in (above, low):
             self._near_rest(omega)
-        for order in self.orders:
-            for found in self._found(order, *self._lanes(order)):
-                self._through("detached", order, *found)
-                if self._left < 0.0:
-                    break
+        for found in self._found(*self._lanes()):
+            self._through("detached", *found)
+            if self._left < 0.0:
+                break
         if not self.branches:
             raise ConvergenceError(f"no periodic orbit found for Omega = {low:g} to {high:g} with F^ = {self.strong:g}")
         if self._left < 0.0:
@@ -107,43 +102,42 @@ class Search:
             )
             return
         self.notes += [
-            f"at the end Omega = {edge:g} of the window at least one orbit of period {order} is missing: "
-            "give another window, which ends between the resonances"
-            for order, edge in product(self.orders, self.how.window)
-            if self._lacks(order, edge)
+            f"at the end Omega = {edge:g} of the window at least one orbit is missing: give another window, which ends "
+            "between the resonances"
+            for edge in self.how.window
+            if self._lacks(edge)
         ]
 
     def describe(self) -> str:
         """Sentence `FrequencyResponse.searched`."""
-        periods = " and ".join(map(str, self.orders))
         return (
-            f"searched: orbits of period {periods}, from rest and up to {_CYCLES * self.grid[0] * self.grid[1]} starts "
-            "of each; not searched: longer periods, which period doublings of the last one may lead to, and loops that "
-            "start from none of these states"
+            f"searched: orbits with the period of the forcing, from rest and up to "
+            f"{_CYCLES * self.grid[0] * self.grid[1]} starts; not searched: longer periods, which period doublings may "
+            "lead to (sweeps show these), and loops that start from none of these states"
         )
 
     def _limits(self) -> tuple[float, float]:
         """Frequencies up to which branches are followed outside the window, in which they may return."""
         low, high = self.how.window
-        above = self.orders[-1] * _BEYOND * max(1.0, *self.frequency) * (1.0 + self.strong)
+        above = _BEYOND * max(1.0, *self.frequency) * (1.0 + self.strong)
         return _BELOW * low if low < above else low, max(above, high)
 
     @property
     def _left(self) -> float:
         """Work that is left."""
-        return self.how.max_work - sum(orbits.work for orbits in self.orbits.values())
+        return self.how.max_work - self.orbits.work
 
-    def _lacks(self, order: int, edge: float) -> bool:
+    def _lacks(self, edge: float) -> bool:
         """Whether the orbits at an edge are too few.
 
         Where the period map moves every distant state inwards its degree is 1: a positive determinant of (identity less
         monodromy) counts 1, a negative one -1. A map that may not do so is only expected to have an orbit.
         """
         e = self.equation
-        at = [(other, p) for other, p in self._ends if other <= order and p.omega == edge]
+        at = [p for p in self._ends if p.omega == edge]
         if not e.restoring.contact or only_in_contact(e.damping):
-            return order == 1 and not at
-        return sum(n * int(np.sign(p.fold * (p.flip if n < order else 1.0))) for n, p in at) != 1
+            return not at
+        return sum(int(np.sign(p.fold)) for p in at) != 1
 
     def _near_rest(self, omega: float) -> None:
         """Trace the branch of the linear response at a frequency."""
@@ -151,37 +145,37 @@ class Search:
         impedance = complex(1.0 - omega * omega, 2.0 * self.equation.zeta * omega)
         linear = force / max(abs(impedance), force) * impedance.conjugate() / (abs(impedance) or 1.0)
         rest = np.array([linear.real, -omega * linear.imag])  # of an amplitude of at most 1
-        self._through("main", 1, rest, omega, abs(linear) + 1e-12)
+        self._through("main", rest, omega, abs(linear) + 1e-12)
 
-    def _lanes(self, order: int) -> tuple[Array, Array]:
-        """Omega (starts,), and states (starts, 2): free orbits in resonance with `order` periods of a forcing.
+    def _lanes(self) -> tuple[Array, Array]:
+        """Omega (starts,), and states (starts, 2): free orbits in resonance with the forcing.
 
         The forcing must do as much work on a resonant orbit as the damper takes, at some phase: so there are starts at
         all phases, of every amplitude whose resonance is in the window, or near it, up to the one that the forcing
-        sustains. An orbit that is shifted by a forcing period has another phase, by a cycle over `order`.
+        sustains.
         """
         (low, high), size = self.how.window, np.log(self.amplitude)
         log_u = np.linspace(size[0], size[-1], _FINE)
         own = np.interp(log_u, size, self.frequency)
         phases, found = np.arange(self.grid[1]) / self.grid[1], [np.empty((3, 0))]
-        for omega in own * order / (1.0 + order * np.arange(_CYCLES))[:, None]:
+        for omega in own / (1.0 + np.arange(_CYCLES))[:, None]:
             near = np.flatnonzero((omega > low / _BEYOND) & (omega < high * _BEYOND))
             if near.size:
                 away = np.hypot(_FLAT * np.diff(log_u[near]), np.diff(np.log(own[near])))
                 along = np.append(0.0, np.cumsum(away))
                 count = min(self.grid[0], 1 + int(along[-1] / _APART))
                 i = near[np.searchsorted(along, (np.arange(count) + 0.5) / count * along[-1])].repeat(phases.size)
-                length = TURN / order / own[i] * np.resize(phases, i.size)
+                length = TURN / own[i] * np.resize(phases, i.size)
                 found.append(np.stack([np.clip(omega[i], low, high), log_u[i], length]))
         omega, log_u, length = np.concatenate(found, axis=1)
         rest, free = np.column_stack([np.exp(log_u), 0.0 * log_u]), Equation(self.equation.restoring, 0.0)
         return omega, motions(free, rest, 1.0, 0.0, length=length, rtol=_ROUGH, derivatives=False).end
 
-    def _found(self, order: int, omegas: Array, starts: Array) -> Iterator[tuple[Array, float, float, Array]]:
-        """Rough states (order, 2), Omega, amplitude, normal of new orbits of `order` forcing periods near the starts.
+    def _found(self, omegas: Array, starts: Array) -> Iterator[tuple[Array, float, float, Array]]:
+        """Rough state, Omega, amplitude, normal of new orbits near the starts.
 
         A step of Newton's method is the shortest one in state and Omega: so a branch is found also from frequencies
-        beyond its folds. Orbits of shorter periods are left out. A search that is too long ends with a note.
+        beyond its folds. A search that is too long ends with a note.
         """
         steps, skipped, parts = 0.0, 0, -(-len(starts) // _PART)
         for part in range(parts):
@@ -192,7 +186,7 @@ class Search:
                 if steps > _MOST_STEPS or not y.size:
                     break
                 force, grows = self.setting.forcing(omega), self.setting.growth(omega)
-                m = motions(self.equation, y, omega, force, grows=grows, length=TURN * order, rtol=_ROUGH)
+                m = motions(self.equation, y, omega, force, grows=grows, rtol=_ROUGH)
                 steps += m.steps
                 scale = _scale(y, omega)
                 matrix = (m.by_end - np.eye(2, 3)) * scale[:, None]
@@ -204,51 +198,42 @@ class Search:
                     step *= scale * np.minimum(1.0, 0.3 / length)[:, None]
                 y, omega = y + step[:, :2], np.clip(omega + step[:, 2], *self.how.window)
                 for j in np.flatnonzero(length < _CLOSE):
-                    found = self._new(order, y[j], float(omega[j]))
-                    if found is not None:
+                    if self._is_new(y[j], float(omega[j])):
                         normal = np.cross(*matrix[j]) / scale[j]
-                        yield found, float(omega[j]), float(0.5 * (m.high[j, 0] - m.low[j, 0])), normal
+                        yield y[j], float(omega[j]), float(0.5 * (m.high[j, 0] - m.low[j, 0])), normal
                 moving = length >= _CLOSE
                 omega, y = omega[moving], y[moving]
             if steps > _MOST_STEPS:
                 skipped += len(y)
         if skipped:
             self.notes.append(
-                f"the search from {skipped} of {len(starts)} starts of period {order} ended after too much work, and "
-                "orbits may be missing: give a narrower window"
+                f"the search from {skipped} of {len(starts)} starts ended after too much work, and orbits may be "
+                "missing: give a narrower window"
             )
 
-    def _new(self, order: int, start: Array, omega: float) -> Array | None:
-        """States (order, 2) of an orbit through a state, unless its period is shorter or a path has it."""
-        scale, states = _scale(start[None], np.array([omega]))[0], [start]
-        if order == 2:
-            force = self.setting.forcing(omega)
-            states.append(motions(self.equation, start, omega, force, rtol=_ROUGH, derivatives=False).end[0])
-            if np.abs((states[1] - start) / scale[:2]).max() < _KNOWN:
-                return None
+    def _is_new(self, start: Array, omega: float) -> bool:
+        """Whether no path has the orbit through a state."""
+        scale = _scale(start[None], np.array([omega]))[0]
         for line in self._known:
             off, chord = (np.append(start, omega) - line[:-1]) / scale, np.diff(line, axis=0) / scale
             s = np.clip(np.sum(off * chord, axis=1) / np.maximum(np.sum(chord**2, axis=1), 1e-300), 0.0, 1.0)
             if (np.linalg.norm(off - s[:, None] * chord, axis=1) < _KNOWN).any():
-                return None
-        return np.array(states)
+                return False
+        return True
 
-    def _through(
-        self, kind: str, order: int, rough: Array, omega: float, amplitude: float, normal: Array | None = None
-    ) -> None:
-        """Trace the branch through an orbit near rough states (order, 2), if it is new, and those that leave it.
+    def _through(self, kind: str, rough: Array, omega: float, amplitude: float, normal: Array | None = None) -> None:
+        """Trace the branch through an orbit near a rough state, if it is new.
 
         The orbit is that of Omega, or in the plane with a normal in the first u, v and Omega.
         """
-        orbits = self.orbits[order]
-        known = [path for other, path in self._paths if other == order]
+        orbits, how = self.orbits, replace(self.how, limits=self._limits(), max_work=max(self._left, 0.0))
         try:
             y = orbits.through(rough, omega)
             if normal is None:
                 first = orbits.at(y, amplitude, -1.0)
             else:
                 first = orbits.correct(y, np.concatenate([normal[:2], 0.0 * y[2:-1], normal[2:]]), amplitude)
-            path = through(orbits, first, self._tracing(), known)
+            path = through(orbits, first, how, self._paths)
         except ConvergenceError as error:
             if kind != "main":
                 self.notes.append(
@@ -256,39 +241,13 @@ class Search:
                 )
             return
         if path is not None:
-            self._add(kind, order, path)
-        while self._doublings and self._left > 0.0:
-            flip = self._doublings.pop(0)
-            known = [path for other, path in self._paths if other == 2]
-            path = subharmonic(self.orbits[2], flip, self._tracing(), known)
-            if len(path.points) > 2:
-                self._add("sub2", 2, self._joined(path))
+            self._add(kind, path)
 
-    def _tracing(self) -> Tracing:
-        """How branches are traced."""
-        return replace(self.how, limits=self._limits(), max_work=max(self._left, 0.0))
-
-    def _joined(self, path: Path) -> Path:
-        """Path of twice the period up to the period doubling at which it ends, from which it is not traced again."""
-        (before, end), orbits = path.points[-2:], self.orbits[2]
-        ends = [doubled(orbits, p) for p in self._doublings] if path.end == "period doubling" else []
-        gaps = [orbits.segment(p, end)[2] for p in ends]
-        if min(gaps, default=np.inf) > orbits.segment(before, end)[2]:
-            return path
-        i = int(np.argmin(gaps))
-        del self._doublings[i]
-        turn = np.sign(ends[i].tangent @ end.tangent) or 1.0
-        last = replace(ends[i], tangent=turn * ends[i].tangent, slopes=-ends[i].slopes)
-        return replace(path, points=(*path.points[:-1], last))
-
-    def _add(self, kind: str, order: int, path: Path) -> None:
-        """Make branches of the pieces of a path in the window, with their events and period doublings."""
-        orbits = self.orbits[order]
-        self._paths.append((order, path))
-        points, found = located(orbits, path.points, self.how)
-        self._known += [np.array([(*p.states[k], p.omega) for p in points]) for k in range(order)]
-        if 2 * order in self.orders:
-            self._doublings += [p for name, p in found if name == "period doubling"]
+    def _add(self, kind: str, path: Path) -> None:
+        """Make branches of the pieces of a path in the window, with their events."""
+        self._paths.append(path)
+        points, found = located(self.orbits, path.points, self.how)
+        self._known.append(np.array([(*p.start, p.omega) for p in points]))
         at = np.array([p.omega for p in points])
         low, high = self.how.window
         edge, known = (at == low) | (at == high), (low <= at) & (at <= high)
@@ -299,19 +258,15 @@ class Search:
                 continue
             begin, end = path.begin if first == 0 else "window", path.end if last == at.size - 1 else "window"
             piece, number = points[first : last + 1], len(self.branches)
-            self.branches.append(
-                Branch(
-                    kind, order, piece, end if begin in ("window", "closed") else begin, self.equation.restoring.contact
-                )
-            )
-            self._ends += [(order, piece[0]), (order, piece[-1])]
+            reason = end if begin in ("window", "closed") else begin
+            self.branches.append(Branch(kind, piece, reason, self.equation.restoring.contact))
+            self._ends += [piece[0], piece[-1]]
             inside = [(name, p) for name, p in found if any(p is q for q in piece)]
-            self.events += [Solution.at(name, number, order, p) for name, p in inside]
+            self.events += [Solution.at(name, number, p) for name, p in inside]
         for p, reason in ((points[0], path.begin), (points[-1], path.end)):
-            if reason not in ("window", "closed", "period doubling", TOO_MUCH) and not self.how.is_inside(p.omega):
+            if reason not in ("window", "closed", TOO_MUCH) and not self.how.is_inside(p.omega):
                 self.notes.append(
-                    f"a branch of period {order} is lost outside the window at {p.omega:.6g}, where it may return: "
-                    f"{reason}"
+                    f"a branch is lost outside the window at {p.omega:.6g}, where it may return: {reason}"
                 )
 
 
