@@ -24,6 +24,16 @@ def smooth(rng: np.random.Generator) -> Curve:
     return curves[rng.integers(4)], even if rng.random() < 0.6 else np.sort(rng.uniform(0.01, 1, rows))
 
 
+def apart(rng: np.random.Generator) -> Curve:
+    """Softening, stiffening and wavy curves at points of random distances."""
+    c, w, p = rng.uniform(0.5, 5), rng.uniform(2, 8), rng.uniform(0, 2 * np.pi)
+    curves: list[Callable[[float], float]] = [
+        lambda z: np.log1p(c * z), lambda z: np.expm1((4 + 2 * c) * z), lambda z: (z + 0.05) ** 1.5 - 0.05**1.5,
+        lambda z: z + 0.35 * (np.cos(p) - np.cos(w * z + p)) / w,
+    ]  # fmt: skip
+    return curves[rng.integers(4)], np.append(np.sort(rng.uniform(0.02, 1, rng.integers(7, 40))), 1.0)
+
+
 def summits(rng: np.random.Generator) -> Curve:
     """5 to 60 summits after Hertz, that touch in turn."""
     count = int(rng.integers(5, 61))
@@ -41,7 +51,7 @@ def exact(f: Callable[[float], float], z: float, h: float = 1e-3) -> tuple[float
     return a, (3 * third - 5 * second**2) / 48, z, a * f(z) / z
 
 
-@pytest.mark.parametrize("curve", [smooth, summits])
+@pytest.mark.parametrize("curve", [smooth, apart, summits])
 def test_the_bars_hold(curve: Callable[[np.random.Generator], Curve]) -> None:
     """For 95 % of 200 curves, though points show no summit that has just been touched."""
     inside = []

@@ -165,7 +165,7 @@ class ContactOscillator:
             >>> z = np.linspace(0.1, 1.0, 10)
             >>> known = asp.ContactOscillator(asp.TableLaw(z, z**1.5 + z**2), load=1.0).uncertainty()
             >>> print(f"n = {known.n_loc.value:.3f}, {known.n_loc.low:.3f} to {known.n_loc.high:.3f}")
-            n = 1.725, 1.722 to 1.729
+            n = 1.725, 1.722 to 1.728
         """
         return intervals(self.law, self.restoring.load, mass=self.mass)
 

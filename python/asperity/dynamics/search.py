@@ -60,6 +60,7 @@ class Search:
         self.branches: list[Branch] = []
         self.events: list[Solution] = []
         self.notes: list[str] = []
+        self._lost: list[str] = []  # orbits that could not be continued
         self._paths: list[Path] = []  # in and outside the window
         self._ends: list[Point] = []  # of branches
         self._known: list[Array] = []  # u, v, Omega (points, 3) along each path
@@ -93,6 +94,9 @@ class Search:
             self._through("detached", *found)
             if self._left < 0.0:
                 break
+        if self._lost:
+            more = f" (and {len(self._lost) - 1} more)" if len(self._lost) > 1 else ""
+            self.notes.append(f"an orbit at {self._lost[0]}{more}")
         if not self.branches:
             raise ConvergenceError(f"no periodic orbit found for Omega = {low:g} to {high:g} with F^ = {self.strong:g}")
         if self._left < 0.0:
@@ -236,9 +240,7 @@ class Search:
             path = through(orbits, first, how, self._paths)
         except ConvergenceError as error:
             if kind != "main":
-                self.notes.append(
-                    f"an orbit at Omega = {omega:.6g} is on no branch and could not be continued: {error}"
-                )
+                self._lost.append(f"Omega = {omega:.6g} is on no branch and could not be continued: {error}")
             return
         if path is not None:
             self._add(kind, path)

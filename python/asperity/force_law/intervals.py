@@ -15,8 +15,6 @@ from asperity.force_law.law import Law, bend
 from asperity.force_law.table import TableLaw
 from asperity.runtime.display import short_repr
 
-_WIDER = 1.3  # bar from points without slopes, over the changes without some; for 95 % of curves
-
 
 class Interval(NamedTuple):
     """Value with the smallest and largest one by the laws that bound it, NaN where one does not reach the load."""
@@ -78,7 +76,8 @@ def intervals(
 ) -> Uncertainty:
     """Intervals of a law under a load (force), with the extremes over the laws that bound it.
 
-    Those of a table are wider on both sides by the change without every fourth of its points.
+    Those of a table are wider on both sides by the changes without every fourth of its points, and by that of its
+    slopes where these are those of the points.
 
     Raises:
         RangeError: the law does not reach the load
@@ -94,14 +93,12 @@ def intervals(
         k = one.derivatives(z)[0]
         return np.array([z * k / load, one.kappa(z), z, k])
 
-    members, centre, thinned = tuple(members), values(law), law.thinned if isinstance(law, TableLaw) else ()
+    members, centre, others = tuple(members), values(law), law.others if isinstance(law, TableLaw) else ()
     ends = np.stack([centre, *map(values, members)])
-    wider = np.sum([np.abs(values(one) - centre) for one in thinned], axis=0) if thinned else np.zeros(4)
-    if isinstance(law, TableLaw) and law.k is None:
-        wider *= _WIDER
+    wider = np.sum([np.zeros(4), *(np.abs(values(one) - centre) for one in others)], axis=0)
     wider[1] = law.kappa_bar(float(centre[2]))
     found = np.stack([centre, ends.min(axis=0) - wider, ends.max(axis=0) + wider], axis=1)
     frequency = np.sqrt(np.maximum(found[3], 0.0) / mass)
     n_loc, kappa, z_s, k_n, omega_s = (Interval(*row) for row in [*found.tolist(), frequency.tolist()])
-    words = [origin] * bool(members) + ["points of the law"] * bool(thinned)
+    words = [origin] * bool(members) + ["points of the law"] * bool(others)
     return Uncertainty(n_loc, kappa, z_s, k_n, omega_s, " and ".join(words))

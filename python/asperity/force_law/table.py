@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.polynomial import polynomial
 from numpy.typing import ArrayLike
-from scipy.interpolate import CubicHermiteSpline, PchipInterpolator, PPoly
+from scipy.interpolate import CubicHermiteSpline, CubicSpline, PchipInterpolator, PPoly
 
 from asperity.arrays import Array
 from asperity.errors import InputError, RangeError
@@ -167,6 +167,15 @@ class TableLaw(Law):
                 F, k = smoothed(self.z[kept], self._measured[kept])
             laws.append(replace(self, z=self.z[kept], F=F, k=k, origin=0.0))
         return tuple(laws)
+
+    @property
+    def others(self) -> tuple[TableLaw, ...]:
+        """Laws that the points may mean as well: without some of them, and with the slopes of a cubic spline."""
+        if self.k is not None:
+            return self.thinned
+        x = np.log(self.z)
+        slopes = CubicSpline(x, np.log(self.F))(x, 1) * self.F / self.z
+        return (*self.thinned, replace(self, k=slopes, origin=0.0))
 
     @property
     def top(self) -> float:
