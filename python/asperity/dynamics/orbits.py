@@ -35,7 +35,7 @@ _PREDICTED = 0.03  # allowed error of the prediction
 _INSIDE = 7e-3  # the same inside the window, over the rate of the frequency along the branch, at least `_STEEP`
 _STEEP = 0.03
 _WEAK = 1e-3  # relative amplitude of a resonance that steps may jump over
-_WORK = 250  # steps of the integrator that count as much as a point
+WORK = 250  # steps of the integrator that count as much as a point
 _CROSSING_RTOL = 1e-14  # tolerance of the fraction of a segment at which a frequency is crossed
 _ROUND_OFF = 1e-15  # relative round-off of the contact force
 _NOISE = 30.0  # steps of Newton's method that round-off causes, over it
@@ -63,7 +63,7 @@ class Orbits:
             self.equation, states, omega, self.setting.forcing(omega), grows=self.setting.growth(omega), start=phase,
             length=TURN / PIECES, rtol=self.rtol, **more,
         )  # fmt: skip
-        self.work += m.steps / _WORK
+        self.work += m.steps / WORK
         return m
 
     def through(self, start: Array, omega: float) -> Array:

@@ -124,7 +124,7 @@ class Tracing:
 
     window: tuple[float, float]
     max_step: float
-    max_work: float = 4000.0
+    max_work: float = 6000.0
     limits: tuple[float, float] | None = None
 
     def is_inside(self, omega: float) -> bool:

@@ -168,7 +168,7 @@ def frequency_response(
     omega: tuple[float, float],
     *,
     tol: float = 1e-5,
-    max_work: float = 4000.0,
+    max_work: float = 6000.0,
 ) -> FrequencyResponse:
     """Compute all branches in a window; arguments and errors as in `ContactOscillator.response`.
 

@@ -17,7 +17,7 @@ from asperity.arrays import Array
 from asperity.dynamics.branch import Branch, Solution, located, through
 from asperity.dynamics.equation import TURN, Equation, motions
 from asperity.dynamics.free import FreeOrbit, free_orbits, largest_amplitude, resonance_peak
-from asperity.dynamics.orbits import Orbits
+from asperity.dynamics.orbits import WORK, Orbits
 from asperity.dynamics.point import TOO_MUCH, Path, Point, Tracing
 from asperity.dynamics.settings import Setting
 from asperity.errors import ConvergenceError
@@ -30,7 +30,6 @@ _FLAT = 0.1  # this, where the frequency hardly changes
 _SLOW = 0.2  # Omega below which there are fewer, because each takes longer
 _PART = 100  # of the starts, searched together
 _ITERATIONS = 9  # of Newton's method on the period map
-_MOST_STEPS = 8e5  # of the integrator in the search from the starts
 _ROUGH = 1e-6  # tolerance of the motions of the search; the orbits are corrected later
 _CLOSE = 1e-4  # Newton step that ends the search, relative to the state
 _KNOWN = 1e-2  # distance within which an orbit is identical to a known one, relative to the state
@@ -92,8 +91,6 @@ class Search:
             self._near_rest(omega)
         for found in self._found(*self._lanes()):
             self._through("detached", *found)
-            if self._left < 0.0:
-                break
         if self._lost:
             more = f" (and {len(self._lost) - 1} more)" if len(self._lost) > 1 else ""
             self.notes.append(f"an orbit at {self._lost[0]}{more}")
@@ -101,8 +98,8 @@ class Search:
             raise ConvergenceError(f"no periodic orbit found for Omega = {low:g} to {high:g} with F^ = {self.strong:g}")
         if self._left < 0.0:
             self.notes.append(
-                "the search ended after too much work, and orbits may be missing: give a narrower window, or one of "
-                "higher frequencies"
+                "the search ended after too much work, and orbits may be missing: give a narrower window, one of "
+                "higher frequencies, or a curve of fewer points"
             )
             return
         self.notes += [
@@ -179,19 +176,19 @@ class Search:
         """Rough state, Omega, amplitude, normal of new orbits near the starts.
 
         A step of Newton's method is the shortest one in state and Omega: so a branch is found also from frequencies
-        beyond its folds. A search that is too long ends with a note.
+        beyond its folds. The search ends where no work is left.
         """
-        steps, skipped, parts = 0.0, 0, -(-len(starts) // _PART)
+        parts = -(-len(starts) // _PART)
         for part in range(parts):
             omega, y = omegas[part::parts], starts[part::parts]
             for _ in range(_ITERATIONS):
                 kept = np.isfinite(y).all(axis=1)
                 omega, y = omega[kept], y[kept]
-                if steps > _MOST_STEPS or not y.size:
+                if self._left < 0.0 or not y.size:
                     break
                 force, grows = self.setting.forcing(omega), self.setting.growth(omega)
                 m = motions(self.equation, y, omega, force, grows=grows, rtol=_ROUGH)
-                steps += m.steps
+                self.orbits.work += m.steps / WORK
                 scale = _scale(y, omega)
                 matrix = (m.by_end - np.eye(2, 3)) * scale[:, None]
                 with np.errstate(all="ignore"):
@@ -207,13 +204,6 @@ class Search:
                         yield y[j], float(omega[j]), float(0.5 * (m.high[j, 0] - m.low[j, 0])), normal
                 moving = length >= _CLOSE
                 omega, y = omega[moving], y[moving]
-            if steps > _MOST_STEPS:
-                skipped += len(y)
-        if skipped:
-            self.notes.append(
-                f"the search from {skipped} of {len(starts)} starts ended after too much work, and orbits may be "
-                "missing: give a narrower window"
-            )
 
     def _is_new(self, start: Array, omega: float) -> bool:
         """Whether no path has the orbit through a state."""
