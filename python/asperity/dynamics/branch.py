@@ -15,6 +15,7 @@ from itertools import pairwise
 from typing import Any
 
 import numpy as np
+from scipy.optimize import minimize_scalar
 
 from asperity.arrays import Array, Flags
 from asperity.dynamics.orbits import Orbits
@@ -26,6 +27,8 @@ _RTOL = 9e-4  # relative error of a straight line between rows
 _FLAT = (1e-9, 1e-4)  # relative changes of Omega and of u_max below which the other is not checked
 _PLACES = np.array([0.25, 0.5, 0.75])  # of a segment, where it is compared with its chord
 _TOP = "largest u_max"  # a point, but no event
+_TRIALS = 14  # orbits at which a pair of doublings between two points is searched
+_DIP = 2.5  # psi^2 of the multipliers below which it is
 _SAME = 1e-3  # relative distance below which two orbits are identical
 
 
@@ -163,13 +166,33 @@ def located(orbits: Orbits, path: Sequence[Point], how: Tracing) -> tuple[tuple[
 
 
 def _with_pairs(orbits: Orbits, path: Sequence[Point]) -> list[Point]:
-    """Points with one more inside each pair of folds that lies between two points."""
+    """Points with one more inside each pair of folds or of period doublings that lies between two points."""
     points = list(path[:1])
     for a, b in pairwise(path):
         if len(back := orbits.turns(a, b)) == 2:
             with suppress(ConvergenceError):
                 points.append(orbits.between(a, b, 0.5 * sum(back)))
         points.append(b)
+    # psi^2 of multipliers -rho exp(+-i psi) is smooth along the branch, and negative between two doublings
+    square = np.array([p.phase_square(-1.0) for p in points])
+    new: list[tuple[int, Point]] = []
+
+    def trial(s: float) -> float:
+        left = int(s)
+        p = orbits.between(points[left], points[left + 1], s - left)
+        if p.flip < 0:
+            new.append((left, p))
+            raise StopIteration
+        return p.phase_square(-1.0)
+
+    dips = (square[1:-1] < square[:-2]) & (square[1:-1] <= square[2:]) & (square[1:-1] < _DIP)
+    for i in np.flatnonzero(dips) + 1:
+        if min(p.flip for p in points[i - 1 : i + 2]) >= 0:
+            with suppress(StopIteration, ConvergenceError):
+                ends = (i - 1, i + 1)
+                minimize_scalar(trial, bounds=ends, method="bounded", options={"maxiter": _TRIALS, "xatol": 1e-6})
+    for shift, (i, p) in enumerate(new):
+        points.insert(i + 1 + shift, p)
     return points
 
 
