@@ -115,7 +115,7 @@ def test_onsets(zeta: float, threshold: str, event: str, window: tuple[float, fl
 
 
 def test_period_doubling_onset() -> None:
-    """Between the doublings no orbit is stable, and a sweep comes to one of period 2."""
+    """Between the doublings, on a branch without folds, no orbit is stable."""
     o = ContactOscillator(PowerLaw(1.5), zeta=0.01)
     onset = o.thresholds().period_doubling
     assert onset is not None and onset == pytest.approx(0.24)
@@ -124,8 +124,6 @@ def test_period_doubling_onset() -> None:
     low, high = sorted(e.Omega for e in r["period doubling"])
     inside = 0.5 * (low + high)
     assert [s.stable for w in (low - 1e-3, inside, high + 1e-3) for s in r.at(w)] == [True, False, True]
-    (up,) = o.sweep(1.007 * onset, (inside, inside + 1e-3), points=2, directions="up")
-    assert "period 2" in up.status
 
 
 def test_taylor_equals_exact_in_contact_for_integer_powers() -> None:
