@@ -1,6 +1,6 @@
 """Stiffness of a rough joint over the nominal pressure, to compare with experiments: numbers of docs/verification.md.
 
-./run python3 benchmarks/experiments.py      # a minute
+./run python3 benchmarks/experiments.py      # some seconds
 """
 
 from __future__ import annotations

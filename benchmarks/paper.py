@@ -70,7 +70,7 @@ def levels(name: str, grid: dict[str, Any], folder: Path) -> list[list[str]]:
     for text, rows in found.items():
         line = [name, text]
         for values, form in zip(np.transpose(rows), COLUMNS.values(), strict=True):
-            spread = f" ({values.std(ddof=1):{form}})" if len(values) > 1 else ""
+            spread = f" ({values.std(ddof=1):{form}})" if np.ptp(values) > 0.0 else ""
             line.append(f"{values.mean():{form}}{spread}" if np.isfinite(values).all() else "-")
         lines.append(line)
     return lines

@@ -13,6 +13,7 @@ from __future__ import annotations
 import json
 import sys
 import warnings
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -69,7 +70,8 @@ def bricks(nodes: Floats) -> npt.NDArray[np.int64]:
 
 def main(material: str, by: str, value: str, steps: str, target: str) -> None:
     """Press the surface; forces, dofs and the greatest error bar, where there is one, in a file."""
-    law, path = MATERIALS[material], {"delta_max": DELTA, "steps": int(steps)}
+    law = MATERIALS[material]
+    path: dict[str, Any] = {"delta_max": DELTA, "steps": int(steps)}
     if by == "size":
         result = asp.solve_contact(surface(), law, size=asp.MeshSize(float(value)), **path)
         curve, dofs, bar = result.curve, result.dofs, None
