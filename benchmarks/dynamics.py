@@ -72,7 +72,7 @@ def response(case: Window, omega: tuple[float, float]) -> FrequencyResponse:
 
 def states(orbits: tuple[Solution, ...]) -> list[Array]:
     """Return the state (2,) of each orbit at forcing phase 0."""
-    return [np.array(s.start) for s in orbits]
+    return [s.start for s in orbits]
 
 
 def missing(orbits: list[Array], known: list[Array], close: float = CLOSE) -> list[Array]:
@@ -146,7 +146,7 @@ def compare(case: Window, own: FrequencyResponse, starts: int, random: np.random
     wide = response(case, (0.5 * case.omega[0], 2.0 * case.omega[1]))
     for omega in case.at:
         here = states(own.at(omega))
-        orbits = [(np.array(s.start), s.stable, "the wide window") for s in wide.at(omega)]
+        orbits = [(s.start, s.stable, "the wide window") for s in wide.at(omega)]
         orbits += [(a, stable, "random starts") for a, stable in reached(case, omega, starts, random)]
         for orbit, stable, source in orbits:
             name = f"{'stable' if stable else 'unstable'}, {source}"

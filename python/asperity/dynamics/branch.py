@@ -58,10 +58,10 @@ class Branch:
 
     __repr__ = short_repr
 
-    Omega = _column(lambda p: p.omega, "Forcing frequencies over omega_s")
-    u_max = _column(lambda p: p.extremes[0], "Largest displacements")
-    u_min = _column(lambda p: p.extremes[1], "Smallest displacements; contact is lost where they are below -1")
-    a1 = _column(lambda p: p.harmonic, "Amplitudes at the forcing frequency")
+    Omega = _column(lambda p: p.Omega, "Forcing frequencies over omega_s")
+    u_max = _column(lambda p: p.u_max, "Largest displacements")
+    u_min = _column(lambda p: p.u_min, "Smallest displacements; contact is lost where they are below -1")
+    a1 = _column(lambda p: p.a1, "Amplitudes at the forcing frequency")
     phase = _column(lambda p: p.phase, "Phases of u over the force in degrees, 0 to -180 if linear")
     stable = _column(lambda p: p.stable, "Linear stability")
     radius = _column(lambda p: p.radius, "Largest modulus of a Floquet multiplier")
@@ -78,33 +78,24 @@ class Branch:
 
 
 @dataclass(frozen=True)
-class Solution:
-    """One periodic orbit, at a given frequency or a special one; other attributes as in `Branch`.
+class Solution(Point):
+    """One orbit of a response, at a given frequency or a special one.
 
     Attributes:
         kind: that of its branch, or of an event: "fold", "period doubling" or "grazing" (u_min = -1)
         branch: index of its branch in the response
-        start: state u, v at forcing phase 0, for `ContactOscillator.simulate`
     """
 
     kind: str
     branch: int
-    Omega: float
-    u_max: float
-    u_min: float
-    a1: float
-    phase: float
-    stable: bool
-    error: float
-    start: tuple[float, float]
-
-    __repr__ = short_repr
 
     @classmethod
     def at(cls, kind: str, branch: int, p: Point) -> Solution:
         """Orbit at a point of a branch."""
-        (u_max, u_min), (u, v) = p.extremes[:2].tolist(), p.start.tolist()
-        return cls(kind, branch, p.omega, u_max, u_min, p.harmonic, p.phase, p.stable, p.error, (u, v))
+        return cls(**vars(p), kind=kind, branch=branch)
+
+    def __repr__(self) -> str:
+        return f"Solution({self.kind}, Omega = {self.Omega:.6g}, u_max = {self.u_max:.6g}, stable = {self.stable})"
 
 
 def dense(orbits: Orbits, points: Sequence[Point], rtol: float = _RTOL) -> tuple[Point, ...]:
@@ -113,7 +104,7 @@ def dense(orbits: Orbits, points: Sequence[Point], rtol: float = _RTOL) -> tuple
     while left:
         a, b = rows[-1], left[-1]
         with suppress(ConvergenceError):
-            if _deviation(orbits, a, b) > rtol and a.omega != b.omega:
+            if _deviation(orbits, a, b) > rtol and a.Omega != b.Omega:
                 left.append(orbits.between(a, b, 0.5))
                 continue
         rows.append(left.pop())
@@ -124,7 +115,7 @@ def _deviation(orbits: Orbits, a: Point, b: Point) -> float:
     """Relative distance of the cubic from the line between two points, along u_max and Omega."""
     w, length = orbits.segment(a, b)[1:]
     (x, y), slopes = (
-        np.array([(p.omega, p.extremes[0]) for p in (a, b)]).T,
+        np.array([(p.Omega, p.u_max) for p in (a, b)]).T,
         [length / np.linalg.norm(w * p.tangent) * np.array([p.rate, p.slopes[0]]) for p in (a, b)],
     )
     start, chord = np.array([x[0], y[0]]), np.array([x[1] - x[0], y[1] - y[0]])
@@ -142,12 +133,12 @@ def located(orbits: Orbits, path: Sequence[Point], how: Tracing) -> tuple[tuple[
     points = _with_pairs(orbits, path)
     tests: dict[str, Callable[[Point], float]] = {
         "fold": lambda p: p.rate,
-        "grazing": lambda p: float(p.extremes[1]) + 1.0,
+        "grazing": lambda p: p.u_min + 1.0,
         "period doubling": lambda p: p.flip,
         _TOP: lambda p: float(p.slopes[0]),
     }
     found: list[tuple[int, float, str, Point]] = []
-    inside = np.array([how.is_inside(p.omega) for p in points])
+    inside = np.array([how.is_inside(p.Omega) for p in points])
     for name, at in tests.items():
         values = np.array([at(p) for p in points])
         changes = (values[:-1] > 0) != (values[1:] > 0)
@@ -198,10 +189,10 @@ def _with_pairs(orbits: Orbits, path: Sequence[Point]) -> list[Point]:
 
 def through(orbits: Orbits, first: Point, how: Tracing, known: Sequence[Path]) -> Path | None:
     """Trace the branch through an orbit in both directions, None where one of the known paths contains it."""
-    if any(is_same(q, first) for path in known for q in orbits.crossings(path.points, first.omega)):
+    if any(is_same(q, first) for path in known for q in orbits.crossings(path.points, first.Omega)):
         return None
     ends = {*how.window, *(how.limits or ())}
-    edges = [q for path in known for q in path.points if q.omega in ends]  # from which the known paths lead on
+    edges = [q for path in known for q in path.points if q.Omega in ends]  # from which the known paths lead on
 
     def closed(points: list[Point]) -> str | None:
         if any(is_same(q, points[-1]) for q in edges):
@@ -209,7 +200,7 @@ def through(orbits: Orbits, first: Point, how: Tracing, known: Sequence[Path]) -
         if len(points) < 6:
             return None
         a, b = points[-2:]
-        w = orbits.scales(a.amplitude, a.omega)
+        w = orbits.scales(a.amplitude, a.Omega)
         chord, to = w * (b.y - a.y), w * (first.y - a.y)
         s = float(to @ chord) / float(chord @ chord)
         if 0 <= s <= 1 and np.linalg.norm(to - s * chord) < 0.1 * np.linalg.norm(chord):
@@ -220,7 +211,7 @@ def through(orbits: Orbits, first: Point, how: Tracing, known: Sequence[Path]) -
     forward = orbits.trace(first, how, closed)
     if forward.end == "closed":  # begin at an end of the window, so that no piece begins inside
         points = forward.points
-        edge = next((i for i, p in enumerate(points) if p.omega in how.window), 0)
+        edge = next((i for i, p in enumerate(points) if p.Omega in how.window), 0)
         return Path((*points[edge:], *points[1 : edge + 1]), "closed", "closed")
     backward = orbits.trace(first.turned(), how, closed)
     turned = tuple(p.turned() for p in reversed(backward.points[1:]))
@@ -230,4 +221,4 @@ def through(orbits: Orbits, first: Point, how: Tracing, known: Sequence[Path]) -
 def is_same(a: Point, b: Point) -> bool:
     """Whether two points are one orbit."""
     close = max(_SAME, 10.0 * max(a.error, b.error)) * max(a.amplitude, 1e-300)
-    return abs(a.omega - b.omega) <= 1e-9 and float(np.abs(a.start - b.start).max()) < close
+    return abs(a.Omega - b.Omega) <= 1e-9 and float(np.abs(a.start - b.start).max()) < close

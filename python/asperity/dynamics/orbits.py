@@ -151,7 +151,7 @@ class Orbits:
 
     def segment(self, a: Point, b: Point) -> tuple[Array, Array, float]:
         """Cubic (4, unknowns) from a to b over [0, 1], weights of the unknowns, and the length of the chord."""
-        w = self.scales(a.amplitude, a.omega)
+        w = self.scales(a.amplitude, a.Omega)
         chord = b.y - a.y
         length = float(np.linalg.norm(w * chord))
         out, into = (length / (np.linalg.norm(w * p.tangent) + 1e-300) * p.tangent for p in (a, b))
@@ -188,31 +188,31 @@ class Orbits:
         The failure of a correction is a `ConvergenceError`.
         """
         for a, b in pairwise(points):
-            if a.omega == omega:
+            if a.Omega == omega:
                 yield a
             start, first, second, third = (float(c) for c in self.segment(a, b)[0][:, -1])
-            polygon = (start, start + first / 3.0, b.omega - (3.0 * third + 2.0 * second + first) / 3.0)
-            if not min(*polygon, b.omega) <= omega <= max(*polygon, b.omega):
+            polygon = (start, start + first / 3.0, b.Omega - (3.0 * third + 2.0 * second + first) / 3.0)
+            if not min(*polygon, b.Omega) <= omega <= max(*polygon, b.Omega):
                 continue  # the control polygon of the cubic lies on one side
             pieces = [a, *(self.between(a, b, s) for s in self.turns(a, b)), b]
             for left, right in pairwise(pieces):
-                if (left.omega - omega) * (right.omega - omega) < 0:
+                if (left.Omega - omega) * (right.Omega - omega) < 0:
                     yield self._crossing(left, right, omega)
-        if points[-1].omega == omega:
+        if points[-1].Omega == omega:
             yield points[-1]
 
     def _crossing(self, a: Point, b: Point, omega: float) -> Point:
         """Orbit at a frequency between two neighbours on its two sides."""
         cubic, w, length = self.segment(a, b)
-        s = root(lambda s: float(value(cubic[:, -1], s)) - omega, a.omega - omega, b.omega - omega)
+        s = root(lambda s: float(value(cubic[:, -1], s)) - omega, a.Omega - omega, b.Omega - omega)
         try:
             guess = np.append(value(cubic, s)[:-1], omega)
-            found = self.at(guess, min(a.amplitude, b.amplitude), b.omega - a.omega)
+            found = self.at(guess, min(a.amplitude, b.amplitude), b.Omega - a.Omega)
             if np.linalg.norm(w * (found.y - guess)) < 0.2 * length:
                 return found
         except ConvergenceError:
             pass
-        found = self.locate(a, b, lambda p: p.omega - omega, _CROSSING_RTOL)
+        found = self.locate(a, b, lambda p: p.Omega - omega, _CROSSING_RTOL)
         return replace(found, y=np.append(found.y[:-1], omega))
 
     def turns(self, a: Point, b: Point) -> list[float]:
@@ -234,7 +234,7 @@ class Orbits:
         limits = how.limits or how.window
         points, h, most = [first], 0.05, self.work + how.max_work
         while True:
-            here, omega = points[-1], points[-1].omega
+            here, omega = points[-1], points[-1].Omega
             w = self.scales(here.amplitude, omega)
             unit = here.tangent / np.linalg.norm(w * here.tangent)
             longest = how.max_step if how.is_inside(omega) else min(_STRIDE * omega, 5.0 * how.max_step + _STRIDE)
@@ -259,7 +259,7 @@ class Orbits:
                     continue
                 miss, along = w * (point.y - guess), w * point.tangent / np.linalg.norm(w * point.tangent)
                 allowed = _PREDICTED
-                if how.is_inside(point.omega):  # at a fold the error at fixed frequency would diverge
+                if how.is_inside(point.Omega):  # at a fold the error at fixed frequency would diverge
                     allowed = min(allowed, _INSIDE * max(abs(along[-1]), abs(float((w * unit)[-1])), _STEEP))
                 error = float(np.linalg.norm(miss - (miss @ along) * along)) / allowed
                 if error > 2.0 or float(along @ (w * unit)) < 0.5:
@@ -270,7 +270,7 @@ class Orbits:
                     h *= _CUT
                     continue
                 break
-            passed = [e for e in {*limits, *how.window} if (e - omega) * (e - point.omega) < 0]
+            passed = [e for e in {*limits, *how.window} if (e - omega) * (e - point.Omega) < 0]
             if passed:
                 edge = min(passed, key=lambda e: abs(e - omega))
                 try:
@@ -280,11 +280,11 @@ class Orbits:
                         h *= _CUT
                         continue
                     return Path(tuple(points), "window")
-            if not limits[0] <= point.omega <= limits[1]:
+            if not limits[0] <= point.Omega <= limits[1]:
                 return Path(tuple(points), "window")
             points.append(point)
             reason = stop(points)
-            if passed and point.omega in limits:
+            if passed and point.Omega in limits:
                 reason = "window"
             if reason:
                 return Path(tuple(points), reason)
@@ -294,9 +294,9 @@ class Orbits:
         """Longest step near a resonance, by the phase of the multipliers; `rate` is that of Omega along the branch."""
         if p.determinant <= SMALLEST:
             return np.inf
-        decay, turn = -0.5 * np.log(p.determinant), TURN / p.omega**2
+        decay, turn = -0.5 * np.log(p.determinant), TURN / p.Omega**2
         near = min(abs(p.phase_square(sign)) for sign in (1.0, -1.0)) ** 0.5
-        w = self.scales(p.amplitude, p.omega)
+        w = self.scales(p.amplitude, p.Omega)
         drift = float(np.linalg.norm((w * p.tangent)[:-1])) / max(abs(p.rate), 1e-9)
         if drift * abs(p.fold) / turn < _WEAK * max(decay, 1e-6):
             return np.inf

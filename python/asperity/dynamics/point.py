@@ -41,7 +41,7 @@ class Point:
     error: float
 
     @property
-    def omega(self) -> float:
+    def Omega(self) -> float:
         """Forcing frequency over omega_s."""
         return float(self.y[-1])
 
@@ -52,16 +52,26 @@ class Point:
 
     @property
     def start(self) -> Array:
-        """State u, v at forcing phase 0."""
+        """State u, v at forcing phase 0, for `ContactOscillator.simulate`."""
         return self.y[:2]
+
+    @property
+    def u_max(self) -> float:
+        """Largest displacement."""
+        return float(self.extremes[0])
+
+    @property
+    def u_min(self) -> float:
+        """Smallest displacement; contact is lost where it is below -1."""
+        return float(self.extremes[1])
 
     @property
     def amplitude(self) -> float:
         """Half of the range of u."""
-        return float(0.5 * (self.extremes[0] - self.extremes[1])) + 1e-300
+        return 0.5 * (self.u_max - self.u_min) + 1e-300
 
     @property
-    def harmonic(self) -> float:
+    def a1(self) -> float:
         """Amplitude at the forcing frequency."""
         return float(np.hypot(*self.extremes[2:]))
 

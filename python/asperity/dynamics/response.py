@@ -13,7 +13,7 @@ import numpy as np
 from asperity.dynamics.branch import Branch, Solution, dense
 from asperity.dynamics.equation import Equation
 from asperity.dynamics.orbits import Orbits
-from asperity.dynamics.point import Point, Tracing
+from asperity.dynamics.point import Tracing
 from asperity.dynamics.search import Search
 from asperity.dynamics.settings import Setting
 from asperity.errors import ConvergenceError, InputError
@@ -81,7 +81,7 @@ class FrequencyResponse:
         """
         if not self.omega[0] <= omega <= self.omega[1]:
             raise InputError(f"Omega = {omega:g} lies outside the computed window {self.omega}")
-        found: list[tuple[Solution, Point]] = []
+        found: list[Solution] = []
         for number, branch in enumerate(self.branches):
             try:
                 points = list(self.orbits.crossings(branch.points, omega))
@@ -95,10 +95,10 @@ class FrequencyResponse:
                 if not any(
                     (p.fold > 0) == (q.fold > 0)
                     and np.abs(p.start - q.start).max() < (_SAME + 10.0 * max(p.error, q.error)) * p.amplitude
-                    for _, q in found
+                    for q in found
                 ):
-                    found.append((Solution.at(branch.kind, number, p), p))
-        return tuple(sorted((s for s, _ in found), key=lambda s: s.u_max))
+                    found.append(Solution.at(branch.kind, number, p))
+        return tuple(sorted(found, key=lambda s: s.u_max))
 
     @property
     def has_peak(self) -> bool:
@@ -158,8 +158,7 @@ class FrequencyResponse:
         """Rows of response.csv, in order along each branch, as dense as in `lines`."""
         for line in self.lines:
             for p in line.points:
-                u_max, u_min = (float(u) for u in p.extremes[:2])
-                yield self.setting.row(line.kind, p.omega, u_max, u_min, p.harmonic, p.stable, p.phase)
+                yield self.setting.row(line.kind, p.Omega, p.u_max, p.u_min, p.a1, p.stable, p.phase)
 
 
 def frequency_response(

@@ -135,7 +135,7 @@ class Search:
         monodromy) counts 1, a negative one -1. A map that may not do so is only expected to have an orbit.
         """
         e = self.equation
-        at = [p for p in self._ends if p.omega == edge]
+        at = [p for p in self._ends if p.Omega == edge]
         if not e.restoring.contact or only_in_contact(e.damping):
             return not at
         return sum(int(np.sign(p.fold)) for p in at) != 1
@@ -239,8 +239,8 @@ class Search:
         """Make branches of the pieces of a path in the window, with their events."""
         self._paths.append(path)
         points, found = located(self.orbits, path.points, self.how)
-        self._known.append(np.array([(*p.start, p.omega) for p in points]))
-        at = np.array([p.omega for p in points])
+        self._known.append(np.array([(*p.start, p.Omega) for p in points]))
+        at = np.array([p.Omega for p in points])
         low, high = self.how.window
         edge, known = (at == low) | (at == high), (low <= at) & (at <= high)
         within = known[1:] & known[:-1] & ~(edge[1:] & edge[:-1] & (at[1:] == at[:-1]))  # it turns back outside
@@ -256,9 +256,9 @@ class Search:
             inside = [(name, p) for name, p in found if any(p is q for q in piece)]
             self.events += [Solution.at(name, number, p) for name, p in inside]
         for p, reason in ((points[0], path.begin), (points[-1], path.end)):
-            if reason not in ("window", "closed", TOO_MUCH) and not self.how.is_inside(p.omega):
+            if reason not in ("window", "closed", TOO_MUCH) and not self.how.is_inside(p.Omega):
                 self.notes.append(
-                    f"a branch is lost outside the window at {p.omega:.6g}, where it may return: {reason}"
+                    f"a branch is lost outside the window at {p.Omega:.6g}, where it may return: {reason}"
                 )
 
 
