@@ -14,7 +14,7 @@ from click.testing import CliRunner
 from scipy.integrate import solve_ivp
 
 from asperity.cli.dynamics import dynamics as command
-from asperity.dynamics import ContactOscillator, PowerLaw, run_dynamics
+from asperity.dynamics import ContactOscillator, Joint, PowerLaw, run_dynamics
 from asperity.dynamics.point import Tracing
 from asperity.dynamics.search import Search, _scale
 from asperity.errors import ConvergenceError, InputError
@@ -49,15 +49,9 @@ def test_base_motion_in_absolute_coordinates(damping: str) -> None:
             return [v, 1.0 / n - push - drag, work, drag * (v - speed), x * np.cos(omega * t), x * np.sin(omega * t)]
 
         u, v = s.start
-        end = solve_ivp(
-            field,
-            (0, 2 * np.pi / omega),
-            [u + b, v, 0, 0, 0, 0],
-            method="DOP853",
-            rtol=1e-11,
-            atol=1e-13,
-            max_step=0.01,
-        ).y[:, -1]
+        start, period = [u + b, v, 0, 0, 0, 0], 2 * np.pi / omega
+        run = solve_ivp(field, (0, period), start, method="DOP853", rtol=1e-11, atol=1e-13, max_step=0.01)
+        end = run.y[:, -1]
         np.testing.assert_allclose(end[:2], [u + b, v], atol=1e-4)
         assert end[2] == pytest.approx(end[3], rel=1e-4)
         ratio = np.hypot(*end[4:]) * omega / np.pi / b
@@ -118,26 +112,15 @@ def test_base_and_shock_in_physical_units(tmp_path: Path) -> None:
     delta = np.linspace(0.0, 1e-7, 21)
     curve = {"delta": delta, "force": 400.0 * (delta / 1e-7) ** 2}
     more: dict[str, Any] = {"model": "exact", "units": "SI", "omega": (0.9, 1.1), "preload": 100.0}
-    force = run_dynamics(curve, forcing="3 N", joint=_joint(), **more)
-    moved = run_dynamics(curve, forcing="1.5 m/s^2", joint=_joint(), simulate="half-sine", pulse=1e-4, **more)
+    force = run_dynamics(curve, forcing="3 N", joint=Joint(mass=2.0), **more)
+    moved = run_dynamics(curve, forcing="1.5 m/s^2", joint=Joint(mass=2.0), simulate="half-sine", pulse=1e-4, **more)
     assert moved.responses["exact"][0].peak == pytest.approx(force.responses["exact"][0].peak, rel=1e-9)
     path = moved.motions["half-sine"]
     assert path.tau[path.force > 0][-1] == pytest.approx(1e-4 * moved.first.omega_s, rel=0.05)
 
     file, out = tmp_path / "curve.csv", tmp_path / "out"
     file.write_text("delta,force\n" + "".join(f"{d},{f}\n" for d, f in zip(delta, curve["force"], strict=True)))
-    arguments = [
-        str(file),
-        "--mass",
-        "2",
-        "--preload",
-        "100",
-        "--model",
-        "exact",
-        "--omega",
-        "0.9",
-        "1.1",
-    ]
+    arguments = [str(file), "--mass", "2", "--preload", "100", "--model", "exact", "--omega", "0.9", "1.1"]
     done = CliRunner().invoke(command, [*arguments, "--forcing", "1.5m/s2", "--simulate", "step", "-o", str(out)])
     assert done.exit_code == 0 and "transmissibility" in done.output and "step from rest" in done.output
     assert json.loads((out / "thresholds.json").read_text())["excitation"] == "acceleration"
@@ -148,14 +131,8 @@ def test_base_and_shock_in_physical_units(tmp_path: Path) -> None:
     with (out / "motion.csv").open() as rows:
         assert max(float(row["x"]) for row in csv.DictReader(rows)) > 0
     assert (out / "motion.svg").is_file()
-    by_length = run_dynamics(curve, forcing="1 nm", joint=_joint(), **more)
+    by_length = run_dynamics(curve, forcing="1 nm", joint=Joint(mass=2.0), **more)
     assert by_length.responses["exact"][0].setting.F_hat == pytest.approx(1e-9 / by_length.first.restoring.z_s)
-
-
-def _joint() -> Any:
-    from asperity import Joint
-
-    return Joint(mass=2.0)
 
 
 @pytest.mark.parametrize(

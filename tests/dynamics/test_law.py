@@ -282,3 +282,26 @@ def test_a_file_that_is_not_a_table_is_refused(tmp_path) -> None:
         TableLaw.from_curve(path)
     with pytest.raises(InputError, match="not a number"):
         TableLaw("approach", "force")
+
+
+def test_an_own_law_may_have_a_kink_that_it_does_not_name() -> None:
+    """Six times as stiff above 1.2: the free period of two linear springs in closed form."""
+
+    class Bilinear(Law):
+        def both(self, z: Any) -> Any:
+            return np.maximum(z, 0.0) + 5.0 * np.maximum(np.asarray(z) - 1.2, 0.0), 1.0 + 5.0 * (np.asarray(z) > 1.2)
+
+        def potential(self, z: Any) -> Any:
+            return 0.5 * np.maximum(z, 0.0) ** 2 + 2.5 * np.maximum(np.asarray(z) - 1.2, 0.0) ** 2
+
+        def derivatives(self, z: float) -> tuple[float, float, float]:
+            return 1.0, 0.0, 0.0
+
+        def describe(self) -> str:
+            return "bilinear"
+
+    low, centre = 0.7, 0.2 - 1.0 / 30.0  # amplitude on the soft side, equilibrium of the stiff spring
+    high = np.sqrt((low**2 - 0.2**2) / 6.0 + 1.0 / 900.0)
+    half = np.pi - np.arccos(0.2 / low) + np.arccos(1.0 / 30.0 / high) / np.sqrt(6.0)
+    (orbit,) = ContactOscillator(Bilinear(), load=1.0).free([centre + high]).orbits
+    assert orbit.u_min == pytest.approx(-low, rel=1e-7) and orbit.omega == pytest.approx(np.pi / half, rel=1e-7)

@@ -27,7 +27,7 @@ COEFFICIENT = (1e-100, 1e100)  # of a power law
 _FARTHEST = 1e100  # approach beyond which no load is sought (length)
 _STRAIGHT = 1e-10  # kappa below which a law is linear, far above round-off
 _SAMPLED = (-20.7, 13.8)  # ln of the approaches over a deflection between which a law without cells is sampled
-_SAMPLING = 1e-10  # relative error of the force of cells between sampled points
+_SAMPLING = 1e-8  # relative error of the force of cells between sampled points
 
 
 class Law(ABC):
@@ -84,7 +84,7 @@ class Law(ABC):
     def cells(self, about: float) -> tuple[Array, Array]:
         """Pieces of ln F over x = ln z: edges (m,), and rows (m + 1, 5) of a start x_0 and a cubic in x - x_0.
 
-        Those of a law defined by its force alone are sampled, to a relative error of about 1e-10 of the force.
+        Those of a law defined by its force alone are sampled, to a relative error of about 1e-8 of the force.
 
         Args:
             about: approach of the operating point (length)
@@ -104,7 +104,7 @@ class Law(ABC):
             if not off.any() or x.size > 2000:
                 break
             x = np.sort(np.append(x, middle[off]))
-        return x, continued(curve)
+        return curve.x, continued(curve)
 
     @property
     def default_load(self) -> float:
