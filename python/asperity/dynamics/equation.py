@@ -21,7 +21,7 @@ from numpy.typing import ArrayLike
 from asperity.arrays import Array
 from asperity.errors import CompatError, InputError
 from asperity.force_law.damping import Damping, LoopDamping
-from asperity.force_law.law import Law, TaylorLaw
+from asperity.force_law.law import SAMPLING, Law, TaylorLaw
 from asperity.runtime.display import short_repr
 
 try:
@@ -82,11 +82,6 @@ class Restoring:
         for name, value in zip(("z_s", "scale", "n_loc", "a2", "a3", "kappa"), values, strict=True):
             object.__setattr__(self, name, float(value))
 
-    @cached_property
-    def cells(self) -> tuple[Array, Array]:
-        """Pieces of the law about the static deflection, see `Law.cells`."""
-        return self.law.cells(self.z_s)
-
     @property
     def contact(self) -> bool:
         """Whether contact is lost at u = -1."""
@@ -115,11 +110,13 @@ class Equation:
         restoring: normal form of the law
         zeta: damping ratio of small motion
         damping: damping model, see `asperity.force_law.damping`
+        rtol: allowed relative error of the force: a table of many points then has fewer cells
     """
 
     restoring: Restoring
     zeta: float
     damping: Damping = "always"
+    rtol: float = SAMPLING
 
     @cached_property
     def cells(self) -> tuple[Array, Array]:
@@ -128,7 +125,7 @@ class Equation:
         edges: Array = np.empty(0)
         rows: Array = np.zeros((1, 8))
         if r.contact:
-            x, law = r.cells
+            x, law = r.law.cells(r.z_s, self.rtol)
             edges = np.append(_CLOSEST - 1.0 if law[0, 2] < 1.0 else -1.0, np.exp(x) / r.z_s - 1.0)
             rows = np.zeros((x.size + 2, 8))
             rows[0, 2] = -rest

@@ -31,6 +31,7 @@ _SLOW = 0.2  # Omega below which there are fewer, because each takes longer
 _PART = 100  # of the starts, searched together
 _ITERATIONS = 9  # of Newton's method on the period map
 _ROUGH = 1e-6  # tolerance of the motions of the search; the orbits are corrected later
+_FORCE = 1e-5  # the same of the force
 _CLOSE = 1e-4  # Newton step that ends the search, relative to the state
 _KNOWN = 1e-2  # distance within which an orbit is identical to a known one, relative to the state
 _SIZES = (0.05, 300.0)  # of free orbits: small ones, and those above which the mass flies all the time
@@ -51,6 +52,7 @@ class Search:
 
     def __init__(self, equation: Equation, setting: Setting, how: Tracing, rtol: float) -> None:
         self.equation, self.setting, self.how = equation, setting, how
+        self.rough = replace(equation, rtol=_FORCE)
         self.orbits = Orbits(equation, setting, rtol)
         # F^, the greatest in the window and at the resonance
         self.strong = float(setting.forcing(max(1.0, how.window[1])))
@@ -169,7 +171,7 @@ class Search:
                 length = TURN / own[i] * np.resize(phases, i.size)
                 found.append(np.stack([np.clip(omega[i], low, high), log_u[i], length]))
         omega, log_u, length = np.concatenate(found, axis=1)
-        rest, free = np.column_stack([np.exp(log_u), 0.0 * log_u]), Equation(self.equation.restoring, 0.0)
+        rest, free = np.column_stack([np.exp(log_u), 0.0 * log_u]), replace(self.rough, zeta=0.0)
         return omega, motions(free, rest, 1.0, 0.0, length=length, rtol=_ROUGH, derivatives=False).end
 
     def _found(self, omegas: Array, starts: Array) -> Iterator[tuple[Array, float, float, Array]]:
@@ -187,7 +189,7 @@ class Search:
                 if self._left < 0.0 or not y.size:
                     break
                 force, grows = self.setting.forcing(omega), self.setting.growth(omega)
-                m = motions(self.equation, y, omega, force, grows=grows, rtol=_ROUGH)
+                m = motions(self.rough, y, omega, force, grows=grows, rtol=_ROUGH)
                 self.orbits.work += m.steps / WORK
                 scale = _scale(y, omega)
                 matrix = (m.by_end - np.eye(2, 3)) * scale[:, None]

@@ -27,7 +27,7 @@ COEFFICIENT = (1e-100, 1e100)  # of a power law
 _FARTHEST = 1e100  # approach beyond which no load is sought (length)
 _STRAIGHT = 1e-10  # kappa below which a law is linear, far above round-off
 _SAMPLED = (-20.7, 13.8)  # ln of the approaches over a deflection between which a law without cells is sampled
-_SAMPLING = 1e-8  # relative error of the force of cells between sampled points
+SAMPLING = 1e-8  # relative error of the force of cells between sampled points
 
 
 class Law(ABC):
@@ -81,13 +81,14 @@ class Law(ABC):
     def describe(self) -> str:
         """One line that names the law and its parameters."""
 
-    def cells(self, about: float) -> tuple[Array, Array]:
+    def cells(self, about: float, rtol: float = SAMPLING) -> tuple[Array, Array]:
         """Pieces of ln F over x = ln z: edges (m,), and rows (m + 1, 5) of a start x_0 and a cubic in x - x_0.
 
-        Those of a law defined by its force alone are sampled, to a relative error of about 1e-8 of the force.
+        Those of a law defined by its force alone are sampled.
 
         Args:
             about: approach of the operating point (length)
+            rtol: allowed relative error of the force
 
         Raises:
             InputError: the force is not positive for z > 0
@@ -100,7 +101,7 @@ class Law(ABC):
                 raise InputError(f"the force of the law ({self.describe()}) is not positive for every approach z > 0")
             curve = CubicHermiteSpline(x, np.log(force), slope * np.exp(x) / force)
             middle = 0.5 * (x[1:] + x[:-1])
-            off = np.abs(curve(middle) - np.log(self.both(np.exp(middle))[0])) > _SAMPLING
+            off = np.abs(curve(middle) - np.log(self.both(np.exp(middle))[0])) > rtol
             if not off.any() or x.size > 2000:
                 break
             x = np.sort(np.append(x, middle[off]))
@@ -247,7 +248,7 @@ class PowerLaw(Law):
         n, p1 = self.n, self.n * self.K * z ** (self.n - 1.0)
         return p1, (n - 1) * p1 / z, (n - 1) * (n - 2) * p1 / z**2
 
-    def cells(self, about: float) -> tuple[Array, Array]:
+    def cells(self, about: float, rtol: float = SAMPLING) -> tuple[Array, Array]:
         return np.empty(0), np.array([[0.0, np.log(self.K), self.n, 0.0, 0.0]])
 
     def deflection(self, load: float) -> float:
