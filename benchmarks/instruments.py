@@ -58,6 +58,8 @@ def row(path: Path) -> list[str]:
 
 def main(folder: Path) -> None:
     """Print the table."""
+    made = (f"{name} {importlib.metadata.version(name)}" for name in ("SurfaceTopography", "surfalize"))
+    print(f"Versions: {', '.join(made)}\n")
     header = ["file", "size, µm", "by SurfaceTopography", "heights", "Sq over SurfaceTopography", "Sdq over it"]
     print("| " + " | ".join([*header, *(f"{name} (over surfalize)" for name in NAMES)]) + " |")
     print("|" + "---|" * (len(header) + len(NAMES)))
@@ -68,8 +70,6 @@ def main(folder: Path) -> None:
                 print("| " + " | ".join(row(folder / name)) + " |", flush=True)
             except Exception as error:  # one file of one reader
                 print(f"{name}: {error}", file=sys.stderr)
-    made = (f"{name} {importlib.metadata.version(name)}" for name in ("SurfaceTopography", "surfalize"))
-    print(f"\nVersions: {', '.join(made)}")
 
 
 if __name__ == "__main__":
