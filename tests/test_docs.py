@@ -263,6 +263,35 @@ def test_the_evidence_of_slip_gives_the_numbers_of_its_tables() -> None:
         assert f"{ratio.min():.{digits}f} to {ratio.max():.{digits}f} times" in page
 
 
+def test_the_costs_at_equal_error_are_those_of_the_tables(monkeypatch: pytest.MonkeyPatch) -> None:
+    """CPU seconds on the lines through the runs of each program; the tables have three digits."""
+    monkeypatch.syspath_prepend(str(ROOT / "benchmarks/peers"))
+    compare = importlib.import_module("compare")
+
+    def cpu(material: str, program: str, target: float) -> float:
+        rows = [row for row in table(f"peers_{material}") if row["program"] == program]
+        runs = [compare.Run(program, row["mesh"], 0, float(row["CPU s"]), 1, [], "done") for row in rows]
+        errors = [float(row["rms error %"]) / 100 for row in rows]
+        return float(compare.cost([compare.Point(*pair) for pair in zip(runs, errors, strict=True)], target).cpu)
+
+    page = " ".join((ROOT / "docs/peers.md").read_text(encoding="utf-8").split())
+    rows = re.findall(r"\| ([^|]+) \| [≤≈]?([\d.]+) s, [^|]+ \| [^|]+ \| (?:[≤≈]?([\d.]+) s,|not)", page)
+    assert len(rows) == 5
+    for program, *shown in rows:
+        for target, seconds in zip((0.02, 0.01), shown, strict=True):
+            assert not seconds or cpu("elastic", program, target) == pytest.approx(float(seconds), rel=0.02)
+    one = cpu("elastic", "CalculiX", 0.01)
+    own = cpu("elastic", "asperity", 0.01)
+    ratios = [one / own, cpu("elastic", "CalculiX, mesh of asperity", 0.01) / own]
+    ratios.append(cpu("plastic", "CalculiX", 0.02) / cpu("plastic", "asperity", 0.02))
+    words = r"to 1 % takes CalculiX (\d+) times .* asperity, (\d+) times on the mesh .* to 2 % (\d+) times"
+    assert [float(x) for x in re.findall(words, page)[0]] == pytest.approx(ratios, rel=0.02)
+    readme = " ".join((ROOT / "README.md").read_text(encoding="utf-8").split())
+    bar, times = re.findall(r"to 1 %: ([\d.]+) CPU seconds with its error bar, CalculiX (\d+) times", readme)[0]
+    assert float(bar) == pytest.approx(cpu("elastic", "asperity, by tolerance", 0.01), rel=0.02)
+    assert float(times) == pytest.approx(one / float(bar), rel=0.02)
+
+
 def test_the_tuned_constants_on_the_page_exist() -> None:
     page = (ROOT / "docs/verification.md").read_text(encoding="utf-8")
     rows = re.findall(r"^\| `([\w/]+)\.py` \| ([A-Z_, ]+) \|$", page, re.MULTILINE)
