@@ -196,7 +196,7 @@ def test_a_run_continues_on_another_number_of_ranks(case: Path, tmp_path: Path) 
 @needs_mpirun
 @pytest.mark.parametrize(
     ("rank", "error", "code", "message"),
-    [(1, "MemoryError", 3, "out of memory"), (1, "ValueError", 1, "ValueError: sabotage")],
+    [(1, "MemoryError", 3, "out of memory"), (1, "ValueError", 70, "ValueError: sabotage")],
 )
 def test_an_error_on_one_rank_ends_all(
     case: Path, tmp_path: Path, rank: int, error: str, code: int, message: str

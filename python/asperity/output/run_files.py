@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 import numpy as np
 
 from asperity.case import Case
-from asperity.case.case_file import identity, refuse_another, refuse_run_of_another
+from asperity.case.case_file import identity, refuse_run_of_another
 from asperity.curve import Curve
 from asperity.errors import ConvergenceError, InputError
 from asperity.runtime import run_folder
@@ -74,7 +74,7 @@ class RunFiles:
         if self.folder is None:
             return None
         place, every = self.folder / run_folder.CHECKPOINT, self._case.output.checkpoint
-        return Checkpoint(place, identity(self._case), self._comm, every, refuse_another)
+        return Checkpoint(place, identity(self._case), self._comm, every)
 
     def finished(self) -> tuple[Curve, dict[str, Any]] | None:
         """Curve and summary when the folder holds everything the case requests, else None."""

@@ -9,7 +9,7 @@ shows in the checksum that the zip format has of each array. The state names the
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager, suppress
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
@@ -18,6 +18,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from asperity.arrays import Array, Indices
+from asperity.case.case_file import refuse_another
 from asperity.contact.contact_surface import facet_numbers
 from asperity.errors import CheckpointError
 from asperity.fem.global_numbering import at_built_nodes, cell_numbers, node_numbers
@@ -46,40 +47,25 @@ OF_CONTACT = "contact."  # prefix of the names of the contact's history
 HELD = "held"  # what friction keeps of the nodes in contact
 
 
-def refuse_another_run(path: Path, saved: Mapping[str, Any], now: Mapping[str, Any]) -> None:
-    """Refuse to continue from the state in a file under another identity than that saved there (CheckpointError)."""
-    if saved != now:
-        raise CheckpointError(f"{path} belongs to another run; start again with --force")
-
-
 class Checkpoint:
     """Folder with the state of one load path; all methods are collective.
 
     Args:
         folder: for the files; made when needed
-        identity: of the run; saved with each state
+        identity: of the run, saved with each state; another one is refused
         comm: ranks of the run
         interval: number of accepted steps between two saves; 0 saves nothing
-        refuse: called with the path of a state, its identity and that of the run; raises CheckpointError where the run
-            does not continue from it
     """
 
-    def __init__(
-        self,
-        folder: Path,
-        identity: Mapping[str, Any],
-        comm: MPI.Comm,
-        interval: int = 1,
-        refuse: Callable[[Path, Mapping[str, Any], Mapping[str, Any]], None] = refuse_another_run,
-    ) -> None:
+    def __init__(self, folder: Path, identity: Mapping[str, Any], comm: MPI.Comm, interval: int = 1) -> None:
         self.folder, self.interval = folder, interval
-        self._identity, self._comm, self._refuse = dict(identity), comm, refuse
+        self._identity, self._comm = dict(identity), comm
         self._ignored = self._begun = False  # whether a saved state is left alone, and whether the mesh is written
         self._snapshots = 0  # written
 
     def part(self, name: str) -> Checkpoint:
         """Checkpoint of one of several load paths of the same run."""
-        part = Checkpoint(self.folder / name, self._identity, self._comm, self.interval, self._refuse)
+        part = Checkpoint(self.folder / name, self._identity, self._comm, self.interval)
         part._ignored = self._ignored
         return part
 
@@ -154,7 +140,7 @@ class Checkpoint:
                 f"{path} was written by asperity {meta.get('version', '?')} in format {version}, this version "
                 f"continues format {FORMAT}; use that version, or start again without --resume"
             )
-        self._refuse(path, meta["identity"], self._identity)
+        refuse_another(path, meta["identity"], self._identity)
         return meta, arrays
 
     def begin(self, block: BlockMesh | None) -> None:

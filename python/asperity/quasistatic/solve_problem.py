@@ -84,6 +84,7 @@ def solve_problem(
     if saved is not None:
         saved.refuse_other_columns(solver, len(problem.schedule.legs))
     position = None if saved is None else saved.restore(solver, record)
+    saved = None  # rank 0 need not hold its arrays any longer
     if hooks.on_ready is not None:
         hooks.on_ready()
     if checkpoint is not None:
