@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -83,6 +85,15 @@ def test_one_body_on_a_rigid_flat_has_no_columns_of_its_curve() -> None:
     assert {"eta_curve", "error_eta"} <= set(like.loops()[0]) and "T_curve" in next(like.steps())
     assert list(rigid.loops()[0]) == list(computed[0].loop()) and "T_curve" not in next(rigid.steps())
     assert rigid.to_dict()["k_rest"] is None and rigid.notes == ()
+
+
+def test_a_loop_without_slip_has_no_damping() -> None:
+    """Of a solid at an amplitude at which every node sticks: nothing is lost, and no bar is a part of nothing."""
+    curve = sphere(20)
+    paths = tuple(replace(path, dissipated=0.0 * path.dissipated) for path in slip(curve).by_curve)
+    settings = SlipSettings(MU, AMPLITUDES, float(curve["force"][-1]))
+    stuck = slip_of_curve(curve, settings, STEEL, patch=SIDE**2, height=HEIGHT, computed=paths)
+    assert all(line.endswith("damping ratio 0") for line in stuck.lines())
 
 
 def test_a_ratio_of_stiffnesses_that_changes_along_the_curve_is_followed() -> None:

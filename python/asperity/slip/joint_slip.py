@@ -122,7 +122,7 @@ class JointSlip:
         for i in sorted({0, len(rows) // 2, len(rows) - 1}):
             path, row = self.paths[i], rows[i]
             bars = self.errors[i] if self.errors else dict.fromkeys(WITH_ERRORS, math.nan)
-            of_k, of_zeta = bars["k_secant"] / path.k_secant, bars["eta"] / path.eta
+            of_k, of_zeta = bars["k_secant"] / path.k_secant, bars["eta"] / (path.eta or math.nan)
             if mass is None:
                 what = f"stiffness {quantity(factor * path.k_secant, 'N/m' if si else '', 5, bar=of_k)}"
             else:
