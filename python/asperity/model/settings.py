@@ -135,12 +135,12 @@ class SolverOptions:
 
     Examples:
         >>> SolverOptions(linear="lu").newton_max
-        30
+        50
     """
 
     linear: str = "auto"
     rtol: float = 1e-8
-    newton_max: int = 30
+    newton_max: int = 50
     krylov_rtol: float | None = None
     kernels: str | None = None
 
