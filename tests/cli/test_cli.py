@@ -6,17 +6,15 @@ import csv
 import json
 import subprocess
 import sys
-import types
 from collections.abc import Callable
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
 import pytest
-from conftest import CLEAN, MPIRUN, call
+from conftest import CLEAN, MPIRUN, call, files
 from made_up_run import write_run
 
-from asperity.curve.power_law import PowerLawFit
 from asperity.errors import ConvergenceError
 from asperity.plot import CAPTIONS
 from asperity.runtime.progress import LevelLines
@@ -45,59 +43,28 @@ def cli(capsys: pytest.CaptureFixture[str]) -> Cli:
     return with_output
 
 
-@pytest.fixture
-def calls(monkeypatch: pytest.MonkeyPatch) -> list[dict[str, Any]]:
-    """Replace the solver after a run has begun: note the jobs, report two steps."""
-    noted: list[dict[str, Any]] = []
-
-    def run(case: Any, problem: Any, files: Any, notices: Any, progress: Any, *others: Any) -> Any:
-        files.begin()
-        noted.append({"case": case, "folder": files.folder})
-        progress.stage("solve")
-        row = dict(step=1, branch="load", delta_star=1e-3, P_star=2e-6, area_fraction=0.01)
-        progress.step({**row, "newton": 4, "krylov": 60, "seconds": 0.5}, 0.5)
-        fit = PowerLawFit(0.5123, 1.51234, (0.01, 0.05), 5, 0.999, (0.478, 0.549), (1.49, 1.53))
-        return types.SimpleNamespace(summary={}, fit=fit, curve=(), contact=..., dynamics=None)
-
-    monkeypatch.setattr("asperity.job.run_case._run", run)
-    return noted
-
-
-def test_run_hands_the_case_to_the_solver_and_shows_steps_and_fit(
-    cli: Cli, calls: list[dict[str, Any]], tmp_path: Path
-) -> None:
-    code, out, _ = cli("run", DEMO, "-o", tmp_path / "a/b", "--set", "block.height=2e-6")
-    assert code == 0
-    assert calls[0]["folder"] == tmp_path / "a/b"
-    assert calls[0]["case"].block.height == 2e-6
-    assert "solve: 1 step\n" in out
-    assert "k = 0.512 ± 7.2 %, n = 1.512 ± 0.020 (misfit of the fit)" in out  # digits as the intervals allow
-
-
-def test_force_removes_what_a_run_wrote_and_leaves_what_others_put_there(
-    cli: Cli, calls: list[Any], tmp_path: Path
-) -> None:
-    out = write_run(tmp_path / "out")
+def test_force_removes_what_a_run_wrote_and_leaves_what_others_put_there(cli: Cli, tmp_path: Path) -> None:
+    case, out, fresh = tmp_path / "case.toml", write_run(tmp_path / "out"), tmp_path / "new/folder"
+    case.write_text(PLANE)
     (out / "checkpoint").mkdir()
     (out / "checkpoint/mesh.npz").write_text("")
     (out / "figures").mkdir()
-    theirs = [out / name for name in ("figures/thesis.png", "fields/notes.txt", "notes")]
-    for path in [*theirs, *(out / f"figures/{name}.png" for name in CAPTIONS)]:
-        path.write_text("")
+    theirs = ["figures/thesis.png", "fields/notes.txt", "notes"]
+    for name in [*theirs, *(f"figures/{name}.png" for name in CAPTIONS)]:
+        (out / name).write_text("")
     (out / "case.toml").write_text(Path(DEMO).read_text())  # edited; the checkpoint shows that there is a run
-    assert cli("run", DEMO, "-o", out, "--force")[0] == 0
-    left = {path for path in out.rglob("*") if path.is_file()}
-    assert left == {*theirs, out / "case.toml", out / "run.log", out / ".lock"}
+    for folder, option in ((out, "--force"), (fresh, "--resume")):
+        code, shown, _ = cli("run", case, "-o", folder, option, "--set", "loading.steps=3")
+        assert code == 0 and "with k = 1.225, n = 1 (misfit of the fit)" in shown
+    assert set(files(out)) == {*theirs, *files(fresh)}
 
 
 @pytest.mark.parametrize("command", ["run", "surface", "import-map", "study", "dynamics"])
-def test_an_empty_name_is_refused(
-    cli: Cli, calls: list[Any], tmp_path: Path, monkeypatch: pytest.MonkeyPatch, command: str
-) -> None:
+def test_an_empty_name_is_refused(cli: Cli, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, command: str) -> None:
     monkeypatch.chdir(tmp_path)
     for name in ("", " "):
         code, _, err = cli(command, *([] if command == "dynamics" else [DEMO]), "-o", name)
-        assert code == 2 and "the name is empty" in err and len(err.splitlines()) == 1 and not calls
+        assert code == 2 and "the name is empty" in err and len(err.splitlines()) == 1 and not [*tmp_path.iterdir()]
 
 
 @pytest.mark.parametrize(
@@ -150,8 +117,7 @@ def test_bad_input_is_one_line_and_exit_code_2(
     ],
 )
 def test_failures_have_their_exit_codes(
-    cli: Cli, calls: list[Any], monkeypatch: pytest.MonkeyPatch, tmp_path: Path,
-    failure: BaseException, code: int, part: str,
+    cli: Cli, monkeypatch: pytest.MonkeyPatch, tmp_path: Path, failure: BaseException, code: int, part: str,
 ) -> None:  # fmt: skip
     def fail(*_: Any, **__: Any) -> None:
         raise failure

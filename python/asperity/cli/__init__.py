@@ -21,7 +21,7 @@ import click
 from asperity.errors import AsperityError, AsperityWarning
 from asperity.runtime.launch import ensure_home, on_terminal
 from asperity.runtime.parallel import INTERNAL, Ranks
-from asperity.runtime.progress import silence, world_rank
+from asperity.runtime.progress import tell, world_rank
 from asperity.version import __version__
 
 #: Module of each command, which is imported when it is used.
@@ -129,9 +129,6 @@ def _show_once() -> Callable[..., None]:
         if world_rank() == 0 and str(message) not in shown:
             shown.add(str(message))
             over = "\r\x1b[K" if on_terminal() and sys.stderr.isatty() else ""  # a live line
-            try:
-                click.echo(f"{over}warning: {message}", err=True)
-            except OSError:
-                silence(sys.stderr)
+            tell(f"{over}warning: {message}", sys.stderr)
 
     return show

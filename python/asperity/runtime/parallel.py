@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any, TypeVar, cast
 
 from asperity.errors import AsperityError, OutputError
 from asperity.runtime.launch import started_ranks
+from asperity.runtime.progress import tell
 from asperity.runtime.timing import count_alone
 
 if TYPE_CHECKING:
@@ -157,4 +158,4 @@ def _attempt(work: Callable[[], T], alone: bool = False) -> tuple[T | None, Aspe
 def _print_error(message: str) -> None:
     if message:
         line = "".join(c if c.isprintable() else "?" for c in " ".join(message.split()))
-        print(f"error: {line}", file=sys.stderr, flush=True)
+        tell(f"error: {line}", sys.stderr)

@@ -103,7 +103,7 @@ class LevelLines(Progress):
     def done(self) -> None:
         self._close()
         if self._name:  # the case was not refused
-            _print(f"{self._time()} end")
+            tell(f"{self._time()} end")
 
     def _time(self) -> str:
         return f"[{time.monotonic() - self._start:6.1f} s]"
@@ -115,9 +115,9 @@ class LevelLines(Progress):
         now = time.monotonic()
         if self._live:
             width = shutil.get_terminal_size().columns - 1
-            _print(f"\r{self._line()[:width]}\x1b[K", end="")
+            tell(f"\r{self._line()[:width]}\x1b[K", end="")
         elif self._state and now - self._last >= SILENCE:
-            _print(self._line())
+            tell(self._line())
             self._last = now
 
     def _close(self) -> None:
@@ -127,14 +127,16 @@ class LevelLines(Progress):
         elif self._live:
             return
         if self._name:
-            _print(f"\r{self._line()}\x1b[K" if self._live else self._line())
+            tell(f"\r{self._line()}\x1b[K" if self._live else self._line())
 
 
-def _print(text: str, end: str = "\n") -> None:
+def tell(text: str, stream: TextIO | None = None, end: str = "\n") -> None:
+    """Print to the standard output or another stream, of which a run does not depend, see `silence`."""
+    stream = sys.stdout if stream is None else stream
     try:
-        print(text, end=end, flush=True)
+        print(text, file=stream, end=end, flush=True)
     except OSError:
-        silence(sys.stdout)
+        silence(stream)
 
 
 def silence(stream: TextIO) -> None:
