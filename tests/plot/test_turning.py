@@ -13,6 +13,7 @@ from made_up_run import write_run
 from PIL import Image
 
 from asperity.output.results import Results
+from asperity.plot.contact import Raster
 from asperity.plot.turning import growing_spots, turning_surface
 
 MOST = 300_000  # bytes that the surface may add to a page
@@ -20,7 +21,7 @@ MOST = 300_000  # bytes that the surface may add to a page
 
 def test_the_data_of_the_page_are_those_of_the_run(tmp_path: Path) -> None:
     results = Results.read(write_run(tmp_path))
-    shown = turning_surface(results)
+    shown = turning_surface(results, Raster(results.top))
     assert shown is not None and len(shown["heights"]) + len(shown["colours"]) < MOST
     heights = np.frombuffer(base64.b64decode(shown["heights"]), "<u2").reshape(shown["nodes"], shown["nodes"])
     gap = results.top["gap"][4].reshape(91, 91)  # at the greatest approach, on the grid of the file
@@ -36,7 +37,7 @@ def test_the_data_of_the_page_are_those_of_the_run(tmp_path: Path) -> None:
 
 def test_the_spots_grow_as_those_of_the_run(tmp_path: Path) -> None:
     results = Results.read(write_run(tmp_path))
-    moving = Image.open(io.BytesIO(base64.b64decode(growing_spots(results) or "")))
+    moving = Image.open(io.BytesIO(base64.b64decode(growing_spots(Raster(results.top)) or "")))
     pressed = (results.top["branch"] == "load") & (results.top["pressure"].max(axis=1) > 0.0)
     assert moving.n_frames == pressed.sum()  # type: ignore[attr-defined]
     for frame, touched in enumerate(results.top["touched"][pressed]):
@@ -46,7 +47,6 @@ def test_the_spots_grow_as_those_of_the_run(tmp_path: Path) -> None:
 
 
 def test_without_pressure_there_is_none(tmp_path: Path) -> None:
-    folder = write_run(tmp_path)
-    (folder / "fields/top.npz").unlink()
-    assert turning_surface(Results.read(folder)) is None
-    assert growing_spots(Results.read(folder)) is None
+    results = Results.read(write_run(tmp_path))
+    results.top["pressure"][:] = 0.0
+    assert turning_surface(results, on_grid := Raster(results.top)) is None and growing_spots(on_grid) is None

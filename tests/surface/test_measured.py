@@ -6,6 +6,7 @@ import builtins
 import math
 import sys
 import types
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
@@ -264,7 +265,7 @@ def test_the_spectrum_gives_hurst_exponent_and_roll_off(H: float, lambda_roll: f
             L=1.0, H=H, rms_height=0.01, lambda_roll=lambda_roll, lambda_short=0.008, periodic=False, seed=seed
         )
         fit = fit_self_affine(surface.psd(1024), shortest=4 / 1024)
-        assert fit.H == pytest.approx(H, abs=0.13) and fit.error_H < 0.1
+        assert fit.H == pytest.approx(H, abs=0.13) and fit.error_H < 0.2
         assert fit.lambda_roll == pytest.approx(lambda_roll, rel=0.35)
         assert 0.008 < fit.lambda_short < 0.012  # the end of the spectrum is seen
 
@@ -287,11 +288,43 @@ def test_long_roll_offs_are_told_from_none(H: float) -> None:
             q = 2 * math.pi / np.array([fit.lambda_long, fit.lambda_short])
             assert fit.lambda_roll or fit.density(q)[0] == pytest.approx(fit.C0)
             found.setdefault(lambda_roll, []).append(fit.lambda_roll)
-    assert np.sqrt(np.mean(np.square(off))) < 0.07 and np.mean(np.abs(off) < 2 * np.array(bars)) >= 0.7
+    assert np.sqrt(np.mean(np.square(off))) < 0.07 and np.all(np.abs(off) < bars)
     assert found[2.0] == [None] * 4
     seen = [roll for roll in found[0.2] if roll is not None]
     assert len(seen) >= 3 and np.median(seen) == pytest.approx(0.2, rel=0.2)
     assert seen == pytest.approx([0.2] * len(seen), rel=0.4)
+
+
+def test_the_bar_of_the_exponent_holds_it_on_small_maps_of_any_roll_off_and_cut_off() -> None:
+    """The scatter of the bands alone holds 83 % here: which roll-off it is decides the exponent."""
+    inside = []
+    for H in (0.3, 0.6, 0.9):
+        for lambda_roll in (2.0, 0.4, 0.2):
+            for pixels in (4.5, 12):
+                for seed in range(2):
+                    made = SelfAffine(
+                        L=1.0, H=H, slope=0.2, lambda_roll=lambda_roll, lambda_short=pixels / 128, periodic=False,
+                        seed=seed,
+                    )  # fmt: skip
+                    patch = HeightField(made.grid(129), 1 / 128, 1 / 128).levelled("plane")
+                    with suppress(InputError):  # known to less than 0.5
+                        fit = fit_self_affine(psd(patch.z, 1.0), shortest=4 / 128)
+                        inside.append(abs(fit.H - H) < fit.error_H)
+    assert len(inside) >= 24 and np.mean(inside) >= 0.9
+
+
+@pytest.mark.parametrize("kind", ["sine", "saw", "squares", "egg box", "turned", "steps"])
+def test_grooves_and_patterns_have_no_hurst_exponent(kind: str) -> None:
+    x, y = np.meshgrid(*2 * [np.linspace(0.0, 1.0, 257)])
+    phase = (13.3 * x) % 1.0
+    z = {
+        "sine": np.sin(2 * np.pi * 13.3 * x), "saw": phase, "squares": (phase < 0.5) * 1.0,
+        "egg box": np.sin(22 * np.pi * x) * np.sin(22 * np.pi * y), "turned": ((9 * x + 4 * y) % 1.0 - 0.5) ** 2,
+        "steps": np.rint(20 * (x + 0.3 * y)),
+    }[kind]  # fmt: skip
+    patch = HeightField(z, 1 / 256, 1 / 256).levelled("plane")
+    with pytest.raises(InputError, match="far from a power law"):
+        fit_self_affine(psd(patch.z, 1.0), shortest=4 / 256)
 
 
 def test_a_patch_without_waves_has_no_hurst_exponent() -> None:

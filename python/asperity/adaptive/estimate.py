@@ -13,7 +13,8 @@ from typing import TYPE_CHECKING
 
 from asperity.adaptive.guide import Guide, approach_of_force, guide_of, planned_steps
 from asperity.adaptive.mesh_plan import (
-    LEAST_STEP,
+    DIFFERENT,
+    LEAST_RATIO,
     MARGIN,
     MOST_SUBSTEPS,
     RATIO,
@@ -212,7 +213,7 @@ def _plan(
     small = None
     if coarse > most:
         small = f"a coarse mesh of this block has about {coarse} dofs: raise it"
-    elif min(first / scale, dofs / coarse) < LEAST_STEP:
+    elif min(first / scale, dofs / coarse) < DIFFERENT:
         small = (
             f"the force would have no error bar, for meshes of about {coarse} and {dofs} dofs are nearly the same; "
             "raise it"
@@ -231,7 +232,7 @@ def _plan(
         if (bar := TYPICAL_BAR * scale ** planned_order()) <= tolerance:
             return plan, bar
         finer, dofs = family.finest(scale / next_step(bar / tolerance, planned_order()), scale, most)
-        if scale / finer < LEAST_STEP:
+        if scale / finer < LEAST_RATIO:
             return plan, bar
         scale = finer
 

@@ -17,6 +17,7 @@ from asperity.output.results import Results
 from asperity.output.verdict import doubts, verdict
 from asperity.plot import CAPTIONS
 from asperity.plot.citations import publications
+from asperity.plot.contact import Raster
 from asperity.plot.style import DPI
 from asperity.plot.turning import growing_spots, turning_surface
 from asperity.runtime.files import replace_file
@@ -68,6 +69,7 @@ def write_report(folder: str | Path) -> Path:
     order = list(CAPTIONS)
     drawn = [path for path in (results.folder / FIGURES).glob("*") if path.suffix in (".png", ".svg")]
     drawn.sort(key=lambda path: (order.index(path.stem) if path.stem in order else len(order), path.stem))
+    on_grid = Raster(results.top) if results.snapshots else None
     text = page.render(
         verdict=[*verdict(results), *doubts(results.summary.get("assumptions") or [], named=True)],
         script=script,
@@ -81,8 +83,8 @@ def write_report(folder: str | Path) -> Path:
         subject=_subject(results),
         outcome=_outcome(results),
         assumptions=ledger,
-        turning=turning_surface(results),
-        growing=growing_spots(results),
+        turning=None if on_grid is None else turning_surface(results, on_grid),
+        growing=None if on_grid is None else growing_spots(on_grid),
         figures=[_figure(path) for path in drawn],
         case=tomli_w.dumps(dict(results.case)),
         laws=_laws(results),

@@ -22,19 +22,22 @@ UNLOADED = 184  # grey
 MILLISECONDS = 700  # of a picture of the growing spots
 
 
-def turning_surface(results: Results) -> dict[str, Any] | None:
+def turning_surface(results: Results, on_grid: Raster) -> dict[str, Any] | None:
     """Deformed surface at the greatest approach with the pressure on it.
 
+    Args:
+        results: of a run with snapshots
+        on_grid: squares of its whole top
+
     Returns:
-        None without a pressure map, else what the page shows: nodes of the shape along each side; heights, base64 of 16
+        None without pressure, else what the page shows: nodes of the shape along each side; heights, base64 of 16
         bits each from lowest to highest, rows in y; colours, base64 of a PNG file, the pressure over the patch, its
         first row at y = 0; relief, the range of the heights over the side as shown; scale, the colours of the legend;
         highest, the greatest pressure with its unit; caption
     """
     top = results.top
-    if not results.snapshots or not np.any(top["pressure"] > 0.0):
+    if not np.any(top["pressure"] > 0.0):
         return None
-    on_grid = Raster(top)
     i = int(np.argmax(top["delta"]))
     z = -on_grid(top["gap"][i])[:: PIXELS // (NODES - 1), :: PIXELS // (NODES - 1)]  # below the flat
     span = float(np.ptp(z)) or 1.0
@@ -53,16 +56,16 @@ def turning_surface(results: Results) -> dict[str, Any] | None:
     }
 
 
-def growing_spots(results: Results) -> str | None:
+def growing_spots(on_grid: Raster) -> str | None:
     """Pressure at the saved steps of the loading, one after the other: base64 of an animated PNG file.
 
     None with fewer than two steps under pressure.
     """
-    top = results.top
-    levels = [i for i, name in enumerate(top.get("branch", ())) if name == "load" and top["pressure"][i].max() > 0.0]
+    top = on_grid.top
+    levels = [i for i, name in enumerate(top["branch"]) if name == "load" and top["pressure"][i].max() > 0.0]
     if len(levels) < 2:
         return None
-    on_grid, highest = Raster(top), max(float(top["pressure"][i].max()) for i in levels)
+    highest = max(float(top["pressure"][i].max()) for i in levels)
     frames = [_picture(on_grid.pressure(i)[::-1], highest) for i in levels]
     palette = frames[-1].quantize(64)  # one for all frames, as the format has it
     return _png([frame.quantize(palette=palette, dither=Image.Dither.NONE) for frame in frames])

@@ -1,4 +1,9 @@
-"""The self-affine equivalent of a spectrum: Hurst exponent and roll-off."""
+"""The self-affine equivalent of a spectrum: Hurst exponent and roll-off.
+
+The scatter of the bands says little of the exponent, for which roll-off a spectrum has is known no better: a later one
+makes a steeper law. The error bar therefore holds every exponent that with any roll-off, or with none, fits nearly as
+well as the best.
+"""
 
 from __future__ import annotations
 
@@ -16,8 +21,10 @@ _FIRST = 2  # waves per side from which levelling does not disturb the spectrum
 _LONGEST = 2.5  # waves per side of the longest roll-off that bands from _FIRST on can show
 _ROLLS = 80  # roll-offs tried
 _MODEL = 0.02  # variance of ln C about the power law in any band
-_CLIFF = 30.0  # a density that falls by this factor from band to band is beyond the cut-off of the surface
+_CLIFF, _STEEP = 10.0, 6  # a density that falls so much in two waves per side, of more than so many, is cut off
 _SIGNIFICANT = 7.0  # drop of the squared misfit that shows a roll-off; on surfaces without one it is below 5
+_AS_GOOD = 4.0  # rise of it that is chance: two standard deviations
+_UNKNOWN = 0.5  # error bar that holds as much as all exponents of self-affine surfaces
 
 
 @dataclass(frozen=True)
@@ -26,7 +33,7 @@ class SelfAffineFit:
 
     Attributes:
         H: Hurst exponent of the power law; a value outside 0 to 1 means that the surface is not self-affine
-        error_H: standard error of H from the scatter of the bands
+        error_H: error bar of H, which holds those of the roll-offs that fit as well
         lambda_roll: roll-off wavelength (length); None if the power law holds for all wavelengths of the patch
         lambda_short: shortest wavelength used (length)
         lambda_long: longest wavelength used (length)
@@ -54,7 +61,8 @@ def fit_self_affine(spectrum: Spectrum, shortest: float) -> SelfAffineFit:
         shortest: shortest wavelength to use (length)
 
     Raises:
-        InputError: there are too few waves between the longest and the shortest, or the patch is flat
+        InputError: there are too few waves between the longest and the shortest, the patch is flat, or the spectrum
+            is far from a power law, so that the exponent is not known to 0.5
     """
     x, y, weight = _bands(spectrum, shortest)
     if x.size < 4:
@@ -63,13 +71,18 @@ def fit_self_affine(spectrum: Spectrum, shortest: float) -> SelfAffineFit:
         )
     without, first, last = _line(x, y, weight, None), math.log(_LONGEST), x[-3]  # three bands beyond at least
     rolls = np.linspace(first, last, _ROLLS) if first < last else np.empty(0)
-    best = min((_line(x, y, weight, roll) for roll in map(float, rolls)), key=lambda line: line.misfit, default=without)
+    lines = [without, *(_line(x, y, weight, float(roll)) for roll in rolls)]
+    best = min(lines, key=lambda line: line.misfit)
     scatter = max(1.0, best.misfit / max(x.size - 3, 1))
     found = best if without.misfit - best.misfit > _SIGNIFICANT * scatter else without
+    off = [abs(line.exponent - found.exponent) + line.reach(best.misfit + _AS_GOOD * scatter) for line in lines]
+    H, error = found.exponent / 2 - 1, max(off) / 2
+    if error >= _UNKNOWN:
+        raise InputError(f"the spectrum is far from a power law: it would be {H:.2f} ± {error:.2g}")
     L = 2 * math.pi / float(spectrum.q[0])
     return SelfAffineFit(
-        H=found.exponent / 2 - 1,
-        error_H=math.sqrt(found.variance) / 2,
+        H=H,
+        error_H=error,
         lambda_roll=None if found.x_roll is None else L / math.exp(found.x_roll),
         lambda_short=L / math.exp(x[-1]),
         lambda_long=L / math.exp(x[0]),
@@ -87,6 +100,10 @@ class _Line:
     variance: float
     misfit: float
 
+    def reach(self, misfit: float) -> float:
+        """How far the exponent may be from its best value for so large a squared misfit; -inf for a smaller one."""
+        return math.sqrt((misfit - self.misfit) * self.variance) if misfit >= self.misfit else -math.inf
+
 
 def _bands(spectrum: Spectrum, shortest: float) -> tuple[Array, Array, Array]:
     """Logs of mean waves per side and of density of bands down to the shortest wavelength, and weights of the latter.
@@ -99,15 +116,14 @@ def _bands(spectrum: Spectrum, shortest: float) -> tuple[Array, Array, Array]:
     count, C = count[used], C[used]
     if not count.size:
         return (count,) * 3
+    cliffs = np.flatnonzero((C[2:] < C[:-2] / _CLIFF) & (count[:-2] >= _STEEP))
+    count, C = (column[: cliffs[0] + 1] if cliffs.size else column for column in (count, C))
     waves = np.pi * count  # of different direction in a ring
     band = np.unique(np.floor(np.log10(count / count[0]) * _PER_DECADE + 1e-9), return_inverse=True)[1]
     total = np.bincount(band, waves)
     density = np.bincount(band, waves * C) / total
     middle = np.bincount(band, waves * np.log(count)) / total
-    cliffs = np.flatnonzero(density[1:] < density[:-1] / _CLIFF)
-    end = int(cliffs[0]) if cliffs.size else density.size  # the band before it contains part of the cliff
-    weight = 1 / np.sqrt(2 / total + _MODEL)
-    return middle[:end], np.log(density[:end]), weight[:end]
+    return middle, np.log(density), 1 / np.sqrt(2 / total + _MODEL)
 
 
 def _line(x: Array, y: Array, weight: Array, x_roll: float | None) -> _Line:
@@ -116,5 +132,5 @@ def _line(x: Array, y: Array, weight: Array, x_roll: float | None) -> _Line:
     basis, right = np.stack([np.ones(law.size), -law], axis=1) * weight[:, None], y * weight
     (level, exponent), *_ = np.linalg.lstsq(basis, right, rcond=None)
     misfit = float(np.sum((right - basis @ (level, exponent)) ** 2))
-    variance = np.linalg.inv(basis.T @ basis)[1, 1] * max(misfit / max(law.size - 3, 1), 1.0)
+    variance = np.linalg.inv(basis.T @ basis)[1, 1]
     return _Line(x_roll, float(level), float(exponent), float(variance), misfit)
