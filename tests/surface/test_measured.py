@@ -235,6 +235,8 @@ def test_windows_on_nodes_are_cut_and_others_resampled() -> None:
     assert whole.square().size == pytest.approx((9.8, 9.8))
     with pytest.raises(InputError, match="not inside"):
         whole.window(5.0, 5.0, 9.0)
+    with pytest.raises(InputError, match="fewer than 8 heights along y, which are 5 apart"):
+        HeightField(z, 0.2, 5.0).square()  # nothing is made up between few rows
 
 
 def test_a_complete_window_beside_a_gap_lacks_nothing() -> None:

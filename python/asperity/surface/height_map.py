@@ -120,7 +120,7 @@ class HeightMap(Surface):
 
     @property
     def spline_rise(self) -> float:
-        """Rise above all heights that the spline without limited slopes has (length), 0 if none is limited."""
+        """Rise above the heights that a spline without limited slopes has (length), 0 if none is limited."""
         return self._interpolation[1]
 
     @cached_property

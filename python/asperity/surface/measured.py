@@ -206,6 +206,11 @@ class HeightField:
             raise InputError(
                 f"the window x = {x:g}, y = {y:g}, side {side:g} is not inside the map of {width:g} x {depth:g}"
             )
+        widest, axis = max((self.dx, "x"), (self.dy, "y"))
+        if side < (7 - 1e-6) * widest:
+            raise InputError(
+                f"the window of side {side:g} has fewer than 8 heights along {axis}, which are {widest:g} apart"
+            )
         place = np.array([x / self.dx, side / self.dx, y / self.dy, side / self.dy])
         if self.dx == self.dy and np.allclose(place, np.rint(place), atol=1e-6, rtol=0):
             i, n, j, m = np.rint(place).astype(int)

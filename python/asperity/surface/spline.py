@@ -1,9 +1,10 @@
-"""Cubic spline of a height map that does not ring at steps and at edges of plateaus.
+"""Spline of a height map that does not ring at steps and at edges of plateaus.
 
-The slopes of a spline are limited at heights where the data are no samples of a smooth surface (Huynh, SIAM J. Numer.
-Anal. 30 (1993) 57, limiter M3): to those of a monotone cubic between heights that rise or fall, and near a summit to
-those of parabolas that the neighbours on both sides agree on, so that a summit between heights stays. The bicubic
-Hermite polynomials of the limited slopes are a spline with double knots.
+Of a smooth surface it is a cubic spline: where that rises above the heights around a cell, as it does at a summit
+between them, neighbours agree on the parabola. Steps, scratches and single pits have no such neighbours, and a cubic
+spline has summits beside them that are not there. Of a map with these the slopes at the heights are those of monotone
+cubics (Fritsch and Butland, SIAM J. Sci. Stat. Comput. 5 (1984) 300), which exceed no height. The bicubic Hermite
+polynomials of these slopes are a spline with double knots.
 """
 
 from __future__ import annotations
@@ -17,76 +18,56 @@ from asperity.arrays import Array
 if TYPE_CHECKING:
     from scipy.interpolate import BivariateSpline
 
-Knots = tuple[Array, Array, Array]  # along x and y (length), coefficients (length)
-
-BULGE = 4.0 / 27.0  # greatest value of a cubic on [0, 1] with values 0 at both ends and slope 1 at one of them
-MATTERS = 0.03  # rise of the spline above the limited one, over the depth of a light contact
+MATTERS = 0.03  # rise of the spline above what neighbours agree on, over the depth of a light contact
+AGREED = 2.0  # rise that is believed, over that of the lesser parabola of two neighbours
 
 DEGREE = 3  # of the spline
 LIGHT, LEAST = 0.02, 0.02  # share of the heights above the flat at a light load; least depth over their range
 
 
 def interpolate(z: Array, L: float) -> tuple[BivariateSpline, float]:
-    """Spline through heights, and its rise above them (length) where limited slopes have removed that, else 0.
+    """Spline through heights, and how far a cubic one would rise above them (length) where it was not taken, else 0.
 
     Args:
         z: heights (ny, nx) on the square [0, L]^2 (length)
     """
-    from scipy.interpolate import BivariateSpline, RectBivariateSpline
+    from scipy.interpolate import BivariateSpline, PchipInterpolator, RectBivariateSpline
 
     x, y = (np.linspace(0, L, n) for n in z.shape[::-1])
     # the first axis of the spline is x
     spline = RectBivariateSpline(x, y, z.T, s=0)
-    zx, zy, zxy = (spline(x, y, *orders).T for orders in ((1, 0), (0, 1), (1, 1)))
-    depth = light_depth(z)
-    found = _limited_spline(z, zx, zy, zxy, (x[1], y[1]), depth)
-    if found is None:
+    rise = _ringing(z, spline(with_middles(x), with_middles(y)).T)
+    if rise <= MATTERS * light_depth(z):
         return spline, 0.0
-    limited, fine = BivariateSpline._from_tck((*found, 3, 3)), (with_middles(x), with_middles(y))
-    highest = float(spline(*fine).max())
-    if highest - limited(*fine).max() <= MATTERS * depth:
-        return spline, 0.0
-    return limited, highest - float(z.max())
-
-
-def _limited_spline(
-    z: Array, zx: Array, zy: Array, zxy: Array, spacing: tuple[float, float], depth: float
-) -> Knots | None:
-    """Knots and coefficients of the spline with limited slopes; None where one without cannot rise by MATTERS."""
-    a, b = spacing
-    slopes = a * zx, b * zy
-    dx, dy = _limited(slopes[0], np.diff(z, axis=1)), _limited(slopes[1].T, np.diff(z, axis=0).T).T
-    taken = [np.abs(new - old) for new, old in zip((dx, dy), slopes, strict=True)]
-    if BULGE * max(float(t.max()) for t in taken) <= MATTERS * depth:
-        return None
-    dxy = np.where((taken[0] > 0.0) | (taken[1] > 0.0), 0.0, a * b * zxy)
+    slopes = (step * PchipInterpolator(at, z, axis=axis)(at, 1) for at, step, axis in ((x, x[1], 1), (y, y[1], 0)))
     signs, knots = [], []
-    for n, step in zip(z.shape, (b, a), strict=True):
+    for n, step in zip(z.shape, (y[1], x[1]), strict=True):
         sign = np.tile([-1.0, 1.0], n) / 3.0
         sign[0] = sign[-1] = 0.0  # the end of the patch
         signs.append(sign)
         knots.append(step * np.repeat(np.arange(n), [4, *[2] * (n - 2), 4]))
-    z, dx, dy, dxy = (np.repeat(np.repeat(f, 2, axis=0), 2, axis=1) for f in (z, dx, dy, dxy))
-    of_y, of_x = signs[0][:, None], signs[1]
-    c = z + of_x * dx + of_y * dy + of_x * of_y * dxy
-    return knots[1], knots[0], c.T.ravel()
+    heights, dx, dy = (np.repeat(np.repeat(f, 2, axis=0), 2, axis=1) for f in (z, *slopes))
+    c = heights + signs[1] * dx + signs[0][:, None] * dy
+    return BivariateSpline._from_tck((knots[1], knots[0], c.T.ravel(), DEGREE, DEGREE)), rise
 
 
-def _limited(slope: Array, secant: Array) -> Array:
-    """Slopes times spacing (m, n) after the limiter, from differences of neighbours (m, n - 1)."""
-    before, after = (np.pad(secant, ((0, 0), pad), mode="edge") for pad in ((1, 0), (0, 1)))
-    bend = np.pad((after - before)[:, 1:-1], ((0, 0), (1, 1)), mode="edge")
-    agreed = _minmod(bend[:, :-1], bend[:, 1:]) / 2.0
-    left, right = np.pad(secant + agreed, ((0, 0), (1, 0))), np.pad(secant - agreed, ((0, 0), (0, 1)))
-    left[:, 0], right[:, -1] = right[:, 0], left[:, -1]  # an end has neighbours on one side
-    smooth = _minmod(left, right)
-    most = np.maximum(3.0 * np.abs(_minmod(before, after)), 1.5 * np.abs(smooth))
-    return _minmod(slope, np.sign(smooth) * most)
+def _ringing(z: Array, fine: Array) -> float:
+    """Greatest rise of a spline above the highest height, beyond what neighbours explain.
 
+    Args:
+        z: heights (ny, nx) (length)
+        fine: of the spline there and halfway between them (2 ny - 1, 2 nx - 1) (length)
+    """
+    from scipy.ndimage import maximum_filter
 
-def _minmod(a: Array, b: Array) -> Array:
-    """The smaller of two numbers of one sign, else 0."""
-    return 0.5 * (np.sign(a) + np.sign(b)) * np.minimum(np.abs(a), np.abs(b))
+    believed: Array = np.zeros((len(z) - 1, z.shape[1] - 1))
+    for heights, cells in ((z, believed), (z.T, believed.T)):
+        bend = np.pad(np.maximum(-np.diff(heights, 2, axis=1), 0.0), ((0, 0), (1, 1)), mode="edge")
+        both = np.minimum(bend[:, 1:], bend[:, :-1])
+        cells += AGREED / 8.0 * np.maximum(both[1:], both[:-1])
+    top = maximum_filter(fine, 3)[1::2, 1::2]
+    explained = maximum_filter(z, 2)[1:, 1:] + believed
+    return float(np.max(top - np.maximum(explained, z.max()), initial=0.0))
 
 
 def light_depth(z: Array, summit: float | None = None) -> float:
