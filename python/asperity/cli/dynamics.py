@@ -16,7 +16,6 @@ from asperity.units import per_cent, plus_minus, quantity
 
 if TYPE_CHECKING:
     from asperity.dynamics import Dynamics, Joint
-    from asperity.force_law.laws import LawTable
 
 
 def amount(text: str) -> float | str:
@@ -179,7 +178,14 @@ def _show(result: Dynamics) -> None:
             rows.append(("  transmissibility", *("at most {:.4g} at {:.4g}".format(*ratio) for ratio in ratios)))
     options.table(about, rows, ("", *onsets))
     if result.laws is not None:
-        _show_laws(result.laws, units)
+        from asperity.force_law.laws import law_rows
+
+        choice, own = result.laws.choice, result.laws.chosen
+        rows = law_rows(result.laws.to_dict(), "N/m" if units else "", "Hz" if units else "")
+        about = f"laws at the preload {choice.load:.5g}: {choice.name}, {choice.reason}"
+        options.table(about, rows, ("law", "n", "kappa", "k_n", "f", ""))
+        known = own.bar == own.bar
+        options.say(f"error bar of the {own.bar_of} {per_cent(own.bar)}" if known else "no error bar of the force")
     jumps = []
     for jump in result.jumps():
         hertz, after = jump["frequency"], jump["x_max_after"]
@@ -202,16 +208,6 @@ def _show(result: Dynamics) -> None:
     for searched in dict.fromkeys(r.searched for responses in result.responses.values() for r in responses):
         options.say(searched)
     options.say(result.numbers.sentence(units))
-
-
-def _show_laws(laws: LawTable, units: str) -> None:
-    """Print all laws at the preload, and the error bar of the chosen one."""
-    choice = laws.choice
-    header = ("law", "n", "kappa", "k_n in N/m" if units else "k_n", "f in Hz" if units else "f", "")
-    options.table(f"laws at the preload {choice.load:.5g}: {choice.name}, {choice.reason}", laws.texts(), header)
-    own = laws.chosen
-    bar = f"error bar of the {own.bar_of} {per_cent(own.bar)}" if own.bar == own.bar else "no error bar of the force"
-    options.say(bar)
 
 
 def _text(value: Any) -> str:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Mapping
 from contextlib import suppress
 from dataclasses import dataclass
 from typing import Any
@@ -114,18 +114,21 @@ class LawTable:
             "table": [row.to_dict() for row in self.rows],
         }
 
-    def texts(self) -> Iterator[tuple[str, ...]]:
-        """Rows of the printed table: law, n, kappa, stiffness, frequency, remark."""
-        for row in self.rows:
-            words, other = WORDS[row.name]
-            if row.known is None:
-                yield (words, "-", "-", "-", "-", row.missing)
-                continue
-            remark = "chosen" if row.chosen else "" if row.applies else other
-            n, kappa = (plus_minus(one.value, one.half) for one in (row.known.n_loc, row.known.kappa))
-            hertz = quantity(row.frequency, "", 5, bar=0.5 * row.stiffness_bar)
-            stiffness = quantity(row.stiffness, "", 5, bar=row.stiffness_bar)
-            yield (words, n, kappa, stiffness, hertz if math.isfinite(row.frequency) else "-", remark)
+
+def law_rows(laws: Mapping[str, Any], stiffness: str, frequency: str) -> list[tuple[str, ...]]:
+    """Laws of thresholds.json as texts, in the units given: law, n, kappa, k_n, frequency, remark."""
+    rows = []
+    for row in laws["table"]:
+        words, other = WORDS[row["law"]]
+        if row["k_n"] is None:
+            rows.append((words, "–", "–", "–", "–", row["missing"]))
+            continue
+        bars = {name: row.get(f"{name}_bar") or math.nan for name in ("n", "kappa", "k_n", "f")}
+        shown = [plus_minus(row[name], bars[name]) for name in ("n", "kappa")]
+        for name, unit in (("k_n", stiffness), ("f", frequency)):
+            shown.append("–" if row[name] is None else quantity(row[name], unit, 5, bar=bars[name] / row[name]))
+        rows.append((words, *shown, "chosen" if row["chosen"] else "" if row["applies"] else other))
+    return rows
 
 
 def tabulate(columns: CurveColumns, choice: Choice, mass: float = math.nan) -> LawTable:

@@ -12,7 +12,7 @@ from typing import Any
 
 from asperity.curve import COLUMNS
 from asperity.curve.power_law import with_misfit
-from asperity.force_law.laws import WORDS
+from asperity.force_law.laws import law_rows
 from asperity.output.results import Results
 from asperity.output.verdict import doubts, verdict
 from asperity.plot import CAPTIONS
@@ -70,6 +70,7 @@ def write_report(folder: str | Path) -> Path:
     drawn = [path for path in (results.folder / FIGURES).glob("*") if path.suffix in (".png", ".svg")]
     drawn.sort(key=lambda path: (order.index(path.stem) if path.stem in order else len(order), path.stem))
     on_grid = Raster(results.top) if results.snapshots else None
+    laws = results.thresholds.get("laws")
     text = page.render(
         verdict=[*verdict(results), *doubts(results.summary.get("assumptions") or [], named=True)],
         script=script,
@@ -87,7 +88,7 @@ def write_report(folder: str | Path) -> Path:
         growing=None if on_grid is None else growing_spots(on_grid),
         figures=[_figure(path) for path in drawn],
         case=tomli_w.dumps(dict(results.case)),
-        laws=_laws(results),
+        laws=laws and law_rows(laws, results.unit("stiffness"), results.unit("frequency")),
         jumps=_jumps(results),
         columns=COLUMNS,
         rows=[list(row.values()) for row in results.curve.rows()],
@@ -183,20 +184,6 @@ def _figure(path: Path) -> dict[str, Any]:
         "kind": "svg+xml" if path.suffix == ".svg" else "png",
         "data": base64.b64encode(data).decode(),
     }
-
-
-def _laws(results: Results) -> list[tuple[str, ...]]:
-    """Laws of the curve at the preload: name, n, kappa, stiffness, frequency, remark; the known ones."""
-    rows, units = [], {"k_n": results.unit("stiffness"), "f": results.unit("frequency")}
-    laws = results.thresholds.get("laws") or {}
-    for row in (row for row in laws.get("table", ()) if row["k_n"] is not None):
-        words, other = WORDS[row["law"]]
-        bars = {name: row.get(f"{name}_bar") or math.nan for name in ("n", "kappa", "k_n", "f")}
-        shown = [plus_minus(row[name], bars[name]) for name in ("n", "kappa")]
-        for name, unit in units.items():
-            shown.append("–" if row[name] is None else quantity(row[name], unit, bar=bars[name] / row[name]))
-        rows.append((words, *shown, "chosen" if row["chosen"] else "" if row["applies"] else other))
-    return rows
 
 
 def _jumps(results: Results) -> list[tuple[str, ...]]:
