@@ -97,6 +97,17 @@ def test_files_are_taken_from_the_case_folder_and_hashed_by_content(tmp_path: Pa
     assert "surface.L" in refusal("surface.path=map.npy", path=path)
 
 
+def test_numbers_of_numpy_and_paths_are_as_those_of_a_file(tmp_path: Path) -> None:
+    np.savez(tmp_path / "map.npz", z=np.random.default_rng(0).normal(size=(16, 16)), L=1.0)
+    plain = {"surface": {"kind": "file", "path": "map.npz", "L": 1.0}, "loading": {"delta_max": 0.5, "steps": 4}}
+    made = {
+        "surface": {"kind": "file", "path": Path("map.npz"), "L": np.int64(1)},
+        "loading": {"delta_max": np.float32(0.5), "steps": np.int64(4), "unload": np.bool_(False)},
+    }
+    a, b = (Case.from_dict(MINIMAL | {"units": "other"} | tables, folder=tmp_path) for tables in (plain, made))
+    assert a.hash() == b.hash() and a.to_toml() == b.to_toml()
+
+
 def test_an_override_replaces_adds_and_removes() -> None:
     case = Case.load(
         DEMO,

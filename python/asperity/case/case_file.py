@@ -14,6 +14,7 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 from pydantic import ValidationError
 
 from asperity.case.keys import sentence
@@ -212,7 +213,9 @@ def override(data: dict[str, Any], text: str) -> str:
 def _complete(data: Mapping[str, Any], folder: Path) -> dict[str, Any]:
     """Copy of `data` with the keys that follow from others, and absolute file paths; validation judges the rest."""
     full = {
-        name: {key: value for key, value in table.items() if value is not None} if isinstance(table, Mapping) else table
+        name: {key: _plain(value) for key, value in table.items() if value is not None}
+        if isinstance(table, Mapping)
+        else table
         for name, table in data.items()
         if table is not None
     }
@@ -236,6 +239,13 @@ def _complete(data: Mapping[str, Any], folder: Path) -> dict[str, Any]:
     if "loading" in tables:
         loading.setdefault("unload_steps", max(steps // 2, 1) if isinstance(steps, int) else 1)
     return full
+
+
+def _plain(value: Any) -> Any:
+    """A value of a script as of a file: a number of NumPy as Python's, a path as its text."""
+    if isinstance(value, np.generic):
+        return value.item()
+    return str(value) if isinstance(value, Path) else value
 
 
 def _complete_law(table: dict[str, Any], folder: Path) -> None:
