@@ -225,13 +225,16 @@ def test_a_force_that_is_held_stays(spot: BlockMesh, method: str, kinematics: st
             assert solver.force == pytest.approx(force, rel=1e-10)
 
 
-@pytest.mark.parametrize(("friction", "locks"), [("none", 0.08), pytest.param(0.3, 0.07, marks=pytest.mark.slow)])
+@pytest.mark.parametrize(
+    ("friction", "locks", "left"), [("none", 0.08, 0.03), pytest.param(0.3, 0.07, 0.035, marks=pytest.mark.slow)]
+)
 def test_a_spot_as_small_as_an_element_does_not_lock(
-    spot: BlockMesh, friction: str | float, locks: float, monkeypatch: pytest.MonkeyPatch
+    spot: BlockMesh, friction: str | float, locks: float, left: float, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """A sphere pressed in far beyond yield: the limit is that of the usual elements on much finer meshes.
 
-    With friction these are CalculiX's, see tests/output/test_export_slip.py.
+    With friction these are CalculiX's, see tests/output/test_export_slip.py; they still lock there, by 2 %, so half of
+    the locking is left.
     """
     formulation = asp.Formulation(friction=friction)
     free = pressed(spot, formulation=formulation).curve.P_star[-1]
@@ -239,7 +242,7 @@ def test_a_spot_as_small_as_an_element_does_not_lock(
     fine = even(0.028, growth=0.125)
     locked, limit = (pressed(block, formulation=formulation).curve.P_star[-1] for block in (spot, fine))
     assert locked > (1.0 + locks) * limit
-    assert abs(free / limit - 1.0) < 0.03
+    assert abs(free / limit - 1.0) < left
 
 
 @pytest.mark.parametrize("method", ["active-set", "penalty"])
