@@ -37,7 +37,6 @@ class FacetRule:
         facets: data of the facets for the compiled kernels
         weights: projected on the plane of the flat (F, Q) [length^2]
         height: of the surface at the points (F, Q) [length]
-        nearest: number of the node of the facet next to each point (Q,)
         of_nodes: shape functions of the nodes of a facet at the points (Q, 6)
         cells: of the facets, for the compiled kernels
         of_cells: the linear function through the quadrature points of a cell at those of its facets (4, Q, points)
@@ -56,7 +55,6 @@ class FacetRule:
         )
         self.weights = np.empty((len(surface.cells), len(weights)))
         _solver.facet_weights(self.facets, self.weights)
-        self.nearest = np.linalg.norm(points[:, None] - element.FACET_POINTS, axis=2).argmin(axis=1)
         of_cell, in_cell = element.quadrature(element.QUADRATURE_DEGREE)
         self.cells = _solver.Cells(
             x, x_nodes, surface.cell_nodes, element.shape_gradients(of_cell), in_cell, *solid.kernels.relaxation

@@ -11,7 +11,7 @@ from asperity.contact.interface import Contact
 from asperity.fem.history import History
 from asperity.fem.kernels import compiled, law_of
 from asperity.fem.solid import Solid
-from asperity.mesh.element import DEGREE, FACET_POINTS
+from asperity.mesh.element import DEGREE
 from asperity.model.material import Material
 from asperity.runtime.compiled import solver as _solver
 
@@ -96,18 +96,13 @@ class PressureContact(Contact):
         return History(**{name: values[cells] for name, values in history.arrays().items()})
 
     def nodes(self) -> Integers:
-        """Owned nodes most of whose surroundings are under pressure; collective.
-
-        The surroundings are the quadrature points next to the node. The greatest share of a node counts as whole, so a
-        contact of a few points has nodes too.
-        """
-        surface, weights = self.surface, self._rule.weights
-        next_to = np.eye(len(FACET_POINTS))[self._rule.nearest]
-        under, total = (surface.assemble(surface.nodes, w @ next_to) for w in (weights * (self.points > 0.0), weights))
-        owned = surface.owned_nodes
-        share = np.divide(under[owned], total[owned], out=np.zeros(len(owned)), where=total[owned] > 0.0)
-        greatest = self._solid.comm.allreduce(float(np.max(share, initial=0.0)), op=MPI.MAX)
-        return owned[(share > 0.0) & (share >= 0.5 * greatest)]
+        """Owned nodes that are touched; in a contact of a few points, where none is, those that bear most; collective."""
+        owned, force, comm = self.surface.owned_nodes, self._force, self._solid.comm
+        touched = self.touched_edges()[owned]
+        if not comm.allreduce(int(touched.sum())):
+            most = comm.allreduce(float(np.max(force[owned], initial=0.0)), op=MPI.MAX)
+            touched = (force[owned] > 0.0) & (force[owned] >= 0.5 * most)
+        return owned[touched]
 
     def nodal_force(self, force: Floats) -> Floats:
         return self._force.copy()
@@ -134,14 +129,15 @@ class PressureContact(Contact):
         return (touched, areas) if areas.any() else (self.points > 0.0, self._rule.weights)
 
     def touched_edges(self) -> Flags:
-        """Edge nodes whose force outweighs their gap: P a > 2 E g, P their mean pressure, a the root of their area.
+        """Nodes whose force outweighs their gap: P a > 2 E g, P their mean pressure, a the root of their area.
 
         Pressures at points oscillate where the contact is stiff or the solid nearly incompressible. The force of a node
-        does not; and of exact contact, whose gap is zero where there is a force, the nodes are the same.
+        does not; and of exact contact, whose gap is zero where there is a force, the nodes are the same. They are on
+        edges; a corner is touched where half of what is next to it is.
         """
         solid, area = self._solid, self.surface.bearing_area()
         gap = self._z - solid.points[:, 2] - solid.u.x.array.reshape(-1, 3)[:, 2]
         force = solid.ghosts.scatter_forward(self._force[:, None])[:, 0]
         pressed = (area > 0.0) & (force > 0.0)
         pressed[pressed] = force[pressed] > OUTWEIGHED * np.sqrt(area[pressed]) * gap[pressed]
-        return pressed
+        return np.asarray(pressed | (self.surface.pressure(area * pressed) > 0.5))

@@ -106,11 +106,6 @@ class Problem:
                 "period of a map (asperity import-map --level mean)"
             )
 
-    @property
-    def forms(self) -> bool:
-        """Whether the elements are forms of UFL."""
-        return self.material.law is not None or self.options.forms
-
     def _check_kernels(self) -> None:
         """Refuse a law in UFL with settings that it cannot go with."""
         law, options = self.material.law, self.options
