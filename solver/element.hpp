@@ -14,10 +14,10 @@ constexpr int row_length = (dofs + 7) / 8 * 8; // of element matrices: a multipl
 
 using Gradients = std::array<std::array<double, 3>, nodes>;
 
-/// Cofactors K of the Jacobian at a point, J^-1 = K / det with K[i][j] = d xi_i/d x_j * det; returns det.
-inline double cofactors(const double* reference, const Gradients& x, double K[3][3])
+/// Physical gradients of the shape functions from their reference gradients and node coordinates; returns det J.
+inline double push_forward(const double* reference, const Gradients& x, Gradients& g)
 {
-  double J[3][3] = {};
+  double J[3][3] = {}, K[3][3]; // cofactors: J^-1 = K / det with K[i][j] = d xi_i/d x_j * det
   for (int a = 0; a < nodes; ++a)
     for (int i = 0; i < 3; ++i)
       for (int j = 0; j < 3; ++j)
@@ -31,24 +31,10 @@ inline double cofactors(const double* reference, const Gradients& x, double K[3]
   K[2][0] = J[1][0] * J[2][1] - J[1][1] * J[2][0];
   K[2][1] = J[0][1] * J[2][0] - J[0][0] * J[2][1];
   K[2][2] = J[0][0] * J[1][1] - J[0][1] * J[1][0];
-  return J[0][0] * K[0][0] + J[0][1] * K[1][0] + J[0][2] * K[2][0];
-}
-
-/// Physical gradients of the shape functions from their reference gradients.
-inline void push_forward(const double* reference, const double K[3][3], double det, Gradients& g)
-{
-  const double inv = 1.0 / det;
+  const double det = J[0][0] * K[0][0] + J[0][1] * K[1][0] + J[0][2] * K[2][0], inv = 1.0 / det;
   for (int a = 0; a < nodes; ++a)
     for (int i = 0; i < 3; ++i)
       g[a][i] = inv * (reference[3 * a] * K[0][i] + reference[3 * a + 1] * K[1][i] + reference[3 * a + 2] * K[2][i]);
-}
-
-/// The same from node coordinates; returns det J.
-inline double push_forward(const double* reference, const Gradients& x, Gradients& g)
-{
-  double K[3][3];
-  const double det = cofactors(reference, x, K);
-  push_forward(reference, K, det, g);
   return det;
 }
 

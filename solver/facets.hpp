@@ -3,58 +3,33 @@
 // P = < g d - k t >_+ is the pressure of the flat, d = height + u_z - z its penetration, t the z component of the
 // traction of the body, both per area projected on the flat: k = 0 is the penalty method, k = 1 Nitsche's method in its
 // incomplete variant (Chouly, Hild & Renard, Math. Comp. 84 (2015) 1089, eq. (9) with theta = 0). The virtual work of the
-// contact is int P v_z. t follows from the material law, in an elastic-plastic body with a history at the points; the
-// permanent volumetric strain and the relief there are those of the cell (relaxation.hpp).
+// contact is int P v_z. t has the stress of the linear function through those at the points of the cell, where its history
+// is.
 #pragma once
 
 #include "cells.hpp"
 
 namespace asperity
 {
-/// Facets of tetrahedra and a quadrature rule on them, tabulated for the four facets of a cell.
+/// Facets of tetrahedra and a quadrature rule on them.
 struct Facets
 {
-  Array<const double> x;           // node coordinates (n, 3)
-  Array<const int> x_dofs, u_dofs; // of the cells of the facets (facets, nodes)
-  Array<const int> local;          // number of the facet in its cell (facets)
-  Array<const double> gradients;   // reference gradients (4, points, nodes, 3)
-  Array<const double> shape;       // shape functions (4, points, nodes)
-  Array<const double> normals;     // outward area vectors of the reference facets (4, 3)
-  Array<const double> weights;     // on the reference triangle, of total 1/2 (points)
-  std::size_t u_nodes;             // least number of nodes of a nodal array
+  Array<const int> u_dofs;     // of the cells of the facets (facets, nodes)
+  Array<const int> local;      // number of the facet in its cell (facets)
+  Array<const double> shape;   // shape functions at the points of the four facets of a cell (4, points, nodes)
+  Array<const double> normals; // outward, of a z component of one (facets, points, 3)
+  Array<const double> weights; // projected (facets, points)
+  std::size_t u_nodes;         // least number of nodes of a nodal array
 
-  Facets(Array<const double> x, Array<const int> x_dofs, Array<const int> u_dofs, Array<const int> local,
-         Array<const double> gradients, Array<const double> shape, Array<const double> normals,
+  Facets(Array<const int> u_dofs, Array<const int> local, Array<const double> shape, Array<const double> normals,
          Array<const double> weights);
 
   std::size_t count() const { return u_dofs.shape(0); }
-  std::size_t points() const { return weights.shape(0); }
+  std::size_t points() const { return weights.shape(1); }
   const int* dofs_of(std::size_t f) const { return u_dofs.data() + nodes * f; }
   const double* shape_at(std::size_t f, std::size_t q) const
   {
     return shape.data() + nodes * (local.data()[f] * points() + q);
-  }
-};
-
-/// A quadrature point of a facet: gradients, projected weight, and normal scaled to a z component of one.
-struct FacetPoint
-{
-  Gradients g;
-  std::array<double, 3> normal;
-  double weight;
-
-  FacetPoint(const Facets& facets, const Gradients& x, std::size_t f, std::size_t q)
-  {
-    const int k = facets.local.data()[f];
-    const double* reference = facets.gradients.data() + dofs * (k * facets.points() + q);
-    const double* n = facets.normals.data() + 3 * k;
-    double K[3][3];
-    const double det = cofactors(reference, x, K);
-    push_forward(reference, K, det, g);
-    for (int i = 0; i < 3; ++i)
-      normal[i] = K[0][i] * n[0] + K[1][i] * n[1] + K[2][i] * n[2];
-    weight = normal[2] * facets.weights.data()[q];
-    normal = {normal[0] / normal[2], normal[1] / normal[2], 1.0};
   }
 };
 
@@ -79,18 +54,12 @@ struct ContactLaw
   }
 };
 
-/// Projected weight of each point, out (facets, points).
-void facet_weights(const Facets& facets, const Array<double>& out);
-
-/// Pressure (facets, points) for the flat at height z and the displacement u (nodes, 3), and the trial history. A
-/// committed history without facets, or one of the cells `below`, means zeros; a trial history without facets is not
-/// written.
+/// Pressure (facets, points) for the flat at height z and the displacement u (nodes, 3), over the history of the cells
+/// `below`; one without rows means zeros.
 void facet_pressure(const Facets& facets, const ContactLaw& law, double z, const Array<const double>& u,
-                    const History& committed, const History& below, const History& trial,
-                    const Array<double>& pressure);
+                    const History& below, const Array<double>& pressure);
 
 /// Add the derivative of the virtual work to the values of the matrix; `pressure` is that of the same displacement.
-void facet_stiffness(const Facets& facets, const ContactLaw& law, const Array<const double>& u,
-                     const History& committed, const History& below, const Array<const double>& pressure,
-                     const BlockPattern& pattern, const Array<double>& values);
+void facet_stiffness(const Facets& facets, const ContactLaw& law, const Array<const double>& u, const History& below,
+                     const Array<const double>& pressure, const BlockPattern& pattern, const Array<double>& values);
 } // namespace asperity

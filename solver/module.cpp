@@ -69,18 +69,17 @@ void bind_cells(nb::module_& m)
 void bind_facets(nb::module_& m)
 {
   nb::class_<Facets>(m, "Facets")
-      .def(nb::init<Array<const double>, Array<const int>, Array<const int>, Array<const int>, Array<const double>,
-                    Array<const double>, Array<const double>, Array<const double>>(),
-           "x"_a, "x_dofs"_a, "u_dofs"_a, "local"_a, "gradients"_a, "shape"_a, "normals"_a, "weights"_a);
+      .def(nb::init<Array<const int>, Array<const int>, Array<const double>, Array<const double>,
+                    Array<const double>>(),
+           "u_dofs"_a, "local"_a, "shape"_a, "normals"_a, "weights"_a);
   nb::class_<ContactLaw>(m, "ContactLaw")
       .def(nb::init<const J2&, bool, Array<const double>, Array<const double>, bool, const Cells&,
                     Array<const double>>(),
            "material"_a, "finite"_a, "stiffness"_a, "height"_a, "traction"_a, "cells"_a, "linear"_a);
-  m.def("facet_weights", &facet_weights, "facets"_a, out("out"), unlocked);
-  m.def("facet_pressure", &facet_pressure, "facets"_a, "law"_a, "z"_a, "u"_a, "committed"_a, "below"_a, "trial"_a,
-        out("pressure"), unlocked);
-  m.def("facet_stiffness", &facet_stiffness, "facets"_a, "law"_a, "u"_a, "committed"_a, "below"_a, "pressure"_a,
-        "pattern"_a, out("values"), unlocked);
+  m.def("facet_pressure", &facet_pressure, "facets"_a, "law"_a, "z"_a, "u"_a, "below"_a, out("pressure"),
+        unlocked);
+  m.def("facet_stiffness", &facet_stiffness, "facets"_a, "law"_a, "u"_a, "below"_a, "pressure"_a, "pattern"_a,
+        out("values"), unlocked);
 }
 
 void bind_linear(nb::module_& m)

@@ -221,7 +221,7 @@ def test_ranks_without_contact_or_plastic_cells_take_part(case: Path, tmp_path: 
 @pytest.mark.slow
 @needs_mpirun
 def test_ranks_without_facets_of_the_top_take_part(case: Path, tmp_path: Path) -> None:
-    """A high block on many ranks, with a contact formulation whose history is saved and restored."""
+    """A high block on many ranks, with a contact that asks for the stress in its cells; resumed."""
     sets = ("block.height=3.0", "mesh.h_contact=0.3", "mesh.growth=1.0", "loading.steps=2", "loading.unload=false")
     options = [word for text in (*sets, "contact.method=nitsche") for word in ("--set", text)]
     alone = run(case, tmp_path / "1", *options)

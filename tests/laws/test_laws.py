@@ -268,7 +268,7 @@ def test_laws_and_settings_that_do_not_fit_are_refused(tmp_path: Path) -> None:
     assert "is of another content" in said(**plastic, law_sha256="abc")
     assert 'kinematics = "auto" cannot go with' in said("neo_hookean", kinematics="auto")
     assert "on forms" in said(settings={"solver": {"kernels": "compiled"}}, **plastic)
-    assert "on facets" in said(settings={"contact": {"method": "nitsche"}}, **plastic)
+    assert "of the compiled laws" in said(settings={"contact": {"method": "nitsche"}}, **plastic)
     assert "needs a symmetric tangent" in said("laws.py:skew", settings={"solver": {"linear": "cg"}})
     assert "needs the elastic part" in said("laws.py:silent", settings={"output": {"stiffness": True}})
     assert "need material.law" in refusal(tmp_path, {**case(), "material": {"E": E, "nu": NU, **plastic}})

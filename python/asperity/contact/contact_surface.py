@@ -46,15 +46,17 @@ class FacetRule:
         points, weights = element.facet_quadrature(degree)
         solid = surface.solid
         at_facets = [element.at_facet(k, points) for k in range(4)]
-        gradients = np.stack([element.shape_gradients(p) for p in at_facets])
         shape = np.stack([element.shape_functions(p) for p in at_facets])
         x = solid.mesh.geometry.x
         x_nodes = np.ascontiguousarray(compat.geometry_dofmap(solid.mesh)[surface.cells])
-        self.facets = _solver.Facets(
-            x, x_nodes, surface.cell_nodes, surface.local, gradients, shape, element.area_vectors(), weights
-        )
-        self.weights = np.empty((len(surface.cells), len(weights)))
-        _solver.facet_weights(self.facets, self.weights)
+        normals = np.empty((len(surface.cells), len(weights), 3))
+        for k, (at, vector) in enumerate(zip(at_facets, element.area_vectors(), strict=True)):
+            mine = surface.local == k
+            J = np.einsum("fai,qaj->jfqi", x[x_nodes[mine]], element.shape_gradients(at))
+            normals[mine] = sum(n * np.cross(J[i - 2], J[i - 1]) for i, n in enumerate(vector))
+        self.weights = normals[..., 2] * weights
+        normals /= normals[..., 2:]
+        self.facets = _solver.Facets(surface.cell_nodes, surface.local, shape, normals, self.weights)
         of_cell, in_cell = element.quadrature(element.QUADRATURE_DEGREE)
         self.cells = _solver.Cells(
             x, x_nodes, surface.cell_nodes, element.shape_gradients(of_cell), in_cell, *solid.kernels.relaxation

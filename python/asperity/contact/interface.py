@@ -8,7 +8,6 @@ import numpy as np
 
 from asperity.arrays import Flags, Floats, Integers
 from asperity.contact.contact_surface import ContactSurface
-from asperity.fem.history import History
 from asperity.mesh.element import BEARING
 
 
@@ -17,8 +16,7 @@ class Contact(ABC):
 
     The flat exerts a force on the nodes. Internal force + contact force = 0 on free dofs, so contact adds a positive z
     component. A formulation may prescribe dofs instead. What has a default does nothing: a compliant contact overrides
-    the tangents, and `penetration_work` where its penetration is an error; one with a history the methods from `commit`
-    on.
+    the tangents, and `penetration_work` where its penetration is an error; one with a history `commit`.
 
     Attributes:
         surface: of the solid
@@ -113,10 +111,3 @@ class Contact(ABC):
 
     def commit(self) -> None:  # noqa: B027
         """Make the history of the last residual the committed one."""
-
-    def history(self) -> History | None:
-        """Committed history, a row per facet of this rank; None, on all ranks, for a formulation without one."""
-        return None
-
-    def restore(self, history: History) -> None:  # noqa: B027
-        """Restore a committed history returned by `history`; only called where there is a history."""

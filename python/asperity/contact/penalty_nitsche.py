@@ -25,8 +25,7 @@ class PressureContact(Contact):
     int P v_z. solver/facets.hpp holds the kernels.
 
     k = 0: penalty method. k = 1: Nitsche's method (Chouly, Hild & Renard, Math. Comp. 84 (2015) 1089, theta = 0),
-    consistent. t of an elastic-plastic solid comes from the return map at the quadrature points, with a history of
-    their own; its pressure and the relief of its yield stress come from the cell (solver/relaxation.hpp).
+    consistent. t has the stress of the linear function through those at the points of the cell, where its history is.
 
     The penalty method has M = E and h the diameter of the facet. Nitsche's has M = lambda + 2 mu, the stiffness along
     the normal, which is unbounded towards nu = 0.5 (Hansbo & Larson, Comput. Methods Appl. Mech. Engrg. 191
@@ -57,8 +56,6 @@ class PressureContact(Contact):
         )
         self._has_history = traction and solid.material.plastic
         self.points = np.zeros(self._rule.weights.shape)  # pressure at the quadrature points (facets, points)
-        rows, points = len(surface.cells) if self._has_history else 0, self.points.shape[1]
-        self._committed, self._trial = History.zeros(rows, points), History.zeros(rows, points)
         self._pattern = _solver.BlockPattern(surface.cell_nodes, solid.sparsity.indptr, solid.sparsity.indices)
         self._z = np.inf
 
@@ -67,8 +64,7 @@ class PressureContact(Contact):
 
     def residual(self, force: Floats) -> tuple[Floats, Integers, Floats]:
         u = self._solid.u.x.array.reshape(-1, 3)
-        histories = (compiled(history) for history in (self._committed, self._below(), self._trial))
-        _solver.facet_pressure(self._rule.facets, self._law, self._z, u, *histories, self.points)
+        _solver.facet_pressure(self._rule.facets, self._law, self._z, u, compiled(self._below()), self.points)
         load = np.zeros((self._solid.nodes, 1))
         np.add.at(load[:, 0], self.surface.nodes, (self._rule.weights * self.points) @ self._rule.of_nodes)
         self._force = self._solid.scatter_reverse(load)[:, 0]
@@ -77,15 +73,14 @@ class PressureContact(Contact):
         return out, np.empty(0, dtype=np.int32), np.empty(0)
 
     def add_tangent(self) -> None:
-        self._add_stiffness(self._law, self._committed, self._below())
+        self._add_stiffness(self._law, self._below())
 
     def add_elastic_tangent(self) -> None:
-        self._add_stiffness(self._elastic_law, self._trial, self._below(trial=True))
+        self._add_stiffness(self._elastic_law, self._below(trial=True))
 
-    def _add_stiffness(self, law: _solver.ContactLaw, history: History, below: History) -> None:
+    def _add_stiffness(self, law: _solver.ContactLaw, below: History) -> None:
         u, values = self._solid.u.x.array.reshape(-1, 3), self._solid.tangent.values()
-        histories = compiled(history), compiled(below)
-        _solver.facet_stiffness(self._rule.facets, law, u, *histories, self.points, self._pattern, values)
+        _solver.facet_stiffness(self._rule.facets, law, u, compiled(below), self.points, self._pattern, values)
 
     def _below(self, trial: bool = False) -> History:
         """History of the cells of the facets, where the traction depends on it."""
@@ -96,7 +91,7 @@ class PressureContact(Contact):
         return History(**{name: values[cells] for name, values in history.arrays().items()})
 
     def nodes(self) -> Integers:
-        """Owned nodes that are touched; in a contact of a few points, where none is, those that bear most; collective."""
+        """Owned nodes that are touched, or where none is, in a contact of a few points, that bear most; collective."""
         owned, force, comm = self.surface.owned_nodes, self._force, self._solid.comm
         touched = self.touched_edges()[owned]
         if not comm.allreduce(int(touched.sum())):
@@ -107,21 +102,12 @@ class PressureContact(Contact):
     def nodal_force(self, force: Floats) -> Floats:
         return self._force.copy()
 
-    def commit(self) -> None:
-        self._committed.assign(self._trial)
-
     def penetration_work(self) -> float:
         # at the points, where the law holds; the penetration of a node between them depends on the size of the facets
         uz = self._solid.u.x.array.reshape(-1, 3)[self.surface.nodes, 2]
         touched = self.points > 0.0
         depth = (self._rule.height + self._rule.at_points(uz) - self._z)[touched]
         return float(np.sum((self._rule.weights * self.points)[touched] * depth))
-
-    def history(self) -> History | None:
-        return self._committed if self._has_history else None
-
-    def restore(self, history: History) -> None:
-        self._committed.assign(history)
 
     def touched(self) -> tuple[Flags, Floats]:
         """As with exact contact; one within a few facets, without an edge node, is that of points under pressure."""

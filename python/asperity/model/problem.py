@@ -117,8 +117,8 @@ class Problem:
             )
         if self.formulation.method == "nitsche":
             raise InputError(
-                'contact.method = "nitsche" cannot go with material.law, whose state is in the cells and not on '
-                'facets: take "active-set" or "penalty"'
+                'contact.method = "nitsche" cannot go with material.law, since its tractions are of the compiled laws: '
+                'take "active-set" or "penalty"'
             )
         if options.linear == "cg" and not self.material.symmetric:
             raise InputError(

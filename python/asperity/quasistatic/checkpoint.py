@@ -19,7 +19,6 @@ import numpy as np
 
 from asperity.arrays import Array, Indices
 from asperity.case.case_file import refuse_another
-from asperity.contact.contact_surface import facet_numbers
 from asperity.errors import CheckpointError
 from asperity.fem.global_numbering import at_built_nodes, cell_numbers, node_numbers
 from asperity.fem.history import History
@@ -43,7 +42,6 @@ Arrays = Mapping[str, Array]  # by name, on rank 0
 Field = tuple[str, Indices, Array]  # name, numbers of rows, and the rows of this rank
 DISPLACEMENTS = ("displacement", "previous")  # of a state
 OF_CELLS = ("stress", "plastic_strain")  # fields of a snapshot with a row per cell
-OF_CONTACT = "contact."  # prefix of the names of the contact's history
 HELD = "held"  # what friction keeps of the nodes in contact
 
 
@@ -254,14 +252,9 @@ class Saved:
         nodes, cells = node_numbers(solid), cell_numbers(solid)
         owned, top = nodes[: solid.owned], nodes[solver.contact_surface.owned_nodes]
 
-        def history(like: History, numbers: Indices, prefix: str = "") -> History:
-            return History(**{name: read_rows(comm, self.arrays, prefix + name, numbers) for name in like.arrays()})
-
         if solid.material.plastic:
-            solid.kernels.restore(history(solid.kernels.history(), cells))
-        of_contact = solver.contact.history()
-        if of_contact is not None:
-            solver.contact.restore(history(of_contact, facet_numbers(solver.contact_surface), OF_CONTACT))
+            names = solid.kernels.history().arrays()
+            solid.kernels.restore(History(**{name: read_rows(comm, self.arrays, name, cells) for name in names}))
         if solver.contact.held is not None:
             solver.contact.held = read_rows(comm, self.arrays, HELD, top, np.nan)
         numbers = dict(self.meta["solver"])
@@ -302,11 +295,6 @@ def solver_fields(solver: ContactSolver) -> Iterator[Field]:
         numbers, held = at_built_nodes(solid, solid.scatter_forward(held.ravel()))
         sticking = np.isfinite(held[:, 0])
         yield HELD, numbers[sticking], held[sticking, : at.shape[1]]
-    of_contact = solver.contact.history()
-    if of_contact is not None:
-        facets = facet_numbers(solver.contact_surface)
-        for name, values in of_contact.arrays().items():
-            yield OF_CONTACT + name, facets, values
 
 
 def snapshot_names(solver: ContactSolver) -> list[str]:

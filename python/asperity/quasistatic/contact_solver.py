@@ -177,8 +177,7 @@ class ContactSolver:
         """
         solid, contact = self.solid, self.contact
         with solid.phases.phase("checks"):
-            history, of_contact = solid.kernels.history().copy(), contact.history()
-            of_contact = None if of_contact is None else of_contact.copy()
+            history = solid.kernels.history().copy()
         self.probed = {}
         for probe in self.probes:  # while the tangent of the solve is valid
             self.probed |= probe(self)
@@ -203,8 +202,6 @@ class ContactSolver:
         if self._extrapolated:
             self._own = solid.kernels.history().copy()
             solid.kernels.restore(midpoint.extrapolate(history, self._own, extrapolation))
-            if of_contact is not None and (after := contact.history()) is not None:
-                contact.restore(midpoint.extrapolate(of_contact, after, extrapolation))
             if contact.has_tangent or contact.held is not None:  # for the energy balance, as after a restart
                 self._internal = solid.internal_force().copy()
         self.counts.steps += 1

@@ -127,8 +127,6 @@ def _loops_of(leg: Leg, preload: float, amplitude: float, cycles: int, steps: in
 def as_before(solver: ContactSolver) -> Iterator[None]:
     """Run a block without probes and restore the state after it."""
     state, history = solver.state(), solver.solid.kernels.history().copy()
-    of_contact = solver.contact.history()
-    kept = None if of_contact is None else of_contact.copy()
     probes, solver.probes = solver.probes, ()
     held = solver.contact.held
     try:
@@ -137,8 +135,6 @@ def as_before(solver: ContactSolver) -> Iterator[None]:
         solver.probes, solver.contact.held = probes, held
         violated = solver.checks.violated
         solver.solid.kernels.restore(history)
-        if kept is not None:
-            solver.contact.restore(kept)
         solver.restore(state)
         solver.checks.violated |= violated
 
