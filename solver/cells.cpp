@@ -1,5 +1,5 @@
-// Kernels over cells, see cells.hpp. Each has one loop over cells and one over their quadrature points, the latter in
-// `Cells::at_points`; those that depend on the strain are compiled for small and finite ones.
+// Kernels over cells, see cells.hpp. Each has one loop over cells and one over their quadrature points; those that depend
+// on the strain are compiled for small and finite ones.
 #include "cells.hpp"
 #include "cell_flow.hpp"
 
@@ -63,13 +63,6 @@ void History::expect_shape(const char* name, std::size_t rows, std::size_t point
     expect((std::string("plastic strain of ") + name).c_str(), plastic_strain, {rows, points, 6});
 }
 
-void volumes(const Cells& cells, const Array<double>& out)
-{
-  expect("out", out, {cells.count(), cells.points()});
-  for (std::size_t c = 0; c < cells.count(); ++c)
-    cells.at_points(c, [&](const Point& p) { out.data()[p.index] = p.volume; });
-}
-
 std::pair<std::int64_t, std::int64_t> residual(const Cells& cells, const J2& law, bool finite,
                                                const Array<const double>& u, const History& committed,
                                                const History& trial, const Array<bool>& plastic,
@@ -116,7 +109,14 @@ void stiffness_elastic(const Cells& cells, const J2& law, const Pattern& pattern
   for (std::size_t c = 0; c < cells.count(); ++c)
     add_cell(cells, c, pattern, out,
              [&](double* A)
-             { cells.at_points(c, [&](const Point& p) { add_stiffness(p.g, tangent, p.volume, A); }); });
+             {
+               const Gradients x = cells.corners(c);
+               for (std::size_t q = 0; q < cells.points(); ++q)
+               {
+                 const Point p = cells.point(c, q, x);
+                 add_stiffness(p.g, tangent, p.volume, A);
+               }
+             });
 }
 
 template <typename Pattern>

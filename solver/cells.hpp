@@ -1,4 +1,4 @@
-// Kernels over cells: internal force, stiffness, stress, volumes. Those of a cell that flows know of all its points, see
+// Kernels over cells: internal force, stiffness, stress. Those of a cell that flows know of all its points, see
 // relaxation.hpp.
 #pragma once
 
@@ -49,15 +49,6 @@ struct Cells
     return p;
   }
 
-  /// The loop over the quadrature points of a cell.
-  template <typename At>
-  void at_points(std::size_t c, At at) const
-  {
-    const Gradients x = corners(c);
-    for (std::size_t q = 0; q < points(); ++q)
-      at(point(c, q, x));
-  }
-
   /// Refuse nodal values (nodes, 3) of fewer nodes than the cells have.
   template <typename T>
   void expect_nodal(const char* name, const Array<T>& values) const
@@ -99,9 +90,6 @@ struct History
     dilatation.data()[index] = state.dilatation;
   }
 };
-
-/// Volume of each quadrature point, out (cells, points).
-void volumes(const Cells& cells, const Array<double>& out);
 
 /// Add the internal force of the displacement `u` (nodes, 3) to `b` (nodes, 3), of small or `finite` strain. The same
 /// pass writes the trial history and `plastic` (cells), whether any point of a cell flows. Returns the number of points that

@@ -58,7 +58,6 @@ void bind_cells(nb::module_& m)
       .def(nb::init<Array<const int>, Array<const int>, Array<const int>>(), "cell_dofs"_a, "indptr"_a, "indices"_a);
   nb::class_<HalfPattern>(m, "HalfPattern")
       .def(nb::init<Array<const int>, Array<const int>, Array<const int>>(), "cell_dofs"_a, "indptr"_a, "indices"_a);
-  m.def("volumes", &volumes, "cells"_a, out("out"), unlocked);
   m.def("residual", &residual, "cells"_a, "law"_a, "finite"_a, "u"_a, "committed"_a, "trial"_a, out("plastic"), out("b"),
         unlocked);
   bind_stiffness<BlockPattern>(m);

@@ -30,16 +30,10 @@ std::uint16_t position(const Array<const int>& indptr, const Array<const int>& i
                                 + ", expected those of all nodes that share a cell");
   return static_cast<std::uint16_t>(found - first);
 }
-
-void expect_cells(std::size_t has, std::size_t wanted)
-{
-  if (has != wanted)
-    throw std::invalid_argument("pattern has " + std::to_string(has) + " cells, expected " + std::to_string(wanted));
-}
 } // namespace
 
 BlockPattern::BlockPattern(Array<const int> cell_dofs, Array<const int> indptr, Array<const int> indices)
-    : indptr(indptr), size(9 * indices.size()), offsets(cell_dofs.size() * nodes)
+    : Pattern{indptr, 9 * indices.size(), nodes * nodes, std::vector<std::uint16_t>(cell_dofs.size() * nodes)}
 {
   expect_pattern(cell_dofs, indptr, indices);
   auto out = offsets.begin();
@@ -52,15 +46,8 @@ BlockPattern::BlockPattern(Array<const int> cell_dofs, Array<const int> indptr, 
   }
 }
 
-double* BlockPattern::start(const Array<double>& values, std::size_t cells) const
-{
-  expect_cells(offsets.size() / (nodes * nodes), cells);
-  expect("values", values, {size});
-  return values.data();
-}
-
 HalfPattern::HalfPattern(Array<const int> cell_dofs, Array<const int> indptr, Array<const int> indices)
-    : indptr(indptr), size(9 * indices.size()), offsets(cell_dofs.size() / nodes * pairs)
+    : Pattern{indptr, 9 * indices.size(), pairs, std::vector<std::uint16_t>(cell_dofs.size() / nodes * pairs)}
 {
   expect_pattern(cell_dofs, indptr, indices);
   auto out = offsets.begin();
@@ -71,12 +58,5 @@ HalfPattern::HalfPattern(Array<const int> cell_dofs, Array<const int> indptr, Ar
       for (int b = a; b < nodes; ++b)
         *out++ = position(indptr, indices, std::min(cell[a], cell[b]), std::max(cell[a], cell[b]));
   }
-}
-
-float* HalfPattern::start(const Array<float>& blocks, std::size_t cells) const
-{
-  expect_cells(offsets.size() / pairs, cells);
-  expect("values", blocks, {at_least(size)});
-  return blocks.data();
 }
 } // namespace asperity

@@ -9,22 +9,34 @@
 
 namespace asperity
 {
+/// Row starts of the node graph of a matrix, its number of values, and positions of element matrices in it.
+struct Pattern
+{
+  Array<const int> indptr;
+  std::size_t size, per_cell;
+  std::vector<std::uint16_t> offsets; // (cells, per_cell)
+
+  /// Start of an array of values, refused if shorter than `size`; `cells` is the number of matrices to add.
+  template <typename Value>
+  Value* start(const Array<Value>& values, std::size_t cells) const
+  {
+    if (offsets.size() != per_cell * cells)
+      throw std::invalid_argument("pattern has " + std::to_string(offsets.size() / per_cell) + " cells, expected "
+                                  + std::to_string(cells));
+    expect("values", values, {at_least(size)});
+    return values.data();
+  }
+};
+
 /// Positions of element matrices in the values of a scalar CSR matrix with 3 x 3 node blocks, where the three rows of a
 /// node have the same columns. The node graph (indptr, indices) is that of the local cells; `offsets` (cells, nodes,
 /// nodes) holds the position of column b in row a.
-struct BlockPattern
+struct BlockPattern : Pattern
 {
   using Value = double;
 
-  Array<const int> indptr;
-  std::size_t size; // number of values
-  std::vector<std::uint16_t> offsets;
-
   /// `cell_dofs` (cells, nodes): nodes of the cells whose element matrices will be added.
   BlockPattern(Array<const int> cell_dofs, Array<const int> indptr, Array<const int> indices);
-
-  /// Start of an array of values, refused unless of length `size`; `cells` is the number of matrices to add.
-  double* start(const Array<double>& values, std::size_t cells) const;
 
   /// Start to load what `add` changes, which is in no cache, while the element matrix is computed.
   void prefetch(const int* cell_dofs, std::size_t c, double* values) const
@@ -63,20 +75,13 @@ struct BlockPattern
 /// Positions of symmetric element matrices in the upper half of a matrix, in single precision: the columns of its blocks
 /// (blocks, 9), see linear.hpp. The graph is that of the upper half; `offsets` (cells, pairs of nodes) holds the position
 /// of the later node of a pair in the row of the earlier one.
-struct HalfPattern
+struct HalfPattern : Pattern
 {
   using Value = float;
   static constexpr int pairs = nodes * (nodes + 1) / 2;
 
-  Array<const int> indptr;
-  std::size_t size; // number of values
-  std::vector<std::uint16_t> offsets;
-
   /// See BlockPattern; so for the other functions.
   HalfPattern(Array<const int> cell_dofs, Array<const int> indptr, Array<const int> indices);
-
-  /// The array may be longer.
-  float* start(const Array<float>& blocks, std::size_t cells) const;
 
   /// Call `at(a, b, block)` for each pair of nodes of a cell, the one that comes first in the matrix first.
   template <typename At>

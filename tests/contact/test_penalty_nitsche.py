@@ -30,7 +30,7 @@ from asperity.model.material import Material
 from asperity.model.settings import LEAST_GAMMA, Formulation, MeshSize, SolverOptions
 from asperity.quasistatic.make import make_block, make_contact_solver
 from asperity.runtime import compat
-from asperity.surface import Flat, Sinusoid, Surface
+from asperity.surface import Sinusoid, Surface
 
 Array = npt.NDArray[np.float64]
 

@@ -13,10 +13,11 @@ from asperity.fem.cell_flow import CellFlow
 from asperity.fem.history import History
 from asperity.fem.kernels import ElementKernels, relaxation_of
 from asperity.fem.sparsity import SparsityPattern
-from asperity.fem.weak_form import PointValues, Values, WeakForm
+from asperity.fem.weak_form import PointValues, WeakForm
 from asperity.laws.definition import SHAPES, USUAL
-from asperity.mesh.element import QUADRATURE_DEGREE, quadrature
+from asperity.mesh.element import volumes
 from asperity.model.material import Material
+from asperity.runtime import compat
 from asperity.runtime.compiled import solver as _solver
 
 
@@ -33,7 +34,6 @@ class FormKernels(ElementKernels):
     _law: Any  # the weak form that is assembled
 
     def __init__(self, V: Any, cell_nodes: Integers, material: Material, sparsity: SparsityPattern) -> None:
-        import ufl
         from dolfinx import fem
 
         self._given, self._material, self._sparsity = material.in_ufl, material, sparsity
@@ -43,8 +43,7 @@ class FormKernels(ElementKernels):
         self._u, state = fem.Function(V), self._given.state
         self._state = PointValues(V.mesh, len(cell_nodes), sum(SHAPES[s] for s in state.values())) if state else None
         self._constants = {name: fem.Constant(V.mesh, np.float64(value)) for name, value in self._given.parameters}
-        J = Values(ufl.JacobianDeterminant(V.mesh), (), V.mesh)
-        self.volumes = np.abs(J(self._all)) * quadrature(QUADRATURE_DEGREE)[1]
+        self.volumes = volumes(V.mesh.geometry.x, compat.geometry_dofmap(V.mesh)[: len(cell_nodes)])
         self.relaxation = relaxation_of(material)
         self._cell: CellFlow | None = None
         if np.isfinite(self.relaxation).all():

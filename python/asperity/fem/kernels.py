@@ -12,7 +12,7 @@ import numpy.typing as npt
 from asperity.arrays import Floats, Singles
 from asperity.fem.history import History
 from asperity.fem.sparsity import SparsityPattern
-from asperity.mesh.element import QUADRATURE_DEGREE, quadrature, shape_gradients
+from asperity.mesh.element import QUADRATURE_DEGREE, quadrature, shape_gradients, volumes
 from asperity.model.material import Material
 from asperity.runtime.compiled import solver as _solver
 
@@ -86,8 +86,7 @@ class ElementKernels:
         rows = cells if material.plastic else 0  # an elastic material has no history
         self._committed, self._trial = History.zeros(rows, points), History.zeros(rows, points)
         self._flowing = np.zeros(cells, dtype=bool)
-        self.volumes: Floats = np.empty((cells, points))
-        _solver.volumes(self._cells, self.volumes)
+        self.volumes = volumes(x, x_nodes)
 
     def add_internal_force(self, u: Floats, b: Floats) -> None:
         """Add the internal force of the nodal displacement u (nodes, 3) to b; writes the trial history."""

@@ -206,6 +206,27 @@ def outer_faces(tets: Indices) -> Indices:
     return faces[order[first[times != 2]]]
 
 
+def volumes(x: Floats, x_nodes: Integers) -> Floats:
+    """Volumes of the quadrature points of cells (cells, Q), see `jacobians`."""
+    points, weights = quadrature(QUADRATURE_DEGREE)
+    return jacobians(x, x_nodes, points) * weights
+
+
+def jacobians(x: Floats, x_nodes: Integers, points: Floats) -> Floats:
+    """Jacobian determinants of cells (cells, Q) [length^3].
+
+    Args:
+        x: node coordinates (nodes, 3) [length]
+        x_nodes: node numbers of the cells in the order of dolfinx (cells, NODES)
+        points: reference points (Q, 3)
+    """
+    cells, found = x[x_nodes], np.empty((len(x_nodes), len(points)))
+    for q, gradients in enumerate(shape_gradients(points)):
+        a, b, c = np.einsum("cai,aj->jci", cells, gradients)
+        found[:, q] = np.einsum("ci,ci->c", a, np.cross(b, c))
+    return found
+
+
 def least_jacobians(x: Floats, x_nodes: Integers) -> Floats:
     """Smallest Jacobian determinant of each curved cell over a lattice of 35 points (cells,) [length^3].
 
@@ -215,11 +236,5 @@ def least_jacobians(x: Floats, x_nodes: Integers) -> Floats:
     """
     import basix
 
-    from asperity.runtime.compiled import solver  # here, for figures are drawn without it
-
     lattice = basix.create_lattice(basix.CellType.tetrahedron, 4, basix.LatticeType.equispaced, exterior=True)
-    cells = solver.Cells(x, x_nodes, x_nodes, shape_gradients(lattice), np.ones(len(lattice)))
-    jacobians = np.empty((len(x_nodes), len(lattice)))
-    solver.volumes(cells, jacobians)  # of unit weights
-    least: Floats = jacobians.min(axis=1)
-    return least
+    return np.asarray(jacobians(x, x_nodes, lattice).min(axis=1))
