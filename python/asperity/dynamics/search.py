@@ -30,8 +30,7 @@ _FLAT = 0.1  # this, where the frequency hardly changes
 _SLOW = 0.2  # Omega below which there are fewer, because each takes longer
 _PART = 100  # of the starts, searched together
 _ITERATIONS = 9  # of Newton's method on the period map
-_ROUGH = 1e-6  # tolerance of the motions of the search; the orbits are corrected later
-_FORCE = 1e-5  # the same of the force
+_ROUGH = 1e-6  # tolerance of the motions of the search, a tenth of that of their force; the orbits are corrected later
 _CLOSE = 1e-4  # Newton step that ends the search, relative to the state
 _KNOWN = 1e-2  # distance within which an orbit is identical to a known one, relative to the state
 _SIZES = (0.05, 300.0)  # of free orbits: small ones, and those above which the mass flies all the time
@@ -52,7 +51,7 @@ class Search:
 
     def __init__(self, equation: Equation, setting: Setting, how: Tracing, rtol: float) -> None:
         self.equation, self.setting, self.how = equation, setting, how
-        self.rough = replace(equation, rtol=_FORCE)
+        self.rough = replace(equation, rtol=10.0 * _ROUGH)
         self.orbits = Orbits(equation, setting, rtol)
         # F^, the greatest in the window and at the resonance
         self.strong = float(setting.forcing(max(1.0, how.window[1])))

@@ -28,7 +28,6 @@ _GROUPS = 4  # of points that are left out in turn
 _REACHES = 0.4 * 0.5 ** np.arange(9)  # distances in ln z of the divided differences, tried in turn
 _UNSEEN = 12.0  # range of kappa between points over that which four points each show; for 95 % of curves of summits
 _STEEPEST = 0.9  # largest exponent of the stiffness over the force with which a law begins at zero approach
-_DENSE = 40  # points of a table beyond which fewer cells do where an error of the force is allowed
 _CELL_X, _CELL_W = np.polynomial.legendre.leggauss(10)
 
 
@@ -250,10 +249,9 @@ class TableLaw(Law):
         return np.stack([first, (high - 2 * mid + low) / h**2, 6 * ((high - low) / (2 * h) - first) / h**2], axis=1)
 
     def cells(self, about: float, rtol: float = SAMPLING) -> tuple[Array, Array]:
-        if rtol > SAMPLING and self.z.size > _DENSE:
-            return super().cells(about, rtol)
         curve = self._curve  # its outer cells, of which the edges are no points, are straight
-        return curve.x[1:-1], np.column_stack([curve.x[:-1], curve.c[::-1].T])
+        own = curve.x[1:-1], np.column_stack([curve.x[:-1], curve.c[::-1].T])
+        return own if rtol <= SAMPLING else min(own, super().cells(about, rtol), key=lambda cells: cells[0].size)
 
     def deflection(self, load: float) -> float:
         below = float(self._curve.c[2, 0])
