@@ -141,7 +141,7 @@ MISTAKES = {
     'material.E="200e9"': ('"200e9"', "must be a number"),
     "material.E=true": ("material.E = true", "must be a number"),
     "material.E=nan": ("material.E = nan", "finite"),
-    "material.nu=0.5": ("material.nu = 0.5", "[-0.99, 0.495]"),
+    "material.nu=0.5": ("material.nu = 0.5", "[-0.9, 0.495]"),
     "material.yield_strength=1": ("yield_strength = 1", "same unit"),
     "material.yield_strength=": ("tangent_modulus", "yield_strength"),
     "material.tangent_modulus=200e9": ("tangent_modulus = 2e+11", "below material.E"),
