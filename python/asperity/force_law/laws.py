@@ -117,7 +117,7 @@ class LawTable:
 
 def law_rows(laws: Mapping[str, Any], stiffness: str, frequency: str) -> list[tuple[str, ...]]:
     """Laws of thresholds.json as texts, in the units given: law, n, kappa, k_n, frequency, remark."""
-    rows = []
+    rows: list[tuple[str, ...]] = []
     for row in laws["table"]:
         words, other = WORDS[row["law"]]
         if row["k_n"] is None:
