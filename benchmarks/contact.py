@@ -86,7 +86,7 @@ class Scene:
     def planned(self, curve: asp.Curve) -> asp.Curve:
         """The planned steps of a curve, without those that were cut."""
         at = self.depth * np.arange(1, self.steps + 1) / self.steps
-        return curve.where(np.isclose(curve.delta[:, None], at).any(axis=1))
+        return curve.where(np.any(np.isclose(curve.delta[:, None], at), axis=1))
 
     def press(self, block: BlockMesh | None, formulation: asp.Formulation) -> ContactResult:
         """Press it on a mesh."""

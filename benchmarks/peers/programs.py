@@ -20,8 +20,6 @@ import scene
 from unpacked import PEERS, inside
 
 HERE = Path(__file__).parent
-
-
 LIMIT = 900.0  # CPU seconds after which a run is ended
 
 
@@ -104,7 +102,7 @@ class Job:
         place.mkdir(parents=True, exist_ok=True)
         start = self.prepare(place)
         used = timed(start.command, start.environment, place, LIMIT)
-        found = {"dofs": 0, "force": []} | start.read()
+        found: dict[str, Any] = {"dofs": 0, "force": []} | start.read()
         ended = "done" if len(found["force"]) == scene.STEPS else used.ended
         run = Run(self.program, self.mesh, cpu=used.cpu, memory=used.memory, ended=ended, **found)
         kept.write_text(json.dumps(asdict(run), indent=1) + "\n", encoding="utf-8")
