@@ -140,8 +140,8 @@ def test_a_column_that_begins_or_ends_inside_a_curve_is_refused(
     first = {"stiffness": "k_n_elastic", "conductance": "conductance"}[column]
 
     def attempt(place: str, wanted: bool, **more: Any) -> Any:
-        checkpoint = Checkpoint(shared_path / place, {}, world())
-        return solve_contact(wave, ELASTIC, checkpoint=checkpoint, **{column: wanted}, **settings, **more)
+        asked: dict[str, Any] = {"checkpoint": Checkpoint(shared_path / place, {}, world()), column: wanted}
+        return solve_contact(wave, ELASTIC, **asked, **settings, **more)
 
     for place, before in (("without", False), ("with", True)):
         with pytest.raises(PartialResult):
