@@ -44,10 +44,3 @@ def spike(x: Floats, y: Floats) -> Floats:
     z = _wave(x, y)
     z[20, 9] += 0.1
     return z
-
-
-def with_nan(x: Floats, y: Floats) -> Floats:
-    """A wave with a missing sample."""
-    z = _wave(x, y)
-    z[3, 5] = np.nan
-    return z

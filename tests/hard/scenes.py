@@ -204,7 +204,4 @@ SCENES: tuple[Scene, ...] = (
         ends="refused",
         reason="or filter the surface",
     ),
-    Scene(
-        "file/nan", "a missing height", FILE, map=bad_inputs.with_nan, ends="refused", reason="not finite", fast=True
-    ),
 )
