@@ -50,10 +50,11 @@ class FacetRule:
         x = solid.mesh.geometry.x
         x_nodes = np.ascontiguousarray(compat.geometry_dofmap(solid.mesh)[surface.cells])
         normals = np.empty((len(surface.cells), len(weights), 3))
-        for k, (at, vector) in enumerate(zip(at_facets, element.area_vectors(), strict=True)):
+        vectors = element.area_vectors()
+        for k, at in enumerate(at_facets):
             mine = surface.local == k
             J = np.einsum("fai,qaj->jfqi", x[x_nodes[mine]], element.shape_gradients(at))
-            normals[mine] = sum(n * np.cross(J[i - 2], J[i - 1]) for i, n in enumerate(vector))
+            normals[mine] = sum(vectors[k, i] * np.cross(J[i - 2], J[i - 1]) for i in range(3))
         self.weights = normals[..., 2] * weights
         normals /= normals[..., 2:]
         self.facets = _solver.Facets(surface.cell_nodes, surface.local, shape, normals, self.weights)
