@@ -4,9 +4,9 @@
     ./run python3 benchmarks/dynamics.py speed
 
 `orbits`: random exponents (0.6 to 4), damping ratios (0.002 to 0.1), forcings F^ (0.005 to 1.5) and windows. At random
-frequencies inside, every orbit of a response over a window twice as wide on both sides must be one of the response.
-Every orbit that is found from random states must be one too: by a Runge-Kutta method written here, first until most of
-the transient has decayed, then by Newton's method on the period map. They are orbits of the period of the forcing.
+frequencies inside, every orbit of period 1 and 2 of a response over a window twice as wide on both sides must
+be one of the response. Every orbit of period 1 and 2 that is found from random states must be one too: by a Runge-Kutta
+method written here, first until most of the transient has decayed, then by Newton's method on the period map.
 
 `speed`: n = 1.5, zeta = 0.01, F^ = 0.05, Omega from 0.5 to 1.3. Times are CPU seconds of a warm run on one core. The
 error is that of u_max, relative, against orbits at 1e-9 at the same Omega; points within 1e-3 of a fold are left
@@ -71,15 +71,15 @@ def response(case: Window, omega: tuple[float, float]) -> FrequencyResponse:
 
 
 def states(orbits: tuple[Solution, ...]) -> list[Array]:
-    """Return the state (2,) of each orbit at forcing phase 0."""
-    return [s.start for s in orbits]
+    """Return the states (order, 2) of each orbit at forcing phase 0."""
+    return [s.states for s in orbits]
 
 
 def missing(orbits: list[Array], known: list[Array], close: float = CLOSE) -> list[Array]:
-    """Return the orbits (their states) that are not among the known ones."""
+    """Return the orbits (states of one period) that are not among the known ones."""
 
     def is_known(a: Array) -> bool:
-        return any(np.hypot(*(b - a)) < close * (0.1 + np.abs(a).sum()) for b in known)
+        return any(np.hypot(*(b - a[0]).T).min() < close * (0.1 + np.abs(a[0]).sum()) for b in known)
 
     return [a for a in orbits if not is_known(a)]
 
@@ -107,13 +107,13 @@ def integrate(case: Window, omega: float, y: Array, periods: int, step: float = 
     return np.stack([u, v])
 
 
-def polished(case: Window, omega: float, y: Array, step: float = STEP) -> list[tuple[Array, bool]]:
-    """Return the states (2,) of periodic orbits near states (2, lanes), with their stability."""
+def polished(case: Window, omega: float, y: Array, order: int, step: float = STEP) -> list[tuple[Array, bool]]:
+    """Return periodic orbits near the states (2, lanes), as states of one period (order, 2), with their stability."""
     for _ in range(9):
         size = 0.1 + np.abs(y).sum(axis=0)
         h = 1e-6 * size
         near = np.stack([y, y + np.array([h, 0 * h]), y + np.array([0 * h, h])], axis=1)
-        end = integrate(case, omega, near.reshape(2, -1), 1, step).reshape(2, 3, -1)
+        end = integrate(case, omega, near.reshape(2, -1), order, step).reshape(2, 3, -1)
         flow = np.moveaxis((end[:, 1:] - end[:, :1]) / h, -1, 0)
         good = np.isfinite(flow).all(axis=(1, 2)) & (np.abs(np.linalg.det(flow - np.eye(2))) > 1e-12)
         y, flow, size, defect = y[:, good], flow[good], size[good], (end[:, 0] - y)[:, good]
@@ -123,20 +123,22 @@ def polished(case: Window, omega: float, y: Array, step: float = STEP) -> list[t
     found: list[tuple[Array, bool]] = []
     radius = np.abs(np.linalg.eigvals(flow)).max(axis=1)
     for i in np.flatnonzero(length < 1e-6 * size):
-        if missing([y[:, i]], [orbit for orbit, _ in found]):
-            found.append((y[:, i], bool(radius[i] < 1.0)))
+        path = np.array([y[:, i], *(integrate(case, omega, y[:, i : i + 1], k, step)[:, 0] for k in range(1, order))])
+        repeats = order > 1 and not missing([path[:1]], [path[1:]], 1e-4)
+        if not repeats and missing([path], [orbit for orbit, _ in found]):
+            found.append((path, bool(radius[i] < 1.0)))
     return found
 
 
 def reached(case: Window, omega: float, starts: int, random: np.random.Generator) -> list[tuple[Array, bool]]:
-    """Return the orbits near what random states come to, with their stability.
+    """Return the orbits of period 1 and 2 near what random states come to, with their stability.
 
     The transient decays by exp(-3).
     """
     spread = min(1.5 * case.forcing / (2.0 * case.zeta) + 2.0 * case.forcing, 4.0)
     y = spread * random.uniform(-1.0, 1.0, (2, starts))
     y = integrate(case, omega, y, int(np.ceil(3.0 * omega / (2.0 * np.pi * case.zeta))), COARSE)
-    return polished(case, omega, y)
+    return [orbit for order in (1, 2) for orbit in polished(case, omega, y, order)]
 
 
 def compare(case: Window, own: FrequencyResponse, starts: int, random: np.random.Generator) -> tuple[Counter[str], str]:
@@ -146,18 +148,18 @@ def compare(case: Window, own: FrequencyResponse, starts: int, random: np.random
     wide = response(case, (0.5 * case.omega[0], 2.0 * case.omega[1]))
     for omega in case.at:
         here = states(own.at(omega))
-        orbits = [(s.start, s.stable, "the wide window") for s in wide.at(omega)]
+        orbits = [(a, s.stable, "the wide window") for s in wide.at(omega) for a in states((s,))]
         orbits += [(a, stable, "random starts") for a, stable in reached(case, omega, starts, random)]
         for orbit, stable, source in orbits:
-            name = f"{'stable' if stable else 'unstable'}, {source}"
+            name = f"{'stable' if stable else 'unstable'} of period {len(orbit)}, {source}"
             counts[name] += 1
             if missing([orbit], here):
                 if source == "random starts":  # an orbit of the steps alone, next to a fold, moves or vanishes
-                    finer = polished(case, omega, orbit[:, None], 0.25 * STEP)
+                    finer = polished(case, omega, orbit[:1].T, len(orbit), 0.25 * STEP)
                     if not missing([a for a, _ in finer], here):
                         continue
                 counts[name + ": missing"] += 1
-                words += f"    Omega = {omega:.6g}: {name}, state {orbit}\n"
+                words += f"    Omega = {omega:.6g}: {name}, state {orbit[0]}\n"
     return counts, words
 
 

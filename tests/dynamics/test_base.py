@@ -184,12 +184,10 @@ def test_an_orbit_from_a_start_has_the_direction_of_its_branch(excitation: str) 
         motion = setting.forcing(omega) / (1.0 - omega**2 + 2j * zeta * omega)
         return np.array([motion.real, (1j * omega * motion).real])
 
-    search = Search(LINEAR.equation, setting, Tracing((0.5, 2.0), 0.05), 1e-8)
-    (found,) = search._found(np.array([1.3]), 1.05 * state(np.array([1.3])).T)
-    start, omega, _, normal = found
-    direction = (
-        normal * _scale(start[None], np.array([omega]))[0] ** 2
-    )  # the plane is normal to the branch in these units
-    np.testing.assert_allclose(start, state(omega), rtol=1e-3)
+    search = Search(LINEAR.equation, setting, Tracing((0.5, 2.0), 0.05), False, 1e-8)
+    (found,) = search._found(1, np.array([1.3]), 1.05 * state(np.array([1.3])).T)
+    states, omega, _, normal = found
+    direction = normal * _scale(states, np.array([omega]))[0] ** 2  # the plane is normal to the branch in these units
+    np.testing.assert_allclose(states[0], state(omega), rtol=1e-3)
     slope = np.append((state(omega + 1e-6) - state(omega - 1e-6)) / 2e-6, 1.0)
     assert np.linalg.norm(np.cross(direction, slope)) < 1e-3 * np.linalg.norm(direction) * np.linalg.norm(slope)

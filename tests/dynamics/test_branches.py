@@ -12,7 +12,7 @@ import pytest
 from twin import computed, motion
 
 from asperity.curve import Curve
-from asperity.dynamics import ContactOscillator, PowerLaw, TableLaw, orbits
+from asperity.dynamics import ContactOscillator, PowerLaw, TableLaw, TaylorLaw, orbits
 from asperity.errors import ConvergenceError
 from asperity.output.results import Results
 from asperity.plot import vibration
@@ -26,24 +26,25 @@ def case(n: float, zeta: float, forcing: float) -> Any:
 
 
 @pytest.mark.parametrize(
-    ("n", "zeta", "forcing", "window", "omega", "radius"),
+    ("n", "zeta", "forcing", "window", "omega", "order", "radius"),
     [
-        (3.0, 0.005, 0.02, (0.3, 1.3), (0.45, 0.5), 1.3),  # near the fold at the end of a long resonance
-        (1.5, 0.01, 0.05, (0.5, 1.3), (0.589, 0.9415), 2.3),
-        (0.7, 0.02, 0.05, (0.6, 1.3), (1.02,), 1.5),
-        (1.5, 0.0005, 0.1, (0.3, 0.55), (0.4955, 0.33), 2.5),  # superharmonic folds
-        (2.4, 0.005, 0.2, (0.28, 1.5), (0.35,), 2.5),  # pieces that connect outside the window
-        (3.267, 0.00273, 0.122, (0.265, 0.751), (0.326,), 2.0),  # a loop that few states lead to
-        (1.5, 0.01, 0.3, (1.5, 2.5), (1.7, 2.0), 2.0),
+        (3.0, 0.005, 0.02, (0.3, 1.3), (0.45, 0.5), 1, 1.3),  # near the fold at the end of a long resonance
+        (1.5, 0.01, 0.05, (0.5, 1.3), (0.589, 0.9415), 1, 2.3),
+        (0.7, 0.02, 0.05, (0.6, 1.3), (1.02,), 1, 1.5),
+        (1.5, 0.0005, 0.1, (0.3, 0.55), (0.4955, 0.33), 1, 2.5),  # superharmonic folds
+        (2.4, 0.005, 0.2, (0.28, 1.5), (0.35,), 1, 2.5),  # pieces that connect outside the window
+        (3.267, 0.00273, 0.122, (0.265, 0.751), (0.326,), 1, 2.0),  # a loop that few states lead to
+        (1.76, 0.019, 0.2514, (1.5, 2.5), (1.8431,), 2, 1.5),  # a loop of period 2 below the onset
+        (1.5, 0.01, 0.3, (1.5, 2.5), (1.7, 2.0), 2, 2.0),
     ],
 )
-def test_no_orbit_is_missing(n, zeta, forcing, window, omega, radius) -> None:
+def test_no_orbit_is_missing(n, zeta, forcing, window, omega, order, radius) -> None:
     """Against Newton's method on an independent period map, from 80 states."""
     r = computed(n, zeta, forcing, window)
     i = np.arange(80)
     grid = radius * (i / 79) * np.array([np.cos(2.4 * i), np.sin(2.4 * i)])
     for w in omega:
-        others = [o for o, _ in BENCHMARK["polished"](case(n, zeta, forcing), w, grid)]
+        others = [o for p in range(1, order + 1) for o, _ in BENCHMARK["polished"](case(n, zeta, forcing), w, grid, p)]
         assert others and not missing(others, states(r.at(w)), 2e-3), w
 
 
@@ -58,17 +59,33 @@ def test_no_orbit_is_missing(n, zeta, forcing, window, omega, radius) -> None:
 )
 def test_a_window_that_cuts_a_resonance(n, zeta, forcing, window, wide, omega) -> None:
     o = ContactOscillator(PowerLaw(n), zeta=zeta)
-    own, whole = o.response(forcing, window), o.response(forcing, wide)
+    own, whole = o.response(forcing, window, subharmonics=False), o.response(forcing, wide, subharmonics=False)
     found, expected = (np.array([(s.u_max, s.stable) for s in r.at(omega)]) for r in (own, whole))
     np.testing.assert_allclose(found, expected, rtol=1e-4)
     assert not own.notes
+
+
+def test_a_period_doubling_outside_the_window() -> None:
+    """Orbits of period 2 that it bears are in the window, once each, and the orbits at both ends add up."""
+    own, wide = (computed(3.5324, 0.005515, 0.36441, window) for window in ((0.48, 0.5), (0.45, 0.54)))
+    assert wide["period doubling"][0].Omega > 0.52 and not own["period doubling"]
+    found, expected = (states(r.at(0.4924)) for r in (own, wide))
+    assert len(found) == len(expected) == 7 and not missing(expected, found, 1e-4)
+    assert not any("is missing" in note for note in own.notes)
 
 
 @pytest.mark.parametrize("window", [(0.8, 1.2), (1.5, 2.5)])
 def test_strong_forcing(window: tuple[float, float]) -> None:
     """Orbits mostly in flight: they add up at both ends of the window."""
     r = ContactOscillator(PowerLaw(1.5), zeta=0.01).response(5.0, window)
-    assert r.branches and not r.notes
+    assert {b.order for b in r.branches} >= {1, 2} and not r.notes
+
+
+def test_branches_mostly_in_flight_are_not_lost() -> None:
+    """They come from period doublings at Omega = 2, far above the window, and go on to frequencies far below."""
+    r = computed(2.5, 0.01, 0.3, (0.7, 1.1))
+    assert not r.notes and [b.kind for b in r.branches] == ["main", "sub2", "sub2"]
+    assert min(b.u_min.min() for b in r.branches) < -10.0
 
 
 def test_a_random_window() -> None:
@@ -80,7 +97,7 @@ def test_a_random_window() -> None:
 
 
 def test_what_is_not_searched_is_in_the_result() -> None:
-    assert "from rest and up to 800 starts; not searched: longer periods" in computed().searched
+    assert "period 1 and 2, from rest and up to 800 starts of each; not searched: longer" in computed().searched
 
 
 @pytest.mark.parametrize(("n", "zeta", "low"), [(3.0, 0.005, 0.3), (0.7, 0.02, 0.6)])
@@ -104,8 +121,22 @@ def test_a_crossing_that_cannot_be_corrected_is_an_error(monkeypatch: pytest.Mon
         r.at(0.9)
 
 
+def test_period_2_branch_ends_at_a_period_doubling() -> None:
+    r = computed(2.0, 0.05, 0.9, (0.3, 2.4))
+    births = [e for e in r["period doubling"] if r.branches[e.branch].order == 1]
+    assert len(births) == 4 and sum(b.kind == "sub2" for b in r.branches) == 3
+    (b,) = (b for b in r.branches if b.order == 2 and b.end == "period doubling")
+    flips = [e for e in r["period doubling"] if e.branch == 0]
+    for end in (0, -1):
+        flip = min(flips, key=lambda e: abs(e.Omega - b.Omega[end]))
+        assert b.Omega[end] == pytest.approx(flip.Omega, abs=1e-6)
+        assert b.u_max[end] == pytest.approx(flip.u_max, rel=1e-4)
+    inside = float(b.Omega[-1]) + 1e-5 * (1 if b.Omega[-2] > b.Omega[-1] else -1)
+    assert sum(s.order == 2 and abs(s.u_max - b.u_max[-1]) < 0.02 for s in r.at(inside)) == 1
+
+
 def test_stability_changes_at_points_of_a_branch() -> None:
-    """At period doublings too."""
+    """Also on period-2 branches."""
     for b in computed(2.0, 0.05, 0.9, (0.3, 2.4)).branches:
         for i in np.flatnonzero(b.stable[:-1] != b.stable[1:]):
             assert np.abs(b.radius[i : i + 2] - 1).min() < 1e-3
@@ -179,6 +210,16 @@ def test_two_folds_between_two_points_are_found() -> None:
     assert len(response["fold"]) == turns == 4
 
 
+@pytest.mark.parametrize("low", [0.4, 0.5, 0.53])
+def test_a_resonance_that_ends_in_the_window_is_found(low: float) -> None:
+    """Three cycles in two forcing periods: stable up to the fold at 0.5443, on no other branch."""
+    oscillator = ContactOscillator(PowerLaw(1.9574510939971683), zeta=0.006375104033240781, damping="contact")
+    response = oscillator.response(0.24089059043568575, (low, 1.3))
+    (orbit,) = (s for s in response.at(0.54) if s.stable and s.order == 2 and s.kind == "detached")
+    expected = [[0.0891109, -0.9223050], [0.9262858, 0.8941701]]
+    assert min(np.abs(orbit.states - np.roll(expected, k, axis=0)).max() for k in range(2)) < 1e-5
+
+
 def test_an_orbit_near_rest_that_a_branch_reaches_is_not_missing() -> None:
     """Newton's method does not reach it from the linear response, the branch from high frequencies does."""
     for oscillator, forcing in (
@@ -186,7 +227,14 @@ def test_an_orbit_near_rest_that_a_branch_reaches_is_not_missing() -> None:
         (ContactOscillator(PowerLaw(1.5), zeta=0.03, damping="contact"), 0.9),
     ):
         response = oscillator.response(forcing)
-        assert len(response.at(0.5)) % 2 == 1 and response.notes == ()
+        assert [s.order for s in response.at(0.5)].count(1) % 2 == 1 and response.notes == ()
+
+
+def test_both_orbits_of_a_loop_near_the_rim_of_a_series() -> None:
+    """There the frequency falls within a few per cent of the amplitude."""
+    series = TaylorLaw(1.0, 1.0, (1.8855659215430647, 1.669792922941482, -0.19108121435072092))
+    response = ContactOscillator(series, zeta=0.003858935237335842).response(0.053319960004413754, (1.575, 1.783))
+    assert sorted(s.stable for s in response.at(1.6861) if s.order == 2) == [False, True]
 
 
 def test_a_loop_of_a_contact_that_is_linear_until_it_is_lost() -> None:
@@ -194,8 +242,8 @@ def test_a_loop_of_a_contact_that_is_linear_until_it_is_lost() -> None:
     oscillator = ContactOscillator(PowerLaw(0.9908), zeta=0.0109, damping="contact")
     response = oscillator.response(0.4, (0.3676, 0.71))
     (orbit,) = (s for s in response.at(0.4127) if 2.5 < s.u_max < 2.65)
-    path = motion(response.equation, 0.4127, 0.4, orbit.start)
-    assert orbit.stable and np.abs(path.end - orbit.start).max() < 1e-4
+    path = motion(response.equation, 0.4127, 0.4, orbit.states[0])
+    assert orbit.stable and np.abs(path.end - orbit.states[0]).max() < 1e-4
 
 
 def test_a_branch_does_not_turn_back_in_a_narrow_resonance() -> None:

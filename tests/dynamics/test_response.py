@@ -30,7 +30,7 @@ def test_orbits_close_under_independent_integration(n, zeta, forcing, window) ->
     checked = 0
     for omega in (float(w) for w in np.linspace(window[0], window[1], 5)):
         for s in r.at(omega):
-            path = motion(r.equation, omega, forcing, s.start)
+            path = motion(r.equation, omega, forcing, s.states[0], s.order)
             bound = (10.0 if s.stable else 1e3) * 1e-5 * (s.u_max - s.u_min)
             np.testing.assert_allclose([*path.end, path.u_max, path.u_min], [*s.start, s.u_max, s.u_min], atol=bound)
             checked += 1
@@ -114,16 +114,27 @@ def test_onsets(zeta: float, threshold: str, event: str, window: tuple[float, fl
     assert len(o.response((1.0 + margin) * onset, window)[event]) == 2
 
 
-def test_period_doubling_onset() -> None:
-    """Between the doublings, on a branch without folds, no orbit is stable."""
+def test_period_doubling_onset_and_branches() -> None:
+    """Between the doublings, on a branch without folds, no orbit of period 1 is stable."""
     o = ContactOscillator(PowerLaw(1.5), zeta=0.01)
     onset = o.thresholds().period_doubling
     assert onset is not None and onset == pytest.approx(0.24)
-    assert not o.response(0.993 * onset, (1.7, 2.3))["period doubling"]
+    assert not o.response(0.993 * onset, (1.7, 2.3), subharmonics=False)["period doubling"]
     r = o.response(1.007 * onset, (1.7, 2.3))
     low, high = sorted(e.Omega for e in r["period doubling"])
-    inside = 0.5 * (low + high)
-    assert [s.stable for w in (low - 1e-3, inside, high + 1e-3) for s in r.at(w)] == [True, False, True]
+    main = [s.stable for w in (low - 1e-3, 0.5 * (low + high), high + 1e-3) for s in r.at(w) if s.order == 1]
+    assert main == [True, False, True]
+    sub = [b for b in r.branches if b.kind == "sub2"]
+    assert len(sub) == 2 and all(b.order == 2 for b in sub)
+    assert sub[0].stable.all() != sub[1].stable.all()
+
+
+def test_detached_loops_below_the_onset() -> None:
+    o = ContactOscillator(PowerLaw(1.5), zeta=0.01)
+    loops = [b for b in o.response(0.15, (1.4, 2.2)).branches if b.kind == "detached"]
+    assert [b.order for b in loops] == [2]
+    assert loops[0].stable.any() and (~loops[0].stable).any()
+    assert all(b.kind == "main" for b in o.response(0.15, (1.4, 2.2), subharmonics=False).branches)
 
 
 def test_taylor_equals_exact_in_contact_for_integer_powers() -> None:
@@ -150,7 +161,7 @@ def test_grazing_within_1e_10_from_both_sides(n: float) -> None:
     lower, upper = (next(s for s in r.at(graze.Omega + d) if abs(s.u_min + 1) < 1e-6) for d in (-1e-10, 1e-10))
     assert (lower.u_min + 1) * (upper.u_min + 1) < 0
     for s in (lower, upper):
-        path = motion(r.equation, s.Omega, 0.12, s.start)
+        path = motion(r.equation, s.Omega, 0.12, s.states[0])
         np.testing.assert_allclose([*path.end, path.u_max, path.u_min], [*s.start, s.u_max, s.u_min], atol=1e-8)
 
 
@@ -164,7 +175,7 @@ def test_light_damping_traces_the_narrow_peak() -> None:
 
 def test_several_separations_per_period() -> None:
     o = ContactOscillator(PowerLaw(1.5), zeta=0.05)
-    found = o.response(0.8, (0.11, 0.13), tol=1e-4).at(0.12)
+    found = o.response(0.8, (0.11, 0.13), tol=1e-4, subharmonics=False).at(0.12)
     paths = [(s, o.simulate(0.12, 0.8, u=s.start[0], v=s.start[1], periods=1.0)) for s in found]
     assert max(len(path.flight) for _, path in paths) >= 2
     for s, path in paths:
@@ -202,7 +213,7 @@ def linear(forcing: float, zeta: float, omega: Any) -> Any:
 def test_slowest_and_fastest_forcing(zeta: float, window: tuple[float, float]) -> None:
     """Small motion has the closed form and multipliers at both ends of the legal frequencies, for any damping."""
     forcing = 1e-6
-    r = ContactOscillator(PowerLaw(1.5), zeta=zeta).response(forcing, window)
+    r = ContactOscillator(PowerLaw(1.5), zeta=zeta).response(forcing, window, subharmonics=False)
     assert r.det_error <= 2e-6 and not r.notes
     for b in r.branches:
         np.testing.assert_allclose(b.a1, linear(forcing, zeta, b.Omega), rtol=1e-4)

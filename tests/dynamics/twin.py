@@ -34,8 +34,8 @@ class Motion:
     wave: Vector
 
 
-def motion(e: Equation, omega: float, forcing: float, y: Any, rtol: float = 1e-11) -> Motion:
-    """Integrate a state (u, v) over a forcing period, from contact loss to landing, with its variations.
+def motion(e: Equation, omega: float, forcing: float, y: Vector, periods: int = 1, rtol: float = 1e-11) -> Motion:
+    """Integrate a state over whole forcing periods, from contact loss to landing, with its variations.
 
     The independent variable is the phase s = Omega tau. Where the acceleration jumps, by J, a neighbour whose distance
     is d arrives d/v later: its speed then differs by J d/v (saltation).
@@ -66,7 +66,7 @@ def motion(e: Equation, omega: float, forcing: float, y: Any, rtol: float = 1e-1
     def turn(s: float, x: Vector, region: int) -> float:
         return float(x[1])
 
-    s, end = 0.0, 2.0 * np.pi
+    s, end = 0.0, 2.0 * np.pi * periods
     x = np.array([*y, 1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0])
     region = sum(y[0] > edge or (y[0] == edge and y[1] > 0) for edge in edges)
     highest, lowest = float(y[0]), float(y[0])
@@ -88,7 +88,7 @@ def motion(e: Equation, omega: float, forcing: float, y: Any, rtol: float = 1e-1
             jump = acceleration(s, x[0], x[1], after)[0] - acceleration(s, x[0], x[1], region)[0]
             x[5:8] += jump * x[2:5] / x[1]
             region = after
-    return Motion(x[:2], x[2:8].reshape(2, 3), highest, lowest, float(np.hypot(*x[8:])) / np.pi, x[8:])
+    return Motion(x[:2], x[2:8].reshape(2, 3), highest, lowest, float(np.hypot(*x[8:])) / (np.pi * periods), x[8:])
 
 
 def _crossing(edge: float, direction: float) -> Any:
@@ -110,24 +110,24 @@ class Shot:
     multipliers: tuple[complex, complex]
 
 
-def shoot(e: Equation, omega: float, forcing: float, u: float, v: float) -> Shot:
+def shoot(e: Equation, omega: float, forcing: float, u: float, v: float, periods: int = 1) -> Shot:
     """Correct the orbit near the state (u, v) at forcing phase 0."""
     y = np.array([u, v])
     for _ in range(12):
-        found = motion(e, omega, forcing, y)
+        found = motion(e, omega, forcing, y, periods)
         step = np.linalg.solve(found.by[:, :2] - np.eye(2), found.end - y)
         y = y - step
         if np.abs(step).max() < 1e-10 * (1.0 + np.abs(y).max()):
             break
     else:
         raise ConvergenceError("no periodic orbit")
-    found = motion(e, omega, forcing, y)
+    found = motion(e, omega, forcing, y, periods)
     first, second = np.linalg.eigvals(found.by[:, :2])
     return Shot(y, found.u_max, found.u_min, found.a1, (complex(first), complex(second)))
 
 
 def attractors(e: Equation, omega: float, forcing: float, starts: Vector, rtol: float = 1e-6) -> list[Vector]:
-    """States of orbits that motions from the starts (n, 2) settle to, of the period of the forcing."""
+    """States (order, 2) of orbits of period 1 or 2 that motions from the starts (n, 2) settle to."""
     r, n = e.restoring, len(starts)
 
     def field(t: float, y: Vector) -> Vector:
@@ -137,10 +137,16 @@ def attractors(e: Equation, omega: float, forcing: float, starts: Vector, rtol: 
 
     period = 2.0 * np.pi / omega
     last = int(np.ceil(8.0 / (e.zeta * period)))
-    times = period * np.arange(last, last + 2)
+    times = period * np.arange(last, last + 3)
     run = solve_ivp(field, (0, times[-1]), starts.T.ravel(), method="RK45", rtol=rtol, atol=rtol, t_eval=times)
-    ends = np.moveaxis(run.y.reshape(2, n, 2), (0, 1, 2), (2, 0, 1))
-    return [a for a, b in ends if np.hypot(*(b - a)) < 2e-3 * (0.1 + np.abs(a).sum())]
+    found = []
+    for a, b, c in np.moveaxis(run.y.reshape(2, n, 3), (0, 1, 2), (2, 0, 1)):
+        size = 2e-3 * (0.1 + np.abs(a).sum())
+        if np.hypot(*(b - a)) < size:
+            found.append(a[None])
+        elif np.hypot(*(c - a)) < size:
+            found.append(np.array([a, b]))
+    return found
 
 
 @lru_cache

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from contextlib import suppress
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from itertools import pairwise
 from typing import Any
@@ -18,8 +18,9 @@ import numpy as np
 from scipy.optimize import minimize_scalar
 
 from asperity.arrays import Array, Flags
+from asperity.dynamics.equation import TURN
 from asperity.dynamics.orbits import Orbits
-from asperity.dynamics.point import Path, Point, Tracing, hermite, value
+from asperity.dynamics.point import PIECES, Path, Point, Tracing, hermite, root, value
 from asperity.errors import ConvergenceError
 from asperity.runtime.display import short_repr
 
@@ -45,7 +46,7 @@ class Branch:
     """Periodic orbits in order along a branch.
 
     Attributes:
-        kind: "main" or "detached"
+        kind: "main", "sub2" (of period 2, from a period doubling) or "detached"
         points: the orbits, with the tangents of the branch
         end: reason why the branch ends
         contact: whether the law loses contact
@@ -67,6 +68,11 @@ class Branch:
     radius = _column(lambda p: p.radius, "Largest modulus of a Floquet multiplier")
     error = _column(lambda p: p.error, "Estimated errors of the orbits, relative to their amplitude")
     det_error = _column(lambda p: p.det_error, "Deviations of the monodromy determinant from Liouville's")
+
+    @property
+    def order(self) -> int:
+        """Forcing periods per period of the orbits."""
+        return self.points[0].order
 
     @cached_property
     def valid(self) -> Flags:
@@ -129,7 +135,7 @@ def _deviation(orbits: Orbits, a: Point, b: Point) -> float:
 
 
 def located(orbits: Orbits, path: Sequence[Point], how: Tracing) -> tuple[tuple[Point, ...], list[tuple[str, Point]]]:
-    """Path with its events in the window as points, and these with their names."""
+    """Path with its events as points, and these with their names: outside the window period doublings alone."""
     points = _with_pairs(orbits, path)
     tests: dict[str, Callable[[Point], float]] = {
         "fold": lambda p: p.rate,
@@ -141,8 +147,10 @@ def located(orbits: Orbits, path: Sequence[Point], how: Tracing) -> tuple[tuple[
     inside = np.array([how.is_inside(p.Omega) for p in points])
     for name, at in tests.items():
         values = np.array([at(p) for p in points])
+        if name == "fold" and len(values) > 1:  # it also vanishes at the ends of a period-2 branch, which are no folds
+            values[0], values[-1] = values[0] or values[1], values[-1] or values[-2]
         changes = (values[:-1] > 0) != (values[1:] > 0)
-        for i in np.flatnonzero(changes & inside[1:] & inside[:-1]):
+        for i in np.flatnonzero(changes & ((inside[1:] & inside[:-1]) | (name == "period doubling"))):
             if name == _TOP and values[i] < 0:  # a minimum of u_max
                 continue
             a, b = points[i], points[i + 1]
@@ -164,6 +172,8 @@ def _with_pairs(orbits: Orbits, path: Sequence[Point]) -> list[Point]:
             with suppress(ConvergenceError):
                 points.append(orbits.between(a, b, 0.5 * sum(back)))
         points.append(b)
+    if points[0].order > 1:
+        return points
     # psi^2 of multipliers -rho exp(+-i psi) is smooth along the branch, and negative between two doublings
     square = np.array([p.phase_square(-1.0) for p in points])
     new: list[tuple[int, Point]] = []
@@ -187,38 +197,118 @@ def _with_pairs(orbits: Orbits, path: Sequence[Point]) -> list[Point]:
     return points
 
 
+def doubled(orbits: Orbits, flip: Point) -> Point:
+    """Period doubling as the first point of the branch of twice the period."""
+    m = orbits.map(flip.y[:-1].reshape(-1, 2), flip.Omega, TURN / PIECES * np.arange(PIECES))
+    monodromy = np.linalg.multi_dot(m.by_end[::-1, :, :2])
+    directions = [np.linalg.svd(monodromy + np.eye(2))[2][-1]]
+    for piece in m.by_end[:-1, :, :2]:
+        directions.append(piece @ directions[-1])
+    y, t = np.concatenate([flip.y[:-1], flip.y]), np.concatenate([*directions, *(-d for d in directions), [0.0]])
+    t = t / np.linalg.norm(orbits.scales(flip.amplitude, y) * t)
+    top, low = int(m.high[:, 0].argmax()), int(m.low[:, 0].argmin())
+    rise = abs(m.high[top, 1:3] @ t[2 * top : 2 * top + 2])
+    fall = abs(m.low[low, 1:3] @ t[2 * low : 2 * low + 2])
+    return replace(
+        flip, y=y, tangent=t, slopes=np.array([rise, -fall, 0.0, 0.0]),
+        trace=flip.trace**2 - 2.0 * flip.determinant, determinant=flip.determinant**2,
+    )  # fmt: skip
+
+
+def subharmonic(orbits: Orbits, flip: Point, how: Tracing, known: Sequence[Path]) -> Path:
+    """Trace the branch of twice the period from a period doubling until it leaves the window or ends at another one."""
+    edges = _at_edges(known, how)
+
+    def stop(points: list[Point]) -> str | None:
+        return _doubling(orbits, points) or ("window" if any(is_same(q, points[-1]) for q in edges) else None)
+
+    return orbits.trace(doubled(orbits, flip), how, stop)
+
+
+def _doubling(orbits: Orbits, points: list[Point]) -> str | None:
+    """Replace the last point of a branch of twice the period by the period doubling that its last step passes."""
+    a, b = points[-2:]
+    odd_a = _odd(a)
+
+    def side(p: Point) -> float:
+        return float(_odd(p) @ odd_a)
+
+    if len(points) < 3 or side(b) > 0:
+        return None
+    points.pop()  # it repeats an orbit of the branch, shifted by half of its period
+    cubic, w, _ = orbits.segment(a, b)
+    at = root(lambda s: side(replace(a, y=value(cubic, s))), side(a), side(b))
+    end = replace(a, y=value(cubic, at), tangent=-odd_a / np.linalg.norm(w * odd_a))
+    points.append(replace(end, y=end.y - _odd(end)))
+    return "period doubling"
+
+
+def _odd(p: Point) -> Array:
+    """Half of the difference of the two forcing periods of an orbit, 0 for Omega."""
+    return 0.5 * (p.y - _shifted(p, 1).y)
+
+
+def _shifted(p: Point, periods: int) -> Point:
+    """The same orbit, seen from a later forcing period."""
+    y, t = (np.append(np.roll(x[:-1], 2 * PIECES * periods), x[-1]) for x in (p.y, p.tangent))
+    return replace(p, y=y, tangent=t)
+
+
+def _at_edges(known: Sequence[Path], how: Tracing) -> list[Point]:
+    """Orbits of known paths on an edge of the window, from which these lead on."""
+    ends = {*how.window, *(how.limits or ())}
+    return [q for path in known for q in path.points if q.Omega in ends]
+
+
 def through(orbits: Orbits, first: Point, how: Tracing, known: Sequence[Path]) -> Path | None:
-    """Trace the branch through an orbit in both directions, None where one of the known paths contains it."""
+    """Trace the branch through an orbit in both directions, unless one of the known paths contains it.
+
+    The result is None then, and where the true period of the orbit is shorter.
+    """
+    if first.order > 1 and np.abs(_odd(first))[::2].max() < 1e-3 * first.amplitude:
+        return None
     if any(is_same(q, first) for path in known for q in orbits.crossings(path.points, first.Omega)):
         return None
-    ends = {*how.window, *(how.limits or ())}
-    edges = [q for path in known for q in path.points if q.Omega in ends]  # from which the known paths lead on
+    copies = [_shifted(first, k) for k in range(first.order)]  # the same orbit, seen from each forcing period
+    edges = _at_edges(known, how)
 
     def closed(points: list[Point]) -> str | None:
+        if first.order > 1 and (doubling := _doubling(orbits, points)):
+            return doubling
         if any(is_same(q, points[-1]) for q in edges):
             return "window"
         if len(points) < 6:
             return None
         a, b = points[-2:]
-        w = orbits.scales(a.amplitude, a.Omega)
-        chord, to = w * (b.y - a.y), w * (first.y - a.y)
-        s = float(to @ chord) / float(chord @ chord)
-        if 0 <= s <= 1 and np.linalg.norm(to - s * chord) < 0.1 * np.linalg.norm(chord):
-            points[-1] = first
-            return "closed"
+        w = orbits.scales(a.amplitude, a.y)
+        chord = w * (b.y - a.y)
+        for copy in copies:
+            to = w * (copy.y - a.y)
+            s = float(to @ chord) / float(chord @ chord)
+            if 0 <= s <= 1 and np.linalg.norm(to - s * chord) < 0.1 * np.linalg.norm(chord):
+                points[-1] = copy
+                return "closed"
         return None
 
     forward = orbits.trace(first, how, closed)
     if forward.end == "closed":  # begin at an end of the window, so that no piece begins inside
         points = forward.points
         edge = next((i for i, p in enumerate(points) if p.Omega in how.window), 0)
-        return Path((*points[edge:], *points[1 : edge + 1]), "closed", "closed")
+        shift = next(k for k, copy in enumerate(copies) if copy is points[-1])
+        return Path((*points[edge:], *(_shifted(p, shift) for p in points[1 : edge + 1])), "closed", "closed")
     backward = orbits.trace(first.turned(), how, closed)
     turned = tuple(p.turned() for p in reversed(backward.points[1:]))
     return Path(turned + forward.points, forward.end, backward.end)
 
 
 def is_same(a: Point, b: Point) -> bool:
-    """Whether two points are one orbit."""
+    """Whether two points are one orbit, seen from whichever forcing period."""
     close = max(_SAME, 10.0 * max(a.error, b.error)) * max(a.amplitude, 1e-300)
-    return abs(a.Omega - b.Omega) <= 1e-9 and float(np.abs(a.start - b.start).max()) < close
+    return abs(a.Omega - b.Omega) <= 1e-9 and distance(a, b) < close
+
+
+def distance(a: Point, b: Point) -> float:
+    """Greatest difference of the states of two orbits, up to a shift by whole forcing periods."""
+    if a.order != b.order:
+        return np.inf
+    return min(float(np.abs(a.states - np.roll(b.states, k, axis=0)).max()) for k in range(a.order))

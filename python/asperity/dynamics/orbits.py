@@ -1,9 +1,10 @@
 """Periodic orbits as fixed points of the period map, and their branches by pseudo-arclength continuation.
 
 An orbit is known by its states at equally spaced phases of the forcing, a quarter of a period apart: a single piece of
-a very unstable one would amplify every error. Lengths along a branch are relative: to the amplitude, and to the
-frequency. Near a resonance, however narrow, a Floquet multiplier comes close to 1 or -1: a step changes its phase by at
-most half of the distance, and so shrinks geometrically instead of jumping over the resonance.
+a very unstable one would amplify every error. One of twice the period has twice as many. Lengths along a branch are
+relative: to the amplitude, and to the frequency. Near a resonance, however narrow, a Floquet multiplier comes close to
+1 or -1: a step changes its phase by at most half of the distance, and so shrinks geometrically instead of jumping over
+the resonance.
 """
 
 from __future__ import annotations
@@ -22,7 +23,6 @@ from asperity.dynamics.point import PIECES, SMALLEST, TOO_MUCH, Path, Point, Tra
 from asperity.dynamics.settings import Setting
 from asperity.errors import ConvergenceError
 
-_PHASES = TURN / PIECES * np.arange(PIECES)  # at which the pieces begin
 _NEWTON = 8  # iterations of the corrector
 _NEWTON_RTOL = 1e-6  # relative size of its last step; the remaining error is of the order of the square
 _LOST = 1e9  # relative state beyond which Newton's method has left the orbit
@@ -43,16 +43,17 @@ _NOISE = 30.0  # steps of Newton's method that round-off causes, over it
 
 @dataclass
 class Orbits:
-    """Orbits of the period of the forcing as zeros of a function of states and Omega."""
+    """Orbits of one or more forcing periods as zeros of a function of states and Omega."""
 
     equation: Equation
     setting: Setting
     rtol: float = 1e-9
     work: float = field(default=0.0, repr=False, compare=False)  # steps of the integrator so far, in points
 
-    def scales(self, amplitude: float, omega: float) -> Array:
-        """Weights of states and Omega in lengths along the branch."""
-        w, size = np.empty(2 * PIECES + 1), amplitude * np.sqrt(PIECES)
+    def scales(self, amplitude: float, y: Array) -> Array:
+        """Weights of the unknowns y (states, Omega) in lengths along the branch."""
+        omega = abs(y[-1]) + 1e-300
+        w, size = np.empty(y.size), amplitude * np.sqrt(y.size // 2)
         w[0::2], w[1::2] = 1.0 / size, 1.0 / (size * max(1.0, omega))
         w[-1] = 1.0 / omega
         return w
@@ -66,12 +67,12 @@ class Orbits:
         self.work += m.steps / WORK
         return m
 
-    def through(self, start: Array, omega: float) -> Array:
-        """Guess of the unknowns from the state at forcing phase 0."""
-        states = [start]
-        for phase in _PHASES[:-1]:
-            states.append(self.map(states[-1], omega, phase, derivatives=False).end[0])
-        return np.append(states, omega)
+    def through(self, states: ArrayLike, omega: float) -> Array:
+        """Guess of the unknowns from the states at forcing phase 0 of each period (order, 2)."""
+        rows: list[Array] = [np.reshape(states, (-1, 2))]
+        for k in range(PIECES - 1):
+            rows.append(self.map(rows[-1], omega, k * TURN / PIECES, derivatives=False).end)
+        return np.append(np.stack(rows, 1).ravel(), omega)
 
     def correct(
         self, y: Array, normal: Array, amplitude: float, *, limit: float = np.inf, rtol: float = _NEWTON_RTOL
@@ -83,15 +84,16 @@ class Orbits:
         Raises:
             ConvergenceError: the iteration does not converge, or moves further than `limit`
         """
-        w = self.scales(min(amplitude, 1.0) + 1e-300, abs(y[-1]) + 1e-300)
+        w = self.scales(min(amplitude, 1.0) + 1e-300, y)
         plane = normal / w
         plane = plane / np.sqrt(plane @ plane)
         previous, travelled = np.inf, 0.0
         rtol = max(rtol, _NOISE * _ROUND_OFF / (self.equation.restoring.n_loc * min(amplitude, 1.0) + 1e-300))
-        rows, ahead = np.arange(2 * PIECES).reshape(-1, 2), -np.roll(np.eye(2 * PIECES), 2, axis=1)
+        rows, ahead = np.arange(y.size - 1).reshape(-1, 2), -np.roll(np.eye(y.size - 1), 2, axis=1)
+        phases = TURN / PIECES * np.arange(len(rows))  # at which the pieces begin
         for _ in range(_NEWTON):
             states = y[:-1].reshape(-1, 2)
-            m = self.map(states, float(y[-1]), _PHASES)
+            m = self.map(states, float(y[-1]), phases)
             residual = (m.end - np.concatenate([states[1:], states[:1]])).ravel() * w[:-1]
             if not np.abs(residual).max() < _LOST:
                 break
@@ -125,7 +127,7 @@ class Orbits:
             [changes[:, :-1].reshape(2, -1, 2), np.broadcast_to(changes[:, None, -1:], (2, len(m.end), 1))], axis=2
         )
         top, low = int(m.high[:, 0].argmax()), int(m.low[:, 0].argmin())
-        waves = 2.0 / TURN * m.wave
+        waves = 2.0 * PIECES / (TURN * len(m.end)) * m.wave
         moves = np.array([
             by_lane[:, top] @ m.high[top, 1:], by_lane[:, low] @ m.low[low, 1:],
             *np.einsum("cij,ikj->kc", by_lane, waves[:, :, 1:]),
@@ -136,7 +138,7 @@ class Orbits:
         size = max(liouville, 1e-6 * float(np.sum(monodromy**2)), 1e-12)
         off = abs(float(np.linalg.det(monodromy)) - liouville) / size
         a = 0.5 * (extremes[0] - extremes[1]) + 1e-300
-        length = np.linalg.norm(tangent * self.scales(a, abs(y[-1]) + 1e-300))
+        length = np.linalg.norm(tangent * self.scales(a, y))
         error = max(error * min(1.0, 1.0 / a), _ROUND_OFF / (self.equation.restoring.n_loc * a))
         return Point(
             y, tangent / length, extremes, moves[:, 1] / length, float(np.trace(monodromy)), liouville, off, error
@@ -151,7 +153,7 @@ class Orbits:
 
     def segment(self, a: Point, b: Point) -> tuple[Array, Array, float]:
         """Cubic (4, unknowns) from a to b over [0, 1], weights of the unknowns, and the length of the chord."""
-        w = self.scales(a.amplitude, a.Omega)
+        w = self.scales(a.amplitude, a.y)
         chord = b.y - a.y
         length = float(np.linalg.norm(w * chord))
         out, into = (length / (np.linalg.norm(w * p.tangent) + 1e-300) * p.tangent for p in (a, b))
@@ -235,7 +237,7 @@ class Orbits:
         points, h, most = [first], 0.05, self.work + how.max_work
         while True:
             here, omega = points[-1], points[-1].Omega
-            w = self.scales(here.amplitude, omega)
+            w = self.scales(here.amplitude, here.y)
             unit = here.tangent / np.linalg.norm(w * here.tangent)
             longest = how.max_step if how.is_inside(omega) else min(_STRIDE * omega, 5.0 * how.max_step + _STRIDE)
             h = min(h, longest / max(abs(unit[-1]), 1e-9), _LONGEST, self._resonance(here, float(unit[-1])))
@@ -265,8 +267,9 @@ class Orbits:
                 if error > 2.0 or float(along @ (w * unit)) < 0.5:
                     h *= max(0.2, min(0.6, (0.5 / max(error, 1e-9)) ** 0.25))
                     continue
-                # Omega turns where a multiplier passes 1, or else the step has jumped to where the branch comes back
-                if h > _TURNED and here.fold * here.rate * point.fold * point.rate < 0:
+                # Omega turns where a multiplier passes 1, or else the step has jumped to where the branch comes back;
+                # not so at the period doubling that a branch of twice the period passes
+                if here.order == 1 and h > _TURNED and here.fold * here.rate * point.fold * point.rate < 0:
                     h *= _CUT
                     continue
                 break
@@ -294,9 +297,9 @@ class Orbits:
         """Longest step near a resonance, by the phase of the multipliers; `rate` is that of Omega along the branch."""
         if p.determinant <= SMALLEST:
             return np.inf
-        decay, turn = -0.5 * np.log(p.determinant), TURN / p.Omega**2
+        decay, turn = -0.5 * np.log(p.determinant), TURN * p.order / p.Omega**2
         near = min(abs(p.phase_square(sign)) for sign in (1.0, -1.0)) ** 0.5
-        w = self.scales(p.amplitude, p.Omega)
+        w = self.scales(p.amplitude, p.y)
         drift = float(np.linalg.norm((w * p.tangent)[:-1])) / max(abs(p.rate), 1e-9)
         if drift * abs(p.fold) / turn < _WEAK * max(decay, 1e-6):
             return np.inf

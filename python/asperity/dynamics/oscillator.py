@@ -139,8 +139,9 @@ class ContactOscillator:
         *,
         excitation: str = "force",
         tol: float = 1e-5,
+        subharmonics: bool = True,
     ) -> FrequencyResponse:
-        """All orbits with the period of the forcing in a window, stable and unstable, with their bifurcations.
+        """All periodic orbits in a window of frequencies, stable and unstable, with their bifurcations.
 
         Args:
             forcing: F^ = F/(n_loc W), 1e-9 to 1e6; of the base see `excitation`
@@ -149,6 +150,7 @@ class ContactOscillator:
                 Omega, which acts like F^ = forcing
             omega: lowest and highest Omega, 0.01 to 100
             tol: allowed error of the orbits, relative to the amplitude
+            subharmonics: whether orbits of period 2 are searched
 
         Raises:
             ConvergenceError: no orbit is found
@@ -156,7 +158,8 @@ class ContactOscillator:
         """
         within("zeta of forced motion", self.zeta, ZETA)
         setting = self.setting(within("forcing", forcing, FORCING), excitation)
-        return frequency_response(self.equation, setting, window(omega), tol=positive("tol", tol))
+        ends, tol = window(omega), positive("tol", tol)
+        return frequency_response(self.equation, setting, ends, tol=tol, subharmonics=subharmonics)
 
     def uncertainty(self) -> Uncertainty:
         """Intervals of the law by its points.

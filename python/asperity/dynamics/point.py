@@ -12,7 +12,7 @@ from scipy.optimize import brentq
 from asperity.arrays import Array
 from asperity.dynamics.equation import TURN
 
-PIECES = 4  # of a period
+PIECES = 4  # of a forcing period
 TOO_MUCH = "too much work"  # a reason why a path ends
 SMALLEST = 1e-200  # determinant of a motion that has decayed completely
 
@@ -26,7 +26,7 @@ class Point:
         tangent: of the branch in these; its last entry changes sign at a fold
         extremes: u_max, u_min, and the cosine and sine coefficients at the forcing frequency (4,)
         slopes: their derivatives along the tangent (4,)
-        trace, determinant: of the monodromy matrix
+        trace, determinant: of the monodromy matrix over the period of the orbit
         det_error: deviation of the computed determinant from Liouville's, which is `determinant`
         error: estimated error of the orbit, relative to its amplitude
     """
@@ -44,6 +44,16 @@ class Point:
     def Omega(self) -> float:
         """Forcing frequency over omega_s."""
         return float(self.y[-1])
+
+    @property
+    def order(self) -> int:
+        """Forcing periods per period of the orbit."""
+        return self.y.size // (2 * PIECES)
+
+    @property
+    def states(self) -> Array:
+        """States u, v at forcing phase 0, one for each forcing period (order, 2)."""
+        return self.y[:-1].reshape(-1, 2)[::PIECES]
 
     @property
     def rate(self) -> float:
@@ -119,6 +129,11 @@ class Path:
     points: tuple[Point, ...]
     end: str
     begin: str = "window"
+
+    @property
+    def order(self) -> int:
+        """Forcing periods per period of its orbits."""
+        return self.points[0].order
 
 
 @dataclass(frozen=True)

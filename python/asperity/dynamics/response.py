@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from asperity.dynamics.branch import Branch, Solution, dense
+from asperity.dynamics.branch import Branch, Solution, dense, distance
 from asperity.dynamics.equation import Equation
 from asperity.dynamics.orbits import Orbits
 from asperity.dynamics.point import Tracing
@@ -94,7 +94,7 @@ class FrequencyResponse:
                 # the sense differs on the two sides of a fold, however close
                 if not any(
                     (p.fold > 0) == (q.fold > 0)
-                    and np.abs(p.start - q.start).max() < (_SAME + 10.0 * max(p.error, q.error)) * p.amplitude
+                    and distance(p, q) < (_SAME + 10.0 * max(p.error, q.error)) * p.amplitude
                     for q in found
                 ):
                     found.append(Solution.at(branch.kind, number, p))
@@ -167,6 +167,7 @@ def frequency_response(
     omega: tuple[float, float],
     *,
     tol: float = 1e-5,
+    subharmonics: bool = True,
     max_work: float = 6000.0,
 ) -> FrequencyResponse:
     """Compute all branches in a window; arguments and errors as in `ContactOscillator.response`.
@@ -175,7 +176,7 @@ def frequency_response(
     """
     rtol = min(max(_RTOL * tol, _FINEST), _COARSEST)
     how = Tracing(omega, (omega[1] - omega[0]) / 25.0, max_work)
-    search = Search(equation, setting, how, rtol)
+    search = Search(equation, setting, how, subharmonics, rtol)
     search.run()
     branches = search.branches
     return FrequencyResponse(
@@ -195,7 +196,7 @@ def _limitations(branches: Sequence[Branch], known_to: float) -> Iterator[str]:
             "lower the forcing, or compute the curve further"
         )
     for number, b in enumerate(branches):
-        if b.end not in ("window", "closed"):
+        if b.end not in ("window", "closed", "period doubling"):
             yield f"branch {number} ({b.kind}) ends early: {b.end}"
     unreliable = sum(int((b.det_error > _UNRELIABLE).sum()) for b in branches)
     if unreliable:
