@@ -75,7 +75,7 @@ struct Resolvents
 
   explicit Resolvents(const Deformation& x) : F(x.F)
   {
-    const auto& [points, weights] = gauss<count>;
+    const Lanes &points = gauss<count>.points, &weights = gauss<count>.weights; // OpenMP of clang takes no binding
     const Sym& A = x.A;
     double xx = 0.0, yy = 0.0, zz = 0.0, xy = 0.0, xz = 0.0, yz = 0.0;
 #pragma omp simd reduction(+ : xx, yy, zz, xy, xz, yz)
