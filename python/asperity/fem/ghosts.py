@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from functools import partial
 from typing import Any, TypeVar
 
 import numpy as np
 import numpy.typing as npt
 
+from asperity.arrays import Singles
 from asperity.runtime import compat
 
 TAG = 52  # of the messages of a sum
@@ -59,33 +61,42 @@ class SharedSums:
     """Sums of nodal values over the ranks that hold a node, on each of them: one exchange between neighbours.
 
     All add the parts of a node in the order of the ranks, so they have the same sum to the last bit.
+
+    Args:
+        width: values of a node, in single precision
     """
 
-    def __init__(self, index_map: Any, comm: Any) -> None:
-        self._comm = comm
+    def __init__(self, index_map: Any, comm: Any, width: int) -> None:
+        from scipy import sparse
+
         nodes = np.arange(index_map.size_local + index_map.num_ghosts, dtype=np.int32)
         holders = compat.ghost_holders(index_map)
         of_node, rank = np.repeat(nodes, np.diff(holders.offsets)), holders.array
         order = np.lexsort((index_map.local_to_global(nodes)[of_node], rank))
-        self._nodes = of_node[order]  # by the other rank, then in an order that both know
+        self._sent = of_node[order]  # by the other rank, then in an order that both know
+        self._shared, row = np.unique(self._sent, return_inverse=True)
+        own = len(self._shared)
+        self._out = np.empty((len(self._sent), width), dtype=np.float32)
+        self._parts = np.empty((own + len(self._sent), width), dtype=np.float32)  # those of this rank first
         ranks, starts = np.unique(rank[order], return_index=True)
-        self._parts = [*zip(ranks.tolist(), map(slice, starts, [*starts[1:], len(order)]), strict=True)]
-        self._shared = np.unique(of_node)
+        self._messages = [
+            (partial(comm.Irecv, self._parts[own + start : own + end], other, TAG),
+             partial(comm.Isend, self._out[start:end], other, TAG))
+            for other, start, end in zip(ranks.tolist(), starts, [*starts[1:], len(order)], strict=True)
+        ]  # fmt: skip
+        row = np.concatenate([np.arange(own), row])
+        by_rank = np.lexsort((np.concatenate([np.full(own, comm.rank), rank[order]]), row))
+        pointers = np.searchsorted(row[by_rank], np.arange(own + 1))
+        ones = np.ones(len(row), dtype=np.float32)
+        self._sum = sparse.csr_array((ones, by_rank, pointers), (own, len(row)))
 
-    def add(self, values: npt.NDArray[Real]) -> None:
-        """Add the parts of the other ranks to nodal values (nodes, k) in place; collective."""
+    def add(self, values: Singles) -> None:
+        """Add the parts of the other ranks to nodal values (nodes, width) in place; collective."""
         from mpi4py import MPI
 
-        out, into = values[self._nodes], np.empty((len(self._nodes), values.shape[1]), dtype=values.dtype)
-        requests = [self._comm.Irecv(into[part], rank, TAG) for rank, part in self._parts]
-        requests += [self._comm.Isend(out[part], rank, TAG) for rank, part in self._parts]
-        own, added = values[self._shared], False
-        values[self._shared] = 0.0
+        np.take(values, self._sent, axis=0, out=self._out, mode="clip")
+        requests = [start() for message in self._messages for start in message]
+        own = self._parts[: len(self._shared)]
+        np.take(values, self._shared, axis=0, out=own, mode="clip")
         MPI.Request.Waitall(requests)
-        for rank, part in self._parts:
-            if not added and rank > self._comm.rank:
-                values[self._shared] += own
-                added = True
-            values[self._nodes[part]] += into[part]
-        if not added:
-            values[self._shared] += own
+        values[self._shared] = self._sum @ self._parts

@@ -48,7 +48,7 @@ class TangentOperator:
         self._blocks: Singles = np.empty(0, dtype=np.float32)
         self._sums = la.vector(solid.V.dofmap.index_map, 4, np.float32)
         if solid.comm.size > 1:
-            self._shared = SharedSums(solid.V.dofmap.index_map, solid.comm)
+            self._shared = SharedSums(solid.V.dofmap.index_map, solid.comm, 4)
         self.version = 0
         self.hold(np.empty(0, dtype=np.int32))
 
