@@ -5,7 +5,7 @@
                      for clone in A B A B A B; do $clone/run python3 benchmarks/speed.py path; done
     ./run python3 benchmarks/speed.py krylov [H ...]     tolerance of the Krylov solver, elastic and elastic-plastic
     ./run python3 benchmarks/speed.py coarse [H ...]     ways to solve the coarse problem, also under mpirun
-    ./run mpirun --oversubscribe -n N python3 benchmarks/speed.py ranks [H]    counts of N ranks, and what they cost
+    ./run mpirun -n N python3 benchmarks/speed.py ranks [H]                    four steps on N ranks, on as many cores
     ./run mpirun --oversubscribe -n N python3 benchmarks/speed.py memory [H]   memory of N ranks in one step
 
 Paths of ten steps go to 0.03 L. H is the element size in the contact in units of L; seconds are CPU seconds.
@@ -18,16 +18,13 @@ import sys
 import warnings
 from math import log
 from pathlib import Path
-from time import process_time
+from time import perf_counter, process_time
 from typing import Any
 
-from dolfinx import fem
 from mpi4py import MPI
 
 import asperity as asp
 from asperity.linear import coarse as coarse_problem
-from asperity.linear.coarse import interface_of
-from asperity.mesh.distribute import distribute
 from asperity.quasistatic.contact_result import ContactResult
 from asperity.quasistatic.make import make_block
 
@@ -116,43 +113,20 @@ def coarse(sizes: tuple[float, ...]) -> None:
             out(MPI.COMM_WORLD.size, result.dofs, name, counts.newton, counts.krylov, f"{seconds:.1f}", memory)
 
 
-# Elastic-plastic path of four steps, 221,919 dofs (h_contact 0.0125 L), on 16 cores of a Xeon: seconds of one rank that
-# are shared evenly, of the tangent, and of what no rank shares; iterations and factorisations.
-EVEN, TANGENT, ALONE, KRYLOV, FACTORS = 88.2, 7.2, 2.9, 857, 141
-BUSIEST = {1: 1.0, 2: 1.25, 4: 2.1, 8: 3.1, 16: 3.2}  # cells that flow on the busiest rank over the mean, counted
-STREAM, RATE = 3.6e9, 180e9  # bytes and flops a second of a rank, of the dense matrix on 8 ranks
-MULTIGRID = 1.26  # CPU seconds of the path with algebraic multigrid over those with substructures, one rank
-MEASURED = {1: 98.3, 2: 51.9, 4: 33.2, 8: 27.9}  # seconds of ranks with substructures, there
-LATENCY, MESSAGES = 5e-6, {"substructures": 12, "multigrid": 112}  # seconds of one, and how many an iteration takes
-
-
 def ranks(sizes: tuple[float, ...]) -> None:
-    """Counts of a mesh on these ranks, nothing is solved: the interface and its dense matrix.
-
-    Near the end is a model: seconds and efficiency of the path above, exact counts times the costs of that
-    machine, beside what was measured there; they hold for H = 0.0125.
-    """
+    """Four elastic-plastic steps to 0.02 L, without the mesh: seconds, those of parts on the slowest rank."""
     comm = MPI.COMM_WORLD
-    head(
-        "ranks, dofs, coarse problem, interface, MB a solution, Gflop a factorisation, model s, efficiency, measured s"
-    )
+    parts = "set-up", "residual", "tangent", "preconditioner", "linear solve"
+    head(f"ranks, dofs, Newton, Krylov, s, {', '.join(parts)}, GiB")
     for h in sizes:
         block = make_block(comm, asp.Surface.from_spec(**SURFACE), L, 0.02 * L, asp.MeshSize(h * L), "rollers")
-        mesh = distribute(comm, block, L)[0]
-        dofs = 3 * comm.bcast(None if block is None else len(block.points), root=0)
-        corners = fem.functionspace(mesh, ("Lagrange", 1, (3,))).dofmap.index_map
-        shared, coarse = interface_of(corners, comm).dofs, 3 * corners.size_global
-        by_rule = "substructures" if shared**2 <= coarse_problem.DENSE * coarse / comm.size else "multigrid"
-        for kind in dict.fromkeys((by_rule, "substructures")):
-            dense = kind == "substructures"
-            stored, flops = 4.0 * shared**2 * dense, shared**3 / 3.0 * dense
-            work = EVEN if dense else EVEN * MULTIGRID
-            seconds = ALONE + work / comm.size + TANGENT * BUSIEST.get(comm.size, 3.2) / comm.size
-            seconds += KRYLOV * (stored / STREAM + (comm.size > 1) * MESSAGES[kind] * LATENCY) + FACTORS * flops / RATE
-            share = (EVEN + TANGENT + ALONE) / seconds / comm.size
-            known = MEASURED.get(comm.size, "-") if dense else "-"
-            out(comm.size, dofs, kind, shared, f"{stored / 1e6:.1f}", f"{flops / 1e9:.1f}", f"{seconds:.1f}",
-                f"{share:.2f}", str(known))  # fmt: skip
+        start = perf_counter()
+        result, _ = press("plastic", h, 0.02, 4, block=block)
+        seconds = perf_counter() - start
+        spent = comm.allgather(result.phases.seconds)
+        slowest = (f"{max(s.get(part, 0.0) for s in spent):.1f}" for part in parts)
+        counts = result.counts
+        out(comm.size, result.dofs, counts.newton, counts.krylov, f"{seconds:.1f}", *slowest, result.memory / 2**30)
 
 
 def memory(sizes: tuple[float, ...]) -> None:
