@@ -115,6 +115,8 @@ def test_the_files_of_the_architecture_exist_and_are_counted() -> None:
     names = set(re.findall(r"`([\w/]+\.(?:py|cpp|hpp))`", page))
     assert len(names) > 30
     assert not [name for name in names if not ((ROOT / name).exists() or (ROOT / "python/asperity" / name).exists())]
+    packages = [path.parent.name for path in (ROOT / "python/asperity").glob("*/__init__.py")]
+    assert not [name for name in packages if f"\n| `{name}` |" not in page]
     rows = re.findall(r"^\| .* \| (\d+) \| (.*) \|$", page, re.MULTILINE)
     assert len(rows) >= 10
     for count, files in rows:
