@@ -315,6 +315,12 @@ def test_the_bar_of_the_exponent_holds_it_on_small_maps_of_any_roll_off_and_cut_
     assert len(inside) >= 24 and np.mean(inside) >= 0.9
 
 
+def test_a_small_map_of_a_power_law_is_not_called_another_spectrum() -> None:
+    made = SelfAffine(L=1.0, H=0.6, slope=0.2, lambda_roll=2.0, lambda_short=5 / 32, periodic=False, seed=0)
+    with pytest.raises(InputError, match="too few waves"):
+        fit_self_affine(psd(HeightField(made.grid(33), 1 / 32, 1 / 32).levelled("plane").z, 1.0), shortest=4 / 32)
+
+
 @pytest.mark.parametrize("kind", ["sine", "saw", "squares", "egg box", "turned", "steps"])
 def test_grooves_and_patterns_have_no_hurst_exponent(kind: str) -> None:
     x, y = np.meshgrid(*2 * [np.linspace(0.0, 1.0, 257)])

@@ -61,8 +61,8 @@ def fit_self_affine(spectrum: Spectrum, shortest: float) -> SelfAffineFit:
         shortest: shortest wavelength to use (length)
 
     Raises:
-        InputError: there are too few waves between the longest and the shortest, the patch is flat, or the spectrum
-            is far from a power law, so that the exponent is not known to 0.5
+        InputError: there are too few waves between the longest and the shortest, or the spectrum is far from a power
+            law, so that the exponent is not known to 0.5; or the patch is flat
     """
     x, y, weight = _bands(spectrum, shortest)
     if x.size < 4:
@@ -78,7 +78,9 @@ def fit_self_affine(spectrum: Spectrum, shortest: float) -> SelfAffineFit:
     off = [abs(line.exponent - found.exponent) + line.reach(best.misfit + _AS_GOOD * scatter) for line in lines]
     H, error = found.exponent / 2 - 1, max(off) / 2
     if error >= _UNKNOWN:
-        raise InputError(f"the spectrum is far from a power law: it would be {H:.2f} ± {error:.2g}")
+        raise InputError(
+            f"the spectrum has too few waves, or is far from a power law: it would be {H:.2f} ± {error:.2g}"
+        )
     L = 2 * math.pi / float(spectrum.q[0])
     return SelfAffineFit(
         H=H,
