@@ -67,3 +67,10 @@ def test_the_bars_hold(curve: Callable[[np.random.Generator], Curve]) -> None:
         bars = (known.n_loc, known.kappa, known.z_s, known.k_n)
         inside.append([b.low - 1e-9 * abs(v) <= v <= b.high + 1e-9 * abs(v) for b, v in zip(bars, values, strict=True)])
     assert np.all(np.mean(inside, axis=0) >= 0.95), np.mean(inside, axis=0)
+
+
+def test_slopes_that_are_unknown_have_the_bar_of_points_without_any() -> None:
+    z = np.geomspace(0.05, 1.0, 9)
+    without, unknown = (intervals(TableLaw(z, np.expm1(4.0 * z), k=k), 5.0) for k in (None, np.full(z.size, np.nan)))
+    for name in ("n_loc", "z_s", "k_n"):
+        assert getattr(unknown, name) == pytest.approx(getattr(without, name))

@@ -170,12 +170,13 @@ class TableLaw(Law):
 
     @property
     def others(self) -> tuple[TableLaw, ...]:
-        """Laws that the points may mean as well: without some of them, and with the slopes of a cubic spline."""
-        if self.k is not None:
+        """Laws that the points may mean as well: without some of them, and unknown slopes of a cubic spline."""
+        unknown = np.full(self.z.size, True) if self.k is None else np.isnan(self.k)
+        if not unknown.any():
             return self.thinned
         x = np.log(self.z)
         slopes = CubicSpline(x, np.log(self.F))(x, 1) * self.F / self.z
-        return (*self.thinned, replace(self, k=slopes, origin=0.0))
+        return (*self.thinned, replace(self, k=np.where(unknown, slopes, self.slopes), origin=0.0))
 
     @property
     def top(self) -> float:
