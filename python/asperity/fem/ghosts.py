@@ -78,11 +78,11 @@ class SharedSums:
         own = len(self._shared)
         self._out = np.empty((len(self._sent), width), dtype=np.float32)
         self._parts = np.empty((own + len(self._sent), width), dtype=np.float32)  # those of this rank first
-        ranks, starts = np.unique(rank[order], return_index=True)
+        ranks, starts, counts = np.unique(rank[order], return_index=True, return_counts=True)
         self._messages = [
-            (partial(comm.Irecv, self._parts[own + start : own + end], other, TAG),
-             partial(comm.Isend, self._out[start:end], other, TAG))
-            for other, start, end in zip(ranks.tolist(), starts, [*starts[1:], len(order)], strict=True)
+            (partial(comm.Irecv, self._parts[own + start : own + start + count], other, TAG),
+             partial(comm.Isend, self._out[start : start + count], other, TAG))
+            for other, start, count in zip(ranks.tolist(), starts, counts, strict=True)
         ]  # fmt: skip
         row = np.concatenate([np.arange(own), row])
         by_rank = np.lexsort((np.concatenate([np.full(own, comm.rank), rank[order]]), row))
