@@ -9,12 +9,17 @@
 
 namespace asperity
 {
+constexpr int node_pairs = nodes * (nodes + 1) / 2; // of the nodes of a cell, each with itself included
+
 /// Row starts of the node graph of a matrix, its number of values, and positions of element matrices in it.
 struct Pattern
 {
   Array<const int> indptr;
   std::size_t size, per_cell;
   std::vector<std::uint16_t> offsets; // (cells, per_cell)
+
+  /// `cell_dofs` (cells, nodes): nodes of the cells whose element matrices will be added; whole, or the upper `half`.
+  Pattern(const Array<const int>& cell_dofs, Array<const int> graph, const Array<const int>& indices, bool half);
 
   /// Start of an array of values, refused if shorter than `size`; `cells` is the number of matrices to add.
   template <typename Value>
@@ -35,8 +40,10 @@ struct BlockPattern : Pattern
 {
   using Value = double;
 
-  /// `cell_dofs` (cells, nodes): nodes of the cells whose element matrices will be added.
-  BlockPattern(Array<const int> cell_dofs, Array<const int> indptr, Array<const int> indices);
+  BlockPattern(Array<const int> cell_dofs, Array<const int> indptr, Array<const int> indices)
+      : Pattern(cell_dofs, indptr, indices, false)
+  {
+  }
 
   /// Start to load what `add` changes, which is in no cache, while the element matrix is computed.
   void prefetch(const int* cell_dofs, std::size_t c, double* values) const
@@ -73,21 +80,22 @@ struct BlockPattern : Pattern
 };
 
 /// Positions of symmetric element matrices in the upper half of a matrix, in single precision: the columns of its blocks
-/// (blocks, 9), see linear.hpp. The graph is that of the upper half; `offsets` (cells, pairs of nodes) holds the position
+/// (blocks, 9), see linear.hpp. The graph is that of the upper half; `offsets` (cells, node_pairs) holds the position
 /// of the later node of a pair in the row of the earlier one.
 struct HalfPattern : Pattern
 {
   using Value = float;
-  static constexpr int pairs = nodes * (nodes + 1) / 2;
 
-  /// See BlockPattern; so for the other functions.
-  HalfPattern(Array<const int> cell_dofs, Array<const int> indptr, Array<const int> indices);
+  HalfPattern(Array<const int> cell_dofs, Array<const int> indptr, Array<const int> indices)
+      : Pattern(cell_dofs, indptr, indices, true)
+  {
+  }
 
   /// Call `at(a, b, block)` for each pair of nodes of a cell, the one that comes first in the matrix first.
   template <typename At>
   void at_pairs(const int* cell_dofs, std::size_t c, float* blocks, At at) const
   {
-    const std::uint16_t* offset = offsets.data() + c * pairs;
+    const std::uint16_t* offset = offsets.data() + c * node_pairs;
     for (int a = 0; a < nodes; ++a)
       for (int b = a; b < nodes; ++b, ++offset)
       {
