@@ -94,3 +94,12 @@ def test_sums_of_all_holders(coarse: BlockMesh | None) -> None:
     SharedSums(solid.V.dofmap.index_map, solid.comm, 4).add(found)
     np.testing.assert_allclose(found, expected, rtol=1e-6, atol=1e-6)
     np.testing.assert_array_equal(solid.ghosts.scatter_forward(found[: solid.owned].copy()), found)
+
+
+@pytest.mark.mpi
+def test_ranks_that_share_no_node_keep_their_parts() -> None:
+    from dolfinx.common import IndexMap
+
+    parts = np.ones((3, 4), dtype=np.float32)
+    SharedSums(IndexMap(world(), 3), world(), 4).add(parts)
+    np.testing.assert_array_equal(parts, np.ones((3, 4)))
