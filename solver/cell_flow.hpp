@@ -44,6 +44,13 @@ public:
     }
   }
 
+  /// Moduli of a point without the part of the bulk modulus that the cell does not keep.
+  Moduli relaxed(Moduli moduli) const
+  {
+    moduli.lambda -= (1.0 - flow.kept) * material.bulk();
+    return moduli;
+  }
+
 private:
   struct Entry
   {

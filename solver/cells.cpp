@@ -144,8 +144,7 @@ void stiffness_consistent(const Cells& cells, const J2& law, bool finite, const 
                       {
                         if (!x.valid())
                           return;
-                        Moduli moduli = kind() ? law.tangent(r) : law.softening(r);
-                        moduli.lambda -= (1.0 - cell.flow.kept) * law.bulk();
+                        const Moduli moduli = cell.relaxed(kind() ? law.tangent(r) : law.softening(r));
                         if (kind() || r.plastic || cell.flow.kept < 1.0)
                           add_stiffness(p.g, x.tangent(r.stress, moduli, r.direction), p.volume, A);
                         if (cell.flow.relaxes())

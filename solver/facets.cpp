@@ -63,9 +63,7 @@ private:
           stress[p.at] = row_z(x.nominal(r.stress));
           if (!differentiate)
             return;
-          Moduli moduli = law.material.tangent(r);
-          moduli.lambda -= (1.0 - cell.flow.kept) * law.material.bulk();
-          add_slope(x.tangent(r.stress, moduli, r.direction), p);
+          add_slope(x.tangent(r.stress, cell.relaxed(law.material.tangent(r)), r.direction), p);
           if (relaxes)
             add_common_slope(law.material, cell.flow, common, p, x, r);
         });
