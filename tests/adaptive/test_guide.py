@@ -21,7 +21,7 @@ from asperity.adaptive.extrapolation import (
 )
 from asperity.adaptive.guide import Guide, Omission, spots_of
 from asperity.adaptive.mesh_levels import LevelSolver
-from asperity.adaptive.mesh_plan import RATIO, next_step, planned_order, shares
+from asperity.adaptive.mesh_plan import RATIO, next_step, partner, planned_order, shares
 from asperity.adaptive.refine import refine
 from asperity.curve import Curve
 from asperity.errors import Interrupted
@@ -125,10 +125,10 @@ def test_few_elements_in_the_spots_have_a_wider_bar(flows: bool, part: float) ->
     assert budget.mesh / fine.curve.P_star == pytest.approx(part * both)
 
 
-@pytest.mark.parametrize("excess", [1.1, 1.6, 2.0, 2.6, 3.6])
+@pytest.mark.parametrize("excess", [1.6, 2.0, 2.6, 3.6])
 @pytest.mark.parametrize(("singular", "order"), [(0.0, 2.15), (1.0, 1.0)])
-def test_the_next_mesh_has_no_more_than_the_bar_that_is_planned(excess: float, singular: float, order: float) -> None:
-    """The tolerance, or what the greatest step leaves."""
+def test_the_next_mesh_has_about_the_bar_that_is_planned(excess: float, singular: float, order: float) -> None:
+    """The tolerance, within a quarter of it: the bar is the wider, the coarser the mesh to extrapolate from is."""
 
     def mesh(scale: float) -> PressedMesh:
         return PressedMesh(scale, 1, rows(np.exp(0.02 * scale**order), 0.0), omission(0.0, singular))
@@ -137,8 +137,9 @@ def test_the_next_mesh_has_no_more_than_the_bar_that_is_planned(excess: float, s
         curve, budget = corrected(mesh(scale), mesh(coarser))
         return float(np.max(budget.total / curve.P_star))
 
-    found = bar(1.0 / next_step(excess, planned_order(singular)), 1.0) / bar(1.0, 2.0)
-    assert found < max(1.0 / excess, 1.01 * RATIO**-order)
+    scales = [2.0, 1.0, 1.0 / next_step(excess, planned_order(singular))]
+    found = bar(scales[-1], scales[partner(scales)]) / bar(1.0, 2.0)
+    assert 0.75 < found * excess < 1.25 or found < 1.01 * RATIO**-order
 
 
 def test_the_force_of_a_spot_scatters_with_its_place_by_a_part_of_what_its_area_does() -> None:

@@ -19,7 +19,9 @@ from asperity.adaptive.guide import planned_steps
 from asperity.adaptive.mesh_plan import (
     DOFS_ORDER,
     LEAST_RATIO,
+    LEAST_STEP,
     MESH_ORDERS,
+    partner,
     shares,
 )
 from asperity.adaptive.solve_contact import solve_contact
@@ -86,6 +88,12 @@ def test_meshes_that_agree_by_chance_at_one_step_do_not_move_its_limit() -> None
 def test_a_mesh_without_a_force_is_not_extrapolated() -> None:
     factor, bar = limit_of_meshes(np.array([0.0, 1.1, 1.1]), np.array([0.1, 0.0, 1.0]), 2.0)
     assert list(factor[:2]) == [1.0, 1.0] and factor[2] < 1.0 and np.all(np.isfinite(bar))
+
+
+def test_a_mesh_is_never_extrapolated_from_one_of_nearly_its_size() -> None:
+    """Scatter would hide the order; max_dofs can make the last mesh hardly finer than the one before."""
+    assert [partner([2.0, 1.0, last]) for last in (1.0 / LEAST_RATIO, 0.8, 1.0)] == [1, 0, 0]
+    assert partner([2.0, 1.0]) == 0 and partner([2.0, 1.0, 0.8, 0.4]) == 2
 
 
 def test_bars_do_not_vanish_with_a_change_of_sign() -> None:
@@ -212,7 +220,7 @@ def test_limit_ends_the_refinement_with_what_is_known() -> None:
     assert not result.met and np.all(np.isfinite(result.curve.error_P_star))
     assert "the contact area is known to" in result.reason and "accuracy.max_dofs = 30000" in result.reason
     sizes = [level.dofs for level in result.levels]
-    assert 30_000 / LEAST_RATIO**DOFS_ORDER < sizes[-1] <= 30_000 and len(sizes) >= 3
+    assert 30_000 / LEAST_STEP**DOFS_ORDER < sizes[-1] <= 30_000 and len(sizes) >= 3
 
 
 def test_a_mesh_that_does_not_converge_leaves_the_curve_of_the_one_before(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -13,8 +13,7 @@ from typing import TYPE_CHECKING
 
 from asperity.adaptive.guide import Guide, approach_of_force, guide_of, planned_steps
 from asperity.adaptive.mesh_plan import (
-    DIFFERENT,
-    LEAST_RATIO,
+    LEAST_STEP,
     MARGIN,
     MOST_SUBSTEPS,
     RATIO,
@@ -213,7 +212,7 @@ def _plan(
     small = None
     if coarse > most:
         small = f"a coarse mesh of this block has about {coarse} dofs: raise it"
-    elif min(first / scale, dofs / coarse) < DIFFERENT:
+    elif min(first / scale, dofs / coarse) < LEAST_STEP:
         small = (
             f"the force would have no error bar, for meshes of about {coarse} and {dofs} dofs are nearly the same; "
             "raise it"
@@ -232,7 +231,7 @@ def _plan(
         if (bar := TYPICAL_BAR * scale ** planned_order()) <= tolerance:
             return plan, bar
         finer, dofs = family.finest(scale / next_step(bar / tolerance, planned_order()), scale, most)
-        if scale / finer < LEAST_RATIO:
+        if scale / finer < LEAST_STEP:
             return plan, bar
         scale = finer
 

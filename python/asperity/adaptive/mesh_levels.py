@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 from time import perf_counter
 from typing import TYPE_CHECKING
 
-from asperity.adaptive.mesh_plan import DIFFERENT, LEAST_RATIO, RATIO, MeshFamily
+from asperity.adaptive.mesh_plan import LEAST_STEP, RATIO, MeshFamily
 from asperity.contact.contact_surface import gather_top
 from asperity.errors import InputError
 from asperity.mesh.block import BlockMesh
@@ -90,7 +90,7 @@ class LevelSolver:
             f"accuracy.max_dofs = {most} is too small, a coarse mesh of this block has {dofs} dofs: "
             "raise it, or choose the mesh by mesh.h_contact"
         )
-        if self._first is not None and min(self.scales[0] / scale, dofs / self._first.dofs) < DIFFERENT:
+        if self._first is not None and min(self.scales[0] / scale, dofs / self._first.dofs) < LEAST_STEP:
             raise PartialResult(f"the force has no error bar: {small}", self._first)
         if dofs > most:
             raise InputError(small)
@@ -142,7 +142,7 @@ class LevelSolver:
             assert family is not None
             if last * RATIO**3 <= most:  # no mesh has more
                 return ""
-            here, least, dofs = (family.dofs(scale / step) for step in (1.0, LEAST_RATIO, finer))
+            here, least, dofs = (family.dofs(scale / step) for step in (1.0, LEAST_STEP, finer))
             if last * least <= most * here:
                 return ""
             return f"the next mesh has about {last * dofs // here} dofs, accuracy.max_dofs = {most} allows no more"

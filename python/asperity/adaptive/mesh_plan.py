@@ -8,7 +8,7 @@ J. Fluids Eng. 116 (1994) 405).
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
 from itertools import product
@@ -35,9 +35,9 @@ MESH_ORDERS = (1.7, 2.6)  # range of the order of the force in the scale (docs/a
 # Lowest order where the pressure is singular at the edge of the contact, as of a flat punch; that of the bar of the
 # area, of the edges of spots (docs/theory.md); and dofs and time grow as scale^-2, for the contact alone is refined
 EDGE_ORDER, AREA_ORDER, DOFS_ORDER = 1.0, 1.5, 2.0
-# Of the first two scales, and the greatest from a scale to the next; and the least: below it scatter hides the order
-RATIO, LEAST_RATIO = 2.0, 2.0 ** (2.0 / 3.0)
-DIFFERENT = LEAST_RATIO**0.5  # ratio of scales, or dofs, below which two meshes are nearly the same
+RATIO = 2.0  # of the first two scales, and the greatest one from a scale to the next
+LEAST_STEP = RATIO ** (1.0 / 3.0)  # least one from a scale to the next
+LEAST_RATIO = RATIO / LEAST_STEP  # of two scales: below it scatter hides the order
 MARGIN = 0.9  # part of a limit, such as the tolerance, that is planned for
 STICK = "stick"  # where nodes are touched within a step (docs/theory.md)
 # Order of the force in the load step, and bar over correction, which need not carry over to other meshes. Of the rule
@@ -75,11 +75,14 @@ def planned_order(singular: float = 0.0) -> float:
 
 
 def next_step(excess: float, order: float) -> float:
-    """How much finer the next mesh is, by what its bar is to shrink by and the order with which it does.
+    """How much finer the next mesh is, by what its bar is to shrink by and the order with which it does."""
+    return float(np.clip((excess / MARGIN) ** (1.0 / order), LEAST_STEP, RATIO))
 
-    It is extrapolated from the last one. By a step below RATIO the bar is narrower than is planned here.
-    """
-    return float(np.clip((excess / MARGIN) ** (1.0 / order), LEAST_RATIO, RATIO))
+
+def partner(scales: Sequence[float]) -> int:
+    """Place of the mesh to extrapolate the last one from: the nearest coarser by LEAST_RATIO, or the first."""
+    enough = [k for k, scale in enumerate(scales[:-1]) if scale >= 0.999 * LEAST_RATIO * scales[-1]]
+    return enough[-1] if enough else 0
 
 
 def step_rule(problem: Problem) -> str:

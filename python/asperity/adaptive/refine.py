@@ -27,7 +27,7 @@ from asperity.adaptive.extrapolation import (
 from asperity.adaptive.guide import Guide, guide_of, planned_steps
 from asperity.adaptive.load_step_error import LoadStepError, choose_substeps
 from asperity.adaptive.mesh_levels import Level, LevelSolver
-from asperity.adaptive.mesh_plan import AREA_ORDER, DIFFERENT, MARGIN, RATIO, next_step, planned_order
+from asperity.adaptive.mesh_plan import AREA_ORDER, LEAST_STEP, MARGIN, RATIO, next_step, partner, planned_order
 from asperity.arrays import Flags, Floats
 from asperity.curve import Curve
 from asperity.errors import Interrupted, MeshError
@@ -182,7 +182,7 @@ class MeshErrorEstimate:
 
     def __init__(self, run: LevelSolver, goal: AccuracyTarget, path: LoadStepError) -> None:
         self._run, self._goal, self._path = run, goal, path
-        self._last: PressedMesh | None = None
+        self._meshes: list[PressedMesh] = []
 
     def add(self, result: ContactResult) -> PressedMesh:
         """Take up the result of the last level."""
@@ -190,8 +190,8 @@ class MeshErrorEstimate:
         curve = self._path.removed(result.curve, run.levels[-1].substeps)
         if not curve.untouched():
             curve = without_omission(curve, missed, run.compliance)
-        self._last = PressedMesh(run.scales[-1], result.dofs, curve, missed)
-        return self._last
+        self._meshes.append(PressedMesh(run.scales[-1], result.dofs, curve, missed))
+        return self._meshes[-1]
 
     def judge(self, result: ContactResult) -> tuple[AccurateResult, float | None]:
         """Judge the force by the result of the last level, after at least one before it.
@@ -200,13 +200,13 @@ class MeshErrorEstimate:
             What is known so far, and how much finer the next mesh is; None where there is none, because the
             tolerances are met, or for the reason of the result
         """
-        run, path, coarse = self._run, self._path, self._last
-        assert coarse is not None
+        run, path = self._run, self._path
         fine = self.add(result)
+        coarse = self._meshes[partner([mesh.scale for mesh in self._meshes])]
         given, algebraic = run.problem.load_path, result.checks.unsolved
         judged = judged_rows(result.curve, given.steps)
         unresolved = fine.doubt() or coarse.doubt() or path.unknown
-        if min(coarse.scale / fine.scale, fine.dofs / coarse.dofs) < DIFFERENT:
+        if min(coarse.scale / fine.scale, fine.dofs / coarse.dofs) < 0.999 * LEAST_STEP:
             unresolved = unresolved or "two meshes are nearly the same"
         finer, limit, worst, worst_area = RATIO, "", nan, nan
         if not unresolved:
