@@ -254,10 +254,21 @@ def test_another_mesh_is_refused(saved: Path, coarse: BlockMesh) -> None:
         Checkpoint(saved, SAVED, world()).load()
 
 
+def arrays_of(path: Path) -> dict[str, Any]:
+    with np.load(path) as file:
+        return dict(file)
+
+
+@pytest.mark.parametrize("name", ["displacement", "previous"])
+def test_a_state_without_displacements_is_refused(saved: Path, name: str) -> None:
+    (saved / STATE).write_bytes(npz_bytes({k: v for k, v in arrays_of(saved / STATE).items() if k != name}))
+    with pytest.raises(CheckpointError, match="does not belong to the state"):
+        Checkpoint(saved, SAVED, world()).load()
+
+
 @pytest.mark.parametrize("other", [FORMAT - 1, FORMAT + 1])
 def test_a_checkpoint_of_another_version_is_refused(saved: Path, other: int) -> None:
-    with np.load(saved / STATE) as file:
-        arrays = dict(file)
+    arrays = arrays_of(saved / STATE)
     meta = json.loads(arrays["meta"].tobytes()) | {"format": other, "version": "9.1"}
     arrays["meta"] = np.frombuffer(json.dumps(meta).encode(), dtype=np.uint8)
     (saved / STATE).write_bytes(npz_bytes(arrays))

@@ -24,17 +24,18 @@ def node_numbers(solid: Solid) -> Indices:
     return out
 
 
-def at_built_nodes(solid: Solid, values: Array) -> tuple[Indices, Array]:
-    """Numbers in the built mesh of all nodes of this rank's cells (n,), and the values (nodes, ...) there (n, ...)."""
+def built_nodes(solid: Solid) -> tuple[Indices, Indices]:
+    """Numbers in the built mesh of all nodes of this rank's cells, and the displacement node of each (n,)."""
     numbers = np.asarray(solid.mesh.geometry.input_global_indices)
     node = np.empty(len(numbers), dtype=np.int64)
     node[compat.geometry_dofmap(solid.mesh).ravel()] = solid.V.dofmap.list.ravel()
-    return numbers, values[node]
+    return numbers, node
 
 
 def gather_nodes(solid: Solid, values: Array) -> Array | None:
-    """Nodal values in the order of the mesh as built, on rank 0; collective; see `at_built_nodes`."""
-    found = gather(solid.comm, *at_built_nodes(solid, values))
+    """Nodal values in the order of the mesh as built, on rank 0; collective; see `built_nodes`."""
+    numbers, at = built_nodes(solid)
+    found = gather(solid.comm, numbers, values[at])
     return found and found[1]
 
 

@@ -10,7 +10,7 @@ import numpy as np
 
 from asperity.arrays import Array, Floats
 from asperity.contact.contact_surface import gather_at_top, gather_top
-from asperity.fem.global_numbering import at_built_nodes, gather_cells, gather_mesh, gather_nodes
+from asperity.fem.global_numbering import built_nodes, gather_cells, gather_mesh, gather_nodes
 from asperity.fem.solid import Solid
 from asperity.mesh.element import FACE_TRIANGLES, GMSH_TO_VTK, NODES, VTK_TYPE
 from asperity.quasistatic.contact_result import ContactResult
@@ -30,10 +30,10 @@ def gather_top_states(result: ContactResult, side: float, E: float) -> dict[str,
     the solver's unit of stress [force/length^2].
     """
     solid, surface = result.solver.solid, result.solver.contact_surface
-    top, found = gather_top(surface, 0.0), result.snapshots
+    top, found, (_, at) = gather_top(surface, 0.0), result.snapshots, built_nodes(solid)
 
     def gather(of_snapshot: Callable[[Snapshot], Floats]) -> list[Floats | None]:
-        return [gather_at_top(surface, at_built_nodes(solid, of_snapshot(s))[1]) for s in found]
+        return [gather_at_top(surface, of_snapshot(s)[at]) for s in found]
 
     pressure, gap = gather(lambda s: surface.linear_on_facets(s.pressure) * E), gather(lambda s: s.gap * side)
     touched = gather(lambda s: s.touched)

@@ -20,7 +20,7 @@ import numpy as np
 from asperity.arrays import Array, Indices
 from asperity.case.case_file import refuse_another
 from asperity.errors import CheckpointError
-from asperity.fem.global_numbering import at_built_nodes, cell_numbers, node_numbers
+from asperity.fem.global_numbering import built_nodes, cell_numbers, node_numbers
 from asperity.fem.history import History
 from asperity.mesh.block import BlockMesh
 from asperity.quasistatic.balance import Checks
@@ -112,8 +112,7 @@ class Checkpoint:
             path = self.folder / MESH
             with _refusing(path):
                 block = BlockMesh.from_arrays(read_npz(path))
-                nodes = len(arrays[DISPLACEMENTS[0]])
-            if nodes != len(block.points):
+            if any(len(arrays.get(name, ())) != len(block.points) for name in DISPLACEMENTS):
                 raise CheckpointError(f"{path} does not belong to the state; start the run again with --force")
             snapshots = tuple(_read(self.folder / SNAPSHOT.format(k)) for k in range(len(meta["snapshots"])))
             there.append(Saved(meta, arrays, snapshots, block))
@@ -279,22 +278,22 @@ class Saved:
 
 def solver_fields(solver: ContactSolver) -> Iterator[Field]:
     """Fields of a state in the numbering of the mesh as built; the steps are collective."""
-    solid = solver.solid
+    solid, state = solver.solid, solver.state()
+    numbers, at = built_nodes(solid)
     for name in DISPLACEMENTS:
-        values = solid.scatter_forward(getattr(solver.state(), name).ravel())
-        yield name, *at_built_nodes(solid, values)
+        yield name, numbers, solid.scatter_forward(getattr(state, name).ravel())[at]
     if solid.material.plastic:
         history, cells = solid.kernels.history(), cell_numbers(solid)
         changed = history.changed()
         for name, values in history.arrays().items():
             yield name, cells[changed], values[changed]
-    at = solver.contact.held
-    if at is not None:
+    of_top = solver.contact.held
+    if of_top is not None:
         held = np.full((solid.owned, 3), np.inf)  # but at the owned nodes of the top
-        held[solver.contact_surface.owned_nodes[: len(at)], : at.shape[1]] = at
-        numbers, held = at_built_nodes(solid, solid.scatter_forward(held.ravel()))
+        held[solver.contact_surface.owned_nodes[: len(of_top)], : of_top.shape[1]] = of_top
+        held = solid.scatter_forward(held.ravel())[at]
         sticking = np.isfinite(held[:, 0])
-        yield HELD, numbers[sticking], held[sticking, : at.shape[1]]
+        yield HELD, numbers[sticking], held[sticking, : of_top.shape[1]]
 
 
 def snapshot_names(solver: ContactSolver) -> list[str]:
@@ -305,9 +304,10 @@ def snapshot_names(solver: ContactSolver) -> list[str]:
 
 def snapshot_fields(solver: ContactSolver, snapshot: Snapshot) -> Iterator[Field]:
     """Fields of a snapshot in the numbering of the mesh as built."""
+    numbers, at = built_nodes(solver.solid)
     for name in snapshot_names(solver):
         values = getattr(snapshot, name)
         if name in OF_CELLS:
             yield name, cell_numbers(solver.solid), values
         else:
-            yield name, *at_built_nodes(solver.solid, values)
+            yield name, numbers, values[at]
