@@ -20,6 +20,7 @@ from asperity.curve import Curve
 from asperity.dynamics.joint import Numbers
 from asperity.errors import AsperityWarning, AssumptionWarning, Interrupted, ResolutionWarning
 from asperity.job.run_case import run
+from asperity.laws import neo_hookean
 from asperity.model.material import Material
 from asperity.model.problem import Problem
 from asperity.model.settings import MeshSize
@@ -121,6 +122,8 @@ def test_pressure_of_an_elastic_contact_beyond_that_of_metals() -> None:
     assert verdict(line) == DOUBTFUL and "material.yield_strength" in line.advice
     assert "below 7.5e+09" in line.detail  # 12 GPa over 1.6, Hertz and Mises
     assert elastic(evidence(material=STEEL, force=2e-9, mean_pressure=8e9)) is None
+    rubbers = Material(2e6, 0.49), Material.of_law(neo_hookean, E=2e6, nu=0.4)
+    assert [elastic(evidence(material=solid, force=2e-9, mean_pressure=1e6)) for solid in rubbers] == [None, None]
 
 
 def test_pressure_of_an_elastic_contact_does_not_grow_with_the_mesh() -> None:

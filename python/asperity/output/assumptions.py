@@ -29,6 +29,7 @@ ON_EDGE = "summit on edge"  # begins the name of a line
 #: relative difference of e/2 to first order: 5 % here.
 SMALL_STRAIN = 0.1
 YIELD_STRAIN = 0.02  # yield strength over E of metallic glasses, the greatest of metals; steels have 0.001 to 0.01
+MOST_OF_METALS = 0.45  # Poisson's ratio of indium; those of gold and lead are 0.44, of rubber 0.49 and more
 FIRST_YIELD = 1.6  # greatest pressure of a spot over the yield strength at first yield (Johnson, 1985, eq. 6.9)
 AT_BASE = 0.2  # part of the pressure of the longest wave that arrives at the base
 SPOT = 0.1  # contact radius over the height of the block, which stiffens a bonded layer by about as much
@@ -73,7 +74,7 @@ def _strain(run: Evidence) -> Iterator[Assumption]:
             run.greatest("max_plastic_strain" if material.plastic else "max_strain"), SMALL_STRAIN, "",
             "e and ln(1 + e) differ by 5 % at 0.1", advice, detail, warns=True,
         )  # fmt: skip
-    if not material.plastic:
+    if not material.plastic and material.law is None and material.nu <= MOST_OF_METALS:
         pressure = 1.5 * float(run.curve.mean_pressure[run.top])
         yield Assumption(
             "elastic: 3/2 of the mean contact pressure over E", pressure / material.E, TABOR * YIELD_STRAIN, "",
