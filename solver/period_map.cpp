@@ -242,7 +242,7 @@ struct Motion
       const int sign = speed(0.5 * (a + b)) > 0 ? 1 : -1, beyond = sign > 0 ? cell : cell - 1;
       const double edge = beyond >= 0 && beyond < count ? edges[beyond] : sign * infinite;
       const auto passed = [&](double x) { return (value(x) - edge) * sign; };
-      if ((to - edge) * sign > 0)
+      if ((to - edge) * sign > 1e-15 * std::max(1.0, std::abs(edge))) // not by round-off, to turn at the edge
       {
         reach(h, passed(a) >= 0 ? a : zero(passed, a, b), edge, sign);
         return false;

@@ -19,12 +19,14 @@ def omega_loss(n: float) -> float:
     return 2 * np.pi / (np.sqrt(2 / n) * (n + 1) ** (1 / (2 * n)) * beta(1 / (2 * n), 0.5))
 
 
-@pytest.mark.parametrize("n", [0.6, 1.0, 1.01, 1.5, 4.0])
+# by round-off the orbit of 1.138, 1.793 or 2.314 turns just beyond the end of contact
+@pytest.mark.parametrize("n", [0.6, 1.0, 1.01, 1.138, 1.5, 1.793, 2.314, 4.0])
 def test_contact_loss_limit(n: float) -> None:
     o = ContactOscillator(PowerLaw(n))
     limit = (n + 1) ** (1 / n) - 1
     assert o.u_max == pytest.approx(limit, rel=1e-12)
     assert o.free(limit).omega_ratio[0] == pytest.approx(omega_loss(n), rel=1e-11)
+    assert o.thresholds().omega_loss == pytest.approx(omega_loss(n), rel=1e-11)
 
 
 @pytest.mark.parametrize("n", [1.5, 2.5])
