@@ -14,7 +14,6 @@ leaves its tables as they are, is named with its last line, and the exit code is
 from __future__ import annotations
 
 import csv
-import os
 import shlex
 import shutil
 import subprocess
@@ -34,7 +33,7 @@ ROOT = Path(__file__).parent.parent
 KEPT, PICTURES, TABLES = ROOT / "out/evidence", ROOT / "docs/pictures", ROOT / "docs/tables"
 sys.path.insert(0, str(ROOT / "tests"))
 
-from test_walkthroughs import FENCE  # noqa: E402
+from test_walkthroughs import blocks_of, typed  # noqa: E402
 
 COLUMNS = ("step", "branch", "delta", "force", "error_P_star", "P_star", "area_fraction", "spots")
 # picture -> page, file that its commands make
@@ -107,19 +106,13 @@ def made_by(page: str, file: str, folder: Path) -> Path:
     """A file that the blocks of a page make; they are run as typed, in order and once, until it is there."""
     place = folder / page
     place.mkdir(parents=True, exist_ok=True)
-    if not (place / "cases").exists():
-        (place / "cases").symlink_to(ROOT / "cases")
-    paths = os.pathsep.join([str(Path(sys.executable).parent), os.environ["PATH"]])
-    blocks = FENCE.findall((ROOT / f"docs/{page}.md").read_text(encoding="utf-8"))
-    for number, (language, title, text) in enumerate(blocks):
+    for number, block in enumerate(blocks_of(ROOT / f"docs/{page}.md")):
         done = place / f".block_{number}"
         if (place / file).is_file():
             break
-        if title:
-            (place / title).write_text(text, encoding="utf-8")
-        elif language in ("sh", "python") and not done.exists():
-            command = ["bash", "-e", "-c", text] if language == "sh" else [sys.executable, "-c", text]
-            subprocess.run(command, cwd=place, env=os.environ | {"PATH": paths}, stdout=subprocess.DEVNULL, check=True)
+        if not done.exists():
+            if (process := typed(block, place)) is not None:
+                process.check_returncode()
             done.touch()
     return place / file
 

@@ -23,6 +23,30 @@ NUMBER = re.compile(r"[-+]?\d+\.?\d*(?:e[-+]?\d+)?")
 CLOSE, OF_BARS = 0.05, 0.5  # relative differences of numbers, after a ±: other versions of gmsh make other meshes
 
 
+Block = tuple[str, str, str]  # language, name of a file, text
+
+
+def blocks_of(page: Path) -> list[Block]:
+    """Fenced blocks of a page in their order."""
+    return FENCE.findall(page.read_text(encoding="utf-8"))
+
+
+def typed(block: Block, place: Path) -> subprocess.CompletedProcess[str] | None:
+    """Do in a folder with the cases what a block asks for: write its file, or run it; None where nothing is run."""
+    language, title, text = block
+    if not (place / "cases").exists():
+        (place / "cases").symlink_to(ROOT / "cases")
+    if title:
+        (place / title).write_text(text, encoding="utf-8")
+    if title or language not in ("sh", "python"):
+        return None
+    command = ["bash", "-e", "-c", text] if language == "sh" else [sys.executable, "-c", text]
+    path = os.pathsep.join([str(Path(sys.executable).parent), os.environ["PATH"]])
+    return subprocess.run(
+        command, cwd=place, env=os.environ | {"PATH": path}, capture_output=True, text=True, check=False
+    )
+
+
 def same_word(shown: str, printed: str, close: float = CLOSE) -> bool:
     """Whether a word agrees, its numbers up to a relative difference."""
     if shown == ANY or NUMBER.sub("#", shown) != NUMBER.sub("#", printed):
@@ -51,7 +75,7 @@ def test_lines_are_compared() -> None:
 @pytest.mark.parametrize("page", ALL, ids=lambda p: f"{p.parent.name}/{p.stem}")
 def test_what_a_page_types_is_legal(page: Path) -> None:
     """The quick part, with `tests/test_docs.py`: case files and Python, without running them."""
-    for language, title, text in FENCE.findall(page.read_text(encoding="utf-8")):
+    for language, title, text in blocks_of(page):
         if language == "python":
             compile(text, page.name, "exec")
         elif language == "toml":
@@ -64,19 +88,11 @@ def test_what_a_page_types_is_legal(page: Path) -> None:
 @pytest.mark.slow
 @pytest.mark.parametrize("page", PAGES, ids=lambda p: f"{p.parent.name}/{p.stem}")
 def test_a_page_works_as_typed(page: Path, tmp_path: Path) -> None:
-    (tmp_path / "cases").symlink_to(ROOT / "cases")
-    paths = os.pathsep.join([str(Path(sys.executable).parent), os.environ["PATH"]])
     printed = ""
-    for language, title, text in FENCE.findall(page.read_text(encoding="utf-8")):
-        if title:
-            (tmp_path / title).write_text(text, encoding="utf-8")
-        elif language == "text":
-            lines = [line for line in text.splitlines() if line.strip() not in ("", ANY)]
+    for block in blocks_of(page):
+        if block[0] == "text" and not block[1]:
+            lines = [line for line in block[2].splitlines() if line.strip() not in ("", ANY)]
             assert [line for line in lines if not any(same_line(line, other) for other in printed.splitlines())] == []
-        else:
-            command = ["bash", "-e", "-c", text] if language == "sh" else [sys.executable, "-c", text]
-            done = subprocess.run(
-                command, cwd=tmp_path, env=os.environ | {"PATH": paths}, capture_output=True, text=True, check=False
-            )
+        elif (done := typed(block, tmp_path)) is not None:
             printed = done.stdout + done.stderr
-            assert done.returncode == 0, f"{text}\n{printed}"
+            assert done.returncode == 0, f"{block[2]}\n{printed}"

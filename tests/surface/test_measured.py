@@ -12,6 +12,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from scipy.ndimage import gaussian_filter, median_filter
 
 from asperity.errors import CompatError, InputError
 from asperity.model.material import Material
@@ -333,6 +334,20 @@ def test_grooves_and_patterns_have_no_hurst_exponent(kind: str) -> None:
     patch = HeightField(z, 1 / 256, 1 / 256).levelled("plane")
     with pytest.raises(InputError, match="far from a power law"):
         fit_self_affine(psd(patch.z, 1.0), shortest=4 / 256)
+
+
+@pytest.mark.parametrize("treated", ["smoothed", "median", "noisy", "in steps"])
+def test_a_treated_map_has_no_exponent_of_its_short_waves(treated: str) -> None:
+    """Without the question whether the spectrum bends these have exponents up to 1 off, with bars of 0.1 to 0.3."""
+    z = SelfAffine(L=1.0, H=0.8, slope=0.2, lambda_roll=2.0, lambda_short=4 / 256, periodic=False, seed=3).grid(257)
+    step = float(np.ptp(z)) / 12
+    z = {
+        "smoothed": gaussian_filter(z, 1.0), "median": median_filter(z, 5), "in steps": step * np.rint(z / step),
+        "noisy": z + 0.1 * z.std() * np.random.default_rng(0).normal(size=z.shape),
+    }[treated]  # fmt: skip
+    patch = HeightField(z, 1 / 256, 1 / 256).levelled("plane")
+    with pytest.raises(InputError, match="the spectrum bends"):
+        fit_self_affine(psd(patch.z, 257 / 256), shortest=4 / 256)
 
 
 def test_a_patch_without_waves_has_no_hurst_exponent() -> None:

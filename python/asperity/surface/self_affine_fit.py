@@ -62,7 +62,7 @@ def fit_self_affine(spectrum: Spectrum, shortest: float) -> SelfAffineFit:
 
     Raises:
         InputError: there are too few waves between the longest and the shortest, or the spectrum is far from a power
-            law, so that the exponent is not known to 0.5; or the patch is flat
+            law: it bends, or the exponent is not known to 0.5; or the patch is flat
     """
     x, y, weight = _bands(spectrum, shortest)
     if x.size < 4:
@@ -80,6 +80,12 @@ def fit_self_affine(spectrum: Spectrum, shortest: float) -> SelfAffineFit:
     if error >= _UNKNOWN:
         raise InputError(
             f"the spectrum has too few waves, or is far from a power law: it would be {H:.2f} ± {error:.2g}"
+        )
+    bent = min(_line(x, y, weight, line.x_roll, bends=True).misfit for line in lines)
+    if best.misfit - bent > _AS_GOOD:
+        raise InputError(
+            f"the spectrum bends, as where heights are smoothed, noisy or in few steps: no power law holds down to the "
+            f"wavelength {shortest:g}"
         )
     L = 2 * math.pi / float(spectrum.q[0])
     return SelfAffineFit(
@@ -128,11 +134,12 @@ def _bands(spectrum: Spectrum, shortest: float) -> tuple[Array, Array, Array]:
     return middle, np.log(density), 1 / np.sqrt(2 / total + _MODEL)
 
 
-def _line(x: Array, y: Array, weight: Array, x_roll: float | None) -> _Line:
-    """Fit the law with a given roll-off, or without."""
+def _line(x: Array, y: Array, weight: Array, x_roll: float | None, bends: bool = False) -> _Line:
+    """Fit the law with a given roll-off, or without; with an exponent that changes along it if it bends."""
     law = x if x_roll is None else np.maximum(x - x_roll, 0.0)
-    basis, right = np.stack([np.ones(law.size), -law], axis=1) * weight[:, None], y * weight
-    (level, exponent), *_ = np.linalg.lstsq(basis, right, rcond=None)
-    misfit = float(np.sum((right - basis @ (level, exponent)) ** 2))
-    variance = np.linalg.inv(basis.T @ basis)[1, 1]
-    return _Line(x_roll, float(level), float(exponent), float(variance), misfit)
+    powers = [np.ones(law.size), -law, law**2][: 3 if bends else 2]
+    basis, right = np.stack(powers, axis=1) * weight[:, None], y * weight
+    found, *_ = np.linalg.lstsq(basis, right, rcond=None)
+    misfit = float(np.sum((right - basis @ found) ** 2))
+    variance = np.linalg.pinv(basis.T @ basis)[1, 1]
+    return _Line(x_roll, float(found[0]), float(found[1]), float(variance), misfit)
