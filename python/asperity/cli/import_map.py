@@ -87,7 +87,7 @@ def import_map(map_file: str, output: str | None, as_json: bool, **given: Any) -
               "filled": scan.filled}  # fmt: skip
     about: dict[str, Any] = origin | {
         "notes": scan.notes, "side": scan.surface.L, "nodes": len(scan.patch.z), "iso25178": scan.iso.to_dict(),
-        "statistics": asdict(scan.statistics), "self_affine": None if scan.affine is None else asdict(scan.affine),
+        "self_affine": None if scan.affine is None else asdict(scan.affine),
     }  # fmt: skip
     with files_into(folder) as aside:  # whole, or not at all
         scan.patch.save(aside / "patch.npz", about=origin)
@@ -154,7 +154,7 @@ class _Scan:
         except InputError as error:
             click.echo(f"no Hurst exponent: {error}", err=True)
         self.surface = HeightMap.of(self.patch.z, self.patch.size[0])
-        self.statistics = self.surface.statistics()
+        self.slope = self.surface.rms_slope()
         self.iso = iso25178(self.patch.z, self.patch.dx, self.patch.dy)
 
 
@@ -168,10 +168,12 @@ def _draw(folder: Path, scan: _Scan) -> None:
 
 def _show(title: str, scan: _Scan) -> None:
     """Print the statistics."""
-    statistics, affine = scan.statistics, scan.affine
-    rows = [("side", quantity(scan.surface.L, "m")), ("nodes", f"{len(scan.patch.z)}"),
-            ("Sq", quantity(statistics.Sq, "m")), ("Sz", quantity(statistics.Sz, "m")),
-            ("rms slope", f"{statistics.rms_slope:.4g}")]  # fmt: skip
+    affine = scan.affine
+    rows = [
+        ("side", quantity(scan.surface.L, "m")),
+        ("nodes", f"{len(scan.patch.z)}"),
+        ("rms slope", f"{scan.slope:.4g}"),
+    ]
     if scan.filled:
         rows.insert(2, ("gaps that were filled", f"{100 * scan.filled:.2g} %"))
     if affine is not None:
@@ -187,19 +189,19 @@ def _metres(length: float) -> str:
 
 def _doubts(scan: _Scan, cost: str) -> Iterator[str]:
     """What is doubtful, and the cost, a sentence each."""
-    statistics, affine = scan.statistics, scan.affine
+    affine = scan.affine
     if scan.surface.L > LARGEST:
         yield f"the side of {_metres(scan.surface.L)} is long for roughness: if lengths are not in metres, give --unit"
-    if statistics.rms_slope < SMOOTHEST:
+    if scan.slope < SMOOTHEST:
         yield (
-            f"the rms slope of {statistics.rms_slope:.1e} is small for roughness: if heights and distances have "
+            f"the rms slope of {scan.slope:.1e} is small for roughness: if heights and distances have "
             "different units in the file, write both in one"
         )
     if affine is not None and not -affine.error_H <= affine.H <= 1.0 + affine.error_H:
         yield f"H = {affine.H:.2f} is outside 0 to 1: the spectrum is not that of a self-affine surface"
-    if statistics.Sp > HIGH * statistics.Sq:
+    if scan.iso.Sp > HIGH * scan.iso.Sq:
         yield (
-            f"the highest point is {statistics.Sp / statistics.Sq:.0f} rms heights above the mean, as dust or a spike "
+            f"the highest point is {scan.iso.Sp / scan.iso.Sq:.0f} rms heights above the mean, as dust or a spike "
             "is: if it does not belong to the surface, mark it as missing (NaN) in the map, and it is filled"
         )
     if cost:

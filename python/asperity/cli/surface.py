@@ -37,14 +37,13 @@ def surface(case_file: str, output: str | None, mesh: str | None, as_json: bool,
     surface = case.build_surface()
     metre = "m" if case.units == "SI" else ""
     values = asdict(surface.statistics())
-    heights = {"Sq": "rms height", "Sa": "mean height deviation", "Sz": "peak to valley", "Sp": "peak above mean"}
-    rows = [(f"{key}, {label}", quantity(values[key], metre)) for key, label in heights.items()]
-    rows += [(name.replace("_", " "), f"{values[name]:.4g}") for name in ("skewness", "kurtosis", "rms_slope")]
+    z, dx, dy = heights_of(surface)
+    found = iso25178(z, dx, dy) if surface.rough else None
+    rows = [] if found else [(key, quantity(values[key], metre)) for key in ("Sq", "Sz")]
+    rows.append(("rms slope", f"{values['rms_slope']:.4g}"))
     rows.append(("rms curvature", f"{values['rms_curvature']:.4g} {'1/m' if metre else ''}".rstrip()))
     rows.append(("shortest wavelength", quantity(surface.feature_size, metre)))
     rows.append(("first touch x, y, z", ", ".join(quantity(value, metre) for value in surface.maximum())))
-    z, dx, dy = heights_of(surface)
-    found = iso25178(z, dx, dy) if surface.rough else None
     if as_json:
         iso = None if found is None else found.to_dict()
         touch = {"iso25178": iso, "shortest_wavelength": surface.feature_size, "first_touch": surface.maximum()}
