@@ -10,13 +10,13 @@ import numpy as np
 
 from asperity.arrays import Array, Floats
 from asperity.contact.contact_surface import gather_at_top, gather_top
+from asperity.errors import InputError
 from asperity.fem.global_numbering import built_nodes, gather_cells, gather_mesh, gather_nodes
 from asperity.fem.solid import Solid
 from asperity.mesh.element import FACE_TRIANGLES, GMSH_TO_VTK, NODES, VTK_TYPE
 from asperity.quasistatic.contact_result import ContactResult
 from asperity.quasistatic.measures import Snapshot
-from asperity.runtime.files import Stream
-from asperity.runtime.gathered import on_root_of
+from asperity.runtime.parallel import on_root
 
 TO_VTK_TENSOR = (0, 1, 2, 3, 5, 4)  # xx yy zz xy yz xz
 
@@ -65,58 +65,53 @@ def write_vtkhdf(path: Path, result: ContactResult, E: float) -> None:
     modulus `E`, the solver's unit of stress [force/length^2].
 
     Raises:
+        InputError: the result has no snapshots
         OutputError: it cannot be written
     """
-    streams = vtkhdf_streams(result, E)
-    times = [s.step for s in result.snapshots]
-    rows = (stream.rows for stream in streams.values())
-    on_root_of(result.solver.solid.comm, rows, lambda: write_vtkhdf_streams(path, streams, times))
+    if not result.snapshots:
+        raise InputError("the result has no snapshots: give solve_contact snapshots = 4")
+    arrays, times = gather_grid(result, E), [s.step for s in result.snapshots]
+    on_root(result.solver.solid.comm, lambda: write_grid(path, arrays, times))
 
 
-def vtkhdf_streams(result: ContactResult, E: float) -> dict[str, Stream]:
-    """Arrays of `write_vtkhdf` with a row for each node or cell, of all states one after the other; collective.
+def gather_grid(result: ContactResult, E: float) -> dict[str, Array]:
+    """Arrays of `write_vtkhdf` on rank 0, fields of all states one after the other; empty elsewhere; collective."""
+    solid, top = result.solver.solid, result.solver.contact_surface
 
-    They are whole on rank 0, where each state is gathered when it is written.
-    """
-    solid, top, snapshots = result.solver.solid, result.solver.contact_surface, result.snapshots
-    points, tets = gather_mesh(solid) or (np.empty((0, 3)), np.empty((0, NODES), dtype=np.int64))
+    def states(gather_of: Callable[[Solid, Array], Array | None], values: Callable[[Snapshot], Floats]) -> list[Any]:
+        return [gather_of(solid, values(s)) for s in result.snapshots]
 
-    def field(
-        gather_of: Callable[[Solid, Array], Array | None], values: Callable[[Snapshot], Floats], *row: int
-    ) -> Stream:
-        parts = (gather_of(solid, values(s)) for s in snapshots)
-        rows = len(points) if gather_of is gather_nodes else len(tets)
-        return Stream(np.dtype(float), (len(snapshots) * rows, *row), (part for part in parts if part is not None))
-
-    whole = {
-        "Points": points,
-        "Connectivity": tets[:, GMSH_TO_VTK].ravel(),
-        "Offsets": NODES * np.arange(len(tets) + 1),
-    }
-    out = {name: Stream(array.dtype, array.shape, iter([array])) for name, array in whole.items()}
-    out |= {
-        "PointData/displacement": field(gather_nodes, lambda s: s.displacement, 3),
-        "PointData/pressure": field(gather_nodes, lambda s: top.linear_on_facets(s.pressure) * E),
-        "CellData/stress": field(gather_cells, lambda s: s.stress[:, TO_VTK_TENSOR] * E, 6),
-        "CellData/von Mises stress": field(gather_cells, lambda s: von_mises(s.stress) * E),
+    mesh = gather_mesh(solid)
+    fields = {
+        "PointData/displacement": states(gather_nodes, lambda s: s.displacement),
+        "PointData/pressure": states(gather_nodes, lambda s: top.linear_on_facets(s.pressure) * E),
+        "CellData/stress": states(gather_cells, lambda s: s.stress[:, TO_VTK_TENSOR] * E),
+        "CellData/von Mises stress": states(gather_cells, lambda s: von_mises(s.stress) * E),
     }
     if solid.material.plastic:
-        out["CellData/plastic strain"] = field(gather_cells, lambda s: s.plastic_strain.mean(axis=1))
-    return out
+        fields["CellData/plastic strain"] = states(gather_cells, lambda s: s.plastic_strain.mean(axis=1))
+    if mesh is None:
+        return {}
+    points, tets = mesh
+    whole = {
+        "Points": points, "Connectivity": tets[:, GMSH_TO_VTK].ravel(), "Offsets": NODES * np.arange(len(tets) + 1),
+        "Types": np.full(len(tets), VTK_TYPE, dtype=np.uint8),
+    }  # fmt: skip
+    return whole | {name: np.concatenate(parts) for name, parts in fields.items()}
 
 
-def write_vtkhdf_streams(path: Path, streams: dict[str, Stream], times: list[int]) -> None:
-    """Write the arrays of `vtkhdf_streams`, at these times; rank 0 only."""
+def write_grid(path: Path, arrays: dict[str, Array], times: list[int]) -> None:
+    """Write the arrays of `gather_grid`, at these times; rank 0 only."""
     import h5py
 
-    nodes, links, count = streams["Points"].shape[0], streams["Connectivity"].shape[0], len(times)
-    cells = links // NODES
+    counts, count = {"Points": len(arrays["Points"]), "Cells": len(arrays["Types"])}, len(times)
+    counts["ConnectivityIds"] = len(arrays["Connectivity"])
     with h5py.File(path, "w") as file:
         root = file.create_group("VTKHDF", track_order=True)
         root.attrs["Version"] = (2, 0)
         root.attrs.create("Type", b"UnstructuredGrid", dtype=h5py.string_dtype("ascii", 16))
-        for name, value in (("NumberOfPoints", nodes), ("NumberOfCells", cells), ("NumberOfConnectivityIds", links)):
-            root[name] = np.array([value], dtype=np.int64)
+        for name, value in counts.items():
+            root[f"NumberOf{name}"] = np.array([value], dtype=np.int64)
         series = root.create_group("Steps")
         series.attrs["NSteps"] = count
         series["Values"] = np.array(times, dtype=float)
@@ -126,12 +121,8 @@ def write_vtkhdf_streams(path: Path, streams: dict[str, Stream], times: list[int
         for name in ("CellOffsets", "ConnectivityIdOffsets"):
             series[name] = zeros[:, None]
         series["NumberOfParts"] = np.ones(count, dtype=np.int64)
-        root.create_dataset("Types", (cells,), np.uint8, fillvalue=VTK_TYPE)
-        for name, array in streams.items():
-            data, at = root.create_dataset(name, array.shape, array.dtype), 0
-            for rows in array.rows:
-                data[at : at + len(rows)] = rows
-                at += len(rows)
+        for name, array in arrays.items():
+            root[name] = array
             kind, _, field = name.rpartition("/")
             if kind:
-                series[f"{kind}Offsets/{field}"] = array.shape[0] // max(count, 1) * np.arange(count, dtype=np.int64)
+                series[f"{kind}Offsets/{field}"] = len(array) // count * np.arange(count, dtype=np.int64)

@@ -17,8 +17,7 @@ from asperity.curve import Curve
 from asperity.errors import ConvergenceError, InputError
 from asperity.runtime import run_folder
 from asperity.runtime.files import UNREADABLE, files_into, read_text, remove_asides, replace_file
-from asperity.runtime.gathered import on_root_of
-from asperity.runtime.parallel import on_root_bcast
+from asperity.runtime.parallel import on_root, on_root_bcast
 
 if TYPE_CHECKING:
     from mpi4py import MPI
@@ -180,16 +179,16 @@ class RunFiles:
         assert self.folder is not None
         E, place = self._case.material.E, self.folder / run_folder.FIELDS
         top = fields.gather_top_states(contact, self._case.surface.L, E)
-        grid = fields.vtkhdf_streams(contact, E) if self._case.output.fields else {}
+        grid = fields.gather_grid(contact, E) if self._case.output.fields else {}
 
         def write() -> None:
             assert top is not None
             with files_into(place) as aside:
                 np.savez_compressed(aside / run_folder.TOP, **top)
                 if grid:
-                    fields.write_vtkhdf_streams(aside / run_folder.VTKHDF, grid, [s.step for s in contact.snapshots])
+                    fields.write_grid(aside / run_folder.VTKHDF, grid, [s.step for s in contact.snapshots])
 
-        on_root_of(self._comm, (stream.rows for stream in grid.values()), write)
+        on_root(self._comm, write)
 
     def summary(self, summary: dict[str, Any], failure: ConvergenceError | None) -> None:
         """Write summary.json, with what the run failed by as its reason to end."""

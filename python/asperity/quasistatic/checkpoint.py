@@ -195,7 +195,7 @@ def write_arrays(comm: MPI.Comm, path: Path, fields: Iterator[Field], text: str 
         yield META, np.frombuffer(text.encode(), dtype=np.uint8)
 
     members = arrays()
-    on_root_of(comm, [members], lambda: write_npz(path, members))
+    on_root_of(comm, members, lambda: write_npz(path, members))
 
 
 def read_rows(comm: MPI.Comm, arrays: Arrays, name: str, wanted: Indices, fill: float = 0.0) -> Array:

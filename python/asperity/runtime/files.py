@@ -14,7 +14,6 @@ import tomllib
 import zlib
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
-from dataclasses import dataclass
 from pathlib import Path
 from tokenize import TokenError
 from typing import IO, Any
@@ -156,15 +155,6 @@ def npz_bytes(arrays: Mapping[str, npt.NDArray[Any]], compress: bool = False) ->
     buffer, save = io.BytesIO(), np.savez_compressed if compress else np.savez
     save(buffer, **arrays)  # type: ignore[arg-type]
     return buffer.getvalue()
-
-
-@dataclass(frozen=True, eq=False)
-class Stream:
-    """Array in pieces, each of consecutive rows, which are not all in memory at once."""
-
-    dtype: np.dtype[Any]
-    shape: tuple[int, ...]
-    rows: Iterator[npt.NDArray[Any]]
 
 
 def write_csv(path: Path, names: Sequence[str], rows: Iterable[Mapping[str, Any]], comment: str = "") -> None:

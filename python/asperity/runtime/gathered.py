@@ -6,8 +6,7 @@ Only rank 0 holds an array of the whole mesh, which it has made, and one at a ti
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Callable, Iterable, Iterator
-from itertools import chain
+from collections.abc import Callable, Iterator
 from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
@@ -67,22 +66,18 @@ def hand_out(comm: MPI.Comm, found: tuple[Indices, Array] | None, wanted: Indice
     return of(wanted)
 
 
-def on_root_of(comm: MPI.Comm, parts: Iterable[Iterator[Any]], work: Callable[[], T]) -> T:
-    """Do work on rank 0 that takes iterators in their order, and broadcast its result, see `on_root_bcast`; collective.
+def on_root_of(comm: MPI.Comm, rows: Iterator[Any], work: Callable[[], T]) -> T:
+    """Do work on rank 0 that takes an iterator, and broadcast its result, see `on_root_bcast`; collective.
 
-    The steps of the iterators are collective: they take them on the other ranks too, also where the work fails.
+    The steps of the iterator are collective: they are taken on the other ranks too, also where the work fails.
     """
-    rows = list(parts)
-
-    def exhaust() -> None:
-        deque(chain.from_iterable(rows), maxlen=0)
 
     def drained() -> T:
         try:
             return work()
         finally:
-            exhaust()
+            deque(rows, maxlen=0)
 
     if comm.rank:
-        exhaust()
+        deque(rows, maxlen=0)
     return on_root_bcast(comm, drained)
