@@ -17,7 +17,7 @@ from asperity.curve.slope import fitted_rows, legs, planned_rows, slopes
 from asperity.errors import InputError
 from asperity.runtime.display import nearest
 from asperity.runtime.files import MOST_TEXT, read_whole, write_csv
-from asperity.runtime.notebook import line_picture, optional
+from asperity.runtime.notebook import optional, picture
 from asperity.runtime.text_table import decoded
 
 if TYPE_CHECKING:
@@ -256,7 +256,12 @@ class Curve:
 
     def _repr_html_(self) -> str:
         """Picture of force over approach, for a notebook."""
-        return line_picture(self.delta, self.force, f"{self!r}", "approach", "force")
+
+        def draw(axes: Any) -> None:
+            axes.plot(self.delta, self.force)
+            axes.set(xlabel="approach", ylabel="force")
+
+        return picture(f"{self!r}", draw)
 
     def write(self, path: str | Path) -> None:
         """Write a CSV file, whole or not at all, that is read back to the same bits; NaNs are empty cells."""

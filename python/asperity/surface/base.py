@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike
 from asperity.arrays import Array
 from asperity.errors import AsperityWarning, InputError, warn
 from asperity.runtime.display import nearest
-from asperity.runtime.notebook import map_picture, optional
+from asperity.runtime.notebook import optional, picture
 from asperity.surface.maximum import global_maximum
 from asperity.surface.statistics import (
     SMALL_SLOPE,
@@ -236,7 +236,10 @@ class Surface(ABC):
     def _repr_html_(self) -> str:
         """Picture of the heights, for a notebook."""
         z = self.grid(129)
-        return map_picture(z, f"{self.kind or type(self).__name__}, side {self.L:.4g}, Sq {z.std():.3g}")
+        caption = f"{self.kind or type(self).__name__}, side {self.L:.4g}, Sq {z.std():.3g}"
+        return picture(
+            caption, lambda axes: axes.imshow(z, cmap="cividis", origin="lower", extent=(0, self.L, 0, self.L))
+        )
 
     def rms_slope(self) -> float:
         """sqrt(<|grad z|^2>) over the patch (dimensionless)."""
