@@ -68,16 +68,6 @@ def test_a_study_of_cut_offs_with_unrelated_surfaces_warns() -> None:
     np.testing.assert_array_equal(waves[0], waves[1][:, :5])
 
 
-def test_parts_are_the_study() -> None:
-    made = study(grid={"block.height": [1.0, 1.5, 2.0, 2.5, 3.0]})
-    parts = [made.part(f"{i}/3").entries for i in (1, 2, 3)]
-    assert [len(part) for part in parts] == [2, 2, 1]
-    assert {entry.key for part in parts for entry in part} == {entry.key for entry in made.entries}
-    for wrong in ("0/3", "4/3", "1/6", "2", "a/b"):
-        with pytest.raises(InputError, match="1/N to N/N"):
-            made.part(wrong)
-
-
 MANY = {"block.height": list(range(1, 400)), "material.nu": [i / 1000 for i in range(400)]}
 MISTAKES: list[tuple[dict[str, Any], str]] = [
     ({}, "nothing varies"), ({"grit": {}}, 'did you mean "grid"'), ({"grid": {}}, "nothing varies"),

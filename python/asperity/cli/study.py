@@ -16,12 +16,9 @@ from asperity.runtime.progress import world_rank
 @click.argument("study_file", metavar="STUDY.toml")
 @options.output("OUT", "Folder of the study; default out/<name of the file>.")
 @options.job_ranks
-@click.option("--only", metavar="I/N", help="Part I of N of the cases: one job of an array, in an OUT of its own.")
 @click.option("-q", "--quiet", is_flag=True, help="Show no progress.")
 @options.overrides
-def study(
-    study_file: str, output: str | None, ranks: int | None, only: str | None, quiet: bool, overrides: tuple[str, ...]
-) -> None:
+def study(study_file: str, output: str | None, ranks: int | None, quiet: bool, overrides: tuple[str, ...]) -> None:
     """Run a case over a grid of parameters.
 
     As many cases at a time as there are ranks (--ranks, or mpirun). OUT receives results.csv, one row a
@@ -32,7 +29,6 @@ def study(
 
     options.start_ranks(ranks, quiet)
     cases = on_root_bcast(None, lambda: Study.load(study_file, overrides))
-    cases = cases if only is None else cases.part(only)
     folder = Path(output) if output else Path("out") / Path(study_file).stem
     say = None if quiet else lambda line: click.echo(line)
     counts = run_study(cases, folder, say=say)

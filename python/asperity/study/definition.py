@@ -15,9 +15,8 @@ from __future__ import annotations
 import copy
 import itertools
 import math
-import re
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -76,20 +75,6 @@ class Study:
     keys: tuple[str, ...]
 
     __repr__ = short_repr
-
-    def part(self, which: str) -> Study:
-        """Part "I/N" of the cases, for one job of an array: every N-th one from the I-th on, counted from 1.
-
-        Raises:
-            InputError: there is no such part, or it has no case
-        """
-        match = re.fullmatch(r"(\d+)/(\d+)", which)
-        number, parts = map(int, match.groups()) if match else (0, 0)
-        if not 1 <= number <= parts <= len(self.entries):
-            raise InputError(
-                f"part {which!r} is none of 1/N to N/N, with N from 1 to the number of cases, {len(self.entries)}"
-            )
-        return replace(self, entries=self.entries[number - 1 :: parts])
 
     @staticmethod
     def load(path: str | Path, overrides: Iterable[str] = ()) -> Study:
