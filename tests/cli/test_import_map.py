@@ -222,6 +222,13 @@ def test_grooves_are_no_power_law(tmp_path: Path, capsys: pytest.CaptureFixture[
     assert "no Hurst exponent: the spectrum has too few waves, or is far from a power law" in capsys.readouterr().err
 
 
+def test_a_map_of_few_steps_has_no_exponent(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Of eight steps it would be 0.3 ± 0.1 for 0.8."""
+    step = float(np.ptp(SCAN)) / 8
+    assert import_map(write(tmp_path, step * np.rint(SCAN / step)), "-o", tmp_path / "out") == 0
+    assert "no Hurst exponent: the map has 9 different heights" in capsys.readouterr().err
+
+
 def test_a_pixel_does_not_replace_lengths_of_the_file(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     scan, own = write(tmp_path, SCAN), SIDE / 255
     assert import_map(scan, "-o", tmp_path / "out", "--pixel", "1e-6") == 2

@@ -340,7 +340,7 @@ def test_grooves_and_patterns_have_no_hurst_exponent(kind: str) -> None:
 def test_a_treated_map_has_no_exponent_of_its_short_waves(treated: str) -> None:
     """Without the question whether the spectrum bends these have exponents up to 1 off, with bars of 0.1 to 0.3."""
     z = SelfAffine(L=1.0, H=0.8, slope=0.2, lambda_roll=2.0, lambda_short=4 / 256, periodic=False, seed=3).grid(257)
-    step = float(np.ptp(z)) / 12
+    step = float(np.ptp(z)) / 16
     z = {
         "smoothed": gaussian_filter(z, 1.0), "median": median_filter(z, 5), "in steps": step * np.rint(z / step),
         "noisy": z + 0.1 * z.std() * np.random.default_rng(0).normal(size=z.shape),

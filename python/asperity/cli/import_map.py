@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
+import numpy as np
 
 from asperity.cli import options
 from asperity.cli.surface import draw, iso_rows
@@ -38,6 +39,7 @@ tolerance = 0.05                 # of the force; without it, one mesh of mesh.h_
 """
 HIGH = 8.0  # height of the summit above the mean plane over the rms height that no Gaussian surface reaches
 LARGEST = 0.1  # side of a patch [m]
+STEPPED = 32  # different heights, of a sample of them, below which a spectrum is that of the steps
 SMOOTHEST = 1e-4  # rms slope; below it, heights and distances may have different units
 
 
@@ -139,6 +141,7 @@ class _Scan:
         stage(f"read {map_file}")
         whole = HeightField.read(map_file, **given)
         self.channel, self.notes = whole.channel, whole.notes
+        levels = np.unique(whole.z.ravel()[:: max(whole.z.size // 100_000, 1)]).size
         self.filled = whole.missing if window is None else whole.missing_in(*window)
         stage(f"level {' x '.join(map(str, whole.z.shape[::-1]))} heights")
         whole = whole.filled(window).levelled(level)
@@ -150,6 +153,8 @@ class _Scan:
         stage("statistics")
         self.spectrum, self.affine = psd(bare.z, len(bare.z) * bare.dx), None
         try:
+            if levels < STEPPED:
+                raise InputError(f"the map has {levels} different heights, it takes {STEPPED} at least")
             self.affine = fit_self_affine(self.spectrum, 4 * bare.dx)
         except InputError as error:
             click.echo(f"no Hurst exponent: {error}", err=True)

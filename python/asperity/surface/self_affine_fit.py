@@ -22,7 +22,7 @@ _LONGEST = 2.5  # waves per side of the longest roll-off that bands from _FIRST 
 _ROLLS = 80  # roll-offs tried
 _MODEL = 0.02  # variance of ln C about the power law in any band
 _CLIFF, _STEEP = 10.0, 6  # a density that falls so much in two waves per side, of more than so many, is cut off
-_SIGNIFICANT = 7.0  # drop of the squared misfit that shows a roll-off; on surfaces without one it is below 5
+_SIGNIFICANT = 7.0  # drop of the squared misfit that shows a roll-off, or a bend; on surfaces without one it is below 6
 _AS_GOOD = 4.0  # rise of it that is chance: two standard deviations
 _UNKNOWN = 0.5  # error bar that holds as much as all exponents of self-affine surfaces
 
@@ -82,7 +82,7 @@ def fit_self_affine(spectrum: Spectrum, shortest: float) -> SelfAffineFit:
             f"the spectrum has too few waves, or is far from a power law: it would be {H:.2f} ± {error:.2g}"
         )
     bent = min(_line(x, y, weight, line.x_roll, bends=True).misfit for line in lines)
-    if best.misfit - bent > _AS_GOOD:
+    if best.misfit - bent > _SIGNIFICANT:
         raise InputError(
             f"the spectrum bends, as where heights are smoothed, noisy or in few steps: no power law holds down to the "
             f"wavelength {shortest:g}"
