@@ -111,15 +111,6 @@ def test_no_count_has_gone_up(name: str, monkeypatch: pytest.MonkeyPatch) -> Non
     assert excess(name, found, json.loads(STORED.read_text(encoding="utf-8"))[name]) == []
 
 
-def test_a_sentence_names_the_count() -> None:
-    stored = {"Newton iterations": 100, "cutbacks": 0}
-    assert excess("plastic", stored | {"Newton iterations": 112}, stored) == []
-    (sentence,) = excess("plastic", stored | {"Newton iterations": 113, "cutbacks": 2}, stored)
-    assert sentence.startswith("Newton iterations of the plastic scene went up from 100 to 113")
-    (sentence,) = excess("plastic", stored | {"calls of stress": 3}, stored)
-    assert sentence.startswith("calls of stress of the plastic scene went up from 0 to 3")
-
-
 def test_nothing_is_compiled_at_run_time(monkeypatch: pytest.MonkeyPatch) -> None:
     """From surface to curve no form is handed to a compiler, which nodes of a cluster may not have."""
     import dolfinx.jit

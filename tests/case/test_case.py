@@ -183,6 +183,20 @@ MISTAKES = {
     "slip.friction=0.3 & slip.amplitudes=[0.5, 1.0]": ("slip.amplitudes", "0.99"),
     "slip.friction=0.3 & slip.preload=1.0": ("slip.preload", "must lie between"),
     "loading.delta_max= & loading.force_max=1e-6 & joint.preload=2e-6": ("joint.preload", "and 1e-06, the greatest"),
+    **{
+        f"loading.delta_max= & loading.force_max=1e-4 & dynamics.preload={preload}": (
+            "dynamics.preload = ",
+            "must lie between",
+            "and 0.0001, the greatest force",
+        )
+        for preload in (1e-300, 1e-3, 1e300)
+    },
+    "joint.preload=1.0 & joint.pressure=1e8": ("joint.preload and joint.pressure are both given",),
+    "joint.pressure=1e8 & dynamics.preload=1e-4": ("dynamics.preload cannot go with",),
+    "joint.mass=1.0 & dynamics.gravity=9.81": ("dynamics.gravity takes the mass",),
+    "joint.pressure=1e18": ("joint.pressure = 1e+18 makes a force of 1e+06 on the patch, which must lie between",),
+    "joint.nominal_area=1e-4 & joint.preload=1e12": ("joint.preload = 1e+12 makes a force of 10000 on the patch",),
+    "joint.area=1.0": ("joint.area",),
     f"{SOLID_SLIP} & contact.method=penalty": ("slip.method",),
     f"{SOLID_SLIP} & slip.direction=20": ("between rollers",),
     f"{SOLID_SLIP} & block.sides=free & contact.friction=0.2": ("give both the same value",),

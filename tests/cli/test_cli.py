@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import csv
 import json
 import subprocess
 import sys
@@ -175,23 +174,6 @@ def test_output_that_nobody_reads(tmp_path: Path, command: str, code: int) -> No
     if command.startswith("run"):
         summary = json.loads((tmp_path / "out/case/summary.json").read_text())
         assert summary["finished"] and summary["steps"] == 1
-
-
-def test_compare_finds_what_differs(cli: Cli, tmp_path: Path) -> None:
-    a, b = (write_run(tmp_path / name) for name in "ab")
-    assert cli("compare", a, b / "curve.csv")[0] == 0
-    with (b / "curve.csv").open(newline="") as file:
-        rows = list(csv.reader(file))
-    column = rows[0].index("force")
-    rows[5][column] = str(float(rows[5][column]) * 1.5)
-    with (b / "curve.csv").open("w", newline="") as file:
-        csv.writer(file).writerows(rows)
-    code, out, _ = cli("compare", a, b)
-    assert code == 1 and out.startswith("force:")
-    assert cli("compare", a, b, "--rtol", "P_star=1e-9")[0] == 0
-    assert cli("compare", a, b, "--rtol", "force=0.5")[0] == 0
-    assert cli("compare", a, b, "--rtol", "force")[0] == 2
-    assert cli("compare", a, b, "--rtol", "farce=1")[0] == 2
 
 
 @pytest.mark.parametrize(

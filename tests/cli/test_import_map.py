@@ -107,7 +107,7 @@ def test_odd_maps_give_a_result(
 
 
 @pytest.mark.parametrize(
-    ("z", "lengths", "words"),
+    ("z", "given", "words"),
     [
         (np.full((50, 50), 3e-9), {}, "the map is flat"),
         (np.add.outer(np.arange(50.0), np.arange(50.0)) * 1e-10, {}, "the map is flat"),
@@ -122,31 +122,20 @@ def test_odd_maps_give_a_result(
         (SCAN, {"L": 0.0}, "give a positive length"),
         (SCAN, {"L": "long"}, "cannot be read"),
         (SCAN, {"dx": np.nan}, "give a positive length"),
+        (SCAN, ("--cutoff", "1e-3"), "cutoff = 0.001 must lie between two pixels"),
+        (SCAN, ("--cutoff", "nan"), "cutoff"),
+        (SCAN, ("--window", "0", "0", "1"), "not inside"),
+        (SCAN, ("--window", "0", "nan", "1e-7"), "not inside"),
+        (SCAN, ("--pixel", "0"), "--pixel"),
+        (SCAN, ("--pixel", "-1"), "--pixel"),
     ],
 )
-def test_bad_maps_are_one_sentence(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str], z: np.ndarray, lengths: dict[str, Any], words: str
+def test_bad_maps_and_options_are_one_sentence(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], z: np.ndarray, given: Any, words: str
 ) -> None:
-    assert import_map(write(tmp_path, z, **lengths), "-o", tmp_path / "out") == 2
-    error = capsys.readouterr().err
-    assert words in error and len(error.splitlines()) == 1 and not (tmp_path / "out").exists()
-
-
-@pytest.mark.parametrize(
-    ("options", "words"),
-    [
-        (("--cutoff", "1e-3"), "cutoff = 0.001 must lie between two pixels"),
-        (("--cutoff", "nan"), "cutoff"),
-        (("--window", "0", "0", "1"), "not inside"),
-        (("--window", "0", "nan", "1e-7"), "not inside"),
-        (("--pixel", "0"), "--pixel"),
-        (("--pixel", "-1"), "--pixel"),
-    ],
-)
-def test_bad_options_are_one_sentence(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str], options: tuple[str, ...], words: str
-) -> None:
-    assert import_map(write(tmp_path, SCAN), "-o", tmp_path / "out", *options) == 2
+    """Lengths of the file, or options of the command."""
+    options, lengths = (given, {}) if isinstance(given, tuple) else ((), given)
+    assert import_map(write(tmp_path, z, **lengths), "-o", tmp_path / "out", *options) == 2
     error = capsys.readouterr().err
     assert words in error and len(error.splitlines()) == 1 and not (tmp_path / "out").exists()
 

@@ -15,9 +15,7 @@ from scipy.integrate import solve_ivp
 
 from asperity.cli.dynamics import dynamics as command
 from asperity.dynamics import ContactOscillator, Joint, PowerLaw, run_dynamics
-from asperity.dynamics.point import Tracing
-from asperity.dynamics.search import Search, _scale
-from asperity.errors import ConvergenceError, InputError
+from asperity.errors import ConvergenceError
 from asperity.plot import plot_dynamics
 
 LINEAR = ContactOscillator(PowerLaw(1.0), zeta=0.05)
@@ -135,22 +133,6 @@ def test_base_and_shock_in_physical_units(tmp_path: Path) -> None:
     assert by_length.responses["exact"][0].setting.F_hat == pytest.approx(1e-9 / by_length.first.restoring.z_s)
 
 
-@pytest.mark.parametrize(
-    ("options", "words"),
-    [
-        ({"forcing": ("1 N", "1 m")}, "give all with one unit"),
-        ({"forcing": "1 m", "simulate": "step"}, "simulate is for a force or an acceleration"),
-        ({"simulate": "saw"}, 'simulate = "saw" is unknown'),
-        ({"omega": ("1e-6 Hz", "1 Hz")}, "omega = 1e-06 is not legal: it must lie between 0.006"),
-        ({"simulate": "half-sine", "pulse": 1e-9}, "pulse = 1e-09 is not legal: it must lie between 0.008"),
-        ({"simulate": "chirp", "span": 1e6}, "span = 1e[+]06 is not legal: it must lie between 0.001 and 10000"),
-    ],
-)
-def test_excitations_that_contradict_each_other_are_refused(options: dict[str, Any], words: str) -> None:
-    with pytest.raises(InputError, match=words):
-        run_dynamics(PowerLaw(1.5), **options)
-
-
 def test_a_series_that_no_orbit_stays_in_is_left_out_with_a_note() -> None:
     """A strong shock: the law has its orbits and its motion, the series has none."""
     more: dict[str, Any] = {"forcing": 50.0, "omega": (0.9, 1.1), "tol": 1e-3, "simulate": "half-sine"}
@@ -173,21 +155,3 @@ def test_figures_without_a_stable_or_a_physical_orbit(tmp_path: Path) -> None:
         warnings.simplefilter("error", RuntimeWarning)
         for result in (both, series):
             assert plot_dynamics(result, tmp_path)
-
-
-@pytest.mark.parametrize("excitation", ["force", "base"])
-def test_an_orbit_from_a_start_has_the_direction_of_its_branch(excitation: str) -> None:
-    """In closed form for a linear contact; the force of a moving base grows with the frequency."""
-    setting, zeta = LINEAR.setting(1e-3, excitation), LINEAR.zeta
-
-    def state(omega: Any) -> Any:
-        motion = setting.forcing(omega) / (1.0 - omega**2 + 2j * zeta * omega)
-        return np.array([motion.real, (1j * omega * motion).real])
-
-    search = Search(LINEAR.equation, setting, Tracing((0.5, 2.0), 0.05), False, 1e-8)
-    (found,) = search._found(1, np.array([1.3]), 1.05 * state(np.array([1.3])).T)
-    states, omega, _, normal = found
-    direction = normal * _scale(states, np.array([omega]))[0] ** 2  # the plane is normal to the branch in these units
-    np.testing.assert_allclose(states[0], state(omega), rtol=1e-3)
-    slope = np.append((state(omega + 1e-6) - state(omega - 1e-6)) / 2e-6, 1.0)
-    assert np.linalg.norm(np.cross(direction, slope)) < 1e-3 * np.linalg.norm(direction) * np.linalg.norm(slope)

@@ -11,7 +11,6 @@ import numpy as np
 import pytest
 
 import asperity as asp
-from asperity.case import Case
 from asperity.dynamics import DynamicsSettings, PowerLaw, TableLaw, law_from, run_dynamics
 from asperity.errors import AsperityWarning, InputError, RangeError
 from asperity.force_law.choice import LACK, choose
@@ -19,12 +18,6 @@ from asperity.force_law.columns import CurveColumns
 from asperity.force_law.laws import LawTable, tabulate
 
 QUICK: dict[str, Any] = {"model": ["exact"], "omega": (0.9, 0.91), "units": "SI", "tol": 1e-3}
-MINIMAL: dict[str, Any] = {
-    "surface": {"kind": "sphere", "L": 1e-6, "radius": 1e-5},
-    "material": {"E": 200e9, "nu": 0.3},
-    "loading": {"delta_max": 1e-8},
-}
-
 # A contact that yields from the beginning: loading F = C z^1.2; from a greatest force F_0 it unloads by
 # F = K (z - z_r)^1.5 with K the same, so that the elastic stiffness at F is 1.5 K^(2/3) F^(1/3) on any branch.
 C, K = 0.5, 2.0
@@ -276,18 +269,6 @@ def test_files_hold_hertz_newton_and_metres(tmp_path: Path) -> None:
         assert next(csv.DictReader(file))["frequency"] == ""
 
 
-@pytest.mark.parametrize(
-    ("values", "words"),
-    [
-        ({"preload": 1.0, "pressure": 2.0}, "joint.preload and joint.pressure are both given"),
-        ({"pressure": -1.0}, "joint.pressure = -1.0 is not legal"),
-    ],
-)
-def test_contradictory_joints_are_refused(values: dict[str, float], words: str) -> None:
-    with pytest.raises(InputError, match=words):
-        asp.Joint(**values)
-
-
 def test_an_area_without_a_patch_is_refused() -> None:
     with pytest.raises(InputError, match="needs the nominal area of the patch"):
         run_dynamics(contact(), joint=asp.Joint(nominal_area=1.0), **QUICK)
@@ -295,28 +276,6 @@ def test_an_area_without_a_patch_is_refused() -> None:
         run_dynamics(PowerLaw(1.5), joint=asp.Joint(nominal_area=1.0), **QUICK)
     with pytest.raises(InputError, match="the joint has its own"):
         run_dynamics(contact(), joint=asp.Joint(mass=1.0), gravity=9.81, **QUICK)
-
-
-@pytest.mark.parametrize(
-    ("sections", "words"),
-    [
-        ({"joint": {"preload": 1.0, "pressure": 1e8}}, "joint.preload and joint.pressure are both given"),
-        ({"joint": {"pressure": 1e8}, "dynamics": {"preload": 1e-4}}, "dynamics.preload cannot go with"),
-        ({"joint": {"mass": 1.0}, "dynamics": {"gravity": 9.81}}, "dynamics.gravity takes the mass"),
-        (
-            {"joint": {"pressure": 1e18}},
-            r"joint.pressure = 1e\+18 makes a force of 1e\+06 on the patch, which must lie between",
-        ),
-        (
-            {"joint": {"nominal_area": 1e-4, "preload": 1e12}},
-            r"joint.preload = 1e\+12 makes a force of 10000 on the patch, which must lie between",
-        ),
-        ({"joint": {"area": 1.0}}, "joint.area"),
-    ],
-)
-def test_contradictory_cases_are_refused(sections: dict[str, Any], words: str) -> None:
-    with pytest.raises(InputError, match=words):
-        Case.from_dict({**MINIMAL, **sections})
 
 
 def exponential() -> dict[str, np.ndarray]:

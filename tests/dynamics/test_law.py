@@ -145,14 +145,6 @@ def _hysteretic() -> dict[str, np.ndarray]:
     }
 
 
-def test_approach_of_the_unloading_is_measured_from_separation() -> None:
-    law = unload_reload(_hysteretic(), 0.5)
-    assert law.origin == pytest.approx(0.4, abs=1e-6)
-    r = ContactOscillator(law, load=0.5).restoring
-    assert r.n_loc == pytest.approx(1.5, rel=1e-4)
-    assert r.z_s == pytest.approx(0.6 * 0.5 ** (1 / 1.5), rel=1e-5)
-
-
 def test_the_last_unloading_that_reaches_the_preload_is_the_law() -> None:
     """After cycles to 1 with exponents 1.5, 1.6, 1.7, the last one to 0.4 only; reloadings do not count."""
     rows = [(d, d**1.2, "load") for d in np.linspace(0, 1, 11)[1:]]

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 from math import pi
 
-import claims
-from scene_definition import DIRECT, ELASTIC, FLAT, Keys, L, Scene, Twin, wave
+from scene_definition import DIRECT, ELASTIC, FLAT, Keys, L, Scene, Twin, keeps_a_loop, wave
 
 FINITE: Keys = {"material.kinematics": "finite"}
 MOVING: Keys = {"material.hardening": "kinematic"}
@@ -99,7 +98,7 @@ def finite() -> list[Scene]:
 def kinematic() -> list[Scene]:
     """Kinematic hardening under cycles, and at its limits."""
     return [
-        Scene("kinematic/cycles-20", "20 cycles", MOVING | TWENTY, claim=claims.keeps_a_loop),
+        Scene("kinematic/cycles-20", "20 cycles", MOVING | TWENTY, claim=keeps_a_loop),
         Scene(
             "kinematic/whole-block",
             "flat block in uniaxial strain far beyond yield, three cycles",

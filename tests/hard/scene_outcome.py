@@ -10,10 +10,9 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-import bad_inputs
 import numpy as np
 from mpi4py import MPI
-from scene_definition import BASE, Keys, L, Scene
+from scene_definition import BASE, Keys, L, Map, Scene, heights
 
 from asperity.case import Case
 from asperity.case.case_file import identity
@@ -60,11 +59,11 @@ def run_scene(scene: Scene) -> Outcome:
     return one
 
 
-def _run(scene: Scene, keys: Keys, heights: bad_inputs.Map | None, folder: Path) -> Outcome:
+def _run(scene: Scene, keys: Keys, of: Map | None, folder: Path) -> Outcome:
     """Run the case of a scene in a new folder."""
     folder.mkdir()
-    if heights is not None:
-        np.save(folder / "map.npy", L * bad_inputs.heights(heights))
+    if of is not None:
+        np.save(folder / "map.npy", L * heights(of))
     out, done = folder / "out", Outcome()
     try:
         case = _case(scene, keys, folder)

@@ -9,10 +9,9 @@ from __future__ import annotations
 
 from math import pi
 
-import bad_inputs
-import claims
 import grids
 import mechanics
+import scene_definition as given
 from scene_definition import DIRECT, ELASTIC, FILE, FLAT, PENALTY, L, Scene, Twin, sphere, wave
 
 SCENES: tuple[Scene, ...] = (
@@ -35,7 +34,7 @@ SCENES: tuple[Scene, ...] = (
         "elastic wave pressed to nearly full contact",
         wave(0.01, 1) | ELASTIC | {"loading.steps": 10},
         depth=3.56,
-        claim=claims.nearly_full,
+        claim=given.nearly_full,
         fast=True,
     ),
     Scene(
@@ -43,14 +42,14 @@ SCENES: tuple[Scene, ...] = (
         "elastic egg-box pressed to nearly full contact",
         wave(0.01) | ELASTIC | {"loading.steps": 10},
         depth=4.6,
-        claim=claims.nearly_full,
+        claim=given.nearly_full,
     ),
     Scene(
         "full/plastic",
         "soft plastic wave pressed to nearly full contact, and released",
         wave(0.01) | {"material.yield_strength": 2e8, "loading.unload": True},
         depth=2.6,
-        claim=claims.nearly_full,
+        claim=given.nearly_full,
     ),
     Scene(
         "full/beyond",
@@ -63,15 +62,15 @@ SCENES: tuple[Scene, ...] = (
         "touch/one-point",
         "sphere of R = L touched at one point, lifted off",
         sphere(1.0) | ELASTIC | {"mesh.h_contact": 4e-3 * L, "loading.delta_max": 1e-4 * L, "loading.unload": True},
-        claim=claims.hertz,
+        claim=given.hertz,
         fast=True,
     ),
     Scene(
         "touch/two-peaks",
         "two equal peaks",
         FILE | {"loading.delta_max": 0.02 * L, "loading.unload": True},
-        map=bad_inputs.two_peaks,
-        twin=Twin("turned by 90 degrees", 0.05, map=bad_inputs.two_peaks_turned),
+        map=given.two_peaks,
+        twin=Twin("turned by 90 degrees", 0.05, map=given.two_peaks_turned),
         fast=True,
     ),
     Scene(
@@ -193,14 +192,14 @@ SCENES: tuple[Scene, ...] = (
         "file/noise",
         "wave with noise of a hundredth of its height at every sample",
         FILE | {"loading.delta_max": 0.01 * L, "mesh.h_contact": 0.06 * L, "mesh.h_max": 0.2 * L},
-        map=bad_inputs.noisy,
+        map=given.noisy,
         twin=DIRECT,
     ),
     Scene(
         "file/spike",
         "one sample 0.1 L above the others",
         FILE | {"loading.delta_max": 0.02 * L},
-        map=bad_inputs.spike,
+        map=given.spike,
         ends="refused",
         reason="or filter the surface",
     ),

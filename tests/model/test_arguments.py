@@ -31,11 +31,19 @@ WAVE = Surface.from_spec("sinusoid", L=L, amplitude=5e-9)
         (lambda: asp.Material("200 GPa", 0.3), "material.E = '200 GPa' must be a number"),
         (lambda: asp.Material(True, 0.3), "material.E = True must be a number"),
         (lambda: asp.Material(float("nan"), 0.3), "material.E = nan must lie in"),
+        (lambda: asp.Material(1.0, 0.3, 0.1, 1.0), "material.tangent_modulus = 1"),
+        (lambda: asp.Material(1.0, 0.3, 0.1, -0.1), "material.tangent_modulus = -0.1"),
+        (lambda: asp.Material(1.0, 0.3, hardening="kinematic"), "needs material.yield_strength"),
+        (lambda: asp.Material(1.0, 0.3, 0.1, 0.1, "kinetic"), "material.hardening = .* must be"),
+        (lambda: asp.Material(1.0, 0.3, 0.1, 0.1, 1.5), "material.hardening = 1.5 must be"),
+        (lambda: asp.Formulation("nitsche", gamma=float("nan")), "contact.gamma = nan is below .* is stable"),
         (lambda: asp.MeshSize("40 nm"), "mesh.h_contact = '40 nm' must be a number"),
         (lambda: asp.Formulation(1), "contact.method = 1 must be a text"),
         (lambda: asp.SolverOptions(newton_max=2.5), "solver.newton_max = 2.5 must be a whole number"),
         (lambda: asp.SolverOptions(krylov_rtol=-1.0), r"krylov_rtol = -1.0 must lie in \(0, 1\)"),
         (lambda: asp.SolverOptions(krylov_rtol=float("nan")), r"krylov_rtol = nan must lie in \(0, 1\)"),
+        (lambda: asp.Joint(preload=1.0, pressure=2.0), "joint.preload and joint.pressure are both given"),
+        (lambda: asp.Joint(pressure=-1.0), "joint.pressure = -1.0 is not legal"),
         (lambda: asp.AccuracyTarget("1 %"), "accuracy.tolerance = '1 %' must be a number"),
         (
             lambda: Schedule(delta_max="1e-9"),  # type: ignore[arg-type]
@@ -84,7 +92,7 @@ REFUSED: dict[str, tuple[Any, ...]] = {
     "loading.delta_max": (0.02, 1.1e-6, 1e-14, -1e-9), "loading.force_max": (1.0, 1e-20),
     "loading.pressure_max": (1e12,), "loading.steps": (0,), "loading.cycles": (0,), "block.height": (1.0,),
     "mesh.h_contact": (0.04, 0.5e-6), "mesh.h_max": (1e-12,), "mesh.growth": (0.0,),
-    "material.E": (0.0, float("inf")), "material.nu": (0.4951, -1.0), "material.yield_strength": (1.0, 300e9),
+    "material.E": (0.0, float("inf")), "material.nu": (0.4951, -1.0), "material.yield_strength": (1.0, 300e9, 0.0),
     "contact.method": ("glue",), "contact.penalty": (1e9,), "solver.linear": ("qr",), "solver.rtol": (0.5,),
     "solver.newton_max": (0,),
 }  # fmt: skip

@@ -88,5 +88,10 @@ def test_a_comparison_of_nothing_is_refused(tmp_path: Path) -> None:
     none.write(tmp_path / "none.csv")
     other = tmp_path / "other.csv"
     replace(curve, header={"tolerances": {}}).write(other)
+    top = int(np.argmax(curve.force))
+    change(curve, top, force=1.4 * curve.force[top]).write(tmp_path / "changed.csv")
+    for code, *rtol in ((1,), (0, "P_star=1e-9"), (0, "force=0.5"), (2, "force"), (2, "farce=1")):
+        given = [word for text in rtol for word in ("--rtol", text)]
+        assert call("compare", tmp_path / "curve.csv", tmp_path / "changed.csv", *given) == code
     for first, second in (("link.csv", "curve.csv"), (".", "curve.csv"), ("none.csv", "none.csv"), (".", other)):
         assert call("compare", tmp_path / first, tmp_path / second) == 2

