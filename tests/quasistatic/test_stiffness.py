@@ -144,6 +144,7 @@ def test_stiffness_changes_no_bit_of_the_curve(rough: Surface, coarse: BlockMesh
     assert all(np.isnan(getattr(without, name)).all() for name in ELASTIC_STIFFNESSES)
     np.testing.assert_array_equal(with_.k_n, without.k_n)
     load = with_.loading()
+    assert all(np.isfinite(getattr(load, name)).all() for name in ELASTIC_STIFFNESSES)
     slopes = np.diff(load.force) / np.diff(load.delta)
     if material is ELASTIC:
         assert np.all((slopes[:-1] < load.k_n_elastic[1:-1]) & (load.k_n_elastic[1:-1] < slopes[1:]))

@@ -311,9 +311,9 @@ _UNKNOWN: dict[type, Any] = {float: math.nan, int: 0, str: ""}
 #: Names of the columns of curve.csv, in their order, and the dimension of each.
 COLUMNS = tuple(_TABLE)
 DIMENSIONS: dict[str, str] = {name: about["dimension"] for name, about in _TABLE.items()}
-#: Stiffnesses of the contact; the elastic ones each take a solve, k_n is the slope of the curve.
-STIFFNESSES = tuple(name for name, of in DIMENSIONS.items() if of == "force/length" and not name.startswith("error_"))
-ELASTIC_STIFFNESSES = STIFFNESSES[1:]
+#: Stiffnesses of the contact; the elastic ones are those of `quasistatic.stiffness`, k_n is the slope of the curve.
+ELASTIC_STIFFNESSES = ("k_n_elastic", "k_t", "k_t_x", "k_n_interface", "k_t_interface")
+STIFFNESSES = ("k_n", *ELASTIC_STIFFNESSES)
 #: Columns with error bars in runs with a tolerance, in addition to P_star and area_fraction.
 WITH_ERRORS = tuple(name.removeprefix("error_") for name in COLUMNS if name.startswith("error_"))[2:]
 
