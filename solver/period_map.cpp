@@ -96,7 +96,7 @@ struct Motion
     out = {};
     out.high = out.low = {u, 1, 0, 0};
     out.lowest = s;
-    const double end = begin + length, most = 2e4 + 1e3 * length / omega;
+    const double end = begin + length, most = 2e4 + std::min(1e3 * length / omega, 2e6), unit = std::min(1.0, omega);
     double h = std::min({length, 0.05, 0.05 * omega});
     slope(s, y, k[0]);
     for (out.steps = 1; out.steps < most && std::abs(y[0]) < limit; ++out.steps)
@@ -104,11 +104,11 @@ struct Motion
       const bool last = s + h >= end - 1e-14 * std::max(1.0, end);
       const double step = last ? end - s : h, error = advance(step);
       // a step this short is taken as it is: where the stiffness is infinite, at contact loss, none meets the tolerance
-      const bool shortest = step < 1e-12 * std::max(1.0, s) && error < 1e300;
+      const bool shortest = step < 1e-12 * std::max(unit, s) && error < 1e300;
       if (!(error <= 1.0) && !shortest)
       {
         h = step * (error < 1e300 ? std::max(0.2, 0.9 * std::pow(error, -0.125)) : 0.1);
-        if (h < 1e-14 * std::max(1.0, s))
+        if (h < 1e-14 * std::max(unit, s))
           return false;
         continue;
       }

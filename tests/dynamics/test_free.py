@@ -118,3 +118,13 @@ def test_an_infinite_stiffness_at_contact_loss_is_integrated() -> None:
     o = ContactOscillator(PowerLaw(0.25), zeta=0.0)
     end = motions(o.equation, [3.0, 0.0], float(o.free(3.0).omega_ratio[0]), 0.0, rtol=1e-11).end[0]
     np.testing.assert_allclose(end, [3.0, 0.0], atol=1e-9)
+
+
+def test_a_flight_far_longer_than_the_contact_is_integrated() -> None:
+    """Beyond its points a table may be so stiff that contact lasts 1e-11 of the period: the speed is that of energy."""
+    z = np.linspace(0.05, 2.0, 40)
+    o = ContactOscillator(TableLaw(z, z**1.5 + 18.0 * np.maximum(z - 0.94, 0.0) ** 3), load=13.2, damping="contact")
+    (orbit,) = o.free([205.5]).orbits
+    r = o.restoring
+    stored = float(r.law.potential(206.5 * r.z_s)) / (r.scale * r.z_s) - 206.5 / r.n_loc
+    assert orbit.v_s == pytest.approx(np.sqrt(2.0 * stored), rel=1e-6) and orbit.v_s > 1e6
