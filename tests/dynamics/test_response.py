@@ -11,7 +11,9 @@ from twin import computed, motion, shoot
 from asperity.dynamics import ContactOscillator, PowerLaw, TableLaw
 from asperity.dynamics.equation import Equation, Restoring, motions
 from asperity.dynamics.free import free_orbits
+from asperity.dynamics.point import Tracing
 from asperity.dynamics.response import frequency_response
+from asperity.dynamics.search import Search
 
 
 @pytest.mark.parametrize(
@@ -231,6 +233,17 @@ def test_work_is_bounded() -> None:
     o = ContactOscillator(PowerLaw(1.5))
     r = frequency_response(o.equation, o.setting(0.05), (0.5, 1.3), max_work=20)
     assert any("ends early: too much work" in note for note in r.notes)
+
+
+@pytest.mark.parametrize("forcing", [1e3, 1e6])
+def test_a_strong_forcing_starts_where_it_hardly_moves_the_mass(forcing: float) -> None:
+    """Far above a narrow window, and in few steps from there: the mass then flies freely, by more than F^/Omega^2."""
+    o = ContactOscillator(PowerLaw(1.5), zeta=0.01)
+    search = Search(o.equation, o.setting(forcing), Tracing((0.8, 1.0), 0.01), True, 1e-9)
+    search.run()
+    start, *points = search._paths[0].points
+    assert len(points) < 500 and start.amplitude < 0.1
+    assert all(p.amplitude > 0.5 * forcing for p in points if 0.8 <= p.Omega <= 1.0)
 
 
 def test_mostly_flight() -> None:

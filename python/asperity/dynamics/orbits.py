@@ -239,7 +239,7 @@ class Orbits:
             here, omega = points[-1], points[-1].Omega
             w = self.scales(here.amplitude, here.y)
             unit = here.tangent / np.linalg.norm(w * here.tangent)
-            longest = how.max_step if how.is_inside(omega) else min(_STRIDE * omega, 5.0 * how.max_step + _STRIDE)
+            longest = how.max_step if how.is_inside(omega) else _STRIDE * omega
             h = min(h, longest / max(abs(unit[-1]), 1e-9), _LONGEST, self._resonance(here, float(unit[-1])))
             h = max(h, 2.0 * _HMIN)
             cubic, length = np.array([here.y - unit, unit, 0.0 * unit, 0.0 * unit]), 1.0

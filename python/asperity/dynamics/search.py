@@ -126,7 +126,8 @@ class Search:
     def _limits(self) -> tuple[float, float]:
         """Frequencies up to which branches are followed outside the window, in which they may return."""
         low, high = self.how.window
-        above = self.orders[-1] * _BEYOND * max(1.0, *self.frequency) * (1.0 + self.strong)
+        strong = min(self.strong, 2.0 * self.strong**0.5)  # the amplitude is about F^/Omega^2
+        above = self.orders[-1] * _BEYOND * max(1.0, *self.frequency) * (1.0 + strong)
         return _BELOW * low if low < above else low, max(above, high)
 
     @property
