@@ -210,6 +210,16 @@ def test_two_folds_between_two_points_are_found() -> None:
     assert len(response["fold"]) == turns == 4
 
 
+def test_a_loop_that_the_window_cuts_ends_at_the_window() -> None:
+    """The same loop is whole in a wide window."""
+    ends = []
+    for window in ((0.9, 2.2), (1.4, 2.2)):
+        (loop,) = (b for b in computed(1.5, 0.01, 0.15, window).branches if b.kind == "detached")
+        assert (loop.end == "window") == (loop.Omega[0] in window) == (loop.Omega[-1] in window)
+        ends.append(loop.end)
+    assert ends == ["closed", "window"]
+
+
 @pytest.mark.parametrize("low", [0.4, 0.5, 0.53])
 def test_a_resonance_that_ends_in_the_window_is_found(low: float) -> None:
     """Three cycles in two forcing periods: stable up to the fold at 0.5443, on no other branch."""

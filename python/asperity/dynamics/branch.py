@@ -293,9 +293,11 @@ def through(orbits: Orbits, first: Point, how: Tracing, known: Sequence[Path]) -
     forward = orbits.trace(first, how, closed)
     if forward.end == "closed":  # begin at an end of the window, so that no piece begins inside
         points = forward.points
-        edge = next((i for i, p in enumerate(points) if p.Omega in how.window), 0)
+        edge = next((i for i, p in enumerate(points) if p.Omega in how.window), None)
+        if edge is None:
+            return Path(points, "closed", "closed")
         shift = next(k for k, copy in enumerate(copies) if copy is points[-1])
-        return Path((*points[edge:], *(_shifted(p, shift) for p in points[1 : edge + 1])), "closed", "closed")
+        return Path((*points[edge:], *(_shifted(p, shift) for p in points[1 : edge + 1])), "window", "window")
     backward = orbits.trace(first.turned(), how, closed)
     turned = tuple(p.turned() for p in reversed(backward.points[1:]))
     return Path(turned + forward.points, forward.end, backward.end)
