@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from contextlib import suppress
 
 import numpy as np
 import pytest
 from scipy.optimize import brentq
 
 from asperity.dynamics import TableLaw
+from asperity.errors import InputError
 from asperity.force_law.intervals import intervals
 
 Curve = tuple[Callable[[float], float], np.ndarray]
@@ -67,6 +69,24 @@ def test_the_bars_hold(curve: Callable[[np.random.Generator], Curve]) -> None:
         bars = (known.n_loc, known.kappa, known.z_s, known.k_n)
         inside.append([b.low - 1e-9 * abs(v) <= v <= b.high + 1e-9 * abs(v) for b, v in zip(bars, values, strict=True)])
     assert np.all(np.mean(inside, axis=0) >= 0.95), np.mean(inside, axis=0)
+
+
+def test_the_bars_hold_for_points_that_scatter() -> None:
+    """By 1 to 4 % of the force, through which the law is a smoothing spline: for 90 % of the curves."""
+    inside = []
+    for seed in range(150):
+        rng = np.random.default_rng(9000 + seed)
+        f, z = (smooth, apart, summits)[seed % 3](rng)
+        share = rng.uniform(0.1, 0.9)
+        noise = 1.0 + rng.uniform(0.01, 0.04) * rng.standard_normal(z.size)
+        with suppress(InputError):  # points that fall
+            law = TableLaw(z, np.array([f(x) for x in z]) * noise)
+            if law.noise and (load := law.top * share) > law.F[0]:
+                known = intervals(law, load)
+                values = exact(f, brentq(lambda x, f=f, load=load: f(x) - load, 1e-9, 1.5))
+                bars = (known.n_loc, known.kappa, known.z_s, known.k_n)
+                inside.append([b.low <= v <= b.high for b, v in zip(bars, values, strict=True)])
+    assert len(inside) > 80 and np.all(np.mean(inside, axis=0) >= 0.9), np.mean(inside, axis=0)
 
 
 def test_slopes_that_are_unknown_have_the_bar_of_points_without_any() -> None:

@@ -15,6 +15,8 @@ from asperity.force_law.law import Law, bend
 from asperity.force_law.table import TableLaw
 from asperity.runtime.display import short_repr
 
+_SCATTERED = 3.0  # bar of points that scatter over the changes without some: these are one sample, of a spline
+
 
 class Interval(NamedTuple):
     """Value with the smallest and largest one by the laws that bound it, NaN where one does not reach the load."""
@@ -97,6 +99,8 @@ def intervals(
     ends = np.stack([centre, *map(values, members)])
     wider = np.sum([np.zeros(4), *(np.abs(values(one) - centre) for one in others)], axis=0)
     wider[1] = law.kappa_bar(float(centre[2]))
+    if isinstance(law, TableLaw) and law.noise:
+        wider *= _SCATTERED
     found = np.stack([centre, ends.min(axis=0) - wider, ends.max(axis=0) + wider], axis=1)
     frequency = np.sqrt(np.maximum(found[3], 0.0) / mass)
     n_loc, kappa, z_s, k_n, omega_s = (Interval(*row) for row in [*found.tolist(), frequency.tolist()])
