@@ -101,6 +101,7 @@ def test_a_single_row_is_in_no_order(tmp_path: Path) -> None:
         ("1,2\n2,3\n3,4\n", "no column names; name the columns"),
         ("delta;other\n1;2\n2;3\n", "column 'force' is missing"),
         ("delta;force\n1;2\n2;x\n", "row 3 has 'x'"),
+        ("delta;force\n1;n/a\n2;3\n", "'1, n/a' is no heading and no row of numbers: give a number"),
         ("delta;force\n1;2\n2;\n3;4\n", "row 3 has no force"),
         ("delta;force\n1;-2\n2;-3\n", "no force is positive: compression counts positive"),
         ("delta;force\n-1;2\n-2;3\n", "no delta is positive"),

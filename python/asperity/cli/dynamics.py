@@ -159,6 +159,8 @@ _ROWS = {
 
 
 def _show(result: Dynamics) -> None:
+    from asperity.output.verdict import jump_rows
+
     first, onsets, units = result.first, result.thresholds, "" if result.settings.units == "other" else "SI"
     about = f"{first.law.describe()}, zeta = {first.zeta:g} ({first.damping})"
     rows = [(text, *(_text(getattr(one, name)) for one in onsets.values())) for name, text in _ROWS.items()]
@@ -186,16 +188,9 @@ def _show(result: Dynamics) -> None:
         options.table(about, rows, ("law", "n", "kappa", "k_n", "f", ""))
         known = own.bar == own.bar
         options.say(f"error bar of the {own.bar_of} {per_cent(own.bar)}" if known else "no error bar of the force")
-    jumps = []
-    for jump in result.jumps():
-        hertz, after = jump["frequency"], jump["x_max_after"]
-        jumps.append((
-            f"{jump['model']}, {quantity(jump['force'], 'N' if units else '')}, zeta = {jump['zeta']:g}", jump["sweep"],
-            f"{jump['Omega']:.5g}" if hertz is None else quantity(hertz, "Hz" if units else "", 5),
-            *("-" if x is None else quantity(x, "m" if units else "") for x in (jump["x_max"], after)),
-        ))  # fmt: skip
-    if jumps:
-        options.table("jumps of slow sweeps", jumps, ("law and force", "sweep", "frequency", "amplitude", "after"))
+    if jumps := jump_rows(result.jumps(), *(("N", "Hz", "m") if units else ("", "", ""))):
+        header = ("law", "force", "zeta", "sweep", "frequency", "amplitude", "after")
+        options.table("jumps of slow sweeps", jumps, header)
     if (spread := result.uncertainty) is not None:
         n, kappa = (plus_minus(one.value, one.half) for one in (spread.n_loc, spread.kappa))
         options.say(f"n = {n}, kappa = {kappa}, {spread.softening}, by the {spread.origin}")

@@ -37,7 +37,7 @@ def _contact(results: Results) -> Iterator[str]:
     area = f"; {of_area} % of the nominal area is in contact" if isfinite(share) else ""
     yield f"The force on the patch is {force} at an approach of {delta}{area}."
     if not isfinite(curve.bar("P_star", top)):
-        yield "It has no error bar: the case requests no tolerance."
+        yield "The force has no error bar: the case requests no tolerance."
     known = []
     for name, axis in (("k_n_elastic", "normal"), ("k_t", "tangential, without slip,")):
         value = float(getattr(curve, name)[top])
@@ -79,3 +79,16 @@ def doubts(records: Sequence[Mapping[str, Any]], named: bool = False) -> list[st
         return [f"All {checked} are fine."] if records else []
     which = f": {', '.join(names)}" if named else ""
     return [f"{len(names)} of {checked} {'is' if len(names) == 1 else 'are'} doubtful{which}."]
+
+
+def jump_rows(jumps: Sequence[Mapping[str, Any]], force: str, frequency: str, length: str) -> list[tuple[str, ...]]:
+    """Jumps of thresholds.json as texts, in the units given: law, force, zeta, sweep, frequency, amplitudes."""
+    return [
+        (
+            jump["model"], quantity(jump["force"], force), f"{jump['zeta']:g}", jump["sweep"],
+            f"{jump['Omega']:.5g} ω_s" if jump["frequency"] is None else quantity(jump["frequency"], frequency, 5),
+            quantity(jump["x_max"], length),
+            "–" if jump["x_max_after"] is None else quantity(jump["x_max_after"], length),
+        )
+        for jump in jumps
+    ]  # fmt: skip

@@ -14,7 +14,7 @@ from asperity.curve import COLUMNS
 from asperity.curve.power_law import with_misfit
 from asperity.force_law.laws import law_rows
 from asperity.output.results import Results
-from asperity.output.verdict import doubts, verdict
+from asperity.output.verdict import doubts, jump_rows, verdict
 from asperity.plot import CAPTIONS
 from asperity.plot.citations import publications
 from asperity.plot.contact import Raster
@@ -89,7 +89,9 @@ def write_report(folder: str | Path) -> Path:
         figures=[_figure(path) for path in drawn],
         case=tomli_w.dumps(dict(results.case)),
         laws=laws and law_rows(laws, results.unit("stiffness"), results.unit("frequency")),
-        jumps=_jumps(results),
+        jumps=jump_rows(
+            results.thresholds.get("jumps") or (), *(results.unit(name) for name in ("force", "frequency", "length"))
+        ),
         columns=COLUMNS,
         rows=[list(row.values()) for row in results.curve.rows()],
         publications=publications(results.case),
@@ -184,17 +186,3 @@ def _figure(path: Path) -> dict[str, Any]:
         "kind": "svg+xml" if path.suffix == ".svg" else "png",
         "data": base64.b64encode(data).decode(),
     }
-
-
-def _jumps(results: Results) -> list[tuple[str, ...]]:
-    """Where slow sweeps jump: law, force, damping ratio, direction, frequency, amplitudes before and after."""
-    newton, hertz, metre = (results.unit(name) for name in ("force", "frequency", "length"))
-    return [
-        (
-            jump["model"], quantity(jump["force"], newton), f"{jump['zeta']:g}", jump["sweep"],
-            f"{jump['Omega']:.5g} ω_s" if jump["frequency"] is None else quantity(jump["frequency"], hertz, 5),
-            quantity(jump["x_max"], metre),
-            "–" if jump["x_max_after"] is None else quantity(jump["x_max_after"], metre),
-        )
-        for jump in results.thresholds.get("jumps") or ()
-    ]  # fmt: skip

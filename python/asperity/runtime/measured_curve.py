@@ -90,6 +90,8 @@ def _heading(text: TextTable, width: int) -> tuple[list[str], dict[str, float], 
                 raise ValueError(f"the unit {unit!r} of {known} is unknown; use {', '.join(table)}")
             units[known] = table[unit]
     for name in NAMES:
+        if name not in names and any(map(is_number, row)):
+            raise ValueError(f"{', '.join(row)[:40]!r} is no heading and no row of numbers: give a number in each cell")
         if name not in names:
             raise ValueError(f"column {name!r} is missing; it has {', '.join(map(repr, row))}{nearest(name, row)}")
     if len(units) == 1:
