@@ -22,7 +22,6 @@ from asperity.surface.statistics import (
     Spectrum,
     SurfaceStatistics,
     psd,
-    surface_statistics,
 )
 
 #: A summit closer to an edge of the patch than this counts as on the edge, and its mesh node is placed there [L].
@@ -221,8 +220,10 @@ class Surface(ABC):
         return np.concatenate([rows(y[i : i + step]) for i in range(0, y.size, step)])
 
     def statistics(self, n: int = _GRID) -> SurfaceStatistics:
-        """Roughness parameters of an n x n grid; see :class:`SurfaceStatistics`."""
-        return surface_statistics(self.grid(n), self.grid_gradient(n), self.grid_hessian(n))
+        """Roughness parameters of an n x n grid, whose nodes have the same weight; see :class:`SurfaceStatistics`."""
+        z, (zx, zy), (xx, _, yy) = self.grid(n), self.grid_gradient(n), self.grid_hessian(n)
+        slope, curvature = (float(np.sqrt(np.mean(square))) for square in (zx**2 + zy**2, (xx + yy) ** 2))
+        return SurfaceStatistics(Sq=float(np.std(z)), Sz=float(np.ptp(z)), rms_slope=slope, rms_curvature=curvature / 2)
 
     def psd(self, n: int = 1024, window: str = "hann") -> Spectrum:
         """Radial power spectral density of the heights; see :func:`statistics.psd`."""

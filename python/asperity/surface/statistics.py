@@ -50,25 +50,6 @@ class Spectrum:
     __repr__ = short_repr
 
 
-def surface_statistics(
-    z: Array, gradient: tuple[Array, Array], hessian: tuple[Array, Array, Array]
-) -> SurfaceStatistics:
-    """Statistics of a regular grid; all nodes have the same weight.
-
-    Args:
-        z: heights (n, n) (length)
-        gradient: dz/dx and dz/dy, each (n, n)
-        hessian: z_xx, z_xy and z_yy, each (n, n) (1/length)
-    """
-    (zx, zy), (xx, _, yy) = gradient, hessian
-    return SurfaceStatistics(
-        Sq=float(np.std(z)),
-        Sz=float(np.ptp(z)),
-        rms_slope=float(np.sqrt(np.mean(zx**2 + zy**2))),
-        rms_curvature=float(np.sqrt(np.mean((xx + yy) ** 2))) / 2,
-    )
-
-
 def psd(z: Array, L: float, window: str = "hann") -> Spectrum:
     """Radial power spectral density, in the conventions of Jacobs, Junge and Pastewka (2017).
 
