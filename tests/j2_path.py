@@ -6,7 +6,6 @@ import math
 
 import numpy as np
 from numpy.typing import ArrayLike
-from yielding_sphere import hardening_modulus
 
 from asperity.arrays import Array
 
@@ -24,7 +23,7 @@ def j2_path(
     """
     from scipy.integrate import solve_ivp
 
-    mu, bulk, H = E / (2 * (1 + nu)), E / (3 * (1 - 2 * nu)), hardening_modulus(E, E_t)
+    mu, bulk, H = E / (2 * (1 + nu)), E / (3 * (1 - 2 * nu)), E * E_t / (E - E_t)
     flowing, back = 1 / (1 + H / (3 * mu)), 2 / 3 * share * H
 
     def rate(_: float, state: Array, step: Array) -> Array:
@@ -88,7 +87,7 @@ def uniaxial_stress(strain: ArrayLike, E: float, Y: float, E_t: float, share: fl
 
     The strain is monotonic between entries; `share` of the hardening is kinematic.
     """
-    return _piecewise(strain, E, E, Y, hardening_modulus(E, E_t), share)
+    return _piecewise(strain, E, E, Y, E * E_t / (E - E_t), share)
 
 
 def confined_stress(
@@ -100,6 +99,6 @@ def confined_stress(
     and p = (2 mu |e| - Y)/(3 mu + H) on the first loading.
     """
     mu, bulk = E / (2 * (1 + nu)), E / (3 * (1 - 2 * nu))
-    q, p = _piecewise(strain, 2 * mu, 3 * mu, Y, hardening_modulus(E, E_t), share)
+    q, p = _piecewise(strain, 2 * mu, 3 * mu, Y, E * E_t / (E - E_t), share)
     mean = bulk * np.asarray(strain, float)
     return mean + 2 / 3 * q, mean - q / 3, p

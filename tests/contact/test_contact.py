@@ -16,7 +16,6 @@ from asperity import reference as ref
 from asperity.adaptive.solve_contact import solve_contact
 from asperity.contact import Contact, make_contact
 from asperity.contact.contact_surface import ContactSurface
-from asperity.errors import InputError
 from asperity.fem.solid import Solid
 from asperity.mesh.block import BlockMesh
 from asperity.mesh.distribute import distribute
@@ -26,7 +25,7 @@ from asperity.model.material import Material
 from asperity.model.settings import Formulation, MeshSize, SolverOptions
 from asperity.quasistatic.make import make_contact_solver
 from asperity.quasistatic.stepping import ContactSolver
-from asperity.surface import Flat, Sinusoid, Surface, WeierstrassMandelbrot
+from asperity.surface import Flat, Sinusoid, Surface
 
 Array = npt.NDArray[np.float64]
 
@@ -45,25 +44,6 @@ def press_of(
 
 
 # --- closed forms ---------------------------------------------------------------------------------------------
-
-
-@EACH
-def test_hertz(cap: Surface, formulation: Formulation) -> None:
-    """Contact radius 0.004 L; the walls add half a per cent to the force."""
-    hertz, a = ref.Hertz(10.0, ref.reduced_modulus(1.0, NU)), 0.004
-    curve = solve_contact(
-        cap,
-        ELASTIC,
-        delta_max=a**2 / 10.0,
-        steps=2,
-        size=MeshSize(a / 5, growth=0.4, h_max=0.3),
-        formulation=formulation,
-        comm=here(),
-    ).curve
-    np.testing.assert_allclose(curve.force, hertz.force(curve.delta) / 4, rtol=0.01)
-    radius = np.sqrt(curve.area_fraction * 4 / np.pi)
-    np.testing.assert_allclose(radius, hertz.radius(curve.delta), rtol=0.03)
-    np.testing.assert_allclose(curve.max_pressure, hertz.peak_pressure(curve.delta), rtol=0.02)
 
 
 @EACH
@@ -151,17 +131,6 @@ def test_plastic_patch_test(formulation: Formulation) -> None:
         assert solver.force == pytest.approx(-sigma, rel=1e-9)
 
 
-def test_rough_elastic_block() -> None:
-    """A fractal surface of small slope against the half-space solver with the compliance of the layer."""
-    surface = WeierstrassMandelbrot(L=1.0, D=2.5, G=1.36e-5, seed=3)
-    size = MeshSize(0.06, growth=0.4)
-    curve = solve_contact(surface, ELASTIC, delta_max=0.012, steps=3, size=size, comm=here()).curve
-    for delta, P_star, area in zip(curve.delta, curve.P_star, curve.area_fraction, strict=True):
-        expected = ref.half_space_contact(surface, 128, delta_star=delta, height=1.0, nu=NU)
-        assert P_star == pytest.approx(expected.P_star, rel=0.03)
-        assert area == pytest.approx(expected.area_fraction, rel=0.08)
-
-
 # --- properties -----------------------------------------------------------------------------------------------
 
 
@@ -244,26 +213,6 @@ def test_tangent_is_the_derivative_of_the_residual(
         assert np.abs(found - slope).max() < 1e-6 * np.abs(slope).max()
 
 
-def test_a_flat_that_recedes_lets_go_of_nodes_one_set_after_the_other(rough: Surface, coarse: BlockMesh) -> None:
-    """The first set of a step back is that in contact; at the new height of the flat nothing would be."""
-    solver = press_of(coarse, rough, EXACT, PLASTIC)
-    assert solver.step(0.01).converged
-    contact, force, z = solver.contact, solver.newton.force, solver.summit - 0.009
-    held = contact.nodes()
-    assert len(held) > 5
-    contact.begin(z)
-    contact.residual(force)
-    assert not len(contact.nodes())
-    contact.begin(z)
-    start = solver.state().displacement
-    contact.expect(solver.summit - 0.01, start, start, 1.0)
-    lacking = contact.residual(force)[2]
-    np.testing.assert_array_equal(contact.nodes(), held)
-    np.testing.assert_allclose(lacking, 0.001, rtol=1e-6)  # up to the flat
-    contact.residual(force)  # the rule of every iteration that follows
-    assert not len(contact.nodes())
-
-
 def test_exact_contact_needs_no_more_newton_steps_on_a_finer_mesh(wave: Surface) -> None:
     """With exact linear solves; an inexact one adds one or two."""
     taken = []
@@ -273,8 +222,3 @@ def test_exact_contact_needs_no_more_newton_steps_on_a_finer_mesh(wave: Surface)
         taken.append([solver.step(delta).newton for delta in (0.0025, 0.005, 0.0075, 0.01)])
     assert np.median(taken[1]) <= 4
     assert sum(taken[1]) <= sum(taken[0]) + 3
-
-
-def test_formulations_that_do_not_exist_are_refused() -> None:
-    with pytest.raises(InputError, match=r'contact\.method = "glue" is not one of active-set, penalty, nitsche'):
-        Formulation("glue")

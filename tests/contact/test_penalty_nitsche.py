@@ -3,15 +3,13 @@
 from __future__ import annotations
 
 import warnings
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 import pytest
-from conftest import ELASTIC, PLASTIC, assembled, here
-from element_sample import PAIRS
+from conftest import ELASTIC, assembled, here
 from scipy import sparse
 from scipy.sparse.linalg import splu
 
@@ -20,16 +18,14 @@ from asperity import run
 from asperity.adaptive.solve_contact import solve_contact
 from asperity.case import Case
 from asperity.contact import PressureContact
-from asperity.contact.contact_surface import FACET_DEGREE, ContactSurface
+from asperity.contact.contact_surface import ContactSurface
 from asperity.errors import InputError
-from asperity.mesh import element
 from asperity.mesh.block import BlockMesh
 from asperity.mesh.generate import build_block
 from asperity.mesh.size_field import SizeField
 from asperity.model.material import Material
 from asperity.model.settings import LEAST_GAMMA, Formulation, MeshSize, SolverOptions
 from asperity.quasistatic.make import make_block, make_contact_solver
-from asperity.runtime import compat
 from asperity.surface import Sinusoid, Surface
 
 Array = npt.NDArray[np.float64]
@@ -76,40 +72,6 @@ def test_area_and_pressure_of_hertz(cap: Surface, formulation: Formulation) -> N
     assert np.abs(deviation).max() < 0.05 * peak
 
 
-@pytest.mark.parametrize("kinematics", ["small", "finite"])
-def test_the_traction_of_facets_is_that_of_the_stress_in_their_cells(
-    rough: Surface, coarse: BlockMesh, kinematics: str
-) -> None:
-    """Nominal stresses of the step at the points of a cell, and the linear function through them at its facets."""
-    material = replace(PLASTIC, kinematics=kinematics)
-    solver = make_contact_solver(here(), rough, coarse, material, formulation=NITSCHE)
-    assert solver.step(0.01).converged and solver.solve(0.02).converged
-    contact, surface, kernels = solver.contact, solver.contact_surface, solver.solid.kernels
-    assert isinstance(contact, PressureContact) and kernels.last.accumulated.any()
-    rule, cells, u = contact._rule, surface.cells, solver.solid.u.x.array.reshape(-1, 3)
-    x = solver.solid.mesh.geometry.x[compat.geometry_dofmap(solver.solid.mesh)[cells]]
-
-    def inverse_jacobian(slopes: Array) -> Array:
-        return np.linalg.inv(np.einsum("fai,fqaj->fqij", x, slopes))
-
-    at, _ = element.quadrature(element.QUADRATURE_DEGREE)
-    slopes = np.broadcast_to(element.shape_gradients(at), (len(cells), len(at), 10, 3))
-    F = np.eye(3) + np.einsum("fai,fqaj,fqjk->fqik", u[surface.cell_nodes], slopes, inverse_jacobian(slopes))
-    nominal = kernels.stress(u)[cells][..., PAIRS]
-    if material.finite:
-        nominal = np.linalg.det(F)[..., None, None] * nominal @ np.swapaxes(np.linalg.inv(F), 2, 3)
-    reference = [element.at_facet(k, element.facet_quadrature(FACET_DEGREE)[0]) for k in range(4)]
-    to_facet = np.stack([element.linear_through(at, points) for points in reference])[surface.local]
-    slopes = np.stack([element.shape_gradients(points) for points in reference])[surface.local]
-    normal = np.einsum("fqji,fj->fqi", inverse_jacobian(slopes), element.area_vectors()[surface.local])
-    t = np.einsum("fqp,fpi,fqi->fq", to_facet, nominal[..., 2, :], normal / normal[..., 2:])
-    depth = rule.height + rule.at_points(u[surface.nodes, 2]) - contact._z
-    stiffness = ref.block_modulus(1.0, PLASTIC.nu) * 4.0 * surface.area / (3.0 * kernels.volumes[cells].sum(axis=1))
-    expected = np.maximum(stiffness[:, None] * depth - t, 0.0)
-    assert np.sum(expected > 0.0) > 20
-    np.testing.assert_allclose(contact.points, expected, rtol=0, atol=1e-9 * expected.max())
-
-
 class Hard(Formulation):
     """Springs ten times as hard as the block, which may exceed the legal penalties."""
 
@@ -120,7 +82,7 @@ class Hard(Formulation):
 
 WAVE = Sinusoid(L=1.0, amplitude=0.002, wavelength=2.0, dims=1, centre=(0.0, 0.0))
 HEIGHT = 2.0
-NEARLY = pytest.mark.parametrize("nu", [0.3, 0.495])
+NU = 0.495
 
 
 @pytest.fixture(scope="module")
@@ -129,11 +91,11 @@ def waves() -> list[BlockMesh | None]:
     return [make_block(here(), WAVE, HEIGHT, 0.003, MeshSize(h, growth=0.5, h_max=0.5)) for h in (0.2, 0.1)]
 
 
-def forces(block: BlockMesh | None, surface: Surface, nu: float, formulation: Formulation, path: Array) -> Array:
-    """Force at each approach, linear systems solved by factorisation."""
+def forces(block: BlockMesh | None, surface: Surface, formulation: Formulation, path: Array) -> Array:
+    """Force at each approach of a nearly incompressible block, linear systems solved by factorisation."""
     # GMRES fails on many of the nearly incompressible systems
     options = SolverOptions("lu" if formulation.method == "nitsche" else "auto")
-    solver = make_contact_solver(here(), surface, block, Material(1.0, nu), formulation=formulation, options=options)
+    solver = make_contact_solver(here(), surface, block, Material(1.0, NU), formulation=formulation, options=options)
     found = []
     for delta in path:
         assert solver.step(float(delta)).converged, f"{formulation} at delta = {delta}"
@@ -142,32 +104,30 @@ def forces(block: BlockMesh | None, surface: Surface, nu: float, formulation: Fo
     return np.array(found)
 
 
-@NEARLY
-def test_nearly_incompressible_wave(waves: list[BlockMesh | None], nu: float) -> None:
+def test_nearly_incompressible_wave(waves: list[BlockMesh | None]) -> None:
     """All formulations against exact contact on their mesh, which is near Westergaard's closed form on a finer one.
 
     The mesh locks a little: exact contact is off by 1.6 % at nu = 0.499, which is refused. The springs of the penalty
     method give way by more of the approach the stiffer the confined block is.
     """
-    law = ref.Westergaard(0.002, 2.0, ref.reduced_modulus(1.0, nu))
+    law = ref.Westergaard(0.002, 2.0, ref.reduced_modulus(1.0, NU))
     means = np.array([0.7]) * law.full_pressure
-    path = np.array([float(law.approach(p)) + p * HEIGHT / ref.block_modulus(1.0, nu) for p in means])
-    np.testing.assert_allclose(forces(waves[1], WAVE, nu, EXACT, path), means, rtol=0.004 if nu < 0.48 else 0.02)
-    exact = forces(waves[0], WAVE, nu, EXACT, path)
-    np.testing.assert_allclose(forces(waves[0], WAVE, nu, NITSCHE, path), exact, rtol=1e-3)
-    np.testing.assert_allclose(forces(waves[0], WAVE, nu, Formulation("penalty"), path), exact, rtol=0.02)
+    path = np.array([float(law.approach(p)) + p * HEIGHT / ref.block_modulus(1.0, NU) for p in means])
+    np.testing.assert_allclose(forces(waves[1], WAVE, EXACT, path), means, rtol=0.02)
+    exact = forces(waves[0], WAVE, EXACT, path)
+    np.testing.assert_allclose(forces(waves[0], WAVE, NITSCHE, path), exact, rtol=1e-3)
+    np.testing.assert_allclose(forces(waves[0], WAVE, Formulation("penalty"), path), exact, rtol=0.02)
 
 
-@NEARLY
-def test_nearly_incompressible_rough_block(rough: Surface, coarse: BlockMesh, nu: float) -> None:
+def test_nearly_incompressible_rough_block(rough: Surface, coarse: BlockMesh) -> None:
     """In cells as coarse as the spots, where formulations differ most, the stable ones stay together.
 
     The limit of hard springs at the same points is what Nitsche's method has to agree with: nodes and points are
     different constraints, by 13 % at the first touch.
     """
     path = np.array([0.01, 0.02, 0.03])
-    hard = forces(coarse, rough, nu, Hard("penalty"), path)
-    np.testing.assert_allclose(forces(coarse, rough, nu, NITSCHE, path), hard, rtol=0.1)
+    hard = forces(coarse, rough, Hard("penalty"), path)
+    np.testing.assert_allclose(forces(coarse, rough, NITSCHE, path), hard, rtol=0.1)
 
 
 def test_penalty_softer_than_a_nearly_incompressible_block_is_noticed(rough: Surface, coarse: BlockMesh) -> None:
@@ -196,12 +156,6 @@ def test_least_gamma_keeps_full_contact_coercive(rough: Surface, coarse: BlockMe
     factor = splu(kept, permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options={"SymmetricMode": True})
     assert (factor.perm_r == factor.perm_c).all()  # no pivoting: the pivots have the signs of the eigenvalues
     assert factor.U.diagonal().min() > 0.0
-
-
-@pytest.mark.parametrize("gamma", [0.7, 0.0, -1.0, float("nan")])
-def test_factor_too_small_to_be_stable_is_refused(gamma: float) -> None:
-    with pytest.raises(InputError, match=rf"contact\.gamma = {gamma:g} is below .* is stable"):
-        Formulation("nitsche", gamma=gamma)
 
 
 def test_active_set_solves_the_variational_inequality(wave: Surface, coarse_wave: BlockMesh) -> None:

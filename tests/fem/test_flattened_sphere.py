@@ -7,7 +7,6 @@ from math import hypot
 import gmsh
 import numpy as np
 import pytest
-import yielding_sphere
 from conftest import here
 
 from asperity import reference
@@ -22,10 +21,14 @@ from asperity.model.material import Material
 from asperity.model.settings import SolverOptions
 from asperity.quasistatic.stepping import ContactSolver, Record, follow
 
-E, NU, Y = 200e9, 0.3, 1e9  # of the sphere in yielding_sphere.FLATTENED_SPHERE [Pa]
+E, NU, Y = 200e9, 0.3, 1e9  # [Pa]
+#: E_t/E -> force over that at the onset of yield, of a hemisphere on a sliding base pressed by a rigid flat to W times
+#: that approach (Jackson and Green's): J2 with linear isotropic hardening, small strains. Second-order triangles in the
+#: plane of r and z (a solver of its own); another mesh changes the forces by at most 0.4 %, for E_t = 0 by 2 %.
+PLANE = {0.0: (12.99, 25.78, 195.82, 444.63), 0.3: (13.77, 28.41, 272.07, 713.35)}
 HERTZ = reference.Hertz(1.0, reference.reduced_modulus(1.0, NU))  # R = E = 1
 ONSET = float((0.5 * np.pi * 1.295 * np.exp(0.736 * NU) * Y / reference.reduced_modulus(E, NU)) ** 2)
-W = np.array(yielding_sphere.FLATTENED_DEPTHS)  # approaches over that at the onset of yield
+W = np.array([6.0, 10.0, 50.0, 100.0])  # approaches over that at the onset of yield
 
 
 def eighth_of_a_sphere() -> BlockMesh:
@@ -62,10 +65,12 @@ def forces(tangent: float, steps: int) -> np.ndarray:
 def test_a_flattened_sphere_has_the_force_of_the_plane_solution(tangent: float, bar: float) -> None:
     coarse, fine = (forces(tangent, steps) for steps in (21, 42))
     found = 2.0 * fine - coarse  # the error of the load steps is of first order
-    plane = np.interp(W, yielding_sphere.FLATTENED_DEPTHS, yielding_sphere.FLATTENED_SPHERE[tangent])
-    np.testing.assert_allclose(found, plane, rtol=bar)
+    np.testing.assert_allclose(found, PLANE[tangent], rtol=bar)
 
 
 def test_the_plane_solution_is_next_to_the_fit_of_kogut_and_etsion() -> None:
-    fit = yielding_sphere.kogut_etsion(W * ONSET, 1.0, 1.0, NU, Y / E)[0] / HERTZ.force(ONSET)
-    np.testing.assert_allclose(fit, yielding_sphere.FLATTENED_SPHERE[0.0], rtol=0.06)
+    """Kogut and Etsion, J. Appl. Mech. 69 (2002) 657, with a hardness of 2.8 Y."""
+    onset = (0.5 * np.pi * (0.454 + 0.41 * NU) * 2.8 * Y / reference.reduced_modulus(E, NU)) ** 2
+    w = W * ONSET / onset
+    fit = np.where(w <= 6.0, 1.03 * w**1.425, 1.40 * w**1.263) * HERTZ.force(onset) / HERTZ.force(ONSET)
+    np.testing.assert_allclose(fit, PLANE[0.0], rtol=0.06)

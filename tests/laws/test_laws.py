@@ -12,7 +12,6 @@ import numpy as np
 import pytest
 import ufl
 from element_sample import difference, sample
-from j2_path import uniaxial_stress
 from scipy.optimize import brentq
 
 import asperity as asp
@@ -51,18 +50,6 @@ def free_sides(it: definition.Law, axial: float, state: Mapping[str, Floats] | N
 
 
 # --- closed forms ---------------------------------------------------------------------------------------------
-
-
-@pytest.mark.parametrize("share", [0.0, 0.4, 1.0])
-def test_j2_in_tension_and_back(share: float) -> None:
-    strains = [0.002, 0.006, 0.01, 0.004, -0.004]
-    expected, accumulated = uniaxial_stress(strains, E, 0.6, 20.0, share)
-    it = law(asp.laws.j2, E=E, nu=NU, yield_strength=0.6, tangent_modulus=20.0, kinematic_share=share)
-    lateral = -NU * expected / E - 0.5 * (np.array(strains) - expected / E)
-    stress, state = follow(it, [np.diag([a, a, b]) for a, b in zip(lateral, strains, strict=True)])
-    np.testing.assert_allclose(stress[:, 2, 2], expected, rtol=1e-12)
-    np.testing.assert_allclose(stress[:, 0, 0], 0.0, atol=1e-12)
-    assert state["accumulated"][0] == pytest.approx(accumulated[-1], rel=1e-12)
 
 
 def test_voce_in_shear() -> None:

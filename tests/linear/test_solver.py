@@ -1,7 +1,8 @@
-"""The end of the Krylov method."""
+"""The end of the Krylov method, and the messages of its iterations: sums over all ranks, exchanges with neighbours."""
 
 from __future__ import annotations
 
+from collections import Counter
 from contextlib import nullcontext
 from pathlib import Path
 from typing import Any
@@ -11,6 +12,7 @@ import pytest
 from conftest import here, world
 
 from asperity.errors import AsperityWarning, ConvergenceError
+from asperity.fem.ghosts import SharedSums
 from asperity.fem.solid import Solid
 from asperity.linear import coarse as coarse_problem
 from asperity.linear.solver import LinearSolver
@@ -18,6 +20,26 @@ from asperity.mesh.block import BlockMesh
 from asperity.mesh.distribute import TOP, distribute
 from asperity.model.material import Material
 from asperity.runtime import memory
+
+SUMS = 3  # of an iteration: two of PETSc, one of them of two products, and that of the coarse problem
+EXCHANGES = 9  # of an iteration: one for each of the six products of the V-cycle, and three around it
+
+
+def elastic(comm: Any, block: BlockMesh | None) -> tuple[Solid, Any, Any]:
+    """Solid with its matrix, a load on its top and a vector for the solution; collective."""
+    solid = Solid(*distribute(comm, block, 1.0), Material(1.0, 0.3))
+    solid.tangent.assemble()
+    r, y = solid.vector(), solid.vector()
+    force = np.zeros((solid.owned, 3))
+    force[solid.nodes_on(TOP), 2] = -1.0
+    r.array = force.ravel()
+    return solid, free(r, solid), y
+
+
+def free(load: Any, solid: Solid) -> Any:
+    """A load without that of fixed dofs."""
+    load.array[solid.fixed] = 0.0
+    return load
 
 
 @pytest.mark.mpi
@@ -28,16 +50,11 @@ def test_predicted_energy_of_the_error_is_that_of_the_exact_solution(
 ) -> None:
     """CG ends where the energy norm of the error is below the tolerance times that of the solution, about."""
     comm = world()
-    solid = Solid(*distribute(comm, coarse, 1.0), Material(1.0, 0.3))
-    solid.tangent.assemble()
-    r, y, exact = (solid.vector() for _ in range(3))
-    force = np.zeros((solid.owned, 3))
-    if load == "on the top":
-        force[solid.nodes_on(TOP), 2] = -1.0
-    else:
-        force[:] = np.random.default_rng(comm.rank).normal(size=force.shape)
-    r.array = force.ravel()
-    r.array[solid.fixed] = 0.0
+    solid, r, y = elastic(comm, coarse)
+    exact = solid.vector()
+    if load == "everywhere":
+        r.array = np.random.default_rng(comm.rank).normal(size=3 * solid.owned)
+        free(r, solid)
     assert LinearSolver(solid, "lu").solve(r, solid.fixed, np.empty(0), exact, 0.0)[1]
     solver = LinearSolver(solid, "cg")
     assert solver.solve(r, solid.fixed, np.empty(0), y, rtol)[1]
@@ -51,10 +68,9 @@ def test_predicted_energy_of_the_error_is_that_of_the_exact_solution(
 
 
 def test_a_load_of_zero_is_solved_at_once(coarse: BlockMesh) -> None:
-    solid = Solid(*distribute(here(), coarse, 1.0), Material(1.0, 0.3))
-    solid.tangent.assemble()
-    r, y = solid.vector(), solid.vector()
+    solid, r, y = elastic(here(), coarse)
     solver = LinearSolver(solid, "cg")
+    r.set(0.0)
     assert solver.solve(r, solid.fixed, np.empty(0), y, 1e-2) == (0, True)
     assert solver.left == 0.0
     assert not y.array_r.any()
@@ -66,10 +82,7 @@ def test_a_coarse_problem_that_multigrid_does_not_solve_is_factorised(
 ) -> None:
     """By MUMPS on all ranks, whatever the size, before the whole system is."""
     monkeypatch.setattr(coarse_problem, "DIRECT_LIMIT", 3)
-    solid = Solid(*distribute(world(), coarse, 1.0), Material(1.0, 0.3))
-    solid.tangent.assemble()
-    r, y = solid.vector(), solid.vector()
-    r.array = np.where(np.isin(np.arange(3 * solid.owned), solid.fixed), 0.0, 1.0)
+    solid, r, y = elastic(world(), coarse)
     solver = LinearSolver(solid, "cg")
     multigrid: Any = solver.multigrid
     algebraic = multigrid._coarse
@@ -89,10 +102,7 @@ def test_a_factorisation_that_lacks_memory_says_what_to_set(
 ) -> None:
     """No rank takes it: as a rescue it fails, as the solver that was chosen it ends the path, which keeps its curve."""
     comm = world()
-    solid = Solid(*distribute(comm, coarse, 1.0), Material(1.0, 0.3))
-    solid.tangent.assemble()
-    r, y = solid.vector(), solid.vector()
-    r.array = 1.0
+    solid, r, y = elastic(comm, coarse)
     solver = LinearSolver(solid, kind)
     monkeypatch.setattr("asperity.linear.petsc.free_share", lambda comm: 2e6)
     if kind == "lu":
@@ -125,3 +135,85 @@ def test_memory_that_a_container_leaves(tmp_path: Path, monkeypatch: pytest.Monk
     (tmp_path / "memory.stat").write_text("anon 4000\nfile 900\n")
     monkeypatch.setattr(memory, "GROUPS", tmp_path)
     assert memory.free_share(here()) == 1000.0
+
+
+# --- messages --------------------------------------------------------------------------------------------------
+
+
+class Counted:
+    """A communicator that counts its sums by name."""
+
+    def __init__(self, comm: Any, calls: Counter[str]) -> None:
+        self._comm, self._calls = comm, calls
+
+    def __getattr__(self, name: str) -> Any:
+        if name in ("allreduce", "Allreduce", "Iallreduce"):
+            self._calls[name] += 1
+        return getattr(self._comm, name)
+
+
+@pytest.mark.mpi
+@pytest.mark.usefixtures("several_ranks")
+def test_messages_of_an_iteration(coarse: BlockMesh | None, monkeypatch: pytest.MonkeyPatch) -> None:
+    """None is pickled; the energy of the error is summed while the next product is made."""
+    from dolfinx import la
+    from petsc4py import PETSc
+
+    comm = world()
+    solid, r, y = elastic(comm, coarse)
+    solver = LinearSolver(solid, "cg")
+    calls: Counter[str] = Counter()
+    solid.comm = Counted(comm, calls)
+    multigrid: Any = solver.multigrid
+    multigrid._coarse._comm = Counted(comm, calls)
+    for kind, name in ((la.Vector, "scatter_forward"), (la.Vector, "scatter_reverse"), (SharedSums, "add")):
+        exchange = getattr(kind, name)
+
+        def counted(self: Any, *given: Any, exchange: Any = exchange) -> None:
+            calls["exchanges"] += 1
+            exchange(self, *given)
+
+        monkeypatch.setattr(kind, name, counted)
+    PETSc.Log.begin()
+    event = PETSc.Log.Event("KSPSolve")
+
+    def solve(rtol: float) -> tuple[int, Counter[str]]:
+        """Iterations and calls of a solve whose preconditioner is there."""
+        solver.prescribe(solid.fixed, np.empty(0), rtol)
+        calls.clear()
+        before = event.getPerfInfo()["numReductions"]
+        solver.ksp.solve(r, y)
+        assert solver.solved
+        calls["PETSc"] = int(event.getPerfInfo()["numReductions"] - before)
+        return solver.iterations, calls.copy()
+
+    solve(1e-2)
+    few, some = solve(1e-1), solve(1e-4)
+    iterations = some[0] - few[0]
+    assert iterations >= 3
+    each = {name: (some[1][name] - few[1][name]) / iterations for name in (*some[1], *few[1])}
+    assert each.get("allreduce", 0.0) == 0.0
+    assert each["Iallreduce"] == 1.0
+    assert each["PETSc"] + each["Allreduce"] <= SUMS
+    assert each["exchanges"] <= EXCHANGES
+
+
+@pytest.mark.mpi
+def test_sums_of_all_holders(coarse: BlockMesh | None) -> None:
+    """One exchange gives what two give, and the same bits on each rank."""
+    solid = Solid(*distribute(world(), coarse, 1.0), Material(1.0, 0.3))
+    parts = np.random.default_rng(solid.comm.rank).normal(size=(solid.nodes, 4)).astype(np.float32)
+    expected = solid.ghosts.scatter_forward(solid.ghosts.scatter_reverse(parts).copy())
+    found = parts.copy()
+    SharedSums(solid.V.dofmap.index_map, solid.comm, 4).add(found)
+    np.testing.assert_allclose(found, expected, rtol=1e-6, atol=1e-6)
+    np.testing.assert_array_equal(solid.ghosts.scatter_forward(found[: solid.owned].copy()), found)
+
+
+@pytest.mark.mpi
+def test_ranks_that_share_no_node_keep_their_parts() -> None:
+    from dolfinx.common import IndexMap
+
+    parts = np.ones((3, 4), dtype=np.float32)
+    SharedSums(IndexMap(world(), 3), world(), 4).add(parts)
+    np.testing.assert_array_equal(parts, np.ones((3, 4)))

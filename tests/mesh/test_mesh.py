@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 import pytest
-from conftest import here, world
+from conftest import here, top_of, world
 
 from asperity.arrays import Indices
 from asperity.errors import MeshError
@@ -20,6 +20,7 @@ from asperity.mesh.distribute import check_distortion, distribute
 from asperity.mesh.element import outer_faces
 from asperity.mesh.generate import build_block
 from asperity.mesh.size_field import SizeField
+from asperity.mesh.top import heights_of_top
 from asperity.model.material import Material
 from asperity.model.settings import MeshSize
 from asperity.quasistatic.make import make_block, make_contact_solver
@@ -111,6 +112,28 @@ def test_units_do_not_matter(kind: str) -> None:
         other = block(unit)
         np.testing.assert_array_equal(other.tets, one.tets)
         np.testing.assert_allclose(other.points / unit, one.points, rtol=0, atol=1e-14)
+
+
+def test_a_quadratic_top_is_exact() -> None:
+    """The nodes of a flat block moved onto a quadratic, with the facets straight in x and y."""
+    block = build_block(Flat(L=2.0), 3.0, lambda x, y, z: 0.3)
+    x, y, z = block.points.T
+
+    def f(x: np.ndarray, y: np.ndarray) -> np.ndarray:
+        return 0.01 * (x**2 - 0.5 * x * y + 0.2 * y**2 - y)
+
+    class Quadratic(Flat):
+        def height(self, x, y):
+            return f(np.asarray(x), np.asarray(y))
+
+        def mean(self) -> float:
+            return 0.0
+
+    points = np.column_stack([x, y, z + f(x, y) * (z / 3.0)])
+    n = 37
+    c = (np.arange(n) + 0.5) * 2.0 / n
+    found = heights_of_top(top_of(replace(block, points=points), Quadratic(L=2.0)), Quadratic(L=2.0), n)
+    np.testing.assert_allclose(found, f(c[None, :], c[:, None]) / 2.0, atol=1e-13)
 
 
 # --- sizes ----------------------------------------------------------------------------------------------------

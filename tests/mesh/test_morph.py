@@ -13,7 +13,6 @@ from asperity.errors import MeshError, ResolutionWarning
 from asperity.mesh.block import NEAR, BlockMesh
 from asperity.mesh.element import least_jacobians
 from asperity.mesh.generate import build_block
-from asperity.mesh.morph import _least_stretch, _vertical_gradients
 from asperity.mesh.resolution import judge_mesh, lowered_height
 from asperity.mesh.size_field import SizeField
 from asperity.reference import RoughHalfSpace
@@ -32,12 +31,6 @@ def jacobians(block: BlockMesh) -> np.ndarray:
     return least_jacobians(block.points, block.tets[:, compat.gmsh_to_dolfinx(10)].astype(np.int32))
 
 
-def volumes(points: np.ndarray, tets: np.ndarray) -> np.ndarray:
-    """Return six times the volume of each straight tetrahedron."""
-    a, b, c, d = (points[tets[:, k]] for k in range(4))
-    return np.abs(np.einsum("ij,ij->i", b - a, np.cross(c - a, d - a)))
-
-
 def lowered(block: BlockMesh, surface: Surface, delta: float = 0.05) -> float:
     """Change of the heights that a flat meets after an approach, over this."""
     top = block.points[np.abs(block.heights(surface) - block.points[:, 2]) < NEAR]
@@ -47,15 +40,6 @@ def lowered(block: BlockMesh, surface: Surface, delta: float = 0.05) -> float:
 def self_affine(**changes: Any) -> Surface:
     keys: dict[str, Any] = {"L": 1.0, "H": 0.8, "slope": 0.46, "lambda_roll": 0.3, "lambda_short": 0.02, "seed": 5}
     return SelfAffine(**{**keys, **changes})
-
-
-def test_the_least_stretch_is_that_of_the_jacobians() -> None:
-    """It is linear in an element, so the corners of the lattice have it."""
-    flat = uniform(Flat(L=1.0), 0.4)
-    rise = 0.05 * np.random.default_rng(1).standard_normal(len(flat.points))
-    lifted = BlockMesh(flat.points + rise[:, None] * [0.0, 0.0, 1.0], flat.tets, 1.0, 1.0)
-    stretch = _least_stretch(_vertical_gradients(flat.points, flat.tets), rise[flat.tets])
-    np.testing.assert_allclose(stretch * volumes(flat.points, flat.tets), jacobians(lifted), rtol=1e-9, atol=1e-14)
 
 
 @pytest.mark.parametrize("surface", [self_affine(), self_affine(lambda_short=0.004, H=0.5, slope=2.0)])

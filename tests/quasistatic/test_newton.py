@@ -9,14 +9,11 @@ from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import pytest
 from conftest import ELASTIC, PLASTIC, here, world
 
-from asperity.fem.solid import Solid
 from asperity.linear.multigrid import PMultigrid
 from asperity.mesh.block import BlockMesh
-from asperity.mesh.distribute import distribute
 from asperity.model.load_path import Schedule
 from asperity.model.material import Material
 from asperity.model.settings import Formulation, MeshSize, SolverOptions
@@ -206,17 +203,3 @@ def test_a_large_step_without_hardening_is_not_cut() -> None:
     solver = make_contact_solver(here(), surface, block, solid)
     assert solver.step(0.03).converged
     assert solver.counts.newton < 50 and solver.counts.direct == 0
-
-
-def test_a_shift_is_a_part_of_the_elastic_stiffness(coarse: BlockMesh) -> None:
-    """Undeformed, where the tangent of finite strain is the elastic stiffness itself."""
-    solid = Solid(*distribute(here(), coarse, 1.0), replace(PLASTIC, kinematics="finite"))
-    solid.internal_force()
-    for halved in (False, True):
-        solid.tangent.halved = halved
-        matrices = []
-        for shift in (0.0, 0.25):
-            solid.tangent.assemble(shift=shift)
-            matrices.append((solid.tangent.half().copy(), solid.tangent.values().copy()))
-        for plain, shifted in zip(*matrices, strict=True):
-            np.testing.assert_allclose(shifted, 1.25 * plain, rtol=1e-4, atol=1e-6)

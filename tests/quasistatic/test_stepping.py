@@ -140,15 +140,15 @@ def test_a_step_that_never_converges_ends_the_run_with_the_curve_so_far(
     assert len(record.curve()) == 2
 
 
-# --- linear solvers -------------------------------------------------------------------------------------------
-
-
 def test_linear_solvers_give_the_same_curve(press_of: Callable[..., ContactSolver]) -> None:
     curves = [
         drive(press_of(PLASTIC, linear=kind, rtol=1e-10), delta_max=DELTA, steps=3, unload_steps=1).curve()
         for kind in ("lu", "cg")
     ]
     np.testing.assert_allclose(curves[1].force, curves[0].force, rtol=1e-8)
+
+
+# --- linear solvers -------------------------------------------------------------------------------------------
 
 
 # --- unloading ------------------------------------------------------------------------------------------------

@@ -6,13 +6,10 @@ from functools import partial
 
 import numpy as np
 import pytest
-from numpy.typing import ArrayLike
 from scipy.integrate import quad, trapezoid
-from scipy.optimize import brentq
 
 import asperity as asp
 from asperity.errors import InputError, RangeError
-from asperity.force_law.law import Law
 from asperity.slip import JenkinsArray, SlipLaw, tangential_response
 from asperity.slip.law import compliance_ratio, path_of_law
 
@@ -35,38 +32,6 @@ def test_displacement_and_energy_of_cattaneo_and_mindlin(sphere: SlipLaw) -> Non
     np.testing.assert_allclose(sphere.energy(t), energy, rtol=1e-8)
     assert sphere.displacement(1.0) == pytest.approx(c, rel=1e-14)
     assert sphere.k_tangent(0.0) == pytest.approx(8 * G * SPOT / (2 - NU), rel=1e-12)  # Mindlin 1949
-
-
-def test_the_block_adds_its_compliance_and_no_loss(sphere: SlipLaw) -> None:
-    c_n, c_t = 0.3 / sphere.k_tangent(0.0).item(), 0.5 / sphere.k_tangent(0.0).item()
-
-    class Whole(Law):  # sphere and block in series: its approach at a force is the sum
-        def both(self, z: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-            force = np.array([self._force(x) for x in np.ravel(z)]).reshape(np.shape(z))
-            slope = sphere.normal.both(z - c_n * force)[1]
-            return force, slope / (1 + c_n * slope)
-
-        def _force(self, z: float) -> float:
-            top = float(sphere.normal.force(z))
-            return float(brentq(lambda f: float(sphere.normal.force(z - c_n * f)) - f, 0.0, top, xtol=1e-18))
-
-        def deflection(self, load: float) -> float:
-            return sphere.normal.deflection(load) + c_n * load
-
-        def potential(self, z: ArrayLike) -> np.ndarray:
-            force = self.both(np.asarray(z))[0]
-            return sphere.normal.potential(np.asarray(z) - c_n * force) + 0.5 * c_n * force**2
-
-        def derivatives(self, z: float) -> tuple[float, float, float]:
-            raise NotImplementedError
-
-        def describe(self) -> str:
-            return "series"
-
-    whole = SlipLaw(Whole(), LOAD, MU, NU, (c_n, c_t))
-    t = SHARES
-    np.testing.assert_allclose(whole.displacement(t), sphere.displacement(t) + c_t * whole.limit * t, rtol=1e-10)
-    np.testing.assert_allclose(whole.energy(t)[1:], sphere.energy(t)[1:], rtol=1e-8)
 
 
 def test_energy_is_that_of_masings_loop_for_any_law() -> None:
