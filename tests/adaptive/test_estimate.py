@@ -12,7 +12,6 @@ from conftest import here
 
 import asperity as asp
 from asperity.adaptive.estimate import BASE, estimate
-from asperity.adaptive.mesh_plan import NODES, NODES_OF_SURFACE, nodes_of
 from asperity.case import Case
 from asperity.job.run_case import run
 from asperity.mesh.shared_nodes import joined
@@ -55,16 +54,6 @@ def test_dofs_steps_and_memory_are_those_of_the_run() -> None:
     # what pytest has loaded in addition counts for the run
     assert found.memory / 2**20 / summary["peak_memory_MiB"] < 2  # that peak is one of all tests before
     assert found.seconds > 0
-
-
-def test_the_nodes_of_a_graded_field() -> None:
-    """h = 0.01 + 0.2 depth: integrals of h^-3 and h^-2 over depth in closed form."""
-    a, b = 0.01, 0.01 + 0.2 * 1.5
-    volume, sides = (a**-2 - b**-2) / (2 * 0.2), 4 * (1 / a - 1 / b) / 0.2
-    exact = NODES * volume + NODES_OF_SURFACE * (a**-2 + b**-2 + sides)
-    assert nodes_of(lambda x, y, depth: 0.01 + 0.2 * depth, 1.5) == pytest.approx(exact, rel=0.25)
-    exact = NODES * 2.0 / 0.1**3 + NODES_OF_SURFACE * 10.0 / 0.1**2
-    assert nodes_of(lambda x, y, depth: 0.1, 2.0) == pytest.approx(exact, rel=1e-12)
 
 
 @pytest.mark.parametrize(

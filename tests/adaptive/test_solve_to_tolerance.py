@@ -12,6 +12,7 @@ import numpy as np
 import numpy.typing as npt
 import pytest
 from conftest import ELASTIC, PLASTIC, here, world
+from html_page import Page
 
 import asperity as asp
 from asperity.adaptive.extrapolation import limit_of_meshes, loading_force, steady
@@ -30,6 +31,7 @@ from asperity.curve import Curve
 from asperity.errors import ResolutionWarning
 from asperity.mesh.resolution import ELEMENTS, doubt_of_waves
 from asperity.model.settings import AccuracyTarget
+from asperity.output.results import Results
 from asperity.quasistatic.contact_result import ContactResult, PartialResult
 from asperity.quasistatic.solve_problem import solve_problem
 from asperity.reference import half_space_contact
@@ -267,19 +269,24 @@ def test_a_contact_of_one_node_meets_no_tolerance() -> None:
     assert not result.met and "the force has no error bar, the contact touches a few facets only" in result.reason
 
 
+@pytest.mark.usefixtures("blank_figures")
 def test_a_case_of_a_rough_surface_that_meets_no_tolerance_names_a_cut_off(tmp_path: Path) -> None:
+    """Exit code 3, because the bar is wider than the tolerance; the curve is complete, with figures and report."""
     fractal = {"kind": "weierstrass-mandelbrot", "L": 1.0, "D": 2.4, "G": 2.6e-7, "f_max": 8}
     case = Case.from_dict({
         "units": "other", "surface": fractal, "material": {"E": 1.0, "nu": 0.3},
         "loading": {"delta_max": 0.006, "steps": 5}, "accuracy": {"tolerance": 0.01, "max_dofs": 15_000},
+        "output": {"figures": True, "report": True},
     })  # fmt: skip
     with pytest.raises(asp.ConvergenceError, match="the force is known to") as caught:
         asp.run(case, tmp_path)
     assert caught.value.exit_code == 3
-    summary = json.loads((tmp_path / "summary.json").read_text())
-    assert summary["accuracy"]["met"] is False and max(summary["error_budget"]["roughness"]) > 0.0
-    assert "cut them off" in summary["exit_reason"]
-    assert np.all(Curve.read(tmp_path / "curve.csv").error_P_star > 0.0)
+    results = Results.read(tmp_path)
+    summary, bars = results.summary, results.curve.error_P_star / results.curve.P_star
+    assert summary["accuracy"]["met"] is summary["finished"] is False
+    assert summary["accuracy"]["worst_relative_bar"] == pytest.approx(bars.max()) and bars.min() > 0.0
+    assert max(summary["error_budget"]["roughness"]) > 0.0 and "cut them off" in summary["exit_reason"]
+    assert [*(tmp_path / "figures").glob("*.svg")] and "the tolerance is not met" in Page(tmp_path / "report.html").text
 
 
 def test_waves_shorter_than_one_and_a_half_elements_are_missed_where_the_flat_feels_them() -> None:
