@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import io
 import json
 import shutil
 from collections.abc import Callable
@@ -26,7 +27,7 @@ from asperity.model.settings import Formulation, MeshSize
 from asperity.quasistatic.checkpoint import FORMAT, Checkpoint
 from asperity.quasistatic.contact_result import ContactResult, PartialResult
 from asperity.runtime import compat
-from asperity.runtime.files import npz_bytes, remove_asides
+from asperity.runtime.files import remove_asides
 from asperity.runtime.run_folder import MESH, STATE
 from asperity.surface import Surface
 
@@ -36,6 +37,13 @@ CASE = {
     "loading": {"delta_max": 0.02},
     "units": "other",
 }
+
+
+def npz_of(arrays: dict[str, Any]) -> bytes:
+    """Content of a file of arrays."""
+    file = io.BytesIO()
+    np.savez(file, **arrays)
+    return file.getvalue()
 
 
 def stop_after(times: int) -> Callable[[], str]:
@@ -233,8 +241,8 @@ def flip(data: bytearray) -> bytearray:
         (STATE, lambda data: data[: len(data) // 2]),
         (STATE, flip),
         (STATE, lambda data: b"\x80\x04\x95not a checkpoint"),
-        (STATE, lambda data: npz_bytes({"u": np.zeros(3)})),
-        (STATE, lambda data: npz_bytes({"meta": np.frombuffer(b"[1]", dtype=np.uint8)})),
+        (STATE, lambda data: npz_of({"u": np.zeros(3)})),
+        (STATE, lambda data: npz_of({"meta": np.frombuffer(b"[1]", dtype=np.uint8)})),
         (MESH, flip),
     ],
 )
@@ -249,7 +257,7 @@ def test_a_damaged_checkpoint_is_refused_and_left_alone(
 
 
 def test_another_mesh_is_refused(saved: Path, coarse: BlockMesh) -> None:
-    (saved / MESH).write_bytes(npz_bytes(coarse.arrays()))
+    (saved / MESH).write_bytes(npz_of(coarse.arrays()))
     with pytest.raises(CheckpointError, match=f"{MESH} does not belong to the state"):
         Checkpoint(saved, SAVED, world()).load()
 
@@ -261,7 +269,7 @@ def arrays_of(path: Path) -> dict[str, Any]:
 
 @pytest.mark.parametrize("name", ["displacement", "previous"])
 def test_a_state_without_displacements_is_refused(saved: Path, name: str) -> None:
-    (saved / STATE).write_bytes(npz_bytes({k: v for k, v in arrays_of(saved / STATE).items() if k != name}))
+    (saved / STATE).write_bytes(npz_of({k: v for k, v in arrays_of(saved / STATE).items() if k != name}))
     with pytest.raises(CheckpointError, match="does not belong to the state"):
         Checkpoint(saved, SAVED, world()).load()
 
@@ -271,7 +279,7 @@ def test_a_checkpoint_of_another_version_is_refused(saved: Path, other: int) -> 
     arrays = arrays_of(saved / STATE)
     meta = json.loads(arrays["meta"].tobytes()) | {"format": other, "version": "9.1"}
     arrays["meta"] = np.frombuffer(json.dumps(meta).encode(), dtype=np.uint8)
-    (saved / STATE).write_bytes(npz_bytes(arrays))
+    (saved / STATE).write_bytes(npz_of(arrays))
     with pytest.raises(CheckpointError, match=r"written by asperity 9\.1"):
         Checkpoint(saved, SAVED, world()).load()
 

@@ -14,7 +14,7 @@ from asperity.arrays import Floats, Indices
 from asperity.errors import MeshError
 from asperity.mesh.element import EDGES, NODES, ON_EDGES, outer_faces
 from asperity.runtime.display import short_repr
-from asperity.runtime.files import npz_bytes, read_npz, replace_file
+from asperity.runtime.files import read_npz, write_npz
 
 if TYPE_CHECKING:
     from asperity.surface import Surface
@@ -108,7 +108,7 @@ class BlockMesh:
     def save(self, path: str | Path) -> None:
         """Write a compressed .npz file; the suffix is added if it is missing."""
         path = Path(path)
-        replace_file(path.with_name(path.name.removesuffix(".npz") + ".npz"), npz_bytes(self.arrays(), compress=True))
+        write_npz(path.with_name(path.name.removesuffix(".npz") + ".npz"), self.arrays().items(), compress=True)
 
     @staticmethod
     def read(path: str | Path) -> BlockMesh:

@@ -17,7 +17,7 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 from tokenize import TokenError
 from typing import IO, Any
-from zipfile import BadZipFile, ZipFile
+from zipfile import ZIP_DEFLATED, ZIP_STORED, BadZipFile, ZipFile
 
 import numpy as np
 import numpy.typing as npt
@@ -150,13 +150,6 @@ def _readable(kind: str) -> Iterator[None]:
         raise ValueError(f"it is not a whole {kind} file of numbers") from None
 
 
-def npz_bytes(arrays: Mapping[str, npt.NDArray[Any]], compress: bool = False) -> bytes:
-    """Content of a .npz file, with a checksum per array."""
-    buffer, save = io.BytesIO(), np.savez_compressed if compress else np.savez
-    save(buffer, **arrays)  # type: ignore[arg-type]
-    return buffer.getvalue()
-
-
 def write_csv(path: Path, names: Sequence[str], rows: Iterable[Mapping[str, Any]], comment: str = "") -> None:
     """Write a table: a comment if there is one, the names, a line per row; None and absent values are empty cells."""
     text = io.StringIO(newline="")
@@ -182,9 +175,9 @@ def read_csv(path: Path) -> dict[str, tuple[str, ...]]:
     return dict(zip(header, zip(*rows, strict=True) if rows else [()] * len(header), strict=True))
 
 
-def write_npz(path: Path, arrays: Iterable[tuple[str, npt.NDArray[Any]]]) -> None:
-    """Write a .npz file, array after array, complete or not at all; see `replacing`."""
-    with replacing(path) as file, ZipFile(file, "w") as archive:
+def write_npz(path: Path, arrays: Iterable[tuple[str, npt.NDArray[Any]]], compress: bool = False) -> None:
+    """Write a .npz file, array after array with its checksum, complete or not at all; see `replacing`."""
+    with replacing(path) as file, ZipFile(file, "w", ZIP_DEFLATED if compress else ZIP_STORED) as archive:
         for name, array in arrays:
             with archive.open(f"{name}.npy", "w", force_zip64=True) as member:
                 np.lib.format.write_array(member, array, allow_pickle=False)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import sys
 import time
-import traceback
 from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Any, TypeVar, cast
 
@@ -36,8 +35,6 @@ class Ranks:
             from mpi4py import MPI
 
             self._comm = MPI.COMM_WORLD.Dup() if MPI.COMM_WORLD.size > 1 else None
-        if self._comm is not None:
-            sys.excepthook = self._crash
 
     def leave(self, code: int, message: str) -> int:
         """Wait for all ranks and return the exit code of the job, the greatest of all ranks; collective.
@@ -63,12 +60,6 @@ class Ranks:
         if code and size - worst[1] == self._comm.rank:
             _print_error(message)
         return int(worst[0])
-
-    def _crash(self, kind: Any, error: Any, trace: Any) -> None:
-        """Print an internal error and end all ranks, which might otherwise wait for this one forever."""
-        traceback.print_exception(kind, error, trace)
-        sys.stderr.flush()
-        self._comm.Abort(INTERNAL)
 
 
 def on_root(comm: MPI.Comm, work: Callable[[], T]) -> T | None:

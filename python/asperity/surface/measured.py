@@ -17,7 +17,7 @@ import numpy as np
 
 from asperity.arrays import Array, Flags
 from asperity.errors import InputError
-from asperity.runtime.files import npz_bytes, replace_file
+from asperity.runtime.files import write_npz
 from asperity.runtime.text_table import is_text
 from asperity.surface.base import FLAT
 from asperity.surface.height_files import PLAIN, TEXT, metres_of, read_heights, read_instrument
@@ -266,7 +266,7 @@ class HeightField:
         arrays: dict[str, Array] = {"z": self.z, "L": np.array(width)}
         if about is not None:
             arrays["about"] = np.frombuffer(json.dumps(about).encode(), dtype=np.uint8)
-        replace_file(path, npz_bytes(arrays, compress=True))
+        write_npz(path, arrays.items(), compress=True)
         return path
 
     def _require_complete(self, what: str) -> None:
