@@ -11,7 +11,7 @@ from twin import computed, motion, shoot
 from asperity.dynamics import ContactOscillator, PowerLaw, TableLaw
 from asperity.dynamics.equation import Equation, Restoring, motions
 from asperity.dynamics.free import free_orbits
-from asperity.dynamics.point import Tracing
+from asperity.dynamics.orbits import Orbits
 from asperity.dynamics.response import frequency_response
 from asperity.dynamics.search import Search
 
@@ -231,7 +231,7 @@ def test_the_tolerance_includes_round_off() -> None:
 
 def test_work_is_bounded() -> None:
     o = ContactOscillator(PowerLaw(1.5))
-    r = frequency_response(o.equation, o.setting(0.05), (0.5, 1.3), max_work=20)
+    r = frequency_response(Orbits(o.equation, o.setting(0.05), (0.5, 1.3), max_work=20))
     assert any("ends early: too much work" in note for note in r.notes)
 
 
@@ -239,7 +239,7 @@ def test_work_is_bounded() -> None:
 def test_a_strong_forcing_starts_where_it_hardly_moves_the_mass(forcing: float) -> None:
     """Far above a narrow window, and in few steps from there: the mass then flies freely, by more than F^/Omega^2."""
     o = ContactOscillator(PowerLaw(1.5), zeta=0.01)
-    search = Search(o.equation, o.setting(forcing), Tracing((0.8, 1.0), 0.01), True, 1e-9)
+    search = Search(Orbits(o.equation, o.setting(forcing), (0.8, 1.0)))
     search.run()
     start, *points = search._paths[0].points
     assert len(points) < 500 and start.amplitude < 0.1

@@ -131,7 +131,7 @@ def test_motions_that_fail_count_as_work() -> None:
     m = motions(taylor.equation, [[0.1, 0.0], [50.0, -50.0]], 1.0, 0.0)
     assert np.isfinite(m.end[0]).all() and np.isnan(m.end[1]).all()
     assert m.steps > motions(taylor.equation, [0.1, 0.0], 1.0, 0.0).steps
-    orbits = Orbits(taylor.equation, taylor.setting(0.1))
+    orbits = Orbits(taylor.equation, taylor.setting(0.1), (0.5, 1.3))
     with pytest.raises(ConvergenceError):
         orbits.at(np.append(np.full(8, 50.0), 1.0), 50.0)
     assert orbits.work > 0

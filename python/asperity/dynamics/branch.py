@@ -20,7 +20,7 @@ from scipy.optimize import minimize_scalar
 from asperity.arrays import Array, Flags
 from asperity.dynamics.equation import TURN
 from asperity.dynamics.orbits import Orbits
-from asperity.dynamics.point import PIECES, Path, Point, Tracing, hermite, root, value
+from asperity.dynamics.point import PIECES, Path, Point, hermite, root, value
 from asperity.errors import ConvergenceError
 from asperity.runtime.display import short_repr
 
@@ -134,7 +134,7 @@ def _deviation(orbits: Orbits, a: Point, b: Point) -> float:
     return worst
 
 
-def located(orbits: Orbits, path: Sequence[Point], how: Tracing) -> tuple[tuple[Point, ...], list[tuple[str, Point]]]:
+def located(orbits: Orbits, path: Sequence[Point]) -> tuple[tuple[Point, ...], list[tuple[str, Point]]]:
     """Path with its events as points, and these with their names: outside the window period doublings alone."""
     points = _with_pairs(orbits, path)
     tests: dict[str, Callable[[Point], float]] = {
@@ -144,7 +144,7 @@ def located(orbits: Orbits, path: Sequence[Point], how: Tracing) -> tuple[tuple[
         _TOP: lambda p: float(p.slopes[0]),
     }
     found: list[tuple[int, float, str, Point]] = []
-    inside = np.array([how.is_inside(p.Omega) for p in points])
+    inside = np.array([orbits.is_inside(p.Omega) for p in points])
     for name, at in tests.items():
         values = np.array([at(p) for p in points])
         if name == "fold" and len(values) > 1:  # it also vanishes at the ends of a period-2 branch, which are no folds
@@ -215,14 +215,14 @@ def doubled(orbits: Orbits, flip: Point) -> Point:
     )  # fmt: skip
 
 
-def subharmonic(orbits: Orbits, flip: Point, how: Tracing, known: Sequence[Path]) -> Path:
+def subharmonic(orbits: Orbits, flip: Point, known: Sequence[Path]) -> Path:
     """Trace the branch of twice the period from a period doubling until it leaves the window or ends at another one."""
-    edges = _at_edges(known, how)
+    edges = _at_edges(orbits, known)
 
     def stop(points: list[Point]) -> str | None:
         return _doubling(orbits, points) or ("window" if any(is_same(q, points[-1]) for q in edges) else None)
 
-    return orbits.trace(doubled(orbits, flip), how, stop)
+    return orbits.trace(doubled(orbits, flip), stop)
 
 
 def _doubling(orbits: Orbits, points: list[Point]) -> str | None:
@@ -254,13 +254,13 @@ def _shifted(p: Point, periods: int) -> Point:
     return replace(p, y=y, tangent=t)
 
 
-def _at_edges(known: Sequence[Path], how: Tracing) -> list[Point]:
+def _at_edges(orbits: Orbits, known: Sequence[Path]) -> list[Point]:
     """Orbits of known paths on an edge of the window, from which these lead on."""
-    ends = {*how.window, *(how.limits or ())}
+    ends = {*orbits.window, *orbits.limits}
     return [q for path in known for q in path.points if q.Omega in ends]
 
 
-def through(orbits: Orbits, first: Point, how: Tracing, known: Sequence[Path]) -> Path | None:
+def through(orbits: Orbits, first: Point, known: Sequence[Path]) -> Path | None:
     """Trace the branch through an orbit in both directions, unless one of the known paths contains it.
 
     The result is None then, and where the true period of the orbit is shorter.
@@ -270,7 +270,7 @@ def through(orbits: Orbits, first: Point, how: Tracing, known: Sequence[Path]) -
     if any(is_same(q, first) for path in known for q in orbits.crossings(path.points, first.Omega)):
         return None
     copies = [_shifted(first, k) for k in range(first.order)]  # the same orbit, seen from each forcing period
-    edges = _at_edges(known, how)
+    edges = _at_edges(orbits, known)
 
     def closed(points: list[Point]) -> str | None:
         if first.order > 1 and (doubling := _doubling(orbits, points)):
@@ -290,15 +290,15 @@ def through(orbits: Orbits, first: Point, how: Tracing, known: Sequence[Path]) -
                 return "closed"
         return None
 
-    forward = orbits.trace(first, how, closed)
+    forward = orbits.trace(first, closed)
     if forward.end == "closed":  # begin at an end of the window, so that no piece begins inside
         points = forward.points
-        edge = next((i for i, p in enumerate(points) if p.Omega in how.window), None)
+        edge = next((i for i, p in enumerate(points) if p.Omega in orbits.window), None)
         if edge is None:
             return Path(points, "closed", "closed")
         shift = next(k for k, copy in enumerate(copies) if copy is points[-1])
         return Path((*points[edge:], *(_shifted(p, shift) for p in points[1 : edge + 1])), "window", "window")
-    backward = orbits.trace(first.turned(), how, closed)
+    backward = orbits.trace(first.turned(), closed)
     turned = tuple(p.turned() for p in reversed(backward.points[1:]))
     return Path(turned + forward.points, forward.end, backward.end)
 

@@ -19,10 +19,13 @@ from numpy.typing import ArrayLike
 
 from asperity.arrays import Array
 from asperity.dynamics.equation import TURN, Equation, Motions, motions
-from asperity.dynamics.point import PIECES, SMALLEST, TOO_MUCH, Path, Point, Tracing, hermite, root, value
+from asperity.dynamics.point import PIECES, SMALLEST, TOO_MUCH, Path, Point, hermite, root, value
 from asperity.dynamics.settings import Setting
 from asperity.errors import ConvergenceError
+from asperity.runtime.display import short_repr
 
+_RTOL = 1e-4  # tolerance of the integrator over that of the orbits
+_FINEST, _COARSEST = 1e-13, 1e-9  # of it
 _NEWTON = 8  # iterations of the corrector
 _NEWTON_RTOL = 1e-6  # relative size of its last step; the remaining error is of the order of the square
 _LOST = 1e9  # relative state beyond which Newton's method has left the orbit
@@ -30,7 +33,8 @@ _CUT = 0.35  # of a step that does not converge
 _HMIN = 1e-9  # smallest step along the branch
 _TURNED = 1e-5  # step that is taken though the branch seems to turn: at a symmetric one that splits
 _LONGEST = 0.4  # longest step, relative to amplitude and frequency
-_STRIDE = 0.03  # longest step outside the window, over the frequency
+_ACROSS = 25.0  # steps through the window, at least
+_STRIDE = 0.03  # longest step outside it, over the frequency
 _PREDICTED = 0.03  # allowed error of the prediction
 _INSIDE = 7e-3  # the same inside the window, over the rate of the frequency along the branch, at least `_STEEP`
 _STEEP = 0.03
@@ -43,12 +47,33 @@ _NOISE = 30.0  # steps of Newton's method that round-off causes, over it
 
 @dataclass
 class Orbits:
-    """Orbits of one or more forcing periods as zeros of a function of states and Omega."""
+    """Orbits of one or more forcing periods as zeros of a function of states and Omega.
+
+    Attributes:
+        equation, setting: what moves, and by what
+        window: of Omega
+        tol: allowed error of the orbits, relative to the amplitude
+        limits: Omega up to which a branch is followed outside the window
+        work, max_work: steps of the integrator so far, in points, and those after which a path ends
+    """
 
     equation: Equation
     setting: Setting
-    rtol: float = 1e-9
-    work: float = field(default=0.0, repr=False, compare=False)  # steps of the integrator so far, in points
+    window: tuple[float, float]
+    tol: float = 1e-5
+    max_work: float = 6000.0
+    limits: tuple[float, float] = field(init=False)
+    work: float = field(default=0.0, init=False)
+
+    __repr__ = short_repr
+
+    def __post_init__(self) -> None:
+        self.limits = self.window
+        self._rtol = min(max(_RTOL * self.tol, _FINEST), _COARSEST)
+
+    def is_inside(self, omega: float) -> bool:
+        """Whether a frequency is in the window."""
+        return self.window[0] <= omega <= self.window[1]
 
     def scales(self, amplitude: float, y: Array) -> Array:
         """Weights of the unknowns y (states, Omega) in lengths along the branch."""
@@ -62,7 +87,7 @@ class Orbits:
         """Motions from states (lanes, 2) at phases over a piece of the period."""
         m = motions(
             self.equation, states, omega, self.setting.forcing(omega), grows=self.setting.growth(omega), start=phase,
-            length=TURN / PIECES, rtol=self.rtol, **more,
+            length=TURN / PIECES, rtol=self._rtol, **more,
         )  # fmt: skip
         self.work += m.steps / WORK
         return m
@@ -227,19 +252,19 @@ class Orbits:
         found = {float(x / y) for x, y in ((q, 3.0 * third), (first, q)) if abs(x) < abs(y) and x * y > 0}
         return sorted(found)
 
-    def trace(self, first: Point, how: Tracing, stop: Callable[[list[Point]], str | None]) -> Path:
+    def trace(self, first: Point, stop: Callable[[list[Point]], str | None]) -> Path:
         """Trace the branch along the tangent of `first` until it leaves the limits of Omega.
 
         It has a point at each end of the window that it passes. `stop` receives the points after each step, and may
         return a reason to end the path.
         """
-        limits = how.limits or how.window
-        points, h, most = [first], 0.05, self.work + how.max_work
+        limits, (low, high) = self.limits, self.window
+        points, h = [first], 0.05
         while True:
             here, omega = points[-1], points[-1].Omega
             w = self.scales(here.amplitude, here.y)
             unit = here.tangent / np.linalg.norm(w * here.tangent)
-            longest = how.max_step if how.is_inside(omega) else _STRIDE * omega
+            longest = (high - low) / _ACROSS if self.is_inside(omega) else _STRIDE * omega
             h = min(h, longest / max(abs(unit[-1]), 1e-9), _LONGEST, self._resonance(here, float(unit[-1])))
             h = max(h, 2.0 * _HMIN)
             cubic, length = np.array([here.y - unit, unit, 0.0 * unit, 0.0 * unit]), 1.0
@@ -251,7 +276,7 @@ class Orbits:
             while True:
                 if h < _HMIN:
                     return Path(tuple(points), "step too small")
-                if self.work > most:
+                if self.work > self.max_work:
                     return Path(tuple(points), TOO_MUCH)
                 guess = value(cubic, 1.0 + h / length)
                 try:
@@ -261,7 +286,7 @@ class Orbits:
                     continue
                 miss, along = w * (point.y - guess), w * point.tangent / np.linalg.norm(w * point.tangent)
                 allowed = _PREDICTED
-                if how.is_inside(point.Omega):  # at a fold the error at fixed frequency would diverge
+                if self.is_inside(point.Omega):  # at a fold the error at fixed frequency would diverge
                     allowed = min(allowed, _INSIDE * max(abs(along[-1]), abs(float((w * unit)[-1])), _STEEP))
                 error = float(np.linalg.norm(miss - (miss @ along) * along)) / allowed
                 if error > 2.0 or float(along @ (w * unit)) < 0.5:
@@ -273,7 +298,7 @@ class Orbits:
                     h *= _CUT
                     continue
                 break
-            passed = [e for e in {*limits, *how.window} if (e - omega) * (e - point.Omega) < 0]
+            passed = [e for e in {*limits, low, high} if (e - omega) * (e - point.Omega) < 0]
             if passed:
                 edge = min(passed, key=lambda e: abs(e - omega))
                 try:

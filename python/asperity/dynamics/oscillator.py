@@ -14,6 +14,7 @@ from asperity.dynamics import motion as _motion
 from asperity.dynamics.equation import Equation, Restoring
 from asperity.dynamics.free import FreeVibration, Thresholds, contact_limit, free_orbits, largest_amplitude
 from asperity.dynamics.motion import Sweep, Trajectory, course, integrate
+from asperity.dynamics.orbits import Orbits
 from asperity.dynamics.response import FrequencyResponse, frequency_response
 from asperity.dynamics.settings import EXCITATIONS, FORCING, OMEGA, SHAPES, ZETA, Setting, forcings, window
 from asperity.errors import AsperityWarning, InputError, RangeError, warn
@@ -158,8 +159,7 @@ class ContactOscillator:
         """
         within("zeta of forced motion", self.zeta, ZETA)
         setting = self.setting(within("forcing", forcing, FORCING), excitation)
-        ends, tol = window(omega), positive("tol", tol)
-        return frequency_response(self.equation, setting, ends, tol=tol, subharmonics=subharmonics)
+        return frequency_response(Orbits(self.equation, setting, window(omega), positive("tol", tol)), subharmonics)
 
     def uncertainty(self) -> Uncertainty:
         """Intervals of the law by its points.

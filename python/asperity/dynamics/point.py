@@ -136,27 +136,6 @@ class Path:
         return self.points[0].order
 
 
-@dataclass(frozen=True)
-class Tracing:
-    """How branches are traced.
-
-    Attributes:
-        window: of Omega
-        max_step: in Omega
-        max_work: after which a path ends, in points
-        limits: Omega up to which a branch is followed outside the window; None for its ends
-    """
-
-    window: tuple[float, float]
-    max_step: float
-    max_work: float = 6000.0
-    limits: tuple[float, float] | None = None
-
-    def is_inside(self, omega: float) -> bool:
-        """Whether a frequency is in the window."""
-        return self.window[0] <= omega <= self.window[1]
-
-
 def hermite(start: Any, chord: Any, out: Any, into: Any) -> Array:
     """Coefficients (4, ...), lowest first, of the cubic over [0, 1] with the given slopes at its ends."""
     return np.array([start, out, 3.0 * chord - 2.0 * out - into, out + into - 2.0 * chord])

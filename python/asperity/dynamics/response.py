@@ -13,14 +13,11 @@ import numpy as np
 from asperity.dynamics.branch import Branch, Solution, dense, distance
 from asperity.dynamics.equation import Equation
 from asperity.dynamics.orbits import Orbits
-from asperity.dynamics.point import Tracing
 from asperity.dynamics.search import Search
 from asperity.dynamics.settings import Setting
 from asperity.errors import ConvergenceError, InputError
 from asperity.runtime.display import short_repr
 
-_RTOL = 1e-4  # tolerance of the integrator over that of the orbits
-_FINEST, _COARSEST = 1e-13, 1e-9  # of it
 _SAME = 1e-6  # relative distance, in addition to their errors, within which two orbits may be identical
 _UNRELIABLE = 1e-3  # deviation of the determinant from Liouville's above which stability is unreliable
 
@@ -38,7 +35,7 @@ class FrequencyResponse:
         valid: whether every orbit is physical
         notes: limits of the result (unphysical parts, ends of branches, table limits), one sentence each
         searched: which orbits were searched and which were not, one sentence
-        equation: of the orbits
+        orbits: their equations
 
     Examples:
         >>> response = asp.ContactOscillator(asp.PowerLaw(1.5)).response(0.02, (0.85, 1.05), tol=1e-3)
@@ -57,8 +54,7 @@ class FrequencyResponse:
     valid: bool
     notes: tuple[str, ...]
     searched: str
-    equation: Equation = field(repr=False)
-    rtol: float = field(default=_COARSEST, repr=False)  # of the integrator
+    orbits: Orbits = field(repr=False)
 
     __repr__ = short_repr
 
@@ -133,9 +129,9 @@ class FrequencyResponse:
         return tuple(replace(b, points=dense(self.orbits, b.points)) for b in self.branches)
 
     @property
-    def orbits(self) -> Orbits:
-        """Equations of the orbits."""
-        return Orbits(self.equation, self.setting, self.rtol)
+    def equation(self) -> Equation:
+        """Equation of motion."""
+        return self.orbits.equation
 
     def to_dict(self) -> dict[str, Any]:
         """Section of thresholds.json."""
@@ -161,28 +157,16 @@ class FrequencyResponse:
                 yield self.setting.row(line.kind, p.Omega, p.u_max, p.u_min, p.a1, p.stable, p.phase)
 
 
-def frequency_response(
-    equation: Equation,
-    setting: Setting,
-    omega: tuple[float, float],
-    *,
-    tol: float = 1e-5,
-    subharmonics: bool = True,
-    max_work: float = 6000.0,
-) -> FrequencyResponse:
-    """Compute all branches in a window; arguments and errors as in `ContactOscillator.response`.
-
-    `max_work` is that of `point.Tracing`, for all branches together.
-    """
-    rtol = min(max(_RTOL * tol, _FINEST), _COARSEST)
-    how = Tracing(omega, (omega[1] - omega[0]) / 25.0, max_work)
-    search = Search(equation, setting, how, subharmonics, rtol)
+def frequency_response(orbits: Orbits, subharmonics: bool = True) -> FrequencyResponse:
+    """Compute all branches in a window; arguments and errors as in `ContactOscillator.response`."""
+    search = Search(orbits, subharmonics)
     search.run()
-    branches = search.branches
+    branches, restoring = search.branches, orbits.equation.restoring
     return FrequencyResponse(
-        setting, omega, tuple(branches), tuple(search.events), max(float(b.error.max()) for b in branches),
-        max(float(b.det_error.max()) for b in branches), all(bool(b.valid.all()) for b in branches),
-        (*search.notes, *_limitations(branches, equation.restoring.known_to)), search.describe(), equation, rtol,
+        orbits.setting, orbits.window, tuple(branches), tuple(search.events),
+        max(float(b.error.max()) for b in branches), max(float(b.det_error.max()) for b in branches),
+        all(bool(b.valid.all()) for b in branches),
+        (*search.notes, *_limitations(branches, restoring.known_to)), search.describe(), orbits,
     )  # fmt: skip
 
 

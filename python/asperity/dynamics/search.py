@@ -16,11 +16,10 @@ import numpy as np
 
 from asperity.arrays import Array
 from asperity.dynamics.branch import Branch, Solution, doubled, located, subharmonic, through
-from asperity.dynamics.equation import TURN, Equation, motions
+from asperity.dynamics.equation import TURN, motions
 from asperity.dynamics.free import FreeOrbit, free_orbits, largest_amplitude, resonance_peak
 from asperity.dynamics.orbits import WORK, Orbits
-from asperity.dynamics.point import TOO_MUCH, Path, Point, Tracing
-from asperity.dynamics.settings import Setting
+from asperity.dynamics.point import TOO_MUCH, Path, Point
 from asperity.errors import ConvergenceError
 from asperity.force_law.damping import only_in_contact
 
@@ -50,14 +49,13 @@ class Search:
         notes: on what could not be found or continued
     """
 
-    def __init__(self, equation: Equation, setting: Setting, how: Tracing, subharmonics: bool, rtol: float) -> None:
-        self.equation, self.setting, self.how = equation, setting, how
+    def __init__(self, orbits: Orbits, subharmonics: bool = True) -> None:
+        self.orbits, self.equation, self.setting, self.window = orbits, orbits.equation, orbits.setting, orbits.window
         self.orders = (1, 2) if subharmonics else (1,)
-        self.rough = replace(equation, rtol=10.0 * _ROUGH)
-        self.orbits = Orbits(equation, setting, rtol)
+        self.rough = replace(self.equation, rtol=10.0 * _ROUGH)
         # F^, the greatest in the window and at the resonance
-        self.strong = float(setting.forcing(max(1.0, how.window[1])))
-        share = min(1.0, how.window[0] / _SLOW)
+        self.strong = float(self.setting.forcing(max(1.0, self.window[1])))
+        share = min(1.0, self.window[0] / _SLOW)
         self.grid = int(np.ceil(_AMPLITUDES * share)), int(np.ceil(_PHASES * share))
         self.branches: list[Branch] = []
         self.events: list[Solution] = []
@@ -68,6 +66,7 @@ class Search:
         self._known: list[Array] = []  # u, v, Omega (points, 3) along each path, at each of its forcing periods
         self._doublings: list[Point] = []  # from which no branch has been traced yet
         self._backbone()
+        orbits.limits = self._limits()
 
     def _backbone(self) -> None:
         """Frequencies of free orbits up to the amplitude that the forcing sustains at phase resonance."""
@@ -90,8 +89,8 @@ class Search:
 
     def run(self) -> None:
         """Trace branches until nothing is left."""
-        (low, high), above = self.how.window, self._limits()[1]
-        for omega in (above, low):
+        low, high = self.window
+        for omega in (self.orbits.limits[1], low):
             self._near_rest(omega)
         for order in self.orders:
             for found in self._found(order, *self._lanes(order)):
@@ -110,7 +109,7 @@ class Search:
         self.notes += [
             f"at the end Omega = {edge:g} of the window at least one orbit of period {order} is missing: "
             "give another window, which ends between the resonances"
-            for order, edge in product(self.orders, self.how.window)
+            for order, edge in product(self.orders, self.window)
             if self._lacks(order, edge)
         ]
 
@@ -125,7 +124,7 @@ class Search:
 
     def _limits(self) -> tuple[float, float]:
         """Frequencies up to which branches are followed outside the window, in which they may return."""
-        low, high = self.how.window
+        low, high = self.window
         strong = min(self.strong, 2.0 * self.strong**0.5)  # the amplitude is about F^/Omega^2
         above = self.orders[-1] * _BEYOND * max(1.0, *self.frequency) * (1.0 + strong)
         return _BELOW * low if low < above else low, max(above, high)
@@ -133,7 +132,7 @@ class Search:
     @property
     def _left(self) -> float:
         """Work that is left."""
-        return self.how.max_work - self.orbits.work
+        return self.orbits.max_work - self.orbits.work
 
     def _lacks(self, order: int, edge: float) -> bool:
         """Whether the orbits of a period at an edge are too few, those of period 1 among them.
@@ -162,7 +161,7 @@ class Search:
         all phases, of every amplitude whose resonance is in the window, or near it, up to the one that the forcing
         sustains. An orbit that is shifted by a forcing period has another phase, by a cycle over `order`.
         """
-        (low, high), size = self.how.window, np.log(self.amplitude)
+        (low, high), size = self.window, np.log(self.amplitude)
         log_u = np.linspace(size[0], size[-1], _FINE)
         own = np.interp(log_u, size, self.frequency)
         phases, found = np.arange(self.grid[1]) / self.grid[1], [np.empty((3, 0))]
@@ -204,7 +203,7 @@ class Search:
                     step = np.einsum("nik,in->nk", matrix, np.array([k * p - h * q, g * q - h * p]) / (g * k - h * h))
                     length = np.linalg.norm(step, axis=1)
                     step *= scale * np.minimum(1.0, 0.3 / length)[:, None]
-                y, omega = y + step[:, :2], np.clip(omega + step[:, 2], *self.how.window)
+                y, omega = y + step[:, :2], np.clip(omega + step[:, 2], *self.window)
                 for j in np.flatnonzero(length < _CLOSE):
                     found = self._new(order, y[j], float(omega[j]))
                     if found is not None:
@@ -240,7 +239,7 @@ class Search:
                 first = orbits.at(y, amplitude, -1.0)
             else:
                 first = orbits.correct(y, np.concatenate([normal[:2], 0.0 * y[2:-1], normal[2:]]), amplitude)
-            path = through(orbits, first, self._tracing(), self._of(first.order))
+            path = through(orbits, first, self._of(first.order))
         except ConvergenceError as error:
             if kind != "main":
                 self._lost.append(f"Omega = {omega:.6g} is on no branch and could not be continued: {error}")
@@ -248,13 +247,9 @@ class Search:
         if path is not None:
             self._add(kind, path)
         while self._doublings and self._left > 0.0:
-            path = subharmonic(orbits, self._doublings.pop(0), self._tracing(), self._of(2))
+            path = subharmonic(orbits, self._doublings.pop(0), self._of(2))
             if len(path.points) > 2:
                 self._add("sub2", self._joined(path))
-
-    def _tracing(self) -> Tracing:
-        """How branches are traced."""
-        return replace(self.how, limits=self._limits(), max_work=max(self._left, 0.0))
 
     def _of(self, order: int) -> list[Path]:
         """Paths of an order."""
@@ -276,12 +271,12 @@ class Search:
     def _add(self, kind: str, path: Path) -> None:
         """Make branches of the pieces of a path in the window, with their events and period doublings."""
         self._paths.append(path)
-        points, found = located(self.orbits, path.points, self.how)
+        points, found = located(self.orbits, path.points)
         self._known += [np.array([(*p.states[k], p.Omega) for p in points]) for k in range(path.order)]
         if 2 * path.order in self.orders:
             self._doublings += [p for name, p in found if name == "period doubling"]
         at = np.array([p.Omega for p in points])
-        low, high = self.how.window
+        low, high = self.window
         edge, known = (at == low) | (at == high), (low <= at) & (at <= high)
         within = known[1:] & known[:-1] & ~(edge[1:] & edge[:-1] & (at[1:] == at[:-1]))  # it turns back outside
         cuts = np.unique([0, *(np.flatnonzero(within[1:] != within[:-1]) + 1), at.size - 1])
@@ -296,7 +291,7 @@ class Search:
             inside = [(name, p) for name, p in found if any(p is q for q in piece)]
             self.events += [Solution.at(name, number, p) for name, p in inside]
         for p, reason in ((points[0], path.begin), (points[-1], path.end)):
-            if reason not in ("window", "closed", "period doubling", TOO_MUCH) and not self.how.is_inside(p.Omega):
+            if reason not in ("window", "closed", "period doubling", TOO_MUCH) and not self.orbits.is_inside(p.Omega):
                 self.notes.append(
                     f"a branch of period {p.order} is lost outside the window at {p.Omega:.6g}, where it may return: "
                     f"{reason}"
