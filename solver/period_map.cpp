@@ -96,7 +96,7 @@ struct Motion
     out = {};
     out.high = out.low = {u, 1, 0, 0};
     out.lowest = s;
-    const double end = begin + length, most = 2e4 + std::min(1e3 * length / omega, 2e6), unit = std::min(1.0, omega);
+    const double end = begin + length, most = 2e4 + std::min(1e3 * length / omega, 2e7), unit = std::min(1.0, omega);
     double h = std::min({length, 0.05, 0.05 * omega});
     slope(s, y, k[0]);
     for (out.steps = 1; out.steps < most && std::abs(y[0]) < limit; ++out.steps)
