@@ -22,6 +22,7 @@ FEW = 0.01  # part of the active dofs; when fewer change, the set is practically
 NOT_YET = np.array([-1], dtype=np.int32)  # differs from any active set
 SLOPE_DROP = 0.3  # the line search ends when the work rate has dropped to this part
 SMALLEST_PART = 1e-3  # of a Newton step, to which it is halved where it turns a solid inside out
+UNSETTLED = 0.3  # forces out of balance over the change of the bounds of friction, at which these are renewed
 DAMPED, SUFFICIENT = (1.0, 0.5, 0.25, 0.125), 0.2  # lengths of a step with friction, and the fall of the square wanted
 SHIFT, LARGEST_SHIFT, RAISED = 0.01, 100.0, 4.0  # of a tangent that is not positive definite, and its growth
 PUSHED = 10.0  # growth of the work rate along a step from which on the flat moves the nodes
@@ -55,8 +56,9 @@ class NewtonSolver:
 
     Args:
         contact: a `Contact`, or what has its attributes `symmetric` and `has_tangent` and its methods `residual`,
-            `nodal_force` and `add_tangent`. Where nodes stick or slip, so that a full step may not bring the solution
-            nearer, its method `imbalance` gives the forces out of balance for an internal force, both (owned, 3)
+            `nodal_force`, `add_tangent` and `unsettled`. Where nodes stick or slip, so that a full step may not bring
+            the solution nearer, its method `imbalance` gives the forces out of balance for an internal force, both
+            (owned, 3)
         fixed: owned dofs without displacement increment; default those of the solid
     """
 
@@ -115,15 +117,18 @@ class NewtonSolver:
 
     def _evaluate(self, x: Floats) -> Floats:
         """Forces out of balance (3 owned,) at owned dof values, prescribed dofs included; collective."""
+        self._found = self.contact.residual(self._internal_force(x))
+        return self._found[0].reshape(-1)
+
+    def _internal_force(self, x: Floats) -> Floats:
+        """Internal force (owned, 3) at owned dof values, and whether the solid is turned inside out; collective."""
         solid = self.solid
         solid.set_displacement(x)
         self.force = solid.internal_force().copy()
-        # whether the solid is turned inside out somewhere
         self._inverted = solid.material.finite and bool(
             solid.comm.allreduce(solid.kernels.inverted_points > 0, op=MPI.LOR)
         )
-        self._found = self.contact.residual(self.force)
-        return self._found[0].reshape(-1)
+        return self.force
 
     def _jacobian(self, snes: Any, x: Any, A: Any, P: Any) -> None:
         self._shift = 0.0
@@ -166,7 +171,8 @@ class NewtonSolver:
         if not np.isfinite(unbalanced):
             return reasons.DIVERGED_FNORM_NAN
         self.balance = unbalanced / contact if contact > 0 else unbalanced
-        if unbalanced <= self.bound(contact) and gap <= self._gap_tolerance():
+        enough = max(self.bound(contact), UNSETTLED * self.contact.unsettled() * contact)
+        if unbalanced <= enough and gap <= self._gap_tolerance():
             return reasons.CONVERGED_FNORM_RELATIVE
         return reasons.DIVERGED_MAX_IT if it >= self.options.newton_max else reasons.ITERATING
 
@@ -231,9 +237,9 @@ class NewtonSolver:
 
         before, found = merit(self.force), []
         for length in DAMPED:
-            self.solid.set_displacement(start - length * y)
-            found.append(merit(self.solid.internal_force()))
+            found.append(merit(self._internal_force(start - length * y)))
             if found[-1] <= (1.0 - SUFFICIENT * length) * before:
+                self._found, self._at_trial = self.contact.residual(self.force), True
                 return length
         return DAMPED[int(np.nanargmin([np.inf, *found])) - 1]
 
