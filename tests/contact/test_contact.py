@@ -213,6 +213,26 @@ def test_tangent_is_the_derivative_of_the_residual(
         assert np.abs(found - slope).max() < 1e-6 * np.abs(slope).max()
 
 
+def test_a_flat_that_recedes_lets_go_of_nodes_one_set_after_the_other(rough: Surface, coarse: BlockMesh) -> None:
+    """The first set of a step back is that in contact; at the new height of the flat nothing would be."""
+    solver = press_of(coarse, rough, EXACT, PLASTIC)
+    assert solver.step(0.01).converged
+    contact, force, z = solver.contact, solver.newton.force, solver.summit - 0.009
+    held = contact.nodes()
+    assert len(held) > 5
+    contact.begin(z)
+    contact.residual(force)
+    assert not len(contact.nodes())
+    contact.begin(z)
+    start = solver.state().displacement
+    contact.expect(solver.summit - 0.01, start, start, 1.0)
+    lacking = contact.residual(force)[2]
+    np.testing.assert_array_equal(contact.nodes(), held)
+    np.testing.assert_allclose(lacking, 0.001, rtol=1e-6)  # up to the flat
+    contact.residual(force)  # the rule of every iteration that follows
+    assert not len(contact.nodes())
+
+
 def test_exact_contact_needs_no_more_newton_steps_on_a_finer_mesh(wave: Surface) -> None:
     """With exact linear solves; an inexact one adds one or two."""
     taken = []
