@@ -15,6 +15,8 @@ from scipy.integrate import solve_ivp
 
 from asperity.cli.dynamics import dynamics as command
 from asperity.dynamics import ContactOscillator, Joint, PowerLaw, run_dynamics
+from asperity.dynamics.orbits import Orbits
+from asperity.dynamics.search import Search, _scale
 from asperity.errors import ConvergenceError
 from asperity.plot import plot_dynamics
 
@@ -155,3 +157,21 @@ def test_figures_without_a_stable_or_a_physical_orbit(tmp_path: Path) -> None:
         warnings.simplefilter("error", RuntimeWarning)
         for result in (both, series):
             assert plot_dynamics(result, tmp_path)
+
+
+@pytest.mark.parametrize("excitation", ["force", "base"])
+def test_an_orbit_from_a_start_has_the_direction_of_its_branch(excitation: str) -> None:
+    """In closed form for a linear contact; the force of a moving base grows with the frequency."""
+    setting, zeta = LINEAR.setting(1e-3, excitation), LINEAR.zeta
+
+    def state(omega: Any) -> Any:
+        motion = setting.forcing(omega) / (1.0 - omega**2 + 2j * zeta * omega)
+        return np.array([motion.real, (1j * omega * motion).real])
+
+    search = Search(Orbits(LINEAR.equation, setting, (0.5, 2.0), tol=1e-8), False)
+    (found,) = search._found(1, np.array([1.3]), 1.05 * state(np.array([1.3])).T)
+    states, omega, _, normal = found
+    direction = normal * _scale(states, np.array([omega]))[0] ** 2  # the plane is normal to the branch in these units
+    np.testing.assert_allclose(states[0], state(omega), rtol=1e-3)
+    slope = np.append((state(omega + 1e-6) - state(omega - 1e-6)) / 2e-6, 1.0)
+    assert np.linalg.norm(np.cross(direction, slope)) < 1e-3 * np.linalg.norm(direction) * np.linalg.norm(slope)
