@@ -11,8 +11,6 @@
 #include <nanobind/stl/pair.h>
 #include <nanobind/stl/variant.h>
 
-#include <limits>
-
 using namespace asperity;
 using namespace nb::literals;
 
@@ -49,8 +47,7 @@ void bind_cells(nb::module_& m)
       .def(
           nb::init<Array<const double>, Array<const int>, Array<const int>, Array<const double>, Array<const double>,
                    double, double>(),
-          "x"_a, "x_dofs"_a, "u_dofs"_a, "gradients"_a, "weights"_a,
-          "spent"_a = std::numeric_limits<double>::infinity(), "threshold"_a = std::numeric_limits<double>::infinity());
+          "x"_a, "x_dofs"_a, "u_dofs"_a, "gradients"_a, "weights"_a, "spent"_a, "threshold"_a);
   nb::class_<History>(m, "History")
       .def(nb::init<Array<double>, Array<double>, Array<double>>(), out("plastic_strain"), out("accumulated"),
            out("dilatation"));

@@ -102,7 +102,6 @@ struct CellFlow
 
   /// Whether flow changes the volumetric strains of the cell.
   bool relaxes() const { return flow > 0.0 && kept_slope != 0.0; }
-  std::size_t points() const { return count; }
   /// Volumetric strain of a point less its permanent part, less the mean of both.
   double deviation(std::size_t q) const { return own[q]; }
   /// The permanent part after the step.
