@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import warnings
+from dataclasses import replace
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -10,7 +11,8 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 import pytest
-from conftest import ELASTIC, assembled, here
+from conftest import ELASTIC, PLASTIC, assembled, here
+from element_sample import PAIRS
 from scipy import sparse
 from scipy.sparse.linalg import splu
 
@@ -19,14 +21,16 @@ from asperity import run
 from asperity.adaptive.solve_contact import solve_contact
 from asperity.case import Case
 from asperity.contact import PressureContact
-from asperity.contact.contact_surface import ContactSurface
+from asperity.contact.contact_surface import FACET_DEGREE, ContactSurface
 from asperity.errors import InputError
+from asperity.mesh import element
 from asperity.mesh.block import BlockMesh
 from asperity.mesh.generate import build_block
 from asperity.mesh.size_field import SizeField
 from asperity.model.material import Material
 from asperity.model.settings import LEAST_GAMMA, Formulation, MeshSize, SolverOptions
 from asperity.quasistatic.make import make_block, make_contact_solver
+from asperity.runtime import compat
 from asperity.surface import Sinusoid, Surface
 
 Array = npt.NDArray[np.float64]
@@ -71,6 +75,40 @@ def test_area_and_pressure_of_hertz(cap: Surface, formulation: Formulation) -> N
     assert inside.sum() > 10
     deviation = pressure[corners][inside] - hertz.pressure(r[inside], delta)
     assert np.abs(deviation).max() < 0.05 * peak
+
+
+@pytest.mark.parametrize("kinematics", ["small", "finite"])
+def test_the_traction_of_facets_is_that_of_the_stress_in_their_cells(
+    rough: Surface, coarse: BlockMesh, kinematics: str
+) -> None:
+    """Nominal stresses of the step at the points of a cell, and the linear function through them at its facets."""
+    material = replace(PLASTIC, kinematics=kinematics)
+    solver = make_contact_solver(here(), rough, coarse, material, formulation=NITSCHE)
+    assert solver.step(0.01).converged and solver.solve(0.02).converged
+    contact, surface, kernels = solver.contact, solver.contact_surface, solver.solid.kernels
+    assert isinstance(contact, PressureContact) and kernels.last.accumulated.any()
+    rule, cells, u = contact._rule, surface.cells, solver.solid.u.x.array.reshape(-1, 3)
+    x = solver.solid.mesh.geometry.x[compat.geometry_dofmap(solver.solid.mesh)[cells]]
+
+    def inverse_jacobian(slopes: Array) -> Array:
+        return np.linalg.inv(np.einsum("fai,fqaj->fqij", x, slopes))
+
+    at, _ = element.quadrature(element.QUADRATURE_DEGREE)
+    slopes = np.broadcast_to(element.shape_gradients(at), (len(cells), len(at), 10, 3))
+    F = np.eye(3) + np.einsum("fai,fqaj,fqjk->fqik", u[surface.cell_nodes], slopes, inverse_jacobian(slopes))
+    nominal = kernels.stress(u)[cells][..., PAIRS]
+    if material.finite:
+        nominal = np.linalg.det(F)[..., None, None] * nominal @ np.swapaxes(np.linalg.inv(F), 2, 3)
+    reference = [element.at_facet(k, element.facet_quadrature(FACET_DEGREE)[0]) for k in range(4)]
+    to_facet = np.stack([element.linear_through(at, points) for points in reference])[surface.local]
+    slopes = np.stack([element.shape_gradients(points) for points in reference])[surface.local]
+    normal = np.einsum("fqji,fj->fqi", inverse_jacobian(slopes), element.area_vectors()[surface.local])
+    t = np.einsum("fqp,fpi,fqi->fq", to_facet, nominal[..., 2, :], normal / normal[..., 2:])
+    depth = rule.height + rule.at_points(u[surface.nodes, 2]) - contact._z
+    stiffness = ref.block_modulus(1.0, PLASTIC.nu) * 4.0 * surface.area / (3.0 * kernels.volumes[cells].sum(axis=1))
+    expected = np.maximum(stiffness[:, None] * depth - t, 0.0)
+    assert np.sum(expected > 0.0) > 20
+    np.testing.assert_allclose(contact.points, expected, rtol=0, atol=1e-9 * expected.max())
 
 
 class Hard(Formulation):
