@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from typing import Any
 
 import numpy as np
@@ -286,3 +287,6 @@ def test_bounds_are_renewed_before_the_equations_are_solved(
     whole = pressed(wave, block, 0.4, steps=2)
     assert usual.force == pytest.approx(whole.force, rel=1e-6)
     assert usual.counts.newton < 0.9 * whole.counts.newton
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")  # the bounds fall to zero
+        assert usual.release().converged and usual.force == 0.0

@@ -196,10 +196,10 @@ class Coulomb(ActiveSet):
         return True
 
     def unsettled(self) -> float:
-        """Change of the bounds by the normal forces over their sum, 0 where it is negligible; collective."""
+        """Change of the bounds by the normal forces over their sum, at most 1, 0 where it is negligible; collective."""
         new = self.friction * self._normal
         change, whole = self._solid.comm.allreduce(np.array([np.abs(new - self.sliding.bounds).sum(), new.sum()]))
-        return float(change / whole) if change > SETTLED * whole else 0.0
+        return float(change / max(whole, change)) if change > SETTLED * whole else 0.0
 
     def add_tangent(self) -> None:
         self.sliding.add_tangent()
