@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 import re
 import warnings
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -257,7 +256,7 @@ def test_a_tolerance_of_the_area_refines_until_its_bar_holds_it_too() -> None:
     )
     assert force_only.met and force_only.worst_area > 0.05 and both.met and both.worst_area <= 0.03
     curve = both.curve.loading()
-    quarter = replace(sphere, L=0.5, centre=(0.0, 0.0))  # by its planes of symmetry
+    quarter = asp.Surface.from_spec(kind="sphere", L=0.5, radius=3.0, centre=(0.0, 0.0))  # by its planes of symmetry
     exact = [half_space_contact(quarter, 270, delta_star=2.0 * d, height=1.0, tolerance=1e-5) for d in curve.delta_star]
     assert np.all(np.abs(curve.area_fraction - [found.area_fraction for found in exact]) <= curve.error_area_fraction)
     with pytest.raises(asp.InputError, match=r"accuracy\.area_tolerance = 1\.5 must lie"):
