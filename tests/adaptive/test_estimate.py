@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -82,6 +83,16 @@ def test_a_tolerance_makes_several_meshes() -> None:
     sizes = [level.dofs for level in found.levels]
     assert len(sizes) == 3 and sizes == sorted(sizes) and len(found.of_ranks) == 4
     assert found.memory > 4 * BASE
+
+
+def test_a_solid_that_yields_has_the_bar_of_its_light_loads() -> None:
+    """They scatter with the area: the bar is more than three times that of two meshes of an elastic solid."""
+    cap = {"kind": "sphere", "L": 1.0, "radius": 6.0, "shape": "paraboloid"}
+    soft = {"E": 1.0, "nu": 0.3, "yield_strength": 2e-3, "tangent_modulus": 1e-3, "kinematics": "small"}
+    data = {"surface": cap, "material": soft, "loading": {"delta_max": 4e-3, "steps": 5}, "units": "other"}
+    case = Case.from_dict(data | {"accuracy": {"tolerance": 0.05, "max_dofs": 8000}})
+    problem, goal = replace(case.problem(), size=asp.MeshSize()), asp.AccuracyTarget(0.05, max_dofs=8000)
+    assert estimate(case).bar == pytest.approx(asp.solve_contact(problem, tolerance=goal).worst, rel=0.35)
 
 
 @pytest.mark.parametrize(("name", "h"), [("hertz", 0.001), ("self_affine", 0.08)])

@@ -8,11 +8,14 @@ from __future__ import annotations
 
 import warnings
 from dataclasses import dataclass, replace
+from math import hypot
 from time import process_time
 from typing import TYPE_CHECKING
 
+from asperity.adaptive.extrapolation import FLOWING
 from asperity.adaptive.guide import Guide, approach_of_force, guide_of, planned_steps
 from asperity.adaptive.mesh_plan import (
+    AREA_ORDER,
     LEAST_STEP,
     MARGIN,
     MOST_SUBSTEPS,
@@ -21,7 +24,9 @@ from asperity.adaptive.mesh_plan import (
     MeshFamily,
     dofs_of,
     next_step,
+    partner,
     planned_order,
+    shares,
     step_rule,
 )
 from asperity.adaptive.small_strain import judge
@@ -226,12 +231,20 @@ def _plan(
             substeps *= 2
         parts = [2**k for k in range(max(substeps.bit_length(), 2))]  # the first mesh measures the error of the steps
     plan = [(family.h(first), coarse, _steps(problem, n)) for n in parts]
+    scales, plastic = [first], problem.material.plastic
+    order = planned_order(flows=plastic)
     while True:
         plan.append((family.h(scale), dofs, _steps(problem, substeps)))
-        if (bar := TYPICAL_BAR * scale ** planned_order()) <= tolerance:
+        scales.append(scale)
+        bar = TYPICAL_BAR * scale ** planned_order()
+        if plastic:  # see `extrapolation.correct`
+            ratio = scales[partner(scales)] / scale
+            part, _ = shares(ratio)
+            bar = hypot(bar, FLOWING * hypot(1.0 + part, part * ratio**AREA_ORDER) * family.open_area(scale))
+        if bar <= tolerance:
             return plan, bar
-        finer, dofs = family.finest(scale / next_step(bar / tolerance, planned_order()), scale, most)
-        if scale / finer < LEAST_STEP:
+        finer, dofs = family.finest(scale / next_step(bar / tolerance, order), scale, most)
+        if scale / finer < 0.999 * LEAST_STEP:
             return plan, bar
         scale = finer
 

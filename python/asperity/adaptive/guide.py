@@ -113,9 +113,19 @@ class Guide:
             if not p.any():  # a spot between the centres of the cells
                 spot = np.zeros_like(p)
                 spot[np.unravel_index(self._heights[n].argmax(), p.shape)] = 1.0
-            sizes, even, singular = spots_of(spot)
+            sizes, even, singular = spots_of(spot, layer.hardness)
             cells = PER_SIZE / even
         return layer, p, sizes, singular
+
+    def edges(self) -> list[tuple[Floats, float, float]]:
+        """Edges of the spots at three steps: places (m, 2), the length of each and the area of the spots [L, L^2]."""
+        found = []
+        for k, (layer, p) in self._pressed.items():
+            touched = p > 0.0
+            row, column = np.nonzero(touched & ~ndimage.binary_erosion(touched, border_value=1))
+            if len(row):
+                found.append(((np.stack([column, row], axis=-1) + 0.5) / layer.n, 1.0 / layer.n, self._area[k]))
+        return found
 
     def left_out(self, top: Top) -> Omission:
         """What the top of a mesh leaves out; it changes little from step to step, and three of them are enough."""
@@ -176,7 +186,7 @@ def approach_of_force(problem: Problem) -> float:
     return surface.L * float(brentq(missing, lightest, deepest, rtol=1e-2))
 
 
-def spots_of(pressure: Floats) -> tuple[Floats, float, float]:
+def spots_of(pressure: Floats, hardness: float = inf) -> tuple[Floats, float, float]:
     """Sizes with which the sum of F_i/F (h_i/a_i)^2 over the spots is 1, and the part of their edges that is singular.
 
     A spot of half-width a and force F_i adds F_i (h/a)^2 to the error of the force and A_i/h^2 elements to the mesh,
@@ -184,10 +194,12 @@ def spots_of(pressure: Floats) -> tuple[Floats, float, float]:
     carries little may be resolved less than one that carries much.
 
     The pressure of a smooth top vanishes at the edge. Where a flat one ends in a sharp edge it is singular, higher than
-    the mean one of the spot, and the error of the force is of first order in the element size.
+    the mean one of the spot, and the error of the force is of first order in the element size. Where the solid flows
+    the pressure is the greatest one up to the edge of any top, and not singular.
 
     Args:
         pressure: at the cells, not negative (n, n)
+        hardness: greatest pressure
 
     Returns:
         sizes at the cells, inf where there is no contact (n, n) [side], the same size everywhere that has this error
@@ -207,8 +219,7 @@ def spots_of(pressure: Floats) -> tuple[Floats, float, float]:
     sizes /= np.sqrt(np.sum(share * (sizes / half_width) ** 2))
     even = float(np.sum(share / half_width**2) ** -0.5)
     edge = ~ndimage.binary_erosion(touched, border_value=1)[touched]
-    # of a solid that flows all pressures are the mean one
-    high = edge & (p > (force / cells * (1.0 + np.finfo(np.single).eps))[of])
+    high = edge & (p > (force / cells)[of]) & (p < hardness)
     edges, singular = (np.bincount(of, each, count) for each in (edge, high))
     part = float(np.sum(share * singular / np.maximum(edges, 1.0)))
     return np.append(np.inf, sizes)[spot], even, part

@@ -203,14 +203,14 @@ class MeshErrorEstimate:
         run, path = self._run, self._path
         fine = self.add(result)
         coarse = self._meshes[partner([mesh.scale for mesh in self._meshes])]
-        given, algebraic = run.problem.load_path, result.checks.unsolved
+        given, algebraic, plastic = run.problem.load_path, result.checks.unsolved, run.problem.material.plastic
         judged = judged_rows(result.curve, given.steps)
         unresolved = fine.doubt() or coarse.doubt() or path.unknown
         if min(coarse.scale / fine.scale, fine.dofs / coarse.dofs) < 0.999 * LEAST_STEP:
             unresolved = unresolved or "two meshes are nearly the same"
         finer, limit, worst, worst_area = RATIO, "", nan, nan
         if not unresolved:
-            of_steps, plastic = path.bar[run.levels[-1].substeps], run.problem.material.plastic
+            of_steps = path.bar[run.levels[-1].substeps]
             curve, budget = correct(fine, coarse, judged, of_steps, algebraic, run.compliance, plastic)
             unresolved = curve.unresolved()
         if unresolved:
@@ -225,7 +225,8 @@ class MeshErrorEstimate:
             known = self._known(worst, worst_area)
             if known:
                 force, area = worst / self._goal.tolerance, worst_area / (self._goal.area_tolerance or inf)
-                finer = max(next_step(force, planned_order(fine.missed.singular.max())), next_step(area, AREA_ORDER))
+                order = planned_order(fine.missed.singular.max(), plastic)
+                finer = max(next_step(force, order), next_step(area, AREA_ORDER))
                 limit = self._no_mesh_helps(worst, curve.delta_star[judged], algebraic)
         found = AccurateResult(
             curve, result.curve, budget, tuple(run.levels), result, worst, worst_area, not known, known or "done"
