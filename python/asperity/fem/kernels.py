@@ -33,13 +33,11 @@ def law_of(material: Material, flows: bool = True) -> _solver.J2:
 
 #: Stresses S and T of solver/relaxation.hpp over the yield strength (docs/theory.md); infinite is no relaxation.
 RELAXATION = (0.2, 0.04)
-STIFF = 0.5  # tangent modulus over E from which on flow hardly changes the stiffness: nothing locks, nothing relaxes
 
 
 def relaxation_of(material: Material) -> tuple[float, float]:
     """The stresses S and T of solver/relaxation.hpp [E]; infinite where nothing relaxes."""
-    locks = material.relaxes and material.tangent_modulus < STIFF * material.E
-    strength = material.yield_strength if locks else None
+    strength = material.yield_strength if material.relaxes else None
     return RELAXATION[0] * (strength or np.inf), RELAXATION[1] * (strength or np.inf)
 
 
