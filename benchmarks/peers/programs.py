@@ -20,7 +20,7 @@ import scene
 from unpacked import PEERS, inside
 
 HERE = Path(__file__).parent
-LIMIT = 1800.0  # CPU seconds after which a run is ended
+LIMIT = 900.0  # CPU seconds after which a run is ended
 
 
 @dataclass(frozen=True)
