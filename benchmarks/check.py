@@ -3,7 +3,7 @@
     python3 benchmarks/check.py [NAME]...
     python3 benchmarks/check.py ranks [NAME]...      memory of each rank, of 1, 2 and 4 (MiB), figures drawn
 
-Each case is estimated and run in a process of its own, on one rank. Prints one line a case: meshes, dofs of the last
+Each case is estimated and run in a process of its own, on one rank. Prints a row a case: meshes, dofs of the last
 one, memory (MiB) and CPU seconds, as expected / as found, and the greatest of the last three ratios, either way; at
 the end how many cases are within a factor of 1.5.
 """
@@ -116,15 +116,16 @@ def main(names: list[str]) -> None:
         ranks(names[1:])
         return
     within = 0
+    print("| case | meshes | dofs | MiB | CPU s | greatest ratio |\n|---|---|---|---|---|---|")
     for name in (chosen := names or list(CASES)):
         done = subprocess.run([sys.executable, __file__, "--one", name], stdout=subprocess.PIPE, check=True)
         expected, found = json.loads(done.stdout.splitlines()[-1])
         worst = max(max(a / b, b / a) for a, b in zip(expected[1:], found[1:], strict=True))
         within += worst <= 1.5
         expected[2], found[2] = expected[2] / 2**20, found[2] / 2**20
-        cells = "".join(f"{f'{round(a, 1):g} / {round(b, 1):g}':>20s}" for a, b in zip(expected, found, strict=True))
-        print(f"{name:32s}{cells}{worst:8.2f}", flush=True)
-    print(f"within a factor of 1.5: {within} of {len(chosen)}")
+        cells = (f"{round(a, 1):g} / {round(b, 1):g}" for a, b in zip(expected, found, strict=True))
+        print("| " + " | ".join([name, *cells, f"{worst:.2f}"]) + " |", flush=True)
+    print(f"\nwithin a factor of 1.5: {within} of {len(chosen)}")
 
 
 if __name__ == "__main__":

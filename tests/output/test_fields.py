@@ -11,7 +11,7 @@ from conftest import stored_fields
 from asperity.adaptive.solve_contact import solve_contact
 from asperity.arrays import Array
 from asperity.errors import InputError, OutputError
-from asperity.fem.global_numbering import cell_numbers
+from asperity.fem.global_numbering import built_nodes, cell_numbers
 from asperity.mesh.block import BlockMesh
 from asperity.model.material import Material
 from asperity.output.fields import gather_top_states, von_mises, write_vtkhdf
@@ -71,8 +71,20 @@ def test_all_ranks_write_one_file(wave: Surface, coarse_wave: BlockMesh | None, 
     last, cells = result.snapshots[-1], len(whole.tets)
     rows = cells + cell_numbers(result.solver.solid)  # of the second state, those of this rank
     np.testing.assert_allclose(found["stress"][rows], 3.0 * last.stress[:, [0, 1, 2, 3, 5, 4]], rtol=1e-14, atol=1e-15)
+    numbers, at = built_nodes(result.solver.solid)
+    nodes = len(whole.points) + numbers
+    np.testing.assert_allclose(found["displacement"][nodes], last.displacement[at], atol=1e-15)
+    touched = last.pressure[at] > 0.0  # at corners; those on edges have the mean of their ends
+    np.testing.assert_allclose(found["pressure"][nodes][touched], 3.0 * last.pressure[at][touched], rtol=1e-14)
     np.testing.assert_allclose(found["plastic strain"][rows], last.plastic_strain.mean(axis=1), rtol=1e-14)
     np.testing.assert_allclose(found["von Mises stress"], von_mises(found["stress"]), rtol=1e-13)
+
+
+def test_the_pressure_has_the_resultant_of_the_force(pressed: ContactResult) -> None:
+    """Its corners count a third of the area of a facet each."""
+    top, pressure = pressed.solver.contact_surface, pressed.snapshots[-1].pressure
+    corners = pressure[top.nodes[:, :3]].sum(axis=1)
+    assert top.area / 3.0 @ corners == pytest.approx(float(pressed.curve.force[-1]), rel=1e-10)
 
 
 def test_stress_is_in_balance_with_the_force(pressed: ContactResult) -> None:

@@ -219,7 +219,8 @@ def spots_of(pressure: Floats, hardness: float = inf) -> tuple[Floats, float, fl
     sizes /= np.sqrt(np.sum(share * (sizes / half_width) ** 2))
     even = float(np.sum(share / half_width**2) ** -0.5)
     edge = ~ndimage.binary_erosion(touched, border_value=1)[touched]
-    high = edge & (p > (force / cells)[of]) & (p < hardness)
+    flows = p > hardness * (1.0 - 1e-6)  # which single precision rounds
+    high = edge & (p > (force / cells)[of]) & ~flows
     edges, singular = (np.bincount(of, each, count) for each in (edge, high))
     part = float(np.sum(share * singular / np.maximum(edges, 1.0)))
     return np.append(np.inf, sizes)[spot], even, part

@@ -78,8 +78,9 @@ def gather_grid(result: ContactResult, E: float) -> dict[str, Array]:
     """Arrays of `write_vtkhdf` on rank 0, fields of all states one after the other; empty elsewhere; collective."""
     solid, top = result.solver.solid, result.solver.contact_surface
 
-    def states(gather_of: Callable[[Solid, Array], Array | None], values: Callable[[Snapshot], Floats]) -> list[Any]:
-        return [gather_of(solid, values(s)) for s in result.snapshots]
+    def states(gather_of: Callable[[Solid, Array], Array | None], values: Callable[[Snapshot], Floats]) -> Any:
+        parts = [gather_of(solid, values(s)) for s in result.snapshots]
+        return np.concatenate(parts) if solid.comm.rank == 0 else None
 
     mesh = gather_mesh(solid)
     fields = {
@@ -97,7 +98,7 @@ def gather_grid(result: ContactResult, E: float) -> dict[str, Array]:
         "Points": points, "Connectivity": tets[:, GMSH_TO_VTK].ravel(), "Offsets": NODES * np.arange(len(tets) + 1),
         "Types": np.full(len(tets), VTK_TYPE, dtype=np.uint8),
     }  # fmt: skip
-    return whole | {name: np.concatenate(parts) for name, parts in fields.items()}
+    return whole | fields
 
 
 def write_grid(path: Path, arrays: dict[str, Array], times: list[int]) -> None:

@@ -84,8 +84,8 @@ def fit_self_affine(spectrum: Spectrum, shortest: float) -> SelfAffineFit:
     bent = min(_line(x, y, weight, line.x_roll, bends=True).misfit for line in lines)
     if best.misfit - bent > _SIGNIFICANT:
         raise InputError(
-            f"the spectrum bends, as where heights are smoothed, noisy or in few steps: no power law holds down to the "
-            f"wavelength {shortest:g}"
+            f"the spectrum bends, as where heights are smoothed, noisy or in few steps, the roll-off is gradual or the "
+            f"surface has a lay: no power law holds down to the wavelength {shortest:g}"
         )
     L = 2 * math.pi / float(spectrum.q[0])
     return SelfAffineFit(
