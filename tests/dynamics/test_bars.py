@@ -14,6 +14,7 @@ from asperity.errors import InputError
 from asperity.force_law.intervals import intervals
 
 Curve = tuple[Callable[[float], float], np.ndarray]
+Maker = Callable[[np.random.Generator], Curve]
 
 
 def smooth(rng: np.random.Generator) -> Curve:
@@ -54,7 +55,7 @@ def exact(f: Callable[[float], float], z: float, h: float = 1e-3) -> tuple[float
 
 
 @pytest.mark.parametrize("curve", [smooth, apart, summits])
-def test_the_bars_hold(curve: Callable[[np.random.Generator], Curve]) -> None:
+def test_the_bars_hold(curve: Maker) -> None:
     """For 95 % of 200 curves, though points show no summit that has just been touched."""
     inside = []
     for seed in range(200):
@@ -71,22 +72,81 @@ def test_the_bars_hold(curve: Callable[[np.random.Generator], Curve]) -> None:
     assert np.all(np.mean(inside, axis=0) >= 0.95), np.mean(inside, axis=0)
 
 
-def test_the_bars_hold_for_points_that_scatter() -> None:
-    """By 1 to 4 % of the force, through which the law is a smoothing spline: for 90 % of the curves."""
+def dense(rng: np.random.Generator) -> Curve:
+    return smooth(rng)[0], np.linspace(0, 1, rng.integers(101, 201))[1:]
+
+
+def dense_summits(rng: np.random.Generator) -> Curve:
+    return summits(rng)[0], np.linspace(0, 1, rng.integers(61, 151))[1:]
+
+
+@pytest.mark.parametrize(
+    ("curves", "relative", "least"),
+    [
+        ([smooth, apart, summits], True, (0.9, 0.85, 0.9, 0.9)),
+        ([smooth, apart, summits], False, (0.9, 0.85, 0.9, 0.9)),
+        ([dense], True, (0.9, 0.9, 0.9, 0.9)),
+        ([dense], False, (0.9, 0.9, 0.9, 0.9)),
+        ([dense_summits], True, (0.9, 0.6, 0.9, 0.85)),
+    ],
+)
+def test_the_bars_hold_for_points_that_scatter(curves: list[Maker], relative: bool, least: tuple[float, ...]) -> None:
+    """By 1 to 4 % of the force, or 0.3 to 1 % of the greatest: for 90 % of curves, through which a spline is smoothed.
+
+    Less for the curvature of summits, which change it between points by more than the noise lets show.
+    """
+    inside = []
+    for seed in range(210 if len(curves) > 1 else 40):
+        rng = np.random.default_rng(9000 + seed)
+        f, z = curves[seed % len(curves)](rng)
+        share, size, scatter = rng.uniform(0.1, 0.9), rng.uniform(), rng.standard_normal(z.size)
+        F = np.array([f(x) for x in z])
+        F = (
+            F * (1 + (0.01 + 0.03 * size) * scatter)
+            if relative
+            else np.abs(F + (0.003 + 0.007 * size) * F[-1] * scatter)
+        )
+        law = None
+        with suppress(InputError):  # points that fall
+            law = TableLaw(z, F)
+        if law is not None and law.noise and (load := law.top * share) > law.F[0]:
+            known = intervals(law, load)
+            values = exact(f, brentq(lambda x, f=f, load=load: f(x) - load, 1e-9, 1.5))
+            bars = (known.n_loc, known.kappa, known.z_s, known.k_n)
+            inside.append([b.low <= v <= b.high for b, v in zip(bars, values, strict=True)])
+    assert len(inside) > 30 and np.all(np.mean(inside, axis=0) >= least), (len(inside), np.mean(inside, axis=0))
+
+
+def test_the_bars_hold_for_points_that_scatter_too_little_to_be_smoothed() -> None:
     inside = []
     for seed in range(150):
         rng = np.random.default_rng(9000 + seed)
         f, z = (smooth, apart, summits)[seed % 3](rng)
-        share = rng.uniform(0.1, 0.9)
-        noise = 1.0 + rng.uniform(0.01, 0.04) * rng.standard_normal(z.size)
+        share, noise = rng.uniform(0.1, 0.9), rng.uniform(0.001, 0.005) * rng.standard_normal(z.size)
+        law = None
         with suppress(InputError):  # points that fall
-            law = TableLaw(z, np.array([f(x) for x in z]) * noise)
-            if law.noise and (load := law.top * share) > law.F[0]:
-                known = intervals(law, load)
-                values = exact(f, brentq(lambda x, f=f, load=load: f(x) - load, 1e-9, 1.5))
-                bars = (known.n_loc, known.kappa, known.z_s, known.k_n)
-                inside.append([b.low <= v <= b.high for b, v in zip(bars, values, strict=True)])
-    assert len(inside) > 80 and np.all(np.mean(inside, axis=0) >= 0.9), np.mean(inside, axis=0)
+            law = TableLaw(z, np.array([f(x) for x in z]) * (1 + noise))
+        if law is not None and not law.noise and (load := law.top * share) > law.F[0]:
+            known = intervals(law, load)
+            values = exact(f, brentq(lambda x, f=f, load=load: f(x) - load, 1e-9, 1.5))
+            bars = (known.n_loc, known.kappa, known.z_s, known.k_n)
+            inside.append([b.low <= v <= b.high for b, v in zip(bars, values, strict=True)])
+    assert len(inside) > 80 and np.all(np.mean(inside, axis=0) >= 0.9), (len(inside), np.mean(inside, axis=0))
+
+
+def test_a_scaled_law_of_points_that_scatter_keeps_its_bars() -> None:
+    z = np.linspace(0.0, 1.0, 31)[1:]
+    law = TableLaw(z, z**1.5 * (1 + 0.03 * np.random.default_rng(1).standard_normal(z.size)))
+    scaled = law.scaled(8.0, 2.0)
+    assert law.noise and scaled.noise == law.noise and scaled.known_to == pytest.approx(4 * law.known_to)
+    own, other = intervals(law, 0.4), intervals(scaled, 3.2)
+    for name, factor in (("n_loc", 1.0), ("kappa", 1.0), ("z_s", 4.0), ("k_n", 2.0)):
+        assert getattr(other, name) == pytest.approx(np.array(getattr(own, name)) * factor, rel=1e-6), name
+
+
+def test_too_few_points_that_scatter_have_no_bar() -> None:
+    law = TableLaw(np.linspace(0.2, 1.0, 5), np.array([0.1, 0.3, 0.42, 0.8, 0.9]))
+    assert law.noise and np.isnan(intervals(law, 0.4).n_loc.half)
 
 
 def test_slopes_that_are_unknown_have_the_bar_of_points_without_any() -> None:

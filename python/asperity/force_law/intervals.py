@@ -15,8 +15,6 @@ from asperity.force_law.law import Law, bend
 from asperity.force_law.table import TableLaw
 from asperity.runtime.display import short_repr
 
-_SCATTERED = 3.0  # bar of points that scatter over the changes without some: these are one sample, of a spline
-
 
 class Interval(NamedTuple):
     """Value with the smallest and largest one by the laws that bound it, NaN where one does not reach the load."""
@@ -79,7 +77,8 @@ def intervals(
     """Intervals of a law under a load (force), with the extremes over the laws that bound it.
 
     Those of a table are wider on both sides by the changes without every fourth of its points, and by that of its
-    slopes where these are those of the points.
+    slopes where these are those of the points; where the points scatter, also by the greatest change with every second
+    of them, with every fourth and so on, and NaN if they are too few; where they scatter less, at least their scatter.
 
     Raises:
         RangeError: the law does not reach the load
@@ -98,9 +97,13 @@ def intervals(
     members, centre, others = tuple(members), values(law), law.others if isinstance(law, TableLaw) else ()
     ends = np.stack([centre, *map(values, members)])
     wider = np.sum([np.zeros(4), *(np.abs(values(one) - centre) for one in others)], axis=0)
+    for laws in law.coarser if isinstance(law, TableLaw) else ():
+        wider += np.fmax.reduce([np.zeros(4), *(np.abs(values(one) - centre) for one in laws)])
     wider[1] = law.kappa_bar(float(centre[2]))
-    if isinstance(law, TableLaw) and law.noise:
-        wider *= _SCATTERED
+    if isinstance(law, TableLaw) and not law.noise:
+        wider[[0, 2, 3]] = np.maximum(wider, law.scatter(float(centre[2])) * np.abs(centre))[[0, 2, 3]]
+    if isinstance(law, TableLaw) and law.noise and not law.thinned:
+        wider[:] = np.nan  # too few points to leave one out: how far they are to be believed is unknown
     found = np.stack([centre, ends.min(axis=0) - wider, ends.max(axis=0) + wider], axis=1)
     frequency = np.sqrt(np.maximum(found[3], 0.0) / mass)
     n_loc, kappa, z_s, k_n, omega_s = (Interval(*row) for row in [*found.tolist(), frequency.tolist()])

@@ -7,6 +7,7 @@ that scatter.
 
 from __future__ import annotations
 
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any
@@ -28,6 +29,7 @@ _GROUPS = 4  # of points that are left out in turn
 _REACHES = 0.4 * 0.5 ** np.arange(9)  # distances in ln z of the divided differences, tried in turn
 _UNSEEN = 12.0  # range of kappa between points over that which four points each show; for 95 % of curves of summits
 _STEEPEST = 0.9  # largest exponent of the stiffness over the force with which a law begins at zero approach
+_SURE = 1.645  # standard deviations that hold 90 % of a normal distribution
 _CELL_X, _CELL_W = np.polynomial.legendre.leggauss(10)
 
 
@@ -152,20 +154,44 @@ class TableLaw(Law):
         k = force if stiffness is None else stiffness
         length = force / k
         given = None if self.k is None else self.k * k
-        return replace(self, z=self.z * length, F=self.F * force, origin=0.0, k=given)
+        law = replace(self, z=self.z * length, F=self.F * force, origin=0.0, k=given)
+        # of points that scatter these are not those of the smoothed points
+        derived = {"noise": self.noise, "known_to": self.known_to * length, "_measured": self._measured * force}
+        for name, values in derived.items():
+            object.__setattr__(law, name, values)
+        return law
 
     @cached_property
     def thinned(self) -> tuple[TableLaw, ...]:
         """The law without every fourth of its points but the last, in all ways; what this changes is its error."""
-        every, laws = np.arange(self.z.size), []
-        for i in range(min(_GROUPS, self.z.size - 1)):
-            kept = np.setdiff1d(every, every[:-1][i::_GROUPS])
+        every = np.arange(self.z.size)
+        groups = [np.setdiff1d(every, every[:-1][i::_GROUPS]) for i in range(min(_GROUPS, self.z.size - 1))]
+        return self._of_rows(groups)
+
+    @cached_property
+    def coarser(self) -> tuple[tuple[TableLaw, ...], ...]:
+        """Of points that scatter: the laws of every second, fourth, eighth ... point and the last, from four starts.
+
+        A smoothing spline hides what its neighbouring points agree on; that of fewer points hides more, and this shows.
+        """
+        every, laws, step = np.arange(self.z.size), [], 2
+        while self.noise and self.z.size >= step * (MIN_POINTS - 1):
+            starts = range(0, step, max(step // _GROUPS, 1))
+            laws.append(self._of_rows([np.union1d(every[i::step], every[-1:]) for i in starts]))
+            step *= 2
+        return tuple(laws)
+
+    def _of_rows(self, groups: list[Array]) -> tuple[TableLaw, ...]:
+        """The laws of some of the points; where these scatter, without those that are too few or fall once smoothed."""
+        laws = []
+        for kept in groups:
             F, k = self.F[kept], np.full(kept.size, np.nan) if self.k is None else self.k[kept]
-            if self.noise and kept.size < MIN_POINTS:
-                continue
-            if self.noise:
+            if not self.noise:
+                laws.append(replace(self, z=self.z[kept], F=F, k=k, origin=0.0))
+            elif kept.size >= MIN_POINTS:
                 F, k = smoothed(self.z[kept], self._measured[kept])
-            laws.append(replace(self, z=self.z[kept], F=F, k=k, origin=0.0))
+                with suppress(InputError):
+                    laws.append(replace(self, z=self.z[kept], F=F, k=k, origin=0.0))
         return tuple(laws)
 
     @property
@@ -214,11 +240,14 @@ class TableLaw(Law):
         """How far kappa at `z` is from those of the cubics through four neighbouring points, and how these differ.
 
         Where summits touch in turn, kappa differs more between two points than the points can tell. Of given slopes and
-        points that scatter: how much it differs without some, and, of slopes, for shorter reaches.
+        points that scatter: how much it differs without some and with few, and, of slopes, for shorter reaches.
         """
         _, kappa, best = self._reaches(z)
         x, i = np.log(self.z / z), int(np.searchsorted(self.z, z))
         bar = 0.0 if self.k is None else float(np.abs(kappa[1:, best] - kappa[0, best]).sum())
+        for laws in self.coarser:
+            coarse = [curvature(_derivatives(law._differences(z)[best], 1.0, 1.0), 1.0) for law in laws]
+            bar += float(np.abs(np.array(coarse) - kappa[0, best]).max(initial=0.0))
         if x.size < 4 or (self.k is not None and not self.noise):
             first, last = max(i - 2, 0), min(i + 1, x.size - 1)
             apart = max((x[last] - x[first]) / max(last - first, 1), _REACHES[-1])
@@ -228,6 +257,14 @@ class TableLaw(Law):
             fit = polynomial.polyfit(x[k : k + 4], np.log(self.F[k : k + 4]), 3)[1:] * (1.0, 2.0, 6.0)
             near.append(curvature(_derivatives(fit, 1.0, 1.0), 1.0))
         return bar + float(np.abs(near - kappa[0, best]).max() + _UNSEEN * np.ptp(near))
+
+    def scatter(self, z: float) -> Array:
+        """Relative bars at `z` of n, kappa (none), z and stiffness of points that scatter too little to be smoothed."""
+        if self.k is not None or self.z.size < MIN_POINTS:
+            return np.zeros(4)
+        found, i = roughness(self.z, self.F), int(np.clip(np.searchsorted(self.z, z), 1, self.z.size - 1))
+        step = float(np.log(self.z[i] / self.z[i - 1]))  # the scatter in force over the rise is that in z over this
+        return found * np.array([1.0, 0.0, _SURE * step / np.sqrt(2.0), 1.0])
 
     def _reaches(self, z: float) -> tuple[Array, Array, int]:
         """Differences and kappa for each reach, with kappa without some points, and the reach with the least error."""
