@@ -20,7 +20,7 @@ _DEVIATION = 0.683  # share of a normal distribution within its standard deviati
 def smoothed(z: Array, F: Array) -> tuple[Array, Array]:
     """Forces and stiffnesses of the smoothing spline of ln F over ln z, whose penalty is zero for a power law.
 
-    The weights are those of noise of one size in F, and hardly matter for noise of one share of F.
+    The weights are those of noise of one size in F; for noise of one share of F equal ones would be nearer.
     """
     spline = make_smoothing_spline(np.log(z), np.log(F), w=(F / F.max()) ** 2)
     force = np.exp(spline(np.log(z)))
