@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import warnings
 from typing import Any
 
 import numpy as np
@@ -276,17 +275,3 @@ def test_friction_that_does_not_settle_fails_the_step(
     monkeypatch.setattr(solver.contact, "settle", lambda: True)
     stats = solver.step(0.021)
     assert not stats.converged and stats.reason == "friction does not settle"
-
-
-def test_bounds_are_renewed_before_the_equations_are_solved(
-    wave: Surface, block: BlockMesh, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """The force is that of equations solved at each change of the bounds, for fewer iterations."""
-    usual = pressed(wave, block, 0.4, steps=2)
-    monkeypatch.setattr("asperity.quasistatic.newton.UNSETTLED", 0.0)
-    whole = pressed(wave, block, 0.4, steps=2)
-    assert usual.force == pytest.approx(whole.force, rel=1e-6)
-    assert usual.counts.newton < 0.9 * whole.counts.newton
-    with warnings.catch_warnings():
-        warnings.simplefilter("error")  # the bounds fall to zero
-        assert usual.release().converged and usual.force == 0.0

@@ -190,16 +190,12 @@ class Coulomb(ActiveSet):
 
     def settle(self) -> bool:
         """Renew the bounds by the normal forces."""
-        if not self.unsettled():
-            return False
-        self.sliding.bounds = self.friction * self._normal
-        return True
-
-    def unsettled(self) -> float:
-        """Change of the bounds by the normal forces over their sum, at most 1, 0 where it is negligible; collective."""
         new = self.friction * self._normal
         change, whole = self._solid.comm.allreduce(np.array([np.abs(new - self.sliding.bounds).sum(), new.sum()]))
-        return float(change / max(whole, change)) if change > SETTLED * whole else 0.0
+        if change <= SETTLED * whole:
+            return False
+        self.sliding.bounds = new
+        return True
 
     def add_tangent(self) -> None:
         self.sliding.add_tangent()
@@ -249,9 +245,6 @@ class FrozenFriction:
         r = force - self._resting
         self.sliding.imbalance(r)
         return r
-
-    def unsettled(self) -> float:
-        return 0.0  # the bounds stay
 
     def add_tangent(self) -> None:
         self.sliding.add_tangent()

@@ -84,10 +84,6 @@ class Contact(ABC):
             ratio: of the length of the step to that of the step before
         """
 
-    def unsettled(self) -> float:
-        """What `settle` would change, relative; the equations are solved to a part of it first; collective."""
-        return 0.0
-
     def settle(self) -> bool:
         """Renew what is constant during a solve, after one that converged; collective.
 

@@ -79,8 +79,8 @@ def gather_grid(result: ContactResult, E: float) -> dict[str, Array]:
     solid, top = result.solver.solid, result.solver.contact_surface
 
     def states(gather_of: Callable[[Solid, Array], Array | None], values: Callable[[Snapshot], Floats]) -> Any:
-        parts = [gather_of(solid, values(s)) for s in result.snapshots]
-        return np.concatenate(parts) if solid.comm.rank == 0 else None
+        parts = [part for s in result.snapshots if (part := gather_of(solid, values(s))) is not None]
+        return np.concatenate(parts) if parts else None
 
     mesh = gather_mesh(solid)
     fields = {

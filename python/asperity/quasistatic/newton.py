@@ -22,7 +22,6 @@ FEW = 0.01  # part of the active dofs; when fewer change, the set is practically
 NOT_YET = np.array([-1], dtype=np.int32)  # differs from any active set
 SLOPE_DROP = 0.3  # the line search ends when the work rate has dropped to this part
 SMALLEST_PART = 1e-3  # of a Newton step, to which it is halved where it turns a solid inside out
-UNSETTLED = 0.3  # forces out of balance over the change of the bounds of friction, at which these are renewed
 DAMPED, SUFFICIENT = (1.0, 0.5, 0.25, 0.125), 0.2  # lengths of a step with friction, and the fall of the square wanted
 SHIFT, LARGEST_SHIFT, RAISED = 0.01, 100.0, 4.0  # of a tangent that is not positive definite, and its growth
 PUSHED = 10.0  # growth of the work rate along a step from which on the flat moves the nodes
@@ -56,9 +55,8 @@ class NewtonSolver:
 
     Args:
         contact: a `Contact`, or what has its attributes `symmetric` and `has_tangent` and its methods `residual`,
-            `nodal_force`, `add_tangent` and `unsettled`. Where nodes stick or slip, so that a full step may not bring
-            the solution nearer, its method `imbalance` gives the forces out of balance for an internal force, both
-            (owned, 3)
+            `nodal_force` and `add_tangent`. Where nodes stick or slip, so that a full step may not bring the solution
+            nearer, its method `imbalance` gives the forces out of balance for an internal force, both (owned, 3)
         fixed: owned dofs without displacement increment; default those of the solid
     """
 
@@ -171,8 +169,7 @@ class NewtonSolver:
         if not np.isfinite(unbalanced):
             return reasons.DIVERGED_FNORM_NAN
         self.balance = unbalanced / contact if contact > 0 else unbalanced
-        enough = max(self.bound(contact), UNSETTLED * self.contact.unsettled() * contact)
-        if unbalanced <= enough and gap <= self._gap_tolerance():
+        if unbalanced <= self.bound(contact) and gap <= self._gap_tolerance():
             return reasons.CONVERGED_FNORM_RELATIVE
         return reasons.DIVERGED_MAX_IT if it >= self.options.newton_max else reasons.ITERATING
 
