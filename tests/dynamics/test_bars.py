@@ -72,6 +72,13 @@ def test_the_bars_hold(curve: Maker) -> None:
     assert np.all(np.mean(inside, axis=0) >= 0.95), np.mean(inside, axis=0)
 
 
+def held(law: TableLaw, f: Callable[[float], float], load: float) -> list[bool]:
+    """Whether the bars of n, kappa, z_s and k_n hold those of the exact curve."""
+    known, values = intervals(law, load), exact(f, brentq(lambda x: f(x) - load, 1e-9, 1.5))
+    bars = (known.n_loc, known.kappa, known.z_s, known.k_n)
+    return [b.low <= v <= b.high for b, v in zip(bars, values, strict=True)]
+
+
 def dense(rng: np.random.Generator) -> Curve:
     return smooth(rng)[0], np.linspace(0, 1, rng.integers(101, 201))[1:]
 
@@ -110,10 +117,7 @@ def test_the_bars_hold_for_points_that_scatter(curves: list[Maker], relative: bo
         with suppress(InputError):  # points that fall
             law = TableLaw(z, F)
         if law is not None and law.noise and (load := law.top * share) > law.F[0]:
-            known = intervals(law, load)
-            values = exact(f, brentq(lambda x, f=f, load=load: f(x) - load, 1e-9, 1.5))
-            bars = (known.n_loc, known.kappa, known.z_s, known.k_n)
-            inside.append([b.low <= v <= b.high for b, v in zip(bars, values, strict=True)])
+            inside.append(held(law, f, load))
     assert len(inside) > 30 and np.all(np.mean(inside, axis=0) >= least), (len(inside), np.mean(inside, axis=0))
 
 
@@ -127,10 +131,7 @@ def test_the_bars_hold_for_points_that_scatter_too_little_to_be_smoothed() -> No
         with suppress(InputError):  # points that fall
             law = TableLaw(z, np.array([f(x) for x in z]) * (1 + noise))
         if law is not None and not law.noise and (load := law.top * share) > law.F[0]:
-            known = intervals(law, load)
-            values = exact(f, brentq(lambda x, f=f, load=load: f(x) - load, 1e-9, 1.5))
-            bars = (known.n_loc, known.kappa, known.z_s, known.k_n)
-            inside.append([b.low <= v <= b.high for b, v in zip(bars, values, strict=True)])
+            inside.append(held(law, f, load))
     assert len(inside) > 80 and np.all(np.mean(inside, axis=0) >= 0.9), (len(inside), np.mean(inside, axis=0))
 
 

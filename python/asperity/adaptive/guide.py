@@ -17,7 +17,7 @@ import numpy as np
 from scipy import ndimage
 from scipy.optimize import brentq
 
-from asperity.arrays import Array, Floats
+from asperity.arrays import Array, Flags, Floats
 from asperity.curve.slope import SINGLE_CONTACT
 from asperity.mesh.top import Top, heights_of_top
 from asperity.reference.halfspace import HARDNESS, SINGLE, RoughHalfSpace, cells_per_side
@@ -121,8 +121,7 @@ class Guide:
         """Edges of the spots at three steps: places (m, 2), the length of each and the area of the spots [L, L^2]."""
         found = []
         for k, (layer, p) in self._pressed.items():
-            touched = p > 0.0
-            row, column = np.nonzero(touched & ~ndimage.binary_erosion(touched, border_value=1))
+            row, column = np.nonzero(edge_of(p > 0.0))
             if len(row):
                 found.append(((np.stack([column, row], axis=-1) + 0.5) / layer.n, 1.0 / layer.n, self._area[k]))
         return found
@@ -186,6 +185,11 @@ def approach_of_force(problem: Problem) -> float:
     return surface.L * float(brentq(missing, lightest, deepest, rtol=1e-2))
 
 
+def edge_of(touched: Flags) -> Flags:
+    """Cells at the edge of the contact (n, n); the border of the patch is none."""
+    return np.asarray(touched & ~ndimage.binary_erosion(touched, border_value=1))
+
+
 def spots_of(pressure: Floats, hardness: float = inf) -> tuple[Floats, float, float]:
     """Sizes with which the sum of F_i/F (h_i/a_i)^2 over the spots is 1, and the part of their edges that is singular.
 
@@ -218,7 +222,7 @@ def spots_of(pressure: Floats, hardness: float = inf) -> tuple[Floats, float, fl
     sizes = (cells / n**2 * half_width**2 / share) ** 0.25
     sizes /= np.sqrt(np.sum(share * (sizes / half_width) ** 2))
     even = float(np.sum(share / half_width**2) ** -0.5)
-    edge = ~ndimage.binary_erosion(touched, border_value=1)[touched]
+    edge = edge_of(touched)[touched]
     flows = p > hardness * (1.0 - 1e-6)  # which single precision rounds
     high = edge & (p > (force / cells)[of]) & ~flows
     edges, singular = (np.bincount(of, each, count) for each in (edge, high))

@@ -97,11 +97,11 @@ def intervals(
     members, centre, others = tuple(members), values(law), law.others if isinstance(law, TableLaw) else ()
     ends = np.stack([centre, *map(values, members)])
     wider = np.sum([np.zeros(4), *(np.abs(values(one) - centre) for one in others)], axis=0)
-    for laws in law.coarser if isinstance(law, TableLaw) else ():
-        wider += np.fmax.reduce([np.zeros(4), *(np.abs(values(one) - centre) for one in laws)])
+    if isinstance(law, TableLaw):
+        for laws in law.coarser:
+            wider += np.fmax.reduce([np.zeros(4), *(np.abs(values(one) - centre) for one in laws)])
+        wider = np.maximum(wider, law.scatter(float(centre[2])) * np.abs(centre))
     wider[1] = law.kappa_bar(float(centre[2]))
-    if isinstance(law, TableLaw) and not law.noise:
-        wider[[0, 2, 3]] = np.maximum(wider, law.scatter(float(centre[2])) * np.abs(centre))[[0, 2, 3]]
     if isinstance(law, TableLaw) and law.noise and not law.thinned:
         wider[:] = np.nan  # too few points to leave one out: how far they are to be believed is unknown
     found = np.stack([centre, ends.min(axis=0) - wider, ends.max(axis=0) + wider], axis=1)
