@@ -83,8 +83,11 @@ def planned_order(singular: float = 0.0, flows: bool = False) -> float:
 
 
 def next_step(excess: float, order: float) -> float:
-    """How much finer the next mesh is, by what its bar is to shrink by and the order with which it does."""
-    return float(np.clip((excess / MARGIN) ** (1.0 / order), LEAST_STEP, RATIO))
+    """How much finer the next mesh is, by what its bar is to shrink by and the order with which it does.
+
+    Rounded: the rounding of the bar differs with the ranks, and gmsh makes another mesh of any other size.
+    """
+    return float(np.clip(round((excess / MARGIN) ** (1.0 / order), 2), LEAST_STEP, RATIO))
 
 
 def partner(scales: Sequence[float]) -> int:
