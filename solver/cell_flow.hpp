@@ -103,7 +103,8 @@ struct CommonSlopes
   void add_to(const J2& material, const CellFlow& cell, double* A) const
   {
     const double bulk = material.bulk(), slope = bulk * cell.kept_slope;
-    const double share = 1.0 / (cell.volume * (1.0 - cell.softness * cell.relief_slope));
+    const double slopes = material.secant ? 0.0 : 1.0 / cell.volume;
+    const double share = slopes / (1.0 - cell.softness * cell.relief_slope);
     double row[3][row_length] = {}; // by the order `dof`
     for (int a = 0; a < nodes; ++a)
       for (int i = 0; i < 3; ++i)
@@ -114,7 +115,7 @@ struct CommonSlopes
       }
     const double mean = bulk * (1.0 - cell.kept) / cell.volume;
     // where the slope of `kept` vanishes, so does its curvature
-    const double curvature = slope != 0.0 ? bulk * cell.kept_curvature / (cell.volume * slope * slope) : 0.0;
+    const double curvature = slope != 0.0 ? slopes * bulk * cell.kept_curvature / (slope * slope) : 0.0;
     for (int r = 0; r < dofs; ++r)
     {
       const double x = mean * row[0][r];

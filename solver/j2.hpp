@@ -19,6 +19,7 @@ struct J2
   double lambda, mu;       // Lame moduli [force/length^2]
   double yield, hardening; // initial yield stress and plastic modulus H = E E_t/(E - E_t) [force/length^2]
   double kinematic_share;  // beta, in [0, 1]
+  bool secant = false;     // whether the stiffness is that of the chords: stress over strain, without the slopes of flow
 
   double back_modulus() const { return 2.0 / 3.0 * kinematic_share * hardening; } // back stress over plastic strain
 
@@ -26,7 +27,7 @@ struct J2
   {
     Sym stress, direction; // the unit direction of flow
     State state;
-    double theta, chi; // of the consistent tangent kappa 1x1 + 2 mu theta I_dev + chi n x n
+    double theta, chi; // of the stiffness kappa 1x1 + 2 mu theta I_dev + chi n x n
     bool plastic;
   };
 
@@ -62,7 +63,7 @@ struct J2
     const double dgamma = r.plastic ? overstress / (3.0 * mu + hardening) : 0.0;
     const double ratio = r.plastic ? dgamma / q : 0.0, unit = r.plastic ? std::sqrt(1.5) / q : 0.0;
     r.theta = 1.0 - 3.0 * mu * ratio;
-    r.chi = r.plastic ? 6.0 * mu * mu * (ratio - 1.0 / (3.0 * mu + hardening)) : 0.0;
+    r.chi = r.plastic && !secant ? 6.0 * mu * mu * (ratio - 1.0 / (3.0 * mu + hardening)) : 0.0;
     r.state.accumulated = committed.accumulated + dgamma;
     for (int i = 0; i < 6; ++i)
     {
@@ -78,10 +79,10 @@ struct J2
   double resistance() const { return 3.0 * mu + hardening; } // by which the excess falls with the plastic strain
   double drive() const { return std::sqrt(6.0) * mu; }       // by which it rises with the strain along the direction
 
-  /// The consistent tangent.
+  /// The consistent tangent, or the secant stiffness.
   Moduli tangent(const Response& r) const { return {lambda + 2.0 / 3.0 * mu * (1.0 - r.theta), mu * r.theta, r.chi}; }
 
-  /// The consistent tangent less the elastic stiffness.
+  /// The same less the elastic stiffness.
   Moduli softening(const Response& r) const { return {2.0 / 3.0 * mu * (1.0 - r.theta), mu * (r.theta - 1.0), r.chi}; }
 };
 } // namespace asperity

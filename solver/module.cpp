@@ -29,8 +29,8 @@ void bind_law(nb::module_& m)
   nb::class_<J2>(m, "J2",
                  "J2 plasticity with linear hardening: Lame moduli, initial yield stress, plastic modulus "
                  "[force/length^2], share of the hardening that is kinematic.")
-      .def(nb::init<double, double, double, double, double>(), "lam"_a, "mu"_a, "yield_stress"_a, "hardening"_a,
-           "kinematic_share"_a);
+      .def(nb::init<double, double, double, double, double, bool>(), "lam"_a, "mu"_a, "yield_stress"_a, "hardening"_a,
+           "kinematic_share"_a, "secant"_a = false);
 }
 
 template <typename Pattern>

@@ -49,7 +49,7 @@ class FormKernels(ElementKernels):
         if np.isfinite(self.relaxation).all():
             bulk = material.E / (3.0 * (1.0 - 2.0 * material.nu))
             self._cell = CellFlow(V.mesh, self.volumes, bulk, self.relaxation)
-        self._law = self._weak_form(held=False)
+        self._law = self._secant = self._weak_form(held=False)
         more = {name: (SHAPES[s],) if s else () for name, s in state.items() if name not in USUAL}
         self._committed, self._trial = (
             History.zeros(len(cell_nodes) if state else 0, self.volumes.shape[1], **more) for _ in range(2)

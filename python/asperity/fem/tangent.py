@@ -50,12 +50,12 @@ class Tangent:
         """Whether the tangent of the solid, without that of the contact, never changes."""
         return self._kernels.linear and self.inertia is None
 
-    def assemble(self, add: Callable[[], None] | None = None, shift: float = 0.0) -> None:
+    def assemble(self, add: Callable[[], None] | None = None, shift: float = 0.0, secant: bool = False) -> None:
         """Write the tangent at the state of the last internal force; `add` adds that of the contact to `values()`.
 
-        With a `shift`, see `ElementKernels.tangent`.
+        For `shift` and `secant` see `ElementKernels.tangent`.
         """
-        self._assemble(partial(self._kernels.tangent, shift=shift), add)
+        self._assemble(partial(self._kernels.tangent, shift=shift, secant=secant), add)
 
     def assemble_elastic(self, add: Callable[[], None] | None = None) -> None:
         """Write the stiffness without plastic flow; `add` adds that of the contact to `values()`."""

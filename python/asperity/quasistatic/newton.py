@@ -20,6 +20,7 @@ CURVATURE = 10.0  # error after a Newton iteration over the square of that befor
 ROUNDING = 1e-13  # rounding error of the residual, relative to displacements (E = L = 1)
 FEW = 0.01  # part of the active dofs; when fewer change, the set is practically found
 NOT_YET = np.array([-1], dtype=np.int32)  # differs from any active set
+SHORT = 0.5  # length of a Newton step below which the next one is that of the chords
 SLOPE_DROP = 0.3  # the line search ends when the work rate has dropped to this part
 SMALLEST_PART = 1e-3  # of a Newton step, to which it is halved where it turns a solid inside out
 DAMPED, SUFFICIENT = (1.0, 0.5, 0.25, 0.125), 0.2  # lengths of a step with friction, and the fall of the square wanted
@@ -66,7 +67,7 @@ class NewtonSolver:
         self.solid, self.contact, self.options = solid, contact, options
         self._fixed = solid.fixed if fixed is None else fixed
         self._residual_vec, self.x = solid.vector(), solid.vector()
-        self._shortened, self._at_trial = 0, False
+        self._shortened, self._at_trial, self._secant = 0, False, False
         self._shift = self._last_shift = 0.0
         self.rows: Integers = NOT_YET
         # few iterations do not find that a tangent of finite strain is indefinite; in nearly incompressible solids the
@@ -136,7 +137,9 @@ class NewtonSolver:
         )
 
     def _assemble(self) -> None:
-        self.solid.tangent.assemble(self.contact.add_tangent if self.contact.has_tangent else None, self._shift)
+        self.solid.tangent.assemble(
+            self.contact.add_tangent if self.contact.has_tangent else None, self._shift, self._secant
+        )
 
     def _raise_shift(self) -> bool:
         """Add more elastic stiffness to a tangent that is not positive definite; whether it did.
@@ -205,7 +208,13 @@ class NewtonSolver:
         return float(min(max(useful, SINGLE_RTOL), self._loosest))
 
     def _shorten(self, y: Any) -> bool:
-        """Scale the step -y from the present displacement; whether it changed; called by PETSc."""
+        """Scale the step -y from the present displacement; whether it changed; called by PETSc.
+
+        Without hardening the tangent does not resist more flow, and far from the solution its step is much too long.
+        The next one then takes the secant stiffness: the energy of a step is a concave function of the squares of the
+        strains, so that its steps need not be shortened, as in the method of Kachanov (Zeidler, Nonlinear Functional
+        Analysis and its Applications II/B (1990), chapter 25); near the solution they are slow.
+        """
         if not self.linear.solved:
             return False
         start = self.solid.u.x.array[: len(y.array_r)].copy()
@@ -216,6 +225,7 @@ class NewtonSolver:
             self._shortened += int(length < 1.0)
         else:
             return False
+        self._secant = length < SHORT
         if self._tells and self.solid.comm.rank == 0:
             print(f"      Line search: length {length:g}")
         y.scale(length)
@@ -289,7 +299,7 @@ class NewtonSolver:
         largest = max(scale, self.solid.comm.allreduce(float(np.max(np.abs(start), initial=0.0)), op=MPI.MAX))
         self._scale, self._rounding = max(scale, 1e-6), ROUNDING * largest * stiffness
         self.rows = NOT_YET  # a step of a resumed run is the same to the last bit
-        self._shortened, self._at_trial = 0, False
+        self._shortened, self._at_trial, self._secant = 0, False, False
         self._last_shift = 0.0  # a step of a resumed run is the same to the last bit
         self.linear.rescue, krylov, rescued = False, self.linear.total, self.linear.rescued
         self.x.array = start.reshape(-1)
