@@ -22,23 +22,26 @@ def compiled(history: History) -> _solver.History:
     return _solver.History(**history.arrays())
 
 
-def law_of(material: Material, flows: bool = True) -> _solver.J2:
+def law_of(material: Material, flows: bool = True, secant: bool = False) -> _solver.J2:
     """The material as the compiled kernels receive it.
 
     Args:
         flows: False keeps the plastic strain as it is, for the stiffness against small vibration
+        secant: whether its stiffness is stress over strain
     """
-    return _solver.J2(**material.compiled | ({} if flows else {"yield_stress": np.inf}))
+    return _solver.J2(**material.compiled | ({} if flows else {"yield_stress": np.inf}), secant=secant)
 
 
-#: Stresses S and T of solver/relaxation.hpp over the yield strength (docs/theory.md); infinite is no relaxation.
+#: Stresses S and T of solver/relaxation.hpp over the strength (docs/theory.md); infinite is no relaxation.
 RELAXATION = (0.2, 0.04)
+WORKED = 0.1  # plastic strain at which the strength is taken
 
 
 def relaxation_of(material: Material) -> tuple[float, float]:
     """The stresses S and T of solver/relaxation.hpp [E]; infinite where nothing relaxes."""
     strength = material.yield_strength if material.relaxes else None
-    return RELAXATION[0] * (strength or np.inf), RELAXATION[1] * (strength or np.inf)
+    strength = np.inf if strength is None else strength + WORKED * material.plastic_modulus
+    return RELAXATION[0] * strength, RELAXATION[1] * strength
 
 
 class ElementKernels:
@@ -77,6 +80,7 @@ class ElementKernels:
         self.relaxation = relaxation_of(material)
         self._cells = _solver.Cells(x, x_nodes, cell_nodes, shape_gradients(at), weights, *self.relaxation)
         self._law, self._held = law_of(material), law_of(material, flows=False)
+        self._secant = law_of(material, secant=True)
         self._finite, self.linear = material.finite, material.linear
         cells, points = len(cell_nodes), len(weights)
         self.plastic_points = self.inverted_points = 0
@@ -105,13 +109,14 @@ class ElementKernels:
     def _pattern(self, values: Floats | Singles) -> _solver.BlockPattern | _solver.HalfPattern:
         return self._half if values.dtype == np.float32 else self._full
 
-    def tangent(self, u: Floats, values: Floats | Singles, shift: float = 0.0) -> None:
+    def tangent(self, u: Floats, values: Floats | Singles, shift: float = 0.0, secant: bool = False) -> None:
         """Write the local matrix at u, the state of the last internal force.
 
         Args:
             shift: in finite strain, part of the elastic stiffness in small strain that is added
+            secant: whether it is that of the chords, stress over strain; a law in UFL has none
         """
-        self._write(self._law, self._committed, u, values, shift)
+        self._write(self._secant if secant else self._law, self._committed, u, values, shift)
 
     def elastic_tangent(self, u: Floats, values: Floats | Singles) -> None:
         """Write the local matrix at u for a motion without plastic flow."""

@@ -31,7 +31,7 @@ class Response:
         state: new state variables (n, ...)
         tangent: derivative of the stress (n, 3, 3, 3, 3)
         raised: derivative of the stress by a higher yield strength, of a law that has one (n, 3, 3)
-        driven: derivative of its accumulated plastic strain (n, 3, 3)
+        driven, eased: derivatives of its accumulated plastic strain by the strain and by that strength (n, 3, 3), (n,)
     """
 
     stress: Floats
@@ -39,6 +39,7 @@ class Response:
     tangent: Floats
     raised: Floats | None = None
     driven: Floats | None = None
+    eased: Floats | None = None
 
 
 def respond(law: Law, strains: Floats, state: Mapping[str, Floats] | None = None) -> Response:
@@ -90,7 +91,8 @@ def respond(law: Law, strains: Floats, state: Mapping[str, Floats] | None = None
         strengths: list[Floats] = []
         if STRENGTH in parameters and "accumulated" in after:
             strengths = [law.unit * evaluate(ufl.diff(stress, parameters[STRENGTH])),
-                         evaluate(ufl.diff(after["accumulated"], strain))]  # fmt: skip
+                         evaluate(ufl.diff(after["accumulated"], strain)),
+                         evaluate(ufl.diff(after["accumulated"], parameters[STRENGTH]))]  # fmt: skip
         state = {name: evaluate(value) for name, value in after.items()}
         return Response(evaluate(stress), state, evaluate(ufl.diff(stress, strain)), *strengths)
 
@@ -102,15 +104,15 @@ class Traits:
     Attributes:
         E, nu: moduli at rest [force/length^2]; None where it is not isotropic there
         symmetric: whether its tangent is
-        relaxes: whether a lower yield strength, below zero too, drives its flow, which leaves the volume to Hooke's
-            law: the plastic strain is then the derivative by the strength of the potential of which the stress is
-            that by the strain
+        hardening: plastic modulus over E at the greatest strain tried, where volumetric strain within a cell can relax:
+            a lower yield strength, below zero too, drives the flow, which leaves the volume to Hooke's law. The plastic
+            strain is then the derivative by the strength of the potential of which the stress is that by the strain
     """
 
     E: float | None
     nu: float | None
     symmetric: bool
-    relaxes: bool = False
+    hardening: float | None = None
 
 
 @lru_cache(maxsize=64)
@@ -159,8 +161,16 @@ def traits(law: Law) -> Traits:
     isotropic[:3, :3] += lam
     if np.abs(stiffness - isotropic).max() > ISOTROPY * modulus:
         return Traits(None, None, symmetric)
-    relaxes = symmetric and _relaxes(law, answers, lam + 2.0 / 3.0 * mu)
-    return Traits(law.unit * mu * (3.0 * lam + 2.0 * mu) / (lam + mu), 0.5 * lam / (lam + mu), symmetric, relaxes)
+    E, nu = law.unit * mu * (3.0 * lam + 2.0 * mu) / (lam + mu), 0.5 * lam / (lam + mu)
+    if not (symmetric and _relaxes(law, answers, lam + 2.0 / 3.0 * mu)):
+        return Traits(E, nu, symmetric)
+    last = answers[-1][0]
+    at = int(np.argmax(last.state["accumulated"]))
+    assert last.driven is not None and last.eased is not None
+    # of the strength by the plastic strain, less what the elastic stress loses: 3 mu by von Mises
+    resistance = -1.0 / last.eased[at]
+    elastic = resistance**2 * np.sum(last.driven[at] ** 2) / (2.0 * law.unit * mu)
+    return Traits(E, nu, symmetric, max(float(resistance - elastic) / E, 0.0))
 
 
 def _relaxes(law: Law, answers: list[tuple[Response, Floats]], bulk: float) -> bool:

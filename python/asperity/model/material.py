@@ -142,7 +142,7 @@ class Material:
     @property
     def relaxes(self) -> bool:
         """Whether volumetric strain within a cell that flows can relax, see solver/relaxation.hpp."""
-        return self.plastic if self.law is None else traits(self.law).relaxes
+        return self.plastic if self.law is None else traits(self.law).hardening is not None
 
     @property
     def in_ufl(self) -> laws.Law:
@@ -209,7 +209,9 @@ class Material:
 
     @property
     def plastic_modulus(self) -> float:
-        """Plastic modulus H = E E_t/(E - E_t) [force/length^2]."""
+        """Plastic modulus H = E E_t/(E - E_t), of a law in UFL where it is tried [force/length^2]."""
+        if self.law is not None:
+            return self.E * (traits(self.law).hardening or 0.0)
         return self.E * self.tangent_modulus / (self.E - self.tangent_modulus)
 
     def scaled(self, stress: float) -> Material:
