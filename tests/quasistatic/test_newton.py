@@ -9,7 +9,6 @@ from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import pytest
 from conftest import ELASTIC, PLASTIC, here, world
 
@@ -20,7 +19,7 @@ from asperity.model.material import Material
 from asperity.model.settings import Formulation, MeshSize, SolverOptions
 from asperity.quasistatic.contact_solver import ContactSolver
 from asperity.quasistatic.make import make_block, make_contact_solver
-from asperity.quasistatic.newton import StepStats
+from asperity.quasistatic.newton import NewtonSolver
 from asperity.quasistatic.stepping import Record, follow
 from asperity.surface import Sinusoid, Sphere, Surface
 
@@ -202,14 +201,28 @@ def test_a_large_step_without_hardening(monkeypatch: pytest.MonkeyPatch) -> None
     """With tangents alone it takes 35 iterations or never ends; steps by the chords need not be shortened."""
     surface, solid = Sinusoid(L=1.0, amplitude=0.02, dims=2), Material(1.0, 0.3, 0.002)
     block = make_block(here(), surface, 1.0, 0.03, MeshSize(0.15, h_max=0.5))
+    lengths: list[float] = []
+    search = NewtonSolver._step_length
 
-    def step(depth: float, newton_max: int = 50) -> StepStats:
-        solver = make_contact_solver(here(), surface, block, solid, options=SolverOptions(newton_max=newton_max))
-        return solver.step(depth)
+    def noted(newton: NewtonSolver, *of: Any) -> float:
+        length = search(newton, *of)
+        if newton._secant:
+            lengths.append(length)
+        return length
 
+    monkeypatch.setattr(NewtonSolver, "_step_length", noted)
     for depth in (0.03, 0.03 * (1.0 + 1e-6)):
-        found = step(depth)
+        found = make_contact_solver(here(), surface, block, solid).step(depth)
         assert found.converged and found.newton < 35 and found.direct == 0
-    monkeypatch.setattr("asperity.quasistatic.newton.SHORT", np.inf)
-    slow = step(0.03, newton_max=20)
-    assert slow.newton == 20 and slow.shortened <= 1  # the first one is that of a tangent
+    assert lengths and min(lengths) == 1.0
+
+
+def test_the_tangent_follows_a_step_by_the_chords() -> None:
+    """The stiffness of Nitsche's tractions stays that of the tangent: one such step after the other never ended."""
+    surface = Surface.from_spec(
+        kind="self-affine", L=1.0, H=0.8, rms_slope=0.2, lambda_short=0.2, lambda_roll=0.6, seed=3, periodic=True
+    )
+    block = make_block(here(), surface, 1.0, 0.015, MeshSize(0.3, h_max=0.5))
+    solid = Material(1.0, 0.3, 0.001, kinematics="finite")
+    found = make_contact_solver(here(), surface, block, solid, formulation=Formulation("nitsche")).step(0.015)
+    assert found.converged and found.newton < 25

@@ -211,9 +211,11 @@ class NewtonSolver:
         """Scale the step -y from the present displacement; whether it changed; called by PETSc.
 
         Without hardening the tangent does not resist more flow, and far from the solution its step is much too long.
-        The next one then takes the secant stiffness: the energy of a step is a concave function of the squares of the
-        strains, so that its steps need not be shortened, as in the method of Kachanov (Zeidler, Nonlinear Functional
-        Analysis and its Applications II/B (1990), chapter 25); near the solution they are slow.
+        The next one then takes the secant stiffness. The energy of a point in small strain is a concave function of the
+        square of its strain, so that such a step need not be shortened, as in the method of Kachanov (Zeidler,
+        Nonlinear Functional Analysis and its Applications II/B (1990), chapter 25). Where volumetric strain relaxes, in
+        finite strain, and with the stiffness of a penalty or of Nitsche's method, that holds nearly or not at all; and
+        near the solution such steps are slow. So the tangent always follows.
         """
         if not self.linear.solved:
             return False
@@ -225,7 +227,7 @@ class NewtonSolver:
             self._shortened += int(length < 1.0)
         else:
             return False
-        self._secant = length < SHORT
+        self._secant = length < SHORT and not self._secant
         if self._tells and self.solid.comm.rank == 0:
             print(f"      Line search: length {length:g}")
         y.scale(length)
