@@ -32,16 +32,14 @@ def law_of(material: Material, flows: bool = True, secant: bool = False) -> _sol
     return _solver.J2(**material.compiled | ({} if flows else {"yield_stress": np.inf}), secant=secant)
 
 
-#: Stresses S and T of solver/relaxation.hpp over the strength (docs/theory.md); infinite is no relaxation.
+#: S of solver/relaxation.hpp over the yield strength, T over that after work (docs/theory.md); infinite: no relaxation.
 RELAXATION = (0.2, 0.04)
-WORKED = 0.1  # plastic strain at which the strength is taken
 
 
 def relaxation_of(material: Material) -> tuple[float, float]:
     """The stresses S and T of solver/relaxation.hpp [E]; infinite where nothing relaxes."""
     strength = material.yield_strength if material.relaxes else None
-    strength = np.inf if strength is None else strength + WORKED * material.plastic_modulus
-    return RELAXATION[0] * strength, RELAXATION[1] * strength
+    return RELAXATION[0] * (strength or np.inf), RELAXATION[1] * material.worked_strength
 
 
 class ElementKernels:

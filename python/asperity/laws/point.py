@@ -19,6 +19,7 @@ SYMMETRY = 1e-7  # part of a tangent by which it may differ from its transpose
 MOST = 1e100  # modulus, beyond which products overflow
 MANDEL = np.sqrt([1.0, 1.0, 1.0, 2.0, 2.0, 2.0])  # weights of the components of a tensor in a matrix of stiffness
 TURN = np.array([[2.0, -2.0, 1.0], [1.0, 2.0, 2.0], [-2.0, -1.0, 2.0]]) / 3.0  # a rotation
+WORKED = 0.2  # plastic strain of the strength that says which pressures in a cell relax, see `fem.kernels`
 ISOTROPY = 1e-6  # of the tangent at rest, and of the moduli a case gives
 
 
@@ -31,7 +32,7 @@ class Response:
         state: new state variables (n, ...)
         tangent: derivative of the stress (n, 3, 3, 3, 3)
         raised: derivative of the stress by a higher yield strength, of a law that has one (n, 3, 3)
-        driven, eased: derivatives of its accumulated plastic strain by the strain and by that strength (n, 3, 3), (n,)
+        driven: derivative of its accumulated plastic strain (n, 3, 3)
     """
 
     stress: Floats
@@ -39,7 +40,6 @@ class Response:
     tangent: Floats
     raised: Floats | None = None
     driven: Floats | None = None
-    eased: Floats | None = None
 
 
 def respond(law: Law, strains: Floats, state: Mapping[str, Floats] | None = None) -> Response:
@@ -91,8 +91,7 @@ def respond(law: Law, strains: Floats, state: Mapping[str, Floats] | None = None
         strengths: list[Floats] = []
         if STRENGTH in parameters and "accumulated" in after:
             strengths = [law.unit * evaluate(ufl.diff(stress, parameters[STRENGTH])),
-                         evaluate(ufl.diff(after["accumulated"], strain)),
-                         evaluate(ufl.diff(after["accumulated"], parameters[STRENGTH]))]  # fmt: skip
+                         evaluate(ufl.diff(after["accumulated"], strain))]  # fmt: skip
         state = {name: evaluate(value) for name, value in after.items()}
         return Response(evaluate(stress), state, evaluate(ufl.diff(stress, strain)), *strengths)
 
@@ -104,15 +103,15 @@ class Traits:
     Attributes:
         E, nu: moduli at rest [force/length^2]; None where it is not isotropic there
         symmetric: whether its tangent is
-        hardening: plastic modulus over E at the greatest strain tried, where volumetric strain within a cell can relax:
-            a lower yield strength, below zero too, drives the flow, which leaves the volume to Hooke's law. The plastic
-            strain is then the derivative by the strength of the potential of which the stress is that by the strain
+        worked: strength at a plastic strain of WORKED over E, where volumetric strain within a cell can relax: a lower
+            yield strength, below zero too, drives the flow, which leaves the volume to Hooke's law. The plastic strain
+            is then the derivative by the strength of the potential of which the stress is that by the strain
     """
 
     E: float | None
     nu: float | None
     symmetric: bool
-    hardening: float | None = None
+    worked: float | None = None
 
 
 @lru_cache(maxsize=64)
@@ -164,13 +163,19 @@ def traits(law: Law) -> Traits:
     E, nu = law.unit * mu * (3.0 * lam + 2.0 * mu) / (lam + mu), 0.5 * lam / (lam + mu)
     if not (symmetric and _relaxes(law, answers, lam + 2.0 / 3.0 * mu)):
         return Traits(E, nu, symmetric)
-    last = answers[-1][0]
-    at = int(np.argmax(last.state["accumulated"]))
-    assert last.driven is not None and last.eased is not None
-    # of the strength by the plastic strain, less what the elastic stress loses: 3 mu by von Mises
-    resistance = -1.0 / last.eased[at]
-    elastic = resistance**2 * np.sum(last.driven[at] ** 2) / (2.0 * law.unit * mu)
-    return Traits(E, nu, symmetric, max(float(resistance - elastic) / E, 0.0))
+    return Traits(E, nu, symmetric, _worked(law, law.unit * mu) / E)
+
+
+def _worked(law: Law, mu: float) -> float:
+    """Stress of von Mises at a plastic strain of WORKED, from two steps of shear that end near it [force/length^2]."""
+    shear = np.zeros((3, 3))
+    shear[0, 1] = shear[1, 0] = 0.5 * np.sqrt(3.0)  # of equivalent strain one
+    size = WORKED + dict(law.parameters)[STRENGTH] / (3.0 * mu)
+    found = respond(law, np.array([size, 1.1 * size])[:, None, None] * shear)
+    stress = np.sqrt(3.0) * law.unit * found.stress[:, 0, 1]
+    near, far = found.state["accumulated"]
+    worked = stress[0] + (stress[1] - stress[0]) * (WORKED - near) / (far - near)
+    return max(float(worked), dict(law.parameters)[STRENGTH])  # of a solid that softens
 
 
 def _relaxes(law: Law, answers: list[tuple[Response, Floats]], bulk: float) -> bool:

@@ -13,7 +13,7 @@ from asperity.arrays import Floats
 from asperity.errors import InputError
 from asperity.laws import definition as laws
 from asperity.laws import load, shipped
-from asperity.laws.point import ISOTROPY, traits
+from asperity.laws.point import ISOTROPY, WORKED, traits
 from asperity.model.limits import check
 from asperity.runtime.display import short_repr, show
 
@@ -142,7 +142,14 @@ class Material:
     @property
     def relaxes(self) -> bool:
         """Whether volumetric strain within a cell that flows can relax, see solver/relaxation.hpp."""
-        return self.plastic if self.law is None else traits(self.law).hardening is not None
+        return self.plastic if self.law is None else traits(self.law).worked is not None
+
+    @property
+    def worked_strength(self) -> float:
+        """Strength at a plastic strain of WORKED, infinite where nothing can relax [force/length^2]."""
+        if self.law is not None:
+            return self.E * (traits(self.law).worked or inf)
+        return inf if self.yield_strength is None else self.yield_strength + WORKED * self.plastic_modulus
 
     @property
     def in_ufl(self) -> laws.Law:
@@ -209,9 +216,7 @@ class Material:
 
     @property
     def plastic_modulus(self) -> float:
-        """Plastic modulus H = E E_t/(E - E_t), of a law in UFL where it is tried [force/length^2]."""
-        if self.law is not None:
-            return self.E * (traits(self.law).hardening or 0.0)
+        """Plastic modulus H = E E_t/(E - E_t) [force/length^2]."""
         return self.E * self.tangent_modulus / (self.E - self.tangent_modulus)
 
     def scaled(self, stress: float) -> Material:
