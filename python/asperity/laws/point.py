@@ -174,8 +174,8 @@ def _worked(law: Law, mu: float) -> float:
     found = respond(law, np.array([size, 1.1 * size])[:, None, None] * shear)
     stress = np.sqrt(3.0) * law.unit * found.stress[:, 0, 1]
     near, far = found.state["accumulated"]
-    worked = stress[0] + (stress[1] - stress[0]) * (WORKED - near) / (far - near)
-    return max(float(worked), dict(law.parameters)[STRENGTH])  # of a solid that softens
+    slope = (stress[1] - stress[0]) / (far - near) if far > near else 0.0
+    return max(float(stress[0] + slope * (WORKED - near)), dict(law.parameters)[STRENGTH])  # of a solid that softens
 
 
 def _relaxes(law: Law, answers: list[tuple[Response, Floats]], bulk: float) -> bool:
