@@ -250,7 +250,7 @@ def test_a_spot_that_hardens_is_not_too_soft(spot: BlockMesh, monkeypatch: pytes
     solids = [Material(E, NU, 0.002, slope, hardening="kinematic") for slope in (0.1, 0.99)]
     ours = [pressed(spot, solid).curve.P_star[-1] for solid in solids]
     monkeypatch.setattr("asperity.fem.kernels.RELAXATION", (np.inf, np.inf))
-    assert abs(ours[0] / pressed(even(0.028, growth=0.125), solids[0]).curve.P_star[-1] - 1.0) < 0.01
+    assert abs(ours[0] / pressed(even(0.028, growth=0.125), solids[0]).curve.P_star[-1] - 1.0) < 0.015
     assert ours[1] == pytest.approx(pressed(spot, solids[1]).curve.P_star[-1], rel=1e-3)
 
 
