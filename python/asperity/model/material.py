@@ -142,7 +142,7 @@ class Material:
     @property
     def relaxes(self) -> bool:
         """Whether volumetric strain within a cell that flows can relax, see solver/relaxation.hpp."""
-        return self.plastic if self.law is None else traits(self.law).worked is not None
+        return self.worked_strength < inf
 
     @property
     def worked_strength(self) -> float:
