@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import csv
 import re
 import runpy
 import shutil
@@ -18,6 +17,7 @@ from asperity.arrays import Array
 from asperity.case import Case
 from asperity.errors import InputError
 from asperity.output.export import interface
+from asperity.reference import Westergaard
 from asperity.runtime.run_folder import EXPORTS
 
 L, HEIGHT, E, NU = 1e-6, 1e-6, 200e9, 0.3
@@ -76,12 +76,7 @@ def deck(path: Path) -> Array:
 def test_the_table_is_the_interface_without_the_block(folder: Path) -> None:
     table = interface(folder)
     np.testing.assert_allclose(table.pressure, pressure(table.approach), rtol=1e-6)
-    np.testing.assert_allclose(table.slope, 2 * P0 * table.approach / Z0**2, rtol=1e-5)
-    known = np.isfinite(table.k_n)
-    assert known.sum() > 60
-    np.testing.assert_allclose(table.k_n[known], table.slope[known], rtol=1e-2)
-    np.testing.assert_allclose(table.k_n_elastic[known], 1.25 * table.k_n[known], rtol=1e-9)
-    np.testing.assert_allclose(table.k_t[known], 0.8 * table.k_n[known], rtol=1e-9)
+    np.testing.assert_allclose(table.k_n, 2 * P0 * table.approach / Z0**2, rtol=1e-5)
 
 
 def test_the_branch_after_yield_is_that_of_the_preload(folder: Path) -> None:
@@ -99,7 +94,7 @@ def test_the_branch_has_the_elastic_stiffness_as_slope(folder: Path) -> None:
     table = interface(folder, "unload-reload", load=0.5 * P0 * L**2)
     z = table.approach[table.pressure > 0.1 * P0]
     np.testing.assert_allclose(table.pressure[table.pressure > 0.1 * P0], P0 * (z / (Z0 - RESIDUE)) ** 1.5, rtol=2e-3)
-    np.testing.assert_allclose(table.slope[-1], 1.25 * 2 * P0 / Z0, rtol=1e-9)
+    np.testing.assert_allclose(table.k_n[-1], 1.25 * 2 * P0 / Z0, rtol=1e-9)
 
 
 @pytest.mark.parametrize("program", ["calculix", "abaqus"])
@@ -110,62 +105,103 @@ def test_a_deck_begins_at_zero_and_rises(folder: Path, program: str) -> None:
     assert (np.diff(table, axis=0) > 0).all() and table.shape[1] == 2
     inside = table[1:, 1] <= Z0 * (1 + 1e-6)
     np.testing.assert_allclose(table[1:][inside, 0], pressure(table[1:][inside, 1]), rtol=1e-6)
-    assert len(table) <= 40 or program == "abaqus"
+    assert len(table) <= 40
     assert inside.sum() == len(table) - (2 if program == "calculix" else 1)
     head = path.read_text(encoding="ascii").split("*SURFACE INTERACTION")[0].splitlines()
     assert all(line.startswith("** ") and len(line) < 125 for line in head)
-    assert any("Pa/m" in line for line in head) and any("k_t at" in line for line in head)
+    assert any("Pa/m" in line for line in head)
 
 
-def test_stiffnesses_are_those_of_the_branch_of_the_law(folder: Path) -> None:
-    """Also where a second unloading ends above the preload."""
-    one = interface(folder, "unload-reload", load=0.3 * P0 * L**2)
-    curve = asp.Curve.read(folder / "curve.csv")
-    rows, top = list(curve.rows()), len(curve.loading()) - 1
-    again = [
-        dict(rows[top], branch="reload"),
-        dict(rows[top + 1], branch="unload"),
-        dict(rows[top + 2], branch="unload"),
-    ]
-    asp.Curve.from_rows([*rows, *(row | {"k_n_interface": 9.0} for row in again)]).write(folder / "curve.csv")
-    two = interface(folder, "unload-reload", load=0.3 * P0 * L**2)
-    for name in ("approach", "pressure", "k_n", "k_n_elastic", "k_t"):
-        np.testing.assert_allclose(getattr(two, name), getattr(one, name), rtol=1e-12)
-
-
-@pytest.mark.parametrize(("law", "kinds"), [("table", ["COMP", "LUNL"]), ("unload-reload", ["COMP"])])
-def test_a_gasket_of_ansys_has_the_curve_and_the_slopes_of_its_unloading(
-    folder: Path, law: str, kinds: list[str]
-) -> None:
-    lines = asp.export(folder, "ansys", law=law).read_text(encoding="ascii").splitlines()
-    curves: dict[str, Any] = {}
-    for line in (line for line in lines if line[0] != "!"):
-        if line.startswith("TB,"):
-            *key, count, kind = line.split(",")
-            assert key == ["TB", "GASKET", "asperity", "1"]
-            curves[kind] = (int(count), [])
-        elif line.startswith("TBPT,,"):
-            curves[kind][1].append([float(x) for x in line.split(",")[2:]])
-        else:
-            assert line.startswith("asperity = 1 ")
-    assert list(curves) == kinds and all(count == len(rows) > 20 for count, rows in curves.values())
-    z, p = np.array(curves["COMP"][1]).T
-    assert (np.diff(z) > 0).all() and z[0] < 0.03 * z[-1]
-    if law == "table":
-        np.testing.assert_allclose(p, pressure(z), rtol=1e-3)
-        closure, slope = np.array(curves["LUNL"][1]).T
-        np.testing.assert_allclose(slope, 1.25 * 2 * P0 * closure / Z0**2, rtol=1e-2)
-        assert closure[-1] == z[-1] == pytest.approx(Z0, rel=1e-6)
+def read(path: Path, program: str) -> Array:
+    """Approach and pressure of the points of a file (m, 2), with the zero that each program adds."""
+    if program == "csv":
+        found = np.genfromtxt(path, delimiter=",", comments="#", skip_header=0)[1:, :2]
+    elif program == "ansys":
+        lines = path.read_text(encoding="ascii").splitlines()
+        found = np.array([[float(x) for x in line.split(",")[2:]] for line in lines if line.startswith("TBPT")])
     else:
-        np.testing.assert_allclose(p, P0 * (z / (Z0 - RESIDUE)) ** 1.5, rtol=3e-3)
+        found = deck(path)[1:, ::-1]
+    return np.vstack([[0.0, 0.0], found])
 
 
-def test_a_csv_file_holds_stiffness(folder: Path, tmp_path: Path) -> None:
-    path = asp.export(folder, "csv", tmp_path / "other.csv")
-    with path.open() as file:
-        rows = list(csv.DictReader(line for line in file if not line.startswith("#")))
-    assert float(rows[-1]["pressure"]) == pytest.approx(P0, rel=1e-6) and rows[0]["k_t"] == ""
-    assert float(rows[-1]["k_t"]) == pytest.approx(0.8 * 2 * P0 / Z0, rel=1e-6)
+@pytest.mark.parametrize("law", ["table", "unload-reload"])
+@pytest.mark.parametrize("program", ["calculix", "abaqus", "ansys", "csv"])
+def test_linear_reading_is_within_one_per_cent(folder: Path, program: str, law: str) -> None:
+    """Of the law of the run, wherever its points are; the header names the greatest error."""
+    path = asp.export(folder, program, law=law)
+    known = read(path, program)
+    if law == "table":
+        exact, z = pressure, np.geomspace(0.05 * Z0, Z0, 997)
+    else:
+        exact, z = lambda z: P0 * (z / (Z0 - RESIDUE)) ** 1.5, np.geomspace(0.05, 1.0, 997) * (Z0 - RESIDUE)
+    off = np.interp(z, *known.T) / exact(z) - 1.0
+    assert -3e-3 < off.min() and off.max() < 1.05e-2
+    said = re.search(r"up to ([0-9.]+) % above the law", " ".join(path.read_text().split()))
+    assert said is not None and 0.9 * off.max() < float(said[1]) / 100 <= 0.01
+
+
+def write_full_contact(folder: Path, n: int, bar: float) -> tuple[Array, Array]:
+    """A wave pressed up to full contact, Westergaard's solution, in series with its block; approach and pressure."""
+    wave = Westergaard(A=0.005 * L, lam=L, E_prime=E / (1 - NU**2))
+    p = wave.full_pressure * np.linspace(0, 1, n + 1)[1:]
+    z = wave.approach(p)
+    compression = p * HEIGHT / MODULUS
+    rows = [
+        {"delta": z[i] + compression[i], "force": p[i] * L**2, "mean_gap": wave.A - z[i],
+         "error_mean_gap": bar * compression[i], "k_n": 1.0, "error_k_n": 0.05, "max_plastic_strain": 0.0}
+        for i in range(n)
+    ]  # fmt: skip
+    asp.Curve.from_rows(rows).write(folder / "curve.csv")
+    case = {"surface": {"kind": "sinusoid", "L": L, "amplitude": 0.005 * L}, "block": {"height": HEIGHT}}
+    case |= {"material": {"E": E, "nu": NU}, "loading": {"delta_max": 2e-8}}
+    (folder / "case.toml").write_text(Case.from_dict(case).to_toml(), encoding="utf-8")
+    return z, p
+
+
+@pytest.mark.parametrize("program", ["calculix", "abaqus"])
+def test_the_law_up_to_full_contact_is_read_within_one_per_cent(tmp_path: Path, program: str) -> None:
+    """Where the pressure rises ever more steeply; points between those of the curve too."""
+    write_full_contact(tmp_path, 60, 0.0)
+    wave = Westergaard(A=0.005 * L, lam=L, E_prime=E / (1 - NU**2))
+    p = np.linspace(0.05, 0.97, 200) * wave.full_pressure
+    read_at = np.interp(wave.approach(p), *read(asp.export(tmp_path, program), program).T)
+    np.testing.assert_allclose(read_at, p, rtol=0.015)
+
+
+def test_near_full_contact_the_law_ends_where_the_gap_is_within_its_error(tmp_path: Path) -> None:
+    """The gap is a small difference of approach and compression: noise of its bar makes it rise, and even negative."""
+    bar = 1e-3
+    z, p = write_full_contact(tmp_path, 60, bar)
+    curve = asp.Curve.read(tmp_path / "curve.csv")
+    noise = np.random.default_rng(3).uniform(-1, 1, len(curve)) * curve.error_mean_gap
+    disturbed = curve.mean_gap + noise
+    assert disturbed.min() < 0.0 and np.diff(disturbed).max() > 0.0
+    asp.Curve.from_rows([row | {"mean_gap": gap} for row, gap in zip(curve.rows(), disturbed, strict=True)]).write(
+        tmp_path / "curve.csv"
+    )
+    path = asp.export(tmp_path, "abaqus")
+    found = read(path, "abaqus")
+    assert (np.diff(found, axis=0) > 0).all()
+    end = found[-1, 1]
+    assert 0.5 * p[-1] < end < p[-1] and "the table ends" in " ".join(path.read_text().replace("**", "").split())
+    found = found[found[:, 1] >= p[0]]
+    assert np.abs(found[:, 0] - np.interp(found[:, 1], p, z)).max() < 3 * curve.error_mean_gap.max()
+
+
+def test_numbers_at_the_preload_have_the_digits_of_their_bars(folder: Path) -> None:
+    """Against closed forms; a bar of the stiffness of interface and block grows when the block is taken out."""
+    curve = asp.Curve.read(folder / "curve.csv")
+    rows = [row | {"error_k_n": 0.01 * row["k_n"]} for row in curve.rows()]
+    asp.Curve.from_rows(rows).write(folder / "curve.csv")
+    text = " ".join(asp.export(folder, "csv", load=0.25 * P0 * L**2).read_text().replace("#", "").split())
+    said = re.search(r"slope of the law at the pressure 2.5e\+08 of the preload: (\S+) \+/- (\S+) %", text)
+    assert said is not None
+    z = 0.5 * Z0
+    k = 2 * P0 * z / Z0**2
+    assert float(said[1]) == pytest.approx(k, rel=2e-3)
+    assert float(said[2]) == pytest.approx(1.0 * k / series(k), rel=0.1)  # d ln k/d ln k_n = k/k_n
+    text = " ".join(asp.export(folder, "csv", load=0.25 * P0 * L**2, law="unload-reload").read_text().split())
+    assert "without an error bar" in text
 
 
 def test_what_cannot_be_exported_is_refused(folder: Path) -> None:
@@ -232,5 +268,5 @@ def test_calculix_presses_a_plate_and_finds_the_curve(folder: Path) -> None:
     z = found[:, 0] * (1.2 * Z0 + gap) - gap - 2 * a * p / 1e15  # without the compression of the cubes
     inside, beyond = (z > 0.1 * Z0) & (z < Z0), z > Z0
     assert inside.sum() >= 6 and beyond.any()
-    np.testing.assert_allclose(p[inside], pressure(z[inside]), rtol=8e-3)
+    np.testing.assert_allclose(p[inside], pressure(z[inside]), rtol=1.2e-2)
     np.testing.assert_allclose(p[beyond], P0 * (1 + 2 * (z[beyond] / Z0 - 1)), rtol=1e-3)  # the last slope

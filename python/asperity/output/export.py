@@ -1,25 +1,27 @@
 """The contact of a run for other programs: nominal pressure over the approach of the mean planes.
 
 In a model of the joint's bodies their own compliance must not count twice: the approach is that of the mean planes of
-the two faces, from first touch, without the compression of the block.
+the two faces, from first touch, without the compression of the block. The programs read their tables linearly, so the
+points are chosen by what linear reading changes.
 """
 
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Iterator
-from dataclasses import dataclass, field, replace
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
 from pathlib import Path
 from textwrap import wrap
 
 import numpy as np
 
-from asperity.arrays import Array
+from asperity.arrays import Array, Flags
 from asperity.case import Case
+from asperity.curve import Curve
 from asperity.curve.power_law import interface_approach
 from asperity.dynamics.joint import Joint
 from asperity.errors import InputError
-from asperity.force_law.choice import leg_rows, unload_reload
+from asperity.force_law.choice import unload_reload
 from asperity.force_law.columns import CurveColumns
 from asperity.force_law.table import TableLaw
 from asperity.output.mesh_file import block_of_case, write_mesh
@@ -29,63 +31,105 @@ from asperity.runtime.files import replace_file
 from asperity.runtime.run_folder import EXPORTS
 from asperity.slip import SlipLaw
 from asperity.slip.joint_slip import slip_of_case
-from asperity.units import per_cent
+from asperity.units import per_cent, quantity
 from asperity.version import __version__
 
 LAWS = ("table", "unload-reload")
+LINEAR = 0.01  # error of the pressure that linear reading may add
 _WIDTH = 110  # of a comment in a deck
-_BETWEEN = 4  # points from one of the curve to the next
-_BELOW = (0.125, 0.25, 0.5)  # of the first point of the curve, points added below it
-_ROWS = 40  # of a table in CalculiX 2.20, with that of zero pressure; more overflow an array of its contact elements
-_RANGE = 50.0  # greatest over smallest overclosure there
-_ADVICE = (
-    "contact pair of TYPE=NODE TO SURFACE: surface to surface contact of CalculiX 2.20 finds no force from a table"
-)
-_BEYOND = 10.0  # times the greatest pressure: so far CalculiX finds the last slope
-COLUMNS = ("approach", "pressure", "slope", "k_n", "k_n_elastic", "k_t", "h")
+_BELOW = 0.125  # of the first computed point, down to which its power law is read
+_DENSE = 64  # points of the law from one computed point to the next
 
 
 @dataclass(frozen=True, eq=False)
 class Interface:
-    """The rough interface per nominal area, at rising pressure; arrays of shape (m,), NaN where unknown.
+    """The rough interface per nominal area.
 
     Attributes:
-        approach: of the mean planes from first touch, or from where an unloading separates [length]
-        pressure: nominal [force/length^2]
-        slope: dp/dz of the table [force/length^3]
-        k_n, k_n_elastic, k_t: normal stiffness of the loading and of small vibration, tangential stiffness, over the
-            nominal area and without the block [force/length^3], from the columns of the curve
+        approach: of the mean planes from first touch, or from where an unloading separates, rising (m,) [length]
+        pressure: nominal, rising (m,) [force/length^2]
+        k_n: slope of the pressure (m,) [force/length^3]
         about: what the numbers are, one line each
         slip: of the interface of the patch, None for a case without [slip]
         patch: nominal area of the patch [length^2]
-        conduction: nominal pressure, conductance per nominal area h and its error bar at the steps with contact, at
-            rising pressure, (rows, 3); no rows where unknown
-        preload: nominal pressure of the joint [force/length^2]
-        yields: whether an unloading leaves the table, with the slope k_n_elastic
     """
 
     approach: Array
     pressure: Array
-    slope: Array
     k_n: Array
-    k_n_elastic: Array
-    k_t: Array
     about: tuple[str, ...]
-    slip: SlipLaw | None = None
-    patch: float = np.nan
-    conduction: Array = field(default_factory=lambda: np.empty((0, 3)))
-    preload: float = np.nan
-    yields: bool = False
+    slip: SlipLaw | None
+    patch: float
 
-    @property
-    def h(self) -> Array:
-        """Conductance per nominal area at `pressure` [power/(length^2 temperature)], NaN where unknown."""
-        p, h, _ = self.conduction.T
-        return _over(self.pressure, h, p, np.arange(p.size))
+    def points(self, most: int, widest: float) -> tuple[Interface, float]:
+        """The fewest points between which linear reading is off by LINEAR at most, and by how much it is off.
+
+        Args:
+            most: number of points; where LINEAR takes more, the error is the least that so many points allow
+            widest: ratio of the greatest to the least approach
+        """
+        z, p = self.approach, self.pressure
+        first = int(np.searchsorted(z, z[-1] / widest))
+        rows, error = _fewest(z[first:], p[first:], LINEAR)
+        if rows.size > most:
+            few, many = np.log(LINEAR), 0.0  # an error of 1 takes few points
+            for _ in range(40):
+                middle = 0.5 * (few + many)
+                found = _fewest(z[first:], p[first:], float(np.exp(middle)))
+                few, many = (few, middle) if found[0].size <= most else (middle, many)
+            rows, error = _fewest(z[first:], p[first:], float(np.exp(many)))
+        rows = rows + first
+        return replace(self, approach=z[rows], pressure=p[rows], k_n=self.k_n[rows]), error
+
+
+@dataclass(frozen=True)
+class Template:
+    """How a program reads a table.
+
+    Attributes:
+        mark: of a comment
+        text: of the file, with the comments {head}, the number {count} and the lines {rows} of the points, {friction}
+        row: of a point with approach {z}, pressure {p} and slope {k}
+        friction: with {mu}, the stick slope {stick}, and the slip {slip} at which friction has its limit
+        most: points
+        widest: ratio of the greatest to the least approach
+        beyond: times the greatest pressure up to which a last point continues the slope; 0 for none
+        advice: a comment
+    """
+
+    mark: str
+    text: str
+    row: str
+    friction: str = ""
+    most: int = 1000
+    widest: float = np.inf
+    beyond: float = 0.0
+    advice: tuple[str, ...] = ()
+
+
+_CONTACT = (
+    "{head}\n*SURFACE INTERACTION, NAME=ASPERITY\n*SURFACE BEHAVIOR, PRESSURE-OVERCLOSURE=TABULAR\n0., 0.\n"
+    "{rows}\n{friction}"
+)
+TEMPLATES = {
+    # CalculiX 2.20 overflows an array of its contact elements beyond 40 rows, and its table ends in a row at constant
+    # pressure
+    "calculix": Template(
+        "**", _CONTACT, "{p:.8e}, {z:.8e}", "*FRICTION\n{mu:g}, {stick:.8e}\n", most=38, widest=50.0, beyond=10.0,
+        advice=("contact pair of TYPE=NODE TO SURFACE: surface to surface contact of CalculiX 2.20 finds no force "
+                "from a table",),
+    ),
+    "abaqus": Template("**", _CONTACT, "{p:.8e}, {z:.8e}", "*FRICTION, ELASTIC SLIP={slip:.8e}\n{mu:g},\n"),
+    "ansys": Template(
+        "!", "{head}\nasperity = 1 ! number of the material\nTB,GASKET,asperity,1,{count},COMP\n{rows}\n",
+        "TBPT,,{z:.8e},{p:.8e}", most=100,
+    ),
+    "csv": Template("#", "{head}\napproach,pressure,k_n\n{rows}\n", "{z!r},{p!r},{k!r}"),
+}  # fmt: skip
 
 
 def interface(folder: str | Path, law: str = "table", load: float | None = None) -> Interface:
-    """Interface of a run.
+    """Interface of a run, at so many approaches that reading between them is exact.
 
     Args:
         folder: of the run, with curve.csv and case.toml
@@ -106,44 +150,50 @@ def interface(folder: str | Path, law: str = "table", load: float | None = None)
     joint = Joint(**case.joint.model_dump()) if case.joint else Joint()
     if load is None and (of_joint := joint.load(patch)) is not None:
         load = of_joint / joint.factor(patch)
-    # approach of the mean planes at each step
-    block = {"height": case.block.height, "area": patch, "modulus": case.material.solid.block_modulus(case.block.sides)}
-    approach = interface_approach(curve.delta, curve.force, **block)
-    measure = "approach of the flat less the elastic compression of the block"
-    if len(curve) and not np.isnan(curve.mean_gap).any():
-        # the first step carries hardly any force: there the block is elastic
-        approach = approach[0] + curve.mean_gap[0] - curve.mean_gap
-        measure = "decrease of the mean gap from first touch"
+    approach, measure = approach_of_planes(curve, case)
     columns = CurveColumns.of({
         "delta": approach, "force": curve.force / patch, "branch": curve.branch,
         "k_n_elastic": curve.k_n_interface / patch,  # the slope of an unloading without the block
     })  # fmt: skip
     preload = (0.5 * float(curve.force.max()) if load is None else load) / patch
     if law == "table":
-        found, rows = TableLaw.from_curve(columns), columns.loading
+        rows = resolved(curve, approach)
+        found = TableLaw(approach[rows], curve.force[rows] / patch)
     else:
         found = unload_reload(columns, preload)
-        rows = np.isin(np.arange(len(curve)), leg_rows(columns, preload))
-    z = found.z  # with points between and below them
-    inner = (z[:-1, None] * (z[1:] / z[:-1])[:, None] ** (np.arange(_BETWEEN) / _BETWEEN)).ravel()
-    z = np.concatenate([z[0] * np.array(_BELOW), inner, z[-1:]])
-    pressure, slope = found.both(z)
-    with np.errstate(all="ignore"):
-        k_n = 1.0 / (1.0 / curve.k_n - block["height"] / (patch * block["modulus"]))
-    k_n, k_n_elastic, k_t = (
-        _over(pressure, k / patch, curve.force / patch, columns.rising(rows & (k > 0) & (curve.force > 0)))
-        for k in (k_n, curve.k_n_interface, curve.k_t_interface)
-    )
-    about = tuple(_about(results, case, found, law, measure))
+    ends, steps = np.append(_BELOW * found.z[0], found.z), np.linspace(0.0, 1.0, _DENSE, endpoint=False)
+    z = np.append((ends[:-1, None] * (ends[1:] / ends[:-1])[:, None] ** steps).ravel(), ends[-1])
+    pressure, k_n = found.both(z)
     slip = None
+    about = [*_about(results, case, found, law, measure), *_at_preload(curve, case, z, pressure, k_n, law, preload)]
     if case.slip is not None:
         of_patch = slip_of_case(case.to_dict(), curve, case.slip.preload or load)
         about += of_patch.notes
         slip = replace(of_patch.law, block=(of_patch.law.block[0], 0.0))
-    yields = law == "table" and bool(np.any(curve.max_plastic_strain > 0))
-    conduction = np.stack(results.gap_conductance(), axis=1)
-    conduction = conduction[columns.rising(rows & (conduction[:, 1] > 0) & (curve.force > 0))]
-    return Interface(z, pressure, slope, k_n, k_n_elastic, k_t, about, slip, patch, conduction, preload, yields)
+    return Interface(z, pressure, k_n, tuple(about), slip, patch)
+
+
+def approach_of_planes(curve: Curve, case: Case) -> tuple[Array, str]:
+    """Approach of the mean planes of the two faces at each step (n,) [length], and how it was found."""
+    area, solid = case.surface.L**2, case.material.solid
+    block = {"height": case.block.height, "area": area, "modulus": solid.block_modulus(case.block.sides)}
+    approach = interface_approach(curve.delta, curve.force, **block)
+    if not len(curve) or np.isnan(curve.mean_gap).any():
+        return approach, "approach of the flat less the elastic compression of the block"
+    # the first step carries hardly any force: there the block is elastic
+    return approach[0] + curve.mean_gap[0] - curve.mean_gap, "decrease of the mean gap from first touch"
+
+
+def resolved(curve: Curve, approach: Array) -> Flags:
+    """Rows of the first loading at which the interface is known (n,): it still closes, and by more than its error.
+
+    Near full contact the mean gap is a small difference of the approach and the compression of the block. Where the
+    gap is within its error bar, the interface is rigid as far as the run can tell, and its law ends.
+    """
+    loading = (curve.branch == "load") & (curve.force > 0.0) & (approach > 0.0)
+    known = loading & ~(curve.mean_gap <= np.nan_to_num(curve.error_mean_gap))
+    before = np.maximum.accumulate(np.where(known, approach, -np.inf))
+    return np.asarray(known & (approach > np.append(-np.inf, before[:-1])))
 
 
 def export(
@@ -153,10 +203,9 @@ def export(
 
     Args:
         folder: of the run
-        to: "calculix" or "abaqus" (a contact property with tabular pressure-overclosure, to be included in a deck),
-            "ansys" (a gasket material), or "csv". With `material.conductivity` the decks of the first two have the
-            conductance of the gap too, with the section [slip] friction and stick slope. "mesh" is the block itself,
-            see `mesh_file.write_mesh`.
+        to: "calculix" or "abaqus" (a contact property with tabular pressure-overclosure, to be included in a deck; with
+            the section [slip] of the case also friction and stick slope), "ansys" (a gasket material), or "csv". "mesh"
+            is the block itself, see `mesh_file.write_mesh`.
         path: of the file; default in the folder
         law: see `interface`; default "table"
         load: see `interface`
@@ -172,13 +221,19 @@ def export(
         >>> case = {"units": "other", "surface": {"kind": "flat", "L": 1.0}, "material": {"E": 1e6, "nu": 0.3}}
         >>> case |= {"loading": {"delta_max": 0.9}}
         >>> _ = Path("out/case.toml").write_text(asp.Case.from_dict(case).to_toml())
-        >>> table = interface("out")
-        >>> table.approach.size, f"{np.interp(0.5, table.approach, table.pressure):.3f}"
-        (40, '0.707')
         >>> lines = asp.export("out", "abaqus").read_text().splitlines()
         >>> [line for line in lines if line.startswith("*S")]
         ['*SURFACE INTERACTION, NAME=ASPERITY', '*SURFACE BEHAVIOR, PRESSURE-OVERCLOSURE=TABULAR']
+        >>> [line for line in lines if "linearly" in line]
+        ['** read linearly between 10 points, the pressure is up to 0.96 % above the law, the stiffness off by up to 11 %']
     """
+    return exported(folder, to, path, law=law, load=load)[0]
+
+
+def exported(
+    folder: str | Path, to: str, path: str | Path | None = None, *, law: str | None = None, load: float | None = None
+) -> tuple[Path, tuple[str, ...]]:
+    """As `export`, and what a user should know of the file, a sentence each."""
     if to not in EXPORTS:
         raise InputError(f'to = "{to}" is unknown: choose one of {", ".join(EXPORTS)}')
     target = Path(folder) / EXPORTS[to] if path is None else Path(path)
@@ -190,25 +245,65 @@ def export(
             raise InputError(f"{folder} holds no case.toml, which describes the block; give the folder of a run")
         levels = (results.summary.get("accuracy") or {}).get("levels") or [{}]  # the last has the finest mesh
         block, surface = block_of_case(Case.from_dict(results.case, folder=folder), levels[-1].get("h"))
-        return write_mesh(block, surface, target, f"block of {Path(folder).resolve().name} by asperity {__version__}")
-    table = interface(folder, law or "table", load)
+        about = f"block of {Path(folder).resolve().name} by asperity {__version__}"
+        return write_mesh(block, surface, target, about), ()
+    text, reading = _text(interface(folder, law or "table", load), TEMPLATES[to])
     target.parent.mkdir(parents=True, exist_ok=True)
-    replace_file(target, _WRITERS[to](table).encode())
-    return target
+    replace_file(target, text.encode())
+    return target, (reading,)
 
 
-def _over(pressure: Array, k: Array, at: Array, rows: Array) -> Array:
-    """Stiffness, known in rows of rising pressures `at`, over others: linear in logarithms, NaN outside."""
-    if rows.size < 2:
-        return np.full(pressure.shape, np.nan)
-    x, y, wanted = np.log(at[rows]), np.log(k[rows]), np.log(pressure)
-    inside = (wanted >= x[0] - 1e-9) & (wanted <= x[-1] + 1e-9)
-    return np.where(inside, np.exp(np.interp(wanted, x, y)), np.nan)
+def _text(whole: Interface, form: Template) -> tuple[str, str]:
+    """A file of an interface, and the sentence on linear reading."""
+    table, error = whole.points(form.most, form.widest)
+    z, p, k = table.approach, table.pressure, table.k_n
+    secant = np.diff(p) / np.diff(z)
+    off = max(float(np.abs(secant / k[:-1] - 1.0).max()), float(np.abs(secant / k[1:] - 1.0).max()))
+    reading = (
+        f"read linearly between {z.size} points, the pressure is up to {per_cent(error)} above the law, the stiffness "
+        f"off by up to {per_cent(off)}"
+    )
+    friction = ""
+    about = [*whole.about, *form.advice, reading]
+    if whole.slip is not None and form.friction:
+        mu, pressure = whole.slip.friction, whole.slip.preload / whole.patch
+        stick = float(whole.slip.k_tangent(0.0)) / whole.patch
+        friction = form.friction.format(mu=mu, stick=stick, slip=mu * pressure / stick)
+        about.append(f"stick slope of the interface at the nominal pressure {pressure:.6g}: {stick:.6g}")
+    if form.beyond:
+        z, p = np.append(z, z[-1] + (form.beyond - 1.0) * p[-1] / k[-1]), np.append(p, form.beyond * p[-1])
+        k = np.append(k, k[-1])
+    head = "\n".join(f"{form.mark} {line}" for text in about for line in wrap(comment(text), _WIDTH))
+    points = zip(z.tolist(), p.tolist(), k.tolist(), strict=True)
+    rows = "\n".join(form.row.format(z=at, p=value, k=slope) for at, value, slope in points)
+    return form.text.format(head=head, count=z.size, rows=rows, friction=friction), reading
+
+
+def _fewest(z: Array, p: Array, tolerance: float) -> tuple[Array, float]:
+    """Fewest rows of a dense table between which linear reading is within a relative error, and that error."""
+
+    def off(i: int, j: int) -> float:
+        inner = slice(i, j + 1)
+        read = p[i] + (p[j] - p[i]) / (z[j] - z[i]) * (z[inner] - z[i])
+        return float(np.abs(read / p[inner] - 1.0).max())
+
+    rows, last = [0], z.size - 1
+    while rows[-1] < last:
+        i = near = rows[-1]
+        near, far = i + 1, i + 2
+        while far <= last and off(i, far) <= tolerance:
+            near, far = far, i + 2 * (far - i)
+        far = min(far, last + 1)
+        while far - near > 1:
+            middle = (near + far) // 2
+            near, far = (middle, far) if off(i, middle) <= tolerance else (near, middle)
+        rows.append(near)
+    return np.array(rows), max((off(i, j) for i, j in zip(rows[:-1], rows[1:], strict=True)), default=0.0)
 
 
 def _about(results: Results, case: Case, law: TableLaw, name: str, measure: str) -> Iterator[str]:
     """Units and provenance."""
-    si = case.units == "SI"
+    si, top = case.units == "SI", float(results.curve.force.max()) / case.surface.L**2
     yield f"contact of a rough surface by asperity {__version__}"
     yield f"case {case.hash()[:16]}, {results.summary.get('exit_reason', 'exit reason unknown')}"
     yield f"surface: {json.dumps(case.surface.model_dump(exclude_none=True), sort_keys=True)}"
@@ -217,102 +312,43 @@ def _about(results: Results, case: Case, law: TableLaw, name: str, measure: str)
     yield f"law: {'first loading' if name == 'table' else 'unloading and reloading'}, {law.z.size} computed points"
     yield f"approach: of the mean planes ({measure}), from {'first touch' if name == 'table' else 'separation'}"
     yield f"pressure: nominal, force over {case.surface.L**2:.6g}; greatest {law.F[-1]:.6g}"
+    if name == "table" and law.F[-1] < (1.0 - 1e-6) * top:
+        yield (
+            f"beyond it, up to {top:.6g} of the run, the mean gap is within its error bar: the interface is rigid there "
+            "as far as the run can tell, and the table ends"
+        )
     bar = results.curve.bar("P_star", int(results.curve.force.argmax()))
     known = "unknown (no accuracy.tolerance)" if bar != bar else f"{per_cent(bar)} at the greatest force"
     yield f"error bar of the force: {known}"
 
 
-def _head(table: Interface, mark: str, *advice: str) -> list[str]:
-    """Comments of a deck behind a mark: what the numbers are, and stiffness at the greatest pressure."""
-    lines = [line for text in (*table.about, *advice) for line in wrap(comment(text), _WIDTH)]
-    for name, words in (("k_n", "loading"), ("k_n_elastic", "small vibration"), ("k_t", "tangential, without slip")):
-        known = np.flatnonzero(np.isfinite(getattr(table, name)))
-        if known.size:
-            i = known[-1]
-            lines.append(f"{name} at {table.pressure[i]:.6g}: {getattr(table, name)[i]:.6g} ({words})")
-    return [f"{mark} {line}" for line in lines]
+def _at_preload(curve: Curve, case: Case, z: Array, p: Array, k: Array, law: str, preload: float) -> Iterator[str]:
+    """Approach and stiffness over area at the preload, each with the digits that its error bar allows."""
+    if not p[0] <= preload <= p[-1]:
+        yield f"at the pressure {preload:.6g} of the preload the law is not known"
+        return
+    patch, on_law = case.surface.L**2, (curve.branch == "load") & (curve.force > 0.0)
+    rows = np.flatnonzero(on_law)[np.argsort(curve.force[on_law], kind="stable")]
+
+    def at(values: Array) -> float:
+        return float(np.interp(preload, curve.force[rows] / patch, values[rows]))
+
+    approach, k_n = float(np.interp(preload, p, z)), float(np.interp(preload, p, k))
+    with np.errstate(all="ignore"):
+        bar = at(curve.error_k_n_interface / curve.k_n_interface)
+        if law == "table":  # the compliance of the block is exact: the rest has all of the error
+            bar = at(curve.error_k_n / curve.k_n) * k_n * patch / at(curve.k_n)
+        yield _shown("approach", approach, at(curve.error_mean_gap) / approach, preload)
+        yield _shown("slope of the law", k_n, bar, preload)
+        for name, words in (("k_n_interface", "stiffness of small vibration"), ("k_t_interface", "without slip")):
+            value, error = at(getattr(curve, name)), at(getattr(curve, f"error_{name}"))
+            if value > 0.0:
+                yield _shown(f"{name} ({words})", value / patch, error / value, preload)
 
 
-def _few(table: Interface) -> tuple[Array, Array]:
-    """Approach and pressure in as few rows as CalculiX reads."""
-    z, p = table.approach, table.pressure
-    points = np.geomspace(max(z[-1] / _RANGE, z[0]), z[-1], _ROWS - 2)
-    return points, np.exp(np.interp(np.log(points), np.log(z), np.log(p)))
-
-
-def _deck(rows: Array, table: Interface, *advice: str) -> str:
-    """Contact property with the tabular pressure-overclosure of CalculiX and Abaqus, to be included in a deck.
-
-    Both read lines of pressure and overclosure that rise from zero. Beyond the last line Abaqus keeps the slope.
-    """
-    lines = _head(table, "**", *advice)
-    lines += ["*SURFACE INTERACTION, NAME=ASPERITY", "*SURFACE BEHAVIOR, PRESSURE-OVERCLOSURE=TABULAR", "0., 0."]
-    lines += [f"{float(p):.8e}, {float(z):.8e}" for p, z in rows]
-    return "\n".join(lines) + "\n"
-
-
-def _friction(table: Interface) -> tuple[float, float, float, str]:
-    """Friction, nominal pressure, stick slope there, and a comment on it; for a case with [slip]."""
-    assert table.slip is not None
-    pressure, stick = table.slip.preload / table.patch, float(table.slip.k_tangent(0.0)) / table.patch
-    head = f"** stick slope of the interface at the nominal pressure {pressure:.6g}: {stick:.6g}\n*FRICTION"
-    return table.slip.friction, pressure, stick, head
-
-
-def _abaqus(table: Interface) -> str:
-    """Deck, with a table of conductances and with the slip at which friction has its limit."""
-    text = _deck(np.stack([table.pressure, table.approach], axis=1), table)
-    if len(table.conduction):
-        rows = [f"{row[1]:.8e}, {row[0]:.8e}" for row in table.conduction]
-        text += "\n".join(["*GAP CONDUCTANCE, PRESSURE", "0., 0.", *rows]) + "\n"
-    if table.slip is not None:
-        mu, pressure, stick, head = _friction(table)
-        text += f"{head}, ELASTIC SLIP={mu * pressure / stick:.8e}\n{mu:g},\n"
-    return text
-
-
-def _calculix(table: Interface) -> str:
-    """Deck, with the stick slope and the conductance at the preload.
-
-    Its lines end in a row at constant pressure, so a further row continues the last slope. Where the overclosure is a
-    table its springs between node and surface have no pressure for a table of conductances, and take the first row.
-    """
-    z, p = _few(table)
-    far = z[-1] + (_BEYOND - 1) * p[-1] / table.slope[-1]
-    text = _deck(np.stack([np.append(p, _BEYOND * p[-1]), np.append(z, far)], axis=1), table, _ADVICE)
-    if len(table.conduction):
-        h = float(np.interp(table.preload, table.conduction[:, 0], table.conduction[:, 1]))
-        text += f"** conductance at the pressure {table.preload:.6g}, and so at any: CalculiX 2.20 takes the first row "
-        text += f"of a table\n*GAP CONDUCTANCE\n{h:.8e}, 0.\n"
-    if table.slip is not None:
-        mu, _, stick, head = _friction(table)
-        text += f"{head}\n{mu:g}, {stick:.8e}\n"
-    return text
-
-
-def _ansys(table: Interface) -> str:
-    """Gasket material of Mechanical APDL for INTER192 to 195: pressure over closure from zero, slopes of unloading.
-
-    A gasket without these slopes unloads along its compression curve. They are linear: right at the load they begin at.
-    """
-    z, p = _few(table)
-    curves = {"COMP": np.stack([z, p], axis=1)}
-    slopes = np.interp(z, table.approach, table.k_n_elastic)
-    if table.yields and (known := np.isfinite(slopes)).any():
-        curves["LUNL"] = np.stack([z, slopes], axis=1)[known]
-    lines = [*_head(table, "!"), "asperity = 1 ! number of the material"]
-    for kind, rows in curves.items():
-        lines += [f"TB,GASKET,asperity,1,{len(rows)},{kind}", *(f"TBPT,,{x:.8e},{y:.8e}" for x, y in rows)]
-    return "\n".join(lines) + "\n"
-
-
-def _csv(table: Interface) -> str:
-    lines = [f"# {comment(text)}" for text in table.about] + [",".join(COLUMNS)]
-    for values in zip(*(getattr(table, name).tolist() for name in COLUMNS), strict=True):
-        lines.append(",".join("" if value != value else repr(value) for value in values))
-    return "\n".join(lines) + "\n"
-
-
-_WRITERS: dict[str, Callable[[Interface], str]] = {
-    "calculix": _calculix, "abaqus": _abaqus, "ansys": _ansys, "csv": _csv,
-}  # fmt: skip
+def _shown(name: str, value: float, bar: float, preload: float) -> str:
+    """A number with its error bar, in ASCII as decks are."""
+    text = quantity(value, "", 3, bar=bar).replace("±", "+/-")
+    return (
+        f"{name} at the pressure {preload:.6g} of the preload: {text}{'' if bar == bar else ', without an error bar'}"
+    )
