@@ -12,6 +12,7 @@ from conftest import call
 import asperity as asp
 from asperity.case import Case
 from asperity.errors import AsperityError, AsperityWarning
+from asperity.mesh.generate import build_block
 
 ROOT = Path(__file__).parents[2]
 COARSE = """
@@ -29,7 +30,36 @@ material = {{E = 1.0, nu = 0.3}}
 mesh = {{file = "{ROOT / "meshes/fractal.npz"}"}}
 loading = {{delta_max = 1e-8}}
 """
+DEEP = """
+units = "other"
+surface = {kind = "sphere", shape = "paraboloid", L = 2, radius = 0.5}
+material = {E = 10, nu = 0.3}
+block = {height = 1, sides = "free"}
+mesh = {h_contact = 0.2, h_max = 1.0}
+loading = {delta_max = 0.02, steps = 2}
+"""
+STEEP = """
+units = "other"
+surface = {kind = "self-affine", L = 1.0, H = 0.5, rms_slope = 3.0, lambda_roll = 0.2, lambda_short = 0.02}
+material = {E = 1.0, nu = 0.3}
+mesh = {h_contact = 0.3, h_max = 0.5}
+loading = {delta_max = 0.002, steps = 2}
+"""
+OF_MESH = """
+units = "other"
+surface = {kind = "sinusoid", L = 1.0, amplitude = 0.02}
+material = {E = 1.0, nu = 0.3}
+mesh = {file = "mesh.npz"}
+loading = {delta_max = 0.02, steps = 2}
+"""
 REFUSED = {
+    "a valley below the block": (DEEP, []),
+    "the same to a force": (DEEP, ["loading.delta_max=", "loading.force_max=0.02"]),
+    "the same to a tolerance": (DEEP, ["mesh=", "accuracy.tolerance=0.1"]),
+    "slopes that the elements miss": (STEEP, []),
+    "the same to a force that is reached": (STEEP, ["loading.delta_max=", "loading.force_max=1e-5"]),
+    "the mesh of another height": (OF_MESH, ["block.height=1.1"]),
+    "a mesh whose sides do not fit": (OF_MESH, ['block.sides="periodic"']),
     "more than the block": (COARSE, ["loading.delta_max=1.1"]),
     "a key": (COARSE, ["material.mu=0.3"]),
     "two masters of the mesh": (FRACTAL, ["accuracy.tolerance=0.1"]),
@@ -62,6 +92,9 @@ def test_what_a_run_refuses_is_refused_in_the_same_words(
 ) -> None:
     text, changes = REFUSED[name]
     case_file.write_text(text, encoding="utf-8")
+    if text == OF_MESH:  # whose opposite sides have other nodes
+        wave = asp.Surface.from_spec("sinusoid", L=1.0, amplitude=0.02)
+        build_block(wave, 1.0, lambda x, y, depth: 0.3 + 0.1 * x).save(case_file.parent / "mesh.npz")
     code, _, err = check(case_file, capsys, *(f"--set={change}" for change in changes))
     assert code == 2
     with warnings.catch_warnings(), pytest.raises(AsperityError) as refused:
@@ -71,6 +104,8 @@ def test_what_a_run_refuses_is_refused_in_the_same_words(
     expected = str(refused.value)
     if name.startswith("too few dofs"):  # the estimate counts the nodes that the run has
         expected, err = "accuracy.max_dofs", err.splitlines()[-1]
+    if name.endswith("force that is reached"):  # the approach of a half-space is not that of a coarse mesh
+        expected = expected.partition(" smoothed by")[0]
     assert expected in err
 
 
@@ -101,7 +136,7 @@ def test_it_solves_and_writes_nothing(
     case_file: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(case_file.parent)
-    monkeypatch.setattr("asperity.mesh.generate.build_block", None)
+    monkeypatch.setattr("asperity.quasistatic.contact_solver.ContactSolver.solve", None)
     shutil.copy(ROOT / "cases/elastic.toml", case_file)
     code, out, _ = check(case_file, capsys, "--ranks", "4")
     assert code == 0 and "dofs" in out and "GiB" in out and "4 ranks" in out

@@ -7,7 +7,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-from conftest import here
 
 from asperity.errors import MeshError, ResolutionWarning
 from asperity.mesh.block import NEAR, BlockMesh
@@ -17,7 +16,7 @@ from asperity.mesh.resolution import judge_mesh, lowered_height
 from asperity.mesh.size_field import SizeField
 from asperity.reference import RoughHalfSpace
 from asperity.runtime import compat
-from asperity.surface import Flat, HeightMap, SelfAffine, Sinusoid, Surface
+from asperity.surface import HeightMap, SelfAffine, Sinusoid, Surface
 
 STEEP = Sinusoid(L=1.0, amplitude=0.25, wavelength=0.25, dims=2)  # slopes up to 6
 
@@ -33,8 +32,7 @@ def jacobians(block: BlockMesh) -> np.ndarray:
 
 def lowered(block: BlockMesh, surface: Surface, delta: float = 0.05) -> float:
     """Change of the heights that a flat meets after an approach, over this."""
-    top = block.points[np.abs(block.heights(surface) - block.points[:, 2]) < NEAR]
-    return lowered_height(top, surface, block.height, delta, here())
+    return lowered_height(block, surface, delta)
 
 
 def self_affine(**changes: Any) -> Surface:
@@ -77,7 +75,7 @@ def test_a_spike_that_no_element_can_follow_is_refused(tmp_path: Path) -> None:
     block = uniform(surface, 0.15)
     assert lowered(block, surface) > 0.5
     with pytest.raises(MeshError, match=r"mesh\.h_contact, or filter"):
-        judge_mesh(lowered(block, surface), Flat(L=1.0), 0.1, 0.1)
+        judge_mesh(block, surface, 0.1, 0.05)
 
 
 def test_small_changes_by_smoothing_are_warned_of() -> None:
@@ -85,7 +83,7 @@ def test_small_changes_by_smoothing_are_warned_of() -> None:
     block = uniform(surface, 0.1)
     assert 0.05 < lowered(block, surface) < 0.5
     with pytest.warns(ResolutionWarning, match="smoothed"):
-        judge_mesh(lowered(block, surface), Flat(L=1.0), 0.1, 0.1)
+        judge_mesh(block, surface, 0.1, 0.05)
 
 
 def test_smoothing_stays_near_the_elements_that_need_it() -> None:
@@ -125,9 +123,9 @@ def test_summits_that_are_too_steep_are_told() -> None:
     surface, block, delta = pressed(1.5, 9)
     assert jacobians(block).min() > 0.0
     with pytest.warns(ResolutionWarning, match="smoothed"):
-        judge_mesh(lowered(block, surface, delta), Flat(L=1.0), 0.1, delta)
+        judge_mesh(block, surface, 0.1, delta)
     with pytest.raises(MeshError, match=r"mesh\.h_contact, or filter"):
-        judge_mesh(lowered(block, surface, delta / 3.0), Flat(L=1.0), 0.1, delta)
+        judge_mesh(block, surface, 0.1, delta / 3.0)
 
 
 def test_a_sheer_step_has_sound_elements(tmp_path: Path) -> None:

@@ -45,6 +45,7 @@ class LevelSolver:
 
     Attributes:
         problem: see above
+        block: the last mesh, on rank 0
         compliance: of the block under a uniform pressure, compression over P* [length]
         levels: what was computed, in order
         scales: of the meshes
@@ -58,13 +59,13 @@ class LevelSolver:
         self.problem, self._goal, self._comm, self._hooks = problem, goal, comm, hooks
         self.compliance = problem.height * material.reduced_modulus / material.block_modulus(problem.sides)
         self._family = None if guide is None else MeshFamily(problem, guide)
-        self._block: BlockMesh | None = None  # the last mesh, on rank 0
+        self.block: BlockMesh | None = None
         self._first: ContactResult | None = None  # the result of the first mesh, until there is another
         self.levels: list[Level] = []
         self.scales: list[float] = []
 
-    def _refine(self, finer: float) -> float:
-        """The next mesh, or the finest that max_dofs allows; its greatest size in the contact [length]; collective.
+    def refine(self, finer: float) -> float:
+        """Make the next mesh, or the finest that max_dofs allows; greatest size in the contact [length]; collective.
 
         Raises:
             InputError: not even the first mesh is allowed
@@ -76,8 +77,8 @@ class LevelSolver:
             assert family is not None
 
             def made(scale: float) -> int:
-                self._block = family.block(scale)
-                return 3 * len(self._block.points)
+                self.block = family.block(scale)
+                return 3 * len(self.block.points)
 
             if self.scales:
                 scale, dofs = family.finest(self.scales[-1] / finer, self.scales[-1], most, made)
@@ -105,7 +106,7 @@ class LevelSolver:
             substeps: parts of each load step
         """
         start, problem = perf_counter(), self.problem
-        hooks, h = self._hooks, self.levels[-1].h if finer is None else self._refine(finer)
+        hooks, h = self._hooks, self.levels[-1].h if finer is None else self.refine(finer)
         if hooks.checkpoint is not None:  # other limits than those of a run continued may give another size
             name = f"level-{len(self.levels) + 1}-{self.scales[-1]:.6g}-{substeps}"
             hooks = replace(hooks, checkpoint=hooks.checkpoint.part(name))
@@ -113,7 +114,7 @@ class LevelSolver:
         hooks = replace(hooks, on_stage=lambda name: self._hooks.stage(f"{level}: {name}"))
         path = replace(problem.load_path, substeps=substeps)
         problem = replace(problem, load_path=path, size=replace(problem.size, h_contact=h))
-        result = solve_problem(problem, block=self._block, comm=self._comm, hooks=hooks, checked=False)
+        result = solve_problem(problem, block=self.block, comm=self._comm, hooks=hooks, checked=False)
         # facets that miss waves have another mean height than the surface; that of the summit is exact
         top, of_solid = result.solver.contact_surface, result.solver.solid.points
         plane = problem.surface.L * top.mean(of_solid[:, 2]) - problem.height

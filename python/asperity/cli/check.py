@@ -15,7 +15,10 @@ from asperity.units import quantity
 if TYPE_CHECKING:
     from asperity.adaptive.estimate import Estimate
     from asperity.case import Case
+    from asperity.model.problem import Problem
     from asperity.surface import Surface
+
+MOST_MADE = 2_000_000  # dofs of a mesh that is made to be judged: half a minute
 
 
 @click.command()
@@ -26,17 +29,21 @@ if TYPE_CHECKING:
 def check(case_file: str, ranks: int, as_json: bool, overrides: tuple[str, ...]) -> None:
     """Check and estimate a case without solving it.
 
-    Refuses and warns as a run does, then estimates degrees of freedom (dofs), memory and time from the size field of
-    the mesh and rates measured on one machine: expect a factor of 1.5 on a core as fast. What depends on the solution,
-    such as plastic strains, only the run can judge. Exit code 0 when a run accepts the case, 2 when it refuses it.
+    Does what a run does before its first step, the meshes included, and refuses and warns in the same words; then
+    estimates degrees of freedom (dofs), memory and time from the size field of the mesh and rates measured on one
+    machine: expect a factor of 1.5 on a core as fast. What depends on the solution, such as plastic strains, only the
+    run can judge. Exit code 0 when a run accepts the case, 2 when it refuses it.
     """
     from asperity.adaptive.estimate import estimate
     from asperity.case import Case
 
     case = Case.load(case_file, overrides)
-    judge(case)
-    surface = case.build_surface()
+    problem = case.problem()
+    surface = problem.surface
     found = estimate(case, ranks, surface)
+    made = found.dofs <= MOST_MADE or case.accuracy.tolerance is not None
+    if made:
+        prepare(case, problem, found.approach)
     if as_json:
         totals = {"dofs": found.dofs, "seconds": found.seconds, "memory": found.memory, "ranks": ranks}
         options.print_json({"case": case_file, "accepted": True, "estimate": asdict(found) | totals})
@@ -48,19 +55,44 @@ def check(case_file: str, ranks: int, as_json: bool, overrides: tuple[str, ...])
     options.table(case_file, rows, ("", "dofs", "one core"))
     for sentence in _sentences(case, surface, found, ranks):
         options.say(sentence)
-    options.say(f"{case_file}: a run accepts this case")
+    unknown = "" if made else f"; its mesh of {found.dofs} dofs was not made here, and may be refused"
+    options.say(f"{case_file}: a run accepts this case{unknown}")
 
 
-def judge(case: Case) -> None:
-    """Refuse (InputError) a case that a run refuses, and warn where a run warns before it solves."""
+def prepare(case: Case, problem: Problem, approach: float) -> None:
+    """Do what a run does before its first step: refuse (InputError) where it refuses, warn where it warns.
+
+    Args:
+        approach: greatest one, where the load path gives a force that of a half-space [length]
+    """
+    from mpi4py import MPI
+
+    from asperity.adaptive.guide import guide_of
+    from asperity.adaptive.mesh_levels import LevelSolver
     from asperity.mesh.block import BlockMesh
-    from asperity.mesh.resolution import judge_mesh
+    from asperity.model.settings import AccuracyTarget
+    from asperity.quasistatic.callbacks import Callbacks
+    from asperity.quasistatic.make import distributed, make_block
+    from asperity.quasistatic.solve_problem import judge, refuse_other_height
 
-    surface = case.problem().surface
-    if case.mesh.file is not None:
-        BlockMesh.read(case.mesh.file).check(surface)
-    elif case.accuracy.tolerance is None and case.loading.delta_max is not None:
-        judge_mesh(0.0, surface, case.mesh.h_contact, case.loading.delta_max)
+    comm, surface = MPI.COMM_SELF, problem.surface
+
+    def take(block: BlockMesh | None) -> None:
+        refuse_other_height(problem, block)
+        distributed(comm, surface, block, problem.sides)
+
+    if case.accuracy.tolerance is not None:
+        target = AccuracyTarget(**case.accuracy.model_dump())
+        levels = LevelSolver(problem, guide_of(problem), target, comm, Callbacks())
+        for _ in range(2):  # the meshes without which there is no error bar
+            levels.refine(levels.scales[-1] if levels.scales else 1.0)
+            take(levels.block)
+    elif case.mesh.file is not None:
+        take(BlockMesh.read(case.mesh.file))
+    else:
+        block = make_block(comm, surface, problem.height, approach, problem.size, problem.sides)
+        judge(problem, block, approach)
+        take(block)
 
 
 def _sentences(case: Case, surface: Surface, found: Estimate, ranks: int) -> Iterator[str]:

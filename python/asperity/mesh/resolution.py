@@ -12,12 +12,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from asperity.arrays import Floats
 from asperity.errors import MeshError, ResolutionWarning, warn
+from asperity.mesh.block import NEAR
 
 if TYPE_CHECKING:
-    from mpi4py import MPI
-
+    from asperity.mesh.block import BlockMesh
     from asperity.surface import Surface
 
 ELEMENTS = 1.5  # per wavelength: with fewer, the difference of two meshes does not show the error
@@ -53,27 +52,22 @@ def doubt_of_waves(surface: Surface, h: float, delta: float) -> str:
     )
 
 
-def lowered_height(top: Floats, surface: Surface, height: float, delta: float, comm: MPI.Comm) -> float:
-    """Rms change of height by smoothing (see `morph.lift`) of the nodes that the flat would meet, over the approach.
-
-    `top` are the nodes there that this rank owns (n, 3) [length]; collective.
-    """
-    exact = np.asarray(surface.height(top[:, 0], top[:, 1]))
-    off = exact - surface.mean() + height - top[:, 2]
+def lowered_height(block: BlockMesh, surface: Surface, delta: float) -> float:
+    """Rms change of height by smoothing (see `morph.lift`) of the nodes that the flat would meet, over the approach."""
+    x, y, z = block.points[np.abs(block.heights(surface) - block.points[:, 2]) < NEAR * surface.L].T
+    exact = np.asarray(surface.height(x, y))
     met = exact >= surface.maximum()[2] - delta
-    squares, count = comm.allreduce(np.array([np.sum(off[met] ** 2), np.count_nonzero(met)]))
-    return float(np.sqrt(squares / count)) / delta if count else inf
+    off = (exact - surface.mean() + block.height - z)[met]
+    return float(np.sqrt(np.mean(off**2))) / delta if off.size else inf
 
 
-def judge_mesh(off: float, surface: Surface, h: float, delta: float) -> None:
+def judge_mesh(block: BlockMesh, surface: Surface, h: float, delta: float) -> None:
     """Warn of a mesh with elements of size h in the contact that is off its surface, or misses waves; rank 0.
-
-    Args:
-        off: see `lowered_height`
 
     Raises:
         MeshError: little of what the flat meets is left
     """
+    off = lowered_height(block, surface, delta)
     text = (
         f"the elements are too large for the slopes of the surface: heights that the flat meets had to be smoothed by "
         f"{off:.2g} of the greatest approach (rms): reduce mesh.h_contact, or filter the surface"

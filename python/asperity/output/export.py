@@ -10,6 +10,7 @@ from __future__ import annotations
 import json
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
+from itertools import pairwise
 from pathlib import Path
 from textwrap import wrap
 
@@ -225,7 +226,7 @@ def export(
         >>> [line for line in lines if line.startswith("*S")]
         ['*SURFACE INTERACTION, NAME=ASPERITY', '*SURFACE BEHAVIOR, PRESSURE-OVERCLOSURE=TABULAR']
         >>> [line for line in lines if "linearly" in line]
-        ['** read linearly between 10 points, the pressure is up to 0.96 % above the law, the stiffness off by up to 11 %']
+        ['** read linearly between 15 points, the pressure is off the law by up to 1 %, the stiffness by up to 11 %']
     """
     return exported(folder, to, path, law=law, load=load)[0]
 
@@ -260,8 +261,8 @@ def _text(whole: Interface, form: Template) -> tuple[str, str]:
     secant = np.diff(p) / np.diff(z)
     off = max(float(np.abs(secant / k[:-1] - 1.0).max()), float(np.abs(secant / k[1:] - 1.0).max()))
     reading = (
-        f"read linearly between {z.size} points, the pressure is up to {per_cent(error)} above the law, the stiffness "
-        f"off by up to {per_cent(off)}"
+        f"read linearly between {z.size} points, the pressure is off the law by up to {per_cent(error)}, the stiffness "
+        f"by up to {per_cent(off)}"
     )
     friction = ""
     about = [*whole.about, *form.advice, reading]
@@ -298,7 +299,7 @@ def _fewest(z: Array, p: Array, tolerance: float) -> tuple[Array, float]:
             middle = (near + far) // 2
             near, far = (middle, far) if off(i, middle) <= tolerance else (near, middle)
         rows.append(near)
-    return np.array(rows), max((off(i, j) for i, j in zip(rows[:-1], rows[1:], strict=True)), default=0.0)
+    return np.array(rows), max((off(i, j) for i, j in pairwise(rows)), default=0.0)
 
 
 def _about(results: Results, case: Case, law: TableLaw, name: str, measure: str) -> Iterator[str]:
@@ -314,8 +315,8 @@ def _about(results: Results, case: Case, law: TableLaw, name: str, measure: str)
     yield f"pressure: nominal, force over {case.surface.L**2:.6g}; greatest {law.F[-1]:.6g}"
     if name == "table" and law.F[-1] < (1.0 - 1e-6) * top:
         yield (
-            f"beyond it, up to {top:.6g} of the run, the mean gap is within its error bar: the interface is rigid there "
-            "as far as the run can tell, and the table ends"
+            f"beyond it, up to {top:.6g} of the run, the mean gap is within its error bar: the table ends, because the "
+            "interface is rigid there as far as the run can tell"
         )
     bar = results.curve.bar("P_star", int(results.curve.force.argmax()))
     known = "unknown (no accuracy.tolerance)" if bar != bar else f"{per_cent(bar)} at the greatest force"

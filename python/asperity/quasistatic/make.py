@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from asperity.contact import make_contact
 from asperity.contact.contact_surface import ContactSurface
@@ -37,6 +37,23 @@ def make_block(
         return build_block(surface, height, field.at, field.periodic)
 
     return on_root(comm, build)
+
+
+def distributed(comm: MPI.Comm, surface: Surface, block: BlockMesh | None, sides: str) -> tuple[Any, Any]:
+    """Check a mesh on rank 0 and distribute it over the ranks, see `distribute`; collective.
+
+    Raises:
+        MeshError: the block is another surface's, its sides do not fit, or an element is turned inside out
+    """
+
+    def check() -> None:
+        if block is not None:
+            block.check(surface)
+
+    on_root(comm, check)
+    mesh, tags = distribute(comm, block, 1.0 / surface.L, sides == "periodic")
+    check_distortion(mesh, surface)
+    return mesh, tags
 
 
 def make_contact_solver(
@@ -74,15 +91,8 @@ def make_contact_solver(
     if comm.size > 1:
         destroy_unused(comm)  # solvers of earlier runs
     L = surface.L
-
-    def check() -> None:
-        if block is not None:
-            block.check(surface)
-
-    on_root(comm, check)
     height = comm.bcast(None if block is None else block.height, root=0)
-    mesh, tags = distribute(comm, block, 1.0 / L, sides == "periodic")
-    check_distortion(mesh, surface)
+    mesh, tags = distributed(comm, surface, block, sides)
     options = options or SolverOptions()
     solid = Solid(mesh, tags, material.scaled(material.E), sides, options.forms, phases, comm)
     top = ContactSurface(solid)

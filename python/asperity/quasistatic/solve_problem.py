@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING
 
 from asperity.errors import ConvergenceError, Interrupted, MeshError
 from asperity.fem.forms import FormKernels
-from asperity.mesh.block import BlockMesh
-from asperity.mesh.resolution import judge_mesh, lowered_height
+from asperity.mesh.block import NEAR, BlockMesh
+from asperity.mesh.resolution import judge_mesh
 from asperity.model.load_path import Schedule
 from asperity.model.problem import Problem
 from asperity.model.settings import H_CONTACT, MeshSize
@@ -53,28 +53,23 @@ def solve_problem(
     own_mesh = not comm.bcast(block is not None, root=0)  # made for the problem, now or before the run was stopped
     if saved is not None:
         block = saved.block
-    given = comm.bcast(None if block is None else block.height, root=0)
-    wanted, L = problem.block_height, problem.surface.L
-    if given is not None and wanted is not None and abs(given - wanted) > 1e-9 * L:
-        raise MeshError(f"mesh.file: the mesh has the height {given:g}, block.height is {wanted:g}: make them equal")
-    if own_mesh and given is None:
+    on_root(comm, partial(refuse_other_height, problem, block))
+    given, L = comm.bcast(block is not None, root=0), problem.surface.L
+    if own_mesh and not given:
         hooks.stage("mesh")
     delta_max = problem.load_path.delta_max or 0.0  # that the mesh is made for
     if own_mesh and not delta_max:
         with phases.phase("deflection estimate"):
             delta_max = estimate_approach(problem, comm)
-    if own_mesh and given is None:
+    if own_mesh:
         with phases.phase("mesh"):
-            block = make_block(comm, problem.surface, problem.height, delta_max, problem.size, problem.sides)
+            if not given:
+                block = make_block(comm, problem.surface, problem.height, delta_max, problem.size, problem.sides)
+            on_root(comm, partial(judge, problem, block, delta_max))
     hooks.stage("set-up")
     with phases.phase("set-up"):
         solver = solver_of(problem, block, comm, phases)
         solver.probes = hooks.probes(solver.solid)
-        if own_mesh:  # warn where it does not resolve the surface, or refuse it
-            top = solver.solid.points[solver.contact_surface.owned_nodes] * L
-            height = comm.bcast(None if block is None else block.height, root=0)
-            off = lowered_height(top, problem.surface, height, delta_max, comm)
-            on_root(comm, partial(judge_mesh, off, problem.surface, problem.size.h_contact or H_CONTACT * L, delta_max))
     kernels = solver.solid.kernels
     if isinstance(kernels, FormKernels):
         hooks.stage("compilation of the forms")
@@ -113,6 +108,21 @@ def solve_problem(
     if checked:
         refuse_wrong(result.checks, result)
     return result
+
+
+def refuse_other_height(problem: Problem, block: BlockMesh | None) -> None:
+    """Refuse (MeshError) a mesh of another height than that of a problem that has one."""
+    wanted = problem.block_height
+    if block is not None and wanted is not None and abs(block.height - wanted) > NEAR * problem.surface.L:
+        raise MeshError(
+            f"mesh.file: the mesh has the height {block.height:g}, block.height is {wanted:g}: make them equal"
+        )
+
+
+def judge(problem: Problem, block: BlockMesh | None, delta_max: float) -> None:
+    """Warn of a mesh made for an approach [length] that does not resolve the surface, or refuse it; rank 0."""
+    assert block is not None
+    judge_mesh(block, problem.surface, problem.size.h_contact or H_CONTACT * problem.surface.L, delta_max)
 
 
 def _follow(
