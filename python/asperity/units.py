@@ -79,6 +79,22 @@ def amount(text: str, units: Iterable[str]) -> tuple[float, str]:
     return float(found[1]) * factors[found[2]], found[3]
 
 
+def metres(text: str) -> tuple[float, bool]:
+    """Length of a text as "31.25um" [m], and whether the text names its unit; a number alone is in metres.
+
+    Raises:
+        ValueError: it is no length
+
+    Examples:
+        >>> metres("31.25um"), metres("2.5e-7 m"), metres("1e-6")
+        ((3.125e-05, True), (2.5e-07, True), (1e-06, False))
+    """
+    found = re.fullmatch(rf"(.*?) ?({'|'.join(sorted(LENGTHS, key=len, reverse=True))})?", text.strip())
+    assert found is not None
+    number, unit = found.groups()
+    return float(number) * LENGTHS.get(unit, 1.0), unit is not None
+
+
 def plus_minus(value: float, half: float) -> str:
     """Number with the half width of its interval, of two digits, both to the same decimal.
 

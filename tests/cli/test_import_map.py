@@ -142,12 +142,65 @@ def test_bad_maps_and_options_are_one_sentence(
 
 def test_a_spike_is_doubted_and_filled_where_it_is_missing(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert import_map(write(tmp_path, changed(up=0.3e-6)), "-o", tmp_path / "out") == 0
-    assert "mark it as missing (NaN)" in capsys.readouterr().out
-    assert import_map(write(tmp_path, changed(up=np.nan)), "-o", tmp_path / "out") == 0
-    assert "mark it as missing" not in capsys.readouterr().out
+    assert "1 heights stand above" in capsys.readouterr().out
+    for spike, options in (np.nan, ()), (0.3e-6, ("--spikes", "fill")):
+        assert import_map(write(tmp_path, changed(up=spike)), *options, "-o", tmp_path / "out") == 0
+        assert "stand above" not in capsys.readouterr().out
+        assert json.loads((tmp_path / "out/measured.json").read_text())["filled"] == 1 / SCAN.size
     clean = HeightField(SCAN, 1.0, 1.0).levelled("plane").z
     found = HeightMap(path=tmp_path / "out/patch.npz").heights
     assert np.abs(found - clean).max() < 0.1 * np.ptp(clean) < 0.01 * 0.3e-6
+
+
+@pytest.mark.parametrize("places", [1, 30])
+def test_a_filter_hides_no_spike(tmp_path: Path, capsys: pytest.CaptureFixture[str], places: int) -> None:
+    """Spikes of hundreds of rms heights, which a filter smears over its cut-off; filled, the map is the clean one."""
+    z, rng, cutoff = 0.01 * SCAN, np.random.default_rng(5), ("--cutoff", f"{SIDE / 12:g}")
+    iy, ix = rng.integers(3, 253, (2, places))
+    z[iy, ix] += 300e-9 * rng.uniform(0.1, 1.0, places)
+    assert import_map(write(tmp_path, z), "-o", tmp_path / "out", *cutoff) == 0
+    assert f"{places} heights stand above" in capsys.readouterr().out
+    smeared = HeightMap(path=tmp_path / "out/patch.npz").heights
+    assert import_map(write(tmp_path, z), "-o", tmp_path / "out", *cutoff, "--spikes", "fill") == 0
+    filled = HeightMap(path=tmp_path / "out/patch.npz").heights
+    assert import_map(write(tmp_path, 0.01 * SCAN), "-o", tmp_path / "out", *cutoff) == 0
+    clean = HeightMap(path=tmp_path / "out/patch.npz").heights
+    assert np.abs(filled - clean).max() < 0.05 * clean.std() < 0.05 * np.abs(smeared - clean).max()
+
+
+@pytest.mark.parametrize(
+    ("pixel", "options", "side"),
+    [("31.25um", (), 250e-6), ("31.25e-6", (), 250e-6), ("0.03125mm,31250 nm", (), 250e-6),
+     ("31.25um", ("--window", "0", "0.025mm", "220um"), 220e-6)],
+)  # fmt: skip
+def test_lengths_have_units(tmp_path: Path, pixel: str, options: tuple[str, ...], side: float) -> None:
+    np.save(tmp_path / "map.npy", 1e-6 * np.random.default_rng(3).normal(size=(9, 9)))
+    assert import_map(tmp_path / "map.npy", "--pixel", pixel, *options, "-o", tmp_path / "out") == 0
+    assert HeightMap(path=tmp_path / "out/patch.npz").L == pytest.approx(side, rel=1e-9)
+
+
+def test_a_length_without_unit_beside_another_unit_is_refused(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """It may be meant in either; the factor of a million between them is the mistake of a map of 250 m."""
+    np.save(tmp_path / "map.npy", np.random.default_rng(3).normal(size=(9, 9)))
+    for given in (
+        ["--pixel", "31.25"],
+        ["--pixel", "31.25um", "--cutoff", "80"],
+        ["--pixel", "1um", "--window", *"017"],
+    ):
+        assert import_map(tmp_path / "map.npy", *given, "--unit", "um", "-o", tmp_path / "out") == 2
+        assert "has no unit beside --unit um; write" in capsys.readouterr().err
+    assert import_map(tmp_path / "map.npy", "--pixel", "31.25um", "--unit", "um", "-o", tmp_path / "out") == 0
+
+
+@pytest.mark.usefixtures("coarse_guide")
+def test_a_map_of_which_no_case_can_be_made_is_named(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Not a case file that does not exist."""
+    np.save(tmp_path / "map.npy", np.random.default_rng(3).normal(size=(9, 9)))
+    assert import_map(tmp_path / "map.npy", "--pixel", "31.25m", "--unit", "um", "-o", tmp_path / "out") == 2
+    error = capsys.readouterr().err.splitlines()[-1]
+    assert error.startswith(f"error: {tmp_path}/map.npy makes no case") and "case.toml" not in error
 
 
 def test_of_a_huge_map_a_window_is_cut(
@@ -196,6 +249,24 @@ def rough(seed: int, height: float = 0.3e-6, lambda_short: float = 2e-6) -> np.n
 
 def turned(feed: float) -> np.ndarray:
     return ((X + 0.03 * Y) % feed - feed / 2) ** 2 / 80e-6 + rough(11, 15e-9, lambda_short=1.2e-6) + 4e-9 * NOISE
+
+
+def surfaces_without_spikes() -> dict[str, np.ndarray]:
+    """Sharp, smooth, quantised, worn, stepped and scratched surfaces."""
+    rng, x, y = np.random.default_rng(2), *np.meshgrid(np.arange(256.0), np.arange(256.0))
+    noise, steps = rng.normal(size=x.shape), np.ptp(SCAN) / 8
+    cones = np.maximum(0.0, 10.0 - np.hypot(x % 20 - 10, y % 20 - 10))
+    scratched = np.where(rng.uniform(size=256) < 0.1, -50.0, 0.0)[:, None] + noise
+    return {
+        "smooth": rough(2, lambda_short=30e-6), "rough": SCAN, "quantised": steps * np.rint(SCAN / steps),
+        "worn": np.minimum(SCAN, np.quantile(SCAN, 0.5)) + 0.02 * SCAN, "cones": cones,
+        "step": np.where(x < 100, 0.0, 1000.0) + noise, "scratched": scratched, "turned": turned(9e-6),
+    }  # fmt: skip
+
+
+@pytest.mark.parametrize("name", surfaces_without_spikes())
+def test_other_surfaces_have_no_spikes(name: str) -> None:
+    assert not HeightField(surfaces_without_spikes()[name], 1.0, 1.0).spikes().any()
 
 
 @pytest.fixture

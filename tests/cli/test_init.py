@@ -14,11 +14,12 @@ import pytest
 from conftest import call
 
 import asperity as asp
+from asperity.adaptive.estimate import estimate
 from asperity.case import Case
 from asperity.case.keys import kind_of, properties, sections
 from asperity.case.schema import Input
 from asperity.case.surfaces import SURFACES as MODELS
-from asperity.cli.check import judge
+from asperity.cli.check import prepare
 from asperity.cli.init import SURFACES, starting_case
 
 COMMENTED = re.compile(r"^# (\[\w+\]|\w+ = \S.*)$", re.MULTILINE)
@@ -37,7 +38,7 @@ def test_the_case_is_accepted_without_a_warning(kind: str, tmp_path: Path) -> No
     assert case.surface.kind == kind and case.material.plastic
     with warnings.catch_warnings():
         warnings.simplefilter("error")
-        judge(case)
+        prepare(case, case.problem(), estimate(case).approach)
 
 
 @pytest.mark.parametrize("kind", SURFACES)

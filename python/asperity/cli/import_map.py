@@ -43,36 +43,34 @@ STEPPED = 32  # different heights, of a sample of them, below which a spectrum i
 SMOOTHEST = 1e-4  # rms slope; below it, heights and distances may have different units
 
 
-def _pixel(text: str) -> tuple[float, float]:
-    """A length, or those along x and y with a comma."""
-    try:
-        x, y = (float(part) for part in (text.split(",") if "," in text else (text, text)))
-    except ValueError:
-        raise click.BadParameter(f"{text}: give a length in metres, or two as 1e-6,2e-6") from None
-    return x, y
-
-
 @click.command()
 @click.argument("map_file", metavar="MAP")
 @options.output("OUT", "Folder; default out/<name of the file>.")
-@click.option("--pixel", type=_pixel, metavar="LENGTH[,LENGTH]",
-              help="Distance between heights in metres, or those along x and y, where the file has none.")  # fmt: skip
-@click.option("--unit", metavar="UNIT",
+@click.option("--pixel", type=options.Lengths(), metavar="LENGTH[,LENGTH]",
+              help="Distance between heights, or those along x and y, where the file has none.")  # fmt: skip
+@click.option("--unit", metavar="UNIT", is_eager=True,
               help=f"Of lengths whose unit the file does not name: {', '.join(filter(str.isascii, LENGTHS))}, or a "
               "number of metres; default m.")  # fmt: skip
 @click.option("--channel", metavar="NAME", help="Of the file of an instrument, or its number; default its reader's.")
 @click.option("--array", metavar="NAME", help="Of the heights in an .npz file; default z, or the only map.")
 @click.option("--missing", type=float, metavar="VALUE", help="Value in the file that stands for a missing height.")
+@click.option("--spikes", type=click.Choice(["keep", "fill"]), default="keep", show_default=True,
+              help="Heights that stand above their neighbours as dust does; fill takes them for missing.")  # fmt: skip
 @click.option("--level", type=click.Choice(["mean", "plane", "curvature"]), default="plane", show_default=True,
               help="Trend to remove.")  # fmt: skip
-@click.option("--window", type=float, nargs=3, metavar="X Y SIDE", help="Square to cut; default the largest.")
-@click.option("--cutoff", type=float, metavar="LENGTH", help="Wavelength of a Gaussian low-pass filter; default none.")
+@click.option(
+    "--window", type=options.Length(), nargs=3, metavar="X Y SIDE", help="Square to cut; default the largest."
+)
+@click.option(
+    "--cutoff", type=options.Length(), metavar="LENGTH", help="Wavelength of a Gaussian low-pass filter; default none."
+)
 @options.as_json
 def import_map(map_file: str, output: str | None, as_json: bool, **given: Any) -> None:
     """Make a case from a measured height map.
 
     Levels the map, cuts a square patch, and computes its statistics, spectrum and Hurst exponent. MAP is .npz or .npy,
-    text (a matrix, or lines of x, y, z), or a file of an instrument that SurfaceTopography reads. Lengths in metres.
+    text (a matrix, or lines of x, y, z), or a file of an instrument that SurfaceTopography reads. Lengths are written
+    as 0.2um; without a unit they are in metres.
     OUT receives patch.npz, case.toml to start from, measured.json, surface.png, abbott.png and spectrum.png.
     """
     from asperity.runtime.files import files_into
@@ -101,7 +99,8 @@ def import_map(map_file: str, output: str | None, as_json: bool, **given: Any) -
         try:
             cost = _cost(aside / "case.toml", scan.surface)
         except InputError as error:
-            raise InputError(str(error).replace(str(aside), str(folder))) from None
+            text = str(error).removeprefix(f"{aside / 'case.toml'}: ").replace(str(aside), str(folder))
+            raise InputError(f"{map_file} makes no case that can be run: {text}") from None
         except CompatError:  # the map can be made where nothing is solved
             cost = ""
     progress.done()
@@ -127,7 +126,7 @@ class _Scan:
 
     def __init__(
         self, map_file: str, stage: Callable[[str], None], *, level: Trend, window: tuple[float, float, float] | None,
-        cutoff: float | None, **given: Any,
+        cutoff: float | None, spikes: str, **given: Any,
     ) -> None:  # fmt: skip
         from asperity.surface.height_map import HeightMap
         from asperity.surface.iso25178 import iso25178
@@ -144,12 +143,19 @@ class _Scan:
         levels = np.unique(whole.z.ravel()[:: max(whole.z.size // 100_000, 1)]).size
         self.filled = whole.missing if window is None else whole.missing_in(*window)
         stage(f"level {' x '.join(map(str, whole.z.shape[::-1]))} heights")
-        whole = whole.filled(window).levelled(level)
+        read, whole = whole, whole.filled(window).levelled(level)
+        found = whole.spikes()
+        if spikes == "fill" and found.any():
+            read = read.without(found)
+            self.filled = read.missing if window is None else read.missing_in(*window)
+            whole = read.filled(window).levelled(level)
+            self.notes += (f"{np.count_nonzero(found)} heights are spikes, which are filled",)
         bare = self.patch = cut(whole)  # without a filter, which would bend the spectrum near its cut-off
         if cutoff is not None:
             stage("filter")
             self.patch = cut(whole.filtered(cutoff))
         self.patch.check_plausible()
+        self.doubt = _dust(bare)  # which a filter hides
         stage("statistics")
         self.spectrum, self.affine = psd(bare.z, len(bare.z) * bare.dx), None
         try:
@@ -161,6 +167,25 @@ class _Scan:
         self.surface = HeightMap.of(self.patch.z, self.patch.size[0])
         self.slope = self.surface.rms_slope()
         self.iso = iso25178(self.patch.z, self.patch.dx, self.patch.dy)
+
+
+def _dust(patch: HeightField) -> str:
+    """Sentence on heights of an unfiltered patch that may not belong to the surface; empty without any."""
+    if (found := patch.spikes()).any():
+        return (
+            f"{np.count_nonzero(found)} heights stand above their neighbours as dust and spikes of an instrument do, "
+            f"the highest {_metres(float(patch.z[found].max()))} above the mean: if they do not belong to the surface, "
+            "--spikes fill takes them for missing"
+        )
+    highest = float(patch.z.max() / patch.z.std())
+    return (
+        ""
+        if highest <= HIGH
+        else (
+            f"the highest point is {highest:.0f} rms heights above the mean, as dust is: if it does not belong to the "
+            "surface, mark it as missing (NaN) in the map, and it is filled"
+        )
+    )
 
 
 def _draw(folder: Path, scan: _Scan) -> None:
@@ -204,11 +229,8 @@ def _doubts(scan: _Scan, cost: str) -> Iterator[str]:
         )
     if affine is not None and not -affine.error_H <= affine.H <= 1.0 + affine.error_H:
         yield f"H = {affine.H:.2f} is outside 0 to 1: the spectrum is not that of a self-affine surface"
-    if scan.iso.Sp > HIGH * scan.iso.Sq:
-        yield (
-            f"the highest point is {scan.iso.Sp / scan.iso.Sq:.0f} rms heights above the mean, as dust or a spike "
-            "is: if it does not belong to the surface, mark it as missing (NaN) in the map, and it is filled"
-        )
+    if scan.doubt:
+        yield scan.doubt
     if cost:
         yield cost
 

@@ -40,7 +40,8 @@ WIDTH = 34  # of "key = value"
               help="Joint with this nominal area (m²), preload (N) and vibrating mass (kg).")  # fmt: skip
 @click.option("--example", type=click.Choice(("demo", "scan", "joint")),
               help="The case of the demo, a map as of an instrument (FILE is scan.csv then), or a joint.")  # fmt: skip
-@click.option("--Sq", "sq", type=float, metavar="LENGTH", help="Rms height of the surface (m); with --slope.")
+@click.option("--Sq", "sq", type=options.Length(), metavar="LENGTH",
+              help="Rms height of the surface, as 0.4um; without a unit in metres; with --slope.")  # fmt: skip
 @click.option("--slope", type=float, metavar="SLOPE", help="Rms slope of the surface; with --Sq.")
 def init(
     file: Path | None, kind: str, scan: Path | None, joint: tuple[float, float, float] | None, example: str | None,
@@ -67,7 +68,7 @@ def init(
     if joint is not None and sq is None and scan is None:
         raise InputError(
             "the stiffness of a joint follows from the roughness of its faces: give their rms height and rms slope, as "
-            "--Sq 0.4e-6 --slope 0.1, or a map of one with --from"
+            "--Sq 0.4um --slope 0.1, or a map of one with --from"
         )
     advice = f"asperity check {file}"
     if example == "scan":
@@ -76,7 +77,7 @@ def init(
         # in metres and without lengths: that of the tutorial
         surface = SelfAffine(L=50e-6, H=0.8, rms_height=0.2e-6, lambda_short=2e-6, seed=5)
         text = "\n".join(",".join(f"{z:.6e}" for z in row) for row in surface.grid(256).tolist()) + "\n"
-        advice = f"asperity import-map {file} --pixel 0.2e-6 --cutoff 4e-6"
+        advice = f"asperity import-map {file} --pixel 0.2um --cutoff 4um"
     elif example == "demo":
         package = Path(__file__).parent.parent
         demos = [folder / "cases/demo.toml" for folder in (package, package.parent.parent)]  # of a wheel, of a clone

@@ -13,6 +13,7 @@ import click
 
 from asperity.errors import InputError
 from asperity.runtime.progress import world_rank
+from asperity.units import LENGTHS, metres
 
 case_file = click.argument("case_file", metavar="CASE.toml", type=click.Path())
 run_folder = click.argument("folder", metavar="OUT", type=click.Path(exists=True, file_okay=False))
@@ -82,6 +83,35 @@ tolerances = click.option(
     "--rtol", "tolerances", multiple=True, metavar="COLUMN=VALUE", callback=_tolerances,
     help="Compare this column to this relative tolerance; replaces the defaults. Repeatable.",
 )  # fmt: skip
+
+
+class Length(click.ParamType):
+    """A length with its unit, as 31.25um; a number alone is in metres, and refused beside another --unit."""
+
+    name = "length"
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> float:
+        if isinstance(value, float):
+            return value
+        try:
+            length, named = metres(value)
+        except ValueError:
+            self.fail(f"{value} is no length; write it as 31.25um, or in metres", param, ctx)
+        unit = None if ctx is None else ctx.params.get("unit")
+        if unit in LENGTHS and unit != "m" and not named:
+            self.fail(f"{value} has no unit beside --unit {unit}; write {value}{unit}, or {value}m", param, ctx)
+        return length
+
+
+class Lengths(Length):
+    """One length, or two with a comma."""
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
+        parts = str(value).split(",")
+        if len(parts) > 2:
+            self.fail(f"{value}: give a length, or two as 1um,2um", param, ctx)
+        found = [super(Lengths, self).convert(part, param, ctx) for part in parts]
+        return found[0], found[-1]
 
 
 @contextmanager

@@ -27,6 +27,7 @@ from asperity.surface.scale_space import gaussian_filtered
 Trend = Literal["mean", "plane", "curvature"]
 
 MOST_MISSING = 0.2  # share of heights that may be filled; more would be guesswork
+SPIKE = 10.0  # distance of a spike from the median of its neighbours over the usual one; 7 at most on rough surfaces
 SAME = 1e-3  # relative difference of lengths that were rounded
 STEEPEST = 30.0  # greatest plausible rms slope
 
@@ -167,6 +168,27 @@ class HeightField:
             )
         return replace(self, z=_harmonic_fill(self.z, np.isnan(self.z)))
 
+    def spikes(self) -> Flags:
+        """Heights (ny, nx) that stand far above their neighbours, as those of dust and of spikes of an instrument do.
+
+        The distance from the median of 5 x 5 heights exceeds that of nearly all heights, see SPIKE, and the rms height:
+        on a smooth surface nearly all have none. A step is no spike, and neither is dust wider than three pixels.
+
+        Raises:
+            InputError: heights are missing
+        """
+        from scipy.ndimage import median_filter
+
+        self._require_complete("searched for spikes")
+        above = self.z - median_filter(self.z, 5, mode="nearest")
+        usual = 1.4826 * float(np.median(np.abs(above)))  # the deviation of a normal distribution
+        usual = max(usual, 0.5 * float(np.sqrt(np.mean(above**2))))  # of flats most have none
+        return np.asarray((above > SPIKE * usual) & (above > self.z.std()))
+
+    def without(self, heights: Flags) -> HeightField:
+        """The map with some heights (ny, nx) missing."""
+        return replace(self, z=np.where(heights, np.nan, self.z))
+
     def levelled(self, trend: Trend = "plane") -> HeightField:
         """Subtract the least-squares polynomial: "mean", "plane", or "curvature" (second order)."""
         if trend not in POWERS:
@@ -245,7 +267,7 @@ class HeightField:
             return
         raise InputError(
             f"heights that differ by {depth:.3g} m over a side of {max(self.size):.3g} m, with an rms slope of "
-            f"{slope:.2g}, are not plausible: give all lengths in one unit (--pixel is in metres, --unit of heights)"
+            f"{slope:.2g}, are not plausible: give all lengths in one unit (--pixel 0.2um, --unit of the file)"
         )
 
     def save(self, path: str | Path, about: Mapping[str, Any] | None = None) -> Path:
