@@ -37,13 +37,28 @@ def test_differences_name_column_row_and_size():
     assert difference.error == pytest.approx(0.01)
     assert "at step 3, relative difference 0.01 > 1e-06" in str(difference)
     assert compare_curves(other, reference, {"force": 0.011}) == []
-    assert compare_curves(other, reference, {"P_star": 0.0}) == []
+    assert [d.column for d in compare_curves(other, reference, {"P_star": 0.0})] == ["force"]
+
+
+@pytest.mark.parametrize("name", ["max_pressure", "k_n_elastic", "mean_gap", "spots", "error_k_t", "strained_fraction"])
+def test_a_tolerance_of_one_column_leaves_the_others_compared(name: str) -> None:
+    """By default each column that both have; a column that one lacks is none, unless the reference stores it."""
+    reference, values = make_curve(), getattr(make_curve(), name)
+    other = change(reference, 2, **{name: values[2] + 0.01 * values.max() if name != "spots" else 4})
+    for tolerances in (None, {"force": 0.05}, {"delta": 1.0, "P_star": 1.0}):
+        assert [d.column for d in compare_curves(other, reference, tolerances)] == [name]
+    assert compare_curves(other, reference, {name: 0.5}) == []
+    nothing = 0 if name == "spots" else math.nan
+    without = Curve.from_rows([row | {name: nothing} for row in reference.rows()])
+    assert compare_curves(without, reference) == [] == compare_curves(reference, without)
+    (lost,) = compare_curves(without, make_curve(tolerances={name: 1e-3}))
+    assert lost.column == name
 
 
 def test_tolerances_come_with_the_stored_curve():
     reference = make_curve(tolerances={"force": 0.02})
-    other = change(reference, 2, force=reference.force[2] + 0.01 * reference.force.max(), delta=1.0, krylov=1)
-    assert compare_curves(other, reference) == compare_curves(make_curve(), make_curve()) == []
+    other = change(reference, 2, force=reference.force[2] + 0.01 * reference.force.max(), krylov=1)
+    assert compare_curves(other, reference) == [] != compare_curves(other, make_curve())
 
 
 def test_a_value_that_turns_into_nan_is_a_difference():
@@ -82,7 +97,6 @@ def test_a_comparison_of_nothing_is_refused(tmp_path: Path) -> None:
         with pytest.raises(InputError, match="so nothing is compared"):
             compare_curves(a, b, tolerances)
     assert compare_curves(none, curve)[0].column == "rows"
-    assert compare_curves(measured, measured) == []
     curve.write(tmp_path / "curve.csv")
     (tmp_path / "link.csv").symlink_to(tmp_path / "curve.csv")
     none.write(tmp_path / "none.csv")
@@ -90,7 +104,7 @@ def test_a_comparison_of_nothing_is_refused(tmp_path: Path) -> None:
     replace(curve, header={"tolerances": {}}).write(other)
     top = int(np.argmax(curve.force))
     change(curve, top, force=1.4 * curve.force[top]).write(tmp_path / "changed.csv")
-    for code, *rtol in ((1,), (0, "P_star=1e-9"), (0, "force=0.5"), (2, "force"), (2, "farce=1")):
+    for code, *rtol in ((1,), (1, "P_star=1e-9"), (0, "force=0.5"), (2, "force"), (2, "farce=1")):
         given = [word for text in rtol for word in ("--rtol", text)]
         assert call("compare", tmp_path / "curve.csv", tmp_path / "changed.csv", *given) == code
     for first, second in (("link.csv", "curve.csv"), (".", "curve.csv"), ("none.csv", "none.csv"), (".", other)):

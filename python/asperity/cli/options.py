@@ -81,7 +81,7 @@ def _tolerances(context: click.Context, parameter: click.Parameter, texts: tuple
 
 tolerances = click.option(
     "--rtol", "tolerances", multiple=True, metavar="COLUMN=VALUE", callback=_tolerances,
-    help="Compare this column to this relative tolerance; replaces the defaults. Repeatable.",
+    help="Relative tolerance of this column in place of its own; all others are compared as without. Repeatable.",
 )  # fmt: skip
 
 

@@ -91,10 +91,11 @@ def baseline(case_file: str, folder: str, file: Path, tolerances: dict[str, floa
 def compare(first: Path, second: Path, tolerances: dict[str, float] | None) -> int:
     """Compare two curves, column by column.
 
-    A is the run, B the reference; each is a run directory or a curve.csv. Exit code 0 when they agree, 1 when not.
+    A is the run, B the reference; each is a run directory or a curve.csv. All columns are compared that both have,
+    without iterations and times. Exit code 0 when they agree, 1 when not.
     """
     from asperity.curve import Curve
-    from asperity.output.comparison import compare_curves
+    from asperity.output.comparison import compare_curves, compared
 
     files = [path / CURVE if path.is_dir() else path for path in (first, second)]
     if all(path.is_file() for path in files) and files[0].samefile(files[1]):
@@ -104,5 +105,5 @@ def compare(first: Path, second: Path, tolerances: dict[str, float] | None) -> i
     for difference in differences:
         options.say(str(difference))
     if not differences:
-        options.say(f"the curves agree ({len(a)} steps)")
+        options.say(f"the curves agree ({len(a)} steps, {len(compared(a, b, tolerances))} columns)")
     return 1 if differences else 0

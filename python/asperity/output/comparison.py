@@ -17,16 +17,11 @@ from asperity.errors import InputError
 from asperity.output.results import Results
 from asperity.runtime.display import show
 
-#: Relative tolerances of compare_curves; other columns are not compared.
+#: Relative tolerances of compare_curves, of all columns but those of the branch, which is compared as such, and of what
+#: a step has cost.
 TOLERANCES: Mapping[str, float] = {
-    "delta": 1e-9,
-    "force": 1e-6,
-    "P_star": 1e-6,
-    "area_fraction": 1e-3,
-    "max_pressure": 1e-3,
-    "plastic_fraction": 1e-3,
-    "max_plastic_strain": 1e-3,
-}
+    name: 1e-3 for name in COLUMNS if name not in ("step", "branch", "newton", "krylov", "seconds")
+} | {"delta": 1e-9, "delta_star": 1e-9, "force": 1e-6, "P_star": 1e-6}
 
 
 def store_curve(
@@ -38,7 +33,7 @@ def store_curve(
         case_file: case of the run; the header contains its path relative to `file`
         folder: of the run
         file: CSV file to write
-        tolerances: relative, by column; default TOLERANCES
+        tolerances: relative, of columns that have others than TOLERANCES
 
     Raises:
         InputError: the folder contains no finished run of this case, or a tolerance is illegal
@@ -60,7 +55,7 @@ def store_curve(
         | {key: value for key, value in mesh.items() if value is not None},
         "seed": results.summary["seed"],
         "steps": len(results.curve),
-        "tolerances": _checked(TOLERANCES if tolerances is None else tolerances),
+        "tolerances": compared(results.curve, results.curve, tolerances),
         "versions": results.summary["versions"],
     }
     curve = replace(results.curve, header=header)
@@ -104,28 +99,24 @@ def compare_curves(a: Curve, b: Curve, tolerances: Mapping[str, float] | None = 
     Args:
         a: the curve
         b: the reference; errors are relative to the largest magnitude of each of its columns
-        tolerances: by column; default the "tolerances" in the header of `b`, else TOLERANCES.
-            Other columns are not compared.
+        tolerances: see `compared`
 
     Returns:
         One difference for each column that exceeds its tolerance, or one for the first step without
         counterpart; empty if the curves agree. NaN agrees with NaN only.
 
     Raises:
-        InputError: a tolerance is negative or no number, its column is unknown, or nothing would be compared: no
-            tolerance, no step, or no value in the columns of the reference
+        InputError: as for `compared`, or the reference has no step
 
     Examples:
-        >>> a, b = (asp.Curve.from_rows([{"delta": 1.0, "force": force}]) for force in (2.0, 2.1))
+        >>> a, b = (asp.Curve.from_rows([{"delta": 1.0, "force": force, "spots": 2}]) for force in (2.0, 2.1))
 
         >>> [difference.column for difference in compare_curves(a, b)], compare_curves(a, b, {"force": 0.1})
         (['force'], [])
     """
-    chosen = _checked(b.header.get("tolerances", TOLERANCES) if tolerances is None else tolerances)
+    chosen = compared(a, b, tolerances)
     if not len(b):
         raise InputError("The reference has no step, so nothing is compared.")
-    if not any(np.isfinite(getattr(b, name)).any() for name in chosen):
-        raise InputError(f"The reference has no value in {', '.join(chosen)}, so nothing is compared.")
     shared = min(len(a), len(b))
     changed = np.flatnonzero(a.branch[:shared] != b.branch[:shared])
     if changed.size:
@@ -144,6 +135,32 @@ def compare_curves(a: Curve, b: Curve, tolerances: Mapping[str, float] | None = 
             values = getattr(a, name)[row].item(), getattr(b, name)[row].item()
             differences.append(Difference(name, row, *values, float(error[row]), tolerance))
     return differences
+
+
+def compared(a: Curve, b: Curve, tolerances: Mapping[str, float] | None = None) -> dict[str, float]:
+    """Columns of a curve and its reference that are compared, with their relative tolerances.
+
+    All columns in which both have values, those of which the reference stores a tolerance in its header, and those of
+    `tolerances`.
+
+    Args:
+        tolerances: of single columns, in place of those of the header and of TOLERANCES
+
+    Raises:
+        InputError: a tolerance is negative or no number, its column is unknown, or has no value in the reference
+    """
+    stored = _checked(b.header["tolerances"]) if "tolerances" in b.header else {}
+    given = {} if tolerances is None else _checked(tolerances)
+    if missing := [name for name in given if not _known(b, name)]:
+        raise InputError(f"The reference has no value in {', '.join(missing)}, so nothing is compared there.")
+    both = {name: rtol for name, rtol in TOLERANCES.items() if _known(a, name) and _known(b, name)}
+    return both | {name: rtol for name, rtol in stored.items() if _known(b, name)} | given
+
+
+def _known(curve: Curve, name: str) -> bool:
+    """Whether a column has values; a count that no row has is 0."""
+    values = getattr(curve, name)
+    return bool(np.any(values != 0) if values.dtype.kind == "i" else np.isfinite(values).any())
 
 
 def _checked(tolerances: Any) -> dict[str, float]:
