@@ -15,8 +15,8 @@ from asperity.adaptive.solve_contact import solve_contact
 from asperity.model.material import Material
 from asperity.model.settings import Formulation, MeshSize
 from asperity.output.fields import gather_top_states
-from asperity.quasistatic.make import make_contact_solver
-from asperity.quasistatic.measures import equivalent_strain, row
+from asperity.quasistatic.make import make_block, make_contact_solver
+from asperity.quasistatic.measures import equivalent_strain, mean_stress, row
 from asperity.surface import Sinusoid, Surface
 
 NU = 0.3
@@ -104,3 +104,42 @@ def test_the_plastic_fraction_is_one_of_volume(rough: Surface, coarse: Any) -> N
     kernels, found = solver.solid.kernels, row(solver)["plastic_fraction"]
     flows = kernels.history().accumulated > 0.0
     assert found == pytest.approx(np.average(flows, weights=kernels.volumes)) != pytest.approx(flows.mean())
+
+
+@pytest.mark.parametrize("height", [0.5, 2.0])
+def test_strained_and_plastic_fractions_are_those_of_any_height(height: float) -> None:
+    """A flat block, uniformly compressed by 0.1: all of it is strained, by 2/3 of that, and all of it has yielded."""
+    from asperity.surface import Flat
+
+    for material in (ELASTIC, PLASTIC):
+        curve = solve_contact(
+            Flat(L=1.0), material, height=height, delta_max=0.1 * height, steps=2, size=MeshSize(0.5, h_max=0.5),
+            comm=here(),
+        ).curve  # fmt: skip
+        assert (curve.strained_fraction[0], curve.strained_fraction[-1]) == pytest.approx((0.0, 1.0))
+        assert curve.plastic_fraction[-1] == pytest.approx(1.0 if material.plastic else 0.0)
+
+
+def test_the_strained_fraction_of_a_contact_is_that_of_its_volume() -> None:
+    """A higher block has the same strained spot: its part is as much smaller."""
+    surface, fractions = Sinusoid(L=1.0, amplitude=0.05, dims=2), []
+    for height in (0.5, 2.0):
+        block = make_block(here(), surface, height, 0.03, MeshSize(0.06, growth=0.5))
+        solver = make_contact_solver(here(), surface, block, ELASTIC)
+        while solver.force < 0.02:
+            assert solver.step(solver.delta + 0.005).converged
+        strained = np.sum(solver.solid.kernels.volumes[equivalent_strain(solver) > 0.05])
+        fractions.append(row(solver)["strained_fraction"])
+        assert fractions[-1] * height == pytest.approx(float(strained), rel=1e-4)  # mean height of the facets
+    assert 0.0 < fractions[1] < 0.5 * fractions[0]
+
+
+@pytest.mark.parametrize("material", [ELASTIC, PLASTIC])
+def test_the_mean_stress_of_the_cells_carries_the_force(rough: Surface, coarse: Any, material: Material) -> None:
+    """Divergence theorem: the integral of the vertical stress is that of the force of the flat times its height."""
+    solver = make_contact_solver(here(), rough, coarse, material)
+    assert solver.step(0.02).converged
+    stress, _ = mean_stress(solver, solver.solid.u.x.array.reshape(-1, 3))
+    volumes = solver.solid.kernels.volumes.sum(axis=1)
+    z = solver.solid.points[: solver.nodal_force.size, 2]
+    assert stress[:, 2] @ volumes == pytest.approx(-float(solver.nodal_force @ z), rel=1e-5)

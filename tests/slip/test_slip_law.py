@@ -43,6 +43,19 @@ def test_energy_is_that_of_masings_loop_for_any_law() -> None:
         assert law.energy(t) == pytest.approx(masing, rel=1e-6)
 
 
+@pytest.mark.parametrize("block", [(0.0, 0.0), (0.1, 0.0), (0.1, 0.3)])
+def test_the_tangent_is_the_slope_of_the_displacement(block: tuple[float, float]) -> None:
+    """With the block too, whose compliance is in series."""
+    z = np.geomspace(0.02, 1.0, 15)
+    law, d = SlipLaw(asp.TableLaw(z, z**1.3 + 0.5 * z**3), 0.9, MU, 0.2, block), 1e-6
+    for t in (0.2, 0.7, 0.95):
+        slope = (law.displacement(t + d) - law.displacement(t - d)) / (2 * d * law.limit)
+        assert law.k_tangent(t) == pytest.approx(1.0 / slope, rel=1e-5)
+    if block == (0.1, 0.3):
+        alone = SlipLaw(law.normal, 0.9, MU, 0.2, (0.1, 0.0))
+        assert 1.0 / law.k_tangent(0.3) - 1.0 / alone.k_tangent(0.3) == pytest.approx(0.3, rel=1e-12)
+
+
 @pytest.mark.parametrize("amplitude", [0.2, 0.8])
 def test_the_path_closes_and_its_work_is_what_it_dissipates(sphere: SlipLaw, amplitude: float) -> None:
     path = path_of_law(sphere, amplitude, steps=400)
