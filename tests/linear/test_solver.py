@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import subprocess
+import sys
 from collections import Counter
 from contextlib import nullcontext
 from pathlib import Path
@@ -9,7 +11,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from conftest import here, world
+from conftest import CLEAN, here, world
 
 from asperity.errors import AsperityWarning, ConvergenceError
 from asperity.fem.ghosts import SharedSums
@@ -217,3 +219,14 @@ def test_ranks_that_share_no_node_keep_their_parts() -> None:
     parts = np.ones((3, 4), dtype=np.float32)
     SharedSums(IndexMap(world(), 3), world(), 4).add(parts)
     np.testing.assert_array_equal(parts, np.ones((3, 4)))
+
+
+def test_petsc_warns_of_options_of_the_user_alone() -> None:
+    """Where a run ends before its solvers are set up, their defaults are no spelling mistakes."""
+    program = "from mpi4py import MPI; from asperity.linear.petsc import GAMG, set_defaults; "
+    program += "set_defaults('asperity_', GAMG | {'mat_mumps_icntl_14': 100})"
+    environment = CLEAN | {"PETSC_OPTIONS": "-asperity_missspelt 1"}
+    done = subprocess.run([sys.executable, "-c", program], env=environment, capture_output=True, text=True, check=True)
+    assert [line.split()[2] for line in (done.stdout + done.stderr).splitlines() if line.startswith("Option left")] == [
+        "name:-asperity_missspelt"
+    ]

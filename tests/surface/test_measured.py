@@ -93,10 +93,11 @@ def test_without_surfacetopography_the_remedy_is_named(tmp_path: Path, monkeypat
         return real(name, *args, **kwargs)
 
     monkeypatch.setattr(builtins, "__import__", absent)
-    for name in ("scan.sur", "scan.dat"):  # as its bytes show
+    for name, kind in (("scan.sur", CompatError), ("scan.dat", InputError), ("scan.xyz", InputError)):
         (tmp_path / name).write_bytes(b"x\0")
-        with pytest.raises(CompatError, match=r"is no text and .* pip install .asperity\[scan\]"):
+        with pytest.raises(kind, match=r"is no text.*pip install .asperity\[scan\]") as refused:
             HeightField.read(tmp_path / name)
+        assert ("it is damaged, or" in str(refused.value)) == (kind is InputError)
 
 
 def test_instrument_files_are_read_by_surfacetopography(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -82,7 +82,8 @@ def set_rigid_modes(A: Any, points: Floats) -> None:
 def set_defaults(prefix: str, options: dict[str, Any]) -> None:
     """Put options in PETSc's database where the user has not set them.
 
-    They stay there: PETSc reads those of multigrid levels only when the levels are built.
+    They stay there: PETSc reads those of multigrid levels only when the levels are built. Those of a solver that never
+    comes to its levels, because its run has ended before, count as read, or PETSc would warn of a spelling mistake.
     """
     from petsc4py import PETSc
 
@@ -90,6 +91,7 @@ def set_defaults(prefix: str, options: dict[str, Any]) -> None:
     for key, value in options.items():
         if not database.hasName(key):
             database[key] = value
+            database.hasName(key)
 
 
 def factorise(ksp: Any, symmetric: bool) -> None:

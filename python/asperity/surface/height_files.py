@@ -136,12 +136,18 @@ def read_instrument(
     """Read the file of an instrument by SurfaceTopography, with the arguments of `HeightField.read`; `unit` in metres.
 
     Raises:
-        InputError: the file cannot be read as a map, lacks pixel or unit, or has no such channel
+        InputError: the file cannot be read as a map, lacks pixel or unit, has no such channel, or has the name of a
+            text and is none, without SurfaceTopography
         CompatError: SurfaceTopography is not installed
     """
     try:
         import SurfaceTopography  # type: ignore[import-not-found, import-untyped, unused-ignore]
     except ImportError:
+        if channel is None and path.suffix.lower() in TEXT:
+            raise InputError(
+                f"{path} is no text: it is damaged, or the file of an instrument under the name of a text, which "
+                "SurfaceTopography reads (pip install 'asperity[scan]')"
+            ) from None
         raise CompatError(
             f"{path} is no text and no array of NumPy: the files of instruments need SurfaceTopography, pip install "
             "'asperity[scan]'"
