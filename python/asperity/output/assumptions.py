@@ -22,6 +22,8 @@ from asperity.reference import (
     tabor_parameter,
 )
 from asperity.reference.conductance import TABOR
+from asperity.reference.halfspace import added_to_spot
+from asperity.surface.shapes import Sphere
 from asperity.units import quantity
 
 ON_EDGE = "summit on edge"  # begins the name of a line
@@ -32,7 +34,7 @@ YIELD_STRAIN = 0.02  # yield strength over E of metallic glasses, the greatest o
 MOST_OF_METALS = 0.45  # Poisson's ratio of indium; those of gold and lead are 0.44, of rubber 0.49 and more
 FIRST_YIELD = 1.6  # greatest pressure of a spot over the yield strength at first yield (Johnson, 1985, eq. 6.9)
 AT_BASE = 0.2  # part of the pressure of the longest wave that arrives at the base
-SPOT = 0.1  # contact radius over the height of the block, which stiffens a bonded layer by about as much
+ADDED = 5.0  # part of the approach that the block adds [%]
 SMALL_CONTACT = 1e-6  # radius below which metals are harder [m]
 WORK = 0.2  # of adhesion: surfaces in air have some 0.05, clean metals 1 [J/m^2]
 WEAK = 0.01  # pull-off over the greatest force
@@ -139,8 +141,8 @@ def _block(run: Evidence) -> Iterator[Assumption]:
     """Yield below the surface, approach to the mean plane, and the distance of the clamped base from the contact.
 
     The stress below a pressure wave of wave number q falls as (1 + q z) exp(-q z) (Johnson, 1985, chapter 13);
-    mirrored at the sides, the longest wave has q = pi/L, with periodic sides 2 pi/L. A spot of radius a on a bonded
-    layer of height h is stiffer by some a/h. A rigid flat reaches the mean plane of a rough solid at full contact.
+    mirrored at the sides, the longest wave has q = pi/L, with periodic sides 2 pi/L. A rigid flat reaches the mean
+    plane of a rough solid at full contact.
     """
     problem, surface, height = run.problem, run.problem.surface, run.problem.height
     if problem.material.plastic:
@@ -164,11 +166,37 @@ def _block(run: Evidence) -> Iterator[Assumption]:
             "block: pressure of the longest wave at the base", (1.0 + depth) * exp(-depth), AT_BASE, "",
             "Johnson, Contact Mechanics (1985), chapter 13", "a greater block.height",
         )  # fmt: skip
-    elif np.isfinite(run.curve.largest_spot).any():
-        yield Assumption(
-            "block: contact radius over the height", sqrt(float(run.curve.largest_spot.max()) / pi) / height, SPOT,
-            "", "Dimitriadis et al., Biophys. J. 82 (2002) 2798", "a greater block.height",
-        )  # fmt: skip
+
+
+def _added(run: Evidence) -> Iterator[Assumption]:
+    """Part of the approach at the greatest force that the block adds to its contact.
+
+    A rough surface is part of a wide one, whose mean planes approach: the block adds its compression. A spot alone has
+    the approach on a half-space, and the base and the sides of the block, which mirror the spot, count too.
+    """
+    problem, surface, top = run.problem, run.problem.surface, run.top
+    pressure, delta = float(run.curve.force[top]) / surface.L**2, float(run.curve.delta[top])
+    if run.plane or not delta > 0.0:
+        return
+    added, wide = pressure * problem.height / problem.material.block_modulus(problem.sides), "the surface alone"
+    if isinstance(surface, Sphere):
+        assert surface.centre is not None
+        x, y = (c / surface.L for c in surface.centre)
+        whole = 2.0 ** sum(c in (0.0, 1.0) for c in (x, y))  # spots over the part of one on the patch
+        radius = sqrt(whole * float(run.curve.area_fraction[top]) / pi)
+        if not radius > 0.0:
+            return
+        height = (problem.height + surface.maximum()[2] - surface.mean()) / surface.L  # below the summit
+        unit = added_to_spot(radius, (x, y), height, problem.material.nu, problem.sides)
+        added, wide = surface.L * pressure / problem.material.reduced_modulus * unit, "a half-space"
+    length = "m" if run.si else ""
+    yield Assumption(
+        "block: part of the approach that it adds", 100.0 * abs(added) / delta, ADDED, "%",
+        "compression, base and mirrored sides of an elastic layer (docs/theory.md)",
+        "take it out of the approach, or choose another block.height",
+        f"the approach at the greatest force is {'longer' if added > 0.0 else 'shorter'} than that of {wide} by "
+        f"{quantity(abs(added), length, 2)}: {quantity(delta, length, 3)}, not {quantity(delta - added, length, 3)}",
+    )  # fmt: skip
 
 
 def _size(run: Evidence) -> Iterator[Assumption]:
@@ -234,5 +262,5 @@ def _inertia(run: Evidence) -> Iterator[Assumption]:
 
 #: Generators of lines in the order of the ledger.
 SUBJECTS: tuple[Callable[[Evidence], Iterator[Assumption]], ...] = (
-    _strain, _resolution, _patch, _block, _size, _inertia,
+    _strain, _resolution, _patch, _block, _added, _size, _inertia,
 )  # fmt: skip

@@ -26,6 +26,7 @@ from asperity.surface import Surface
 HARDNESS = 3.0  # of a full plastic indentation over the yield strength; Tabor, The Hardness of Metals (1951)
 _ITERATIONS = 200  # at one approach; what is left then is far below the use of the result
 SINGLE = 1e-4  # tolerance from which single precision is enough: it changes forces by 1e-7 to 3e-5 at 1e-3
+_SPOT_CELLS = 32.0  # along the radius of a spot
 _STRIDE = 256  # cosine transforms of multiples of it take up to twice as long: their columns share cache lines
 
 
@@ -302,6 +303,39 @@ def half_space_contact(
     if delta_star is None:
         delta_star = -float(np.mean((depth - displaced)[found > 0.0]))
     return HalfSpaceContact(float(found.mean()), delta_star, corrected_area(found > 0.0, sides), found)
+
+
+def added_to_spot(radius: float, centre: tuple[float, float], height: float, nu: float, sides: str) -> float:
+    """Approach that a layer adds to that of a Hertzian spot on a half-space, over P*: negative where it is stiffer.
+
+    The layer adds its compression, and takes away what its base and its sides, which mirror the spot, hold back. Both
+    approaches are means over the pressure of Hertz. Free sides change the compression only: on blocks as high as wide
+    and more, finite elements differ by 2 % of the approach.
+
+    Args:
+        radius: of the spot [L]
+        centre: of the spot on the patch; in a corner a quarter of it is there [L]
+        height, nu, sides: see `RoughHalfSpace`
+
+    Returns:
+        The approach over L and over the mean pressure on the patch in E'.
+
+    Examples:
+        On a high block with rollers: the compression less that by the images of a square lattice, Madelung's constant.
+
+        >>> from asperity.reference.halfspace import added_to_spot
+        >>> compression = 2.0 * asp.reference.reduced_modulus(1.0, 0.3) / asp.reference.block_modulus(1.0, 0.3)
+        >>> print(f"{added_to_spot(0.05, (0.5, 0.5), 2.0, 0.3, 'rollers') - compression:.2f} {-3.9003 / np.pi:.2f}")
+        -1.24 -1.24
+    """
+    n = round(min(max(_SPOT_CELLS / radius, 64), 1024))
+    c = (np.arange(n) + 0.5) / n
+    x, y = np.meshgrid(c - centre[0], c - centre[1])
+    p = np.sqrt(np.maximum(1.0 - (x**2 + y**2) / radius**2, 0.0))
+    u = displacement(p, compliance_of_waves(n, height, nu, sides), sides)
+    # of a half-space u = 3F/(4 E' a) (1 - r^2/(2 a^2)), whose mean over the pressure is four fifths of the greatest
+    alone = 0.8 * 0.75 * (2.0 / 3.0 * math.pi * radius**2) / radius
+    return float((np.sum(p * u) / p.sum() - alone) / p.mean())
 
 
 def displacement(p: Array, compliance: Array, sides: str = "rollers") -> Array:
