@@ -10,7 +10,7 @@ the table of `asperity export --to csv` as an element of ours, and sideways with
 from __future__ import annotations
 
 import contextlib
-import importlib
+import importlib.util
 import io
 import logging
 import tempfile
@@ -149,6 +149,8 @@ def sideways(law: SlipLaw) -> tuple[float, float]:
 
 def main() -> tuple[float, float, float]:
     """Return the largest relative difference of the amplitudes, without the tips of the folds, and of `sideways`."""
+    if importlib.util.find_spec("pyHarm") is None:
+        raise SystemExit("pyHarm is not installed: pip install 'asperity[hbm]'")
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name) / "run"
         asp.run(asp.Case.from_dict(CASE), folder)

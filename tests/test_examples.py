@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import runpy
+import sys
 import warnings
 from pathlib import Path
 from typing import Any
@@ -70,3 +71,9 @@ def test_harmonic_balance() -> None:
     different, amplitude, frequency = run("harmonic_balance")
     assert different < 5e-3  # closest to the tips of the folds; 2e-4 in the middle of the differences
     assert (amplitude, frequency) == (pytest.approx(1.0, abs=0.01), pytest.approx(1.0, abs=0.005))
+
+
+def test_an_example_without_its_package_names_the_extra(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, "pyHarm", None)
+    with pytest.raises(SystemExit, match=r"pip install 'asperity\[hbm\]'"):
+        run("harmonic_balance")

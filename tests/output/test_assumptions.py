@@ -30,6 +30,7 @@ from asperity.quasistatic.solve_problem import solve_problem
 from asperity.reference import Hertz
 from asperity.runtime.warnings_log import noting
 from asperity.surface import Flat, Sinusoid, Sphere, Surface
+from asperity.surface.measured import HeightField
 
 pytestmark = pytest.mark.usefixtures("blank_figures")
 
@@ -241,6 +242,38 @@ def test_what_a_block_adds_to_the_approach_of_a_rough_surface() -> None:
     (low, part), (high, more) = found
     assert more * high - part * low == pytest.approx(100.0 * (high - low), rel=0.02)
     assert part * low == pytest.approx(more * high / 2.0, rel=1e-3)
+
+
+def test_a_small_patch_of_a_large_joint_lacks_long_waves(tmp_path: Path) -> None:
+    """The predicted rms height is that of the large surface from which the patch, or a map, is cut."""
+    ratios, lines = [], []
+    for seed in range(6):
+        whole = Surface.from_spec("self-affine", L=8e-3, H=0.7, rms_height=1e-5, lambda_short=4e-5, seed=seed)
+        z = whole.grid(2049)
+        part = HeightField(z[512 : 512 + 257, 1024 : 1024 + 257], 1.0, 1.0).levelled("plane").z
+        np.savez(tmp_path / f"{seed}.npz", z=part, L=1e-3)
+        ratios.append(np.std(z) / np.std(part))
+        surface = Surface.from_spec("file", path=tmp_path / f"{seed}.npz")
+        lines.append(line_of(evidence(surface, si=True, side=8e-3), "joint: rms height"))
+    assert all(line.limit == 1.2 and line.verdict == DOUBTFUL for line in lines)
+    predicted, true = (np.exp(np.mean(np.log(values))) for values in ([line.value for line in lines], ratios))
+    assert predicted == pytest.approx(true, rel=0.25)
+    assert "8 patches along each side" in lines[0].detail and "from 1 mm to 8 mm" in lines[0].detail
+    line = line_of(evidence(fractal(), si=True, side=3162e-6), "joint: rms height")
+    assert line.value == pytest.approx(3162**0.6, rel=1e-9)
+    for surface, side in ((fractal(), 1e-6), (WAVE, 1e-3), (SMALL_WITH_PLATEAU, 1e-3)):
+        assert line_of(evidence(surface, side=side), "joint: rms height") is None
+
+
+def test_a_map_with_a_roll_off_stands_for_a_large_joint(tmp_path: Path) -> None:
+    np.savez(tmp_path / "map.npz", z=SMALL_WITH_PLATEAU.grid(513), L=1e-4)
+    surface = Surface.from_spec("file", path=tmp_path / "map.npz")
+    assert line_of(evidence(surface, si=True, side=1e-2), "joint: rms height") is None
+
+
+SMALL_WITH_PLATEAU = Surface.from_spec(
+    "self-affine", L=1e-4, H=0.8, rms_height=1e-7, lambda_roll=1e-5, lambda_short=1e-6, seed=4
+)
 
 
 def fractal() -> Surface:

@@ -13,6 +13,7 @@ import numpy as np
 from asperity.mesh.resolution import ELEMENTS, ONE_MESH, SHARE, unresolved_height
 from asperity.model.problem import edge_of_summit
 from asperity.output.assumption import Assumption, Evidence
+from asperity.output.patches import hurst_without_end
 from asperity.reference import (
     LONG_WAVES,
     first_frequency,
@@ -42,6 +43,7 @@ POINTS = 257  # per side, for slope and curvature
 SLOW = 0.1  # frequency over the first one of the block: its stiffness is 0.8 % lower than that of a static block
 NEGLIGIBLE = 0.1  # part of the damping ratio that may be left out
 LOCKING = 70.0  # excess of the force over h/L, the greatest of three surfaces [%]
+LONGER = 1.2  # rms height of a joint over that of its patch beyond which the patch does not stand for it
 DIFFERENT = 20.0  # change of the stiffness beyond which a patch does not stand for its joint [%]
 
 
@@ -118,7 +120,7 @@ def _resolution(run: Evidence) -> Iterator[Assumption]:
 
 def _patch(run: Evidence) -> Iterator[Assumption]:
     """One patch for a joint; a summit on an edge."""
-    problem = run.problem
+    problem, length = run.problem, "m" if run.si else ""
     if (found := run.patches) is not None:
         yield Assumption(
             "joint: stiffness by other patches of its roughness", 100 * found.bar, DIFFERENT, "%",
@@ -126,6 +128,18 @@ def _patch(run: Evidence) -> Iterator[Assumption]:
             "a larger surface.L, or the mean of several seeds (asperity study)",
             f"the mean of the patches is {found}; this one has {int(run.curve.spots[run.top])} spot(s) at the greatest "
             "force",
+        )  # fmt: skip
+    along = (run.side or 0.0) / problem.surface.L  # patches along a side of the joint
+    if along > 1.0 and (beyond := hurst_without_end(problem.surface)) is not None:
+        H, measured = beyond
+        yield Assumption(
+            "joint: rms height with the waves longer than the patch, over that of the patch", along**H, LONGER, "",
+            "self-affine surface, whose contact stiffness is as the load over the rms height: Persson, Phys. Rev. "
+            "Lett. 99 (2007) 125502",
+            "a patch so large that its spectrum flattens (surface.lambda_roll of kind self-affine), or a smaller joint",
+            f"{along:.3g} patches along each side of the joint; waves from {quantity(problem.surface.L, length, 3)} to "
+            f"{quantity(run.side or 0.0, length, 3)} are not on the patch, and if the roughness goes on with "
+            f"H = {H:.2g}{'' if measured else ', which is supposed,'} the stiffness is less by about this factor",
         )  # fmt: skip
     edge = None if run.plane else edge_of_summit(problem.sides, problem.surface)
     if edge is not None:

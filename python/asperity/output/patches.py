@@ -15,10 +15,14 @@ from typing import Any
 import numpy as np
 
 from asperity.arrays import Array, Floats
+from asperity.errors import InputError
 from asperity.model.problem import Problem
 from asperity.reference.halfspace import HARDNESS, RoughHalfSpace, cells_per_side
-from asperity.surface import HeightMap, Surface
+from asperity.surface import HeightMap, Surface, WeierstrassMandelbrot
+from asperity.surface.self_affine_fit import fit_self_affine
+from asperity.surface.statistics import psd
 
+USUAL_HURST = 0.8  # of machined and fractured surfaces
 OTHERS = 4  # patches with other seeds; a map is compared with its quarters
 CELLS = 64, 128  # fewest and most per side
 PER_WAVE = 3.0  # cells per shortest wave
@@ -90,6 +94,25 @@ def spread_of_patches(problem: Problem, pressure: float) -> Spread | None:
     mine, whole, *parts = known
     error = math.sqrt(len(patches) - 1) * float(np.std(parts))  # jackknife
     return Spread(whole / mine - 1.0, error / mine, len(patches))
+
+
+def hurst_without_end(surface: Surface) -> tuple[float, bool] | None:
+    """Hurst exponent of a surface whose roughness goes on in waves longer than its patch, and whether it is measured.
+
+    That of a fractal, or of a map without a roll-off; a map whose exponent is unknown gets USUAL_HURST. None where the
+    model of the surface, or the spectrum of the map, ends on the patch.
+    """
+    if isinstance(surface, WeierstrassMandelbrot):
+        return 3.0 - surface.D, True
+    if not isinstance(surface, HeightMap):
+        return None
+    side = min(surface.heights.shape)
+    z = surface.heights[:side, :side]
+    try:
+        found = fit_self_affine(psd(z, surface.L), 4.0 * surface.L / side)
+    except InputError:
+        return USUAL_HURST, False
+    return None if found.lambda_roll is not None else (min(max(found.H, 0.0), 1.0), True)
 
 
 def _others(surface: Surface, layer: RoughHalfSpace, own: Floats) -> Iterator[Floats]:
