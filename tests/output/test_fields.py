@@ -158,3 +158,12 @@ def test_von_mises_of_known_states() -> None:
     assert von_mises(np.array([2.0, 0, 0, 0, 0, 0])) == pytest.approx(2.0)
     assert von_mises(np.array([0.0, 0, 0, 0, 3.0, 0])) == pytest.approx(3.0 * np.sqrt(3.0))
     assert von_mises(np.array([[5.0, 5, 5, 0, 0, 0]])) == pytest.approx([0.0])
+
+
+def test_fields_of_the_top_have_the_units_of_the_case(pressed: ContactResult) -> None:
+    """A side of 3 and a modulus of 7 multiply lengths and stresses of a unit block; its curve has the approaches."""
+    one, other = gather_top_states(pressed, 1.0, 1.0), gather_top_states(pressed, 3.0, 7.0)
+    assert one is not None and other is not None
+    np.testing.assert_allclose(one["delta"], pressed.curve.delta_star[one["steps"] - 1], rtol=1e-9)
+    for name, factor in (("delta", 3.0), ("points", 3.0), ("gap", 3.0), ("pressure", 7.0), ("touched", 1.0)):
+        np.testing.assert_allclose(other[name], factor * one[name], rtol=1e-12)

@@ -80,3 +80,7 @@ def test_any_pressure_has_an_answer(pressure: float) -> None:
     for seed in range(1, 7):
         found = spread(replace(SMALL, seed=seed), pressure, replace(STEEL, yield_strength=1e9, tangent_modulus=0.0))
         assert found is None or 0.0 <= found.bar < 20.0
+
+
+def test_the_bar_of_a_patch_holds_the_change_and_its_error() -> None:
+    assert [Spread(change, 0.31, 5).bar for change in (-0.56, 0.2)] == pytest.approx([0.87, 0.51])

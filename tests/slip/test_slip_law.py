@@ -67,6 +67,14 @@ def test_the_path_closes_and_its_work_is_what_it_dissipates(sphere: SlipLaw, amp
     assert (path.force, path.displacement) == pytest.approx((path.T[start], path.u[start]), rel=1e-12)
 
 
+def test_the_first_loading_loses_what_its_sliders_lose(sphere: SlipLaw) -> None:
+    """Each that slips has lost its force times the way since, a quarter of its loss in a loop."""
+    path, array = path_of_law(sphere, 0.8, steps=10), sphere.array(400)
+    for i in (4, 7, 10):
+        slid = np.maximum(path.u[i] - array.f / array.k, 0.0)
+        assert path.dissipated[i] == pytest.approx(float(array.f @ slid), rel=5e-3)
+
+
 def test_sliders_follow_the_law_and_remember(sphere: SlipLaw) -> None:
     array, path = sphere.array(), path_of_law(sphere, 0.7, steps=20)
     assert array.limit == pytest.approx(sphere.limit, rel=1e-12)
