@@ -188,6 +188,35 @@ def test_near_full_contact_the_law_ends_where_the_gap_is_within_its_error(tmp_pa
     assert np.abs(found[:, 0] - np.interp(found[:, 1], p, z)).max() < 3 * curve.error_mean_gap.max()
 
 
+def test_the_law_ends_where_the_gap_is_no_greater_than_its_error(tmp_path: Path) -> None:
+    z, p = write_full_contact(tmp_path, 60, 1e-2)
+    gap, error = 0.005 * L - z, 1e-2 * p * HEIGHT / MODULUS
+    end = p[gap > error][-1]
+    assert 0.5 * p[-1] < end < p[-2]
+    assert read(asp.export(tmp_path, "abaqus"), "abaqus")[-1, 1] == pytest.approx(end, rel=1e-6)
+
+
+def test_few_points_have_the_least_error_that_so_many_allow(folder: Path) -> None:
+    """Of p ~ z^2 a chord from z to r z is off by (sqrt r - 1/sqrt r)^2/4 at the most, the same for each."""
+    table, error = interface(folder).points(10, 50.0)
+    ratio = (table.approach[-1] / table.approach[0]) ** (1 / 9)
+    assert table.approach.size == 10
+    assert error == pytest.approx((ratio**0.5 - ratio**-0.5) ** 2 / 4.0, rel=0.1)
+
+
+def test_beyond_the_law_calculix_continues_its_slope(folder: Path) -> None:
+    (end, z), (far, beyond) = deck(asp.export(folder, "calculix"))[-2:]
+    assert far == pytest.approx(10.0 * P0) and end == pytest.approx(P0)
+    assert (far - end) / (beyond - z) == pytest.approx(2 * P0 / Z0, rel=1e-5)
+
+
+def test_the_preload_of_a_joint_is_that_of_its_nominal_area(folder: Path) -> None:
+    case = Case.load(folder / "case.toml").to_dict()
+    case["joint"] |= {"preload": 3e4}
+    (folder / "case.toml").write_text(Case.from_dict(case).to_toml(), encoding="utf-8")
+    assert "at the pressure 1e+08 of the preload" in asp.export(folder, "csv").read_text()
+
+
 def test_numbers_at_the_preload_have_the_digits_of_their_bars(folder: Path) -> None:
     """Against closed forms; a bar of the stiffness of interface and block grows when the block is taken out."""
     curve = asp.Curve.read(folder / "curve.csv")

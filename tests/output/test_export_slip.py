@@ -58,6 +58,18 @@ def test_a_deck_has_friction_and_stick_slope(folder: Path) -> None:
     assert lines[-1] == f"{MU:g}," and elastic == pytest.approx(MU * 0.5 * K / 4.0 / stick, rel=1e-4)
 
 
+def test_the_stick_slope_is_without_the_block(folder: Path, tmp_path: Path) -> None:
+    """Of a soft block its compliance h/(A M) is half of that of the curve."""
+    soft, out = 20.0, Path(shutil.copytree(folder, tmp_path / "run"))
+    text = (out / "case.toml").read_text().replace("E = 1000000.0", f"E = {soft}")
+    (out / "case.toml").write_text(text)
+    modulus = soft * (1 - NU) / ((1 + NU) * (1 - 2 * NU))
+    interface = 1.0 / (1.5 * K * 0.5 ** (1 / 3)) - 2.0 / (4.0 * modulus)
+    lines = asp.export(out, "calculix").read_text().splitlines()
+    stick = float(lines[lines.index("*FRICTION") + 1].split(",")[1])
+    assert stick == pytest.approx((1 - NU) / (1 - NU / 2) / interface / 4.0, rel=1e-3)
+
+
 @pytest.mark.skipif(not calculix(), reason="there is no CalculiX: benchmarks/peers/install unpacks ccx")
 def test_calculix_drags_a_block_around_the_loop(folder: Path) -> None:
     """A stiff block pressed onto a wide plate to the preload, then dragged: stick slope, limit and energy of a loop."""
