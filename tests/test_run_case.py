@@ -456,8 +456,16 @@ def test_too_few_newton_steps_end_in_a_partial_curve(tmp_path: Path) -> None:
 def test_the_patches_of_a_joint_are_pressed_by_its_nominal_pressure(monkeypatch: pytest.MonkeyPatch) -> None:
     """Preload over nominal area, whatever the patch is; the side of the joint is the root of that area."""
     asked: list[Any] = []
-    monkeypatch.setattr("asperity.job.parts.spread_of_patches", lambda _, pressure: asked.append(pressure))
-    monkeypatch.setattr("asperity.job.run_case.ledger", lambda evidence: [asked.append(evidence.side)][:0])
+
+    def spread(_: Any, pressure: float) -> None:
+        asked.append(pressure)
+
+    def ledger(evidence: Any) -> list[Any]:
+        asked.append(evidence.side)
+        return []
+
+    monkeypatch.setattr("asperity.job.parts.spread_of_patches", spread)
+    monkeypatch.setattr("asperity.job.run_case.ledger", ledger)
     quiet = {"figures": False, "report": False}
     elastic, light = {"E": 200e9, "nu": 0.3}, {"delta_max": 0.01e-6, "steps": 2}
     joint = {"nominal_area": 4e-4, "preload": 1e3}
