@@ -64,7 +64,7 @@ class FormKernels(ElementKernels):
     def _held(self) -> Any:
         if not self._given.state:
             return self._law
-        if self._given.elastic is None:
+        if self._given.declared.elastic is None:
             raise InputError(
                 f'material.law = "{self._given.source}" does not say what it is without flow, which stiffness and '
                 "slip need: declare @asp.law(state=..., elastic=...)"

@@ -5,6 +5,7 @@ Moduli and strengths are in one unit of stress [force/length^2].
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 from asperity.laws.definition import law
@@ -13,6 +14,7 @@ NAMES = ("hooke", "j2", "voce", "neo_hookean")
 NEWTON = 8  # iterations of Voce's return, which converge from one side without a bound
 
 
+@law(symmetric=True)
 def hooke(strain: Any, E: float, nu: float) -> Any:
     """Isotropic linear elasticity."""
     import ufl
@@ -26,10 +28,20 @@ def without_flow(strain: Any, state: Any, E: float, nu: float) -> Any:
     return hooke(strain - state.plastic_strain, E, nu)
 
 
-PLASTIC = {"plastic_strain": (3, 3), "accumulated": ()}
+def linear_strength(a: float, E: float, yield_strength: float, tangent_modulus: float) -> float:
+    """Yield stress of `j2` in monotone loading."""
+    return yield_strength + E * tangent_modulus / (E - tangent_modulus) * a
 
 
-@law(state=PLASTIC, elastic=without_flow)
+def voce_strength(a: float, yield_strength: float, saturation: float, rate: float) -> float:
+    """Yield stress of `voce`."""
+    return yield_strength - saturation * math.expm1(-rate * a)
+
+
+PLASTIC: dict[str, Any] = {"state": {"plastic_strain": (3, 3), "accumulated": ()}, "elastic": without_flow, "symmetric": True}
+
+
+@law(**PLASTIC, state_is_strain=True, strength=linear_strength)
 def j2(
     strain: Any,
     state: Any,
@@ -61,7 +73,7 @@ def j2(
     }
 
 
-@law(state=PLASTIC, elastic=without_flow)
+@law(**PLASTIC, state_is_strain=True, strength=voce_strength)
 def voce(strain: Any, state: Any, E: float, nu: float, yield_strength: float, saturation: float, rate: float) -> Any:
     """J2 plasticity whose strength rises by `saturation` as 1 - exp(-rate a), a the accumulated plastic strain.
 

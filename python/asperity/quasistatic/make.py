@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 
 from asperity.contact import make_contact
 from asperity.contact.contact_surface import ContactSurface
+from asperity.fem.law_check import check_law
 from asperity.fem.solid import Solid
 from asperity.linear.petsc import destroy_unused
 from asperity.mesh.block import BlockMesh
@@ -76,6 +77,8 @@ def make_contact_solver(
     L = surface.L
 
     def check() -> None:
+        if material.law is not None:
+            check_law(material.law)
         if block is not None:
             block.check(surface)
 
