@@ -6,7 +6,6 @@ gives the tangent, so that nothing here knows what the law is made of.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from functools import lru_cache
 from typing import Any
@@ -15,11 +14,12 @@ import numpy as np
 
 from asperity.arrays import Floats
 from asperity.fem.weak_form import compiled, unpacked
-from asperity.laws.definition import SHAPES, STRENGTH, SYMMETRIC, Law, raising, refuse
+from asperity.laws.definition import KEY, SHAPES, STRENGTH, SYMMETRIC, Law, raising, refuse
 from asperity.runtime.display import brief, show
 
 #: Sizes of the strains under which a law is tried; up to SMALL of them it must have numbers.
 STRAINS, SMALL = (1e-6, 1e-5, 1e-4, 1e-3, 1e-2, 0.03, 0.1, 0.3), 0.02
+POINTS = 100  # of a step without convergence whose responses are judged
 REST = 1e-9  # stress at rest over the modulus that is rounding
 SAME = 1e-6  # relative difference of two stresses, moduli or states that is rounding
 MOST = 1e100  # modulus, beyond which products overflow
@@ -161,9 +161,9 @@ def check_law(law: Law) -> None:
         first, larger = cell(strain), rest + 1.5 * (strain - rest)
         answers = [(strain, None, first), (larger, first.state, cell(larger, first.state))]
         for answer in answers:
-            if wrong := doubt(law, cell, *answer):
+            if wrong := doubt(law, *answer, numbers=size_of(law, answer[0]) <= SMALL):
                 refuse(law.source, wrong)
-        if law.state and np.abs(strain).max() <= SMALL:
+        if law.state and size_of(law, strain) <= SMALL:
             _check_state(law, cell, strain, first)
         if law.hyperelastic and not _same(cell(TURN @ strain).stress, TURN @ first.stress):
             refuse(law.source, "changes with a rotation: an energy is a function of F.T * F")
@@ -202,22 +202,45 @@ def _check_moduli(law: Law, C: Floats) -> None:
             refuse(law.source, f"has {name} = {found:.6g} at rest and declares {told}: declare @asp.law({name}=...)")
 
 
-def doubt(law: Law, cell: OneCell, strain: Floats, state: Floats | None, found: Response) -> str:
-    """What is wrong with the response to a strain over a state, empty where nothing is."""
-    rest = np.eye(3) if law.hyperelastic else np.zeros((3, 3))
-    size = float(np.abs(strain - rest).max())
-    where = f"at a strain of {size:.2g}"
-    for what, value in {"a stress": found.stress, "a state": found.state}.items():
+def doubt(law: Law, strain: Floats, state: Floats | None, found: Response, numbers: bool = True) -> str:
+    """What is wrong with the response to a strain over a state, empty where nothing is.
+
+    Args:
+        numbers: whether what is not a number is wrong
+    """
+    C = one_cell(law).tangent(strain, state)
+    where = f"at a strain of {size_of(law, strain):.2g}"
+    for what, value in {"stress": found.stress, "state": found.state, "tangent": C}.items():
         if not np.isfinite(value).all():
-            return f"gives {what} that is not a number or not symmetric {where}" if size <= SMALL else ""
-    if not law.hyperelastic and not _same(found.stress, found.stress.T):
-        return f"gives a stress that is not symmetric {where}"
-    C = cell.tangent(strain, state)
-    if not np.isfinite(C).all():
-        return f"gives a tangent that is not a number {where}" if size <= SMALL else ""
+            return f"gives a {what} that is not a number {where}" if numbers else ""
+        if what == "stress" and not law.hyperelastic and not _same(value, value.T):
+            return f"gives a stress that is not symmetric {where}"
     if law.symmetric and not _same(C, C.T):
         return f"has a tangent that is not symmetric {where}: leave @asp.law(symmetric=True) out"
     return ""
+
+
+def doubt_of_points(law: Law, strains: Floats, states: Floats, stresses: Floats) -> str:
+    """What is wrong with a law at some points, which may be why a step does not converge; empty where nothing is.
+
+    Args:
+        strains: as `OneCell` takes them (n, 3, 3)
+        states: stored components before (n, k)
+        stresses: of the points (n, k)
+    """
+    known = np.isfinite(strains).all(axis=(1, 2))
+    strains, states, stresses = strains[known], states[known], stresses[known]
+    sizes = np.array([size_of(law, strain) for strain in strains])
+    lost = np.flatnonzero(~np.isfinite(stresses).all(axis=1))
+    for k in (*lost[np.argsort(sizes[lost])][:POINTS], *np.argsort(-sizes)[:POINTS]):
+        if wrong := doubt(law, strains[k], states[k], one_cell(law)(strains[k], states[k])):
+            return f"{KEY} = {show(law.source)} {wrong}; the greatest strain of the step is {sizes.max():.2g}"
+    return ""
+
+
+def size_of(law: Law, strain: Floats) -> float:
+    """Greatest component of a strain, or of a deformation gradient less one."""
+    return float(np.abs(strain - (np.eye(3) if law.hyperelastic else 0.0)).max())
 
 
 def _check_state(law: Law, cell: OneCell, strain: Floats, first: Response) -> None:

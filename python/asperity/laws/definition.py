@@ -226,8 +226,9 @@ def _check_functions(declared: Declaration, names: list[str], source: str) -> No
         found = list(inspect.signature(given).parameters) if callable(given) else None
         if found is None or found[: len(start)] != start or set(found[len(start) :]) - set(names):
             refuse(source, f"declares {name}, which is no function of {', '.join([*start, 'some of its parameters'])}")
-    if declared.strength is not None and (STRENGTH not in names or "accumulated" not in declared.state):
-        refuse(source, f"declares strength, which needs the parameter {STRENGTH} and the state accumulated")
+    has = STRENGTH in names and "accumulated" in declared.state and declared.symmetric
+    if declared.strength is not None and not has:
+        refuse(source, f"declares strength, which needs the parameter {STRENGTH}, the state accumulated and symmetric")
 
 
 @contextmanager
