@@ -21,9 +21,9 @@ __all__ += ["hooke", "j2", "neo_hookean", "voce"]
 
 def shipped_law(name: str, parameters: Mapping[str, Any], offered: Mapping[str, Any] | None = None) -> Law:
     """One of the laws that come along; see `law_of_function`."""
-    if name not in shipped.NAMES:
-        refuse(name, f'is not one of {", ".join(shipped.NAMES)}, nor "file.py:name" of a case')
-    return law_of_function(getattr(shipped, name), parameters, name, offered=offered)
+    if name not in shipped.LAWS:
+        refuse(name, f'is not one of {", ".join(shipped.LAWS)}, nor "file.py:name" of a case')
+    return law_of_function(shipped.LAWS[name], parameters, name, offered=offered)
 
 
 def from_file(source: str, digest: str, parameters: Mapping[str, Any], offered: Mapping[str, Any]) -> Law:

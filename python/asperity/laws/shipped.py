@@ -10,7 +10,6 @@ from typing import Any
 
 from asperity.laws.definition import law
 
-NAMES = ("hooke", "j2", "voce", "neo_hookean")
 NEWTON = 8  # iterations of Voce's return, which converge from one side without a bound
 
 
@@ -106,3 +105,6 @@ def neo_hookean(F: Any, E: float, nu: float) -> Any:
     lam, mu = E * nu / ((1.0 + nu) * (1.0 - 2.0 * nu)), E / (2.0 * (1.0 + nu))
     lnJ = ufl.ln(ufl.det(F))
     return 0.5 * mu * (ufl.inner(F, F) - 3.0 - 2.0 * lnJ) + 0.5 * lam * lnJ**2
+
+
+LAWS = {function.__name__: function for function in (hooke, j2, voce, neo_hookean)}
