@@ -35,6 +35,7 @@ def compiled(kind: Callable[..., Any], *what: Any) -> Any:
     """
     cache = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "asperity" / "forms"
     options = {"cache_dir": str(cache), "timeout": TIMEOUT, "cffi_extra_compile_args": ["-O2", "-g0"]}
+    options["cffi_libraries"] = []  # whatever a file of options in the working folder names
     try:
         return kind(*what, jit_options=options)
     except (OSError, RuntimeError, ImportError) as error:
