@@ -143,7 +143,7 @@ def _block(run: Evidence) -> Iterator[Assumption]:
     layer of height h is stiffer by some a/h. A rigid flat reaches the mean plane of a rough solid at full contact.
     """
     problem, surface, height = run.problem, run.problem.surface, run.problem.height
-    if problem.material.plastic:
+    if problem.material.yield_strength is not None:
         pressure = float(run.curve.force.max()) / surface.L**2
         yield Assumption(
             "block: mean pressure over that at which it yields",

@@ -19,7 +19,7 @@ from asperity.fem.energies import dissipation, energies
 from asperity.fem.forms import FormKernels
 from asperity.fem.history import History
 from asperity.fem.solid import Solid
-from asperity.linear.petsc import LinearFailure, destroy_unused
+from asperity.linear.petsc import LinearFailure, destroy_unused, own_errors
 from asperity.model.settings import SolverOptions
 from asperity.quasistatic import midpoint
 from asperity.quasistatic.balance import Checks, StepBalance, audit
@@ -83,7 +83,7 @@ class ContactSolver:
     ) -> None:
         self.solid, self.contact_surface, self.contact, self.summit = solid, contact_surface, contact, summit
         self._options = options
-        self._newton: NewtonSolver | None = NewtonSolver(solid, contact, options)
+        self._newton: NewtonSolver | None = None
         self.counts, self.checks = Counts(), Checks()
         self.delta, self.force = 0.0, 0.0
         self.nodal_force = np.zeros(solid.owned)
@@ -106,7 +106,8 @@ class ContactSolver:
     def newton(self) -> NewtonSolver:
         """Newton's method; collective after `drop_matrices`."""
         if self._newton is None:
-            self._newton = NewtonSolver(self.solid, self.contact, self._options)
+            with own_errors():
+                self._newton = NewtonSolver(self.solid, self.contact, self._options)
         return self._newton
 
     def drop_matrices(self) -> None:
