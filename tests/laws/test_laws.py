@@ -278,7 +278,7 @@ def test_bad_laws_are_refused_with_a_sentence(text: str, tmp_path: Path) -> None
         "import asperity as asp\nimport ufl\n\n" + text.replace("LAW", "def mine(strain, E, nu): return"),
         encoding="utf-8",
     )
-    parameters = {"parameters": {"K": 1.0}} if "K" in text else {}
+    parameters: dict[str, Any] = {"parameters": {"K": 1.0}} if "K" in text else {}
     said = refusal(tmp_path, case(**parameters))
     assert re.search(BAD[text], said), said
 

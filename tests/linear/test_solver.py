@@ -230,7 +230,7 @@ def test_a_system_that_petsc_gives_up_cuts_the_step_and_keeps_the_curve(
     from petsc4py import PETSc
 
     def curve() -> Curve:
-        settings = {"options": SolverOptions(linear="lu"), "block": coarse}
+        settings: dict[str, Any] = {"options": SolverOptions(linear="lu"), "block": coarse}
         return solve_contact(rough, Material(1.0, 0.3), delta_max=0.012, steps=3, **settings).curve
 
     expected, prepare, calls = curve(), Assembled.prepare, Counter[str]()
@@ -246,7 +246,7 @@ def test_a_system_that_petsc_gives_up_cuts_the_step_and_keeps_the_curve(
     assert len(found) == len(expected) + 1 and found.force[-1] == pytest.approx(expected.force[-1], rel=1e-7)
     calls.clear()
     monkeypatch.setattr(Assembled, "prepare", lambda *given: fail(10**6, *given))
-    with pytest.raises(ConvergenceError, match="no convergence at delta/L = .*PETSc.*76") as caught:
+    with pytest.raises(ConvergenceError, match=r"no convergence at delta/L = .*PETSc.*76") as caught:
         curve()
     kept = caught.value.result.curve
     assert 1 <= len(kept) < 3
@@ -260,7 +260,7 @@ def test_an_option_that_petsc_does_not_know_is_no_crash(coarse: BlockMesh, rough
     options["pc_type"] = "nonsense"
     try:
         with pytest.raises(ConvergenceError, match="the linear solver gave up, PETSc's error code 86"):
-            settings = {"options": SolverOptions(linear="lu"), "block": coarse}
+            settings: dict[str, Any] = {"options": SolverOptions(linear="lu"), "block": coarse}
             solve_contact(rough, Material(1.0, 0.3), delta_max=0.012, steps=2, **settings)
     finally:
         options.delValue("pc_type")

@@ -62,7 +62,9 @@ def measures_order(problem: Problem) -> bool:
     That of the midpoint rule is known for the laws that come along; the bar of stick holds for all orders.
     """
     law, rule = problem.material.law, step_rule(problem)
-    return rule == BACKWARD_EULER or (rule == MIDPOINT and law is not None and law.function not in shipped.LAWS.values())
+    return rule == BACKWARD_EULER or (
+        rule == MIDPOINT and law is not None and law.function not in shipped.LAWS.values()
+    )
 
 
 def step_errors(

@@ -159,8 +159,8 @@ class Case(Input):
             if allow_code is False:
                 solid.check_run()
             solid = law_of_section(self.material.given(), bool(allow_code))
-            check_law(self, solid.law)
-            if solid.law.function is None:
+            check_law(self, solid)
+            if not solid.has_run:
                 warn(f"material.law = {show(self.material.law)} is code and was not looked at: a run needs "
                      "--allow-code", CaseWarning)  # fmt: skip
         for text in self.warnings():

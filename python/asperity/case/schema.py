@@ -92,7 +92,9 @@ def law_of_section(table: Mapping[str, Any], allow_code: bool = False) -> Materi
         made = from_file(source, digest, parameters, offered)
     else:
         unseen = Law(None, tuple(parameters.items()), source, digest)
-        return Material(table["E"], table["nu"], table.get("yield_strength"), kinematics=kinematics or "small", law=unseen)
+        return Material(
+            table["E"], table["nu"], table.get("yield_strength"), kinematics=kinematics or "small", law=unseen
+        )
     solid = Material.of_law(made, kinematics=kinematics)
     for name in ("yield_strength", "tangent_modulus", "hardening"):
         has = solid.yield_strength is not None if name == "yield_strength" else name in dict(made.parameters)

@@ -10,8 +10,8 @@ from asperity.case.surfaces import SelfAffineSection
 from asperity.dynamics.settings import DynamicsSettings
 from asperity.errors import InputError
 from asperity.force_law import MIN_ROWS
-from asperity.laws import Law
 from asperity.model.limits import FRACTIONS, LEAST_FORCE, check_force, check_length
+from asperity.model.material import Material
 from asperity.model.problem import check_lengths
 from asperity.model.settings import H_CONTACT
 from asperity.runtime.display import show
@@ -74,8 +74,10 @@ def _check_material(case: Input) -> None:
         raise InputError("material.tangent_modulus needs material.yield_strength; an elastic material has neither")
 
 
-def check_law(case: Input, law: Law) -> None:
+def check_law(case: Input, solid: Material) -> None:
     """Refuse (InputError) a law without an elastic part, where the case needs that part."""
+    law = solid.law
+    assert law is not None
     needs = {"output.stiffness": case.output.stiffness, "slip.method": case.slip is not None}
     for key in [key for key, wanted in needs.items() if wanted and law.state and law.declared.elastic is None]:
         raise InputError(

@@ -11,8 +11,8 @@ from asperity.arrays import Floats, Integers, Singles
 from asperity.errors import InputError
 from asperity.fem.cell_flow import CellFlow
 from asperity.fem.history import History
-from asperity.fem.law_check import doubt_of_points
 from asperity.fem.kernels import ElementKernels, relaxation_of
+from asperity.fem.law_check import doubt_of_points
 from asperity.fem.sparsity import SparsityPattern
 from asperity.fem.weak_form import PointValues, WeakForm
 from asperity.laws.definition import SHAPES, USUAL
@@ -145,7 +145,9 @@ class FormKernels(ElementKernels):
         return self._law.stresses(self._all)[..., 6:] if conjugate else self._law.stresses(self._all)[..., :6]
 
     def doubt(self, u: Floats) -> str:
-        """What is wrong with the law at the points of u over the committed history, empty where nothing is."""
+        """What is wrong with a law of the user at the points of u over the committed history, empty for nothing."""
+        if self._material.law is None:
+            return ""
         strains = self.strain(u).reshape(-1, 3, 3)
         if self._given.hyperelastic:  # stretches, which an energy cannot tell from deformation gradients
             stretch, axes = np.linalg.eigh(np.nan_to_num(strains))

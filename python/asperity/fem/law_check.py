@@ -6,6 +6,7 @@ gives the tangent, so that nothing here knows what the law is made of.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import lru_cache
 from typing import Any
@@ -96,7 +97,11 @@ class OneCell:
             self._values = compiled(fem.Expression, expression, point, MPI.COMM_SELF)
 
     def __call__(
-        self, strain: Floats, state: Floats | None = None, along: Floats | None = None, **others: float
+        self,
+        strain: Floats,
+        state: Floats | None = None,
+        along: Floats | None = None,
+        others: Mapping[str, float] | None = None,
     ) -> Response:
         """Response to a strain, or deformation gradient of an energy.
 
@@ -109,7 +114,7 @@ class OneCell:
         self._strain.x.array[:] = np.ravel(strain)
         self._along.x.array[:] = 0.0 if along is None else np.ravel(along)
         self._state.x.array[:] = 0.0 if state is None or not self._width else state
-        for name, value in (self._given | others).items():
+        for name, value in (self._given | dict(others or {})).items():
             self._constants[name].value = value
         found = np.array(self._values.eval(self._mesh, np.zeros(1, dtype=np.int32)), dtype=float).ravel()
         stress, held, state, rate, skew = np.split(found, np.cumsum([9, 9, self._width, 9]))
@@ -148,8 +153,8 @@ def check_law(law: Law) -> None:
     """Try a law at rest, under strains of several sizes, and again over the state that these leave; not collective.
 
     Raises:
-        InputError: a result has another shape, is no number or not symmetric; the law is stressed or not stable at rest;
-            its state is not that of the strain alone; or something is not as declared
+        InputError: a result has another shape, is no number or not symmetric; the law is stressed or not stable at
+            rest; its state is not that of the strain alone; or something is not as declared
     """
     cell, rng = one_cell(law), np.random.default_rng(1)
     rest = np.eye(3) if law.hyperelastic else np.zeros((3, 3))
@@ -266,18 +271,18 @@ def _check_flow(law: Law, cell: OneCell) -> None:
     shear[0, 1] = shear[1, 0] = 0.5 * np.sqrt(3.0)  # of equivalent strain one
     for sign, part in ((1.0, 2.0), (1.0, 20.0), (-1.0, 0.5), (-1.0, 20.0)):
         given, size = {STRENGTH: sign * strength}, part * strength / (3.0 * mu)
-        found = cell(size * shear, **given)
+        found = cell(size * shear, others=given)
         flow = float(found.state[at])
         wanted = law.strength(flow, **given)
         if flow <= 0.0 or wanted is None or abs(np.sqrt(3.0) * found.stress[0, 1] - wanted) > 1e-4 * strength:
             refuse(
                 law.source,
-                f"declares strength, which in shear at {STRENGTH} = {sign * strength:.3g} is not its stress after flow: "
-                "the strength must be that of monotone loading, and below zero any shear must flow; or leave it out",
+                f"declares strength, which in shear at {STRENGTH} = {sign * strength:.3g} is not its stress after "
+                "flow: the strength must be that of monotone loading, and below zero any shear must flow",
             )
         strain = size * rng.uniform(-1.0, 1.0, (3, 3))
         strain += strain.T
-        pressure = np.trace(cell(strain, **given).stress) / 3.0
+        pressure = np.trace(cell(strain, others=given).stress) / 3.0
         if abs(pressure - bulk * np.trace(strain)) > SAME * bulk * np.abs(strain).max():
             refuse(law.source, "declares strength, but its flow changes the volume: leave strength out")
 

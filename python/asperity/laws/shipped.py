@@ -37,7 +37,11 @@ def voce_strength(a: float, yield_strength: float, saturation: float, rate: floa
     return yield_strength - saturation * math.expm1(-rate * a)
 
 
-PLASTIC: dict[str, Any] = {"state": {"plastic_strain": (3, 3), "accumulated": ()}, "elastic": without_flow, "symmetric": True}
+PLASTIC: dict[str, Any] = {
+    "state": {"plastic_strain": (3, 3), "accumulated": ()},
+    "elastic": without_flow,
+    "symmetric": True,
+}
 
 
 @law(**PLASTIC, state_is_strain=True, strength=linear_strength)

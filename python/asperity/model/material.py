@@ -130,7 +130,12 @@ class Material:
     @property
     def plastic(self) -> bool:
         """Whether the material can yield, or its law has a state; so is taken of a law that has not been run."""
-        return (self.law.function is None or bool(self.law.state)) if self.law else self.yield_strength is not None
+        return (not self.has_run or bool(self.law.state)) if self.law else self.yield_strength is not None
+
+    @property
+    def has_run(self) -> bool:
+        """Whether the file of a law, which is code, has been run; true without one."""
+        return self.law is None or self.law.function is not None
 
     @property
     def integrator(self) -> str:
@@ -183,7 +188,7 @@ class Material:
 
     def check_run(self) -> None:
         """Refuse a law in a file that has not been run (InputError)."""
-        if self.law is not None and self.law.function is None:
+        if self.law is not None and not self.has_run:
             laws.refuse(
                 self.law.source,
                 "is code, which runs with all your rights: read that file, then give --allow-code to asperity run (in "

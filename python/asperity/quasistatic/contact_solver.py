@@ -16,7 +16,6 @@ from asperity.arrays import Floats
 from asperity.contact import Contact
 from asperity.contact.contact_surface import ContactSurface
 from asperity.fem.energies import dissipation, energies
-from asperity.fem.forms import FormKernels
 from asperity.fem.history import History
 from asperity.fem.solid import Solid
 from asperity.linear.petsc import LinearFailure, destroy_unused, own_errors
@@ -154,7 +153,8 @@ class ContactSolver:
             counts = stats.newton, stats.shortened, stats.direct
             log.info("%s: of %d Newton steps %d shortened, %d solved by LU", where, *counts)
         if not stats.converged:
-            self.doubt = self._find_doubt()
+            found = self.solid.kernels.doubt(self.solid.u.x.array.reshape(-1, 3))
+            self.doubt = next(filter(None, self.solid.comm.allgather(found)), "")
             log.info("%s: given up after %d Newton steps, %s", where, stats.newton, self.doubt or stats.reason)
             self.roll_back()
         return stats
@@ -168,13 +168,6 @@ class ContactSolver:
                 return stats
             stats = stats + self.newton.solve(self.newton.x.array_r.reshape(-1, 3).copy(), scale)
         return replace(stats, converged=False, reason="friction does not settle")
-
-    def _find_doubt(self) -> str:
-        """What is wrong with a law of the user at the displacement without convergence, empty for nothing; collective."""
-        solid, kernels = self.solid, self.solid.kernels
-        own = isinstance(kernels, FormKernels) and solid.material.law is not None
-        found = kernels.doubt(solid.u.x.array.reshape(-1, 3)) if own else ""
-        return next(filter(None, solid.comm.allgather(found)), "")
 
     def solved_force(self) -> float:
         """Force on the flat at the last solve [E L^2]; collective."""
