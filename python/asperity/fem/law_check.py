@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from asperity.arrays import Floats
-from asperity.fem.weak_form import compiled, unpacked
+from asperity.fem.weak_form import compiled, packed, unpacked
 from asperity.laws.definition import KEY, SHAPES, STRENGTH, SYMMETRIC, Law, raising, refuse
 from asperity.runtime.display import brief, show
 
@@ -83,18 +83,13 @@ class OneCell:
                 if law.declared.elastic is not None:
                     held, _ = law.stress(strain, before, self._constants, held=True)
                     held = _of_shape(law, (3, 3), "the elastic stress", held)
-            parts = [tensor[i, j] for tensor in (stress, held) for i in range(3) for j in range(3)]
             for name, shape in law.state.items():
-                value = _of_shape(law, shape, f"the state {name}", after[name])
-                both = value if shape != (3, 3) else 0.5 * (value + value.T)
-                parts += [both] if shape == () else [both[ij] for ij in (SYMMETRIC if shape == (3, 3) else range(3))]
-            rate = ufl.derivative(stress, self._strain, self._along)
-            parts += [rate[i, j] for i in range(3) for j in range(3)]
-            skew = [after[name] - after[name].T for name, shape in law.state.items() if shape == (3, 3)]
-            parts += [sum((ufl.inner(each, each) for each in skew), start=ufl.as_ufl(0.0))]
-            expression = ufl.as_vector(parts)
+                after[name] = _of_shape(law, shape, f"the state {name}", after[name])
+            tensors = stress, held, ufl.derivative(stress, self._strain, self._along)
+            parts = [tensor[i, j] for tensor in tensors for i in range(3) for j in range(3)]
+            parts += packed(law, after) + packed(law, after, transposed=True)
             point = np.array([[0.25, 0.25, 0.25]])
-            self._values = compiled(fem.Expression, expression, point, MPI.COMM_SELF)
+            self._values = compiled(fem.Expression, ufl.as_vector(parts), point, MPI.COMM_SELF)
 
     def __call__(
         self,
@@ -117,10 +112,9 @@ class OneCell:
         for name, value in (self._given | dict(others or {})).items():
             self._constants[name].value = value
         found = np.array(self._values.eval(self._mesh, np.zeros(1, dtype=np.int32)), dtype=float).ravel()
-        stress, held, state, rate, skew = np.split(found, np.cumsum([9, 9, self._width, 9]))
-        if skew[0] > 0.0 and np.sqrt(skew[0]) > SAME * np.abs(state).max():
-            state = np.full(self._width, np.nan)
-        return Response(stress.reshape(3, 3), rate.reshape(3, 3), held.reshape(3, 3), state)
+        stress, held, rate = found[:27].reshape(3, 3, 3)
+        after, transposed = np.split(found[27:], 2)
+        return Response(stress, rate, held, after if _same(after, transposed) else np.full(self._width, np.nan))
 
     def tangent(self, strain: Floats, state: Floats | None = None) -> Floats:
         """Derivative of the stress by the components of a symmetric strain, as a matrix of Mandel's (6, 6)."""
