@@ -356,6 +356,48 @@ def test_a_law_of_the_user_in_a_case(tmp_path: Path) -> None:
         asp.run(out / "case.toml", tmp_path / "again", allow_code=True)
 
 
+def damaged(strain: Any, before: Any, E: float, nu: float) -> tuple[Any, Any]:
+    """Stress and damage, which grows with the equivalent strain and saturates."""
+    equivalent = ufl.sqrt(2.0 / 3.0 * ufl.inner(ufl.dev(strain), ufl.dev(strain)) + 1e-20)
+    d = ufl.max_value(before, ufl.min_value(0.4, ufl.max_value(equivalent - 1e-3, 0.0) / 0.03))
+    return (1.0 - d) * asp.laws.hooke(strain, E, nu), d
+
+
+@asp.law(state={"damage": ()})
+def damage(strain: Any, state: Any, E: float, nu: float) -> Any:
+    stress, d = damaged(strain, state.damage, E, nu)
+    return stress, {"damage": d}
+
+
+@asp.law
+def without_memory(strain: Any, E: float, nu: float) -> Any:
+    return damaged(strain, 0.0, E, nu)[0]
+
+
+def test_a_state_that_saturates_has_the_force_of_a_solid_without_memory() -> None:
+    """While all strains grow, in any number of steps; the midpoint rule would carry the damage beyond its limit."""
+    sphere = asp.Surface.from_spec("sphere", L=1.0, radius=2.0)
+
+    def force(law: Any, steps: int) -> float:
+        solid, size = asp.Material.of_law(law, E=1.0, nu=NU), asp.MeshSize(h_contact=0.25, h_max=0.5)
+        assert solid.integrator == "backward-euler"
+        return float(asp.solve_contact(sphere, solid, delta_max=0.02, steps=steps, size=size).curve.force[-1])
+
+    expected = force(without_memory, 1)
+    for steps in (2, 6):
+        assert force(damage, steps) == pytest.approx(expected, rel=2e-3)
+
+
+@pytest.mark.slow
+def test_the_bar_of_a_law_of_the_user_holds_many_steps_on_a_finer_mesh() -> None:
+    sphere, solid = asp.Surface.from_spec("sphere", L=1.0, radius=2.0), asp.Material.of_law(damage, E=1.0, nu=NU)
+    found = asp.solve_contact(sphere, solid, delta_max=0.006, steps=4, tolerance=0.05)
+    assert found.met and {level.substeps for level in found.levels} >= {1, 2, 4}  # three measure the order
+    finer = asp.solve_contact(sphere, solid, delta_max=0.006, steps=16, size=asp.MeshSize(h_contact=0.05)).curve
+    errors = found.curve.P_star / np.interp(found.curve.delta, finer.delta, finer.P_star) - 1.0
+    assert (np.abs(errors) < found.curve.error_P_star / found.curve.P_star).all()
+
+
 def test_a_law_whose_tangent_is_not_symmetric(cube: BlockMesh, rough: asp.Surface, coarse: BlockMesh) -> None:
     """A flat block in closed form; rough contact converges as fast as an elastic one, by the right factorisation."""
 
