@@ -385,7 +385,7 @@ def test_a_state_that_saturates_has_the_force_of_a_solid_without_memory() -> Non
 
     expected = force(without_memory, 1)
     for steps in (2, 6):
-        assert force(damage, steps) == pytest.approx(expected, rel=2e-3)
+        assert force(damage, steps) == pytest.approx(expected, rel=1e-7)
 
 
 @pytest.mark.slow

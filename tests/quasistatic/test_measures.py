@@ -8,16 +8,17 @@ from typing import Any
 import numpy as np
 import pytest
 from conftest import ELASTIC, PLASTIC, here, world
-from element_sample import sample
+from element_sample import cubes, sample
 from scipy.linalg import logm
 
 from asperity.adaptive.solve_contact import solve_contact
+from asperity.mesh.block import BlockMesh
 from asperity.model.material import Material
 from asperity.model.settings import Formulation, MeshSize
 from asperity.output.fields import gather_top_states
 from asperity.quasistatic.make import make_contact_solver
-from asperity.quasistatic.measures import equivalent_strain, row
-from asperity.surface import Sinusoid, Surface
+from asperity.quasistatic.measures import equivalent_strain, mean_stress, row
+from asperity.surface import Flat, Sinusoid, Surface
 
 NU = 0.3
 #: Nitsche's method has the points of the penalty method.
@@ -104,3 +105,28 @@ def test_the_plastic_fraction_is_one_of_volume(rough: Surface, coarse: Any) -> N
     kernels, found = solver.solid.kernels, row(solver)["plastic_fraction"]
     flows = kernels.history().accumulated > 0.0
     assert found == pytest.approx(np.average(flows, weights=kernels.volumes)) != pytest.approx(flows.mean())
+
+
+def test_the_strained_fraction_is_one_of_volume() -> None:
+    """A lower layer of a quarter of a block as high as two sides is shortened by 9 %, an equivalent strain of 6 %."""
+    half = cubes(4)
+    x, y, z = half.points.T
+    points = np.stack([x, y, np.where(z > 0.5, 3.0 * z - 1.0, z)], axis=1)
+    block = BlockMesh(points, half.tets, 1.0, 2.0)
+    solver = make_contact_solver(here(), Flat(L=1.0), block, ELASTIC)
+    u = np.zeros_like(solver.solid.points)
+    for shortening, fraction in ((0.09, 0.25), (0.07, 0.0)):
+        u[:, 2] = -shortening * np.minimum(solver.solid.points[:, 2], 0.5)
+        solver.solid.set_displacement(u.ravel())
+        assert row(solver)["strained_fraction"] == pytest.approx(fraction, abs=1e-12)
+
+
+def test_the_mean_stress_of_a_cell_is_that_of_its_centroid() -> None:
+    """Under the displacement x^2 along x the strain is 2 x, linear in each cell."""
+    solver = make_contact_solver(here(), Flat(L=1.0), cubes(2), ELASTIC)
+    solid, (lam, mu) = solver.solid, ELASTIC.lame
+    u = np.zeros_like(solid.points)
+    u[:, 0] = solid.points[:, 0] ** 2
+    centroid = solid.points[solid.cell_nodes[:, :4], 0].mean(axis=1)
+    expected = 2.0 * centroid[:, None] * np.array([lam + 2.0 * mu, lam, lam, 0.0, 0.0, 0.0])
+    np.testing.assert_allclose(mean_stress(solver, u)[0], expected, atol=1e-12)
