@@ -131,7 +131,10 @@ def test_locking_is_doubted_where_a_law_hides_its_strength(coarse: BlockMesh, ro
     for material in (asp.Material(1.0, NU, 0.005), asp.Material.of_law(hidden, E=1.0, nu=NU, k=0.005)):
         result = asp.solve_contact(rough, material, delta_max=0.012, steps=2, block=coarse)
         problem = asp.Problem.of(rough, material, delta_max=0.012)
-        lines = [line for line in ledger(Evidence(result.curve, problem, h=0.05)) if "locking" in line.name]
+        whole = ledger(Evidence(result.curve, problem, h=0.05))
+        yields = any("at which it yields" in line.name for line in whole)
+        assert yields == (material.yield_strength is not None)
+        lines = [line for line in whole if "locking" in line.name]
         forces.append((float(result.curve.force[-1]), len(lines)))
     (relaxed, none), (locked, one) = forces
     assert (none, one) == (0, 1) and lines[0].value == pytest.approx(3.5)
