@@ -234,7 +234,8 @@ def doubt_of_points(law: Law, strains: Floats, states: Floats, stresses: Floats)
     lost = np.flatnonzero(~np.isfinite(stresses).all(axis=1))
     for k in (*lost[np.argsort(sizes[lost])][:POINTS], *np.argsort(-sizes)[:POINTS]):
         if wrong := doubt(law, strains[k], states[k], one_cell(law)(strains[k], states[k])):
-            return f"{KEY} = {show(law.source)} {wrong}; the greatest strain of the step is {sizes.max():.2g}"
+            name = show(law.source.rpartition("/")[2])
+            return f"{KEY} = {name} {wrong}; the greatest strain of the step is {sizes.max():.2g}"
     return ""
 
 
