@@ -39,8 +39,10 @@ def test_pressed_block() -> None:
     example = runpy.run_path(str(EXAMPLES / "pressed_block.py"))
     block_of, plastic = example["Block"], example["j2"]
 
-    @asp.law(state={"plastic_strain": (3, 3), "accumulated": ()})
-    def law(strain: Any, state: Any) -> Any:  # no yield_strength: cells keep the volumetric strain of each point
+    @asp.law(
+        state={"plastic_strain": (3, 3), "accumulated": ()}, E=example["E"], nu=example["NU"], symmetric=True
+    )  # no strength: cells keep the volumetric strain of each point
+    def law(strain: Any, state: Any) -> Any:
         pairs = [(0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2)]
         stress, after = plastic(strain, [*(state.plastic_strain[ij] for ij in pairs), state.accumulated])
         matrix = ufl.as_matrix([[after[i] for i in row] for row in ((0, 3, 4), (3, 1, 5), (4, 5, 2))])

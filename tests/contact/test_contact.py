@@ -8,6 +8,7 @@ import numpy as np
 import numpy.typing as npt
 import pytest
 from conftest import ELASTIC, PLASTIC, here
+from element_sample import cubes
 from j2_path import confined_stress
 from scipy import sparse
 from scipy.optimize import brentq
@@ -242,3 +243,31 @@ def test_exact_contact_needs_no_more_newton_steps_on_a_finer_mesh(wave: Surface)
         taken.append([solver.step(delta).newton for delta in (0.0025, 0.005, 0.0075, 0.01)])
     assert np.median(taken[1]) <= 4
     assert sum(taken[1]) <= sum(taken[0]) + 3
+
+
+# --- areas ----------------------------------------------------------------------------------------------------
+
+
+def test_pressure_and_area_of_a_stretched_top_are_those_after_deformation() -> None:
+    """Stretched by a tenth along x and y: the loads of a uniform pressure of one act on 1.21 of the area."""
+    solid = Solid(*distribute(here(), cubes(3), 1.0), Material(1.0, NU, kinematics="finite"))
+    surface = ContactSurface(solid)
+    solid.set_displacement((solid.points * [0.1, 0.1, 0.0]).ravel())
+    pressure = surface.pressure(surface.bearing_area())
+    corners = np.unique(surface.nodes[:, :3])
+    np.testing.assert_allclose(pressure[corners], 1.0 / 1.21, rtol=1e-12)
+    weights = np.repeat(surface.area[:, None] / 3.0, 3, axis=1)
+    whole = surface.area_of(np.ones(weights.shape, dtype=bool), weights)
+    assert whole.value == pytest.approx(1.21, rel=1e-12) and whole.error == 0.0
+    # of which facets that are cut touch an unknown, uniform share, independently: twice the deviation of the sum
+    cut = np.zeros(weights.shape, dtype=bool)
+    cut[::2, 0] = True
+    shares = np.random.default_rng(1).random((20_000, len(surface.area[::2])))
+    deviation = np.std(shares @ (1.21 * surface.area[::2]))
+    assert surface.area_of(cut, weights).error == pytest.approx(2.0 * deviation, rel=0.02)
+
+
+def test_the_mean_over_the_top_is_exact_for_a_square() -> None:
+    """The mean of x^2 over the unit square is a third; facets of second order have it exactly."""
+    surface = ContactSurface(Solid(*distribute(here(), cubes(2), 1.0), ELASTIC))
+    assert surface.mean(surface.solid.points[:, 0] ** 2) == pytest.approx(1.0 / 3.0, rel=1e-12)

@@ -225,6 +225,16 @@ def test_what_friction_does_not_go_with(coarse: BlockMesh | None, rough: Surface
 # --- a flat that moves ----------------------------------------------------------------------------------------
 
 
+def test_a_slipping_node_carries_coulombs_part_of_its_normal_force(wave: Surface, block: BlockMesh) -> None:
+    """The bounds of the tangential forces are those of the pressures that the forces themselves change."""
+    solver = pressed(wave, block, 0.4)
+    sliding = solver.contact.sliding
+    slips = ~sliding.stuck & (sliding.bounds > 0.0)
+    tangential = np.linalg.norm(sliding.traction[slips], axis=1)
+    normal = solver.nodal_force[solver.contact_surface.owned_nodes][slips]
+    assert slips.sum() > 3 and np.abs(tangential - 0.4 * normal).sum() < 1e-3 * tangential.sum()
+
+
 def test_a_loop_closes_and_loses(wave: Surface, block: BlockMesh) -> None:
     """Friction loses in each step, the flat comes back, and so does the state; its force never exceeds the limit."""
     solver = pressed(wave, block, 0.4)

@@ -13,15 +13,19 @@ import numpy as np
 import pytest
 from conftest import CLEAN, here, world
 
+from asperity.adaptive.solve_contact import solve_contact
+from asperity.curve import Curve
 from asperity.errors import AsperityWarning, ConvergenceError
 from asperity.fem.ghosts import SharedSums
 from asperity.fem.solid import Solid
 from asperity.linear import coarse as coarse_problem
-from asperity.linear.solver import LinearSolver
+from asperity.linear.solver import Assembled, LinearSolver
 from asperity.mesh.block import BlockMesh
 from asperity.mesh.distribute import TOP, distribute
 from asperity.model.material import Material
+from asperity.model.settings import SolverOptions
 from asperity.runtime import memory
+from asperity.surface import Surface
 
 SUMS = 3  # of an iteration: two of PETSc, one of them of two products, and that of the coarse problem
 EXCHANGES = 9  # of an iteration: one for each of the six products of the V-cycle, and three around it
@@ -230,3 +234,46 @@ def test_petsc_warns_of_options_of_the_user_alone() -> None:
     assert [line.split()[2] for line in (done.stdout + done.stderr).splitlines() if line.startswith("Option left")] == [
         "name:-asperity_missspelt"
     ]
+
+
+def test_a_system_that_petsc_gives_up_cuts_the_step_and_keeps_the_curve(
+    coarse: BlockMesh, rough: Surface, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Once: the force is that of a run without the failure. For good: the curve before, with step and approach."""
+    from petsc4py import PETSc
+
+    def curve() -> Curve:
+        settings: dict[str, Any] = {"options": SolverOptions(linear="lu"), "block": coarse}
+        return solve_contact(rough, Material(1.0, 0.3), delta_max=0.012, steps=3, **settings).curve
+
+    expected, prepare, calls = curve(), Assembled.prepare, Counter[str]()
+
+    def fail(lasts: int, self: Assembled, rows: Any) -> None:
+        calls["prepare"] += 1
+        prepare(self, rows)
+        if 6 < calls["prepare"] <= 6 + lasts:
+            raise PETSc.Error(76) from PETSc.Error(76)  # as from a solve within a call-back
+
+    monkeypatch.setattr(Assembled, "prepare", lambda *given: fail(1, *given))
+    found = curve()
+    assert len(found) == len(expected) + 1 and found.force[-1] == pytest.approx(expected.force[-1], rel=1e-7)
+    calls.clear()
+    monkeypatch.setattr(Assembled, "prepare", lambda *given: fail(10**6, *given))
+    with pytest.raises(ConvergenceError, match=r"no convergence at delta/L = .*PETSc.*76") as caught:
+        curve()
+    kept = caught.value.result.curve
+    assert 1 <= len(kept) < 3
+    np.testing.assert_array_equal(kept.force, expected.force[: len(kept)])
+
+
+def test_an_option_that_petsc_does_not_know_is_no_crash(coarse: BlockMesh, rough: Surface) -> None:
+    from petsc4py import PETSc
+
+    options = PETSc.Options("asperity_")
+    options["pc_type"] = "nonsense"
+    try:
+        with pytest.raises(ConvergenceError, match="the linear solver gave up, PETSc's error code 86"):
+            settings: dict[str, Any] = {"options": SolverOptions(linear="lu"), "block": coarse}
+            solve_contact(rough, Material(1.0, 0.3), delta_max=0.012, steps=2, **settings)
+    finally:
+        options.delValue("pc_type")

@@ -20,8 +20,12 @@ from asperity.adaptive.mesh_levels import LevelSolver
 from asperity.adaptive.mesh_plan import MARGIN, MOST_SUBSTEPS, RATIO, STEP_RULES, step_rule
 from asperity.arrays import Floats
 from asperity.curve import Curve
+from asperity.laws import shipped
+from asperity.model.load_path import BACKWARD_EULER, MIDPOINT
+from asperity.model.problem import Problem
 from asperity.quasistatic.contact_result import ContactResult
 
+LEAST_ORDER = 0.5  # of the force in the load step, below which runs show no convergence
 Along = Callable[[Floats], Any]  # a relative error along the loading, at approaches (n,)
 
 
@@ -52,27 +56,53 @@ class LoadStepError:
         return scaled(curve, factor[curve.branch == "load"])
 
 
-def step_errors(forces: Mapping[int, Floats], rule: str) -> tuple[dict[int, Floats], dict[int, Floats]]:
+def measures_order(problem: Problem) -> bool:
+    """Whether the order of the load steps is measured, in a third run, as for backward Euler and laws of the user.
+
+    That of the midpoint rule is known for the laws that come along; the bar of stick holds for all orders.
+    """
+    law, rule = problem.material.law, step_rule(problem)
+    return rule == BACKWARD_EULER or (
+        rule == MIDPOINT and law is not None and law.function not in shipped.LAWS.values()
+    )
+
+
+def step_errors(
+    forces: Mapping[int, Floats], rule: str, measured: bool = False
+) -> tuple[dict[int, Floats], dict[int, Floats]]:
     """Error of forces from their load steps, relative, and the bar of what is left after its correction.
 
+    The last two runs are corrected by the order of the rule. A third one measures the order: the bar holds the lower
+    one too, down to LEAST_ORDER. Where two runs agree more than the order of the rule allows, they do so by chance, and
+    the difference before counts.
+
     Args:
-        forces: along a path, by the number of parts of each step, the last two with twice as many (n,)
+        forces: along a path, by the number of parts of each step, the last ones with twice as many each (n,)
         rule: see `mesh_plan.step_rule`
+        measured: whether the order is measured, of at least three runs
 
     Returns:
         errors and bars by the number of parts (n,)
     """
     order, part = STEP_RULES[rule]
-    coarse, fine = (forces[k] for k in sorted(forces)[-2:])
-    limit = fine - (coarse - fine) / (2.0**order - 1.0)
+    *earlier, coarse, fine = (forces[k] for k in sorted(forces))
+    share = 1.0 / (2.0**order - 1.0)
+    limit = np.maximum(fine - share * (coarse - fine), 0.1 * fine)  # of runs that differ by more nothing is known
     errors = {k: values / limit - 1.0 for k, values in forces.items()}
-    return errors, {k: part * steady(error) for k, error in errors.items()}
+    bars = {k: part * steady(error) for k, error in errors.items()}
+    if measured and earlier:
+        before, last = steady((earlier[-1] - coarse) / limit), steady((coarse - fine) / limit)
+        found = np.clip(np.log2(np.maximum(before, 1e-300) / np.maximum(last, 1e-300)), LEAST_ORDER, order)
+        least = np.maximum(last, before / 2.0**order)
+        left = np.maximum(part * share, 1.0 / (2.0**found - 1.0) - share) * least
+        bars = {k: np.maximum(bar, left) for k, bar in bars.items()}
+    return errors, bars
 
 
 def choose_substeps(run: LevelSolver, tolerance: float) -> tuple[ContactResult, LoadStepError]:
     """Solve on the first mesh for the error of the load steps, and choose the parts of each for the finer ones.
 
-    It is loaded in steps of 1, 2, 4 ... parts, and the limit extrapolated from the last two runs. What is found
+    It is loaded in steps of 1, 2, 4 ... parts, and the limit extrapolated from the last runs. What is found
     corrects other meshes as well. Where by the order of the rule more than MOST_SUBSTEPS would be needed, or runs
     differ by chance, the parts with the least bar are chosen, and `refine` asks for more steps.
 
@@ -80,7 +110,7 @@ def choose_substeps(run: LevelSolver, tolerance: float) -> tuple[ContactResult, 
         the result with the most parts, at least two, and the error. If the greatest number of dofs allows no mesh that
         is touched, the result of the last one without an error
     """
-    rule, result = step_rule(run.problem), run(1.0)
+    rule, measured, result = step_rule(run.problem), measures_order(run.problem), run(1.0)
     while result.curve.untouched() and not run.limit(RATIO):
         result = run(RATIO)  # heights smoothed for large elements may lie below the flat
     if result.curve.untouched():
@@ -94,7 +124,9 @@ def choose_substeps(run: LevelSolver, tolerance: float) -> tuple[ContactResult, 
         del result
         result = run(substeps=n)
         P[n] = loading_force(result.curve, at)
-        errors, bars = step_errors(P, rule)
+        if measured and n == 2:
+            continue
+        errors, bars = step_errors(P, rule, measured)
         left = {k: float(np.max(bar)) for k, bar in bars.items()}
         enough = next((k for k in sorted(left) if left[k] < MARGIN * tolerance), 0)
         needed = n * (left[n] / (MARGIN * tolerance)) ** (1.0 / STEP_RULES[rule][0])

@@ -19,12 +19,12 @@ from pydantic import ValidationError
 
 from asperity.case.keys import sentence
 from asperity.case.schema import SHARED, Input, LoadingSection, law_of_section
-from asperity.case.validation import check_together, doubts
+from asperity.case.validation import check_law, check_together, doubts
 from asperity.errors import CaseWarning, CheckpointError, InputError, warn
 from asperity.model.problem import Problem
 from asperity.model.settings import H_CONTACT, SolverOptions
 from asperity.runtime.display import show
-from asperity.runtime.files import MOST_DATA, parse_toml, read_whole
+from asperity.runtime.files import MOST_DATA, MOST_TEXT, parse_toml, read_whole
 from asperity.runtime.run_folder import CASE, is_empty
 from asperity.surface import Surface
 
@@ -137,13 +137,15 @@ class Case(Input):
         """The surface that [surface] describes, made once."""
         return self.surface.built
 
-    def problem(self, surface: Surface | None = None) -> Problem:
+    def problem(self, surface: Surface | None = None, *, allow_code: bool | None = None) -> Problem:
         """The contact problem of the case: here a case is judged, for commands, scripts, studies and tests alike.
 
         Warns (CaseWarning) of values that are legal but improbable, or not used.
 
         Args:
             surface: in place of that of the case
+            allow_code: whether the file that material.law may name is run, with all rights of the user; False refuses
+                it, None leaves it unseen, for an estimate, and warns
 
         Raises:
             InputError: anything that can be found without meshing or solving
@@ -152,11 +154,20 @@ class Case(Input):
             raise InputError(
                 "mesh.file cannot go with accuracy.tolerance, which chooses the mesh: leave one of them out"
             )
+        solid = self.material.solid
+        if solid.law is not None:
+            if allow_code is False:
+                solid.check_run()
+            solid = law_of_section(self.material.given(), bool(allow_code))
+            check_law(self, solid)
+            if not solid.has_run:
+                warn(f"material.law = {show(self.material.law)} is code and was not looked at: a run needs "
+                     "--allow-code", CaseWarning)  # fmt: skip
         for text in self.warnings():
             warn(text, CaseWarning)
         loading = self.loading.model_dump(exclude={"unload"}) | ({} if self.loading.unload else {"unload_steps": 0})
         return Problem.of(
-            self.build_surface() if surface is None else surface, self.material.solid, size=self.mesh.size,
+            self.build_surface() if surface is None else surface, solid, size=self.mesh.size,
             formulation=self.contact.formulation, options=SolverOptions(**self.solver.model_dump()),
             **self.block.model_dump(), **loading,
         )  # fmt: skip
@@ -249,16 +260,24 @@ def _plain(value: Any) -> Any:
 
 
 def _complete_law(table: dict[str, Any], folder: Path) -> None:
-    """Put path, digest and moduli at rest of a law into [material]; what is no number is refused later."""
+    """Put the moduli of a law into [material], and path and digest of its file; what is no number is refused later.
+
+    A case with a digest is complete without its file, which a run alone needs.
+    """
+    numbers = table.get("parameters", {}), {key: table[key] for key in SHARED if key in table}
+    given = all(isinstance(n, dict) and all(isinstance(v, float | int) for v in n.values()) for n in numbers)
     path, colon, name = table["law"].rpartition(":")
     if colon:
-        table["law"] = f"{_existing_file(folder, path, 'material.law')}:{name}"
-    numbers = table.get("parameters", {}), {key: table[key] for key in SHARED if key in table}
-    if all(isinstance(n, dict) and all(isinstance(v, float | int) for v in n.values()) for n in numbers):
-        solid = law_of_section(table)
-        found = {name: getattr(solid, name) for name in ("E", "nu", "kinematics", "yield_strength")}
-        found["law_sha256"] = getattr(solid.law, "digest", None) or None
-        table |= {key: value for key, value in found.items() if key not in table and value is not None}
+        if "law_sha256" not in table or (folder / path).is_file():
+            table["law"] = f"{_existing_file(folder, path, 'material.law')}:{name}"
+        if "law_sha256" not in table:
+            content = read_bytes(Path(table["law"].rpartition(":")[0]), "material.law", MOST_TEXT)
+            table["law_sha256"] = hashlib.sha256(content).hexdigest()
+        found = {key: numbers[0].get(key) for key in ("E", "nu", "yield_strength")} if given else {}
+    else:
+        solid = law_of_section(table) if given else None
+        found = {key: getattr(solid, key, None) for key in ("E", "nu", "kinematics", "yield_strength")}
+    table |= {key: value for key, value in found.items() if key not in table and value is not None}
 
 
 def _existing_file(folder: Path, name: str, key: str) -> str:

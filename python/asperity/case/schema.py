@@ -11,7 +11,7 @@ from asperity.case import surfaces
 from asperity.case.surfaces import FORCE, LENGTH, STRESS, Flag, Real, Section, Text, Whole, key, optional
 from asperity.dynamics.settings import FORCING, OMEGA, ZETA, DynamicsSettings
 from asperity.errors import InputError
-from asperity.laws import load
+from asperity.laws import Law, from_file, shipped_law
 from asperity.model import settings
 from asperity.model.limits import bounds
 from asperity.model.material import MODULI, POISSON_RATIOS, Material
@@ -42,7 +42,7 @@ class MaterialSection(Section):
         None, shown="small",
     )  # fmt: skip
     law: Text | None = key(
-        'law in UFL, one of asperity.laws or "file.py:name" (docs/extend.md); E and nu are those it has at rest', None
+        'law in UFL, one of asperity.laws, or "file.py:name": code, which runs with --allow-code (docs/extend.md)', None
     )
     parameters: dict[str, Real] | None = key("of the law, by name: a section [material.parameters]", None)
     law_sha256: Text | None = key("of the file of the law, which is refused where it has another", None)
@@ -78,18 +78,28 @@ class MaterialSection(Section):
         return self.solid.reduced_modulus
 
 
-def law_of_section(table: Mapping[str, Any]) -> Material:
-    """The material of a section with a law; E and nu may be missing, and are refused (InputError) if others."""
-    made = load(table["law"], table.get("parameters", {}), {name: table[name] for name in SHARED if name in table})
-    for name in ("yield_strength", "tangent_modulus", "hardening"):
-        if name in table and name not in dict(made.parameters):
-            raise InputError(f"material.{name} = {show(table[name])} cannot go with material.law, which has none")
-    if table.get("law_sha256", made.digest) != made.digest:
-        raise InputError(
-            f"material.law_sha256 = {show(table['law_sha256'])} is of another content of the file of material.law: "
-            "leave it out, or take the file as it was"
+def law_of_section(table: Mapping[str, Any], allow_code: bool = False) -> Material:
+    """The material of a section with a law; a law in a file, which is code, has its function only where allowed.
+
+    Raises:
+        InputError: the law is refused, or has no such keys, or other values of E and nu
+    """
+    source, parameters, kinematics = table["law"], table.get("parameters", {}), table.get("kinematics")
+    offered, digest = {name: table[name] for name in SHARED if name in table}, table.get("law_sha256", "")
+    if ":" not in source:
+        made = shipped_law(source, parameters, offered)
+    elif allow_code:
+        made = from_file(source, digest, parameters, offered)
+    else:
+        unseen = Law(None, tuple(parameters.items()), source, digest)
+        return Material(
+            table["E"], table["nu"], table.get("yield_strength"), kinematics=kinematics or "small", law=unseen
         )
-    solid = Material.of_law(made, kinematics=table.get("kinematics"))
+    solid = Material.of_law(made, kinematics=kinematics)
+    for name in ("yield_strength", "tangent_modulus", "hardening"):
+        has = solid.yield_strength is not None if name == "yield_strength" else name in dict(made.parameters)
+        if name in table and not has:
+            raise InputError(f"material.{name} = {show(table[name])} cannot go with material.law, which has none")
     for name, value in (("E", solid.E), ("nu", solid.nu)):
         if abs(table.get(name, value) - value) > 1e-6 * solid.E ** (name == "E"):
             raise InputError(
@@ -150,9 +160,10 @@ class LoadingSection(Section):
     unload: Flag = key("unload after loading", False)
     cycles: Whole = key("number of load(-unload) cycles", 1, ge=1, le=1000)
     unload_steps: Whole = key("steps of an unloading", shown="steps // 2", ge=1, le=100_000)
-    integrator: Literal["midpoint", "backward-euler"] = key(
-        "of plasticity along a loading: second or first order in the step", "midpoint"
-    )
+    integrator: Literal["midpoint", "backward-euler"] | None = key(
+        "of plasticity along a loading: second or first order in the step", None,
+        shown="midpoint; backward-euler where material.law does not declare that its state is a strain",
+    )  # fmt: skip
 
     @property
     def driver(self) -> str:

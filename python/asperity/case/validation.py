@@ -11,6 +11,7 @@ from asperity.dynamics.settings import DynamicsSettings
 from asperity.errors import InputError
 from asperity.force_law import MIN_ROWS
 from asperity.model.limits import FRACTIONS, LEAST_FORCE, check_force, check_length
+from asperity.model.material import Material
 from asperity.model.problem import check_lengths
 from asperity.model.settings import H_CONTACT
 from asperity.runtime.display import show
@@ -62,18 +63,27 @@ def check_together(case: Input) -> None:
 
 
 def _check_material(case: Input) -> None:
-    table, solid = case.material, case.material.solid
-    if solid.law is not None:
-        needs = {"output.stiffness": case.output.stiffness, "slip.method": case.slip is not None}
-        for key in [key for key, wanted in needs.items() if wanted and solid.law.state and solid.law.elastic is None]:
-            raise InputError(
-                f"{key} needs the elastic part of material.law = {show(solid.law.source)}, which does not say it: "
-                "declare @asp.law(state=..., elastic=...)"
-            )
-    elif table.parameters is not None or table.law_sha256 is not None:
+    table = case.material
+    if table.law is not None:
+        if table.law_sha256 is not None and ":" not in table.law:
+            raise InputError('material.law_sha256 needs material.law = "file.py:name", a law in a file')
+        return
+    if table.parameters is not None or table.law_sha256 is not None:
         raise InputError("material.parameters and material.law_sha256 need material.law, a law in UFL")
-    elif table.yield_strength is None and table.tangent_modulus is not None:
+    if table.yield_strength is None and table.tangent_modulus is not None:
         raise InputError("material.tangent_modulus needs material.yield_strength; an elastic material has neither")
+
+
+def check_law(case: Input, solid: Material) -> None:
+    """Refuse (InputError) a law without an elastic part, where the case needs that part."""
+    law = solid.law
+    assert law is not None
+    needs = {"output.stiffness": case.output.stiffness, "slip.method": case.slip is not None}
+    for key in [key for key, wanted in needs.items() if wanted and law.state and law.declared.elastic is None]:
+        raise InputError(
+            f"{key} needs the elastic part of material.law = {show(law.source)}, which does not say it: declare "
+            "@asp.law(state=..., elastic=...)"
+        )
 
 
 def _check_vibration(case: Input) -> None:

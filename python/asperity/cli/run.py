@@ -18,13 +18,14 @@ from asperity.runtime.progress import LevelLines, Progress, silence, world_rank
 @options.output("OUT", "Run directory; default out/<name of the case>.")
 @click.option("--resume", is_flag=True, help="Continue the run in OUT, or start it where there is none.")
 @click.option("--force", is_flag=True, help="Replace the run in OUT.")
+@click.option("--allow-code", is_flag=True, help="Run the file that material.law names, with all your rights.")
 @options.job_ranks
 @click.option("-q", "--quiet", is_flag=True, help="Show no progress.")
 @click.option("-v", "--verbose", is_flag=True, help="Show the lines of run.log instead.")
 @options.overrides
 def run(
-    case_file: str, output: str | None, resume: bool, force: bool, ranks: int | None, quiet: bool, verbose: bool,
-    overrides: tuple[str, ...],
+    case_file: str, output: str | None, resume: bool, force: bool, allow_code: bool, ranks: int | None, quiet: bool,
+    verbose: bool, overrides: tuple[str, ...],
 ) -> None:  # fmt: skip
     """Solve a case and write its results.
 
@@ -54,7 +55,7 @@ def run(
         lines.handleError = lambda record: silence(sys.stdout)  # type: ignore[method-assign]
         logging.basicConfig(handlers=[lines], format="%(asctime)s %(message)s")
     try:
-        result = run_case.run(case, folder, progress=progress, resume=resume, force=force)
+        result = run_case.run(case, folder, progress=progress, resume=resume, force=force, allow_code=allow_code)
     finally:
         progress.done()
     if quiet or world_rank():

@@ -12,6 +12,7 @@ from asperity.errors import InputError
 from asperity.fem.cell_flow import CellFlow
 from asperity.fem.history import History
 from asperity.fem.kernels import ElementKernels, relaxation_of
+from asperity.fem.law_check import doubt_of_points
 from asperity.fem.sparsity import SparsityPattern
 from asperity.fem.weak_form import PointValues, WeakForm
 from asperity.laws.definition import SHAPES, USUAL
@@ -64,7 +65,7 @@ class FormKernels(ElementKernels):
     def _held(self) -> Any:
         if not self._given.state:
             return self._law
-        if self._given.elastic is None:
+        if self._given.declared.elastic is None:
             raise InputError(
                 f'material.law = "{self._given.source}" does not say what it is without flow, which stiffness and '
                 "slip need: declare @asp.law(state=..., elastic=...)"
@@ -143,11 +144,26 @@ class FormKernels(ElementKernels):
         self._set(self._law, u, self._committed if history is None else history)
         return self._law.stresses(self._all)[..., 6:] if conjugate else self._law.stresses(self._all)[..., :6]
 
+    def doubt(self, u: Floats) -> str:
+        """What is wrong with a law of the user at the points of u over the committed history, empty for nothing."""
+        if self._material.law is None:
+            return ""
+        strains = self.strain(u).reshape(-1, 3, 3)
+        if self._given.hyperelastic:  # stretches, which an energy cannot tell from deformation gradients
+            stretch, axes = np.linalg.eigh(np.nan_to_num(strains))
+            strains = np.einsum("nij,nj,nkj->nik", axes, np.exp(stretch), axes)
+        stresses, n = self.stress(u).reshape(len(strains), -1), len(strains)
+        stored = self._stored(self._committed).reshape(n, -1) if self._state is not None else np.zeros((n, 0))
+        return doubt_of_points(self._given, strains, stored, stresses)
+
+    def _stored(self, history: History) -> Floats:
+        """Components of the state at the quadrature points (cells, points, k)."""
+        return np.concatenate([np.atleast_3d(getattr(history, name)) for name in self._given.state], axis=2)
+
     def _set(self, forms: WeakForm, u: Floats, history: History) -> None:
         """Set the coefficients of some forms."""
         self._u.x.array[:] = u.ravel()
         if self._state is not None:
-            stored = [np.atleast_3d(getattr(history, name)) for name in self._given.state]
-            self._state.put(np.concatenate(stored, axis=2))
+            self._state.put(self._stored(history))
         if self._cell is not None:
             self._cell.settle(history.dilatation, None if forms.held else forms.measures)

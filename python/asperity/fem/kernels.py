@@ -194,6 +194,10 @@ class ElementKernels:
         strain Cauchy's, in finite strain that of logarithmic strain."""
         return self._stress(u, history, conjugate=True)
 
+    def doubt(self, u: Floats) -> str:
+        """What is wrong with a law of the user at the points of u over the committed history, empty for nothing."""
+        return ""
+
     def _stress(self, u: Floats, history: History | None, conjugate: bool) -> Floats:
         out = np.zeros((*self.volumes.shape, 6))
         over = compiled(self._committed if history is None else history)

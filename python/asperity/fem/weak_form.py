@@ -9,7 +9,7 @@ an energy of F is differentiated as it stands.
 from __future__ import annotations
 
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from functools import cached_property
 from itertools import product
 from pathlib import Path
@@ -35,6 +35,7 @@ def compiled(kind: Callable[..., Any], *what: Any) -> Any:
     """
     cache = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "asperity" / "forms"
     options = {"cache_dir": str(cache), "timeout": TIMEOUT, "cffi_extra_compile_args": ["-O2", "-g0"]}
+    options["cffi_libraries"] = []  # whatever a file of options in the working folder names
     try:
         return kind(*what, jit_options=options)
     except (OSError, RuntimeError, ImportError) as error:
@@ -244,11 +245,7 @@ class WeakForm:
     @cached_property
     def after(self) -> Values:
         """Stored components of the new state (k,)."""
-        parts: list[Any] = []
-        for name, shape in self._law.state.items():
-            value = self._after[name]
-            parts += [value] if shape == () else [value[ij] for ij in (SYMMETRIC if shape == (3, 3) else range(3))]
-        return self._at_points(parts)
+        return self._at_points(packed(self._law, self._after))
 
     @cached_property
     def measures(self) -> Values:
@@ -268,6 +265,16 @@ class WeakForm:
     @property
     def _flow(self) -> Any:
         return self._after["accumulated"] - self._before["accumulated"]
+
+
+def packed(law: Law, state: Mapping[str, Any], transposed: bool = False) -> list[Any]:
+    """Stored components of state variables, the inverse of `unpacked`; of their transposed tensors where wanted."""
+    parts: list[Any] = []
+    for name, shape in law.state.items():
+        value = state[name]
+        places: Any = [ij[::-1] if transposed else ij for ij in SYMMETRIC] if shape == (3, 3) else range(3)
+        parts += [value] if shape == () else [value[at] for at in places]
+    return parts
 
 
 def unpacked(law: Law, state: Any) -> dict[str, Any]:

@@ -94,6 +94,7 @@ def run(
     progress: Progress | None = None,
     resume: bool = False,
     force: bool = False,
+    allow_code: bool = False,
     comm: MPI.Comm | None = None,
 ) -> RunResult:
     """Run a case and write its results, as `asperity run` does; collective over `comm`.
@@ -109,6 +110,7 @@ def run(
         progress: receives stages and steps
         resume: continue the run of this case in `folder`
         force: replace the run in `folder`; files that no run has written stay
+        allow_code: run the file that material.law may name, with all rights of the user
         comm: communicator; default all ranks
 
     Raises:
@@ -145,7 +147,7 @@ def run(
 
     def prepare() -> tuple[Case, Problem]:
         whole = case if isinstance(case, Case) else Case.load(case)
-        return whole, whole.problem()
+        return whole, whole.problem(allow_code=allow_code)
 
     with noting(comm) as notices:
         whole, problem = agree(comm, prepare)

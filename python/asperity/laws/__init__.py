@@ -15,37 +15,48 @@ from asperity.laws.shipped import hooke, j2, neo_hookean, voce, without_flow
 from asperity.runtime.display import show
 from asperity.runtime.files import MOST_TEXT, read_whole
 
-__all__ = ["Law", "law", "law_of_function", "load", "without_flow"]
+__all__ = ["Law", "from_file", "law", "law_of_function", "shipped_law", "without_flow"]
 __all__ += ["hooke", "j2", "neo_hookean", "voce"]
 
 
-def load(source: str, parameters: Mapping[str, Any], offered: Mapping[str, Any] | None = None) -> Law:
-    """The law that a case names: one of `asperity.laws`, or a function of a file, "file.py:name", which is run.
+def shipped_law(name: str, parameters: Mapping[str, Any], offered: Mapping[str, Any] | None = None) -> Law:
+    """One of the laws that come along; see `law_of_function`."""
+    if name not in shipped.LAWS:
+        refuse(name, f'is not one of {", ".join(shipped.LAWS)}, nor "file.py:name" of a case')
+    return law_of_function(shipped.LAWS[name], parameters, name, offered=offered)
+
+
+def from_file(source: str, digest: str, parameters: Mapping[str, Any], offered: Mapping[str, Any]) -> Law:
+    """The law "file.py:name" of a case: the file is run, with all rights of the user.
+
+    Args:
+        digest: SHA-256 that the file must have
 
     Raises:
-        InputError: there is none, its file raises, or see `law_of_function`
+        InputError: the file cannot be read, is another one or raises, has no such name, or see `law_of_function`
     """
-    path, colon, name = source.rpartition(":")
-    if not colon:
-        if source not in shipped.NAMES:
-            refuse(source, f'is not one of {", ".join(shipped.NAMES)}, nor "file.py:name"')
-        return law_of_function(getattr(shipped, source), parameters, source, offered=offered)
+    path, _, name = source.rpartition(":")
     try:
         content = read_whole(path, MOST_TEXT)
     except (OSError, ValueError) as error:
         refuse(source, f"cannot be read: {getattr(error, 'strerror', None) or error}")
-    functions, digest = _run(path, content)
+    if hashlib.sha256(content).hexdigest() != digest:
+        refuse(
+            source,
+            f"is of another content of its file than material.law_sha256 = {show(digest)}: leave that key out, or take "
+            "the file as it was",
+        )
+    functions = _run(path, content)
     if name not in functions:
         refuse(source, f"names no function of that file: it has no {show(name)}")
     return law_of_function(functions[name], parameters, source, digest, offered)
 
 
 @lru_cache(maxsize=16)
-def _run(path: str, content: bytes) -> tuple[dict[str, Any], str]:
-    """Names that the file of a law defines, which is run once, and its SHA-256."""
-    digest = hashlib.sha256(content).hexdigest()
-    module = ModuleType(f"law_{digest[:12]}")
+def _run(path: str, content: bytes) -> dict[str, Any]:
+    """Names that the file of a law defines, which is run once."""
+    module = ModuleType(f"law_{hashlib.sha256(content).hexdigest()[:12]}")
     module.__file__, sys.modules[module.__name__] = path, module  # where a class of the file looks its names up
     with raising(path, "raises when it is run"):
         exec(compile(content, path, "exec"), vars(module))
-    return vars(module), digest
+    return vars(module)

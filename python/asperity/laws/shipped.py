@@ -5,14 +5,15 @@ Moduli and strengths are in one unit of stress [force/length^2].
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 from asperity.laws.definition import law
 
-NAMES = ("hooke", "j2", "voce", "neo_hookean")
 NEWTON = 8  # iterations of Voce's return, which converge from one side without a bound
 
 
+@law(symmetric=True)
 def hooke(strain: Any, E: float, nu: float) -> Any:
     """Isotropic linear elasticity."""
     import ufl
@@ -26,10 +27,24 @@ def without_flow(strain: Any, state: Any, E: float, nu: float) -> Any:
     return hooke(strain - state.plastic_strain, E, nu)
 
 
-PLASTIC = {"plastic_strain": (3, 3), "accumulated": ()}
+def linear_strength(a: float, E: float, yield_strength: float, tangent_modulus: float) -> float:
+    """Yield stress of `j2` in monotone loading."""
+    return yield_strength + E * tangent_modulus / (E - tangent_modulus) * a
 
 
-@law(state=PLASTIC, elastic=without_flow)
+def voce_strength(a: float, yield_strength: float, saturation: float, rate: float) -> float:
+    """Yield stress of `voce`."""
+    return yield_strength - saturation * math.expm1(-rate * a)
+
+
+PLASTIC: dict[str, Any] = {
+    "state": {"plastic_strain": (3, 3), "accumulated": ()},
+    "elastic": without_flow,
+    "symmetric": True,
+}
+
+
+@law(**PLASTIC, state_is_strain=True, strength=linear_strength)
 def j2(
     strain: Any,
     state: Any,
@@ -61,7 +76,7 @@ def j2(
     }
 
 
-@law(state=PLASTIC, elastic=without_flow)
+@law(**PLASTIC, state_is_strain=True, strength=voce_strength)
 def voce(strain: Any, state: Any, E: float, nu: float, yield_strength: float, saturation: float, rate: float) -> Any:
     """J2 plasticity whose strength rises by `saturation` as 1 - exp(-rate a), a the accumulated plastic strain.
 
@@ -94,3 +109,6 @@ def neo_hookean(F: Any, E: float, nu: float) -> Any:
     lam, mu = E * nu / ((1.0 + nu) * (1.0 - 2.0 * nu)), E / (2.0 * (1.0 + nu))
     lnJ = ufl.ln(ufl.det(F))
     return 0.5 * mu * (ufl.inner(F, F) - 3.0 - 2.0 * lnJ) + 0.5 * lam * lnJ**2
+
+
+LAWS = {function.__name__: function for function in (hooke, j2, voce, neo_hookean)}

@@ -86,7 +86,7 @@ class PMultigrid:
         ksp.getPC().setType("python")
         ksp.getPC().setPythonContext(self)
         ksp.setOperators(operator)
-        if self._solid.comm.size > 1:
+        if self._solid.comm.size > 1 and self._symmetric:
             set_defaults(prefix, {"ksp_cg_single_reduction": True})  # two products in one message
         ksp.setFromOptions()
         return operator

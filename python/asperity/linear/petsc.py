@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from asperity.arrays import Floats
+from asperity.errors import ConvergenceError
 from asperity.fem.sparsity import SparsityPattern
 from asperity.runtime.memory import free_share
 
@@ -137,16 +138,24 @@ def destroy_unused(comm: Any) -> None:
         PETSc.garbage_cleanup(comm)
 
 
+class LinearFailure(ConvergenceError):
+    """PETSc or a library below it gave up a linear system; its solver cannot be used again."""
+
+
 @contextmanager
 def own_errors() -> Iterator[None]:
-    """Raise the errors of call-backs, and MemoryError where PETSc lacks memory, instead of those of PETSc."""
+    """Raise the errors of call-backs, MemoryError where PETSc lacks memory, else LinearFailure, for those of PETSc."""
     from petsc4py import PETSc
 
     try:
         yield
     except PETSc.Error as error:
-        if error.__cause__ is not None:
-            raise error.__cause__ from None
-        if error.ierr == OUT_OF_MEMORY:
-            raise MemoryError(str(error)) from None
-        raise
+        cause: BaseException = error
+        while isinstance(cause, PETSc.Error) and cause.__cause__ is not None:  # of a solve within a call-back
+            cause = cause.__cause__
+        if not isinstance(cause, PETSc.Error):
+            raise cause from None
+        if cause.ierr == OUT_OF_MEMORY:
+            raise MemoryError(str(cause)) from None
+        said = " ".join(str(PETSc.Error(cause.ierr)).split())
+        raise LinearFailure(f"the linear solver gave up, PETSc's {said}") from cause

@@ -12,9 +12,9 @@ import numpy as np
 from asperity.arrays import Floats
 from asperity.errors import InputError
 from asperity.laws import definition as laws
-from asperity.laws import load, shipped
-from asperity.laws.point import ISOTROPY, WORKED, traits
+from asperity.laws import shipped, shipped_law
 from asperity.model.limits import check
+from asperity.model.load_path import BACKWARD_EULER, MIDPOINT
 from asperity.runtime.display import short_repr, show
 
 AUTO = "auto"  # kinematics that a run chooses, see adaptive.small_strain
@@ -23,6 +23,7 @@ MODULI = "[1e-20, 1e40]"  # legal E [force/length^2]
 POISSON_RATIOS = "[-0.9, 0.495]"  # legal nu; above, area and pressure are off by more than 1.2 % (docs/theory.md)
 YIELD_STRAINS = (1e-7, 1.0)  # legal yield strength over E; the second one excluded
 SHARES = {"isotropic": 0.0, "kinematic": 1.0}  # of the hardening that are kinematic
+WORKED = 0.2  # plastic strain of the strength that says which pressures in a cell relax, see `fem.kernels`
 PAIRS = np.array([1.0, 1.0, 1.0, 2.0, 2.0, 2.0])  # in products of tensors (..., 6): off-diagonal components count twice
 
 
@@ -100,13 +101,13 @@ class Material:
 
         Args:
             law: function `stress(strain, ...)`, `stress(strain, state, ...)` or `energy(F, ...)`; the name of one of
-                `asperity.laws`, or "file.py:name"; or a law with its parameters
+                `asperity.laws`; or a law with its parameters
             kinematics: None takes "finite" for an energy, else "small"; a law of a strain is then one of the
                 logarithmic strain
-            parameters: of the law
+            parameters: of the law; those by the names of attributes of this class have their ranges
 
         Raises:
-            InputError: the law is refused, see `laws.law_of_function` and `laws.point.traits`
+            InputError: the law is refused, see `laws.law_of_function`, or does not say its E and nu
 
         Examples:
             >>> alloy = asp.Material.of_law(
@@ -118,26 +119,35 @@ class Material:
         if isinstance(law, laws.Law):
             made = law
         else:
-            made = load(law, parameters) if isinstance(law, str) else laws.law_of_function(law, parameters)
-        seen, given = traits(made), dict(made.parameters)
-        E, nu = given.get("E", seen.E), given.get("nu", seen.nu)
+            made = shipped_law(law, parameters) if isinstance(law, str) else laws.law_of_function(law, parameters)
+        E, nu, given = made.quantity("E"), made.quantity("nu"), dict(made.parameters)
         if E is None or nu is None:
-            return laws.refuse(made.source, "is not isotropic at rest: give it parameters E and nu, for the scales")
-        if seen.E is not None and seen.nu is not None:
-            if abs(E - seen.E) > ISOTROPY * seen.E or abs(nu - seen.nu) > ISOTROPY:
-                E, nu = seen.E, seen.nu
+            laws.refuse(made.source, "does not say E and nu at rest: declare @asp.law(E=..., nu=...)")
         kinematics = kinematics or ("finite" if made.hyperelastic else "small")
-        return Material(E, nu, given.get("yield_strength"), kinematics=kinematics, law=made)
+        slope, share = given.get("tangent_modulus", 0.0), given.get("kinematic_share", 0.0)
+        return Material(E, nu, made.quantity("yield_strength"), slope, share, kinematics=kinematics, law=made)
 
     @property
     def plastic(self) -> bool:
-        """Whether the material can yield, or its law has a state."""
-        return bool(self.law.state) if self.law else self.yield_strength is not None
+        """Whether the material can yield, or its law has a state; so is taken of a law that has not been run."""
+        return (not self.has_run or bool(self.law.state)) if self.law else self.yield_strength is not None
+
+    @property
+    def has_run(self) -> bool:
+        """Whether the file of a law, which is code, has been run; true without one."""
+        return self.law is None or self.law.function is not None
+
+    @property
+    def integrator(self) -> str:
+        """Integrator of a loading that suits the state: the midpoint rule where it is a strain."""
+        if self.law is None or self.law.declared.state_is_strain:
+            return MIDPOINT
+        return BACKWARD_EULER
 
     @property
     def symmetric(self) -> bool:
         """Whether the tangent is."""
-        return self.law is None or traits(self.law).symmetric
+        return self.law is None or self.law.symmetric
 
     @property
     def relaxes(self) -> bool:
@@ -148,7 +158,8 @@ class Material:
     def worked_strength(self) -> float:
         """Strength at a plastic strain of WORKED, infinite where nothing can relax [force/length^2]."""
         if self.law is not None:
-            return self.E * (traits(self.law).worked or inf)
+            strength = self.law.strength(WORKED)
+            return inf if strength is None else max(strength / self.law.unit, self.yield_strength or 0.0)
         return inf if self.yield_strength is None else self.yield_strength + WORKED * self.plastic_modulus
 
     @property
@@ -167,11 +178,21 @@ class Material:
         return self.kinematics == "finite"
 
     def check_decided(self) -> None:
-        """Refuse a material whose kinematics is "auto", not chosen yet (InputError)."""
+        """Refuse a material whose law is code not run, or whose kinematics is "auto", not chosen yet (InputError)."""
+        self.check_run()
         if self.kinematics == AUTO:
             raise InputError(
                 'material.kinematics = "auto" is chosen by asp.run: in a script call asp.choose_kinematics first, or '
                 'take "finite"'
+            )
+
+    def check_run(self) -> None:
+        """Refuse a law in a file that has not been run (InputError)."""
+        if self.law is not None and not self.has_run:
+            laws.refuse(
+                self.law.source,
+                "is code, which runs with all your rights: read that file, then give --allow-code to asperity run (in "
+                "Python allow_code=True)",
             )
 
     @property

@@ -32,7 +32,7 @@ class ProblemArguments(TypedDict, total=False):
         force_max: greatest force instead [force]
         pressure_max: greatest nominal pressure instead, the force over L^2 [force/length^2]
         steps, unload_steps, cycles, substeps: see `Schedule`; default 10, 0, 1, 1
-        integrator: of plasticity, "midpoint" (default) or "backward-euler"
+        integrator: of plasticity, "midpoint" or "backward-euler"; default see `Material.integrator`
         height: mean height of the block [length]; default L
         sides, size, formulation, options: see `Problem`
     """
@@ -125,6 +125,12 @@ class Problem:
                 f'solver.linear = "cg" needs a symmetric tangent, and that of material.law = "{law.source}" is not: '
                 'take "auto" or "lu"'
             )
+        if law.state and self.load_path.integrator == MIDPOINT != self.material.integrator:
+            raise InputError(
+                f'loading.integrator = "midpoint" cannot go with material.law = "{law.source}", whose state the rule '
+                "would extrapolate: leave it out, or declare @asp.law(..., state_is_strain=True) where the state is a "
+                "sum of increments of strain"
+            )
 
     def doubts(self) -> list[str]:
         """What is doubtful of the load: a flat that passes the lowest valley, or begins on an edge."""
@@ -164,7 +170,7 @@ class Problem:
         if surface.rough and material.kinematics == "small":
             surface.check_small_slope()
         named = {field.name for field in fields(Schedule)} & told.keys() - {"sticks"}
-        path = Schedule(**{"integrator": MIDPOINT} | {name: told.pop(name) for name in named})
+        path = Schedule(**{"integrator": material.integrator} | {name: told.pop(name) for name in named})
         problem = Problem(surface, material, path, told.pop("height", None), **told)
         if problem.sides == "periodic" and (problem.size.h_max or 0.0) > WIDEST_JOINED * surface.L:
             warn(

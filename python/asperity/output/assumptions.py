@@ -159,7 +159,7 @@ def _block(run: Evidence) -> Iterator[Assumption]:
     plane of a rough solid at full contact.
     """
     problem, surface, height = run.problem, run.problem.surface, run.problem.height
-    if problem.material.plastic:
+    if problem.material.yield_strength is not None:
         pressure = float(run.curve.force.max()) / surface.L**2
         yield Assumption(
             "block: mean pressure over that at which it yields",

@@ -10,7 +10,7 @@ import numpy as np
 from asperity.arrays import Integers
 from asperity.fem.kernels import ElementKernels
 from asperity.fem.solid import Solid
-from asperity.linear.petsc import GAMG, empty_matrix, set_defaults
+from asperity.linear.petsc import GAMG, empty_matrix, own_errors, set_defaults
 from asperity.model.material import Material
 from asperity.runtime import compat
 
@@ -58,7 +58,8 @@ class Conductance:
         right.array[rows] = 0.0
         matrix.zeroRowsColumns((rows + A.getOwnershipRange()[0]).astype(np.int32), diag=1.0)
         self._ksp.setOperators(matrix)
-        self._ksp.solve(right, y)
+        with own_errors():
+            self._ksp.solve(right, y)
         if self._ksp.getConvergedReason() < 0:
             return nan
         potential.axpy(1.0, y)

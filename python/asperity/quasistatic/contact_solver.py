@@ -18,7 +18,7 @@ from asperity.contact.contact_surface import ContactSurface
 from asperity.fem.energies import dissipation, energies
 from asperity.fem.history import History
 from asperity.fem.solid import Solid
-from asperity.linear.petsc import destroy_unused
+from asperity.linear.petsc import LinearFailure, destroy_unused, own_errors
 from asperity.model.settings import SolverOptions
 from asperity.quasistatic import midpoint
 from asperity.quasistatic.balance import Checks, StepBalance, audit
@@ -74,6 +74,7 @@ class ContactSolver:
         probes: measure what depends on the tangent of a step: called with the solver before its history is committed,
             collective, they return values by the name of a column, of their `columns`, in units of L and E
         probed: what they found in the last accepted step
+        doubt: what is wrong with a law of the user in the last step without convergence, empty for nothing
     """
 
     def __init__(
@@ -81,7 +82,7 @@ class ContactSolver:
     ) -> None:
         self.solid, self.contact_surface, self.contact, self.summit = solid, contact_surface, contact, summit
         self._options = options
-        self._newton: NewtonSolver | None = NewtonSolver(solid, contact, options)
+        self._newton: NewtonSolver | None = None
         self.counts, self.checks = Counts(), Checks()
         self.delta, self.force = 0.0, 0.0
         self.nodal_force = np.zeros(solid.owned)
@@ -93,6 +94,7 @@ class ContactSolver:
         self._first_touch = self._highest()
         self.probes: tuple[Any, ...] = ()
         self.probed: dict[str, float] = {}
+        self.doubt = ""
 
     @property
     def columns(self) -> set[str]:
@@ -103,7 +105,8 @@ class ContactSolver:
     def newton(self) -> NewtonSolver:
         """Newton's method; collective after `drop_matrices`."""
         if self._newton is None:
-            self._newton = NewtonSolver(self.solid, self.contact, self._options)
+            with own_errors():
+                self._newton = NewtonSolver(self.solid, self.contact, self._options)
         return self._newton
 
     def drop_matrices(self) -> None:
@@ -138,14 +141,11 @@ class ContactSolver:
         return self._solve(f"delta/L = {delta:.6g}", first, abs(delta - self.delta))
 
     def _solve(self, where: str, start: Floats, scale: float) -> StepStats:
-        self.newton.linear.forget()  # a step of a resumed run is the same to the last bit
-        stats = self.newton.solve(start, scale)
-        for _ in range(MOST_PASSES):
-            if not (stats.converged and self.contact.settle()):
-                break
-            stats = stats + self.newton.solve(self.newton.x.array_r.reshape(-1, 3).copy(), scale)
-        else:
-            stats = replace(stats, converged=False, reason="friction does not settle")
+        try:
+            stats = self._settle(start, scale)
+        except LinearFailure as error:
+            stats = StepStats(False, str(error), 0, 0)
+            self.drop_matrices()  # with the solver that failed
         for name in COUNTED:
             setattr(self.counts, name, getattr(self.counts, name) + getattr(stats, name))
         log = logging.getLogger(__name__)
@@ -153,9 +153,21 @@ class ContactSolver:
             counts = stats.newton, stats.shortened, stats.direct
             log.info("%s: of %d Newton steps %d shortened, %d solved by LU", where, *counts)
         if not stats.converged:
-            log.info("%s: given up after %d Newton steps, %s", where, stats.newton, stats.reason)
+            found = self.solid.kernels.doubt(self.solid.u.x.array.reshape(-1, 3))
+            self.doubt = next(filter(None, self.solid.comm.allgather(found)), "")
+            log.info("%s: given up after %d Newton steps, %s", where, stats.newton, self.doubt or stats.reason)
             self.roll_back()
         return stats
+
+    def _settle(self, start: Floats, scale: float) -> StepStats:
+        """Solve until friction settles."""
+        self.newton.linear.forget()  # a step of a resumed run is the same to the last bit
+        stats = self.newton.solve(start, scale)
+        for _ in range(MOST_PASSES):
+            if not (stats.converged and self.contact.settle()):
+                return stats
+            stats = stats + self.newton.solve(self.newton.x.array_r.reshape(-1, 3).copy(), scale)
+        return replace(stats, converged=False, reason="friction does not settle")
 
     def solved_force(self) -> float:
         """Force on the flat at the last solve [E L^2]; collective."""

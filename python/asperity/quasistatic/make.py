@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 from asperity.contact import make_contact
 from asperity.contact.contact_surface import ContactSurface
+from asperity.fem.law_check import check_law
 from asperity.fem.solid import Solid
 from asperity.linear.petsc import destroy_unused
 from asperity.mesh.block import BlockMesh
@@ -91,6 +92,9 @@ def make_contact_solver(
     if comm.size > 1:
         destroy_unused(comm)  # solvers of earlier runs
     L = surface.L
+    if material.law is not None:
+        law = material.law
+        on_root(comm, lambda: check_law(law))
     height = comm.bcast(None if block is None else block.height, root=0)
     mesh, tags = distributed(comm, surface, block, sides)
     options = options or SolverOptions()

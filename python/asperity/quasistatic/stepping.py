@@ -12,6 +12,7 @@ import numpy as np
 
 from asperity.curve import DIMENSIONS, Curve
 from asperity.errors import ConvergenceError
+from asperity.linear.petsc import LinearFailure
 from asperity.model.load_path import MIDPOINT, Schedule
 from asperity.quasistatic import measures, midpoint
 from asperity.quasistatic.contact_solver import ContactSolver
@@ -123,12 +124,13 @@ def follow(
         if at.start is None:
             at = _begin(solver, schedule, at, branch)
         start, before = perf_counter(), solver.force
-        if branch == "unload":
-            stats, after = _unload(solver, schedule, at)
-        elif schedule.delta_max is None:
-            stats, after = _load_to_force(solver, schedule, at)
-        else:
-            stats, after = _load(solver, schedule, at)
+        move = _unload if branch == "unload" else _load_to_force if schedule.delta_max is None else _load
+        try:
+            stats, after = move(solver, schedule, at)
+        except LinearFailure as error:  # beside the solve, as of a stiffness
+            raise ConvergenceError(
+                f"step {len(record.rows) + 1} at delta/L = {solver.delta:.6g}: {error}; the curve before is kept"
+            ) from error
         record.add(solver, branch, stats, perf_counter() - start)
         if branch != "unload" and _is_kept(solver, schedule, snapshots, at, after, before):
             record.snapshots.append(measures.snapshot(solver, len(record.rows), branch))
@@ -213,7 +215,7 @@ def _approach(
 def _advice(solver: ContactSolver) -> str:
     """What may help where no step converges."""
     more = "use more loading.steps, a larger solver.newton_max, or a finer mesh.h_contact"
-    return solver.newton.linear.lacks or more
+    return solver.doubt or solver.newton.linear.lacks or more
 
 
 def _load(solver: ContactSolver, schedule: Schedule, at: Position) -> Outcome:

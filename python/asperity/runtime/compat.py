@@ -42,9 +42,13 @@ def start() -> None:
     The form compiler of dolfinx redirects all warnings to a logger without output: their display is restored.
     Scotch, which partitions the mesh, has one thread: with several each run has another partition, which changes the
     last digits of its results, and takes longer. The environment variable SCOTCH_PTHREAD_NUMBER, if set, wins.
+
+    PETSc leaves the file .petscrc of the working folder alone, which may be somebody's: it can write files.
     """
     os.environ.setdefault("SCOTCH_PTHREAD_NUMBER", "1")
     load_libraries()
+    if importlib.util.find_spec("petsc4py") is not None:
+        importlib.import_module("petsc4py").init(["asperity", "-skip_petscrc"])
     with warnings.catch_warnings():  # what its modules warn of is not of the run, nor an error of it
         warnings.simplefilter("ignore")
         import dolfinx  # noqa: F401
