@@ -18,7 +18,7 @@ import numpy as np
 from asperity.arrays import Array
 from asperity.curve.loops import LoopTable
 from asperity.errors import InputError
-from asperity.force_law.checks import one_of
+from asperity.vibration.checks import one_of
 
 _POINTS = 4000  # of the mean over a cycle
 _SAME_PRELOAD = 0.01  # relative difference up to which loops are about the preload
