@@ -20,11 +20,11 @@ WIDTHS, SIZES = (0.15, 0.4, 1.0, 2.5), (0.03, 0.15, 0.6, 2.0)  # of the bumps, i
 #: Standard deviations that make a bar: the bars hold in 90 of 100 draws of each family, see benchmarks/measured.py.
 BAR = 3.0
 _PRIOR = ((0.0, 1e-4), (1.7, 4.0))  # mean and weight of ln F at the last point (no matter) and of the exponent
-_LOWEST = -4.0  # ln z over that of the last point, below which noise of one size hides any bump
+_LOWEST = -7.0  # ln z over that of the last point, below which there are no bumps
 _GROUPS = 100  # of points that are averaged
 _GRID = 15  # approaches of first contact
 _LIKELY = 12.0  # ln of the likelihood over that of the best, beyond which a contact point is left out
-_ROUND_OFF = 1e-10  # smallest noise over the greatest force
+_ROUND_OFF = 1e-9  # smallest noise over the greatest force
 
 
 class Local(NamedTuple):
@@ -156,7 +156,7 @@ class LocalFit:
         best = int(np.argmax(w))
         others = [i for i, width in enumerate(width_of) if width != width_of[best]]
         apart = np.abs(found[max(others, key=lambda i: w[i])] - found[best])[:4] if others else np.zeros(4)
-        bars = BAR * np.sqrt(np.maximum(variance, 0.0)) + 0.0 * apart
+        bars = BAR * np.sqrt(np.maximum(variance, 0.0)) + apart
         x, a, log_k, kappa, b, c = mean.tolist()
         return Local(x, log_k, (a, b, c), kappa, tuple(bars.tolist()))
 
@@ -167,6 +167,7 @@ class LocalFit:
             return np.array([origin])
         low = d[0] - 2.0 * (d[-1] - d[0])
         high = d[int(np.argmax(np.maximum.accumulate(f) >= 0.5 * f.max()))]
+        lowest, highest = low, high
         tried = [(1.0, 0.0), *zip(WIDTHS, SIZES, strict=True)]
         for _ in range(12):
             grid = np.linspace(low, high, _GRID)
@@ -177,7 +178,8 @@ class LocalFit:
             low, high = grid[max(likely[0] - 1, 0)], grid[min(likely[-1] + 1, _GRID - 1)]
             if likely.size > _GRID // 2:
                 break
-        return np.linspace(low, high, _GRID)
+        named = np.append(0.0, d[:-1][f[:-1] == 0.0][-1:])  # which exact rows name
+        return np.unique(np.append(np.linspace(low, high, _GRID), named[(named > lowest) & (named < highest)]))
 
     def _fit(self, origin: float, width: float, size: float) -> _Part | None:
         """Most likely bumps of one width and size for a contact point; None where too few points are in contact."""
@@ -209,7 +211,7 @@ class LocalFit:
             sums = float(weight @ r**2) + lost
             variance = variance or max(sums / total, _ROUND_OFF**2)
             normal = J.T @ (weight[:, None] * J) / variance
-            H = normal + np.diag(prior)
+            H = normal + np.diag(prior + 1e-13 * float(np.max(np.diag(normal))))
             gradient = J.T @ (weight * r) / variance - prior * (w - mean)
             step = np.linalg.solve(H, gradient)
             step *= min(1.0, 1.0 / max(float(np.abs(A @ step).max()), 1e-12))
