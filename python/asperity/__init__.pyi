@@ -11,7 +11,7 @@ from asperity.curve.power_law import fit_power_law as fit_power_law
 from asperity.dynamics import ContactOscillator as ContactOscillator
 from asperity.dynamics import Joint as Joint
 from asperity.dynamics import PowerLaw as PowerLaw
-from asperity.dynamics import TableLaw as TableLaw
+from asperity.dynamics import CurveLaw as CurveLaw
 from asperity.dynamics import TaylorLaw as TaylorLaw
 from asperity.dynamics import run_dynamics as run_dynamics
 from asperity.dynamics import unload_reload as unload_reload

@@ -12,7 +12,7 @@ import pytest
 from twin import computed, motion
 
 from asperity.curve import Curve
-from asperity.dynamics import ContactOscillator, PowerLaw, TableLaw, TaylorLaw, orbits
+from asperity.dynamics import ContactOscillator, PowerLaw, CurveLaw, TaylorLaw, orbits
 from asperity.errors import ConvergenceError
 from asperity.output.results import Results
 from asperity.plot import vibration
@@ -261,7 +261,7 @@ def test_a_branch_does_not_turn_back_in_a_narrow_resonance() -> None:
     z = [0.021155122523242257, 0.05087654042860941, 0.10306425827740617, 0.15900811014261837, 0.9427204339968897]
     F = [7.901131001306722e-09, 5.515864739683701e-07, 1.678886636911409e-05, 0.00013681899615136577, 0.751716882103207]
     k = [np.nan, np.nan, 0.000126224142003899, 0.0008950897664357512, 0.15992550343971648]
-    oscillator = ContactOscillator(TableLaw(z, F, k=k), load=F[2], zeta=1e-3)
+    oscillator = ContactOscillator(CurveLaw(z, F, k=k), load=F[2], zeta=1e-3)
     response = oscillator.response(0.0005101985670971285, (0.25127372782935037, 0.35325693027927896))
     (branch,) = response.branches
     assert response.notes == () and np.all(np.diff(branch.Omega) < 0)

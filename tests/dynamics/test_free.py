@@ -9,7 +9,7 @@ import pytest
 from scipy.integrate import solve_ivp
 from scipy.special import beta
 
-from asperity.dynamics import ContactOscillator, PowerLaw, TableLaw
+from asperity.dynamics import ContactOscillator, PowerLaw, CurveLaw
 from asperity.dynamics.equation import motions
 from asperity.dynamics.free import free_orbits
 from asperity.errors import RangeError
@@ -95,7 +95,7 @@ def test_linear_contact_has_the_closed_form_with_flight() -> None:
 @pytest.mark.parametrize("curvature", [0.0, 1e-12, 1e-7])
 def test_a_table_whose_points_lie_at_the_turning_points_is_integrated(curvature: float) -> None:
     z = np.linspace(0.0, 1.0, 41)  # a linear spring turns at a point of the table for each of these amplitudes
-    found = ContactOscillator(TableLaw(z, z * (1.0 + curvature * z)), load=0.5).free(np.arange(1, 40) / 40)
+    found = ContactOscillator(CurveLaw(z, z * (1.0 + curvature * z)), load=0.5).free(np.arange(1, 40) / 40)
     np.testing.assert_allclose(found.omega_ratio, 1.0, atol=1e-11 + 0.1 * curvature)
 
 
@@ -123,7 +123,7 @@ def test_an_infinite_stiffness_at_contact_loss_is_integrated() -> None:
 def test_a_flight_far_longer_than_the_contact_is_integrated() -> None:
     """Beyond its points a table may be so stiff that contact lasts 1e-11 of the period: the speed is that of energy."""
     z = np.linspace(0.05, 2.0, 40)
-    o = ContactOscillator(TableLaw(z, z**1.5 + 18.0 * np.maximum(z - 0.94, 0.0) ** 3), load=13.2, damping="contact")
+    o = ContactOscillator(CurveLaw(z, z**1.5 + 18.0 * np.maximum(z - 0.94, 0.0) ** 3), load=13.2, damping="contact")
     (orbit,) = o.free([205.5]).orbits
     r = o.restoring
     stored = float(r.law.potential(206.5 * r.z_s)) / (r.scale * r.z_s) - 206.5 / r.n_loc

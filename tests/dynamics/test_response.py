@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from twin import computed, motion, shoot
 
-from asperity.dynamics import ContactOscillator, PowerLaw, TableLaw
+from asperity.dynamics import ContactOscillator, PowerLaw, CurveLaw
 from asperity.dynamics.equation import Equation, Restoring, motions
 from asperity.dynamics.free import free_orbits
 from asperity.dynamics.orbits import Orbits
@@ -82,7 +82,7 @@ def test_the_period_map_and_its_derivatives_agree_with_scipy(damping: str, law: 
     """Motions in contact, with flights and several separations in a period."""
     if law == "table":
         z = np.linspace(0.05, 1.0, 20)
-        law = TableLaw(z, 2.0 * z**1.5 + 3.0 * np.maximum(z - 0.5, 0.0))
+        law = CurveLaw(z, 2.0 * z**1.5 + 3.0 * np.maximum(z - 0.5, 0.0))
     e = Equation(Restoring(law, law.default_load), 0.03, damping)
     for u, v, omega, forcing in ((0.3, 0.1, 0.8, 0.05), (1.1, -0.5, 0.7, 0.3), (-1.5, 0.2, 0.11, 0.8)):
         start, found = np.array([u, v]), motions(e, [u, v], omega, forcing, rtol=1e-11)
@@ -186,7 +186,7 @@ def test_several_separations_per_period() -> None:
 
 def test_table_response_follows_its_power_law_and_a_note_says_where_it_ends() -> None:
     z = np.linspace(0, 1, 61)[1:]
-    table = ContactOscillator(TableLaw(z, z**1.5), zeta=0.02)
+    table = ContactOscillator(CurveLaw(z, z**1.5), zeta=0.02)
     power = ContactOscillator(PowerLaw(1.5), zeta=0.02)
     a, b = table.response(0.01, (0.8, 1.2)), power.response(0.01, (0.8, 1.2))
     for omega in (0.9, 0.98, 1.1):

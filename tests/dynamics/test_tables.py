@@ -11,7 +11,7 @@ import pytest
 from scipy.integrate import solve_ivp
 from twin import attractors, motion
 
-from asperity.dynamics import ContactOscillator, FrequencyResponse, PowerLaw, TableLaw
+from asperity.dynamics import ContactOscillator, FrequencyResponse, PowerLaw, CurveLaw
 from asperity.dynamics.equation import motions
 from asperity.dynamics.orbits import Orbits
 from asperity.errors import ConvergenceError
@@ -21,7 +21,7 @@ TABLES: dict[str, dict[str, Any]] = json.loads((Path(__file__).parent / "tables.
 
 def oscillator(table: dict[str, Any]) -> ContactOscillator:
     more = {name: table[name] for name in ("k",) if name in table}
-    return ContactOscillator(TableLaw(table["z"], table["F"], **more), load=table["load"], zeta=table.get("zeta", 0.01))
+    return ContactOscillator(CurveLaw(table["z"], table["F"], **more), load=table["load"], zeta=table.get("zeta", 0.01))
 
 
 def is_complete(r: FrequencyResponse, omega: float, starts: int, rng: np.random.Generator) -> int:
@@ -76,7 +76,7 @@ def test_random_tables(seed: int) -> None:
     ]
     F = np.maximum.accumulate(z**n + added[seed % 4]) * (1.0 + 1e-6 * np.arange(z.size))
     k = n * F / z * np.exp(0.2 * rng.normal(size=z.size)) if seed % 5 == 0 else None
-    law = TableLaw(z, F, k=k)
+    law = CurveLaw(z, F, k=k)
     load = (law.top, 0.98 * law.top, float(law.F[z.size // 2]), law.top * rng.uniform(0.1, 0.9))[seed % 4]
     zeta, forcing = np.exp(rng.uniform(np.log([0.005, 0.01]), np.log([0.05, 0.4])))
     low = rng.uniform(0.35, 1.2)

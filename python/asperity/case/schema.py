@@ -9,7 +9,7 @@ from pydantic import BaseModel, ConfigDict, Field
 
 from asperity.case import surfaces
 from asperity.case.surfaces import FORCE, LENGTH, STRESS, Flag, Real, Section, Text, Whole, key, optional
-from asperity.dynamics.settings import FORCING, OMEGA, ZETA, DynamicsSettings
+from asperity.vibration.settings import FORCING, OMEGA, ZETA, DynamicsSettings
 from asperity.errors import InputError
 from asperity.laws import load
 from asperity.model import settings

@@ -8,10 +8,10 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from asperity.cli import options
-from asperity.dynamics.settings import MODELS, SHAPES, DynamicsSettings
+from asperity.vibration.settings import MODELS, SHAPES, DynamicsSettings
 from asperity.errors import InputError
-from asperity.force_law import LAWS
-from asperity.force_law.damping import DAMPING, LOOPS
+from asperity.vibration.source import LAWS
+from asperity.vibration.damping import DAMPING, LOOPS
 from asperity.units import per_cent, plus_minus, quantity
 
 if TYPE_CHECKING:
@@ -180,7 +180,7 @@ def _show(result: Dynamics) -> None:
             rows.append(("  transmissibility", *("at most {:.4g} at {:.4g}".format(*ratio) for ratio in ratios)))
     options.table(about, rows, ("", *onsets))
     if result.laws is not None:
-        from asperity.force_law.laws import law_rows
+        from asperity.vibration.joint import law_rows
 
         choice, own = result.laws.choice, result.laws.chosen
         rows = law_rows(result.laws.to_dict(), "N/m" if units else "", "Hz" if units else "")

@@ -10,21 +10,18 @@ from typing import Any
 
 # module -> the public names that it defines; a module is loaded by its first use
 _MODULES = {
-    "equation": "Restoring",
-    "settings": "Setting DynamicsSettings",
-    "joint": "Joint",
-    "force_law.law": "Law PowerLaw TaylorLaw",
-    "force_law.damping": "LoopDamping",
-    "force_law.table": "TableLaw",
-    "force_law.choice": "law_from unload_reload",
-    "force_law.laws": "LawAtLoad LawTable",
-    "motion": "Sweep Trajectory",
-    "branch": "Branch Solution",
-    "free": "FreeOrbit FreeVibration Thresholds",
-    "response": "FrequencyResponse",
-    "oscillator": "ContactOscillator",
-    "run": "Dynamics run_dynamics",
-    "force_law.intervals": "Uncertainty",
+    "dynamics.equation": "Restoring",
+    "vibration.settings": "Setting DynamicsSettings",
+    "vibration.joint": "Joint Numbers LawAtLoad",
+    "vibration.law": "Law PowerLaw TaylorLaw CurveLaw",
+    "vibration.damping": "LoopDamping",
+    "vibration.source": "law_from unload_reload",
+    "dynamics.motion": "Sweep Trajectory",
+    "dynamics.branch": "Branch Solution",
+    "dynamics.free": "FreeOrbit FreeVibration Thresholds",
+    "dynamics.response": "FrequencyResponse",
+    "dynamics.oscillator": "ContactOscillator",
+    "vibration.run": "Dynamics run_dynamics",
 }
 _PUBLIC = {name: module for module, names in _MODULES.items() for name in names.split()}
 
@@ -34,5 +31,4 @@ __all__ = sorted(_PUBLIC)
 def __getattr__(name: str) -> Any:
     if name not in _PUBLIC:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    module = _PUBLIC[name] if "." in _PUBLIC[name] else f"dynamics.{_PUBLIC[name]}"
-    return getattr(importlib.import_module(f".{module}", "asperity"), name)
+    return getattr(importlib.import_module(f".{_PUBLIC[name]}", "asperity"), name)

@@ -20,8 +20,8 @@ from numpy.typing import ArrayLike
 
 from asperity.arrays import Array
 from asperity.errors import CompatError, InputError
-from asperity.force_law.damping import Damping, LoopDamping
-from asperity.force_law.law import SAMPLING, Law, TaylorLaw
+from asperity.vibration.damping import Damping, LoopDamping
+from asperity.vibration.law import SAMPLING, Law, TaylorLaw
 from asperity.runtime.display import short_repr
 
 try:
@@ -109,7 +109,7 @@ class Equation:
     Attributes:
         restoring: normal form of the law
         zeta: damping ratio of small motion
-        damping: damping model, see `asperity.force_law.damping`
+        damping: damping model, see `asperity.vibration.damping`
         rtol: allowed relative error of the force: a table of many points then has fewer cells
     """
 

@@ -18,11 +18,11 @@ from scipy.optimize import brentq
 
 from asperity.arrays import Array
 from asperity.dynamics.equation import Equation, Restoring, motions
-from asperity.dynamics.settings import Setting
+from asperity.vibration.settings import Setting
 from asperity.errors import ConvergenceError, RangeError
-from asperity.force_law.checks import positives
-from asperity.force_law.damping import Damping
-from asperity.force_law.law import TaylorLaw, bend
+from asperity.vibration.checks import positives
+from asperity.vibration.damping import Damping
+from asperity.vibration.law import TaylorLaw, bend
 from asperity.runtime.display import short_repr
 
 _RTOL = 1e-14  # of the integrator: round-off alone is left

@@ -14,7 +14,7 @@ from scipy.optimize import brentq
 
 from asperity.arrays import Array
 from asperity.dynamics.equation import ESCAPE, TURN, Equation, motions
-from asperity.dynamics.settings import Setting
+from asperity.vibration.settings import Setting
 from asperity.errors import ConvergenceError, RangeError
 from asperity.runtime.display import short_repr
 

@@ -20,7 +20,7 @@ from numpy.typing import ArrayLike
 from asperity.arrays import Array
 from asperity.dynamics.equation import TURN, Equation, Motions, motions
 from asperity.dynamics.point import PIECES, SMALLEST, TOO_MUCH, Path, Point, hermite, root, value
-from asperity.dynamics.settings import Setting
+from asperity.vibration.settings import Setting
 from asperity.errors import ConvergenceError
 from asperity.runtime.display import short_repr
 

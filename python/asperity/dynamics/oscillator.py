@@ -16,12 +16,12 @@ from asperity.dynamics.free import FreeVibration, Thresholds, contact_limit, fre
 from asperity.dynamics.motion import Sweep, Trajectory, course, integrate
 from asperity.dynamics.orbits import Orbits
 from asperity.dynamics.response import FrequencyResponse, frequency_response
-from asperity.dynamics.settings import EXCITATIONS, FORCING, OMEGA, SHAPES, ZETA, Setting, forcings, window
+from asperity.vibration.settings import EXCITATIONS, FORCING, OMEGA, SHAPES, ZETA, Setting, forcings, window
 from asperity.errors import AsperityWarning, InputError, RangeError, warn
-from asperity.force_law.checks import one_of, positive, positives, within
-from asperity.force_law.damping import Damping, check_damping
-from asperity.force_law.intervals import Uncertainty, intervals
-from asperity.force_law.law import Law, TaylorLaw
+from asperity.vibration.checks import one_of, positive, positives, within
+from asperity.vibration.damping import Damping, check_damping
+from asperity.vibration.joint import Uncertainty, intervals
+from asperity.vibration.law import Law, TaylorLaw
 from asperity.runtime.display import short_repr
 
 GRAVITY = 9.80665  # m/s^2
@@ -40,7 +40,7 @@ class ContactOscillator:
         load: preload W = m g (force); by default half of the largest force of a table, or the force at z = 1 of
             another law
         zeta: damping ratio of small motion, >= 0
-        damping: "always", "contact", "hunt-crossley", or a `LoopDamping` (see `asperity.force_law.damping`)
+        damping: "always", "contact", "hunt-crossley", or a `LoopDamping` (see `asperity.vibration.damping`)
         gravity: gravitational acceleration (length/time^2) in the units of the law; default 9.80665 (SI). None if
             unknown: mass and omega_s are then NaN.
         restoring: normal form of the law (derived)
@@ -72,7 +72,7 @@ class ContactOscillator:
 
     def __post_init__(self) -> None:
         if not isinstance(self.law, Law):
-            raise InputError(f"law must be a contact law (PowerLaw, TableLaw, ...), got {type(self.law).__name__}")
+            raise InputError(f"law must be a contact law (PowerLaw, CurveLaw, ...), got {type(self.law).__name__}")
         positive("zeta", self.zeta, zero=True)
         if self.zeta >= 1:
             raise InputError(f"zeta = {self.zeta:g} is not legal: it must be below 1")
@@ -166,7 +166,7 @@ class ContactOscillator:
 
         Examples:
             >>> z = np.linspace(0.1, 1.0, 10)
-            >>> known = asp.ContactOscillator(asp.TableLaw(z, z**1.5 + z**2), load=1.0).uncertainty()
+            >>> known = asp.ContactOscillator(asp.CurveLaw(z, z**1.5 + z**2), load=1.0).uncertainty()
             >>> print(f"n = {known.n_loc.value:.3f}, {known.n_loc.low:.3f} to {known.n_loc.high:.3f}")
             n = 1.725, 1.722 to 1.728
         """

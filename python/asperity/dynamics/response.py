@@ -14,7 +14,7 @@ from asperity.dynamics.branch import Branch, Solution, dense, distance
 from asperity.dynamics.equation import Equation
 from asperity.dynamics.orbits import Orbits
 from asperity.dynamics.search import Search
-from asperity.dynamics.settings import Setting
+from asperity.vibration.settings import Setting
 from asperity.errors import ConvergenceError, InputError
 from asperity.runtime.display import short_repr
 

@@ -21,7 +21,7 @@ from asperity.dynamics.free import FreeOrbit, free_orbits, largest_amplitude, re
 from asperity.dynamics.orbits import WORK, Orbits
 from asperity.dynamics.point import TOO_MUCH, Path, Point
 from asperity.errors import ConvergenceError
-from asperity.force_law.damping import only_in_contact
+from asperity.vibration.damping import only_in_contact
 
 _CYCLES = 5  # resonances: free orbits with 1, 2, ... cycles in a period of the forcing
 _AMPLITUDES, _PHASES = 20, 8  # starts on the free orbits of each resonance, at most

@@ -18,12 +18,12 @@ from asperity.case import Case
 from asperity.curve import Curve
 from asperity.curve.loops import LoopTable
 from asperity.dynamics import Dynamics, DynamicsSettings, LoopDamping, run_dynamics
-from asperity.dynamics.joint import Numbers
-from asperity.dynamics.run import small_vibration
+from asperity.vibration.joint import Numbers
+from asperity.vibration.run import small_vibration
 from asperity.errors import AsperityError, AsperityWarning, CheckError, ConvergenceError, InputError, Interrupted, warn
-from asperity.force_law.choice import met
-from asperity.force_law.columns import CurveColumns
-from asperity.force_law.damping import LOOPS as OF_LOOPS
+from asperity.vibration.source import met
+from asperity.vibration.source import CurveColumns
+from asperity.vibration.damping import LOOPS as OF_LOOPS
 from asperity.mesh.block import BlockMesh
 from asperity.model.material import AUTO
 from asperity.model.problem import Problem

@@ -17,11 +17,11 @@ import numpy as np
 from asperity.arrays import Array
 from asperity.case import Case
 from asperity.curve.power_law import interface_approach
-from asperity.dynamics.joint import Joint
+from asperity.vibration.joint import Joint
 from asperity.errors import InputError
-from asperity.force_law.choice import leg_rows, unload_reload
-from asperity.force_law.columns import CurveColumns
-from asperity.force_law.table import TableLaw
+from asperity.vibration.source import leg_rows, unload_reload
+from asperity.vibration.source import CurveColumns
+from asperity.vibration.law import CurveLaw
 from asperity.output.mesh_file import block_of_case, write_mesh
 from asperity.output.results import Results
 from asperity.runtime.display import comment
@@ -120,7 +120,7 @@ def interface(folder: str | Path, law: str = "table", load: float | None = None)
     })  # fmt: skip
     preload = (0.5 * float(curve.force.max()) if load is None else load) / patch
     if law == "table":
-        found, rows = TableLaw.from_curve(columns), columns.loading
+        found, rows = CurveLaw.from_curve(columns), columns.loading
     else:
         found = unload_reload(columns, preload)
         rows = np.isin(np.arange(len(curve)), leg_rows(columns, preload))
@@ -206,7 +206,7 @@ def _over(pressure: Array, k: Array, at: Array, rows: Array) -> Array:
     return np.where(inside, np.exp(np.interp(wanted, x, y)), np.nan)
 
 
-def _about(results: Results, case: Case, law: TableLaw, name: str, measure: str) -> Iterator[str]:
+def _about(results: Results, case: Case, law: CurveLaw, name: str, measure: str) -> Iterator[str]:
     """Units and provenance."""
     si = case.units == "SI"
     yield f"contact of a rough surface by asperity {__version__}"

@@ -13,11 +13,11 @@ import numpy as np
 
 from asperity.arrays import Array
 from asperity.errors import AsperityError
-from asperity.force_law.choice import Choice, choose
-from asperity.force_law.columns import CurveColumns
-from asperity.force_law.law import Law
-from asperity.force_law.laws import law_at_load
-from asperity.force_law.table import TableLaw
+from asperity.vibration.source import Choice, choose
+from asperity.vibration.source import CurveColumns
+from asperity.vibration.law import Law
+from asperity.vibration.joint import law_at_load
+from asperity.vibration.law import CurveLaw
 from asperity.model.material import Material
 from asperity.runtime.display import short_repr
 from asperity.runtime.files import write_csv
@@ -179,9 +179,9 @@ def slip_of_curve(
     ratio = measured_ratio(curve, columns, rows, block, settings.direction)
 
     def law_on(law: Law) -> SlipLaw:
-        if isinstance(law, TableLaw):
+        if isinstance(law, CurveLaw):
             law = down_to_zero(law)
-        if ratio is None or not isinstance(law, TableLaw):
+        if ratio is None or not isinstance(law, CurveLaw):
             return SlipLaw(law, choice.load, settings.friction, material.nu, block)
         stuck = stuck_law(law, *ratio, block[0], choice.load)
         return SlipLaw(stuck, choice.load, settings.friction, 0.0, (0.0, block[1]))
@@ -191,14 +191,14 @@ def slip_of_curve(
     paths = tuple(path_of_law(law, amplitude, steps=settings.steps, area=area) for amplitude in settings.amplitudes)
     chosen, bars = law_at_load(columns, choice, choice.name), None
     unloaded = not choice.yielded or choice.name == "unload-reload"
-    bounded = isinstance(choice.law, TableLaw) and math.isfinite(columns.bar_at(choice.load))
+    bounded = isinstance(choice.law, CurveLaw) and math.isfinite(columns.bar_at(choice.load))
     if bounded and ((ratio is not None and unloaded) or computed):
         with suppress(AsperityError):  # at the end of its bar the curve may not reach the preload
             bars = _change(law, [law_on(member) for member in chosen.sides()], t)
     if computed and bars is not None:  # the mesh of the solid, of which only the curve gives an estimate
         ours, theirs = (np.array([[path.loop()[k] for k in WITH_ERRORS] for path in of]) for of in (computed, paths))
         bars = bars + np.abs(ours - theirs).T
-    elif bars is not None and isinstance(choice.law, TableLaw):
+    elif bars is not None and isinstance(choice.law, CurveLaw):
         mean = 0.0 if area is None else law.preload / (patch * float(area(np.array([law.preload]))[0]))
         slopes = np.array(STEEP_YIELDED if choice.yielded else STEEP) * mean / material.reduced_modulus
         of_u, of_energy = material.nu * np.array(METHOD) + slopes

@@ -23,8 +23,8 @@ from numpy.typing import ArrayLike
 
 from asperity.arrays import Array
 from asperity.errors import InputError
-from asperity.force_law.checks import positive
-from asperity.force_law.law import Law
+from asperity.vibration.checks import positive
+from asperity.vibration.law import Law
 from asperity.runtime.display import short_repr
 from asperity.slip.jenkins import JenkinsArray
 

@@ -34,6 +34,7 @@ SAMPLING = 1e-8  # relative error of the force of cells between sampled points
 MIN_POINTS = 5  # of a law without slopes
 _STEEPEST = 0.9  # largest exponent of the stiffness over the force with which a law begins at zero approach
 _BENT = 3.0  # of a side whose curvature is not resolved
+_FLOOR = 1e-3  # of the bar of kappa
 _UNSEEN = 3.0  # times the bars of scatter: points that are computed do not show by scatter what lies between them
 _CELL_X, _CELL_W = np.polynomial.legendre.leggauss(10)
 
@@ -419,8 +420,8 @@ class CurveLaw(Law):
         z = self.deflection(load)
         local = self._local.at(load)
         off = np.abs([np.log(self.at(z)[1]) - local.log_k, self.kappa(z) - local.kappa])
-        of_k = float(np.hypot(stiffness, _UNSEEN * local.bars[2] + off[0]))
-        return replace(self, bars=Bars(load, force, 0.0, of_k, _UNSEEN * local.bars[3] + float(off[1])))
+        of_k = float(np.hypot(stiffness, _UNSEEN * local.bars[2] + 1.25 * off[0]))
+        return replace(self, bars=Bars(load, force, 0.0, of_k, _UNSEEN * local.bars[3] + float(off[1]) + _FLOOR))
 
     def sides(self) -> tuple[tuple[Law, Law], ...]:
         if self.bars is None:

@@ -15,20 +15,20 @@ import numpy as np
 
 from asperity.curve.loops import LoopTable
 from asperity.dynamics.free import FreeVibration, Thresholds
-from asperity.dynamics.joint import Numbers
+from asperity.vibration.joint import Numbers
 from asperity.dynamics.motion import ESCAPED, Sweep, Trajectory
 from asperity.dynamics.oscillator import GRAVITY, ContactOscillator
 from asperity.dynamics.response import FrequencyResponse
-from asperity.dynamics.settings import DynamicsSettings
+from asperity.vibration.settings import DynamicsSettings
 from asperity.errors import ConvergenceError, InputError
-from asperity.force_law.checks import positive
-from asperity.force_law.choice import Choice, choose
-from asperity.force_law.columns import CurveColumns
-from asperity.force_law.damping import LOOPS, LoopDamping
-from asperity.force_law.intervals import Uncertainty
-from asperity.force_law.law import Law
-from asperity.force_law.laws import LawTable, tabulate
-from asperity.force_law.table import TableLaw
+from asperity.vibration.checks import positive
+from asperity.vibration.source import Choice, choose
+from asperity.vibration.source import CurveColumns
+from asperity.vibration.damping import LOOPS, LoopDamping
+from asperity.vibration.joint import Uncertainty
+from asperity.vibration.law import Law
+from asperity.vibration.joint import LawTable, tabulate
+from asperity.vibration.law import CurveLaw
 from asperity.runtime import run_folder
 from asperity.runtime.display import short_repr
 from asperity.runtime.files import replace_file, write_csv
@@ -328,7 +328,7 @@ def _oscillator(law: Law, load: float, settings: DynamicsSettings, gravity: floa
 
 def _first_yield(choice: Choice) -> str:
     """Note where the preload is the greatest force that the contact has met, or ""."""
-    leg = choice.law.top if choice.name == "unload-reload" and isinstance(choice.law, TableLaw) else choice.load
+    leg = choice.law.top if choice.name == "unload-reload" and isinstance(choice.law, CurveLaw) else choice.load
     if not choice.yielded or choice.name not in ("unload-reload", "elastic") or choice.load < leg * (1 - 1e-9):
         return ""
     return (

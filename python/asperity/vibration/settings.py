@@ -17,10 +17,10 @@ from typing import Any
 
 import numpy as np
 
-from asperity.dynamics.joint import Joint, known_keys
+from asperity.vibration.joint import Joint, known_keys
 from asperity.errors import InputError
-from asperity.force_law.checks import one_of, positive, positives, within
-from asperity.force_law.damping import Damping
+from asperity.vibration.checks import one_of, positive, positives, within
+from asperity.vibration.damping import Damping
 from asperity.runtime.files import parse_toml, read_text
 from asperity.units import amount
 
