@@ -28,7 +28,6 @@ from asperity.vibration.local_fit import LocalFit
 EXPONENT = (0.25, 100.0)  # of a power law, outside which it is no contact
 COEFFICIENT = (1e-100, 1e100)  # of a power law
 _FARTHEST = 1e100  # approach beyond which no load is sought (length)
-_STRAIGHT = 1e-10  # kappa below which a law is linear, far above round-off
 _SAMPLED = (-20.7, 13.8)  # ln of the approaches over a deflection between which a law without cells is sampled
 SAMPLING = 1e-8  # relative error of the force of cells between sampled points
 MIN_POINTS = 5  # of a law without slopes
@@ -184,13 +183,6 @@ def continued(curve: PPoly) -> Array:
 def curvature(p: tuple[float, float, float], z: float) -> float:
     """Kappa at `z` from the first three derivatives of the force."""
     return z**2 / 48.0 * (3.0 * p[2] / p[0] - 5.0 * (p[1] / p[0]) ** 2)
-
-
-def bend(low: float, high: float) -> str:
-    """In words what the interval of kappa says of small motion."""
-    if max(abs(low), abs(high)) < _STRAIGHT:
-        return "linear"
-    return "softening" if high < 0.0 else "hardening" if low > 0.0 else "undecided"
 
 
 @dataclass(frozen=True)

@@ -139,6 +139,7 @@ class DynamicsSettings:
         tol: relative truncation error of the response
         joint: with a joint all forces and the mass are those of the joint
         patch_area: nominal area of the curve (length^2)
+        block: compliance of the block behind the patch (length/force), which a joint leaves out
         units: "SI" or "other"; with "other" and no `gravity`, mass and omega_s are left out. Default SI, with a note.
 
     Raises:
@@ -166,6 +167,7 @@ class DynamicsSettings:
     tol: float = 1e-5
     joint: Joint | None = None
     patch_area: float | None = None
+    block: float = 0.0
     units: str | None = None
 
     def __post_init__(self) -> None:
@@ -255,6 +257,8 @@ class DynamicsSettings:
         length = case.get("surface", {}).get("L")
         patch = None if length is None else float(length) ** 2
         given |= {"units": case.get("units"), "patch_area": patch}
+        if joint is not None and patch is not None and "block" in case:
+            given["block"] = case["block"]["height"] / (patch * _block_modulus(case))
         if joint is not None:  # the preload of the section [dynamics] is that of the patch
             own = given.get("preload")
             given["preload"] = joint.load(patch) or (own and joint.factor(patch) * own)
@@ -264,6 +268,11 @@ class DynamicsSettings:
     def factor(self) -> float:
         """Force of the joint over that of the curve; refused if the nominal area of the curve is unknown."""
         return 1.0 if self.joint is None else self.joint.factor(self.patch_area)
+
+    @property
+    def columns(self) -> dict[str, float]:
+        """How `CurveColumns.of` makes the curve of the patch that of the interface of a joint."""
+        return {} if self.joint is None else {"factor": self.factor, "block": self.block}
 
     @classmethod
     def of_source(cls, source: Any, joint: Joint | None = None) -> DynamicsSettings:
@@ -281,3 +290,9 @@ class DynamicsSettings:
         new = {name: value for name, value in changes.items() if value is not None}
         known_keys(new, self)
         return replace(self, **new)
+
+
+def _block_modulus(case: Mapping[str, Any]) -> float:
+    """Mean pressure over strain of the block of a case, as `Material.block_modulus` (force/length^2)."""
+    E, nu = float(case["material"]["E"]), float(case["material"]["nu"])
+    return E if case["block"].get("sides") == "free" else E * (1.0 - nu) / ((1.0 + nu) * (1.0 - 2.0 * nu))

@@ -25,6 +25,7 @@ from asperity.vibration.measured import FALL, branches, law_of_rows, read_table
 NAMES = ("unload-reload", "elastic", "table", "paper")
 LAWS = ("auto", *NAMES)
 SIZES = (1e-100, 1e100)  # of the greatest approach and force, so that products do not overflow
+LEAST = 1e-3  # share of the compliance that the interface must have: less is lost in the error of the block
 TOUCH = 1e-9  # share of the largest force above which a row is in contact
 #: Rows in contact that show the curvature of an unloading, without and with the stiffness of each.
 MIN_ROWS = (5, 3)
@@ -56,10 +57,11 @@ class CurveColumns:
     notes: tuple[str, ...] = ()  # how the rows were read, a sentence each
 
     @classmethod
-    def of(cls, source: Any, factor: float = 1.0) -> CurveColumns:
+    def of(cls, source: Any, factor: float = 1.0, block: float = 0.0) -> CurveColumns:
         """Read a `Curve`, a mapping, a CSV file, or a directory with curve.csv, with delta and force at least.
 
-        Forces and stiffnesses are multiplied by `factor`, the nominal area of a joint over that of the patch.
+        Forces and stiffnesses are multiplied by `factor`, the nominal area of a joint over that of the patch. The
+        compliance `block` (length/force) of the block behind the patch is taken out of approach and stiffness.
 
         Raises:
             InputError: there is no such file, or a column is missing, empty, or contains what is not a number
@@ -114,11 +116,15 @@ class CurveColumns:
         branch = np.array([str(name).strip() for name in names])
         if unknown := set(branch.tolist()) - set(BRANCHES):
             raise InputError(f"branch {min(map(repr, unknown))} of the curve is unknown: use {', '.join(BRANCHES)}")
+        k = number("k_n_elastic")
+        share = 1.0 - block * np.where(k > 0.0, k, 0.0)  # of the interface in the compliance
+        with np.errstate(all="ignore"):
+            alone = np.where(share > LEAST, k / share, np.nan)
         return cls(
-            delta[rows], factor * force[rows], branch,
+            (delta - block * force)[rows], factor * force[rows], branch,
             plastic=np.where(np.isnan(strain), number("plastic_fraction"), strain)[rows],
-            elastic=factor * number("k_n_elastic")[rows], bar=relative("P_star")[rows],
-            elastic_bar=relative("k_n_elastic")[rows], measured=measured, notes=notes,
+            elastic=factor * alone[rows], bar=relative("P_star")[rows],
+            elastic_bar=(relative("k_n_elastic") / np.maximum(share, LEAST))[rows], measured=measured, notes=notes,
         )  # fmt: skip
 
     @property
