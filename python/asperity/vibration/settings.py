@@ -17,10 +17,10 @@ from typing import Any
 
 import numpy as np
 
-from asperity.dynamics.joint import Joint, known_keys
+from asperity.vibration.joint import Joint, known_keys
 from asperity.errors import InputError
-from asperity.force_law.checks import one_of, positive, positives, within
-from asperity.force_law.damping import Damping
+from asperity.vibration.checks import one_of, positive, positives, within
+from asperity.vibration.damping import Damping
 from asperity.runtime.files import parse_toml, read_text
 from asperity.units import amount
 
@@ -82,7 +82,7 @@ class Setting:
         return self.n_loc * self.F_hat
 
     def row(
-        self, branch: str, omega: float, u_max: float, u_min: float, a1: float, stable: bool, phase: float = math.nan
+        self, branch: int, omega: float, u_max: float, u_min: float, a1: float, stable: bool, phase: float = math.nan
     ) -> dict[str, Any]:
         """Row of response.csv."""
         return {

@@ -8,7 +8,7 @@ from dataclasses import dataclass, fields, replace
 from typing import Any
 
 from asperity.errors import InputError
-from asperity.force_law.checks import positive
+from asperity.vibration.checks import positive
 from asperity.units import quantity
 
 
