@@ -12,12 +12,12 @@ PACKAGE = Path(__file__).parent.parent / "python" / "asperity"
 
 # Packages and root modules from low to high. Each imports from the rows above it here, not from its own row.
 ORDER = (
-    ("_solver", "_period_map", "errors", "arrays", "units", "version"),
+    ("_solver", "errors", "arrays", "units", "version"),
     ("runtime",),
     ("surface",),
     ("curve", "laws"),
-    ("model", "force_law"),
-    ("reference", "dynamics"),
+    ("model",),
+    ("reference", "vibration"),
     ("slip",),
     ("case", "mesh"),
     ("fem",),

@@ -13,7 +13,7 @@ from conftest import world
 from scipy.optimize import brentq
 
 from asperity import reference as ref
-from asperity.dynamics import ContactOscillator, CurveLaw
+from asperity.vibration import ContactOscillator, CurveLaw
 from asperity.errors import ConvergenceError, InputError
 from asperity.fem.tangent import Inertia
 from asperity.mesh.generate import build_block

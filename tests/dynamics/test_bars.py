@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from scipy.optimize import brentq
 
-from asperity.dynamics import CurveLaw
+from asperity.vibration import CurveLaw
 from asperity.errors import InputError
 from asperity.vibration.joint import intervals
 

@@ -12,7 +12,7 @@ import pytest
 from twin import computed, motion
 
 from asperity.curve import Curve
-from asperity.dynamics import ContactOscillator, PowerLaw, CurveLaw, TaylorLaw, orbits
+from asperity.vibration import ContactOscillator, PowerLaw, CurveLaw, TaylorLaw, orbits
 from asperity.errors import ConvergenceError
 from asperity.output.results import Results
 from asperity.plot import vibration

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 import asperity as asp
-from asperity.dynamics import DynamicsSettings, PowerLaw, CurveLaw, law_from, run_dynamics
+from asperity.vibration import DynamicsSettings, PowerLaw, CurveLaw, law_from, run_dynamics
 from asperity.errors import AsperityWarning, InputError, RangeError
 from asperity.vibration.source import LACK, choose
 from asperity.vibration.source import CurveColumns

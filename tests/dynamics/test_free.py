@@ -9,9 +9,9 @@ import pytest
 from scipy.integrate import solve_ivp
 from scipy.special import beta
 
-from asperity.dynamics import ContactOscillator, PowerLaw, CurveLaw
-from asperity.dynamics.equation import motions
-from asperity.dynamics.free import free_orbits
+from asperity.vibration import ContactOscillator, PowerLaw, CurveLaw
+from asperity.vibration.equation import motions
+from asperity.vibration.free import free_orbits
 from asperity.errors import RangeError
 
 

@@ -10,7 +10,7 @@ import pytest
 
 import asperity as asp
 from asperity.case import Case
-from asperity.dynamics import DynamicsSettings, PowerLaw, CurveLaw, law_from, run_dynamics, unload_reload
+from asperity.vibration import DynamicsSettings, PowerLaw, CurveLaw, law_from, run_dynamics, unload_reload
 from asperity.errors import AsperityWarning, InputError, RangeError
 from asperity.output.results import Results
 from asperity.plot.vibration import columns_of, response

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from scipy.integrate import quad
 
-from asperity.dynamics import (
+from asperity.vibration import (
     ContactOscillator,
     Law,
     PowerLaw,

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from asperity.dynamics import ContactOscillator, LoopDamping, PowerLaw
+from asperity.vibration import ContactOscillator, LoopDamping, PowerLaw
 from asperity.errors import InputError
 
 LOOPS = LoopDamping((0.05, 0.1, 0.3), (0.0005, 0.002, 0.004))

@@ -8,12 +8,12 @@ import numpy as np
 import pytest
 from twin import computed, motion, shoot
 
-from asperity.dynamics import ContactOscillator, PowerLaw, CurveLaw
-from asperity.dynamics.equation import Equation, Restoring, motions
-from asperity.dynamics.free import free_orbits
-from asperity.dynamics.orbits import Orbits
-from asperity.dynamics.response import frequency_response
-from asperity.dynamics.search import Search
+from asperity.vibration import ContactOscillator, PowerLaw, CurveLaw
+from asperity.vibration.equation import Equation, Restoring, motions
+from asperity.vibration.free import free_orbits
+from asperity.vibration.orbits import Orbits
+from asperity.vibration.response import frequency_response
+from asperity.vibration.search import Search
 
 
 @pytest.mark.parametrize(

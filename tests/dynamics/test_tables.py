@@ -11,9 +11,9 @@ import pytest
 from scipy.integrate import solve_ivp
 from twin import attractors, motion
 
-from asperity.dynamics import ContactOscillator, FrequencyResponse, PowerLaw, CurveLaw
-from asperity.dynamics.equation import motions
-from asperity.dynamics.orbits import Orbits
+from asperity.vibration import ContactOscillator, FrequencyResponse, PowerLaw, CurveLaw
+from asperity.vibration.equation import motions
+from asperity.vibration.orbits import Orbits
 from asperity.errors import ConvergenceError
 
 TABLES: dict[str, dict[str, Any]] = json.loads((Path(__file__).parent / "tables.json").read_text(encoding="utf-8"))

@@ -12,8 +12,8 @@ from typing import Any
 import numpy as np
 from scipy.integrate import solve_ivp
 
-from asperity.dynamics import ContactOscillator, FrequencyResponse, PowerLaw
-from asperity.dynamics.equation import Equation
+from asperity.vibration import ContactOscillator, FrequencyResponse, PowerLaw
+from asperity.vibration.equation import Equation
 from asperity.errors import ConvergenceError
 
 Vector = np.ndarray

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from asperity.curve import Curve
-from asperity.dynamics import Joint, law_from, run_dynamics
+from asperity.vibration import Joint, law_from, run_dynamics
 from asperity.errors import InputError
 from asperity.vibration.source import CurveColumns
 

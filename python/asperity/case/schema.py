@@ -212,7 +212,6 @@ class DynamicsSection(Section):
     )
     pulse: Positive | None = key("length of the half-sine", None, shown="half a period of small vibration", unit="time")
     span: Positive = key("length of the short motions in periods of small vibration", DynamicsSettings.span)
-    sweeps: Flag = key("also sweep up and down by time integration, as dots in the figure", DynamicsSettings.sweeps)
 
 
 class JointSection(Section):

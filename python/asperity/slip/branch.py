@@ -32,15 +32,6 @@ def column_of(curve: Any, name: str, size: int) -> Array:
     return np.full(size, np.nan) if values is None else np.asarray(values, float)
 
 
-def with_slopes(choice: Choice, columns: CurveColumns, rows: Array) -> Choice:
-    """Choice with the law through the rows of an elastic loading, their elastic stiffness its slopes, where known."""
-    rows = rows[(columns.elastic[rows] > 0.0) & (columns.delta[rows] > 0.0)]
-    if choice.name not in ("table", "paper") or choice.yielded or not rows.size:
-        return choice
-    law = CurveLaw(columns.delta[rows], columns.force[rows], k=columns.elastic[rows])
-    return replace(choice, name="table", law=law)
-
-
 def measured_ratio(
     curve: Any, columns: CurveColumns, rows: Array, block: tuple[float, float], direction: float
 ) -> tuple[Array, Array] | None:

@@ -15,14 +15,12 @@ from asperity.arrays import Array
 from asperity.errors import AsperityError
 from asperity.vibration.source import Choice, choose
 from asperity.vibration.source import CurveColumns
-from asperity.vibration.law import Law
-from asperity.vibration.joint import law_at_load
-from asperity.vibration.law import CurveLaw
+from asperity.vibration.law import CurveLaw, Law, bar_of
 from asperity.model.material import Material
 from asperity.runtime.display import short_repr
 from asperity.runtime.files import write_csv
 from asperity.runtime.run_folder import SLIP, SLIP_LOOPS, SLIP_NODES
-from asperity.slip.branch import branch_rows, column_of, down_to_zero, left_out, measured_ratio, stuck_law, with_slopes
+from asperity.slip.branch import branch_rows, column_of, down_to_zero, left_out, measured_ratio, stuck_law
 from asperity.slip.law import SlipLaw, SlipPath, path_of_law
 from asperity.slip.settings import SlipSettings
 from asperity.units import quantity
@@ -174,7 +172,6 @@ def slip_of_curve(
     columns = CurveColumns.of(curve)
     choice = choose(columns, "auto", settings.preload)
     rows = branch_rows(columns, choice)
-    choice = with_slopes(choice, columns, rows)
     block = height / (patch * material.block_modulus(sides)), height / (patch * material.lame[1])
     ratio = measured_ratio(curve, columns, rows, block, settings.direction)
 
@@ -189,12 +186,12 @@ def slip_of_curve(
     law, t = law_on(choice.law), np.array(settings.amplitudes)
     area = _area_of(curve, columns, rows)
     paths = tuple(path_of_law(law, amplitude, steps=settings.steps, area=area) for amplitude in settings.amplitudes)
-    chosen, bars = law_at_load(columns, choice, choice.name), None
+    bars = None
     unloaded = not choice.yielded or choice.name == "unload-reload"
     bounded = isinstance(choice.law, CurveLaw) and math.isfinite(columns.bar_at(choice.load))
     if bounded and ((ratio is not None and unloaded) or computed):
         with suppress(AsperityError):  # at the end of its bar the curve may not reach the preload
-            bars = _change(law, [law_on(member) for member in chosen.sides()], t)
+            bars = bar_of(choice.law, lambda side: _columns(law if side is choice.law else law_on(_points(side, choice)), t))
     if computed and bars is not None:  # the mesh of the solid, of which only the curve gives an estimate
         ours, theirs = (np.array([[path.loop()[k] for k in WITH_ERRORS] for path in of]) for of in (computed, paths))
         bars = bars + np.abs(ours - theirs).T
@@ -240,6 +237,13 @@ def slip_of_case(
     if solid.get("hardening", "isotropic") in ("isotropic", 0) or not CurveColumns.of(curve).yielded(found.law.preload):
         return found
     return replace(found, notes=(*found.notes, KINEMATIC))
+
+
+def _points(side: Law, choice: Choice) -> CurveLaw:
+    """A side of a law through points as points."""
+    z = choice.law.knots
+    F, k = side.force(z), side.slope(z)
+    return CurveLaw(z[F > 0.0], F[F > 0.0], k=k[F > 0.0])
 
 
 def _columns(law: SlipLaw, t: Array) -> Array:

@@ -98,7 +98,7 @@ class SlipLaw:
 
     def k_tangent(self, t: ArrayLike) -> Array:
         """DT/du of the first loading at shares `t` in [0, 1) of the limit (force/length)."""
-        slope = self.normal.both(self._approach(t))[1]
+        slope = self.normal.slope(self._approach(t))
         return np.asarray(1.0 / (compliance_ratio(self.nu) * (1.0 / slope - self.block[0]) + self.block[1]))
 
     def k_secant(self, t: ArrayLike) -> Array:

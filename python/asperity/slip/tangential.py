@@ -84,7 +84,7 @@ def tangential_vibration(
     """
     if "slip" not in case:
         raise InputError("the case has no section [slip]: add it with slip.friction, and run it with --resume")
-    factor, mass = settings.factor, small_vibration(curve, settings).mass
+    factor, mass = settings.factor, small_vibration(curve, settings)[0].mass
     if not math.isfinite(mass):
         raise InputError("no mass vibrates: give --mass or joint.mass")
     load = None if settings.load is None else settings.load / factor

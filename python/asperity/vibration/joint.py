@@ -13,12 +13,8 @@ from asperity.arrays import Array
 from asperity.errors import AsperityError, InputError
 from asperity.units import plus_minus, quantity
 from asperity.vibration.checks import positive
-from asperity.vibration.law import Law, bar_of
+from asperity.vibration.law import NOT_RESOLVED, Law, bar_of, bend
 from asperity.vibration.source import NAMES, Choice, CurveColumns, law_named
-
-
-STRAIGHT = 1e-10  # kappa below which a law is linear, far above round-off
-NOT_RESOLVED = "curvature not resolved"
 
 
 @dataclass(frozen=True)
@@ -180,13 +176,6 @@ def at_load(law: Law, load: float) -> Array:
     return np.array([z, law.derivatives(z)[0], law.n_loc(z), law.kappa(z)])
 
 
-def bend(low: float, high: float) -> str:
-    """In words what the interval of kappa says of small motion."""
-    if max(abs(low), abs(high)) < STRAIGHT:
-        return "linear"
-    return "softening" if high < 0.0 else "hardening" if low > 0.0 else NOT_RESOLVED
-
-
 def resolved(name: str, value: float, bar: float) -> str:
     """A value with its bar, or that it is not resolved where the bar is wider than the value."""
     if not math.isfinite(value):
@@ -240,7 +229,9 @@ def law_rows(laws: Mapping[str, Any], stiffness: str, frequency: str) -> list[tu
     return rows
 
 
-def headline(numbers: Mapping[str, Any], patches: Mapping[str, Any] | None, units: str | None, load: float) -> list[str]:
+def headline(
+    numbers: Mapping[str, Any], patches: Mapping[str, Any] | None, units: str | None, load: float
+) -> list[str]:
     """The joint in one line with its two bars, the larger first, and with the block of the model in a second.
 
     Args:
@@ -264,7 +255,11 @@ def headline(numbers: Mapping[str, Any], patches: Mapping[str, Any] | None, unit
     if f is not None:
         text += f", frequency {quantity(f, hertz, digits + 1)}"
     words = ", ".join(f"{words} {100 * bar:.2g} %" for bar, words in bars)
-    lines = [f"Interface of the joint about {quantity(load, newton)}{after}: {text}" + (f" (of the stiffness: {words})" if words else "") + "."]
+    lines = [
+        f"Interface of the joint about {quantity(load, newton)}{after}: {text}"
+        + (f" (of the stiffness: {words})" if words else "")
+        + "."
+    ]
     if block:
         lines.append(f"With the block of the model in series the stiffness is {quantity(block, metre, digits)}.")
     return lines

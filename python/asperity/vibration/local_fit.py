@@ -101,7 +101,9 @@ class LocalFit:
             raise InputError(f"the curve has {delta.size} rows, too few in contact: at least 4 are needed")
         exact = 2.0 * _LEAST[not relative]
         parts = [
-            replace(part, likelihood=part.likelihood + _NAMED) if part.origin in self._named and part.noise < exact else part
+            replace(part, likelihood=part.likelihood + _NAMED)
+            if part.origin in self._named and part.noise < exact
+            else part
             for part in parts
         ]
         best = max(part.likelihood for part in parts)
@@ -148,7 +150,8 @@ class LocalFit:
             by_a, by_b, by_c = rows[1] + b * move, rows[2] + c * move, rows[3]
             h = 1e-5
             partial = [
-                (curvature_of(a + i * h, b + j * h, c + k * h) - curvature_of(a - i * h, b - j * h, c - k * h)) / (2 * h)
+                (curvature_of(a + i * h, b + j * h, c + k * h) - curvature_of(a - i * h, b - j * h, c - k * h))
+                / (2 * h)
                 for i, j, k in np.eye(3)
             ]
             to = np.array([move, by_a, by_a / a - move, np.array(partial) @ [by_a, by_b, by_c]])
@@ -240,7 +243,9 @@ class LocalFit:
         weight = F[rows] ** 2 * count[rows]
         w, line = mean.copy(), A[rows, :2]
         if rows.sum() > 2:
-            line_fit = np.linalg.lstsq(np.sqrt(weight)[:, None] * line, np.sqrt(weight) * np.log(F[rows]), rcond=None)[0]
+            line_fit = np.linalg.lstsq(np.sqrt(weight)[:, None] * line, np.sqrt(weight) * np.log(F[rows]), rcond=None)[
+                0
+            ]
             if 0.2 < line_fit[1] < 10.0:
                 w[:2] = line_fit
         return w

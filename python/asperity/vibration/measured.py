@@ -137,14 +137,18 @@ def law_of_rows(
     if through:
         slopes = None
         if k is not None:
-            slopes = np.array([np.nan if np.isnan(k[delta == d]).all() else np.nanmean(k[delta == d]) for d in known])[on]
+            slopes = np.array([np.nan if np.isnan(k[delta == d]).all() else np.nanmean(k[delta == d]) for d in known])[
+                on
+            ]
         law = CurveLaw(z, F, name=name, k=slopes)
     else:
         rising = np.append(True, smooth[1:] > np.maximum.accumulate(smooth)[:-1])
         grid, smooth, n = grid[rising], smooth[rising], np.maximum(n[rising], 1e-3)
         law = CurveLaw(grid, smooth, name=name, k=n * smooth / grid)
     off = abs(float(np.log(law.at(law.deflection(load))[1]) - local.log_k))
-    law = replace(law, bars=Bars(load, bar, max(of_origin, 1e-12 * float(grid[-1])), local.bars[2] + off, local.bars[3]))
+    law = replace(
+        law, bars=Bars(load, bar, max(of_origin, 1e-12 * float(grid[-1])), local.bars[2] + off, local.bars[3])
+    )
     dropped = int(known.size - on.sum())
     where = "" if origin >= known[0] else ", by extrapolation"
     return law, (

@@ -17,12 +17,12 @@ from typing import Any
 
 import numpy as np
 
-from asperity.vibration.joint import Joint, known_keys
 from asperity.errors import InputError
-from asperity.vibration.checks import one_of, positive, positives, within
-from asperity.vibration.damping import Damping
 from asperity.runtime.files import parse_toml, read_text
 from asperity.units import amount
+from asperity.vibration.checks import one_of, positive, positives, within
+from asperity.vibration.damping import Damping
+from asperity.vibration.joint import Joint, known_keys
 
 OMEGA = (0.01, 100.0)  # below, motion is quasi-static; above, the mass hardly moves
 FORCING = (1e-9, 1e6)  # below, motion is linear in the forcing and lost in the round-off of the force
@@ -82,7 +82,7 @@ class Setting:
         return self.n_loc * self.F_hat
 
     def row(
-        self, branch: str, omega: float, u_max: float, u_min: float, a1: float, stable: bool, phase: float = math.nan
+        self, branch: int, omega: float, u_max: float, u_min: float, a1: float, stable: bool, phase: float = math.nan
     ) -> dict[str, Any]:
         """Row of response.csv."""
         return {
@@ -135,7 +135,6 @@ class DynamicsSettings:
             window, "harmonic"
         pulse: length of the half-sine, half a period of the harmonic (time); default half a period of small vibration
         span: length of these motions in periods of small vibration
-        sweeps: also integrate sweeps up and down (half a second per forcing)
         tol: relative truncation error of the response
         joint: with a joint all forces and the mass are those of the joint
         patch_area: nominal area of the curve (length^2)
@@ -146,7 +145,7 @@ class DynamicsSettings:
         InputError: a value is not legal
 
     Examples:
-        >>> from asperity.dynamics import DynamicsSettings
+        >>> from asperity.vibration import DynamicsSettings
         >>> settings = DynamicsSettings(forcing="3 N").replaced(omega=[0.9, 1.1], zeta=None)
         >>> settings.forcing, settings.omega, settings.zeta, settings.excitation
         (('3 N',), (0.9, 1.1), (0.01,), 'force')
@@ -163,7 +162,6 @@ class DynamicsSettings:
     simulate: tuple[str, ...] = ()
     pulse: float | None = None
     span: float = 20.0
-    sweeps: bool = False
     tol: float = 1e-5
     joint: Joint | None = None
     patch_area: float | None = None

@@ -233,7 +233,9 @@ def choose(columns: CurveColumns, law: str = "auto", load: float | None = None) 
     load, lowered = met(0.5 * top if load is None else positive("load", load), top, columns.bar_at(top))
     if law != "auto":
         found, done = law_named(columns, law, load)
-        return Choice(law, found, load, columns.yielded(top if law == "unload-reload" else load), "named", lowered, done)
+        return Choice(
+            law, found, load, columns.yielded(top if law == "unload-reload" else load), "named", lowered, done
+        )
     forces = [columns.force[rows] for rows in columns.unloadings()]
     through = any(force.min() <= load <= force.max() * (1 + _SAME) for force in forces)
     yielded, lack = columns.yielded(load), ""
@@ -242,7 +244,9 @@ def choose(columns: CurveColumns, law: str = "auto", load: float | None = None) 
             leg, done = law_named(columns, "unload-reload", load)
             yielded = columns.yielded(columns.force[leg_rows(columns, load)].max())
             if yielded:
-                return Choice("unload-reload", leg, load, True, "yielded, and unloaded through the preload", lowered, done)
+                return Choice(
+                    "unload-reload", leg, load, True, "yielded, and unloaded through the preload", lowered, done
+                )
         except AsperityError as error:
             lack = (
                 f"the unloading through the preload gives no law: {error}; compute it with loading.unload_steps = "
@@ -345,7 +349,9 @@ def unload_reload(curve: Any, load: float | None = None) -> CurveLaw:
     """
     columns = CurveColumns.of(curve)
     rows = leg_rows(columns, load)
-    return _branch(columns, rows, 0.5 * float(columns.force[rows].max()) if load is None else load, "unload-reload branch")[0]
+    return _branch(
+        columns, rows, 0.5 * float(columns.force[rows].max()) if load is None else load, "unload-reload branch"
+    )[0]
 
 
 def leg_rows(columns: CurveColumns, load: float | None = None) -> Array:

@@ -1,7 +1,8 @@
 """Free vibration over the amplitude, the resonance peak by energy balance, and onsets of nonlinear phenomena.
 
-A free orbit is half a period of the period map without damping, from rest to rest, integrated to round-off. At phase
-resonance the forcing supplies exactly the energy that the damper takes from a free orbit:
+The time on a free orbit is the quadrature of du over the speed, by Gauss points on pieces between corners of the law,
+with u = mid + half sin(theta), which removes the singularity of rest; a flight is a parabola. At phase resonance the
+forcing supplies exactly the energy that the damper takes from a free orbit:
 
     F^ / (2 zeta) = INT g(u) u'^2 dtau / (pi a_1)   (error O(zeta^2)).
 """
@@ -17,20 +18,23 @@ from numpy.typing import ArrayLike
 from scipy.optimize import brentq
 
 from asperity.arrays import Array
-from asperity.dynamics.equation import Equation, Restoring, motions
-from asperity.vibration.settings import Setting
 from asperity.errors import ConvergenceError, RangeError
+from asperity.runtime.display import short_repr
 from asperity.vibration.checks import positives
 from asperity.vibration.damping import Damping
-from asperity.vibration.law import TaylorLaw, bend
-from asperity.runtime.display import short_repr
+from asperity.vibration.equation import Equation, Restoring
+from asperity.vibration.law import TaylorLaw, bar_of, bend
+from asperity.vibration.settings import Setting
 
-_RTOL = 1e-14  # of the integrator: round-off alone is left
-_EARLY = 1e-6  # share of half a period before rest from where the last step of Newton's method goes
-_ROUND_OFF = 1e-15  # relative round-off of the contact force
-_ALMOST, _INFINITE = -0.99, 1e-9  # displacement below which an infinite stiffness at contact loss has this error
-_GREATEST = 1e-3  # of that error, far above that of any amplitude in use
+_POINTS = 10  # Gauss points on a piece
+_PIECES = np.pi * np.concatenate([[0.0], 0.5 ** np.arange(14, 1, -1), 1.0 - 0.5 ** np.arange(1, 5), [1.0]])  # of theta
+_GREATEST = 1e-3  # error of an orbit that is refused, far above that of any amplitude in use
 _LARGEST = 1e6  # amplitude at which the search for a peak ends
+_X, _W = np.polynomial.legendre.leggauss(_POINTS)
+_POWERS = np.arange(_POINTS)
+_TO_POWERS = np.linalg.inv(np.vander(0.5 * (_X + 1.0), increasing=True))
+_INTEGRAL = (0.5 * (_X[:, None] + 1.0)) ** (_POWERS + 1.0) / (_POWERS + 1.0) @ _TO_POWERS  # from 0 to each point
+_LAST = (_POINTS - 0.5) * np.polynomial.legendre.Legendre.basis(_POINTS - 1)(_X) * _W  # last mode
 
 
 @dataclass(frozen=True)
@@ -113,58 +117,106 @@ def free_orbits(restoring: Restoring, u0: ArrayLike, damping: Damping = "always"
         RangeError: an orbit passes the rim of a Taylor well
         ConvergenceError: an amplitude is lost in round-off
     """
-    start, rim, n = np.array(positives("u0", u0)), largest_amplitude(restoring), restoring.n_loc
-    if (far := start[start > rim]).size:
+    top, rim, n = np.array(positives("u0", u0)), largest_amplitude(restoring), restoring.n_loc
+    if (far := top[top > rim]).size:
         raise RangeError(
             f"u0 = {far[0]:g} is beyond the rim of the Taylor well (u0 = {rim:.6g}): the truncated law lets the motion "
             "escape; use the exact law"
         )
-    equation, rest = Equation(restoring, 0.0, damping), np.column_stack([start, np.zeros(start.size)])
-    half = _half_periods(equation, rest)
-    once = motions(equation, rest, np.pi / half, 0.0, length=np.pi, rtol=_RTOL, derivatives=False)
-    low = np.minimum(once.low[:, 0], once.end[:, 0])
-    error = np.maximum(once.error / (start - low), _ROUND_OFF / n / start)
-    if restoring.contact and equation.cells[0][0] > -1.0:  # the stiffness at contact loss is infinite
-        error = np.maximum(error, np.where(low < _ALMOST, _INFINITE, 0.0))
+    equation = Equation(restoring, 0.0, damping)
+    low, flies = _lowest(restoring, top)
+    for _ in range(3):  # where the potential is the same as at the top: by the quadrature itself
+        fall = np.where(flies, 0.0, _Quadrature(equation, low, top, flies).fall)
+        low = low + fall / np.where(flies, 1.0, -restoring.f(low))
+    path = _Quadrature(equation, low, top, flies)
+    speed = np.sqrt(2.0 * np.where(flies, np.maximum(path.fall, 0.0), 0.0))  # at separation
+    flight = n * speed  # half of it
+    half = path.time[:, -1] + flight
+    omega = np.pi / half
+    # flight, from its middle: u = u_min + t^2/(2 n)
+    lowest = np.where(flies, -1.0 - 0.5 * n * speed**2, low)
+    t = flight[:, None] * 0.5 * (_X + 1.0)
+    falling = -np.cos(omega[:, None] * t) * (lowest[:, None] + t**2 / (2.0 * n)) @ (0.5 * _W) * flight
+    a1 = 2.0 / half * (path.first(omega) + falling)
+    loss = 2.0 * (path.loss + equation.rate(-2.0 * np.ones(1), -np.ones(1) / n)[0] * flight**3 / (3.0 * n**2))
+    error = np.maximum(path.error / half, 1e-15 / n / top)
     if not error.max() < _GREATEST:
         raise ConvergenceError(
-            f"u0 = {start[error.argmax()]:g} is too small or too large: the motion is lost in round-off"
+            f"u0 = {top[error.argmax()]:g} is too small or too large: the motion is lost in round-off"
         )
-    speed = np.sqrt(2.0 * np.maximum(-1.0 - low, 0.0) / n) if restoring.contact else 0.0 * low
-    columns = (
-        start, low, np.pi / half, once.wave[:, 0, 0] * 2.0 / np.pi, speed, n * speed / half, 2.0 * once.loss, error,
-    )  # fmt: skip
+    columns = (top, lowest, omega, a1, speed, flight / half, loss, error)
     return tuple(FreeOrbit(*values) for values in np.transpose(columns).tolist())
 
 
-def _half_periods(equation: Equation, rest: Array) -> Array:
-    """Times from the states of rest (orbits, 2) to rest on the other side."""
-    contact, at = equation.restoring.contact, equation.restoring.f(rest[:, 0])
-    # a stretch that no orbit can pass twice; then twice as long ones, until the first turn is inside
-    length = 1.5 * np.minimum(np.sqrt(rest[:, 0] / at), 1.0)
-    half: Array = np.empty(len(rest))
-    left: Array = np.arange(len(rest))
-    while left.size:
-        m = motions(equation, rest[left], 1.0, 0.0, length=length[left], rtol=1e-9, derivatives=False)
-        turned, flies = ~(m.end[:, 1] <= 0.0), contact & (m.end[:, 0] < -1.0)
-        half[left] = np.where(flies & ~turned, length[left], m.lowest)
-        turned |= flies  # in flight the step of Newton's method is exact
-        left = left[~turned]
-        length[left] *= 2.0
-    for early in (0.0, _EARLY):
-        half = (1.0 - early) * half
-        u, v = motions(equation, rest, 1.0 / half, 0.0, length=1.0, rtol=_RTOL, derivatives=False).end.T
-        half = half + v / equation.restoring.f(u)
-    return half
+class _Quadrature:
+    """Half periods in contact, from rest at `top` (orbits,) down to `low`, by pieces of theta.
+
+    Attributes:
+        fall: potential at `top` less that at `low` (orbits,)
+        time: since the release at the ends of the pieces (orbits, pieces)
+        loss: INT g v dx on the way (orbits,)
+        error: of the time, estimated (orbits,)
+    """
+
+    def __init__(self, equation: Equation, low: Array, top: Array, flies: Array) -> None:
+        half = 0.5 * (top - low)[:, None]
+        theta: Array = np.broadcast_to(_PIECES, (top.size, _PIECES.size))  # from the top, at 0, to pi
+        theta = np.pi - theta[:, ::-1]
+        law = equation.restoring.law
+        corners = np.union1d(equation.corners, np.asarray(law.knots, float) / equation.restoring.z_s - 1.0)
+        inside = np.clip((top[:, None] - corners) / (2.0 * half), 0.0, 1.0)
+        theta = np.sort(np.concatenate([theta, 2.0 * np.arcsin(np.sqrt(inside))], axis=1), axis=1)
+        size = np.diff(theta)[..., None]
+        at = theta[:, :-1, None] + size * 0.5 * (_X + 1.0)
+        below = 2.0 * half[..., None] * np.sin(0.5 * at) ** 2  # distance from the top
+        above = 2.0 * half[..., None] * np.cos(0.5 * at) ** 2  # and from the low end
+        u = np.where(at < 0.5 * np.pi, top[:, None, None] - below, low[:, None, None] + above)
+        f = equation.restoring.f(u)
+        step = half[..., None] * np.sin(at)  # -du/dtheta
+        weight = 0.5 * _W * size
+        pieces = np.sum(weight * f * step, axis=2)
+        inner = size * ((f * step) @ _INTEGRAL.T)
+        down = np.cumsum(pieces, axis=1)
+        self.fall = down[:, -1]
+        from_top = inner + (down - pieces)[..., None]
+        # from the low end, where the rest is small
+        rest = np.cumsum(pieces[:, ::-1], axis=1)[:, ::-1]
+        energy = np.where((at > 0.5 * np.pi) & ~flies[:, None, None], inner - rest[..., None], from_top)
+        speed = np.sqrt(2.0 * np.maximum(energy, 1e-300))
+        pace = step / speed  # dt/dtheta
+        steps = np.sum(weight * pace, axis=2)
+        self.time = np.cumsum(steps, axis=1)
+        self._t = size * (pace @ _INTEGRAL.T) + (self.time - steps)[..., None]
+        self._u, self._dt = u, weight * pace
+        self.loss = np.sum(weight * equation.rate(u, f) * speed * step, axis=(1, 2))
+        self.error = np.abs(np.sum(size[..., 0] * (pace @ _LAST), axis=1)) * 1e-3
+
+    def first(self, omega: Array) -> Array:
+        """Integral of u cos(omega t) on the way (orbits,)."""
+        return np.sum(self._dt * self._u * np.cos(omega[:, None, None] * self._t), axis=(1, 2))
 
 
-def _surplus(restoring: Restoring, u: float, level: float) -> float:
+def _lowest(restoring: Restoring, top: Array) -> tuple[Array, Array]:
+    """Lower ends in contact of orbits released at `top` (orbits,), to about 1e-8, and whether they lose contact."""
+    low = np.full(top.size, -1.0)
+    if isinstance(restoring.law, TaylorLaw):
+        rim = restoring.law.rims()[0]
+        low = np.maximum(rim, -1e3 - 10.0 * top) if np.isfinite(rim) else -10.0 - 10.0 * top
+    flies = (_surplus(restoring, top, low) > 0.0) & restoring.contact
+    a, b = low.copy(), np.zeros(top.size)
+    for _ in range(60):
+        middle = 0.5 * (a + b)
+        above = _surplus(restoring, top, middle) < 0.0
+        a, b = np.where(above, middle, a), np.where(above, b, middle)
+    small = top < 1e-3
+    return np.where(flies, -1.0, np.where(small, -top * (1.0 + 2.0 / 3.0 * restoring.a2 * top), 0.5 * (a + b))), flies
+
+
+def _surplus(restoring: Restoring, u: ArrayLike, level: ArrayLike) -> Array:
     """Potential at a displacement less that at another one."""
-    z, other = (restoring.z_s * (1.0 + x) for x in (u, level))
-    stored = float(restoring.law.potential(z) - restoring.law.potential(other)) / (restoring.scale * restoring.z_s)
-    return stored - (u - level) / restoring.n_loc
-
-
+    z, other = (restoring.z_s * (1.0 + np.asarray(x, float)) for x in (u, level))
+    stored = (restoring.law.potential(z) - restoring.law.potential(other)) / (restoring.scale * restoring.z_s)
+    return np.asarray(stored - (np.asarray(u) - np.asarray(level)) / restoring.n_loc)
 def contact_limit(restoring: Restoring) -> float:
     """Largest release that keeps contact, V(u_max) = V(-1); (n+1)^(1/n) - 1 for a power law.
 
@@ -259,7 +311,8 @@ def thresholds(equation: Equation, settings: Sequence[Setting] = ()) -> Threshol
     restoring, zeta, damping = equation.restoring, equation.zeta, equation.damping
     limit = contact_limit(restoring)
     orbit = free_orbits(restoring, limit, damping)[0] if np.isfinite(limit) else None
-    kappa, bar = restoring.kappa, restoring.law.kappa_bar(restoring.z_s)
+    kappa = restoring.kappa
+    bar = np.nan_to_num(bar_of(restoring.law, lambda law: Restoring(law, restoring.load).kappa))
     peaks: list[dict[str, float | None]] = []
     for setting in settings:
         f = setting.F_hat
@@ -274,7 +327,7 @@ def thresholds(equation: Equation, settings: Sequence[Setting] = ()) -> Threshol
         damping=str(damping),
         n_loc=restoring.n_loc,
         kappa=kappa,
-        softening=bend(kappa - bar, kappa + bar),
+        softening=bend(float(kappa - bar), float(kappa + bar)),
         u_max=limit if orbit else None,
         omega_loss=orbit.omega if orbit else None,
         drive_loss=orbit.drive if orbit else None,

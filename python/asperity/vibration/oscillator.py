@@ -9,18 +9,15 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import ArrayLike
 
-from asperity.dynamics import free as _free
-from asperity.dynamics import motion as _motion
-from asperity.dynamics.equation import Equation, Restoring
-from asperity.dynamics.free import FreeVibration, Thresholds, contact_limit, free_orbits, largest_amplitude
-from asperity.dynamics.motion import Sweep, Trajectory, course, integrate
-from asperity.dynamics.orbits import Orbits
-from asperity.dynamics.response import FrequencyResponse, frequency_response
+from asperity.vibration import free as _free
+from asperity.vibration.equation import Equation, Restoring
+from asperity.vibration.free import FreeVibration, Thresholds, contact_limit, free_orbits, largest_amplitude
+from asperity.vibration.motion import Trajectory, course, integrate
+from asperity.vibration.response import FrequencyResponse, frequency_response
 from asperity.vibration.settings import EXCITATIONS, FORCING, OMEGA, SHAPES, ZETA, Setting, forcings, window
 from asperity.errors import AsperityWarning, InputError, RangeError, warn
 from asperity.vibration.checks import one_of, positive, positives, within
 from asperity.vibration.damping import Damping, check_damping
-from asperity.vibration.joint import Uncertainty, intervals
 from asperity.vibration.law import Law, TaylorLaw
 from asperity.runtime.display import short_repr
 
@@ -32,7 +29,7 @@ class ContactOscillator:
     """A rigid mass pressed on a contact by its weight, with damping, under harmonic forcing.
 
     The displacement is u = (z - z_s)/z_s > 0 in compression, and contact is lost at u = -1; time is in units of
-    1/omega_s, forcing is F^ = F/(n_loc W). See `asperity.dynamics.equation`. Where the base moves, by b, z is the
+    1/omega_s, forcing is F^ = F/(n_loc W). See `asperity.vibration.equation`. Where the base moves, by b, z is the
     approach, so u is relative to the base; the mass moves by u + b/z_s.
 
     Attributes:
@@ -72,7 +69,7 @@ class ContactOscillator:
 
     def __post_init__(self) -> None:
         if not isinstance(self.law, Law):
-            raise InputError(f"law must be a contact law (PowerLaw, CurveLaw, ...), got {type(self.law).__name__}")
+            raise InputError(f"law must be a contact law (PowerLaw, TableLaw, ...), got {type(self.law).__name__}")
         positive("zeta", self.zeta, zero=True)
         if self.zeta >= 1:
             raise InputError(f"zeta = {self.zeta:g} is not legal: it must be below 1")
@@ -140,9 +137,8 @@ class ContactOscillator:
         *,
         excitation: str = "force",
         tol: float = 1e-5,
-        subharmonics: bool = True,
     ) -> FrequencyResponse:
-        """All periodic orbits in a window of frequencies, stable and unstable, with their bifurcations.
+        """The main branch of periodic orbits in a window of frequencies, stable and unstable, with its bifurcations.
 
         Args:
             forcing: F^ = F/(n_loc W), 1e-9 to 1e6; of the base see `excitation`
@@ -151,7 +147,6 @@ class ContactOscillator:
                 Omega, which acts like F^ = forcing
             omega: lowest and highest Omega, 0.01 to 100
             tol: allowed error of the orbits, relative to the amplitude
-            subharmonics: whether orbits of period 2 are searched
 
         Raises:
             ConvergenceError: no orbit is found
@@ -159,54 +154,7 @@ class ContactOscillator:
         """
         within("zeta of forced motion", self.zeta, ZETA)
         setting = self.setting(within("forcing", forcing, FORCING), excitation)
-        return frequency_response(Orbits(self.equation, setting, window(omega), positive("tol", tol)), subharmonics)
-
-    def uncertainty(self) -> Uncertainty:
-        """Intervals of the law by its points.
-
-        Examples:
-            >>> z = np.linspace(0.1, 1.0, 10)
-            >>> known = asp.ContactOscillator(asp.CurveLaw(z, z**1.5 + z**2), load=1.0).uncertainty()
-            >>> print(f"n = {known.n_loc.value:.3f}, {known.n_loc.low:.3f} to {known.n_loc.high:.3f}")
-            n = 1.725, 1.722 to 1.728
-        """
-        return intervals(self.law, self.restoring.load, mass=self.mass)
-
-    def sweep(
-        self,
-        forcing: float | Iterable[float],
-        omega: Sequence[float] = (0.5, 1.3),
-        *,
-        excitation: str = "force",
-        points: int = 81,
-        directions: Sequence[str] = ("up", "down"),
-        tol: float = 1e-4,
-        max_periods: int | None = None,
-    ) -> tuple[Sweep, ...]:
-        """Frequency sweeps with carried state, one for each forcing and direction ("up", "down").
-
-        Args:
-            forcing, excitation: as in `response`, or several values
-            omega: lowest and highest Omega
-            points: number of frequencies
-            directions: one or both
-            tol: allowed distance from the steady state, relative to the orbit
-            max_periods: largest number of forcing periods per frequency, at least 5; default 4/zeta (100 to 20000)
-
-        Raises:
-            InputError: an argument is not legal, or zeta is below 1e-4
-        """
-        within("zeta of forced motion", self.zeta, ZETA)
-        directions = (directions,) if isinstance(directions, str) else tuple(directions)
-        if not directions or not set(directions) <= {"up", "down"}:
-            raise InputError(f'directions = {directions} is not legal: choose from "up" and "down"')
-        if (points := int(positive("points", points))) < 2:
-            raise InputError(f"points = {points} is not legal: a sweep needs at least 2")
-        settings, path = [self.setting(f, excitation) for f in forcings(forcing)], np.linspace(*window(omega), points)
-        tol = positive("tol", tol)
-        if max_periods is not None:
-            within("max_periods", max_periods, (5, 1e9))
-        return _motion.sweep(self.equation, settings, path, directions=directions, tol=tol, max_periods=max_periods)
+        return frequency_response(self.equation, setting, window(omega), positive("tol", tol))
 
     def simulate(
         self,
