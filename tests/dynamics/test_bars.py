@@ -11,7 +11,7 @@ from scipy.optimize import brentq
 
 from asperity.vibration import CurveLaw
 from asperity.errors import InputError
-from asperity.vibration.joint import intervals
+
 
 Curve = tuple[Callable[[float], float], np.ndarray]
 Maker = Callable[[np.random.Generator], Curve]

@@ -145,10 +145,10 @@ def law_of_rows(
         rising = np.append(True, smooth[1:] > np.maximum.accumulate(smooth)[:-1])
         grid, smooth, n = grid[rising], smooth[rising], np.maximum(n[rising], 1e-3)
         law = CurveLaw(grid, smooth, name=name, k=n * smooth / grid)
-    off = abs(float(np.log(law.at(law.deflection(load))[1]) - local.log_k))
-    law = replace(
-        law, bars=Bars(load, bar, max(of_origin, 1e-12 * float(grid[-1])), local.bars[2] + off, local.bars[3])
-    )
+    at = law.deflection(load)
+    off_k, off_kappa = abs(float(np.log(law.at(at)[1]) - local.log_k)), abs(law.kappa(at) - local.kappa)
+    bars = Bars(load, bar, of_origin, local.bars[2] + off_k, local.bars[3] + off_kappa)
+    law = replace(law, bars=bars)
     dropped = int(known.size - on.sum())
     where = "" if origin >= known[0] else ", by extrapolation"
     return law, (
