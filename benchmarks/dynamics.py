@@ -31,7 +31,7 @@ os.environ.setdefault("OMP_NUM_THREADS", "1")
 import numpy as np
 from numpy.typing import NDArray
 
-from asperity.dynamics import ContactOscillator, FrequencyResponse, PowerLaw, Solution
+from asperity.vibration import ContactOscillator, FrequencyResponse, PowerLaw, Solution
 from asperity.errors import AsperityError
 
 Array = NDArray[np.float64]

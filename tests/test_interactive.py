@@ -40,7 +40,7 @@ def result() -> Any:
 def objects(result: Any) -> list[Any]:
     """One of each public class with data."""
     wave = asp.Surface.from_spec("weierstrass-mandelbrot", L=1e-6, D=2.4, G=1e-12)
-    law = asp.TableLaw(np.linspace(0.01, 1.0, 30), np.linspace(0.01, 1.0, 30) ** 1.5)
+    law = asp.CurveLaw(np.linspace(0.01, 1.0, 30), np.linspace(0.01, 1.0, 30) ** 1.5)
     oscillator = asp.ContactOscillator(asp.PowerLaw(1.5), zeta=0.05)
     response = oscillator.response(0.01, (0.9, 1.1), tol=1e-3)
     free = oscillator.free([0.1, 0.2])

@@ -17,7 +17,7 @@ from asperity.case import Case
 from asperity.curve import COLUMNS, Curve
 from asperity.curve.loops import LoopTable
 from asperity.curve.power_law import with_misfit
-from asperity.dynamics import LoopDamping, PowerLaw, law_from, run_dynamics
+from asperity.vibration import LoopDamping, PowerLaw, law_from, run_dynamics
 from asperity.errors import CheckpointError, ConvergenceError, MeshError, OutputError
 from asperity.job.run_case import RunResult, run
 from asperity.mesh.block import BlockMesh

@@ -6,7 +6,7 @@ from decimal import Decimal
 
 import pytest
 
-from asperity.runtime.measured_curve import FORCES
+from asperity.vibration.measured import FORCES
 from asperity.units import LENGTHS, amount, per_cent, plus_minus, prefix, quantity
 
 SI = {"": 0, "c": -2, "m": -3, "u": -6, "µ": -6, "μ": -6, "n": -9, "p": -12, "f": -15}

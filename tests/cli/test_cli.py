@@ -182,7 +182,7 @@ def test_output_that_nobody_reads(tmp_path: Path, command: str, code: int) -> No
         ("asperity.cli", ("numpy", "matplotlib", "pydantic", "dolfinx", "mpi4py", "rich")),
         # the vibration would take more time than everything else before the first stage of a run
         (f"asperity; asperity.run; asperity.Case.load({DEMO!r})",
-         ("asperity.dynamics.oscillator", "scipy.stats", "scipy.optimize", "matplotlib", "gmsh", "dolfinx")),
+         ("asperity.vibration.oscillator", "scipy.stats", "scipy.optimize", "matplotlib", "gmsh", "dolfinx")),
     ],
 )  # fmt: skip
 def test_what_is_not_needed_is_not_imported(code: str, later: tuple[str, ...]) -> None:

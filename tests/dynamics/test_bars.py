@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 from scipy.optimize import brentq
 
-from asperity.dynamics import TableLaw
+from asperity.vibration import CurveLaw
 from asperity.errors import InputError
-from asperity.force_law.intervals import intervals
+from asperity.vibration.joint import intervals
 
 Curve = tuple[Callable[[float], float], np.ndarray]
 Maker = Callable[[np.random.Generator], Curve]
@@ -61,7 +61,7 @@ def test_the_bars_hold(curve: Maker) -> None:
     for seed in range(200):
         rng = np.random.default_rng(7000 + seed)
         f, z = curve(rng)
-        law = TableLaw(z, np.array([f(x) for x in z]))
+        law = CurveLaw(z, np.array([f(x) for x in z]))
         load = law.top * rng.uniform(0.05, 0.95)
         if load < law.F[0]:
             continue
@@ -72,7 +72,7 @@ def test_the_bars_hold(curve: Maker) -> None:
     assert np.all(np.mean(inside, axis=0) >= 0.95), np.mean(inside, axis=0)
 
 
-def held(law: TableLaw, f: Callable[[float], float], load: float) -> list[bool]:
+def held(law: CurveLaw, f: Callable[[float], float], load: float) -> list[bool]:
     """Whether the bars of n, kappa, z_s and k_n hold those of the exact curve."""
     known, values = intervals(law, load), exact(f, brentq(lambda x: f(x) - load, 1e-9, 1.5))
     bars = (known.n_loc, known.kappa, known.z_s, known.k_n)
@@ -115,7 +115,7 @@ def test_the_bars_hold_for_points_that_scatter(curves: list[Maker], relative: bo
         )
         law = None
         with suppress(InputError):  # points that fall
-            law = TableLaw(z, F)
+            law = CurveLaw(z, F)
         if law is not None and law.noise and (load := law.top * share) > law.F[0]:
             inside.append(held(law, f, load))
     assert len(inside) > 30 and np.all(np.mean(inside, axis=0) >= least), (len(inside), np.mean(inside, axis=0))
@@ -129,7 +129,7 @@ def test_the_bars_hold_for_points_that_scatter_too_little_to_be_smoothed() -> No
         share, noise = rng.uniform(0.1, 0.9), rng.uniform(0.001, 0.005) * rng.standard_normal(z.size)
         law = None
         with suppress(InputError):  # points that fall
-            law = TableLaw(z, np.array([f(x) for x in z]) * (1 + noise))
+            law = CurveLaw(z, np.array([f(x) for x in z]) * (1 + noise))
         if law is not None and not law.noise and (load := law.top * share) > law.F[0]:
             inside.append(held(law, f, load))
     assert len(inside) > 80 and np.all(np.mean(inside, axis=0) >= 0.9), (len(inside), np.mean(inside, axis=0))
@@ -137,7 +137,7 @@ def test_the_bars_hold_for_points_that_scatter_too_little_to_be_smoothed() -> No
 
 def test_a_scaled_law_of_points_that_scatter_keeps_its_bars() -> None:
     z = np.linspace(0.0, 1.0, 31)[1:]
-    law = TableLaw(z, z**1.5 * (1 + 0.03 * np.random.default_rng(1).standard_normal(z.size)))
+    law = CurveLaw(z, z**1.5 * (1 + 0.03 * np.random.default_rng(1).standard_normal(z.size)))
     scaled = law.scaled(8.0, 2.0)
     assert law.noise and scaled.noise == law.noise and scaled.known_to == pytest.approx(4 * law.known_to)
     own, other = intervals(law, 0.4), intervals(scaled, 3.2)
@@ -146,12 +146,12 @@ def test_a_scaled_law_of_points_that_scatter_keeps_its_bars() -> None:
 
 
 def test_too_few_points_that_scatter_have_no_bar() -> None:
-    law = TableLaw(np.linspace(0.2, 1.0, 5), np.array([0.1, 0.3, 0.42, 0.8, 0.9]))
+    law = CurveLaw(np.linspace(0.2, 1.0, 5), np.array([0.1, 0.3, 0.42, 0.8, 0.9]))
     assert law.noise and np.isnan(intervals(law, 0.4).n_loc.half)
 
 
 def test_slopes_that_are_unknown_have_the_bar_of_points_without_any() -> None:
     z = np.geomspace(0.05, 1.0, 9)
-    without, unknown = (intervals(TableLaw(z, np.expm1(4.0 * z), k=k), 5.0) for k in (None, np.full(z.size, np.nan)))
+    without, unknown = (intervals(CurveLaw(z, np.expm1(4.0 * z), k=k), 5.0) for k in (None, np.full(z.size, np.nan)))
     for name in ("n_loc", "z_s", "k_n"):
         assert getattr(unknown, name) == pytest.approx(getattr(without, name))

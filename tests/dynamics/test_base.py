@@ -14,9 +14,9 @@ from click.testing import CliRunner
 from scipy.integrate import solve_ivp
 
 from asperity.cli.dynamics import dynamics as command
-from asperity.dynamics import ContactOscillator, Joint, PowerLaw, run_dynamics
-from asperity.dynamics.orbits import Orbits
-from asperity.dynamics.search import Search, _scale
+from asperity.vibration import ContactOscillator, Joint, PowerLaw, run_dynamics
+from asperity.vibration.orbits import Orbits
+from asperity.vibration.search import Search, _scale
 from asperity.errors import ConvergenceError
 from asperity.plot import plot_dynamics
 

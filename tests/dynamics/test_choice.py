@@ -11,11 +11,11 @@ import numpy as np
 import pytest
 
 import asperity as asp
-from asperity.dynamics import DynamicsSettings, PowerLaw, TableLaw, law_from, run_dynamics
+from asperity.vibration import DynamicsSettings, PowerLaw, CurveLaw, law_from, run_dynamics
 from asperity.errors import AsperityWarning, InputError, RangeError
-from asperity.force_law.choice import LACK, choose
-from asperity.force_law.columns import CurveColumns
-from asperity.force_law.laws import LawTable, tabulate
+from asperity.vibration.source import LACK, choose
+from asperity.vibration.source import CurveColumns
+from asperity.vibration.joint import LawTable, tabulate
 
 QUICK: dict[str, Any] = {"model": ["exact"], "omega": (0.9, 0.91), "units": "SI", "tol": 1e-3}
 # A contact that yields from the beginning: loading F = C z^1.2; from a greatest force F_0 it unloads by
@@ -55,7 +55,7 @@ def test_after_yield_small_vibration_is_on_the_unloading_branch() -> None:
     """The frequency is that of the closed form, and not that of the loading, half as stiff."""
     law, load = law_from(contact())
     z = law.deflection(load)
-    assert isinstance(law, TableLaw) and law.top == pytest.approx(C)
+    assert isinstance(law, CurveLaw) and law.top == pytest.approx(C)
     assert law.derivatives(z)[0] == pytest.approx(float(stiffness(load)), rel=1e-6)
     assert law.n_loc(z) == pytest.approx(1.5, rel=1e-6) and law.kappa(z) == pytest.approx(-1 / 24, rel=1e-3)
     paper = law_from(contact(), "paper")[0]
@@ -66,7 +66,7 @@ def test_without_an_unloading_the_elastic_stiffness_is_the_law() -> None:
     for curve in (contact(unload=False, probe=True), contact(probe=True, lowest=0.8 * C)):
         law, load = law_from(curve, load=0.5 * C)  # the second one is unloaded, but not through the preload
         z = law.deflection(load)
-        assert isinstance(law, TableLaw) and law.name == "elastic tangent of the loading"
+        assert isinstance(law, CurveLaw) and law.name == "elastic tangent of the loading"
         assert law.derivatives(z)[0] == pytest.approx(float(stiffness(load)), rel=1e-4)
         assert law.n_loc(z) == pytest.approx(1.5, rel=1e-4) and law.kappa(z) == pytest.approx(-1 / 24, rel=1e-6)
 
@@ -99,7 +99,7 @@ def test_before_yield_the_law_is_the_loading(strain: bool) -> None:
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         law, load = law_from(curve)
-    assert isinstance(law, TableLaw) and law.name == "table"
+    assert isinstance(law, CurveLaw) and law.name == "table"
     if strain:
         with pytest.warns(AsperityWarning, match="yielded"):
             assert isinstance(law_from(curve, load=1.25)[0], PowerLaw)

@@ -10,7 +10,7 @@ import pytest
 
 import asperity as asp
 from asperity.case import Case
-from asperity.dynamics import DynamicsSettings, PowerLaw, TableLaw, law_from, run_dynamics, unload_reload
+from asperity.vibration import DynamicsSettings, PowerLaw, CurveLaw, law_from, run_dynamics, unload_reload
 from asperity.errors import AsperityWarning, InputError, RangeError
 from asperity.output.results import Results
 from asperity.plot.vibration import columns_of, response
@@ -61,7 +61,7 @@ def test_the_law_after_yield_does_not_depend_on_the_rows(rows: int) -> None:
     law = unload_reload(curve, 1.5)
     assert law.origin == pytest.approx(0.4, abs=1e-12)
     o, fine = asp.ContactOscillator(law, load=1.5), np.linspace(0.0, 1.2, 801)[1:]
-    exact = asp.ContactOscillator(TableLaw(fine, rough(fine)[0], k=rough(fine)[1]), load=1.5)
+    exact = asp.ContactOscillator(CurveLaw(fine, rough(fine)[0], k=rough(fine)[1]), load=1.5)
     known = o.uncertainty()
     assert known.n_loc.half < 0.05 and known.z_s.half < 0.01 * known.z_s.value
     for name in ("n_loc", "z_s", "kappa"):
@@ -104,21 +104,21 @@ def test_check_warns_of_an_unloading_of_few_rows() -> None:
 def test_a_kink_above_the_preload_does_not_change_small_motion() -> None:
     """F = z, three times as steep beyond 1.025: small motion about F = 1 is linear."""
     z = np.linspace(0.0, 2.0, 601)[1:]
-    law = TableLaw(z, np.where(z < 1.025, z, 1.025 + 3.0 * (z - 1.025)))
+    law = CurveLaw(z, np.where(z < 1.025, z, 1.025 + 3.0 * (z - 1.025)))
     r = asp.ContactOscillator(law, load=1.0).restoring
     assert r.scale / r.z_s == pytest.approx(1.0, rel=1e-12) and abs(r.kappa) < 1e-12
-    assert TableLaw(z[::30], z[::30]).kappa(1.0) == pytest.approx(0.0, abs=1e-12)
-    exact = TableLaw(z, np.exp(z) - 1.0)  # smooth: as from its derivatives, z^2/48 (3 - 5)
+    assert CurveLaw(z[::30], z[::30]).kappa(1.0) == pytest.approx(0.0, abs=1e-12)
+    exact = CurveLaw(z, np.exp(z) - 1.0)  # smooth: as from its derivatives, z^2/48 (3 - 5)
     assert exact.kappa(1.0) == pytest.approx(-2 / 48, abs=2e-3)
 
 
 def test_the_stiffness_falls_with_a_light_preload_or_the_preload_is_refused() -> None:
     z = np.linspace(0.1, 1.0, 19)
-    law = TableLaw(z, z**1.5 + 0.1 * z**3)
+    law = CurveLaw(z, z**1.5 + 0.1 * z**3)
     stiffness = [law.derivatives(law.deflection(load))[0] for load in np.geomspace(1e-9, float(law.F[0]), 9)]
     assert np.all(np.diff(stiffness) > 0)
     assert "power 1.5" in law.doubts(1e-9)[0]
-    offset = TableLaw(z, z**1.5 + 1.0)  # its approach is not from first contact
+    offset = CurveLaw(z, z**1.5 + 1.0)  # its approach is not from first contact
     with pytest.raises(RangeError, match=r"below the first point .* stiffness would rise as the load falls"):
         offset.deflection(0.5)
 

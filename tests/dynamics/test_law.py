@@ -9,12 +9,12 @@ import numpy as np
 import pytest
 from scipy.integrate import quad
 
-from asperity.dynamics import (
+from asperity.vibration import (
     ContactOscillator,
     Law,
     PowerLaw,
     Restoring,
-    TableLaw,
+    CurveLaw,
     TaylorLaw,
     law_from,
     unload_reload,
@@ -44,10 +44,10 @@ def test_power_law_matches_closed_forms(n: float) -> None:
         PowerLaw(1.5),
         PowerLaw(0.8, 2.0),
         TaylorLaw.about(PowerLaw(1.5), 0.4),
-        TableLaw(Z, Z**1.5 + 0.3 * Z**2),
+        CurveLaw(Z, Z**1.5 + 0.3 * Z**2),
     ],
 )
-def test_force_is_the_derivative_of_the_potential(law: TableLaw) -> None:
+def test_force_is_the_derivative_of_the_potential(law: CurveLaw) -> None:
     r = Restoring(law, 0.4)
     for u in (-0.8, -0.3, -1e-3, 1e-5, 0.04, 0.06, 0.5):
         z = r.z_s * (1.0 + u)
@@ -63,7 +63,7 @@ def test_taylor_rim(n: float, rim: float) -> None:
 
 
 def test_table_of_a_power_law_is_the_power_law() -> None:
-    law = TableLaw(Z, 2.0 * Z**1.5)
+    law = CurveLaw(Z, 2.0 * Z**1.5)
     z = np.linspace(1e-4, 1.0, 200)
     np.testing.assert_allclose(law.force(z), 2.0 * z**1.5, rtol=1e-12)
     np.testing.assert_allclose(law.stiffness(z), 3.0 * z**0.5, rtol=1e-11)
@@ -75,7 +75,7 @@ def test_table_of_a_power_law_is_the_power_law() -> None:
 @pytest.mark.parametrize("load", [1e-60, 1e-6])
 def test_below_its_first_point_a_table_is_a_power_law(load: float) -> None:
     with pytest.warns(UserWarning, match="below the first point"):
-        r = ContactOscillator(TableLaw(Z, Z**1.5), load=load).restoring
+        r = ContactOscillator(CurveLaw(Z, Z**1.5), load=load).restoring
     assert r.z_s == pytest.approx(load ** (1 / 1.5), rel=1e-9)
     assert r.n_loc == pytest.approx(1.5, rel=1e-9) and r.kappa == pytest.approx(-1 / 24, rel=1e-6)
 
@@ -92,7 +92,7 @@ def test_a_noisy_table_is_a_smoothing_spline_near_the_true_law() -> None:
         covered += kappa.low <= -1 / 24 <= kappa.high
     assert len(noisy) >= 11 and covered >= 0.9 * len(noisy)
     z = np.linspace(0.05, 1.0, 40)
-    falling = TableLaw(z, z**1.5 + 0.02 * (-1.0) ** np.arange(40))  # the forces do not rise at first
+    falling = CurveLaw(z, z**1.5 + 0.02 * (-1.0) ** np.arange(40))  # the forces do not rise at first
     assert falling.stiffness(falling.deflection(0.5)) == pytest.approx(1.5 * 0.5 ** (1 / 3), rel=0.05)
 
 
@@ -117,12 +117,12 @@ def test_laws_fitted_to_points_go_on_to_their_force() -> None:
 def test_a_smooth_curve_is_not_noisy(z: np.ndarray) -> None:
     """Although no polynomial fits it in logarithms, like that of a rough surface."""
     second = np.maximum(z - 0.26, 0.0)  # the next summit is touched, then the block alone gives way
-    assert TableLaw(z, z**1.3 + 40 * second**1.5 / (1 + 6 * second)).noise == 0.0
+    assert CurveLaw(z, z**1.3 + 40 * second**1.5 / (1 + 6 * second)).noise == 0.0
 
 
-def _noisy(seed: int) -> TableLaw:
+def _noisy(seed: int) -> CurveLaw:
     """Half a percent of noise."""
-    return TableLaw(Z, np.sort(Z**1.5 * (1 + 0.005 * np.random.default_rng(seed).standard_normal(Z.size))))
+    return CurveLaw(Z, np.sort(Z**1.5 * (1 + 0.005 * np.random.default_rng(seed).standard_normal(Z.size))))
 
 
 def test_the_warning_of_noise_appears_once() -> None:
@@ -211,13 +211,13 @@ def test_every_row_of_a_measured_curve_counts_for_the_paper_law(digits: int) -> 
         (lambda: ContactOscillator(PowerLaw(1.5), load=0.0), "load = 0.0"),
         (lambda: ContactOscillator(PowerLaw(1.5), damping="coulomb"), "hunt-crossley"),
         (lambda: ContactOscillator(cast(Any, 1.5)), "law must be"),
-        (lambda: TableLaw(np.array([]), np.array([])), "empty"),
-        (lambda: TableLaw(Z[:2], Z[:2]), "at least 5"),
-        (lambda: TableLaw(Z, Z[::-1]), "force does not rise"),
-        (lambda: TableLaw(Z[::-1], Z[::-1]), "approach does not rise"),
-        (lambda: TableLaw(Z, np.where(Z > 0.5, np.nan, Z)), "not finite"),
-        (lambda: TableLaw(Z - 0.3, Z**1.5), "offset"),
-        (lambda: TableLaw(Z, Z[:5]), "shapes"),
+        (lambda: CurveLaw(np.array([]), np.array([])), "empty"),
+        (lambda: CurveLaw(Z[:2], Z[:2]), "at least 5"),
+        (lambda: CurveLaw(Z, Z[::-1]), "force does not rise"),
+        (lambda: CurveLaw(Z[::-1], Z[::-1]), "approach does not rise"),
+        (lambda: CurveLaw(Z, np.where(Z > 0.5, np.nan, Z)), "not finite"),
+        (lambda: CurveLaw(Z - 0.3, Z**1.5), "offset"),
+        (lambda: CurveLaw(Z, Z[:5]), "shapes"),
         (lambda: unload_reload({"delta": Z, "force": Z}), "unload"),
         (lambda: law_from({"delta": Z}), "no column \"force\", only 'delta'"),
         (lambda: law_from({"delta": Z, "force": np.where(Z > 0.5, np.nan, Z)}), "row 30 of the curve is not finite"),
@@ -237,7 +237,7 @@ def test_bad_input_is_reported_in_one_sentence(build: Any, words: str) -> None:
 
 
 def test_beyond_its_last_point_a_law_is_a_power_for_motion_only() -> None:
-    law = TableLaw(Z, Z**1.5)
+    law = CurveLaw(Z, Z**1.5)
     with pytest.raises(RangeError, match=r"approach 1.2 lies outside the law, known up to 1; compute the curve"):
         law.force(1.2)
     with pytest.raises(RangeError, match="load = 2 lies outside the law, which ends at force 1"):
@@ -271,9 +271,9 @@ def test_a_file_that_is_not_a_table_is_refused(tmp_path) -> None:
     path = tmp_path / "curve.csv"
     path.write_bytes(bytes(range(256)))
     with pytest.raises(InputError, match="cannot be read: it is no text"):
-        TableLaw.from_curve(path)
+        CurveLaw.from_curve(path)
     with pytest.raises(InputError, match="not a number"):
-        TableLaw("approach", "force")
+        CurveLaw("approach", "force")
 
 
 def test_an_own_law_may_have_a_kink_that_it_does_not_name() -> None:

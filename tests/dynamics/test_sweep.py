@@ -15,9 +15,9 @@ from hypothesis import strategies as st
 
 import asperity as asp
 from asperity.case import Case
-from asperity.dynamics import ContactOscillator, DynamicsSettings, Joint, PowerLaw, run_dynamics
-from asperity.dynamics.run import small_vibration
-from asperity.dynamics.settings import forcings, window
+from asperity.vibration import ContactOscillator, DynamicsSettings, Joint, PowerLaw, run_dynamics
+from asperity.vibration.run import small_vibration
+from asperity.vibration.settings import forcings, window
 from asperity.errors import AsperityError, InputError, RangeError
 from asperity.plot import plot_dynamics
 

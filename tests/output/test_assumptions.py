@@ -17,7 +17,7 @@ from conftest import here, leave_figures_blank, world
 from asperity.adaptive.solve_contact import solve_contact
 from asperity.case import Case
 from asperity.curve import Curve
-from asperity.dynamics.joint import Numbers
+from asperity.vibration.joint import Numbers
 from asperity.errors import AsperityWarning, AssumptionWarning, Interrupted, ResolutionWarning
 from asperity.job.run_case import run
 from asperity.laws import neo_hookean

@@ -18,7 +18,7 @@ from j2_path import confined_stress
 from scipy.optimize import brentq
 
 from asperity.adaptive.solve_contact import solve_contact
-from asperity.dynamics import unload_reload
+from asperity.vibration import unload_reload
 from asperity.errors import AsperityWarning, ConvergenceError
 from asperity.fem.history import History
 from asperity.mesh.block import BlockMesh

@@ -14,7 +14,7 @@ import pytest
 from conftest import call
 from made_up_run import write_run
 
-from asperity.dynamics import Dynamics, PowerLaw, run_dynamics
+from asperity.vibration import Dynamics, PowerLaw, run_dynamics
 from asperity.plot import plot_run
 from asperity.plot.report import write_report
 from asperity.runtime.files import files_into, is_aside, read_npz, remove_asides, replacing

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from asperity.curve import Curve
-from asperity.dynamics import Joint, law_from, run_dynamics
+from asperity.vibration import Joint, law_from, run_dynamics
 from asperity.errors import InputError
-from asperity.force_law.columns import CurveColumns
+from asperity.vibration.source import CurveColumns
 
 DELTA = 1e-7 * np.arange(26)
 FORCE = 20.0 * (np.exp(DELTA / 0.5e-6) - 1.0)  # 100 N: k = 240 MN/m

@@ -9,7 +9,7 @@ from pydantic import BaseModel, ConfigDict, Field
 
 from asperity.case import surfaces
 from asperity.case.surfaces import FORCE, LENGTH, STRESS, Flag, Real, Section, Text, Whole, key, optional
-from asperity.dynamics.settings import FORCING, OMEGA, ZETA, DynamicsSettings
+from asperity.vibration.settings import FORCING, OMEGA, ZETA, DynamicsSettings
 from asperity.errors import InputError
 from asperity.laws import load
 from asperity.model import settings
@@ -212,7 +212,6 @@ class DynamicsSection(Section):
     )
     pulse: Positive | None = key("length of the half-sine", None, shown="half a period of small vibration", unit="time")
     span: Positive = key("length of the short motions in periods of small vibration", DynamicsSettings.span)
-    sweeps: Flag = key("also sweep up and down by time integration, as dots in the figure", DynamicsSettings.sweeps)
 
 
 class JointSection(Section):

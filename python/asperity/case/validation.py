@@ -7,9 +7,9 @@ from itertools import pairwise
 
 from asperity.case.schema import DRIVERS, DynamicsSection, Input, JointSection, SlipSection
 from asperity.case.surfaces import SelfAffineSection
-from asperity.dynamics.settings import DynamicsSettings
+from asperity.vibration.settings import DynamicsSettings
 from asperity.errors import InputError
-from asperity.force_law import MIN_ROWS
+from asperity.vibration.source import MIN_ROWS
 from asperity.model.limits import FRACTIONS, LEAST_FORCE, check_force, check_length
 from asperity.model.problem import check_lengths
 from asperity.model.settings import H_CONTACT

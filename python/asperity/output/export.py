@@ -17,11 +17,10 @@ import numpy as np
 from asperity.arrays import Array
 from asperity.case import Case
 from asperity.curve.power_law import interface_approach
-from asperity.dynamics.joint import Joint
+from asperity.vibration.joint import Joint
 from asperity.errors import InputError
-from asperity.force_law.choice import leg_rows, unload_reload
-from asperity.force_law.columns import CurveColumns
-from asperity.force_law.table import TableLaw
+from asperity.vibration.law import CurveLaw
+from asperity.vibration.source import CurveColumns, law_named, leg_rows, unload_reload
 from asperity.output.mesh_file import block_of_case, write_mesh
 from asperity.output.results import Results
 from asperity.runtime.display import comment
@@ -115,19 +114,19 @@ def interface(folder: str | Path, law: str = "table", load: float | None = None)
         approach = approach[0] + curve.mean_gap[0] - curve.mean_gap
         measure = "decrease of the mean gap from first touch"
     columns = CurveColumns.of({
-        "delta": approach, "force": curve.force / patch, "branch": curve.branch,
+        "step": curve.step, "delta": approach, "force": curve.force / patch, "branch": curve.branch,
         "k_n_elastic": curve.k_n_interface / patch,  # the slope of an unloading without the block
     })  # fmt: skip
     preload = (0.5 * float(curve.force.max()) if load is None else load) / patch
     if law == "table":
-        found, rows = TableLaw.from_curve(columns), columns.loading
+        found, rows = law_named(columns, "table", preload)[0], columns.loading
     else:
         found = unload_reload(columns, preload)
         rows = np.isin(np.arange(len(curve)), leg_rows(columns, preload))
     z = found.z  # with points between and below them
     inner = (z[:-1, None] * (z[1:] / z[:-1])[:, None] ** (np.arange(_BETWEEN) / _BETWEEN)).ravel()
     z = np.concatenate([z[0] * np.array(_BELOW), inner, z[-1:]])
-    pressure, slope = found.both(z)
+    pressure, slope = found.force(z), found.slope(z)
     with np.errstate(all="ignore"):
         k_n = 1.0 / (1.0 / curve.k_n - block["height"] / (patch * block["modulus"]))
     k_n, k_n_elastic, k_t = (
@@ -206,7 +205,7 @@ def _over(pressure: Array, k: Array, at: Array, rows: Array) -> Array:
     return np.where(inside, np.exp(np.interp(wanted, x, y)), np.nan)
 
 
-def _about(results: Results, case: Case, law: TableLaw, name: str, measure: str) -> Iterator[str]:
+def _about(results: Results, case: Case, law: CurveLaw, name: str, measure: str) -> Iterator[str]:
     """Units and provenance."""
     si = case.units == "SI"
     yield f"contact of a rough surface by asperity {__version__}"

@@ -12,7 +12,7 @@ from typing import Any
 
 from asperity.curve import COLUMNS
 from asperity.curve.power_law import with_misfit
-from asperity.force_law.laws import law_rows
+from asperity.vibration.joint import law_rows
 from asperity.output.results import Results
 from asperity.output.verdict import doubts, jump_rows, verdict
 from asperity.plot import CAPTIONS

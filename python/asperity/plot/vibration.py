@@ -20,7 +20,7 @@ from asperity.plot import style
 from asperity.units import prefix, quantity
 
 if TYPE_CHECKING:
-    from asperity.vibration.run import Dynamics
+    from asperity.vibration.results import Dynamics
 
 MODELS = {"exact": (style.BLUE, "-", "exact law"), "taylor": (style.VERMILION, "--", "Taylor law")}
 DASHES = (0, (3, 1.5))  # offset, and lengths of line and gap [line widths]
@@ -114,8 +114,8 @@ def response(results: Results) -> Figure:
         for model in MODELS for r in t.get(model, {}).get("responses", ()) for e in r.get("events", ())
         if model == "exact" or e["u_min"] >= -1.0  # physical
     ]  # fmt: skip
-    known = (t.get("uncertainty") or {}).get("k_n")
-    bar = np.sqrt(np.array(known[1:]) / known[0]) if known and known[1] > 0.0 and driven != "base" else None
+    known = (t.get("numbers") or {}).get("k_n_bar")
+    bar = np.sqrt(1.0 + known * np.array([-1.0, 1.0])) if known and known < 1.0 and driven != "base" else None
     figure, axes = style.figure(1.2 + 4.0 * len(models), 4.4, *(MODELS[model][2] for model in models))
     physical = (rows["model"] == "exact") | (rows["u_min"] >= -1.0)
     for axis, model in zip(axes, models, strict=True):

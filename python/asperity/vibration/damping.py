@@ -43,7 +43,7 @@ class LoopDamping:
         InputError: amplitudes that do not rise, or a ratio that is negative
 
     Examples:
-        >>> loops = asp.dynamics.LoopDamping((0.1, 0.2), (0.001, 0.002))
+        >>> loops = asp.vibration.LoopDamping((0.1, 0.2), (0.001, 0.002))
         >>> oscillator = asp.ContactOscillator(asp.PowerLaw(1.5), zeta=0.01, damping=loops)
         >>> orbit = oscillator.free([0.2]).orbits[0]
         >>> round(0.01 * orbit.dissipation / (np.pi * (0.5 * (0.2 - orbit.u_min)) ** 2), 4)  # zeta and that of the loop

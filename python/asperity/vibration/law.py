@@ -29,11 +29,12 @@ EXPONENT = (0.25, 100.0)  # of a power law, outside which it is no contact
 COEFFICIENT = (1e-100, 1e100)  # of a power law
 _FARTHEST = 1e100  # approach beyond which no load is sought (length)
 _STRAIGHT = 1e-10  # kappa below which a law is linear, far above round-off
-_SAMPLED = (-20.7, 13.8)  # ln of the approaches over a deflection between which a law without cells is sampled
-SAMPLING = 1e-8  # relative error of the force of cells between sampled points
+NOT_RESOLVED = "curvature not resolved"
 MIN_POINTS = 5  # of a law without slopes
 _STEEPEST = 0.9  # largest exponent of the stiffness over the force with which a law begins at zero approach
 _BENT = 3.0  # of a side whose curvature is not resolved
+_FLOOR = 1e-3  # of the bar of kappa
+_UNSEEN = 3.0  # times the bars of scatter: points that are computed do not show by scatter what lies between them
 _CELL_X, _CELL_W = np.polynomial.legendre.leggauss(10)
 
 
@@ -93,39 +94,9 @@ class Law(ABC):
         """Laws at both ends of each error that it has, a pair for an error; none where nothing bounds it."""
         return ()
 
-    def both(self, z: Array) -> tuple[Array, Array]:
-        """Force and stiffness (force/length) at approaches `z` (length, any shape)."""
-        return self.force(z), self.slope(z)
-
     def at(self, z: float) -> tuple[float, float]:
         """Force and stiffness at one approach."""
         return float(self.force(np.array([z]))[0]), float(self.slope(np.array([z]))[0])
-
-    def cells(self, about: float, rtol: float = SAMPLING) -> tuple[Array, Array]:
-        """Pieces of ln F over x = ln z: edges (m,), and rows (m + 1, 5) of a start x_0 and a cubic in x - x_0.
-
-        Those of a law defined by its force alone are sampled.
-
-        Args:
-            about: approach of the operating point (length)
-            rtol: allowed relative error of the force
-
-        Raises:
-            InputError: the force is not positive for z > 0
-        """
-        x: Array = np.log(about) + np.linspace(*_SAMPLED, 40)
-        x = np.unique(np.concatenate([x, np.log(self.knots[self.knots > 0])]))
-        for _ in range(12):
-            force, slope = self.both(np.exp(x))
-            if not (np.isfinite(force).all() and np.all(force > 0)):
-                raise InputError(f"the force of the law ({self.describe()}) is not positive for every approach z > 0")
-            curve = CubicHermiteSpline(x, np.log(force), slope * np.exp(x) / force)
-            middle = 0.5 * (x[1:] + x[:-1])
-            off = np.abs(curve(middle) - np.log(self.both(np.exp(middle))[0])) > rtol
-            if not off.any() or x.size > 2000:
-                break
-            x = np.sort(np.append(x, middle[off]))
-        return curve.x, continued(curve)
 
     @property
     def default_load(self) -> float:
@@ -170,15 +141,6 @@ class Law(ABC):
         return curvature(self.derivatives(z), z)
 
 
-def continued(curve: PPoly) -> Array:
-    """Rows of `Law.cells` of a piecewise cubic, with straight lines before and beyond."""
-    rows = np.column_stack([curve.x[:-1], curve.c[::-1].T])
-    ends = curve.x[[0, -1]]
-    value, slope = curve(ends), curve(ends, 1)
-    below, above = ([x, y, d, 0.0, 0.0] for x, y, d in zip(ends, value, slope, strict=True))
-    return np.array([below, *rows, above])
-
-
 def curvature(p: tuple[float, float, float], z: float) -> float:
     """Kappa at `z` from the first three derivatives of the force."""
     return z**2 / 48.0 * (3.0 * p[2] / p[0] - 5.0 * (p[1] / p[0]) ** 2)
@@ -188,7 +150,7 @@ def bend(low: float, high: float) -> str:
     """In words what the interval of kappa says of small motion."""
     if max(abs(low), abs(high)) < _STRAIGHT:
         return "linear"
-    return "softening" if high < 0.0 else "hardening" if low > 0.0 else "undecided"
+    return "softening" if high < 0.0 else "hardening" if low > 0.0 else NOT_RESOLVED
 
 
 @dataclass(frozen=True)
@@ -249,9 +211,6 @@ class PowerLaw(Law):
     def derivatives(self, z: float) -> tuple[float, float, float]:
         n, p1 = self.n, self.n * self.K * z ** (self.n - 1.0)
         return p1, (n - 1) * p1 / z, (n - 1) * (n - 2) * p1 / z**2
-
-    def cells(self, about: float, rtol: float = SAMPLING) -> tuple[Array, Array]:
-        return np.empty(0), np.array([[0.0, np.log(self.K), self.n, 0.0, 0.0]])
 
     def deflection(self, load: float) -> float:
         with np.errstate(over="ignore"):
@@ -418,8 +377,8 @@ class CurveLaw(Law):
         z = self.deflection(load)
         local = self._local.at(load)
         off = np.abs([np.log(self.at(z)[1]) - local.log_k, self.kappa(z) - local.kappa])
-        of_k = float(np.hypot(stiffness, local.bars[2] + off[0]))
-        return replace(self, bars=Bars(load, force, 0.0, of_k, local.bars[3] + float(off[1])))
+        of_k = float(np.hypot(stiffness, _UNSEEN * local.bars[2] + 1.25 * off[0]))
+        return replace(self, bars=Bars(load, force, 0.0, of_k, _UNSEEN * local.bars[3] + float(off[1]) + _FLOOR))
 
     def sides(self) -> tuple[tuple[Law, Law], ...]:
         if self.bars is None:
@@ -471,11 +430,6 @@ class CurveLaw(Law):
         force, slope = self.at(z)
         _, b, c = self._local.at(force).exponents
         return of_exponents(z * slope / force, b, c, force, z)
-
-    def cells(self, about: float, rtol: float = SAMPLING) -> tuple[Array, Array]:
-        curve = self._curve  # its outer cells, of which the edges are no points, are straight
-        own = curve.x[1:-1], np.column_stack([curve.x[:-1], curve.c[::-1].T])
-        return own if rtol <= SAMPLING else min(own, super().cells(about, rtol), key=lambda cells: cells[0].size)
 
     def deflection(self, load: float) -> float:
         below = float(self._curve.c[2, 0])
@@ -578,12 +532,12 @@ class Side(Law):
         z = np.maximum(np.asarray(z, float), 0.0)
         knots = np.unique(np.concatenate([[0.0], self.knots[self.knots > 0.0], np.geomspace(1e-6, 1.0, 60) * z.max()]))
         half = 0.5 * np.diff(knots)[:, None]
-        energy = np.append(0.0, np.cumsum(half[:, 0] * (self.force(knots[:-1, None] + half * (1.0 + _CELL_X)) @ _CELL_W)))
+        energy = np.append(
+            0.0, np.cumsum(half[:, 0] * (self.force(knots[:-1, None] + half * (1.0 + _CELL_X)) @ _CELL_W))
+        )
         cell = np.clip(np.searchsorted(knots, z, side="right") - 1, 0, knots.size - 1)
         part = 0.5 * (z - knots[cell])
-        return energy[cell] + part * (
-            self.force(knots[cell][..., None] + part[..., None] * (1.0 + _CELL_X)) @ _CELL_W
-        )
+        return energy[cell] + part * (self.force(knots[cell][..., None] + part[..., None] * (1.0 + _CELL_X)) @ _CELL_W)
 
     def derivatives(self, z: float) -> tuple[float, float, float]:
         s = z - self.shift

@@ -7,7 +7,7 @@ approach of first contact are not chosen: each has its likelihood by the points,
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import product
 from typing import Any, NamedTuple
 
@@ -20,11 +20,12 @@ WIDTHS, SIZES = (0.15, 0.4, 1.0, 2.5), (0.03, 0.15, 0.6, 2.0)  # of the bumps, i
 #: Standard deviations that make a bar: the bars hold in 90 of 100 draws of each family, see benchmarks/measured.py.
 BAR = 3.0
 _PRIOR = ((0.0, 1e-4), (1.7, 4.0))  # mean and weight of ln F at the last point (no matter) and of the exponent
-_LOWEST = -4.0  # ln z over that of the last point, below which noise of one size hides any bump
+_LOWEST = -7.0  # ln z over that of the last point, below which there are no bumps
 _GROUPS = 100  # of points that are averaged
 _GRID = 15  # approaches of first contact
+_NAMED = 25.0  # ln of the odds that rows without scatter name first contact: the last without force, or zero
 _LIKELY = 12.0  # ln of the likelihood over that of the best, beyond which a contact point is left out
-_ROUND_OFF = 1e-10  # smallest noise over the greatest force
+_LEAST = 1e-9, 1e-5  # noise of computed points over them, and of an instrument over the greatest force
 
 
 class Local(NamedTuple):
@@ -92,11 +93,19 @@ class LocalFit:
             delta, force = (np.array([column[rows].mean() for rows in groups]) for column in (delta, force))
         self._delta, self._count, self._top = delta, count, float(np.sort(force)[-3:].mean())
         self._force = force / self._top
+        self._named: list[float] = []
         models = [(1.0, 0.0), *product(WIDTHS, SIZES)]
         found = [self._fit(at, *m) for at in self._contacts(origin) for m in models]
         parts = [part for part in found if part is not None and np.isfinite(part.likelihood)]
         if not parts:
             raise InputError(f"the curve has {delta.size} rows, too few in contact: at least 4 are needed")
+        exact = 2.0 * _LEAST[not relative]
+        parts = [
+            replace(part, likelihood=part.likelihood + _NAMED)
+            if part.origin in self._named and part.noise < exact
+            else part
+            for part in parts
+        ]
         best = max(part.likelihood for part in parts)
         parts = [part for part in parts if part.likelihood > best - 9.0]
         self._parts = parts
@@ -141,7 +150,8 @@ class LocalFit:
             by_a, by_b, by_c = rows[1] + b * move, rows[2] + c * move, rows[3]
             h = 1e-5
             partial = [
-                (curvature_of(a + i * h, b + j * h, c + k * h) - curvature_of(a - i * h, b - j * h, c - k * h)) / (2 * h)
+                (curvature_of(a + i * h, b + j * h, c + k * h) - curvature_of(a - i * h, b - j * h, c - k * h))
+                / (2 * h)
                 for i, j, k in np.eye(3)
             ]
             to = np.array([move, by_a, by_a / a - move, np.array(partial) @ [by_a, by_b, by_c]])
@@ -156,7 +166,7 @@ class LocalFit:
         best = int(np.argmax(w))
         others = [i for i, width in enumerate(width_of) if width != width_of[best]]
         apart = np.abs(found[max(others, key=lambda i: w[i])] - found[best])[:4] if others else np.zeros(4)
-        bars = BAR * np.sqrt(np.maximum(variance, 0.0)) + 0.0 * apart
+        bars = BAR * np.sqrt(np.maximum(variance, 0.0)) + apart
         x, a, log_k, kappa, b, c = mean.tolist()
         return Local(x, log_k, (a, b, c), kappa, tuple(bars.tolist()))
 
@@ -167,6 +177,7 @@ class LocalFit:
             return np.array([origin])
         low = d[0] - 2.0 * (d[-1] - d[0])
         high = d[int(np.argmax(np.maximum.accumulate(f) >= 0.5 * f.max()))]
+        lowest, highest = low, high
         tried = [(1.0, 0.0), *zip(WIDTHS, SIZES, strict=True)]
         for _ in range(12):
             grid = np.linspace(low, high, _GRID)
@@ -177,7 +188,8 @@ class LocalFit:
             low, high = grid[max(likely[0] - 1, 0)], grid[min(likely[-1] + 1, _GRID - 1)]
             if likely.size > _GRID // 2:
                 break
-        return np.linspace(low, high, _GRID)
+        self._named = [float(at) for at in (0.0, *d[:-1][f[:-1] == 0.0][-1:]) if lowest < at < highest]
+        return np.unique(np.append(np.linspace(low, high, _GRID), self._named))
 
     def _fit(self, origin: float, width: float, size: float) -> _Part | None:
         """Most likely bumps of one width and size for a contact point; None where too few points are in contact."""
@@ -187,7 +199,7 @@ class LocalFit:
         z, F, count, rest = self._delta[on] - origin, self._force[on], self._count[on], self._force[~on]
         x = np.log(z / z[-1])
         lowest = x[0] if self._relative else max(x[0], _LOWEST)
-        centres = np.arange(0.5 * width, lowest - width, -width) if size > 0.0 else np.empty(0)
+        centres = np.arange(0.6 * width, lowest - width, -0.6 * width) if size > 0.0 else np.empty(0)
         A = _basis(x, centres, width, 0)
         prior = np.append([weight for _, weight in _PRIOR], np.full(centres.size, size**-2 if size else 0.0))
         mean = np.append([value for value, _ in _PRIOR], np.zeros(centres.size))
@@ -198,7 +210,7 @@ class LocalFit:
             extra, wanted = scale * _basis(x[known], centres, width, 1), scale * self._slopes[on][known]
         total, lost = count.sum() + rest.size + wanted.size, float(self._count[~on] @ rest**2)
         w = self._start(A, F, count, mean)
-        variance, gradient, sums = 0.0, np.zeros(0), 0.0
+        variance, gradient, sums, least = 0.0, np.zeros(0), 0.0, _LEAST[not self._relative] ** 2
         for _ in range(15):
             level = np.minimum(A @ w, 2.0)
             if self._relative:
@@ -207,16 +219,16 @@ class LocalFit:
             else:
                 J, r, weight = np.exp(level)[:, None] * A, F - np.exp(level), count
             sums = float(weight @ r**2) + lost
-            variance = variance or max(sums / total, _ROUND_OFF**2)
+            variance = variance or max(sums / total, least)
             normal = J.T @ (weight[:, None] * J) / variance
-            H = normal + np.diag(prior)
+            H = normal + np.diag(prior + 1e-13 * float(np.max(np.diag(normal))))
             gradient = J.T @ (weight * r) / variance - prior * (w - mean)
             step = np.linalg.solve(H, gradient)
             step *= min(1.0, 1.0 / max(float(np.abs(A @ step).max()), 1e-12))
             w = w + step
             groups = len(self._delta) + wanted.size
             free = max(groups - float(np.trace(np.linalg.solve(H, normal))), 0.5 * groups**0.5)
-            new = max(sums / free, _ROUND_OFF**2)
+            new = max(sums / free, least)
             settled = np.abs(step).max() < 1e-7 and abs(np.log(new / variance)) < 1e-3
             variance = new
             if settled:
@@ -231,7 +243,9 @@ class LocalFit:
         weight = F[rows] ** 2 * count[rows]
         w, line = mean.copy(), A[rows, :2]
         if rows.sum() > 2:
-            line_fit = np.linalg.lstsq(np.sqrt(weight)[:, None] * line, np.sqrt(weight) * np.log(F[rows]), rcond=None)[0]
+            line_fit = np.linalg.lstsq(np.sqrt(weight)[:, None] * line, np.sqrt(weight) * np.log(F[rows]), rcond=None)[
+                0
+            ]
             if 0.2 < line_fit[1] < 10.0:
                 w[:2] = line_fit
         return w

@@ -17,12 +17,12 @@ from typing import Any
 
 import numpy as np
 
-from asperity.vibration.joint import Joint, known_keys
 from asperity.errors import InputError
-from asperity.vibration.checks import one_of, positive, positives, within
-from asperity.vibration.damping import Damping
 from asperity.runtime.files import parse_toml, read_text
 from asperity.units import amount
+from asperity.vibration.checks import one_of, positive, positives, within
+from asperity.vibration.damping import Damping
+from asperity.vibration.joint import Joint, known_keys
 
 OMEGA = (0.01, 100.0)  # below, motion is quasi-static; above, the mass hardly moves
 FORCING = (1e-9, 1e6)  # below, motion is linear in the forcing and lost in the round-off of the force
@@ -135,17 +135,17 @@ class DynamicsSettings:
             window, "harmonic"
         pulse: length of the half-sine, half a period of the harmonic (time); default half a period of small vibration
         span: length of these motions in periods of small vibration
-        sweeps: also integrate sweeps up and down (half a second per forcing)
         tol: relative truncation error of the response
         joint: with a joint all forces and the mass are those of the joint
         patch_area: nominal area of the curve (length^2)
+        block: compliance of the block behind the patch (length/force), which a joint leaves out
         units: "SI" or "other"; with "other" and no `gravity`, mass and omega_s are left out. Default SI, with a note.
 
     Raises:
         InputError: a value is not legal
 
     Examples:
-        >>> from asperity.dynamics import DynamicsSettings
+        >>> from asperity.vibration import DynamicsSettings
         >>> settings = DynamicsSettings(forcing="3 N").replaced(omega=[0.9, 1.1], zeta=None)
         >>> settings.forcing, settings.omega, settings.zeta, settings.excitation
         (('3 N',), (0.9, 1.1), (0.01,), 'force')
@@ -162,10 +162,10 @@ class DynamicsSettings:
     simulate: tuple[str, ...] = ()
     pulse: float | None = None
     span: float = 20.0
-    sweeps: bool = False
     tol: float = 1e-5
     joint: Joint | None = None
     patch_area: float | None = None
+    block: float = 0.0
     units: str | None = None
 
     def __post_init__(self) -> None:
@@ -255,6 +255,8 @@ class DynamicsSettings:
         length = case.get("surface", {}).get("L")
         patch = None if length is None else float(length) ** 2
         given |= {"units": case.get("units"), "patch_area": patch}
+        if joint is not None and patch is not None and "block" in case:
+            given["block"] = case["block"]["height"] / (patch * _block_modulus(case))
         if joint is not None:  # the preload of the section [dynamics] is that of the patch
             own = given.get("preload")
             given["preload"] = joint.load(patch) or (own and joint.factor(patch) * own)
@@ -264,6 +266,11 @@ class DynamicsSettings:
     def factor(self) -> float:
         """Force of the joint over that of the curve; refused if the nominal area of the curve is unknown."""
         return 1.0 if self.joint is None else self.joint.factor(self.patch_area)
+
+    @property
+    def columns(self) -> dict[str, float]:
+        """How `CurveColumns.of` makes the curve of the patch that of the interface of a joint."""
+        return {} if self.joint is None else {"factor": self.factor, "block": self.block}
 
     @classmethod
     def of_source(cls, source: Any, joint: Joint | None = None) -> DynamicsSettings:
@@ -281,3 +288,9 @@ class DynamicsSettings:
         new = {name: value for name, value in changes.items() if value is not None}
         known_keys(new, self)
         return replace(self, **new)
+
+
+def _block_modulus(case: Mapping[str, Any]) -> float:
+    """Mean pressure over strain of the block of a case, as `Material.block_modulus` (force/length^2)."""
+    E, nu = float(case["material"]["E"]), float(case["material"]["nu"])
+    return E if case["block"].get("sides") == "free" else E * (1.0 - nu) / ((1.0 + nu) * (1.0 - 2.0 * nu))
