@@ -14,7 +14,7 @@ from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
-from scipy.optimize import brentq
+from scipy.optimize import brentq, minimize_scalar
 
 from asperity.arrays import Array
 from asperity.errors import ConvergenceError
@@ -31,6 +31,7 @@ _WEAK = 1e-3  # relative amplitude of a resonance that steps may jump over
 _MOST = 3000  # orbits on a path
 _WINDOW, _CLOSED = "window", "closed"  # reasons to end: it leaves the frequencies in question, it returns to its start
 _TOP = "largest u_max"  # a special orbit, but no event
+_TRIALS, _DIP = 12, 2.5  # orbits at which a pair of doublings is sought, angle of multipliers below which it is
 _SAME = 1e-4  # relative distance below which two orbits are identical
 
 
@@ -176,30 +177,35 @@ def _resonance(p: Orbit) -> float:
     return float((0.5 * near + max(0.5 * decay, 1e-3)) / (turn * max(abs(p.rate), 1e-9)))
 
 
+def _chord(a: Orbit, b: Orbit) -> tuple[float, float, float]:
+    """Length of the chord between two orbits in the scales of the first, and over the lengths of both tangents."""
+    scale = a.wave.amplitude**2
+
+    def size(wave: Wave, number: float) -> float:
+        return float(np.sqrt(wave.dot(wave) / scale + (number / a.Omega) ** 2))
+
+    length = size(b.wave.on(a.wave.mesh).plus((-1.0, a.wave)), b.Omega - a.Omega)
+    return length, length / size(a.along, a.rate), length / size(b.along, b.rate)
+
+
 def cubic(a: Orbit, b: Orbit, s: float) -> tuple[Wave, float, Wave, float]:
     """Hermite cubic between two orbits at the fraction s, and its derivative: u over the phase, and Omega."""
-    mesh, length = a.wave.mesh if s < 0.5 else b.wave.mesh, distance(a, b)
+    mesh, (_, out, into) = a.wave.mesh if s < 0.5 else b.wave.mesh, _chord(a, b)
     waves = [wave.on(mesh) for wave in (a.wave, b.wave, a.along, b.along)]
     numbers = np.array([a.Omega, b.Omega, a.rate, b.rate])
-    zero, out = waves[0].times(0.0), []
+    zero, found = waves[0].times(0.0), []
     for x in (
-        ((1 + 2 * s) * (1 - s) ** 2, s * s * (3 - 2 * s), s * (1 - s) ** 2 * length, -s * s * (1 - s) * length),
-        (6 * s * (s - 1), 6 * s * (1 - s), (1 - s) * (1 - 3 * s) * length, s * (3 * s - 2) * length),
+        ((1 + 2 * s) * (1 - s) ** 2, s * s * (3 - 2 * s), s * (1 - s) ** 2 * out, -s * s * (1 - s) * into),
+        (6 * s * (s - 1), 6 * s * (1 - s), (1 - s) * (1 - 3 * s) * out, s * (3 * s - 2) * into),
     ):
-        out += [zero.plus(*zip(x, waves, strict=True)), float(np.dot(x, numbers))]
-    return tuple(out)  # type: ignore[return-value]
-
-
-def distance(a: Orbit, b: Orbit) -> float:
-    """Length of the chord between two orbits."""
-    gap = b.wave.on(a.wave.mesh).plus((-1.0, a.wave))
-    return float(np.sqrt(gap.dot(gap) / a.wave.amplitude**2 + ((b.Omega - a.Omega) / a.Omega) ** 2))
+        found += [zero.plus(*zip(x, waves, strict=True)), float(np.dot(x, numbers))]
+    return tuple(found)  # type: ignore[return-value]
 
 
 def _frequencies(a: Orbit, b: Orbit) -> Array:
     """Coefficients, highest first, of the cubic of Omega between two orbits over [0, 1]."""
-    length, chord = distance(a, b), b.Omega - a.Omega
-    out, into = a.rate * length, b.rate * length
+    _, out, into = _chord(a, b)
+    chord, out, into = b.Omega - a.Omega, a.rate * out, b.rate * into
     return np.array([out + into - 2.0 * chord, 3.0 * chord - 2.0 * out - into, out, a.Omega])
 
 
@@ -226,8 +232,8 @@ def crossings(col: Collocation, orbits: Sequence[Orbit], omega: float) -> list[O
     return found
 
 
-def located(col: Collocation, path: Sequence[Orbit]) -> tuple[list[Orbit], list[tuple[str, Orbit]]]:
-    """Path with its special orbits added, and these with their names."""
+def located(col: Collocation, path: Sequence[Orbit]) -> tuple[list[Orbit], list[tuple[str, Orbit]], list[str]]:
+    """Path with its special orbits added, these with their names, and notes on those that could not be located."""
     orbits = list(path[:1])
     for a, b in pairwise(path):
         turns = np.roots(np.polyder(_frequencies(a, b)))
@@ -235,25 +241,59 @@ def located(col: Collocation, path: Sequence[Orbit]) -> tuple[list[Orbit], list[
             with suppress(ConvergenceError):  # a pair of folds between two orbits
                 orbits.append(between(col, a, b, float(turns.real.mean())))
         orbits.append(b)
+    orbits = _with_doublings(col, orbits)
     tests: dict[str, Callable[[Orbit], float]] = {
         "fold": lambda p: p.rate,
         "grazing": lambda p: p.u_min + 1.0,
         "period doubling": lambda p: p.flip,
         _TOP: lambda p: p.rise,
     }
-    out, named = orbits[:1], []
+    out, named, notes = orbits[:1], [], []
     for a, b in pairwise(orbits):
-        inside = []
+        inside: list[tuple[float, Orbit, str]] = []
         for name, value in tests.items():
             x, y = value(a), value(b)
             if (x > 0) != (y > 0) and not (name == _TOP and x < 0):
-                with suppress(ConvergenceError):
+                try:
                     inside.append((*_located(col, a, b, value), name))
+                except ConvergenceError:
+                    notes.append(f"a {name} between Omega = {a.Omega:.6g} and {b.Omega:.6g} could not be located")
         for _, p, name in sorted(inside, key=lambda item: item[0]):
             out.append(p)
             named.append((name, p))
         out.append(b)
-    return out, named
+    return out, named, notes
+
+
+def _with_doublings(col: Collocation, orbits: list[Orbit]) -> list[Orbit]:
+    """Orbits with one more inside each pair of period doublings that lies between neighbours.
+
+    The square of the angle of the multipliers from -1 is smooth along the branch, and negative between two doublings.
+    """
+    square = np.array([_angle_square(p) for p in orbits])
+    dips = (square[1:-1] < square[:-2]) & (square[1:-1] <= square[2:]) & (square[1:-1] < _DIP)
+    added: dict[int, Orbit] = {}
+    for i in np.flatnonzero(dips) + 1:
+        if min(p.flip for p in orbits[i - 1 : i + 2]) < 0:
+            continue
+
+        def at(s: float, i: int = int(i)) -> float:
+            left = i - 1 + (s >= 1.0)
+            p = between(col, orbits[left], orbits[left + 1], s % 1.0)
+            if p.flip < 0:
+                added[left] = p
+                raise StopIteration
+            return _angle_square(p)
+
+        with suppress(StopIteration, ConvergenceError):
+            minimize_scalar(at, bounds=(1e-6, 2.0 - 1e-6), method="bounded", options={"maxiter": _TRIALS, "xatol": 1e-6})
+    return [p for i, one in enumerate(orbits) for p in ([one, added[i]] if i in added else [one])]
+
+
+def _angle_square(p: Orbit) -> float:
+    """Square of the angle between the multipliers and -1, negative where they are real and negative."""
+    h = -0.5 * p.trace / np.sqrt(max(p.determinant, 1e-200))
+    return float(np.arccos(np.clip(h, -1.0, 1.0)) ** 2 if h <= 1.0 else -(np.arccosh(h) ** 2))
 
 
 def _located(col: Collocation, a: Orbit, b: Orbit, value: Callable[[Orbit], float]) -> tuple[float, Orbit]:

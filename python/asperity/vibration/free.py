@@ -28,6 +28,7 @@ from asperity.vibration.settings import Setting
 
 _POINTS = 10  # Gauss points on a piece
 _PIECES = np.pi * np.concatenate([[0.0], 0.5 ** np.arange(14, 1, -1), 1.0 - 0.5 ** np.arange(1, 5), [1.0]])  # of theta
+_FLIGHT = 5e-3  # energy at separation from where a flight is treated apart, as a parabola
 _GREATEST = 1e-3  # error of an orbit that is refused, far above that of any amplitude in use
 _LARGEST = 1e6  # amplitude at which the search for a peak ends
 _X, _W = np.polynomial.legendre.leggauss(_POINTS)
@@ -129,11 +130,12 @@ def free_orbits(restoring: Restoring, u0: ArrayLike, damping: Damping = "always"
         fall = np.where(flies, 0.0, _Quadrature(equation, low, top, flies).fall)
         low = low + fall / np.where(flies, 1.0, -restoring.f(low))
     path = _Quadrature(equation, low, top, flies)
-    speed = np.sqrt(2.0 * np.where(flies, np.maximum(path.fall, 0.0), 0.0))  # at separation
-    flight = n * speed  # half of it
+    beyond = np.maximum(-1.0 - low, 0.0) / n if restoring.contact else 0.0 * low
+    speed = np.sqrt(2.0 * np.where(flies, np.maximum(path.fall, 0.0), beyond))  # at separation
+    flight = np.where(flies, n * speed, 0.0)  # half of a flight that the quadrature leaves out
     half = path.time[:, -1] + flight
     omega = np.pi / half
-    # flight, from its middle: u = u_min + t^2/(2 n)
+    # from its middle: u = u_min + t^2/(2 n)
     lowest = np.where(flies, -1.0 - 0.5 * n * speed**2, low)
     t = flight[:, None] * 0.5 * (_X + 1.0)
     falling = -np.cos(omega[:, None] * t) * (lowest[:, None] + t**2 / (2.0 * n)) @ (0.5 * _W) * flight
@@ -144,7 +146,7 @@ def free_orbits(restoring: Restoring, u0: ArrayLike, damping: Damping = "always"
         raise ConvergenceError(
             f"u0 = {top[error.argmax()]:g} is too small or too large: the motion is lost in round-off"
         )
-    columns = (top, lowest, omega, a1, speed, flight / half, loss, error)
+    columns = (top, lowest, omega, a1, speed, n * speed / half, loss, error)
     return tuple(FreeOrbit(*values) for values in np.transpose(columns).tolist())
 
 
@@ -197,13 +199,16 @@ class _Quadrature:
 
 
 def _lowest(restoring: Restoring, top: Array) -> tuple[Array, Array]:
-    """Lower ends in contact of orbits released at `top` (orbits,), to about 1e-8, and whether they lose contact."""
+    """Lower ends of orbits released at `top` (orbits,), to about 1e-8: -1 where a flight is treated apart, and where."""
     low = np.full(top.size, -1.0)
     if isinstance(restoring.law, TaylorLaw):
         rim = restoring.law.rims()[0]
         low = np.maximum(rim, -1e3 - 10.0 * top) if np.isfinite(rim) else -10.0 - 10.0 * top
-    flies = (_surplus(restoring, top, low) > 0.0) & restoring.contact
-    a, b = low.copy(), np.zeros(top.size)
+    surplus = _surplus(restoring, top, low)
+    flies = (surplus > _FLIGHT) & restoring.contact
+    if restoring.contact:
+        low = low - restoring.n_loc * np.maximum(surplus, 0.0) - 1e-6
+    a, b = low, np.zeros(top.size)
     for _ in range(60):
         middle = 0.5 * (a + b)
         above = _surplus(restoring, top, middle) < 0.0

@@ -28,6 +28,7 @@ _REST = 1e-9  # the same, after which corners need not be met
 _ROUGH = 1e-2  # Newton step over the amplitude below which the mesh is changed
 _UNIT = TURN / _UNITS
 _FEWEST, _MOST = 8, 3000  # intervals
+_RESOLVED = 1.5  # longest interval in time, over 1/omega_s: the multipliers are those of small free motion
 _FINEST = 2**18  # units of the smallest interval
 _MOVED = 2**16  # units by which a corner may be beside its node
 
@@ -85,20 +86,23 @@ class Mesh:
         count = max(intervals, _FEWEST)
         return cls(np.arange(count) * (_UNITS // count), np.empty(0, int))
 
-    def halved(self, error: Array, tol: float) -> Array:
-        """Nodes in the middle of the intervals whose error (intervals,) is above `tol`, three where it is far above."""
-        large = np.flatnonzero((error > tol) & (self.units > 4 * _FINEST))
+    def halved(self, error: Array, tol: float, longest: float) -> Array:
+        """Nodes in the middle of the intervals whose error (intervals,) is above `tol`, three where it is far above.
+
+        So are those longer than `longest` (radians).
+        """
+        large = np.flatnonzero(((error > tol) | (self.h > longest)) & (self.units > 4 * _FINEST))
         quarter = self.units[large] // 4
-        worse = error[large] > 2.0**4 * tol
+        worse = (error[large] > 2.0**4 * tol) | (self.h[large] > 2.0 * longest)
         first, second = self.start[large][worse], quarter[worse]
         return np.concatenate([self.start[large] + 2 * quarter, first + second, first + 3 * second])
 
-    def joined(self, error: Array, tol: float) -> Mesh:
-        """Mesh without nodes between neighbours whose error stays below `tol` when they are joined."""
+    def joined(self, error: Array, tol: float, longest: float) -> Mesh:
+        """Mesh without nodes between neighbours that joined have an error below `tol` and are not `longest` (radians)."""
         units = self.units
         both, larger = units[:-1] + units[1:], np.maximum(units[:-1], units[1:])
         grown = 4.0 * np.maximum(error[:-1], error[1:]) * (both / larger) ** (_M + 1)
-        needless = np.append(False, (grown < tol) & (both <= _UNITS // _FEWEST))
+        needless = np.append(False, (grown < tol) & (both * _UNIT <= longest))
         for i in np.flatnonzero(needless):
             needless[i] = not needless[i - 1]
         gone = self.start[needless]
@@ -287,7 +291,7 @@ class Orbit:
     @property
     def phase(self) -> float:
         """Phase of u over the force at the forcing frequency, -270 to 90 degrees, so that -180 is no edge."""
-        return phase_of(self.first)
+        return float(np.degrees((np.angle(self.first) + 1.5 * np.pi) % TURN - 1.5 * np.pi))
 
     @property
     def start(self) -> tuple[float, float]:
@@ -323,11 +327,6 @@ class Orbit:
         return f"Orbit(Omega = {self.Omega:.6g}, u_max = {self.u_max:.6g}, stable = {self.stable})"
 
 
-def phase_of(first: complex) -> float:
-    """Phase in degrees, -270 to 90."""
-    return float(np.degrees((np.angle(first) + 1.5 * np.pi) % TURN - 1.5 * np.pi))
-
-
 class Collocation:
     """Orbits of an equation under a forcing.
 
@@ -356,7 +355,8 @@ class Collocation:
         """
         corners = self.equation.corners
         travelled, previous = 0.0, np.inf
-        mesh = wave.mesh.joined(wave.errors(), self.tol).at(np.empty(0, int), wave.passes(corners))
+        longest = min(TURN / _FEWEST, _RESOLVED * omega)
+        mesh = wave.mesh.joined(wave.errors(), self.tol, longest).at(np.empty(0, int), wave.passes(corners))
         for _ in range(_NEWTON):
             if mesh is not wave.mesh:
                 wave, across, previous = wave.on(mesh), None if across is None else across.on(mesh), np.inf
@@ -371,7 +371,7 @@ class Collocation:
             previous = size
             if size < _ROUGH:
                 errors = wave.errors()
-                more = wave.mesh.halved(errors, self.tol)
+                more = wave.mesh.halved(errors, self.tol, 1.01 * longest)
                 mesh = wave.mesh.at(more, wave.passes(corners))
                 if mesh.start.size > _MOST:
                     raise ConvergenceError("the mesh becomes too fine")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field
 from functools import cached_property
 from itertools import pairwise
@@ -13,13 +14,14 @@ import numpy as np
 from asperity.arrays import Array
 from asperity.errors import ConvergenceError, InputError
 from asperity.runtime.display import short_repr
-from asperity.vibration.branch import Path, crossings, cubic, located, main_branch
+from asperity.vibration.branch import between, crossings, cubic, located, main_branch
 from asperity.vibration.equation import Equation
-from asperity.vibration.orbit import Collocation, Orbit, Wave, phase_of
+from asperity.vibration.orbit import Collocation, Orbit
 from asperity.vibration.settings import Setting
 
 _PER_TOL = 0.03  # tolerance of the collocation over that of the orbits
-_STRAIGHT = 1e-3  # relative error of a straight line between rows
+_STRAIGHT = 1e-3  # relative error of u_max on a straight line between rows
+_VERTICAL = 2e-4  # relative distance in Omega of rows that are never too far apart: at a fold the branch is vertical
 _BEYOND = 1e-4  # relative distance beyond a fold at which the motion after a jump is sought
 _STEPS = 12  # towards a special orbit on another law
 OTHERS = (
@@ -215,10 +217,8 @@ class FrequencyResponse:
     def rows(self) -> Iterator[dict[str, Any]]:
         """Rows of response.csv, in order along each piece, so dense that straight lines are accurate to 1e-3."""
         for piece in self.pieces:
-            for wave, omega in _dense(piece.orbits):
-                extremes = (wave.extreme(sign)[0] for sign in (1.0, -1.0))
-                first = wave.first
-                yield self.setting.row(piece.number, omega, *extremes, abs(first), piece.stable, phase_of(first))
+            for p in _dense(self.col, piece.orbits):
+                yield self.setting.row(piece.number, p.Omega, p.u_max, p.u_min, p.a1, piece.stable, p.phase)
 
     def numbers(self, equation: Equation) -> Array:
         """Numbers of the peak and of each fold on another law under the same force and mass.
@@ -232,12 +232,9 @@ class FrequencyResponse:
         """
         own, other = self.col.equation.restoring, equation.restoring
         slower = np.sqrt(other.scale / other.z_s * own.z_s / own.scale)
-        setting, part = self.setting, own.scale / other.scale
-        if setting.excitation == "base":
-            part = own.z_s / other.z_s
-        elif setting.excitation == "acceleration":
-            part = own.load / own.n_loc
-            part = own.scale / other.scale
+        setting = self.setting
+        # a force, or mass times an acceleration, in newton; a displacement of the base, on which F^ is b Omega^2 / z_s
+        part = own.z_s / other.z_s if setting.excitation == "base" else own.scale / other.scale
         col = Collocation(
             equation, lambda w: (part * setting.forcing(w), part * setting.growth(w)), self.col.tol
         )
@@ -275,7 +272,8 @@ def frequency_response(
     events: list[Event] = []
     followed = []
     for path in paths:
-        orbits, named = located(col, path.orbits)
+        orbits, named, missed = located(col, path.orbits)
+        notes += missed
         followed.append(tuple(orbits))
         cut = {id(p) for name, p in named if name in ("fold", "period doubling")}
         for run in _inside(col, orbits, window):
@@ -321,32 +319,22 @@ def _inside(col: Collocation, orbits: Sequence[Orbit], window: tuple[float, floa
         yield run
 
 
-def _dense(orbits: Sequence[Orbit]) -> Iterator[tuple[Wave, float]]:
-    """Orbits with cubics between them, so dense that u_max and Omega lie on straight lines."""
-    yield orbits[0].wave, orbits[0].Omega
-    for a, b in pairwise(orbits):
-        inner: list[tuple[Wave, float]] = []
-        shares = [0.0, 1.0]
-        ends = {0.0: (a.Omega, a.u_max), 1.0: (b.Omega, b.u_max)}
-        waves: dict[float, tuple[Wave, float]] = {}
-        left = [(0.0, 1.0)]
-        while left and len(shares) < 60:
-            s, t = left.pop()
-            middle = 0.5 * (s + t)
-            wave, omega, _, _ = cubic(a, b, middle)
-            at = omega, wave.extreme(1.0)[0]
-            (x, y), (p, q) = ends[s], ends[t]
-            chord = np.array([p - x, q - y])
-            off = np.array([at[0] - x, at[1] - y])
-            scale = np.array([abs(at[0]), abs(at[1]) + 1e-300])
-            share = float(np.clip((off / scale) @ (chord / scale) / max((chord / scale) @ (chord / scale), 1e-300), 0, 1))
-            if np.abs((off - share * chord) / scale).max() > 0.3 * _STRAIGHT:
-                ends[middle], waves[middle] = at, (wave, omega)
-                shares.append(middle)
-                left += [(s, middle), (middle, t)]
-        inner = [waves[s] for s in sorted(waves)]
-        yield from inner
-        yield b.wave, b.Omega
+def _dense(col: Collocation, orbits: Sequence[Orbit]) -> Iterator[Orbit]:
+    """Orbits with more between them, so dense that u_max and Omega lie on straight lines."""
+    left = list(reversed(orbits))
+    here = left.pop()
+    yield here
+    while left:
+        after = left[-1]
+        wave, omega, _, _ = cubic(here, after, 0.5)
+        step, top = after.Omega - here.Omega, wave.extreme(1.0)[0]
+        line = here.u_max + (after.u_max - here.u_max) * np.clip((omega - here.Omega) / (step or 1.0), 0.0, 1.0)
+        if abs(line - top) > _STRAIGHT * abs(top) and abs(step) > _VERTICAL * omega:
+            with suppress(ConvergenceError):
+                left.append(between(col, here, after, 0.5))
+                continue
+        here = left.pop()
+        yield here
 
 
 def _limitations(pieces: Sequence[Piece], known_to: float) -> Iterator[str]:

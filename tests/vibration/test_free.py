@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import json
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -9,10 +11,10 @@ import pytest
 from scipy.integrate import solve_ivp
 from scipy.special import beta
 
-from asperity.vibration import ContactOscillator, PowerLaw, CurveLaw
-from asperity.vibration.equation import motions
-from asperity.vibration.free import free_orbits
 from asperity.errors import RangeError
+from asperity.vibration.free import free_orbits
+from asperity.vibration.law import CurveLaw, PowerLaw
+from asperity.vibration.oscillator import ContactOscillator
 
 
 def omega_loss(n: float) -> float:
@@ -93,7 +95,7 @@ def test_linear_contact_has_the_closed_form_with_flight() -> None:
 
 
 @pytest.mark.parametrize("curvature", [0.0, 1e-12, 1e-7])
-def test_a_table_whose_points_lie_at_the_turning_points_is_integrated(curvature: float) -> None:
+def test_a_curve_whose_points_lie_at_the_turning_points_is_integrated(curvature: float) -> None:
     z = np.linspace(0.0, 1.0, 41)  # a linear spring turns at a point of the table for each of these amplitudes
     found = ContactOscillator(CurveLaw(z, z * (1.0 + curvature * z)), load=0.5).free(np.arange(1, 40) / 40)
     np.testing.assert_allclose(found.omega_ratio, 1.0, atol=1e-11 + 0.1 * curvature)
@@ -114,10 +116,26 @@ def test_false_hardening_of_the_truncated_law() -> None:
     assert o.free(3.0).omega_ratio < 1 < o.taylor().free(3.0).omega_ratio
 
 
-def test_an_infinite_stiffness_at_contact_loss_is_integrated() -> None:
+def test_a_law_whose_stiffness_is_infinite_at_contact_loss() -> None:
+    """By the time integration of half a period, with the separation located."""
     o = ContactOscillator(PowerLaw(0.25), zeta=0.0)
-    end = motions(o.equation, [3.0, 0.0], float(o.free(3.0).omega_ratio[0]), 0.0, rtol=1e-11).end[0]
-    np.testing.assert_allclose(end, [3.0, 0.0], atol=1e-9)
+    path = o.simulate(float(o.free(3.0).omega_ratio[0]), 0.0, u=3.0, periods=1.0)
+    np.testing.assert_allclose([path.u[-1], path.v[-1]], [3.0, 0.0], atol=1e-8)
+
+
+def test_the_period_of_a_curve_with_a_knot_beside_the_preload() -> None:
+    table = json.loads((Path(__file__).parent / "tables.json").read_text(encoding="utf-8"))["knot beside the preload"]
+    o = ContactOscillator(CurveLaw(table["z"], table["F"], k=table.get("k")), load=table["load"], zeta=0.01)
+    omega = float(o.free([table["u0"]]).omega_ratio[0])
+    assert omega == pytest.approx(table["own_omega"], rel=1e-9)
+
+    def field(t: float, y: np.ndarray) -> list[float]:
+        return [y[1], -float(o.restoring.f(y[:1])[0])]
+
+    run = solve_ivp(
+        field, (0, np.pi / omega), [table["u0"], 0.0], method="DOP853", rtol=1e-12, atol=1e-15, max_step=0.01
+    )
+    assert abs(run.y[1, -1]) < 1e-9 * table["u0"]  # at rest again
 
 
 def test_a_flight_far_longer_than_the_contact_is_integrated() -> None:

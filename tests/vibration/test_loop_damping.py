@@ -1,12 +1,14 @@
-"""Damping of loops: loss over amplitude, the resonance against its energy balance, three solvers of one response."""
+"""Damping of loops: loss over amplitude, the resonance against its energy balance, two ways to one response."""
 
 from __future__ import annotations
 
 import numpy as np
 import pytest
 
-from asperity.vibration import ContactOscillator, LoopDamping, PowerLaw
 from asperity.errors import InputError
+from asperity.vibration.damping import LoopDamping
+from asperity.vibration.law import PowerLaw
+from asperity.vibration.oscillator import ContactOscillator
 
 LOOPS = LoopDamping((0.05, 0.1, 0.3), (0.0005, 0.002, 0.004))
 ZETA = 0.005
@@ -35,12 +37,10 @@ def test_a_coefficient_that_is_its_own_answer() -> None:
 
 
 def test_resonance() -> None:
-    """The response, time integration and the energy balance find the same peak, below that without."""
+    """The response and the energy balance find the same peak, below that without."""
     oscillator = ContactOscillator(PowerLaw(1.5), zeta=ZETA, damping=LOOPS)
     omega, peak = oscillator.response(0.002, (0.97, 1.01)).peak
     assert oscillator.thresholds(0.002).peaks[0]["u_max"] == pytest.approx(peak, rel=1e-3)
-    (up,) = oscillator.sweep(0.002, (0.97, float(omega)), points=3, directions=("up",))
-    assert up.u_max[-1] == pytest.approx(peak, rel=2e-3)
     without = ContactOscillator(PowerLaw(1.5), zeta=ZETA, damping="contact").response(0.002, (0.97, 1.01)).peak[1]
     assert peak < 0.85 * without
     assert oscillator.setting(0.002).damping == "loops"

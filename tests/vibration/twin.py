@@ -1,4 +1,4 @@
-"""Twin of the compiled period map in SciPy, written from the equation of motion alone, and orbits by shooting with it.
+"""Motions by SciPy, written from the equation of motion alone, and orbits by shooting with them.
 
 u'' + 2 zeta g(u) u' + [F_s(z_s (1 + u)) - W]/(z_s F_s'(z_s)) = F^ cos(Omega tau)
 """
@@ -12,9 +12,11 @@ from typing import Any
 import numpy as np
 from scipy.integrate import solve_ivp
 
-from asperity.vibration import ContactOscillator, FrequencyResponse, PowerLaw
-from asperity.vibration.equation import Equation
 from asperity.errors import ConvergenceError
+from asperity.vibration.equation import Equation
+from asperity.vibration.law import PowerLaw
+from asperity.vibration.oscillator import ContactOscillator
+from asperity.vibration.response import FrequencyResponse
 
 Vector = np.ndarray
 
@@ -124,29 +126,6 @@ def shoot(e: Equation, omega: float, forcing: float, u: float, v: float, periods
     found = motion(e, omega, forcing, y, periods)
     first, second = np.linalg.eigvals(found.by[:, :2])
     return Shot(y, found.u_max, found.u_min, found.a1, (complex(first), complex(second)))
-
-
-def attractors(e: Equation, omega: float, forcing: float, starts: Vector, rtol: float = 1e-6) -> list[Vector]:
-    """States (order, 2) of orbits of period 1 or 2 that motions from the starts (n, 2) settle to."""
-    r, n = e.restoring, len(starts)
-
-    def field(t: float, y: Vector) -> Vector:
-        u, v = y[:n], y[n:]
-        g = np.ones(n) if e.damping == "always" else np.where(u > -1.0, 1.0, 0.0)
-        return np.concatenate([v, forcing * np.cos(omega * t) - r.f(u) - 2.0 * e.zeta * g * v])
-
-    period = 2.0 * np.pi / omega
-    last = int(np.ceil(8.0 / (e.zeta * period)))
-    times = period * np.arange(last, last + 3)
-    run = solve_ivp(field, (0, times[-1]), starts.T.ravel(), method="RK45", rtol=rtol, atol=rtol, t_eval=times)
-    found = []
-    for a, b, c in np.moveaxis(run.y.reshape(2, n, 3), (0, 1, 2), (2, 0, 1)):
-        size = 2e-3 * (0.1 + np.abs(a).sum())
-        if np.hypot(*(b - a)) < size:
-            found.append(a[None])
-        elif np.hypot(*(c - a)) < size:
-            found.append(np.array([a, b]))
-    return found
 
 
 @lru_cache
