@@ -15,11 +15,11 @@ from hypothesis import strategies as st
 
 import asperity as asp
 from asperity.case import Case
+from asperity.errors import AsperityError, InputError, RangeError
+from asperity.plot import plot_dynamics
 from asperity.vibration import ContactOscillator, DynamicsSettings, Joint, PowerLaw, run_dynamics
 from asperity.vibration.run import small_vibration
 from asperity.vibration.settings import forcings, window
-from asperity.errors import AsperityError, InputError, RangeError
-from asperity.plot import plot_dynamics
 
 MINIMAL: dict[str, Any] = {
     "surface": {"kind": "flat", "L": 1e-6},

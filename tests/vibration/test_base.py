@@ -10,15 +10,15 @@ from typing import Any
 
 import numpy as np
 import pytest
+from asperity.vibration.orbits import Orbits
+from asperity.vibration.search import Search, _scale
 from click.testing import CliRunner
 from scipy.integrate import solve_ivp
 
 from asperity.cli.dynamics import dynamics as command
-from asperity.vibration import ContactOscillator, Joint, PowerLaw, run_dynamics
-from asperity.vibration.orbits import Orbits
-from asperity.vibration.search import Search, _scale
 from asperity.errors import ConvergenceError
 from asperity.plot import plot_dynamics
+from asperity.vibration import ContactOscillator, Joint, PowerLaw, run_dynamics
 
 LINEAR = ContactOscillator(PowerLaw(1.0), zeta=0.05)
 
