@@ -20,7 +20,7 @@ from asperity.case import Case
 from asperity.cli.dynamics import dynamics as command
 from asperity.errors import AsperityError, ConvergenceError, InputError
 from asperity.plot import plot_dynamics
-from asperity.vibration import ContactOscillator, DynamicsSettings, Joint, PowerLaw, run_dynamics
+from asperity.vibration import DynamicsSettings, Joint, PowerLaw, run_dynamics
 from asperity.vibration.run import small_vibration
 from asperity.vibration.settings import forcings, window
 

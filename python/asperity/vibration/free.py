@@ -199,7 +199,7 @@ class _Quadrature:
 
 
 def _lowest(restoring: Restoring, top: Array) -> tuple[Array, Array]:
-    """Lower ends of orbits released at `top` (orbits,), to about 1e-8: -1 where a flight is treated apart, and where."""
+    """Lower ends of orbits released at `top` (orbits,), to 1e-8, and where a flight is apart: they end at -1 there."""
     low = np.full(top.size, -1.0)
     if isinstance(restoring.law, TaylorLaw):
         rim = restoring.law.rims()[0]
@@ -222,6 +222,8 @@ def _surplus(restoring: Restoring, u: ArrayLike, level: ArrayLike) -> Array:
     z, other = (restoring.z_s * (1.0 + np.asarray(x, float)) for x in (u, level))
     stored = (restoring.law.potential(z) - restoring.law.potential(other)) / (restoring.scale * restoring.z_s)
     return np.asarray(stored - (np.asarray(u) - np.asarray(level)) / restoring.n_loc)
+
+
 def contact_limit(restoring: Restoring) -> float:
     """Largest release that keeps contact, V(u_max) = V(-1); (n+1)^(1/n) - 1 for a power law.
 

@@ -98,7 +98,7 @@ class Mesh:
         return np.concatenate([self.start[large] + 2 * quarter, first + second, first + 3 * second])
 
     def joined(self, error: Array, tol: float, longest: float) -> Mesh:
-        """Mesh without nodes between neighbours that joined have an error below `tol` and are not `longest` (radians)."""
+        """Mesh without nodes between neighbours whose common error is below `tol`, up to `longest` (radians)."""
         units = self.units
         both, larger = units[:-1] + units[1:], np.maximum(units[:-1], units[1:])
         grown = 4.0 * np.maximum(error[:-1], error[1:]) * (both / larger) ** (_M + 1)
@@ -186,22 +186,20 @@ class Wave:
         return 0.5 * float(self.u.max() - self.u.min()) + 1e-300
 
     def errors(self) -> Array:
-        """Error of the slope on each interval over its amplitude, by the last modes of the polynomial of a (intervals,)."""
+        """Error of the slope on each interval over its amplitude, by the last modes of a (intervals,)."""
         last = np.abs(self.a @ _MODES.T)
         size = 0.5 * float(self.w.max() - self.w.min()) + 1e-300
         return 0.1 * self.mesh.h * np.maximum(last[:, 1], 0.3 * last[:, 0]) / size
 
     def passes(self, levels: Array) -> Array:
         """Phases in units at which the function passes levels, rising (passes,)."""
-        if not levels.size:
-            return np.empty(0, int)
         u = np.append(np.column_stack([self.u, self.values()[0]]).ravel(), self.u[0])
         s = np.append(np.column_stack([self.mesh.start * _UNIT, self.mesh.phases]).ravel(), TURN)
         above = u > levels[:, None]
         k, i = np.nonzero(above[:, 1:] != above[:, :-1])
         low, high, level = s[i], s[i + 1], levels[k]
         at = low + (level - u[i]) / (u[i + 1] - u[i]) * (high - low)
-        for _ in range(4):
+        for _ in range(2 if at.size else 0):
             value, slope, _ = self.at(np.minimum(at, TURN * (1.0 - 1e-15)))
             with np.errstate(divide="ignore", invalid="ignore"):
                 better = at - (value - level) / slope
