@@ -9,6 +9,7 @@ from pydantic import BaseModel, ConfigDict, Field
 
 from asperity.case import surfaces
 from asperity.case.surfaces import FORCE, LENGTH, STRESS, Flag, Real, Section, Text, Whole, key, optional
+from asperity.vibration.joint import Joint
 from asperity.vibration.settings import FORCING, OMEGA, ZETA, DynamicsSettings
 from asperity.errors import InputError
 from asperity.laws import load
@@ -223,6 +224,10 @@ class JointSection(Section):
     )
     pressure: Real | None = optional("static nominal pressure (or preload)", STRESS)
     mass: Real | None = optional("mass that vibrates", "mass")
+    overload: Real = key(
+        "greatest force that the joint has met, over the preload: the greatest load where [loading] gives none",
+        Joint.overload, ge=1.0, le=1e3,
+    )  # fmt: skip
 
 
 class LoopsSection(Section):

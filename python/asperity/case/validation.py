@@ -43,7 +43,8 @@ def check_together(case: Input) -> None:
     given = [f"loading.{key}" for key in DRIVERS if getattr(loading, key) is not None]
     if not given:
         raise InputError(
-            "loading.delta_max, loading.force_max and loading.pressure_max are all missing; give exactly one"
+            "loading.delta_max, loading.force_max and loading.pressure_max are all missing; give exactly one, or the "
+            "preload of a joint, whose overload then is the greatest load"
         )
     if len(given) > 1:
         raise InputError(f"{' and '.join(given)} are {'both' if len(given) == 2 else 'all'} given; give exactly one")

@@ -69,7 +69,7 @@ class CurveColumns:
         if isinstance(source, cls):
             return source
         table, notes = _read(Path(source)) if isinstance(source, (str, os.PathLike)) else (source, ())
-        measured = isinstance(table, Mapping) and table.get("step") is None
+        measured = isinstance(table, Mapping) and not any(table.get(n) is not None for n in ("step", "k_n_elastic"))
 
         def column(name: str) -> Any:
             return table.get(name) if isinstance(table, Mapping) else getattr(table, name, None)
