@@ -405,20 +405,21 @@ class Collocation:
             raise ConvergenceError("singular Jacobian") from error
         if not np.isfinite(x).all():
             raise ConvergenceError("the motion is not finite")
-        step = np.empty((a.shape[0], 2, 4))
-        step[:, 0], step[:, 1] = h**2 * (_END2 @ x), h * (_END1 @ x)
-        step[:, 0, 2] += 1.0
-        step[:, 0, 3] += h[:, 0]
-        step[:, 1, 3] += 1.0
-        step[:, 0, 0] += wave.u + h[:, 0] * wave.w + h[:, 0] ** 2 * (a @ _END2) - np.roll(wave.u, -1)
-        step[:, 1, 0] += wave.w + h[:, 0] * (a @ _END1) - np.roll(wave.w, -1)
-        state = np.array([[0.0, 0.0, 1.0, 0.0], [0.0, 0.0, 0.0, 1.0]])
-        nodes = np.empty_like(step)
-        free = step.copy()
-        free[:, :, 2:] = 0.0
-        for i, (move, fixed) in enumerate(zip(step[:, :, 2:], free, strict=True)):
-            nodes[i] = state
-            state = move @ state + fixed
+        # from each node to the next: (1, change of Omega, of u, of w), and from the first one to each by prefix products
+        chain = np.zeros((a.shape[0], 4, 4))
+        chain[:, 0, 0] = chain[:, 1, 1] = 1.0
+        chain[:, 2], chain[:, 3] = h**2 * (_END2 @ x), h * (_END1 @ x)
+        chain[:, 2, 2] += 1.0
+        chain[:, 2, 3] += h[:, 0]
+        chain[:, 3, 3] += 1.0
+        chain[:, 2, 0] += wave.u + h[:, 0] * wave.w + h[:, 0] ** 2 * (a @ _END2) - np.roll(wave.u, -1)
+        chain[:, 3, 0] += wave.w + h[:, 0] * (a @ _END1) - np.roll(wave.w, -1)
+        reach = 1
+        while reach < len(chain):
+            chain[reach:] = chain[reach:] @ chain[:-reach]
+            reach *= 2
+        state = chain[-1, 2:]
+        nodes = np.concatenate([np.eye(4)[None, 2:], chain[:-1, 2:]])
         monodromy = state[:, 2:]
         # unknowns: change of Omega, of u and of w at the phase 0
         system = np.empty((3, 3))
