@@ -250,7 +250,7 @@ def headline(
     digits = 2 if largest > 0.03 else 3 if largest > 0.003 else 4
     after, greatest = "", numbers.get("greatest_load")
     if greatest and greatest > load * (1 + 1e-6):
-        after = f", after a load of up to {quantity(greatest, newton, 3)},"
+        after = f" after a load of up to {quantity(greatest, newton, 3)}"
     text = f"stiffness {quantity(k, metre, digits)}"
     if f is not None:
         text += f", frequency {quantity(f, hertz, digits + 1)}"

@@ -23,7 +23,7 @@ from asperity.curve.power_law import PowerLawFit
 from asperity.errors import InputError, RangeError
 from asperity.runtime.display import short_repr
 from asperity.vibration.checks import positive, within
-from asperity.vibration.local_fit import LocalFit
+from asperity.vibration.local_fit import Local, LocalFit
 
 EXPONENT = (0.25, 100.0)  # of a power law, outside which it is no contact
 COEFFICIENT = (1e-100, 1e100)  # of a power law
@@ -32,6 +32,8 @@ _STRAIGHT = 1e-10  # kappa below which a law is linear, far above round-off
 NOT_RESOLVED = "curvature not resolved"
 MIN_POINTS = 5  # of a law without slopes
 _STEEPEST = 0.9  # largest exponent of the stiffness over the force with which a law begins at zero approach
+_REACHES = 0.8 * 0.5 ** np.arange(6)  # distances in ln z from which points tell the curvature
+_FEW = 12  # points, and slopes, that tell it
 _BENT = 3.0  # of a side whose curvature is not resolved
 _FLOOR = 1e-3  # of the bar of kappa
 _UNSEEN = 3.0  # times the bars of scatter: points that are computed do not show by scatter what lies between them
@@ -375,7 +377,7 @@ class CurveLaw(Law):
     def about(self, load: float, force: float = 0.0, stiffness: float = 0.0) -> CurveLaw:
         """Law with its errors at a load: those of force and stiffness over them, and what its points leave open."""
         z = self.deflection(load)
-        local = self._local.at(load)
+        local = self._local(z)
         off = np.abs([np.log(self.at(z)[1]) - local.log_k, self.kappa(z) - local.kappa])
         of_k = float(np.hypot(stiffness, _UNSEEN * local.bars[2] + 1.25 * off[0]))
         return replace(self, bars=Bars(load, force, 0.0, of_k, _UNSEEN * local.bars[3] + float(off[1]) + _FLOOR))
@@ -428,7 +430,7 @@ class CurveLaw(Law):
 
     def derivatives(self, z: float) -> tuple[float, float, float]:
         force, slope = self.at(z)
-        _, b, c = self._local.at(force).exponents
+        _, b, c = self._local(z).exponents
         return of_exponents(z * slope / force, b, c, force, z)
 
     def deflection(self, load: float) -> float:
@@ -474,8 +476,22 @@ class CurveLaw(Law):
         return np.asarray(np.clip(slopes, 1e-3 * steepest, steepest))
 
     @cached_property
-    def _local(self) -> LocalFit:
-        return LocalFit(self.z, self.F, exponents=self._known)
+    def _found(self) -> dict[int, LocalFit]:
+        return {}
+
+    def _local(self, z: float) -> Local:
+        """Results at z by the points within the distance in ln z that leaves kappa the least bar."""
+        x, load = np.log(self.z / z), self.at(z)[0]
+        if (nearest := int(np.argmin(np.abs(x)))) not in self._found:
+            tried: list[tuple[float, LocalFit]] = []
+            for reach in (np.inf, *_REACHES):
+                near = np.abs(x) <= reach
+                if tried and near.sum() + np.isfinite(self._known[near]).sum() < _FEW:
+                    break
+                fit = LocalFit(self.z[near], self.F[near], exponents=self._known[near])
+                tried.append((fit.at(load).bars[3], fit))
+            self._found[nearest] = min(tried, key=lambda one: one[0])[1]
+        return self._found[nearest].at(load)
 
     @cached_property
     def _curve(self) -> PPoly:

@@ -194,7 +194,8 @@ class LocalFit:
     def _fit(self, origin: float, width: float, size: float) -> _Part | None:
         """Most likely bumps of one width and size for a contact point; None where too few points are in contact."""
         on = self._delta > origin + 1e-9 * (self._delta[-1] - origin)
-        if on.sum() < 4:
+        known = np.isfinite(self._slopes[on]) if self._slopes is not None and self._relative else np.zeros(0, bool)
+        if not on.any() or on.sum() + known.sum() < 2 + 2 * (not known.any()):
             return None
         z, F, count, rest = self._delta[on] - origin, self._force[on], self._count[on], self._force[~on]
         x = np.log(z / z[-1])
@@ -204,9 +205,8 @@ class LocalFit:
         prior = np.append([weight for _, weight in _PRIOR], np.full(centres.size, size**-2 if size else 0.0))
         mean = np.append([value for value, _ in _PRIOR], np.zeros(centres.size))
         extra, wanted = np.zeros((0, prior.size)), np.zeros(0)
-        if self._slopes is not None and self._relative:  # a slope tells as much as the difference of neighbours
-            known = np.isfinite(self._slopes[on])
-            scale = float(np.median(np.diff(x)))
+        if known.any() and self._slopes is not None:  # a slope tells as much as the difference of neighbours
+            scale = float(np.median(np.diff(x))) if x.size > 1 else 1.0
             extra, wanted = scale * _basis(x[known], centres, width, 1), scale * self._slopes[on][known]
         total, lost = count.sum() + rest.size + wanted.size, float(self._count[~on] @ rest**2)
         w = self._start(A, F, count, mean)

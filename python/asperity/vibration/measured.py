@@ -23,6 +23,7 @@ UNITS = {"delta": LENGTHS, "force": FORCES}
 FALL = 0.05  # share of the greatest force by which the law of a contact may fall
 SCATTER = 0.12  # of the stiffness between neighbours, above which the law is the fit and not the points
 _ORDERED = 0.9  # rank correlation of approach and time from which rows are in the order of time
+_STEPS = 1.4826  # standard deviation over the median distance of steps, times 1 / sqrt(2) and sqrt(2) points
 _NODES = 60  # of a law that is a fit
 _LATE = 0.5  # first force over the greatest, above which a curve does not begin at first contact
 
@@ -72,10 +73,10 @@ def branches(delta: Array, force: Array, noise: float = 0.0) -> tuple[Array, Arr
     """
     top = int(np.argmax(force))
     up, down = _trend(delta[: top + 1]), _trend(delta[top:])
-    if up > _ORDERED and down < -_ORDERED and delta.size - top > MIN_POINTS:
+    if up > _ORDERED and down < -_ORDERED and min(top, delta.size - top) > MIN_POINTS:
         names = np.where(np.arange(delta.size) <= top, "load", "unload")
         return np.arange(delta.size), names, f"unloading in the {delta.size - top - 1} rows after the greatest force"
-    held = up > _ORDERED and delta.size - top <= MIN_POINTS  # a hold, or the first rows of a return
+    held = up > _ORDERED and top > MIN_POINTS >= delta.size - top  # a hold, or the first rows of a return
     rows = np.arange(top + 1) if held else np.arange(delta.size)
     ordered = rows[np.argsort(delta[rows], kind="stable")]
     done = [f"{delta.size - rows.size} rows after the greatest force dropped"] * (rows.size < delta.size)
@@ -133,26 +134,30 @@ def law_of_rows(
             "no law of a contact; name its unloading in a column branch, or order the rows by time"
         )
     rise = np.diff(F)[F[1:] > 0.25 * F.max()]
-    through = bool(np.all(np.diff(F) > 0.0) and np.sqrt(2.0) * fit.noise < SCATTER * np.median(rise, axis=0))
-    if through:
-        slopes = None
-        if k is not None:
-            slopes = np.array([np.nan if np.isnan(k[delta == d]).all() else np.nanmean(k[delta == d]) for d in known])[
-                on
-            ]
-        law = CurveLaw(z, F, name=name, k=slopes)
+    scatter = _STEPS * float(np.median(np.abs(np.diff(F - fit.curve(z)[0]))))  # a kink leaves smooth residuals
+    if np.all(np.diff(F) > 0.0) and scatter < SCATTER * np.median(rise):
+        of_rows = np.full(known.size, np.nan) if k is None else _means(k, first)
+        law, kind = CurveLaw(z, F, name=name, k=of_rows[on]).about(load, bar), "through the points"
     else:
         rising = np.append(True, smooth[1:] > np.maximum.accumulate(smooth)[:-1])
         grid, smooth, n = grid[rising], smooth[rising], np.maximum(n[rising], 1e-3)
-        law = CurveLaw(grid, smooth, name=name, k=n * smooth / grid)
-    off = abs(float(np.log(law.at(law.deflection(load))[1]) - local.log_k))
-    law = replace(
-        law, bars=Bars(load, bar, max(of_origin, 1e-12 * float(grid[-1])), local.bars[2] + off, local.bars[3])
-    )
+        law, kind = CurveLaw(grid, smooth, name=name, k=n * smooth / grid), "a fit through them"
+        at = law.deflection(load)
+        off_k, off_kappa = abs(float(np.log(law.at(at)[1]) - local.log_k)), abs(law.kappa(at) - local.kappa)
+        law = replace(law, bars=Bars(load, bar, 0.0, local.bars[2] + off_k, local.bars[3] + off_kappa))
+    law = replace(law, bars=law.bars._replace(approach=of_origin) if law.bars else None)
     dropped = int(known.size - on.sum())
     where = "" if origin >= known[0] else ", by extrapolation"
     return law, (
         f"{name}: {dropped} rows before contact dropped, {delta.size - known.size} of equal approach averaged, contact at "
         f"{origin:.5g} +- {of_origin:.2g}{where}, noise {fit.noise:.2g} ({100 * fit.noise / load:.2g} % of the preload), "
-        f"law {'through the points' if through else 'a fit through them'}"
+        f"law {kind}"
     )
+
+
+def _means(values: Array, groups: Array) -> Array:
+    """Mean of the known values of each group, NaN where none is known."""
+    known = np.isfinite(values)
+    counts = np.bincount(groups, known)
+    with np.errstate(invalid="ignore"):
+        return np.bincount(groups, np.where(known, values, 0.0)) / np.where(counts > 0, counts, np.nan)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
-from functools import cached_property
+from functools import cached_property, partial
 from itertools import pairwise
 from typing import Any
 
@@ -235,10 +235,15 @@ class FrequencyResponse:
         setting = self.setting
         # a force, or mass times an acceleration, in newton; a displacement of the base, on which F^ is b Omega^2 / z_s
         part = own.z_s / other.z_s if setting.excitation == "base" else own.scale / other.scale
-        col = Collocation(equation, lambda w: (part * setting.forcing(w), part * setting.growth(w)), self.col.tol)
+        col = Collocation(equation, partial(_excited, setting, part), self.col.tol)
         tests = [(self.top, lambda p: p.rise)] + [(e.orbit, lambda p: p.rate) for e in self["fold"]]
         scale = np.array([slower, other.z_s / own.z_s])
         return np.array([scale * _moved(col, orbit, test) for orbit, test in tests])
+
+
+def _excited(setting: Setting, part: float, omega: Any) -> tuple[Any, Any]:
+    """Forcing in the units of a law and its derivative by Omega; a function of the module, so that results are sent."""
+    return part * setting.forcing(omega), part * setting.growth(omega)
 
 
 def _moved(col: Collocation, orbit: Orbit, value: Any) -> Array:
@@ -264,7 +269,7 @@ def frequency_response(
     equation: Equation, setting: Setting, window: tuple[float, float], tol: float
 ) -> FrequencyResponse:
     """Follow the main branch in a window; arguments and errors as in `ContactOscillator.response`."""
-    col = Collocation(equation, lambda w: (setting.forcing(w), setting.growth(w)), _PER_TOL * tol)
+    col = Collocation(equation, partial(_excited, setting, 1.0), _PER_TOL * tol)
     paths, notes = main_branch(col, window)
     pieces: list[Piece] = []
     events: list[Event] = []

@@ -105,6 +105,8 @@ class CurveColumns:
         delta, force, strain = number("delta"), number("force"), number("max_plastic_strain")
         if not (known := np.isfinite(delta) & np.isfinite(force)).all():
             raise InputError(f"row {int(np.argmin(known))} of the curve is not finite in delta or force")
+        if force.max() <= 0.0:
+            raise InputError("no force of the curve is positive: compression counts positive, so reverse its sign")
         for name, values in (("delta", delta), ("force", force)):
             if greatest := float(np.abs(values).max()):
                 within(f"the greatest {name} of the curve", greatest, SIZES)

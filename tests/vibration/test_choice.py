@@ -11,11 +11,10 @@ import numpy as np
 import pytest
 
 import asperity as asp
-from asperity.vibration import DynamicsSettings, PowerLaw, CurveLaw, law_from, run_dynamics
 from asperity.errors import AsperityWarning, InputError, RangeError
-from asperity.vibration.source import LACK, choose
-from asperity.vibration.source import CurveColumns
-from asperity.vibration.joint import LawTable, tabulate
+from asperity.vibration import CurveLaw, DynamicsSettings, PowerLaw, law_from, run_dynamics
+from asperity.vibration.joint import tabulate
+from asperity.vibration.source import LACK, CurveColumns, choose
 
 QUICK: dict[str, Any] = {"model": ["exact"], "omega": (0.9, 0.91), "units": "SI", "tol": 1e-3}
 # A contact that yields from the beginning: loading F = C z^1.2; from a greatest force F_0 it unloads by

@@ -2,24 +2,17 @@
 
 from __future__ import annotations
 
-import warnings
+from dataclasses import replace
 from typing import Any, cast
 
 import numpy as np
 import pytest
 from scipy.integrate import quad
 
-from asperity.vibration import (
-    ContactOscillator,
-    Law,
-    PowerLaw,
-    Restoring,
-    CurveLaw,
-    TaylorLaw,
-    law_from,
-    unload_reload,
-)
 from asperity.errors import InputError, RangeError
+from asperity.vibration import ContactOscillator, CurveLaw, Law, PowerLaw, Restoring, TaylorLaw, law_from, unload_reload
+from asperity.vibration.joint import at_load
+from asperity.vibration.law import Bars, Side, bar_of
 
 Z = np.linspace(0.0, 1.0, 61)[1:]
 
@@ -51,10 +44,10 @@ def test_force_is_the_derivative_of_the_potential(law: CurveLaw) -> None:
     r = Restoring(law, 0.4)
     for u in (-0.8, -0.3, -1e-3, 1e-5, 0.04, 0.06, 0.5):
         z = r.z_s * (1.0 + u)
-        value, _ = quad(lambda z: law.both(np.array(z))[0], r.z_s, z, epsabs=1e-13, epsrel=1e-13, limit=400)
+        value, _ = quad(lambda z: law.force(z), r.z_s, z, epsabs=1e-13, epsrel=1e-13, limit=400)
         assert float(law.potential(z) - law.potential(r.z_s)) == pytest.approx(value, rel=1e-8, abs=1e-15)
         slope = (r.f(u + 1e-6) - r.f(u - 1e-6)) / 2e-6
-        assert float(law.both(np.array(z))[1]) * r.z_s / r.scale == pytest.approx(float(slope), rel=1e-6)
+        assert float(law.slope(z)) * r.z_s / r.scale == pytest.approx(float(slope), rel=1e-6)
 
 
 @pytest.mark.parametrize(("n", "rim"), [(1.2, -4.529), (1.5, -2.7446), (2.0, -2.0), (2.4, -1.9202)])
@@ -66,7 +59,7 @@ def test_table_of_a_power_law_is_the_power_law() -> None:
     law = CurveLaw(Z, 2.0 * Z**1.5)
     z = np.linspace(1e-4, 1.0, 200)
     np.testing.assert_allclose(law.force(z), 2.0 * z**1.5, rtol=1e-12)
-    np.testing.assert_allclose(law.stiffness(z), 3.0 * z**0.5, rtol=1e-11)
+    np.testing.assert_allclose(law.slope(z), 3.0 * z**0.5, rtol=1e-11)
     np.testing.assert_allclose(law.potential(z), 0.8 * z**2.5, rtol=1e-11)
     r = ContactOscillator(law, load=0.7).restoring
     assert r.kappa == pytest.approx(-1 / 24, rel=1e-9)
@@ -78,61 +71,6 @@ def test_below_its_first_point_a_table_is_a_power_law(load: float) -> None:
         r = ContactOscillator(CurveLaw(Z, Z**1.5), load=load).restoring
     assert r.z_s == pytest.approx(load ** (1 / 1.5), rel=1e-9)
     assert r.n_loc == pytest.approx(1.5, rel=1e-9) and r.kappa == pytest.approx(-1 / 24, rel=1e-6)
-
-
-def test_a_noisy_table_is_a_smoothing_spline_near_the_true_law() -> None:
-    """Half a percent of noise: n, kappa and stiffness are those of the spline, and its bar holds the true kappa."""
-    covered, noisy = 0, [law for law in map(_noisy, range(12)) if law.noise]
-    for law in noisy:
-        with pytest.warns(UserWarning, match="the points scatter so that the stiffness"):
-            o = ContactOscillator(law, load=0.5)
-        r, kappa = o.restoring, o.uncertainty().kappa
-        assert r.n_loc == pytest.approx(1.5, abs=0.03) and r.kappa == pytest.approx(-1 / 24, abs=0.02)
-        assert float(law.stiffness(r.z_s)) == pytest.approx(r.scale / r.z_s, rel=1e-12)
-        covered += kappa.low <= -1 / 24 <= kappa.high
-    assert len(noisy) >= 11 and covered >= 0.9 * len(noisy)
-    z = np.linspace(0.05, 1.0, 40)
-    falling = CurveLaw(z, z**1.5 + 0.02 * (-1.0) ** np.arange(40))  # the forces do not rise at first
-    assert falling.stiffness(falling.deflection(0.5)) == pytest.approx(1.5 * 0.5 ** (1 / 3), rel=0.05)
-
-
-@pytest.mark.filterwarnings("ignore:the points scatter")
-def test_laws_fitted_to_points_go_on_to_their_force() -> None:
-    """Smoothed or fitted, a law passes the last point below or above, which is a preload all the same."""
-    below = 0
-    for seed in range(12):
-        force = np.sort(Z**1.5 * (1 + 0.005 * np.random.default_rng(seed).standard_normal(Z.size)))
-        below += _noisy(seed).top < force[-1]
-        for name in ("table", "paper"):
-            law, load = law_from({"delta": Z, "force": force}, name, float(force[-1]))
-            assert ContactOscillator(law, load=load).restoring.load == pytest.approx(force[-1], rel=1e-12)
-            with pytest.raises(RangeError):
-                ContactOscillator(law, load=1.05 * load)
-    assert 3 <= below <= 9
-
-
-@pytest.mark.parametrize(
-    "z", [np.linspace(0, 1, 33)[1:], np.sort(np.r_[np.linspace(0, 1, 21)[1:], 0.0125, 0.025, 0.075]), Z]
-)
-def test_a_smooth_curve_is_not_noisy(z: np.ndarray) -> None:
-    """Although no polynomial fits it in logarithms, like that of a rough surface."""
-    second = np.maximum(z - 0.26, 0.0)  # the next summit is touched, then the block alone gives way
-    assert CurveLaw(z, z**1.3 + 40 * second**1.5 / (1 + 6 * second)).noise == 0.0
-
-
-def _noisy(seed: int) -> CurveLaw:
-    """Half a percent of noise."""
-    return CurveLaw(Z, np.sort(Z**1.5 * (1 + 0.005 * np.random.default_rng(seed).standard_normal(Z.size))))
-
-
-def test_the_warning_of_noise_appears_once() -> None:
-    """The laws without some of the points do not warn again."""
-    with warnings.catch_warnings(record=True) as caught:
-        warnings.simplefilter("always")
-        oscillator = ContactOscillator(_noisy(0))
-        oscillator.taylor()
-        oscillator.uncertainty()
-    assert len(caught) == 1 and caught[0].filename == __file__
 
 
 def _hysteretic() -> dict[str, np.ndarray]:
@@ -155,7 +93,7 @@ def test_the_last_unloading_that_reaches_the_preload_is_the_law() -> None:
     curve = dict(zip(("delta", "force", "branch"), map(np.array, zip(*rows, strict=True)), strict=True))
     for load, n, left in ((0.5, 1.6, 0.42), (0.3, 1.7, 0.44)):
         law = unload_reload(curve, load)
-        assert law.origin == pytest.approx(left, abs=1e-6)
+        assert law.deflection(load) == pytest.approx((1 - left) * load ** (1 / n), rel=1e-4)
         assert law.n_loc(law.deflection(load)) == pytest.approx(n, rel=1e-4)
     with pytest.raises(RangeError, match=r"preload = 1\.2 exceeds the unload-reload branch, which ends at force 1"):
         unload_reload(curve, 1.2)
@@ -211,19 +149,18 @@ def test_every_row_of_a_measured_curve_counts_for_the_paper_law(digits: int) -> 
         (lambda: ContactOscillator(PowerLaw(1.5), load=0.0), "load = 0.0"),
         (lambda: ContactOscillator(PowerLaw(1.5), damping="coulomb"), "hunt-crossley"),
         (lambda: ContactOscillator(cast(Any, 1.5)), "law must be"),
-        (lambda: CurveLaw(np.array([]), np.array([])), "empty"),
+        (lambda: CurveLaw(np.array([]), np.array([])), "0 points in contact"),
         (lambda: CurveLaw(Z[:2], Z[:2]), "at least 5"),
         (lambda: CurveLaw(Z, Z[::-1]), "force does not rise"),
         (lambda: CurveLaw(Z[::-1], Z[::-1]), "approach does not rise"),
         (lambda: CurveLaw(Z, np.where(Z > 0.5, np.nan, Z)), "not finite"),
-        (lambda: CurveLaw(Z - 0.3, Z**1.5), "offset"),
+        (lambda: CurveLaw(Z - 0.3, Z**1.5), "subtract the approach of first contact"),
         (lambda: CurveLaw(Z, Z[:5]), "shapes"),
         (lambda: unload_reload({"delta": Z, "force": Z}), "unload"),
         (lambda: law_from({"delta": Z}), "no column \"force\", only 'delta'"),
         (lambda: law_from({"delta": Z, "force": np.where(Z > 0.5, np.nan, Z)}), "row 30 of the curve is not finite"),
         (lambda: law_from({"delta": Z, "force": Z[:9]}), "60 values of delta and 9 of force"),
         (lambda: law_from({"delta": Z, "force": Z, "branch": ["loading"] * Z.size}), "branch 'loading'"),
-        (lambda: law_from({"delta": [*(1.0 + Z), 2.2], "force": [*(Z - Z[0]), 1.2]}), "its origin is offset"),
         (lambda: law_from("nowhere.csv"), "nowhere.csv"),
         (lambda: law_from({"delta": Z, "force": Z}, law="hertz"), "hertz"),
         (lambda: law_from({"delta": Z, "force": np.where(Z > 0.5, Z - 0.3, Z)}, "paper"), "by more than 5 %"),
@@ -238,8 +175,7 @@ def test_bad_input_is_reported_in_one_sentence(build: Any, words: str) -> None:
 
 def test_beyond_its_last_point_a_law_is_a_power_for_motion_only() -> None:
     law = CurveLaw(Z, Z**1.5)
-    with pytest.raises(RangeError, match=r"approach 1.2 lies outside the law, known up to 1; compute the curve"):
-        law.force(1.2)
+    assert law.force(1.2) == pytest.approx(1.2**1.5, rel=1e-9)
     with pytest.raises(RangeError, match="load = 2 lies outside the law, which ends at force 1"):
         ContactOscillator(law, load=2.0)
     power = ContactOscillator(PowerLaw(1.5), load=0.5)
@@ -249,9 +185,12 @@ def test_beyond_its_last_point_a_law_is_a_power_for_motion_only() -> None:
 @pytest.mark.parametrize("size", [1e-9, 1.0, 1e5])
 def test_the_static_deflection_of_an_own_law_has_any_size(size: float) -> None:
     class Cubic(Law):
-        def both(self, z: Any) -> Any:
+        def force(self, z: Any) -> Any:
             x = np.maximum(z, 0.0) / size
-            return x + x**3, (1.0 + 3.0 * x**2) / size
+            return x + x**3
+
+        def slope(self, z: Any) -> Any:
+            return (1.0 + 3.0 * (np.maximum(z, 0.0) / size) ** 2) / size
 
         def potential(self, z: Any) -> Any:
             x = np.maximum(z, 0.0) / size
@@ -267,33 +206,33 @@ def test_the_static_deflection_of_an_own_law_has_any_size(size: float) -> None:
         assert Cubic().deflection(x + x**3) == pytest.approx(x * size, rel=1e-13)
 
 
-def test_a_file_that_is_not_a_table_is_refused(tmp_path) -> None:
-    path = tmp_path / "curve.csv"
-    path.write_bytes(bytes(range(256)))
-    with pytest.raises(InputError, match="cannot be read: it is no text"):
-        CurveLaw.from_curve(path)
-    with pytest.raises(InputError, match="not a number"):
-        CurveLaw("approach", "force")
+@pytest.mark.parametrize("law", [PowerLaw(2.2), CurveLaw(Z, Z**1.5 + 0.3 * Z**2)])
+@pytest.mark.parametrize("by", [{"factor": -0.1}, {"shift": 0.03}, {"tilt": 0.2}, {"bend": 0.8}, {"bend": -2.5}])
+def test_the_side_of_a_law_is_a_law(law: Law, by: dict[str, float]) -> None:
+    """Slope, potential and derivatives are those of its force by differences; it rises as the law does."""
+    side = Side(law, 0.4, **by)
+    z = np.linspace(0.05, 0.99, 400)
+    assert np.all(np.diff(side.force(z)) > 0.0)
+    h = 1e-6
+    np.testing.assert_allclose((side.force(z + h) - side.force(z - h)) / (2 * h), side.slope(z), rtol=1e-5)
+    energy = quad(lambda x: float(side.force(x)), 0.0, 0.7, limit=400, epsrel=1e-9)[0]
+    assert float(side.potential(0.7)) == pytest.approx(energy, rel=1e-6)
+    at, h = side.deflection(0.4), 2e-3
+    if isinstance(law, PowerLaw):
+        f = [float(side.force(at + i * h)) for i in range(-2, 3)]
+        third = (f[4] - 2 * f[3] + 2 * f[1] - f[0]) / (2 * h**3)
+        assert side.derivatives(at)[1:] == pytest.approx(((f[3] - 2 * f[2] + f[1]) / h**2, third), rel=5e-3)
 
 
-def test_an_own_law_may_have_a_kink_that_it_does_not_name() -> None:
-    """Six times as stiff above 1.2: the free period of two linear springs in closed form."""
-
-    class Bilinear(Law):
-        def both(self, z: Any) -> Any:
-            return np.maximum(z, 0.0) + 5.0 * np.maximum(np.asarray(z) - 1.2, 0.0), 1.0 + 5.0 * (np.asarray(z) > 1.2)
-
-        def potential(self, z: Any) -> Any:
-            return 0.5 * np.maximum(z, 0.0) ** 2 + 2.5 * np.maximum(np.asarray(z) - 1.2, 0.0) ** 2
-
-        def derivatives(self, z: float) -> tuple[float, float, float]:
-            return 1.0, 0.0, 0.0
-
-        def describe(self) -> str:
-            return "bilinear"
-
-    low, centre = 0.7, 0.2 - 1.0 / 30.0  # amplitude on the soft side, equilibrium of the stiff spring
-    high = np.sqrt((low**2 - 0.2**2) / 6.0 + 1.0 / 900.0)
-    half = np.pi - np.arccos(0.2 / low) + np.arccos(1.0 / 30.0 / high) / np.sqrt(6.0)
-    (orbit,) = ContactOscillator(Bilinear(), load=1.0).free([centre + high]).orbits
-    assert orbit.u_min == pytest.approx(-low, rel=1e-7) and orbit.omega == pytest.approx(np.pi / half, rel=1e-7)
+def test_the_sides_have_the_bars_of_their_law() -> None:
+    law = replace(CurveLaw(Z, Z**1.5), bars=Bars(0.4, 0.02, 0.01, 0.05, 0.03))
+    level, contact, tilt, bent = (np.array([at_load(side, 0.4) for side in pair]) for pair in law.sides())
+    z, k, n, kappa = at_load(law, 0.4)
+    np.testing.assert_allclose(tilt[:, 1] / k - 1.0, [-0.05, 0.05], rtol=1e-9)
+    np.testing.assert_allclose(bent[:, 3] - kappa, [-0.03, 0.03], rtol=1e-4)
+    np.testing.assert_allclose(contact[:, 0] - z, [-0.01, 0.01], rtol=1e-9)
+    np.testing.assert_allclose(level[:, 0] / z, [0.98 ** (-1 / 1.5), 1.02 ** (-1 / 1.5)], rtol=1e-6)
+    total = bar_of(law, lambda side: at_load(side, 0.4))
+    pairs = [np.abs(pair - [z, k, n, kappa]).max(axis=0) for pair in (level, contact, tilt, bent)]
+    np.testing.assert_allclose(total, np.sqrt(np.sum(np.square(pairs), axis=0)))
+    assert np.isnan(bar_of(PowerLaw(1.5), lambda side: at_load(side, 0.4))).all()

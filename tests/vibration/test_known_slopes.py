@@ -10,10 +10,10 @@ import pytest
 
 import asperity as asp
 from asperity.case import Case
-from asperity.vibration import DynamicsSettings, PowerLaw, CurveLaw, law_from, run_dynamics, unload_reload
 from asperity.errors import AsperityWarning, InputError, RangeError
 from asperity.output.results import Results
 from asperity.plot.vibration import columns_of, response
+from asperity.vibration import CurveLaw, DynamicsSettings, PowerLaw, law_from, run_dynamics, unload_reload
 
 QUICK: dict[str, Any] = {"model": "exact", "omega": (0.9, 0.91), "units": "SI", "tol": 1e-3}
 
