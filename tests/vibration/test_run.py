@@ -17,16 +17,10 @@ from hypothesis import strategies as st
 
 import asperity as asp
 from asperity.case import Case
-<<<<<<<< HEAD:tests/vibration/test_run.py
 from asperity.cli.dynamics import dynamics as command
 from asperity.errors import AsperityError, ConvergenceError, InputError
 from asperity.plot import plot_dynamics
 from asperity.vibration import DynamicsSettings, Joint, PowerLaw, run_dynamics
-========
-from asperity.errors import AsperityError, InputError, RangeError
-from asperity.plot import plot_dynamics
-from asperity.vibration import ContactOscillator, DynamicsSettings, Joint, PowerLaw, run_dynamics
->>>>>>>> origin/room-law:tests/vibration/test_sweep.py
 from asperity.vibration.run import small_vibration
 from asperity.vibration.settings import forcings, window
 

@@ -405,7 +405,7 @@ class Collocation:
             raise ConvergenceError("singular Jacobian") from error
         if not np.isfinite(x).all():
             raise ConvergenceError("the motion is not finite")
-        # from each node to the next: (1, change of Omega, of u, of w), and from the first one to each by prefix products
+        # maps of (1, change of Omega, of u, of w) from node to node, and by prefix products from the first node
         chain = np.zeros((a.shape[0], 4, 4))
         chain[:, 0, 0] = chain[:, 1, 1] = 1.0
         chain[:, 2], chain[:, 3] = h**2 * (_END2 @ x), h * (_END1 @ x)
