@@ -100,7 +100,7 @@ def test_loops_are_the_damping_of_the_vibration(full: tuple[Path, RunResult]) ->
     assert isinstance(found, LoopDamping) and found.background == 0.05 and not note
     for name in ("deflection", "zeta", "stiffness"):
         assert getattr(found, name) == pytest.approx(getattr(damping, name), rel=1e-12)
-    again = run_dynamics(folder, law="paper", model=["exact"], forcing=0.02, sweeps=False)
+    again = run_dynamics(folder, law="paper", model=["exact"], forcing=0.02)
     assert again.first.damping == oscillator.damping
     assert again.responses["exact"][0].peak == result.dynamics.responses["exact"][0].peak
     assert "micro-slip" in section["not_in_the_model"]

@@ -24,7 +24,7 @@ def drawn(tmp_path_factory: pytest.TempPathFactory) -> Path:
     from asperity.vibration import run_dynamics
 
     folder = write_run(tmp_path_factory.mktemp("drawn") / "run")
-    run_dynamics(folder, out_dir=folder, model=["exact"], omega=(0.9, 0.95), sweeps=False)
+    run_dynamics(folder, out_dir=folder, model=["exact"], omega=(0.9, 0.95))
     plot_run(folder)
     return folder
 

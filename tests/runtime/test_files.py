@@ -29,7 +29,7 @@ class Killed(BaseException):
 
 @cache
 def vibration() -> Dynamics:
-    return run_dynamics(PowerLaw(1.5, 1.0), preload=1e-3, zeta=0.05, model=("exact",), omega=(0.9, 1.1), sweeps=False)
+    return run_dynamics(PowerLaw(1.5, 1.0), preload=1e-3, zeta=0.05, model=("exact",), omega=(0.9, 1.1))
 
 
 def dynamics(folder: Path) -> None:

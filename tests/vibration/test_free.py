@@ -11,7 +11,7 @@ import pytest
 from scipy.integrate import solve_ivp
 from scipy.special import beta
 
-from asperity.errors import RangeError
+from asperity.errors import ConvergenceError, RangeError
 from asperity.vibration.free import free_orbits
 from asperity.vibration.law import CurveLaw, PowerLaw
 from asperity.vibration.oscillator import ContactOscillator
@@ -146,3 +146,8 @@ def test_a_flight_far_longer_than_the_contact_is_integrated() -> None:
     r = o.restoring
     stored = float(r.law.potential(206.5 * r.z_s)) / (r.scale * r.z_s) - 206.5 / r.n_loc
     assert orbit.v_s == pytest.approx(np.sqrt(2.0 * stored), rel=1e-6) and orbit.v_s > 1e6
+
+
+def test_an_amplitude_in_the_round_off_of_the_force_is_refused() -> None:
+    with pytest.raises(ConvergenceError, match="lost in round-off"):
+        ContactOscillator(PowerLaw(1.5)).free(1e-14)

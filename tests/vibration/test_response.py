@@ -188,7 +188,9 @@ def test_faint_strong_and_stiff() -> None:
         assert faint.peak[1] == pytest.approx(forcing / 0.02, rel=1e-4)
     assert not ContactOscillator(PowerLaw(12.0), zeta=0.02).response(1e-3, (0.9, 1.1)).notes
     strong = ContactOscillator(PowerLaw(1.5), zeta=0.01).response(1e3, (0.8, 1.0))
-    assert all(p.amplitude > 500.0 for piece in strong.pieces for p in piece.orbits)  # it flies, by more than F^/Omega^2
+    assert all(
+        p.amplitude > 500.0 for piece in strong.pieces for p in piece.orbits
+    )  # it flies, by more than F^/Omega^2
 
 
 def test_a_window_that_cuts_a_resonance_has_the_orbits_of_a_wide_one() -> None:
@@ -212,7 +214,9 @@ def test_a_curve_follows_its_power_law_and_a_note_says_where_it_ends() -> None:
     assert f"reaches u = {a.peak[1]:.4g}, the curve that the law was fitted to ends at u = 0.5874" in note
 
 
-@pytest.mark.parametrize(("n", "zeta", "forcing", "window"), [(0.7, 0.02, 0.05, (0.6, 1.3)), (3.0, 0.005, 0.02, (0.3, 1.3))])
+@pytest.mark.parametrize(
+    ("n", "zeta", "forcing", "window"), [(0.7, 0.02, 0.05, (0.6, 1.3)), (3.0, 0.005, 0.02, (0.3, 1.3))]
+)
 def test_rows_of_a_piece_are_one_curve(n, zeta, forcing, window) -> None:
     """Omega rises or falls along each piece; straight lines between its rows are accurate to 1e-3."""
     r = computed(n, zeta, forcing, window)
@@ -273,7 +277,7 @@ def test_a_branch_that_cannot_be_followed_says_where(monkeypatch: pytest.MonkeyP
     monkeypatch.setattr(branch, "_MOST", 60)
     (note, *_) = ContactOscillator(PowerLaw(1.5)).response(0.05).notes
     assert note.startswith("the branch ends early: 60 orbits, at Omega = ")
-    with pytest.raises(ConvergenceError, match="no periodic orbit found for Omega = 0.9 to 1.1"):
+    with pytest.raises(ConvergenceError, match=r"no periodic orbit found for Omega = 0\.9 to 1\.1"):
         ContactOscillator(PowerLaw(1.5)).taylor().response(50.0, (0.9, 1.1))
 
 

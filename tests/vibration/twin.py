@@ -49,7 +49,8 @@ def motion(e: Equation, omega: float, forcing: float, y: Vector, periods: int = 
         """Acceleration, and its derivatives with respect to u and v."""
         push, slope = 0.0, 0.0
         if not (r.contact and region == 0):
-            push, slope = (float(x[0]) for x in law.both(np.array([r.z_s * (1.0 + u)])))
+            at = np.array([r.z_s * (1.0 + u)])
+            push, slope = float(law.force(at)[0]), float(law.slope(at)[0])
         flying = r.contact and region == 0
         g, dg = (0.0 if flying and e.damping != "always" else 1.0), 0.0
         if e.damping == "hunt-crossley":

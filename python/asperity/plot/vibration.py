@@ -103,8 +103,9 @@ def frequency(results: Results) -> Figure:
 def response(results: Results) -> Figure:
     """Draw the largest displacement over the excitation frequency: one panel per model, one colour per forcing.
 
-    Stable pieces are solid, others dashed. Where a law is stiffer by a factor s^2, its response has frequencies s times as high and
-    displacements 1/s^2 as large: what the error bar of the stiffness makes of the stable exact one so is shaded.
+    Stable pieces are solid, others dashed. Where a law is stiffer by a factor s^2, its response has frequencies s times
+    as high and displacements 1/s^2 as large: what the error bar of the stiffness makes of the stable exact one so is
+    shaded.
     """
     rows, t = results.response, results.thresholds
     driven, n_loc = t.get("excitation", "force"), t.get("n_loc")

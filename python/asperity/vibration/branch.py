@@ -106,7 +106,9 @@ def near_rest(col: Collocation, omega: float) -> Orbit:
     return col.correct(found.wave, omega)
 
 
-def trace(col: Collocation, first: Orbit, sense: float, window: tuple[float, float], limits: tuple[float, float]) -> Path:
+def trace(
+    col: Collocation, first: Orbit, sense: float, window: tuple[float, float], limits: tuple[float, float]
+) -> Path:
     """Follow the branch from an orbit, at first with Omega changing in the sense (+-1), until it leaves the limits."""
     orbits, h, before = [first.turned(sense * first.rate)], 0.05, 0.0
     while True:
@@ -124,7 +126,9 @@ def trace(col: Collocation, first: Orbit, sense: float, window: tuple[float, flo
             second = 0.5 * h * h / before if before else 0.0
             guess = here.wave.plus((h, here.along), (second, curved))
             with suppress(ConvergenceError):
-                found = col.correct(guess, here.Omega + h * here.rate + second * bend, here.along, here.rate, limit=3.0 * h)
+                found = col.correct(
+                    guess, here.Omega + h * here.rate + second * bend, here.along, here.rate, limit=3.0 * h
+                )
                 # Omega turns where a multiplier passes 1, or else the step has jumped to where the branch comes back
                 turned = h > _TURNED and here.fold * here.rate * found.fold * found.rate < 0
                 if found.moved < 2.0 * miss and not turned and _cosine(here, found) > 0.5:
@@ -146,7 +150,8 @@ def trace(col: Collocation, first: Orbit, sense: float, window: tuple[float, flo
 def _passes(a: Orbit, b: Orbit, first: Orbit) -> bool:
     """Whether the step from a to b passes the first orbit."""
     points = np.array([
-        (np.log(p.Omega), *np.array([p.u_max, p.u_min, p.first.real, p.first.imag]) / a.amplitude) for p in (a, b, first)
+        (np.log(p.Omega), *np.array([p.u_max, p.u_min, p.first.real, p.first.imag]) / a.amplitude)
+        for p in (a, b, first)
     ])  # fmt: skip
     chord, to = points[1:] - points[0]
     share = float(to @ chord) / float(chord @ chord)
@@ -286,7 +291,9 @@ def _with_doublings(col: Collocation, orbits: list[Orbit]) -> list[Orbit]:
             return _angle_square(p)
 
         with suppress(StopIteration, ConvergenceError):
-            minimize_scalar(at, bounds=(1e-6, 2.0 - 1e-6), method="bounded", options={"maxiter": _TRIALS, "xatol": 1e-6})
+            minimize_scalar(
+                at, bounds=(1e-6, 2.0 - 1e-6), method="bounded", options={"maxiter": _TRIALS, "xatol": 1e-6}
+            )
     return [p for i, one in enumerate(orbits) for p in ([one, added[i]] if i in added else [one])]
 
 

@@ -199,8 +199,8 @@ class _Quadrature:
 
 
 def _lowest(restoring: Restoring, top: Array) -> tuple[Array, Array]:
-    """Lower ends of orbits released at `top` (orbits,), to about 1e-8: -1 where a flight is treated apart, and where."""
-    low = np.full(top.size, -1.0)
+    """Lower ends of orbits released at `top` (orbits,), to 1e-8, and where a flight is apart: they end at -1 there."""
+    low: Array = np.full(top.size, -1.0)
     if isinstance(restoring.law, TaylorLaw):
         rim = restoring.law.rims()[0]
         low = np.maximum(rim, -1e3 - 10.0 * top) if np.isfinite(rim) else -10.0 - 10.0 * top
@@ -208,8 +208,9 @@ def _lowest(restoring: Restoring, top: Array) -> tuple[Array, Array]:
     flies = (surplus > _FLIGHT) & restoring.contact
     if restoring.contact:
         low = low - restoring.n_loc * np.maximum(surplus, 0.0) - 1e-6
-    a, b = low, np.zeros(top.size)
-    for _ in range(60):
+    a: Array = low
+    b: Array = np.zeros(top.size)
+    for _ in range(44):
         middle = 0.5 * (a + b)
         above = _surplus(restoring, top, middle) < 0.0
         a, b = np.where(above, middle, a), np.where(above, b, middle)
@@ -222,6 +223,8 @@ def _surplus(restoring: Restoring, u: ArrayLike, level: ArrayLike) -> Array:
     z, other = (restoring.z_s * (1.0 + np.asarray(x, float)) for x in (u, level))
     stored = (restoring.law.potential(z) - restoring.law.potential(other)) / (restoring.scale * restoring.z_s)
     return np.asarray(stored - (np.asarray(u) - np.asarray(level)) / restoring.n_loc)
+
+
 def contact_limit(restoring: Restoring) -> float:
     """Largest release that keeps contact, V(u_max) = V(-1); (n+1)^(1/n) - 1 for a power law.
 

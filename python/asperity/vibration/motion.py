@@ -12,10 +12,10 @@ from scipy.integrate import solve_ivp
 from scipy.optimize import brentq
 
 from asperity.arrays import Array
-from asperity.vibration.equation import Equation
-from asperity.vibration.settings import Setting
 from asperity.errors import ConvergenceError, RangeError
 from asperity.runtime.display import short_repr
+from asperity.vibration.equation import Equation
+from asperity.vibration.settings import Setting
 
 ESCAPE = 1e3  # displacement beyond which motion has left a Taylor well
 

@@ -98,7 +98,7 @@ class Mesh:
         return np.concatenate([self.start[large] + 2 * quarter, first + second, first + 3 * second])
 
     def joined(self, error: Array, tol: float, longest: float) -> Mesh:
-        """Mesh without nodes between neighbours that joined have an error below `tol` and are not `longest` (radians)."""
+        """Mesh without nodes between neighbours whose common error is below `tol`, up to `longest` (radians)."""
         units = self.units
         both, larger = units[:-1] + units[1:], np.maximum(units[:-1], units[1:])
         grown = 4.0 * np.maximum(error[:-1], error[1:]) * (both / larger) ** (_M + 1)
@@ -186,22 +186,20 @@ class Wave:
         return 0.5 * float(self.u.max() - self.u.min()) + 1e-300
 
     def errors(self) -> Array:
-        """Error of the slope on each interval over its amplitude, by the last modes of the polynomial of a (intervals,)."""
+        """Error of the slope on each interval over its amplitude, by the last modes of a (intervals,)."""
         last = np.abs(self.a @ _MODES.T)
         size = 0.5 * float(self.w.max() - self.w.min()) + 1e-300
         return 0.1 * self.mesh.h * np.maximum(last[:, 1], 0.3 * last[:, 0]) / size
 
     def passes(self, levels: Array) -> Array:
         """Phases in units at which the function passes levels, rising (passes,)."""
-        if not levels.size:
-            return np.empty(0, int)
         u = np.append(np.column_stack([self.u, self.values()[0]]).ravel(), self.u[0])
         s = np.append(np.column_stack([self.mesh.start * _UNIT, self.mesh.phases]).ravel(), TURN)
         above = u > levels[:, None]
         k, i = np.nonzero(above[:, 1:] != above[:, :-1])
         low, high, level = s[i], s[i + 1], levels[k]
         at = low + (level - u[i]) / (u[i + 1] - u[i]) * (high - low)
-        for _ in range(4):
+        for _ in range(2 if at.size else 0):
             value, slope, _ = self.at(np.minimum(at, TURN * (1.0 - 1e-15)))
             with np.errstate(divide="ignore", invalid="ignore"):
                 better = at - (value - level) / slope
@@ -407,20 +405,21 @@ class Collocation:
             raise ConvergenceError("singular Jacobian") from error
         if not np.isfinite(x).all():
             raise ConvergenceError("the motion is not finite")
-        step = np.empty((a.shape[0], 2, 4))
-        step[:, 0], step[:, 1] = h**2 * (_END2 @ x), h * (_END1 @ x)
-        step[:, 0, 2] += 1.0
-        step[:, 0, 3] += h[:, 0]
-        step[:, 1, 3] += 1.0
-        step[:, 0, 0] += wave.u + h[:, 0] * wave.w + h[:, 0] ** 2 * (a @ _END2) - np.roll(wave.u, -1)
-        step[:, 1, 0] += wave.w + h[:, 0] * (a @ _END1) - np.roll(wave.w, -1)
-        state = np.array([[0.0, 0.0, 1.0, 0.0], [0.0, 0.0, 0.0, 1.0]])
-        nodes = np.empty_like(step)
-        free = step.copy()
-        free[:, :, 2:] = 0.0
-        for i, (move, fixed) in enumerate(zip(step[:, :, 2:], free, strict=True)):
-            nodes[i] = state
-            state = move @ state + fixed
+        # maps of (1, change of Omega, of u, of w) from node to node, and by prefix products from the first node
+        chain = np.zeros((a.shape[0], 4, 4))
+        chain[:, 0, 0] = chain[:, 1, 1] = 1.0
+        chain[:, 2], chain[:, 3] = h**2 * (_END2 @ x), h * (_END1 @ x)
+        chain[:, 2, 2] += 1.0
+        chain[:, 2, 3] += h[:, 0]
+        chain[:, 3, 3] += 1.0
+        chain[:, 2, 0] += wave.u + h[:, 0] * wave.w + h[:, 0] ** 2 * (a @ _END2) - np.roll(wave.u, -1)
+        chain[:, 3, 0] += wave.w + h[:, 0] * (a @ _END1) - np.roll(wave.w, -1)
+        reach = 1
+        while reach < len(chain):
+            chain[reach:] = chain[reach:] @ chain[:-reach]
+            reach *= 2
+        state = chain[-1, 2:]
+        nodes = np.concatenate([np.eye(4)[None, 2:], chain[:-1, 2:]])
         monodromy = state[:, 2:]
         # unknowns: change of Omega, of u and of w at the phase 0
         system = np.empty((3, 3))

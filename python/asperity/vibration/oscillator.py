@@ -9,17 +9,17 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import ArrayLike
 
+from asperity.errors import AsperityWarning, InputError, RangeError, warn
+from asperity.runtime.display import short_repr
 from asperity.vibration import free as _free
+from asperity.vibration.checks import one_of, positive, positives, within
+from asperity.vibration.damping import Damping, check_damping
 from asperity.vibration.equation import Equation, Restoring
 from asperity.vibration.free import FreeVibration, Thresholds, contact_limit, free_orbits, largest_amplitude
+from asperity.vibration.law import Law, TaylorLaw
 from asperity.vibration.motion import Trajectory, course, integrate
 from asperity.vibration.response import FrequencyResponse, frequency_response
 from asperity.vibration.settings import EXCITATIONS, FORCING, OMEGA, SHAPES, ZETA, Setting, forcings, window
-from asperity.errors import AsperityWarning, InputError, RangeError, warn
-from asperity.vibration.checks import one_of, positive, positives, within
-from asperity.vibration.damping import Damping, check_damping
-from asperity.vibration.law import Law, TaylorLaw
-from asperity.runtime.display import short_repr
 
 GRAVITY = 9.80665  # m/s^2
 

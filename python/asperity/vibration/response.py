@@ -235,9 +235,7 @@ class FrequencyResponse:
         setting = self.setting
         # a force, or mass times an acceleration, in newton; a displacement of the base, on which F^ is b Omega^2 / z_s
         part = own.z_s / other.z_s if setting.excitation == "base" else own.scale / other.scale
-        col = Collocation(
-            equation, partial(_excited, setting, part), self.col.tol
-        )
+        col = Collocation(equation, partial(_excited, setting, part), self.col.tol)
         tests = [(self.top, lambda p: p.rise)] + [(e.orbit, lambda p: p.rate) for e in self["fold"]]
         scale = np.array([slower, other.z_s / own.z_s])
         return np.array([scale * _moved(col, orbit, test) for orbit, test in tests])
@@ -249,7 +247,7 @@ def _excited(setting: Setting, part: float, omega: Any) -> tuple[Any, Any]:
 
 
 def _moved(col: Collocation, orbit: Orbit, value: Any) -> Array:
-    """Omega and u_max of the special orbit near one of another equation, by secants along the branch; NaN without one."""
+    """Omega and u_max of the special orbit near that of another equation, by secants along the branch, or NaN."""
     try:
         a = col.correct(orbit.wave, orbit.Omega, orbit.along, orbit.rate)
         h, slope = 1e-3, None
@@ -299,9 +297,7 @@ def frequency_response(
         )
     error = max(p.error for piece in pieces for p in piece.orbits)
     notes += _limitations(pieces, equation.restoring.known_to)
-    return FrequencyResponse(
-        setting, window, tuple(pieces), tuple(events), error, tuple(notes), tuple(followed), col
-    )
+    return FrequencyResponse(setting, window, tuple(pieces), tuple(events), error, tuple(notes), tuple(followed), col)
 
 
 def _inside(col: Collocation, orbits: Sequence[Orbit], window: tuple[float, float]) -> Iterator[list[Orbit]]:
