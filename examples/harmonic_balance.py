@@ -162,7 +162,7 @@ def main() -> tuple[float, float, float]:
     force = PchipInterpolator(*np.vstack([(0.0, 0.0), table * (1.0, area)]).T)  # continuous slope
     stiffness_of = force.derivative()
     z = np.geomspace(table[0, 0], table[-1, 0], 300)
-    oscillator = asp.ContactOscillator(asp.TableLaw(z, force(z)), load=load, zeta=ZETA)
+    oscillator = asp.ContactOscillator(asp.CurveLaw(z, force(z)), load=load, zeta=ZETA)
     normal = oscillator.restoring  # of lengths z_s and forces z_s k_n
 
     def spring(u: Any) -> tuple[Any, Any]:

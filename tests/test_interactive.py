@@ -40,19 +40,18 @@ def result() -> Any:
 def objects(result: Any) -> list[Any]:
     """One of each public class with data."""
     wave = asp.Surface.from_spec("weierstrass-mandelbrot", L=1e-6, D=2.4, G=1e-12)
-    law = asp.TableLaw(np.linspace(0.01, 1.0, 30), np.linspace(0.01, 1.0, 30) ** 1.5)
+    law = asp.CurveLaw(np.linspace(0.01, 1.0, 30), np.linspace(0.01, 1.0, 30) ** 1.5)
     oscillator = asp.ContactOscillator(asp.PowerLaw(1.5), zeta=0.05)
     response = oscillator.response(0.01, (0.9, 1.1), tol=1e-3)
     free = oscillator.free([0.1, 0.2])
-    sweeps = oscillator.sweep(0.01, [0.9, 0.95])
     case = asp.Case.from_dict(FLAT)
     return [
         wave, wave.statistics(), psd(wave.grid(65), 1e-6), asp.Material(E=1.0, nu=0.3), asp.MeshSize(),
         asp.Formulation(), asp.SolverOptions(), asp.AccuracyTarget(0.1), case, case.problem(), result, result.contact,
         result.contact.block, result.curve, result.fit, make_curve(), make_curve().where(np.zeros(4, dtype=bool)),
         asp.PowerLaw(1.5), law, oscillator, oscillator.taylor(), free, *free.orbits[:1],
-        response, response.branches[0], oscillator.thresholds(0.01), *sweeps,
-        asp.run_dynamics(asp.PowerLaw(1.5), forcing=[0.01], sweeps=False, zeta=0.05), asp.GeneralisedAlpha(),
+        response, response.pieces[0], response.top, oscillator.thresholds(0.01),
+        asp.run_dynamics(asp.PowerLaw(1.5), forcing=[0.01], zeta=0.05), asp.GeneralisedAlpha(),
         asp.reference.Hertz(R=1.0, E_prime=1.0), Results(Path("out"), result.curve),
     ]  # fmt: skip
 
@@ -168,7 +167,7 @@ def test_commands_print_json(tmp_path: Path, call: Callable[..., Any]) -> None:
     assert estimate["ranks"] == 2 and estimate["levels"][-1]["dofs"] == estimate["dofs"] > 10_000
     surface = call("surface", demo, "--json")
     assert surface["statistics"]["Sq"] > 0 and len(surface["first_touch"]) == 3
-    thresholds = call("dynamics", "--power-law", "1.5", "--no-sweeps", "--model", "exact", "--json")
+    thresholds = call("dynamics", "--power-law", "1.5", "--model", "exact", "--json")
     assert thresholds["exact"]["kappa"] == pytest.approx(-1 / 24)
     np.save(tmp_path / "map.npy", 1e-8 * np.random.default_rng(0).standard_normal((65, 65)))
     about = call("import-map", tmp_path / "map.npy", "--pixel", "1e-8", "-o", tmp_path / "map", "--json")

@@ -17,7 +17,6 @@ from asperity.case import Case
 from asperity.curve import COLUMNS, Curve
 from asperity.curve.loops import LoopTable
 from asperity.curve.power_law import with_misfit
-from asperity.dynamics import LoopDamping, PowerLaw, law_from, run_dynamics
 from asperity.errors import CheckpointError, ConvergenceError, MeshError, OutputError
 from asperity.job.run_case import RunResult, run
 from asperity.mesh.block import BlockMesh
@@ -25,6 +24,7 @@ from asperity.model.material import Material
 from asperity.output.results import Results
 from asperity.runtime.run_folder import PRODUCTS
 from asperity.study.run import summarise_case
+from asperity.vibration import LoopDamping, PowerLaw, law_from, run_dynamics
 
 pytestmark = pytest.mark.usefixtures("blank_figures")
 
@@ -100,7 +100,7 @@ def test_loops_are_the_damping_of_the_vibration(full: tuple[Path, RunResult]) ->
     assert isinstance(found, LoopDamping) and found.background == 0.05 and not note
     for name in ("deflection", "zeta", "stiffness"):
         assert getattr(found, name) == pytest.approx(getattr(damping, name), rel=1e-12)
-    again = run_dynamics(folder, law="paper", model=["exact"], forcing=0.02, sweeps=False)
+    again = run_dynamics(folder, law="paper", model=["exact"], forcing=0.02)
     assert again.first.damping == oscillator.damping
     assert again.responses["exact"][0].peak == result.dynamics.responses["exact"][0].peak
     assert "micro-slip" in section["not_in_the_model"]

@@ -13,7 +13,6 @@ from conftest import world
 from scipy.optimize import brentq
 
 from asperity import reference as ref
-from asperity.dynamics import ContactOscillator, TableLaw
 from asperity.errors import ConvergenceError, InputError
 from asperity.fem.tangent import Inertia
 from asperity.mesh.generate import build_block
@@ -25,6 +24,7 @@ from asperity.quasistatic.stepping import Record, follow
 from asperity.runtime.parallel import on_root
 from asperity.surface import Flat, Sinusoid, Surface
 from asperity.transient import GeneralisedAlpha, Motion, TimeSeries, Transient
+from asperity.vibration import ContactOscillator, CurveLaw
 
 Array = npt.NDArray[np.float64]
 
@@ -207,16 +207,16 @@ def test_free_flight_over_a_block_that_rings() -> None:
 
 
 @pytest.fixture(scope="module")
-def bump() -> tuple[Surface, TableLaw]:
+def bump() -> tuple[Surface, CurveLaw]:
     """A cosine bump and the law of its contact on the mesh of the tests, in units of L and E L^2."""
     surface = Sinusoid(L=1.0, amplitude=0.05, wavelength=1.0)
     solver = press_on(surface, 0.35)
     record = Record(1.0, 1.0, solver.solid.material.reduced_modulus)
     follow(solver, Schedule(delta_max=0.06, steps=60), record)
-    return surface, TableLaw.from_curve(record.curve())
+    return surface, CurveLaw.from_curve(record.curve())
 
 
-def released(bump: tuple[Surface, TableLaw], u: float, density: float, rho_inf: float = 0.8) -> tuple[Transient, Any]:
+def released(bump: tuple[Surface, CurveLaw], u: float, density: float, rho_inf: float = 0.8) -> tuple[Transient, Any]:
     """Plate on the bump, let go at u; time in units of 1/omega_s."""
     surface, law = bump
     oscillator = ContactOscillator(law, load=float(law.force(0.035)), zeta=0.02)
@@ -231,7 +231,7 @@ def released(bump: tuple[Surface, TableLaw], u: float, density: float, rho_inf: 
     return transient, oscillator
 
 
-def test_light_block_moves_as_the_one_degree_model(bump: tuple[Surface, TableLaw]) -> None:
+def test_light_block_moves_as_the_one_degree_model(bump: tuple[Surface, CurveLaw]) -> None:
     transient, oscillator = released(bump, 0.4, density=1e-6)
     history = transient.run(9.0, 2.0 * np.pi / 100)
     path = oscillator.simulate(1.0, 0.0, u=0.4, periods=1.5, samples=400)
@@ -241,7 +241,7 @@ def test_light_block_moves_as_the_one_degree_model(bump: tuple[Surface, TableLaw
     assert np.abs(history.force[1:] - force[1:]).max() < 5e-3 * force.max()
 
 
-def test_free_impact_on_a_bump(bump: tuple[Surface, TableLaw]) -> None:
+def test_free_impact_on_a_bump(bump: tuple[Surface, CurveLaw]) -> None:
     """Deepest where the law has taken the energy of the mass; the impact lasts the time along the static law."""
     surface, law = bump
     deepest, mass = 0.03, 1.0
@@ -257,7 +257,7 @@ def test_free_impact_on_a_bump(bump: tuple[Surface, TableLaw]) -> None:
     assert history.force[-1] == 0.0 and history.velocity[-1] == pytest.approx(-speed, rel=5e-3)
 
 
-def test_heavy_block_slows_the_mass_by_its_added_mass(bump: tuple[Surface, TableLaw]) -> None:
+def test_heavy_block_slows_the_mass_by_its_added_mass(bump: tuple[Surface, CurveLaw]) -> None:
     """Rayleigh: the block follows quasi-statically, so omega falls by sqrt(1 + added mass/mass)."""
     times = []
     for density in (1e-6, 0.1):
@@ -271,7 +271,7 @@ def test_heavy_block_slows_the_mass_by_its_added_mass(bump: tuple[Surface, Table
     assert times[1] / times[0] == pytest.approx(np.sqrt(1.0 + added), abs=0.1 * added)
 
 
-def test_plastic_block_dissipates_and_balances(bump: tuple[Surface, TableLaw]) -> None:
+def test_plastic_block_dissipates_and_balances(bump: tuple[Surface, CurveLaw]) -> None:
     """Dropped on virgin asperities the plate loses energy to plastic flow, and its balance of energy holds."""
     surface = bump[0]
     solver = press_on(surface, 0.35, Material(1.0, NU, 0.02, 0.05))
@@ -286,7 +286,7 @@ def test_plastic_block_dissipates_and_balances(bump: tuple[Surface, TableLaw]) -
 
 
 def test_a_step_that_fails_keeps_the_record_so_far(
-    bump: tuple[Surface, TableLaw], monkeypatch: pytest.MonkeyPatch
+    bump: tuple[Surface, CurveLaw], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     transient, _ = released(bump, 0.1, density=1e-3)
     step = transient.step

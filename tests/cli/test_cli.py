@@ -182,7 +182,7 @@ def test_output_that_nobody_reads(tmp_path: Path, command: str, code: int) -> No
         ("asperity.cli", ("numpy", "matplotlib", "pydantic", "dolfinx", "mpi4py", "rich")),
         # the vibration would take more time than everything else before the first stage of a run
         (f"asperity; asperity.run; asperity.Case.load({DEMO!r})",
-         ("asperity.dynamics.oscillator", "scipy.stats", "scipy.optimize", "matplotlib", "gmsh", "dolfinx")),
+         ("asperity.vibration.oscillator", "scipy.stats", "scipy.optimize", "matplotlib", "gmsh", "dolfinx")),
     ],
 )  # fmt: skip
 def test_what_is_not_needed_is_not_imported(code: str, later: tuple[str, ...]) -> None:
@@ -228,7 +228,7 @@ def test_a_mesh_has_one_line(capsys: pytest.CaptureFixture[str], live: bool) -> 
 def test_dynamics_of_a_run(cli: Cli, tmp_path: Path) -> None:
     folder = write_run(tmp_path / "run")
     before = sorted(folder.iterdir())
-    quick = ("--no-sweeps", "--model", "exact", "--omega", "0.9", "1.1")
+    quick = ("--model", "exact", "--omega", "0.9", "1.1")
     code, out, _ = cli("dynamics", folder, *quick)
     assert code == 0 and "1.55" in out and "taylor" not in out
     assert "with gravity = 9.80665" in out and "note: mass" not in out and "zeta = 0.01 (always)" in out
@@ -294,7 +294,7 @@ def test_an_occupied_folder_is_refused_before_ranks_start(cli: Cli, tmp_path: Pa
 
 
 def test_dynamics_of_a_power_law(cli: Cli, tmp_path: Path) -> None:
-    options = ("--no-sweeps", "--omega", "0.9", "1.1", "-o", tmp_path / "out")
+    options = ("--omega", "0.9", "1.1", "-o", tmp_path / "out")
     code, out, err = cli("dynamics", "--power-law", "1.5", "--forcing", "0.005", *options)
     assert (code, err) == (0, "")
     assert "0.84202" in out and "F/W = 0.0075" in out  # u_max = 2.5^(2/3) - 1

@@ -21,10 +21,10 @@ from asperity.plot.report import write_report
 @pytest.fixture(scope="module")
 def drawn(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A run with vibration, whose figures are drawn."""
-    from asperity.dynamics import run_dynamics
+    from asperity.vibration import run_dynamics
 
     folder = write_run(tmp_path_factory.mktemp("drawn") / "run")
-    run_dynamics(folder, out_dir=folder, model=["exact"], omega=(0.9, 0.95), sweeps=False)
+    run_dynamics(folder, out_dir=folder, model=["exact"], omega=(0.9, 0.95))
     plot_run(folder)
     return folder
 

@@ -8,11 +8,10 @@ from typing import Any
 import numpy as np
 import pytest
 from conftest import ELASTIC, PLASTIC, here, world
-from element_sample import cubes, sample
+from element_sample import sample
 from scipy.linalg import logm
 
 from asperity.adaptive.solve_contact import solve_contact
-from asperity.mesh.block import BlockMesh
 from asperity.model.material import Material
 from asperity.model.settings import Formulation, MeshSize
 from asperity.output.fields import gather_top_states

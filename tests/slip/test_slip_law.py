@@ -36,7 +36,7 @@ def test_displacement_and_energy_of_cattaneo_and_mindlin(sphere: SlipLaw) -> Non
 
 def test_energy_is_that_of_masings_loop_for_any_law() -> None:
     z = np.geomspace(0.02, 1.0, 15)
-    law = SlipLaw(asp.TableLaw(z, z**1.3 + 0.5 * z**3), preload=0.9, friction=MU, nu=0.2)
+    law = SlipLaw(asp.CurveLaw(z, z**1.3 + 0.5 * z**3), preload=0.9, friction=MU, nu=0.2)
     for t in (0.2, 0.7):
         work = quad(lambda s: s * law.limit**2 / law.k_tangent(s), 0.0, t, epsabs=0, epsrel=1e-10, limit=200)[0]
         masing = 8 * work - 4 * t * law.limit * law.displacement(t)

@@ -18,7 +18,7 @@ import numpy as np
 from pydantic import ValidationError
 
 from asperity.case.keys import sentence
-from asperity.case.schema import SHARED, Input, LoadingSection, law_of_section
+from asperity.case.schema import DRIVERS, SHARED, Input, JointSection, LoadingSection, law_of_section
 from asperity.case.validation import check_law, check_together, doubts
 from asperity.errors import CaseWarning, CheckpointError, InputError, warn
 from asperity.model.problem import Problem
@@ -249,7 +249,20 @@ def _complete(data: Mapping[str, Any], folder: Path) -> dict[str, Any]:
     steps = loading.get("steps", LoadingSection.model_fields["steps"].default)
     if "loading" in tables:
         loading.setdefault("unload_steps", max(steps // 2, 1) if isinstance(steps, int) else 1)
+        if not any(key in loading for key in DRIVERS) and (pressure := _overload(tables.get("joint", {}), side)):
+            loading["pressure_max"] = pressure
     return full
+
+
+def _overload(joint: Mapping[str, Any], side: Any) -> float | None:
+    """Greatest nominal pressure of a case that names none: that of the joint times its overload."""
+    known = {key: joint.get(key) for key in ("nominal_area", "preload", "pressure")}
+    overload = joint.get("overload", JointSection.model_fields["overload"].default)
+    if not all(isinstance(v, float | int) and v > 0 for v in (overload, side, *filter(None, known.values()))):
+        return None
+    if known["pressure"]:
+        return float(overload * known["pressure"])
+    return float(overload * known["preload"] / (known["nominal_area"] or side**2)) if known["preload"] else None
 
 
 def _plain(value: Any) -> Any:

@@ -9,7 +9,6 @@ from pydantic import BaseModel, ConfigDict, Field
 
 from asperity.case import surfaces
 from asperity.case.surfaces import FORCE, LENGTH, STRESS, Flag, Real, Section, Text, Whole, key, optional
-from asperity.dynamics.settings import FORCING, OMEGA, ZETA, DynamicsSettings
 from asperity.errors import InputError
 from asperity.laws import Law, from_file, shipped_law
 from asperity.model import settings
@@ -18,6 +17,8 @@ from asperity.model.material import MODULI, POISSON_RATIOS, Material
 from asperity.model.settings import AccuracyTarget, Formulation, MeshSize, SolverOptions
 from asperity.runtime.display import show
 from asperity.slip.settings import AMPLITUDES, SlipSettings
+from asperity.vibration.joint import Joint
+from asperity.vibration.settings import FORCING, OMEGA, ZETA, DynamicsSettings
 
 CONDUCTIVITY, ACCELERATION = "power/(length temperature)", "length/time^2"
 #: Keys that a law in UFL takes from [material] where it has a parameter of that name.
@@ -223,7 +224,6 @@ class DynamicsSection(Section):
     )
     pulse: Positive | None = key("length of the half-sine", None, shown="half a period of small vibration", unit="time")
     span: Positive = key("length of the short motions in periods of small vibration", DynamicsSettings.span)
-    sweeps: Flag = key("also sweep up and down by time integration, as dots in the figure", DynamicsSettings.sweeps)
 
 
 class JointSection(Section):
@@ -235,6 +235,10 @@ class JointSection(Section):
     )
     pressure: Real | None = optional("static nominal pressure (or preload)", STRESS)
     mass: Real | None = optional("mass that vibrates", "mass")
+    overload: Real = key(
+        "greatest force that the joint has met, over the preload: the greatest load where [loading] gives none",
+        Joint.overload, ge=1.0, le=1e3,
+    )  # fmt: skip
 
 
 class LoopsSection(Section):

@@ -7,15 +7,15 @@ from itertools import pairwise
 
 from asperity.case.schema import DRIVERS, DynamicsSection, Input, JointSection, SlipSection
 from asperity.case.surfaces import SelfAffineSection
-from asperity.dynamics.settings import DynamicsSettings
 from asperity.errors import InputError
-from asperity.force_law import MIN_ROWS
 from asperity.model.limits import FRACTIONS, LEAST_FORCE, check_force, check_length
 from asperity.model.material import Material
 from asperity.model.problem import check_lengths
 from asperity.model.settings import H_CONTACT
 from asperity.runtime.display import show
 from asperity.slip.settings import check_motion
+from asperity.vibration.settings import DynamicsSettings
+from asperity.vibration.source import MIN_ROWS
 
 _ROUND = 1.0 + 1e-9  # the area of a joint over that of the patch, both rounded
 #: key -> values that are probable in SI, and the unit
@@ -44,7 +44,8 @@ def check_together(case: Input) -> None:
     given = [f"loading.{key}" for key in DRIVERS if getattr(loading, key) is not None]
     if not given:
         raise InputError(
-            "loading.delta_max, loading.force_max and loading.pressure_max are all missing; give exactly one"
+            "loading.delta_max, loading.force_max and loading.pressure_max are all missing; give exactly one, or the "
+            "preload of a joint, whose overload then is the greatest load"
         )
     if len(given) > 1:
         raise InputError(f"{' and '.join(given)} are {'both' if len(given) == 2 else 'all'} given; give exactly one")

@@ -2,20 +2,21 @@
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
 
 from asperity.cli import options
-from asperity.dynamics.settings import MODELS, SHAPES, DynamicsSettings
 from asperity.errors import InputError
-from asperity.force_law import LAWS
-from asperity.force_law.damping import DAMPING, LOOPS
-from asperity.units import per_cent, plus_minus, quantity
+from asperity.units import plus_minus, quantity
+from asperity.vibration.damping import DAMPING, LOOPS
+from asperity.vibration.settings import MODELS, SHAPES, DynamicsSettings
+from asperity.vibration.source import LAWS
 
 if TYPE_CHECKING:
-    from asperity.dynamics import Dynamics, Joint
+    from asperity.vibration import Dynamics, Joint
 
 
 def amount(text: str) -> float | str:
@@ -58,7 +59,6 @@ def amount(text: str) -> float | str:
 @click.option("--pulse", type=float, metavar="T",
               help="Length of its half-sine; else half a period of small vibration.")  # fmt: skip
 @click.option("--span", type=float, metavar="N", help="Its length in periods of small vibration; else 20.")
-@click.option("--sweeps/--no-sweeps", default=None, help="Also integrate sweeps up and down; else no.")
 @options.output("DIR", "Folder for free.csv, response.csv, thresholds.json and the figures.")
 @options.as_json
 def dynamics(
@@ -72,7 +72,7 @@ def dynamics(
     that are not given are those of the case of OUT. Lengths and forces have the units of the curve; with a joint, that
     of the case or of --area, --pressure and --mass, forces are those of the joint.
     """
-    from asperity.dynamics import Joint, PowerLaw, run_dynamics
+    from asperity.vibration import Joint, PowerLaw, run_dynamics
 
     if (source is None) == (exponent is None):
         raise InputError("give either a run directory or curve, or --power-law N")
@@ -160,6 +160,7 @@ _ROWS = {
 
 def _show(result: Dynamics) -> None:
     from asperity.output.verdict import jump_rows
+    from asperity.vibration.response import OTHERS
 
     first, onsets, units = result.first, result.thresholds, "" if result.settings.units == "other" else "SI"
     about = f"{first.law.describe()}, zeta = {first.zeta:g} ({first.damping})"
@@ -173,36 +174,43 @@ def _show(result: Dynamics) -> None:
         name = setting.amplitude + (f", F/W = {setting.F_over_mg:g}" if setting.excitation == "force" else "")
         if len(result.settings.zeta) > 1:
             name += f", zeta = {setting.zeta:g}"
-        words = ("peak {:.4g} at {:.4g}", "no peak inside: {:.4g} at the end {:.4g}")
-        rows.append((name, *(words[not one.has_peak].format(one.peak[1], one.peak[0]) for one in responses)))
+        rows.append((name, *(_peak(result, one) for one in responses)))
         if setting.excitation != "force":
             ratios = (max((r["transmissibility"], r["Omega"]) for r in one.rows()) for one in responses)
             rows.append(("  transmissibility", *("at most {:.4g} at {:.4g}".format(*ratio) for ratio in ratios)))
     options.table(about, rows, ("", *onsets))
-    if result.laws is not None:
-        from asperity.force_law.laws import law_rows
+    if (choice := result.choice) is not None:
+        from asperity.vibration.joint import law_rows
 
-        choice, own = result.laws.choice, result.laws.chosen
-        rows = law_rows(result.laws.to_dict(), "N/m" if units else "", "Hz" if units else "")
+        rows = law_rows({"table": result.laws}, "N/m" if units else "", "Hz" if units else "")
         about = f"laws at the preload {choice.load:.5g}: {choice.name}, {choice.reason}"
         options.table(about, rows, ("law", "n", "kappa", "k_n", "f", ""))
-        known = own.bar == own.bar
-        options.say(f"error bar of the {own.bar_of} {per_cent(own.bar)}" if known else "no error bar of the force")
     if jumps := jump_rows(result.jumps(), *(("N", "Hz", "m") if units else ("", "", ""))):
         header = ("law", "force", "zeta", "sweep", "frequency", "amplitude", "after")
         options.table("jumps of slow sweeps", jumps, header)
-    if (spread := result.uncertainty) is not None:
-        n, kappa = (plus_minus(one.value, one.half) for one in (spread.n_loc, spread.kappa))
-        options.say(f"n = {n}, kappa = {kappa}, {spread.softening}, by the {spread.origin}")
     for note in result.notes:
         options.say(f"note: {note}")
     for shape, path in result.motions.items():
         top, low = float(path.u.max()), float(path.u.min())
         lost = f"{len(path.flight)} flights" if len(path.flight) else "contact is kept"
         options.say(f"{shape} from rest, {path.tau[-1]:.5g}/omega_s: u from {low:.4g} to {top:.4g}, {lost}")
-    for searched in dict.fromkeys(r.searched for responses in result.responses.values() for r in responses):
-        options.say(searched)
+    numbers = result.numbers.to_dict()
+    if numbers.get("k_n_with_block"):
+        from asperity.vibration.joint import headline
+
+        for line in headline(numbers, None, result.settings.units, first.restoring.load):
+            options.say(line)
+    options.say(OTHERS)
     options.say(result.numbers.sentence(units))
+
+
+def _peak(result: Dynamics, one: Any) -> str:
+    """Peak of a response with its bars, or the greatest amplitude in the window."""
+    if not one.has_peak:
+        return f"no peak inside: {one.peak[1]:.4g} at the end {one.peak[0]:.4g}"
+    exact = result.responses.get("exact", ())
+    bars = result.bars[exact.index(one)][0] if result.bars and one in exact else (math.nan, math.nan)
+    return f"peak {plus_minus(one.peak[1], bars[1])} at {plus_minus(one.peak[0], bars[0])}"
 
 
 def _text(value: Any) -> str:

@@ -101,12 +101,13 @@ def starting_case(
     Args:
         kind: of surface, one of SURFACES; or a map `scan`, or self-affine with the keys of a `roughness`
         scan: height map
-        joint: nominal area [length^2], preload [force] and mass of a joint; the load is then twice its pressure
+        joint: nominal area [length^2], preload [force] and mass of a joint, whose overload is the greatest load
         folder: of the case file
         roughness: keys of a self-affine surface
     """
     from asperity.case.keys import kind_of, sections
     from asperity.case.schema import Input
+    from asperity.vibration.joint import Joint
 
     if roughness is not None:
         kind, surface, delta = "self-affine", roughness, 0.5 * roughness["rms_height"]
@@ -127,8 +128,8 @@ def starting_case(
     }
     if joint is not None:
         area, force, mass = joint
-        chosen["loading"] = {"pressure_max": 2.0 * force / area, "unload": True}
-        chosen["joint"] = {"nominal_area": area, "preload": force, "mass": mass}
+        chosen["loading"] = {"unload": True}
+        chosen["joint"] = {"nominal_area": area, "preload": force, "mass": mass, "overload": Joint.overload}
         chosen["output"] = {**chosen["output"], "stiffness": True}
     lines = [
         f"# A case of asperity: steel, surface of kind {kind}, in SI units.",

@@ -236,7 +236,7 @@ class Curve:
         delta, force = load.delta_star[rows], load.P_star[rows]
         if np.isnan(delta).any() or np.isnan(force).any():
             raise InputError(
-                "the curve has no delta_star and P_star, so no dimensionless power law: asperity.dynamics.law_from "
+                "the curve has no delta_star and P_star, so no dimensionless power law: asperity.vibration.law_from "
                 "fits delta and force"
             )
         return fit_power_law(delta, force)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import logging
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import AbstractContextManager, contextmanager, suppress
+from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass, field, replace
 from functools import partial
 from pathlib import Path
@@ -17,13 +17,7 @@ from asperity.adaptive.small_strain import SmallStrain, choose_kinematics
 from asperity.case import Case
 from asperity.curve import Curve
 from asperity.curve.loops import LoopTable
-from asperity.dynamics import Dynamics, DynamicsSettings, LoopDamping, run_dynamics
-from asperity.dynamics.joint import Numbers
-from asperity.dynamics.run import small_vibration
-from asperity.errors import AsperityError, AsperityWarning, CheckError, ConvergenceError, InputError, Interrupted, warn
-from asperity.force_law.choice import met
-from asperity.force_law.columns import CurveColumns
-from asperity.force_law.damping import LOOPS as OF_LOOPS
+from asperity.errors import AsperityWarning, CheckError, ConvergenceError, InputError, Interrupted, warn
 from asperity.mesh.block import BlockMesh
 from asperity.model.material import AUTO
 from asperity.model.problem import Problem
@@ -42,6 +36,11 @@ from asperity.runtime.progress import Progress, row_line
 from asperity.runtime.run_folder import LOOPS
 from asperity.slip import JointSlip, SlipSettings
 from asperity.slip.joint_slip import slip_of_case
+from asperity.vibration import Dynamics, DynamicsSettings, LoopDamping, run_dynamics
+from asperity.vibration.damping import LOOPS as OF_LOOPS
+from asperity.vibration.joint import Numbers
+from asperity.vibration.run import small_vibration
+from asperity.vibration.source import CurveColumns, met
 
 if TYPE_CHECKING:
     from mpi4py import MPI
@@ -226,8 +225,9 @@ def vibrate_case(
             if folder is not None:
                 on_root(comm, partial(loops.write, folder / LOOPS))
     if case.dynamics is None and case.joint is not None and not found.ends:
-        with suppress(AsperityError):  # where the curve does not reach its preload
-            numbers = on_root_bcast(comm, partial(small_vibration, contact.curve, _settings(case)))
+        with kept():
+            numbers, load = on_root_bcast(comm, partial(small_vibration, contact.curve, _settings(case)))
+            found.sections["joint"] = {"numbers": numbers.to_dict(), "load": load}
             found.numbers = numbers if math.isfinite(numbers.frequency) else None
     lacks_loops = case.loops is not None and loops is None
     if case.dynamics is not None and not found.ends and not (lacks_loops and case.dynamics.damping == OF_LOOPS):
@@ -236,6 +236,8 @@ def vibrate_case(
                 found.dynamics = on_root_bcast(comm, partial(_vibration, case, contact.curve, folder, loops))
             section, numbers = found.dynamics.to_dict(), found.dynamics.numbers
             found.sections["dynamics"] = {name: section[name] for name in ("law", "load", "numbers", "laws", "notes")}
+            if case.joint is not None:
+                found.sections["joint"] = {name: section[name] for name in ("numbers", "load")}
             found.numbers = numbers if math.isfinite(numbers.frequency) else None
     if case.slip is not None and not found.ends:
         with kept(), stage("slip"):
@@ -288,6 +290,6 @@ def _vibration(case: Case, curve: Curve, folder: Path | None, loops: LoopTable |
     if settings.damping == OF_LOOPS and loops is not None:
         settings = settings.replaced(damping=LoopDamping.of(loops))
     result = run_dynamics(curve, settings, out_dir=folder)
-    if result.laws is not None and result.laws.choice.note:
-        warn(result.laws.choice.note, AsperityWarning)
+    if result.choice is not None and result.choice.note:
+        warn(result.choice.note, AsperityWarning)
     return result

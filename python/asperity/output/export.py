@@ -20,11 +20,7 @@ from asperity.arrays import Array, Flags, Indices
 from asperity.case import Case
 from asperity.curve import Curve
 from asperity.curve.power_law import interface_approach
-from asperity.dynamics.joint import Joint
 from asperity.errors import InputError
-from asperity.force_law.choice import leg_rows, unload_reload
-from asperity.force_law.columns import CurveColumns
-from asperity.force_law.table import TableLaw
 from asperity.output.mesh_file import block_of_case, write_mesh
 from asperity.output.results import Results
 from asperity.runtime.display import comment
@@ -34,6 +30,9 @@ from asperity.slip import SlipLaw
 from asperity.slip.joint_slip import slip_of_case
 from asperity.units import per_cent, quantity
 from asperity.version import __version__
+from asperity.vibration.joint import Joint
+from asperity.vibration.law import CurveLaw
+from asperity.vibration.source import CurveColumns, leg_rows, unload_reload
 
 LAWS = ("table", "unload-reload")
 LINEAR = 0.01  # error of the pressure that linear reading may add
@@ -153,18 +152,18 @@ def interface(folder: str | Path, law: str = "table", load: float | None = None)
         load = of_joint / joint.factor(patch)
     approach, measure = approach_of_planes(curve, case)
     columns = CurveColumns.of({
-        "delta": approach, "force": curve.force / patch, "branch": curve.branch,
+        "step": curve.step, "delta": approach, "force": curve.force / patch, "branch": curve.branch,
         "k_n_elastic": curve.k_n_interface / patch,  # the slope of an unloading without the block
     })  # fmt: skip
     preload = (0.5 * float(curve.force.max()) if load is None else load) / patch
     if law == "table":
         rows = np.flatnonzero(resolved(curve, approach))
-        found = TableLaw(approach[rows], curve.force[rows] / patch)
+        found = CurveLaw(approach[rows], curve.force[rows] / patch)
     else:
         found, rows = unload_reload(columns, preload), leg_rows(columns, preload)
     ends, steps = np.append(_BELOW * found.z[0], found.z), np.linspace(0.0, 1.0, _DENSE, endpoint=False)
     z = np.append((ends[:-1, None] * (ends[1:] / ends[:-1])[:, None] ** steps).ravel(), ends[-1])
-    pressure, k_n = found.both(z)
+    pressure, k_n = found.force(z), found.slope(z)
     slip = None
     about = [
         *_about(results, case, found, law, measure),
@@ -305,7 +304,7 @@ def _fewest(z: Array, p: Array, tolerance: float) -> tuple[Array, float]:
     return np.array(rows), max((off(i, j) for i, j in pairwise(rows)), default=0.0)
 
 
-def _about(results: Results, case: Case, law: TableLaw, name: str, measure: str) -> Iterator[str]:
+def _about(results: Results, case: Case, law: CurveLaw, name: str, measure: str) -> Iterator[str]:
     """Units and provenance."""
     si, top = case.units == "SI", float(results.curve.force.max()) / case.surface.L**2
     yield f"contact of a rough surface by asperity {__version__}"

@@ -7,9 +7,9 @@ from math import isfinite, nan
 from typing import Any
 
 from asperity.output.assumption import DOUBTFUL
-from asperity.output.patches import Spread
 from asperity.output.results import Results
 from asperity.units import plus_minus, quantity
+from asperity.vibration.joint import headline
 
 
 def verdict(results: Results) -> list[str]:
@@ -49,24 +49,21 @@ def _contact(results: Results) -> Iterator[str]:
 
 def _vibration(results: Results) -> Iterator[str]:
     """Stiffness and frequency of small vibration; damping of the slip of the joint at a few amplitudes."""
-    found, joint = results.thresholds, results.case.get("joint") or {}
+    found, joint = results.thresholds, results.summary.get("joint")
     numbers, laws = found.get("numbers") or {}, found.get("laws") or {}
-    newton, metre, hertz = ("", "", "") if found.get("units") == "other" else ("N", "N/m", "Hz")
-    if numbers.get("k_n") is not None:
-        bar = laws.get("error_bar_of_k_n")
-        bar = nan if bar is None else float(bar)
+    units = found.get("units") or results.case.get("units")
+    if joint:
+        yield from headline(joint["numbers"], results.summary.get("patches"), units, joint["load"])
+    elif numbers.get("k_n") is not None:
+        newton, metre, hertz = ("", "", "") if units == "other" else ("N", "N/m", "Hz")
+        bar = nan if numbers.get("k_n_bar") is None else float(numbers["k_n_bar"])
         about = "" if found.get("load") is None else f" about a load of {quantity(found['load'], newton)}"
-        text = f"Small vibration of the {'joint' if joint else 'patch'}{about} has a stiffness of "
-        text += quantity(numbers["k_n"], metre, bar=bar)
+        text = f"Small vibration of the patch{about} has a stiffness of {quantity(numbers['k_n'], metre, bar=bar)}"
         if numbers.get("f") is not None:  # sqrt(k_n/m): half the bar
             text += f" and a frequency of {quantity(numbers['f'], hertz, bar=0.5 * bar)}"
         yield f"{text}."
-        if joint and (record := results.summary.get("patches")):
-            known = Spread(record["change"], record["error"], record["patches"])
-            many = f"the mean of {known.patches} patches of its roughness is {known} by a half-space"
-            yield f"That is of this patch; {many}."
-        if doubt := laws.get("doubt"):
-            yield f"Its law is doubtful: {doubt}."
+    if doubt := laws.get("doubt"):
+        yield f"Its law is doubtful: {doubt}."
     for line in (results.summary.get("slip") or {}).get("in_words", ()):
         yield f"{line}."
 

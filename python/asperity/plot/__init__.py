@@ -19,7 +19,7 @@ from asperity.plot.vibration import frequency, motion, receptance, response, res
 from asperity.runtime.run_folder import FIGURES, refuse_links
 
 if TYPE_CHECKING:
-    from asperity.dynamics import Dynamics
+    from asperity.vibration import Dynamics
 
 __all__ = [
     "CAPTIONS", "conductance", "contact_area", "force_curve", "frequency", "motion",

@@ -20,19 +20,17 @@ from asperity.plot import style
 from asperity.units import prefix, quantity
 
 if TYPE_CHECKING:
-    from asperity.dynamics import Dynamics
+    from asperity.vibration.results import Dynamics
 
 MODELS = {"exact": (style.BLUE, "-", "exact law"), "taylor": (style.VERMILION, "--", "Taylor law")}
 DASHES = (0, (3, 1.5))  # offset, and lengths of line and gap [line widths]
 #: Excitation -> symbol of its dimensionless amplitude.
 SYMBOLS = {"force": "$\\hat{F}$", "base": "base $b/z_s$", "acceleration": "base $\\ddot b/(\\omega_s^2 z_s)$"}
-SWEEPS = {"sweep-up": ("^", "sweep up"), "sweep-down": ("v", "sweep down")}
 _MARKS = {"fold": ("o", "fold"), "period doubling": ("s", "period doubling")}
 _ACTS = {"contact": "in contact", "hunt-crossley": "after Hunt and Crossley", "loops": "as the loops"}
 _Event = Mapping[str, Any]  # special orbit as in thresholds.json, with its model and forcing
 _FAINT = 0.35  # opacity of what is not physical
 _FLOOR = 1.5  # the axis of the receptance begins at its smallest value over this
-_CLOSE = 0.03  # share of the extent of a curve within which consecutive rows are always joined
 
 
 def heading(zeta: Iterable[float], damping: str | None, n_loc: float | None) -> str:
@@ -105,8 +103,9 @@ def frequency(results: Results) -> Figure:
 def response(results: Results) -> Figure:
     """Draw the largest displacement over the excitation frequency: one panel per model, one colour per forcing.
 
-    Sweeps are triangles. Where a law is stiffer by a factor s^2, its response has frequencies s times as high and
-    displacements 1/s^2 as large: what the error bar of the stiffness makes of the stable exact one so is shaded.
+    Stable pieces are solid, others dashed. Where a law is stiffer by a factor s^2, its response has frequencies s times
+    as high and displacements 1/s^2 as large: what the error bar of the stiffness makes of the stable exact one so is
+    shaded.
     """
     rows, t = results.response, results.thresholds
     driven, n_loc = t.get("excitation", "force"), t.get("n_loc")
@@ -116,8 +115,8 @@ def response(results: Results) -> Figure:
         for model in MODELS for r in t.get(model, {}).get("responses", ()) for e in r.get("events", ())
         if model == "exact" or e["u_min"] >= -1.0  # physical
     ]  # fmt: skip
-    known = (t.get("uncertainty") or {}).get("k_n")
-    bar = np.sqrt(np.array(known[1:]) / known[0]) if known and known[1] > 0.0 and driven != "base" else None
+    known = (t.get("numbers") or {}).get("k_n_bar")
+    bar = np.sqrt(1.0 + known * np.array([-1.0, 1.0])) if known and known < 1.0 and driven != "base" else None
     figure, axes = style.figure(1.2 + 4.0 * len(models), 4.4, *(MODELS[model][2] for model in models))
     physical = (rows["model"] == "exact") | (rows["u_min"] >= -1.0)
     for axis, model in zip(axes, models, strict=True):
@@ -133,7 +132,7 @@ def response(results: Results) -> Figure:
         axis.set(xlim=(rows["Omega"].min(), rows["Omega"].max()), ylim=(0, 1.1 * top))
         _physical(axis, t, "right", "top")
     keys = [Line2D([], [], color=colour, label=_in_words(t, forcing)) for forcing, colour in _coloured(rows)]
-    shown = {*np.unique(rows["branch"]).tolist(), *(e["kind"] for e in events)}
+    shown = {e["kind"] for e in events}
     keys += _line_keys(shown, bool(physical.all()), bar is not None)
     figure.legend(handles=keys, loc="outside lower center", ncols=2 if len(models) == 1 else 4)
     figure.suptitle(heading(np.unique(rows["zeta"]), t.get("damping"), n_loc))
@@ -141,50 +140,35 @@ def response(results: Results) -> Figure:
 
 
 def _branches(axis: Any, rows: Columns, column: str, model: str, colour: str) -> None:
-    """Draw a column over the frequency: solid where stable, else dashed, faint where unphysical; sweeps as marks."""
-    for name in np.unique(rows["branch"]):
-        of = where(rows, rows["branch"] == name)
-        omega, y, stable = of["Omega"], of[column], truth(of["stable"])
-        if name in SWEEPS:
-            mark = SWEEPS[name][0]
-            axis.plot(omega[stable], y[stable], mark, color=colour, mfc="white", ms=3, mew=0.7, zorder=3)
-            continue
-        valid = (of["u_min"] >= -1.0) | (model == "exact")
-        for start, stop in pieces(omega, y, stable + 2 * valid):
-            axis.plot(
-                omega[start:stop], y[start:stop], ls="-" if stable[start] else DASHES, color=colour, lw=1.2, zorder=2,
-                alpha=1.0 if valid[start] else _FAINT,
-            )  # fmt: skip
+    """Draw a column over the frequency, piece by piece: solid where stable, else dashed, faint where unphysical."""
+    for piece in _pieces(rows):
+        valid = (piece["u_min"] >= -1.0) | (model == "exact")
+        style_of = "-" if truth(piece["stable"])[0] else DASHES
+        for shown, opacity in ((valid, 1.0), (~valid, _FAINT)):
+            if shown.any():
+                near = shown | np.append(shown[1:], False)  # the line up to where it becomes unphysical
+                y = np.where(near if opacity < 1.0 else shown, piece[column], np.nan)
+                axis.plot(piece["Omega"], y, ls=style_of, color=colour, lw=1.2, zorder=2, alpha=opacity)
+
+
+def _pieces(rows: Columns) -> Iterator[Columns]:
+    """Rows of each piece of the branch of each damping ratio."""
+    for zeta, number in sorted({*zip(rows["zeta"].tolist(), rows["branch"].tolist(), strict=True)}):
+        yield where(rows, (rows["zeta"] == zeta) & (rows["branch"] == number))
 
 
 def _shade(axis: Any, rows: Columns, bar: Array, colour: str) -> None:
-    """Fill what the stable branches sweep, frequencies times s and displacements over s^2, s between two factors."""
-    for name in {*np.unique(rows["branch"])} - {*SWEEPS}:
-        of = where(rows, rows["branch"] == name)
-        line, stable = np.stack([of["Omega"], of["u_max"]], axis=1), truth(of["stable"])
-        for start, stop in pieces(line[:, 0], line[:, 1], stable):
-            low, high = (line[start:stop] * (s, s**-2.0) for s in bar)
-            corners = np.stack([low[:-1], low[1:], high[1:], high[:-1]], axis=1)  # of what each straight line sweeps
-            one, two = corners[:, 2] - corners[:, 0], corners[:, 3] - corners[:, 1]
-            turned = one[:, 0] * two[:, 1] < one[:, 1] * two[:, 0]  # an area is filled where all are positive
-            corners[turned] = corners[turned, ::-1]
-            if stable[start] and len(corners):
-                whole = Path.make_compound_path(*(Path([*c, c[0]], closed=True) for c in corners))
-                axis.add_patch(PathPatch(whole, fc=colour, alpha=0.5 * _FAINT, lw=0))
-
-
-def pieces(omega: Array, u: Array, state: NDArray[Any]) -> Iterator[tuple[int, int]]:
-    """Ranges of rows of one state; pieces of one curve share a point, separate curves do not."""
-    reach = np.hypot(np.diff(omega) / (np.ptp(omega) or 1.0), np.diff(u) / (np.ptp(u) or 1.0))
-    # distances between rows of one curve are small and change gradually: a sudden long one separates two curves
-    around = np.maximum(np.r_[reach[:1], reach[:-1]], np.r_[reach[1:], reach[-1:]])
-    jump = reach > np.maximum(8 * around, _CLOSE)
-    cuts = np.flatnonzero((state[1:] != state[:-1]) | jump)
-    start = 0
-    for cut in [*cuts, len(omega) - 1]:
-        joined = cut < len(omega) - 1 and not jump[cut]
-        yield start, cut + 1 + joined
-        start = cut + 1
+    """Fill what the stable pieces sweep, frequencies times s and displacements over s^2, s between two factors."""
+    for piece in _pieces(rows):
+        line = np.stack([piece["Omega"], piece["u_max"]], axis=1)
+        low, high = (line * (s, s**-2.0) for s in bar)
+        corners = np.stack([low[:-1], low[1:], high[1:], high[:-1]], axis=1)  # of what each straight line sweeps
+        one, two = corners[:, 2] - corners[:, 0], corners[:, 3] - corners[:, 1]
+        turned = one[:, 0] * two[:, 1] < one[:, 1] * two[:, 0]  # an area is filled where all are positive
+        corners[turned] = corners[turned, ::-1]
+        if truth(piece["stable"])[0] and len(corners):
+            whole = Path.make_compound_path(*(Path([*c, c[0]], closed=True) for c in corners))
+            axis.add_patch(PathPatch(whole, fc=colour, alpha=0.5 * _FAINT, lw=0))
 
 
 def _events(axis: Any, events: Sequence[_Event]) -> None:
@@ -204,10 +188,9 @@ def _line_keys(shown: set[str], physical: bool, band: bool) -> list[Line2D]:
         Line2D([], [], color=style.GREY, label="stable"),
         Line2D([], [], color=style.GREY, ls=DASHES, label="unstable"),
     ]
-    for name, (marker, text) in (_MARKS | SWEEPS).items():
+    for name, (marker, text) in _MARKS.items():
         if name in shown:
-            colour = style.GREY if name in SWEEPS else style.BLACK
-            keys.append(Line2D([], [], label=text, marker=marker, color=colour, **mark))
+            keys.append(Line2D([], [], label=text, marker=marker, color=style.BLACK, **mark))
     if "grazing" in shown:
         keys.append(Line2D([], [], color=style.GREEN, marker="d", ls=":", ms=4, label="contact loss begins"))
     if not physical:
@@ -223,7 +206,7 @@ def receptance(results: Results) -> Figure:
     rows, free, t = results.response, results.free, results.thresholds
     of_base = t.get("excitation", "force") != "force"
     model = "exact" if "exact" in rows["model"] else str(rows["model"][0])
-    rows = where(rows, (rows["model"] == model) & ~np.isin(rows["branch"], list(SWEEPS)))
+    rows = where(rows, rows["model"] == model)
     free = where(free, free["model"] == model) if "a1" in free and not of_base else {}
     value: Array = rows["transmissibility"] if of_base else rows["a1"] / rows["F_hat"]
     rows, zeta = {**rows, "value": value}, float(rows["zeta"][0])
@@ -284,7 +267,7 @@ def motion(results: Results) -> Figure:
 
 def results_of(found: Dynamics) -> Results:
     """A result of `run_dynamics` as `Results.read` reads it from a folder."""
-    responses = [r for many in (*found.responses.values(), *found.sweeps.values()) for r in many]
+    responses = [r for many in found.responses.values() for r in many]
     return Results(
         Folder(), Curve.from_rows([]), thresholds=found.to_dict(),
         free=columns_of(row for free in found.free.values() for row in free.rows()),

@@ -12,10 +12,9 @@ import numpy as np
 
 from asperity.arrays import Array
 from asperity.errors import AsperityError, InputError
-from asperity.force_law.choice import Choice, leg_rows
-from asperity.force_law.columns import CurveColumns
-from asperity.force_law.table import TableLaw
 from asperity.slip.law import AS_STIFF, LEAST
+from asperity.vibration.law import CurveLaw
+from asperity.vibration.source import Choice, CurveColumns, leg_rows
 
 
 def branch_rows(columns: CurveColumns, choice: Choice) -> Array:
@@ -30,15 +29,6 @@ def column_of(curve: Any, name: str, size: int) -> Array:
     """Column of a `Curve` or a mapping, NaN where unknown (size,)."""
     values = curve.get(name) if isinstance(curve, Mapping) else getattr(curve, name, None)
     return np.full(size, np.nan) if values is None else np.asarray(values, float)
-
-
-def with_slopes(choice: Choice, columns: CurveColumns, rows: Array) -> Choice:
-    """Choice with the law through the rows of an elastic loading, their elastic stiffness its slopes, where known."""
-    rows = rows[(columns.elastic[rows] > 0.0) & (columns.delta[rows] > 0.0)]
-    if choice.name not in ("table", "paper") or choice.yielded or not rows.size:
-        return choice
-    law = TableLaw(columns.delta[rows], columns.force[rows], k=columns.elastic[rows])
-    return replace(choice, name="table", law=law)
 
 
 def measured_ratio(
@@ -58,7 +48,7 @@ def measured_ratio(
     return (columns.force[rows][known], ratio[known]) if known.any() else None
 
 
-def stuck_law(law: TableLaw, forces: Array, ratios: Array, block: float, load: float) -> TableLaw:
+def stuck_law(law: CurveLaw, forces: Array, ratios: Array, block: float, load: float) -> CurveLaw:
     """Normal force over the displacement w with dP/dw = k_t, the tangential stiffness of the interface without slip.
 
     Args:
@@ -77,10 +67,10 @@ def stuck_law(law: TableLaw, forces: Array, ratios: Array, block: float, load: f
     ratio = np.interp(force, forces, ratios)
     steps = 0.5 * (ratio[1:] + ratio[:-1]) * np.diff(z)
     w = ratio[0] * z[0] + np.append(0.0, np.cumsum(steps))
-    return TableLaw(w, force, k=1.0 / (ratio * softness[known]), name="contact without slip")
+    return CurveLaw(w, force, k=1.0 / (ratio * softness[known]), name="contact without slip")
 
 
-def left_out(law: TableLaw) -> list[list[TableLaw]]:
+def left_out(law: CurveLaw) -> list[list[CurveLaw]]:
     """Laws without the forces, without the slopes, and without every second row; a group each, empty where none exists.
 
     Between rows the law is a guess, and what a part of them changes shows how good it is.
@@ -88,9 +78,9 @@ def left_out(law: TableLaw) -> list[list[TableLaw]]:
     unknown = np.full(law.z.size, np.nan)
     known = unknown if law.k is None else law.k
 
-    def made(rows: Array, k: Array) -> list[TableLaw]:
+    def made(rows: Array, k: Array) -> list[CurveLaw]:
         with suppress(AsperityError):
-            return [TableLaw(law.z[rows], law.F[rows], k=k[rows])]
+            return [CurveLaw(law.z[rows], law.F[rows], k=k[rows])]
         return []
 
     every = np.arange(law.z.size)
@@ -98,11 +88,11 @@ def left_out(law: TableLaw) -> list[list[TableLaw]]:
     thinned = [made(rows, known) for rows in halves]
     if np.isnan(known).any():
         return [*thinned, []] if len(thinned) < 2 else thinned
-    slopes_alone = [TableLaw.of_stiffness(law.F, known)] if law.z.size > 1 else []
+    slopes_alone = [CurveLaw.of_stiffness(law.F, known)] if law.z.size > 1 else []
     return [slopes_alone, made(every, unknown), [law for part in thinned for law in part]]
 
 
-def down_to_zero(law: TableLaw) -> TableLaw:
+def down_to_zero(law: CurveLaw) -> CurveLaw:
     """Law whose stiffness does not rise as the force falls to zero, which slips at last.
 
     Where few facets touch, the first points of a table may have a power below one; below them the force is then

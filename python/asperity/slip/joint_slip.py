@@ -13,19 +13,16 @@ import numpy as np
 
 from asperity.arrays import Array
 from asperity.errors import AsperityError
-from asperity.force_law.choice import Choice, choose
-from asperity.force_law.columns import CurveColumns
-from asperity.force_law.law import Law
-from asperity.force_law.laws import law_at_load
-from asperity.force_law.table import TableLaw
 from asperity.model.material import Material
 from asperity.runtime.display import short_repr
 from asperity.runtime.files import write_csv
 from asperity.runtime.run_folder import SLIP, SLIP_LOOPS, SLIP_NODES
-from asperity.slip.branch import branch_rows, column_of, down_to_zero, left_out, measured_ratio, stuck_law, with_slopes
+from asperity.slip.branch import branch_rows, column_of, down_to_zero, left_out, measured_ratio, stuck_law
 from asperity.slip.law import SlipLaw, SlipPath, path_of_law
 from asperity.slip.settings import SlipSettings
 from asperity.units import quantity
+from asperity.vibration.law import CurveLaw, Law, bar_of
+from asperity.vibration.source import Choice, CurveColumns, choose
 
 NODE_COLUMNS = ("amplitude", "x", "y", "area", "slip")
 #: Columns of slip_loops.csv with an error bar.
@@ -174,14 +171,13 @@ def slip_of_curve(
     columns = CurveColumns.of(curve)
     choice = choose(columns, "auto", settings.preload)
     rows = branch_rows(columns, choice)
-    choice = with_slopes(choice, columns, rows)
     block = height / (patch * material.block_modulus(sides)), height / (patch * material.lame[1])
     ratio = measured_ratio(curve, columns, rows, block, settings.direction)
 
     def law_on(law: Law) -> SlipLaw:
-        if isinstance(law, TableLaw):
+        if isinstance(law, CurveLaw):
             law = down_to_zero(law)
-        if ratio is None or not isinstance(law, TableLaw):
+        if ratio is None or not isinstance(law, CurveLaw):
             return SlipLaw(law, choice.load, settings.friction, material.nu, block)
         stuck = stuck_law(law, *ratio, block[0], choice.load)
         return SlipLaw(stuck, choice.load, settings.friction, 0.0, (0.0, block[1]))
@@ -189,16 +185,18 @@ def slip_of_curve(
     law, t = law_on(choice.law), np.array(settings.amplitudes)
     area = _area_of(curve, columns, rows)
     paths = tuple(path_of_law(law, amplitude, steps=settings.steps, area=area) for amplitude in settings.amplitudes)
-    chosen, bars = law_at_load(columns, choice, choice.name), None
+    bars = None
     unloaded = not choice.yielded or choice.name == "unload-reload"
-    bounded = isinstance(choice.law, TableLaw) and math.isfinite(columns.bar_at(choice.load))
+    bounded = isinstance(choice.law, CurveLaw) and math.isfinite(columns.bar_at(choice.load))
     if bounded and ((ratio is not None and unloaded) or computed):
         with suppress(AsperityError):  # at the end of its bar the curve may not reach the preload
-            bars = _change(law, [law_on(member) for member in chosen.sides()], t)
+            bars = bar_of(
+                choice.law, lambda side: _columns(law if side is choice.law else law_on(_points(side, choice)), t)
+            )
     if computed and bars is not None:  # the mesh of the solid, of which only the curve gives an estimate
         ours, theirs = (np.array([[path.loop()[k] for k in WITH_ERRORS] for path in of]) for of in (computed, paths))
         bars = bars + np.abs(ours - theirs).T
-    elif bars is not None and isinstance(choice.law, TableLaw):
+    elif bars is not None and isinstance(choice.law, CurveLaw):
         mean = 0.0 if area is None else law.preload / (patch * float(area(np.array([law.preload]))[0]))
         slopes = np.array(STEEP_YIELDED if choice.yielded else STEEP) * mean / material.reduced_modulus
         of_u, of_energy = material.nu * np.array(METHOD) + slopes
@@ -240,6 +238,13 @@ def slip_of_case(
     if solid.get("hardening", "isotropic") in ("isotropic", 0) or not CurveColumns.of(curve).yielded(found.law.preload):
         return found
     return replace(found, notes=(*found.notes, KINEMATIC))
+
+
+def _points(side: Law, choice: Choice) -> CurveLaw:
+    """A side of a law through points as points."""
+    z = choice.law.knots
+    F, k = side.force(z), side.slope(z)
+    return CurveLaw(z[F > 0.0], F[F > 0.0], k=k[F > 0.0])
 
 
 def _columns(law: SlipLaw, t: Array) -> Array:

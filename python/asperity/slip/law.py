@@ -23,10 +23,10 @@ from numpy.typing import ArrayLike
 
 from asperity.arrays import Array
 from asperity.errors import InputError
-from asperity.force_law.checks import positive
-from asperity.force_law.law import Law
 from asperity.runtime.display import short_repr
 from asperity.slip.jenkins import JenkinsArray
+from asperity.vibration.checks import positive
+from asperity.vibration.law import Law
 
 AS_STIFF = (
     "the normal curve is as stiff as the block: its contact is complete, or nearly, and no slip follows from it; "
@@ -98,7 +98,7 @@ class SlipLaw:
 
     def k_tangent(self, t: ArrayLike) -> Array:
         """DT/du of the first loading at shares `t` in [0, 1) of the limit (force/length)."""
-        slope = self.normal.both(self._approach(t))[1]
+        slope = self.normal.slope(self._approach(t))
         return np.asarray(1.0 / (compliance_ratio(self.nu) * (1.0 / slope - self.block[0]) + self.block[1]))
 
     def k_secant(self, t: ArrayLike) -> Array:

@@ -1,0 +1,157 @@
+"""Equation of motion of a mass on a contact, u'' + 2 zeta g(u) u' + f(u) = F^ cos(Omega tau).
+
+The displacement u = (z - z_s)/z_s is positive in compression, and contact is lost at u = -1.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from asperity.arrays import Array
+from asperity.errors import InputError
+from asperity.runtime.display import short_repr
+from asperity.vibration.damping import Damping, LoopDamping
+from asperity.vibration.law import Law
+
+TURN = 2.0 * np.pi
+_SMALLEST = 1e-75  # of the static deflection, whose cube must not underflow
+_RAMP = 1e-3  # of u, from separation, over which a damper in contact begins to act
+_BENT = 2.0  # change of the second derivative of f at a knot from where the mesh of an orbit has a node there
+_BESIDE = 1e-4  # distance in u at which that change is measured
+
+
+@dataclass(frozen=True)
+class Restoring:
+    """Normal form of a law about a preload: the restoring force f(u) with f(0) = 0, f'(0) = 1.
+
+    Attributes:
+        law: static law
+        load: preload W (force)
+        z_s: static deflection (length)
+        scale: z_s F'(z_s) (force); F^ = F / scale
+        n_loc: local exponent, scale / W
+        a2, a3: coefficients of f = u + a2 u^2 + a3 u^3 + ...
+        kappa: backbone curvature, omega/omega_s = 1 + kappa a^2
+
+    Raises:
+        InputError: load or static deflection beyond floating-point range, or stiffness not positive
+        RangeError: the law does not reach the load
+    """
+
+    law: Law
+    load: float
+    z_s: float = field(init=False)
+    scale: float = field(init=False)
+    n_loc: float = field(init=False)
+    a2: float = field(init=False)
+    a3: float = field(init=False)
+    kappa: float = field(init=False)
+
+    __repr__ = short_repr
+
+    def __post_init__(self) -> None:
+        z = self.law.deflection(self.load)
+        if not all(_SMALLEST < value < 1.0 / _SMALLEST for value in (z, self.load)):
+            raise InputError(
+                f"the static deflection is {z:g} under load = {self.load:g}, beyond floating-point range: both must "
+                f"lie between {_SMALLEST:g} and {1.0 / _SMALLEST:g}; choose another load or other units"
+            )
+        p1, p2, p3 = self.law.derivatives(z)
+        if not p1 > 0:
+            raise InputError(f"the law has stiffness {p1:g} at the operating point; it must be positive")
+        values = (z, z * p1, z * p1 / self.load, z * p2 / (2 * p1), z * z * p3 / (6 * p1), self.law.kappa(z))
+        for name, value in zip(("z_s", "scale", "n_loc", "a2", "a3", "kappa"), values, strict=True):
+            object.__setattr__(self, name, float(value))
+
+    @property
+    def contact(self) -> bool:
+        """Whether contact is lost at u = -1."""
+        return self.law.contact
+
+    @property
+    def known_to(self) -> float:
+        """Displacement up to which the law is known; motion beyond it is on a continuation."""
+        return self.law.known_to / self.z_s - 1.0
+
+    @property
+    def model(self) -> str:
+        """ "exact" or "taylor"."""
+        return "exact" if self.contact else "taylor"
+
+    def f(self, u: ArrayLike) -> Array:
+        """Restoring force f(u), same shape as `u`."""
+        return (self.law.force(self.z_s * (1.0 + np.asarray(u, float))) - self.load) / self.scale
+
+    def slope(self, u: ArrayLike) -> Array:
+        """Derivative f'(u), same shape as `u`."""
+        return self.law.slope(self.z_s * (1.0 + np.asarray(u, float))) * (self.z_s / self.scale)
+
+    @cached_property
+    def corners(self) -> Array:
+        """Displacements at which f is not smooth, rising: contact loss, and knots at which its slope bends sharply."""
+        knots = np.asarray(self.law.knots, float) / self.z_s - 1.0
+        knots = knots[knots > _BESIDE - 1.0]
+        before, at, after = (self.slope(knots + side) for side in (-_BESIDE, 0.0, _BESIDE))
+        sharp = knots[~(np.abs(after - 2.0 * at + before) < _BENT * _BESIDE)]
+        return np.append(-1.0, sharp) if self.contact else sharp
+
+
+@dataclass(frozen=True)
+class Equation:
+    """Restoring force and damping.
+
+    Attributes:
+        restoring: normal form of the law
+        zeta: damping ratio of small motion
+        damping: damping model, see `asperity.vibration.damping`
+    """
+
+    restoring: Restoring
+    zeta: float
+    damping: Damping = "always"
+
+    def rate(self, u: Array, f: Array) -> Array:
+        """Damping factor g at displacements and their restoring forces, same shape as `u`."""
+        if self.damping == "always":
+            return np.ones_like(u)
+        if self.damping == "hunt-crossley":
+            return 1.0 + self.restoring.n_loc * f
+        g = np.clip((1.0 + u) / _RAMP, 0.0, 1.0)
+        if isinstance(self.damping, LoopDamping):
+            g = g * (1.0 + self.damping.coefficient(self.restoring.z_s * np.abs(u)) / self.damping.background)
+        return g
+
+    def terms(self, u: Array) -> tuple[Array, Array, Array, Array]:
+        """The restoring force f, f', the damping factor g and g' at displacements, each of the shape of `u`."""
+        f, slope = self.restoring.f(u), self.restoring.slope(u)
+        g = self.rate(u, f)
+        if self.damping == "always":
+            return f, slope, g, np.zeros_like(u)
+        if self.damping == "hunt-crossley":
+            return f, slope, g, self.restoring.n_loc * slope
+        d = 1e-6
+        return f, slope, g, (self.rate(u + d, f) - self.rate(u - d, f)) / (2.0 * d)
+
+    @cached_property
+    def corners(self) -> Array:
+        """Displacements at which f or g is not smooth, rising."""
+        more = [] if self.damping in ("always", "hunt-crossley") else [_RAMP - 1.0]
+        if isinstance(self.damping, LoopDamping):
+            at = np.array(self.damping.deflection) / self.restoring.z_s
+            more += [*-at[at < 1.0], 0.0, *at]
+        return np.union1d(self.restoring.corners, more)
+
+    def acceleration(self) -> Callable[[float, float], float]:
+        """Function for the acceleration without forcing, -f - 2 zeta g v, at a displacement and a speed."""
+
+        def acceleration(u: float, v: float) -> float:
+            at = np.array([u])
+            f = self.restoring.f(at)
+            return -float(f[0]) - 2.0 * self.zeta * float(self.rate(at, f)[0]) * v
+
+        return acceleration

@@ -1,0 +1,212 @@
+"""A mass on a contact: entry point of the vibration analysis."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from asperity.errors import AsperityWarning, InputError, RangeError, warn
+from asperity.runtime.display import short_repr
+from asperity.vibration import free as _free
+from asperity.vibration.checks import one_of, positive, positives, within
+from asperity.vibration.damping import Damping, check_damping
+from asperity.vibration.equation import Equation, Restoring
+from asperity.vibration.free import FreeVibration, Thresholds, contact_limit, free_orbits, largest_amplitude
+from asperity.vibration.law import Law, TaylorLaw
+from asperity.vibration.motion import Trajectory, course, integrate
+from asperity.vibration.response import FrequencyResponse, frequency_response
+from asperity.vibration.settings import EXCITATIONS, FORCING, OMEGA, SHAPES, ZETA, Setting, forcings, window
+
+GRAVITY = 9.80665  # m/s^2
+
+
+@dataclass(frozen=True)
+class ContactOscillator:
+    """A rigid mass pressed on a contact by its weight, with damping, under harmonic forcing.
+
+    The displacement is u = (z - z_s)/z_s > 0 in compression, and contact is lost at u = -1; time is in units of
+    1/omega_s, forcing is F^ = F/(n_loc W). See `asperity.vibration.equation`. Where the base moves, by b, z is the
+    approach, so u is relative to the base; the mass moves by u + b/z_s.
+
+    Attributes:
+        law: static law, force over approach
+        load: preload W = m g (force); by default half of the largest force of a table, or the force at z = 1 of
+            another law
+        zeta: damping ratio of small motion, >= 0
+        damping: "always", "contact", "hunt-crossley", or a `LoopDamping` (see `asperity.vibration.damping`)
+        gravity: gravitational acceleration (length/time^2) in the units of the law; default 9.80665 (SI). None if
+            unknown: mass and omega_s are then NaN.
+        restoring: normal form of the law (derived)
+
+    Raises:
+        InputError: a parameter is out of range
+        RangeError: the law does not reach the load
+
+    Examples:
+        >>> oscillator = asp.ContactOscillator(asp.PowerLaw(1.5, K=1e9), load=10.0, zeta=0.02)
+        >>> print(f"m = {oscillator.mass:.4f} kg, omega_s = {oscillator.omega_s:.1f} rad/s")
+        m = 1.0197 kg, omega_s = 1780.2 rad/s
+        >>> onset = oscillator.thresholds(0.05)
+        >>> print(f"{onset.u_max:.4f}", onset.softening, f"{onset.contact_loss:.4f}, {onset.peaks[0]['Omega']:.4f}")
+        0.8420 softening 0.0355, 0.8559
+        >>> path = oscillator.simulate(0.9, 0.05, u=0.1, periods=2)
+        >>> print(f"{path.u.max():.4f}")
+        0.1914
+    """
+
+    law: Law
+    load: float | None = None
+    zeta: float = 0.01
+    damping: Damping = "always"
+    gravity: float | None = GRAVITY
+    restoring: Restoring = field(init=False, repr=False)
+
+    __repr__ = short_repr
+
+    def __post_init__(self) -> None:
+        if not isinstance(self.law, Law):
+            raise InputError(f"law must be a contact law (PowerLaw, TableLaw, ...), got {type(self.law).__name__}")
+        positive("zeta", self.zeta, zero=True)
+        if self.zeta >= 1:
+            raise InputError(f"zeta = {self.zeta:g} is not legal: it must be below 1")
+        object.__setattr__(self, "damping", check_damping(self.damping, self.zeta))
+        if self.gravity is not None:
+            positive("gravity", self.gravity)
+        load = positive("load", self.law.default_load if self.load is None else self.load)
+        object.__setattr__(self, "load", load)
+        object.__setattr__(self, "restoring", Restoring(self.law, load))
+        if self.restoring.known_to < -1e-9:
+            end = float(self.law.force(self.law.known_to))
+            raise RangeError(
+                f"load = {load:g} lies outside the law, which ends at force {end:g}; lower the load, or compute the "
+                "curve further"
+            )
+        for doubt in self.law.doubts(self.restoring.load):
+            warn(doubt, AsperityWarning)
+
+    @property
+    def model(self) -> str:
+        """ "exact" or "taylor"."""
+        return self.restoring.model
+
+    @property
+    def mass(self) -> float:
+        """Mass W/g (mass); NaN without gravity."""
+        return self.restoring.load / (np.nan if self.gravity is None else self.gravity)
+
+    @property
+    def omega_s(self) -> float:
+        """Natural frequency of small motion sqrt(n_loc g/z_s) (rad/time); NaN without gravity."""
+        return float(np.sqrt(self.restoring.scale / self.restoring.z_s / self.mass))
+
+    @property
+    def u_max(self) -> float:
+        """Largest release amplitude that keeps contact."""
+        return contact_limit(self.restoring)
+
+    def taylor(self) -> ContactOscillator:
+        """Same oscillator with its law truncated after the cubic term."""
+        return replace(self, law=TaylorLaw.about(self.law, self.restoring.load), load=self.restoring.load)
+
+    def free(self, u0: ArrayLike | None = None) -> FreeVibration:
+        """Natural frequency over the release displacement u0 > 0, to 1e-12 for smooth laws.
+
+        By default 120 of them up to 1.5 u_max. An orbit that passes the rim of the Taylor well is a `RangeError`.
+        """
+        if u0 is None:
+            top = min(1.5 * self.u_max if np.isfinite(self.u_max) else 1.5, largest_amplitude(self.restoring))
+            u0 = np.linspace(top / 120, top, 120)
+        r, orbits = self.restoring, free_orbits(self.restoring, u0, self.damping)
+        valid = tuple(r.contact or o.u_min >= -1.0 for o in orbits)
+        tolerance = max(o.error for o in orbits)
+        return FreeVibration(r.model, self.law.describe(), r.n_loc, r.kappa, self.omega_s, orbits, valid, tolerance)
+
+    def thresholds(self, forcing: float | Iterable[float] = (), excitation: str = "force") -> Thresholds:
+        """Onsets of contact loss, hysteresis and period doubling as F^, and the peak for each value of `forcing`."""
+        values = () if isinstance(forcing, Sequence) and not forcing else forcings(forcing)
+        return _free.thresholds(self.equation, [self.setting(value, excitation) for value in values])
+
+    def response(
+        self,
+        forcing: float,
+        omega: Sequence[float] = (0.5, 1.3),
+        *,
+        excitation: str = "force",
+        tol: float = 1e-5,
+    ) -> FrequencyResponse:
+        """The main branch of periodic orbits in a window of frequencies, stable and unstable, with its bifurcations.
+
+        Args:
+            forcing: F^ = F/(n_loc W), 1e-9 to 1e6; of the base see `excitation`
+            excitation: "force" on the mass; "base": the base moves by b = forcing z_s cos(omega t), which acts on the
+                approach like F^ = forcing Omega^2; "acceleration": its acceleration is forcing z_s omega_s^2 at any
+                Omega, which acts like F^ = forcing
+            omega: lowest and highest Omega, 0.01 to 100
+            tol: allowed error of the orbits, relative to the amplitude
+
+        Raises:
+            ConvergenceError: no orbit is found
+            InputError: an argument is not legal, or zeta is below 1e-4
+        """
+        within("zeta of forced motion", self.zeta, ZETA)
+        setting = self.setting(within("forcing", forcing, FORCING), excitation)
+        return frequency_response(self.equation, setting, window(omega), positive("tol", tol))
+
+    def simulate(
+        self,
+        omega: float | Sequence[float],
+        forcing: float,
+        *,
+        shape: str = "harmonic",
+        u: float = 0.0,
+        v: float = 0.0,
+        periods: float = 50.0,
+        samples: float = 64,
+        rtol: float = 1e-10,
+    ) -> Trajectory:
+        """Motion in time from the state u, v = du/dtau, with each separation and landing located.
+
+        Args:
+            omega: Omega (with forcing = 0, or a step: the unit of `periods` only), of a chirp both ends
+            forcing: F^, may be 0; for a base that accelerates by b'', b'' over -z_s omega_s^2
+            shape: "harmonic", cos(Omega tau); "step", constant; "half-sine", sin(Omega tau) for half a period; "chirp",
+                whose frequency changes evenly over the motion
+            u, v: initial state
+            periods, samples: length in periods of (the first) Omega, and output points in each
+            rtol: tolerance of the integrator
+
+        Raises:
+            RangeError: the motion escapes from a Taylor well
+        """
+        one_of("shape", shape, SHAPES)
+        ends = [within("omega", value, OMEGA) for value in positives("omega", omega)]
+        if len(ends) != (2 if shape == "chirp" else 1):
+            raise InputError(f"omega = {ends} is not legal: a chirp has two frequencies, another excitation one")
+        w, f = ends[0], within("forcing", forcing, FORCING) if forcing != 0 else 0.0
+        if not np.isfinite([u, v]).all():
+            raise InputError(f"the initial state u = {u}, v = {v} is not legal: it must be finite")
+        period = 2.0 * np.pi / w
+        duration = positive("periods", periods) * period
+        force, corners = course(shape, f, (w, ends[-1]), duration)
+        samples = positive("samples", samples, zero=True)
+        path = integrate(
+            self.equation, force, float(u), float(v), duration, rtol=positive("rtol", rtol), samples=samples / period,
+            max_step=min(0.25, np.pi / max(ends) / 8.0), corners=corners,
+        )  # fmt: skip
+        low = float(path.u.min())
+        return replace(path, setting=self.setting(f), tolerance=rtol, valid=self.restoring.contact or low >= -1.0)
+
+    @cached_property
+    def equation(self) -> Equation:
+        """Equation of motion."""
+        return Equation(self.restoring, self.zeta, self.damping)
+
+    def setting(self, forcing: float, excitation: str = "force") -> Setting:
+        """Law, damping and forcing of a result."""
+        one_of("excitation", excitation, EXCITATIONS)
+        r, law = self.restoring, self.law.describe()
+        return Setting(self.model, law, r.n_loc, self.zeta, str(self.damping), float(forcing), excitation)

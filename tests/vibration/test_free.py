@@ -1,0 +1,153 @@
+"""Free vibration: closed forms, published values, direct integration, grazing, refusals."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+from scipy.special import beta
+
+from asperity.errors import ConvergenceError, RangeError
+from asperity.vibration.free import free_orbits
+from asperity.vibration.law import CurveLaw, PowerLaw
+from asperity.vibration.oscillator import ContactOscillator
+
+
+def omega_loss(n: float) -> float:
+    return 2 * np.pi / (np.sqrt(2 / n) * (n + 1) ** (1 / (2 * n)) * beta(1 / (2 * n), 0.5))
+
+
+# by round-off the orbit of 1.138, 1.793 or 2.314 turns just beyond the end of contact
+@pytest.mark.parametrize("n", [0.6, 1.0, 1.01, 1.138, 1.5, 1.793, 2.314, 4.0])
+def test_contact_loss_limit(n: float) -> None:
+    o = ContactOscillator(PowerLaw(n))
+    limit = (n + 1) ** (1 / n) - 1
+    assert o.u_max == pytest.approx(limit, rel=1e-12)
+    assert o.free(limit).omega_ratio[0] == pytest.approx(omega_loss(n), rel=1e-11)
+    assert o.thresholds().omega_loss == pytest.approx(omega_loss(n), rel=1e-11)
+
+
+@pytest.mark.parametrize("n", [1.5, 2.5])
+def test_grazing_from_both_sides(n: float) -> None:
+    limit = (n + 1) ** (1 / n) - 1
+    below, above = ContactOscillator(PowerLaw(n)).free([limit - 1e-10, limit + 1e-10]).orbits
+    assert below.v_s == 0.0 < above.v_s
+    # the frequency is smooth through grazing: its slope bounds the difference
+    assert (below.omega, above.omega) == pytest.approx((omega_loss(n), omega_loss(n)), abs=3e-10)
+    assert below.omega > above.omega
+
+
+@pytest.mark.parametrize(
+    ("n", "published"),
+    [
+        (1.5, (0.999575, 0.998259, 0.995960, 0.992540, 0.987785, 0.981349)),
+        (2.0, (0.998920, 0.995498, 0.989370, 0.980003, 0.966582, 0.947782)),
+    ],
+)
+def test_published_frequencies(n: float, published: tuple[float, ...]) -> None:
+    found = ContactOscillator(PowerLaw(n)).free(np.arange(1, 7) / 10).omega_ratio
+    np.testing.assert_allclose(found, published, atol=5e-7)
+
+
+@pytest.mark.parametrize(("n", "u0"), [(0.8, 0.5), (1.5, 2.0), (2.0, 5.0)])
+def test_period_and_harmonic_against_time_integration(n: float, u0: float) -> None:
+    def field(t, y):
+        s = max(1 + y[0], 0.0)
+        return [y[1], -(s**n - 1) / n, y[1] ** 2]
+
+    def separate(t, y):
+        return y[0] + 1
+
+    def top(t, y):
+        return y[1] if t > 1e-6 else 1.0
+
+    events: list[Any] = [separate, top]
+    events[0].terminal = events[1].terminal = True
+    events[1].direction = 1.0
+    t, y = 0.0, [u0, 0.0, 0.0]
+    while True:  # integrate piecewise, so that no step straddles contact loss
+        run = solve_ivp(field, (t, 200.0), y, method="DOP853", rtol=1e-13, atol=1e-15, events=events, max_step=0.1)
+        t, y = run.t[-1], run.y[:, -1]
+        if run.t_events[1].size:
+            break
+        y[0] += np.sign(y[1]) * 1e-15
+    (orbit,) = free_orbits(ContactOscillator(PowerLaw(n)).restoring, u0)
+    assert orbit.omega == pytest.approx(np.pi / t, rel=1e-10)
+    assert orbit.u_min == pytest.approx(y[0], rel=1e-9)
+    assert orbit.dissipation == pytest.approx(2 * y[2], rel=1e-9)
+
+
+def test_small_amplitude_follows_kappa() -> None:
+    for n in (0.7, 1.5, 3.0):
+        o = ContactOscillator(PowerLaw(n))
+        a = 1e-3
+        assert (o.free(a).omega_ratio[0] - 1) / a**2 == pytest.approx(o.restoring.kappa, rel=2e-3)
+
+
+def test_linear_contact_has_the_closed_form_with_flight() -> None:
+    u0 = 2.0  # half a cosine cut at u = -1, then a parabola
+    time = 2 * np.arccos(-1 / u0) + 2 * np.sqrt(u0**2 - 1)
+    assert ContactOscillator(PowerLaw(1.0)).free(u0).omega_ratio[0] == pytest.approx(2 * np.pi / time, rel=1e-12)
+
+
+@pytest.mark.parametrize("curvature", [0.0, 1e-12, 1e-7])
+def test_a_curve_whose_points_lie_at_the_turning_points_is_integrated(curvature: float) -> None:
+    z = np.linspace(0.0, 1.0, 41)  # a linear spring turns at a point of the table for each of these amplitudes
+    found = ContactOscillator(CurveLaw(z, z * (1.0 + curvature * z)), load=0.5).free(np.arange(1, 40) / 40)
+    np.testing.assert_allclose(found.omega_ratio, 1.0, atol=1e-11 + 0.1 * curvature)
+
+
+def test_taylor_is_marked_unphysical_and_refused_beyond_the_rim() -> None:
+    o = ContactOscillator(PowerLaw(1.5)).taylor()
+    found = o.free([0.5, 1.2])
+    assert found.valid == (True, False)
+    with pytest.raises(RangeError, match="rim"):
+        o.free(1.7)
+    inside = o.free()  # the default
+    assert inside.u0[-1] < 1.7 and np.isfinite(inside.omega_ratio).all()
+
+
+def test_false_hardening_of_the_truncated_law() -> None:
+    o = ContactOscillator(PowerLaw(3.5))
+    assert o.free(3.0).omega_ratio < 1 < o.taylor().free(3.0).omega_ratio
+
+
+def test_a_law_whose_stiffness_is_infinite_at_contact_loss() -> None:
+    """By the time integration of half a period, with the separation located."""
+    o = ContactOscillator(PowerLaw(0.25), zeta=0.0)
+    path = o.simulate(float(o.free(3.0).omega_ratio[0]), 0.0, u=3.0, periods=1.0)
+    np.testing.assert_allclose([path.u[-1], path.v[-1]], [3.0, 0.0], atol=1e-8)
+
+
+def test_the_period_of_a_curve_with_a_knot_beside_the_preload() -> None:
+    table = json.loads((Path(__file__).parent / "tables.json").read_text(encoding="utf-8"))["knot beside the preload"]
+    o = ContactOscillator(CurveLaw(table["z"], table["F"], k=table.get("k")), load=table["load"], zeta=0.01)
+    omega = float(o.free([table["u0"]]).omega_ratio[0])
+    assert omega == pytest.approx(table["own_omega"], rel=1e-9)
+
+    def field(t: float, y: np.ndarray) -> list[float]:
+        return [y[1], -float(o.restoring.f(y[:1])[0])]
+
+    run = solve_ivp(
+        field, (0, np.pi / omega), [table["u0"], 0.0], method="DOP853", rtol=1e-12, atol=1e-15, max_step=0.01
+    )
+    assert abs(run.y[1, -1]) < 1e-9 * table["u0"]  # at rest again
+
+
+def test_a_flight_far_longer_than_the_contact_is_integrated() -> None:
+    """Beyond its points a table may be so stiff that contact lasts 1e-11 of the period: the speed is that of energy."""
+    z = np.linspace(0.05, 2.0, 40)
+    o = ContactOscillator(CurveLaw(z, z**1.5 + 18.0 * np.maximum(z - 0.94, 0.0) ** 3), load=13.2, damping="contact")
+    (orbit,) = o.free([205.5]).orbits
+    r = o.restoring
+    stored = float(r.law.potential(206.5 * r.z_s)) / (r.scale * r.z_s) - 206.5 / r.n_loc
+    assert orbit.v_s == pytest.approx(np.sqrt(2.0 * stored), rel=1e-6) and orbit.v_s > 1e6
+
+
+def test_an_amplitude_in_the_round_off_of_the_force_is_refused() -> None:
+    with pytest.raises(ConvergenceError, match="lost in round-off"):
+        ContactOscillator(PowerLaw(1.5)).free(1e-14)
