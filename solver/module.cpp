@@ -102,8 +102,8 @@ void bind_linear(nb::module_& m)
 void bind_size_field(nb::module_& m)
 {
   nb::class_<SizeField>(m, "SizeField")
-      .def(nb::init<Array<const double>, Array<const double>, std::array<double, 3>, double, double, bool>(),
-           "sizes"_a, "distances"_a, "window"_a, "growth"_a, "h_max"_a, "periodic"_a)
+      .def(nb::init<Array<const double>, Array<const double>, std::array<double, 3>, double, double, double, bool>(),
+           "sizes"_a, "distances"_a, "window"_a, "growth"_a, "layer"_a, "h_max"_a, "periodic"_a)
       .def("at", &SizeField::at, "x"_a, "y"_a, "depth"_a);
 }
 } // namespace

@@ -5,8 +5,9 @@
 namespace asperity
 {
 SizeField::SizeField(const Array<const double>& sizes, const Array<const double>& distances,
-                     std::array<double, 3> window, double growth, double h_max, bool periodic)
-    : sizes_(sizes), distances_(distances), window_(window), growth_(growth), h_max_(h_max), periodic_(periodic)
+                     std::array<double, 3> window, double growth, double layer, double h_max, bool periodic)
+    : sizes_(sizes), distances_(distances), window_(window), growth_(growth), layer_(layer), h_max_(h_max),
+      periodic_(periodic)
 {
   expect("sizes", sizes, {at_least(1)});
   expect("distances", distances, {at_least(2), at_least(2), sizes.shape(0)});
@@ -34,8 +35,9 @@ double SizeField::at(double x, double y, double depth) const
   double size = h_max_;
   for (std::size_t k = 0; k < levels; ++k)
   {
-    const double d = nearest[k] + beyond;
-    size = std::min(size, sizes_.data()[k] + growth_ * std::sqrt(d * d + depth * depth));
+    const double own = sizes_.data()[k], d = nearest[k] + beyond;
+    const double farther = std::max(std::sqrt(d * d + depth * depth) - layer_ * own, 0.0);
+    size = std::min(size, own + growth_ * farther);
   }
   return size;
 }

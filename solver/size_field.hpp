@@ -13,7 +13,7 @@ class SizeField
 public:
   /// sizes (K,), distances (n, n, K), window x0, y0 and side: as in Python, all in units of L.
   SizeField(const Array<const double>& sizes, const Array<const double>& distances, std::array<double, 3> window,
-            double growth, double h_max, bool periodic);
+            double growth, double layer, double h_max, bool periodic);
 
   /// Size at a point `depth` below the mean plane of the top.
   double at(double x, double y, double depth) const;
@@ -21,7 +21,7 @@ public:
 private:
   Array<const double> sizes_, distances_;
   std::array<double, 3> window_;
-  double growth_, h_max_;
+  double growth_, layer_, h_max_;
   bool periodic_;
 };
 } // namespace asperity

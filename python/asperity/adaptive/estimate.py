@@ -16,6 +16,7 @@ from asperity.adaptive.extrapolation import FLOWING
 from asperity.adaptive.guide import Guide, approach_of_force, guide_of, planned_steps
 from asperity.adaptive.mesh_plan import (
     AREA_ORDER,
+    FIRST,
     LEAST_STEP,
     MARGIN,
     MOST_SUBSTEPS,
@@ -43,7 +44,7 @@ if TYPE_CHECKING:
     from asperity.surface import Surface
 
 MOST_DOFS = 1e8  # that are counted
-TYPICAL_BAR = 0.0235  # relative, that two meshes of the scales RATIO and 1 give at the worst step
+TYPICAL_BAR = 0.018  # relative, of a mesh of scale 1 and one RATIO times coarser at the worst step
 #: Memory of a rank without a mesh, what the first has beside it, and a cell of its half-space [bytes].
 BASE, ROOT, PER_CELL = 180e6, 120e6, 250.0
 
@@ -213,7 +214,7 @@ def _plan(
     problem = replace(problem, load_path=replace(problem.load_path, steps=planned))
     family = MeshFamily(problem, guide)
     first, coarse = family.first(most)
-    scale, dofs = family.finest(min(1.0, first / RATIO), first, most)
+    scale, dofs = family.finest(min(FIRST, first) / RATIO, first, most)
     small = None
     if coarse > most:
         small = f"a coarse mesh of this block has about {coarse} dofs: raise it"

@@ -6,7 +6,7 @@ the error of the load steps, of the waves that a mesh leaves out, and of the equ
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, fields, replace
 from math import inf
 from typing import Any
@@ -15,9 +15,10 @@ import numpy as np
 from scipy.interpolate import PchipInterpolator
 
 from asperity.adaptive.guide import REACH, Omission
-from asperity.adaptive.mesh_plan import AREA_ORDER, shares
+from asperity.adaptive.mesh_plan import GAP_ORDERS, MESH_ORDERS, shares
 from asperity.arrays import Array, Flags, Floats
 from asperity.curve import WITH_ERRORS, Curve
+from asperity.curve.curve import EDGE
 from asperity.curve.slope import SINGLE_CONTACT, legs, slopes
 from asperity.errors import InputError
 
@@ -25,7 +26,10 @@ from asperity.errors import InputError
 # 2 of twelve single spots, each at another place of the block. In a solid that yields the force is that of a full
 # indentation, its pressure times the area, and deviates by half of the open area, the deviation of the area
 SCATTER, FLOWING = 0.12, 0.5
-STEEPEST = 2.0  # power of the force that a column is moved by: where the corrected force stands still there is none
+NEIGHBOURS = 2 * REACH + 1  # steps that are averaged
+ALIKE = 2.0  # neighbouring steps that place the edge of the contact alike
+TINY = 1e-300  # P* below which there is no logarithm
+MEASURES = ("area_fraction", *(name for name in WITH_ERRORS if name != "k_n"))  # of the contact, functions of the force
 
 
 @dataclass(frozen=True)
@@ -91,7 +95,7 @@ def without_omission(curve: Curve, missed: Omission, compliance: float) -> Curve
     force, area, _ = missed.at(curve.delta_star[loading])
     area = area[rows_of_loading(loading)]
     areas, error = (column * (1.0 + 0.5 * area) for column in (curve.area_fraction, curve.error_area_fraction))
-    error = error + other_half(area) * areas
+    error = np.hypot(error, other_half(area) * areas)
     pressure = np.divide(curve.mean_pressure, 1.0 + 0.5 * area)
     corrected = replace(curve, area_fraction=areas, error_area_fraction=error, mean_pressure=pressure)
     corrected = scaled(corrected, 1.0 + 0.5 * force)
@@ -109,10 +113,9 @@ def correct(
 ) -> tuple[Curve, Budget]:  # fmt: skip
     """Extrapolated curve of the finer of two meshes with its error bars.
 
-    Later branches start from the end of the first loading: their bars keep its size. The mean plane of a block sinks by
-    the approach less the compression, which the force gives: the gap has its error, and what flow, free sides or slopes
-    add is that of the finer mesh, with its change from mesh to mesh as a bar. A stiffness follows the size of the
-    spots, whose edges cut the facets at random. The slope k_n is that of the corrected force, see `slope_bar`.
+    The force is extrapolated at the approach. Area, mean gap and stiffnesses are functions of the force: the meshes are
+    compared at the same force, where they do not have the error of the force. Later branches start from the end of the
+    first loading: their bars keep its size. The slope k_n is that of the corrected force, see `slope_bar`.
 
     Args:
         fine, coarse: the meshes
@@ -122,49 +125,101 @@ def correct(
         compliance: see `without_omission`
         flows: whether the solid yields
     """
-    mesh, other, ratio = fine.curve, coarse.curve, coarse.scale / fine.scale
+    mesh, ratio = fine.curve, coarse.scale / fine.scale
     loading = mesh.branch == "load"
     at, rows = mesh.delta_star[loading], rows_of_loading(loading)
-    before = other.loading()
     *_, singular = fine.missed.at(at)
-    part, _ = shares(ratio, singular)
+    judged = judged[loading]
 
-    def of_limit(error: Callable[[PressedMesh], Floats]) -> Floats:
+    def of_limit(error: Callable[[PressedMesh], Floats], weight: Floats) -> Floats:
         """What independent errors of both meshes make of the limit."""
-        return np.hypot((1.0 + part) * error(fine), part * error(coarse))
+        return np.hypot((1.0 + weight) * error(fine), weight * error(coarse))
 
-    factor, spread = limit_of_meshes(loading_force(other, at), mesh.P_star[loading], ratio, singular, judged[loading])
-    scatter = (FLOWING if flows else SCATTER) * of_limit(lambda one: _open_area(one.curve, at))
-    bars = [np.hypot(spread, scatter), of_limit(lambda one: other_half(one.missed.at(at)[0])), path(at)]
-    area = mesh.area_fraction[loading]
-    change = np.interp(at, before.delta_star, before.area_fraction) - area
-    change = np.divide(change, area, out=np.zeros(len(at)), where=area > 0.0)
-    left = _by_parts(steady, change / (ratio**AREA_ORDER - 1.0), judged[loading])
-    curve = replace(scaled(mesh, factor), error_area_fraction=mesh.error_area_fraction + (left * area)[rows])
+    def open_area(one: PressedMesh) -> Floats:
+        return _open_area(one.curve, at)
+
+    force = loading_force(coarse.curve, at)
+    factor, spread = limit_of_meshes(force, mesh.P_star[loading], ratio, singular, judged)
+    part, _ = shares(ratio, singular)
+    scatter = (FLOWING if flows else SCATTER) * of_limit(open_area, part)
+    rough = of_limit(lambda one: other_half(one.missed.at(at)[0]), part)
+    bars = [np.hypot(spread, scatter), rough, path(at)]
+    curve = scaled(mesh, factor)
     P = np.where(loading, curve.P_star, curve.P_star[loading][-1])
-    mesh_bar, rough_bar, path_bar = (bar[rows] * P for bar in bars)
-    budget = Budget(mesh_bar, rough_bar, path_bar, algebraic * P)
-
-    def beside(curve: Curve) -> Floats:
-        """Mean gap along the loading without what approach and compression make of it: one value in a linear solid."""
-        gap = curve.mean_gap + curve.delta - compliance * curve.P_star
-        return np.interp(at, curve.loading().delta_star, gap[curve.branch == "load"])
-
-    edges = _open_area(curve, at)
-    columns: dict[str, Any] = {"error_P_star": budget.total, "error_k_n": slope_bar(curve, budget, edges[rows])}
-    columns["mean_gap"] = curve.mean_gap + compliance * (curve.P_star - mesh.P_star)
-    columns["error_mean_gap"] = compliance * budget.total + steady(beside(mesh) - beside(other))[rows]
-    rest = relative(budget.apart_from_mesh(), curve.P_star, 0.0)
-    before = before.where(before.P_star > 0.0)
-    for name in (name for name in WITH_ERRORS if f"error_{name}" not in columns):
-        value, coarser = getattr(curve, name), np.interp(at, before.delta_star, getattr(before, name))
-        if np.isnan(coarser).any() or not np.nanmax(value[loading], initial=0.0) > 0.0:
+    budget = Budget(*(bar[rows] * P for bar in bars), algebraic * P)
+    columns: dict[str, Any] = {"error_P_star": budget.total}
+    for name in MEASURES:
+        coarser, finer = (over_force(one.curve, name, P[loading]) for one in (coarse, fine))
+        if np.isnan(coarser).any() or not np.nanmax(finer, initial=0.0) > 0.0:
             continue
-        factor, bar = limit_of_meshes(coarser, value[loading], ratio, singular)
-        columns[name] = value = value * factor[rows]
-        columns[f"error_{name}"] = ((bar + edges)[rows] + np.where(loading, rest, 0.0)) * value
-        columns[f"error_{name}"] += shifted(curve, budget.total, value)
-    return replace(curve, **columns), budget
+        if name == "area_fraction":
+            edges = [over_force(one.curve, "edge_fraction", P[loading]) for one in (coarse, fine)]
+            chance = [open_area(one) for one in (coarse, fine)]
+            factor, bar = limit_of_area((coarser, finer), edges, chance, judged)
+        else:
+            gap = name == "mean_gap"
+            orders = GAP_ORDERS if gap else MESH_ORDERS
+            factor, bar = limit_of_meshes(coarser, finer, ratio, singular, judged, orders)
+            bar = np.hypot(bar, 0.0 if gap else scatter)
+        before = getattr(mesh, name)
+        limit, bar = factor * finer, (bar * factor * finer)[rows]
+        if name == "mean_gap":  # later branches close the same gap farther on
+            bar = np.hypot(bar, compliance * budget.roughness)
+            columns[name] = before + (limit - before[loading])[rows]
+        else:
+            moved = np.divide(limit, before[loading], out=np.ones(len(limit)), where=before[loading] > 0.0)
+            columns[name] = before * moved[rows]
+        columns[f"error_{name}"] = bar + shifted(curve, budget.total, columns[name])
+        if name == "area_fraction":
+            columns["mean_pressure"] = curve.mean_pressure / moved[rows]
+    curve = replace(curve, **columns)
+    return replace(curve, error_k_n=slope_bar(curve, budget, _open_area(curve, at)[rows])), budget
+
+
+def limit_of_area(
+    areas: Sequence[Floats], edges: Sequence[Floats], chance: Sequence[Floats], judged: Flags
+) -> tuple[Floats, Floats]:
+    """Area of contact at a force over the area on the finer of two meshes, and the relative error bar.
+
+    The nodes place the edge of the contact too far inside or outside by a part of the facets that it crosses. The part
+    is about the same on both meshes and at neighbouring steps, so the areas of both show it: by least squares, with the
+    prior knowledge that two of its standard deviations are EDGE. The bar keeps EDGE, for the part does change, and half
+    of what is corrected.
+
+    Args:
+        areas, edges, chance: of the coarser and the finer mesh at the same forces: area of contact (n,); area of the
+            facets that its edge crosses (n,); error of the area by the random place of the edge, relative (n,)
+        judged: rows that show the part
+
+    Returns:
+        factor (n,), and the bar (n,)
+    """
+    (coarse, fine), (wide, narrow) = areas, edges
+    square = np.sum(np.square([0.5 * error * area for error, area in zip(chance, areas, strict=True)]), axis=0)
+    known = (square > 0.0) & np.isfinite(wide) & np.isfinite(narrow)
+    weight = np.divide(known, ALIKE * square, out=np.zeros(len(fine)), where=known)
+    more, missing = np.nan_to_num(wide - narrow), fine - coarse
+    precision, shown = (_by_parts(_average, weight * more * of, judged) * NEIGHBOURS for of in (more, missing))
+    part = shown / (precision + (2.0 / EDGE) ** 2)
+    left = np.maximum(EDGE, 0.5 * np.abs(part))
+    crossed = np.divide(np.nan_to_num(narrow), fine, out=np.zeros(len(fine)), where=fine > 0.0)
+    factor = np.maximum(1.0 + part * crossed, 0.0)
+    return factor, np.hypot(chance[1], left * crossed)
+
+
+def over_force(curve: Curve, name: str, P_star: Floats) -> Floats:
+    """A measure of the contact along the first loading at given forces P*; NaN where it is known at less than 2 steps.
+
+    Logarithms are interpolated, shape-preserving; beyond the ends the power of the force goes on.
+    """
+    branch, values = curve.loading(), getattr(curve, name)[curve.branch == "load"]
+    known = (branch.P_star > np.maximum.accumulate(np.append(0.0, branch.P_star[:-1]))) & (values > 0.0)
+    if np.count_nonzero(known) < 2:
+        return np.full(len(P_star), np.nan)
+    x, y, at = np.log(branch.P_star[known]), np.log(values[known]), np.log(np.maximum(P_star, TINY))
+    law, inside = PchipInterpolator(x, y), np.clip(at, x[0], x[-1])
+    slope = np.where(at < x[0], (y[1] - y[0]) / (x[1] - x[0]), law(x[-1], 1))
+    return np.asarray(np.exp(law(inside) + slope * (at - inside)))
 
 
 def shifted(curve: Curve, bar: Floats, values: Floats) -> Floats:
@@ -205,19 +260,16 @@ def slope_bar(curve: Curve, budget: Budget, edges: Floats) -> Floats:
     return np.asarray(bar * np.abs(curve.k_n))
 
 
-def at_given_forces(
-    curve: Curve, budget: Budget, raw: Curve, compliance: float, greatest: float
-) -> tuple[Curve, Budget]:
+def at_given_forces(curve: Curve, budget: Budget, raw: Curve, greatest: float) -> tuple[Curve, Budget]:
     """A corrected curve at the forces that were computed, which a load path gives: its approaches are corrected.
 
-    Each column is moved along the loading as the power of the force that it is there, its bar with it; what a change
-    of the exponent from step to step makes of the force is in its bar. Later branches are moved as the end of the first
-    loading.
+    Approach and measures are those of the loading at the other force, see `over_force`, their bars with them; what a
+    change of the exponent from step to step makes of the force is in its bar. Later branches are moved
+    as the end of the first loading.
 
     Args:
         curve, budget: with corrected forces
         raw: the same rows as computed
-        compliance: see `without_omission`
         greatest: force at which the loadings end, each found within a small tolerance [force]
     """
     loading = curve.branch == "load"
@@ -227,28 +279,21 @@ def at_given_forces(
     force[ends], P[ends] = greatest, raw.P_star[ends] * greatest / raw.force[ends]
     touched = (first.P_star > 0.0) & (P[loading] > 0.0)
     factor = np.divide(P[loading], first.P_star, out=np.ones(len(first)), where=touched)
-    rising = first.P_star > (1.0 + 1e-6) * np.maximum.accumulate(np.append(0.0, first.P_star[:-1]))
 
     def moved(name: str) -> Floats:
         """What the other force makes of a column (n,), in all rows."""
-        of, usual = getattr(first, name), 1.0 / SINGLE_CONTACT if name == "delta" else 0.0
-        power, known = np.full(len(first), usual), touched & rising & (of > 0.0)
-        if np.count_nonzero(known) > 1:
-            power[known] = np.gradient(np.log(of[known]), np.log(first.P_star[known]))
-        power[np.abs(power) > STEEPEST] = usual
-        return np.asarray(factor**power)[rows]
+        of, there = getattr(first, name), over_force(first, name, P[loading])
+        known = touched & (of > 0.0) & np.isfinite(there)
+        return np.divide(there, of, out=np.ones(len(first)), where=known)[rows]
 
     _, bend = slopes(first.delta, first.force, first.branch)
     budget = Budget(*(getattr(budget, part.name) * factor[rows] for part in fields(budget)))
     bent = np.nan_to_num(bend) * np.abs(np.log(factor)) * P[loading]
     budget = replace(budget, mesh=np.hypot(budget.mesh, bent[rows]))
     columns: dict[str, Any] = {"P_star": P, "error_P_star": budget.total}
-    longer = moved("delta")
-    columns |= {name: longer * getattr(curve, name) for name in ("delta", "delta_star")}
-    columns["mean_gap"] = curve.mean_gap - (columns["delta"] - curve.delta) + compliance * (P - curve.P_star)
-    for name in ("area_fraction", *(name for name in WITH_ERRORS if name not in ("mean_gap", "k_n"))):
+    for name in ("delta", "delta_star", *MEASURES):
         by = moved(name)
-        columns |= {key: by * getattr(curve, key) for key in (name, f"error_{name}")}
+        columns |= {key: by * getattr(curve, key) for key in (name, f"error_{name}") if hasattr(curve, key)}
     columns["mean_pressure"] = curve.mean_pressure * factor[rows] / moved("area_fraction")
     found = replace(curve, **columns).with_force(force)
     steeper = np.divide(found.k_n, curve.k_n, out=np.ones(len(P)), where=curve.k_n > 0.0)
@@ -278,19 +323,21 @@ def loading_force(curve: Curve, delta_star: Floats) -> Floats:
 
 
 def limit_of_meshes(
-    coarse: Floats, fine: Floats, ratio: float, singular: Floats | float = 0.0, judged: Flags | None = None
-) -> tuple[Floats, Floats]:
+    coarse: Floats, fine: Floats, ratio: float, singular: Floats | float = 0.0, judged: Flags | None = None,
+    orders: tuple[float, float] = MESH_ORDERS,
+) -> tuple[Floats, Floats]:  # fmt: skip
     """Limit of a quantity along the loading over its value on the finer of two meshes, and the relative error bar.
 
     Error and order of a mesh change slowly with the load; where the edges of the contact cut facets, both meshes are
     off by chance. The logarithm of the error is therefore averaged over neighbouring steps. The bar holds the orders in
-    `mesh_plan.MESH_ORDERS`, and what the average changes.
+    the range of orders, and what the average changes.
 
     Args:
         coarse, fine: values on the meshes, not negative (n,)
         ratio: of their scales
         singular: see `mesh_plan.shares`
         judged: rows that are averaged among themselves; None for all
+        orders: least and greatest order of the quantity in the scale
 
     Returns:
         factor (n,), 1 where a value vanishes, and the bar (n,)
@@ -298,7 +345,7 @@ def limit_of_meshes(
     known = (coarse > 0.0) & (fine > 0.0)
     change = np.log(np.divide(coarse, fine, out=np.ones(len(fine)), where=known))
     judged = np.ones(len(fine), dtype=bool) if judged is None else judged
-    weight, share = shares(ratio, singular)
+    weight, share = shares(ratio, singular, orders)
     smooth = _by_parts(_average, weight * change, judged)
     bar, rest = (_by_parts(steady, part, judged) for part in (share * change, weight * change - smooth))
     return np.where(known, np.exp(-smooth), 1.0), np.hypot(bar, rest)
@@ -362,6 +409,7 @@ def _open_area(curve: Curve, delta_star: Floats) -> Floats:
     the area deviates by.
     """
     branch = curve.loading()
-    area, error = branch.area_fraction, branch.error_area_fraction
+    area, square = branch.area_fraction, branch.error_area_fraction**2 - (EDGE * branch.edge_fraction) ** 2
+    error = np.sqrt(np.maximum(square, 0.0))
     share = np.divide(error, area, out=np.ones(len(branch)), where=area > error)
     return np.interp(delta_star, branch.delta_star, share)

@@ -31,10 +31,12 @@ if TYPE_CHECKING:
 
 Size = Callable[[float, float, float], float]
 
-MESH_ORDERS = (1.7, 2.6)  # range of the order of the force in the scale (docs/accuracy.md)
+MESH_ORDERS = (1.2, 2.4)  # range of the order of the force in the scale (docs/accuracy.md)
+GAP_ORDERS = (0.7, 2.4)  # the same of the mean gap at a given force, the lower end near full contact
 # Lowest order where the pressure is singular at the edge of the contact, as of a flat punch; that of the bar of the
 # area, of the edges of spots (docs/theory.md); and dofs and time grow as scale^-2, for the contact alone is refined
 EDGE_ORDER, AREA_ORDER, DOFS_ORDER = 1.0, 1.5, 2.0
+FIRST = 3.0  # scale of the first mesh
 RATIO = 2.0  # of the first two scales, and the greatest one from a scale to the next
 LEAST_STEP = RATIO ** (1.0 / 3.0)  # least one from a scale to the next
 LEAST_RATIO = RATIO / LEAST_STEP  # of two scales: below it scatter hides the order
@@ -45,7 +47,7 @@ STICK = "stick"  # where nodes are touched within a step (docs/theory.md)
 # low as 0.5 between two runs, and its correction may even have the wrong sign: 1 + (2^1.5 - 1)/(2^0.5 - 1)
 STEP_RULES = {MIDPOINT: (2.0, 0.5), STICK: (1.5, 5.4), BACKWARD_EULER: (1.0, 1.0)}
 MOST_SUBSTEPS = 32  # parts of a load step: each doubling is one more run of the first mesh
-GROWTH = 0.5  # growth of the element size around the contact at scale 1
+GROWTH = 0.4  # growth of the element size around the contact at scale 1
 # Nodes in a volume h^3 and on a part h^2 of the surface: within 13 % (rms, at most 23 %) of 29 meshes of 60 to 17,000
 # nodes, whose growth is from 0.1 to 1.2
 NODES, NODES_OF_SURFACE = 3.1, 7.9
@@ -55,7 +57,9 @@ OPEN = 0.27
 LARGEST = 0.5 * H_MAX  # greatest edge of a box [L]: a larger one would miss small spots
 
 
-def shares(ratio: float, singular: Floats | float = 0.0) -> tuple[Floats, Floats]:
+def shares(
+    ratio: float, singular: Floats | float = 0.0, orders: tuple[float, float] = MESH_ORDERS
+) -> tuple[Floats, Floats]:
     """Error of the finer of two meshes, and error bar of their limit, both over the difference of the meshes.
 
     Where the pressure is singular the edge of the contact falls between nodes by chance: the bar holds all from the
@@ -64,9 +68,10 @@ def shares(ratio: float, singular: Floats | float = 0.0) -> tuple[Floats, Floats
     Args:
         ratio: of their scales
         singular: part of the edges of spots where the pressure is singular (n,), see `guide.spots_of`
+        orders: least and greatest order of the quantity in the scale
     """
     part = np.asarray(singular, dtype=float)
-    edge, low, high = (1.0 / (ratio**p - 1.0) for p in (EDGE_ORDER, *MESH_ORDERS))
+    edge, low, high = (1.0 / (ratio**p - 1.0) for p in (EDGE_ORDER, *orders))
     low, high = low + part * (edge - low), (1.0 - part) * high
     return 0.5 * (low + high), 0.5 * (low - high)
 
@@ -153,7 +158,7 @@ class MeshFamily:
 
     def first(self, most: float, made: Callable[[float], int] | None = None) -> tuple[float, int]:
         """The first mesh, with room for a second one; see `finest`. The coarsest has its greatest size everywhere."""
-        return self.finest(RATIO, H_MAX / float(self.guide.sizes.min()), most / LEAST_RATIO**DOFS_ORDER, made)
+        return self.finest(FIRST, H_MAX / float(self.guide.sizes.min()), most / LEAST_RATIO**DOFS_ORDER, made)
 
     def finest(
         self, scale: float, coarsest: float, most: float, made: Callable[[float], int] | None = None
@@ -186,9 +191,10 @@ class MeshFamily:
 
     def size(self, scale: float) -> MeshSize:
         """Element sizes of a mesh; the greatest is H_MAX on the coarsest first mesh."""
-        L, sizes, growth = self.problem.surface.L, scale * self.guide.sizes, GROWTH * scale**0.5
-        widest = H_MAX * min(1.0, (scale / RATIO) ** 0.5)
-        h = min(float(sizes[np.isfinite(sizes)].max()), widest)
+        L, growth, part = self.problem.surface.L, GROWTH * scale**0.5, min(1.0, scale / FIRST)
+        widest, most = H_MAX * part**0.5, H_MAX * part
+        sizes = np.where(np.isfinite(self.guide.sizes), np.minimum(scale * self.guide.sizes, most), np.inf)
+        h = float(sizes[np.isfinite(sizes)].max())
         return MeshSize(h * L, growth, widest * L, cells=sizes * L)
 
     def block(self, scale: float) -> BlockMesh:

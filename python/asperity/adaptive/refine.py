@@ -27,7 +27,7 @@ from asperity.adaptive.extrapolation import (
 from asperity.adaptive.guide import Guide, guide_of, planned_steps
 from asperity.adaptive.load_step_error import LoadStepError, choose_substeps
 from asperity.adaptive.mesh_levels import Level, LevelSolver
-from asperity.adaptive.mesh_plan import AREA_ORDER, LEAST_STEP, MARGIN, RATIO, next_step, partner, planned_order
+from asperity.adaptive.mesh_plan import EDGE_ORDER, FIRST, LEAST_STEP, MARGIN, RATIO, next_step, partner, planned_order
 from asperity.arrays import Flags, Floats
 from asperity.curve import Curve
 from asperity.errors import Interrupted, MeshError
@@ -89,7 +89,7 @@ def refine(
     estimate = MeshErrorEstimate(run, target, path)
     estimate.add(result)
     result.solver.drop_matrices()
-    result = run(run.scales[-1], path.substeps)
+    result = run(max(RATIO, run.scales[-1] * RATIO / FIRST), path.substeps)
     while True:
         with suppress(Interrupted):  # this mesh is judged first; the next one is not begun
             hooks.stage("half-space with the top of the mesh")
@@ -220,13 +220,13 @@ class MeshErrorEstimate:
             known = f"the force has no error bar, {unresolved}"
         else:
             if given.force_max is not None:  # it is the corrected curve that reaches it
-                curve, budget = at_given_forces(curve, budget, result.curve, run.compliance, given.force_max)
+                curve, budget = at_given_forces(curve, budget, result.curve, given.force_max)
             worst, worst_area = _worst(curve, judged)
             known = self._known(worst, worst_area)
             if known:
                 force, area = worst / self._goal.tolerance, worst_area / (self._goal.area_tolerance or inf)
                 order = planned_order(fine.missed.singular.max(), plastic)
-                finer = max(next_step(force, order), next_step(area, AREA_ORDER))
+                finer = max(next_step(force, order), next_step(area, EDGE_ORDER))
                 limit = self._no_mesh_helps(worst, curve.delta_star[judged], algebraic)
         found = AccurateResult(
             curve, result.curve, budget, tuple(run.levels), result, worst, worst_area, not known, known or "done"

@@ -9,6 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from asperity.arrays import Flags, Floats, Indices, Integers
+from asperity.curve.curve import EDGE
 from asperity.fem.global_numbering import cell_numbers
 from asperity.fem.solid import Solid
 from asperity.mesh import element
@@ -24,10 +25,11 @@ IN_ORDER = (0, 1, 2, 5, 3, 4)  # nodes of a facet, corners and opposite edges, i
 
 @dataclass(frozen=True)
 class Area:
-    """Area of contact and an estimate of its error [length^2]."""
+    """Area of contact, an estimate of its error, and the area of the facets that its edge crosses [length^2]."""
 
     value: float
     error: float
+    edge: float
 
 
 class FacetRule:
@@ -166,17 +168,19 @@ class ContactSurface:
         """Area where points of the facets are touched, and its error; collective.
 
         The edge of the contact crosses facets, and its place within a facet is practically unknown: a standard
-        deviation of 1/sqrt(12) of the area of the facet (that of a uniform share), independent from facet to facet. The
-        error is twice the deviation of the sum: it scales with (perimeter h^3)^(1/2), and holes of a noisy contact
-        count too.
+        deviation of 1/sqrt(12) of the area of the facet (that of a uniform share), independent from facet to facet.
+        Twice the deviation of the sum scales with (perimeter h^3)^(1/2), and holes of a noisy contact count too. The
+        nodes also place the edge too far inside or outside on the whole, by up to EDGE of the facets that it crosses
+        (docs/theory.md): an error of the first order. The error is the root of the sum of both squares.
 
         Args:
             weights: area of each point before deformation (F, Q) [length^2]
         """
         cut, ratio = touched.any(axis=1) & ~touched.all(axis=1), self.area_ratio()
         areas = (weights * ratio[:, None])[touched]
-        sums = self.solid.comm.allreduce(np.array([np.sum(areas), np.sum((self.area * ratio)[cut] ** 2)]))
-        return Area(float(sums[0]), float(np.sqrt(sums[1] / 3.0)))
+        crossed = (self.area * ratio)[cut]
+        area, squares, edge = self.solid.comm.allreduce(np.array([np.sum(areas), np.sum(crossed**2), np.sum(crossed)]))
+        return Area(float(area), float(np.hypot((squares / 3.0) ** 0.5, EDGE * edge)), float(edge))
 
     def mean(self, values: Floats) -> float:
         """Mean over the patch of values at the local nodes (nodes,), projected on the plane of the flat; collective."""

@@ -20,6 +20,7 @@ if TYPE_CHECKING:
 POWER, LEAST = 0.5, 0.2  # of the size in the depth, for a spot grows with its root; least size over h_contact
 GRID = 257  # nodes per side of the grid on which the region of each size is found
 GRADED = 8  # different sizes around a summit
+LAYER = 1.0  # depth of the elements of the size wanted by cells, over that size
 LEVELS = 10  # different sizes on cells: with geometric steps each is within a few per cent of what a cell wants
 
 
@@ -56,6 +57,7 @@ class SizeField:
     growth: float
     h_max: float
     periodic: bool = False
+    layer: float = 0.0
 
     @staticmethod
     def of(
@@ -113,13 +115,13 @@ class SizeField:
         distances = np.empty((grid, grid, LEVELS))
         for k, size in enumerate(levels):
             distances[:, :, k] = _distances(wanted & (near <= _just_above(float(size))), periodic) / (grid - 1)
-        return SizeField(levels, distances, (0.0, 0.0, 1.0), growth, greatest, periodic)
+        return SizeField(levels, distances, (0.0, 0.0, 1.0), growth, greatest, periodic, LAYER)
 
     @cached_property
     def at(self) -> Callable[[float, float, float], float]:
         """Size [L] at (x, y) and a depth below the mean plane of the top [L]; compiled, since gmsh calls it often."""
         arrays = self.sizes, self.distances, self.window
-        return _solver.SizeField(*arrays, self.growth, self.h_max, self.periodic).at
+        return _solver.SizeField(*arrays, self.growth, self.layer, self.h_max, self.periodic).at
 
 
 def size_field(surface: Surface, delta_max: float, size: MeshSize, sides: str) -> SizeField:

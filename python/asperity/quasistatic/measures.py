@@ -59,6 +59,7 @@ def row(solver: ContactSolver) -> dict[str, Any]:
     return {
         "area_fraction": area.value,
         "error_area_fraction": area.error,
+        "edge_fraction": area.edge,
         "max_pressure": float(peaks[0]),
         "plastic_fraction": float(sums[0] / sums[1]),
         "max_plastic_strain": float(peaks[1]),
