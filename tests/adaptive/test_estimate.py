@@ -81,7 +81,7 @@ def test_few_elements_have_most_of_their_nodes_on_the_surface(h: float, growth: 
 def test_a_tolerance_makes_several_meshes() -> None:
     found = estimate(Case.load(ROOT / "cases/elastic.toml"), ranks=4)
     sizes = [level.dofs for level in found.levels]
-    assert len(sizes) == 3 and sizes == sorted(sizes) and len(found.of_ranks) == 4
+    assert len(sizes) >= 3 and sizes == sorted(sizes) and len(found.of_ranks) == 4
     assert found.memory > 4 * BASE
 
 

@@ -15,7 +15,7 @@ import numpy as np
 from scipy.interpolate import PchipInterpolator
 
 from asperity.adaptive.guide import REACH, Omission
-from asperity.adaptive.mesh_plan import GAP_ORDERS, MESH_ORDERS, shares
+from asperity.adaptive.mesh_plan import GAP_ORDERS, MESH_ORDERS, orders_of, shares
 from asperity.arrays import Array, Flags, Floats
 from asperity.curve import WITH_ERRORS, Curve
 from asperity.curve.curve import EDGE
@@ -27,7 +27,9 @@ from asperity.errors import InputError
 # indentation, its pressure times the area, and deviates by half of the open area, the deviation of the area
 SCATTER, FLOWING = 0.12, 0.5
 NEIGHBOURS = 2 * REACH + 1  # steps that are averaged
+SHARP = 0.3  # the same as EDGE where the surface ends in a sharp edge, which lies anywhere in the facets
 ALIKE = 2.0  # neighbouring steps that place the edge of the contact alike
+STEEPEST = 2.0  # power of the force that the approach is moved by: a force that stands still gives none
 TINY = 1e-300  # P* below which there is no logarithm
 MEASURES = ("area_fraction", *(name for name in WITH_ERRORS if name != "k_n"))  # of the contact, functions of the force
 
@@ -139,8 +141,9 @@ def correct(
         return _open_area(one.curve, at)
 
     force = loading_force(coarse.curve, at)
-    factor, spread = limit_of_meshes(force, mesh.P_star[loading], ratio, singular, judged)
-    part, _ = shares(ratio, singular)
+    orders = orders_of(coarse.scale)
+    factor, spread = limit_of_meshes(force, mesh.P_star[loading], ratio, singular, judged, orders)
+    part, _ = shares(ratio, singular, orders)
     scatter = (FLOWING if flows else SCATTER) * of_limit(open_area, part)
     rough = of_limit(lambda one: other_half(one.missed.at(at)[0]), part)
     bars = [np.hypot(spread, scatter), rough, path(at)]
@@ -155,11 +158,10 @@ def correct(
         if name == "area_fraction":
             edges = [over_force(one.curve, "edge_fraction", P[loading]) for one in (coarse, fine)]
             chance = [open_area(one) for one in (coarse, fine)]
-            factor, bar = limit_of_area((coarser, finer), edges, chance, judged)
+            factor, bar = limit_of_area((coarser, finer), edges, chance, singular, judged)
         else:
             gap = name == "mean_gap"
-            orders = GAP_ORDERS if gap else MESH_ORDERS
-            factor, bar = limit_of_meshes(coarser, finer, ratio, singular, judged, orders)
+            factor, bar = limit_of_meshes(coarser, finer, ratio, singular, judged, GAP_ORDERS if gap else orders)
             bar = np.hypot(bar, 0.0 if gap else scatter)
         before = getattr(mesh, name)
         limit, bar = factor * finer, (bar * factor * finer)[rows]
@@ -177,18 +179,19 @@ def correct(
 
 
 def limit_of_area(
-    areas: Sequence[Floats], edges: Sequence[Floats], chance: Sequence[Floats], judged: Flags
+    areas: Sequence[Floats], edges: Sequence[Floats], chance: Sequence[Floats], singular: Floats, judged: Flags
 ) -> tuple[Floats, Floats]:
     """Area of contact at a force over the area on the finer of two meshes, and the relative error bar.
 
     The nodes place the edge of the contact too far inside or outside by a part of the facets that it crosses. The part
     is about the same on both meshes and at neighbouring steps, so the areas of both show it: by least squares, with the
-    prior knowledge that two of its standard deviations are EDGE. The bar keeps EDGE, for the part does change, and half
-    of what is corrected.
+    prior knowledge that two of its standard deviations are EDGE. The bar keeps EDGE, or SHARP, for the part does
+    change, and half of what is corrected.
 
     Args:
         areas, edges, chance: of the coarser and the finer mesh at the same forces: area of contact (n,); area of the
             facets that its edge crosses (n,); error of the area by the random place of the edge, relative (n,)
+        singular: see `mesh_plan.shares`
         judged: rows that show the part
 
     Returns:
@@ -201,7 +204,7 @@ def limit_of_area(
     more, missing = np.nan_to_num(wide - narrow), fine - coarse
     precision, shown = (_by_parts(_average, weight * more * of, judged) * NEIGHBOURS for of in (more, missing))
     part = shown / (precision + (2.0 / EDGE) ** 2)
-    left = np.maximum(EDGE, 0.5 * np.abs(part))
+    left = np.maximum(EDGE + singular * (SHARP - EDGE), 0.5 * np.abs(part))
     crossed = np.divide(np.nan_to_num(narrow), fine, out=np.zeros(len(fine)), where=fine > 0.0)
     factor = np.maximum(1.0 + part * crossed, 0.0)
     return factor, np.hypot(chance[1], left * crossed)
@@ -263,9 +266,9 @@ def slope_bar(curve: Curve, budget: Budget, edges: Floats) -> Floats:
 def at_given_forces(curve: Curve, budget: Budget, raw: Curve, greatest: float) -> tuple[Curve, Budget]:
     """A corrected curve at the forces that were computed, which a load path gives: its approaches are corrected.
 
-    Approach and measures are those of the loading at the other force, see `over_force`, their bars with them; what a
-    change of the exponent from step to step makes of the force is in its bar. Later branches are moved
-    as the end of the first loading.
+    The approach is moved as the power of the force that it is there; what a change of the exponent from step to step
+    makes of the force is in its bar. Measures are those at the other force, see `over_force`, their bars with them.
+    Later branches are moved as the end of the first loading.
 
     Args:
         curve, budget: with corrected forces
@@ -280,21 +283,29 @@ def at_given_forces(curve: Curve, budget: Budget, raw: Curve, greatest: float) -
     touched = (first.P_star > 0.0) & (P[loading] > 0.0)
     factor = np.divide(P[loading], first.P_star, out=np.ones(len(first)), where=touched)
 
-    def moved(name: str) -> Floats:
-        """What the other force makes of a column (n,), in all rows."""
-        of, there = getattr(first, name), over_force(first, name, P[loading])
-        known = touched & (of > 0.0) & np.isfinite(there)
-        return np.divide(there, of, out=np.ones(len(first)), where=known)[rows]
-
+    power = np.full(len(first), 1.0 / SINGLE_CONTACT)
+    rising = first.P_star > (1.0 + 1e-6) * np.maximum.accumulate(np.append(0.0, first.P_star[:-1]))
+    if np.count_nonzero(known := touched & rising) > 1:
+        power[known] = np.gradient(np.log(first.delta[known]), np.log(first.P_star[known]))
+    power[np.abs(power) > STEEPEST] = 1.0 / SINGLE_CONTACT
+    longer = np.asarray(factor**power)[rows]
     _, bend = slopes(first.delta, first.force, first.branch)
     budget = Budget(*(getattr(budget, part.name) * factor[rows] for part in fields(budget)))
     bent = np.nan_to_num(bend) * np.abs(np.log(factor)) * P[loading]
     budget = replace(budget, mesh=np.hypot(budget.mesh, bent[rows]))
     columns: dict[str, Any] = {"P_star": P, "error_P_star": budget.total}
-    for name in ("delta", "delta_star", *MEASURES):
-        by = moved(name)
-        columns |= {key: by * getattr(curve, key) for key in (name, f"error_{name}") if hasattr(curve, key)}
-    columns["mean_pressure"] = curve.mean_pressure * factor[rows] / moved("area_fraction")
+    columns |= {name: longer * getattr(curve, name) for name in ("delta", "delta_star")}
+    for name in MEASURES:
+        of, there = getattr(first, name), over_force(first, name, P[loading])
+        known = touched & (of > 0.0) & np.isfinite(there)
+        by = np.divide(there, of, out=np.ones(len(first)), where=known)[rows]
+        columns |= {key: by * getattr(curve, key) for key in (name, f"error_{name}")}
+    columns["mean_pressure"] = curve.mean_pressure * np.divide(
+        factor[rows] * curve.area_fraction,
+        columns["area_fraction"],
+        out=np.ones(len(P)),
+        where=curve.area_fraction > 0.0,
+    )
     found = replace(curve, **columns).with_force(force)
     steeper = np.divide(found.k_n, curve.k_n, out=np.ones(len(P)), where=curve.k_n > 0.0)
     return replace(found, error_k_n=curve.error_k_n * steeper), budget
@@ -409,7 +420,10 @@ def _open_area(curve: Curve, delta_star: Floats) -> Floats:
     the area deviates by.
     """
     branch = curve.loading()
-    area, square = branch.area_fraction, branch.error_area_fraction**2 - (EDGE * branch.edge_fraction) ** 2
+    area, square = (
+        branch.area_fraction,
+        branch.error_area_fraction**2 - (EDGE * np.nan_to_num(branch.edge_fraction)) ** 2,
+    )
     error = np.sqrt(np.maximum(square, 0.0))
     share = np.divide(error, area, out=np.ones(len(branch)), where=area > error)
     return np.interp(delta_star, branch.delta_star, share)

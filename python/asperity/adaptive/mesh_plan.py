@@ -31,7 +31,8 @@ if TYPE_CHECKING:
 
 Size = Callable[[float, float, float], float]
 
-MESH_ORDERS = (1.2, 2.4)  # range of the order of the force in the scale (docs/accuracy.md)
+# Range of the order of the force in the scale, also of meshes as coarse as the first one (docs/accuracy.md)
+MESH_ORDERS, FIRST_ORDERS = (1.6, 2.4), (1.2, 2.4)
 GAP_ORDERS = (0.7, 2.4)  # the same of the mean gap at a given force, the lower end near full contact
 # Lowest order where the pressure is singular at the edge of the contact, as of a flat punch; that of the bar of the
 # area, of the edges of spots (docs/theory.md); and dofs and time grow as scale^-2, for the contact alone is refined
@@ -74,6 +75,11 @@ def shares(
     edge, low, high = (1.0 / (ratio**p - 1.0) for p in (EDGE_ORDER, *orders))
     low, high = low + part * (edge - low), (1.0 - part) * high
     return 0.5 * (low + high), 0.5 * (low - high)
+
+
+def orders_of(coarse: float) -> tuple[float, float]:
+    """Range of the order of the force between the mesh of a scale and a finer one."""
+    return FIRST_ORDERS if coarse > RATIO else MESH_ORDERS
 
 
 def planned_order(singular: float = 0.0, flows: bool = False) -> float:
