@@ -14,6 +14,8 @@ from asperity.errors import AsperityWarning, InputError, RangeError
 from asperity.output.results import Results
 from asperity.plot.vibration import columns_of, response
 from asperity.vibration import CurveLaw, DynamicsSettings, PowerLaw, law_from, run_dynamics, unload_reload
+from asperity.vibration.joint import at_load
+from asperity.vibration.law import bar_of
 
 QUICK: dict[str, Any] = {"model": "exact", "omega": (0.9, 0.91), "units": "SI", "tol": 1e-3}
 
@@ -59,14 +61,10 @@ def test_the_law_after_yield_does_not_depend_on_the_rows(rows: int) -> None:
         "branch": ["load"] * 29 + ["unload"] * rows,
     }  # fmt: skip
     law = unload_reload(curve, 1.5)
-    assert law.origin == pytest.approx(0.4, abs=1e-12)
     o, fine = asp.ContactOscillator(law, load=1.5), np.linspace(0.0, 1.2, 801)[1:]
     exact = asp.ContactOscillator(CurveLaw(fine, rough(fine)[0], k=rough(fine)[1]), load=1.5)
-    known = o.uncertainty()
-    assert known.n_loc.half < 0.05 and known.z_s.half < 0.01 * known.z_s.value
-    for name in ("n_loc", "z_s", "kappa"):
-        interval = getattr(known, name)
-        assert interval.low <= getattr(exact.restoring, name) <= interval.high, name
+    values, bars = at_load(law, 1.5), bar_of(law, lambda side: at_load(side, 1.5))
+    assert np.all(np.abs(values - at_load(exact.law, 1.5)) <= bars + 1e-9) and np.all(bars[1:3] < 0.1 * values[1:3])
     assert o.omega_s == pytest.approx(exact.omega_s, rel=5e-3)
     found, true = (x.omega_s * x.free([0.15, 0.4]).omega_ratio for x in (o, exact))
     np.testing.assert_allclose(found, true, rtol=5e-3)
@@ -76,16 +74,15 @@ def test_the_law_after_yield_does_not_depend_on_the_rows(rows: int) -> None:
 def test_an_unloading_of_few_rows_is_a_law_by_its_slopes(rows: int) -> None:
     """And not a joint that was never overloaded; where the rows cannot show the curvature, a note reports it."""
     result = run_dynamics(joint(rows), preload=0.3, **QUICK)
-    assert result.laws is not None and result.laws.choice.name == "unload-reload"
+    assert result.choice is not None and result.choice.name == "unload-reload"
     assert result.numbers.stiffness == pytest.approx(float(elastic(0.3, 1.0)), rel=1e-9)
     assert any(f"has {rows} rows in contact" in note for note in result.notes) is (rows < 3)
 
 
 def test_few_rows_without_stiffness_are_doubted() -> None:
-    with pytest.warns(AsperityWarning, match="has 2 rows in contact, and at least 5 show its curvature"):
-        law_from(joint(2, stiffness=False), load=0.3)
-    with pytest.warns(AsperityWarning, match=r"gives no law: .* loading\.unload_steps = 5 or more"):
-        law_from(joint(1, stiffness=False), load=0.3)
+    for rows in (1, 2):
+        with pytest.warns(AsperityWarning, match=r"gives no law: .* loading\.unload_steps = 5 or more"):
+            law_from(joint(rows, stiffness=False), load=0.3)
 
 
 def test_check_warns_of_an_unloading_of_few_rows() -> None:
@@ -129,20 +126,18 @@ def test_there_is_one_frequency() -> None:
     second = np.maximum(z - 0.26, 0.0)  # the next summit is touched
     force = z**1.3 + 40 * second**1.5 / (1 + 6 * second)
     result = run_dynamics({"delta": z, "force": force}, preload=0.2 * float(force[-1]), **QUICK)
-    o, laws = result.first, result.laws
-    assert laws is not None
-    slope = float(o.law.stiffness(o.restoring.z_s))
-    assert result.numbers.stiffness == pytest.approx(slope, rel=1e-12)
-    assert laws.chosen.frequency == pytest.approx(result.numbers.frequency, rel=1e-12)
+    o = result.first
+    assert result.numbers.stiffness == pytest.approx(float(o.law.slope(o.restoring.z_s)), rel=1e-12)
+    assert result.laws[0]["chosen"] and result.laws[0]["f"] == pytest.approx(result.numbers.frequency, rel=1e-12)
     assert float(o.free(1e-5).omega_ratio[0]) == pytest.approx(1.0, abs=1e-4)
-    assert result.numbers.frequency_bar > 0.0 and result.numbers.sentence("SI").count("±") == 2
+    assert result.numbers.frequency_bar > 0.0 and result.numbers.sentence("SI").count("±") >= 2
 
 
 def test_the_figure_shades_what_the_bar_of_the_stiffness_makes_of_the_stable_response() -> None:
     """Laws of any stiffness in the bar, each solved on its own, lie in it; no unstable orbit between branches does."""
     o = asp.ContactOscillator(PowerLaw(1.5), load=1.0, zeta=0.01)
     r = o.response(0.02, (0.7, 1.35))
-    thresholds = {"uncertainty": {"k_n": [1.0, 0.97, 1.03]}}
+    thresholds = {"numbers": {"k_n_bar": 0.03}}
     results = Results(Path(), asp.Curve.from_rows([]), response=columns_of(r.rows()), thresholds=thresholds)
     shaded = [patch.get_path() for patch in response(results).axes[0].patches]
     for stiffer in (0.975, 1.0, 1.025):

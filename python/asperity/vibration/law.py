@@ -380,7 +380,8 @@ class CurveLaw(Law):
         local = self._local(z)
         off = np.abs([np.log(self.at(z)[1]) - local.log_k, self.kappa(z) - local.kappa])
         of_k = float(np.hypot(stiffness, _UNSEEN * local.bars[2] + 1.25 * off[0]))
-        return replace(self, bars=Bars(load, force, 0.0, of_k, _UNSEEN * local.bars[3] + float(off[1]) + _FLOOR))
+        of_z = z * (_UNSEEN * local.bars[0] + abs(float(np.log(z)) - local.x))
+        return replace(self, bars=Bars(load, force, of_z, of_k, _UNSEEN * local.bars[3] + float(off[1]) + _FLOOR))
 
     def sides(self) -> tuple[tuple[Law, Law], ...]:
         if self.bars is None:

@@ -128,13 +128,15 @@ def law_of_rows(
         )
     grid = z[-1] * np.geomspace(max(start / z[-1], np.exp(-4.0)), 1.0, _NODES)
     smooth, n = fit.curve(grid)
-    if (fall := float(np.max(np.maximum.accumulate(smooth) - smooth))) > FALL * f.max():
-        raise InputError(
-            f"the force of the curve falls by {100 * fall / f.max():.0f} % of its greatest value as the approach rises: "
-            "no law of a contact; name its unloading in a column branch, or order the rows by time"
-        )
     rise = np.diff(F)[F[1:] > 0.25 * F.max()]
     scatter = _STEPS * float(np.median(np.abs(np.diff(F - fit.curve(z)[0]))))  # a kink leaves smooth residuals
+    top = np.maximum.accumulate(f)
+    if np.any(falls := top - f > FALL * top + 8.0 * scatter):
+        at = int(np.argmax(falls))
+        raise InputError(
+            f"the force of the curve falls by {top[at] - f[at]:.4g}, by more than {100 * FALL:g} % and the scatter, at the "
+            f"approach {known[at]:.5g}: no law of a contact; name its unloading in a column branch, or smooth it"
+        )
     if np.all(np.diff(F) > 0.0) and scatter < SCATTER * np.median(rise):
         of_rows = np.full(known.size, np.nan) if k is None else _means(k, first)
         law, kind = CurveLaw(z, F, name=name, k=of_rows[on]).about(load, bar), "through the points"
@@ -145,7 +147,9 @@ def law_of_rows(
         at = law.deflection(load)
         off_k, off_kappa = abs(float(np.log(law.at(at)[1]) - local.log_k)), abs(law.kappa(at) - local.kappa)
         law = replace(law, bars=Bars(load, bar, 0.0, local.bars[2] + off_k, local.bars[3] + off_kappa))
-    law = replace(law, bars=law.bars._replace(approach=of_origin) if law.bars else None)
+    law = replace(
+        law, bars=law.bars._replace(approach=float(np.hypot(law.bars.approach, of_origin))) if law.bars else None
+    )
     dropped = int(known.size - on.sum())
     where = "" if origin >= known[0] else ", by extrapolation"
     return law, (

@@ -246,6 +246,13 @@ def choose(columns: CurveColumns, law: str = "auto", load: float | None = None) 
             leg, done = law_named(columns, "unload-reload", load)
             yielded = columns.yielded(columns.force[leg_rows(columns, load)].max())
             if yielded:
+                if (rows := leg.knots.size) < MIN_ROWS[1]:
+                    few = (
+                        f"the unloading through the preload has {rows} rows in contact, and at least {MIN_ROWS[1]} show"
+                    )
+                    lowered = "; ".join(
+                        filter(None, (f"{few} its curvature: compute it with more unload_steps", lowered))
+                    )
                 return Choice(
                     "unload-reload", leg, load, True, "yielded, and unloaded through the preload", lowered, done
                 )
@@ -330,8 +337,6 @@ def _branch(columns: CurveColumns, rows: Array, load: float, name: str) -> tuple
     else:
         origin = LocalFit(delta, force, origin=None, relative=False).origin[0]
     law = CurveLaw(delta, force, origin=origin, k=k, name=name)
-    if not first and law.z.size < (least := MIN_ROWS[law.k is not None and not np.isnan(law.k).any()]):
-        raise InputError(f"it has {law.z.size} rows in contact, and at least {least} show its curvature")
     return law.about(load, bar, of_k if law.k is not None and of_k > 0.0 else 0.0), ""
 
 
