@@ -6,7 +6,7 @@
 `decision`: random windows of power laws (n 1 to 3, zeta 0.002 to 0.2) under weak (F^ 0.002 to 0.1) and strong forcing
 (F^ 0.1 to 1), curves with kinks, plateaus and stiff ends, and stops up to 300 times as stiff. The response is the same
 if at 20 frequencies it has the same orbits, u_max to 1e-4 of the amplitude, of the same stability, and folds, onsets of
-contact loss and period doublings at the same frequencies to 1e-4. The table is docs/tables/response.csv; differences
+contact loss and period doublings at the same frequencies to 1e-4. The table is in docs/tables/response.csv; differences
 are printed, "said" where the response notes a limit. Version 1.0 compiles a period map, and finds its main branch with
 `subharmonics=False`. Times are CPU seconds on one core.
 
@@ -17,7 +17,6 @@ out, where the amplitude is singular in Omega. Needs `./run pip install pyHarm-o
 
 from __future__ import annotations
 
-import csv
 import json
 import os
 import runpy
@@ -38,7 +37,6 @@ import numpy as np
 Case = dict[str, Any]
 N, ZETA, FORCING, WINDOW = 1.5, 0.01, 0.05, (0.5, 1.3)
 FREQUENCIES, SAME = 20, 1e-4
-TABLE = Path(__file__).parent.parent / "docs" / "tables" / "response.csv"
 
 
 def cases() -> list[Case]:
@@ -137,7 +135,7 @@ def differences(old: Case, new: Case) -> list[str]:
 
 
 def decision(python: str) -> None:
-    """Compare with version 1.0, print the differences, and write the table."""
+    """Compare with version 1.0, print the differences and the table."""
     listed = cases()
     run = subprocess.run(
         [python, __file__, "solve"], input=json.dumps(listed), capture_output=True, text=True, check=True
@@ -158,14 +156,10 @@ def decision(python: str) -> None:
         if unlike:
             about = {k: case.get(k) for k in ("group", "n", "zeta", "forcing", "window")}
             print(f"{about}: {'; '.join(unlike[:4])}{' (said)' if new['said'] else ''}", flush=True)
-    with TABLE.open("w", newline="", encoding="utf-8") as file:
-        writer = csv.writer(file, lineterminator="\n")
-        writer.writerow(
-            ["windows of", "number", "same", "different and said", "shooting [CPU s]", "collocation [CPU s]"]
-        )
-        for group, (*counts, before, after) in table.items():
-            writer.writerow([group, *(int(x) for x in counts), f"{before:.1f}", f"{after:.1f}"])
-    print(TABLE.read_text(encoding="utf-8"))
+    print("| windows of | number | same | different and said | shooting [CPU s] | collocation [CPU s] |")
+    print("|---|---|---|---|---|---|")
+    for group, (*counts, before, after) in table.items():
+        print(f"| {group} | {' | '.join(f'{x:.0f}' for x in counts)} | {before:.1f} | {after:.1f} |")
 
 
 Result = tuple[str, str, float, float, float, int, str]  # method, setting, seconds, two errors, points, stability

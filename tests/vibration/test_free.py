@@ -13,7 +13,7 @@ from scipy.special import beta
 
 from asperity.errors import ConvergenceError, RangeError
 from asperity.vibration.free import free_orbits
-from asperity.vibration.law import CurveLaw, PowerLaw
+from asperity.vibration.law import CurveLaw, Law, PowerLaw
 from asperity.vibration.oscillator import ContactOscillator
 
 
@@ -92,6 +92,34 @@ def test_linear_contact_has_the_closed_form_with_flight() -> None:
     u0 = 2.0  # half a cosine cut at u = -1, then a parabola
     time = 2 * np.arccos(-1 / u0) + 2 * np.sqrt(u0**2 - 1)
     assert ContactOscillator(PowerLaw(1.0)).free(u0).omega_ratio[0] == pytest.approx(2 * np.pi / time, rel=1e-12)
+
+
+class Bilinear(Law):
+    """Stiffness 1 up to an approach of 1, and 9 beyond."""
+
+    knots = np.array([1.0])
+
+    def force(self, z: Any) -> Any:
+        return np.maximum(z, 0.0) + 8.0 * np.maximum(np.asarray(z) - 1.0, 0.0)
+
+    def slope(self, z: Any) -> Any:
+        return 1.0 * (np.asarray(z) > 0) + 8.0 * (np.asarray(z) > 1.0)
+
+    def potential(self, z: Any) -> Any:
+        return 0.5 * np.maximum(z, 0.0) ** 2 + 4.0 * np.maximum(np.asarray(z) - 1.0, 0.0) ** 2
+
+    def derivatives(self, z: float) -> tuple[float, float, float]:
+        return 1.0, 0.0, 0.0
+
+    def describe(self) -> str:
+        return "bilinear"
+
+
+def test_a_spring_whose_corner_is_the_preload() -> None:
+    """Half a period on each side, of frequencies 1 and 3, up to three times as far on the soft one."""
+    for orbit in ContactOscillator(Bilinear(), load=1.0).free([1e-4, 1e-2, 0.3]).orbits:
+        assert orbit.omega == pytest.approx(1.5, rel=1e-8)
+        assert orbit.u_min == pytest.approx(-3.0 * orbit.u0, rel=1e-7)
 
 
 @pytest.mark.parametrize("curvature", [0.0, 1e-12, 1e-7])

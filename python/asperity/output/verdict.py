@@ -85,7 +85,7 @@ def jump_rows(jumps: Sequence[Mapping[str, Any]], force: str, frequency: str, le
             jump["model"], quantity(jump["force"], force), f"{jump['zeta']:g}", jump["sweep"],
             f"{jump['Omega']:.5g} ω_s" if jump["frequency"] is None else quantity(jump["frequency"], frequency, 5),
             quantity(jump["x_max"], length),
-            "–" if jump["x_max_after"] is None else quantity(jump["x_max_after"], length),
+            (jump.get("note") or "–") if jump["x_max_after"] is None else quantity(jump["x_max_after"], length),
         )
         for jump in jumps
     ]  # fmt: skip

@@ -141,7 +141,8 @@ def free_orbits(restoring: Restoring, u0: ArrayLike, damping: Damping = "always"
     falling = -np.cos(omega[:, None] * t) * (lowest[:, None] + t**2 / (2.0 * n)) @ (0.5 * _W) * flight
     a1 = 2.0 / half * (path.first(omega) + falling)
     loss = 2.0 * (path.loss + equation.rate(-2.0 * np.ones(1), -np.ones(1) / n)[0] * flight**3 / (3.0 * n**2))
-    error = np.maximum(path.error / half, 1e-15 / n / top)
+    left = np.where(flies, 0.0, np.abs(path.fall)) / (restoring.f(top) * top)  # of the balance of energy
+    error = np.maximum(path.error / half + left, 1e-15 / n / top)
     if not error.max() < _GREATEST:
         raise ConvergenceError(
             f"u0 = {top[error.argmax()]:g} is too small or too large: the motion is lost in round-off"
@@ -214,7 +215,7 @@ def _lowest(restoring: Restoring, top: Array) -> tuple[Array, Array]:
         middle = 0.5 * (a + b)
         above = _surplus(restoring, top, middle) < 0.0
         a, b = np.where(above, middle, a), np.where(above, b, middle)
-    small = top < 1e-3
+    small = top < 1e-6
     return np.where(flies, -1.0, np.where(small, -top * (1.0 + 2.0 / 3.0 * restoring.a2 * top), 0.5 * (a + b))), flies
 
 

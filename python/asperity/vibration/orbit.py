@@ -390,7 +390,8 @@ class Collocation:
         h, cosine = mesh.h[:, None], mesh.cosines
         u, w = wave.values()
         force, grows = self.forcing(omega)
-        f, f_u, g, g_u = self.equation.terms(u)
+        with np.errstate(over="ignore", invalid="ignore"):  # far from an orbit a law may overflow
+            f, f_u, g, g_u = self.equation.terms(u)
         residual = omega**2 * a - force * cosine + f + 2.0 * zeta * omega * g * w
         K = f_u + 2.0 * zeta * omega * g_u * w
         D = 2.0 * zeta * omega * g
