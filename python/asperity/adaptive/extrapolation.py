@@ -149,7 +149,8 @@ def correct(
     bars = [np.hypot(spread, scatter), rough, path(at)]
     curve = scaled(mesh, factor)
     P = np.where(loading, curve.P_star, curve.P_star[loading][-1])
-    budget = Budget(*(bar[rows] * P for bar in bars), algebraic * P)
+    mesh_bar, rough_bar, path_bar = (bar[rows] * P for bar in bars)
+    budget = Budget(mesh_bar, rough_bar, path_bar, algebraic * P)
     columns: dict[str, Any] = {"error_P_star": budget.total}
     for name in MEASURES:
         coarser, finer = (over_force(one.curve, name, P[loading]) for one in (coarse, fine))
