@@ -19,9 +19,9 @@ from mpi4py import MPI
 
 from asperity.curve import Curve
 from asperity.curve.slope import fitted_rows
-from asperity.vibration import ContactOscillator, PowerLaw
 from asperity.study import Entry, Study, case_folder, run_study
 from asperity.study.run import case_state
+from asperity.vibration import ContactOscillator, PowerLaw
 
 HERE = Path(__file__).parent.parent / "cases/paper"
 #: leading key of a family -> its symbol, factor and unit

@@ -17,7 +17,6 @@ from asperity.case import Case
 from asperity.curve import COLUMNS, Curve
 from asperity.curve.loops import LoopTable
 from asperity.curve.power_law import with_misfit
-from asperity.vibration import LoopDamping, PowerLaw, law_from, run_dynamics
 from asperity.errors import CheckpointError, ConvergenceError, MeshError, OutputError
 from asperity.job.run_case import RunResult, run
 from asperity.mesh.block import BlockMesh
@@ -25,6 +24,7 @@ from asperity.model.material import Material
 from asperity.output.results import Results
 from asperity.runtime.run_folder import PRODUCTS
 from asperity.study.run import summarise_case
+from asperity.vibration import LoopDamping, PowerLaw, law_from, run_dynamics
 
 pytestmark = pytest.mark.usefixtures("blank_figures")
 

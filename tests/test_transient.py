@@ -13,7 +13,6 @@ from conftest import world
 from scipy.optimize import brentq
 
 from asperity import reference as ref
-from asperity.vibration import ContactOscillator, CurveLaw
 from asperity.errors import ConvergenceError, InputError
 from asperity.fem.tangent import Inertia
 from asperity.mesh.generate import build_block
@@ -25,6 +24,7 @@ from asperity.quasistatic.stepping import Record, follow
 from asperity.runtime.parallel import on_root
 from asperity.surface import Flat, Sinusoid, Surface
 from asperity.transient import GeneralisedAlpha, Motion, TimeSeries, Transient
+from asperity.vibration import ContactOscillator, CurveLaw
 
 Array = npt.NDArray[np.float64]
 

@@ -8,13 +8,6 @@ from asperity.case import Case as Case
 from asperity.curve import Curve as Curve
 from asperity.curve.power_law import PowerLawFit as PowerLawFit
 from asperity.curve.power_law import fit_power_law as fit_power_law
-from asperity.vibration import ContactOscillator as ContactOscillator
-from asperity.vibration import Joint as Joint
-from asperity.vibration import PowerLaw as PowerLaw
-from asperity.vibration import CurveLaw as CurveLaw
-from asperity.vibration import TaylorLaw as TaylorLaw
-from asperity.vibration import run_dynamics as run_dynamics
-from asperity.vibration import unload_reload as unload_reload
 from asperity.errors import AsperityError as AsperityError
 from asperity.errors import AsperityWarning as AsperityWarning
 from asperity.errors import CheckpointError as CheckpointError
@@ -36,5 +29,12 @@ from asperity.surface import Surface as Surface
 from asperity.transient import GeneralisedAlpha as GeneralisedAlpha
 from asperity.transient import Transient as Transient
 from asperity.version import __version__ as __version__
+from asperity.vibration import ContactOscillator as ContactOscillator
+from asperity.vibration import CurveLaw as CurveLaw
+from asperity.vibration import Joint as Joint
+from asperity.vibration import PowerLaw as PowerLaw
+from asperity.vibration import TaylorLaw as TaylorLaw
+from asperity.vibration import run_dynamics as run_dynamics
+from asperity.vibration import unload_reload as unload_reload
 
 __all__: list[str]

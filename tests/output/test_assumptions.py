@@ -17,7 +17,6 @@ from conftest import here, leave_figures_blank, world
 from asperity.adaptive.solve_contact import solve_contact
 from asperity.case import Case
 from asperity.curve import Curve
-from asperity.vibration.joint import Numbers
 from asperity.errors import AsperityWarning, AssumptionWarning, Interrupted, ResolutionWarning
 from asperity.job.run_case import run
 from asperity.laws import neo_hookean
@@ -29,6 +28,7 @@ from asperity.output.assumptions import SMALL_STRAIN, ledger
 from asperity.quasistatic.solve_problem import solve_problem
 from asperity.runtime.warnings_log import noting
 from asperity.surface import Flat, Sinusoid, Sphere, Surface
+from asperity.vibration.joint import Numbers
 
 pytestmark = pytest.mark.usefixtures("blank_figures")
 

@@ -18,7 +18,6 @@ from j2_path import confined_stress
 from scipy.optimize import brentq
 
 from asperity.adaptive.solve_contact import solve_contact
-from asperity.vibration import unload_reload
 from asperity.errors import AsperityWarning, ConvergenceError
 from asperity.fem.history import History
 from asperity.mesh.block import BlockMesh
@@ -32,6 +31,7 @@ from asperity.quasistatic.midpoint import extrapolate
 from asperity.quasistatic.newton import NewtonSolver, StepStats
 from asperity.quasistatic.stepping import GROWTH, SMALLEST_CUT, Record, follow
 from asperity.surface import Flat, Surface
+from asperity.vibration import unload_reload
 
 Array = npt.NDArray[np.float64]
 

@@ -14,13 +14,13 @@ import pytest
 from conftest import call
 from made_up_run import write_run
 
-from asperity.vibration import Dynamics, PowerLaw, run_dynamics
 from asperity.plot import plot_run
 from asperity.plot.report import write_report
 from asperity.runtime.files import files_into, is_aside, read_npz, remove_asides, replacing
 from asperity.study import Study
 from asperity.study.run import write_table
 from asperity.surface.measured import HeightField
+from asperity.vibration import Dynamics, PowerLaw, run_dynamics
 
 
 class Killed(BaseException):

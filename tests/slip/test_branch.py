@@ -7,13 +7,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from asperity.vibration.source import choose
-from asperity.vibration.source import CurveColumns
-from asperity.vibration.law import CurveLaw
 from asperity.model.material import Material
 from asperity.slip import SlipSettings, slip_of_curve
 from asperity.slip.branch import branch_rows, stuck_law
 from asperity.slip.joint_slip import slip_of_case
+from asperity.vibration.law import CurveLaw
+from asperity.vibration.source import CurveColumns, choose
 
 STEEL, SIDE, HEIGHT = Material(200e9, 0.3), 1e-6, 1e-6
 MU, AMPLITUDES = 0.3, (0.1, 0.3, 0.6, 0.9)

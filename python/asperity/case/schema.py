@@ -9,8 +9,6 @@ from pydantic import BaseModel, ConfigDict, Field
 
 from asperity.case import surfaces
 from asperity.case.surfaces import FORCE, LENGTH, STRESS, Flag, Real, Section, Text, Whole, key, optional
-from asperity.vibration.joint import Joint
-from asperity.vibration.settings import FORCING, OMEGA, ZETA, DynamicsSettings
 from asperity.errors import InputError
 from asperity.laws import load
 from asperity.model import settings
@@ -19,6 +17,8 @@ from asperity.model.material import MODULI, POISSON_RATIOS, Material
 from asperity.model.settings import AccuracyTarget, Formulation, MeshSize, SolverOptions
 from asperity.runtime.display import show
 from asperity.slip.settings import AMPLITUDES, SlipSettings
+from asperity.vibration.joint import Joint
+from asperity.vibration.settings import FORCING, OMEGA, ZETA, DynamicsSettings
 
 CONDUCTIVITY, ACCELERATION = "power/(length temperature)", "length/time^2"
 #: Keys that a law in UFL takes from [material] where it has a parameter of that name.

@@ -7,14 +7,14 @@ from itertools import pairwise
 
 from asperity.case.schema import DRIVERS, DynamicsSection, Input, JointSection, SlipSection
 from asperity.case.surfaces import SelfAffineSection
-from asperity.vibration.settings import DynamicsSettings
 from asperity.errors import InputError
-from asperity.vibration.source import MIN_ROWS
 from asperity.model.limits import FRACTIONS, LEAST_FORCE, check_force, check_length
 from asperity.model.problem import check_lengths
 from asperity.model.settings import H_CONTACT
 from asperity.runtime.display import show
 from asperity.slip.settings import check_motion
+from asperity.vibration.settings import DynamicsSettings
+from asperity.vibration.source import MIN_ROWS
 
 _ROUND = 1.0 + 1e-9  # the area of a joint over that of the patch, both rounded
 #: key -> values that are probable in SI, and the unit

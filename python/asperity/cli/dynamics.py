@@ -9,11 +9,11 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from asperity.cli import options
-from asperity.vibration.settings import MODELS, SHAPES, DynamicsSettings
 from asperity.errors import InputError
-from asperity.vibration.source import LAWS
-from asperity.vibration.damping import DAMPING, LOOPS
 from asperity.units import plus_minus, quantity
+from asperity.vibration.damping import DAMPING, LOOPS
+from asperity.vibration.settings import MODELS, SHAPES, DynamicsSettings
+from asperity.vibration.source import LAWS
 
 if TYPE_CHECKING:
     from asperity.vibration import Dynamics, Joint

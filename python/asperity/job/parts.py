@@ -5,7 +5,7 @@ from __future__ import annotations
 import logging
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import AbstractContextManager, contextmanager, suppress
+from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass, field, replace
 from functools import partial
 from pathlib import Path
@@ -17,13 +17,7 @@ from asperity.adaptive.small_strain import SmallStrain, choose_kinematics
 from asperity.case import Case
 from asperity.curve import Curve
 from asperity.curve.loops import LoopTable
-from asperity.vibration import Dynamics, DynamicsSettings, LoopDamping, run_dynamics
-from asperity.vibration.joint import Numbers
-from asperity.vibration.run import small_vibration
-from asperity.errors import AsperityError, AsperityWarning, CheckError, ConvergenceError, InputError, Interrupted, warn
-from asperity.vibration.source import met
-from asperity.vibration.source import CurveColumns
-from asperity.vibration.damping import LOOPS as OF_LOOPS
+from asperity.errors import AsperityWarning, CheckError, ConvergenceError, InputError, Interrupted, warn
 from asperity.mesh.block import BlockMesh
 from asperity.model.material import AUTO
 from asperity.model.problem import Problem
@@ -42,6 +36,11 @@ from asperity.runtime.progress import Progress, row_line
 from asperity.runtime.run_folder import LOOPS
 from asperity.slip import JointSlip, SlipSettings
 from asperity.slip.joint_slip import slip_of_case
+from asperity.vibration import Dynamics, DynamicsSettings, LoopDamping, run_dynamics
+from asperity.vibration.damping import LOOPS as OF_LOOPS
+from asperity.vibration.joint import Numbers
+from asperity.vibration.run import small_vibration
+from asperity.vibration.source import CurveColumns, met
 
 if TYPE_CHECKING:
     from mpi4py import MPI

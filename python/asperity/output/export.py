@@ -17,10 +17,7 @@ import numpy as np
 from asperity.arrays import Array
 from asperity.case import Case
 from asperity.curve.power_law import interface_approach
-from asperity.vibration.joint import Joint
 from asperity.errors import InputError
-from asperity.vibration.law import CurveLaw
-from asperity.vibration.source import CurveColumns, law_named, leg_rows, unload_reload
 from asperity.output.mesh_file import block_of_case, write_mesh
 from asperity.output.results import Results
 from asperity.runtime.display import comment
@@ -30,6 +27,9 @@ from asperity.slip import SlipLaw
 from asperity.slip.joint_slip import slip_of_case
 from asperity.units import per_cent
 from asperity.version import __version__
+from asperity.vibration.joint import Joint
+from asperity.vibration.law import CurveLaw
+from asperity.vibration.source import CurveColumns, law_named, leg_rows, unload_reload
 
 LAWS = ("table", "unload-reload")
 _WIDTH = 110  # of a comment in a deck

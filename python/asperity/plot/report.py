@@ -12,7 +12,6 @@ from typing import Any
 
 from asperity.curve import COLUMNS
 from asperity.curve.power_law import with_misfit
-from asperity.vibration.joint import law_rows
 from asperity.output.results import Results
 from asperity.output.verdict import doubts, jump_rows, verdict
 from asperity.plot import CAPTIONS
@@ -24,6 +23,7 @@ from asperity.runtime.files import replace_file
 from asperity.runtime.run_folder import FIGURES, REPORT
 from asperity.units import plus_minus, quantity
 from asperity.version import __version__
+from asperity.vibration.joint import law_rows
 
 Rows = list[tuple[str, str]]
 STIFFNESS_WORDS = {

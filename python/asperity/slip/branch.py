@@ -12,10 +12,9 @@ import numpy as np
 
 from asperity.arrays import Array
 from asperity.errors import AsperityError, InputError
-from asperity.vibration.source import Choice, leg_rows
-from asperity.vibration.source import CurveColumns
-from asperity.vibration.law import CurveLaw
 from asperity.slip.law import AS_STIFF, LEAST
+from asperity.vibration.law import CurveLaw
+from asperity.vibration.source import Choice, CurveColumns, leg_rows
 
 
 def branch_rows(columns: CurveColumns, choice: Choice) -> Array:

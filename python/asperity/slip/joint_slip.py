@@ -13,9 +13,6 @@ import numpy as np
 
 from asperity.arrays import Array
 from asperity.errors import AsperityError
-from asperity.vibration.source import Choice, choose
-from asperity.vibration.source import CurveColumns
-from asperity.vibration.law import CurveLaw, Law, bar_of
 from asperity.model.material import Material
 from asperity.runtime.display import short_repr
 from asperity.runtime.files import write_csv
@@ -24,6 +21,8 @@ from asperity.slip.branch import branch_rows, column_of, down_to_zero, left_out,
 from asperity.slip.law import SlipLaw, SlipPath, path_of_law
 from asperity.slip.settings import SlipSettings
 from asperity.units import quantity
+from asperity.vibration.law import CurveLaw, Law, bar_of
+from asperity.vibration.source import Choice, CurveColumns, choose
 
 NODE_COLUMNS = ("amplitude", "x", "y", "area", "slip")
 #: Columns of slip_loops.csv with an error bar.
@@ -191,7 +190,10 @@ def slip_of_curve(
     bounded = isinstance(choice.law, CurveLaw) and math.isfinite(columns.bar_at(choice.load))
     if bounded and ((ratio is not None and unloaded) or computed):
         with suppress(AsperityError):  # at the end of its bar the curve may not reach the preload
-            bars = bar_of(choice.law, lambda side: _columns(law if side is choice.law else law_on(_points(side, choice)), t))
+            bars = bar_of(
+                choice.law,
+                lambda side: _columns(law if side is choice.law else law_on(_points(side, choice)), t),
+            )
     if computed and bars is not None:  # the mesh of the solid, of which only the curve gives an estimate
         ours, theirs = (np.array([[path.loop()[k] for k in WITH_ERRORS] for path in of]) for of in (computed, paths))
         bars = bars + np.abs(ours - theirs).T

@@ -23,10 +23,10 @@ from numpy.typing import ArrayLike
 
 from asperity.arrays import Array
 from asperity.errors import InputError
-from asperity.vibration.checks import positive
-from asperity.vibration.law import Law
 from asperity.runtime.display import short_repr
 from asperity.slip.jenkins import JenkinsArray
+from asperity.vibration.checks import positive
+from asperity.vibration.law import Law
 
 AS_STIFF = (
     "the normal curve is as stiff as the block: its contact is complete, or nearly, and no slip follows from it; "

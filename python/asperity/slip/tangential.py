@@ -12,14 +12,14 @@ import numpy as np
 from scipy.optimize import brentq
 
 from asperity.arrays import Array
-from asperity.vibration.run import small_vibration
-from asperity.vibration.settings import DynamicsSettings
 from asperity.errors import InputError, RangeError
-from asperity.vibration.checks import positive
 from asperity.runtime.display import short_repr
 from asperity.runtime.files import write_csv
 from asperity.slip.jenkins import JenkinsArray
 from asperity.slip.joint_slip import JointSlip, slip_of_case
+from asperity.vibration.checks import positive
+from asperity.vibration.run import small_vibration
+from asperity.vibration.settings import DynamicsSettings
 
 RESPONSE = "slip_response.csv"
 _SLIDERS = 100  # whose energy is that of the law to 0.3 %, see `SlipLaw.array`
