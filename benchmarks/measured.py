@@ -68,7 +68,9 @@ ERRORS: dict[str, Callable[[Rng, Array, float], Array]] = {
     "share of the force": lambda rng, F, size: F * (1 + size / F.max() * rng.standard_normal(F.size)),
     "slow drift": lambda rng, F, size: F + size * np.cumsum(rng.standard_normal(F.size)) / np.sqrt(F.size),
     "steps of a converter": lambda rng, F, size: np.round(F / (3 * size)) * 3 * size,
-    "one row in fifty far off": lambda rng, F, size: F + size * rng.standard_normal(F.size) * np.where(rng.random(F.size) < 0.02, 8, 1),
+    "one row in fifty far off": lambda rng, F, size: (
+        F + size * rng.standard_normal(F.size) * np.where(rng.random(F.size) < 0.02, 8, 1)
+    ),
 }  # fmt: skip
 
 
@@ -105,9 +107,8 @@ def draw(make: Callable[[Rng], Law], error: Callable[[Rng, Array, float], Array]
 
 
 def main(draws: int) -> None:
-    print(
-        "| family | k_n held | n | kappa | median bar of k_n | n resolved | kappa resolved | refused |\n|---|---|---|---|---|---|---|---|"
-    )
+    head = ("family", "k_n held", "n", "kappa", "median bar of k_n", "n resolved", "kappa resolved", "refused")
+    print(f"| {' | '.join(head)} |\n{'|---' * len(head)}|")
     cases = [(name, make, "white") for name, make in (FAMILIES | UNSEEN).items()]
     cases += [(f"Hertz, {error}", FAMILIES["Hertz"], error) for error in ERRORS if error != "white"]
     for name, make, error in cases:

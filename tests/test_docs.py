@@ -142,7 +142,7 @@ def table(name: str) -> list[dict[str, str]]:
 
 
 def test_the_first_page_gives_the_numbers_of_the_demo() -> None:
-    """Those of its stored curve: stiffness of the interface by two interpolants of the unloading, and the frequency."""
+    """Those of its stored curve; stiffness of the interface by an interpolant of the unloading, frequency by mass."""
     case, rows = Case.load(ROOT / "cases/demo.toml"), table("demo")
     joint = case.to_dict()["joint"]
     top = next(i for i, row in enumerate(rows) if row["branch"] == "unload") - 1

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from unittest.mock import Mock
+
 import numpy as np
 import pytest
 
@@ -54,3 +56,14 @@ def test_wrong_arguments() -> None:
         ContactOscillator(PowerLaw(1.5), zeta=0.0, damping=LOOPS)
     with pytest.raises(InputError, match=r"loops\.csv"):
         ContactOscillator(PowerLaw(1.5), damping="loops")
+
+
+def test_the_damping_ratio_of_a_loop_is_half_of_its_loss_factor() -> None:
+    """W of a loop over 2 pi k_n a^2, on a law of its stiffness and of twice that: zeta = W/(2 pi k_n a^2)."""
+    k, a, lost = 3.0, 0.02, 1.7e-5
+    eta = lost / (np.pi * k * a**2)
+    one = Mock(deflection=a, eta=eta, k=k, preload=1.0)
+    table = Mock(of_amplitudes=lambda: [[one]])
+    damping = LoopDamping.of(table)
+    assert damping.zeta[0] == pytest.approx(lost / (2.0 * np.pi * k * a**2), rel=1e-12)
+    assert damping.on(2.0 * k, 1.0)[0].zeta[0] == pytest.approx(lost / (2.0 * np.pi * 2.0 * k * a**2), rel=1e-12)

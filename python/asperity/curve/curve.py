@@ -280,7 +280,7 @@ class Curve:
         """Read a CSV file: optional "# {json}" line, column names, one line per step.
 
         Columns "delta" and "force" are required, the other names of COLUMNS are optional. An empty cell is unknown.
-        Other dialects and units are read by `asperity.force_law`, see `runtime.measured_curve`.
+        Units in the heading are read by `asperity.vibration.measured`.
 
         Raises:
             InputError: the file does not exist, has no or unknown column names, or a value that is not a number

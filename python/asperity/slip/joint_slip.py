@@ -191,7 +191,8 @@ def slip_of_curve(
     if bounded and ((ratio is not None and unloaded) or computed):
         with suppress(AsperityError):  # at the end of its bar the curve may not reach the preload
             bars = bar_of(
-                choice.law, lambda side: _columns(law if side is choice.law else law_on(_points(side, choice)), t)
+                choice.law,
+                lambda side: _columns(law if side is choice.law else law_on(_points(side, choice)), t),
             )
     if computed and bars is not None:  # the mesh of the solid, of which only the curve gives an estimate
         ours, theirs = (np.array([[path.loop()[k] for k in WITH_ERRORS] for path in of]) for of in (computed, paths))

@@ -86,7 +86,7 @@ class LocalFit:
     ) -> None:  # fmt: skip
         self._slopes = exponents if exponents is not None and np.isfinite(exponents).any() else None
         self._relative = relative
-        count = np.ones(delta.size)
+        count: Array = np.ones(delta.size)
         if not relative and delta.size > _GROUPS:
             groups = np.array_split(np.arange(delta.size), _GROUPS)
             count = np.array([float(len(rows)) for rows in groups])
@@ -167,8 +167,8 @@ class LocalFit:
         others = [i for i, width in enumerate(width_of) if width != width_of[best]]
         apart = np.abs(found[max(others, key=lambda i: w[i])] - found[best])[:4] if others else np.zeros(4)
         bars = BAR * np.sqrt(np.maximum(variance, 0.0)) + apart
-        x, a, log_k, kappa, b, c = mean.tolist()
-        return Local(x, log_k, (a, b, c), kappa, tuple(bars.tolist()))
+        x, a, log_k, kappa, b, c = (float(value) for value in mean)
+        return Local(x, log_k, (a, b, c), kappa, (float(bars[0]), float(bars[1]), float(bars[2]), float(bars[3])))
 
     def _contacts(self, origin: float | None) -> Array:
         """Approaches of first contact that the points allow."""
@@ -204,7 +204,8 @@ class LocalFit:
         A = _basis(x, centres, width, 0)
         prior = np.append([weight for _, weight in _PRIOR], np.full(centres.size, size**-2 if size else 0.0))
         mean = np.append([value for value, _ in _PRIOR], np.zeros(centres.size))
-        extra, wanted = np.zeros((0, prior.size)), np.zeros(0)
+        extra: Array = np.zeros((0, prior.size))
+        wanted: Array = np.zeros(0)
         if known.any() and self._slopes is not None:  # a slope tells as much as the difference of neighbours
             scale = float(np.median(np.diff(x))) if x.size > 1 else 1.0
             extra, wanted = scale * _basis(x[known], centres, width, 1), scale * self._slopes[on][known]

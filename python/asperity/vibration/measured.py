@@ -31,7 +31,8 @@ _LATE = 0.5  # first force over the greatest, above which a curve does not begin
 def read_table(path: Path) -> tuple[dict[str, Array], tuple[str, ...]]:
     """Columns by name (n,), approach and force in m and N where their units are named, and how they were read.
 
-    The first line that is no comment names the columns: delta [um], force [N]; commas, semicolons or tabs separate them.
+    The first line that is no comment names the columns: delta [um], force [N]. Commas, semicolons or tabs separate
+    them.
 
     Raises:
         ValueError: a column is missing, its unit unknown, or a cell of approach or force no number
@@ -134,8 +135,8 @@ def law_of_rows(
     if np.any(falls := top - f > FALL * top + 8.0 * scatter):
         at = int(np.argmax(falls))
         raise InputError(
-            f"the force of the curve falls by {top[at] - f[at]:.4g}, by more than {100 * FALL:g} % and the scatter, at the "
-            f"approach {known[at]:.5g}: no law of a contact; name its unloading in a column branch, or smooth it"
+            f"the force of the curve falls by {top[at] - f[at]:.4g}, by more than {100 * FALL:g} % and the scatter, "
+            f"at the approach {known[at]:.5g}: no law of a contact; name its unloading in a column branch, or smooth it"
         )
     if np.all(np.diff(F) > 0.0) and scatter < SCATTER * np.median(rise):
         of_rows = np.full(known.size, np.nan) if k is None else _means(k, first)
@@ -153,9 +154,9 @@ def law_of_rows(
     dropped = int(known.size - on.sum())
     where = "" if origin >= known[0] else ", by extrapolation"
     return law, (
-        f"{name}: {dropped} rows before contact dropped, {delta.size - known.size} of equal approach averaged, contact at "
-        f"{origin:.5g} +- {of_origin:.2g}{where}, noise {fit.noise:.2g} ({100 * fit.noise / load:.2g} % of the preload), "
-        f"law {kind}"
+        f"{name}: {dropped} rows before contact dropped, {delta.size - known.size} of equal approach averaged, "
+        f"contact at {origin:.5g} +- {of_origin:.2g}{where}, noise {fit.noise:.2g} "
+        f"({100 * fit.noise / load:.2g} % of the preload), law {kind}"
     )
 
 
