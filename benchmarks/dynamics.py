@@ -87,7 +87,7 @@ def solve(case: Case) -> Case:
 
         more: dict[str, Any] = {}
     except ImportError:  # version 1.0
-        from asperity.dynamics import ContactOscillator, PowerLaw  # type: ignore[no-redef]
+        from asperity.dynamics import ContactOscillator, PowerLaw  # type: ignore[no-redef,import-untyped]
         from asperity.dynamics import TableLaw as CurveLaw  # type: ignore[no-redef]
 
         more = {"subharmonics": False}

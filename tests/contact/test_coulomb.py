@@ -228,6 +228,7 @@ def test_what_friction_does_not_go_with(coarse: BlockMesh | None, rough: Surface
 def test_a_slipping_node_carries_coulombs_part_of_its_normal_force(wave: Surface, block: BlockMesh) -> None:
     """The bounds of the tangential forces are those of the pressures that the forces themselves change."""
     solver = pressed(wave, block, 0.4)
+    assert isinstance(solver.contact, Coulomb)
     sliding = solver.contact.sliding
     slips = ~sliding.stuck & (sliding.bounds > 0.0)
     tangential = np.linalg.norm(sliding.traction[slips], axis=1)

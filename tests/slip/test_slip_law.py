@@ -47,7 +47,7 @@ def test_energy_is_that_of_masings_loop_for_any_law() -> None:
 def test_the_tangent_is_the_slope_of_the_displacement(block: tuple[float, float]) -> None:
     """With the block too, whose compliance is in series."""
     z = np.geomspace(0.02, 1.0, 15)
-    law, d = SlipLaw(asp.TableLaw(z, z**1.3 + 0.5 * z**3), 0.9, MU, 0.2, block), 1e-6
+    law, d = SlipLaw(asp.CurveLaw(z, z**1.3 + 0.5 * z**3), 0.9, MU, 0.2, block), 1e-6
     for t in (0.2, 0.7, 0.95):
         slope = (law.displacement(t + d) - law.displacement(t - d)) / (2 * d * law.limit)
         assert law.k_tangent(t) == pytest.approx(1.0 / slope, rel=1e-5)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import partial
 
 import numpy as np
 import pytest
@@ -70,7 +71,7 @@ def test_the_bars_of_computed_points_hold(curve: Maker, least: float) -> None:
         law = law.about(load)
         values = exact(f, brentq(lambda x, f=f, load=load: f(x) - load, 1e-9, 1.0))
         z_s, k, n, kappa = at_load(law, load)
-        bars = bar_of(law, lambda side, load=load: at_load(side, load))
+        bars = bar_of(law, partial(at_load, load=load))
         inside.append(np.abs(np.array([n, kappa, k]) - np.array(values)[[0, 1, 3]]) <= bars[[2, 3, 1]])
         size.append(bars[1] / k)
         assert z_s == pytest.approx(values[2], rel=0.05)

@@ -314,7 +314,7 @@ def test_sizes_beyond_all_units_are_refused() -> None:
 
 def test_a_preload_just_above_a_curve_with_an_error_bar_is_lowered_with_a_note() -> None:
     curve = exponential() | {"step": range(26), "P_star": np.ones(26), "error_P_star": np.full(26, 0.02)}
-    top = float(curve["force"][-1])
+    top = float(np.asarray(curve["force"])[-1])
     choice = choose(CurveColumns.of(curve), load=1.01 * top)
     assert choice.load == top and "exceeds the greatest force of the curve by 1 %" in choice.note
     with pytest.raises(RangeError, match=r"load = 3036\.\d+ lies outside the curve, which ends at force 2948"):

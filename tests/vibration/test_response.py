@@ -130,7 +130,7 @@ def test_onset_of_period_doubling() -> None:
     """Between the doublings, on a branch without folds, no orbit is stable."""
     o = ContactOscillator(PowerLaw(1.5), zeta=0.01)
     onset = o.thresholds().period_doubling
-    assert onset == pytest.approx(0.24)
+    assert onset is not None and onset == pytest.approx(0.24)
     assert not o.response(0.993 * onset, (1.7, 2.3))["period doubling"]
     r = o.response(1.007 * onset, (1.7, 2.3))
     low, high = sorted(e.Omega for e in r["period doubling"])

@@ -546,8 +546,9 @@ class Side(Law):
             return np.where(touching, force * self._map(Y)[1] * self.law.slope(s) / self.law.force(s), 0.0)
 
     def potential(self, z: ArrayLike) -> Array:
-        z = np.maximum(np.asarray(z, float), 0.0)
-        knots = np.unique(np.concatenate([[0.0], self.knots[self.knots > 0.0], np.geomspace(1e-6, 1.0, 60) * z.max()]))
+        z = np.asarray(np.maximum(z, 0.0), float)
+        top = float(z.max())
+        knots = np.unique(np.concatenate([[0.0], self.knots[self.knots > 0.0], np.geomspace(1e-6, 1.0, 60) * top]))
         half = 0.5 * np.diff(knots)[:, None]
         energy = np.append(
             0.0, np.cumsum(half[:, 0] * (self.force(knots[:-1, None] + half * (1.0 + _CELL_X)) @ _CELL_W))

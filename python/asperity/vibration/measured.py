@@ -145,8 +145,8 @@ def law_of_rows(
         rising = np.append(True, smooth[1:] > np.maximum.accumulate(smooth)[:-1])
         grid, smooth, n = grid[rising], smooth[rising], np.maximum(n[rising], 1e-3)
         law, kind = CurveLaw(grid, smooth, name=name, k=n * smooth / grid), "a fit through them"
-        at = law.deflection(load)
-        off_k, off_kappa = abs(float(np.log(law.at(at)[1]) - local.log_k)), abs(law.kappa(at) - local.kappa)
+        z_s = law.deflection(load)
+        off_k, off_kappa = abs(float(np.log(law.at(z_s)[1]) - local.log_k)), abs(law.kappa(z_s) - local.kappa)
         law = replace(law, bars=Bars(load, bar, 0.0, local.bars[2] + off_k, local.bars[3] + off_kappa))
     law = replace(
         law, bars=law.bars._replace(approach=float(np.hypot(law.bars.approach, of_origin))) if law.bars else None

@@ -124,8 +124,8 @@ class Dynamics:
             for i, one in enumerate(responses):
                 places = [("peak", *one.peak), *(("fold", e.Omega, e.u_max) for e in one["fold"])]
                 bars = self.bars[i] if model == "exact" and self.bars else np.full((len(places), 2), np.nan)
-                for (kind, omega, u), bar in zip(places, bars.tolist(), strict=True):
-                    known = [x if math.isfinite(x) else None for x in bar]
+                for (kind, omega, u), bar in zip(places, bars, strict=True):
+                    known = [float(x) if np.isfinite(x) else None for x in bar]
                     found.append({
                         "model": model, "zeta": one.setting.zeta, "F_hat": one.setting.F_hat, "kind": kind,
                         "Omega": omega, "Omega_bar": known[0], "u_max": u, "u_max_bar": known[1],

@@ -110,7 +110,8 @@ class CurveColumns:
         for name, values in (("delta", delta), ("force", force)):
             if greatest := float(np.abs(values).max()):
                 within(f"the greatest {name} of the curve", greatest, SIZES)
-        names, rows = sized("branch"), np.arange(size)
+        names = sized("branch")
+        rows: Array = np.arange(size)
         if measured and names is None:
             rows, names, done = branches(delta, force)
             notes += (done,) if done else ()
