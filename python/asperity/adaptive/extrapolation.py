@@ -264,6 +264,18 @@ def slope_bar(curve: Curve, budget: Budget, edges: Floats) -> Floats:
     return np.asarray(bar * np.abs(curve.k_n))
 
 
+def of_elastic_solve(curve: Curve) -> Curve:
+    """A curve of an elastic solid without friction: its slope k_n is the elastic stiffness, where that is known.
+
+    The elastic solve of a step does not know what the steps before and after missed, as differences do. At an approach
+    the slope has the error of the force there too, for it grows with the force by less than its first power.
+    """
+    known = curve.k_n_elastic > 0.0
+    bar = np.hypot(curve.error_k_n_elastic, relative(curve.error_P_star, curve.P_star, 0.0) * curve.k_n_elastic)
+    k_n, error = np.where(known, curve.k_n_elastic, curve.k_n), np.where(known, bar, curve.error_k_n)
+    return replace(curve, k_n=k_n, error_k_n=error)
+
+
 def at_given_forces(curve: Curve, budget: Budget, raw: Curve, greatest: float) -> tuple[Curve, Budget]:
     """A corrected curve at the forces that were computed, which a load path gives: its approaches are corrected.
 

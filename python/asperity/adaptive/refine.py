@@ -21,6 +21,7 @@ from asperity.adaptive.extrapolation import (
     at_given_forces,
     correct,
     judged_rows,
+    of_elastic_solve,
     relative,
     without_omission,
 )
@@ -221,6 +222,8 @@ class MeshErrorEstimate:
         else:
             if given.force_max is not None:  # it is the corrected curve that reaches it
                 curve, budget = at_given_forces(curve, budget, result.curve, given.force_max)
+            if not run.problem.path_dependent:
+                curve = of_elastic_solve(curve)
             worst, worst_area = _worst(curve, judged)
             known = self._known(worst, worst_area)
             if known:
