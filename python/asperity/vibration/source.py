@@ -354,6 +354,15 @@ def unload_reload(curve: Any, load: float | None = None) -> CurveLaw:
     Raises:
         InputError: the curve has no unloading rows, or no branch with enough of them in contact
         RangeError: no branch reaches the preload
+
+    Examples:
+        A contact that separates at a residual indentation of 0.3:
+
+        >>> up, down = np.linspace(0.0, 1.0, 21), np.linspace(0.95, 0.3, 14)
+        >>> curve = {"delta": [*up, *down], "force": [*up**1.5, *((down - 0.3) / 0.7) ** 1.5]}
+        >>> law = asp.unload_reload(curve | {"branch": ["load"] * 21 + ["unload"] * 14}, load=0.5)
+        >>> round(law.deflection(0.5), 3)
+        0.441
     """
     columns = CurveColumns.of(curve)
     rows = leg_rows(columns, load)
