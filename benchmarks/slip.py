@@ -23,12 +23,11 @@ from numpy.typing import ArrayLike
 from scipy.fft import irfft2, rfft2
 from scipy.interpolate import PchipInterpolator
 from scipy.sparse.linalg import LinearOperator, cg
+from slip_paths import Sliding, at_preload, solve_slip
 
 import asperity as asp
 from asperity.arrays import Floats
 from asperity.quasistatic.contact_solver import ContactSolver
-from asperity.quasistatic.force_loops import Leg, as_before
-from asperity.quasistatic.slip_paths import Sliding, solve_slip
 from asperity.reference import HalfSpaceContact, half_space_contact
 from asperity.slip import JointSlip, SlipSettings, slip_of_curve
 
@@ -184,7 +183,7 @@ def errors_of(slip: JointSlip, truths: Iterable[tuple[float, float]]) -> Floats:
     """Relative error and bar of displacement and energy of a curve at each amplitude (amplitudes, 2, 2)."""
     return np.array([
         [(path.displacement / u - 1.0, bar["u"] / u), (path.energy / W - 1.0, bar["energy"] / W)]
-        for path, bar, (u, W) in zip(slip.by_curve, slip.errors, truths, strict=True)
+        for path, bar, (u, W) in zip(slip.paths, slip.errors, truths, strict=True)
     ])  # fmt: skip
 
 
@@ -234,13 +233,11 @@ def solid(n: int, h: float, slopes: list[float]) -> None:
             )  # fmt: skip
             result = asp.solve_contact(problem, stiffness=True)
             pressed = process_time()
-            settings = SlipSettings(MU, AMPLITUDES, float(result.curve.force[-1]), steps=1, method="solid")
+            settings = SlipSettings(MU, AMPLITUDES, float(result.curve.force[-1]), steps=1)
             paths = solve_slip(problem, result, settings)
             times = pressed - begun, (process_time() - pressed) / len(paths)
-            slip = slip_of_curve(
-                result.curve, settings, material, patch=1.0, height=1.0, sides="periodic", computed=paths
-            )
-            for method, found, seconds in (("solid", slip.paths, times[1]), ("its curve", slip.by_curve, times[0])):
+            slip = slip_of_curve(result.curve, settings, material, patch=1.0, height=1.0, sides="periodic")
+            for method, found, seconds in (("solid", paths, times[1]), ("its curve", slip.paths, times[0])):
                 errors = []
                 for path, (move, energy) in zip(found, space.loops, strict=True):
                     interface, loss = path.displacement - path.force * 2.0 * (1.0 + nu), path.energy * (1.0 - nu**2)
@@ -282,7 +279,7 @@ def yielded(h: float) -> None:
             curve["error_P_star"] = 1e-9 * curve["P_star"]
             for part in (1.0, 0.5):
                 preload = part * float(curve["force"].max())
-                settings = SlipSettings(MU, AMPLITUDES, preload, steps=1, method="solid")
+                settings = SlipSettings(MU, AMPLITUDES, preload, steps=1)
                 paths = solve_slip(problem, result, settings)
                 slip = slip_of_curve(curve, settings, material, patch=1.0, height=1.0, sides="periodic")
                 errors = errors_of(slip, [(path.displacement, path.energy) for path in paths])
@@ -299,9 +296,7 @@ def yielded(h: float) -> None:
 def flowing(solver: ContactSolver, settings: SlipSettings, part: float) -> list[float]:
     """Energies of three loops at 0.6 mu P of a solid that flows on, of one below the greatest load."""
     assert settings.preload is not None
-    with as_before(solver):
-        Leg(solver, 1e-4 * settings.preload, None).follow(settings.preload, 1)
-        solver.solid.kernels.restore(solver.history.copy())
+    with at_preload(solver, settings.preload):
         sliding = Sliding(solver, settings.friction)
         return [sliding.path(0.6, 1).energy for _ in range(3 if part == 1.0 else 1)]
 

@@ -2,15 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 
 from asperity.model.material import Material
 from asperity.slip import SlipSettings, slip_of_curve
 from asperity.slip.branch import branch_rows, stuck_law
-from asperity.slip.joint_slip import slip_of_case
 from asperity.vibration.law import CurveLaw
 from asperity.vibration.source import CurveColumns, choose
 
@@ -29,7 +26,7 @@ def sphere(rows: int, softer: float = 1.0) -> dict[str, np.ndarray]:
     return columns | {"k_t": 0.5 * (k_x + k_y), "k_t_x": k_x, "P_star": force, "error_P_star": 1e-6 * force}
 
 
-def slip(curve: dict[str, np.ndarray], direction: float = 0.0):
+def slip(curve: dict[str, np.ndarray], direction: str = "x"):
     settings = SlipSettings(MU, AMPLITUDES, float(curve["force"][-1]), direction=direction)
     return slip_of_curve(curve, settings, STEEL, patch=SIDE**2, height=HEIGHT)
 
@@ -48,19 +45,14 @@ def test_few_rows_with_their_stiffness_give_mindlins_sphere(rows: int) -> None:
 
 def test_each_direction_has_its_stiffness() -> None:
     curve = sphere(10, softer=1.2)
-    found = [slip(curve, direction) for direction in (0.0, 90.0, 45.0)]
-    along_x, along_y, aslant = (each.law for each in found)
+    along_x, along_y = (slip(curve, direction).law for direction in ("x", "y"))
     assert along_x.k_tangent(0.0) == pytest.approx(curve["k_t_x"][-1], rel=1e-12)
     assert along_y.energy(0.5) == pytest.approx(1.2 * along_x.energy(0.5), rel=1e-6)
-    assert aslant.k_tangent(0.0) == pytest.approx(curve["k_t"][-1], rel=1e-12)
-    bars = [each.loops()[1]["error_u"] for each in (found[0], found[2])]
-    assert bars[1] > 2.0 * bars[0]  # the stiffness between both axes is not known
 
 
 def test_bars_of_few_rows_are_wider() -> None:
     bars = [[row["error_energy"] / row["energy"] for row in slip(sphere(rows)).loops()] for rows in (3, 5, 20)]
     assert np.all(np.diff(bars, axis=0) < 0.0)
-    assert min(bars[-1]) > 0.3 * STEEL.nu
 
 
 def test_a_curve_without_tangential_stiffness_has_no_bars_and_says_so() -> None:
@@ -71,30 +63,6 @@ def test_a_curve_without_tangential_stiffness_has_no_bars_and_says_so() -> None:
     known = slip(sphere(20)).law  # here the block's part of the curve is known by its height alone
     assert found.law.energy(0.6) == pytest.approx(known.energy(0.6), rel=0.03)
     assert found.law.displacement(0.6) == pytest.approx(known.displacement(0.6), rel=0.01)
-
-
-def test_one_body_on_a_rigid_flat_has_no_columns_of_its_curve() -> None:
-    curve, computed = sphere(20), slip(sphere(20)).by_curve
-    case = {
-        "surface": {"L": SIDE}, "material": {"E": STEEL.E, "nu": STEEL.nu}, "slip": {"friction": MU, "method": "solid"},
-        "block": {"height": HEIGHT, "sides": "periodic"},
-    }  # fmt: skip
-    like, rigid = (
-        slip_of_case(case | {"contact": {"friction": friction}}, curve, float(curve["force"][-1]), computed)
-        for friction in ("none", MU)
-    )
-    assert {"eta_curve", "error_eta"} <= set(like.loops()[0]) and "T_curve" in next(like.steps())
-    assert list(rigid.loops()[0]) == list(computed[0].loop()) and "T_curve" not in next(rigid.steps())
-    assert rigid.to_dict()["k_rest"] is None and rigid.notes == ()
-
-
-def test_a_loop_without_slip_has_no_damping() -> None:
-    """Of a solid at an amplitude at which every node sticks: nothing is lost, and no bar is a part of nothing."""
-    curve = sphere(20)
-    paths = tuple(replace(path, dissipated=0.0 * path.dissipated) for path in slip(curve).by_curve)
-    settings = SlipSettings(MU, AMPLITUDES, float(curve["force"][-1]))
-    stuck = slip_of_curve(curve, settings, STEEL, patch=SIDE**2, height=HEIGHT, computed=paths)
-    assert all(line.endswith("damping ratio 0") for line in stuck.lines())
 
 
 def test_a_ratio_of_stiffnesses_that_changes_along_the_curve_is_followed() -> None:
