@@ -20,7 +20,6 @@ from asperity.curve.power_law import with_misfit
 from asperity.errors import CheckpointError, ConvergenceError, MeshError, OutputError
 from asperity.job.run_case import RunResult, run
 from asperity.mesh.block import BlockMesh
-from asperity.model.material import Material
 from asperity.output.results import Results
 from asperity.runtime.run_folder import PRODUCTS
 from asperity.study.run import summarise_case
@@ -359,22 +358,6 @@ def test_a_surface_that_cannot_be_meshed_leaves_the_folder_as_it_is(tmp_path: Pa
     assert call("run", case, "-o", out, "--force") == 2
     assert files(out) == before
     assert out.exists() == older
-
-
-def test_slip_by_the_curve_has_the_bars_of_the_curve(tmp_path: Path) -> None:
-    from asperity.slip import SlipSettings, slip_of_curve
-
-    z = np.linspace(0.0, 1e-8, 41)
-    curve = {"delta": z, "force": 2e9 * z**1.5, "P_star": z**1.5, "error_P_star": 0.05 * z**1.5}
-    curve |= {"k_n_elastic": 3e9 * z**0.5, "k_t": 2.2e9 * z**0.5, "k_t_x": 2.2e9 * z**0.5}
-    settings, steel = SlipSettings(friction=0.3, preload=1e-3), Material(200e9, 0.3)
-    slip = slip_of_curve(curve, settings, steel, patch=1e-12, height=1e-6)
-    for row in slip.loops():
-        assert 0.03 < row["error_energy"] / row["energy"] < 0.3  # W ~ P^(-1/3) of the law's factor
-        assert 0.0 < row["error_k_secant"] / row["k_secant"] < 0.2
-    assert slip.loops()[0]["error_k_secant"] < slip.loops()[-1]["error_k_secant"]
-    without = slip_of_curve({k: curve[k] for k in ("delta", "force")}, settings, steel, patch=1e-12, height=1e-6)
-    assert "error_u" not in without.loops()[0]
 
 
 # --- units ----------------------------------------------------------------------------------------------------

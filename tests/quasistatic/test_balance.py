@@ -19,7 +19,6 @@ from asperity.contact import ActiveSet
 from asperity.errors import CheckError
 from asperity.job.run_case import run
 from asperity.mesh.block import BlockMesh
-from asperity.mesh.generate import build_block
 from asperity.model.load_path import Schedule
 from asperity.model.material import Material
 from asperity.model.settings import Formulation, MeshSize, SolverOptions

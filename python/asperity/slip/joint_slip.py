@@ -21,7 +21,7 @@ from asperity.slip.branch import branch_rows, column_of, down_to_zero, measured_
 from asperity.slip.law import SlipLaw, SlipPath, path_of_law
 from asperity.slip.settings import SlipSettings
 from asperity.units import quantity
-from asperity.vibration.law import CurveLaw, Law, bar_of
+from asperity.vibration.law import Bars, CurveLaw, Law, bar_of
 from asperity.vibration.source import Choice, CurveColumns, choose
 
 #: Columns of slip_loops.csv with an error bar.
@@ -156,13 +156,15 @@ def slip_of_curve(
     law, t = law_on(choice.law), np.array(settings.amplitudes)
     area = _area_of(curve, columns, rows)
     paths = tuple(path_of_law(law, amplitude, steps=settings.steps, area=area) for amplitude in settings.amplitudes)
+    # the law passes through its points: only their errors count, not those of a local fit
+    of_force, of_k = columns.bar_at(choice.load), columns.bar_at(choice.load, elastic=True)
+    errors_of_curve = Bars(choice.load, of_force, stiffness=of_k if of_k > 0.0 else 0.0)
     bars: Array = np.zeros((len(WITH_ERRORS), 0))
     unloaded = not choice.yielded or choice.name == "unload-reload"
-    if ratio is not None and unloaded and math.isfinite(columns.bar_at(choice.load)):
+    if isinstance(choice.law, CurveLaw) and ratio is not None and unloaded and math.isfinite(of_force):
         with suppress(AsperityError):  # at the end of its bar the curve may not reach the preload
             bars = bar_of(
-                choice.law,
-                lambda side: _columns(law if side is choice.law else law_on(_points(side, choice)), t),
+                replace(choice.law, bars=errors_of_curve), lambda side: _columns(law_on(_points(side, choice)), t)
             )
     errors = tuple({k: float(x) for k, x in zip(WITH_ERRORS, row, strict=True)} for row in bars.T)
     return JointSlip(law, paths, errors, tuple(_doubts(choice, ratio is not None, paths)))
