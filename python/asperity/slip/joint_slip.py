@@ -26,6 +26,7 @@ from asperity.vibration.source import Choice, CurveColumns, choose
 
 #: Columns of slip_loops.csv with an error bar.
 WITH_ERRORS = ("u", "k_secant", "energy", "eta")
+OF_THE_CURVE = "The bars of slip are those of the curve, without the error of the law (docs/slip.md)"
 KINEMATIC = (
     "the hardening is kinematic, at least in part: the solid flows in each loop, and slips more than here, where its "
     "plastic strain is held (docs/slip.md)"
@@ -102,7 +103,7 @@ class JointSlip:
                 what = f"frequency {quantity(row['f'], 'Hz' if si else '', 5, bar=0.5 * of_k)}"
             zeta = quantity(row["zeta"], "", 3, bar=of_zeta)
             found.append(f"Slip at {path.amplitude:g} of the friction limit: {what}, damping ratio {zeta}")
-        return found
+        return [*found, OF_THE_CURVE] if self.errors else found
 
     def write(self, folder: Path) -> None:
         """Write slip.csv and slip_loops.csv."""
