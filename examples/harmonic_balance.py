@@ -24,7 +24,8 @@ from scipy.interpolate import PchipInterpolator
 
 import asperity as asp
 from asperity.output.export import interface
-from asperity.slip import JenkinsArray, SlipLaw, tangential_response
+from asperity.slip import SlipLaw, tangential_response
+from asperity.slip.tangential import sliders
 
 CASE: dict[str, Any] = {
     "surface": {
@@ -132,16 +133,18 @@ def largest(coefficients: Any) -> Any:
 
 def sideways(law: SlipLaw) -> tuple[float, float]:
     """Return pyHarm's amplitude and frequency at the resonance on sliders over ours, the latter by one harmonic."""
-    sliders = law.array(20, 0.02)
+    stiffness, reach = sliders(law, 40)
     # lengths in units of the limit of friction over the stiffness at rest
-    k, f = sliders.k / sliders.k.sum(), sliders.f / law.limit
+    rest = float(stiffness.sum())
+    k, f = stiffness / rest, stiffness * reach / law.limit
     jenkins = {
         f"slider{i}": {"type": "Jenkins", "connect": {"mass": [0]}, "dirs": [0], "k": k[i], "mu": 1.0, "N0": f[i]}
         for i in range(k.size)
     }
     omega, coefficients = pyharm_orbits(jenkins, [], 0.0, PUSHED, SIDEWAYS, 7, 0.02)()
     theirs = np.hypot(coefficients[:, 1], coefficients[:, 2])
-    w, ours = tangential_response(JenkinsArray(k, f), mass=1.0, force=PUSHED)
+    w, ours = tangential_response(law, mass=rest, force=PUSHED * law.limit)
+    ours = ours * rest / law.limit
     found = float(theirs.max() / ours.max()), float(omega[theirs.argmax()] / w[ours.argmax()])
     print(f"sideways: amplitude {found[0]:.4f} and frequency {found[1]:.4f} of ours at the resonance")
     return found

@@ -247,16 +247,15 @@ def test_the_evidence_of_slip_gives_the_numbers_of_its_tables() -> None:
     most_u = " and ".join(f"{np.abs(numbers(rows, u)).max():.1f}" for rows in of)
     most_energy = " and ".join(f"{np.abs(numbers(rows, energy)[:, 1:]).max():.1f}" for rows in of)
     assert f"up to {most_u} % off" in page and f"up to {most_energy} %" in page
-    assert {row[name] for row in table("slip_rows") for name in ("inside u", "inside energy")} == {"120 of 120"}
+    few = max(numbers([row], energy)[:, 1:].max() for row in table("slip_rows") if row["rows"] != "3")
+    assert f"within {np.ceil(few):.0f} % from 0.3 μP on" in page
     steep = [row for row in table("slip_solid") if row["slope"] == "0.1"]
     for method, words in (("solid", ("{} to {} % softer", "{} to {} % more")), ("its curve", ("{} to {} % of",) * 2)):
         some = [row for row in steep if row["method"] == method]
         for values, text in zip((numbers(some, u), numbers(some, energy)[:, 1:]), words, strict=True):
             assert text.format(f"{values.min():.1f}", f"{values.max():.1f}") in page
     rows = table("slip_yielded")
-    inside = (sum(int(row[k].split()[0]) for row in rows) for k in ("inside u", "inside energy"))
-    assert "{} of {n} displacements and {} of {n} energies".format(*inside, n=4 * len(rows)) in page
-    assert f"median for the energy is {np.median(numbers(rows, 'bar of the energy, %')[:, 1:]):.0f} %" in page
+    assert f"up to {-numbers(rows, energy)[:, 1:].min():.0f} % too low" in page
     for hardening, loop, digits in (("isotropic", 0, 1), ("isotropic", 2, 2), ("kinematic", 2, 1)):
         some = [row for row in rows if (row["hardening"], row["preload"]) == (hardening, "1")]
         ratio = numbers(some, "loops that flow")[:, loop]

@@ -20,7 +20,6 @@ from asperity.curve.power_law import with_misfit
 from asperity.errors import CheckpointError, ConvergenceError, MeshError, OutputError
 from asperity.job.run_case import RunResult, run
 from asperity.mesh.block import BlockMesh
-from asperity.model.material import Material
 from asperity.output.results import Results
 from asperity.runtime.run_folder import PRODUCTS
 from asperity.study.run import summarise_case
@@ -359,58 +358,6 @@ def test_a_surface_that_cannot_be_meshed_leaves_the_folder_as_it_is(tmp_path: Pa
     assert call("run", case, "-o", out, "--force") == 2
     assert files(out) == before
     assert out.exists() == older
-
-
-def test_slip_is_that_of_the_joint_by_the_curve_and_by_the_solid(tmp_path: Path) -> None:
-    """Files in units of the case and of the patch; the frequency is that of the joint's mass."""
-    material, loading = {"E": 200e9, "nu": 0.3}, {"delta_max": 0.03e-6, "steps": 6}
-    joint = {"nominal_area": 1e-4, "mass": 0.5, "preload": 1e5}
-    slip = {"friction": 0.3, "amplitudes": [0.3, 0.9], "steps": 2, "method": "solid"}
-    quiet = {"figures": False, "report": True}
-    case = case_of(material=material, loading=loading, joint=joint, slip=slip, output=quiet)
-    section = run(case, tmp_path).summary["slip"]
-    results = Results.read(tmp_path)
-    loops, steps = results.slip_loops, results.slip
-    assert section["preload"] == pytest.approx(1e5 * 1e-12 / 1e-4) and section["method"] == "solid"
-    np.testing.assert_allclose(loops["T"], 0.3 * section["preload"] * np.array([0.3, 0.9]), rtol=2e-3)
-    np.testing.assert_allclose(loops["k_secant"], loops["T"] / loops["u"], rtol=1e-12)
-    np.testing.assert_allclose(loops["u_curve"], loops["u"], rtol=0.13)  # rms slope 0.13
-    assert np.all(np.abs(steps["T"] - steps["T_curve"]) < 0.06 * section["limit"])  # few facets touch
-    nodes = np.genfromtxt(tmp_path / "slip_nodes.csv", delimiter=",", names=True)
-    assert np.unique(nodes["amplitude"]).tolist() == [0.3, 0.9]
-    assert -1e-15 <= nodes["x"].min() < nodes["x"].max() < 1.001e-6
-    for amplitude, share, u in zip(loops["amplitude"], loops["slip_share"], loops["u"], strict=True):
-        of = nodes["amplitude"] == amplitude
-        slips = of & (nodes["slip"] > 1e-6 * u)  # since rest, and the share is that of the last step
-        assert share - 1e-9 <= nodes["area"][slips].sum() / nodes["area"][of].sum() < share + 0.1
-        assert nodes["slip"][of].max() < 1.1 * u
-    light = section["vibration"][0]
-    assert light["f"] == pytest.approx(np.sqrt(1e8 * loops["k_secant"][0] / 0.5) / (2 * np.pi))
-    assert light["zeta"] == pytest.approx(0.5 * loops["eta"][0])
-    assert section["in_words"][0].startswith("Slip at 0.3 of the friction limit: frequency ")
-    assert (tmp_path / "figures/slip.svg").is_file()
-    assert {"slip.csv", "slip_loops.csv", "slip_nodes.csv"} <= set(PRODUCTS)
-
-
-def test_slip_by_the_curve_has_the_bars_of_the_curve(tmp_path: Path) -> None:
-    from asperity.slip import SlipSettings, slip_of_curve
-
-    z = np.linspace(0.0, 1e-8, 41)
-    curve = {"delta": z, "force": 2e9 * z**1.5, "P_star": z**1.5, "error_P_star": 0.05 * z**1.5}
-    curve |= {"k_n_elastic": 3e9 * z**0.5, "k_t": 2.2e9 * z**0.5, "k_t_x": 2.2e9 * z**0.5}
-    settings, steel = SlipSettings(friction=0.3, preload=1e-3), Material(200e9, 0.3)
-    slip = slip_of_curve(curve, settings, steel, patch=1e-12, height=1e-6)
-    for row in slip.loops():
-        assert 0.03 < row["error_energy"] / row["energy"] < 0.3  # W ~ P^(-1/3) of the law's factor
-        assert 0.0 < row["error_k_secant"] / row["k_secant"] < 0.2
-    assert slip.loops()[0]["error_k_secant"] < slip.loops()[-1]["error_k_secant"]
-    softer = tuple(path.scaled(1.0, 1.1) for path in slip.paths)
-    solid = slip_of_curve(curve, settings, steel, patch=1e-12, height=1e-6, computed=softer)
-    assert all(row["error_energy"] > row["energy"] - row["energy_curve"] > 0.0 for row in solid.loops())
-    decoupled = slip_of_curve(curve, settings, Material(200e9, 0.0), patch=1e-12, height=1e-7)
-    assert all(row["error_energy"] < 0.1 * row["energy"] for row in decoupled.loops())
-    without = slip_of_curve({k: curve[k] for k in ("delta", "force")}, settings, steel, patch=1e-12, height=1e-6)
-    assert "error_u" not in without.loops()[0]
 
 
 # --- units ----------------------------------------------------------------------------------------------------

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 from conftest import PLASTIC, here, world
-from scipy.integrate import quad, trapezoid
+from scipy.integrate import quad
 from scipy.optimize import brentq
 from scipy.special import ellipk
 
@@ -22,8 +22,6 @@ from asperity.model.settings import AccuracyTarget, Formulation, MeshSize, Solve
 from asperity.quasistatic.contact_result import ContactResult
 from asperity.quasistatic.contact_solver import ContactSolver
 from asperity.quasistatic.make import make_contact_solver
-from asperity.quasistatic.slip_paths import slip_paths
-from asperity.slip import SlipSettings
 from asperity.surface import Flat, Sphere, Surface
 from asperity.transient import Transient
 
@@ -222,7 +220,7 @@ def test_what_friction_does_not_go_with(coarse: BlockMesh | None, rough: Surface
         Transient(solver, density=1.0, mass=1.0, load=0.0)
 
 
-# --- a flat that moves ----------------------------------------------------------------------------------------
+# --- pressures and ranks --------------------------------------------------------------------------------------
 
 
 def test_a_slipping_node_carries_coulombs_part_of_its_normal_force(wave: Surface, block: BlockMesh) -> None:
@@ -236,37 +234,6 @@ def test_a_slipping_node_carries_coulombs_part_of_its_normal_force(wave: Surface
     assert slips.sum() > 3 and np.abs(tangential - 0.4 * normal).sum() < 1e-3 * tangential.sum()
 
 
-def test_a_loop_closes_and_loses(wave: Surface, block: BlockMesh) -> None:
-    """Friction loses in each step, the flat comes back, and so does the state; its force never exceeds the limit."""
-    solver = pressed(wave, block, 0.4)
-    load, held = solver.force, np.array(solver.contact.held)
-    path = slip_paths(solver, SlipSettings(0.4, (0.6,), load, steps=2))[0]
-    assert solver.force == pytest.approx(load, rel=1e-9) and not solver.checks.violated
-    np.testing.assert_array_equal(solver.contact.held, held)
-    top, bottom = path.end(0), path.end(1)
-    assert path.force == pytest.approx(0.6 * 0.4 * load, rel=3e-3)
-    assert np.all(np.diff(path.dissipated) >= 0.0)
-    assert path.u[-1] == pytest.approx(path.u[top], rel=0.05)
-    u, T = path.u[bottom:], path.T[bottom:]
-    work = trapezoid(path.T[top:], path.u[top:])  # the least by few steps; by the force at their ends the most
-    assert work < path.energy < work + 0.5 * (np.diff(path.T[top:]) @ np.diff(path.u[top:]))
-    assert 0.0 < path.energy and np.all(np.abs(path.T) <= 0.4 * load)
-    assert T[-1] == pytest.approx(path.T[top], rel=3e-3) and np.all(np.diff(u) > 0.0)
-
-
-def test_a_yielded_solid_keeps_its_plastic_strain_around_a_loop(wave: Surface, block: BlockMesh) -> None:
-    solver = make_contact_solver(here(), wave, block, PLASTIC, sides="free", formulation=Formulation(friction=0.3))
-    for k in range(1, 9):
-        assert solver.step(0.02 * k / 8).converged
-    before, strain = solver.force, solver.solid.kernels.history().plastic_strain.copy()
-    path = slip_paths(solver, SlipSettings(0.3, (0.6,), 0.8 * solver.force, steps=1))[0]
-    assert np.all(np.diff(path.dissipated) >= 0.0) and path.energy > 0.0
-    assert path.force == pytest.approx(0.6 * 0.3 * 0.8 * before, rel=3e-3)
-    assert path.u[-1] == pytest.approx(path.u[path.end(0)], rel=0.1)  # pressing left tangential forces
-    np.testing.assert_array_equal(solver.solid.kernels.history().plastic_strain, strain)
-    assert solver.force == before
-
-
 @pytest.mark.mpi
 @pytest.mark.usefixtures("several_ranks")
 def test_ranks_find_the_same(wave: Surface) -> None:
@@ -274,9 +241,10 @@ def test_ranks_find_the_same(wave: Surface) -> None:
     size, found = MeshSize(h_contact=0.14, growth=0.6, h_max=0.5), []
     for comm in (here(), world()):
         run = solve_contact(wave, ELASTIC, size=size, comm=comm, **how)
-        path = slip_paths(run.solver, SlipSettings(0.4, (0.5,), run.solver.force, steps=1))[0]
-        found.append([run.solver.force, path.energy, *(path.u[path.end(leg)] for leg in range(3))])  # steps may be cut
-    np.testing.assert_allclose(found[1], found[0], rtol=2e-3, atol=1e-12)
+        sliding = run.solver.contact.sliding
+        tangential = np.linalg.norm(sliding.traction, axis=1).sum()
+        found.append([run.solver.force, run.solver.solid.comm.allreduce(float(tangential))])
+    np.testing.assert_allclose(found[1], found[0], rtol=1e-6)
 
 
 def test_friction_that_does_not_settle_fails_the_step(

@@ -19,7 +19,6 @@ from asperity.contact import ActiveSet
 from asperity.errors import CheckError
 from asperity.job.run_case import run
 from asperity.mesh.block import BlockMesh
-from asperity.mesh.generate import build_block
 from asperity.model.load_path import Schedule
 from asperity.model.material import Material
 from asperity.model.settings import Formulation, MeshSize, SolverOptions
@@ -34,9 +33,7 @@ from asperity.quasistatic.balance import (
 from asperity.quasistatic.contact_solver import ContactSolver
 from asperity.quasistatic.make import make_contact_solver
 from asperity.quasistatic.newton import NewtonSolver
-from asperity.quasistatic.slip_paths import slip_paths
 from asperity.quasistatic.stepping import Record, follow
-from asperity.slip import SlipSettings
 from asperity.surface import Surface
 
 Break = Callable[[pytest.MonkeyPatch, ContactSolver], None]
@@ -255,15 +252,13 @@ SMALL: dict[str, Any] = {
 }  # fmt: skip
 
 
-@pytest.mark.parametrize("call", ["mesh", "tolerance", "slip"])
+@pytest.mark.parametrize("call", ["mesh", "tolerance"])
 def test_a_wrong_result_is_an_error_in_python_too(monkeypatch: pytest.MonkeyPatch, wave: Surface, call: str) -> None:
     """Every call that returns a curve or loops; the error carries what was found."""
     calls: dict[str, Callable[[], Any]] = {
         "mesh": lambda: asp.solve_contact(wave, ELASTIC, **SMALL),
         "tolerance": lambda: asp.solve_contact(wave, ELASTIC, tolerance=0.2, delta_max=0.02, steps=2),
-        "slip": lambda: slip_paths(pressed(make(wave, block)), SlipSettings(friction=0.3, preload=1e-3)),
     }
-    block = build_block(wave, 1.0, lambda x, y, depth: 0.3)
     if call != "mesh":
         right = asperity.quasistatic.contact_solver.audit
 
@@ -274,7 +269,7 @@ def test_a_wrong_result_is_an_error_in_python_too(monkeypatch: pytest.MonkeyPatc
     with pytest.raises(CheckError, match="the result is wrong, do not use it: the ") as caught:
         calls[call]()
     found: Any = caught.value.result
-    assert call == "slip" or found.curve.force[-1] > 0.0
+    assert found.curve.force[-1] > 0.0
 
 
 def balance(**changes: float) -> StepBalance:

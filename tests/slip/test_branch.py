@@ -2,15 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 
 from asperity.model.material import Material
 from asperity.slip import SlipSettings, slip_of_curve
 from asperity.slip.branch import branch_rows, stuck_law
-from asperity.slip.joint_slip import slip_of_case
 from asperity.vibration.law import CurveLaw
 from asperity.vibration.source import CurveColumns, choose
 
@@ -29,7 +26,7 @@ def sphere(rows: int, softer: float = 1.0) -> dict[str, np.ndarray]:
     return columns | {"k_t": 0.5 * (k_x + k_y), "k_t_x": k_x, "P_star": force, "error_P_star": 1e-6 * force}
 
 
-def slip(curve: dict[str, np.ndarray], direction: float = 0.0):
+def slip(curve: dict[str, np.ndarray], direction: str = "x"):
     settings = SlipSettings(MU, AMPLITUDES, float(curve["force"][-1]), direction=direction)
     return slip_of_curve(curve, settings, STEEL, patch=SIDE**2, height=HEIGHT)
 
@@ -48,19 +45,24 @@ def test_few_rows_with_their_stiffness_give_mindlins_sphere(rows: int) -> None:
 
 def test_each_direction_has_its_stiffness() -> None:
     curve = sphere(10, softer=1.2)
-    found = [slip(curve, direction) for direction in (0.0, 90.0, 45.0)]
-    along_x, along_y, aslant = (each.law for each in found)
+    along_x, along_y = (slip(curve, direction).law for direction in ("x", "y"))
     assert along_x.k_tangent(0.0) == pytest.approx(curve["k_t_x"][-1], rel=1e-12)
     assert along_y.energy(0.5) == pytest.approx(1.2 * along_x.energy(0.5), rel=1e-6)
-    assert aslant.k_tangent(0.0) == pytest.approx(curve["k_t"][-1], rel=1e-12)
-    bars = [each.loops()[1]["error_u"] for each in (found[0], found[2])]
-    assert bars[1] > 2.0 * bars[0]  # the stiffness between both axes is not known
 
 
-def test_bars_of_few_rows_are_wider() -> None:
-    bars = [[row["error_energy"] / row["energy"] for row in slip(sphere(rows)).loops()] for rows in (3, 5, 20)]
-    assert np.all(np.diff(bars, axis=0) < 0.0)
-    assert min(bars[-1]) > 0.3 * STEEL.nu
+def test_the_bars_are_those_of_the_curve() -> None:
+    """A sphere whose force is 5 % off has displacements and energies off by the power -2/3 of that factor."""
+    z = np.linspace(0.0, 1e-8, 21)[1:]
+    curve = {"delta": z, "force": 2e9 * z**1.5, "P_star": z**1.5, "error_P_star": 0.05 * z**1.5}
+    curve |= {"k_n_elastic": 3e9 * z**0.5, "k_t": 2.2e9 * z**0.5, "k_t_x": 2.2e9 * z**0.5}
+    settings = SlipSettings(MU, AMPLITUDES, 1e-3)
+    found = slip_of_curve(curve, settings, STEEL, patch=SIDE**2, height=1e-12)
+    for row in found.loops():
+        assert row["error_u"] / row["u"] == pytest.approx(0.95 ** (-2 / 3) - 1.0, rel=0.01)
+        assert row["error_energy"] / row["energy"] == pytest.approx(0.95 ** (-2 / 3) - 1.0, rel=0.02)
+        assert row["error_eta"] < 0.002 * row["eta"]  # displacement and energy change alike
+    unknown = {name: column for name, column in curve.items() if name != "error_P_star"}
+    assert "error_u" not in slip_of_curve(unknown, settings, STEEL, patch=SIDE**2, height=1e-12).loops()[0]
 
 
 def test_a_curve_without_tangential_stiffness_has_no_bars_and_says_so() -> None:
@@ -71,30 +73,6 @@ def test_a_curve_without_tangential_stiffness_has_no_bars_and_says_so() -> None:
     known = slip(sphere(20)).law  # here the block's part of the curve is known by its height alone
     assert found.law.energy(0.6) == pytest.approx(known.energy(0.6), rel=0.03)
     assert found.law.displacement(0.6) == pytest.approx(known.displacement(0.6), rel=0.01)
-
-
-def test_one_body_on_a_rigid_flat_has_no_columns_of_its_curve() -> None:
-    curve, computed = sphere(20), slip(sphere(20)).by_curve
-    case = {
-        "surface": {"L": SIDE}, "material": {"E": STEEL.E, "nu": STEEL.nu}, "slip": {"friction": MU, "method": "solid"},
-        "block": {"height": HEIGHT, "sides": "periodic"},
-    }  # fmt: skip
-    like, rigid = (
-        slip_of_case(case | {"contact": {"friction": friction}}, curve, float(curve["force"][-1]), computed)
-        for friction in ("none", MU)
-    )
-    assert {"eta_curve", "error_eta"} <= set(like.loops()[0]) and "T_curve" in next(like.steps())
-    assert list(rigid.loops()[0]) == list(computed[0].loop()) and "T_curve" not in next(rigid.steps())
-    assert rigid.to_dict()["k_rest"] is None and rigid.notes == ()
-
-
-def test_a_loop_without_slip_has_no_damping() -> None:
-    """Of a solid at an amplitude at which every node sticks: nothing is lost, and no bar is a part of nothing."""
-    curve = sphere(20)
-    paths = tuple(replace(path, dissipated=0.0 * path.dissipated) for path in slip(curve).by_curve)
-    settings = SlipSettings(MU, AMPLITUDES, float(curve["force"][-1]))
-    stuck = slip_of_curve(curve, settings, STEEL, patch=SIDE**2, height=HEIGHT, computed=paths)
-    assert all(line.endswith("damping ratio 0") for line in stuck.lines())
 
 
 def test_a_ratio_of_stiffnesses_that_changes_along_the_curve_is_followed() -> None:
@@ -112,7 +90,7 @@ def test_the_rows_of_a_branch_are_those_of_its_law() -> None:
     delta = np.concatenate([up, down, [0.6, 1.0], again])
     force = np.concatenate([up**1.5, depth**1.5, [0.3, 1.0], 1.0 - 2.0 * (1.0 - again)])
     branch = np.array(["load"] * 20 + ["unload"] * 14 + ["reload"] * 2 + ["unload"] * 11)
-    columns = CurveColumns.of({"delta": delta, "force": force, "branch": branch})
+    columns = CurveColumns.of({"step": np.arange(47), "delta": delta, "force": force, "branch": branch})
     for load, rows in ((0.3, [19, *range(20, 33)]), (0.9, [35, *range(36, 47)])):
         choice = choose(columns, "unload-reload", load)
         found = branch_rows(columns, choice)

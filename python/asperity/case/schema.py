@@ -260,11 +260,7 @@ class SlipSection(Section):
         "amplitudes of the tangential force over mu P", SlipSettings.amplitudes, min_length=1, max_length=100
     )
     preload: Real | None = optional("normal force P on the patch", FORCE, "that of the vibration")
-    method: Literal["curve", "solid"] = key(
-        "by the normal curve, without a solve; or a flat that moves on the solid (active-set, frictionless load path)",
-        SlipSettings.method,
-    )
-    direction: Real = key("of the motion, from x towards y, in degrees", SlipSettings.direction, ge=-360, le=360)
+    direction: Literal["x", "y"] = key("of the motion", SlipSettings.direction)
     steps: Whole = key(
         "steps from rest to an amplitude; a loop has four times as many", SlipSettings.steps, ge=1, le=1000
     )

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from itertools import pairwise
 
-from asperity.case.schema import DRIVERS, DynamicsSection, Input, JointSection, SlipSection
+from asperity.case.schema import DRIVERS, DynamicsSection, Input, JointSection
 from asperity.case.surfaces import SelfAffineSection
 from asperity.errors import InputError
 from asperity.model.limits import FRACTIONS, LEAST_FORCE, check_force, check_length
@@ -13,7 +13,6 @@ from asperity.model.material import Material
 from asperity.model.problem import check_lengths
 from asperity.model.settings import H_CONTACT
 from asperity.runtime.display import show
-from asperity.slip.settings import check_motion
 from asperity.vibration.settings import DynamicsSettings
 from asperity.vibration.source import MIN_ROWS
 
@@ -59,8 +58,11 @@ def check_together(case: Input) -> None:
             _check_reached(case, f"{section}.preload", table.preload)
     if case.dynamics or case.joint:
         _check_vibration(case)
-    if case.slip:
-        _check_slip(case, case.slip)
+    if case.slip and case.contact.formulation.sticks:
+        raise InputError(
+            f"contact.friction = {case.contact.friction} holds one body on a rigid flat, and [slip] is the slip of two "
+            'like bodies: set contact.friction = "none", or remove [slip]'
+        )
 
 
 def _check_material(case: Input) -> None:
@@ -79,7 +81,7 @@ def check_law(case: Input, solid: Material) -> None:
     """Refuse (InputError) a law without an elastic part, where the case needs that part."""
     law = solid.law
     assert law is not None
-    needs = {"output.stiffness": case.output.stiffness, "slip.method": case.slip is not None}
+    needs = {"output.stiffness": case.output.stiffness, "slip": case.slip is not None}
     for key in [key for key, wanted in needs.items() if wanted and law.state and law.declared.elastic is None]:
         raise InputError(
             f"{key} needs the elastic part of material.law = {show(law.source)}, which does not say it: declare "
@@ -123,19 +125,6 @@ def _check_reached(case: Input, key: str, force: float | None) -> None:
             f"{key} = {value:g}{means} must lie between {least:.3g} and {most:.6g}, the greatest force the run may "
             "reach; leave it out for half of what it does reach"
         )
-
-
-def _check_slip(case: Input, slip: SlipSection) -> None:
-    contact = case.contact.formulation
-    if slip.method == "solid" and contact.method != "active-set":
-        raise InputError('slip.method = "solid" needs contact.method = "active-set"')
-    if contact.sticks and (slip.method, slip.friction) != ("solid", contact.friction):
-        raise InputError(
-            f"slip.friction = {slip.friction:g}, by the {slip.method}, does not go with contact.friction = "
-            f"{contact.friction}, that of one body on a rigid flat: give both the same value, with slip.method = "
-            '"solid"'
-        )
-    check_motion(case.block.sides, slip.direction, contact.sticks)
 
 
 def doubts(case: Input) -> Iterator[str]:

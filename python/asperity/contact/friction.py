@@ -1,4 +1,4 @@
-"""Coulomb friction on a rigid flat: of exact contact, whose pressures it changes, and under constant normal forces."""
+"""Coulomb friction of exact contact on a rigid flat, whose pressures it changes."""
 
 from __future__ import annotations
 
@@ -34,8 +34,8 @@ class StickSlip:
         traction: tangential forces of the flat there (n, 2) [E L^2]
     """
 
-    def __init__(self, solid: Solid, surface: ContactSurface, nodes: Integers, fixed: Integers) -> None:
-        self._solid, self._nodes, self._weights = solid, nodes, surface.bearing_area()[nodes]
+    def __init__(self, solid: Solid, nodes: Integers, fixed: Integers) -> None:
+        self._solid, self._nodes = solid, nodes
         free = np.ones(3 * solid.owned, dtype=bool)
         free[fixed] = False
         self._free: Flags = free.reshape(-1, 3)[nodes, :2]
@@ -58,9 +58,9 @@ class StickSlip:
         """Positions of the nodes on the flat, less those of the undeformed solid (n, 2) [L]."""
         return self._solid.u.x.array.reshape(-1, 3)[self._nodes, :2] - self.shift
 
-    def slip(self, origin: Floats | None = None) -> Floats:
-        """Slip of the nodes since `origin`, or since other positions on the flat (n, 2) [L]."""
-        return np.nan_to_num(self.position() - (self.origin if origin is None else origin)) * self._free
+    def slip(self) -> Floats:
+        """Slip of the nodes since `origin` (n, 2) [L]."""
+        return np.nan_to_num(self.position() - self.origin) * self._free
 
     def _trial(self, r: Floats) -> tuple[Floats, Floats, Floats]:
         """Slip, force - c slip, and its size, of forces (owned, 3)."""
@@ -109,17 +109,6 @@ class StickSlip:
         for i, j in np.ndindex(2, 2):
             self._solid.tangent.values()[diagonal[:, i] + j - i] += blocks[:, i, j]
 
-    def step(self) -> Floats:
-        """Work of friction in the step [E L^3], area that slips, area in contact [L^2]; parts of this rank (3,)."""
-        touched, loose = self.bounds > 0.0, ~self.stuck
-        work = self.bounds[loose] @ np.linalg.norm(self.slip()[loose], axis=1)
-        return np.array([work, self._weights[touched & loose].sum(), self._weights[touched].sum()])
-
-    def slips(self, rest: Floats) -> Floats:
-        """Nodes in contact: x, y, area of bearing and slip since positions on the flat (n, 4); part of this rank."""
-        slip = np.linalg.norm(self.slip(rest), axis=1)
-        return np.column_stack([self._solid.points[self._nodes, :2], self._weights, slip])[self.bounds > 0.0]
-
 
 class Coulomb(ActiveSet):
     """Active set whose nodes stick or slip with Coulomb friction.
@@ -136,17 +125,15 @@ class Coulomb(ActiveSet):
     Attributes:
         sliding: the nodes on the flat
         held: positions on the flat and normal forces of the nodes in contact after the last committed step (n, 3)
-        goes_on: whether the next solves begin with the bounds and the slip of the last one
     """
 
     has_tangent = True
     held: Floats
-    goes_on = False
 
     def __init__(self, solid: Solid, surface: ContactSurface, friction: float) -> None:
         super().__init__(solid, surface)
         self.friction = friction
-        self.sliding = StickSlip(solid, surface, self._nodes, solid.fixed)
+        self.sliding = StickSlip(solid, self._nodes, solid.fixed)
         self.held = np.full((len(self._nodes), 3), np.nan)
         self._from = self.sliding.shift
         self.begin(np.inf)
@@ -154,10 +141,10 @@ class Coulomb(ActiveSet):
     def begin(self, z: float) -> None:
         super().begin(z)
         self.sliding.origin = self.held[:, :2]
-        self.sliding.bounds = self.friction * (self._normal if self.goes_on else np.nan_to_num(self.held[:, 2]))
+        self.sliding.bounds = self.friction * np.nan_to_num(self.held[:, 2])
 
     def expect(self, z: float, start: Floats, end: Floats, ratio: float) -> None:
-        """Find where nodes would be touched in the step, and assume that those in contact stick at first, or go on.
+        """Find where nodes would be touched in the step, and assume that those in contact stick at first.
 
         Next to the edge of a contact the gap closes as the power 3/2 of the approach that is left (Johnson, Contact
         Mechanics, 1985, section 4.2): its power 2/3 is extrapolated from the last step. A linear extrapolation of the
@@ -169,11 +156,9 @@ class Coulomb(ActiveSet):
         before = np.maximum(gap + (gap - (self._z - self._height - v[:, 2])) / ratio, 0.0)
         now, closed = gap**POWER, before**POWER - gap**POWER
         part = np.clip(np.divide(now, ratio * closed, out=np.ones_like(gap), where=closed > 0.0), 0.0, 1.0)
-        move = (v - u)[:, :2] - self.goes_on * (self.sliding.shift - self._from)  # on the flat, where it is foreseen
-        touched = u[:, :2] + part[:, None] * move - self._from
+        touched = u[:, :2] + part[:, None] * (v - u)[:, :2] - self._from
         self.sliding.origin = np.where(np.isnan(self.held[:, :2]), touched, self.held[:, :2])
-        stuck = ~np.isnan(self.held[:, 0]) & (self.sliding.stuck | (not self.goes_on))
-        self.sliding.begin(stuck, float(np.abs(self.sliding.shift - self._from).max()))
+        self.sliding.begin(~np.isnan(self.held[:, 0]), float(np.abs(self.sliding.shift - self._from).max()))
 
     def residual(self, force: Floats) -> tuple[Floats, Integers, Floats]:
         r, rows, lacking = super().residual(force)
@@ -207,47 +192,3 @@ class Coulomb(ActiveSet):
 
     def tangential_work(self, force: Floats, move: Floats) -> float:
         return float(np.vdot(force[self._nodes, :2], move[self._nodes, :2]))  # fixed dofs do not move
-
-
-class FrozenFriction:
-    """Nodes under constant normal forces on a flat that moves sideways, free along z.
-
-    The tangential tractions of like bodies do not change their pressures (Dundurs' constant is zero). A step minimises
-    the convex energy + sum of mu N_i |s_i|, s_i the slip of a node on the flat, see `StickSlip`.
-
-    Args:
-        solid: at rest under the normal forces
-        surface: of the solid
-        normal: normal force of the owned nodes (owned,) [E L^2]
-        fixed: owned dofs without displacement
-
-    Attributes:
-        sliding: the nodes in contact, at rest on the flat; their bounds are given from outside
-        normal: their normal forces (n,) [E L^2]
-    """
-
-    symmetric = True
-    has_tangent = True
-
-    def __init__(self, solid: Solid, surface: ContactSurface, normal: Floats, fixed: Integers) -> None:
-        self._normal = normal
-        self._resting = solid.internal_force().copy()  # stays as an external force
-        nodes = surface.owned_nodes[normal[surface.owned_nodes] > 0.0]
-        self.normal = normal[nodes]
-        self.sliding = StickSlip(solid, surface, nodes, fixed)
-        self.sliding.origin = self.sliding.position()
-
-    def residual(self, force: Floats) -> tuple[Floats, Integers, Floats]:
-        r = force - self._resting
-        return r, *self.sliding.residual(r)
-
-    def imbalance(self, force: Floats) -> Floats:
-        r = force - self._resting
-        self.sliding.imbalance(r)
-        return r
-
-    def add_tangent(self) -> None:
-        self.sliding.add_tangent()
-
-    def nodal_force(self, force: Floats) -> Floats:
-        return self._normal

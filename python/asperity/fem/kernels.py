@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from contextlib import contextmanager
 from functools import cached_property
 
 import numpy as np
@@ -171,15 +169,6 @@ class ElementKernels:
     def restore(self, history: History) -> None:
         """Overwrite the committed history."""
         self._committed.assign(history)
-
-    @contextmanager
-    def holding(self) -> Iterator[None]:
-        """Keep the plastic strain as it is in a block."""
-        flowing, self._law = self._law, self._held
-        try:
-            yield
-        finally:
-            self._law = flowing
 
     def history(self) -> History:
         """Committed history itself, not a copy; without rows for an elastic material."""

@@ -29,12 +29,11 @@ from asperity.output.summary import summarise
 from asperity.quasistatic.callbacks import Callbacks
 from asperity.quasistatic.contact_result import ContactResult, PartialResult, refuse_wrong
 from asperity.quasistatic.force_loops import solve_loops
-from asperity.quasistatic.slip_paths import solve_slip
 from asperity.quasistatic.solve_problem import solve_problem
 from asperity.runtime.parallel import on_root, on_root_bcast
 from asperity.runtime.progress import Progress, row_line
 from asperity.runtime.run_folder import LOOPS
-from asperity.slip import JointSlip, SlipSettings
+from asperity.slip import JointSlip
 from asperity.slip.joint_slip import slip_of_case
 from asperity.vibration import Dynamics, DynamicsSettings, LoopDamping, run_dynamics
 from asperity.vibration.damping import LOOPS as OF_LOOPS
@@ -199,7 +198,7 @@ def vibrate_case(
         contact: with the curve, and the solver at the end of the load path
         folder: receives the files of loops, vibration and slip; None writes nothing
         stage: announces a part by its name, and takes its time
-        stop: polled by the loops and the slip; a reason ends them
+        stop: polled by the loops; a reason ends them
     """
     found, comm = VibratedCase(), contact.solver.solid.comm
     loops: LoopTable | None = None
@@ -241,22 +240,17 @@ def vibrate_case(
             found.numbers = numbers if math.isfinite(numbers.frequency) else None
     if case.slip is not None and not found.ends:
         with kept(), stage("slip"):
-            found.sections["slip"] = _slip(case, problem, contact, folder, found.numbers, stop)
+            found.sections["slip"] = _slip(case, contact, folder, found.numbers)
     return found
 
 
-def _slip(
-    case: Case, problem: Problem, contact: ContactResult, folder: Path | None, numbers: Numbers | None,
-    stop: Callable[[], str] | None,
-) -> dict[str, Any]:  # fmt: skip
+def _slip(case: Case, contact: ContactResult, folder: Path | None, numbers: Numbers | None) -> dict[str, Any]:
     """Section "slip" of summary.json, and its files; the mass of the normal vibration is on the joint; collective."""
     assert case.slip is not None
     preload = _preload(case, contact.curve, "slip", case.slip.preload)
-    settings = SlipSettings(**case.slip.model_dump() | {"preload": preload})
-    paths = solve_slip(problem, contact, settings, stop) if settings.method == "solid" else ()
 
     def by_curve() -> JointSlip:
-        found = slip_of_case(case.to_dict(), contact.curve, preload, paths)
+        found = slip_of_case(case.to_dict(), contact.curve, preload)
         if folder is not None:
             found.write(folder)
         return found

@@ -50,8 +50,8 @@ CAPTIONS = {
     "motion": "Motion in time from rest, relative to the base where it moves: displacement, and the force above it. "
     "Shaded: out of contact.",
     "slip": "(a) Loops of the tangential force over the displacement, by the normal curve of like bodies: what it "
-    "has beyond the secant of the loop, over its greatest value, which the legend gives as a share of the amplitude; "
-    "dots, where the solid was moved: its states. (b) Loss factor, twice the damping ratio. "
+    "has beyond the secant of the loop, over its greatest value, which the legend gives as a share of the amplitude. "
+    "(b) Loss factor, twice the damping ratio. "
     "(c) Amplitude of the force over that of the displacement.",
 }
 

@@ -20,7 +20,7 @@ _SMOOTH = 40  # points of a leg of a loop
 def slip(results: Results) -> Figure:
     """Draw the loops without their secants, and loss factor and secant stiffness of slip_loops.csv.
 
-    A loop is a smooth line through the states of slip.csv, by the law where there is one; dots are those of the solid.
+    A loop is a smooth line through the states of slip.csv.
     """
     figure, axes = style.figure(style.WIDE, 3.4, "loops", "loss factor", "secant stiffness")
     _loops(axes[0], results)
@@ -28,12 +28,7 @@ def slip(results: Results) -> Figure:
     factor, unit = prefix(float(rows["k_secant"].max()), results.unit("stiffness"))
     for axis, name, scale in ((axes[1], "eta", 1.0), (axes[2], "k_secant", factor)):
         x, bar = rows["amplitude"], scale * rows[f"error_{name}"] if f"error_{name}" in rows else None
-        look: dict[str, Any] = {"mfc": "white", "fmt": "o-", "color": style.BLUE, "label": "solid"}
-        axis.errorbar(x, scale * rows[name], yerr=bar, **look)
-        if f"{name}_curve" in rows:
-            look |= {"fmt": "s--", "color": style.VERMILION, "label": "normal curve"}
-            axis.errorbar(x, scale * rows[f"{name}_curve"], **look)
-            axis.legend(loc="best")
+        axis.errorbar(x, scale * rows[name], yerr=bar, mfc="white", fmt="o-", color=style.BLUE)
         axis.set_xlabel(r"amplitude $T/(\mu P)$")
     style.logarithmic(axes[1])
     axes[1].set_ylabel(r"loss factor $\eta = W/(\pi T u)$")
@@ -44,7 +39,6 @@ def slip(results: Results) -> Figure:
 def _loops(axis: Any, results: Results) -> None:
     from scipy.interpolate import CubicSpline
 
-    solid = results.case["slip"].get("method") == "solid"
     colours = cycle(style.COLOURS)
     for amplitude in np.unique(results.slip["amplitude"])[::-1]:
         of = results.slip["amplitude"] == amplitude
@@ -52,19 +46,14 @@ def _loops(axis: Any, results: Results) -> None:
         low = int(u.argmin())  # where the loop turns
         first = int(u[:low].argmax())
         u, T = u[first:] / np.abs(u).max(), T[first:] / np.abs(T).max()
-        by_law = results.slip["T_curve"][of][first:] if "T_curve" in results.slip else T
-        by_law = by_law / np.abs(by_law).max()
         legs = []
         for leg in (slice(None, low - first + 1), slice(low - first, None)):
             at = np.linspace(u[leg][0], u[leg][-1], _SMOOTH)
             forth = np.argsort(u[leg])
-            legs.append((at, CubicSpline(u[leg][forth], by_law[leg][forth])(at) - at))
+            legs.append((at, CubicSpline(u[leg][forth], T[leg][forth])(at) - at))
         at, beyond = np.concatenate(legs, axis=1)
         size = float(np.abs(beyond).max()) or 1.0
-        colour = next(colours)
-        axis.plot(at, beyond / size, "-", color=colour, label=f"{amplitude:g}: {size:.2g}")
-        if solid:
-            axis.plot(u, (T - u) / size, "o", color=colour, markersize=3)
+        axis.plot(at, beyond / size, "-", color=next(colours), label=f"{amplitude:g}: {size:.2g}")
     axis.set(xlabel="displacement over its amplitude", ylabel="force beyond the secant, over its greatest")
     axis.legend(title=r"$T/(\mu P)$: greatest over $T$", loc="center")
 

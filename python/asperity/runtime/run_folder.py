@@ -19,7 +19,7 @@ from asperity.runtime.files import is_aside, parse_toml, read_text
 CASE, CURVE, SUMMARY, LOG = "case.toml", "curve.csv", "summary.json", "run.log"
 FREE, RESPONSE, MOTION, THRESHOLDS = "free.csv", "response.csv", "motion.csv", "thresholds.json"
 LOOPS = "loops.csv"
-SLIP, SLIP_LOOPS, SLIP_NODES = "slip.csv", "slip_loops.csv", "slip_nodes.csv"
+SLIP, SLIP_LOOPS = "slip.csv", "slip_loops.csv"
 REPORT = "report.html"
 FIELDS, FIGURES, CHECKPOINT = "fields", "figures", "checkpoint"  # folders
 TOP, VTKHDF = "top.npz", "contact.vtkhdf"  # in fields
@@ -42,7 +42,7 @@ MESH, STATE, SNAPSHOT = "mesh.npz", "state.npz", "snapshot-{}.npz"  # in checkpo
 #: All files and folders that a run writes, folders after their files; without those of the checkpoint. A run of 1.0.0
 #: left band.csv and fields/view.py too.
 PRODUCTS = (
-    CURVE, SUMMARY, LOG, LOOPS, SLIP, SLIP_LOOPS, SLIP_NODES, FREE, RESPONSE, MOTION, THRESHOLDS,
+    CURVE, SUMMARY, LOG, LOOPS, SLIP, SLIP_LOOPS, FREE, RESPONSE, MOTION, THRESHOLDS,
     REPORT, "band.csv",
     *(f"{FIELDS}/{name}" for name in (TOP, VTKHDF, "view.py")), FIELDS,
     *(f"{FIGURES}/{name}.png" for name in PICTURES),

@@ -7,7 +7,6 @@ from typing import Any
 
 # public name -> module that defines it; a module is loaded by its first use
 _PUBLIC = {
-    "JenkinsArray": "jenkins",
     "JointSlip": "joint_slip",
     "SlipLaw": "law",
     "SlipSettings": "settings",

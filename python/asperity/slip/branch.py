@@ -2,16 +2,14 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping
-from contextlib import suppress
 from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
 from asperity.arrays import Array
-from asperity.errors import AsperityError, InputError
+from asperity.errors import InputError
 from asperity.slip.law import AS_STIFF, LEAST
 from asperity.vibration.law import CurveLaw
 from asperity.vibration.source import Choice, CurveColumns, leg_rows
@@ -32,15 +30,15 @@ def column_of(curve: Any, name: str, size: int) -> Array:
 
 
 def measured_ratio(
-    curve: Any, columns: CurveColumns, rows: Array, block: tuple[float, float], direction: float
+    curve: Any, columns: CurveColumns, rows: Array, block: tuple[float, float], direction: str
 ) -> tuple[Array, Array] | None:
     """Forces (n,), and tangential over normal compliance of the interface without slip (n,), at the rows of a branch.
 
     None without the columns k_n_elastic, k_t and k_t_x. `block` has the normal and the tangential compliance of the
-    block (length/force), `direction` is that of the motion, from x towards y (degrees).
+    block (length/force), `direction` is that of the motion, "x" or "y".
     """
     mean, along_x = (column_of(curve, name, columns.delta.size)[rows] for name in ("k_t", "k_t_x"))
-    k_t = mean + (along_x - mean) * math.cos(2.0 * math.radians(direction))
+    k_t = along_x if direction == "x" else 2.0 * mean - along_x
     with np.errstate(divide="ignore", invalid="ignore"):
         normal, tangential = 1.0 / columns.elastic[rows] - block[0], 1.0 / k_t - block[1]
         ratio = tangential / normal
@@ -68,28 +66,6 @@ def stuck_law(law: CurveLaw, forces: Array, ratios: Array, block: float, load: f
     steps = 0.5 * (ratio[1:] + ratio[:-1]) * np.diff(z)
     w = ratio[0] * z[0] + np.append(0.0, np.cumsum(steps))
     return CurveLaw(w, force, k=1.0 / (ratio * softness[known]), name="contact without slip")
-
-
-def left_out(law: CurveLaw) -> list[list[CurveLaw]]:
-    """Laws without the forces, without the slopes, and without every second row; a group each, empty where none exists.
-
-    Between rows the law is a guess, and what a part of them changes shows how good it is.
-    """
-    unknown = np.full(law.z.size, np.nan)
-    known = unknown if law.k is None else law.k
-
-    def made(rows: Array, k: Array) -> list[CurveLaw]:
-        with suppress(AsperityError):
-            return [CurveLaw(law.z[rows], law.F[rows], k=k[rows])]
-        return []
-
-    every = np.arange(law.z.size)
-    halves = [np.setdiff1d(every, every[i::-1][::2]) for i in (law.z.size - 2, law.z.size - 3) if i >= 0]
-    thinned = [made(rows, known) for rows in halves]
-    if np.isnan(known).any():
-        return [*thinned, []] if len(thinned) < 2 else thinned
-    slopes_alone = [CurveLaw.of_stiffness(law.F, known)] if law.z.size > 1 else []
-    return [slopes_alone, made(every, unknown), [law for part in thinned for law in part]]
 
 
 def down_to_zero(law: CurveLaw) -> CurveLaw:

@@ -16,27 +16,17 @@ from asperity.errors import AsperityError
 from asperity.model.material import Material
 from asperity.runtime.display import short_repr
 from asperity.runtime.files import write_csv
-from asperity.runtime.run_folder import SLIP, SLIP_LOOPS, SLIP_NODES
-from asperity.slip.branch import branch_rows, column_of, down_to_zero, left_out, measured_ratio, stuck_law
+from asperity.runtime.run_folder import SLIP, SLIP_LOOPS
+from asperity.slip.branch import branch_rows, column_of, down_to_zero, measured_ratio, stuck_law
 from asperity.slip.law import SlipLaw, SlipPath, path_of_law
 from asperity.slip.settings import SlipSettings
 from asperity.units import quantity
-from asperity.vibration.law import CurveLaw, Law, bar_of
+from asperity.vibration.law import Bars, CurveLaw, Law, bar_of
 from asperity.vibration.source import Choice, CurveColumns, choose
 
-NODE_COLUMNS = ("amplitude", "x", "y", "area", "slip")
 #: Columns of slip_loops.csv with an error bar.
 WITH_ERRORS = ("u", "k_secant", "energy", "eta")
-#: Bars of Jaeger's law, of the displacement of the interface and of the energy, over nu times them, see docs/slip.md.
-METHOD = (0.07, 0.35)
-#: The same for slopes, over the mean pressure in contact over E'.
-STEEP = (2.0, 4.0)
-#: The same after yield, which lowers the pressures but not the slopes.
-STEEP_YIELDED = (8.0, 18.0)
-RIGID = (
-    "the law of slip is that of two like bodies, but this one was pressed on a rigid flat with friction: only the "
-    "loops of the solid are its own"
-)
+OF_THE_CURVE = "The bars of slip are those of the curve, without the error of the law (docs/slip.md)"
 KINEMATIC = (
     "the hardening is kinematic, at least in part: the solid flows in each loop, and slips more than here, where its "
     "plastic strain is held (docs/slip.md)"
@@ -49,43 +39,31 @@ class JointSlip:
 
     Attributes:
         law: by the normal curve
-        by_curve: paths of the law; none beside those of one body on a rigid flat, for which it does not hold
-        computed: paths of the solid; empty where only the curve was asked
-        errors: error bars of the columns `WITH_ERRORS` of the method chosen, empty for a curve without bars
+        paths: of the law
+        errors: error bars of the columns `WITH_ERRORS`, empty for a curve without bars; those of the curve alone
         notes: what to doubt, one sentence each
     """
 
     law: SlipLaw
-    by_curve: tuple[SlipPath, ...]
-    computed: tuple[SlipPath, ...] = ()
+    paths: tuple[SlipPath, ...]
     errors: tuple[Mapping[str, float], ...] = ()
     notes: tuple[str, ...] = ()
 
     __repr__ = short_repr
 
-    @property
-    def paths(self) -> tuple[SlipPath, ...]:
-        """Paths of the method chosen."""
-        return self.computed or self.by_curve
-
     def loops(self) -> list[dict[str, float]]:
-        """Columns of slip_loops.csv, one row per amplitude; those by the curve beside those of a solid."""
+        """Columns of slip_loops.csv, one row per amplitude."""
         rows = [path.loop() for path in self.paths]
         for row, errors in zip(rows, self.errors, strict=False):
             row |= {f"error_{name}": errors[name] for name in WITH_ERRORS}
-        for row, path in zip(rows, self.by_curve if self.computed else (), strict=False):
-            row |= {f"{name}_curve": value for name, value in list(path.loop().items())[2:]}
         return rows
 
     def steps(self) -> Iterator[dict[str, float]]:
         """Rows of slip.csv: one block per amplitude, from rest to the amplitude and around a closed loop."""
-        array = self.law.array() if self.computed and self.by_curve else None
         for path in self.paths:
-            columns = {"u": path.u, "T": path.T} | ({} if array is None else {"T_curve": array.follow(path.u)})
-            columns |= {"slip_share": path.slip_share, "dissipated": path.dissipated}
-            for step in range(path.u.size):
-                values = {name: float(column[step]) for name, column in columns.items()}
-                yield {"amplitude": path.amplitude, "step": step} | values
+            columns = {name: getattr(path, name).tolist() for name in ("u", "T", "slip_share", "dissipated")}
+            for step, values in enumerate(zip(*columns.values(), strict=True)):
+                yield {"amplitude": path.amplitude, "step": step} | dict(zip(columns, values, strict=True))
 
     def vibration(self, mass: float, factor: float = 1.0) -> list[dict[str, float]]:
         """Frequency (1/time), of the secant stiffness, and damping ratio, half of the loss factor, at each amplitude.
@@ -104,10 +82,9 @@ class JointSlip:
             mass, factor: see `vibration`; without a mass no frequency follows
             units: "SI" shows SI units in its words
         """
-        rest = float(self.law.k_tangent(0.0)) if self.by_curve else None
         return {
-            "method": "solid" if self.computed else "curve", "friction": self.law.friction,
-            "preload": self.law.preload, "limit": self.law.limit, "k_rest": rest,
+            "friction": self.law.friction, "preload": self.law.preload, "limit": self.law.limit,
+            "k_rest": float(self.law.k_tangent(0.0)),
             "loops": [_known(row) for row in self.loops()],
             "vibration": [] if mass is None else self.vibration(mass, factor),
             "in_words": self.lines(mass, factor, units=units), "notes": list(self.notes),
@@ -126,15 +103,12 @@ class JointSlip:
                 what = f"frequency {quantity(row['f'], 'Hz' if si else '', 5, bar=0.5 * of_k)}"
             zeta = quantity(row["zeta"], "", 3, bar=of_zeta)
             found.append(f"Slip at {path.amplitude:g} of the friction limit: {what}, damping ratio {zeta}")
-        return found
+        return [*found, OF_THE_CURVE] if self.errors else found
 
     def write(self, folder: Path) -> None:
-        """Write slip.csv, slip_loops.csv, and for a solid slip_nodes.csv."""
-        of_nodes = ((path.amplitude, *node) for path in self.computed for node in path.nodes.tolist())
-        nodes = [dict(zip(NODE_COLUMNS, values, strict=True)) for values in of_nodes]
-        for name, rows in ((SLIP, list(self.steps())), (SLIP_LOOPS, self.loops()), (SLIP_NODES, nodes)):
-            if rows:
-                write_csv(folder / name, tuple(rows[0]), map(_known, rows))
+        """Write slip.csv and slip_loops.csv."""
+        for name, rows in ((SLIP, list(self.steps())), (SLIP_LOOPS, self.loops())):
+            write_csv(folder / name, tuple(rows[0]), map(_known, rows))
 
 
 def _known(row: Mapping[str, float]) -> dict[str, float | None]:
@@ -142,9 +116,8 @@ def _known(row: Mapping[str, float]) -> dict[str, float | None]:
 
 
 def slip_of_curve(
-    curve: Any, settings: SlipSettings, material: Material, *, patch: float, height: float, sides: str = "rollers",
-    computed: tuple[SlipPath, ...] = (),
-) -> JointSlip:  # fmt: skip
+    curve: Any, settings: SlipSettings, material: Material, *, patch: float, height: float, sides: str = "rollers"
+) -> JointSlip:
     """Slip of a joint of two like bodies by the curve of one of them under a rigid flat.
 
     Args:
@@ -154,7 +127,6 @@ def slip_of_curve(
         patch: nominal area of the curve (length^2)
         height: of the block (length)
         sides: of the block, "rollers", "free" or "periodic"
-        computed: paths of the solid at the same preload, see `quasistatic.slip_paths`
 
     Raises:
         InputError: the curve does not contain what is needed, or is as stiff as the block
@@ -185,57 +157,35 @@ def slip_of_curve(
     law, t = law_on(choice.law), np.array(settings.amplitudes)
     area = _area_of(curve, columns, rows)
     paths = tuple(path_of_law(law, amplitude, steps=settings.steps, area=area) for amplitude in settings.amplitudes)
-    bars = None
+    # the law passes through its points: only their errors count, not those of a local fit
+    of_force, of_k = columns.bar_at(choice.load), columns.bar_at(choice.load, elastic=True)
+    errors_of_curve = Bars(choice.load, of_force, stiffness=of_k if of_k > 0.0 else 0.0)
+    bars: Array = np.zeros((len(WITH_ERRORS), 0))
     unloaded = not choice.yielded or choice.name == "unload-reload"
-    bounded = isinstance(choice.law, CurveLaw) and math.isfinite(columns.bar_at(choice.load))
-    if bounded and ((ratio is not None and unloaded) or computed):
+    if isinstance(choice.law, CurveLaw) and ratio is not None and unloaded and math.isfinite(of_force):
         with suppress(AsperityError):  # at the end of its bar the curve may not reach the preload
             bars = bar_of(
-                choice.law,
-                lambda side: _columns(law if side is choice.law else law_on(_points(side, choice)), t),
+                replace(choice.law, bars=errors_of_curve), lambda side: _columns(law_on(_points(side, choice)), t)
             )
-    if computed and bars is not None:  # the mesh of the solid, of which only the curve gives an estimate
-        ours, theirs = (np.array([[path.loop()[k] for k in WITH_ERRORS] for path in of]) for of in (computed, paths))
-        bars = bars + np.abs(ours - theirs).T
-    elif bars is not None and isinstance(choice.law, CurveLaw):
-        mean = 0.0 if area is None else law.preload / (patch * float(area(np.array([law.preload]))[0]))
-        slopes = np.array(STEEP_YIELDED if choice.yielded else STEEP) * mean / material.reduced_modulus
-        of_u, of_energy = material.nu * np.array(METHOD) + slopes
-        of_u += abs(math.sin(2.0 * math.radians(settings.direction))) * material.nu / (2.0 - material.nu)
-        values = _columns(law, t)
-        of_all = of_u * (1.0 - law.block[1] * law.limit * t / values[0])  # of the interface alone
-        bars = bars + values * np.stack([of_all, of_all, np.full(t.shape, of_energy), of_energy + of_all])
-        for group in left_out(choice.law):  # what lies between the rows; all of a value where no law exists
-            changes = []
-            for other in group:
-                with suppress(AsperityError):
-                    changes.append(_change(law, [law_on(other)], t))
-            bars += np.max(changes, axis=0) if changes else np.abs(values)
-    rows_of_bars = () if bars is None else bars.T
-    errors = tuple({k: float(x) for k, x in zip(WITH_ERRORS, row, strict=True)} for row in rows_of_bars)
-    return JointSlip(law, paths, computed, errors, tuple(_doubts(choice, ratio is not None, paths)))
+    errors = tuple({k: float(x) for k, x in zip(WITH_ERRORS, row, strict=True)} for row in bars.T)
+    return JointSlip(law, paths, errors, tuple(_doubts(choice, ratio is not None, paths)))
 
 
-def slip_of_case(
-    case: Mapping[str, Any], curve: Any, preload: float | None = None, computed: tuple[SlipPath, ...] = ()
-) -> JointSlip:
+def slip_of_case(case: Mapping[str, Any], curve: Any, preload: float | None = None) -> JointSlip:
     """Slip of the patch of a run by its curve.
 
     Args:
         case: nested tables of the completed case, with the section [slip]
         curve: of the run
         preload: instead of that of the section (force)
-        computed: see `slip_of_curve`, whose errors are raised
+
+    Raises:
+        AsperityError: see `slip_of_curve`
     """
     solid, block, patch = case["material"], case["block"], float(case["surface"]["L"]) ** 2
     settings = SlipSettings(**case["slip"] | ({} if preload is None else {"preload": preload}))
     material = Material(solid["E"], solid["nu"])  # the contact is elastic where it slips
-    found = slip_of_curve(
-        curve, settings, material, patch=patch, height=block["height"], sides=block["sides"], computed=computed
-    )
-    if case.get("contact", {}).get("friction") not in (None, "none"):
-        without = replace(found, by_curve=(), errors=(), notes=())
-        found = without if computed else replace(found, notes=(*found.notes, RIGID))
+    found = slip_of_curve(curve, settings, material, patch=patch, height=block["height"], sides=block["sides"])
     if solid.get("hardening", "isotropic") in ("isotropic", 0) or not CurveColumns.of(curve).yielded(found.law.preload):
         return found
     return replace(found, notes=(*found.notes, KINEMATIC))
@@ -251,12 +201,6 @@ def _points(side: Law, choice: Choice) -> CurveLaw:
 def _columns(law: SlipLaw, t: Array) -> Array:
     """Columns `WITH_ERRORS` of a law at amplitudes (n,), (4, n)."""
     return np.stack([law.displacement(t), law.k_secant(t), law.energy(t), law.eta(t)])
-
-
-def _change(law: SlipLaw, others: list[SlipLaw], t: Array) -> Array:
-    """Greatest change of the columns `WITH_ERRORS` from a law to others (4, n)."""
-    values = _columns(law, t)
-    return np.asarray(np.max([np.abs(_columns(other, t) - values) for other in (law, *others)], axis=0))
 
 
 def _area_of(curve: Any, columns: CurveColumns, rows: Array) -> Callable[[Array], Array] | None:

@@ -16,7 +16,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -24,7 +24,6 @@ from numpy.typing import ArrayLike
 from asperity.arrays import Array
 from asperity.errors import InputError
 from asperity.runtime.display import short_repr
-from asperity.slip.jenkins import JenkinsArray
 from asperity.vibration.checks import positive
 from asperity.vibration.law import Law
 
@@ -122,19 +121,6 @@ class SlipLaw:
         t = np.asarray(t, float)
         return np.asarray(self.energy(t) / (math.pi * self.limit * t * self.displacement(t)))
 
-    def array(self, sliders: int = 200, lightest: float = 1e-3) -> JenkinsArray:
-        """Sliders in parallel whose force agrees with this one at as many forces up to the limit.
-
-        They stand for an Iwan law of the density rho(f) = P''(delta_i - f/(mu r))/(mu r^2), with the block in series.
-        `lightest` is the least of these forces over the limit; below it nothing slips.
-        """
-        if sliders < 2:
-            raise InputError(f"sliders = {sliders} is not legal: at least 2 are needed")
-        # even in ln t at light forces and in ln(1 - t) next to the limit, where the stiffness falls to zero
-        x = np.linspace(-1.0, 1.0, sliders - 1) * math.log(1.0 / lightest - 1.0)
-        t = np.append(1.0 / (1.0 + np.exp(-x)), 1.0)
-        return JenkinsArray.through(self.displacement(t), self.limit * t)
-
     @property
     def _scale(self) -> float:
         return self.friction * compliance_ratio(self.nu)
@@ -156,8 +142,6 @@ class SlipPath:
         T: tangential force (force)
         slip_share: share of the area of contact that slips in the step; NaN where unknown
         dissipated: by friction, since rest (force length)
-        nodes: in contact, at the end of the first loading: x, y, area, slip since rest (length, length^2), shape
-            (m, 4); none by a curve
     """
 
     amplitude: float
@@ -166,7 +150,6 @@ class SlipPath:
     T: Array
     slip_share: Array
     dissipated: Array
-    nodes: Array = field(default_factory=lambda: np.zeros((0, 4)))
 
     __repr__ = short_repr
 
@@ -210,11 +193,6 @@ class SlipPath:
             "amplitude": self.amplitude, "T": self.force, "u": self.displacement, "k_secant": self.k_secant,
             "energy": self.energy, "eta": self.eta, "slip_share": self.share,
         }  # fmt: skip
-
-    def scaled(self, force: float, length: float) -> SlipPath:
-        """Path in other units: forces times `force`, lengths times `length`."""
-        loss, nodes = self.dissipated * force * length, self.nodes * [length, length, length**2, length]
-        return replace(self, u=self.u * length, T=self.T * force, dissipated=loss, nodes=nodes)
 
 
 def path_of_law(

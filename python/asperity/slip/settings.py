@@ -10,21 +10,7 @@ from asperity.model.limits import bounds, check
 #: Amplitudes over the limit of friction: below, a ring narrower than a facet slips; above, the displacement is
 #: arbitrary.
 AMPLITUDES = "[0.001, 0.99]"
-METHODS = ("curve", "solid")
-
-
-def check_motion(sides: str, direction: float, rigid: bool) -> None:
-    """Refuse (InputError) a direction in which a flat, `rigid` if it has friction, cannot move."""
-    if sides == "rollers" and rigid:
-        raise InputError(
-            'block.sides = "rollers" stand for mirror images, which admit no motion of a flat with friction: take '
-            '"periodic" or "free"'
-        )
-    if sides == "rollers" and direction % 90.0 != 0.0:
-        raise InputError(
-            f"slip.direction = {direction:g} is not possible between rollers, which stand for mirror images: give a "
-            'multiple of 90, or block.sides = "free" or "periodic"'
-        )
+DIRECTIONS = ("x", "y")
 
 
 @dataclass(frozen=True)
@@ -36,8 +22,7 @@ class SlipSettings:
         amplitudes: of the tangential force over the limit of friction mu P, each in [0.001, 0.99]
         preload: normal force P (force); default that of the vibration, or half of the greatest force of the curve
         steps: of the first loading; a loop has four times as many
-        method: "curve" follows from the normal curve, "solid" moves the flat on the solid
-        direction: of the motion, from the x axis towards the y axis (degrees)
+        direction: of the motion, "x" or "y"
 
     Raises:
         InputError: a value is not legal
@@ -47,11 +32,10 @@ class SlipSettings:
     amplitudes: tuple[float, ...] = (0.1, 0.3, 0.6, 0.9)
     preload: float | None = None
     steps: int = 3
-    method: str = "curve"
-    direction: float = 0.0
+    direction: str = "x"
 
     def __post_init__(self) -> None:
-        check(self, "slip", friction="(0, inf)", preload="(0, inf)", steps="[1, inf)", method=METHODS)
+        check(self, "slip", friction="(0, 10]", preload="(0, inf)", steps="[1, inf)", direction=DIRECTIONS)
         object.__setattr__(self, "amplitudes", tuple(sorted({float(t) for t in self.amplitudes})))
         low, high = bounds(AMPLITUDES).values()
         if not self.amplitudes or not all(low <= t <= high for t in self.amplitudes):
