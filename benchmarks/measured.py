@@ -17,8 +17,8 @@ import numpy as np
 from scipy.optimize import brentq
 
 from asperity.errors import AsperityError
-from asperity.vibration.joint import at_load
 from asperity.vibration.law import bar_of
+from asperity.vibration.numbers import at_load
 from asperity.vibration.source import CurveColumns, choose
 
 Array = np.ndarray[Any, Any]

@@ -30,7 +30,7 @@ from asperity.reference import Hertz
 from asperity.runtime.warnings_log import noting
 from asperity.surface import Flat, Sinusoid, Sphere, Surface
 from asperity.surface.measured import HeightField
-from asperity.vibration.joint import Numbers
+from asperity.vibration.numbers import Numbers
 
 pytestmark = pytest.mark.usefixtures("blank_figures")
 

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 from scipy.optimize import brentq
 
-from asperity.vibration.joint import Numbers, at_load
 from asperity.vibration.law import CurveLaw, bar_of
+from asperity.vibration.numbers import Numbers, at_load
 
 Curve = tuple[Callable[[float], float], np.ndarray]
 Maker = Callable[[np.random.Generator], Curve]

@@ -14,7 +14,7 @@ import asperity as asp
 from asperity.case import Case
 from asperity.errors import AsperityWarning, InputError, RangeError
 from asperity.vibration import CurveLaw, DynamicsSettings, PowerLaw, law_from, run_dynamics
-from asperity.vibration.joint import Numbers, headline
+from asperity.vibration.numbers import Numbers, headline
 from asperity.vibration.source import LACK, CurveColumns, choose
 
 QUICK: dict[str, Any] = {"model": ["exact"], "omega": (0.9, 0.91), "units": "SI", "tol": 1e-3}

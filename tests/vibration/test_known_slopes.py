@@ -14,8 +14,8 @@ from asperity.errors import AsperityWarning, InputError, RangeError
 from asperity.output.results import Results
 from asperity.plot.vibration import columns_of, response
 from asperity.vibration import CurveLaw, DynamicsSettings, PowerLaw, law_from, run_dynamics, unload_reload
-from asperity.vibration.joint import at_load
 from asperity.vibration.law import bar_of
+from asperity.vibration.numbers import at_load
 
 QUICK: dict[str, Any] = {"model": "exact", "omega": (0.9, 0.91), "units": "SI", "tol": 1e-3}
 

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from asperity.errors import InputError
-from asperity.vibration.joint import at_load
 from asperity.vibration.law import CurveLaw, bar_of
+from asperity.vibration.numbers import at_load
 from asperity.vibration.source import CurveColumns, choose
 
 START = 3.2e-6  # approach of first contact [m]

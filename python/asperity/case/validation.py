@@ -13,8 +13,8 @@ from asperity.model.material import Material
 from asperity.model.problem import check_lengths
 from asperity.model.settings import H_CONTACT
 from asperity.runtime.display import show
+from asperity.vibration.checks import MIN_ROWS
 from asperity.vibration.settings import DynamicsSettings
-from asperity.vibration.source import MIN_ROWS
 
 _ROUND = 1.0 + 1e-9  # the area of a joint over that of the patch, both rounded
 #: key -> values that are probable in SI, and the unit

@@ -11,9 +11,9 @@ import click
 from asperity.cli import options
 from asperity.errors import InputError
 from asperity.units import plus_minus, quantity
+from asperity.vibration.checks import LAWS
 from asperity.vibration.damping import DAMPING, LOOPS
 from asperity.vibration.settings import MODELS, SHAPES, DynamicsSettings
-from asperity.vibration.source import LAWS
 
 if TYPE_CHECKING:
     from asperity.vibration import Dynamics, Joint
@@ -180,7 +180,7 @@ def _show(result: Dynamics) -> None:
             rows.append(("  transmissibility", *("at most {:.4g} at {:.4g}".format(*ratio) for ratio in ratios)))
     options.table(about, rows, ("", *onsets))
     if (choice := result.choice) is not None:
-        from asperity.vibration.joint import law_rows
+        from asperity.vibration.numbers import law_rows
 
         rows = law_rows({"table": result.laws}, "N/m" if units else "", "Hz" if units else "")
         about = f"laws at the preload {choice.load:.5g}: {choice.name}, {choice.reason}"
@@ -196,7 +196,7 @@ def _show(result: Dynamics) -> None:
         options.say(f"{shape} from rest, {path.tau[-1]:.5g}/omega_s: u from {low:.4g} to {top:.4g}, {lost}")
     numbers = result.numbers.to_dict()
     if numbers.get("k_n_with_block"):
-        from asperity.vibration.joint import headline
+        from asperity.vibration.numbers import headline
 
         for line in headline(numbers, None, result.settings.units, first.restoring.load):
             options.say(line)

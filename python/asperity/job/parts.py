@@ -37,7 +37,7 @@ from asperity.slip import JointSlip
 from asperity.slip.joint_slip import slip_of_case
 from asperity.vibration import Dynamics, DynamicsSettings, LoopDamping, run_dynamics
 from asperity.vibration.damping import LOOPS as OF_LOOPS
-from asperity.vibration.joint import Numbers
+from asperity.vibration.numbers import Numbers
 from asperity.vibration.run import small_vibration
 from asperity.vibration.source import CurveColumns, met
 

@@ -15,7 +15,7 @@ from asperity.output.patches import Spread
 from asperity.surface.base import FLAT
 
 if TYPE_CHECKING:
-    from asperity.vibration.joint import Numbers
+    from asperity.vibration.numbers import Numbers
 
 FINE, DOUBTFUL = "fine", "doubtful"
 

@@ -9,7 +9,7 @@ from typing import Any
 from asperity.output.assumption import DOUBTFUL
 from asperity.output.results import Results
 from asperity.units import plus_minus, quantity
-from asperity.vibration.joint import headline
+from asperity.vibration.numbers import headline
 
 
 def verdict(results: Results) -> list[str]:

@@ -23,7 +23,7 @@ from asperity.runtime.files import replace_file
 from asperity.runtime.run_folder import FIGURES, REPORT
 from asperity.units import plus_minus, quantity
 from asperity.version import __version__
-from asperity.vibration.joint import law_rows
+from asperity.vibration.numbers import law_rows
 
 Rows = list[tuple[str, str]]
 STIFFNESS_WORDS = {

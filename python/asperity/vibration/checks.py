@@ -1,4 +1,4 @@
-"""Numbers that arguments of the vibration must be: positive, and within their legal range."""
+"""What arguments of the vibration must be: names of laws, and numbers within their legal range."""
 
 from __future__ import annotations
 
@@ -8,6 +8,12 @@ from typing import Any
 import numpy as np
 
 from asperity.errors import InputError
+
+#: Laws of a curve by name, those of a contact that has yielded first.
+NAMES = ("unload-reload", "elastic", "table", "paper")
+LAWS = ("auto", *NAMES)
+#: Rows in contact that show the curvature of an unloading, without and with the stiffness of each.
+MIN_ROWS = (5, 3)
 
 
 def positive(name: str, value: float, *, zero: bool = False) -> float:

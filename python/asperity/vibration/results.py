@@ -17,8 +17,8 @@ from asperity.runtime import run_folder
 from asperity.runtime.display import short_repr
 from asperity.runtime.files import replace_file, write_csv
 from asperity.vibration.free import FreeVibration, Thresholds
-from asperity.vibration.joint import Numbers
 from asperity.vibration.motion import Trajectory
+from asperity.vibration.numbers import Numbers
 from asperity.vibration.oscillator import ContactOscillator
 from asperity.vibration.response import FrequencyResponse
 from asperity.vibration.settings import DynamicsSettings

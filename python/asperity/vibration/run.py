@@ -15,9 +15,9 @@ from asperity.errors import ConvergenceError, InputError
 from asperity.runtime import run_folder
 from asperity.vibration.checks import positive
 from asperity.vibration.damping import LOOPS, LoopDamping
-from asperity.vibration.joint import Numbers, tabulate
 from asperity.vibration.law import Law, bar_of
 from asperity.vibration.motion import Trajectory
+from asperity.vibration.numbers import Numbers, tabulate
 from asperity.vibration.oscillator import GRAVITY, ContactOscillator
 from asperity.vibration.response import FrequencyResponse
 from asperity.vibration.results import Dynamics

@@ -16,19 +16,14 @@ from asperity.curve import BRANCHES
 from asperity.curve.power_law import fit_power_law
 from asperity.curve.slope import fitted_rows, legs
 from asperity.errors import AsperityError, AsperityWarning, InputError, RangeError, warn
-from asperity.vibration.checks import one_of, positive, within
+from asperity.vibration.checks import LAWS, MIN_ROWS, one_of, positive, within
 from asperity.vibration.law import MIN_POINTS, CurveLaw, Law, PowerLaw
 from asperity.vibration.local_fit import LocalFit
 from asperity.vibration.measured import FALL, branches, law_of_rows, read_table
 
-#: Laws of a curve by name, those of a contact that has yielded first.
-NAMES = ("unload-reload", "elastic", "table", "paper")
-LAWS = ("auto", *NAMES)
 SIZES = (1e-100, 1e100)  # of the greatest approach and force, so that products do not overflow
 LEAST = 1e-3  # share of the compliance that the interface must have: less is lost in the error of the block
 TOUCH = 1e-9  # share of the largest force above which a row is in contact
-#: Rows in contact that show the curvature of an unloading, without and with the stiffness of each.
-MIN_ROWS = (5, 3)
 TOO_LOW = (
     "the law is the paper's power law of the loading, whose frequency is too low, by a factor of 1.5 on a fractal "
     "surface"

@@ -1,0 +1,188 @@
+"""Numbers of the small vibration about a load, of a joint or of a patch, and the lines that print them."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from asperity.arrays import Array
+from asperity.errors import AsperityError
+from asperity.units import plus_minus, quantity
+from asperity.vibration.checks import NAMES
+from asperity.vibration.law import NOT_RESOLVED, Law, bar_of, bend
+from asperity.vibration.source import Choice, CurveColumns, law_named
+
+
+@dataclass(frozen=True)
+class Numbers:
+    """The numbers of a joint's small vibration, in the units of the curve; NaN where unknown.
+
+    Attributes:
+        stiffness: k_n at the preload, of the interface alone where the block of the model is known (force/length)
+        mass, frequency: what vibrates (mass), and its natural frequency (1/time)
+        approach: static approach z_s (length)
+        damping: damping ratio
+        n, kappa: local exponent and backbone curvature
+        bars: of the stiffness over it, of n and of kappa
+        block: compliance of the block of the model beside the joint (length/force), 0 where the stiffness contains it
+        greatest: force that the contact has met (force)
+    """
+
+    stiffness: float
+    mass: float
+    frequency: float
+    approach: float
+    damping: float
+    n: float = math.nan
+    kappa: float = math.nan
+    bars: tuple[float, float, float] = (math.nan, math.nan, math.nan)
+    block: float = 0.0
+    greatest: float = math.nan
+
+    @classmethod
+    def of(cls, law: Law, load: float, mass: float, zeta: float, **more: Any) -> Numbers:
+        """Numbers of a mass on a law under a load (force)."""
+        z, k, n, kappa = at_load(law, load)
+        bars = bar_of(law, lambda side: at_load(side, load))
+        relative = float(bars[1]) / k
+        frequency = math.sqrt(k / mass) / (2.0 * math.pi)
+        return cls(k, mass, frequency, z, zeta, n, kappa, (relative, float(bars[2]), float(bars[3])), **more)
+
+    @property
+    def frequency_bar(self) -> float:
+        """Error bar of the frequency (1/time), which is a root of the stiffness; NaN if unknown."""
+        return 0.5 * self.bars[0] * self.frequency
+
+    @property
+    def softening(self) -> str:
+        """ "softening", "hardening", "linear", or "curvature not resolved" where the bar of kappa holds 0."""
+        bar = self.bars[2] if self.bars[2] > 0.0 else 0.0
+        return bend(self.kappa - bar, self.kappa + bar)
+
+    @property
+    def with_block(self) -> float:
+        """Stiffness of the interface and the block of the model in series (force/length)."""
+        return self.stiffness / (1.0 + self.block * self.stiffness)
+
+    def sentence(self, units: str | None) -> str:
+        """Them as one line, with SI units if `units` is "SI"."""
+        si, bar = units == "SI", self.bars[0]
+        parts = [f"k_n = {quantity(self.stiffness, 'N/m' if si else '', 5, bar=bar)}"]
+        if math.isfinite(self.mass):
+            parts.append(f"m = {self.mass:.5g}{' kg' if si else ''}")
+            parts.append(f"f = {quantity(self.frequency, 'Hz' if si else '', 5, bar=0.5 * bar)}")
+        else:
+            parts.append("m and f unknown (give joint.mass)")
+        parts += [f"z_s = {quantity(self.approach, 'm' if si else '')}", f"zeta = {self.damping:.5g}"]
+        parts += [resolved("n", self.n, self.bars[1]), resolved("kappa", self.kappa, self.bars[2])]
+        return ", ".join(parts)
+
+    def to_dict(self) -> dict[str, Any]:
+        """Section "numbers" of thresholds.json, None where unknown; `k_n_bar` is over k_n."""
+        names = ("k_n", "m", "f", "z_s", "zeta", "n", "kappa", "k_n_bar", "f_bar", "n_bar", "kappa_bar")
+        values = (
+            self.stiffness, self.mass, self.frequency, self.approach, self.damping, self.n, self.kappa, self.bars[0],
+            self.frequency_bar, *self.bars[1:],
+        )  # fmt: skip
+        last = {"k_n_with_block": self.with_block if self.block else math.nan, "greatest_load": self.greatest}
+        known = dict(zip(names, values, strict=True)) | last
+        return {n: v if math.isfinite(v) else None for n, v in known.items()} | {"softening": self.softening}
+
+
+def at_load(law: Law, load: float) -> Array:
+    """Approach (length), stiffness (force/length), local exponent and kappa of a law under a load (force)."""
+    z = law.deflection(load)
+    return np.array([z, law.derivatives(z)[0], law.n_loc(z), law.kappa(z)])
+
+
+def resolved(name: str, value: float, bar: float) -> str:
+    """A value with its bar, or that it is not resolved where the bar is wider than the value."""
+    if not math.isfinite(value):
+        return f"{name} unknown"
+    if bar > abs(value) > 0.0:
+        return NOT_RESOLVED if name == "kappa" else f"{name} unresolved"
+    return f"{name} = {plus_minus(value, bar)}"
+
+
+# name -> words, and a remark where it does not apply
+WORDS = {
+    "unload-reload": ("unload-reload branch", "after a greater load"),
+    "elastic": ("elastic tangent", "before any greater load"),
+    "table": ("points of the loading", "of the first loading, not of a vibration"),
+    "paper": ("power law of the loading (the paper's)", "of the first loading, not of a vibration"),
+}
+
+
+def tabulate(columns: CurveColumns, choice: Choice, mass: float, zeta: float) -> list[dict[str, Any]]:
+    """All laws of a curve at the preload of the chosen one: section "laws" of thresholds.json, the chosen one first."""
+    rows = []
+    for name in NAMES:
+        chosen = name == choice.name
+        row: dict[str, Any] = {"law": name, "chosen": chosen, "applies": chosen or not choice.yielded, "missing": ""}
+        try:
+            law = choice.law if chosen else law_named(columns, name, choice.load)[0]
+            found = Numbers.of(law, choice.load, mass, zeta).to_dict()
+        except AsperityError as error:
+            if chosen:
+                raise
+            found, row["missing"] = {}, str(error).split(":")[0].split(";")[0]
+        keys = ("n", "kappa", "z_s", "k_n", "f", "n_bar", "kappa_bar", "k_n_bar", "f_bar")
+        rows.append(row | {key: found.get(key) for key in keys})
+    return sorted(rows, key=lambda row: (row["k_n"] is None, not row["chosen"]))
+
+
+def law_rows(laws: Mapping[str, Any], stiffness: str, frequency: str) -> list[tuple[str, ...]]:
+    """Laws of thresholds.json as texts, in the units given: law, n, kappa, k_n, frequency, remark."""
+    rows: list[tuple[str, ...]] = []
+    for row in laws["table"]:
+        words, other = WORDS[row["law"]]
+        if row["k_n"] is None:
+            rows.append((words, "–", "–", "–", "–", row["missing"]))
+            continue
+        known = {key: math.nan if row[key] is None else row[key] for key in row if key.endswith("_bar")}
+        shown = [resolved(key, row[key], known[f"{key}_bar"]).partition(" = ")[::2] for key in ("n", "kappa")]
+        texts = [number or words_of for words_of, number in shown]
+        f = "–" if row["f"] is None else quantity(row["f"], frequency, 5, bar=known["f_bar"] / row["f"])
+        k = quantity(row["k_n"], stiffness, 5, bar=known["k_n_bar"])
+        rows.append((words, *texts, k, f, "chosen" if row["chosen"] else "" if row["applies"] else other))
+    return rows
+
+
+def headline(
+    numbers: Mapping[str, Any], patches: Mapping[str, Any] | None, units: str | None, load: float
+) -> list[str]:
+    """The joint in one line with its two bars, the larger first, and with the block of the model in a second.
+
+    Args:
+        numbers: see `Numbers.to_dict`
+        patches: section of summary.json, what other patches change of the stiffness with the block; or None
+        units: "other" shows numbers without units
+        load: preload (force)
+    """
+    newton, metre, hertz = ("", "", "") if units == "other" else ("N", "N/m", "Hz")
+    k, f, block = numbers["k_n"], numbers.get("f"), numbers.get("k_n_with_block")
+    bars = [(float(numbers["k_n_bar"]), "numerical error")] if numbers.get("k_n_bar") else []
+    if patches:  # of the stiffness with the block in series, whose share of the compliance is the same for all patches
+        bars.append((patches["bar"] * (k / block if block else 1.0), "other patches of this roughness ±"))
+    bars.sort(reverse=True)
+    largest = bars[0][0] if bars else math.nan
+    digits = 2 if largest > 0.03 else 3 if largest > 0.003 else 4
+    after, greatest = "", numbers.get("greatest_load")
+    if greatest and greatest > load * (1 + 1e-6):
+        after = f" after a load of up to {quantity(greatest, newton, 3)}"
+    text = f"stiffness {quantity(k, metre, digits)}"
+    if f is not None:
+        text += f", frequency {quantity(f, hertz, digits + 1)}"
+    words = ", ".join(f"{words} {100 * bar:.2g} %" for bar, words in bars)
+    lines = [
+        f"Interface of the joint about {quantity(load, newton)}{after}: {text}"
+        + (f" (of the stiffness: {words})" if words else "")
+        + "."
+    ]
+    if block:
+        lines.append(f"With the block of the model in series the stiffness is {quantity(block, metre, digits)}.")
+    return lines
