@@ -17,6 +17,7 @@ from asperity import reference as ref
 from asperity.adaptive.solve_contact import solve_contact
 from asperity.contact import Contact, make_contact
 from asperity.contact.contact_surface import ContactSurface
+from asperity.curve.curve import EDGE
 from asperity.fem.solid import Solid
 from asperity.mesh.block import BlockMesh
 from asperity.mesh.distribute import distribute
@@ -259,12 +260,14 @@ def test_pressure_and_area_of_a_stretched_top_are_those_after_deformation() -> N
     weights = np.repeat(surface.area[:, None] / 3.0, 3, axis=1)
     whole = surface.area_of(np.ones(weights.shape, dtype=bool), weights)
     assert whole.value == pytest.approx(1.21, rel=1e-12) and whole.error == 0.0
-    # of which facets that are cut touch an unknown, uniform share, independently: twice the deviation of the sum
+    # an unknown, uniform share of each facet that is cut, independently, and a part of them all
     cut = np.zeros(weights.shape, dtype=bool)
     cut[::2, 0] = True
     shares = np.random.default_rng(1).random((20_000, len(surface.area[::2])))
     deviation = np.std(shares @ (1.21 * surface.area[::2]))
-    assert surface.area_of(cut, weights).error == pytest.approx(2.0 * deviation, rel=0.02)
+    found = surface.area_of(cut, weights)
+    assert found.edge == pytest.approx(1.21 * surface.area[::2].sum(), rel=1e-12)
+    assert found.error == pytest.approx(np.hypot(2.0 * deviation, EDGE * found.edge), rel=0.02)
 
 
 def test_the_mean_over_the_top_is_exact_for_a_square() -> None:

@@ -162,7 +162,7 @@ def test_a_run_that_stopped_early_has_figures(tmp_path: Path, rows: int) -> None
 
 
 def write_vibration(folder: Path) -> None:
-    """free.csv of a softening law; response.csv with a fold, in two branches of one name."""
+    """free.csv of a softening law; response.csv with folds, in two times three pieces."""
     u = np.linspace(0, 2, 21)
     free = [f"{m},{a},{1 - 0.05 * a * a},{-1.2 * a}" for m in ("exact", "taylor") for a in u]
     (folder / "free.csv").write_text("\n".join(["model,u0,omega_ratio,u_min", *free]))
@@ -170,11 +170,9 @@ def write_vibration(folder: Path) -> None:
     omega, height = 0.8 + 0.5 * t**2 - 0.25 * t, np.sin(np.pi * t)
     head = "model,F_hat,zeta,Omega,u_max,u_min,a1,stable,branch,contact_loss"
     rows = []
-    for shift in (0.0, 2.0):
-        for w, a in zip(omega, height + shift, strict=True):
-            lost = a > 0.8
-            rows.append(f"exact,0.05,0.01,{w},{a},{-a},{a},{w > 0.77},main,{lost}")
-    rows += [f"exact,0.05,0.01,{w},0.1,-0.1,0.1,True,sweep-up,False" for w in omega]
+    for shift, first in ((0.0, 0), (2.0, 2)):
+        for w, a, s in zip(omega, height + shift, t, strict=True):
+            rows.append(f"exact,0.05,0.01,{w},{a},{-a},{a},{s > 0.25},{first + (s > 0.25)},{a > 0.8}")
     (folder / "response.csv").write_text("\n".join([head, *rows]))
 
 
@@ -191,10 +189,10 @@ def test_vibration_figures(tmp_path: Path) -> None:
     figure = response(results)
     (axis,) = figure.axes
     keys = [text.get_text() for text in figure.legends[0].get_texts()]
-    assert "sweep up" in keys and "sweep down" not in keys
+    assert "stable" in keys and "unstable" in keys
     assert any("$F$ = 0.0775 $W$" in key for key in keys)  # n_loc = 1.55 times 0.05
     assert figure.get_suptitle() == "$n_{loc}$ = 1.55, damping ratio $\\zeta$ = 0.01, acting always"
-    # no line runs from one branch to the other of the same name
+    # no line runs from one piece to another
     lines = [np.asarray(line.get_ydata()) for line in axis.lines]
     assert all(np.ptp(y) < 1.5 for y in lines)
 
@@ -213,7 +211,9 @@ def test_the_receptance_of_a_run_has_the_units_of_the_joint(tmp_path: Path) -> N
     own.figure.draw_without_rendering()
     top, right = own.child_axes
     hertz = {"frequency (Hz)": 1.0, "frequency (kHz)": 1e3}[top.get_xlabel()]
-    metres = {f"receptance $|X/F|$ ({unit}/N)": f for unit, f in (("nm", 1e-9), ("µm", 1e-6))}[right.get_ylabel()]
+    metres = {f"receptance $|X/F|$ ({unit}/N)": f for unit, f in (("pm", 1e-12), ("nm", 1e-9), ("µm", 1e-6))}[
+        right.get_ylabel()
+    ]
     assert hertz * top.get_xlim()[1] == pytest.approx(numbers.frequency * own.get_xlim()[1])
     assert metres * right.get_ylim()[1] == pytest.approx(own.get_ylim()[1] / numbers.stiffness)
 

@@ -212,7 +212,7 @@ def test_a_run_that_continues_without_a_part_keeps_no_files_of_it(tmp_path: Path
     """Vibration, fields, figures and the report, one after the other; the curve and what others wrote stay."""
     quick = {"forcing": [0.01], "model": ["exact"], "omega": [0.9, 0.95]}
     everything = {"fields": True, "figures": True, "report": True}
-    steps: dict[str, Any] = {"loading": {"delta_max": 0.02, "steps": 3}}
+    steps: dict[str, Any] = {"loading": {"delta_max": 0.02, "steps": 5}}
     run(case_of(**steps, dynamics=quick, output=everything), tmp_path)
     assert {"free.csv", "figures/frequency.svg", "report.html"} <= {*files(tmp_path)}
     (tmp_path / "figures/mine.png").touch()

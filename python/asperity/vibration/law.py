@@ -518,7 +518,8 @@ class Side(Law):
     """Law at one end of an error: with Y = ln(F/load) of a law, load exp(g(Y)) at the approach less a shift.
 
     ``g' = (1 + tilt) exp(bend Y^2/2 exp(-Y^2/2))``, g(0) = ln(1 + factor): the load keeps its stiffness but for the
-    factor and the tilt, and `bend` changes kappa by bend n^2/16. The force rises as that of the law does.
+    factor and the tilt, and `bend` changes kappa by bend n^2/16. The force rises as that of the law does, and has
+    no end: at the end of a law its lower side would not reach the preload.
     """
 
     law: Law
@@ -527,9 +528,6 @@ class Side(Law):
     shift: float = 0.0
     tilt: float = 0.0
     bend: float = 0.0
-
-    def __post_init__(self) -> None:
-        object.__setattr__(self, "known_to", self.law.known_to + self.shift)
 
     @property
     def knots(self) -> Array:  # type: ignore[override]
