@@ -161,6 +161,7 @@ class LoadingSection(Section):
     unload: Flag = key("unload after loading", False)
     cycles: Whole = key("number of load(-unload) cycles", 1, ge=1, le=1000)
     unload_steps: Whole = key("steps of an unloading", shown="steps // 2", ge=1, le=100_000)
+    unload_to: Real = key("force at which an unloading ends, over that at its beginning", 0.0, ge=0, lt=1)
     integrator: Literal["midpoint", "backward-euler"] | None = key(
         "of plasticity along a loading: second or first order in the step", None,
         shown="midpoint; backward-euler where material.law does not declare that its state is a strain",

@@ -48,8 +48,9 @@ def check_together(case: Input) -> None:
         )
     if len(given) > 1:
         raise InputError(f"{' and '.join(given)} are {'both' if len(given) == 2 else 'all'} given; give exactly one")
-    if loading.cycles > 1 and not loading.unload:
-        raise InputError(f"loading.cycles = {loading.cycles} needs an unloading between; set loading.unload = true")
+    for name, idle in (("cycles", 1), ("unload_to", 0.0)):
+        if (value := getattr(loading, name)) > idle and not loading.unload:
+            raise InputError(f"loading.{name} = {show(value)} needs an unloading; set loading.unload = true")
     for section in ("loops", "slip"):
         table = getattr(case, section)
         if table and any(b <= a for a, b in pairwise(table.amplitudes)):
@@ -156,6 +157,12 @@ def doubts(case: Input) -> Iterator[str]:
         value = getattr(table, name)
         if value != defaults.get(key, type(table).model_fields[name].default):
             yield f"{key} = {show(value)} is not used: {why}"
+    vibrates = case.dynamics is not None or case.joint is not None
+    if vibrates and case.loading.unload_to > 0.0:
+        yield (
+            f"loading.unload_to = {case.loading.unload_to:g} ends the unloading in contact: the law of the vibration is "
+            "extrapolated below; leave it out, or keep the amplitudes small"
+        )
     rows, least = case.loading.unload_steps, MIN_ROWS[case.has_stiffness]
     if case.dynamics is not None and case.material.plastic and case.loading.unload and rows < least:
         yield (
