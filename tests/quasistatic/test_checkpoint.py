@@ -102,8 +102,14 @@ def test_a_resumed_run_warns_of_the_waves_that_its_mesh_misses(tmp_path: Path) -
         (
             PLASTIC,
             Formulation(),
-            {"delta_max": None, "force_max": 1e-3, "unload_steps": 2, "unload_to": 0.8, "cycles": 2,
-             "stops": (4, 1, 1, 1)},
+            {
+                "delta_max": None,
+                "force_max": 1e-3,
+                "unload_steps": 2,
+                "unload_to": 0.8,
+                "cycles": 2,
+                "stops": (4, 1, 1, 1),
+            },
         ),
         (PLASTIC, Formulation(friction=0.3), {"steps": 1, "integrator": "midpoint", "unload_steps": 1}),
         (PLASTIC, Formulation(), {"steps": 1, "integrator": "midpoint", "unload_steps": 2}),

@@ -171,6 +171,7 @@ def _part_done(solver: ContactSolver, schedule: Schedule, at: Position, branch: 
         return min((solver.force - force) / way, 1.0) if way else 1.0
     if branch == "unload":
         return 1.0 - solver.force / force if force > 0.0 else 1.0
+    assert schedule.delta_max is not None
     stops = (0.0, *schedule.stops())
     part = (solver.delta - delta) / (schedule.delta_max - delta)
     return float(np.interp(part, stops, np.linspace(0.0, 1.0, len(stops))))
