@@ -262,6 +262,16 @@ def test_the_evidence_of_slip_gives_the_numbers_of_its_tables() -> None:
         assert f"{ratio.min():.{digits}f} to {ratio.max():.{digits}f} times" in page
 
 
+def test_the_mass_on_the_full_solid_moves_as_the_pages_say() -> None:
+    """Within 0.5 % on a light block; added mass to a tenth of its effect."""
+    found = {row["case"].split(",")[0]: [] for row in table("inertia")}
+    for row in table("inertia"):
+        found[row["case"].split(",")[0]].append(float(row["difference, %"]))
+    assert max(found["light block"]) < 0.5 and max(found["heavy block"]) < 10.0 and max(found["impact"]) < 0.1
+    for page in ("README.md", "docs/theory.md"):
+        assert "within 0.5 % with a transient simulation" in (ROOT / page).read_text(encoding="utf-8")
+
+
 def test_the_costs_at_equal_error_are_those_of_the_tables(monkeypatch: pytest.MonkeyPatch) -> None:
     """CPU seconds on the lines through the runs of each program; the tables have three digits."""
     monkeypatch.syspath_prepend(str(ROOT / "benchmarks/peers"))
