@@ -304,7 +304,7 @@ class Transient:
 
     def _energy(self) -> float:
         """Kinetic, stored and dissipated energy of plate and block [E L^3]."""
-        solid = self.solver.solid
+        solid: Any = self.solver.solid
         solid.kernels = self.inertia.kernels
         stored_and_dissipated = energies(solid, solid.internal_force())
         solid.kernels = self.inertia
