@@ -302,9 +302,9 @@ def _to_force(solver: ContactSolver, schedule: Schedule, at: Position) -> Outcom
         logging.getLogger(__name__).info("delta/L = %.6g: step cut to %.3g L", solver.delta, step)
         if step < at.shortest:
             raise ConvergenceError(
-                f"no convergence at delta/L = {target:.6g} on the way to the force {goal / max(goal, begin):.3g} of "
-                f"the greatest ({stats.reason}); the curve up to delta/L = {solver.delta:.6g} is kept: "
-                f"{_advice(solver)}"
+                f"no convergence at delta/L = {target:.6g} on the way to the "
+                f"{'greatest force' if up > 0.0 else 'end of the unloading'} ({stats.reason}); the curve up to "
+                f"delta/L = {solver.delta:.6g} is kept: {_advice(solver)}"
             )
     force = solver.solved_force()
     if up * (force - goal) >= -close:
