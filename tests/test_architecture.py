@@ -23,7 +23,7 @@ ORDER = (
     ("fem",),
     ("linear", "contact"),
     ("quasistatic",),
-    ("adaptive", "transient", "output"),
+    ("adaptive", "output"),
     ("plot",),
     ("job",),
     ("study",),

@@ -262,6 +262,15 @@ def test_the_evidence_of_slip_gives_the_numbers_of_its_tables() -> None:
         assert f"{ratio.min():.{digits}f} to {ratio.max():.{digits}f} times" in page
 
 
+def test_the_mass_on_the_full_solid_moves_as_the_pages_say() -> None:
+    """Within 0.5 % on a light block; added mass to a tenth of its effect."""
+    rows = [(row["case"].split(",")[0], float(row["difference, %"])) for row in table("inertia")]
+    found = {name: max(value for other, value in rows if other == name) for name, _ in rows}
+    assert found["light block"] < 0.5 and found["heavy block"] < 10.0 and found["impact"] < 0.1
+    for page in ("README.md", "docs/theory.md"):
+        assert "within 0.5 % with a transient simulation" in (ROOT / page).read_text(encoding="utf-8")
+
+
 def test_the_costs_at_equal_error_are_those_of_the_tables(monkeypatch: pytest.MonkeyPatch) -> None:
     """CPU seconds on the lines through the runs of each program; the tables have three digits."""
     monkeypatch.syspath_prepend(str(ROOT / "benchmarks/peers"))

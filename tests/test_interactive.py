@@ -51,7 +51,7 @@ def objects(result: Any) -> list[Any]:
         result.contact.block, result.curve, result.fit, make_curve(), make_curve().where(np.zeros(4, dtype=bool)),
         asp.PowerLaw(1.5), law, oscillator, oscillator.taylor(), free, *free.orbits[:1],
         response, response.pieces[0], response.top, oscillator.thresholds(0.01),
-        asp.run_dynamics(asp.PowerLaw(1.5), forcing=[0.01], zeta=0.05), asp.GeneralisedAlpha(),
+        asp.run_dynamics(asp.PowerLaw(1.5), forcing=[0.01], zeta=0.05),
         asp.reference.Hertz(R=1.0, E_prime=1.0), Results(Path("out"), result.curve),
     ]  # fmt: skip
 

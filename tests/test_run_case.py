@@ -15,7 +15,6 @@ import asperity
 from asperity.adaptive.mesh_levels import LevelSolver
 from asperity.case import Case
 from asperity.curve import COLUMNS, Curve
-from asperity.curve.loops import LoopTable
 from asperity.curve.power_law import with_misfit
 from asperity.errors import CheckpointError, ConvergenceError, MeshError, OutputError
 from asperity.job.run_case import RunResult, run
@@ -23,7 +22,7 @@ from asperity.mesh.block import BlockMesh
 from asperity.output.results import Results
 from asperity.runtime.run_folder import PRODUCTS
 from asperity.study.run import summarise_case
-from asperity.vibration import LoopDamping, PowerLaw, law_from, run_dynamics
+from asperity.vibration import PowerLaw, law_from
 
 pytestmark = pytest.mark.usefixtures("blank_figures")
 
@@ -44,10 +43,9 @@ def full(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, RunResult]:
     folder = tmp_path_factory.mktemp("full") / "new" / "folder"
     everything = {"figures": True, "fields": True, "report": True, "snapshots": 2}
     everything |= {"stiffness": True}
-    dynamics = {"law": "paper", "zeta": 0.05, "forcing": [0.02], "model": ["exact"], "damping": "loops"}
-    loops = {"amplitudes": [0.3, 0.6], "cycles": 2, "steps": 1}
+    dynamics = {"law": "paper", "zeta": 0.05, "forcing": [0.02], "model": ["exact"]}
     material = CASE["material"] | {"density": 7800.0}
-    case = case_of(material=material, output=everything, dynamics=dynamics, loops=loops)
+    case = case_of(material=material, output=everything, dynamics=dynamics)
     with pytest.MonkeyPatch.context() as patch:
         leave_figures_blank(patch)
         return folder, run(case, folder)
@@ -59,7 +57,7 @@ def full(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, RunResult]:
 def test_files_of_a_run(full: tuple[Path, RunResult]) -> None:
     folder, _ = full
     files = {str(p.relative_to(folder)) for p in folder.rglob("[!.]*") if p.is_file()}
-    promised = ("case.toml curve.csv summary.json run.log free.csv response.csv thresholds.json loops.csv "
+    promised = ("case.toml curve.csv summary.json run.log free.csv response.csv thresholds.json "
                 "report.html fields/top.npz fields/contact.vtkhdf")  # fmt: skip
     assert files >= {*promised.split()} and "figures/curve.svg" in files
     assert {name for name in files if not name.startswith("checkpoint/")} <= set(PRODUCTS)  # which --force removes
@@ -81,46 +79,6 @@ def test_stored_curve_is_the_one_returned(full: tuple[Path, RunResult]) -> None:
     assert np.all(np.diff(loading.force) > 0) and stored.force[-1] == 0.0
     assert 1e9 < stored.max_pressure.max() < 10e9  # between yield strength and some hardnesses, in Pa
     assert np.all(stored.seconds > 0) and np.all(stored.newton > 0)
-
-
-def test_loops_are_the_damping_of_the_vibration(full: tuple[Path, RunResult]) -> None:
-    """In units of the case, about the preload of the vibration, with the law of the run's own loops."""
-    folder, result = full
-    table, section = LoopTable.read(folder / "loops.csv"), result.summary["loops"]
-    preload = result.dynamics.first.restoring.load
-    assert len(table.loops) == 4 and table.loops[0].preload == pytest.approx(preload, rel=1e-14)
-    assert 1.0 < table.loops[0].k / result.dynamics.numbers.stiffness < 4.0  # the paper's law is too soft
-    assert section["amplitudes"][1]["eta"] == table.loops[3].eta
-    (radiated,) = (line for line in result.summary["assumptions"] if "by radiation" in line["name"])
-    assert 0 < radiated["value"] < 0.005
-    oscillator = result.dynamics.first
-    damping, note = LoopDamping.of(table).on(result.dynamics.numbers.stiffness, table.loops[0].preload)
-    found = oscillator.damping
-    assert isinstance(found, LoopDamping) and found.background == 0.05 and not note
-    for name in ("deflection", "zeta", "stiffness"):
-        assert getattr(found, name) == pytest.approx(getattr(damping, name), rel=1e-12)
-    again = run_dynamics(folder, law="paper", model=["exact"], forcing=0.02)
-    assert again.first.damping == oscillator.damping
-    assert again.responses["exact"][0].peak == result.dynamics.responses["exact"][0].peak
-    assert "micro-slip" in section["not_in_the_model"]
-
-
-def test_loops_that_do_not_converge_end_a_run_that_needs_them(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """The error is that of the loops; curve and report are there, and no vibration without its damping."""
-
-    def fail(*args: object, **kwargs: object) -> None:
-        raise ConvergenceError("the loops did not reach the force")
-
-    monkeypatch.setattr("asperity.quasistatic.force_loops.force_loops", fail)
-    dynamics = {"law": "paper", "model": ["exact"], "damping": "loops"}
-    plane: dict[str, Any] = {"surface": {"kind": "flat", "L": 1e-6}, "loading": {"delta_max": 0.01e-6, "steps": 4}}
-    case = case_of(**plane, dynamics=dynamics, loops={"amplitudes": [0.3]}, output={"report": True})
-    with pytest.raises(ConvergenceError, match="the loops did not reach the force"):
-        run(case, tmp_path / "out")
-    summary = json.loads((tmp_path / "out" / "summary.json").read_text(encoding="utf-8"))
-    assert summary["finished"] is False and summary["exit_reason"] == "the loops did not reach the force"
-    assert (tmp_path / "out" / "report.html").is_file() and "dynamics" not in summary
-    assert not (tmp_path / "out" / "response.csv").exists()
 
 
 QUIET: dict[str, Any] = {
@@ -150,7 +108,10 @@ def test_a_run_that_is_refused_on_its_way_leaves_nothing(tmp_path: Path, monkeyp
 
 def test_a_preload_beyond_the_curve_keeps_the_curve(tmp_path: Path) -> None:
     """Only the curve tells that it is too great: the exit code is not that of input that was refused."""
-    for sections in ({"dynamics": {"law": "paper", "preload": 0.1, "model": ["exact"]}}, {"loops": {"preload": 0.1}}):
+    for sections in (
+        {"dynamics": {"law": "paper", "preload": 0.1, "model": ["exact"]}},
+        {"slip": {"friction": 0.3, "preload": 0.1}},
+    ):
         out = tmp_path / next(iter(sections))
         with pytest.raises(ConvergenceError, match="the curve is kept") as caught:
             run(case_of(**QUIET, **sections), out)
@@ -173,7 +134,7 @@ def test_a_full_disk_mentions_a_saved_state_only_where_there_is_one(
     assert ("--resume continues from the last step saved" in str(caught.value)) == saved
 
 
-def test_loops_and_ledger_take_the_vibration_that_was_computed() -> None:
+def test_the_ledger_takes_the_vibration_that_was_computed() -> None:
     """A joint with a mass only leaves the preload to [dynamics]."""
     dynamics = {
         "law": "paper",
@@ -184,11 +145,9 @@ def test_loops_and_ledger_take_the_vibration_that_was_computed() -> None:
         "simulate": ["half-sine"],
     }
     quiet = {"figures": False, "report": False}
-    loops = {"amplitudes": [0.3], "cycles": 1, "steps": 1}
     material = CASE["material"] | {"density": 7800.0}
-    case = case_of(material=material, joint={"mass": 1e-12}, dynamics=dynamics, loops=loops, output=quiet)
+    case = case_of(material=material, joint={"mass": 1e-12}, dynamics=dynamics, output=quiet)
     result = run(case)
-    assert result.summary["loops"]["preload"] == pytest.approx(5e-5)
     assert result.dynamics.first.restoring.load == pytest.approx(5e-5)
     lines = {line["name"]: line for line in result.summary["assumptions"]}
     slow = lines["inertia: frequency of the vibration over the first of the block"]

@@ -26,8 +26,6 @@ from asperity.model.settings import MeshSize as MeshSize
 from asperity.model.settings import SolverOptions as SolverOptions
 from asperity.output.export import export as export
 from asperity.surface import Surface as Surface
-from asperity.transient import GeneralisedAlpha as GeneralisedAlpha
-from asperity.transient import Transient as Transient
 from asperity.version import __version__ as __version__
 from asperity.vibration import ContactOscillator as ContactOscillator
 from asperity.vibration import CurveLaw as CurveLaw

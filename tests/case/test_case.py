@@ -119,16 +119,13 @@ def test_an_override_replaces_adds_and_removes() -> None:
     assert case.dynamics is not None and case.dynamics.forcing == (0.01, 0.05)
 
 
-LOOPS = "loops.cycles=2 & dynamics.damping=loops"
 MISTAKES = {
-    "loops.amplitudes=[0.3, 0.1]": ("loops.amplitudes", "0.3, 0.1", "must rise"),
-    "loops.amplitudes=[1.5]": ("loops.amplitudes", "1.5", "0.99"),
-    "loops.preload=1.0": ("loops.preload", "must lie between"),
+    "loading.unload_to=1": ("loading.unload_to = 1", "[0, 1)"),
+    "loading.unload=false & loading.unload_to=0.5": ("loading.unload_to = 0.5", "loading.unload = true"),
     "slip.friction=0": ("slip.friction", "(0, 10]"),
     "slip.steps=3": ("slip.friction",),
     "slip.friction=0.3 & slip.method=solid": ("slip.method", "not a key of [slip]"),
     "slip.friction=0.3 & slip.direction=20": ("slip.direction",),
-    "dynamics.damping=loops": ("dynamics.damping", "loops", "section [loops]"),
     "surface.gama=1.5": ("surface.gama", '"gamma"'),
     "surface.kind=sphre": ("surface.kind", '"sphere"'),
     "surface.kind=": ("surface.kind", "missing"),
@@ -202,7 +199,7 @@ MISTAKES = {
     "slip.friction=0.3 & block.sides=free & contact.friction=0.3": ("contact.friction", "remove [slip]"),
     "contact.friction=-1": ("contact.friction",),
     "contact.friction=stick": ("contact.friction",),
-    f"dynamics.zeta=0 & {LOOPS}": ("dynamics.zeta = 0", "[0.0001, 0.9999]"),
+    "dynamics.zeta=0": ("dynamics.zeta = 0", "[0.0001, 0.9999]"),
     "dynamics.zeta=[0.1, 2.0]": ("dynamics.zeta", "[0.0001, 0.9999]"),
     'dynamics.forcing=["5 N", "2 um"]': ("dynamics.forcing", "give all with one unit"),
     'dynamics.forcing=["5 K"]': ("dynamics.forcing", "'5 K' is no number with the unit N"),
@@ -221,7 +218,7 @@ def test_each_mistake_gives_one_sentence_with_key_value_and_range(override: str)
 @pytest.mark.parametrize(
     "overrides",
     [
-        f"dynamics.zeta=0.02 & {LOOPS}",
+        "loading.unload_to=0.5 & loading.cycles=3",
         'dynamics.forcing=["5 N", "3kN"] & dynamics.omega=["5 kHz", "9kHz"] & dynamics.zeta=[0.01, 0.02]',
     ],
 )

@@ -60,7 +60,7 @@ def test_the_commented_defaults_are_the_defaults(kind: str, tmp_path: Path) -> N
     plain, full = tmp_path / "plain.toml", tmp_path / "full.toml"
     text, required = re.subn(r"^# (\w+ =) +(# .*; required)$", r"\1 0.3 \2", text, flags=re.MULTILINE)
     assert required == 1  # the friction of [slip]
-    plain.write_text(re.sub(r"# \[(dynamics|joint|loops|slip)\]", r"[\1]", text), encoding="utf-8")
+    plain.write_text(re.sub(r"# \[(dynamics|joint|slip)\]", r"[\1]", text), encoding="utf-8")
     full.write_text(COMMENTED.sub(r"\1", ADVICE.sub(r"## \1", text)), encoding="utf-8")
     assert COMMENTED.search(text) and not COMMENTED.search(full.read_text())
     assert Case.load(full) == Case.load(plain)

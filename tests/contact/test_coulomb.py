@@ -23,7 +23,6 @@ from asperity.quasistatic.contact_result import ContactResult
 from asperity.quasistatic.contact_solver import ContactSolver
 from asperity.quasistatic.make import make_contact_solver
 from asperity.surface import Flat, Sphere, Surface
-from asperity.transient import Transient
 
 ELASTIC = Material(1.0, 0.0)
 GREAT = 2.0  # coefficient at which nearly all sticks
@@ -215,9 +214,6 @@ def test_what_friction_does_not_go_with(coarse: BlockMesh | None, rough: Surface
     for friction in ("glue", 3.0):
         with pytest.raises(InputError, match=r"contact\.friction = \S+ is not none or a coefficient in \(0, 2\]"):
             Formulation(friction=friction)
-    solver = make_contact_solver(world(), rough, coarse, ELASTIC, formulation=Formulation(friction=0.3))
-    with pytest.raises(InputError, match="has no motion in time"):
-        Transient(solver, density=1.0, mass=1.0, load=0.0)
 
 
 # --- pressures and ranks --------------------------------------------------------------------------------------

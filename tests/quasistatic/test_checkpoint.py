@@ -99,6 +99,18 @@ def test_a_resumed_run_warns_of_the_waves_that_its_mesh_misses(tmp_path: Path) -
         ),
         (ELASTIC, Formulation("penalty"), {"unload_steps": 2, "cycles": 2}),
         (PLASTIC, Formulation(), {"delta_max": None, "force_max": 1e-3}),
+        (
+            PLASTIC,
+            Formulation(),
+            {
+                "delta_max": None,
+                "force_max": 1e-3,
+                "unload_steps": 2,
+                "unload_to": 0.8,
+                "cycles": 2,
+                "stops": (4, 1, 1, 1),
+            },
+        ),
         (PLASTIC, Formulation(friction=0.3), {"steps": 1, "integrator": "midpoint", "unload_steps": 1}),
         (PLASTIC, Formulation(), {"steps": 1, "integrator": "midpoint", "unload_steps": 2}),
     ],
@@ -121,8 +133,9 @@ def test_a_run_in_pieces_gives_the_same_curve(
         "stiffness": True,
         **settings,
     }
+    stops = settings.pop("stops", (1, 0))
     straight = solve_contact(wave, material, **settings)
-    pieces = in_pieces(wave, material, shared_path / "checkpoint", (1, 0), **settings)
+    pieces = in_pieces(wave, material, shared_path / "checkpoint", stops, **settings)
     # on several ranks, contributions are added in the order of their arrival: then to the tolerance of the equations
     assert_same(straight, pieces, 1e-10 if world().size == 1 else 1e-8)
     same = 1e-10 if world().size == 1 else 1e-4

@@ -8,6 +8,7 @@ import warnings
 import weakref
 from collections.abc import Callable
 from dataclasses import asdict, replace
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -18,6 +19,7 @@ from j2_path import confined_stress
 from scipy.optimize import brentq
 
 from asperity.adaptive.solve_contact import solve_contact
+from asperity.curve.slope import legs
 from asperity.errors import AsperityWarning, ConvergenceError
 from asperity.fem.history import History
 from asperity.mesh.block import BlockMesh
@@ -238,6 +240,46 @@ def test_cycles(press_of: Callable[..., ContactSolver], material: Material) -> N
         np.testing.assert_allclose(tops, tops[0], rtol=0.02)
         np.testing.assert_allclose(ends.delta, ends.delta[0], rtol=0.02)
     assert not solver.checks.violated
+
+
+@pytest.mark.parametrize("load", [{"delta_max": DELTA}, {"force_max": 0.004}], ids=["approach", "force"])
+def test_an_elastic_solid_retraces_its_loading_in_contact(press_of: Callable[..., ContactSolver], load: Any) -> None:
+    """Every step of cycles that stay in contact has the force of a flat that went there directly."""
+    curve = drive(press_of(ELASTIC), steps=4, unload_steps=3, unload_to=0.4, cycles=2, **load).curve()
+    top = curve.loading().force[-1]
+    legs = curve.legs()
+    assert [leg.branch[-1] for leg in legs] == ["load", "unload", "reload", "unload"]
+    np.testing.assert_allclose([leg.force[-1] / top for leg in legs], [1.0, 0.4, 1.0, 0.4], rtol=2e-6)
+    assert all(3 <= len(leg) - 1 <= 8 for leg in legs[1:])
+    order = np.argsort(curve.delta, kind="stable")
+    once = press_of(ELASTIC)
+    for delta, force in zip(curve.delta[order], curve.force[order], strict=True):
+        assert once.step(delta).converged
+        assert force == pytest.approx(once.force, rel=1e-6, abs=1e-7 * top)
+
+
+@pytest.mark.parametrize("hardening", ["isotropic", "kinematic"])
+def test_the_loss_of_a_cycle_in_contact(cube: BlockMesh, hardening: str) -> None:
+    """A confined column in closed form: stresses, the area of each loop by the trapezoidal rule, the plastic work."""
+    strength, tangent, depth, steps = 0.001, 0.05, 0.01, 40
+    material = Material(1.0, NU, strength, tangent, hardening)
+    solver = make_contact_solver(here(), Flat(L=1.0), cube, material)
+    record, dissipated = Record(1.0, 1.0, material.reduced_modulus), []
+    schedule = Schedule(delta_max=depth, steps=steps, unload_steps=steps, unload_to=0.3, cycles=4)
+    follow(solver, schedule, record, on_step=lambda *_: dissipated.append(solver.checks.dissipated))
+    curve = record.curve()
+    stress, _, accumulated = confined_stress(curve.delta, 1.0, NU, strength, tangent, material.kinematic_share)
+    np.testing.assert_allclose(curve.force, stress, rtol=1e-8)
+    np.testing.assert_allclose(curve.max_plastic_strain, accumulated, rtol=1e-8)
+    ends = [end - 1 for _, end in legs(curve.branch)]
+    np.testing.assert_allclose(curve.force[ends[1::2]], 0.3 * curve.force[ends[0::2]], rtol=2e-6)
+    for low, high in pairwise(ends[1::2]):
+        area = np.trapezoid(curve.force[low : high + 1], curve.delta[low : high + 1])
+        flow, lost = accumulated[high] - accumulated[low], dissipated[high] - dissipated[low]
+        growth = 0.5 * (1.0 - material.kinematic_share) * material.plastic_modulus
+        assert lost == pytest.approx(strength * flow + growth * flow * (accumulated[low] + accumulated[high]), rel=1e-6)
+        if hardening == "kinematic":  # a steady loop, whose back stress ends where it began
+            assert flow > 1e-3 and area == pytest.approx(lost, rel=0.02)
 
 
 def test_a_loading_that_was_not_felt_is_lifted_off(rough: Surface, coarse: BlockMesh | None) -> None:

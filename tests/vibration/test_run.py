@@ -5,7 +5,6 @@ from __future__ import annotations
 import csv
 import json
 import warnings
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -108,13 +107,6 @@ def test_the_case_of_a_former_version_is_refused_by_its_key(tmp_path: Path) -> N
         folder = _curve_in(tmp_path / str(number), 1.0, 1.0, f'units = "SI"\n[{section}]\n{key} = 0.1\n')
         with pytest.raises(InputError, match=f"{key} is no setting of the vibration: choose from .* former version"):
             DynamicsSettings.of_source(folder)
-
-
-def test_small_vibration_needs_no_loops(tmp_path: Path) -> None:
-    folder = _curve_in(tmp_path / "run", 1.0, 1.0, 'units = "SI"\n[dynamics]\ndamping = "loops"\n')
-    given = DynamicsSettings.of_source(folder)
-    found, expected = (small_vibration(folder, one)[0] for one in (given, replace(given, damping="always")))
-    assert found.to_dict() == expected.to_dict()
 
 
 def test_units_assumed_for_a_curve_are_reported(tmp_path: Path) -> None:

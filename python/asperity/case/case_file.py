@@ -35,7 +35,7 @@ NAMED_FILES = (("surface", "path"), ("mesh", "file"))
 #: equations; loading.cycles may also grow.
 CHANGEABLE = frozenset(
     {
-        *("units", "dynamics", "joint", "loops", "slip", "output"),
+        *("units", "dynamics", "joint", "slip", "output"),
         *("material.density", "material.conductivity", "material.conductivity_other"),
         *("solver.linear", "accuracy.max_dofs"),
     }

@@ -161,6 +161,7 @@ class LoadingSection(Section):
     unload: Flag = key("unload after loading", False)
     cycles: Whole = key("number of load(-unload) cycles", 1, ge=1, le=1000)
     unload_steps: Whole = key("steps of an unloading", shown="steps // 2", ge=1, le=100_000)
+    unload_to: Real = key("force at which an unloading ends, over that at its beginning", 0.0, ge=0, lt=1)
     integrator: Literal["midpoint", "backward-euler"] | None = key(
         "of plasticity along a loading: second or first order in the step", None,
         shown="midpoint; backward-euler where material.law does not declare that its state is a strain",
@@ -206,9 +207,7 @@ class DynamicsSection(Section):
     zeta: Ratio | Annotated[tuple[Ratio, ...], Field(min_length=1, max_length=20)] = key(
         "damping ratio, or several for the responses", *DynamicsSettings.zeta
     )
-    damping: Literal["always", "contact", "hunt-crossley", "loops"] = key(
-        "when damping acts; loops adds that of [loops], in contact", DynamicsSettings.damping
-    )
+    damping: Literal["always", "contact", "hunt-crossley"] = key("when damping acts", DynamicsSettings.damping)
     forcing: tuple[Amplitude, ...] = key(
         'amplitudes F/(m omega_s^2 z_s) of the force, or all in one unit: "5 N", or of the base "2 um" or "3 m/s^2"',
         DynamicsSettings.forcing, min_length=1, max_length=100,
@@ -239,17 +238,6 @@ class JointSection(Section):
         "greatest force that the joint has met, over the preload: the greatest load where [loading] gives none",
         Joint.overload, ge=1.0, le=1e3,
     )  # fmt: skip
-
-
-class LoopsSection(Section):
-    """Loops of the force about a preload after the load path: the damping of plastic flow."""
-
-    amplitudes: tuple[Annotated[Real, Field(ge=1e-3, le=0.99)], ...] = key(
-        "amplitudes of the force over the preload", (0.1, 0.3, 0.6), min_length=1, max_length=100
-    )
-    preload: Real | None = optional("mean force on the patch", FORCE, "that of the vibration")
-    cycles: Whole = key("greatest number of loops of an amplitude; fewer when two are alike", 4, ge=1, le=1000)
-    steps: Whole = key("steps of a quarter of a loop", 4, ge=1, le=1000)
 
 
 class SlipSection(Section):
@@ -306,7 +294,6 @@ class Input(BaseModel):
     accuracy: AccuracySection = AccuracySection()
     dynamics: DynamicsSection | None = None
     joint: JointSection | None = None
-    loops: LoopsSection | None = None
     slip: SlipSection | None = None
     solver: SolverSection = SolverSection()
     output: OutputSection = OutputSection()

@@ -48,14 +48,14 @@ def check_together(case: Input) -> None:
         )
     if len(given) > 1:
         raise InputError(f"{' and '.join(given)} are {'both' if len(given) == 2 else 'all'} given; give exactly one")
-    if loading.cycles > 1 and not loading.unload:
-        raise InputError(f"loading.cycles = {loading.cycles} needs an unloading between; set loading.unload = true")
-    for section in ("loops", "slip"):
-        table = getattr(case, section)
-        if table and any(b <= a for a, b in pairwise(table.amplitudes)):
-            raise InputError(f"{section}.amplitudes = {show(table.amplitudes)} must rise, for example [0.1, 0.3, 0.6]")
-        if table:
-            _check_reached(case, f"{section}.preload", table.preload)
+    for name, idle in (("cycles", 1), ("unload_to", 0.0)):
+        if (value := getattr(loading, name)) > idle and not loading.unload:
+            raise InputError(f"loading.{name} = {show(value)} needs an unloading; set loading.unload = true")
+    if case.slip:
+        amplitudes = case.slip.amplitudes
+        if any(b <= a for a, b in pairwise(amplitudes)):
+            raise InputError(f"slip.amplitudes = {show(amplitudes)} must rise, for example [0.1, 0.3, 0.6]")
+        _check_reached(case, "slip.preload", case.slip.preload)
     if case.dynamics or case.joint:
         _check_vibration(case)
     if case.slip and case.contact.formulation.sticks:
@@ -96,8 +96,6 @@ def _check_vibration(case: Input) -> None:
         raise InputError(f"dynamics.model = {show(dynamics.model)} names a model twice")
     if dynamics.law == "unload-reload" and not case.loading.unload:
         raise InputError('dynamics.law = "unload-reload" needs an unloading; set loading.unload = true')
-    if dynamics.damping == "loops" and case.loops is None:
-        raise InputError('dynamics.damping = "loops" needs the section [loops], which computes them')
     forces = (joint.preload, joint.pressure, joint.nominal_area)
     if dynamics.preload is not None and any(value is not None for value in forces):
         raise InputError("dynamics.preload cannot go with the area, preload or pressure of [joint]; give joint.preload")
@@ -156,6 +154,12 @@ def doubts(case: Input) -> Iterator[str]:
         value = getattr(table, name)
         if value != defaults.get(key, type(table).model_fields[name].default):
             yield f"{key} = {show(value)} is not used: {why}"
+    vibrates = case.dynamics is not None or case.joint is not None
+    if vibrates and case.loading.unload_to > 0.0:
+        yield (
+            f"loading.unload_to = {case.loading.unload_to:g} ends the unloading in contact: the law of the vibration "
+            "is extrapolated below; leave it out, or keep the amplitudes small"
+        )
     rows, least = case.loading.unload_steps, MIN_ROWS[case.has_stiffness]
     if case.dynamics is not None and case.material.plastic and case.loading.unload and rows < least:
         yield (

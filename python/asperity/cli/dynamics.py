@@ -12,7 +12,7 @@ from asperity.cli import options
 from asperity.errors import InputError
 from asperity.units import plus_minus, quantity
 from asperity.vibration.checks import LAWS
-from asperity.vibration.damping import DAMPING, LOOPS
+from asperity.vibration.equation import DAMPING
 from asperity.vibration.settings import MODELS, SHAPES, DynamicsSettings
 
 if TYPE_CHECKING:
@@ -43,8 +43,8 @@ def amount(text: str) -> float | str:
               "9.80665 with SI units.")  # fmt: skip
 @click.option("--zeta", type=float, multiple=True, help="Damping ratio; repeatable; else 0.01. Tangential: in "
               "addition to that of slip, else 0.")  # fmt: skip
-@click.option("--damping", type=click.Choice((*DAMPING, LOOPS)),
-              help="When the damping acts, or that of the loops of OUT in addition; else always.")  # fmt: skip
+@click.option("--damping", type=click.Choice(DAMPING),
+              help="When the damping acts; else always.")  # fmt: skip
 @click.option("--forcing", type=amount, multiple=True, metavar="F",
               help="F^ = F/(n W) with the preload W, or a force as in 3N, or what the base does, as in 2um or 30m/s2; "
               "repeatable; else 0.01.")  # fmt: skip

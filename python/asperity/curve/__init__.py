@@ -1,4 +1,4 @@
-"""The curve of force over approach: its columns and file, its slopes, power law, and loops about a preload."""
+"""The curve of force over approach: its columns and file, its slopes and power law."""
 
 from asperity.curve.curve import (
     BRANCHES,

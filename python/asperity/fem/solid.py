@@ -130,7 +130,5 @@ class Solid:
         with self.phases.phase("residual"):
             b[:] = 0.0
             self.kernels.add_internal_force(self.u.x.array.reshape(-1, 3), b.reshape(-1, 3))
-            if self.tangent.inertia is not None:
-                self.tangent.inertia.add_force(self.u.x.array.reshape(-1, 3), b.reshape(-1, 3))
             self.force.x.scatter_reverse(la.InsertMode.add)
         return b.reshape(-1, 3)[: self.owned]

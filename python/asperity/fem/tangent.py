@@ -1,21 +1,17 @@
-"""The tangent of a solid, this rank's part: a matrix in double precision, or its upper half in single; inertia."""
+"""The tangent of a solid, this rank's part: a matrix in double precision, or its upper half in single."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from functools import cached_property, partial
-from typing import Any
 
 import numpy as np
 
 from asperity.arrays import Floats, Singles
 from asperity.fem.kernels import ElementKernels
 from asperity.fem.sparsity import SparsityPattern
-from asperity.fem.weak_form import nodal_matrix
 from asperity.runtime.compiled import solver as _solver
 from asperity.runtime.timing import Phases
-
-MASS_DEGREE = 6  # of the quadrature of the consistent mass: second-order shapes squared, on curved cells
 
 #: Writes a matrix at a nodal displacement, see `ElementKernels.tangent`.
 Write = Callable[[Floats, Floats | Singles], None]
@@ -31,7 +27,6 @@ class Tangent:
         phases: collects the time
 
     Attributes:
-        inertia: whose stiffness counts too; None in statics
         halved: whether a matrix without a stiffness of the contact is written as its half alone, a quarter of the
             memory
         version: number of matrices written
@@ -39,7 +34,6 @@ class Tangent:
 
     def __init__(self, kernels: ElementKernels, sparsity: SparsityPattern, u: Floats, phases: Phases) -> None:
         self._kernels, self._sparsity, self._u, self._phases = kernels, sparsity, u.reshape(-1, 3), phases
-        self.inertia: Inertia | None = None
         self.halved, self.version = False, 0
         self._write: Write | None = None  # wrote the last one
         self._alone = False  # whether the last one is that of the solid, without the contact
@@ -48,7 +42,7 @@ class Tangent:
     @property
     def constant(self) -> bool:
         """Whether the tangent of the solid, without that of the contact, never changes."""
-        return self._kernels.linear and self.inertia is None
+        return self._kernels.linear
 
     def assemble(self, add: Callable[[], None] | None = None, shift: float = 0.0, secant: bool = False) -> None:
         """Write the tangent at the state of the last internal force; `add` adds that of the contact to `values()`.
@@ -67,14 +61,12 @@ class Tangent:
         self.version += 1
         self._write, self._alone = write, add is None
         with self._phases.phase("tangent"):
-            if self.halved and add is None and self.inertia is None:
+            if self.halved and add is None:
                 self._write_to("half", self._half)
                 return
             self._write_to("values", self._values)
             if add is not None:
                 add()
-            if self.inertia is not None:
-                self.inertia.add_stiffness(self.values())
 
     def _write_to(self, which: str, matrix: Floats | Singles) -> None:
         assert self._write is not None
@@ -114,37 +106,3 @@ class Tangent:
         self.__dict__.pop("_half", None)
         self._write, self._alone, self._versions = None, False, {"values": 0, "half": 0}
         self._kernels.drop_matrices()
-
-
-class Inertia:
-    """Force of inertia c M (u - u*) of a solid, M the consistent mass, in any unit of time T.
-
-    Args:
-        V: space of the displacement
-        sparsity: of this rank's part
-        density: mass density [E T^2/L^2]
-
-    Attributes:
-        shift: c [1/T^2]
-        anchor: u* at the local nodes (nodes, 3) [L]
-        mass: M of one component, of the cells of this rank (nodes, nodes) [E L T^2]
-        heaviest: greatest sum of the magnitudes in a row of `mass`, the same on all ranks
-    """
-
-    def __init__(self, V: Any, sparsity: SparsityPattern, density: float) -> None:
-        import ufl
-
-        self.shift = 0.0
-        self.anchor: Floats = np.zeros((len(sparsity.indptr) - 1, 3))
-        self.mass = density * nodal_matrix(V, sparsity, ufl.inner, MASS_DEGREE)
-        self.heaviest = max(V.mesh.comm.allgather(float(abs(self.mass).sum(axis=1).max(initial=0.0))))
-        self._diagonals = sparsity.diagonals(np.arange(self.mass.nnz))
-
-    def add_force(self, u: Floats, b: Floats) -> None:
-        """Add the force at the displacement u (nodes, 3) to the internal one b (nodes, 3) [E L^2]; this rank's part."""
-        if self.shift:
-            b += self.shift * (self.mass @ (u - self.anchor))
-
-    def add_stiffness(self, values: Floats) -> None:
-        """Add its derivative to the values of the local matrix."""
-        values[self._diagonals] += self.shift * self.mass.data[:, None]

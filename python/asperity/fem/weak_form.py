@@ -120,22 +120,6 @@ class Matrix:
         self._matrix = None
 
 
-def nodal_matrix(V: Any, sparsity: SparsityPattern, of: Callable[[Any, Any], Any], degree: int) -> Any:
-    """Matrix of one component of a form that treats the components alike, SciPy CSR (nodes, nodes), this rank's part.
-
-    Args:
-        of: integrand of trial and test function
-        degree: of the quadrature
-    """
-    import ufl
-    from scipy import sparse
-
-    form = of(ufl.TrialFunction(V), ufl.TestFunction(V)) * measure(V.mesh, degree)
-    data = Matrix(form, sparsity).blocks()[:, 0, 0].copy()
-    nodes = len(sparsity.indptr) - 1
-    return sparse.csr_array((data, sparsity.indices, sparsity.indptr), shape=(nodes, nodes))
-
-
 class WeakForm:
     """Weak form of a law, each of its parts compiled at its first use.
 

@@ -1,4 +1,4 @@
-"""The parts of a case: its static part, on one mesh or those of a tolerance, then loops, vibration and slip."""
+"""The parts of a case: its static part, on one mesh or those of a tolerance, then vibration and slip."""
 
 from __future__ import annotations
 
@@ -16,7 +16,6 @@ from asperity.adaptive.refine import AccurateResult, refine
 from asperity.adaptive.small_strain import SmallStrain, choose_kinematics
 from asperity.case import Case
 from asperity.curve import Curve
-from asperity.curve.loops import LoopTable
 from asperity.errors import AsperityWarning, CheckError, ConvergenceError, InputError, Interrupted, warn
 from asperity.mesh.block import BlockMesh
 from asperity.model.material import AUTO
@@ -28,15 +27,12 @@ from asperity.output.run_files import RunFiles
 from asperity.output.summary import summarise
 from asperity.quasistatic.callbacks import Callbacks
 from asperity.quasistatic.contact_result import ContactResult, PartialResult, refuse_wrong
-from asperity.quasistatic.force_loops import solve_loops
 from asperity.quasistatic.solve_problem import solve_problem
 from asperity.runtime.parallel import on_root, on_root_bcast
 from asperity.runtime.progress import Progress, row_line
-from asperity.runtime.run_folder import LOOPS
 from asperity.slip import JointSlip
 from asperity.slip.joint_slip import slip_of_case
-from asperity.vibration import Dynamics, DynamicsSettings, LoopDamping, run_dynamics
-from asperity.vibration.damping import LOOPS as OF_LOOPS
+from asperity.vibration import Dynamics, DynamicsSettings, run_dynamics
 from asperity.vibration.numbers import Numbers
 from asperity.vibration.run import small_vibration
 from asperity.vibration.source import CurveColumns, met
@@ -189,19 +185,17 @@ class VibratedCase:
 
 
 def vibrate_case(
-    case: Case, problem: Problem, contact: ContactResult, folder: Path | None,
-    stage: Callable[[str], AbstractContextManager[None]], stop: Callable[[], str] | None = None,
+    case: Case, contact: ContactResult, folder: Path | None,
+    stage: Callable[[str], AbstractContextManager[None]],
 ) -> VibratedCase:  # fmt: skip
     """Compute what a case requests in addition to its curve; collective.
 
     Args:
         contact: with the curve, and the solver at the end of the load path
-        folder: receives the files of loops, vibration and slip; None writes nothing
+        folder: receives the files of vibration and slip; None writes nothing
         stage: announces a part by its name, and takes its time
-        stop: polled by the loops; a reason ends them
     """
     found, comm = VibratedCase(), contact.solver.solid.comm
-    loops: LoopTable | None = None
 
     @contextmanager
     def kept(ends: bool = False) -> Iterator[None]:
@@ -212,17 +206,6 @@ def vibrate_case(
             found.failure = e if isinstance(e, ConvergenceError) else ConvergenceError(f"{e}; the curve is kept")
             found.ends = ends or isinstance(e, Interrupted)
 
-    if (wanted := case.loops) is not None:
-        with kept(), stage("loops"):
-            preload = _preload(case, contact.curve, "loops", wanted.preload)
-            loops = solve_loops(
-                problem, contact, preload, wanted.amplitudes, cycles=wanted.cycles, steps=wanted.steps, stop=stop
-            )
-            found.sections["loops"] = loops.to_dict()
-            for text in loops.doubts(float(contact.curve.force.max())):
-                warn(text, AsperityWarning)
-            if folder is not None:
-                on_root(comm, partial(loops.write, folder / LOOPS))
     if case.dynamics is None and case.joint is not None and not found.ends:
         try:
             numbers, load = on_root_bcast(comm, partial(small_vibration, contact.curve, _settings(case)))
@@ -231,11 +214,10 @@ def vibrate_case(
         else:
             found.sections["joint"] = {"numbers": numbers.to_dict(), "load": load}
             found.numbers = numbers if math.isfinite(numbers.frequency) else None
-    lacks_loops = case.loops is not None and loops is None
-    if case.dynamics is not None and not found.ends and not (lacks_loops and case.dynamics.damping == OF_LOOPS):
+    if case.dynamics is not None and not found.ends:
         with kept(ends=True):
             with stage("dynamics"):  # the other ranks wait, for a process that ends with an error would end all
-                found.dynamics = on_root_bcast(comm, partial(_vibration, case, contact.curve, folder, loops))
+                found.dynamics = on_root_bcast(comm, partial(_vibration, case, contact.curve, folder))
             section, numbers = found.dynamics.to_dict(), found.dynamics.numbers
             found.sections["dynamics"] = {name: section[name] for name in ("law", "load", "numbers", "laws", "notes")}
             if case.joint is not None:
@@ -281,12 +263,9 @@ def _settings(case: Case) -> DynamicsSettings:
     return DynamicsSettings.of_case(case.to_dict())
 
 
-def _vibration(case: Case, curve: Curve, folder: Path | None, loops: LoopTable | None) -> Dynamics:
+def _vibration(case: Case, curve: Curve, folder: Path | None) -> Dynamics:
     """Vibration on the curve of a case."""
-    settings = _settings(case)
-    if settings.damping == OF_LOOPS and loops is not None:
-        settings = settings.replaced(damping=LoopDamping.of(loops))
-    result = run_dynamics(curve, settings, out_dir=folder)
+    result = run_dynamics(curve, _settings(case), out_dir=folder)
     if result.choice is not None and result.choice.note:
         warn(result.choice.note, AsperityWarning)
     return result

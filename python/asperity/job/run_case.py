@@ -204,7 +204,7 @@ def _run(
         if contact.snapshots and folder is not None:
             with stage("fields"):
                 files.fields(contact)
-        found = vibrate_case(case, problem, contact, folder, stage, stop)
+        found = vibrate_case(case, contact, folder, stage)
         summary |= found.sections
         failure = found.failure or failure
 

@@ -20,6 +20,7 @@ class Schedule:
         force_max: greatest force, found to 1e-6
         steps: planned steps of a loading
         unload_steps: planned steps of an unloading, 0 for none
+        unload_to: force at the end of an unloading, found to 1e-6, over that at its beginning; 0 lifts the flat off
         cycles: loadings, each followed by an unloading; one when there is none
         integrator: of plasticity along a loading, "backward-euler" (first order) or "midpoint" (second)
         substeps: equal parts that each step of a loading is divided into
@@ -30,6 +31,7 @@ class Schedule:
     force_max: float | None = None
     steps: int = 10
     unload_steps: int = 0
+    unload_to: float = 0.0
     cycles: int = 1
     integrator: str = BACKWARD_EULER
     substeps: int = 1
@@ -38,8 +40,8 @@ class Schedule:
     def __post_init__(self) -> None:
         counts = dict.fromkeys(("steps", "cycles", "substeps"), "[1, inf)")
         check(
-            self, "loading", integrator=INTEGRATORS, unload_steps="[0, inf)", delta_max="(0, inf)",
-            force_max="(0, inf)", **counts,
+            self, "loading", integrator=INTEGRATORS, unload_steps="[0, inf)", unload_to="[0, 1)",
+            delta_max="(0, inf)", force_max="(0, inf)", **counts,
         )  # fmt: skip
 
     def stops(self) -> list[float]:

@@ -31,7 +31,7 @@ class ProblemArguments(TypedDict, total=False):
         delta_max: greatest approach from first touch [length]
         force_max: greatest force instead [force]
         pressure_max: greatest nominal pressure instead, the force over L^2 [force/length^2]
-        steps, unload_steps, cycles, substeps: see `Schedule`; default 10, 0, 1, 1
+        steps, unload_steps, unload_to, cycles, substeps: see `Schedule`; default 10, 0, 0, 1, 1
         integrator: of plasticity, "midpoint" or "backward-euler"; default see `Material.integrator`
         height: mean height of the block [length]; default L
         sides, size, formulation, options: see `Problem`
@@ -42,6 +42,7 @@ class ProblemArguments(TypedDict, total=False):
     pressure_max: float | None
     steps: int
     unload_steps: int
+    unload_to: float
     cycles: int
     integrator: str
     substeps: int

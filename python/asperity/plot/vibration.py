@@ -27,7 +27,7 @@ DASHES = (0, (3, 1.5))  # offset, and lengths of line and gap [line widths]
 #: Excitation -> symbol of its dimensionless amplitude.
 SYMBOLS = {"force": "$\\hat{F}$", "base": "base $b/z_s$", "acceleration": "base $\\ddot b/(\\omega_s^2 z_s)$"}
 _MARKS = {"fold": ("o", "fold"), "period doubling": ("s", "period doubling")}
-_ACTS = {"contact": "in contact", "hunt-crossley": "after Hunt and Crossley", "loops": "as the loops"}
+_ACTS = {"contact": "in contact", "hunt-crossley": "after Hunt and Crossley"}
 _Event = Mapping[str, Any]  # special orbit as in thresholds.json, with its model and forcing
 _FAINT = 0.35  # opacity of what is not physical
 _FLOOR = 1.5  # the axis of the receptance begins at its smallest value over this

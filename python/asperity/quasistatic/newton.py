@@ -293,13 +293,10 @@ class NewtonSolver:
                     low, s_low, s_high = length, s, 0.5 * s_high
         return length
 
-    def solve(self, start: Floats, scale: float, stiffness: float = 1.0) -> StepStats:
-        """Solve from the displacement `start` (owned, 3) [L] for a step of length `scale` [L]; collective.
-
-        The rounding error of a displacement is a force by the greatest `stiffness` of a node [E L].
-        """
+    def solve(self, start: Floats, scale: float) -> StepStats:
+        """Solve from the displacement `start` (owned, 3) [L] for a step of length `scale` [L]; collective."""
         largest = max(scale, self.solid.comm.allreduce(float(np.max(np.abs(start), initial=0.0)), op=MPI.MAX))
-        self._scale, self._rounding = max(scale, 1e-6), ROUNDING * largest * stiffness
+        self._scale, self._rounding = max(scale, 1e-6), ROUNDING * largest
         self.rows = NOT_YET  # a step of a resumed run is the same to the last bit
         self._shortened, self._at_trial, self._secant = 0, False, False
         self._last_shift = 0.0  # a step of a resumed run is the same to the last bit

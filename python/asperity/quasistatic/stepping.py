@@ -1,4 +1,4 @@
-"""The load path: steps of the flat, cutback and growth, unloading, and the record of every accepted step."""
+"""The load path: steps of the flat, cutback and growth, ends at an approach or a force, and the record of all steps."""
 
 from __future__ import annotations
 
@@ -21,7 +21,8 @@ from asperity.quasistatic.newton import StepStats
 
 DEEP, FAR = 0.1, 100.0  # beyond this approach [L], a force more than so many L ahead counts as unreachable
 SMALLEST_CUT = 1.0 / 256  # smallest part of a planned step before a run stops
-FIRST_MOVE = 1e-3  # first step of a loading to a given force [L]
+FIRST_MOVE = 1e-3  # first step of a loading from first touch to a given force [L]
+STEEP = 4.0  # guess of the slope at which a contact unloads or reloads, over the force over the approach
 FORCE_TOLERANCE = 1e-6  # relative, of the greatest force
 GROWTH = 1.5  # a cut step grows again by this factor
 
@@ -124,7 +125,10 @@ def follow(
         if at.start is None:
             at = _begin(solver, schedule, at, branch)
         start, before = perf_counter(), solver.force
-        move = _unload if branch == "unload" else _load_to_force if schedule.delta_max is None else _load
+        if ends_at_force(schedule, branch):
+            move = _to_force
+        else:
+            move = _unload if branch == "unload" else _load
         try:
             stats, after = move(solver, schedule, at)
         except LinearFailure as error:  # beside the solve, as of a stiffness
@@ -142,24 +146,32 @@ def follow(
             on_position(at)
 
 
+def ends_at_force(schedule: Schedule, branch: str) -> bool:
+    """Whether a leg ends at a force above zero: the others end at the greatest approach or where the flat lifts off."""
+    return schedule.unload_to > 0.0 if branch == "unload" else schedule.delta_max is None
+
+
 def _begin(solver: ContactSolver, schedule: Schedule, at: Position, branch: str) -> Position:
     """Plan the first step of a leg."""
     at = replace(at, start=(solver.delta, solver.force))
-    if branch == "unload":
-        return _next_unloading(solver, schedule, at)
-    if schedule.delta_max is None:
-        return replace(at, step=FIRST_MOVE, shortest=SMALLEST_CUT * FIRST_MOVE)
-    return _next_loading(schedule, at)
+    if not ends_at_force(schedule, branch):
+        return _next_unloading(solver, schedule, at) if branch == "unload" else _next_loading(schedule, at)
+    step, force = FIRST_MOVE, solver.force
+    if force > 0.0:
+        step = abs(_goal(solver, schedule, at) - force) / _parts(schedule, branch) * solver.delta / (STEEP * force)
+    return replace(at, step=step, shortest=SMALLEST_CUT * step)
 
 
 def _part_done(solver: ContactSolver, schedule: Schedule, at: Position, branch: str) -> float:
     """Finished part of a leg, in [0, 1]; of a loading to an approach by its steps, the first of which are short."""
     assert at.start is not None
     delta, force = at.start
+    if ends_at_force(schedule, branch):
+        way = _goal(solver, schedule, at) - force
+        return min((solver.force - force) / way, 1.0) if way else 1.0
     if branch == "unload":
         return 1.0 - solver.force / force if force > 0.0 else 1.0
-    if schedule.delta_max is None:
-        return solver.force / _goal(solver, schedule)
+    assert schedule.delta_max is not None
     stops = (0.0, *schedule.stops())
     part = (solver.delta - delta) / (schedule.delta_max - delta)
     return float(np.interp(part, stops, np.linspace(0.0, 1.0, len(stops))))
@@ -170,7 +182,7 @@ def _is_kept(
 ) -> bool:
     """Whether a step of a loading ended at a requested snapshot; to a given force, the first at or beyond it."""
     if schedule.delta_max is None:
-        goal = _goal(solver, schedule)
+        goal = _goal(solver, schedule, at)
         done = snapshots if after.leg > at.leg else int(snapshots * solver.force / goal)
         return done > int(snapshots * before / goal)
     n = schedule.steps
@@ -247,28 +259,42 @@ def _towards(at: Position, target: int, goal: float, step: float) -> Position:
     return replace(at, target=target, goal=goal, step=step, longest=step, shortest=SMALLEST_CUT * step)
 
 
-def _goal(solver: ContactSolver, schedule: Schedule) -> float:
-    """Force at the end of a loading [E L^2]."""
+def _goal(solver: ContactSolver, schedule: Schedule, at: Position) -> float:
+    """Force at the end of a leg that ends at one [E L^2]."""
+    if schedule.legs[at.leg][0] == "unload":
+        assert at.start is not None
+        return schedule.unload_to * at.start[1]
     assert schedule.force_max is not None
     return schedule.force_max * solver.solid.material.reduced_modulus
 
 
-def _load_to_force(solver: ContactSolver, schedule: Schedule, at: Position) -> Outcome:
-    """Make a step of a loading to the greatest force, in about equal steps of force; the last one ends there.
+def _parts(schedule: Schedule, branch: str) -> int:
+    """Planned steps of a leg that ends at a force."""
+    return schedule.unload_steps if branch == "unload" else schedule.steps * schedule.substeps
+
+
+def _to_force(solver: ContactSolver, schedule: Schedule, at: Position) -> Outcome:
+    """Make a step of a leg to a force, up or down, in about equal steps of force; the last one ends there.
 
     A step moves the flat by the planned force over the slope of the step before and accepts the resulting force. Only
     the last position is searched.
     """
-    goal, step, parts = _goal(solver, schedule), at.step, schedule.steps * schedule.substeps
+    assert at.start is not None
+    branch, _ = schedule.legs[at.leg]
+    goal, begin, step, parts = _goal(solver, schedule, at), at.start[1], at.step, _parts(schedule, branch)
+    up, way, close = 1.0 if branch != "unload" else -1.0, abs(goal - begin), FORCE_TOLERANCE * max(goal, begin)
+    if not way > close:  # it is there, or nothing was touched
+        return solver.step(solver.delta), Position(at.leg + 1)
+    unknown = solver.force == 0.0 or solver.delta == at.start[0]  # the stiffness, so far
     while True:
-        target = solver.delta + step
+        target = solver.delta + up * step
         stats = solver.solve(target)
-        if stats.converged and solver.force == 0.0 and (ahead := solver.solved_force() * parts / goal) > 2.0:
-            # the stiffness was unknown so far; the force of a first contact grows as the power 3/2
-            step *= ahead ** (-2.0 / 3.0)
+        if stats.converged and unknown and (ahead := up * (solver.solved_force() - solver.force) * parts / way) > 2.0:
+            # the force of a first contact grows as the power 3/2
+            step *= ahead ** (-2.0 / 3.0 if solver.force == 0.0 else -1.0)
             continue
-        if stats.converged and solver.solved_force() > goal:
-            target, stats = _find_force(solver, goal, target, stats)
+        if stats.converged and up * (solver.solved_force() - goal) > 0.0:
+            target, stats = _find_force(solver, goal, target, stats, close)
         if stats.converged:
             break
         solver.counts.cutbacks += 1
@@ -276,51 +302,57 @@ def _load_to_force(solver: ContactSolver, schedule: Schedule, at: Position) -> O
         logging.getLogger(__name__).info("delta/L = %.6g: step cut to %.3g L", solver.delta, step)
         if step < at.shortest:
             raise ConvergenceError(
-                f"no convergence at delta/L = {target:.6g} on the way to the greatest force ({stats.reason}); the "
-                f"curve up to delta/L = {solver.delta:.6g} is kept: {_advice(solver)}"
+                f"no convergence at delta/L = {target:.6g} on the way to the "
+                f"{'greatest force' if up > 0.0 else 'end of the unloading'} ({stats.reason}); the curve up to "
+                f"delta/L = {solver.delta:.6g} is kept: {_advice(solver)}"
             )
     force = solver.solved_force()
-    if force >= goal * (1.0 - FORCE_TOLERANCE):
+    if up * (force - goal) >= -close:
         solver.commit(target)
         return stats, Position(at.leg + 1)
-    slope = (force - solver.force) / step
-    if target > DEEP and goal - force > FAR * slope:
+    slope = up * (force - solver.force) / step
+    if up > 0.0 and target > DEEP and goal - force > FAR * slope:
         raise ConvergenceError(
             f"the greatest force cannot be reached: at delta/L = {target:.3g} the force is {force / goal:.2g} of it "
             f"and hardly rises: lower loading.force_max or pressure_max, or give delta_max"
         )
-    wanted = goal / parts / slope if slope > 0.0 else 2.0 * step
+    wanted = way / parts / slope if slope > 0.0 else 2.0 * step
     step = min(max(wanted, 0.1 * step), 2.0 * step)
     extrapolation, history = 0.0, None
-    if schedule.integrator == MIDPOINT:  # the next solve may find the end before a whole step
+    if up > 0.0 and schedule.integrator == MIDPOINT:  # the next solve may find the end before a whole step
         left = (goal - force) / slope if slope > 0.0 else step
         extrapolation, history = midpoint.extrapolation(at.history, target, target + min(step, left))
     solver.commit(target, extrapolation)
     return stats, replace(at, step=step, shortest=min(at.shortest, SMALLEST_CUT * step), history=history)
 
 
-def _find_force(solver: ContactSolver, goal: float, high: float, stats: StepStats) -> tuple[float, StepStats]:
-    """Search the approach of the force `goal` up to `high` by regula falsi (Illinois); commits nothing."""
-    low, f_low, f_high = solver.delta, solver.force - goal, solver.solved_force() - goal
-    f = 0.0
+def _find_force(
+    solver: ContactSolver, goal: float, beyond: float, stats: StepStats, close: float
+) -> tuple[float, StepStats]:
+    """Search the approach of the force `goal` from the accepted one to `beyond` by regula falsi (Illinois).
+
+    Commits nothing; the tolerance of the force is `close` [E L^2].
+    """
+    before, f_before, f_beyond = solver.delta, solver.force - goal, solver.solved_force() - goal
+    target, f, side = beyond, 0.0, np.sign(f_beyond)
     for _ in range(40):
-        target = (low * f_high - high * f_low) / (f_high - f_low)
+        target = (before * f_beyond - beyond * f_before) / (f_beyond - f_before)
         stats = solver.solve(target)
         if not stats.converged:
             break
-        before, f = f, solver.solved_force() - goal
-        if abs(f) <= FORCE_TOLERANCE * goal:
+        last, f = f, solver.solved_force() - goal
+        if abs(f) <= close:
             break
-        twice = 0.5 if f * before > 0.0 else 1.0  # an end that stays twice weighs half
-        if f > 0.0:
-            high, f_high, f_low = target, f, twice * f_low
+        twice = 0.5 if f * last > 0.0 else 1.0  # an end that stays twice weighs half
+        if side * f > 0.0:
+            beyond, f_beyond, f_before = target, f, twice * f_before
         else:
-            low, f_low, f_high = target, f, twice * f_high
+            before, f_before, f_beyond = target, f, twice * f_beyond
     return target, stats
 
 
 def _unload(solver: ContactSolver, schedule: Schedule, at: Position) -> Outcome:
-    """Make a step of an unloading, in about equal steps of force; the last one lifts the flat off.
+    """Make a step of an unloading to zero, in about equal steps of force; the last one lifts the flat off.
 
     Each aims at an equal drop of the force by the slope of the one before, the first by half of that of a rigid
     release, and accepts the resulting force. The last gives the residual indentation exactly.

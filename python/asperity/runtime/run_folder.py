@@ -18,7 +18,6 @@ from asperity.runtime.files import is_aside, parse_toml, read_text
 
 CASE, CURVE, SUMMARY, LOG = "case.toml", "curve.csv", "summary.json", "run.log"
 FREE, RESPONSE, MOTION, THRESHOLDS = "free.csv", "response.csv", "motion.csv", "thresholds.json"
-LOOPS = "loops.csv"
 SLIP, SLIP_LOOPS = "slip.csv", "slip_loops.csv"
 REPORT = "report.html"
 FIELDS, FIGURES, CHECKPOINT = "fields", "figures", "checkpoint"  # folders
@@ -40,10 +39,10 @@ LOCK = ".lock"  # of the process that works in the folder
 MESH, STATE, SNAPSHOT = "mesh.npz", "state.npz", "snapshot-{}.npz"  # in checkpoint and in the folders in it
 
 #: All files and folders that a run writes, folders after their files; without those of the checkpoint. A run of 1.0.0
-#: left band.csv and fields/view.py too.
+#: left band.csv, loops.csv and fields/view.py too.
 PRODUCTS = (
-    CURVE, SUMMARY, LOG, LOOPS, SLIP, SLIP_LOOPS, FREE, RESPONSE, MOTION, THRESHOLDS,
-    REPORT, "band.csv",
+    CURVE, SUMMARY, LOG, SLIP, SLIP_LOOPS, FREE, RESPONSE, MOTION, THRESHOLDS,
+    REPORT, "band.csv", "loops.csv",
     *(f"{FIELDS}/{name}" for name in (TOP, VTKHDF, "view.py")), FIELDS,
     *(f"{FIGURES}/{name}.png" for name in PICTURES),
     *(f"{FIGURES}/{name}.svg" for name in PICTURES if name not in FIELD_PICTURES), FIGURES,

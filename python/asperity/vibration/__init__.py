@@ -12,7 +12,6 @@ from typing import Any
 _MODULES = {
     "law": "Law PowerLaw TaylorLaw CurveLaw bar_of",
     "source": "law_from unload_reload",
-    "damping": "LoopDamping",
     "settings": "Setting DynamicsSettings",
     "joint": "Joint",
     "numbers": "Numbers",

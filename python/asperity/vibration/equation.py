@@ -1,6 +1,11 @@
 """Equation of motion of a mass on a contact, u'' + 2 zeta g(u) u' + f(u) = F^ cos(Omega tau).
 
-The displacement u = (z - z_s)/z_s is positive in compression, and contact is lost at u = -1.
+The displacement u = (z - z_s)/z_s is positive in compression, and contact is lost at u = -1. With g(0) = 1 zeta is the
+damping ratio of small motion:
+
+    "always"         g = 1                     a dashpot to ground; limits every resonance
+    "contact"        g = 1 in contact, else 0  acts only while the bodies touch
+    "hunt-crossley"  g = F_s / W               proportional to the contact force (Hunt & Crossley 1975)
 """
 
 from __future__ import annotations
@@ -15,9 +20,9 @@ from numpy.typing import ArrayLike
 from asperity.arrays import Array
 from asperity.errors import InputError
 from asperity.runtime.display import short_repr
-from asperity.vibration.damping import Damping, LoopDamping
 from asperity.vibration.law import Law
 
+DAMPING = ("always", "contact", "hunt-crossley")
 TURN = 2.0 * np.pi
 _SMALLEST = 1e-75  # of the static deflection, whose cube must not underflow
 _RAMP = 1e-3  # of u, from separation, over which a damper in contact begins to act
@@ -108,12 +113,12 @@ class Equation:
     Attributes:
         restoring: normal form of the law
         zeta: damping ratio of small motion
-        damping: damping model, see `asperity.vibration.damping`
+        damping: one of `DAMPING`
     """
 
     restoring: Restoring
     zeta: float
-    damping: Damping = "always"
+    damping: str = "always"
 
     def rate(self, u: Array, f: Array) -> Array:
         """Damping factor g at displacements and their restoring forces, same shape as `u`."""
@@ -121,10 +126,7 @@ class Equation:
             return np.ones_like(u)
         if self.damping == "hunt-crossley":
             return 1.0 + self.restoring.n_loc * f
-        g = np.clip((1.0 + u) / _RAMP, 0.0, 1.0)
-        if isinstance(self.damping, LoopDamping):
-            g = g * (1.0 + self.damping.coefficient(self.restoring.z_s * np.abs(u)) / self.damping.background)
-        return g
+        return np.clip((1.0 + u) / _RAMP, 0.0, 1.0)
 
     def terms(self, u: Array) -> tuple[Array, Array, Array, Array]:
         """The restoring force f, f', the damping factor g and g' at displacements, each of the shape of `u`."""
@@ -141,9 +143,6 @@ class Equation:
     def corners(self) -> Array:
         """Displacements at which f or g is not smooth, rising."""
         more = [] if self.damping in ("always", "hunt-crossley") else [_RAMP - 1.0]
-        if isinstance(self.damping, LoopDamping):
-            at = np.array(self.damping.deflection) / self.restoring.z_s
-            more += [*-at[at < 1.0], 0.0, *at]
         return np.union1d(self.restoring.corners, more)
 
     def acceleration(self) -> Callable[[float, float], float]:

@@ -21,7 +21,6 @@ from asperity.arrays import Array
 from asperity.errors import ConvergenceError, RangeError
 from asperity.runtime.display import short_repr
 from asperity.vibration.checks import positives
-from asperity.vibration.damping import Damping
 from asperity.vibration.equation import Equation, Restoring
 from asperity.vibration.law import TaylorLaw, bar_of, bend
 from asperity.vibration.settings import Setting
@@ -111,7 +110,7 @@ class FreeVibration:
             yield {"model": self.model, "u0": o.u0, "omega_ratio": o.omega, "u_min": o.u_min, "a1": o.a1}
 
 
-def free_orbits(restoring: Restoring, u0: ArrayLike, damping: Damping = "always") -> tuple[FreeOrbit, ...]:
+def free_orbits(restoring: Restoring, u0: ArrayLike, damping: str = "always") -> tuple[FreeOrbit, ...]:
     """Compute the orbits released from rest at u0 > 0 (orbits,).
 
     Raises:

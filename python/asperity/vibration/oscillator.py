@@ -13,8 +13,7 @@ from asperity.errors import AsperityWarning, InputError, RangeError, warn
 from asperity.runtime.display import short_repr
 from asperity.vibration import free as _free
 from asperity.vibration.checks import one_of, positive, positives, within
-from asperity.vibration.damping import Damping, check_damping
-from asperity.vibration.equation import Equation, Restoring
+from asperity.vibration.equation import DAMPING, Equation, Restoring
 from asperity.vibration.free import FreeVibration, Thresholds, contact_limit, free_orbits, largest_amplitude
 from asperity.vibration.law import Law, TaylorLaw
 from asperity.vibration.motion import Trajectory, course, integrate
@@ -37,7 +36,7 @@ class ContactOscillator:
         load: preload W = m g (force); by default half of the largest force of a table, or the force at z = 1 of
             another law
         zeta: damping ratio of small motion, >= 0
-        damping: "always", "contact", "hunt-crossley", or a `LoopDamping` (see `asperity.vibration.damping`)
+        damping: "always", "contact", "hunt-crossley", see `asperity.vibration.equation`
         gravity: gravitational acceleration (length/time^2) in the units of the law; default 9.80665 (SI). None if
             unknown: mass and omega_s are then NaN.
         restoring: normal form of the law (derived)
@@ -61,7 +60,7 @@ class ContactOscillator:
     law: Law
     load: float | None = None
     zeta: float = 0.01
-    damping: Damping = "always"
+    damping: str = "always"
     gravity: float | None = GRAVITY
     restoring: Restoring = field(init=False, repr=False)
 
@@ -73,7 +72,7 @@ class ContactOscillator:
         positive("zeta", self.zeta, zero=True)
         if self.zeta >= 1:
             raise InputError(f"zeta = {self.zeta:g} is not legal: it must be below 1")
-        object.__setattr__(self, "damping", check_damping(self.damping, self.zeta))
+        one_of("damping", self.damping, DAMPING)
         if self.gravity is not None:
             positive("gravity", self.gravity)
         load = positive("load", self.law.default_load if self.load is None else self.load)

@@ -5,16 +5,12 @@ from __future__ import annotations
 import math
 import os
 from dataclasses import replace
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from asperity.curve.loops import LoopTable
 from asperity.errors import ConvergenceError, InputError
-from asperity.runtime import run_folder
 from asperity.vibration.checks import positive
-from asperity.vibration.damping import LOOPS, LoopDamping
 from asperity.vibration.law import Law, bar_of
 from asperity.vibration.motion import Trajectory
 from asperity.vibration.numbers import Numbers, tabulate
@@ -61,13 +57,12 @@ def run_dynamics(
     settings = settings.replaced(**changes)
     law, load, columns, choice = _law(source, settings)
     gravity, assumed = _gravity(settings, "law" if choice is None else "curve")
-    damping, of_loops = _damping(source, settings, law, load)
-    exact = _oscillator(law, load, replace(settings, damping=damping), gravity)
+    exact = _oscillator(law, load, settings, gravity)
     kind = settings.excitation
     forcing, omega, pulse = settings.on(exact.restoring.scale, exact.restoring.z_s, exact.omega_s)
     oscillators = {name: exact if name == "exact" else exact.taylor() for name in settings.model}
     responses: dict[str, tuple[FrequencyResponse, ...]] = {}
-    notes = [*law.doubts(load), assumed, of_loops]
+    notes = [*law.doubts(load), assumed]
     if settings.with_units and settings.units is None:
         notes.append("amounts with units assume a curve in SI units: for other units give numbers without units")
     if choice is not None:
@@ -108,7 +103,6 @@ def run_dynamics(
 def small_vibration(source: Any, settings: DynamicsSettings) -> tuple[Numbers, float]:
     """Numbers of the small vibration on a curve, and the preload (force); arguments and errors as in `run_dynamics`."""
     law, load, _, choice = _law(source, settings)
-    settings = replace(settings, damping="always")  # that of loops needs their file, and has the same small motion
     oscillator = _oscillator(law, load, settings, _gravity(settings, "curve")[0])
     return _numbers(oscillator, settings, choice), load
 
@@ -146,21 +140,6 @@ def _moved(
         periods, samples = settings.span * omega[0], math.ceil(_SAMPLES / omega[0])
         found[shape] = oscillator.simulate(omega, forcing, shape=shape, periods=periods, samples=samples)
     return found
-
-
-def _damping(source: Any, settings: DynamicsSettings, law: Law, load: float) -> tuple[Any, str]:
-    """Damping of the settings, with the loops of a run directory where it names them, and a note on it."""
-    damping = settings.damping
-    if damping == LOOPS and isinstance(source, (str, os.PathLike)):
-        path = Path(source)
-        loops = (path if path.is_dir() else path.parent) / run_folder.LOOPS
-        damping = LoopDamping.of(LoopTable.read(loops)) if loops.is_file() else LOOPS
-    if not isinstance(damping, LoopDamping):
-        return damping, ""
-    stiffness = float(law.slope(law.deflection(load)))
-    if settings.joint is not None:  # the loops are those of the patch with its block
-        stiffness /= 1.0 + stiffness * settings.block / settings.factor
-    return damping.on(stiffness / settings.factor, load / settings.factor)
 
 
 def _law(source: Any, settings: DynamicsSettings) -> tuple[Law, float, Any, Choice | None]:

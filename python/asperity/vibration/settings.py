@@ -21,7 +21,6 @@ from asperity.errors import InputError
 from asperity.runtime.files import parse_toml, read_text
 from asperity.units import amount
 from asperity.vibration.checks import one_of, positive, positives, within
-from asperity.vibration.damping import Damping
 from asperity.vibration.joint import Joint, known_keys
 
 OMEGA = (0.01, 100.0)  # below, motion is quasi-static; above, the mass hardly moves
@@ -125,8 +124,7 @@ class DynamicsSettings:
         preload: static force W (force); default that of the joint, or half of the largest force of the curve
         gravity: for mass and omega_s where no joint has a mass (length/time^2); default 9.80665 with SI units
         zeta: damping ratio of small motion, 1e-4 to 1, or several, of which all but the first one are for responses
-        damping: "always", "contact", "hunt-crossley", or "loops": in addition to zeta that of the loops.csv of a run
-            directory (or a `LoopDamping`)
+        damping: "always", "contact" or "hunt-crossley", see `asperity.vibration.equation`
         forcing: one amplitude or several, all of one kind: F^ = F/(n_loc W), 1e-9 to 1e6, or in SI units as texts, of
             the force ("5 N"), or of the displacement ("2 um") or acceleration ("3 m/s^2") of the base
         model: "exact" and/or "taylor"
@@ -155,7 +153,7 @@ class DynamicsSettings:
     preload: float | None = None
     gravity: float | None = None
     zeta: tuple[float, ...] = (0.01,)
-    damping: Damping = "always"
+    damping: str = "always"
     forcing: tuple[float | str, ...] = (0.01,)
     model: tuple[str, ...] = MODELS
     omega: tuple[float | str, float | str] = (0.5, 1.3)
