@@ -58,7 +58,7 @@ def test_force_removes_what_a_run_wrote_and_leaves_what_others_put_there(cli: Cl
     assert set(files(out)) == {*theirs, *files(fresh)}
 
 
-@pytest.mark.parametrize("command", ["run", "surface", "import-map", "study", "dynamics"])
+@pytest.mark.parametrize("command", ["run", "check", "import-map", "dynamics"])
 def test_an_empty_name_is_refused(cli: Cli, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, command: str) -> None:
     monkeypatch.chdir(tmp_path)
     for name in ("", " "):
@@ -72,14 +72,22 @@ def test_an_empty_name_is_refused(cli: Cli, tmp_path: Path, monkeypatch: pytest.
         (("run", "none.toml"), "none.toml"),
         (("run", DEMO, "--set", "material.nu=0.7"), "[-0.9, 0.495]"),
         (("run", DEMO, "--set", "loading.delta_max=2e-6"), "exceeds the block"),
-        (("surface", DEMO, "--set", "surface.D=3.5"), "(2, 3)"),
+        (("check", DEMO, "--set", "surface.D=3.5"), "(2, 3)"),
         (("run",), "CASE.toml"),
         (("run", DEMO, "--resumee"), "--resume"),
         (("rum",), "rum"),
-        (("plot", "nowhere"), "nowhere"),
+        (("report", "nowhere"), "nowhere"),
+        (("plot", "out"), "there is no command 'plot'"),
         (("report", str(ROOT / "tests")), "curve.csv"),
         (("export", "."), "--to"),
-        (("surface", DEMO, "a\nb\x1b[31m"), "a b?[31m"),
+        (("export", ".", "--to", "block.step"), "a file of a mesh (.inp, .msh"),
+        (("export", ".", "--to", "abacus"), 'did you mean "abaqus"'),
+        (("export", DEMO, "--to", "abaqus"), "needs the folder of a run"),
+        (("export", ".", "--to", "b.inp", "--set", "surface.seed=1"), "--set is for a case file"),
+        (("export", DEMO, "--to", "b.inp", "--law", "table"), "not for the mesh"),
+        (("compare", DEMO, "gone.csv"), "--store writes it"),
+        (("compare", DEMO, "kept.csv", "--store"), "no folder of a run"),
+        (("check", DEMO, "a\nb\x1b[31m"), "a b?[31m"),
         (("compare", DEMO, str(ROOT / "cases/quick.toml")), "column"),
         (("compare", DEMO, DEMO), "the same curve"),
         (("rn", "case.toml"), "there is no command 'rn' (did you mean \"run\"?)"),
@@ -163,8 +171,8 @@ def test_an_odd_environment_or_argument_is_no_error_or_one_line(
         ("run case.toml -v | true", 0),
         ("run case.toml > /dev/full", 0),
         ("run case.toml >&- 2>&-", 0),
-        ("surface case.toml | true", 141),  # not 1, which compared curves have that differ
-        ("surface case.toml > /dev/full", 4),
+        ("check case.toml | true", 141),  # not 1, which compared curves have that differ
+        ("check case.toml > /dev/full", 4),
     ],
 )
 def test_output_that_nobody_reads(tmp_path: Path, command: str, code: int) -> None:

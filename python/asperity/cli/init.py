@@ -1,4 +1,4 @@
-"""`asperity init` and `keys`: a case file to start from, with every key explained, and the list of the keys."""
+"""`asperity init`: a case file to start from, with every key explained."""
 
 from __future__ import annotations
 
@@ -191,14 +191,3 @@ def _keys(model: Any, values: Mapping[str, Any], skip: tuple[str, ...]) -> Itera
 
 def _line(text: str, comment: str) -> str:
     return f"{text:<{WIDTH}} # {comment}"
-
-
-@click.command()
-def keys() -> None:
-    """List every key of the case file.
-
-    Each with its default, legal values, unit and meaning.
-    """
-    from asperity.case.keys import input_reference
-
-    options.table("Case file", input_reference(), ("section", "key", "default", "legal", "unit", "meaning"))
