@@ -58,7 +58,7 @@ def test_a_law_in_a_file_runs_by_the_word_of_the_user_alone(
     assert times("run", case, "-o", out, "--allow-code")[:2] == (0, 1)
     for command in (("report", out), ("export", out, "--to", "csv"), ("dynamics", out),
                     ("export", out, "--to", home / "block.inp"), ("check", out / CASE),
-                    ("compare", out, home / "stored.csv", "--store"), ("compare", out, home / "stored.csv")):  # fmt: skip
+                    ("compare", out, home / "kept.csv", "--store"), ("compare", out, home / "kept.csv")):  # fmt: skip
         ended, ran, said = times(*command)
         assert (ended, ran) == (0, 0), said
     assert times("run", out / CASE, "-o", again)[:2] == (2, 0)
