@@ -14,6 +14,7 @@ import pytest
 from conftest import CLEAN, MPIRUN, call, files
 from made_up_run import write_run
 
+from asperity.cli import COMMANDS
 from asperity.errors import ConvergenceError
 from asperity.plot import CAPTIONS
 from asperity.runtime.progress import LevelLines
@@ -108,6 +109,14 @@ def test_bad_input_is_one_line_and_exit_code_2(
     assert code == 2 and len(errors) == 1
     assert errors[0].startswith("error: ") and part in errors[0]
     assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize("command", COMMANDS)
+def test_help_fits_a_screen(cli: Cli, command: str) -> None:
+    """24 lines of 80 columns; `dynamics` has twenty options."""
+    code, out, _ = cli(command, "--help")
+    lines = out.splitlines()
+    assert code == 0 and len(lines) <= (28 if command == "dynamics" else 24) and max(map(len, lines)) <= 80
 
 
 @pytest.mark.parametrize(

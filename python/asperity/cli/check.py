@@ -25,7 +25,7 @@ MOST_MADE = 2_000_000  # dofs of a mesh that is made to be judged: half a minute
 
 @click.command()
 @options.case_file
-@click.option("--ranks", type=click.IntRange(min=1), default=1, show_default=True, help="Ranks that share the work.")
+@click.option("--ranks", type=click.IntRange(min=1), default=1, metavar="N", help="Ranks that share the work.")
 @options.output("DIR", "Folder for pictures of the surface; shows ISO 25178 too.")
 @options.as_json
 @options.overrides

@@ -42,9 +42,8 @@ def export(
 ) -> None:
     """Write the contact of a run, or a rough block, for another program.
 
-    The contact is the nominal pressure over the approach of the mean planes: a contact property of CalculiX or Abaqus,
-    a gasket material of ANSYS, or a CSV file, to be read linearly within 1 %. The default of --preload is that of the
-    joint, or half of the greatest force.
+    The contact is pressure over approach of the mean planes, for CalculiX, Abaqus, ANSYS or as CSV, within 1 % if read
+    linearly. --preload is by default the preload of the joint, or half of the greatest force.
 
     The block is FILE.inp (CalculiX, Abaqus), .msh, .vtk, .stl, .bdf or .unv: the last mesh of the run OUT, or the mesh
     of CASE.toml without a solve.
