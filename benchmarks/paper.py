@@ -7,6 +7,7 @@ What the folder holds already is not repeated.
 
 from __future__ import annotations
 
+import itertools
 import math
 import sys
 import tomllib
@@ -17,10 +18,12 @@ from typing import Any
 import numpy as np
 from mpi4py import MPI
 
+from asperity.case import Case
 from asperity.curve import Curve
 from asperity.curve.slope import fitted_rows
-from asperity.study import Entry, Study, case_folder, run_study
-from asperity.study.run import case_state
+from asperity.errors import AsperityError
+from asperity.job.run_case import run
+from asperity.runtime import compat
 from asperity.vibration import ContactOscillator, PowerLaw
 
 HERE = Path(__file__).parent.parent / "cases/paper"
@@ -38,12 +41,21 @@ COLUMNS = {
 }  # fmt: skip
 
 
-def results(entry: Entry, folder: Path) -> tuple[float, ...]:
+def cases_of(grid: dict[str, list[Any]]) -> list[tuple[dict[str, Any], Case]]:
+    """Points of a grid with their cases; "a.b, c.d" varies two keys together, an empty text removes a key."""
+    axes = []
+    for names, values in grid.items():
+        keys = names.split(", ")
+        axes.append([dict(zip(keys, value if len(keys) > 1 else [value], strict=True)) for value in values])
+    points = [{key: value for part in parts for key, value in part.items()} for parts in itertools.product(*axes)]
+    return [(point, Case.load(HERE / "base.toml", [f"{k}={v}" for k, v in point.items()])) for point in points]
+
+
+def results(case: Case, curve: Curve) -> tuple[float, ...]:
     """Values of the columns of a case."""
-    curve, solid = Curve.read(case_folder(folder, entry.key) / "curve.csv"), entry.case.material.solid
     load, fit, yields = curve.loading(), curve.fit(), math.nan
-    if entry.case.material.yield_strength is not None:
-        yields = entry.case.surface.L**2 * solid.yield_pressure(entry.case.block.sides)
+    if case.material.yield_strength is not None:
+        yields = case.surface.L**2 * case.material.solid.yield_pressure(case.block.sides)
     ends = ContactOscillator(PowerLaw(fit.n)).thresholds()
     rows = fitted_rows(load.delta, load.force)
     of_logarithms = np.polyfit(np.log(load.delta_star[rows]), np.log(load.P_star[rows]), 1)[0]
@@ -55,17 +67,22 @@ def results(entry: Entry, folder: Path) -> tuple[float, ...]:
 
 def levels(name: str, grid: dict[str, Any], folder: Path) -> list[list[str]]:
     """A line for each level of a family, the lightest values first as in the file; collective."""
-    study = Study.from_dict({"base": "base.toml", "grid": grid}, folder=HERE, source=name)
-    run_study(study, folder, say=lambda line: print(line, flush=True))
-    key = next(key for key in KEYS if len({entry.value(key) for entry in study.entries}) > 1)
+    comm, cases = MPI.COMM_WORLD, cases_of(grid)
+    curves = {}
+    for number in range(comm.rank, len(cases), comm.size):
+        place = folder / cases[number][1].hash()[:15]
+        try:
+            curves[number] = run(cases[number][1], place, resume=True, comm=MPI.COMM_SELF).curve
+        except AsperityError as error:
+            print(f"{name}, {cases[number][0]}: {error}", flush=True)
+    curves = {number: curve for part in comm.allgather(curves) for number, curve in part.items()}
+    key = next(key for key in KEYS if len({point.get(key) for point, _ in cases}) > 1)
     symbol, factor, unit = KEYS[key]
     found: dict[str, list[tuple[float, ...]]] = {}
-    for entry in study.entries:
-        if (case_state(folder, entry.key) or {}).get("exit_reason") != "done":
-            continue
-        value = entry.value(key)
-        text = "elastic" if value is None else f"{symbol} = {value / factor:.4g}{unit}"
-        found.setdefault(text, []).append(results(entry, folder))
+    for number in sorted(curves):
+        point, case = cases[number]
+        text = "elastic" if point[key] == "" else f"{symbol} = {point[key] / factor:.4g}{unit}"
+        found.setdefault(text, []).append(results(case, curves[number]))
     lines = []
     for text, rows in found.items():
         line = [name, text]
@@ -78,6 +95,7 @@ def levels(name: str, grid: dict[str, Any], folder: Path) -> list[list[str]]:
 
 if __name__ == "__main__":
     warnings.simplefilter("ignore")
+    compat.start()
     families = tomllib.loads((HERE / "families.toml").read_text(encoding="utf-8"))
     chosen = {name: grid for name, grid in families.items() if not sys.argv[2:] or name in sys.argv[2:]}
     rows = [line for name, grid in chosen.items() for line in levels(name, grid, Path(sys.argv[1]) / name)]

@@ -26,7 +26,6 @@ ORDER = (
     ("adaptive", "output"),
     ("plot",),
     ("job",),
-    ("study",),
     ("cli",),
     ("__main__",),
 )
@@ -95,7 +94,7 @@ def test_every_kind_of_import_is_found() -> None:
     source = """
 import asperity
 import asperity.fem.solid
-from asperity import study
+from asperity import job
 from asperity.curve import Curve
 if TYPE_CHECKING:
     from asperity.mesh import block
@@ -104,8 +103,8 @@ def lazy():
     import_module("asperity.adaptive")
     return asperity.Case
 """
-    modules = {"fem", "fem.solid", "study", "curve", "mesh", "mesh.block", "plot", "plot.style", "adaptive"}
-    assert imports(source, modules) >= {"fem.solid", "study", "curve", "mesh.block", "plot.style", "adaptive", "Case"}
+    modules = {"fem", "fem.solid", "job", "curve", "mesh", "mesh.block", "plot", "plot.style", "adaptive"}
+    assert imports(source, modules) >= {"fem.solid", "job", "curve", "mesh.block", "plot.style", "adaptive", "Case"}
     assert "plot" not in imports("text = 'plot'", {"plot"})
     with pytest.raises(AssertionError, match="relative import in line 1"):
         imports("from . import block", modules)

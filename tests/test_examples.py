@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import csv
+import json
 import runpy
+import subprocess
 import sys
 import warnings
 from pathlib import Path
@@ -11,6 +14,7 @@ from typing import Any
 import numpy as np
 import pytest
 import ufl
+from conftest import CLEAN
 from mpi4py import MPI
 
 import asperity as asp
@@ -73,6 +77,50 @@ def test_harmonic_balance() -> None:
     different, amplitude, frequency = run("harmonic_balance")
     assert different < 5e-3  # closest to the tips of the folds; 2e-4 in the middle of the differences
     assert (amplitude, frequency) == (pytest.approx(1.0, abs=0.01), pytest.approx(1.0, abs=0.005))
+
+
+MESH = "checkpoint/mesh.npz"
+WAVE = """units = "other"
+surface = {kind = "sinusoid", L = 1.0, amplitude = 0.05, dims = 2}
+material = {E = 1.0, nu = 0.3, yield_strength = 0.01, tangent_modulus = 0.05}
+mesh = {h_contact = 0.4, h_max = 1.0, growth = 1.0}
+loading = {delta_max = 0.02, steps = 6}
+"""
+
+
+@pytest.mark.filterwarnings("ignore::asperity.errors.AsperityWarning")
+def test_study(tmp_path: Path) -> None:
+    """Rows as of runs alone; a failure is a row; a finished run is not repeated, a stopped one continues."""
+    base, out = tmp_path / "wave.toml", tmp_path / "out"
+    base.write_text(WAVE)
+    grid = {"material.tangent_modulus": [0.01, 0.1], "block.height": [1.0, 0.04]}  # lower than the valleys are deep
+    call = f"main({str(out)!r}, 2, {str(base)!r}, {grid})"
+    code = f"import runpy; main = runpy.run_path({str(EXAMPLES / 'study.py')!r})['main']; {call}"
+
+    def rows() -> list[dict[str, str]]:
+        """Of the study in a process of its own."""
+        subprocess.run([sys.executable, "-c", code], env=CLEAN, check=True, timeout=100)
+        with (out / "results.csv").open(newline="") as file:
+            return list(csv.DictReader(file))
+
+    first = rows()
+    assert [row["reason"].partition(":")[0] for row in first] == ["done", "error"] * 2
+    assert "deepest valley" in first[1]["reason"]
+    for row in first[::2]:
+        alone = asp.run(asp.Case.load(base, [f"{key}={row[key]}" for key in grid]))
+        assert alone.fit is not None
+        expected = [alone.fit.k, alone.fit.n, alone.curve.force[-1]]
+        assert [float(row[name]) for name in ("k", "n", "force")] == pytest.approx(expected, rel=1e-9)
+
+    soft, hard = (out / f"tangent_modulus={value},height=1.0" for value in (0.01, 0.1))
+    kept, saved = ((place / name).stat().st_mtime_ns for place, name in ((soft, "run.log"), (hard, MESH)))
+    summary = hard / "summary.json"
+    summary.write_text(
+        json.dumps(json.loads(summary.read_text()) | {"finished": False})
+    )  # as of a job that was stopped
+    assert rows() == first and json.loads(summary.read_text())["finished"]
+    assert (soft / "run.log").stat().st_mtime_ns == kept
+    assert (hard / MESH).stat().st_mtime_ns == saved  # a new start writes its mesh
 
 
 def test_an_example_without_its_package_names_the_extra(monkeypatch: pytest.MonkeyPatch) -> None:

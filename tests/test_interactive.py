@@ -165,7 +165,7 @@ def test_commands_print_json(tmp_path: Path, call: Callable[..., Any]) -> None:
     estimate = check["estimate"]
     assert (check["case"], check["accepted"]) == (str(demo), True)
     assert estimate["ranks"] == 2 and estimate["levels"][-1]["dofs"] == estimate["dofs"] > 10_000
-    surface = call("surface", demo, "--json")
+    surface = check["surface"]
     assert surface["statistics"]["Sq"] > 0 and len(surface["first_touch"]) == 3
     thresholds = call("dynamics", "--power-law", "1.5", "--model", "exact", "--json")
     assert thresholds["exact"]["kappa"] == pytest.approx(-1 / 24)

@@ -21,7 +21,6 @@ from asperity.job.run_case import RunResult, run
 from asperity.mesh.block import BlockMesh
 from asperity.output.results import Results
 from asperity.runtime.run_folder import PRODUCTS
-from asperity.study.run import summarise_case
 from asperity.vibration import PowerLaw, law_from
 
 pytestmark = pytest.mark.usefixtures("blank_figures")
@@ -230,8 +229,6 @@ def test_one_power_law_in_all_that_a_run_leaves(full: tuple[Path, RunResult], tm
     of_mass = json.loads((folder / "thresholds.json").read_text(encoding="utf-8"))
     assert of_mass["n_loc"] == pytest.approx(n, rel=1e-12)
     assert of_mass["load"] / of_mass["z_s"] ** n == pytest.approx(K, rel=1e-12)
-    row = summarise_case(curve, {})
-    assert (row["n"], row["k"]) == pytest.approx((n, fit["k"]), rel=1e-12)
     bare = tmp_path / "bare.csv"
     pairs = zip(load.delta, load.force, strict=True)
     bare.write_text("delta,force\n" + "".join(f"{1e6 * d:.17g},{1e3 * f:.17g}\n" for d, f in pairs))  # in um and mN

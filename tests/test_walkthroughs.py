@@ -34,8 +34,9 @@ def blocks_of(page: Path) -> list[Block]:
 def typed(block: Block, place: Path) -> subprocess.CompletedProcess[str] | None:
     """Do in a folder with the cases what a block asks for: write its file, or run it; None where nothing is run."""
     language, title, text = block
-    if not (place / "cases").exists():
-        (place / "cases").symlink_to(ROOT / "cases")
+    for name in ("cases", "examples"):
+        if not (place / name).exists():
+            (place / name).symlink_to(ROOT / name)
     if title:
         (place / title).write_text(text, encoding="utf-8")
     if title or language not in ("sh", "python"):

@@ -4,7 +4,7 @@
     ./run python3 benchmarks/peers/block.py [SIZE]
 
 The case is in units of the side and of MPa, in small strain, pressed to the approach of the demo in five steps. Both
-programs have the same nodes and second-order tetrahedra: `asperity surface CASE --to block.inp` writes them. CalculiX
+programs have the same nodes and second-order tetrahedra: `asperity export CASE --to block.inp` writes them. CalculiX
 has penalty contact with a rigid plate of one element; its C3D10 lock where the solid flows, asperity's do not.
 """
 

@@ -14,6 +14,7 @@ import pytest
 from conftest import CLEAN, MPIRUN, call, files
 from made_up_run import write_run
 
+from asperity.cli import COMMANDS
 from asperity.errors import ConvergenceError
 from asperity.plot import CAPTIONS
 from asperity.runtime.progress import LevelLines
@@ -58,7 +59,7 @@ def test_force_removes_what_a_run_wrote_and_leaves_what_others_put_there(cli: Cl
     assert set(files(out)) == {*theirs, *files(fresh)}
 
 
-@pytest.mark.parametrize("command", ["run", "surface", "import-map", "study", "dynamics"])
+@pytest.mark.parametrize("command", ["run", "check", "import-map", "dynamics"])
 def test_an_empty_name_is_refused(cli: Cli, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, command: str) -> None:
     monkeypatch.chdir(tmp_path)
     for name in ("", " "):
@@ -72,14 +73,22 @@ def test_an_empty_name_is_refused(cli: Cli, tmp_path: Path, monkeypatch: pytest.
         (("run", "none.toml"), "none.toml"),
         (("run", DEMO, "--set", "material.nu=0.7"), "[-0.9, 0.495]"),
         (("run", DEMO, "--set", "loading.delta_max=2e-6"), "exceeds the block"),
-        (("surface", DEMO, "--set", "surface.D=3.5"), "(2, 3)"),
+        (("check", DEMO, "--set", "surface.D=3.5"), "(2, 3)"),
         (("run",), "CASE.toml"),
         (("run", DEMO, "--resumee"), "--resume"),
         (("rum",), "rum"),
-        (("plot", "nowhere"), "nowhere"),
+        (("report", "nowhere"), "nowhere"),
+        (("plot", "out"), "there is no command 'plot'"),
         (("report", str(ROOT / "tests")), "curve.csv"),
         (("export", "."), "--to"),
-        (("surface", DEMO, "a\nb\x1b[31m"), "a b?[31m"),
+        (("export", ".", "--to", "block.step"), "a file of a mesh (.inp, .msh"),
+        (("export", ".", "--to", "abacus"), 'did you mean "abaqus"'),
+        (("export", DEMO, "--to", "abaqus"), "needs the folder of a run"),
+        (("export", ".", "--to", "b.inp", "--set", "surface.seed=1"), "--set is for a case file"),
+        (("export", DEMO, "--to", "b.inp", "--law", "table"), "not for the mesh"),
+        (("compare", DEMO, "gone.csv"), "--store writes it"),
+        (("compare", DEMO, "kept.csv", "--store"), "no folder of a run"),
+        (("check", DEMO, "a\nb\x1b[31m"), "a b?[31m"),
         (("compare", DEMO, str(ROOT / "cases/quick.toml")), "column"),
         (("compare", DEMO, DEMO), "the same curve"),
         (("rn", "case.toml"), "there is no command 'rn' (did you mean \"run\"?)"),
@@ -100,6 +109,14 @@ def test_bad_input_is_one_line_and_exit_code_2(
     assert code == 2 and len(errors) == 1
     assert errors[0].startswith("error: ") and part in errors[0]
     assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize("command", COMMANDS)
+def test_help_fits_a_screen(cli: Cli, command: str) -> None:
+    """24 lines of 80 columns; `dynamics` has twenty options."""
+    code, out, _ = cli(command, "--help")
+    lines = out.splitlines()
+    assert code == 0 and len(lines) <= (28 if command == "dynamics" else 24) and max(map(len, lines)) <= 80
 
 
 @pytest.mark.parametrize(
@@ -163,8 +180,8 @@ def test_an_odd_environment_or_argument_is_no_error_or_one_line(
         ("run case.toml -v | true", 0),
         ("run case.toml > /dev/full", 0),
         ("run case.toml >&- 2>&-", 0),
-        ("surface case.toml | true", 141),  # not 1, which compared curves have that differ
-        ("surface case.toml > /dev/full", 4),
+        ("check case.toml | true", 141),  # not 1, which compared curves have that differ
+        ("check case.toml > /dev/full", 4),
     ],
 )
 def test_output_that_nobody_reads(tmp_path: Path, command: str, code: int) -> None:

@@ -93,15 +93,15 @@ def test_gmsh_reads_what_it_wrote(tmp_path: Path, made: Any, suffix: str) -> Non
 def test_without_a_solve_and_of_a_run(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     case, out = tmp_path / "case.toml", tmp_path / "out"
     case.write_text(Case.from_dict(CASE).to_toml())
-    assert call("surface", case, "--to", tmp_path / "a.inp") == 0
+    assert call("export", case, "--to", tmp_path / "a.inp") == 0
     assert "tetrahedra of second order" in capsys.readouterr().out
-    assert call("surface", case, "--to", tmp_path / "a.xyz") == 2
+    assert call("export", case, "--to", tmp_path / "b.inp", "--set", "block.height=2e-4") == 0
+    assert (tmp_path / "b.inp").read_text() != (tmp_path / "a.inp").read_text()
     out.mkdir()
     (out / "case.toml").write_text(case.read_text())
     (out / "curve.csv").write_text("delta,force\n1e-8,1\n2e-8,3\n")
-    assert call("export", out, "--to", "mesh") == 0
+    assert call("export", out, "--to", out / "block.inp") == 0
     assert (out / "block.inp").read_text().split("\n", 1)[1] == (tmp_path / "a.inp").read_text().split("\n", 1)[1]
-    assert call("export", out, "--to", "mesh", "--law", "table") == 2
 
 
 def test_another_suffix_is_refused(made: Any, tmp_path: Path) -> None:

@@ -375,7 +375,7 @@ def test_the_solvers_of_dropped_matrices_are_destroyed(press_of: Callable[..., C
 @pytest.mark.mpi
 @pytest.mark.usefixtures("several_ranks")
 def test_a_new_solver_destroys_those_of_earlier_runs(press_of: Callable[..., ContactSolver]) -> None:
-    """MPICH has 2048 communicators a process, and a run takes 33: a study on two ranks ended after 60 cases."""
+    """MPICH has 2048 communicators a process, and a run takes 33: a script on two ranks ended after 60 runs."""
     solver = press_of(PLASTIC, linear="cg")
     assert solver.step(0.01).converged
     left = weakref.ref(solver.newton.linear)

@@ -17,8 +17,6 @@ from made_up_run import write_run
 from asperity.plot import plot_run
 from asperity.plot.report import write_report
 from asperity.runtime.files import files_into, is_aside, read_npz, remove_asides, replacing
-from asperity.study import Study
-from asperity.study.run import write_table
 from asperity.surface.measured import HeightField
 from asperity.vibration import Dynamics, PowerLaw, run_dynamics
 
@@ -36,19 +34,12 @@ def dynamics(folder: Path) -> None:
     vibration().write(folder)
 
 
-def study(folder: Path) -> None:
-    base = {"surface": {"kind": "flat", "L": 1.0}, "material": {"E": 1.0, "nu": 0.3}, "loading": {"delta_max": 0.02}}
-    table = {"base": {**base, "units": "other"}, "grid": {"block.height": [1.0]}}
-    write_table(Study.from_dict(table), folder)
-
-
 def patch(folder: Path) -> None:
     HeightField(np.arange(64.0).reshape(8, 8), 1.0, 1.0).save(folder / "patch.npz")
 
 
 WRITERS: dict[Callable[[Path], None], set[str]] = {
     dynamics: {"free.csv", "response.csv", "thresholds.json"},
-    study: {"results.csv"},
     patch: {"patch.npz"},
 }
 
@@ -158,7 +149,7 @@ def test_files_that_grow_when_they_are_read_are_refused(tmp_path: Path, capsys: 
     start = time.process_time()
     for words in (
         "import-map bomb.npz", "init new.toml --from bomb.npz", "import-map sparse.npy --pixel 1e-6",
-        "check parts.toml", "check inline.toml", "study parts.toml", "check /dev/zero", "run /dev/zero",
+        "check parts.toml", "check inline.toml", "check /dev/zero", "run /dev/zero",
         "compare /dev/zero /dev/full", "dynamics /dev/zero", "import-map /dev/zero", "check bomb.npz",
     ):  # fmt: skip
         command, *rest = words.split()

@@ -138,7 +138,7 @@ class Case(Input):
         return self.surface.built
 
     def problem(self, surface: Surface | None = None, *, allow_code: bool | None = None) -> Problem:
-        """The contact problem of the case: here a case is judged, for commands, scripts, studies and tests alike.
+        """The contact problem of the case: here a case is judged, for commands, scripts and tests alike.
 
         Warns (CaseWarning) of values that are legal but improbable, or not used.
 

@@ -26,9 +26,8 @@ from asperity.version import __version__
 
 #: Module of each command, which is imported when it is used.
 COMMANDS = {
-    "baseline": "results", "check": "check", "compare": "results", "dynamics": "dynamics", "export": "results",
-    "import-map": "import_map", "init": "init", "keys": "init", "plot": "results", "report": "results", "run": "run",
-    "study": "study", "surface": "surface", "verify": "verify",
+    "run": "run", "check": "check", "init": "init", "import-map": "import_map", "dynamics": "dynamics",
+    "report": "results", "export": "results", "compare": "results",
 }  # fmt: skip
 
 
@@ -81,7 +80,7 @@ def _outcome(arguments: Sequence[str] | None) -> tuple[int, str]:
     """Exit code and message of a command."""
     try:
         words = sys.argv[1:] if arguments is None else list(arguments)
-        if world_rank() and words[:1] not in (["run"], ["study"]):
+        if world_rank() and words[:1] != ["run"]:
             return 0, ""  # the others are for the first rank
         for word in words:
             if not word.isascii() and any("\ud800" <= c <= "\udfff" for c in word):  # bytes that Python cannot decode

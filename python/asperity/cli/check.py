@@ -4,11 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import asdict
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 import click
 
 from asperity.cli import options
+from asperity.cli.surface import describe
 from asperity.runtime.progress import duration
 from asperity.units import quantity
 
@@ -23,16 +25,16 @@ MOST_MADE = 2_000_000  # dofs of a mesh that is made to be judged: half a minute
 
 @click.command()
 @options.case_file
-@click.option("--ranks", type=click.IntRange(min=1), default=1, show_default=True, help="Ranks that share the work.")
+@click.option("--ranks", type=click.IntRange(min=1), default=1, metavar="N", help="Ranks that share the work.")
+@options.output("DIR", "Folder for pictures of the surface; shows ISO 25178 too.")
 @options.as_json
 @options.overrides
-def check(case_file: str, ranks: int, as_json: bool, overrides: tuple[str, ...]) -> None:
-    """Check and estimate a case without solving it.
+def check(case_file: str, ranks: int, output: str | None, as_json: bool, overrides: tuple[str, ...]) -> None:
+    """Check a case and describe its surface, without solving.
 
-    Does what a run does before its first step, the meshes included, and refuses and warns in the same words; then
-    estimates degrees of freedom (dofs), memory and time from the size field of the mesh and rates measured on one
-    machine: expect a factor of 1.5 on a core as fast. What depends on the solution, such as plastic strains, only the
-    run can judge. Exit code 0 when a run accepts the case, 2 when it refuses it.
+    Makes the meshes of a run, and refuses and warns in the same words. Estimates degrees of freedom (dofs), memory and
+    time to a factor of 1.5. Only the run can judge what depends on the solution, such as plastic strains. DIR receives
+    surface.png and abbott.png. Exit code 0 when a run accepts the case, 2 when it refuses it.
     """
     from asperity.adaptive.estimate import estimate
     from asperity.case import Case
@@ -40,13 +42,15 @@ def check(case_file: str, ranks: int, as_json: bool, overrides: tuple[str, ...])
     case = Case.load(case_file, overrides)
     problem = case.problem()
     surface = problem.surface
+    metre, folder = "m" if case.units == "SI" else "", Path(output) if output else None
+    rough = describe(surface, case.surface.kind, metre, folder, show=not as_json)
     found = estimate(case, ranks, surface)
     made = found.dofs <= MOST_MADE or case.accuracy.tolerance is not None
     if made:
         prepare(case, problem, found.approach)
     if as_json:
         totals = {"dofs": found.dofs, "seconds": found.seconds, "memory": found.memory, "ranks": ranks}
-        options.print_json({"case": case_file, "accepted": True, "estimate": asdict(found) | totals})
+        options.print_json({"case": case_file, "accepted": True, "surface": rough, "estimate": asdict(found) | totals})
         return
     rows = [
         (f"mesh of h_contact = {level.h_contact:.3g}, {level.steps} steps", f"{level.dofs}", duration(level.seconds))

@@ -32,34 +32,33 @@ def amount(text: str) -> float | str:
 @click.option("--power-law", "exponent", type=float, metavar="N", help="P* = k (delta*)^N instead.")
 @click.option("--k-fit", type=float, metavar="K", help="k of the power law; else 1.")
 @click.option("--law", type=click.Choice(LAWS),
-              help="Law taken from a curve: unloading branch, elastic tangent, points of the loading, or the paper's "
-              "power law of the loading. auto: the first that the curve has after yield, the points of the loading "
-              "before.")  # fmt: skip
+              metavar="LAW", help=f"{', '.join(LAWS)}.")  # fmt: skip
 @click.option("--preload", type=float, metavar="W", help="Static force; else half of the greatest force.")
 @click.option("--area", "nominal_area", type=float, metavar="A", help="Nominal area of the joint; else of the patch.")
 @click.option("--pressure", type=float, metavar="P", help="Nominal pressure instead of the preload.")
 @click.option("--mass", type=float, metavar="M", help="Mass that vibrates; else the preload over gravity.")
-@click.option("--gravity", type=float, metavar="G", help="In the units of the curve, for mass and omega_s; else "
-              "9.80665 with SI units.")  # fmt: skip
-@click.option("--zeta", type=float, multiple=True, help="Damping ratio; repeatable; else 0.01. Tangential: in "
-              "addition to that of slip, else 0.")  # fmt: skip
-@click.option("--damping", type=click.Choice(DAMPING),
-              help="When the damping acts; else always.")  # fmt: skip
+@click.option("--gravity", type=float, metavar="G", help="In the units of the curve; else 9.80665 in SI.")
+@click.option("--zeta", type=float, multiple=True, metavar="Z", help="Damping ratio; repeatable; else 0.01.")
+@click.option("--damping", type=click.Choice(DAMPING), metavar="WHEN", help=f"{', '.join(DAMPING)}.")
 @click.option("--forcing", type=amount, multiple=True, metavar="F",
-              help="F^ = F/(n W) with the preload W, or a force as in 3N, or what the base does, as in 2um or 30m/s2; "
-              "repeatable; else 0.01.")  # fmt: skip
-@click.option("--model", type=click.Choice(MODELS), multiple=True, help="Restoring force; repeatable; else both.")
+              help="F/(n W), or 3N; of the base 2um or 30m/s2; repeatable.")  # fmt: skip
+@click.option(
+    "--model",
+    type=click.Choice(MODELS),
+    multiple=True,
+    metavar="MODEL",
+    help=f"Restoring force: {', '.join(MODELS)}; else both.",
+)
 @click.option("--omega", type=amount, nargs=2, metavar="LOW HIGH",
-              help="Range of excitation frequency over omega_s, or as 800Hz 1.2kHz; else 0.5 1.3.")  # fmt: skip
-@click.option("--direction", type=click.Choice(("normal", "tangential")), default="normal", show_default=True,
-              help="tangential: micro-slip of OUT, whose case has [slip]; --forcing is then over the friction "
-              "limit.")  # fmt: skip
-@click.option("--simulate", type=click.Choice(SHAPES), multiple=True,
-              help="Also a short motion from rest under the first forcing; repeatable.")  # fmt: skip
+              help="Over omega_s, or 800Hz 1.2kHz; else 0.5 1.3.")  # fmt: skip
+@click.option("--direction", type=click.Choice(("normal", "tangential")), default="normal",
+              metavar="HOW", help="normal, or tangential: by the slip of OUT.")  # fmt: skip
+@click.option("--simulate", type=click.Choice(SHAPES), multiple=True, metavar="SHAPE",
+              help=f"A motion from rest: {', '.join(SHAPES)}.")  # fmt: skip
 @click.option("--pulse", type=float, metavar="T",
-              help="Length of its half-sine; else half a period of small vibration.")  # fmt: skip
-@click.option("--span", type=float, metavar="N", help="Its length in periods of small vibration; else 20.")
-@options.output("DIR", "Folder for free.csv, response.csv, thresholds.json and the figures.")
+              help="Length of its half-sine; else half a period.")  # fmt: skip
+@click.option("--span", type=float, metavar="N", help="Its length in periods; else 20.")
+@options.output("DIR", "Folder for tables, thresholds.json and figures.")
 @options.as_json
 def dynamics(
     source: str | None, exponent: float | None, k_fit: float | None, output: str | None, as_json: bool,
@@ -67,10 +66,8 @@ def dynamics(
 ) -> None:  # fmt: skip
     """Compute the vibration of a mass on a contact.
 
-    Free and forced vibration about the equilibrium under the preload, with thresholds and stability. The law comes from
-    a run directory, from a table with columns delta and force, perhaps with their units, or from --power-law. Options
-    that are not given are those of the case of OUT. Lengths and forces have the units of the curve; with a joint, that
-    of the case or of --area, --pressure and --mass, forces are those of the joint.
+    The law is that of a run, a table of delta and force, or a power law. Options that are not given are those of the
+    case of OUT.
     """
     from asperity.vibration import Joint, PowerLaw, run_dynamics
 

@@ -47,31 +47,25 @@ SMOOTHEST = 1e-4  # rms slope; below it, heights and distances may have differen
 @click.argument("map_file", metavar="MAP")
 @options.output("OUT", "Folder; default out/<name of the file>.")
 @click.option("--pixel", type=options.Lengths(), metavar="LENGTH[,LENGTH]",
-              help="Distance between heights, or those along x and y, where the file has none.")  # fmt: skip
+              help="Distance between heights, or along x and y.")  # fmt: skip
 @click.option("--unit", metavar="UNIT", is_eager=True,
-              help=f"Of lengths whose unit the file does not name: {', '.join(filter(str.isascii, LENGTHS))}, or a "
-              "number of metres; default m.")  # fmt: skip
-@click.option("--channel", metavar="NAME", help="Of the file of an instrument, or its number; default its reader's.")
-@click.option("--array", metavar="NAME", help="Of the heights in an .npz file; default z, or the only map.")
-@click.option("--missing", type=float, metavar="VALUE", help="Value in the file that stands for a missing height.")
-@click.option("--spikes", type=click.Choice(["keep", "fill"]), default="keep", show_default=True,
-              help="Heights that stand above their neighbours as dust does; fill takes them for missing.")  # fmt: skip
-@click.option("--level", type=click.Choice(["mean", "plane", "curvature"]), default="plane", show_default=True,
-              help="Trend to remove.")  # fmt: skip
-@click.option(
-    "--window", type=options.Length(), nargs=3, metavar="X Y SIDE", help="Square to cut; default the largest."
-)
-@click.option(
-    "--cutoff", type=options.Length(), metavar="LENGTH", help="Wavelength of a Gaussian low-pass filter; default none."
-)
+              help=f"{', '.join(filter(str.isascii, LENGTHS))}, or a number of metres.")  # fmt: skip
+@click.option("--channel", metavar="NAME", help="Channel of an instrument, or its number.")
+@click.option("--array", metavar="NAME", help="Heights of an .npz file; default z.")
+@click.option("--missing", type=float, metavar="VALUE", help="Value that marks a missing height.")
+@click.option("--spikes", type=click.Choice(["keep", "fill"]), default="keep",
+              help="Heights as of dust; fill: missing.")  # fmt: skip
+@click.option("--level", type=click.Choice(["mean", "plane", "curvature"]), default="plane",
+              help="Trend to remove; default plane.")  # fmt: skip
+@click.option("--window", type=options.Length(), nargs=3, metavar="X Y SIDE", help="Square to cut; default: largest.")
+@click.option("--cutoff", type=options.Length(), metavar="LENGTH", help="Wavelength of a Gaussian filter.")
 @options.as_json
 def import_map(map_file: str, output: str | None, as_json: bool, **given: Any) -> None:
     """Make a case from a measured height map.
 
-    Levels the map, cuts a square patch, and computes its statistics, spectrum and Hurst exponent. MAP is .npz or .npy,
-    text (a matrix, or lines of x, y, z), or a file of an instrument that SurfaceTopography reads. Lengths are written
-    as 0.2um; without a unit they are in metres.
-    OUT receives patch.npz, case.toml to start from, measured.json, surface.png, abbott.png and spectrum.png.
+    Levels the map and cuts a square patch. MAP is .npz or .npy, text (a matrix, or lines of x, y, z), or a file of an
+    instrument that SurfaceTopography reads; --pixel and --unit are for what it does not say. Lengths are written as
+    0.2um; without a unit in metres. OUT receives patch.npz, case.toml, measured.json and pictures.
     """
     from asperity.runtime.files import files_into
     from asperity.runtime.progress import LevelLines, Progress

@@ -1,4 +1,4 @@
-"""`asperity init` and `keys`: a case file to start from, with every key explained, and the list of the keys."""
+"""`asperity init`: a case file to start from, with every key explained."""
 
 from __future__ import annotations
 
@@ -32,27 +32,25 @@ WIDTH = 34  # of "key = value"
 
 @click.command()
 @click.argument("file", metavar="[FILE]", required=False, type=click.Path(dir_okay=False, path_type=Path))
-@click.option("--surface", "kind", type=click.Choice(list(SURFACES)), default="weierstrass-mandelbrot",
-              show_default=True, help="Kind of surface.")  # fmt: skip
+@click.option("--surface", "kind", type=click.Choice(list(SURFACES)), default="weierstrass-mandelbrot", metavar="KIND",
+              help=f"{', '.join(SURFACES)}.")  # fmt: skip
 @click.option("--from", "scan", metavar="MAP", type=click.Path(exists=True, dir_okay=False, path_type=Path),
-              help="Height map instead, of kind \"file\"; import-map makes one of a raw scan.")  # fmt: skip
+              help="Height map instead, as import-map makes.")  # fmt: skip
 @click.option("--joint", type=(float, float, float), metavar="AREA FORCE MASS",
-              help="Joint with this nominal area (m²), preload (N) and vibrating mass (kg).")  # fmt: skip
+              help="Nominal area (m²), preload (N), mass (kg).")  # fmt: skip
 @click.option("--example", type=click.Choice(("demo", "scan", "joint")),
-              help="The case of the demo, a map as of an instrument (FILE is scan.csv then), or a joint.")  # fmt: skip
+              help="A demo, a map (scan.csv), or a joint.")  # fmt: skip
 @click.option("--Sq", "sq", type=options.Length(), metavar="LENGTH",
-              help="Rms height of the surface, as 0.4um; without a unit in metres; with --slope.")  # fmt: skip
-@click.option("--slope", type=float, metavar="SLOPE", help="Rms slope of the surface; with --Sq.")
+              help="Rms height, as 0.4um; with --slope.")  # fmt: skip
+@click.option("--slope", type=float, metavar="SLOPE", help="Rms slope; with --Sq.")
 def init(
     file: Path | None, kind: str, scan: Path | None, joint: tuple[float, float, float] | None, example: str | None,
     sq: float | None, slope: float | None,
 ) -> None:  # fmt: skip
     """Write a commented case, ready to run.
 
-    The stiffness of a joint follows from the roughness of its faces: --joint needs --Sq and --slope, or --from.
-
-    FILE (case.toml) receives every key with its unit, legal values and meaning. Keys that may be left out are
-    commented out, with their defaults. FILE must not exist yet.
+    FILE (case.toml) receives every key with its unit, legal values and meaning; keys with defaults are commented out.
+    FILE must not exist yet. --joint needs the roughness of its faces: --Sq and --slope, or --from.
     """
     from asperity.runtime.files import replace_file
 
@@ -191,14 +189,3 @@ def _keys(model: Any, values: Mapping[str, Any], skip: tuple[str, ...]) -> Itera
 
 def _line(text: str, comment: str) -> str:
     return f"{text:<{WIDTH}} # {comment}"
-
-
-@click.command()
-def keys() -> None:
-    """List every key of the case file.
-
-    Each with its default, legal values, unit and meaning.
-    """
-    from asperity.case.keys import input_reference
-
-    options.table("Case file", input_reference(), ("section", "key", "default", "legal", "unit", "meaning"))

@@ -125,7 +125,7 @@ def _patch(run: Evidence) -> Iterator[Assumption]:
         yield Assumption(
             "joint: stiffness by other patches of its roughness", 100 * found.bar, DIFFERENT, "%",
             f"half-space pressed with {found.patches} patches under one plane",
-            "a larger surface.L, or the mean of several seeds (asperity study)",
+            "a larger surface.L, or the mean of several seeds",
             f"the mean of the patches is {found}; this one has {int(run.curve.spots[run.top])} spot(s) at the greatest "
             "force",
         )  # fmt: skip

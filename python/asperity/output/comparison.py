@@ -16,6 +16,7 @@ from asperity.curve import COLUMNS, Curve
 from asperity.errors import InputError
 from asperity.output.results import Results
 from asperity.runtime.display import show
+from asperity.runtime.run_folder import CASE
 
 #: Relative tolerances of compare_curves, of all columns but those of the branch, which is compared as such, and of what
 #: a step has cost.
@@ -24,33 +25,34 @@ TOLERANCES: Mapping[str, float] = {
 } | {"delta": 1e-9, "delta_star": 1e-9, "force": 1e-6, "P_star": 1e-6}
 
 
-def store_curve(
-    case_file: str | Path, folder: str | Path, file: str | Path, tolerances: Mapping[str, float] | None = None
-) -> Curve:
+def store_curve(folder: str | Path, file: str | Path, tolerances: Mapping[str, float] | None = None) -> Curve:
     """Write the curve of a finished run as a reference for `compare_curves`; its header records how it was computed.
 
     Args:
-        case_file: case of the run; the header contains its path relative to `file`
         folder: of the run
         file: CSV file to write
         tolerances: relative, of columns that have others than TOLERANCES
 
     Raises:
-        InputError: the folder contains no finished run of this case, or a tolerance is illegal
+        InputError: the folder contains no finished run, or a tolerance is illegal
     """
-    case, folder, file = Case.load(case_file), Path(folder), Path(file)
+    folder, file = Path(folder), Path(file)
+    if not folder.is_dir():
+        raise InputError(f"{folder} is no folder of a run, from which a reference is stored")
+    if file.is_dir():
+        raise InputError(f"{file} is a folder; give the file that receives the reference")
     results = Results.read(folder)
     if not results.summary.get("finished"):
         raise InputError(f"{folder}: the run is not finished, a reference must be")
+    case = Case.from_dict(results.case, folder=folder)
     if results.summary.get("case_hash") != case.hash():
-        raise InputError(f"{folder} is not a run of {case_file}: run it again, or give {folder / 'case.toml'}")
+        raise InputError(f"{folder / CASE} is not the case of the run beside it: run it again")
     place, mesh = file.resolve().parent, case.to_dict()["mesh"]
     if case.mesh.file is not None:  # no element size was used
         mesh = {"file": os.path.relpath(case.mesh.file, place)}
-    name = os.path.relpath(case_file, place)
     header = {
-        "case": name,
-        "command": f"asperity run {name} -o OUT && asperity baseline {name} OUT {file.name}",
+        "case": case.hash(),
+        "command": f"asperity compare RUN {file.name} --store",
         "mesh": {key: results.summary[key] for key in ("cells", "dofs")}
         | {key: value for key, value in mesh.items() if value is not None},
         "seed": results.summary["seed"],

@@ -21,7 +21,6 @@ from asperity.case import Case
 from asperity.curve import Curve
 from asperity.curve.power_law import interface_approach
 from asperity.errors import InputError
-from asperity.output.mesh_file import block_of_case, write_mesh
 from asperity.output.results import Results
 from asperity.runtime.display import comment
 from asperity.runtime.files import replace_file
@@ -207,8 +206,7 @@ def export(
     Args:
         folder: of the run
         to: "calculix" or "abaqus" (a contact property with tabular pressure-overclosure, to be included in a deck; with
-            the section [slip] of the case also friction and stick slope), "ansys" (a gasket material), or "csv". "mesh"
-            is the block itself, see `mesh_file.write_mesh`.
+            the section [slip] of the case also friction and stick slope), "ansys" (a gasket material), or "csv"
         path: of the file; default in the folder
         law: see `interface`; default "table"
         load: see `interface`
@@ -240,16 +238,6 @@ def exported(
     if to not in EXPORTS:
         raise InputError(f'to = "{to}" is unknown: choose one of {", ".join(EXPORTS)}')
     target = Path(folder) / EXPORTS[to] if path is None else Path(path)
-    if to == "mesh":
-        if (law, load) != (None, None):
-            raise InputError("law and preload are for the contact, not for the mesh: leave them out")
-        results = Results.read(folder)
-        if not results.case:
-            raise InputError(f"{folder} holds no case.toml, which describes the block; give the folder of a run")
-        levels = (results.summary.get("accuracy") or {}).get("levels") or [{}]  # the last has the finest mesh
-        block, surface = block_of_case(Case.from_dict(results.case, folder=folder), levels[-1].get("h"))
-        about = f"block of {Path(folder).resolve().name} by asperity {__version__}"
-        return write_mesh(block, surface, target, about), ()
     text, reading = _text(interface(folder, law or "table", load), TEMPLATES[to])
     target.parent.mkdir(parents=True, exist_ok=True)
     replace_file(target, text.encode())

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import replace
 from io import BytesIO
 from pathlib import Path
@@ -14,15 +15,41 @@ from asperity.case import Case
 from asperity.errors import InputError, MeshError
 from asperity.mesh.block import NEAR, BlockMesh
 from asperity.mesh.element import FACE_TRIANGLES, GMSH_TO_VTK, outer_faces
+from asperity.output.results import Results
 from asperity.runtime import compat
 from asperity.runtime.display import comment
 from asperity.runtime.files import replace_file
 from asperity.surface import Surface
 from asperity.surface.iso25178 import light_approach
+from asperity.version import __version__
 
 SUFFIXES = (".inp", ".msh", ".vtk", ".stl", ".bdf", ".unv")  # of the deck, and of what gmsh writes
 #: Corners of the faces of an element in CalculiX and Abaqus, S1 to S4, counted from 0.
 ABAQUS_FACES = ((0, 1, 2), (0, 3, 1), (1, 3, 2), (2, 3, 0))
+
+
+def export_mesh(source: str | Path, path: str | Path, overrides: Iterable[str] = ()) -> tuple[Path, BlockMesh]:
+    """Write the mesh of a run, or that of a case without a solve; return the file and the mesh.
+
+    Args:
+        source: folder of a run, whose finest mesh is taken, or a case file
+        path: see `write_mesh`
+        overrides: strings "section.key=value" that replace keys of the case file
+
+    Raises:
+        InputError: the folder holds no run, the case cannot be meshed, or as for `write_mesh`
+    """
+    source, h = Path(source), None
+    if source.is_dir():
+        results = Results.read(source)
+        if not results.case:
+            raise InputError(f"{source} holds no case.toml, which describes the block; give the folder of a run")
+        levels = (results.summary.get("accuracy") or {}).get("levels") or [{}]  # the last has the finest mesh
+        case, h = Case.from_dict(results.case, folder=source), levels[-1].get("h")
+    else:
+        case = Case.load(source, overrides)
+    block, surface = block_of_case(case, h)
+    return write_mesh(block, surface, path, f"block of {source.resolve().name} by asperity {__version__}"), block
 
 
 def block_of_case(case: Case, h: float | None = None) -> tuple[BlockMesh, Surface]:

@@ -33,7 +33,6 @@ EXPORTS = {
     "abaqus": "contact_abaqus.inp",
     "ansys": "contact_ansys.inp",
     "csv": "contact.csv",
-    "mesh": "block.inp",
 }
 LOCK = ".lock"  # of the process that works in the folder
 MESH, STATE, SNAPSHOT = "mesh.npz", "state.npz", "snapshot-{}.npz"  # in checkpoint and in the folders in it
