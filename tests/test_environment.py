@@ -174,7 +174,7 @@ def test_debian_13_serves_as_it_is_unless_another_suite_is_requested(clone: Clon
     assert own or "making the virtual environment failed" in errors
 
 
-@pytest.mark.parametrize(("compiles", "installed"), [(True, "--editable {}[solve]"), (False, "asperity[solve]==1.")])
+@pytest.mark.parametrize(("compiles", "installed"), [(True, "--editable {}[solve]"), (False, "asperity[solve]==2.")])
 def test_wheels_of_pypi_need_no_root(clone: Clone, compiles: bool, installed: str) -> None:
     """The clone itself where its solver/ can be compiled, else the wheel of its version."""
     tools = clone.path.parent / "tools"
