@@ -57,10 +57,8 @@ def dense(rng: np.random.Generator) -> Curve:
     return smooth(rng)[0], np.linspace(0, 1, rng.integers(101, 201))[1:]
 
 
-@pytest.mark.parametrize(
-    ("curve", "least"),
-    [(smooth, 0.9), (apart, 0.9), (summits, 0.8), pytest.param(dense, 0.9, marks=pytest.mark.slow)],
-)
+@pytest.mark.slow
+@pytest.mark.parametrize(("curve", "least"), [(smooth, 0.9), (apart, 0.9), (summits, 0.8), (dense, 0.9)])
 def test_the_bars_of_computed_points_hold(curve: Maker, least: float) -> None:
     """Of n, kappa, z and stiffness, for 90 % of curves; less where summits touch between the points."""
     inside, size = [], []
