@@ -119,13 +119,13 @@ def test_steep_summits_keep_their_heights() -> None:
 
 
 def test_summits_that_are_too_steep_are_told() -> None:
-    """The highest one is lower by a third of the approach; for a third of that the mesh is refused."""
+    """The highest one is lower by an eighth of the approach; for a sixth of the approach the mesh is refused."""
     surface, block, delta = pressed(1.5, 9)
     assert jacobians(block).min() > 0.0
     with pytest.warns(ResolutionWarning, match="smoothed"):
         judge_mesh(block, surface, 0.1, delta)
     with pytest.raises(MeshError, match=r"mesh\.h_contact, or filter"):
-        judge_mesh(block, surface, 0.1, delta / 3.0)
+        judge_mesh(block, surface, 0.1, delta / 6.0)
 
 
 def test_a_sheer_step_has_sound_elements(tmp_path: Path) -> None:
