@@ -15,7 +15,7 @@ from conftest import ELASTIC, PLASTIC, here, world
 from html_page import Page
 
 import asperity as asp
-from asperity.adaptive.extrapolation import limit_of_meshes, loading_force, steady
+from asperity.adaptive.extrapolation import limit_of_area, limit_of_meshes, loading_force, steady
 from asperity.adaptive.guide import planned_steps
 from asperity.adaptive.mesh_plan import (
     DOFS_ORDER,
@@ -85,6 +85,21 @@ def test_meshes_that_agree_by_chance_at_one_step_do_not_move_its_limit() -> None
     alone = np.abs(fine * (fine / coarse) ** shares(2.0)[0] / exact - 1.0)
     assert np.sqrt(np.mean(error**2)) < 0.8 * np.sqrt(np.mean(alone**2))
     assert np.mean(error <= np.hypot(bar, 2.0 * 0.004)) > 0.95  # of the finer mesh the area shows it
+
+
+@pytest.mark.parametrize("inside", [-0.05, 0.0, 0.1])
+def test_an_edge_that_lies_too_far_inside_on_both_meshes_is_found(inside: float) -> None:
+    """By a part of the facets that it crosses, beside the random place of the edge in each: 95 % within the bar."""
+    rng, rows = np.random.default_rng(2), 400
+    area, edges = np.full(rows, 0.3), [np.full(rows, 0.2), np.full(rows, 0.1)]
+    chance = [np.full(rows, 0.03), np.full(rows, 0.012)]  # twice the deviation
+    areas = [
+        area * (1.0 + 0.5 * e * rng.standard_normal(rows)) - inside * x for e, x in zip(chance, edges, strict=True)
+    ]
+    factor, bar = limit_of_area(areas, edges, chance, np.zeros(rows), np.ones(rows, dtype=bool))
+    error = areas[1] * factor / area - 1.0
+    assert np.mean(np.abs(error) <= bar) > 0.95
+    assert abs(np.mean(error)) < 0.3 * abs(inside) * 0.1 / 0.3 + 0.002  # most of it
 
 
 def test_a_mesh_without_a_force_is_not_extrapolated() -> None:

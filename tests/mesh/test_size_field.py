@@ -20,7 +20,8 @@ def size_at(field: SizeField, x: float, y: float, depth: float) -> float:
     scale = (field.distances.shape[0] - 1) / side
     d = field.distances[round((inside_y - y0) * scale), round((inside_x - x0) * scale)]
     d = d + hypot(x - inside_x, y - inside_y)
-    return min(float(np.min(field.sizes + field.growth * np.sqrt(d * d + depth * depth))), field.h_max)
+    farther = np.maximum(np.sqrt(d * d + depth * depth) - field.layer * field.sizes, 0.0)
+    return min(float(np.min(field.sizes + field.growth * farther)), field.h_max)
 
 
 @pytest.mark.parametrize("periodic", [False, True])
@@ -36,3 +37,14 @@ def test_the_compiled_field_has_the_bits_of_its_twin(rough, delta_max, periodic)
         sizes = [field.at(x, y, depth) for x, y, depth in points]
         assert sizes == [size_at(field, x, y, depth) for x, y, depth in points]
         assert max(sizes) > 2.0 * min(sizes)
+
+
+def test_a_layer_of_the_size_that_cells_want_lies_below_them() -> None:
+    """One element deep the size is that of the cells, from there on it grows."""
+    sizes = np.full((64, 64), np.inf)
+    sizes[28:36, 28:36] = 0.02
+    field = SizeField.on_cells(sizes, growth=0.4)
+    points = np.random.default_rng(3).uniform(0.0, 1.0, (2000, 3))
+    assert [field.at(*point) for point in points] == [size_at(field, *point) for point in points]
+    below = [field.at(0.5, 0.5, depth) for depth in (0.0, 0.02, 0.07)]
+    np.testing.assert_allclose(below, [0.02, 0.02, 0.02 + 0.4 * 0.05], rtol=1e-12)

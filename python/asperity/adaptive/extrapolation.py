@@ -27,7 +27,7 @@ from asperity.errors import InputError
 # indentation, its pressure times the area, and deviates by half of the open area, the deviation of the area
 SCATTER, FLOWING = 0.12, 0.5
 NEIGHBOURS = 2 * REACH + 1  # steps that are averaged
-SHARP = 0.3  # the same as EDGE where the surface ends in a sharp edge, which lies anywhere in the facets
+SHARP = 0.3  # what EDGE is where the surface ends in a sharp edge, which lies anywhere in the facets
 ALIKE = 2.0  # neighbouring steps that place the edge of the contact alike
 STEEPEST = 2.0  # power of the force that the approach is moved by: a force that stands still gives none
 TINY = 1e-300  # P* below which there is no logarithm
@@ -146,10 +146,9 @@ def correct(
     part, _ = shares(ratio, singular, orders)
     scatter = (FLOWING if flows else SCATTER) * of_limit(open_area, part)
     rough = of_limit(lambda one: other_half(one.missed.at(at)[0]), part)
-    bars = [np.hypot(spread, scatter), rough, path(at)]
     curve = scaled(mesh, factor)
     P = np.where(loading, curve.P_star, curve.P_star[loading][-1])
-    mesh_bar, rough_bar, path_bar = (bar[rows] * P for bar in bars)
+    mesh_bar, rough_bar, path_bar = (bar[rows] * P for bar in (np.hypot(spread, scatter), rough, path(at)))
     budget = Budget(mesh_bar, rough_bar, path_bar, algebraic * P)
     columns: dict[str, Any] = {"error_P_star": budget.total}
     for name in MEASURES:
@@ -220,9 +219,17 @@ def over_force(curve: Curve, name: str, P_star: Floats) -> Floats:
     known = (branch.P_star > np.maximum.accumulate(np.append(0.0, branch.P_star[:-1]))) & (values > 0.0)
     if np.count_nonzero(known) < 2:
         return np.full(len(P_star), np.nan)
-    x, y, at = np.log(branch.P_star[known]), np.log(values[known]), np.log(np.maximum(P_star, TINY))
+    x, y = np.log(branch.P_star[known]), np.log(values[known])
+    return _in_logarithms(x, y, np.log(np.maximum(P_star, TINY)), (y[1] - y[0]) / (x[1] - x[0]))
+
+
+def _in_logarithms(x: Floats, y: Floats, at: Floats, before: float) -> Floats:
+    """Values at `at` of a shape-preserving cubic through (x, y), all three logarithms.
+
+    Below the first point the power `before` goes on, beyond the last one its tangent.
+    """
     law, inside = PchipInterpolator(x, y), np.clip(at, x[0], x[-1])
-    slope = np.where(at < x[0], (y[1] - y[0]) / (x[1] - x[0]), law(x[-1], 1))
+    slope = np.where(at < x[0], before, law(x[-1], 1))
     return np.asarray(np.exp(law(inside) + slope * (at - inside)))
 
 
@@ -313,12 +320,9 @@ def at_given_forces(curve: Curve, budget: Budget, raw: Curve, greatest: float) -
         known = touched & (of > 0.0) & np.isfinite(there)
         by = np.divide(there, of, out=np.ones(len(first)), where=known)[rows]
         columns |= {key: by * getattr(curve, key) for key in (name, f"error_{name}")}
-    columns["mean_pressure"] = curve.mean_pressure * np.divide(
-        factor[rows] * curve.area_fraction,
-        columns["area_fraction"],
-        out=np.ones(len(P)),
-        where=curve.area_fraction > 0.0,
-    )
+    area = columns["area_fraction"]
+    smaller = np.divide(curve.area_fraction, area, out=np.ones(len(P)), where=area > 0.0)
+    columns["mean_pressure"] = curve.mean_pressure * factor[rows] * smaller
     found = replace(curve, **columns).with_force(force)
     steeper = np.divide(found.k_n, curve.k_n, out=np.ones(len(P)), where=curve.k_n > 0.0)
     return replace(found, error_k_n=curve.error_k_n * steeper), budget
@@ -340,10 +344,7 @@ def loading_force(curve: Curve, delta_star: Floats) -> Floats:
     x, y, at = np.log(branch.delta_star), np.log(branch.P_star), np.log(delta_star)
     if len(branch) == 1:
         return np.asarray(np.exp(y[0] + SINGLE_CONTACT * (at - x[0])))
-    law = PchipInterpolator(x, y)
-    inside = np.clip(at, x[0], x[-1])
-    slope = np.where(at < x[0], SINGLE_CONTACT, law(x[-1], 1))
-    return np.asarray(np.exp(law(inside) + slope * (at - inside)))
+    return _in_logarithms(x, y, at, SINGLE_CONTACT)
 
 
 def limit_of_meshes(
@@ -353,8 +354,8 @@ def limit_of_meshes(
     """Limit of a quantity along the loading over its value on the finer of two meshes, and the relative error bar.
 
     Error and order of a mesh change slowly with the load; where the edges of the contact cut facets, both meshes are
-    off by chance. The logarithm of the error is therefore averaged over neighbouring steps. The bar holds the orders in
-    the range of orders, and what the average changes.
+    off by chance. The logarithm of the error is therefore averaged over neighbouring steps. The bar holds the range
+    of the orders, and what the average changes.
 
     Args:
         coarse, fine: values on the meshes, not negative (n,)
@@ -389,7 +390,7 @@ def steady(relative: Floats) -> Floats:
 def _average(values: Floats) -> Floats:
     """Mean over the neighbours, REACH to either side."""
     padded = np.pad(values, REACH, mode="edge")
-    return np.asarray(np.lib.stride_tricks.sliding_window_view(padded, 2 * REACH + 1).mean(axis=1))
+    return np.asarray(np.lib.stride_tricks.sliding_window_view(padded, NEIGHBOURS).mean(axis=1))
 
 
 def _by_parts(filtered: Callable[[Floats], Floats], values: Floats, judged: Flags) -> Floats:
@@ -433,10 +434,7 @@ def _open_area(curve: Curve, delta_star: Floats) -> Floats:
     the area deviates by.
     """
     branch = curve.loading()
-    area, square = (
-        branch.area_fraction,
-        branch.error_area_fraction**2 - (EDGE * np.nan_to_num(branch.edge_fraction)) ** 2,
-    )
-    error = np.sqrt(np.maximum(square, 0.0))
+    area, edge = branch.area_fraction, np.nan_to_num(branch.edge_fraction)
+    error = np.sqrt(np.maximum(branch.error_area_fraction**2 - (EDGE * edge) ** 2, 0.0))
     share = np.divide(error, area, out=np.ones(len(branch)), where=area > error)
     return np.interp(delta_star, branch.delta_star, share)

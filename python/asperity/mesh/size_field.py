@@ -30,7 +30,8 @@ class SizeField:
 
     On that part the size is h_contact (gap/delta_max)^(1/2), gap being the depth below the summit. A contact spot that
     has just formed is small, so the summit needs the finest elements, and the points that touch last need h_contact.
-    It has a lower limit. Elsewhere the size grows by `growth` per unit of distance, up to h_max.
+    It has a lower limit. Elsewhere the size grows by `growth` per unit of distance, up to h_max; on cells it begins to
+    grow `layer` of these sizes away, for large elements below place the edge of the contact too far inside.
 
     All lengths are in units of L and rounded: gmsh generates a different mesh if a size differs in the last digit, and
     the curve of a case must not depend on whether its lengths are in metres or micrometres.
@@ -43,6 +44,7 @@ class SizeField:
         growth: increase of size per unit of distance
         h_max: greatest size [L]
         periodic: whether distances pass through the sides
+        layer: distance from where the size is wanted up to which it does not grow, over the size
 
     Examples:
         >>> sphere = asp.Surface.from_spec("sphere", L=1.0, radius=1.0)
