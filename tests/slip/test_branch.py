@@ -8,7 +8,7 @@ import pytest
 from asperity.model.material import Material
 from asperity.slip import SlipSettings, slip_of_curve
 from asperity.slip.branch import branch_rows, stuck_law
-from asperity.vibration.law import CurveLaw
+from asperity.vibration.curve_law import CurveLaw
 from asperity.vibration.source import CurveColumns, choose
 
 STEEL, SIDE, HEIGHT = Material(200e9, 0.3), 1e-6, 1e-6

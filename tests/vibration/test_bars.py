@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 from scipy.optimize import brentq
 
-from asperity.vibration.law import CurveLaw, bar_of
+from asperity.vibration.curve_law import CurveLaw
+from asperity.vibration.law import bar_of
 from asperity.vibration.numbers import Numbers, at_load
 
 Curve = tuple[Callable[[float], float], np.ndarray]

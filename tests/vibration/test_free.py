@@ -12,8 +12,9 @@ from scipy.integrate import solve_ivp
 from scipy.special import beta
 
 from asperity.errors import ConvergenceError, RangeError
+from asperity.vibration.curve_law import CurveLaw
 from asperity.vibration.free import free_orbits
-from asperity.vibration.law import CurveLaw, Law, PowerLaw
+from asperity.vibration.law import Law, PowerLaw
 from asperity.vibration.oscillator import ContactOscillator
 
 

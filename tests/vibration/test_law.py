@@ -11,7 +11,8 @@ from scipy.integrate import quad
 
 from asperity.errors import InputError, RangeError
 from asperity.vibration import ContactOscillator, CurveLaw, Law, PowerLaw, Restoring, TaylorLaw, law_from, unload_reload
-from asperity.vibration.law import Bars, Side, bar_of
+from asperity.vibration.curve_law import Bars, Side
+from asperity.vibration.law import bar_of
 from asperity.vibration.numbers import at_load
 
 Z = np.linspace(0.0, 1.0, 61)[1:]

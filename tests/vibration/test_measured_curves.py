@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 from asperity.errors import InputError
-from asperity.vibration.law import CurveLaw, bar_of
+from asperity.vibration.curve_law import CurveLaw
+from asperity.vibration.law import bar_of
 from asperity.vibration.numbers import at_load
 from asperity.vibration.source import CurveColumns, choose
 

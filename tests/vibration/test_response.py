@@ -15,9 +15,10 @@ from twin import computed, motion, shoot
 
 from asperity.errors import ConvergenceError
 from asperity.vibration import branch
+from asperity.vibration.curve_law import CurveLaw
 from asperity.vibration.equation import Equation, Restoring
 from asperity.vibration.free import free_orbits
-from asperity.vibration.law import CurveLaw, PowerLaw
+from asperity.vibration.law import PowerLaw
 from asperity.vibration.oscillator import ContactOscillator
 
 TABLES: dict[str, dict[str, Any]] = json.loads((Path(__file__).parent / "tables.json").read_text(encoding="utf-8"))

@@ -29,8 +29,8 @@ from asperity.slip import SlipLaw
 from asperity.slip.joint_slip import slip_of_case
 from asperity.units import per_cent, quantity
 from asperity.version import __version__
+from asperity.vibration.curve_law import CurveLaw
 from asperity.vibration.joint import Joint
-from asperity.vibration.law import CurveLaw
 from asperity.vibration.source import CurveColumns, leg_rows, unload_reload
 
 LAWS = ("table", "unload-reload")

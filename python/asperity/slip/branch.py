@@ -11,7 +11,7 @@ import numpy as np
 from asperity.arrays import Array
 from asperity.errors import InputError
 from asperity.slip.law import AS_STIFF, LEAST
-from asperity.vibration.law import CurveLaw
+from asperity.vibration.curve_law import CurveLaw
 from asperity.vibration.source import Choice, CurveColumns, leg_rows
 
 

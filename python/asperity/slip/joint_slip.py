@@ -21,7 +21,8 @@ from asperity.slip.branch import branch_rows, column_of, down_to_zero, measured_
 from asperity.slip.law import SlipLaw, SlipPath, path_of_law
 from asperity.slip.settings import SlipSettings
 from asperity.units import quantity
-from asperity.vibration.law import Bars, CurveLaw, Law, bar_of
+from asperity.vibration.curve_law import Bars, CurveLaw
+from asperity.vibration.law import Law, bar_of
 from asperity.vibration.source import Choice, CurveColumns, choose
 
 #: Columns of slip_loops.csv with an error bar.

@@ -10,7 +10,8 @@ from typing import Any
 
 # module -> the public names that it defines; a module is loaded by its first use
 _MODULES = {
-    "law": "Law PowerLaw TaylorLaw CurveLaw bar_of",
+    "law": "Law PowerLaw TaylorLaw bar_of",
+    "curve_law": "CurveLaw",
     "source": "law_from unload_reload",
     "settings": "Setting DynamicsSettings",
     "joint": "Joint",

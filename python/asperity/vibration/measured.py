@@ -15,7 +15,7 @@ from asperity.errors import InputError
 from asperity.runtime.files import read_whole
 from asperity.runtime.text_table import decoded
 from asperity.units import LENGTHS
-from asperity.vibration.law import MIN_POINTS, Bars, CurveLaw
+from asperity.vibration.curve_law import MIN_POINTS, Bars, CurveLaw
 from asperity.vibration.local_fit import LocalFit
 
 FORCES = {"N": 1.0, "kN": 1e3, "MN": 1e6, "mN": 1e-3, "uN": 1e-6, "µN": 1e-6, "μN": 1e-6, "nN": 1e-9, "pN": 1e-12}

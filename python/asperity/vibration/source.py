@@ -17,7 +17,8 @@ from asperity.curve.power_law import fit_power_law
 from asperity.curve.slope import fitted_rows, legs
 from asperity.errors import AsperityError, AsperityWarning, InputError, RangeError, warn
 from asperity.vibration.checks import LAWS, MIN_ROWS, one_of, positive, within
-from asperity.vibration.law import MIN_POINTS, CurveLaw, Law, PowerLaw
+from asperity.vibration.curve_law import MIN_POINTS, CurveLaw
+from asperity.vibration.law import Law, PowerLaw
 from asperity.vibration.local_fit import LocalFit
 from asperity.vibration.measured import FALL, branches, law_of_rows, read_table
 
@@ -242,16 +243,9 @@ def choose(columns: CurveColumns, law: str = "auto", load: float | None = None) 
             leg, done = law_named(columns, "unload-reload", load)
             yielded = columns.yielded(columns.force[leg_rows(columns, load)].max())
             if yielded:
-                if (rows := leg.knots.size) < MIN_ROWS[1]:
-                    few = (
-                        f"the unloading through the preload has {rows} rows in contact, and at least {MIN_ROWS[1]} show"
-                    )
-                    lowered = "; ".join(
-                        filter(None, (f"{few} its curvature: compute it with more unload_steps", lowered))
-                    )
-                return Choice(
-                    "unload-reload", leg, load, True, "yielded, and unloaded through the preload", lowered, done
-                )
+                note = "; ".join(filter(None, (_few(leg.knots.size), lowered)))
+                reason = "yielded, and unloaded through the preload"
+                return Choice("unload-reload", leg, load, True, reason, note, done)
         except AsperityError as error:
             lack = (
                 f"the unloading through the preload gives no law: {error}; compute it with loading.unload_steps = "
@@ -268,6 +262,16 @@ def choose(columns: CurveColumns, law: str = "auto", load: float | None = None) 
         found, name, reason = law_named(columns, "paper", load)[0], "paper", "yielded, no other law"
         notes[0] = f"{lack}; until then {TOO_LOW}" if lack else LACK
     return Choice(name, found, load, True, reason, "; ".join(filter(None, notes)))
+
+
+def _few(rows: int) -> str:
+    """Sentence on an unloading of too few rows in contact; empty for others."""
+    if rows >= MIN_ROWS[1]:
+        return ""
+    return (
+        f"the unloading through the preload has {rows} rows in contact, and at least {MIN_ROWS[1]} show its curvature: "
+        "compute it with more unload_steps"
+    )
 
 
 def met(load: float, top: float, bar: float, name: str = "load") -> tuple[float, str]:
