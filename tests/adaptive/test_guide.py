@@ -16,10 +16,10 @@ from asperity.adaptive.extrapolation import (
     Budget,
     PressedMesh,
     correct,
-    limit_of_meshes,
     without_omission,
 )
 from asperity.adaptive.guide import Guide, Omission, spots_of
+from asperity.adaptive.limits import limit_of_meshes
 from asperity.adaptive.mesh_levels import LevelSolver
 from asperity.adaptive.mesh_plan import RATIO, next_step, partner, planned_order, shares
 from asperity.adaptive.refine import refine

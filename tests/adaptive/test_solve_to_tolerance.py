@@ -15,8 +15,9 @@ from conftest import ELASTIC, PLASTIC, here, world
 from html_page import Page
 
 import asperity as asp
-from asperity.adaptive.extrapolation import limit_of_area, limit_of_meshes, loading_force, steady
+from asperity.adaptive.extrapolation import loading_force
 from asperity.adaptive.guide import planned_steps
+from asperity.adaptive.limits import limit_of_area, limit_of_meshes, steady
 from asperity.adaptive.mesh_plan import (
     DOFS_ORDER,
     LEAST_RATIO,

@@ -1,12 +1,12 @@
 """Force, area, gap and stiffness of the limit of two meshes, with the parts of their error bars.
 
-The force on a mesh is extrapolated from a coarser one (`limit_of_meshes`), and so are the stiffnesses. What is left of
-the error of the load steps, of the waves that a mesh leaves out, and of the equations is added to the bar.
+The force on a mesh is extrapolated from a coarser one (`limits`), and so are gap and stiffnesses. What is left of the
+error of the load steps, of the waves that a mesh leaves out, and of the equations is added to the bar.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass, fields, replace
 from math import inf
 from typing import Any
@@ -14,8 +14,9 @@ from typing import Any
 import numpy as np
 from scipy.interpolate import PchipInterpolator
 
-from asperity.adaptive.guide import REACH, Omission
-from asperity.adaptive.mesh_plan import GAP_ORDERS, MESH_ORDERS, orders_of, shares
+from asperity.adaptive.guide import Omission
+from asperity.adaptive.limits import limit_of_area, limit_of_meshes, steady
+from asperity.adaptive.mesh_plan import GAP_ORDERS, orders_of, shares
 from asperity.arrays import Array, Flags, Floats
 from asperity.curve import WITH_ERRORS, Curve
 from asperity.curve.curve import EDGE
@@ -26,9 +27,6 @@ from asperity.errors import InputError
 # 2 of twelve single spots, each at another place of the block. In a solid that yields the force is that of a full
 # indentation, its pressure times the area, and deviates by half of the open area, the deviation of the area
 SCATTER, FLOWING = 0.12, 0.5
-NEIGHBOURS = 2 * REACH + 1  # steps that are averaged
-SHARP = 0.3  # what EDGE is where the surface ends in a sharp edge, which lies anywhere in the facets
-ALIKE = 2.0  # neighbouring steps that place the edge of the contact alike
 STEEPEST = 2.0  # power of the force that the approach is moved by: a force that stands still gives none
 TINY = 1e-300  # P* below which there is no logarithm
 MEASURES = ("area_fraction", *(name for name in WITH_ERRORS if name != "k_n"))  # of the contact, functions of the force
@@ -178,38 +176,6 @@ def correct(
     return replace(curve, error_k_n=slope_bar(curve, budget, _open_area(curve, at)[rows])), budget
 
 
-def limit_of_area(
-    areas: Sequence[Floats], edges: Sequence[Floats], chance: Sequence[Floats], singular: Floats, judged: Flags
-) -> tuple[Floats, Floats]:
-    """Area of contact at a force over the area on the finer of two meshes, and the relative error bar.
-
-    The nodes place the edge of the contact too far inside or outside by a part of the facets that it crosses. The part
-    is about the same on both meshes and at neighbouring steps, so the areas of both show it: by least squares, with the
-    prior knowledge that two of its standard deviations are EDGE. The bar keeps EDGE, or SHARP, for the part does
-    change, and half of what is corrected.
-
-    Args:
-        areas, edges, chance: of the coarser and the finer mesh at the same forces: area of contact (n,); area of the
-            facets that its edge crosses (n,); error of the area by the random place of the edge, relative (n,)
-        singular: see `mesh_plan.shares`
-        judged: rows that show the part
-
-    Returns:
-        factor (n,), and the bar (n,)
-    """
-    (coarse, fine), (wide, narrow) = areas, edges
-    square = np.sum(np.square([0.5 * error * area for error, area in zip(chance, areas, strict=True)]), axis=0)
-    known = (square > 0.0) & np.isfinite(wide) & np.isfinite(narrow)
-    weight = np.divide(known, ALIKE * square, out=np.zeros(len(fine)), where=known)
-    more, missing = np.nan_to_num(wide - narrow), fine - coarse
-    precision, shown = (_by_parts(_average, weight * more * of, judged) * NEIGHBOURS for of in (more, missing))
-    part = shown / (precision + (2.0 / EDGE) ** 2)
-    left = np.maximum(EDGE + singular * (SHARP - EDGE), 0.5 * np.abs(part))
-    crossed = np.divide(np.nan_to_num(narrow), fine, out=np.zeros(len(fine)), where=fine > 0.0)
-    factor = np.maximum(1.0 + part * crossed, 0.0)
-    return factor, np.hypot(chance[1], left * crossed)
-
-
 def over_force(curve: Curve, name: str, P_star: Floats) -> Floats:
     """A measure of the contact along the first loading at given forces P*; NaN where it is known at less than 2 steps.
 
@@ -345,59 +311,6 @@ def loading_force(curve: Curve, delta_star: Floats) -> Floats:
     if len(branch) == 1:
         return np.asarray(np.exp(y[0] + SINGLE_CONTACT * (at - x[0])))
     return _in_logarithms(x, y, at, SINGLE_CONTACT)
-
-
-def limit_of_meshes(
-    coarse: Floats, fine: Floats, ratio: float, singular: Floats | float = 0.0, judged: Flags | None = None,
-    orders: tuple[float, float] = MESH_ORDERS,
-) -> tuple[Floats, Floats]:  # fmt: skip
-    """Limit of a quantity along the loading over its value on the finer of two meshes, and the relative error bar.
-
-    Error and order of a mesh change slowly with the load; where the edges of the contact cut facets, both meshes are
-    off by chance. The logarithm of the error is therefore averaged over neighbouring steps. The bar holds the range
-    of the orders, and what the average changes.
-
-    Args:
-        coarse, fine: values on the meshes, not negative (n,)
-        ratio: of their scales
-        singular: see `mesh_plan.shares`
-        judged: rows that are averaged among themselves; None for all
-        orders: least and greatest order of the quantity in the scale
-
-    Returns:
-        factor (n,), 1 where a value vanishes, and the bar (n,)
-    """
-    known = (coarse > 0.0) & (fine > 0.0)
-    change = np.log(np.divide(coarse, fine, out=np.ones(len(fine)), where=known))
-    judged = np.ones(len(fine), dtype=bool) if judged is None else judged
-    weight, share = shares(ratio, singular, orders)
-    smooth = _by_parts(_average, weight * change, judged)
-    bar, rest = (_by_parts(steady, part, judged) for part in (share * change, weight * change - smooth))
-    return np.where(known, np.exp(-smooth), 1.0), np.hypot(bar, rest)
-
-
-def steady(relative: Floats) -> Floats:
-    """Error bars that do not vanish where an error happens to change sign.
-
-    Each is at least the root mean square over its neighbours, REACH to either side.
-
-    Args:
-        relative: estimated relative errors along a branch (n,)
-    """
-    return np.maximum(np.abs(relative), np.sqrt(_average(relative**2)))
-
-
-def _average(values: Floats) -> Floats:
-    """Mean over the neighbours, REACH to either side."""
-    padded = np.pad(values, REACH, mode="edge")
-    return np.asarray(np.lib.stride_tricks.sliding_window_view(padded, NEIGHBOURS).mean(axis=1))
-
-
-def _by_parts(filtered: Callable[[Floats], Floats], values: Floats, judged: Flags) -> Floats:
-    """Filtered values, those of judged rows from judged rows alone."""
-    found = filtered(values)
-    found[judged] = filtered(values[judged])
-    return found
 
 
 def judged_rows(curve: Curve, steps: int) -> Flags:

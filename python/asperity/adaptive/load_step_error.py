@@ -15,7 +15,8 @@ from typing import Any
 
 import numpy as np
 
-from asperity.adaptive.extrapolation import judged_rows, loading_force, scaled, steady
+from asperity.adaptive.extrapolation import judged_rows, loading_force, scaled
+from asperity.adaptive.limits import steady
 from asperity.adaptive.mesh_levels import LevelSolver
 from asperity.adaptive.mesh_plan import MARGIN, MOST_SUBSTEPS, RATIO, STEP_RULES, step_rule
 from asperity.arrays import Floats

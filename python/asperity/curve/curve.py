@@ -24,8 +24,8 @@ if TYPE_CHECKING:
     from asperity.curve.power_law import PowerLawFit
 
 
-#: Error of the contact area over the area of the facets that its edge crosses, on the whole of them: -0.06 to 0.12 on
-#: meshes of 7 elastic surfaces by boundary elements, from one element a spot to a tenth of that.
+#: Error of the contact area over the area of the facets that its edge crosses, on the whole of them: -0.06 to 0.11 on
+#: meshes of 7 elastic surfaces by boundary elements (benchmarks/area.py edge).
 EDGE = 0.1
 UNRESOLVED = 0.5  # error of the contact area over the area, reached when the contact has fewer than about six facets
 

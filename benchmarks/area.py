@@ -1,0 +1,126 @@
+"""Area and mean gap at a force on periodic self-affine patches, and where the nodes place the edge of a contact.
+
+    python3 benchmarks/area.py inside [--seed N ...] [--tolerance X ...]
+    python3 benchmarks/area.py edge [--seed N ...]
+
+The truth is the boundary-element solution on the same heights at the same force (`RoughHalfSpace`). `inside` prints one
+line a run: steps inside the bars of area and gap, median bar over median error, greatest error over its bar, dofs.
+`edge` presses single meshes of the scales 3, 1.5, 0.75 of the patches and of classes of `accuracy.py`, and a patch with
+the growth 0.7 and no layer below the contact: the area that is missing over that of the facets that the edge crosses,
+its mean over all steps but the first.
+"""
+
+from __future__ import annotations
+
+import argparse
+import warnings
+from dataclasses import replace
+
+import numpy as np
+from accuracy import CLASSES, ELASTIC, FLAT, flattened
+
+import asperity as asp
+from asperity.adaptive.guide import guide_of
+from asperity.adaptive.mesh_plan import MeshFamily
+from asperity.arrays import Floats
+from asperity.curve import Curve
+from asperity.model.problem import Problem
+from asperity.quasistatic.solve_problem import solve_problem
+from asperity.reference import RoughHalfSpace
+
+CELLS, STEPS = 432, 8
+SCALES = (3.0, 1.5, 0.75)
+PRESSURE = 1.36e-2  # of the patches over E: 0.7 of them in contact
+
+
+def patch(seed: int) -> Problem:
+    """A periodic patch with waves from its side to a sixteenth of it, pressed until 0.7 of it are in contact."""
+    surface = asp.Surface.from_spec(
+        kind="self-affine", L=1.0, H=0.8, rms_height=2e-3, lambda_roll=1.0, lambda_short=0.0625, periodic=True,
+        seed=seed,
+    )  # fmt: skip
+    solid = asp.Material(1.0, 0.0)
+    return asp.Problem.of(surface, solid, height=1.0, sides="periodic", force_max=PRESSURE, steps=STEPS)
+
+
+def of_class(name: str, seed: int) -> Problem:
+    """An elastic surface of accuracy.py."""
+    make, depth = CLASSES[name]
+    return asp.Problem.of(flattened(make(seed)), ELASTIC, delta_max=FLAT * depth, steps=STEPS)
+
+
+def truth_at(problem: Problem, curve: Curve) -> tuple[Floats, Floats]:
+    """Contact fraction and mean gap of boundary elements at the forces of a curve."""
+    surface, solid = problem.surface, problem.material
+    layer, summit = RoughHalfSpace(CELLS, problem.height, solid.nu, problem.sides), surface.maximum()[2]
+    at = np.unique(np.concatenate([curve.delta_star * by for by in (0.9, 0.97, 1.0, 1.03)]))
+    found = layer.curve(layer.heights(surface), summit, at, tolerance=1e-5)
+    gap = (
+        summit
+        - surface.mean()
+        - at
+        + problem.height * solid.reduced_modulus / solid.block_modulus(problem.sides) * found.P_star
+    )
+    known = found.P_star > 0.0
+    x, here = np.log(found.P_star[known]), np.log(curve.P_star)
+    area = np.exp(np.interp(here, x, np.log(np.maximum(found.area_fraction[known], 1e-12))))
+    return area, np.interp(here, x, gap[known])
+
+
+def inside(seeds: list[int], tolerances: list[float]) -> None:
+    """Print the table of the bars."""
+    print("| seed | tolerance | area inside | gap inside | bar/error | greatest error/bar | dofs |\n|" + 7 * " --- |")
+    for seed in seeds:
+        for tolerance in tolerances:
+            problem = patch(seed)
+            path = problem.load_path
+            run = asp.solve_contact(
+                problem.surface, problem.material, tolerance=tolerance, height=1.0, sides="periodic",
+                force_max=path.force_max, steps=path.steps,
+            )  # fmt: skip
+            curve = run.curve.loading()
+            truth = truth_at(problem, curve)
+            bars = (curve.error_area_fraction, curve.error_mean_gap)
+            off = [np.abs(v - t) for v, t in zip((curve.area_fraction, curve.mean_gap), truth, strict=True)]
+            cells = [f"{np.sum(e <= bar)}/{len(e)}" for e, bar in zip(off, bars, strict=True)]
+            ratio = np.median(bars[0]) / np.median(off[0])
+            print(f"| {seed} | {100 * tolerance:g} % | {' | '.join(cells)} | {ratio:.1f} | "
+                  f"{np.max(off[0] / bars[0]):.2f} | {run.levels[-1].dofs} |", flush=True)  # fmt: skip
+
+
+def part_of_edge(problem: Problem, size: asp.MeshSize) -> tuple[float, int]:
+    """Area that is missing over that of the facets that the edge crosses, mean over the steps, and dofs."""
+    result = solve_problem(replace(problem, size=size), checked=False)
+    curve = result.curve.loading()
+    missing = (truth_at(problem, curve)[0] - curve.area_fraction) / curve.edge_fraction
+    return float(np.mean(missing[1:])), result.dofs
+
+
+def edge(seeds: list[int]) -> None:
+    """Print the table of the place of the edge."""
+    print("| surface | mesh | dofs | missing area over the facets that the edge crosses |\n|" + 4 * " --- |")
+    problems = {f"patch {seed}": patch(seed) for seed in seeds}
+    names = ("spot", "cone", "ring", "angled", "honed", "inclusions")
+    problems |= {f"{name} {seed}": of_class(name, seed) for name in names for seed in seeds[:1]}
+    for name, problem in problems.items():
+        family = MeshFamily(problem, guide_of(problem))
+        for scale in SCALES:
+            part, dofs = part_of_edge(problem, family.size(scale))
+            print(f"| {name} | scale {scale:g} | {dofs} | {part:+.3f} |", flush=True)
+    for h in (0.06, 0.03):
+        for growth in (0.7, 0.2):
+            part, dofs = part_of_edge(patch(seeds[0]), asp.MeshSize(h, growth=growth))
+            print(f"| patch {seeds[0]} | h = {h:g} L, growth {growth:g}, no layer | {dofs} | {part:+.3f} |", flush=True)
+
+
+if __name__ == "__main__":
+    warnings.simplefilter("ignore")
+    parser = argparse.ArgumentParser()
+    parser.add_argument("what", choices=["inside", "edge"])
+    parser.add_argument("--seed", type=int, nargs="*", default=[1, 3, 5])
+    parser.add_argument("--tolerance", type=float, nargs="*", default=[0.05, 0.02])
+    options = parser.parse_args()
+    if options.what == "edge":
+        edge(options.seed)
+    else:
+        inside(options.seed, options.tolerance)
