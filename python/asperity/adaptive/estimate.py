@@ -16,17 +16,16 @@ from asperity.adaptive.extrapolation import FLOWING
 from asperity.adaptive.guide import Guide, approach_of_force, guide_of, planned_steps
 from asperity.adaptive.mesh_plan import (
     AREA_ORDER,
-    FIRST,
     LEAST_STEP,
     MARGIN,
     MOST_SUBSTEPS,
-    RATIO,
     STEP_RULES,
     MeshFamily,
     dofs_of,
     next_step,
     partner,
     planned_order,
+    second,
     shares,
     step_rule,
 )
@@ -214,7 +213,7 @@ def _plan(
     problem = replace(problem, load_path=replace(problem.load_path, steps=planned))
     family = MeshFamily(problem, guide)
     first, coarse = family.first(most)
-    scale, dofs = family.finest(min(FIRST, first) / RATIO, first, most)
+    scale, dofs = family.finest(second(first), first, most)
     small = None
     if coarse > most:
         small = f"a coarse mesh of this block has about {coarse} dofs: raise it"

@@ -93,6 +93,11 @@ def planned_order(singular: float = 0.0, flows: bool = False) -> float:
     return smooth + singular * (EDGE_ORDER - smooth)
 
 
+def second(first: float) -> float:
+    """Scale of the second mesh, by that of the first one."""
+    return min(FIRST, first) / RATIO
+
+
 def next_step(excess: float, order: float) -> float:
     """How much finer the next mesh is, by what its bar is to shrink by and the order with which it does.
 

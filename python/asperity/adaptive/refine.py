@@ -28,7 +28,7 @@ from asperity.adaptive.extrapolation import (
 from asperity.adaptive.guide import Guide, guide_of, planned_steps
 from asperity.adaptive.load_step_error import LoadStepError, choose_substeps
 from asperity.adaptive.mesh_levels import Level, LevelSolver
-from asperity.adaptive.mesh_plan import EDGE_ORDER, FIRST, LEAST_STEP, MARGIN, RATIO, next_step, partner, planned_order
+from asperity.adaptive.mesh_plan import EDGE_ORDER, LEAST_STEP, MARGIN, RATIO, next_step, partner, planned_order, second
 from asperity.arrays import Flags, Floats
 from asperity.curve import Curve
 from asperity.errors import Interrupted, MeshError
@@ -90,7 +90,7 @@ def refine(
     estimate = MeshErrorEstimate(run, target, path)
     estimate.add(result)
     result.solver.drop_matrices()
-    result = run(max(RATIO, run.scales[-1] * RATIO / FIRST), path.substeps)
+    result = run(run.scales[-1] / second(run.scales[-1]), path.substeps)
     while True:
         with suppress(Interrupted):  # this mesh is judged first; the next one is not begun
             hooks.stage("half-space with the top of the mesh")

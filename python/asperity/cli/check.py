@@ -73,6 +73,7 @@ def prepare(case: Case, problem: Problem, approach: float) -> None:
 
     from asperity.adaptive.guide import guide_of
     from asperity.adaptive.mesh_levels import LevelSolver
+    from asperity.adaptive.mesh_plan import second
     from asperity.mesh.block import BlockMesh
     from asperity.model.settings import AccuracyTarget
     from asperity.quasistatic.callbacks import Callbacks
@@ -89,7 +90,7 @@ def prepare(case: Case, problem: Problem, approach: float) -> None:
         target = AccuracyTarget(**case.accuracy.model_dump())
         levels = LevelSolver(problem, guide_of(problem), target, comm, Callbacks())
         for _ in range(2):  # the meshes without which there is no error bar
-            levels.refine(levels.scales[-1] if levels.scales else 1.0)
+            levels.refine(levels.scales[-1] / second(levels.scales[-1]) if levels.scales else 1.0)
             take(levels.block)
     elif case.mesh.file is not None:
         take(BlockMesh.read(case.mesh.file))
