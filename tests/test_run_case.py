@@ -20,6 +20,7 @@ from asperity.errors import CheckpointError, ConvergenceError, MeshError, Output
 from asperity.job.run_case import RunResult, run
 from asperity.mesh.block import BlockMesh
 from asperity.output.results import Results
+from asperity.reference import radiation_loss
 from asperity.runtime.run_folder import PRODUCTS
 from asperity.vibration import PowerLaw, law_from
 
@@ -133,7 +134,7 @@ def test_a_full_disk_mentions_a_saved_state_only_where_there_is_one(
     assert ("--resume continues from the last step saved" in str(caught.value)) == saved
 
 
-def test_the_ledger_takes_the_vibration_that_was_computed() -> None:
+def test_the_assumptions_take_the_vibration_that_was_computed() -> None:
     """A joint with a mass only leaves the preload to [dynamics]."""
     dynamics = {
         "law": "paper",
@@ -149,8 +150,9 @@ def test_the_ledger_takes_the_vibration_that_was_computed() -> None:
     result = run(case)
     assert result.dynamics.first.restoring.load == pytest.approx(5e-5)
     lines = {line["name"]: line for line in result.summary["assumptions"]}
-    slow = lines["inertia: frequency of the vibration over the first of the block"]
-    assert slow["detail"].startswith(f"{result.dynamics.numbers.frequency:.3g} and ")
+    radiated, found, solid = lines["inertia: damping ratio by radiation"], result.dynamics.numbers, case.material
+    eta = radiation_loss(found.stiffness, 2 * np.pi * found.frequency, E=solid.E, nu=solid.nu, density=7800.0)
+    assert radiated["value"] == pytest.approx(0.5 * eta) and radiated["detail"].startswith("the model has 0.2")
 
 
 @pytest.mark.parametrize("summary", ['{"finished": true, "case_hash": 1}', "["])
@@ -363,12 +365,12 @@ def test_the_patches_of_a_joint_are_pressed_by_its_nominal_pressure(monkeypatch:
     def spread(_: Any, pressure: float) -> None:
         asked.append(pressure)
 
-    def ledger(evidence: Any) -> list[Any]:
+    def assumptions(evidence: Any) -> list[Any]:
         asked.append(evidence.side)
         return []
 
-    monkeypatch.setattr("asperity.job.parts.spread_of_patches", spread)
-    monkeypatch.setattr("asperity.job.run_case.ledger", ledger)
+    monkeypatch.setattr("asperity.job.stages.spread_of_patches", spread)
+    monkeypatch.setattr("asperity.job.stages.assumptions_of", assumptions)
     quiet = {"figures": False, "report": False}
     elastic, light = {"E": 200e9, "nu": 0.3}, {"delta_max": 0.01e-6, "steps": 2}
     joint = {"nominal_area": 4e-4, "preload": 1e3}

@@ -20,7 +20,7 @@ from asperity.reference.elastic import (
     reduced_modulus,
 )
 from asperity.reference.halfspace import HalfSpaceContact, RoughCurve, RoughHalfSpace, half_space_contact
-from asperity.reference.inertia import LONG_WAVES, first_frequency, radiation_loss
+from asperity.reference.inertia import LONG_WAVES, radiation_loss
 
 __all__ = [
     "LONG_WAVES",
@@ -31,7 +31,6 @@ __all__ = [
     "Westergaard",
     "block_modulus",
     "cooper_mikic_yovanovich",
-    "first_frequency",
     "half_space_contact",
     "mikic_elastic",
     "patch_test_slope",
