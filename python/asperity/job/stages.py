@@ -228,9 +228,14 @@ def _writes(job: Job) -> bool:
     return job.solved.complete and job.files.folder is not None
 
 
+def _has_fields(job: Job) -> bool:
+    """Whether the case requests what needs snapshots, and there are some, as a run that continues may not have."""
+    return _writes(job) and (job.case.output.figures or job.case.output.fields) and bool(job.solved.contact.snapshots)
+
+
 #: Name of a stage, whether a job does it, and how, on all ranks; in this order.
 STAGES: tuple[tuple[str, Callable[[Job], bool], Callable[[Job], None]], ...] = (
-    ("fields", lambda job: _writes(job) and bool(job.solved.contact.snapshots), _fields),
+    ("fields", _has_fields, _fields),
     ("joint", lambda job: job.solved.complete and job.case.joint is not None and job.case.dynamics is None, _joint),
     ("dynamics", lambda job: job.solved.complete and job.case.dynamics is not None, _dynamics),
     ("slip", lambda job: job.solved.complete and job.case.slip is not None, _slip),

@@ -14,7 +14,6 @@ from asperity.mesh.resolution import ONE_MESH
 from asperity.model.problem import Problem
 from asperity.output.patches import Spread, hurst_without_end
 from asperity.reference import LONG_WAVES, pull_off, radiation_loss, stickiness, tabor_parameter
-from asperity.reference.conductance import TABOR
 from asperity.reference.halfspace import added_to_spot
 from asperity.surface.base import FLAT
 from asperity.surface.shapes import Sphere
@@ -27,6 +26,7 @@ FINE, DOUBTFUL = "fine", "doubtful"
 #: Strain up to which small-strain theory applies. The engineering strain e and the logarithmic strain ln(1 + e) have a
 #: relative difference of e/2 to first order: 5 % here.
 SMALL_STRAIN = 0.1
+TABOR = 2.8  # hardness over yield strength of a perfectly plastic solid (Tabor 1951)
 YIELD_STRAIN = 0.02  # yield strength over E of metallic glasses, the greatest of metals; steels have 0.001 to 0.01
 MOST_OF_METALS = 0.45  # Poisson's ratio of indium; those of gold and lead are 0.44, of rubber 0.49 and more
 FIRST_YIELD = 1.6  # greatest pressure of a spot over the yield strength at first yield (Johnson, 1985, eq. 6.9)

@@ -11,7 +11,6 @@ Examples:
 from __future__ import annotations
 
 from asperity.reference.adhesion import pull_off, stickiness, tabor_parameter
-from asperity.reference.conductance import cooper_mikic_yovanovich, mikic_elastic
 from asperity.reference.elastic import (
     Hertz,
     Westergaard,
@@ -30,9 +29,7 @@ __all__ = [
     "RoughHalfSpace",
     "Westergaard",
     "block_modulus",
-    "cooper_mikic_yovanovich",
     "half_space_contact",
-    "mikic_elastic",
     "patch_test_slope",
     "pull_off",
     "radiation_loss",
