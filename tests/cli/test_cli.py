@@ -227,7 +227,7 @@ def test_one_failed_rank_ends_a_job_that_waits_for_it() -> None:
 @pytest.mark.parametrize("live", [True, False])
 def test_a_mesh_has_one_line(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch, live: bool) -> None:
     """The time left is that of the steps so far: six in a minute leave 2 m 10 for thirteen. A file has no live line."""
-    monkeypatch.setattr("asperity.runtime.progress.on_terminal", lambda: live)
+    monkeypatch.setattr("asperity.runtime.progress.on_terminal", lambda *_: live)
     lines, now = ProgressLine(), [0.0]
     monkeypatch.setattr(lines._display, "get_time", lambda: now[0])
     for level in ("mesh 1", "mesh 2"):

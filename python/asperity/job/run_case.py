@@ -18,7 +18,7 @@ from asperity.runtime.parallel import agree
 from asperity.runtime.progress import Progress
 from asperity.runtime.run_folder import LOG
 from asperity.runtime.run_log import logged
-from asperity.runtime.timing import clocked
+from asperity.runtime.usage import clocked
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

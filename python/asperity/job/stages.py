@@ -27,7 +27,7 @@ from asperity.output.run_files import RunFiles, of_ranks
 from asperity.runtime.parallel import on_root, on_root_bcast, spread
 from asperity.runtime.progress import Progress
 from asperity.runtime.run_log import RunLog
-from asperity.runtime.timing import Clock, Phases
+from asperity.runtime.usage import Clock, Phases
 from asperity.slip.joint_slip import JointSlip, slip_of_case
 from asperity.vibration import Dynamics, DynamicsSettings, run_dynamics
 from asperity.vibration.numbers import Numbers

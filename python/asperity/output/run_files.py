@@ -21,9 +21,8 @@ from asperity.curve import Curve
 from asperity.errors import ConvergenceError, InputError
 from asperity.runtime import run_folder
 from asperity.runtime.files import UNREADABLE, files_into, read_text, remove_asides, replace_file
-from asperity.runtime.memory import peak
 from asperity.runtime.parallel import on_root, on_root_bcast
-from asperity.runtime.timing import Clock
+from asperity.runtime.usage import Clock, peak
 from asperity.version import __version__
 
 if TYPE_CHECKING:

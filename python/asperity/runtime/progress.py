@@ -43,7 +43,7 @@ class ProgressLine(Progress):
         self._display = Display(
             SpinnerColumn("line"), TextColumn("{task.description}", markup=False),
             console=Console(force_terminal=on_terminal(), soft_wrap=True), disable=not on_terminal(), transient=True,
-            speed_estimate_period=inf, redirect_stderr=sys.stderr.isatty(),
+            speed_estimate_period=inf, redirect_stderr=on_terminal("stderr"),
         )  # fmt: skip
         self._task = self._display.add_task("", total=1.0)
         self._start, self._name, self._steps = time.monotonic(), "", 0
