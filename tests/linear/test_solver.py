@@ -24,6 +24,7 @@ from asperity.mesh.block import BlockMesh
 from asperity.mesh.distribute import TOP, distribute
 from asperity.model.material import Material
 from asperity.model.settings import SolverOptions
+from asperity.runtime import usage
 from asperity.surface import Surface
 
 SUMS = 3  # of an iteration: two of PETSc, one of them of two products, and that of the coarse problem
