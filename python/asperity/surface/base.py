@@ -14,8 +14,7 @@ from numpy.typing import ArrayLike
 
 from asperity.arrays import Array
 from asperity.errors import AsperityWarning, InputError, warn
-from asperity.runtime.display import nearest
-from asperity.runtime.notebook import optional, picture
+from asperity.runtime.display import nearest, optional, picture
 from asperity.surface.maximum import global_maximum
 from asperity.surface.statistics import (
     SMALL_SLOPE,
