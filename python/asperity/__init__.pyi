@@ -18,6 +18,7 @@ from asperity.errors import MeshError as MeshError
 from asperity.errors import RangeError as RangeError
 from asperity.job.run_case import run as run
 from asperity.laws import law as law
+from asperity.model.joint import Joint as Joint
 from asperity.model.material import Material as Material
 from asperity.model.problem import Problem as Problem
 from asperity.model.settings import AccuracyTarget as AccuracyTarget
@@ -29,7 +30,6 @@ from asperity.surface import Surface as Surface
 from asperity.version import __version__ as __version__
 from asperity.vibration import ContactOscillator as ContactOscillator
 from asperity.vibration import CurveLaw as CurveLaw
-from asperity.vibration import Joint as Joint
 from asperity.vibration import PowerLaw as PowerLaw
 from asperity.vibration import TaylorLaw as TaylorLaw
 from asperity.vibration import run_dynamics as run_dynamics

@@ -34,9 +34,9 @@ def summarise(case: Case, contact: ContactResult, ranks: int) -> dict[str, Any]:
         "peak_memory_MiB": round(contact.memory / 2**20, 1),
         "ranks": ranks,
         "seed": getattr(case.surface, "seed", None),
-        **({"scan": about} if (about := getattr(case.build_surface(), "about", None)) else {}),
+        **({"scan": about} if (about := getattr(case.surface, "about", None)) else {}),
         "case_hash": case.hash(),
-        **({"law": {"source": case.material.law, "sha256": case.material.law_sha256}} if case.material.law else {}),
+        **({"law": {"source": law.source, "sha256": law.digest or None}} if (law := case.material.law) else {}),
         "versions": versions(),
     }
 
