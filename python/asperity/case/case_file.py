@@ -53,7 +53,7 @@ class Case:
         0.001
     """
 
-    units: Annotated[str, Choices("SI", "other"), key("'other' drops SI labels and checks")] = "SI"
+    units: Annotated[str, Choices("SI", "other")] = key("'other' drops SI labels and checks", default="SI")
     surface: Annotated[InstanceOf[Surface], *_SECTION]
     material: Annotated[InstanceOf[Material], *_SECTION]
     block: Annotated[InstanceOf[Block], *_SECTION] = field(default_factory=Block)

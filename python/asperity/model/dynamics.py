@@ -16,7 +16,7 @@ from pydantic import Field, InstanceOf
 from asperity.errors import InputError
 from asperity.model.joint import Joint
 from asperity.model.limits import positives, within
-from asperity.runtime.declaration import FORCE, SCRIPT, SEVERAL, Choices, Real, Text, argument, declared, key
+from asperity.runtime.declaration import FORCE, SCRIPT, SEVERAL, Choices, Positive, Real, Text, argument, declared, key
 from asperity.runtime.files import parse_toml, read_text
 from asperity.units import amount
 
@@ -81,63 +81,46 @@ class DynamicsSettings:
         (('3 N',), (0.9, 1.1), (0.01,), 'force')
     """
 
-    law: Annotated[
-        str,
-        Choices(*LAWS),
-        key(
-            "unloading branch, elastic tangent, points of the loading curve, or its power law; auto takes the first "
-            "that the run has after yield, and the points of the loading before"
-        ),
-    ] = "auto"
-    preload: Annotated[
-        Real | None,
-        key("static force, the weight of the mass", unit=FORCE, shown="half of the greatest force", gt=0),
-    ] = None
-    gravity: Annotated[
-        Real | None,
-        key(
-            "gravity, for mass and omega_s alone", unit="length/time^2",
-            shown="9.80665; none with other units, nor mass and omega_s", gt=0,
-        ),
-    ] = None  # fmt: skip
-    zeta: Annotated[
-        tuple[Ratio, ...],
-        SEVERAL,
-        key("damping ratio of small motion, several for the responses", min_length=1, max_length=20),
-    ] = (0.01,)
-    damping: Annotated[str, Choices("always", "contact", "hunt-crossley"), key("when damping acts")] = "always"
-    forcing: Annotated[
-        tuple[Amplitude, ...],
-        SEVERAL,
-        key(
-            'amplitudes F/(m omega_s^2 z_s) of the force, or all in one unit: "5 N", or of the base "2 um" or '
-            '"3 m/s^2"', min_length=1, max_length=100,
-        ),
-    ] = (0.01,)  # fmt: skip
-    model: Annotated[
-        tuple[Annotated[str, Choices(*MODELS)], ...],
-        SEVERAL,
-        key("restoring force: exact, its Taylor expansion", min_length=1, max_length=2),
-    ] = MODELS
-    omega: Annotated[
-        tuple[Frequency, Frequency],
-        key('range of excitation frequency over omega_s, or as ["5 kHz", "9 kHz"]'),
-    ] = (0.5, 1.3)
-    simulate: Annotated[
-        tuple[Annotated[str, Choices(*SHAPES)], ...],
-        SEVERAL,
-        key("short motions from rest under the first forcing, which the figure motion shows"),
-    ] = ()
-    pulse: Annotated[
-        Real | None,
-        key(
-            "length of the half-sine, half a period of the harmonic", unit="time",
-            shown="half a period of small vibration", gt=0,
-        ),
-    ] = None  # fmt: skip
-    span: Annotated[Real, key("length of the short motions in periods of small vibration", ge=SPAN[0], le=SPAN[1])] = (
-        20.0
+    law: Annotated[str, Choices(*LAWS)] = key(
+        "unloading branch, elastic tangent, points of the loading curve, or its power law; auto takes the first "
+        "that the run has after yield, and the points of the loading before",
+        default="auto",
     )
+    preload: Positive | None = key(
+        "static force, the weight of the mass", FORCE, default=None, shown="half of the greatest force"
+    )
+    gravity: Positive | None = key(
+        "gravity, for mass and omega_s alone",
+        "length/time^2",
+        default=None,
+        shown="9.80665; none with other units, nor mass and omega_s",
+    )
+    zeta: Annotated[tuple[Ratio, ...], SEVERAL] = key(
+        "damping ratio of small motion, several for the responses", default=(0.01,), min_length=1, max_length=20
+    )
+    damping: Annotated[str, Choices("always", "contact", "hunt-crossley")] = key("when damping acts", default="always")
+    forcing: Annotated[tuple[Amplitude, ...], SEVERAL] = key(
+        'amplitudes F/(m omega_s^2 z_s) of the force, or all in one unit: "5 N", or of the base "2 um" or "3 m/s^2"',
+        default=(0.01,),
+        min_length=1,
+        max_length=100,
+    )
+    model: Annotated[tuple[Annotated[str, Choices(*MODELS)], ...], SEVERAL] = key(
+        "restoring force: exact, its Taylor expansion", default=MODELS, min_length=1, max_length=2
+    )
+    omega: tuple[Frequency, Frequency] = key(
+        'range of excitation frequency over omega_s, or as ["5 kHz", "9 kHz"]', default=(0.5, 1.3)
+    )
+    simulate: Annotated[tuple[Annotated[str, Choices(*SHAPES)], ...], SEVERAL] = key(
+        "short motions from rest under the first forcing, which the figure motion shows", default=()
+    )
+    pulse: Positive | None = key(
+        "length of the half-sine, half a period of the harmonic",
+        "time",
+        default=None,
+        shown="half a period of small vibration",
+    )
+    span: Real = key("length of the short motions in periods of small vibration", default=20.0, ge=SPAN[0], le=SPAN[1])
     tol: Annotated[Real, *SCRIPT] = 1e-5
     joint: Annotated[InstanceOf[Joint] | None, *argument("a joint, for example asp.Joint(preload=10.0)")] = None
     patch_area: Annotated[Real | None, *SCRIPT] = None

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import replace
-from typing import Annotated, Any
+from typing import Any
 
 from asperity.errors import InputError
-from asperity.runtime.declaration import FORCE, STRESS, Real, declared, key
+from asperity.runtime.declaration import FORCE, STRESS, Positive, Real, declared, key
 
 
 @declared("joint")
@@ -24,20 +24,18 @@ class Joint:
         asperity.errors.InputError: joint.preload and joint.pressure are both given; give one of them
     """
 
-    nominal_area: Annotated[Real | None, key("nominal area of the joint", unit="length^2", shown="L^2", gt=0)] = None
-    preload: Annotated[
-        Real | None,
-        key("static force, of a bolt for example (or pressure)", unit=FORCE, shown="half of the greatest force", gt=0),
-    ] = None
-    pressure: Annotated[Real | None, key("static nominal pressure (or preload)", unit=STRESS, gt=0)] = None
-    mass: Annotated[Real | None, key("mass that vibrates", unit="mass", gt=0)] = None
-    overload: Annotated[
-        Real,
-        key(
-            "greatest force that the joint has met, over the preload: the greatest load where [loading] gives none",
-            ge=1.0, le=1e3,
-        ),
-    ] = 1.2  # fmt: skip
+    nominal_area: Positive | None = key("nominal area of the joint", "length^2", default=None, shown="L^2")
+    preload: Positive | None = key(
+        "static force, of a bolt for example (or pressure)", FORCE, default=None, shown="half of the greatest force"
+    )
+    pressure: Positive | None = key("static nominal pressure (or preload)", STRESS, default=None)
+    mass: Positive | None = key("mass that vibrates", "mass", default=None)
+    overload: Real = key(
+        "greatest force that the joint has met, over the preload: the greatest load where [loading] gives none",
+        default=1.2,
+        ge=1.0,
+        le=1e3,
+    )
 
     def __post_init__(self) -> None:
         if self.preload is not None and self.pressure is not None:

@@ -5,7 +5,19 @@ from __future__ import annotations
 from typing import Annotated
 
 from asperity.errors import InputError
-from asperity.runtime.declaration import FORCE, LENGTH, SCRIPT, STRESS, Choices, Flag, Real, Whole, declared, key
+from asperity.runtime.declaration import (
+    FORCE,
+    LENGTH,
+    SCRIPT,
+    STRESS,
+    Choices,
+    Flag,
+    Positive,
+    Real,
+    Whole,
+    declared,
+    key,
+)
 from asperity.runtime.display import show
 
 BACKWARD_EULER, MIDPOINT = "backward-euler", "midpoint"
@@ -22,37 +34,33 @@ class Schedule:
         sticks: whether the points in contact stick, which divides the first steps too
     """
 
-    delta_max: Annotated[
-        Real | None,
-        key(
-            "greatest approach from first touch (or force_max or pressure_max)", unit=LENGTH, hint="about 0.03 L",
-            share=(1e-7, 1e3),
-        ),
-    ] = None  # fmt: skip
-    force_max: Annotated[Real | None, key("greatest normal force, found to 1e-6 (or delta_max)", unit=FORCE, gt=0)] = (
-        None
+    delta_max: Real | None = key(
+        "greatest approach from first touch (or force_max or pressure_max)",
+        LENGTH,
+        default=None,
+        hint="about 0.03 L",
+        share=(1e-7, 1e3),
     )
-    pressure_max: Annotated[
-        Real | None, key("greatest nominal pressure, the force over L^2 (or delta_max)", unit=STRESS, gt=0)
-    ] = None
-    steps: Annotated[Whole, key("least number of load steps", ge=1, le=100_000)] = 10
-    unload: Annotated[
-        Flag, key("unload after loading; false: not, whatever unload_steps is", shown="true where unload_steps > 0")
-    ] = None  # type: ignore[assignment]
-    cycles: Annotated[Whole, key("number of loadings, each followed by an unloading", ge=1, le=1000)] = 1
-    unload_steps: Annotated[
-        Whole, key("steps of an unloading", shown="steps // 2 with unload = true, otherwise 0", ge=0, le=100_000)
-    ] = None  # type: ignore[assignment]
-    unload_to: Annotated[
-        Real, key("force at which an unloading ends, over that at its beginning; 0 lifts the flat off", ge=0, lt=1)
-    ] = 0.0
-    integrator: Annotated[
-        Annotated[str, Choices("midpoint", "backward-euler")] | None,
-        key(
-            "of plasticity along a loading: second or first order in the step",
-            shown="midpoint; backward-euler where material.law does not declare that its state is a strain",
-        ),
-    ] = None
+    force_max: Positive | None = key("greatest normal force, found to 1e-6 (or delta_max)", FORCE, default=None)
+    pressure_max: Positive | None = key(
+        "greatest nominal pressure, the force over L^2 (or delta_max)", STRESS, default=None
+    )
+    steps: Whole = key("least number of load steps", default=10, ge=1, le=100_000)
+    unload: Flag = key(
+        "unload after loading; false: not, whatever unload_steps is", default=None, shown="true where unload_steps > 0"
+    )
+    cycles: Whole = key("number of loadings, each followed by an unloading", default=1, ge=1, le=1000)
+    unload_steps: Whole = key(
+        "steps of an unloading", default=None, shown="steps // 2 with unload = true, otherwise 0", ge=0, le=100_000
+    )
+    unload_to: Real = key(
+        "force at which an unloading ends, over that at its beginning; 0 lifts the flat off", default=0.0, ge=0, lt=1
+    )
+    integrator: Annotated[str, Choices("midpoint", "backward-euler")] | None = key(
+        "of plasticity along a loading: second or first order in the step",
+        default=None,
+        shown="midpoint; backward-euler where material.law does not declare that its state is a strain",
+    )
     substeps: Annotated[Whole, *SCRIPT] = 1
     sticks: Annotated[bool, *SCRIPT] = False
 

@@ -15,7 +15,7 @@ from asperity.errors import InputError
 from asperity.laws import definition as laws
 from asperity.laws import from_file, shipped, shipped_law
 from asperity.model.load_path import BACKWARD_EULER, MIDPOINT
-from asperity.runtime.declaration import STRESS, Choices, Real, Text, declared, key
+from asperity.runtime.declaration import STRESS, Choices, Positive, Real, Text, declared, key
 from asperity.runtime.display import show
 
 AUTO = "auto"  # kinematics that a run chooses, see adaptive.small_strain
@@ -49,55 +49,49 @@ class Material:
         1.0
     """
 
-    E: Annotated[Real, key("Young's modulus", unit=STRESS, hint="200e9 Pa for steel", ge=1e-20, le=1e40)]
+    E: Real = key("Young's modulus", STRESS, hint="200e9 Pa for steel", ge=1e-20, le=1e40)
     # above 0.495, area and pressure are off by more than 1.2 % (docs/theory.md)
-    nu: Annotated[Real, key("Poisson's ratio", hint="0.3 for steel, 0.495 for rubber", ge=-0.9, le=0.495)]
-    yield_strength: Annotated[
-        Real | None,
-        key("yield strength", unit=STRESS, shown="elastic", hint="leave it out for an elastic material", gt=0),
-    ] = None
-    tangent_modulus: Annotated[
-        Real, key("slope of stress over strain after yield, below E; 0 is perfectly plastic", unit=STRESS, ge=0)
-    ] = 0.0
-    hardening: Annotated[
-        Annotated[str, Choices("isotropic", "kinematic")] | Share,
-        key("the yield surface grows (isotropic) or moves (kinematic), or the share of hardening that moves it"),
-    ] = "isotropic"
-    kinematics: Annotated[
-        Annotated[str, Choices("small", "finite", "auto")] | None,
-        key(
-            "strain: small, finite (the same law in logarithmic strain), or chosen by pressing a coarse mesh both ways",
-            shown="small; finite where material.law is an energy",
-        ),
-    ] = None
+    nu: Real = key("Poisson's ratio", hint="0.3 for steel, 0.495 for rubber", ge=-0.9, le=0.495)
+    yield_strength: Positive | None = key(
+        "yield strength", STRESS, default=None, shown="elastic", hint="leave it out for an elastic material"
+    )
+    tangent_modulus: Real = key(
+        "slope of stress over strain after yield, below E; 0 is perfectly plastic", STRESS, default=0.0, ge=0
+    )
+    hardening: Annotated[str, Choices("isotropic", "kinematic")] | Share = key(
+        "the yield surface grows (isotropic) or moves (kinematic), or the share of hardening that moves it",
+        default="isotropic",
+    )
+    kinematics: Annotated[str, Choices("small", "finite", "auto")] | None = key(
+        "strain: small, finite (the same law in logarithmic strain), or chosen by pressing a coarse mesh both ways",
+        default=None,
+        shown="small; finite where material.law is an energy",
+    )
     law: Annotated[
-        _Law,
-        WithJsonSchema({"type": "string"}),
-        PlainSerializer(lambda law: getattr(law, "source", law)),
-        key('law in UFL, one of asperity.laws, or "file.py:name": code, which runs with --allow-code (docs/extend.md)'),
-    ] = None
+        _Law, WithJsonSchema({"type": "string"}), PlainSerializer(lambda law: getattr(law, "source", law))
+    ] = key(
+        'law in UFL, one of asperity.laws, or "file.py:name": code, which runs with --allow-code (docs/extend.md)',
+        default=None,
+    )
     parameters: Annotated[dict[str, Real] | None, key("of the law, by name: a section [material.parameters]")] = field(
         default=None, hash=False
     )
-    law_sha256: Annotated[Text | None, key("of the file of the law, which is refused where it has another")] = None
-    density: Annotated[
-        Real | None,
-        key(
-            "of the solid: for the inertia and the radiation that vibration has", unit="mass/length^3",
-            hint="7800 kg/m^3 for steel", gt=0,
-        ),
-    ] = None  # fmt: skip
-    conductivity: Annotated[
-        Real | None,
-        key(
-            "of heat or current: with output.stiffness for the conductance of the joint per area", unit=CONDUCTIVITY,
-            hint="50 W/(m K) for steel", gt=0,
-        ),
-    ] = None  # fmt: skip
-    conductivity_other: Annotated[
-        Real | None,
-        key("of the other body, the mirror of this one", unit=CONDUCTIVITY, shown="material.conductivity", gt=0),
-    ] = None
+    law_sha256: Text | None = key("of the file of the law, which is refused where it has another", default=None)
+    density: Positive | None = key(
+        "of the solid: for the inertia and the radiation that vibration has",
+        "mass/length^3",
+        default=None,
+        hint="7800 kg/m^3 for steel",
+    )
+    conductivity: Positive | None = key(
+        "of heat or current: with output.stiffness for the conductance of the joint per area",
+        CONDUCTIVITY,
+        default=None,
+        hint="50 W/(m K) for steel",
+    )
+    conductivity_other: Positive | None = key(
+        "of the other body, the mirror of this one", CONDUCTIVITY, default=None, shown="material.conductivity"
+    )
 
     def __post_init__(self) -> None:
         if isinstance(self.law, str):

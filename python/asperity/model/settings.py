@@ -44,13 +44,12 @@ class Formulation:
         True
     """
 
-    method: Annotated[str, Choices("active-set", "penalty", "nitsche"), key("formulation")] = "active-set"
-    penalty: Annotated[Factor, key("factor of E p^2/h (penalty)")] = 10.0
-    gamma: Annotated[Factor, key("factor of (lambda + 2 mu) p^2/h (nitsche)")] = 1.0
-    friction: Annotated[
-        Annotated[str, Choices("none")] | Friction,
-        key("Coulomb's coefficient of the solid on the rigid flat (active-set)"),
-    ] = "none"
+    method: Annotated[str, Choices("active-set", "penalty", "nitsche")] = key("formulation", default="active-set")
+    penalty: Factor = key("factor of E p^2/h (penalty)", default=10.0)
+    gamma: Factor = key("factor of (lambda + 2 mu) p^2/h (nitsche)", default=1.0)
+    friction: Annotated[str, Choices("none")] | Friction = key(
+        "Coulomb's coefficient of the solid on the rigid flat (active-set)", default="none"
+    )
 
     def __post_init__(self) -> None:
         if self.method == "nitsche" and not self.gamma >= LEAST_GAMMA:
@@ -100,15 +99,13 @@ class MeshSize:
         0.25
     """
 
-    h_contact: Annotated[
-        Real | None,
-        key("size at the surface where it is reached last", unit=LENGTH, shown="0.04 L", share=(1e-5, 1.0)),
-    ] = None
-    growth: Annotated[Real, key("increase of size per unit distance", gt=0, le=10)] = 0.25
-    h_max: Annotated[
-        Real | None,
-        key("largest size", unit=LENGTH, shown="0.25 L, less where slopes need it", share=(1e-5, 1e3)),
-    ] = None
+    h_contact: Real | None = key(
+        "size at the surface where it is reached last", LENGTH, default=None, shown="0.04 L", share=(1e-5, 1.0)
+    )
+    growth: Real = key("increase of size per unit distance", default=0.25, gt=0, le=10)
+    h_max: Real | None = key(
+        "largest size", LENGTH, default=None, shown="0.25 L, less where slopes need it", share=(1e-5, 1e3)
+    )
     cells: Annotated[Any, *SCRIPT] = field(default=None, compare=False)
 
 
@@ -116,7 +113,7 @@ class MeshSize:
 class Mesh(MeshSize):
     """Element sizes, or a saved mesh."""
 
-    file: Annotated[Text | None, key("a saved mesh instead")] = None
+    file: Text | None = key("a saved mesh instead", default=None)
 
     @property
     def size(self) -> MeshSize:
@@ -137,14 +134,17 @@ class SolverOptions:
         50
     """
 
-    linear: Annotated[str, Choices("auto", "lu", "cg"), key("linear solver: direct, or CG with p-multigrid")] = "auto"
-    rtol: Annotated[Real, key("residual at convergence over the contact force", gt=0, le=0.01)] = 1e-8
-    newton_max: Annotated[Whole, key("Newton steps before cutback", ge=1, le=1000)] = 50
+    linear: Annotated[str, Choices("auto", "lu", "cg")] = key(
+        "linear solver: direct, or CG with p-multigrid", default="auto"
+    )
+    rtol: Real = key("residual at convergence over the contact force", default=1e-8, gt=0, le=0.01)
+    newton_max: Whole = key("Newton steps before cutback", default=50, ge=1, le=1000)
     krylov_rtol: Annotated[Real | None, *SCRIPT, Field(gt=0, lt=1)] = None
-    kernels: Annotated[
-        Annotated[str, Choices("compiled", "forms")] | None,
-        key("of the elements: compiled, or forms of UFL", shown='"forms" with material.law, otherwise "compiled"'),
-    ] = None
+    kernels: Annotated[str, Choices("compiled", "forms")] | None = key(
+        "of the elements: compiled, or forms of UFL",
+        default=None,
+        shown='"forms" with material.law, otherwise "compiled"',
+    )
 
     @property
     def forms(self) -> bool:
@@ -162,29 +162,28 @@ class AccuracyTarget:
     """
 
     # only a case may leave the tolerance out, see `adaptive.solve_contact`
-    tolerance: Annotated[
-        Error, key("error bar of the force over the force", shown="one mesh", hint="0.01 for one per cent")
-    ] = None  # type: ignore[assignment]
-    max_dofs: Annotated[Whole, key("limit of the dofs", ge=1000)] = 1_000_000
-    area_tolerance: Annotated[
-        Error | None,
-        key(
-            "error bar of the contact area over the area as well", shown="not judged",
-            hint="0.05 for five per cent, with accuracy.tolerance",
-        ),
-    ] = None  # fmt: skip
+    tolerance: Error = key(
+        "error bar of the force over the force", default=None, shown="one mesh", hint="0.01 for one per cent"
+    )
+    max_dofs: Whole = key("limit of the dofs", default=1_000_000, ge=1000)
+    area_tolerance: Error | None = key(
+        "error bar of the contact area over the area as well",
+        default=None,
+        shown="not judged",
+        hint="0.05 for five per cent, with accuracy.tolerance",
+    )
 
 
 @declared("output")
 class Output:
     """Files in addition to the curve and the summary."""
 
-    figures: Annotated[Flag, key("figures/*.svg, and *.png of those with fields")] = False
-    fields: Annotated[Flag, key("fields/ for ParaView")] = False
-    report: Annotated[Flag, key("report.html")] = False
-    stiffness: Annotated[
-        Flag,
-        key("columns k_n_elastic to k_t_interface (also with [slip]) and conductance, for more time a load step"),
-    ] = False
-    snapshots: Annotated[Whole, key("load levels kept for pressure maps and fields", ge=0, le=1000)] = 4
-    checkpoint: Annotated[Whole, key("accepted steps from one checkpoint to the next, 0 for none", ge=0)] = 1
+    figures: Flag = key("figures/*.svg, and *.png of those with fields", default=False)
+    fields: Flag = key("fields/ for ParaView", default=False)
+    report: Flag = key("report.html", default=False)
+    stiffness: Flag = key(
+        "columns k_n_elastic to k_t_interface (also with [slip]) and conductance, for more time a load step",
+        default=False,
+    )
+    snapshots: Whole = key("load levels kept for pressure maps and fields", default=4, ge=0, le=1000)
+    checkpoint: Whole = key("accepted steps from one checkpoint to the next, 0 for none", default=1, ge=0)

@@ -2,7 +2,7 @@
 
     @declared("block")
     class Block:
-        height: Annotated[Real, key("height of the block", unit=LENGTH, gt=0)]
+        height: Real = key("height of the block", LENGTH, gt=0)
 
 makes a frozen dataclass whose constructor refuses (`InputError`, one line) what is not legal. A field without `key` is
 for scripts alone.
@@ -13,8 +13,9 @@ from __future__ import annotations
 import difflib
 import math
 from collections.abc import Callable, Iterable, Mapping
+from dataclasses import field
 from functools import wraps
-from typing import Annotated, Any, TypeVar, dataclass_transform
+from typing import Annotated, Any, TypeVar, dataclass_transform, get_type_hints
 
 from pydantic import BeforeValidator, ConfigDict, Field, Strict, TypeAdapter, ValidationError
 from pydantic.dataclasses import dataclass
@@ -26,6 +27,7 @@ from asperity.errors import InputError
 from asperity.runtime.display import brief, short_repr, show
 
 Real = Annotated[float, Strict(), Field(allow_inf_nan=False)]
+Positive = Annotated[float, Strict(), Field(gt=0, allow_inf_nan=False)]
 Whole = Annotated[int, Strict()]
 Flag = Annotated[bool, Strict()]
 Text = Annotated[str, Strict()]
@@ -54,13 +56,15 @@ _PROBLEMS = {
 
 
 def key(
-    doc: str, *, unit: str = "", shown: str = "", hint: str = "", share: tuple[float, float] | None = None, **more: Any
-) -> Any:
-    """Metadata of a key.
+    doc: str, unit: str = "", *, default: Any = ..., shown: str = "", hint: str = "",
+    share: tuple[float, float] | None = None, **more: Any,
+) -> Any:  # fmt: skip
+    """Declare a key.
 
     Args:
         doc: what it is
         unit: kind of unit
+        default: value where it is left out; required without one
         shown: its default in words, where it follows from other keys
         hint: usual values
         share: legal range over the side of the patch, see `check_shares`: wide enough for any sensible model, and
@@ -70,7 +74,7 @@ def key(
     if share is not None:
         more["gt"] = 0
     extra: dict[str, Any] = {"unit": unit, "shown": shown, "hint": hint, "share": share}
-    return Field(description=doc, json_schema_extra=extra, **more)
+    return Field(default, description=doc, json_schema_extra=extra, **more)
 
 
 def argument(legal: str) -> tuple[Any, ...]:
@@ -96,11 +100,19 @@ def _several(value: Any) -> Any:
 SEVERAL = BeforeValidator(_several)
 
 
-@dataclass_transform(frozen_default=True)
+@dataclass_transform(frozen_default=True, field_specifiers=(key, field))
 def declared(section: str, *, eq: bool = True, kw_only: bool = False) -> Callable[[type[T]], type[T]]:
     """Make a class a frozen dataclass that checks its fields, as the section of a case file that has them as keys."""
 
     def make(cls: type[T]) -> type[T]:
+        hints = get_type_hints(cls, include_extras=True)
+        for name, info in [(name, value) for name, value in vars(cls).items() if isinstance(value, FieldInfo)]:
+            # as metadata of the type, the attribute of the class is the default, also for a plain subclass
+            cls.__annotations__[name] = Annotated[hints[name], info]
+            if info.is_required():
+                delattr(cls, name)
+            else:
+                setattr(cls, name, info.default)
         made: Any = dataclass(frozen=True, eq=eq, repr=False, kw_only=kw_only, config=_CONFIG)(cls)
         construct = made.__init__
 
@@ -112,6 +124,9 @@ def declared(section: str, *, eq: bool = True, kw_only: bool = False) -> Callabl
                 raise InputError(_sentence(error, made)) from None
 
         made.__init__, made.section = init, section
+        made.__doc__ = "\n".join(
+            [f"{cls.__doc__}", "", "Keys:", *(f"    {k}: {f.description}" for k, f in keys(made).items())]
+        )
         if "__repr__" not in vars(cls):
             made.__repr__ = short_repr
         typed: type[T] = made
@@ -221,8 +236,8 @@ def _full(cls: Any, name: str) -> str:
 
 def check_shares(thing: Any, side: float) -> None:
     """Refuse (InputError) a length of a declared object that is far from the side of the patch [length]."""
-    for name, field in type(thing).__pydantic_fields__.items():
-        low, high = (field.json_schema_extra or {}).get("share") or (0.0, 0.0)
+    for name, info in type(thing).__pydantic_fields__.items():
+        low, high = (info.json_schema_extra or {}).get("share") or (0.0, 0.0)
         value = getattr(thing, name) if high else None
         if value is not None and not low * side <= value <= high * side:
             raise InputError(

@@ -9,6 +9,7 @@ from typing import Annotated, Any, ClassVar
 
 import numpy as np
 from numpy.typing import ArrayLike
+from pydantic import Field
 
 from asperity.arrays import Array
 from asperity.errors import AsperityWarning, InputError, warn
@@ -16,12 +17,7 @@ from asperity.runtime.declaration import LENGTH, Real, check_shares, declared, k
 from asperity.runtime.display import nearest, show
 from asperity.runtime.notebook import optional, picture
 from asperity.surface.maximum import global_maximum
-from asperity.surface.statistics import (
-    SMALL_SLOPE,
-    Spectrum,
-    SurfaceStatistics,
-    psd,
-)
+from asperity.surface.statistics import SMALL_SLOPE, Spectrum, SurfaceStatistics, psd
 
 #: A summit closer to an edge of the patch than this counts as on the edge, and its mesh node is placed there [L].
 EDGE = 1e-3
@@ -32,7 +28,7 @@ _CELLS, _POINTS = (128, 1024), 4  # of the rule for the mean height: cells along
 _STEEPNESS, _LONG = 16, 1e6  # exponent in `short_wave_share`, and ratio of lengths beyond which that is zero
 
 
-SIDE = {"unit": LENGTH, "hint": "1e-6 is 1 um in SI", "ge": 1e-20, "le": 1e20}  # of the patch
+Side = Annotated[Real, Field(ge=1e-20, le=1e20)]  # of the patch
 
 
 class SurfaceWarning(AsperityWarning):
@@ -51,7 +47,7 @@ class Surface(ABC):
     -0.1
     """
 
-    L: Annotated[Real, key("side of the square patch", **SIDE)]
+    L: Side = key("side of the square patch", LENGTH, hint="1e-6 is 1 um in SI")
 
     #: Name in the case file.
     kind: ClassVar[str] = ""

@@ -73,21 +73,19 @@ class WeierstrassMandelbrot(Surface):
         phases: explicit phases, shape (M+1, f_max+1), row mu, column f; replaces the seed
     """
 
-    D: Annotated[Real, key("fractal dimension", gt=2, lt=3, hint="2.4 is a usual value")]
-    G: Annotated[Real, key("fractal roughness", unit=LENGTH, share=(0.0, 1.0), hint="1.36e-11 m is a usual value")]
-    M: Annotated[
-        Whole, key("ridges run at the angles pi mu/M; M + 1 of them, or M with ridges = 1..M", ge=1, le=1000)
-    ] = 10
-    gamma: Annotated[Real, key("frequency ratio", gt=1, le=100)] = 1.5
-    f_max: Annotated[Whole | None, key("highest frequency index", shown="5, or from L_s", ge=0)] = None
-    L_s: Annotated[Real | None, key("shortest wavelength, sets f_max", unit=LENGTH, share=(_SHORTEST, 1.0))] = None
-    seed: Annotated[Whole, key("seed of the random phases", ge=0, lt=2**63)] = 0
-    drawing: Annotated[
-        str,
-        Choices("array", "nested"),
-        key("of the phases: all at once, or nested, where a larger f_max adds waves to the same surface"),
-    ] = "array"
-    ridges: Annotated[str, Choices("0..M", "1..M"), key("ridges in the sum")] = "0..M"
+    D: Real = key("fractal dimension", gt=2, lt=3, hint="2.4 is a usual value")
+    G: Real = key("fractal roughness", LENGTH, share=(0.0, 1.0), hint="1.36e-11 m is a usual value")
+    M: Whole = key(
+        "ridges run at the angles pi mu/M; M + 1 of them, or M with ridges = 1..M", default=10, ge=1, le=1000
+    )
+    gamma: Real = key("frequency ratio", default=1.5, gt=1, le=100)
+    f_max: Whole | None = key("highest frequency index", default=None, shown="5, or from L_s", ge=0)
+    L_s: Real | None = key("shortest wavelength, sets f_max", LENGTH, default=None, share=(_SHORTEST, 1.0))
+    seed: Whole = key("seed of the random phases", default=0, ge=0, lt=2**63)
+    drawing: Annotated[str, Choices("array", "nested")] = key(
+        "of the phases: all at once, or nested, where a larger f_max adds waves to the same surface", default="array"
+    )
+    ridges: Annotated[str, Choices("0..M", "1..M")] = key("ridges in the sum", default="0..M")
     phases: Annotated[Any, *SCRIPT] = field(default=None, repr=False)
 
     kind: ClassVar[str] = "weierstrass-mandelbrot"
@@ -146,12 +144,7 @@ class WeierstrassMandelbrot(Surface):
         a = scale * self.gamma ** (f * (self.D - 3.0))
         k = 2 * np.pi * self.gamma ** f.astype(float) / self.L
         angle = np.pi * mu / self.M
-        return Waves(
-            a.ravel(),
-            (k * np.cos(angle)).ravel(),
-            (k * np.sin(angle)).ravel(),
-            self.phases[rows].ravel(),
-        )
+        return Waves(a.ravel(), (k * np.cos(angle)).ravel(), (k * np.sin(angle)).ravel(), self.phases[rows].ravel())
 
     @cached_property
     def _offset(self) -> float:

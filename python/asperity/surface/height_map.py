@@ -15,9 +15,9 @@ from pydantic import PlainSerializer, WithJsonSchema
 
 from asperity.arrays import Array
 from asperity.errors import InputError
-from asperity.runtime.declaration import Real, declared, key
+from asperity.runtime.declaration import LENGTH, declared, key
 from asperity.runtime.files import UNREADABLE
-from asperity.surface.base import SIDE, Surface, check, short_wave_share
+from asperity.surface.base import Side, Surface, check, short_wave_share
 from asperity.surface.height_files import REGULAR, UNEQUAL, Heights, read_heights
 from asperity.surface.maximum import global_maximum
 from asperity.surface.scale_space import ScaleSpace
@@ -55,15 +55,12 @@ class HeightMap(Surface):
     (1e-06, 5.0)
     """
 
-    path: Annotated[
-        str | Path,
-        WithJsonSchema({"type": "string"}),
-        PlainSerializer(str),
-        key("file .npz, .npy or .csv", hint="a path relative to the case file"),
-    ]
-    L: Annotated[
-        Real, key("side of the square patch", shown="that of the file, required where it has none", **SIDE)
-    ] = None  # type: ignore[assignment]  # from the file, see __post_init__
+    path: Annotated[str | Path, WithJsonSchema({"type": "string"}), PlainSerializer(str)] = key(
+        "file .npz, .npy or .csv", hint="a path relative to the case file"
+    )
+    L: Side = key(
+        "side of the square patch", LENGTH, default=None, shown="that of the file, required where it has none"
+    )
 
     kind: ClassVar[str] = "file"
     rough: ClassVar[bool] = True

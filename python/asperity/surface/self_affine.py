@@ -13,7 +13,7 @@ from pydantic import Field
 
 from asperity.arrays import Array
 from asperity.errors import InputError
-from asperity.runtime.declaration import LENGTH, Flag, Real, Whole, declared, key
+from asperity.runtime.declaration import LENGTH, Flag, Positive, Real, Whole, declared, key
 from asperity.surface.base import Surface, check, short_wave_share
 from asperity.surface.maximum import global_maximum
 from asperity.surface.scale_space import ScaleSpace
@@ -61,25 +61,22 @@ class SelfAffine(Surface):
             farthest apart, and waves longer than L tilt the patch.
     """
 
-    H: Annotated[Real, key("Hurst exponent", ge=0.001, le=1, hint="0.8 is a usual value")]
-    lambda_short: Annotated[Real, key("shortest wavelength", unit=LENGTH, gt=0, hint="0.05 L for a first run")]
-    lambda_roll: Annotated[Real | None, key("roll-off wavelength", unit=LENGTH, shown="L", gt=0)] = None
-    rms_height: Annotated[
-        Real | None,
-        key(
-            "rms height with the waves shorter than lambda_short included (or rms_slope)", unit=LENGTH,
-            share=(1e-9, 1.0),
-        ),
-    ] = None  # fmt: skip
+    H: Real = key("Hurst exponent", ge=0.001, le=1, hint="0.8 is a usual value")
+    lambda_short: Positive = key("shortest wavelength", LENGTH, hint="0.05 L for a first run")
+    lambda_roll: Positive | None = key("roll-off wavelength", LENGTH, default=None, shown="L")
+    rms_height: Real | None = key(
+        "rms height with the waves shorter than lambda_short included (or rms_slope)",
+        LENGTH,
+        default=None,
+        share=(1e-9, 1.0),
+    )
     # rms_slope() is a method of every surface
-    slope: Annotated[
-        Real | None,
-        Field(serialization_alias="rms_slope"),
-        key("rms slope of the waves down to lambda_short (or rms_height)", gt=0, le=10),
-    ] = None
-    aspect: Annotated[Real, key("anisotropy: features are longer along x by this factor", ge=0.0625, le=16)] = 1.0
-    seed: Annotated[Whole, key("seed of the random phases", ge=0, lt=2**63)] = 0
-    periodic: Annotated[Flag, key("opposite edges agree; false: a window of a surface with the period 2 L")] = True
+    slope: Annotated[Real | None, Field(serialization_alias="rms_slope")] = key(
+        "rms slope of the waves down to lambda_short (or rms_height)", default=None, gt=0, le=10
+    )
+    aspect: Real = key("anisotropy: features are longer along x by this factor", default=1.0, ge=0.0625, le=16)
+    seed: Whole = key("seed of the random phases", default=0, ge=0, lt=2**63)
+    periodic: Flag = key("opposite edges agree; false: a window of a surface with the period 2 L", default=True)
 
     kind: ClassVar[str] = "self-affine"
     rough: ClassVar[bool] = True

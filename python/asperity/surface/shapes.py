@@ -77,11 +77,9 @@ class Sphere(Surface):
     -0.05
     """
 
-    radius: Annotated[Real, key("radius of the sphere", unit=LENGTH, share=(1e-2, 1e9))]
-    centre: Annotated[Point | None, key("position of the summit (x, y)", unit=LENGTH, shown="middle of the patch")] = (
-        None
-    )
-    shape: Annotated[str, Choices("sphere", "paraboloid"), key("profile")] = "sphere"
+    radius: Real = key("radius of the sphere", LENGTH, share=(1e-2, 1e9))
+    centre: Point | None = key("position of the summit (x, y)", LENGTH, default=None, shown="middle of the patch")
+    shape: Annotated[str, Choices("sphere", "paraboloid")] = key("profile", default="sphere")
 
     kind: ClassVar[str] = "sphere"
     cap: ClassVar[float] = 0.8  # r/R of the circle where cap and cone meet
@@ -146,10 +144,10 @@ class Sinusoid(Surface):
     -0.01
     """
 
-    amplitude: Annotated[Real, key("half of peak to valley", unit=LENGTH, share=(1e-9, 1.0))]
-    wavelength: Annotated[Real | None, key("wavelength", unit=LENGTH, shown="L", share=(1e-3, 1e3))] = None
-    dims: Annotated[Whole, key("1: waves along x; 2: along x and y", ge=1, le=2)] = 1
-    centre: Annotated[Point | None, key("position of a crest (x, y)", unit=LENGTH, shown="middle of the patch")] = None
+    amplitude: Real = key("half of peak to valley", LENGTH, share=(1e-9, 1.0))
+    wavelength: Real | None = key("wavelength", LENGTH, default=None, shown="L", share=(1e-3, 1e3))
+    dims: Whole = key("1: waves along x; 2: along x and y", default=1, ge=1, le=2)
+    centre: Point | None = key("position of a crest (x, y)", LENGTH, default=None, shown="middle of the patch")
 
     kind: ClassVar[str] = "sinusoid"
 
@@ -186,10 +184,7 @@ class Sinusoid(Surface):
     def gradient(self, x: ArrayLike, y: ArrayLike) -> tuple[Array, Array]:
         u, v = self._angles(x, y)
         kx, ky = self._k
-        return (
-            -self.amplitude * kx * np.sin(u) * np.cos(v),
-            -self.amplitude * ky * np.cos(u) * np.sin(v),
-        )
+        return (-self.amplitude * kx * np.sin(u) * np.cos(v), -self.amplitude * ky * np.cos(u) * np.sin(v))
 
     def hessian(self, x: ArrayLike, y: ArrayLike) -> tuple[Array, Array, Array]:
         u, v = self._angles(x, y)
