@@ -110,7 +110,7 @@ def test_the_wheel_works_in_a_bare_environment(tmp_path: Path) -> None:
     call(bin / "pip", "install", "--quiet", wheel)
     write_run(tmp_path / "made")
     call(bin / "asperity", "report", "made")
-    call(bin / "asperity", "dynamics", "made/curve.csv", "-o", "vibration", "--preload", "1e-4")
+    call(bin / "asperity", "dynamics", "made/curve.csv", "-o", "vibration", "--set", "dynamics.preload=1e-4")
     assert "asperity[solve]" in call(bin / "asperity", "run", ROOT / "cases/quick.toml", "-o", "no", code=4)
     call(bin / "pip", "install", "--quiet", f"{wheel}[solve]")
     call(bin / "asperity", "init", "flat.toml", "--surface", "flat")

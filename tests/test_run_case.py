@@ -197,7 +197,7 @@ def test_one_power_law_in_all_that_a_run_leaves(full: tuple[Path, RunResult], tm
     folder, result = full
     curve, case = Curve.read(folder / "curve.csv"), Case.load(folder / "case.toml")
     fit = json.loads((folder / "summary.json").read_text(encoding="utf-8"))["fit"]
-    n, K = fit["n"], fit["k"] * case.material.E_prime * SURFACE["L"] ** (2 - fit["n"])
+    n, K = fit["n"], fit["k"] * case.material.reduced_modulus * SURFACE["L"] ** (2 - fit["n"])
     load = curve.loading()
     every = asperity.fit_power_law(load.delta_star, load.P_star)
     assert len(load) > fit["points"] and abs(every.n / n - 1) > 1e-3

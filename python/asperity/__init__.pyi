@@ -18,6 +18,7 @@ from .errors import MeshError as MeshError
 from .errors import RangeError as RangeError
 from .job.run_case import run as run
 from .laws import law as law
+from .model.joint import Joint as Joint
 from .model.material import Material as Material
 from .model.problem import Problem as Problem
 from .model.settings import AccuracyTarget as AccuracyTarget
@@ -29,7 +30,6 @@ from .surface import Surface as Surface
 from .version import __version__ as __version__
 from .vibration import ContactOscillator as ContactOscillator
 from .vibration import CurveLaw as CurveLaw
-from .vibration import Joint as Joint
 from .vibration import PowerLaw as PowerLaw
 from .vibration import TaylorLaw as TaylorLaw
 from .vibration import run_dynamics as run_dynamics

@@ -125,7 +125,7 @@ def test_layer_compliance_against_its_differential_equation(nu, height):
 
 
 def test_layer_under_approach_and_load_control():
-    surface = WeierstrassMandelbrot(L=1e-6, D=2.5)
+    surface = WeierstrassMandelbrot(L=1e-6, D=2.5, G=1.36e-11)
     load = ref.half_space_contact(surface, 64, P_star=0.004, height=1e-6)
     driven = ref.half_space_contact(surface, 64, delta_star=load.delta_star, height=1e-6)
     assert driven.P_star == pytest.approx(0.004, rel=1e-6)
@@ -157,7 +157,7 @@ def test_bad_loads_are_refused(options, message):
 
 def test_too_few_iterations_are_reported():
     with pytest.raises(ConvergenceError, match="after 3 iterations"):
-        ref.half_space_contact(WeierstrassMandelbrot(L=1e-6), 32, P_star=0.01, max_iterations=3)
+        ref.half_space_contact(WeierstrassMandelbrot(L=1e-6, D=2.4, G=1.36e-11), 32, P_star=0.01, max_iterations=3)
 
 
 @pytest.mark.parametrize(("nu", "above"), [(0.0, -0.01), (0.3, 0.08), (0.49, 0.03)])

@@ -16,7 +16,6 @@ from asperity.errors import CheckError, ConvergenceError, Interrupted
 from asperity.mesh.block import BlockMesh
 from asperity.model.material import AUTO
 from asperity.model.problem import Problem
-from asperity.model.settings import AccuracyTarget
 from asperity.output.run_files import RunFiles, summarise
 from asperity.quasistatic.callbacks import Callbacks
 from asperity.quasistatic.contact_result import ContactResult, PartialResult, refuse_wrong
@@ -94,7 +93,7 @@ def solve_case(
             block = None if case.mesh.file is None else BlockMesh.read(case.mesh.file)
             contact = solve_problem(chosen, block=block, comm=comm, hooks=hooks, checked=False)
         else:
-            target = AccuracyTarget(**case.accuracy.model_dump())
+            target = case.accuracy
             accurate = refine(chosen, target, comm, replace(hooks, on_curve=files.curve), guide)
             contact = replace(accurate.contact, curve=accurate.curve, reason=accurate.reason)
             failure = None if accurate.met else ConvergenceError(accurate.reason)

@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 import numpy as np
 
 from asperity.case import Case
-from asperity.case.case_file import identity, refuse_run_of_another
+from asperity.case.identity import identity, refuse_run_of_another
 from asperity.curve import Curve
 from asperity.errors import ConvergenceError, InputError
 from asperity.runtime import run_folder
@@ -236,9 +236,9 @@ def summarise(case: Case, contact: ContactResult, ranks: int) -> dict[str, Any]:
         "peak_memory_MiB": round(contact.memory / 2**20, 1),
         "ranks": ranks,
         "seed": getattr(case.surface, "seed", None),
-        **({"scan": about} if (about := getattr(case.build_surface(), "about", None)) else {}),
+        **({"scan": about} if (about := getattr(case.surface, "about", None)) else {}),
         "case_hash": case.hash(),
-        **({"law": {"source": case.material.law, "sha256": case.material.law_sha256}} if case.material.law else {}),
+        **({"law": {"source": law.source, "sha256": law.digest or None}} if (law := case.material.law) else {}),
         "versions": versions(),
     }
 

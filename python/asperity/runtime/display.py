@@ -21,7 +21,7 @@ LONGEST = 60  # of the text of a part
 
 
 def short_repr(thing: Any) -> str:
-    """Dataclass in one line: numbers to six digits, arrays by their shape, collections by their size.
+    """Dataclass in one line, without defaults: numbers to six digits, arrays by their shape, collections by their size.
 
     Classes take it as their `__repr__`.
 
@@ -30,7 +30,9 @@ def short_repr(thing: Any) -> str:
         >>> short_repr(Hertz(R=1.0 / 3.0, E_prime=2e11))
         'Hertz(R=0.333333, E_prime=2e+11)'
     """
-    shown = (f"{f.name}={brief(getattr(thing, f.name))}" for f in fields(thing) if f.repr)
+    values = [(f, getattr(thing, f.name)) for f in fields(thing) if f.repr]
+    plain = (bool, int, float, str, tuple, type(None))
+    shown = (f"{f.name}={brief(v)}" for f, v in values if not (isinstance(v, plain) and v == f.default))
     return f"{type(thing).__name__}({', '.join(shown)})"
 
 
@@ -66,11 +68,13 @@ def show(value: Any) -> str:
         text = json.dumps(value)
     elif isinstance(value, list | tuple):
         text = "[" + ", ".join(show(item) for item in value[:8]) + "]"
-    else:
+    elif isinstance(value, int | float | np.number):
         try:
-            text = f"{value:.9g}" if isinstance(value, float) else str(value)
+            text = str(value) if isinstance(value, int) else f"{value:.9g}"
         except ValueError:  # integers of thousands of digits
             text = "a huge number"
+    else:
+        text = brief(value)
     return text if len(text) <= 80 else text[:77] + "..."
 
 

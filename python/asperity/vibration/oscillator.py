@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from asperity.errors import AsperityWarning, InputError, RangeError, warn
+from asperity.model.dynamics import EXCITATIONS, FORCING, OMEGA, SHAPES, ZETA, forcings, window
 from asperity.runtime.display import short_repr
 from asperity.vibration import free as _free
 from asperity.vibration.checks import one_of, positive, positives, within
@@ -18,7 +19,7 @@ from asperity.vibration.free import FreeVibration, Thresholds, contact_limit, fr
 from asperity.vibration.law import Law, TaylorLaw
 from asperity.vibration.motion import Trajectory, course, integrate
 from asperity.vibration.response import FrequencyResponse, frequency_response
-from asperity.vibration.settings import EXCITATIONS, FORCING, OMEGA, SHAPES, ZETA, Setting, forcings, window
+from asperity.vibration.settings import Setting
 
 GRAVITY = 9.80665  # m/s^2
 

@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 
 from asperity.arrays import Array
+from asperity.model.dynamics import DynamicsSettings
 from asperity.runtime import run_folder
 from asperity.runtime.display import short_repr
 from asperity.runtime.files import replace_file, write_csv
@@ -21,7 +22,6 @@ from asperity.vibration.motion import Trajectory
 from asperity.vibration.numbers import Numbers
 from asperity.vibration.oscillator import ContactOscillator
 from asperity.vibration.response import FrequencyResponse
-from asperity.vibration.settings import DynamicsSettings
 from asperity.vibration.source import Choice
 
 

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from asperity.errors import ConvergenceError, InputError
+from asperity.model.dynamics import DynamicsSettings
 from asperity.vibration.checks import positive
 from asperity.vibration.law import Law, bar_of
 from asperity.vibration.motion import Trajectory
@@ -17,7 +18,6 @@ from asperity.vibration.numbers import Numbers, tabulate
 from asperity.vibration.oscillator import GRAVITY, ContactOscillator
 from asperity.vibration.response import FrequencyResponse
 from asperity.vibration.results import Dynamics
-from asperity.vibration.settings import DynamicsSettings
 from asperity.vibration.source import Choice, CurveColumns, choose
 
 _SAMPLES = 32  # of a period of small vibration
