@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
@@ -14,16 +15,16 @@ import numpy as np
 from asperity.arrays import Array
 from asperity.errors import ConvergenceError, InputError
 from asperity.runtime.display import short_repr
-from asperity.vibration.branch import between, crossings, cubic, located, main_branch
+from asperity.vibration.branch import EVENTS, ahead, between, crossings, cubic, located, main_branch
 from asperity.vibration.equation import Equation
 from asperity.vibration.orbit import Collocation, Orbit
 from asperity.vibration.settings import Setting
 
-_PER_TOL = 0.03  # tolerance of the collocation over that of the orbits
-_STRAIGHT = 1e-3  # relative error of u_max on a straight line between rows
-_VERTICAL = 2e-4  # relative distance in Omega of rows that are never too far apart: at a fold the branch is vertical
+_PER_TOL = 0.3  # tolerance of the collocation over that of the orbits
+_STRAIGHT = 5e-4  # relative error of u_max on a straight line between rows
 _BEYOND = 1e-4  # relative distance beyond a fold at which the motion after a jump is sought
 _STEPS = 12  # towards a special orbit on another law
+_TOP = "largest u_max"  # a special orbit, but no event
 OTHERS = (
     "the main branch alone: other motions may exist, of twice the forcing period from a period doubling on, or apart "
     "from the branch; simulate shows them"
@@ -38,35 +39,30 @@ class Piece:
         number: in order along the branch, from 1
         orbits: in order; neighbouring pieces share the orbit at which they meet
         stable: linear stability
-        contact: whether the law loses contact
+        valid: False where the law is unphysical (a Taylor law with u_min < -1)
     """
 
     number: int
     orbits: tuple[Orbit, ...]
     stable: bool
-    contact: bool = field(default=True, repr=False)
+    valid: bool = field(repr=False)
 
     __repr__ = short_repr
 
-    @cached_property
+    @property
     def Omega(self) -> Array:
         """Forcing frequencies over omega_s, shape (orbits,)."""
         return np.array([p.Omega for p in self.orbits])
 
-    @cached_property
+    @property
     def u_max(self) -> Array:
         """Largest displacements, shape (orbits,)."""
         return np.array([p.u_max for p in self.orbits])
 
-    @cached_property
+    @property
     def u_min(self) -> Array:
         """Smallest displacements; contact is lost where they are below -1, shape (orbits,)."""
         return np.array([p.u_min for p in self.orbits])
-
-    @property
-    def valid(self) -> bool:
-        """False where the law is unphysical (a Taylor law with u_min < -1)."""
-        return self.contact or bool((self.u_min >= -1.0).all())
 
 
 @dataclass(frozen=True)
@@ -111,7 +107,7 @@ class FrequencyResponse:
         pieces, events: see `Piece`, `Event`
         tolerance: largest estimated error of an orbit
         notes: limits of the result (unphysical parts, ends of the branch, table limits), one sentence each
-        paths: the branch in and outside the window
+        paths: the branch in and beyond the window
         col: its equations
 
     Examples:
@@ -178,24 +174,20 @@ class FrequencyResponse:
     def jumps(self) -> tuple[Jump, ...]:
         """Folds at which a stable piece ends, where a slow sweep jumps."""
         found = []
-        ends = [(piece, i) for piece in self.pieces if piece.stable and piece.valid for i in (0, -1)]
-        for e in self["fold"]:
-            for piece, i in ends:
-                if piece.orbits[i] is not e.orbit:
-                    continue
-                up = bool(piece.orbits[1 if i == 0 else -2].Omega < e.Omega)
-                beyond = e.Omega * (1.0 + (_BEYOND if up else -_BEYOND))
-                after: list[float] = []
-                if self.omega[0] <= beyond <= self.omega[1]:
-                    try:
-                        after = [p.u_max for p in self.at(beyond) if p.stable]
-                    except ConvergenceError:
-                        after = []
-                    note = "" if len(after) == 1 else "several stable orbits" if after else "not on the branch"
-                else:
-                    note = "outside the window"
-                to = after[0] if len(after) == 1 else None
-                found.append(Jump(e.Omega, "up" if up else "down", e.u_max, to, note))
+        ends = [(piece.orbits[i], piece.orbits[k]) for piece in self.pieces if piece.stable and piece.valid
+                for i, k in ((0, 1), (-1, -2))]  # fmt: skip
+        for fold, before in ((e, q) for e in self["fold"] for p, q in ends if p is e.orbit):
+            up = before.Omega < fold.Omega
+            beyond = fold.Omega * (1.0 + (_BEYOND if up else -_BEYOND))
+            after: list[float] = []
+            try:
+                after = [p.u_max for p in self.at(beyond) if p.stable]
+                note = "" if len(after) == 1 else "several stable orbits" if after else "not on the branch"
+            except InputError:
+                note = "outside the window"
+            except ConvergenceError:
+                note = "not on the branch"
+            found.append(Jump(fold.Omega, "up" if up else "down", fold.u_max, None if note else after[0], note))
         return tuple(found)
 
     def to_dict(self) -> dict[str, Any]:
@@ -217,7 +209,7 @@ class FrequencyResponse:
     def rows(self) -> Iterator[dict[str, Any]]:
         """Rows of response.csv, in order along each piece, so dense that straight lines are accurate to 1e-3."""
         for piece in self.pieces:
-            for p in _dense(self.col, piece.orbits):
+            for p in (piece.orbits[0], *(p for a, b in pairwise(piece.orbits) for p in _dense(self.col, a, b))):
                 yield self.setting.row(piece.number, p.Omega, p.u_max, p.u_min, p.a1, piece.stable, p.phase)
 
     def numbers(self, equation: Equation) -> Array:
@@ -249,16 +241,14 @@ def _excited(setting: Setting, part: float, omega: Any) -> tuple[Any, Any]:
 def _moved(col: Collocation, orbit: Orbit, value: Any) -> Array:
     """Omega and u_max of the special orbit near that of another equation, by secants along the branch, or NaN."""
     try:
-        a = col.correct(orbit.wave, orbit.Omega, orbit.along, orbit.rate)
-        h, slope = 1e-3, None
-        fa = value(a)
+        a = col.correct(orbit.wave, orbit.Omega, orbit.rate)
+        h, fa = 1e-3, value(a)
         for _ in range(_STEPS):
-            step = h if slope is None else float(np.clip(-fa / slope, -0.1, 0.1))
-            b = col.correct(a.wave.plus((step, a.along)), a.Omega + step * a.rate, a.along, a.rate)
-            fb = value(b)
-            slope, done = (fb - fa) / step, abs(step) < 1e-5
+            b = col.correct(*ahead(a, h))
+            fb, last = value(b), h
+            h = float(np.clip(-fb * h / (fb - fa), -0.1, 0.1))
             a, fa = b, fb
-            if done:
+            if abs(last) < 1e-5:
                 return np.array([a.Omega, a.u_max])
     except (ConvergenceError, ZeroDivisionError):
         pass
@@ -269,73 +259,60 @@ def frequency_response(
     equation: Equation, setting: Setting, window: tuple[float, float], tol: float
 ) -> FrequencyResponse:
     """Follow the main branch in a window; arguments and errors as in `ContactOscillator.response`."""
-    col = Collocation(equation, partial(_excited, setting, 1.0), _PER_TOL * tol)
+    col, low, high = Collocation(equation, partial(_excited, setting, 1.0), _PER_TOL * tol), *window
     paths, notes = main_branch(col, window)
     pieces: list[Piece] = []
-    events: list[Event] = []
-    followed = []
-    for path in paths:
-        orbits, named, missed = located(col, path.orbits)
+    events: dict[int, Event] = {}
+    contact = equation.restoring.contact
+    for run in (run for path in paths for run in _inside(col, path, window)):
+        orbits, named, missed = located(col, run, EVENTS | {_TOP: lambda p: p.rise})
         notes += missed
-        followed.append(tuple(orbits))
         cut = {id(p) for name, p in named if name in ("fold", "period doubling")}
-        for run in _inside(col, orbits, window):
-            ends = [0, *(i for i in range(1, len(run) - 1) if id(run[i]) in cut), len(run) - 1]
-            for first, last in pairwise(ends):
-                orbits_of = run[first : last + 1]
-                middle = orbits_of[len(orbits_of) // 2]
-                if len(orbits_of) == 2:
-                    middle = max(orbits_of, key=lambda p: abs(p.radius - 1.0))
-                pieces.append(Piece(len(pieces) + 1, tuple(orbits_of), middle.stable, equation.restoring.contact))
-        for name, p in named:
-            owner = next((piece.number for piece in pieces if any(p is q for q in piece.orbits)), None)
-            if owner is not None and name in ("fold", "period doubling", "grazing"):
-                events.append(Event(name, p, owner))
+        ends = [0, *(i for i in range(1, len(orbits) - 1) if id(orbits[i]) in cut), len(orbits) - 1]
+        for first, last in pairwise(ends):
+            part = tuple(orbits[first : last + 1])
+            middle = max(part, key=lambda p: abs(p.radius - 1.0)) if len(part) == 2 else part[len(part) // 2]
+            valid = contact or all(p.u_min >= -1.0 for p in part)
+            pieces.append(Piece(len(pieces) + 1, part, middle.stable, valid))
+            owned = {id(p) for p in part}
+            for name, p in named:
+                if id(p) in owned and name != _TOP:
+                    events.setdefault(id(p), Event(name, p, len(pieces)))
     if not pieces:
-        raise ConvergenceError(
-            f"no periodic orbit found for Omega = {window[0]:g} to {window[1]:g}: {'; '.join(notes)}"
-        )
+        raise ConvergenceError(f"no periodic orbit found for Omega = {low:g} to {high:g}: {'; '.join(notes)}")
     error = max(p.error for piece in pieces for p in piece.orbits)
     notes += _limitations(pieces, equation.restoring.known_to)
-    return FrequencyResponse(setting, window, tuple(pieces), tuple(events), error, tuple(notes), tuple(followed), col)
+    return FrequencyResponse(
+        setting, window, tuple(pieces), tuple(events.values()), error, tuple(notes), tuple(map(tuple, paths)), col
+    )
 
 
-def _inside(col: Collocation, orbits: Sequence[Orbit], window: tuple[float, float]) -> Iterator[list[Orbit]]:
+def _inside(col: Collocation, path: Sequence[Orbit], window: tuple[float, float]) -> Iterator[list[Orbit]]:
     """Runs of a path in the window, with orbits exactly at its ends."""
-    run: list[Orbit] = []
-    for a, b in pairwise(orbits):
-        if not run and window[0] <= a.Omega <= window[1]:
-            run = [a]
-        passed = sorted((e for e in window if (e - a.Omega) * (e - b.Omega) < 0), key=lambda e: abs(e - a.Omega))
-        for edge in passed:
-            for p in crossings(col, (a, b), edge):
-                if run:
-                    yield [*run, p]
-                    run = []
-                else:
-                    run = [p]
-        if run and window[0] <= b.Omega <= window[1]:
+    run = [p for p in path[:1] if window[0] <= p.Omega <= window[1]]
+    for a, b in pairwise(path):
+        passed = [p for edge in window for p in crossings(col, (a, b), edge)]
+        for p in sorted(passed, key=lambda p: abs(p.Omega - a.Omega)):
+            run.append(p)
+            if len(run) > 1:
+                yield run
+                run = []
+        if run:
             run.append(b)
     if len(run) > 1:
         yield run
 
 
-def _dense(col: Collocation, orbits: Sequence[Orbit]) -> Iterator[Orbit]:
-    """Orbits with more between them, so dense that u_max and Omega lie on straight lines."""
-    left = list(reversed(orbits))
-    here = left.pop()
-    yield here
-    while left:
-        after = left[-1]
-        wave, omega, _, _ = cubic(here, after, 0.5)
-        step, top = after.Omega - here.Omega, wave.extreme(1.0)[0]
-        line = here.u_max + (after.u_max - here.u_max) * np.clip((omega - here.Omega) / (step or 1.0), 0.0, 1.0)
-        if abs(line - top) > _STRAIGHT * abs(top) and abs(step) > _VERTICAL * omega:
-            with suppress(ConvergenceError):
-                left.append(between(col, here, after, 0.5))
-                continue
-        here = left.pop()
-        yield here
+def _dense(col: Collocation, a: Orbit, b: Orbit) -> Iterator[Orbit]:
+    """Orbits after one up to the next, so dense that u_max and Omega lie on straight lines."""
+    wave, omega, _ = cubic(a, b, 0.5)
+    step, top = b.Omega - a.Omega, float(wave.samples[1].max())
+    line = a.u_max + (b.u_max - a.u_max) * np.clip((omega - a.Omega) / (step or 1.0), 0.0, 1.0)
+    count = math.ceil(math.sqrt(abs(line - top) / (_STRAIGHT * abs(top))))
+    for i in range(1, count):
+        with suppress(ConvergenceError):
+            yield between(col, a, b, i / count)
+    yield b
 
 
 def _limitations(pieces: Sequence[Piece], known_to: float) -> Iterator[str]:
