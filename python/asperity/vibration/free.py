@@ -68,7 +68,8 @@ class FreeOrbit:
         return self.dissipation / (np.pi * self.a1)
 
 
-def _column(name: str, words: str) -> property:
+def column(name: str, words: str) -> property:
+    """Array of an attribute of the orbits of a result."""
     return property(lambda self: np.array([getattr(o, name) for o in self.orbits]), doc=f"{words}, shape (orbits,).")
 
 
@@ -99,10 +100,10 @@ class FreeVibration:
 
     __repr__ = short_repr
 
-    u0 = _column("u0", "Amplitudes u_0")
-    omega_ratio = _column("omega", "Frequencies over omega_s")
-    u_min = _column("u_min", "Lower turning points")
-    a1 = _column("a1", "Amplitudes of the first harmonic")
+    u0 = column("u0", "Amplitudes u_0")
+    omega_ratio = column("omega", "Frequencies over omega_s")
+    u_min = column("u_min", "Lower turning points")
+    a1 = column("a1", "Amplitudes of the first harmonic")
 
     def rows(self) -> Iterator[dict[str, Any]]:
         """Rows of free.csv."""

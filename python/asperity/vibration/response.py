@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import suppress
-from dataclasses import dataclass, field
-from functools import cached_property, partial
-from itertools import pairwise
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from itertools import groupby, pairwise
 from typing import Any
 
 import numpy as np
@@ -15,16 +15,17 @@ import numpy as np
 from asperity.arrays import Array
 from asperity.errors import ConvergenceError, InputError
 from asperity.runtime.display import short_repr
-from asperity.vibration.branch import EVENTS, ahead, between, crossings, cubic, located, main_branch
+from asperity.vibration.branch import TESTS, ahead, between, crossings, cubic, located, main_branch
 from asperity.vibration.equation import Equation
+from asperity.vibration.free import column
 from asperity.vibration.orbit import Collocation, Orbit
 from asperity.vibration.settings import Setting
 
 _PER_TOL = 0.3  # tolerance of the collocation over that of the orbits
 _STRAIGHT = 5e-4  # relative error of u_max on a straight line between rows
 _BEYOND = 1e-4  # relative distance beyond a fold at which the motion after a jump is sought
-_STEPS = 12  # towards a special orbit on another law
-_TOP = "largest u_max"  # a special orbit, but no event
+_STEPS, _CLOSE = 12, 1e-5  # towards a special orbit on another law, the last one
+_CUTS = ("fold", "period doubling")  # events at which stability changes
 OTHERS = (
     "the main branch alone: other motions may exist, of twice the forcing period from a period doubling on, or apart "
     "from the branch; simulate shows them"
@@ -49,20 +50,9 @@ class Piece:
 
     __repr__ = short_repr
 
-    @property
-    def Omega(self) -> Array:
-        """Forcing frequencies over omega_s, shape (orbits,)."""
-        return np.array([p.Omega for p in self.orbits])
-
-    @property
-    def u_max(self) -> Array:
-        """Largest displacements, shape (orbits,)."""
-        return np.array([p.u_max for p in self.orbits])
-
-    @property
-    def u_min(self) -> Array:
-        """Smallest displacements; contact is lost where they are below -1, shape (orbits,)."""
-        return np.array([p.u_min for p in self.orbits])
+    Omega = column("Omega", "Forcing frequencies over omega_s")
+    u_max = column("u_max", "Largest displacements")
+    u_min = column("u_min", "Smallest displacements; contact is lost where they are below -1")
 
 
 @dataclass(frozen=True)
@@ -107,7 +97,6 @@ class FrequencyResponse:
         pieces, events: see `Piece`, `Event`
         tolerance: largest estimated error of an orbit
         notes: limits of the result (unphysical parts, ends of the branch, table limits), one sentence each
-        paths: the branch in and beyond the window
         col: its equations
 
     Examples:
@@ -124,7 +113,6 @@ class FrequencyResponse:
     events: tuple[Event, ...]
     tolerance: float
     notes: tuple[str, ...]
-    paths: tuple[tuple[Orbit, ...], ...] = field(repr=False)
     col: Collocation = field(repr=False)
 
     __repr__ = short_repr
@@ -163,30 +151,25 @@ class FrequencyResponse:
         if not self.omega[0] <= omega <= self.omega[1]:
             raise InputError(f"Omega = {omega:g} lies outside the computed window {self.omega}")
         try:
-            found = [p for path in self.paths for p in crossings(self.col, path, omega)]
+            found = [p for piece in self.pieces for p in crossings(self.col, piece.orbits, omega)]
         except ConvergenceError as error:
-            raise ConvergenceError(
-                f"an orbit at Omega = {omega:g} could not be corrected: {error}; use a smaller tol"
-            ) from error
+            raise ConvergenceError(f"an orbit at Omega = {omega:g} fails: {error}; use a smaller tol") from error
         return tuple(sorted(found, key=lambda p: p.u_max))
 
     @cached_property
     def jumps(self) -> tuple[Jump, ...]:
         """Folds at which a stable piece ends, where a slow sweep jumps."""
         found = []
-        ends = [(piece.orbits[i], piece.orbits[k]) for piece in self.pieces if piece.stable and piece.valid
-                for i, k in ((0, 1), (-1, -2))]  # fmt: skip
-        for fold, before in ((e, q) for e in self["fold"] for p, q in ends if p is e.orbit):
-            up = before.Omega < fold.Omega
-            beyond = fold.Omega * (1.0 + (_BEYOND if up else -_BEYOND))
-            after: list[float] = []
+        stable = [piece for piece in self.pieces if piece.stable and piece.valid]
+        ends = {piece.orbits[i]: piece.orbits[k] for piece in stable for i, k in ((0, 1), (-1, -2))}
+        for fold in (e for e in self["fold"] if e.orbit in ends):
+            up, after = ends[fold.orbit].Omega < fold.Omega, []
             try:
-                after = [p.u_max for p in self.at(beyond) if p.stable]
-                note = "" if len(after) == 1 else "several stable orbits" if after else "not on the branch"
-            except InputError:
-                note = "outside the window"
-            except ConvergenceError:
-                note = "not on the branch"
+                beyond = self.at(fold.Omega * (1.0 + (_BEYOND if up else -_BEYOND)))
+                after = [p.u_max for p in beyond if p.stable]
+                note = ("not on the branch", "", "several stable orbits")[min(len(after), 2)]
+            except (ConvergenceError, InputError) as error:
+                note = "outside the window" if isinstance(error, InputError) else "not on the branch"
             found.append(Jump(fold.Omega, "up" if up else "down", fold.u_max, None if note else after[0], note))
         return tuple(found)
 
@@ -213,102 +196,76 @@ class FrequencyResponse:
                 yield self.setting.row(piece.number, p.Omega, p.u_max, p.u_min, p.a1, piece.stable, p.phase)
 
     def numbers(self, equation: Equation) -> Array:
-        """Numbers of the peak and of each fold on another law under the same force and mass.
+        """Frequency over omega_s and largest u of the peak and of each fold on another law (1 + folds, 2).
 
-        Args:
-            equation: of the other law, with a load as heavy; the forcing is as large in the units of the law
-
-        Returns:
-            Frequency over omega_s and largest u of the peak and of each fold, in units of this law (1 + folds, 2), NaN
-            where the other law has none nearby.
+        They are in units of this law, under the same force in newton on the same mass, or the same motion of the base;
+        NaN where the other law has none nearby.
         """
-        own, other = self.col.equation.restoring, equation.restoring
-        slower = np.sqrt(other.scale / other.z_s * own.z_s / own.scale)
-        setting = self.setting
+        own, other, setting = self.col.equation.restoring, equation.restoring, self.setting
         # a force, or mass times an acceleration, in newton; a displacement of the base, on which F^ is b Omega^2 / z_s
         part = own.z_s / other.z_s if setting.excitation == "base" else own.scale / other.scale
-        col = Collocation(equation, partial(_excited, setting, part), self.col.tol)
-        tests = [(self.top, lambda p: p.rise)] + [(e.orbit, lambda p: p.rate) for e in self["fold"]]
-        scale = np.array([slower, other.z_s / own.z_s])
-        return np.array([scale * _moved(col, orbit, test) for orbit, test in tests])
+        col = Collocation(equation, replace(setting, F_hat=part * setting.F_hat), self.col.tol)
+        tests = [(self.top, TESTS["largest u_max"]), *((e.orbit, TESTS["fold"]) for e in self["fold"])]
+        slower = np.sqrt(other.scale / other.z_s * own.z_s / own.scale)
+        return np.array([_moved(col, orbit, test) for orbit, test in tests]) * (slower, other.z_s / own.z_s)
 
 
-def _excited(setting: Setting, part: float, omega: Any) -> tuple[Any, Any]:
-    """Forcing in the units of a law and its derivative by Omega; a function of the module, so that results are sent."""
-    return part * setting.forcing(omega), part * setting.growth(omega)
-
-
-def _moved(col: Collocation, orbit: Orbit, value: Any) -> Array:
+def _moved(col: Collocation, orbit: Orbit, value: Callable[[Orbit], float]) -> tuple[float, float]:
     """Omega and u_max of the special orbit near that of another equation, by secants along the branch, or NaN."""
-    try:
-        a = col.correct(orbit.wave, orbit.Omega, orbit.rate)
-        h, fa = 1e-3, value(a)
+    h = 1e-3
+    with suppress(ConvergenceError, ZeroDivisionError):
+        a = col.correct(orbit)
         for _ in range(_STEPS):
-            b = col.correct(*ahead(a, h))
-            fb, last = value(b), h
-            h = float(np.clip(-fb * h / (fb - fa), -0.1, 0.1))
-            a, fa = b, fb
-            if abs(last) < 1e-5:
-                return np.array([a.Omega, a.u_max])
-    except (ConvergenceError, ZeroDivisionError):
-        pass
-    return np.full(2, np.nan)
+            b = col.correct(ahead(a, h))
+            if abs(h) < _CLOSE:
+                return b.Omega, b.u_max
+            a, h = b, float(np.clip(-value(b) * h / (value(b) - value(a)), -0.1, 0.1))
+    return np.nan, np.nan
 
 
 def frequency_response(
     equation: Equation, setting: Setting, window: tuple[float, float], tol: float
 ) -> FrequencyResponse:
     """Follow the main branch in a window; arguments and errors as in `ContactOscillator.response`."""
-    col, low, high = Collocation(equation, partial(_excited, setting, 1.0), _PER_TOL * tol), *window
+    col, (low, high) = Collocation(equation, setting, _PER_TOL * tol), window
     paths, notes = main_branch(col, window)
     pieces: list[Piece] = []
-    events: dict[int, Event] = {}
-    contact = equation.restoring.contact
+    events: list[Event] = []
     for run in (run for path in paths for run in _inside(col, path, window)):
-        orbits, named, missed = located(col, run, EVENTS | {_TOP: lambda p: p.rise})
+        orbits, named, missed = located(col, run)
         notes += missed
-        cut = {id(p) for name, p in named if name in ("fold", "period doubling")}
-        ends = [0, *(i for i in range(1, len(orbits) - 1) if id(orbits[i]) in cut), len(orbits) - 1]
-        for first, last in pairwise(ends):
-            part = tuple(orbits[first : last + 1])
+        cut = {p for name, p in named if name in _CUTS} | {p for p in orbits if p.Omega in window}
+        ends = [0, *(i for i in range(1, len(orbits) - 1) if orbits[i] in cut), len(orbits) - 1]
+        parts = (tuple(orbits[first : last + 1]) for first, last in pairwise(ends))
+        for part in (part for part in parts if all(low <= p.Omega <= high for p in part)):
             middle = max(part, key=lambda p: abs(p.radius - 1.0)) if len(part) == 2 else part[len(part) // 2]
-            valid = contact or all(p.u_min >= -1.0 for p in part)
+            valid = equation.restoring.contact or all(p.u_min >= -1.0 for p in part)
             pieces.append(Piece(len(pieces) + 1, part, middle.stable, valid))
-            owned = {id(p) for p in part}
-            for name, p in named:
-                if id(p) in owned and name != _TOP:
-                    events.setdefault(id(p), Event(name, p, len(pieces)))
+        owners = [next((piece.number for piece in pieces if p in piece.orbits), None) for _, p in named]
+        kinds = (*_CUTS, "grazing")
+        events += [Event(*e, n) for e, n in zip(named, owners, strict=True) if n is not None and e[0] in kinds]
     if not pieces:
         raise ConvergenceError(f"no periodic orbit found for Omega = {low:g} to {high:g}: {'; '.join(notes)}")
     error = max(p.error for piece in pieces for p in piece.orbits)
     notes += _limitations(pieces, equation.restoring.known_to)
-    return FrequencyResponse(
-        setting, window, tuple(pieces), tuple(events.values()), error, tuple(notes), tuple(map(tuple, paths)), col
-    )
+    return FrequencyResponse(setting, window, tuple(pieces), tuple(events), error, tuple(notes), col)
 
 
 def _inside(col: Collocation, path: Sequence[Orbit], window: tuple[float, float]) -> Iterator[list[Orbit]]:
-    """Runs of a path in the window, with orbits exactly at its ends."""
-    run = [p for p in path[:1] if window[0] <= p.Omega <= window[1]]
+    """Runs of a path in the window, with orbits exactly at its ends, beyond which it may turn between neighbours."""
+    cut = list(path[:1])
     for a, b in pairwise(path):
-        passed = [p for edge in window for p in crossings(col, (a, b), edge)]
-        for p in sorted(passed, key=lambda p: abs(p.Omega - a.Omega)):
-            run.append(p)
-            if len(run) > 1:
-                yield run
-                run = []
-        if run:
-            run.append(b)
-    if len(run) > 1:
-        yield run
+        passed = [p for edge in window if edge not in (a.Omega, b.Omega) for p in crossings(col, (a, b), edge)]
+        cut += [*sorted(passed, key=lambda p: abs(p.Omega - a.Omega)), b]
+    runs = (list(run) for near, run in groupby(cut, lambda p: window[0] <= p.Omega <= window[1]) if near)
+    return (run for run in runs if len(run) > 1)
 
 
 def _dense(col: Collocation, a: Orbit, b: Orbit) -> Iterator[Orbit]:
     """Orbits after one up to the next, so dense that u_max and Omega lie on straight lines."""
-    wave, omega, _ = cubic(a, b, 0.5)
-    step, top = b.Omega - a.Omega, float(wave.samples[1].max())
-    line = a.u_max + (b.u_max - a.u_max) * np.clip((omega - a.Omega) / (step or 1.0), 0.0, 1.0)
-    count = math.ceil(math.sqrt(abs(line - top) / (_STRAIGHT * abs(top))))
+    middle, step = cubic(a, b, 0.5), b.Omega - a.Omega
+    line = a.u_max + (b.u_max - a.u_max) * np.clip((middle.Omega - a.Omega) / (step or 1.0), 0.0, 1.0)
+    count = math.ceil(math.sqrt(abs(line - middle.u_max) / (_STRAIGHT * abs(middle.u_max))))
     for i in range(1, count):
         with suppress(ConvergenceError):
             yield between(col, a, b, i / count)

@@ -7,8 +7,7 @@ import os
 from dataclasses import replace
 from typing import Any
 
-import numpy as np
-
+from asperity.arrays import Array
 from asperity.errors import ConvergenceError, InputError
 from asperity.vibration.checks import positive
 from asperity.vibration.law import Law, bar_of
@@ -107,17 +106,10 @@ def small_vibration(source: Any, settings: DynamicsSettings) -> tuple[Numbers, f
     return _numbers(oscillator, settings, choice), load
 
 
-def _bars(oscillator: ContactOscillator, response: FrequencyResponse) -> Any:
+def _bars(oscillator: ContactOscillator, response: FrequencyResponse) -> Array:
     """Bars of peak and folds: the same numbers by the sides of the law."""
     oscillator = replace(oscillator, zeta=response.setting.zeta)
-
-    def numbers(law: Law) -> Any:
-        if law is oscillator.law:
-            places = [response.peak, *((e.Omega, e.u_max) for e in response["fold"])]
-            return np.array(places)
-        return response.numbers(replace(oscillator, law=law).equation)
-
-    return bar_of(oscillator.law, numbers)
+    return bar_of(oscillator.law, lambda law: response.numbers(replace(oscillator, law=law).equation))
 
 
 def _numbers(oscillator: ContactOscillator, settings: DynamicsSettings, choice: Choice | None) -> Numbers:
