@@ -39,8 +39,7 @@ def test_free_decay_has_the_damping_ratio() -> None:
 @pytest.mark.parametrize(("n", "drive"), [(1.2, 0.94898), (1.5, 0.88652), (3.0, 0.70205)])
 def test_onset_of_contact_loss(n: float, drive: float) -> None:
     t = ContactOscillator(PowerLaw(n), zeta=0.01).thresholds()
-    assert t.drive_loss == pytest.approx(drive, abs=6e-6)
-    assert t.contact_loss == pytest.approx(0.02 * drive, rel=1e-4)
+    assert t.contact_loss == pytest.approx(0.02 * drive, abs=1.2e-7)
     assert t.u_max == pytest.approx((n + 1) ** (1 / n) - 1, rel=1e-12)
     assert t.hysteresis == pytest.approx(np.sqrt(32e-6 / (3 * np.sqrt(3) * abs(t.kappa))), rel=1e-12)
 
@@ -103,8 +102,6 @@ def test_a_motion_leaves_the_taylor_well_and_it_is_said() -> None:
     with pytest.raises(RangeError, match="escapes"):
         o.simulate(1.0, 0.0, u=2.0, periods=20)
     assert o.simulate(1.0, 0.03).valid and not o.simulate(0.9, 0.3, periods=1.0, u=1.2).valid
-    damped = replace(o, zeta=0.05)
-    assert damped.thresholds(0.03).valid and not damped.thresholds(0.1).valid
 
 
 def test_the_peak_under_a_moving_base() -> None:

@@ -13,7 +13,7 @@ import pytest
 from scipy.integrate import solve_ivp
 from twin import computed, motion, shoot
 
-from asperity.errors import ConvergenceError
+from asperity.errors import ConvergenceError, InputError
 from asperity.vibration import branch
 from asperity.vibration.curve_law import CurveLaw
 from asperity.vibration.equation import Equation, Restoring
@@ -179,7 +179,8 @@ def test_several_separations_and_motion_mostly_in_flight() -> None:
         assert len(path.flight) >= 2 and (not s.stable or path.u.max() == pytest.approx(s.u_max, rel=1e-4))
     light = ContactOscillator(PowerLaw(1.5), zeta=0.01)
     r = light.response(0.2, (0.2, 1.3))
-    assert free_orbits(light.restoring, r.at(0.25)[-1].u_max)[0].flight > 0.8
+    top = free_orbits(light.restoring, r.at(0.25)[-1].u_max)[0]
+    assert 1.5 * top.v_s * top.omega / np.pi > 0.8  # of the period in flight
     closes(r, 0.25)
 
 
@@ -219,7 +220,7 @@ def test_a_curve_follows_its_power_law_and_a_note_says_where_it_ends() -> None:
     ("n", "zeta", "forcing", "window"), [(0.7, 0.02, 0.05, (0.6, 1.3)), (3.0, 0.005, 0.02, (0.3, 1.3))]
 )
 def test_rows_of_a_piece_are_one_curve(n, zeta, forcing, window) -> None:
-    """Omega rises or falls along each piece; straight lines between its rows are accurate to 1e-3."""
+    """Omega rises or falls along each piece; straight lines between its rows are accurate to 2e-3."""
     r = computed(n, zeta, forcing, window)
     rows = list(r.rows())
     assert 30 < len(rows) < 1000
@@ -233,7 +234,7 @@ def test_rows_of_a_piece_are_one_curve(n, zeta, forcing, window) -> None:
         order = np.argsort(x)
         for w in np.random.default_rng(4).uniform(x.min(), x.max(), 4):
             line = float(np.interp(w, x[order], y[order]))
-            assert min(abs(s.u_max - line) / s.u_max for s in r.at(float(w)) if s.stable == piece.stable) < 1e-3
+            assert min(abs(s.u_max - line) / s.u_max for s in r.at(float(w)) if s.stable == piece.stable) < 2e-3
 
 
 def test_jumps_land_where_a_motion_in_time_settles() -> None:
@@ -272,6 +273,15 @@ def test_numbers_of_another_law_are_those_of_its_own_response() -> None:
     np.testing.assert_allclose(r.numbers(first.equation)[0], r.peak, rtol=1e-5)
     heavy = replace(first, zeta=0.2).equation  # without folds
     assert np.isnan(r.numbers(heavy)[1:]).all()
+
+
+def test_a_law_that_begins_too_steeply_is_refused_where_contact_is_lost() -> None:
+    """Up to the power 1/2 the stiffness is not integrable over a grazing pass."""
+    o = ContactOscillator(PowerLaw(0.5), zeta=0.02)
+    assert not o.response(0.01, (0.9, 1.1))["grazing"]
+    with pytest.raises(InputError, match=r"begins as the power 0\.5 of the approach, and this response loses contact"):
+        o.response(0.05, (0.9, 1.1))
+    assert computed(0.7, 0.02, 0.05, (0.6, 1.3))["grazing"]
 
 
 def test_a_branch_that_cannot_be_followed_says_where(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -322,9 +332,7 @@ def test_the_equation_agrees_with_its_derivatives() -> None:
     for damping in ("always", "contact", "hunt-crossley"):
         e = Equation(Restoring(law, 0.3), 0.1, damping)
         u = np.array([-1.3, -0.7, -0.2, 0.1, 0.4])
-        f, slope, g, rate = e.terms(u)
+        _, slope, _, rate = e.terms(u)
         up, down = e.terms(u + 1e-6), e.terms(u - 1e-6)
         np.testing.assert_allclose((up[0] - down[0]) / 2e-6, slope, atol=1e-6)
         np.testing.assert_allclose((up[2] - down[2]) / 2e-6, rate, atol=1e-6)
-        acceleration = e.acceleration()
-        np.testing.assert_allclose([acceleration(x, 0.5) for x in u], -f - 0.1 * g, atol=1e-12)

@@ -10,7 +10,6 @@ damping ratio of small motion:
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import cached_property
 
@@ -84,6 +83,12 @@ class Restoring:
         return self.law.known_to / self.z_s - 1.0
 
     @property
+    def first_power(self) -> float:
+        """Power of the approach as which the force begins at first contact; infinite for a law without contact loss."""
+        near = self.law.force(self.z_s * np.array([1e-9, 2e-9]))
+        return float(np.log2(near[1] / near[0])) if self.contact and near[0] > 0.0 else np.inf
+
+    @property
     def model(self) -> str:
         """ "exact" or "taylor"."""
         return "exact" if self.contact else "taylor"
@@ -144,13 +149,3 @@ class Equation:
         """Displacements at which f or g is not smooth, rising."""
         more = [] if self.damping in ("always", "hunt-crossley") else [_RAMP - 1.0]
         return np.union1d(self.restoring.corners, more)
-
-    def acceleration(self) -> Callable[[float, float], float]:
-        """Function for the acceleration without forcing, -f - 2 zeta g v, at a displacement and a speed."""
-
-        def acceleration(u: float, v: float) -> float:
-            at = np.array([u])
-            f = self.restoring.f(at)
-            return -float(f[0]) - 2.0 * self.zeta * float(self.rate(at, f)[0]) * v
-
-        return acceleration

@@ -11,10 +11,16 @@ from numpy.typing import ArrayLike
 
 from asperity.errors import AsperityWarning, InputError, RangeError, warn
 from asperity.runtime.display import short_repr
-from asperity.vibration import free as _free
 from asperity.vibration.checks import one_of, positive, positives, within
 from asperity.vibration.equation import DAMPING, Equation, Restoring
-from asperity.vibration.free import FreeVibration, Thresholds, contact_limit, free_orbits, largest_amplitude
+from asperity.vibration.free import (
+    FreeVibration,
+    Thresholds,
+    contact_limit,
+    free_orbits,
+    largest_amplitude,
+    thresholds,
+)  # fmt: skip
 from asperity.vibration.law import Law, TaylorLaw
 from asperity.vibration.motion import Trajectory, course, integrate
 from asperity.vibration.response import FrequencyResponse, frequency_response
@@ -119,15 +125,12 @@ class ContactOscillator:
         if u0 is None:
             top = min(1.5 * self.u_max if np.isfinite(self.u_max) else 1.5, largest_amplitude(self.restoring))
             u0 = np.linspace(top / 120, top, 120)
-        r, orbits = self.restoring, free_orbits(self.restoring, u0, self.damping)
-        valid = tuple(r.contact or o.u_min >= -1.0 for o in orbits)
-        tolerance = max(o.error for o in orbits)
-        return FreeVibration(r.model, self.law.describe(), r.n_loc, r.kappa, self.omega_s, orbits, valid, tolerance)
+        return FreeVibration(self.model, free_orbits(self.restoring, u0, self.damping))
 
     def thresholds(self, forcing: float | Iterable[float] = (), excitation: str = "force") -> Thresholds:
         """Onsets of contact loss, hysteresis and period doubling as F^, and the peak for each value of `forcing`."""
         values = () if isinstance(forcing, Sequence) and not forcing else forcings(forcing)
-        return _free.thresholds(self.equation, [self.setting(value, excitation) for value in values])
+        return thresholds(self.equation, [self.setting(value, excitation) for value in values])
 
     def response(
         self,
@@ -185,19 +188,17 @@ class ContactOscillator:
         ends = [within("omega", value, OMEGA) for value in positives("omega", omega)]
         if len(ends) != (2 if shape == "chirp" else 1):
             raise InputError(f"omega = {ends} is not legal: a chirp has two frequencies, another excitation one")
-        w, f = ends[0], within("forcing", forcing, FORCING) if forcing != 0 else 0.0
+        f = within("forcing", forcing, FORCING) if forcing != 0 else 0.0
         if not np.isfinite([u, v]).all():
             raise InputError(f"the initial state u = {u}, v = {v} is not legal: it must be finite")
-        period = 2.0 * np.pi / w
+        period = 2.0 * np.pi / ends[0]
         duration = positive("periods", periods) * period
-        force, corners = course(shape, f, (w, ends[-1]), duration)
-        samples = positive("samples", samples, zero=True)
-        path = integrate(
-            self.equation, force, float(u), float(v), duration, rtol=positive("rtol", rtol), samples=samples / period,
-            max_step=min(0.25, np.pi / max(ends) / 8.0), corners=corners,
+        force, corners = course(shape, f, ends, duration)
+        return integrate(
+            self.equation, force, (float(u), float(v)), duration, rtol=positive("rtol", rtol),
+            samples=positive("samples", samples, zero=True) / period, max_step=min(0.25, np.pi / max(ends) / 8.0),
+            corners=corners,
         )  # fmt: skip
-        low = float(path.u.min())
-        return replace(path, setting=self.setting(f), tolerance=rtol, valid=self.restoring.contact or low >= -1.0)
 
     @cached_property
     def equation(self) -> Equation:
