@@ -16,8 +16,9 @@ from asperity.arrays import Array
 from asperity.errors import ConvergenceError, InputError
 from asperity.runtime.display import short_repr
 from asperity.vibration.branch import TESTS, ahead, between, crossings, cubic, located, main_branch
-from asperity.vibration.equation import Equation
+from asperity.vibration.equation import Equation, Restoring
 from asperity.vibration.free import column
+from asperity.vibration.law import Law, bar_of
 from asperity.vibration.orbit import Collocation, Orbit
 from asperity.vibration.settings import Setting
 
@@ -31,6 +32,11 @@ OTHERS = (
     "the main branch alone: other motions may exist, of twice the forcing period from a period doubling on, or apart "
     "from the branch; simulate shows them"
 )
+
+
+def finite(value: float) -> float | None:
+    """A number, None for NaN."""
+    return float(value) if math.isfinite(value) else None
 
 
 @dataclass(frozen=True)
@@ -176,12 +182,15 @@ class FrequencyResponse:
 
     def to_dict(self) -> dict[str, Any]:
         """Section of thresholds.json."""
+        bars = [dict(zip(("Omega_bar", "u_max_bar"), map(finite, bar), strict=True)) for bar in self.bars]
+        of_folds = dict(zip(self["fold"], bars[1:], strict=True))
         return {
             "F_hat": self.setting.F_hat,
-            "F_over_mg": self.setting.F_over_mg,
-            "peak": dict(zip(("Omega", "u_max"), self.peak, strict=True)),
+            "zeta": self.setting.zeta,
+            "peak": {"Omega": self.peak[0], "u_max": self.peak[1]} | bars[0],
             "events": [
                 {"kind": e.kind, "Omega": e.Omega, "u_max": e.u_max, "u_min": e.u_min, "branch": e.piece}
+                | of_folds.get(e, {})
                 for e in self.events
             ],
             "tolerance": self.tolerance,
@@ -203,16 +212,25 @@ class FrequencyResponse:
         for piece, p in self._dense:
             yield self.setting.row(piece.number, p.Omega, p.u_max, p.u_min, p.a1, piece.stable, p.phase)
 
-    def numbers(self, equation: Equation) -> Array:
-        """Frequency over omega_s and largest u of the peak and of each fold on another law (1 + folds, 2).
+    @cached_property
+    def bars(self) -> Array:
+        """Bars of frequency over omega_s and largest u, of the peak and of each fold: by the sides of the law.
 
-        They are in units of this law, under the same force in newton on the same mass, or the same motion of the base;
-        NaN where the other law has none nearby.
+        Shape (1 + folds, 2), NaN where nothing bounds the law, or where a side has no peak or fold nearby.
         """
-        own, other, setting = self.col.equation.restoring, equation.restoring, self.setting
+        return bar_of(self.col.equation.restoring.law, self.numbers)
+
+    def numbers(self, law: Law) -> Array:
+        """Frequency over omega_s and largest u of the peak and of each fold on another law, in units of this law.
+
+        Shape (1 + folds, 2), under the same forces in newton on the same mass, or the same motion of the base.
+        """
+        own, setting = self.col.equation.restoring, self.setting
+        other = Restoring(law, own.load)
         # a force, or mass times an acceleration, in newton; a displacement of the base, on which F^ is b Omega^2 / z_s
         part = own.z_s / other.z_s if setting.excitation == "base" else own.scale / other.scale
-        col = Collocation(equation, replace(setting, F_hat=part * setting.F_hat), self.col.tol)
+        changed = replace(setting, F_hat=part * setting.F_hat)
+        col = Collocation(replace(self.col.equation, restoring=other), changed, self.col.tol)
         tests = [(self.top, TESTS["largest u_max"]), *((e.orbit, TESTS["fold"]) for e in self["fold"])]
         slower = np.sqrt(other.scale / other.z_s * own.z_s / own.scale)
         return np.array([_moved(col, orbit, test) for orbit, test in tests]) * (slower, other.z_s / own.z_s)
@@ -257,8 +275,8 @@ def frequency_response(
     power, lost = equation.restoring.first_power, any((piece.u_min < -1.0).any() for piece in pieces)
     if lost and power <= _LEAST_POWER:
         raise InputError(
-            f"the force of the law begins as the power {power:.3g} of the approach, and this response loses contact: up "
-            f"to the power {_LEAST_POWER} the motion does not depend smoothly on its start there; lower the forcing"
+            f"the force of the law begins as the power {power:.3g} of the approach, and this response loses contact: "
+            f"up to the power {_LEAST_POWER} the motion does not depend smoothly on its start there; lower the forcing"
         )
     error = max(p.error for piece in pieces for p in piece.orbits)
     notes += _limitations(pieces, equation.restoring.known_to)

@@ -12,18 +12,17 @@ from typing import Any
 
 import numpy as np
 
-from asperity.arrays import Array
 from asperity.errors import ConvergenceError, InputError
 from asperity.runtime import run_folder
 from asperity.runtime.display import short_repr
 from asperity.runtime.files import replace_file, write_csv
 from asperity.vibration.checks import positive
 from asperity.vibration.free import FreeVibration, Thresholds
-from asperity.vibration.law import Law, bar_of
+from asperity.vibration.law import Law
 from asperity.vibration.motion import Trajectory
 from asperity.vibration.numbers import Numbers, tabulate
 from asperity.vibration.oscillator import GRAVITY, ContactOscillator
-from asperity.vibration.response import FrequencyResponse
+from asperity.vibration.response import FrequencyResponse, finite
 from asperity.vibration.settings import DynamicsSettings
 from asperity.vibration.source import Choice, CurveColumns, choose
 
@@ -37,8 +36,6 @@ class Dynamics:
     Attributes:
         oscillators, free, thresholds: see there
         responses: one per damping ratio and forcing
-        bars: of the peak and of each fold of each response of the exact law: frequency over omega_s, and u (1 + folds,
-            2), NaN where nothing bounds the law; empty for a law without an error
         numbers: stiffness and frequency, mass, static approach and damping of small vibration, with bars
         motions: short motions from rest, by the course of the force
         notes: limits and assumptions of the results, one sentence each
@@ -54,7 +51,6 @@ class Dynamics:
     thresholds: dict[str, Thresholds]
     numbers: Numbers
     notes: tuple[str, ...]
-    bars: tuple[Array, ...] = ()
     motions: dict[str, Trajectory] = field(default_factory=dict)
     gravity: float | None = None
     choice: Choice | None = None
@@ -108,25 +104,11 @@ class Dynamics:
             {
                 "model": model, "zeta": one.setting.zeta, "F_hat": one.setting.F_hat,
                 "force": r.scale * float(one.setting.forcing(jump.Omega)), "sweep": jump.direction,
-                "Omega": jump.Omega, "frequency": _known(hertz * jump.Omega), "x_max": r.z_s * jump.u_max,
+                "Omega": jump.Omega, "frequency": finite(hertz * jump.Omega), "x_max": r.z_s * jump.u_max,
                 "x_max_after": None if jump.after is None else r.z_s * jump.after, "note": jump.note,
             }
             for model, responses in self.responses.items() for one in responses for jump in one.jumps
         ]  # fmt: skip
-
-    def peaks(self) -> list[dict[str, Any]]:
-        """Peak of each response and its folds, with bars where the law has an error: frequency over omega_s, and u."""
-        found = []
-        for model, responses in self.responses.items():
-            for i, one in enumerate(responses):
-                places = [("peak", *one.peak), *(("fold", e.Omega, e.u_max) for e in one["fold"])]
-                bars = self.bars[i] if model == "exact" and self.bars else np.full((len(places), 2), np.nan)
-                about = {"model": model, "zeta": one.setting.zeta, "F_hat": one.setting.F_hat}
-                found += [
-                    about | {"kind": kind, "Omega": omega, "Omega_bar": _known(x), "u_max": u, "u_max_bar": _known(y)}
-                    for (kind, omega, u), (x, y) in zip(places, bars, strict=True)
-                ]
-        return found
 
     def to_dict(self) -> dict[str, Any]:
         """Content of thresholds.json."""
@@ -144,7 +126,7 @@ class Dynamics:
             "zeta": first.zeta, "damping": str(first.damping), "excitation": self.settings.excitation,
             "notes": list(self.notes), "units": self.settings.units, "numbers": numbers,
             "joint": None if joint is None else {k: v for k, v in asdict(joint).items() if v is not None},
-            "laws": laws, "jumps": self.jumps(), "peaks": self.peaks(),
+            "laws": laws, "jumps": self.jumps(),
         } | {
             model: asdict(values) | {
                 "free_tolerance": self.free[model].tolerance, "free_valid": all(self.free[model].valid),
@@ -152,11 +134,6 @@ class Dynamics:
             }
             for model, values in self.thresholds.items()
         }  # fmt: skip
-
-
-def _known(value: float) -> float | None:
-    """A number, None for NaN."""
-    return float(value) if math.isfinite(value) else None
 
 
 def _cells(row: dict[str, Any]) -> dict[str, Any]:
@@ -239,7 +216,6 @@ def run_dynamics(
         thresholds={name: oscillator.thresholds(forcing, kind) for name, oscillator in oscillators.items()},
         numbers=numbers,
         notes=tuple(dict.fromkeys(note for note in notes if note)),
-        bars=tuple(_bars(exact, response) for response in responses.get("exact", ())) if law.sides() else (),
         motions=motions,
         gravity=exact.gravity if settings.joint is None or settings.joint.mass is None else None,
         choice=choice,
@@ -275,12 +251,6 @@ def _small(source: Any, settings: DynamicsSettings) -> tuple[ContactOscillator, 
         if choice.name == "unload-reload":
             more["greatest"] = float(law.force(law.known_to))
     return oscillator, Numbers.of(law, load, oscillator.mass, oscillator.zeta, **more), columns, choice, assumed
-
-
-def _bars(oscillator: ContactOscillator, response: FrequencyResponse) -> Array:
-    """Bars of peak and folds: the same numbers by the sides of the law."""
-    oscillator = replace(oscillator, zeta=response.setting.zeta)
-    return bar_of(oscillator.law, lambda law: response.numbers(replace(oscillator, law=law).equation))
 
 
 def _first_yield(choice: Choice) -> str:
