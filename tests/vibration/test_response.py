@@ -16,7 +16,6 @@ from asperity.errors import ConvergenceError, InputError
 from asperity.vibration import branch
 from asperity.vibration.curve_law import CurveLaw
 from asperity.vibration.equation import Equation, Restoring
-from asperity.vibration.free import free_orbits
 from asperity.vibration.law import PowerLaw
 from asperity.vibration.oscillator import ContactOscillator
 
@@ -139,15 +138,13 @@ def test_onset_of_period_doubling() -> None:
     assert "of twice the forcing period" in r.to_dict()["searched"]
 
 
-def test_taylor_equals_exact_in_contact_for_integer_powers() -> None:
-    for n in (2.0, 3.0):
-        o = ContactOscillator(PowerLaw(n), zeta=0.02)
-        exact, series = o.response(0.02, (0.7, 1.2), tol=1e-8), o.taylor().response(0.02, (0.7, 1.2), tol=1e-8)
-        assert exact.valid and series.valid
-        for omega in (0.75, 0.9, 1.0, 1.1):
-            for a, b in zip(exact.at(omega), series.at(omega), strict=True):
-                assert a.u_max == pytest.approx(b.u_max, rel=1e-7)
-    r = ContactOscillator(PowerLaw(1.5), zeta=0.01).taylor().response(0.05)
+def test_the_taylor_law_is_exact_for_a_square_in_contact_and_unphysical_beyond() -> None:
+    o = ContactOscillator(PowerLaw(2.0), zeta=0.02)
+    exact, series = o.response(0.02, (0.7, 1.2)), o.taylor().response(0.02, (0.7, 1.2))
+    assert exact.valid and series.valid
+    np.testing.assert_allclose([e.Omega for e in series["fold"]], [e.Omega for e in exact["fold"]], rtol=1e-6)
+    assert series.peak == pytest.approx(exact.peak, rel=1e-6)
+    r = o.taylor().response(0.1, (0.7, 1.2))
     assert not r.valid and any("unphysical" in note for note in r.notes)
 
 
@@ -176,11 +173,8 @@ def test_several_separations_and_motion_mostly_in_flight() -> None:
     for s in o.response(0.8, (0.11, 0.13)).at(0.12):
         path = o.simulate(0.12, 0.8, u=s.start[0], v=s.start[1], periods=1.0)
         assert len(path.flight) >= 2 and (not s.stable or path.u.max() == pytest.approx(s.u_max, rel=1e-4))
-    light = ContactOscillator(PowerLaw(1.5), zeta=0.01)
-    r = light.response(0.2, (0.2, 1.3))
-    top = free_orbits(light.restoring, r.at(0.25)[-1].u_max)[0]
-    assert 1.5 * top.v_s * top.omega / np.pi > 0.8  # of the period in flight
-    closes(r, 0.25)
+        assert np.diff(path.flight).sum() < path.tau[-1]
+    closes(computed(1.5, 0.01, 0.2, (0.2, 1.3)), 0.25)
 
 
 def test_faint_strong_and_stiff() -> None:
@@ -189,15 +183,12 @@ def test_faint_strong_and_stiff() -> None:
         assert faint.peak[1] == pytest.approx(forcing / 0.02, rel=1e-4)
     assert not ContactOscillator(PowerLaw(12.0), zeta=0.02).response(1e-3, (0.9, 1.1)).notes
     strong = ContactOscillator(PowerLaw(1.5), zeta=0.01).response(1e3, (0.8, 1.0))
-    assert all(
-        p.size > 500.0 for piece in strong.pieces for p in piece.orbits
-    )  # it flies, by more than F^/Omega^2
+    assert all(p.size > 500.0 for piece in strong.pieces for p in piece.orbits)  # it flies, by more than F^/Omega^2
 
 
 def test_a_window_that_cuts_a_resonance_has_the_orbits_of_a_wide_one() -> None:
     for n, zeta, forcing, window, wide, omega in (
         (1.5, 0.005, 0.04, (0.6, 0.8), (0.5, 1.3), 0.75),  # both ends in a softening resonance
-        (3.397, 0.0027, 0.0143, (0.505, 0.758), (0.3, 1.3), 0.6),
         (0.704, 0.00383, 0.01338, (1.0234, 1.4), (0.7, 1.4), 1.0244),  # the low end in a hardening one
     ):
         own, whole = computed(n, zeta, forcing, window), computed(n, zeta, forcing, wide)

@@ -74,7 +74,7 @@ class ContactOscillator:
 
     def __post_init__(self) -> None:
         if not isinstance(self.law, Law):
-            raise InputError(f"law must be a contact law (PowerLaw, TableLaw, ...), got {type(self.law).__name__}")
+            raise InputError(f"law must be a contact law (PowerLaw, CurveLaw, ...), got {type(self.law).__name__}")
         positive("zeta", self.zeta, zero=True)
         if self.zeta >= 1:
             raise InputError(f"zeta = {self.zeta:g} is not legal: it must be below 1")
@@ -133,12 +133,7 @@ class ContactOscillator:
         return thresholds(self.equation, [self.setting(value, excitation) for value in values])
 
     def response(
-        self,
-        forcing: float,
-        omega: Sequence[float] = (0.5, 1.3),
-        *,
-        excitation: str = "force",
-        tol: float = 1e-5,
+        self, forcing: float, omega: Sequence[float] = (0.5, 1.3), *, excitation: str = "force", tol: float = 1e-5
     ) -> FrequencyResponse:
         """The main branch of periodic orbits in a window of frequencies, stable and unstable, with its bifurcations.
 
