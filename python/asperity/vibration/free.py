@@ -1,4 +1,4 @@
-"""Free vibration over the amplitude, the resonance peak by energy balance, and onsets of nonlinear phenomena.
+"""Free vibration over the amplitude, and onsets of nonlinear phenomena.
 
 The time on a free orbit is the quadrature of du over the speed, by Gauss points on pieces between corners of the law,
 with u = mid + half sin(theta), which removes the singularity of rest; a flight is a parabola. At phase resonance the
@@ -9,7 +9,7 @@ forcing supplies exactly the energy that the damper takes from a free orbit:
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any
 
@@ -23,13 +23,11 @@ from asperity.runtime.display import short_repr
 from asperity.vibration.checks import positives
 from asperity.vibration.equation import Equation, Restoring
 from asperity.vibration.law import TaylorLaw, bar_of, bend
-from asperity.vibration.settings import Setting
 
 _POINTS = 10  # Gauss points on a piece
 _PIECES = np.pi * np.concatenate([[0.0], 0.5 ** np.arange(4, 0, -1), 1.0 - 0.5 ** np.arange(2, 15), [1.0]])  # of theta
 _FLIGHT = 5e-3  # energy at separation from where a flight is treated apart, as a parabola
 _GREATEST = 1e-3  # error of an orbit that is refused, far above that of any amplitude in use
-_LARGEST = 1e6  # amplitude at which the search for a peak ends
 _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(_POINTS)
 _X, _W = 0.5 * (_NODES + 1.0), 0.5 * _WEIGHTS
 _LAST = (2 * _POINTS - 1) * np.polynomial.legendre.Legendre.basis(_POINTS - 1)(_NODES) * _W  # mode
@@ -251,8 +249,6 @@ class Thresholds:
         contact_loss: F^ at which resonance begins to lose contact (small zeta)
         hysteresis: F^ of the first vertical tangent (multiple scales, small zeta)
         period_doubling: F^ of the first period doubling near Omega = 2 (small zeta; error about 0.5 % for 0.01)
-        peaks: F_hat, Omega, u_max, u_min, a1 of the resonance peak of each forcing (small zeta); None where the
-            damping does not limit it
     """
 
     n_loc: float
@@ -263,45 +259,16 @@ class Thresholds:
     contact_loss: float | None
     hysteresis: float | None
     period_doubling: float | None
-    peaks: tuple[dict[str, float | None], ...]
 
     __repr__ = short_repr
 
 
-def resonance_peak(equation: Equation, setting: Setting) -> FreeOrbit | None:
-    """Free orbit that a forcing sustains at phase resonance; None if there is none."""
-    restoring, zeta = equation.restoring, equation.zeta
-    limit = min(largest_amplitude(restoring), _LARGEST)
-
-    def orbit(u: float) -> FreeOrbit:
-        return free_orbits(restoring, u, equation.damping)[0]
-
-    def surplus(u: float) -> float:
-        here = orbit(u)
-        return here.drive - float(setting.forcing(here.omega)) / (2.0 * zeta)
-
-    low = high = min(1e-3, 0.05 * setting.F_hat / zeta, 0.5 * limit)
-    try:
-        while surplus(high) < 0:
-            low, high = high, min(4.0 * high, limit)
-            if high == low or (high > 1e3 and surplus(high) < surplus(low)):  # the damping does not limit it
-                return None
-    except ConvergenceError:  # beyond any amplitude that can be integrated
-        return None
-    return orbit(low if high == low else brentq(surplus, low, high, xtol=1e-14, rtol=1e-13))
-
-
-def thresholds(equation: Equation, settings: Sequence[Setting] = ()) -> Thresholds:
-    """Compute the onsets of `Thresholds` and the resonance peak of each setting."""
+def thresholds(equation: Equation) -> Thresholds:
+    """Compute the onsets of `Thresholds`."""
     restoring, zeta, kappa = equation.restoring, equation.zeta, equation.restoring.kappa
     limit = contact_limit(restoring)
     orbit = free_orbits(restoring, limit, equation.damping)[0] if np.isfinite(limit) else None
     bar = np.nan_to_num(bar_of(restoring.law, lambda law: Restoring(law, restoring.load).kappa))
-    peaks: list[dict[str, float | None]] = []
-    for one in settings:
-        peak = resonance_peak(equation, one) if zeta > 0.0 else None
-        names = {"Omega": "omega", "u_max": "u0", "u_min": "u_min", "a1": "a1"}
-        peaks.append({"F_hat": one.F_hat} | {key: getattr(peak, name, None) for key, name in names.items()})
     return Thresholds(
         n_loc=restoring.n_loc,
         kappa=kappa,
@@ -311,5 +278,4 @@ def thresholds(equation: Equation, settings: Sequence[Setting] = ()) -> Threshol
         contact_loss=2.0 * zeta * orbit.drive if orbit else None,
         hysteresis=float(np.sqrt(32.0 * zeta**3 / (3.0 * np.sqrt(3.0) * abs(kappa)))) if kappa else None,
         period_doubling=6.0 * zeta / abs(restoring.a2) if restoring.a2 else None,
-        peaks=tuple(peaks),
     )

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 
@@ -24,7 +24,7 @@ from asperity.vibration.free import (
 from asperity.vibration.law import Law, TaylorLaw
 from asperity.vibration.motion import Trajectory, course, integrate
 from asperity.vibration.response import FrequencyResponse, frequency_response
-from asperity.vibration.settings import EXCITATIONS, FORCING, OMEGA, SHAPES, ZETA, Setting, forcings, window
+from asperity.vibration.settings import EXCITATIONS, FORCING, OMEGA, SHAPES, ZETA, Setting, window
 
 GRAVITY = 9.80665  # m/s^2
 
@@ -55,9 +55,9 @@ class ContactOscillator:
         >>> oscillator = asp.ContactOscillator(asp.PowerLaw(1.5, K=1e9), load=10.0, zeta=0.02)
         >>> print(f"m = {oscillator.mass:.4f} kg, omega_s = {oscillator.omega_s:.1f} rad/s")
         m = 1.0197 kg, omega_s = 1780.2 rad/s
-        >>> onset = oscillator.thresholds(0.05)
-        >>> print(f"{onset.u_max:.4f}", onset.softening, f"{onset.contact_loss:.4f}, {onset.peaks[0]['Omega']:.4f}")
-        0.8420 softening 0.0355, 0.8559
+        >>> onset = oscillator.thresholds()
+        >>> print(f"{onset.u_max:.4f}", onset.softening, f"{onset.contact_loss:.4f}")
+        0.8420 softening 0.0355
         >>> path = oscillator.simulate(0.9, 0.05, u=0.1, periods=2)
         >>> print(f"{path.u.max():.4f}")
         0.1914
@@ -127,10 +127,9 @@ class ContactOscillator:
             u0 = np.linspace(top / 120, top, 120)
         return FreeVibration(self.model, free_orbits(self.restoring, u0, self.damping))
 
-    def thresholds(self, forcing: float | Iterable[float] = (), excitation: str = "force") -> Thresholds:
-        """Onsets of contact loss, hysteresis and period doubling as F^, and the peak for each value of `forcing`."""
-        values = () if isinstance(forcing, Sequence) and not forcing else forcings(forcing)
-        return thresholds(self.equation, [self.setting(value, excitation) for value in values])
+    def thresholds(self) -> Thresholds:
+        """Onsets of contact loss, hysteresis and period doubling as F^."""
+        return thresholds(self.equation)
 
     def response(
         self, forcing: float, omega: Sequence[float] = (0.5, 1.3), *, excitation: str = "force", tol: float = 1e-5
@@ -150,7 +149,9 @@ class ContactOscillator:
             InputError: an argument is not legal, or zeta is below 1e-4
         """
         within("zeta of forced motion", self.zeta, ZETA)
-        setting = self.setting(within("forcing", forcing, FORCING), excitation)
+        one_of("excitation", excitation, EXCITATIONS)
+        n_loc, F_hat = self.restoring.n_loc, within("forcing", forcing, FORCING)
+        setting = Setting(self.model, self.law.describe(), n_loc, self.zeta, self.damping, F_hat, excitation)
         return frequency_response(self.equation, setting, window(omega), positive("tol", tol))
 
     def simulate(
@@ -199,9 +200,3 @@ class ContactOscillator:
     def equation(self) -> Equation:
         """Equation of motion."""
         return Equation(self.restoring, self.zeta, self.damping)
-
-    def setting(self, forcing: float, excitation: str = "force") -> Setting:
-        """Law, damping and forcing of a result."""
-        one_of("excitation", excitation, EXCITATIONS)
-        r, law = self.restoring, self.law.describe()
-        return Setting(self.model, law, r.n_loc, self.zeta, str(self.damping), float(forcing), excitation)

@@ -213,7 +213,7 @@ def run_dynamics(
         oscillators=oscillators,
         free={name: oscillator.free() for name, oscillator in oscillators.items()},
         responses=responses,
-        thresholds={name: oscillator.thresholds(forcing, kind) for name, oscillator in oscillators.items()},
+        thresholds={name: oscillator.thresholds() for name, oscillator in oscillators.items()},
         numbers=numbers,
         notes=tuple(dict.fromkeys(note for note in notes if note)),
         motions=motions,
