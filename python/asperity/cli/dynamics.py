@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -13,7 +12,7 @@ from asperity.errors import InputError
 from asperity.units import plus_minus, quantity
 
 if TYPE_CHECKING:
-    from asperity.vibration import Dynamics, DynamicsSettings
+    from asperity.vibration import Dynamics, DynamicsSettings, FrequencyResponse
 
 SECTIONS = ("dynamics", "joint", "slip", "units")  # of which --set takes keys
 TANGENTIAL = ("dynamics.preload", "dynamics.gravity", "dynamics.forcing", "dynamics.zeta")  # the others do not matter
@@ -145,7 +144,7 @@ def _show(result: Dynamics) -> None:
         name = setting.amplitude + (f", F/W = {setting.F_over_mg:g}" if setting.excitation == "force" else "")
         if len(result.settings.zeta) > 1:
             name += f", zeta = {setting.zeta:g}"
-        rows.append((name, *(_peak(result, one) for one in responses)))
+        rows.append((name, *(_peak(one) for one in responses)))
         if setting.excitation != "force":
             ratios = (max((r["transmissibility"], r["Omega"]) for r in one.rows()) for one in responses)
             rows.append(("  transmissibility", *("at most {:.4g} at {:.4g}".format(*ratio) for ratio in ratios)))
@@ -175,13 +174,12 @@ def _show(result: Dynamics) -> None:
     options.say(result.numbers.sentence(units))
 
 
-def _peak(result: Dynamics, one: Any) -> str:
+def _peak(one: FrequencyResponse) -> str:
     """Peak of a response with its bars, or the greatest amplitude in the window."""
     if not one.has_peak:
         return f"no peak inside: {one.peak[1]:.4g} at the end {one.peak[0]:.4g}"
-    exact = result.responses.get("exact", ())
-    bars = result.bars[exact.index(one)][0] if result.bars and one in exact else (math.nan, math.nan)
-    return f"peak {plus_minus(one.peak[1], bars[1])} at {plus_minus(one.peak[0], bars[0])}"
+    omega_bar, bar = one.bars[0]
+    return f"peak {plus_minus(one.peak[1], bar)} at {plus_minus(one.peak[0], omega_bar)}"
 
 
 def _text(value: Any) -> str:
