@@ -14,8 +14,7 @@ from pydantic import Field
 from asperity.arrays import Array
 from asperity.errors import AsperityWarning, InputError, warn
 from asperity.runtime.declaration import LENGTH, Real, check_shares, declared, key, unknown
-from asperity.runtime.display import nearest, show
-from asperity.runtime.notebook import optional, picture
+from asperity.runtime.display import nearest, optional, picture, show
 from asperity.surface.maximum import global_maximum
 from asperity.surface.statistics import SMALL_SLOPE, Spectrum, SurfaceStatistics, psd
 
