@@ -39,7 +39,6 @@ class Dynamics:
         notes: limits and assumptions of the results, one sentence each
         gravity: for mass and omega_s (length/time^2), None if unknown or if the joint has a mass
         choice: which law of the curve it is; None for a given `Law`
-        laws: all laws of the curve at the preload, see `joint.tabulate`
         settings: what was computed
     """
 
@@ -53,7 +52,6 @@ class Dynamics:
     motions: dict[str, Trajectory] = field(default_factory=dict)
     gravity: float | None = None
     choice: Choice | None = None
-    laws: list[dict[str, Any]] = field(default_factory=list)
     settings: DynamicsSettings = field(default_factory=DynamicsSettings)
 
     @property
@@ -139,7 +137,7 @@ class Dynamics:
         if choice is not None:
             laws = {
                 "chosen": choice.name, "reason": choice.reason, "doubt": choice.note, "yielded": choice.yielded,
-                "rows": choice.done, "table": self.laws,
+                "rows": choice.done,
             }  # fmt: skip
         out: dict[str, Any] = {
             "normalisation": "u = (z - z_s)/z_s, Omega = omega/omega_s, F_hat = F/(n_loc W), W = load",

@@ -13,7 +13,7 @@ from asperity.errors import ConvergenceError, InputError
 from asperity.vibration.checks import positive
 from asperity.vibration.law import Law, bar_of
 from asperity.vibration.motion import Trajectory
-from asperity.vibration.numbers import Numbers, tabulate
+from asperity.vibration.numbers import Numbers
 from asperity.vibration.oscillator import GRAVITY, ContactOscillator
 from asperity.vibration.response import FrequencyResponse
 from asperity.vibration.results import Dynamics
@@ -62,7 +62,7 @@ def run_dynamics(
     forcing, omega, pulse = settings.on(exact.restoring.scale, exact.restoring.z_s, exact.omega_s)
     oscillators = {name: exact if name == "exact" else exact.taylor() for name in settings.model}
     responses: dict[str, tuple[FrequencyResponse, ...]] = {}
-    notes = [*law.doubts(load), assumed]
+    notes = [assumed]
     if settings.with_units and settings.units is None:
         notes.append("amounts with units assume a curve in SI units: for other units give numbers without units")
     if choice is not None:
@@ -92,7 +92,6 @@ def run_dynamics(
         motions=_moved(next(iter(oscillators.values())), settings, forcing[0], omega, pulse or 0.5),
         gravity=gravity,
         choice=choice,
-        laws=[] if choice is None else tabulate(columns, choice, exact.mass, exact.zeta),
         settings=settings,
     )
     if out_dir is not None:
