@@ -19,7 +19,7 @@ from asperity.vibration.local_fit import Local, LocalFit
 MIN_POINTS = 5  # of a law without slopes
 _STEEPEST = 0.9  # largest exponent of the stiffness over the force with which a law begins at zero approach
 _REACHES = (np.inf, 0.4, 0.1, 0.025)  # distances in ln z from which points tell the curvature
-_FEW = 12  # points, and slopes, that tell it
+_FEW, _MANY = 12, 100  # points, and slopes, that tell it, and points that suffice
 _BENT = 3.0  # of a side whose curvature is not resolved: its force still rises
 _FLOOR = 1e-3  # of the bar of kappa
 _APART = 1.25  # times the difference of curve and local fit, neither of which is exact
@@ -225,8 +225,9 @@ class CurveLaw(Law):
         known = np.full(x.size, np.nan) if self.k is None else self.k * self.z / self.F
         found: list[Local] = []
         for reach in _REACHES:
-            near = np.abs(x) <= reach
-            if found and near.sum() + np.isfinite(known[near]).sum() < _FEW:
+            near = np.flatnonzero(np.abs(x) <= reach)
+            near = near[:: 1 + near.size // _MANY]
+            if found and near.size + np.isfinite(known[near]).sum() < _FEW:
                 break
             found.append(LocalFit(self.z[near], self.F[near], known[near]).at(load))
         return min(found, key=lambda local: float(local.bars[3]))

@@ -134,7 +134,8 @@ class LocalFit:
         best = int(np.argmax(w))
         other = max((w[i], i) for i, part in enumerate(self._parts) if part.width != self._parts[best].width)[1]
         apart = np.abs(numbers[other] - numbers[best])[:4]
-        return Local(*map(float, mean), bars=BAR * np.sqrt(np.maximum(variance, 0.0)) + apart)
+        x, n, log_k, kappa, second, third = (float(value) for value in mean)
+        return Local(x, n, log_k, kappa, second, third, BAR * np.sqrt(np.maximum(variance, 0.0)) + apart)
 
     def _linear(self, w: Array, origin: float, centres: Array, width: float) -> tuple[Array, Array]:
         """Residuals over the scale of the error, and their derivatives with opposite sign."""
@@ -197,12 +198,13 @@ class LocalFit:
 
     def _power(self) -> tuple[float, Array]:
         """First contact, and ln F at the last row and exponent of the power law next to the forces."""
-        delta, force, tried = self._delta, self._force, [0.0]
+        delta, force = self._delta, self._force
+        tried: Array = np.zeros(1)
         if self._measured:
             half = delta[int(np.argmax(np.maximum.accumulate(force) >= 0.5 * force.max()))]
-            tried = np.linspace(delta[0] - 2.0 * np.ptp(delta), half, 121)[:-1].tolist()
+            tried = np.linspace(delta[0] - 2.0 * np.ptp(delta), half, 121)[:-1]
         best = (np.inf, 0.0, np.zeros(2))
-        for origin in tried:
+        for origin in map(float, tried):
             z, weight = (delta - origin) / (delta[-1] - origin), np.sqrt(self._count) * force
             on = (z > 0.0) & (force > 0.02)
             A = np.vstack([np.column_stack([np.ones(on.sum()), np.log(z[on])]) * weight[on, None], [0.0, 1e-3]])

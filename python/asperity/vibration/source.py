@@ -75,7 +75,8 @@ class CurveColumns:
             if greatest := float(np.abs(getattr(curve, name)).max()):
                 within(f"the greatest {name} of the curve", greatest, SIZES)
         measured = curve is not table and not {"step", "k_n_elastic"} & set(table)
-        rows, branch = np.arange(len(curve)), curve.branch
+        rows: Array = np.arange(len(curve))
+        branch = curve.branch
         if measured and "branch" not in table:
             rows, branch, done = branches(curve.delta, curve.force)
             notes += (done,) if done else ()
@@ -85,12 +86,10 @@ class CurveColumns:
             bar, elastic_bar = curve.error_P_star / curve.P_star, curve.error_k_n_elastic / k
             elastic = np.where(share > LEAST, k / share, np.nan)
         strain = np.where(np.isnan(curve.max_plastic_strain), curve.plastic_fraction, curve.max_plastic_strain)
-        columns = (
-            curve.delta - block * curve.force, factor * curve.force, strain, factor * elastic, bar,
-            elastic_bar / np.maximum(share, LEAST),
+        return cls(
+            (curve.delta - block * curve.force)[rows], factor * curve.force[rows], branch, strain[rows],
+            factor * elastic[rows], bar[rows], (elastic_bar / np.maximum(share, LEAST))[rows], measured, notes,
         )  # fmt: skip
-        delta, force, *more = (column[rows] for column in columns)
-        return cls(delta, force, branch, *more, measured=measured, notes=notes)
 
     @property
     def loading(self) -> Flags:
@@ -234,15 +233,19 @@ def law_named(columns: CurveColumns, name: str, load: float) -> tuple[Law, str]:
     """Law of `NAMES` about a preload (force), with its bars, and what was done with measured rows; see `law_from`."""
     if name == "paper":
         return _power_law(columns), ""
-    bar, of_k = (x if x > 0.0 else 0.0 for x in (columns.bar_at(load), columns.bar_at(load, elastic=True)))
     if name == "elastic":
-        return elastic_tangent(columns, load).about(load, force=bar, stiffness=of_k), ""
-    first = name == "table"
-    rows = np.flatnonzero(columns.loading) if first else leg_rows(columns, load)
-    title = "loading" if first else "unload-reload branch"
+        return elastic_tangent(columns, load), ""
+    return law_of_branch(columns, load, first=name == "table")
+
+
+def law_of_branch(columns: CurveColumns, load: float, *, first: bool = False) -> tuple[CurveLaw, str]:
+    """Law through the rows of the first loading or of the last unloading; results and errors as for `law_named`."""
+    rows, name = (
+        (np.flatnonzero(columns.loading), "loading") if first else (leg_rows(columns, load), "unload-reload branch")
+    )
     delta, force, k = columns.delta[rows], columns.force[rows], columns.elastic[rows]
     if columns.measured:
-        return law_of_rows(delta, force, load, title)
+        return law_of_rows(delta, force, load, name)
     if first and columns.yielded(load):
         k = np.full(k.shape, np.nan)  # the slope of a loading that yields is not its elastic stiffness
     touching = force > TOUCH * force.max()
@@ -254,8 +257,13 @@ def law_named(columns: CurveColumns, name: str, load: float) -> tuple[Law, str]:
         origin = float(delta[0] - CurveLaw.of_stiffness(force[:2], k[:2]).z[0])
     else:
         origin = LocalFit(delta, force, measured=True).origin[0]
-    law = CurveLaw(delta, force, origin=origin, k=k, name=title)
-    return law.about(load, force=bar, stiffness=0.0 if law.k is None else of_k), ""
+    return _with_bars(CurveLaw(delta, force, origin=origin, k=k, name=name), columns, load), ""
+
+
+def _with_bars(law: CurveLaw, columns: CurveColumns, load: float) -> CurveLaw:
+    """Law with the error bars of its curve at a load, beside those that the points leave open."""
+    force, stiffness = (float(np.nan_to_num(columns.bar_at(load, elastic=elastic))) for elastic in (False, True))
+    return law.about(load, force=force, stiffness=0.0 if law.k is None else stiffness)
 
 
 def leg_rows(columns: CurveColumns, load: float | None = None) -> Array:
@@ -285,7 +293,8 @@ def elastic_tangent(columns: CurveColumns, load: float) -> CurveLaw:
             f"the curve has the elastic stiffness k_n_elastic in {rows.size} rows of the loading, at least 2 are "
             "needed, up to the preload: compute it with output.stiffness = true"
         )
-    return CurveLaw.of_stiffness(columns.force[rows], columns.elastic[rows], name="elastic tangent of the loading")
+    law = CurveLaw.of_stiffness(columns.force[rows], columns.elastic[rows], name="elastic tangent of the loading")
+    return _with_bars(law, columns, load)
 
 
 def _power_law(columns: CurveColumns) -> PowerLaw:
