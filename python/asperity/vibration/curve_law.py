@@ -9,6 +9,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 from scipy.interpolate import CubicHermiteSpline, PchipInterpolator, PPoly
+from scipy.special import exprel
 
 from asperity.arrays import Array
 from asperity.errors import InputError
@@ -108,11 +109,9 @@ class CurveLaw(Law):
         measured from where the force vanishes on this law.
         """
         F, stiffness = np.asarray(force, float), np.asarray(k, float)
-        p = np.diff(np.log(stiffness)) / np.diff(np.log(F))
-        flat = np.abs(1 - p) < 1e-6  # there F/k is constant, and z a logarithm
-        power = np.diff(F / stiffness) / np.where(flat, 1.0, 1 - p)
-        steps = np.where(flat, F[:-1] / stiffness[:-1] * np.diff(np.log(F)), power)
-        start = F[0] / stiffness[0] / (1 - np.clip(p[0], 0.0, _STEEPEST))
+        rise, more = np.diff(np.log(F)), np.diff(np.log(F / stiffness))
+        start = F[0] / stiffness[0] / (1 - np.clip(1 - more[0] / rise[0], 0.0, _STEEPEST))
+        steps = F[:-1] / stiffness[:-1] * exprel(more) * rise
         return cls(start + np.append(0.0, np.cumsum(steps)), F, k=stiffness, name=name)
 
     def about(
@@ -145,11 +144,11 @@ class CurveLaw(Law):
             return ()
         load, force, approach, stiffness, kappa = self.bars
         z = self.deflection(load)
-        bent, tilted = min(16.0 * kappa / self.n_loc(z) ** 2, _BENT), min(stiffness, 0.9)
+        bent = 16.0 * kappa / self.n_loc(z) ** 2
         pairs = (
             (self._side(load, factor=-force), self._side(load, factor=force)),
             (self._side(load, shift=-min(approach, 0.9 * z)), self._side(load, shift=approach)),
-            (self._side(load, tilt=-tilted), self._side(load, tilt=tilted)),
+            (self._side(load, tilt=-min(stiffness, 0.9)), self._side(load, tilt=stiffness)),
             (self._side(load, bend=-bent), self._side(load, bend=bent)),
         )
         return tuple(pair for pair, bar in zip(pairs, self.bars[1:], strict=True) if bar > 0.0)
@@ -160,13 +159,14 @@ class CurveLaw(Law):
         """Law at one end of an error: with Y = ln(F/load), load exp(g(Y)) at the approach and a shift.
 
         ``g = ln(1 + factor) + (1 + tilt) (Y + bend/6 Y^3 exp(-Y^2/2))``: the load keeps its stiffness but for the
-        factor and the tilt, and `bend` changes kappa by bend n^2/16.
+        factor and the tilt, and `bend` changes kappa by bend n^2/16. Away from the load a bend is at most `_BENT`.
         """
         z = np.union1d(self.z, self.deflection(load))
         F, k = self.force(z), self.slope(z)
         Y, (first, second, third) = np.log(F / load), self.derivatives(self.deflection(load))
-        g = np.log1p(factor) + (1.0 + tilt) * (Y + bend / 6.0 * Y**3 * np.exp(-0.5 * Y * Y))
-        rate = (1.0 + tilt) * (1.0 + bend / 6.0 * (3.0 * Y**2 - Y**4) * np.exp(-0.5 * Y * Y))
+        bump = np.clip(bend, -_BENT, _BENT) / 6.0 * np.exp(-0.5 * Y * Y)
+        g = np.log1p(factor) + (1.0 + tilt) * (Y + bump * Y**3)
+        rate = (1.0 + tilt) * (1.0 + bump * (3.0 * Y**2 - Y**4))
         moved, m = load * np.exp(g), first / load
         bends = (
             load, second / first + tilt * m,
@@ -194,10 +194,6 @@ class CurveLaw(Law):
             return slope, slope * self.bends[1], slope * self.bends[2]
         local = self._local(z)
         return slope, slope * local.second / z, slope * local.third / z**2
-
-    def deflection(self, load: float) -> float:
-        at_point = np.flatnonzero(np.abs(self.F - load) < 1e-12 * load)
-        return float(self.z[at_point[0]]) if at_point.size else super().deflection(load)
 
     def describe(self) -> str:
         return f"{self.name} through {self.z.size} points"

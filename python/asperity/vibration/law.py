@@ -17,7 +17,6 @@ from numpy.typing import ArrayLike
 from scipy.optimize import brentq
 
 from asperity.arrays import Array
-from asperity.curve.power_law import PowerLawFit
 from asperity.errors import RangeError
 from asperity.runtime.display import short_repr
 from asperity.vibration.checks import positive, within
@@ -186,19 +185,6 @@ class PowerLaw(Law):
     def __post_init__(self) -> None:
         within("n", self.n, EXPONENT)
         within("K", self.K, COEFFICIENT)
-
-    @classmethod
-    def from_fit(cls, fit: PowerLawFit, length: float = 1.0, force: float = 1.0) -> PowerLaw:
-        """Law ``F = force * k (z/length)^n`` of a fit in dimensionless variables.
-
-        Args:
-            fit: with k, n and range
-            length: unit of the approach (L for delta*)
-            force: unit of the force (A_0 E' for P*)
-        """
-        with np.errstate(over="ignore"):
-            K = float(force * fit.k * np.float64(length) ** -fit.n)
-        return cls(float(fit.n), K, float(fit.range[1] * length))
 
     def force(self, z: ArrayLike) -> Array:
         return np.asarray(self.K * np.maximum(np.asarray(z, float), 0.0) ** self.n)

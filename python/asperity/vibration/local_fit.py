@@ -21,7 +21,7 @@ WIDTHS, SIZES = (0.05, 0.15, 0.4, 1.0, 2.5), (0.03, 0.15, 0.6, 2.0)  # of the bu
 _SPACING, _BUMPS = 0.6, 67  # distance of bumps over their width, and most of them
 _PRIOR = ((0.0, 1e-4), (1.7, 4.0))  # mean and weight of ln F at the last row (no matter) and of the exponent
 _GROUPS = 100  # of rows that are averaged
-_LEAST = 1e-9, 1e-5  # noise of computed rows over them, and of an instrument over the greatest force
+_LEAST = 1e-7, 1e-5  # noise of computed rows over them, and of an instrument over the greatest force
 _TEMPER = 0.5  # power of the likelihood: scatter is not quite white, and no law is of one width
 
 
@@ -174,7 +174,7 @@ class LocalFit:
         for _ in range(40):
             variance = variance or max(squares / weight.sum(), least)
             normal = J.T @ (weight[:, None] * J) / variance
-            H = normal + np.diag(prior + 1e-13 * float(np.max(np.diag(normal))))
+            H = normal + np.diag(prior + 1e-15 * float(np.max(np.diag(normal))))
             move = np.linalg.solve(H, J.T @ (weight * r) / variance - prior * (w - mean))
             move *= min(1.0, 1.0 / max(float(np.abs(J @ move).max()), 1e-12))
             cost = squares / variance + prior @ (w - mean) ** 2

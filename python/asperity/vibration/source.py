@@ -18,7 +18,7 @@ from asperity.curve import Curve
 from asperity.curve.power_law import fit_power_law
 from asperity.curve.slope import fitted_rows, legs
 from asperity.errors import AsperityError, AsperityWarning, InputError, RangeError, warn
-from asperity.vibration.checks import LAWS, MIN_ROWS, one_of, positive, within
+from asperity.vibration.checks import LAWS, one_of, positive, within
 from asperity.vibration.curve_law import MIN_POINTS, CurveLaw
 from asperity.vibration.law import Law, PowerLaw
 from asperity.vibration.local_fit import LocalFit
@@ -200,11 +200,6 @@ def choose(columns: CurveColumns, law: str = "auto", load: float | None = None) 
             f"load {load:g} lies below the first point of the law (force {found.F[0]:g}): the law there is a power of "
             "the approach, as at the first points"
         )
-    if name == "unload-reload" and found.knots.size < MIN_ROWS[1]:
-        notes.append(
-            f"the unloading through the preload has {found.knots.size} rows in contact, and at least {MIN_ROWS[1]} "
-            "show its curvature: compute it with more unload_steps"
-        )
     loading = "nothing has yielded up to the preload" if yielded is False else "the curve does not show that it yields"
     reason = REASONS.get(name, loading) if law == "auto" else "named"
     return Choice(name, found, load, yielded, reason, "; ".join(filter(None, notes)), done)
@@ -304,5 +299,7 @@ def _power_law(columns: CurveColumns) -> PowerLaw:
     if not (length > 0 and unit > 0):
         raise InputError("the loading branch of the curve never makes contact: no power law can be fitted")
     rows = fitted_rows(delta, force)
-    law = PowerLaw.from_fit(fit_power_law(delta[rows] / length, force[rows] / unit), length, unit)
-    return replace(law, known_to=max(law.known_to, law.deflection(unit)))
+    fit = fit_power_law(delta[rows] / length, force[rows] / unit)
+    with np.errstate(over="ignore"):
+        law = PowerLaw(fit.n, float(unit * fit.k * np.float64(length) ** -fit.n))
+    return replace(law, known_to=max(fit.range[1] * length, law.deflection(unit)))
