@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import atexit
 import sys
 import time
 from collections.abc import Callable
@@ -12,8 +13,9 @@ import pytest
 from conftest import world
 
 from asperity.errors import InputError, OutputError
+from asperity.runtime import compat
 from asperity.runtime.parallel import agree, on_root, on_root_bcast, spread
-from asperity.runtime.timing import clocked
+from asperity.runtime.usage import clocked
 
 pytestmark = pytest.mark.mpi
 
@@ -48,6 +50,15 @@ def test_errors_of_rank_0_reach_every_rank(call: Callable[[Any, Callable[[], int
         call(world(), lose_the_disk)
     with pytest.raises(InputError, match="no"):
         agree(world(), refuse if world().rank == world().size - 1 else lambda: 1)
+
+
+def test_libraries_that_start_twice_end_once() -> None:
+    """PETSc's end is collective: a rank that has started it more often than the others would wait for them for ever."""
+    compat.start()
+    before = atexit._ncallbacks()
+    if world().rank == 0:
+        compat.start()
+    assert atexit._ncallbacks() == before
 
 
 def test_tasks_are_spread_and_their_errors_reach_every_rank(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -26,7 +26,6 @@ def test_power_law_matches_closed_forms(n: float) -> None:
     assert r.z_s == pytest.approx((load / 3.0) ** (1 / n), rel=1e-14)
     assert r.n_loc == pytest.approx(n, rel=1e-14)
     assert r.a2 == pytest.approx((n - 1) / 2, abs=1e-14)
-    assert r.a3 == pytest.approx((n - 1) * (n - 2) / 6, abs=1e-14)
     assert r.kappa == pytest.approx(-(n - 1) * (2 * n + 1) / 48, abs=1e-14)
     assert r.f(-3.0) == pytest.approx(-1 / n, rel=1e-14)
     assert law.force(-0.1) == 0.0

@@ -9,6 +9,7 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from asperity.errors import InputError, RangeError
+from asperity.vibration.free import free_orbits
 from asperity.vibration.law import PowerLaw
 from asperity.vibration.oscillator import ContactOscillator
 
@@ -39,19 +40,20 @@ def test_free_decay_has_the_damping_ratio() -> None:
 @pytest.mark.parametrize(("n", "drive"), [(1.2, 0.94898), (1.5, 0.88652), (3.0, 0.70205)])
 def test_onset_of_contact_loss(n: float, drive: float) -> None:
     t = ContactOscillator(PowerLaw(n), zeta=0.01).thresholds()
-    assert t.drive_loss == pytest.approx(drive, abs=6e-6)
-    assert t.contact_loss == pytest.approx(0.02 * drive, rel=1e-4)
+    assert t.contact_loss == pytest.approx(0.02 * drive, abs=1.2e-7)
     assert t.u_max == pytest.approx((n + 1) ** (1 / n) - 1, rel=1e-12)
     assert t.hysteresis == pytest.approx(np.sqrt(32e-6 / (3 * np.sqrt(3) * abs(t.kappa))), rel=1e-12)
 
 
 def test_the_damping_model_determines_whether_resonance_is_limited() -> None:
+    o, u = ContactOscillator(PowerLaw(1.5)), [0.5, 10.0, 1000.0]
     always, contact, force = (
-        ContactOscillator(PowerLaw(1.5), damping=d).thresholds(0.05) for d in ("always", "contact", "hunt-crossley")
+        np.array([orbit.drive for orbit in free_orbits(o.restoring, u, damping)])
+        for damping in ("always", "contact", "hunt-crossley")
     )
-    assert contact.peaks[0]["u_max"] is None and always.peaks[0]["u_max"] is not None
+    assert np.all(np.diff(always) > 0.0) and contact[2] < contact[1]
     # proportional to the contact force: the same loss, since INT f u'^2 dtau vanishes on a free orbit
-    assert force.peaks[0]["u_max"] == pytest.approx(always.peaks[0]["u_max"], rel=1e-6)
+    np.testing.assert_allclose(force, always, rtol=1e-6)
 
 
 def test_hardening_needs_n_below_one() -> None:
@@ -103,15 +105,6 @@ def test_a_motion_leaves_the_taylor_well_and_it_is_said() -> None:
     with pytest.raises(RangeError, match="escapes"):
         o.simulate(1.0, 0.0, u=2.0, periods=20)
     assert o.simulate(1.0, 0.03).valid and not o.simulate(0.9, 0.3, periods=1.0, u=1.2).valid
-    damped = replace(o, zeta=0.05)
-    assert damped.thresholds(0.03).valid and not damped.thresholds(0.1).valid
-
-
-def test_the_peak_under_a_moving_base() -> None:
-    o = ContactOscillator(PowerLaw(1.5), zeta=0.03)
-    r = o.response(0.02, (0.7, 1.3), excitation="base")
-    (peak,) = o.thresholds(0.02, "base").peaks
-    assert peak["u_max"] == pytest.approx(r.peak[1], rel=1e-2) and peak["Omega"] == pytest.approx(r.peak[0], rel=1e-2)
 
 
 @pytest.mark.parametrize(

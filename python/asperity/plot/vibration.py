@@ -20,7 +20,7 @@ from asperity.plot import style
 from asperity.units import prefix, quantity
 
 if TYPE_CHECKING:
-    from asperity.vibration.results import Dynamics
+    from asperity.vibration.run import Dynamics
 
 MODELS = {"exact": (style.BLUE, "-", "exact law"), "taylor": (style.VERMILION, "--", "Taylor law")}
 DASHES = (0, (3, 1.5))  # offset, and lengths of line and gap [line widths]

@@ -5,6 +5,7 @@ from __future__ import annotations
 import importlib
 import importlib.util
 import os
+import sys
 import warnings
 from typing import Any
 
@@ -47,7 +48,8 @@ def start() -> None:
     """
     os.environ.setdefault("SCOTCH_PTHREAD_NUMBER", "1")
     load_libraries()
-    if importlib.util.find_spec("petsc4py") is not None:
+    # each call adds a collective call at exit, and a rank that runs alone would make more of them than the others
+    if "petsc4py.PETSc" not in sys.modules and importlib.util.find_spec("petsc4py") is not None:
         importlib.import_module("petsc4py").init(["asperity", "-skip_petscrc"])
     with warnings.catch_warnings():  # what its modules warn of is not of the run, nor an error of it
         warnings.simplefilter("ignore")

@@ -10,7 +10,6 @@ damping ratio of small motion:
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import cached_property
 
@@ -40,7 +39,7 @@ class Restoring:
         z_s: static deflection (length)
         scale: z_s F'(z_s) (force); F^ = F / scale
         n_loc: local exponent, scale / W
-        a2, a3: coefficients of f = u + a2 u^2 + a3 u^3 + ...
+        a2: coefficient of f = u + a2 u^2 + ...
         kappa: backbone curvature, omega/omega_s = 1 + kappa a^2
 
     Raises:
@@ -54,7 +53,6 @@ class Restoring:
     scale: float = field(init=False)
     n_loc: float = field(init=False)
     a2: float = field(init=False)
-    a3: float = field(init=False)
     kappa: float = field(init=False)
 
     __repr__ = short_repr
@@ -66,11 +64,11 @@ class Restoring:
                 f"the static deflection is {z:g} under load = {self.load:g}, beyond floating-point range: both must "
                 f"lie between {_SMALLEST:g} and {1.0 / _SMALLEST:g}; choose another load or other units"
             )
-        p1, p2, p3 = self.law.derivatives(z)
+        p1, p2, _ = self.law.derivatives(z)
         if not p1 > 0:
             raise InputError(f"the law has stiffness {p1:g} at the operating point; it must be positive")
-        values = (z, z * p1, z * p1 / self.load, z * p2 / (2 * p1), z * z * p3 / (6 * p1), self.law.kappa(z))
-        for name, value in zip(("z_s", "scale", "n_loc", "a2", "a3", "kappa"), values, strict=True):
+        values = (z, z * p1, z * p1 / self.load, z * p2 / (2 * p1), self.law.kappa(z))
+        for name, value in zip(("z_s", "scale", "n_loc", "a2", "kappa"), values, strict=True):
             object.__setattr__(self, name, float(value))
 
     @property
@@ -82,6 +80,12 @@ class Restoring:
     def known_to(self) -> float:
         """Displacement up to which the law is known; motion beyond it is on a continuation."""
         return self.law.known_to / self.z_s - 1.0
+
+    @property
+    def first_power(self) -> float:
+        """Power of the approach as which the force begins at first contact; infinite for a law without contact loss."""
+        near = self.law.force(self.z_s * np.array([1e-9, 2e-9]))
+        return float(np.log2(near[1] / near[0])) if self.contact and near[0] > 0.0 else np.inf
 
     @property
     def model(self) -> str:
@@ -131,26 +135,11 @@ class Equation:
     def terms(self, u: Array) -> tuple[Array, Array, Array, Array]:
         """The restoring force f, f', the damping factor g and g' at displacements, each of the shape of `u`."""
         f, slope = self.restoring.f(u), self.restoring.slope(u)
-        g = self.rate(u, f)
-        if self.damping == "always":
-            return f, slope, g, np.zeros_like(u)
-        if self.damping == "hunt-crossley":
-            return f, slope, g, self.restoring.n_loc * slope
-        d = 1e-6
-        return f, slope, g, (self.rate(u + d, f) - self.rate(u - d, f)) / (2.0 * d)
+        ramp = ((u > -1.0) & (u < _RAMP - 1.0)) / _RAMP
+        growth = {"always": 0.0 * u, "contact": ramp, "hunt-crossley": self.restoring.n_loc * slope}
+        return f, slope, self.rate(u, f), growth[self.damping]
 
     @cached_property
     def corners(self) -> Array:
         """Displacements at which f or g is not smooth, rising."""
-        more = [] if self.damping in ("always", "hunt-crossley") else [_RAMP - 1.0]
-        return np.union1d(self.restoring.corners, more)
-
-    def acceleration(self) -> Callable[[float, float], float]:
-        """Function for the acceleration without forcing, -f - 2 zeta g v, at a displacement and a speed."""
-
-        def acceleration(u: float, v: float) -> float:
-            at = np.array([u])
-            f = self.restoring.f(at)
-            return -float(f[0]) - 2.0 * self.zeta * float(self.rate(at, f)[0]) * v
-
-        return acceleration
+        return np.union1d(self.restoring.corners, [_RAMP - 1.0] if self.damping == "contact" else [])

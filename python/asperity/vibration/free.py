@@ -1,4 +1,4 @@
-"""Free vibration over the amplitude, the resonance peak by energy balance, and onsets of nonlinear phenomena.
+"""Free vibration over the amplitude, and onsets of nonlinear phenomena.
 
 The time on a free orbit is the quadrature of du over the speed, by Gauss points on pieces between corners of the law,
 with u = mid + half sin(theta), which removes the singularity of rest; a flight is a parabola. At phase resonance the
@@ -9,8 +9,8 @@ forcing supplies exactly the energy that the damper takes from a free orbit:
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
-from dataclasses import asdict, dataclass
+from collections.abc import Iterator
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -23,18 +23,21 @@ from asperity.runtime.display import short_repr
 from asperity.vibration.checks import positives
 from asperity.vibration.equation import Equation, Restoring
 from asperity.vibration.law import TaylorLaw, bar_of, bend
-from asperity.vibration.settings import Setting
 
 _POINTS = 10  # Gauss points on a piece
-_PIECES = np.pi * np.concatenate([[0.0], 0.5 ** np.arange(14, 1, -1), 1.0 - 0.5 ** np.arange(1, 5), [1.0]])  # of theta
+_PIECES = np.pi * np.concatenate([[0.0], 0.5 ** np.arange(4, 0, -1), 1.0 - 0.5 ** np.arange(2, 15), [1.0]])  # of theta
 _FLIGHT = 5e-3  # energy at separation from where a flight is treated apart, as a parabola
 _GREATEST = 1e-3  # error of an orbit that is refused, far above that of any amplitude in use
-_LARGEST = 1e6  # amplitude at which the search for a peak ends
-_X, _W = np.polynomial.legendre.leggauss(_POINTS)
-_POWERS = np.arange(_POINTS)
-_TO_POWERS = np.linalg.inv(np.vander(0.5 * (_X + 1.0), increasing=True))
-_INTEGRAL = (0.5 * (_X[:, None] + 1.0)) ** (_POWERS + 1.0) / (_POWERS + 1.0) @ _TO_POWERS  # from 0 to each point
-_LAST = (_POINTS - 0.5) * np.polynomial.legendre.Legendre.basis(_POINTS - 1)(_X) * _W  # last mode
+_NODES, _WEIGHTS = np.polynomial.legendre.leggauss(_POINTS)
+_X, _W = 0.5 * (_NODES + 1.0), 0.5 * _WEIGHTS
+_LAST = (2 * _POINTS - 1) * np.polynomial.legendre.Legendre.basis(_POINTS - 1)(_NODES) * _W  # mode
+_POWERS = np.arange(1.0, _POINTS + 1.0)
+_INTEGRAL = _X[:, None] ** _POWERS / _POWERS @ np.linalg.inv(np.vander(_X, increasing=True))  # from 0 to each point
+
+
+def column(name: str, words: str) -> property:
+    """Array of an attribute of the orbits of a result."""
+    return property(lambda self: np.array([getattr(o, name) for o in self.orbits]), doc=f"{words}, shape (orbits,).")
 
 
 @dataclass(frozen=True)
@@ -46,7 +49,6 @@ class FreeOrbit:
         omega: frequency over omega_s
         a1: amplitude of the first harmonic of u, a cosine
         v_s: speed at separation (0 if contact is kept)
-        flight: share of the period out of contact
         dissipation: INT g u'^2 over a period, for the requested damping model
         error: estimated relative error of `omega`
     """
@@ -56,7 +58,6 @@ class FreeOrbit:
     omega: float
     a1: float
     v_s: float
-    flight: float
     dissipation: float
     error: float
 
@@ -68,19 +69,13 @@ class FreeOrbit:
         return self.dissipation / (np.pi * self.a1)
 
 
-def _column(name: str, words: str) -> property:
-    return property(lambda self: np.array([getattr(o, name) for o in self.orbits]), doc=f"{words}, shape (orbits,).")
-
-
 @dataclass(frozen=True)
 class FreeVibration:
     """Natural frequency over amplitude, and the forcing that sustains each orbit at resonance.
 
     Attributes:
-        model, law, n_loc, kappa, omega_s: of the oscillator
+        model: "exact" or "taylor"
         orbits: one `FreeOrbit` per amplitude
-        valid: False where a Taylor orbit has u_min < -1, which is unphysical
-        tolerance: largest estimated relative error of the frequencies
 
     Examples:
         >>> free = asp.ContactOscillator(asp.PowerLaw(1.5)).free([0.2, 0.5])
@@ -89,20 +84,24 @@ class FreeVibration:
     """
 
     model: str
-    law: str
-    n_loc: float
-    kappa: float
-    omega_s: float
     orbits: tuple[FreeOrbit, ...]
-    valid: tuple[bool, ...]
-    tolerance: float
 
     __repr__ = short_repr
 
-    u0 = _column("u0", "Amplitudes u_0")
-    omega_ratio = _column("omega", "Frequencies over omega_s")
-    u_min = _column("u_min", "Lower turning points")
-    a1 = _column("a1", "Amplitudes of the first harmonic")
+    u0 = column("u0", "Amplitudes u_0")
+    omega_ratio = column("omega", "Frequencies over omega_s")
+    u_min = column("u_min", "Lower turning points")
+    a1 = column("a1", "Amplitudes of the first harmonic")
+
+    @property
+    def valid(self) -> tuple[bool, ...]:
+        """False where a Taylor orbit has u_min < -1, which is unphysical."""
+        return tuple(self.model == "exact" or o.u_min >= -1.0 for o in self.orbits)
+
+    @property
+    def tolerance(self) -> float:
+        """Largest estimated relative error of the frequencies."""
+        return max(o.error for o in self.orbits)
 
     def rows(self) -> Iterator[dict[str, Any]]:
         """Rows of free.csv."""
@@ -126,76 +125,63 @@ def free_orbits(restoring: Restoring, u0: ArrayLike, damping: str = "always") ->
     equation = Equation(restoring, 0.0, damping)
     low, flies = _lowest(restoring, top)
     for _ in range(3):  # where the potential is the same as at the top: by the quadrature itself
-        fall = np.where(flies, 0.0, _Quadrature(equation, low, top, flies).fall)
+        fall = np.where(flies, 0.0, _descent(equation, low, top, flies)[0])
         low = low + fall / np.where(flies, 1.0, -restoring.f(low))
-    path = _Quadrature(equation, low, top, flies)
-    beyond = np.maximum(-1.0 - low, 0.0) / n if restoring.contact else 0.0 * low
-    speed = np.sqrt(2.0 * np.where(flies, np.maximum(path.fall, 0.0), beyond))  # at separation
+    fall, u, t, dt, loss, error = _descent(equation, low, top, flies)
+    beyond = np.maximum(-1.0 - low, 0.0) / n * restoring.contact
+    speed = np.sqrt(2.0 * np.where(flies, np.maximum(fall, 0.0), beyond))  # at separation
     flight = np.where(flies, n * speed, 0.0)  # half of a flight that the quadrature leaves out
-    half = path.time[:, -1] + flight
+    half = dt.sum(axis=(1, 2)) + flight
     omega = np.pi / half
     # from its middle: u = u_min + t^2/(2 n)
     lowest = np.where(flies, -1.0 - 0.5 * n * speed**2, low)
-    t = flight[:, None] * 0.5 * (_X + 1.0)
-    falling = -np.cos(omega[:, None] * t) * (lowest[:, None] + t**2 / (2.0 * n)) @ (0.5 * _W) * flight
-    a1 = 2.0 / half * (path.first(omega) + falling)
-    loss = 2.0 * (path.loss + equation.rate(-2.0 * np.ones(1), -np.ones(1) / n)[0] * flight**3 / (3.0 * n**2))
-    left = np.where(flies, 0.0, np.abs(path.fall)) / (restoring.f(top) * top)  # of the balance of energy
-    error = np.maximum(path.error / half + left, 1e-15 / n / top)
+    late = flight[:, None] * _X
+    a1 = np.sum(dt * u * np.cos(omega[:, None, None] * t), axis=(1, 2))
+    a1 -= np.cos(omega[:, None] * late) * (lowest[:, None] + late**2 / (2.0 * n)) @ _W * flight
+    drag = equation.rate(-2.0 * np.ones(1), -np.ones(1) / n)[0]  # in flight
+    left = np.where(flies, 0.0, np.abs(fall)) / (restoring.f(top) * top)  # of the balance of energy
+    error = np.maximum(error / half + left, 1e-15 / n / top)
     if not error.max() < _GREATEST:
         raise ConvergenceError(
             f"u0 = {top[error.argmax()]:g} is too small or too large: the motion is lost in round-off"
         )
-    columns = (top, lowest, omega, a1, speed, n * speed / half, loss, error)
+    columns = (top, lowest, omega, 2.0 / half * a1, speed, 2.0 * (loss + drag * flight**3 / (3.0 * n**2)), error)
     return tuple(FreeOrbit(*values) for values in np.transpose(columns).tolist())
 
 
-class _Quadrature:
+def _descent(
+    equation: Equation, low: Array, top: Array, flies: Array
+) -> tuple[Array, Array, Array, Array, Array, Array]:
     """Half periods in contact, from rest at `top` (orbits,) down to `low`, by pieces of theta.
 
-    Attributes:
-        fall: potential at `top` less that at `low` (orbits,)
-        time: since the release at the ends of the pieces (orbits, pieces)
-        loss: INT g v dx on the way (orbits,)
-        error: of the time, estimated (orbits,)
+    Returns:
+        Potential at `top` less that at `low` (orbits,); u, the time since the release and its weight at the Gauss
+        points (orbits, pieces, 10); INT g v dx and the estimated error of the time (orbits,)
     """
-
-    def __init__(self, equation: Equation, low: Array, top: Array, flies: Array) -> None:
-        half = 0.5 * (top - low)[:, None]
-        theta: Array = np.broadcast_to(_PIECES, (top.size, _PIECES.size))  # from the top, at 0, to pi
-        theta = np.pi - theta[:, ::-1]
-        law = equation.restoring.law
-        corners = np.union1d(equation.corners, np.asarray(law.knots, float) / equation.restoring.z_s - 1.0)
-        inside = np.clip((top[:, None] - corners) / (2.0 * half), 0.0, 1.0)
-        theta = np.sort(np.concatenate([theta, 2.0 * np.arcsin(np.sqrt(inside))], axis=1), axis=1)
-        size = np.diff(theta)[..., None]
-        at = theta[:, :-1, None] + size * 0.5 * (_X + 1.0)
-        below = 2.0 * half[..., None] * np.sin(0.5 * at) ** 2  # distance from the top
-        above = 2.0 * half[..., None] * np.cos(0.5 * at) ** 2  # and from the low end
-        u = np.where(at < 0.5 * np.pi, top[:, None, None] - below, low[:, None, None] + above)
-        f = equation.restoring.f(u)
-        step = half[..., None] * np.sin(at)  # -du/dtheta
-        weight = 0.5 * _W * size
-        pieces = np.sum(weight * f * step, axis=2)
-        inner = size * ((f * step) @ _INTEGRAL.T)
-        down = np.cumsum(pieces, axis=1)
-        self.fall = down[:, -1]
-        from_top = inner + (down - pieces)[..., None]
-        # from the low end, where the rest is small
-        rest = np.cumsum(pieces[:, ::-1], axis=1)[:, ::-1]
-        energy = np.where((at > 0.5 * np.pi) & ~flies[:, None, None], inner - rest[..., None], from_top)
-        speed = np.sqrt(2.0 * np.maximum(energy, 1e-300))
-        pace = step / speed  # dt/dtheta
-        steps = np.sum(weight * pace, axis=2)
-        self.time = np.cumsum(steps, axis=1)
-        self._t = size * (pace @ _INTEGRAL.T) + (self.time - steps)[..., None]
-        self._u, self._dt = u, weight * pace
-        self.loss = np.sum(weight * equation.rate(u, f) * speed * step, axis=(1, 2))
-        self.error = np.abs(np.sum(size[..., 0] * (pace @ _LAST), axis=1)) * 1e-3
-
-    def first(self, omega: Array) -> Array:
-        """Integral of u cos(omega t) on the way (orbits,)."""
-        return np.sum(self._dt * self._u * np.cos(omega[:, None, None] * self._t), axis=(1, 2))
+    restoring, half = equation.restoring, 0.5 * (top - low)[:, None, None]
+    corners = np.union1d(equation.corners, np.asarray(restoring.law.knots, float) / restoring.z_s - 1.0)
+    inside = np.clip((top[:, None] - corners) / (top - low)[:, None], 0.0, 1.0)
+    pieces = np.broadcast_to(_PIECES, (top.size, _PIECES.size))
+    theta = np.sort(np.concatenate([pieces, 2.0 * np.arcsin(np.sqrt(inside))], axis=1), axis=1)
+    size = np.diff(theta)[..., None]
+    at = theta[:, :-1, None] + size * _X
+    # distances from the ends
+    u = np.where(
+        at < 0.5 * np.pi, top[:, None, None] - 2.0 * half * np.sin(0.5 * at) ** 2,
+        low[:, None, None] + 2.0 * half * np.cos(0.5 * at) ** 2,
+    )  # fmt: skip
+    f, step, weight = restoring.f(u), half * np.sin(at), _W * size  # step: -du/dtheta
+    lost = np.sum(weight * f * step, axis=2)
+    inner, down = size * ((f * step) @ _INTEGRAL.T), np.cumsum(lost, axis=1)
+    rest = np.cumsum(lost[:, ::-1], axis=1)[:, ::-1, None]  # from the low end, where it is small
+    late = (at > 0.5 * np.pi) & ~flies[:, None, None]
+    speed = np.sqrt(2.0 * np.maximum(inner + np.where(late, -rest, (down - lost)[..., None]), 1e-300))
+    pace = step / speed  # dt/dtheta
+    steps = np.sum(weight * pace, axis=2)
+    t = size * (pace @ _INTEGRAL.T) + (np.cumsum(steps, axis=1) - steps)[..., None]
+    loss = np.sum(weight * equation.rate(u, f) * speed * step, axis=(1, 2))
+    error = np.abs(np.sum(size[..., 0] * (pace @ _LAST), axis=1)) * 1e-3
+    return down[:, -1], u, t, weight * pace, loss, error
 
 
 def _lowest(restoring: Restoring, top: Array) -> tuple[Array, Array]:
@@ -214,8 +200,8 @@ def _lowest(restoring: Restoring, top: Array) -> tuple[Array, Array]:
         middle = 0.5 * (a + b)
         above = _surplus(restoring, top, middle) < 0.0
         a, b = np.where(above, middle, a), np.where(above, b, middle)
-    small = top < 1e-6
-    return np.where(flies, -1.0, np.where(small, -top * (1.0 + 2.0 / 3.0 * restoring.a2 * top), 0.5 * (a + b))), flies
+    small = np.where(top < 1e-6, -top * (1.0 + 2.0 / 3.0 * restoring.a2 * top), 0.5 * (a + b))
+    return np.where(flies, -1.0, small), flies
 
 
 def _surplus(restoring: Restoring, u: ArrayLike, level: ArrayLike) -> Array:
@@ -254,96 +240,42 @@ def largest_amplitude(restoring: Restoring) -> float:
 class Thresholds:
     """Onsets of nonlinear phenomena of one oscillator, as F^; None where there is no onset.
 
+    Those of small damping are leading terms, with a relative error of zeta^2.
+
     Attributes:
-        model, law, zeta, damping, n_loc, kappa: of the oscillator
-        softening: sign of kappa in words: "softening", "hardening", "linear", or "undecided" within its error bar
+        n_loc, kappa: local exponent and backbone curvature; n_loc is also the factor from F^ to F/(m g)
+        softening: sign of kappa in words: "softening", "hardening", "linear", or not resolved within its error bar
         u_max, omega_loss: largest release that keeps contact, and its frequency over omega_s
-        drive_loss, contact_loss: F^/(2 zeta), and F^, at which resonance begins to lose contact
+        contact_loss: F^ at which resonance begins to lose contact (small zeta)
         hysteresis: F^ of the first vertical tangent (multiple scales, small zeta)
         period_doubling: F^ of the first period doubling near Omega = 2 (small zeta; error about 0.5 % for 0.01)
-        peaks: for each requested forcing F_hat, F_over_mg, and Omega, u_max, u_min, a1 of the resonance peak; None
-            where the damping does not limit it
-        F_over_mg: factor from F^ to F/(m g), equal to n_loc
-        tolerance: relative error zeta^2 of onsets and peaks, which are leading terms in zeta
-        valid: False if a peak of a Taylor law passes u = -1
     """
 
-    model: str
-    law: str
-    zeta: float
-    damping: str
     n_loc: float
     kappa: float
     softening: str
     u_max: float | None
     omega_loss: float | None
-    drive_loss: float | None
     contact_loss: float | None
     hysteresis: float | None
     period_doubling: float | None
-    peaks: tuple[dict[str, float | None], ...]
-    F_over_mg: float
-    tolerance: float
-    valid: bool
 
     __repr__ = short_repr
 
-    def to_dict(self) -> dict[str, Any]:
-        """Section of thresholds.json."""
-        return asdict(self)
 
-
-def resonance_peak(equation: Equation, setting: Setting) -> FreeOrbit | None:
-    """Free orbit that a forcing sustains at phase resonance; None if there is none."""
-    restoring, zeta, damping = equation.restoring, equation.zeta, equation.damping
-    limit, drive = min(largest_amplitude(restoring), _LARGEST), setting.F_hat / (2.0 * zeta)
-
-    def surplus(u: float) -> float:
-        (orbit,) = free_orbits(restoring, u, damping)
-        return orbit.drive - float(setting.forcing(orbit.omega)) / (2.0 * zeta)
-
-    low = high = min(1e-3, 0.1 * drive, 0.5 * limit)
-    try:
-        while surplus(high) < 0:
-            low, high = high, min(4.0 * high, limit)
-            if high == low or (high > 1e3 and surplus(high) < surplus(low)):  # the damping does not limit it
-                return None
-    except ConvergenceError:  # beyond any amplitude that can be integrated
-        return None
-    u = low if high == low else brentq(surplus, low, high, xtol=1e-14, rtol=1e-13)
-    return free_orbits(restoring, u, damping)[0]
-
-
-def thresholds(equation: Equation, settings: Sequence[Setting] = ()) -> Thresholds:
-    """Compute the onsets of `Thresholds` and the resonance peak of each setting."""
-    restoring, zeta, damping = equation.restoring, equation.zeta, equation.damping
+def thresholds(equation: Equation) -> Thresholds:
+    """Compute the onsets of `Thresholds`."""
+    restoring, zeta, kappa = equation.restoring, equation.zeta, equation.restoring.kappa
     limit = contact_limit(restoring)
-    orbit = free_orbits(restoring, limit, damping)[0] if np.isfinite(limit) else None
-    kappa = restoring.kappa
+    orbit = free_orbits(restoring, limit, equation.damping)[0] if np.isfinite(limit) else None
     bar = np.nan_to_num(bar_of(restoring.law, lambda law: Restoring(law, restoring.load).kappa))
-    peaks: list[dict[str, float | None]] = []
-    for setting in settings:
-        f = setting.F_hat
-        peak = resonance_peak(equation, setting) if zeta > 0 else None
-        values = (peak.omega, peak.u0, peak.u_min, peak.a1) if peak else (None,) * 4
-        at_peak = dict(zip(("Omega", "u_max", "u_min", "a1"), values, strict=True))
-        peaks.append({"F_hat": f, "F_over_mg": restoring.n_loc * f, **at_peak})
     return Thresholds(
-        model=restoring.model,
-        law=restoring.law.describe(),
-        zeta=zeta,
-        damping=str(damping),
         n_loc=restoring.n_loc,
         kappa=kappa,
         softening=bend(float(kappa - bar), float(kappa + bar)),
         u_max=limit if orbit else None,
         omega_loss=orbit.omega if orbit else None,
-        drive_loss=orbit.drive if orbit else None,
         contact_loss=2.0 * zeta * orbit.drive if orbit else None,
         hysteresis=float(np.sqrt(32.0 * zeta**3 / (3.0 * np.sqrt(3.0) * abs(kappa)))) if kappa else None,
         period_doubling=6.0 * zeta / abs(restoring.a2) if restoring.a2 else None,
-        peaks=tuple(peaks),
-        F_over_mg=restoring.n_loc,
-        tolerance=zeta**2,
-        valid=restoring.contact or all(p["u_min"] is None or p["u_min"] >= -1.0 for p in peaks),
     )

@@ -15,7 +15,6 @@ from asperity.arrays import Array
 from asperity.errors import ConvergenceError, RangeError
 from asperity.runtime.display import short_repr
 from asperity.vibration.equation import Equation
-from asperity.vibration.settings import Setting
 
 ESCAPE = 1e3  # displacement beyond which motion has left a Taylor well
 
@@ -31,8 +30,6 @@ class Trajectory:
         u, v: displacement and speed at these times, shape (times,)
         force: F^ at these times, shape (times,)
         flight: time intervals without contact, shape (flights, 2)
-        setting: law, damping and forcing, if the motion is that of an oscillator
-        tolerance: relative tolerance of the integrator
         valid: False if a Taylor law passes u = -1
     """
 
@@ -41,38 +38,27 @@ class Trajectory:
     v: Array
     force: Array
     flight: Array
-    setting: Setting | None = None
-    tolerance: float = np.nan
     valid: bool = True
 
     __repr__ = short_repr
 
 
-def course(shape: str, forcing: float, omega: tuple[float, float], duration: float) -> tuple[Force, list[float]]:
+def course(shape: str, forcing: float, omega: Sequence[float], duration: float) -> tuple[Force, list[float]]:
     """F^ over the time, and the times at which it is not smooth; see `ContactOscillator.simulate`."""
-    low, high = omega
+    low, rate = omega[0], (omega[-1] - omega[0]) / duration  # of the frequency
     if shape == "step":
         return lambda t: forcing, []
     if shape == "half-sine":
         end = pi / low
         return lambda t: forcing * sin(low * t) if t < end else 0.0, [end]
-    rate = (high - low) / duration  # of the frequency
     return lambda t: forcing * cos((low + 0.5 * rate * t) * t), []
 
 
 def integrate(
-    equation: Equation,
-    force: Force,
-    u: float,
-    v: float,
-    duration: float,
-    *,
-    rtol: float = 1e-10,
-    samples: float = 0.0,
-    max_step: float = 0.25,
-    corners: Sequence[float] = (),
-) -> Trajectory:
-    """Integrate from (u, v) over a duration (1/omega_s), with `samples` points per unit of time.
+    equation: Equation, force: Force, start: tuple[float, float], duration: float, *, rtol: float, samples: float,
+    max_step: float, corners: Sequence[float] = (),
+) -> Trajectory:  # fmt: skip
+    """Integrate from a state (u, v) over a duration (1/omega_s), with `samples` points per unit of time.
 
     Args:
         force: F^ over the time
@@ -83,11 +69,12 @@ def integrate(
         ConvergenceError: the integrator fails
         RangeError: the motion escapes from a Taylor well
     """
-    contact, acceleration = equation.restoring.contact, equation.acceleration()
+    restoring = equation.restoring
+    contact = restoring.contact
 
     def field(t: float, y: Array) -> list[float]:
-        x, speed = float(y[0]), float(y[1])
-        return [speed, force(t) + acceleration(x, speed)]
+        f = restoring.f(y[:1])
+        return [y[1], force(t) - f[0] - 2.0 * equation.zeta * equation.rate(y[:1], f)[0] * y[1]]
 
     def turn(t: float, y: Array) -> float:
         return float(y[1])
@@ -97,8 +84,8 @@ def integrate(
 
     escape.terminal = True  # type: ignore[attr-defined]
     times: list[Array] = [np.zeros(1)]
-    states: list[Array] = [np.array([[u], [v]])]
-    changes: list[float] = []
+    states: list[Array] = [np.array(start)[:, None]]
+    changes = [0.0] * (contact and start[0] < -1.0)
     for begin, stop in pairwise([0.0, *(t for t in sorted(corners) if 0.0 < t < duration), duration]):
         run = solve_ivp(
             field, (begin, stop), states[-1][:, -1], method="DOP853", rtol=0.02 * rtol, atol=1e-3 * rtol,
@@ -109,18 +96,13 @@ def integrate(
         if run.status == 1:
             raise RangeError(f"the motion escapes from the Taylor well near tau = {run.t[-1]:g}: use the exact law")
         t = np.union1d(np.linspace(begin, stop, int(samples * (stop - begin)) + 2), run.t_events[0])
-        flying = (run.sol(t)[0] < -1.0) & contact  # every flight has a turning point
-        lost = [_separation(run.sol, t[i], t[i + 1]) for i in np.flatnonzero(flying[1:] != flying[:-1])]
+        flying = run.sol(t)[0] < -1.0  # every flight has a turning point
+        sides = np.flatnonzero((flying[1:] != flying[:-1]) & contact)
+        lost = [brentq(lambda s: run.sol(s)[0] + 1.0, t[i], t[i + 1], xtol=1e-15, rtol=1e-14) for i in sides]  # noqa: B023
         t = np.union1d(t, lost)[1:]
         changes += lost
         times.append(t)
         states.append(run.sol(t))
-    tau, y = np.concatenate(times), np.concatenate(states, axis=1)
-    ends = [0.0] * (contact and u < -1.0) + changes
-    flight = np.array(ends + [duration] * (len(ends) % 2)).reshape(-1, 2)
-    return Trajectory(tau, y[0], y[1], np.array([force(t) for t in tau]), flight)
-
-
-def _separation(motion: Callable[[float], Array], before: float, after: float) -> float:
-    """Time of u = -1 between two times on its two sides."""
-    return float(brentq(lambda t: float(motion(t)[0]) + 1.0, before, after, xtol=1e-15, rtol=1e-14))
+    tau, (u, v) = np.concatenate(times), np.concatenate(states, axis=1)
+    flight = np.array(changes + [duration] * (len(changes) % 2)).reshape(-1, 2)
+    return Trajectory(tau, u, v, np.array([force(t) for t in tau]), flight, contact or bool(u.min() >= -1.0))

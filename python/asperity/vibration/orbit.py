@@ -3,283 +3,186 @@
 The orbit is u(s) over the phase s = Omega tau. On each interval of the mesh the second derivative a = d2u/ds2 is a
 polynomial through the Gauss points, where the equation of motion holds (Ascher, Mattheij & Russell 1995, chapter 5).
 Newton's method eliminates a on each interval; a chain of 2 x 2 matrices over the intervals remains, whose product is
-the monodromy matrix. Intervals are halved until their share of the error is below the tolerance: near the loss and the
-return of contact the mesh is fine, elsewhere coarse.
+the monodromy matrix. The mesh has nodes where the motion passes corners of the law, and between them all intervals
+have the same share of the error.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
+from scipy.interpolate import PPoly
 
 from asperity.arrays import Array
 from asperity.errors import ConvergenceError
 from asperity.vibration.equation import TURN, Equation
+from asperity.vibration.settings import Setting
 
-Forcing = Callable[[float], tuple[float, float]]
 _M = 5  # Gauss points on an interval
-_UNITS = 2**40  # of the phase in a turn; ends of intervals are multiples
 _NEWTON = 14  # iterations of Newton's method, with those after a change of the mesh
 _RTOL = 3e-5  # last Newton step over the amplitude
-_REST = 1e-9  # the same, after which corners need not be met
 _ROUGH = 1e-2  # Newton step over the amplitude below which the mesh is changed
-_UNIT = TURN / _UNITS
+_MARGIN = 0.1  # error of an interval of a new mesh, over the allowed error
+_GROWTH = (0.25, 2.0)  # of intervals from mesh to mesh
 _FEWEST, _MOST = 8, 3000  # intervals
 _RESOLVED = 1.5  # longest interval in time, over 1/omega_s: the multipliers are those of small free motion
-_FINEST = 2**18  # units of the smallest interval
-_MOVED = 2**16  # units by which a corner may be beside its node
+_BESIDE = 1e-7  # phase between corners that share a node
 
 
-def _basis() -> tuple[Array, Array, Array, Array]:
-    """Gauss points and weights on [0, 1], monomial coefficients of the Lagrange polynomials, and last two modes."""
+def _basis() -> tuple[Array, Array, Array, Array, Array]:
+    """Gauss points and weights on [0, 1], last two modes, and what maps coefficients of a function to values.
+
+    On an interval of length h the coefficients are u and h u' at its beginning, and h^2 u'' at the Gauss points. They
+    map to the powers of the place x in [0, 1], and to u and h u' at the Gauss points and at the end (6, 2, 7).
+    """
     x, w = np.polynomial.legendre.leggauss(_M)
-    points = 0.5 * (x + 1.0)
-    modes = np.array([(2 * k + 1) * np.polynomial.legendre.Legendre.basis(k)(x) * 0.5 * w for k in (_M - 2, _M - 1)])
-    return points, 0.5 * w, np.linalg.inv(np.vander(points, increasing=True)), modes
+    points, k = 0.5 * (x + 1.0), np.arange(_M)[:, None]
+    modes = np.array([(2 * m + 1) * np.polynomial.legendre.Legendre.basis(m)(x) * 0.5 * w for m in (_M - 2, _M - 1)])
+    powers = np.eye(_M + 2)
+    powers[2:, 2:] = np.linalg.inv(np.vander(points, increasing=True)) / ((k + 1.0) * (k + 2.0))
+    at = np.append(points, 1.0)[:, None] ** np.arange(_M + 2)
+    slope = np.arange(_M + 2) * np.append(np.zeros((_M + 1, 1)), at[:, :-1], axis=1)
+    return points, 0.5 * w, modes, powers, np.stack([at @ powers, slope @ powers], axis=1)
 
 
-_C, _B, _LAGRANGE, _MODES = _basis()
-_P = np.arange(_M)
-_CUTS = np.append(0.0, _C)
-_ONCE, _TWICE = _P + 1.0, (_P + 1.0) * (_P + 2.0)
+_C, _B, _MODES, _POWERS, _AT = _basis()
+_P, _HIGHEST = np.arange(_M), np.arange(_M + 1, -1, -1)
+_INSIDE, (_END_U, _END_W) = _AT[:-1], _AT[-1]
 
 
-def _weights(x: Array) -> tuple[Array, Array, Array]:
-    """Weights (..., M) of a at the Gauss points for a, its integral and its double integral from 0 to x in [0, 1]."""
-    power = x[..., None] ** _P
-    once = x[..., None] * power / (_P + 1.0)
-    return power @ _LAGRANGE, once @ _LAGRANGE, x[..., None] * once / (_P + 2.0) @ _LAGRANGE
-
-
-_, _A1, _A2 = _weights(_C)
-_END1, _END2 = (w[0] for w in _weights(np.ones(1))[1:])
-
-
-class Mesh:
-    """Intervals of a period.
-
-    Attributes:
-        own, corners: nodes of the mesh, and where the motion passes corners of the law (nodes,); phases in units of a
-            turn over 2^40, rising, `own` from 0
-        start: all of them, at which the intervals begin (intervals,)
-        units, h: their lengths in units, and in radians (intervals,)
-        phases, cosines: of the Gauss points (intervals, 5)
-    """
-
-    def __init__(self, own: Array, corners: Array) -> None:
-        self.own, self.corners = own, corners
-        near = np.searchsorted(own, corners)
-        around = np.concatenate([[0], own, [_UNITS]])
-        apart = np.minimum(corners - around[near], around[near + 1] - corners) > _FINEST
-        self.start = start = np.sort(np.concatenate([own, corners[apart]]))
-        self.units = np.append(start[1:], _UNITS) - start
-        self.h = self.units * _UNIT
-        self.phases = start[:, None] * _UNIT + _C * self.h[:, None]
-        self.cosines = np.cos(self.phases)
-
-    @classmethod
-    def even(cls, intervals: int) -> Mesh:
-        """Mesh of equal intervals."""
-        count = max(intervals, _FEWEST)
-        return cls(np.arange(count) * (_UNITS // count), np.empty(0, int))
-
-    def halved(self, error: Array, tol: float, longest: float) -> Array:
-        """Nodes in the middle of the intervals whose error (intervals,) is above `tol`, three where it is far above.
-
-        So are those longer than `longest` (radians).
-        """
-        large = np.flatnonzero(((error > tol) | (self.h > longest)) & (self.units > 4 * _FINEST))
-        quarter = self.units[large] // 4
-        worse = (error[large] > 2.0**4 * tol) | (self.h[large] > 2.0 * longest)
-        first, second = self.start[large][worse], quarter[worse]
-        return np.concatenate([self.start[large] + 2 * quarter, first + second, first + 3 * second])
-
-    def joined(self, error: Array, tol: float, longest: float) -> Mesh:
-        """Mesh without nodes between neighbours whose common error is below `tol`, up to `longest` (radians)."""
-        units = self.units
-        both, larger = units[:-1] + units[1:], np.maximum(units[:-1], units[1:])
-        grown = 4.0 * np.maximum(error[:-1], error[1:]) * (both / larger) ** (_M + 1)
-        needless = np.append(False, (grown < tol) & (both * _UNIT <= longest))
-        for i in np.flatnonzero(needless):
-            needless[i] = not needless[i - 1]
-        gone = self.start[needless]
-        kept = self.own[~np.isin(self.own, gone)]
-        return Mesh(kept, self.corners) if kept.size < self.own.size else self
-
-    def at(self, new: Array, corners: Array) -> Mesh:
-        """Mesh with more nodes, and others at corners; this one where nothing changes."""
-        moved = corners.size != self.corners.size or np.any(np.abs(corners - self.corners) > _MOVED)
-        if not new.size and not moved:
-            return self
-        return Mesh(np.union1d(self.own, new), corners if moved else self.corners)
-
-
-@dataclass(frozen=True)
-class Wave:
-    """A function of the phase.
-
-    Attributes:
-        mesh: the intervals
-        u, w: values and slopes at the beginning of each interval (intervals,)
-        a: second derivatives at its Gauss points (intervals, 5)
-    """
-
-    mesh: Mesh
-    u: Array
-    w: Array
-    a: Array
-
-    @classmethod
-    def harmonic(cls, mesh: Mesh, z: complex) -> Wave:
-        """The real part of z exp(i s)."""
-        node, inside = z * np.exp(1j * _UNIT * mesh.start), z * np.exp(1j * mesh.phases)
-        return cls(mesh, node.real, -node.imag, -inside.real)
-
-    def values(self) -> tuple[Array, Array]:
-        """Values and slopes at the Gauss points (intervals, 5)."""
-        h, w = self.mesh.h[:, None], self.w[:, None]
-        return self.u[:, None] + h * (_C * w + h * (self.a @ _A2.T)), w + h * (self.a @ _A1.T)
-
-    def at(self, s: Array) -> tuple[Array, Array, Array]:
-        """Values, slopes and second derivatives at phases s, each of the shape of s."""
-        mesh, unit = self.mesh, s * (1.0 / _UNIT)
-        i = np.searchsorted(mesh.start, unit, side="right") - 1
-        h, x = mesh.h[i], (unit - mesh.start[i]) / mesh.units[i]
-        none, once, twice = (np.einsum("...k,...k", weights, self.a[i]) for weights in _weights(x))
-        return self.u[i] + h * (x * self.w[i] + h * twice), self.w[i] + h * once, none
-
-    def on(self, mesh: Mesh) -> Wave:
-        """The same function on another mesh."""
-        if mesh is self.mesh:
-            return self
-        points = np.column_stack([mesh.start * _UNIT, mesh.phases])
-        u, w, a = self.at(points)
-        return Wave(mesh, u[:, 0], w[:, 0], a[:, 1:])
-
-    def plus(self, *terms: tuple[float, Wave]) -> Wave:
-        """Sum with multiples of functions on the same mesh."""
-        u, w, a = self.u, self.w, self.a
-        for factor, one in terms:
-            u, w, a = u + factor * one.u, w + factor * one.w, a + factor * one.a
-        return Wave(self.mesh, u, w, a)
-
-    def times(self, factor: float) -> Wave:
-        """Multiple of the function."""
-        return Wave(self.mesh, factor * self.u, factor * self.w, factor * self.a)
-
-    def dot(self, other: Wave) -> float:
-        """Mean of the product with a function on the same mesh."""
-        return float(self.mesh.h @ (self.u * other.u)) / TURN
-
-    @property
-    def first(self) -> complex:
-        """First harmonic: the real part of first exp(i s)."""
-        mesh = self.mesh
-        return complex(np.sum(mesh.h[:, None] * _B * self.values()[0] * np.exp(-1j * mesh.phases))) / np.pi
-
-    @property
-    def amplitude(self) -> float:
-        """Half of the range at the nodes."""
-        return 0.5 * float(self.u.max() - self.u.min()) + 1e-300
-
-    def errors(self) -> Array:
-        """Error of the slope on each interval over its amplitude, by the last modes of a (intervals,)."""
-        last = np.abs(self.a @ _MODES.T)
-        size = 0.5 * float(self.w.max() - self.w.min()) + 1e-300
-        return 0.1 * self.mesh.h * np.maximum(last[:, 1], 0.3 * last[:, 0]) / size
-
-    def passes(self, levels: Array) -> Array:
-        """Phases in units at which the function passes levels, rising (passes,)."""
-        u = np.append(np.column_stack([self.u, self.values()[0]]).ravel(), self.u[0])
-        s = np.append(np.column_stack([self.mesh.start * _UNIT, self.mesh.phases]).ravel(), TURN)
-        above = u > levels[:, None]
-        k, i = np.nonzero(above[:, 1:] != above[:, :-1])
-        low, high, level = s[i], s[i + 1], levels[k]
-        at = low + (level - u[i]) / (u[i + 1] - u[i]) * (high - low)
-        for _ in range(2 if at.size else 0):
-            value, slope, _ = self.at(np.minimum(at, TURN * (1.0 - 1e-15)))
-            with np.errstate(divide="ignore", invalid="ignore"):
-                better = at - (value - level) / slope
-            at = np.where((better >= low) & (better <= high), better, at)
-        return np.unique((at / _UNIT).astype(int))
-
-    def extreme(self, sign: float) -> tuple[float, float]:
-        """The largest (sign 1) or the smallest value (sign -1), and its phase."""
-        u, w = self.values()
-        u, w = np.column_stack([self.u, u]), np.column_stack([self.w, w])
-        i, k = divmod(int(np.argmax(sign * u)), _M + 1)
-        best, place = float(u[i, k]), float(_CUTS[k])
-        i, x = (i, place) if sign * w[i, k] >= 0.0 or k else (i - 1, 1.0)
-        h = float(self.mesh.h[i])
-        c = self.a[i] @ _LAGRANGE.T  # the polynomial of a
-        slope, value = h * np.append(self.w[i] / h, c / _ONCE)[::-1], h * h * np.append([0.0, 0.0], c / _TWICE)[::-1]
-        curve = c[::-1]
-        for _ in range(5):
-            second = h * float(np.polyval(curve, x))
-            if not sign * second < 0.0:
-                break
-            x = min(max(x - float(np.polyval(slope, x)) / second, 0.0), 1.0)
-        top = float(self.u[i] + h * x * self.w[i] + np.polyval(value, x))
-        phase = float(self.mesh.start[i] * _UNIT + h * x)
-        if sign * top >= sign * best:
-            return top, phase
-        return best, float(self.mesh.start[i] * _UNIT + h * place)
-
-
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Orbit:
-    """A periodic orbit on a branch.
+    """A periodic orbit on a branch, or the guess of one.
 
     Attributes:
-        wave: u over the phase s = Omega tau
+        nodes: phases s = Omega tau between intervals, from 0 to a turn (intervals + 1,)
+        corners: those at which u passes a corner of the law
+        c: coefficients of u and of the tangent of the branch, see `_basis` (intervals, 7, 2)
         Omega: frequency of the forcing over omega_s
-        along, rate: tangent of the branch: u over the phase, and Omega
+        rate: derivative of Omega along the branch
         trace: of the monodromy matrix over a period of the forcing
         determinant: of that matrix, by the damping
         error: estimated error of du/ds over its amplitude
         moved: distance from the guess, over the amplitude
     """
 
-    wave: Wave
+    nodes: Array
+    corners: Array
+    c: Array
     Omega: float
-    along: Wave
     rate: float
-    trace: float
-    determinant: float
-    error: float
-    moved: float
+    trace: float = np.nan
+    determinant: float = np.nan
+    error: float = np.nan
+    moved: float = np.nan
+
+    @classmethod
+    def rest(cls, omega: float) -> Orbit:
+        """No motion, as a guess."""
+        nodes = np.linspace(0.0, TURN, _FEWEST + 1)
+        return cls(nodes, np.empty(0), np.zeros((_FEWEST, _M + 2, 2)), omega, 1.0)
 
     @cached_property
-    def _extremes(self) -> tuple[tuple[float, float], ...]:
-        return tuple(self.wave.extreme(sign) for sign in (1.0, -1.0))
+    def h(self) -> Array:
+        """Lengths of the intervals (intervals, 1)."""
+        return np.diff(self.nodes)[:, None]
+
+    @property
+    def inside(self) -> Array:
+        """Phases of the Gauss points (intervals, 5)."""
+        return self.nodes[:-1, None] + _C * self.h
+
+    @cached_property
+    def at(self) -> PPoly:
+        """Piecewise polynomials of the phase: u and the tangent."""
+        powers = np.tensordot(_POWERS[::-1], self.c, (1, 1))
+        return PPoly.construct_fast(powers / (self.h.T ** _HIGHEST[:, None])[..., None], self.nodes, "periodic")
+
+    def on(self, nodes: Array, corners: Array) -> Orbit:
+        """The same functions on another mesh."""
+        new = replace(self, nodes=nodes, corners=corners)
+        h, first = new.h[..., None], nodes[:-1, None]
+        return replace(new, c=np.concatenate([self.at(first), h * self.at(first, 1), h**2 * self.at(new.inside, 2)], 1))
+
+    @property
+    def size(self) -> float:
+        """Half of the range of u at the nodes."""
+        return 0.5 * float(np.ptp(self.c[:, 0, 0])) + 1e-300
+
+    def product(self, one: Array, a: float, other: Array, b: float) -> float:
+        """Product of directions, coefficients (intervals, 7) and Omega, over the squares of amplitude and frequency."""
+        mean = self.h[:, 0] @ (one[:, 0] * other[:, 0]) / TURN
+        return float(mean / self.size**2 + a * b / self.Omega**2)
+
+    def errors(self) -> Array:
+        """Error of du/ds on each interval over its amplitude, by the last modes of its derivative (intervals,)."""
+        last, steepest = np.abs(self.c[:, 2:, 0] @ _MODES.T) / self.h, 0.5 * np.ptp(self.c[:, 1, 0] / self.h[:, 0])
+        return 0.1 * np.maximum(last[:, 1], 0.3 * last[:, 0]) / (steepest + 1e-300)
+
+    def passes(self, levels: Array) -> Array:
+        """Phases at which u passes levels, rising (passes,)."""
+        s = np.append(np.hstack([self.nodes[:-1, None], self.inside]), TURN)
+        u = self.at(s)[:, 0]
+        above = u > levels[:, None]
+        k, i = np.nonzero(above[:, 1:] != above[:, :-1])
+        level, low, high = levels[k], s[i], s[i + 1]
+        at = low + (level - u[i]) / (u[i + 1] - u[i]) * (high - low)
+        for _ in range(2 if at.size else 0):
+            with np.errstate(divide="ignore", invalid="ignore"):
+                step = (level - self.at(at)[:, 0]) / self.at(at, 1)[:, 0]
+            at = np.clip(at + np.nan_to_num(step), low, high)
+        at = np.sort(at)
+        return at[np.diff(at, prepend=0.0, append=TURN)[:-1] > _BESIDE]
+
+    def fitted(self, levels: Array, tol: float) -> Orbit:
+        """The same functions on a mesh with nodes where u passes levels, whose intervals have errors below `tol`.
+
+        The old mesh is moved with its corners before its intervals are changed.
+        """
+        corners, longest = self.passes(levels), min(TURN / _FEWEST, _RESOLVED * self.Omega)
+        before, ends = (np.concatenate([[0.0], inner, [TURN]]) for inner in (self.corners, corners))
+        nodes = np.interp(self.nodes, before, ends) if before.size == ends.size else self.nodes
+        growth = np.clip((_MARGIN * tol / (self.errors() + 1e-300)) ** (1.0 / (_M + 1)), *_GROWTH)
+        wanted = np.append(0.0, np.cumsum(np.diff(nodes) / np.minimum(growth * np.diff(nodes), longest)))
+        marks = np.interp(ends, nodes, wanted)
+        first = np.append(0, np.cumsum(np.ceil(np.diff(marks)).astype(int)))
+        if first[-1] > _MOST:
+            raise ConvergenceError("the mesh becomes too fine")
+        new = np.interp(np.interp(np.arange(first[-1] + 1), first, marks), wanted, nodes)
+        new[first] = ends
+        return self.on(new, corners)
+
+    @cached_property
+    def extremes(self) -> tuple[Array, Array]:
+        """Phases of the largest and of the smallest u, and u there."""
+        u = PPoly.construct_fast(np.ascontiguousarray(self.at.c[..., 0]), self.nodes)
+        s = np.append(self.nodes, u.derivative().roots(discontinuity=False, extrapolate=False))
+        values = u(s)
+        i = np.array([np.nanargmax(values), np.nanargmin(values)])
+        return s[i], values[i]
 
     @property
     def u_max(self) -> float:
         """Largest displacement."""
-        return self._extremes[0][0]
+        return float(self.extremes[1][0])
 
     @property
     def u_min(self) -> float:
         """Smallest displacement; contact is lost where it is below -1."""
-        return self._extremes[1][0]
+        return float(self.extremes[1][1])
 
     @property
-    def amplitude(self) -> float:
-        """Half of the range of u."""
-        return 0.5 * (self.u_max - self.u_min) + 1e-300
-
-    @cached_property
     def rise(self) -> float:
         """Derivative of the largest displacement along the branch."""
-        return float(self.along.at(np.array(self._extremes[0][1]))[0])
+        return float(self.at(self.extremes[0][0])[1])
 
     @cached_property
     def first(self) -> complex:
         """First harmonic of u, the real part of first exp(i s)."""
-        return self.wave.first
+        u = self.c[..., 0] @ _INSIDE[:, 0].T
+        return complex(np.sum(self.h * _B * u * np.exp(-1j * self.inside))) / np.pi
 
     @property
     def a1(self) -> float:
@@ -294,7 +197,7 @@ class Orbit:
     @property
     def start(self) -> tuple[float, float]:
         """State u, v = du/dtau at the forcing phase 0, for `ContactOscillator.simulate`."""
-        return float(self.wave.u[0]), float(self.Omega * self.wave.w[0])
+        return float(self.at(0.0)[0]), float(self.Omega * self.at(0.0, 1)[0])
 
     @property
     def radius(self) -> float:
@@ -307,19 +210,9 @@ class Orbit:
         """Whether all multipliers lie in the unit circle (up to round-off)."""
         return self.radius <= 1.0 + 1e-7
 
-    @property
-    def fold(self) -> float:
-        """Characteristic polynomial of the multipliers at 1."""
-        return 1.0 - self.trace + self.determinant
-
-    @property
-    def flip(self) -> float:
-        """Characteristic polynomial of the multipliers at -1."""
-        return 1.0 + self.trace + self.determinant
-
-    def turned(self, sign: float) -> Orbit:
-        """The same orbit with the tangent times a sign."""
-        return self if sign > 0 else replace(self, along=self.along.times(-1.0), rate=-self.rate)
+    def polynomial(self, x: float) -> float:
+        """Characteristic polynomial of the multipliers: 0 for 1 at a fold, for -1 at a period doubling."""
+        return x * x - self.trace * x + self.determinant
 
     def __repr__(self) -> str:
         return f"Orbit(Omega = {self.Omega:.6g}, u_max = {self.u_max:.6g}, stable = {self.stable})"
@@ -330,118 +223,83 @@ class Collocation:
 
     Args:
         equation: what moves
-        forcing: F^ and its derivative at a frequency Omega
+        setting: its forcing
         tol: allowed error of the slope du/ds on an interval, over its amplitude
     """
 
-    def __init__(self, equation: Equation, forcing: Forcing, tol: float = 3e-7) -> None:
-        self.equation, self.forcing, self.tol = equation, forcing, tol
-        self.iterations = 0  # so far
+    def __init__(self, equation: Equation, setting: Setting, tol: float) -> None:
+        self.equation, self.setting, self.tol = equation, setting, tol
 
-    def correct(
-        self, wave: Wave, omega: float, across: Wave | None = None, rate: float = 1.0, *, limit: float = np.inf
-    ) -> Orbit:
-        """Correct a guess by Newton's method in the plane through it across a direction, on a mesh that it refines.
+    def correct(self, guess: Orbit, *, fixed: bool = False, limit: float = np.inf) -> Orbit:
+        """Correct a guess by Newton's method in the plane through it across its tangent, on a mesh that is fitted.
 
         Args:
-            wave, omega: the guess
-            across, rate: the direction: u over the phase, and Omega; without the first the orbit is that of `omega`
+            guess: its tangent may have any length
+            fixed: the frequency stays
             limit: allowed distance from the guess, over the amplitude
 
         Raises:
             ConvergenceError: the iteration does not converge, or moves further than `limit`
         """
-        corners = self.equation.corners
-        travelled, previous = 0.0, np.inf
-        longest = min(TURN / _FEWEST, _RESOLVED * omega)
-        mesh = wave.mesh.joined(wave.errors(), self.tol, longest).at(np.empty(0, int), wave.passes(corners))
+        here, moved, previous = guess.fitted(self.equation.corners, self.tol), 0.0, np.inf
         for _ in range(_NEWTON):
-            if mesh is not wave.mesh:
-                wave, across, previous = wave.on(mesh), None if across is None else across.on(mesh), np.inf
-            self.iterations += 1
-            change, change_omega, tangent, tangent_omega, trace, loss = self._newton(wave, omega, across, rate)
-            wave, omega = wave.plus((1.0, change)), omega + change_omega
-            amplitude = wave.amplitude
-            size = max(float(np.abs(change.u).max()) / amplitude, abs(change_omega / omega))
-            travelled += size
-            if not travelled < limit or not size < 4.0 * previous or not omega > 0.0:
+            change, (step, turns), trace, loss = self._newton(here, fixed)
+            here = replace(here, c=here.c + change * (1.0, 0.0), Omega=here.Omega + (not fixed) * float(step))
+            size = max(float(np.abs(change[:, 0, 0]).max()) / here.size, abs(step / here.Omega))
+            moved += size
+            if not moved < limit or not size < 4.0 * previous or not here.Omega > 0.0:
                 break
             previous = size
+            if size < _RTOL and (errors := here.errors()).max() < self.tol:
+                length = here.product(change[..., 1], turns, change[..., 1], turns) ** 0.5
+                c, rate = np.stack([here.c[..., 0], change[..., 1] / length], axis=2), float(turns / length)
+                determinant = float(np.exp(-2.0 * self.equation.zeta * loss / here.Omega))
+                error = float(np.sqrt(np.sum(errors**2)))
+                return Orbit(here.nodes, here.corners, c, here.Omega, rate, trace, determinant, error, moved)
             if size < _ROUGH:
-                errors = wave.errors()
-                more = wave.mesh.halved(errors, self.tol, 1.01 * longest)
-                mesh = wave.mesh.at(more, wave.passes(corners))
-                if mesh.start.size > _MOST:
-                    raise ConvergenceError("the mesh becomes too fine")
-                # where the motion touches a corner, two passes may come as close as round-off and never rest
-                if size < _RTOL and (mesh is wave.mesh or (not more.size and size < _REST)):
-                    length = np.sqrt(tangent.dot(tangent) / amplitude**2 + (tangent_omega / omega) ** 2)
-                    error = float(np.sqrt(np.sum(errors**2)))
-                    determinant = float(np.exp(-2.0 * self.equation.zeta * loss / omega))
-                    along = tangent.times(1.0 / length)
-                    return Orbit(wave, omega, along, tangent_omega / length, trace, determinant, error, travelled)
+                here, previous = here.fitted(self.equation.corners, self.tol), np.inf
         raise ConvergenceError("no convergence in the corrector")
 
-    def _newton(
-        self, wave: Wave, omega: float, across: Wave | None, rate: float
-    ) -> tuple[Wave, float, Wave, float, float, float]:
-        """Newton step of u and Omega, the tangent of the branch, trace of the monodromy matrix, INT g ds."""
-        mesh, a, zeta = wave.mesh, wave.a, self.equation.zeta
-        h, cosine = mesh.h[:, None], mesh.cosines
-        u, w = wave.values()
-        force, grows = self.forcing(omega)
+    def _newton(self, at: Orbit, fixed: bool) -> tuple[Array, Array, float, float]:
+        """Newton step and tangent of the branch, as coefficients (intervals, 7, 2) and Omega (2,).
+
+        Also the trace of the monodromy matrix, and INT g ds.
+        """
+        h, c, omega, zeta = at.h, at.c[..., 0], at.Omega, self.equation.zeta
+        u, w, a, cosine = c @ _INSIDE[:, 0].T, c @ _INSIDE[:, 1].T / h, c[:, 2:] / h**2, np.cos(at.inside)
+        force, grows = self.setting.forcing(omega), self.setting.growth(omega)
         with np.errstate(over="ignore", invalid="ignore"):  # far from an orbit a law may overflow
             f, f_u, g, g_u = self.equation.terms(u)
+        K, D = f_u + 2.0 * zeta * omega * g_u * w, 2.0 * zeta * omega * g / h
         residual = omega**2 * a - force * cosine + f + 2.0 * zeta * omega * g * w
-        K = f_u + 2.0 * zeta * omega * g_u * w
-        D = 2.0 * zeta * omega * g
-        matrix = (h**2 * K)[..., None] * _A2 + (h * D)[..., None] * _A1
-        matrix[:, _P, _P] += omega**2
-        right = np.stack(
-            [-residual, grows * cosine - 2.0 * omega * a - 2.0 * zeta * g * w, -K, -(K * _C * h + D)], axis=-1
-        )
-        try:
-            x = np.linalg.solve(matrix, right)
-        except np.linalg.LinAlgError as error:
-            raise ConvergenceError("singular Jacobian") from error
-        if not np.isfinite(x).all():
-            raise ConvergenceError("the motion is not finite")
-        # maps of (1, change of Omega, of u, of w) from node to node, and by prefix products from the first node
-        chain = np.zeros((a.shape[0], 4, 4))
-        chain[:, 0, 0] = chain[:, 1, 1] = 1.0
-        chain[:, 2], chain[:, 3] = h**2 * (_END2 @ x), h * (_END1 @ x)
-        chain[:, 2, 2] += 1.0
-        chain[:, 2, 3] += h[:, 0]
-        chain[:, 3, 3] += 1.0
-        chain[:, 2, 0] += wave.u + h[:, 0] * wave.w + h[:, 0] ** 2 * (a @ _END2) - np.roll(wave.u, -1)
-        chain[:, 3, 0] += wave.w + h[:, 0] * (a @ _END1) - np.roll(wave.w, -1)
-        reach = 1
-        while reach < len(chain):
-            chain[reach:] = chain[reach:] @ chain[:-reach]
-            reach *= 2
-        state = chain[-1, 2:]
-        nodes = np.concatenate([np.eye(4)[None, 2:], chain[:-1, 2:]])
-        monodromy = state[:, 2:]
+        by_omega = 2.0 * omega * a - grows * cosine + 2.0 * zeta * g * w
+        matrix = K[..., None] * _INSIDE[:, 0, 2:] + D[..., None] * _INSIDE[:, 1, 2:]
+        matrix[:, _P, _P] += (omega / h) ** 2
         # unknowns: change of Omega, of u and of w at the phase 0
-        system = np.empty((3, 3))
-        system[:2, 0] = -state[:, 1]
-        system[:2, 1:] = np.eye(2) - monodromy
-        known = np.array([[state[0, 0], 0.0], [state[1, 0], 0.0], [0.0, 1.0]])
-        if across is None:
-            system[2] = rate, 0.0, 0.0
-        else:
-            weight = h[:, 0] * across.u / (TURN * wave.amplitude**2)
-            system[2] = weight @ nodes[:, 0, 1] + rate / omega**2, weight @ nodes[:, 0, 2], weight @ nodes[:, 0, 3]
-            known[2, 0] = -weight @ nodes[:, 0, 0]
+        system, known = np.zeros((3, 3)), np.zeros((3, 2))
+        system[2, 0], known[2, 1] = at.rate, 1.0
         try:
-            solved = np.linalg.solve(system, known)
+            x = np.linalg.solve(matrix, -np.stack([residual, by_omega, K, h * (K * _C + D)], axis=-1))
+            # maps of (1, change of Omega, of u, of w) from node to node, and by prefix products from the first node
+            chain = np.tile(np.eye(4), (len(c), 1, 1))
+            chain[:, 2] += _END_U[2:] @ x
+            chain[:, 3] += _END_W[2:] @ x / h
+            chain[:, 2, 3] += h[:, 0]
+            chain[:, 2, 0] += c @ _END_U - np.roll(c[:, 0], -1)
+            chain[:, 3, 0] += c @ _END_W / h[:, 0] - np.roll(c[:, 1] / h[:, 0], -1)
+            reach = 1
+            while reach < len(chain):
+                chain[reach:] = chain[reach:] @ chain[:-reach]
+                reach *= 2
+            end, node = chain[-1, 2:], np.concatenate([np.eye(4)[None], chain[:-1]])
+            maps = np.concatenate([node[:, 2:3], h[..., None] * node[:, 3:], x @ node], axis=1)
+            system[:2], known[:2, 0] = np.hstack([-end[:, 1:2], np.eye(2) - end[:, 2:]]), end[:, 0]
+            if not fixed:
+                plane = (h[:, 0] * at.c[:, 0, 1] / (TURN * at.size**2)) @ maps[:, 0]
+                system[2], known[2, 0] = plane[1:] + system[2] / omega**2, -plane[0]
+            columns = np.vstack([[1.0, 0.0], np.linalg.solve(system, known)])
         except np.linalg.LinAlgError as error:
             raise ConvergenceError("singular Jacobian") from error
-        waves = []
-        for part, one in zip(solved.T, (1.0, 0.0), strict=True):
-            columns = np.append(one, part)
-            at_nodes = nodes @ columns
-            da = x[..., 0] * one + x[..., 1] * part[0] + x[..., 2] * at_nodes[:, :1] + x[..., 3] * at_nodes[:, 1:]
-            waves.append(Wave(mesh, at_nodes[:, 0], at_nodes[:, 1], da))
-        loss = float(np.sum(h * _B * g))
-        return waves[0], float(solved[0, 0]), waves[1], float(solved[0, 1]), float(np.trace(monodromy)), loss
+        if not np.isfinite(columns).all():
+            raise ConvergenceError("the motion is not finite")
+        return maps @ columns, columns[1], float(np.trace(end[:, 2:])), float(np.sum(h * _B * g))

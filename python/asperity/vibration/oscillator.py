@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 
@@ -10,15 +10,22 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from asperity.errors import InputError, RangeError
+from asperity.model.dynamics import EXCITATIONS, FORCING, OMEGA, SHAPES, ZETA, window
 from asperity.runtime.display import short_repr
-from asperity.vibration import free as _free
 from asperity.vibration.checks import one_of, positive, positives, within
 from asperity.vibration.equation import DAMPING, Equation, Restoring
-from asperity.vibration.free import FreeVibration, Thresholds, contact_limit, free_orbits, largest_amplitude
+from asperity.vibration.free import (
+    FreeVibration,
+    Thresholds,
+    contact_limit,
+    free_orbits,
+    largest_amplitude,
+    thresholds,
+)  # fmt: skip
 from asperity.vibration.law import Law, TaylorLaw
 from asperity.vibration.motion import Trajectory, course, integrate
 from asperity.vibration.response import FrequencyResponse, frequency_response
-from asperity.vibration.settings import EXCITATIONS, FORCING, OMEGA, SHAPES, ZETA, Setting, forcings, window
+from asperity.vibration.settings import Setting
 
 GRAVITY = 9.80665  # m/s^2
 
@@ -49,9 +56,9 @@ class ContactOscillator:
         >>> oscillator = asp.ContactOscillator(asp.PowerLaw(1.5, K=1e9), load=10.0, zeta=0.02)
         >>> print(f"m = {oscillator.mass:.4f} kg, omega_s = {oscillator.omega_s:.1f} rad/s")
         m = 1.0197 kg, omega_s = 1780.2 rad/s
-        >>> onset = oscillator.thresholds(0.05)
-        >>> print(f"{onset.u_max:.4f}", onset.softening, f"{onset.contact_loss:.4f}, {onset.peaks[0]['Omega']:.4f}")
-        0.8420 softening 0.0355, 0.8559
+        >>> onset = oscillator.thresholds()
+        >>> print(f"{onset.u_max:.4f}", onset.softening, f"{onset.contact_loss:.4f}")
+        0.8420 softening 0.0355
         >>> path = oscillator.simulate(0.9, 0.05, u=0.1, periods=2)
         >>> print(f"{path.u.max():.4f}")
         0.1914
@@ -68,7 +75,7 @@ class ContactOscillator:
 
     def __post_init__(self) -> None:
         if not isinstance(self.law, Law):
-            raise InputError(f"law must be a contact law (PowerLaw, TableLaw, ...), got {type(self.law).__name__}")
+            raise InputError(f"law must be a contact law (PowerLaw, CurveLaw, ...), got {type(self.law).__name__}")
         positive("zeta", self.zeta, zero=True)
         if self.zeta >= 1:
             raise InputError(f"zeta = {self.zeta:g} is not legal: it must be below 1")
@@ -117,23 +124,14 @@ class ContactOscillator:
         if u0 is None:
             top = min(1.5 * self.u_max if np.isfinite(self.u_max) else 1.5, largest_amplitude(self.restoring))
             u0 = np.linspace(top / 120, top, 120)
-        r, orbits = self.restoring, free_orbits(self.restoring, u0, self.damping)
-        valid = tuple(r.contact or o.u_min >= -1.0 for o in orbits)
-        tolerance = max(o.error for o in orbits)
-        return FreeVibration(r.model, self.law.describe(), r.n_loc, r.kappa, self.omega_s, orbits, valid, tolerance)
+        return FreeVibration(self.model, free_orbits(self.restoring, u0, self.damping))
 
-    def thresholds(self, forcing: float | Iterable[float] = (), excitation: str = "force") -> Thresholds:
-        """Onsets of contact loss, hysteresis and period doubling as F^, and the peak for each value of `forcing`."""
-        values = () if isinstance(forcing, Sequence) and not forcing else forcings(forcing)
-        return _free.thresholds(self.equation, [self.setting(value, excitation) for value in values])
+    def thresholds(self) -> Thresholds:
+        """Onsets of contact loss, hysteresis and period doubling as F^."""
+        return thresholds(self.equation)
 
     def response(
-        self,
-        forcing: float,
-        omega: Sequence[float] = (0.5, 1.3),
-        *,
-        excitation: str = "force",
-        tol: float = 1e-5,
+        self, forcing: float, omega: Sequence[float] = (0.5, 1.3), *, excitation: str = "force", tol: float = 1e-5
     ) -> FrequencyResponse:
         """The main branch of periodic orbits in a window of frequencies, stable and unstable, with its bifurcations.
 
@@ -150,7 +148,9 @@ class ContactOscillator:
             InputError: an argument is not legal, or zeta is below 1e-4
         """
         within("zeta of forced motion", self.zeta, ZETA)
-        setting = self.setting(within("forcing", forcing, FORCING), excitation)
+        one_of("excitation", excitation, EXCITATIONS)
+        n_loc, F_hat = self.restoring.n_loc, within("forcing", forcing, FORCING)
+        setting = Setting(self.model, self.law.describe(), n_loc, self.zeta, self.damping, F_hat, excitation)
         return frequency_response(self.equation, setting, window(omega), positive("tol", tol))
 
     def simulate(
@@ -183,27 +183,19 @@ class ContactOscillator:
         ends = [within("omega", value, OMEGA) for value in positives("omega", omega)]
         if len(ends) != (2 if shape == "chirp" else 1):
             raise InputError(f"omega = {ends} is not legal: a chirp has two frequencies, another excitation one")
-        w, f = ends[0], within("forcing", forcing, FORCING) if forcing != 0 else 0.0
+        f = within("forcing", forcing, FORCING) if forcing != 0 else 0.0
         if not np.isfinite([u, v]).all():
             raise InputError(f"the initial state u = {u}, v = {v} is not legal: it must be finite")
-        period = 2.0 * np.pi / w
+        period = 2.0 * np.pi / ends[0]
         duration = positive("periods", periods) * period
-        force, corners = course(shape, f, (w, ends[-1]), duration)
-        samples = positive("samples", samples, zero=True)
-        path = integrate(
-            self.equation, force, float(u), float(v), duration, rtol=positive("rtol", rtol), samples=samples / period,
-            max_step=min(0.25, np.pi / max(ends) / 8.0), corners=corners,
+        force, corners = course(shape, f, ends, duration)
+        return integrate(
+            self.equation, force, (float(u), float(v)), duration, rtol=positive("rtol", rtol),
+            samples=positive("samples", samples, zero=True) / period, max_step=min(0.25, np.pi / max(ends) / 8.0),
+            corners=corners,
         )  # fmt: skip
-        low = float(path.u.min())
-        return replace(path, setting=self.setting(f), tolerance=rtol, valid=self.restoring.contact or low >= -1.0)
 
     @cached_property
     def equation(self) -> Equation:
         """Equation of motion."""
         return Equation(self.restoring, self.zeta, self.damping)
-
-    def setting(self, forcing: float, excitation: str = "force") -> Setting:
-        """Law, damping and forcing of a result."""
-        one_of("excitation", excitation, EXCITATIONS)
-        r, law = self.restoring, self.law.describe()
-        return Setting(self.model, law, r.n_loc, self.zeta, str(self.damping), float(forcing), excitation)

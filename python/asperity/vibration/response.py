@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+import math
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import suppress
-from dataclasses import dataclass, field
-from functools import cached_property, partial
-from itertools import pairwise
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from itertools import chain, groupby, pairwise
 from typing import Any
 
 import numpy as np
@@ -14,20 +15,28 @@ import numpy as np
 from asperity.arrays import Array
 from asperity.errors import ConvergenceError, InputError
 from asperity.runtime.display import short_repr
-from asperity.vibration.branch import between, crossings, cubic, located, main_branch
-from asperity.vibration.equation import Equation
+from asperity.vibration.branch import TESTS, ahead, between, crossings, cubic, located, main_branch
+from asperity.vibration.equation import Equation, Restoring
+from asperity.vibration.free import column
+from asperity.vibration.law import Law, bar_of
 from asperity.vibration.orbit import Collocation, Orbit
 from asperity.vibration.settings import Setting
 
-_PER_TOL = 0.03  # tolerance of the collocation over that of the orbits
-_STRAIGHT = 1e-3  # relative error of u_max on a straight line between rows
-_VERTICAL = 2e-4  # relative distance in Omega of rows that are never too far apart: at a fold the branch is vertical
+_PER_TOL = 0.3  # tolerance of the collocation over that of the orbits
+_STRAIGHT = 1e-3  # relative error in the middle of u_max on a straight line between rows
 _BEYOND = 1e-4  # relative distance beyond a fold at which the motion after a jump is sought
-_STEPS = 12  # towards a special orbit on another law
+_LEAST_POWER = 0.5  # of a law at first contact: at a grazing with u + 1 ~ t^2 the stiffness is integrable above it
+_STEPS, _CLOSE = 12, 1e-5  # towards a special orbit on another law, the last one
+_CUTS = ("fold", "period doubling")  # events at which stability changes
 OTHERS = (
     "the main branch alone: other motions may exist, of twice the forcing period from a period doubling on, or apart "
     "from the branch; simulate shows them"
 )
+
+
+def finite(value: float) -> float | None:
+    """A number, None for NaN."""
+    return float(value) if math.isfinite(value) else None
 
 
 @dataclass(frozen=True)
@@ -38,35 +47,19 @@ class Piece:
         number: in order along the branch, from 1
         orbits: in order; neighbouring pieces share the orbit at which they meet
         stable: linear stability
-        contact: whether the law loses contact
+        valid: False where the law is unphysical (a Taylor law with u_min < -1)
     """
 
     number: int
     orbits: tuple[Orbit, ...]
     stable: bool
-    contact: bool = field(default=True, repr=False)
+    valid: bool = field(repr=False)
 
     __repr__ = short_repr
 
-    @cached_property
-    def Omega(self) -> Array:
-        """Forcing frequencies over omega_s, shape (orbits,)."""
-        return np.array([p.Omega for p in self.orbits])
-
-    @cached_property
-    def u_max(self) -> Array:
-        """Largest displacements, shape (orbits,)."""
-        return np.array([p.u_max for p in self.orbits])
-
-    @cached_property
-    def u_min(self) -> Array:
-        """Smallest displacements; contact is lost where they are below -1, shape (orbits,)."""
-        return np.array([p.u_min for p in self.orbits])
-
-    @property
-    def valid(self) -> bool:
-        """False where the law is unphysical (a Taylor law with u_min < -1)."""
-        return self.contact or bool((self.u_min >= -1.0).all())
+    Omega = column("Omega", "Forcing frequencies over omega_s")
+    u_max = column("u_max", "Largest displacements")
+    u_min = column("u_min", "Smallest displacements; contact is lost where they are below -1")
 
 
 @dataclass(frozen=True)
@@ -111,7 +104,6 @@ class FrequencyResponse:
         pieces, events: see `Piece`, `Event`
         tolerance: largest estimated error of an orbit
         notes: limits of the result (unphysical parts, ends of the branch, table limits), one sentence each
-        paths: the branch in and outside the window
         col: its equations
 
     Examples:
@@ -128,7 +120,6 @@ class FrequencyResponse:
     events: tuple[Event, ...]
     tolerance: float
     notes: tuple[str, ...]
-    paths: tuple[tuple[Orbit, ...], ...] = field(repr=False)
     col: Collocation = field(repr=False)
 
     __repr__ = short_repr
@@ -167,45 +158,39 @@ class FrequencyResponse:
         if not self.omega[0] <= omega <= self.omega[1]:
             raise InputError(f"Omega = {omega:g} lies outside the computed window {self.omega}")
         try:
-            found = [p for path in self.paths for p in crossings(self.col, path, omega)]
+            found = [p for piece in self.pieces for p in crossings(self.col, piece.orbits, omega)]
         except ConvergenceError as error:
-            raise ConvergenceError(
-                f"an orbit at Omega = {omega:g} could not be corrected: {error}; use a smaller tol"
-            ) from error
+            raise ConvergenceError(f"an orbit at Omega = {omega:g} fails: {error}; use a smaller tol") from error
         return tuple(sorted(found, key=lambda p: p.u_max))
 
     @cached_property
     def jumps(self) -> tuple[Jump, ...]:
         """Folds at which a stable piece ends, where a slow sweep jumps."""
         found = []
-        ends = [(piece, i) for piece in self.pieces if piece.stable and piece.valid for i in (0, -1)]
-        for e in self["fold"]:
-            for piece, i in ends:
-                if piece.orbits[i] is not e.orbit:
-                    continue
-                up = bool(piece.orbits[1 if i == 0 else -2].Omega < e.Omega)
-                beyond = e.Omega * (1.0 + (_BEYOND if up else -_BEYOND))
-                after: list[float] = []
-                if self.omega[0] <= beyond <= self.omega[1]:
-                    try:
-                        after = [p.u_max for p in self.at(beyond) if p.stable]
-                    except ConvergenceError:
-                        after = []
-                    note = "" if len(after) == 1 else "several stable orbits" if after else "not on the branch"
-                else:
-                    note = "outside the window"
-                to = after[0] if len(after) == 1 else None
-                found.append(Jump(e.Omega, "up" if up else "down", e.u_max, to, note))
+        stable = [piece for piece in self.pieces if piece.stable and piece.valid]
+        ends = {piece.orbits[i]: piece.orbits[k] for piece in stable for i, k in ((0, 1), (-1, -2))}
+        for fold in (e for e in self["fold"] if e.orbit in ends):
+            up, after = ends[fold.orbit].Omega < fold.Omega, []
+            try:
+                beyond = self.at(fold.Omega * (1.0 + (_BEYOND if up else -_BEYOND)))
+                after = [p.u_max for p in beyond if p.stable]
+                note = ("not on the branch", "", "several stable orbits")[min(len(after), 2)]
+            except (ConvergenceError, InputError) as error:
+                note = "outside the window" if isinstance(error, InputError) else "not on the branch"
+            found.append(Jump(fold.Omega, "up" if up else "down", fold.u_max, None if note else after[0], note))
         return tuple(found)
 
     def to_dict(self) -> dict[str, Any]:
         """Section of thresholds.json."""
+        bars = [dict(zip(("Omega_bar", "u_max_bar"), map(finite, bar), strict=True)) for bar in self.bars]
+        of_folds = dict(zip(self["fold"], bars[1:], strict=True))
         return {
             "F_hat": self.setting.F_hat,
-            "F_over_mg": self.setting.F_over_mg,
-            "peak": dict(zip(("Omega", "u_max"), self.peak, strict=True)),
+            "zeta": self.setting.zeta,
+            "peak": {"Omega": self.peak[0], "u_max": self.peak[1]} | bars[0],
             "events": [
                 {"kind": e.kind, "Omega": e.Omega, "u_max": e.u_max, "u_min": e.u_min, "branch": e.piece}
+                | of_folds.get(e, {})
                 for e in self.events
             ],
             "tolerance": self.tolerance,
@@ -214,128 +199,112 @@ class FrequencyResponse:
             "searched": OTHERS,
         }
 
+    @cached_property
+    def _dense(self) -> list[tuple[Piece, Orbit]]:
+        """Orbits with their pieces, so dense that u_max and Omega lie on straight lines."""
+        col = self.col
+        return [(piece, p) for piece in self.pieces for p in chain(piece.orbits[:1], *(
+            _dense(col, a, b) for a, b in pairwise(piece.orbits)
+        ))]  # fmt: skip
+
     def rows(self) -> Iterator[dict[str, Any]]:
-        """Rows of response.csv, in order along each piece, so dense that straight lines are accurate to 1e-3."""
-        for piece in self.pieces:
-            for p in _dense(self.col, piece.orbits):
-                yield self.setting.row(piece.number, p.Omega, p.u_max, p.u_min, p.a1, piece.stable, p.phase)
+        """Rows of response.csv, in order along each piece, so dense that straight lines are accurate to 2e-3."""
+        for piece, p in self._dense:
+            yield self.setting.row(piece.number, p.Omega, p.u_max, p.u_min, p.a1, piece.stable, p.phase)
 
-    def numbers(self, equation: Equation) -> Array:
-        """Numbers of the peak and of each fold on another law under the same force and mass.
+    @cached_property
+    def bars(self) -> Array:
+        """Bars of frequency over omega_s and largest u, of the peak and of each fold: by the sides of the law.
 
-        Args:
-            equation: of the other law, with a load as heavy; the forcing is as large in the units of the law
-
-        Returns:
-            Frequency over omega_s and largest u of the peak and of each fold, in units of this law (1 + folds, 2), NaN
-            where the other law has none nearby.
+        Shape (1 + folds, 2), NaN where nothing bounds the law, or where a side has no peak or fold nearby.
         """
-        own, other = self.col.equation.restoring, equation.restoring
-        slower = np.sqrt(other.scale / other.z_s * own.z_s / own.scale)
-        setting = self.setting
+        return bar_of(self.col.equation.restoring.law, self.numbers)
+
+    def numbers(self, law: Law) -> Array:
+        """Frequency over omega_s and largest u of the peak and of each fold on another law, in units of this law.
+
+        Shape (1 + folds, 2), under the same forces in newton on the same mass, or the same motion of the base.
+        """
+        own, setting = self.col.equation.restoring, self.setting
+        other = Restoring(law, own.load)
         # a force, or mass times an acceleration, in newton; a displacement of the base, on which F^ is b Omega^2 / z_s
         part = own.z_s / other.z_s if setting.excitation == "base" else own.scale / other.scale
-        col = Collocation(equation, partial(_excited, setting, part), self.col.tol)
-        tests = [(self.top, lambda p: p.rise)] + [(e.orbit, lambda p: p.rate) for e in self["fold"]]
-        scale = np.array([slower, other.z_s / own.z_s])
-        return np.array([scale * _moved(col, orbit, test) for orbit, test in tests])
+        changed = replace(setting, F_hat=part * setting.F_hat)
+        col = Collocation(replace(self.col.equation, restoring=other), changed, self.col.tol)
+        tests = [(self.top, TESTS["largest u_max"]), *((e.orbit, TESTS["fold"]) for e in self["fold"])]
+        slower = np.sqrt(other.scale / other.z_s * own.z_s / own.scale)
+        return np.array([_moved(col, orbit, test) for orbit, test in tests]) * (slower, other.z_s / own.z_s)
 
 
-def _excited(setting: Setting, part: float, omega: Any) -> tuple[Any, Any]:
-    """Forcing in the units of a law and its derivative by Omega; a function of the module, so that results are sent."""
-    return part * setting.forcing(omega), part * setting.growth(omega)
-
-
-def _moved(col: Collocation, orbit: Orbit, value: Any) -> Array:
+def _moved(col: Collocation, orbit: Orbit, value: Callable[[Orbit], float]) -> tuple[float, float]:
     """Omega and u_max of the special orbit near that of another equation, by secants along the branch, or NaN."""
-    try:
-        a = col.correct(orbit.wave, orbit.Omega, orbit.along, orbit.rate)
-        h, slope = 1e-3, None
-        fa = value(a)
+    h = 1e-3
+    with suppress(ConvergenceError, ZeroDivisionError):
+        a = col.correct(orbit)
         for _ in range(_STEPS):
-            step = h if slope is None else float(np.clip(-fa / slope, -0.1, 0.1))
-            b = col.correct(a.wave.plus((step, a.along)), a.Omega + step * a.rate, a.along, a.rate)
-            fb = value(b)
-            slope, done = (fb - fa) / step, abs(step) < 1e-5
-            a, fa = b, fb
-            if done:
-                return np.array([a.Omega, a.u_max])
-    except (ConvergenceError, ZeroDivisionError):
-        pass
-    return np.full(2, np.nan)
+            b = col.correct(ahead(a, h))
+            if abs(h) < _CLOSE:
+                return b.Omega, b.u_max
+            a, h = b, float(np.clip(-value(b) * h / (value(b) - value(a)), -0.1, 0.1))
+    return np.nan, np.nan
 
 
 def frequency_response(
     equation: Equation, setting: Setting, window: tuple[float, float], tol: float
 ) -> FrequencyResponse:
     """Follow the main branch in a window; arguments and errors as in `ContactOscillator.response`."""
-    col = Collocation(equation, partial(_excited, setting, 1.0), _PER_TOL * tol)
+    col, (low, high) = Collocation(equation, setting, _PER_TOL * tol), window
     paths, notes = main_branch(col, window)
     pieces: list[Piece] = []
     events: list[Event] = []
-    followed = []
-    for path in paths:
-        orbits, named, missed = located(col, path.orbits)
+    for run in (run for path in paths for run in _inside(col, path, window)):
+        orbits, named, missed = located(col, run)
         notes += missed
-        followed.append(tuple(orbits))
-        cut = {id(p) for name, p in named if name in ("fold", "period doubling")}
-        for run in _inside(col, orbits, window):
-            ends = [0, *(i for i in range(1, len(run) - 1) if id(run[i]) in cut), len(run) - 1]
-            for first, last in pairwise(ends):
-                orbits_of = run[first : last + 1]
-                middle = orbits_of[len(orbits_of) // 2]
-                if len(orbits_of) == 2:
-                    middle = max(orbits_of, key=lambda p: abs(p.radius - 1.0))
-                pieces.append(Piece(len(pieces) + 1, tuple(orbits_of), middle.stable, equation.restoring.contact))
-        for name, p in named:
-            owner = next((piece.number for piece in pieces if any(p is q for q in piece.orbits)), None)
-            if owner is not None and name in ("fold", "period doubling", "grazing"):
-                events.append(Event(name, p, owner))
+        cut = {p for name, p in named if name in _CUTS} | {p for p in orbits if p.Omega in window}
+        ends = [0, *(i for i in range(1, len(orbits) - 1) if orbits[i] in cut), len(orbits) - 1]
+        parts = (tuple(orbits[first : last + 1]) for first, last in pairwise(ends))
+        for part in (part for part in parts if all(low <= p.Omega <= high for p in part)):
+            middle = max(part, key=lambda p: abs(p.radius - 1.0)) if len(part) == 2 else part[len(part) // 2]
+            valid = equation.restoring.contact or all(p.u_min >= -1.0 for p in part)
+            pieces.append(Piece(len(pieces) + 1, part, middle.stable, valid))
+        owners = [next((piece.number for piece in pieces if p in piece.orbits), None) for _, p in named]
+        kinds = (*_CUTS, "grazing")
+        events += [Event(*e, n) for e, n in zip(named, owners, strict=True) if n is not None and e[0] in kinds]
     if not pieces:
-        raise ConvergenceError(
-            f"no periodic orbit found for Omega = {window[0]:g} to {window[1]:g}: {'; '.join(notes)}"
+        raise ConvergenceError(f"no periodic orbit found for Omega = {low:g} to {high:g}: {'; '.join(notes)}")
+    power, lost = equation.restoring.first_power, any((piece.u_min < -1.0).any() for piece in pieces)
+    if lost and power <= _LEAST_POWER:
+        raise InputError(
+            f"the force of the law begins as the power {power:.3g} of the approach, and this response loses contact: "
+            f"up to the power {_LEAST_POWER} the motion does not depend smoothly on its start there; lower the forcing"
         )
     error = max(p.error for piece in pieces for p in piece.orbits)
     notes += _limitations(pieces, equation.restoring.known_to)
-    return FrequencyResponse(setting, window, tuple(pieces), tuple(events), error, tuple(notes), tuple(followed), col)
+    return FrequencyResponse(setting, window, tuple(pieces), tuple(events), error, tuple(notes), col)
 
 
-def _inside(col: Collocation, orbits: Sequence[Orbit], window: tuple[float, float]) -> Iterator[list[Orbit]]:
-    """Runs of a path in the window, with orbits exactly at its ends."""
-    run: list[Orbit] = []
-    for a, b in pairwise(orbits):
-        if not run and window[0] <= a.Omega <= window[1]:
-            run = [a]
-        passed = sorted((e for e in window if (e - a.Omega) * (e - b.Omega) < 0), key=lambda e: abs(e - a.Omega))
-        for edge in passed:
-            for p in crossings(col, (a, b), edge):
-                if run:
-                    yield [*run, p]
-                    run = []
-                else:
-                    run = [p]
-        if run and window[0] <= b.Omega <= window[1]:
-            run.append(b)
-    if len(run) > 1:
-        yield run
+def _inside(col: Collocation, path: Sequence[Orbit], window: tuple[float, float]) -> Iterator[list[Orbit]]:
+    """Runs of a path in the window, with orbits exactly at its ends, beyond which it may turn between neighbours."""
+    cut = list(path[:1])
+    for a, b in pairwise(path):
+        passed: list[Orbit] = []
+        for edge in window:
+            with suppress(ConvergenceError):  # the cubic passes it, the branch turns before
+                passed += [] if edge in (a.Omega, b.Omega) else crossings(col, (a, b), edge)
+        cut += [*sorted(passed, key=lambda p: abs(p.Omega - a.Omega)), b]
+    runs = (list(run) for near, run in groupby(cut, lambda p: window[0] <= p.Omega <= window[1]) if near)
+    return (run for run in runs if len(run) > 1)
 
 
-def _dense(col: Collocation, orbits: Sequence[Orbit]) -> Iterator[Orbit]:
-    """Orbits with more between them, so dense that u_max and Omega lie on straight lines."""
-    left = list(reversed(orbits))
-    here = left.pop()
-    yield here
-    while left:
-        after = left[-1]
-        wave, omega, _, _ = cubic(here, after, 0.5)
-        step, top = after.Omega - here.Omega, wave.extreme(1.0)[0]
-        line = here.u_max + (after.u_max - here.u_max) * np.clip((omega - here.Omega) / (step or 1.0), 0.0, 1.0)
-        if abs(line - top) > _STRAIGHT * abs(top) and abs(step) > _VERTICAL * omega:
-            with suppress(ConvergenceError):
-                left.append(between(col, here, after, 0.5))
-                continue
-        here = left.pop()
-        yield here
+def _dense(col: Collocation, a: Orbit, b: Orbit) -> Iterator[Orbit]:
+    """Orbits after one up to the next, so dense that u_max and Omega lie on straight lines."""
+    middle, step = cubic(a, b, 0.5), b.Omega - a.Omega
+    line = a.u_max + (b.u_max - a.u_max) * np.clip((middle.Omega - a.Omega) / (step or 1.0), 0.0, 1.0)
+    count = math.ceil(math.sqrt(abs(line - middle.u_max) / (_STRAIGHT * abs(middle.u_max))))
+    for i in range(1, count):
+        with suppress(ConvergenceError):
+            yield between(col, a, b, i / count)
+    yield b
 
 
 def _limitations(pieces: Sequence[Piece], known_to: float) -> Iterator[str]:

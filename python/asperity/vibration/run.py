@@ -1,26 +1,148 @@
-"""Complete vibration analysis of one law."""
+"""Complete vibration analysis of one law, its results and their files."""
 
 from __future__ import annotations
 
+import json
 import math
 import os
-from dataclasses import replace
+from dataclasses import asdict, dataclass, field, replace
+from itertools import chain
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from asperity.errors import ConvergenceError, InputError
+from asperity.model.dynamics import DynamicsSettings
+from asperity.runtime import run_folder
+from asperity.runtime.display import short_repr
+from asperity.runtime.files import replace_file, write_csv
 from asperity.vibration.checks import positive
-from asperity.vibration.law import Law, bar_of
+from asperity.vibration.free import FreeVibration, Thresholds
+from asperity.vibration.law import Law
 from asperity.vibration.motion import Trajectory
 from asperity.vibration.numbers import Numbers
 from asperity.vibration.oscillator import GRAVITY, ContactOscillator
-from asperity.vibration.response import FrequencyResponse
-from asperity.vibration.results import Dynamics
-from asperity.vibration.settings import DynamicsSettings
+from asperity.vibration.response import FrequencyResponse, finite
 from asperity.vibration.source import Choice, CurveColumns, choose
 
 _SAMPLES = 32  # of a period of small vibration
+
+
+@dataclass(frozen=True)
+class Dynamics:
+    """Results of `run_dynamics` for one law; the keys of mappings are models ("exact", "taylor").
+
+    Attributes:
+        oscillators, free, thresholds: see there
+        responses: one per damping ratio and forcing
+        numbers: stiffness and frequency, mass, static approach and damping of small vibration, with bars
+        motions: short motions from rest, by the course of the force
+        notes: limits and assumptions of the results, one sentence each
+        gravity: for mass and omega_s (length/time^2), None if unknown or if the joint has a mass
+        choice: which law of the curve it is; None for a given `Law`
+        settings: what was computed
+    """
+
+    oscillators: dict[str, ContactOscillator]
+    free: dict[str, FreeVibration]
+    responses: dict[str, tuple[FrequencyResponse, ...]]
+    thresholds: dict[str, Thresholds]
+    numbers: Numbers
+    notes: tuple[str, ...]
+    motions: dict[str, Trajectory] = field(default_factory=dict)
+    gravity: float | None = None
+    choice: Choice | None = None
+    settings: DynamicsSettings = field(default_factory=DynamicsSettings)
+
+    __repr__ = short_repr
+
+    @property
+    def first(self) -> ContactOscillator:
+        """Oscillator of the first model."""
+        return next(iter(self.oscillators.values()))
+
+    def write(self, out_dir: str | os.PathLike[str]) -> None:
+        """Write free.csv, response.csv and thresholds.json into `out_dir`; motion.csv if there is any."""
+        path, r, unit = Path(out_dir), self.first.restoring, self.numbers.frequency
+        path.mkdir(parents=True, exist_ok=True)
+        free = [
+            row | {"frequency": unit * row["omega_ratio"], "amplitude": r.z_s * row["u0"]}
+            for one in self.free.values() for row in one.rows()
+        ]  # fmt: skip
+        response = [
+            row | {"frequency": unit * row["Omega"], "force": force}
+            | {"x_max": r.z_s * row["u_max"], "x_min": r.z_s * row["u_min"], "receptance": r.z_s * row["a1"] / force}
+            for one in chain(*self.responses.values()) for row in one.rows()
+            for force in [r.scale * one.setting.forcing(row["Omega"])]
+        ]  # fmt: skip
+        tables = {run_folder.FREE: free, run_folder.RESPONSE: response, run_folder.MOTION: self.moved()}
+        for name, rows in tables.items():
+            if rows:
+                write_csv(path / name, list(rows[0]), map(_cells, rows))
+            else:  # of an earlier analysis
+                (path / name).unlink(missing_ok=True)
+        text = json.dumps(self.to_dict(), indent=2, allow_nan=False)
+        replace_file(path / run_folder.THRESHOLDS, f"{text}\n".encode())
+
+    def moved(self) -> list[dict[str, Any]]:
+        """Rows of motion.csv."""
+        r, second = self.first.restoring, 1.0 / self.first.omega_s
+        return [
+            {"shape": shape, "tau": tau, "u": u, "v": v, "F_hat": f}
+            | {"time": second * tau, "x": r.z_s * u, "force": r.scale * f}
+            for shape, path in self.motions.items()
+            for tau, u, v, f in zip(path.tau, path.u, path.v, path.force, strict=True)
+        ]
+
+    def jumps(self) -> list[dict[str, Any]]:
+        """Where slow sweeps leave a stable branch: frequency (1/time), force, amplitudes before and after (length)."""
+        r, hertz = self.first.restoring, self.numbers.frequency
+        return [
+            {
+                "model": model, "zeta": one.setting.zeta, "F_hat": one.setting.F_hat,
+                "force": r.scale * float(one.setting.forcing(jump.Omega)), "sweep": jump.direction,
+                "Omega": jump.Omega, "frequency": finite(hertz * jump.Omega), "x_max": r.z_s * jump.u_max,
+                "x_max_after": None if jump.after is None else r.z_s * jump.after, "note": jump.note,
+            }
+            for model, responses in self.responses.items() for one in responses for jump in one.jumps
+        ]  # fmt: skip
+
+    def to_dict(self) -> dict[str, Any]:
+        """Content of thresholds.json."""
+        first, r, numbers, joint = self.first, self.first.restoring, self.numbers.to_dict(), self.settings.joint
+        laws, choice = None, self.choice
+        if choice is not None:
+            laws = {
+                "chosen": choice.name, "reason": choice.reason, "doubt": choice.note, "yielded": choice.yielded,
+                "rows": choice.done,
+            }  # fmt: skip
+        return {
+            "normalisation": "u = (z - z_s)/z_s, Omega = omega/omega_s, F_hat = F/(n_loc W), W = load",
+            "law": first.law.describe(), "load": r.load, "z_s": r.z_s, "gravity": self.gravity, "mass": numbers["m"],
+            "omega_s": None if numbers["m"] is None else first.omega_s, "n_loc": r.n_loc, "kappa": r.kappa,
+            "zeta": first.zeta, "damping": str(first.damping), "excitation": self.settings.excitation,
+            "notes": list(self.notes), "units": self.settings.units, "numbers": numbers,
+            "joint": None if joint is None else {k: v for k, v in asdict(joint).items() if v is not None},
+            "laws": laws, "jumps": self.jumps(),
+        } | {
+            model: asdict(values) | {
+                "free_tolerance": self.free[model].tolerance, "free_valid": all(self.free[model].valid),
+                "responses": [one.to_dict() for one in self.responses[model]],
+            }
+            for model, values in self.thresholds.items()
+        }  # fmt: skip
+
+
+def _cells(row: dict[str, Any]) -> dict[str, Any]:
+    """Cells of a row of a file, without those of NaN; seven digits are more than the rows have."""
+    known = {name: value for name, value in row.items() if value == value}
+    for name, value in known.items():
+        if isinstance(value, bool):
+            known[name] = str(value).lower()
+        elif isinstance(value, float | np.floating):
+            known[name] = float(f"{value:.7g}")
+    return known
 
 
 def run_dynamics(
@@ -55,10 +177,8 @@ def run_dynamics(
     if settings is None:
         settings = DynamicsSettings.of_source(source, changes.get("joint"))
     settings = settings.replaced(**changes)
-    law, load, columns, choice = _law(source, settings)
-    gravity, assumed = _gravity(settings, "law" if choice is None else "curve")
-    exact = _oscillator(law, load, settings, gravity)
-    kind = settings.excitation
+    exact, numbers, columns, choice, assumed = _small(source, settings)
+    law, load, kind = exact.law, exact.restoring.load, settings.excitation
     forcing, omega, pulse = settings.on(exact.restoring.scale, exact.restoring.z_s, exact.omega_s)
     oscillators = {name: exact if name == "exact" else exact.taylor() for name in settings.model}
     responses: dict[str, tuple[FrequencyResponse, ...]] = {}
@@ -81,16 +201,21 @@ def run_dynamics(
             del oscillators[name]
             continue
         notes += [f"{name}, {r.setting.amplitude}: {note}" for r in responses[name] for note in r.notes]
+    first = next(iter(oscillators.values()))
+    motions = {}
+    for shape in settings.simulate:
+        window = omega if shape == "chirp" else (0.5 / (pulse or 0.5),)
+        periods, samples = settings.span * window[0], math.ceil(_SAMPLES / window[0])
+        motions[shape] = first.simulate(window, forcing[0], shape=shape, periods=periods, samples=samples)
     result = Dynamics(
         oscillators=oscillators,
         free={name: oscillator.free() for name, oscillator in oscillators.items()},
         responses=responses,
-        thresholds={name: oscillator.thresholds(forcing, kind) for name, oscillator in oscillators.items()},
-        numbers=_numbers(exact, settings, choice),
+        thresholds={name: oscillator.thresholds() for name, oscillator in oscillators.items()},
+        numbers=numbers,
         notes=tuple(dict.fromkeys(note for note in notes if note)),
-        bars=tuple(_bars(exact, response) for response in responses.get("exact", ())) if law.sides() else (),
-        motions=_moved(next(iter(oscillators.values())), settings, forcing[0], omega, pulse or 0.5),
-        gravity=gravity,
+        motions=motions,
+        gravity=exact.gravity if settings.joint is None or settings.joint.mass is None else None,
         choice=choice,
         settings=settings,
     )
@@ -101,63 +226,28 @@ def run_dynamics(
 
 def small_vibration(source: Any, settings: DynamicsSettings) -> tuple[Numbers, float]:
     """Numbers of the small vibration on a curve, and the preload (force); arguments and errors as in `run_dynamics`."""
-    law, load, _, choice = _law(source, settings)
-    oscillator = _oscillator(law, load, settings, _gravity(settings, "curve")[0])
-    return _numbers(oscillator, settings, choice), load
+    oscillator, numbers, *_ = _small(source, settings)
+    return numbers, oscillator.restoring.load
 
 
-def _bars(oscillator: ContactOscillator, response: FrequencyResponse) -> Any:
-    """Bars of peak and folds: the same numbers by the sides of the law."""
-    oscillator = replace(oscillator, zeta=response.setting.zeta)
-
-    def numbers(law: Law) -> Any:
-        if law is oscillator.law:
-            places = [response.peak, *((e.Omega, e.u_max) for e in response["fold"])]
-            return np.array(places)
-        return response.numbers(replace(oscillator, law=law).equation)
-
-    return bar_of(oscillator.law, numbers)
-
-
-def _numbers(oscillator: ContactOscillator, settings: DynamicsSettings, choice: Choice | None) -> Numbers:
-    """Numbers of the small vibration of an oscillator."""
-    joint, more = settings.joint, {}
+def _small(source: Any, settings: DynamicsSettings) -> tuple[ContactOscillator, Numbers, Any, Choice | None, str]:
+    """Oscillator of a source, its numbers, the columns and the choice if it is a curve, and what is assumed or ""."""
+    joint, load, choice, columns, more = settings.joint, settings.load, None, None, {}
+    if not isinstance(source, Law):
+        columns = CurveColumns.of(source, **settings.columns)
+        choice = choose(columns, settings.law, load)
+        law, load = choice.law, choice.load
+    elif joint is not None and joint.nominal_area is not None:
+        raise InputError("joint.nominal_area is for a curve: a law has the force of the joint already")
+    else:
+        law, load = source, source.default_load if load is None else load
+    gravity, assumed = _gravity(settings, load, "law" if choice is None else "curve")
+    oscillator = ContactOscillator(law, load=load, gravity=gravity, zeta=settings.zeta[0], damping=settings.damping)
     if joint is not None and choice is not None:
         more = {"block": settings.block / settings.factor}
         if choice.name == "unload-reload":
-            more["greatest"] = float(choice.law.force(choice.law.known_to))
-    return Numbers.of(oscillator.law, oscillator.restoring.load, oscillator.mass, oscillator.zeta, **more)
-
-
-def _moved(
-    oscillator: ContactOscillator, settings: DynamicsSettings, forcing: float, window: tuple[float, float], pulse: float
-) -> dict[str, Trajectory]:
-    """Motions from rest by their shapes, with a pulse in periods."""
-    found = {}
-    for shape in settings.simulate:
-        omega = window if shape == "chirp" else (0.5 / pulse,)
-        periods, samples = settings.span * omega[0], math.ceil(_SAMPLES / omega[0])
-        found[shape] = oscillator.simulate(omega, forcing, shape=shape, periods=periods, samples=samples)
-    return found
-
-
-def _law(source: Any, settings: DynamicsSettings) -> tuple[Law, float, Any, Choice | None]:
-    """Law and preload of a source, with the columns and the choice if it is a curve."""
-    joint, load = settings.joint, settings.load
-    if isinstance(source, Law):
-        if joint is not None and joint.nominal_area is not None:
-            raise InputError("joint.nominal_area is for a curve: a law has the force of the joint already")
-        return source, source.default_load if load is None else load, None, None
-    columns = CurveColumns.of(source, **settings.columns)
-    choice = choose(columns, settings.law, load)
-    return choice.law, choice.load, columns, choice
-
-
-def _oscillator(law: Law, load: float, settings: DynamicsSettings, gravity: float | None) -> ContactOscillator:
-    """Oscillator on a law, with the mass of the joint if it has one."""
-    if settings.joint is not None and settings.joint.mass is not None:
-        gravity = load / settings.joint.mass
-    return ContactOscillator(law, load=load, gravity=gravity, zeta=settings.zeta[0], damping=settings.damping)
+            more["greatest"] = float(law.force(law.known_to))
+    return oscillator, Numbers.of(law, load, oscillator.mass, oscillator.zeta, **more), columns, choice, assumed
 
 
 def _first_yield(choice: Choice) -> str:
@@ -171,25 +261,23 @@ def _first_yield(choice: Choice) -> str:
     )
 
 
-def _gravity(settings: DynamicsSettings, source: str) -> tuple[float | None, str]:
-    """Gravity in the units of a source, None if unknown or of no use, and a note on it or ""."""
-    joint, gravity, units = settings.joint, settings.gravity, settings.units
-    with_mass = joint is not None and joint.mass is not None
-    if gravity is not None:
-        if with_mass:
+def _gravity(settings: DynamicsSettings, load: float, source: str) -> tuple[float | None, str]:
+    """Gravity in the units of a source, by the mass of the joint if it has one, None if unknown; a note on it or ""."""
+    joint, gravity = settings.joint, settings.gravity
+    if joint is not None and joint.mass is not None:
+        if gravity is not None:
             raise InputError(
                 f"gravity = {gravity:g} takes the mass from the preload, and the joint has its own: give one of them"
             )
+        return load / joint.mass, ""
+    if gravity is not None:
         return positive("gravity", gravity), ""
-    if with_mass:
-        return None, ""
     if joint is not None:
         return None, "m and f are left out: the joint has no joint.mass"
-    if units == "other":
+    if settings.units == "other":
         return None, 'mass and omega_s are left out: units = "other" needs gravity (length over time squared)'
-    if units is None:
-        return GRAVITY, (
-            f"mass and omega_s assume a {source} in SI units, gravity = {GRAVITY:g}: for other units give the "
-            "gravity in those units"
-        )
-    return GRAVITY, ""
+    assumed = (
+        f"mass and omega_s assume a {source} in SI units, gravity = {GRAVITY:g}: for other units give the gravity in "
+        "those units"
+    )
+    return GRAVITY, "" if settings.units == "SI" else assumed

@@ -123,7 +123,7 @@ class CurveColumns:
 class Choice:
     """A law of a curve as the spring of a vibration."""
 
-    name: str  # of the law, one of `NAMES`
+    name: str  # of the law, one of `LAWS`
     law: Law
     load: float  # preload (force)
     yielded: bool | None  # None if the curve does not show it
@@ -225,7 +225,7 @@ def met(load: float, top: float, bar: float, name: str = "load") -> tuple[float,
 
 
 def law_named(columns: CurveColumns, name: str, load: float) -> tuple[Law, str]:
-    """Law of `NAMES` about a preload (force), with its bars, and what was done with measured rows; see `law_from`."""
+    """Law of `LAWS` about a preload (force), with its bars, and what was done with measured rows; see `law_from`."""
     if name == "paper":
         return _power_law(columns), ""
     if name == "elastic":
