@@ -161,9 +161,10 @@ class CurveLaw(Law):
         ``g = ln(1 + factor) + (1 + tilt) (Y + bend/6 Y^3 exp(-Y^2/2))``: the load keeps its stiffness but for the
         factor and the tilt, and `bend` changes kappa by bend n^2/16. Away from the load a bend is at most `_BENT`.
         """
-        z = np.union1d(self.z, self.deflection(load))
+        z_s = self.deflection(load)
+        z = np.union1d(self.z[np.abs(self.z / z_s - 1.0) > 1e-6], z_s)  # the load is a point of the side
         F, k = self.force(z), self.slope(z)
-        Y, (first, second, third) = np.log(F / load), self.derivatives(self.deflection(load))
+        Y, (first, second, third) = np.log(F / load), self.derivatives(z_s)
         bump = np.clip(bend, -_BENT, _BENT) / 6.0 * np.exp(-0.5 * Y * Y)
         g = np.log1p(factor) + (1.0 + tilt) * (Y + bump * Y**3)
         rate = (1.0 + tilt) * (1.0 + bump * (3.0 * Y**2 - Y**4))

@@ -178,7 +178,7 @@ def run_dynamics(
         settings = DynamicsSettings.of_source(source, changes.get("joint"))
     settings = settings.replaced(**changes)
     exact, numbers, columns, choice, assumed = _small(source, settings)
-    law, load, kind = exact.law, exact.restoring.load, settings.excitation
+    kind = settings.excitation
     forcing, omega, pulse = settings.on(exact.restoring.scale, exact.restoring.z_s, exact.omega_s)
     oscillators = {name: exact if name == "exact" else exact.taylor() for name in settings.model}
     responses: dict[str, tuple[FrequencyResponse, ...]] = {}
