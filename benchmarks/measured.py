@@ -43,22 +43,24 @@ def summits(rng: Rng) -> Law:
 
 FAMILIES: dict[str, Callable[[Rng], Law]] = {
     "Hertz": lambda rng: power(1.5),
-    "power 1.2 to 3": lambda rng: power(rng.uniform(1.2, 3.0)),
+    "power 1.2": lambda rng: power(1.2),
+    "power 2": lambda rng: power(2.0),
+    "power 3": lambda rng: power(3.0),
     "two spots": two_spots,
-    "exponential": lambda rng,: (lambda c: lambda z: np.expm1(c * np.maximum(z, 0.0)))(rng.uniform(0.5, 3.0)),
+    "a kink: linear, then twice as stiff": lambda rng: (lambda h: lambda z: power(1.0)(z) + power(1.0)(z - h))(
+        rng.uniform(0.2, 0.9)
+    ),
+}
+#: Laws and errors that chose no constant.
+UNSEEN: dict[str, Callable[[Rng], Law]] = {
+    "exponential": lambda rng: (lambda c: lambda z: np.expm1(c * np.maximum(z, 0.0)))(rng.uniform(0.5, 3.0)),
     "sum of powers": lambda rng: (lambda c, n: lambda z: power(n)(z) + c * power(n + 1)(z))(
         rng.uniform(0.2, 3), rng.uniform(1, 2)
     ),
     "softening": lambda rng: (lambda c, n: lambda z: power(n)(z) / (1 + c * np.maximum(z, 0)))(
         rng.uniform(0.2, 1), rng.uniform(1.3, 2.5)
     ),
-}
-#: Laws and errors that chose no constant.
-UNSEEN: dict[str, Callable[[Rng], Law]] = {
     "5 to 40 summits": summits,
-    "linear, then twice as stiff": lambda rng: (lambda h: lambda z: power(1.0)(z) + power(1.0)(z - h))(
-        rng.uniform(0.2, 0.9)
-    ),
     "wavy": lambda rng: (lambda w: lambda z: power(1.5)(z) * (1 + 0.05 * np.sin(w * np.maximum(z, 0))))(
         rng.uniform(3, 12)
     ),

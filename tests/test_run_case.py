@@ -212,7 +212,7 @@ def test_one_power_law_in_all_that_a_run_leaves(full: tuple[Path, RunResult], tm
         law = law_from(source, "paper")[0]
         assert isinstance(law, PowerLaw) and law.n == pytest.approx(n, rel=1e-12)
         assert float(law.force(0.02e-6 * length)) == pytest.approx(force * K * 0.02e-6**n, rel=1e-12)
-        assert law.fitted_to == pytest.approx(length * 0.03e-6, rel=1e-12)
+        assert law.known_to == pytest.approx(length * 0.03e-6, rel=1e-12)
     assert f"{with_misfit(fit)[1]} (misfit of the fit)" in (folder / "report.html").read_text(encoding="utf-8")
 
 

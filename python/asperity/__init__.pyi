@@ -33,6 +33,5 @@ from .vibration import CurveLaw as CurveLaw
 from .vibration import PowerLaw as PowerLaw
 from .vibration import TaylorLaw as TaylorLaw
 from .vibration import run_dynamics as run_dynamics
-from .vibration import unload_reload as unload_reload
 
 __all__: list[str]

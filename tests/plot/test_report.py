@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import re
 import shutil
 from pathlib import Path
 
@@ -40,12 +39,6 @@ def test_the_page_contains_law_outcome_input_and_run(folder: Path) -> None:
         "403 µN ± 3 %", "30 nm", "yield_strength = 1000000000.0", "dolfinx 0.9.0", "18 accepted steps",
     ):  # fmt: skip
         assert part in page.text
-
-
-def test_the_laws_of_vibration_stand_side_by_side(folder: Path) -> None:
-    page = write_report(folder).read_text(encoding="utf-8")
-    assert "<td>chosen</td>" in page and "not of a vibration</td>" in page
-    assert re.search(r"<td>[\d.]+ \w?N/m ± [\d.]+ %</td>\n?<td>[\d.]+ \w?Hz ± [\d.]+ %</td>", page)
 
 
 def test_nothing_is_loaded_from_elsewhere(folder: Path) -> None:

@@ -33,7 +33,7 @@ from asperity.quasistatic.midpoint import extrapolate
 from asperity.quasistatic.newton import NewtonSolver, StepStats
 from asperity.quasistatic.stepping import GROWTH, SMALLEST_CUT, Record, follow
 from asperity.surface import Flat, Surface
-from asperity.vibration import unload_reload
+from asperity.vibration import law_from
 
 Array = npt.NDArray[np.float64]
 
@@ -444,7 +444,7 @@ def test_the_law_about_a_preload_is_that_of_the_last_loop(press_of: Callable[...
     curve = drive(solver, delta_max=DELTA, steps=10, unload_steps=6, cycles=3).curve()
     assert list(curve.branch).count("reload") >= 20
     load = 0.5 * float(curve.force.max())
-    law = unload_reload(curve, load)
+    law = law_from(curve, "unload-reload", load)[0]
     last = [leg for leg in curve.legs() if leg.branch[-1] == "unload"][-1]
     origin = float(last.delta[last.force <= 0.0].max())  # where it separates
     last = last.where(last.force > 0)

@@ -150,11 +150,7 @@ def _show(result: Dynamics) -> None:
             rows.append(("  transmissibility", *("at most {:.4g} at {:.4g}".format(*ratio) for ratio in ratios)))
     options.table(about, rows, ("", *onsets))
     if (choice := result.choice) is not None:
-        from asperity.vibration.numbers import law_rows
-
-        rows = law_rows({"table": result.laws}, "N/m" if units else "", "Hz" if units else "")
-        about = f"laws at the preload {choice.load:.5g}: {choice.name}, {choice.reason}"
-        options.table(about, rows, ("law", "n", "kappa", "k_n", "f", ""))
+        options.say(f"law of the curve at the preload {choice.load:.5g}: {choice.name}, {choice.reason}")
     if jumps := jump_rows(result.jumps(), *(("N", "Hz", "m") if units else ("", "", ""))):
         header = ("law", "force", "zeta", "sweep", "frequency", "amplitude", "after")
         options.table("jumps of slow sweeps", jumps, header)

@@ -149,6 +149,23 @@ class Curve:
             return curve
         return curve.with_force(curve.force)
 
+    @staticmethod
+    def from_columns(columns: Mapping[str, Any]) -> Curve:
+        """Build a curve from columns of one length (n,), as `from_rows`; names that are not in COLUMNS are left out.
+
+        Raises:
+            InputError: a required column is missing, or columns differ in length, or hold what is not a number
+        """
+        known = {name: np.asarray(columns[name]) for name in COLUMNS if columns.get(name) is not None}
+        _check_names(list(known))
+        if len({values.shape for values in known.values()}) > 1 or known["delta"].ndim != 1:
+            sizes = ", ".join(f"{values.size} of {name}" for name, values in known.items())
+            raise InputError(f"the columns of a curve need one length, not {sizes}")
+        try:
+            return Curve.from_rows([dict(zip(known, row, strict=True)) for row in zip(*known.values(), strict=True)])
+        except ValueError as error:
+            raise InputError(f"the curve contains something that is not a number: {error}") from None
+
     def with_force(self, force: Array) -> Curve:
         """Curve with other forces (n,) and the slopes k_n that belong to them."""
         return replace(self, force=force, k_n=slopes(self.delta, force, self.branch)[0])

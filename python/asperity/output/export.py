@@ -31,7 +31,7 @@ from asperity.slip.joint_slip import slip_of_case
 from asperity.units import per_cent, quantity
 from asperity.version import __version__
 from asperity.vibration.curve_law import CurveLaw
-from asperity.vibration.source import CurveColumns, leg_rows, unload_reload
+from asperity.vibration.source import CurveColumns, law_of_branch, leg_rows
 
 LAWS = ("table", "unload-reload")
 LINEAR = 0.01  # error of the pressure that linear reading may add
@@ -159,7 +159,7 @@ def interface(folder: str | Path, law: str = "table", load: float | None = None)
         rows = np.flatnonzero(resolved(curve, approach))
         found = CurveLaw(approach[rows], curve.force[rows] / patch)
     else:
-        found, rows = unload_reload(columns, preload), leg_rows(columns, preload)
+        found, rows = law_of_branch(columns, preload)[0], leg_rows(columns, preload)
     ends, steps = np.append(_BELOW * found.z[0], found.z), np.linspace(0.0, 1.0, _DENSE, endpoint=False)
     z = np.append((ends[:-1, None] * (ends[1:] / ends[:-1])[:, None] ** steps).ravel(), ends[-1])
     pressure, k_n = found.force(z), found.slope(z)

@@ -22,7 +22,6 @@ from asperity.runtime.files import replace_file
 from asperity.runtime.run_folder import FIGURES, REPORT
 from asperity.units import plus_minus, quantity
 from asperity.version import __version__
-from asperity.vibration.numbers import law_rows
 
 Rows = list[tuple[str, str]]
 STIFFNESS_WORDS = {
@@ -69,7 +68,6 @@ def write_report(folder: str | Path) -> Path:
     drawn = [path for path in (results.folder / FIGURES).glob("*") if path.suffix in (".png", ".svg")]
     drawn.sort(key=lambda path: (order.index(path.stem) if path.stem in order else len(order), path.stem))
     on_grid = Raster(results.top) if results.snapshots else None
-    laws = results.thresholds.get("laws")
     text = page.render(
         verdict=[*verdict(results), *doubts(results.summary.get("assumptions") or [], named=True)],
         script=script,
@@ -87,7 +85,6 @@ def write_report(folder: str | Path) -> Path:
         growing=None if on_grid is None else growing_spots(on_grid),
         figures=[_figure(path) for path in drawn],
         case=tomli_w.dumps(dict(results.case)),
-        laws=laws and law_rows(laws, results.unit("stiffness"), results.unit("frequency")),
         jumps=jump_rows(
             results.thresholds.get("jumps") or (), *(results.unit(name) for name in ("force", "frequency", "length"))
         ),

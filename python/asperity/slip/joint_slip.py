@@ -165,9 +165,7 @@ def slip_of_curve(
     unloaded = not choice.yielded or choice.name == "unload-reload"
     if isinstance(choice.law, CurveLaw) and ratio is not None and unloaded and math.isfinite(of_force):
         with suppress(AsperityError):  # at the end of its bar the curve may not reach the preload
-            bars = bar_of(
-                replace(choice.law, bars=errors_of_curve), lambda side: _columns(law_on(_points(side, choice)), t)
-            )
+            bars = bar_of(replace(choice.law, bars=errors_of_curve), lambda side: _columns(law_on(side), t))
     errors = tuple({k: float(x) for k, x in zip(WITH_ERRORS, row, strict=True)} for row in bars.T)
     return JointSlip(law, paths, errors, tuple(_doubts(choice, ratio is not None, paths)))
 
@@ -190,13 +188,6 @@ def slip_of_case(case: Mapping[str, Any], curve: Any, preload: float | None = No
     if solid.get("hardening", "isotropic") in ("isotropic", 0) or not CurveColumns.of(curve).yielded(found.law.preload):
         return found
     return replace(found, notes=(*found.notes, KINEMATIC))
-
-
-def _points(side: Law, choice: Choice) -> CurveLaw:
-    """A side of a law through points as points."""
-    z = choice.law.knots
-    F, k = side.force(z), side.slope(z)
-    return CurveLaw(z[F > 0.0], F[F > 0.0], k=k[F > 0.0])
 
 
 def _columns(law: SlipLaw, t: Array) -> Array:

@@ -12,7 +12,7 @@ from typing import Any
 _MODULES = {
     "law": "Law PowerLaw TaylorLaw bar_of",
     "curve_law": "CurveLaw",
-    "source": "law_from unload_reload",
+    "source": "law_from",
     "settings": "Setting",
     "asperity.model.dynamics": "DynamicsSettings",
     "asperity.model.joint": "Joint",

@@ -8,6 +8,5 @@ from asperity.model.limits import positive as positive
 from asperity.model.limits import positives as positives
 from asperity.model.limits import within as within
 
-NAMES = LAWS[1:]
 #: Rows in contact that show the curvature of an unloading, without and with the stiffness of each.
 MIN_ROWS = (5, 3)

@@ -1,22 +1,22 @@
 """Static laws of a contact: force over approach, as a reversible spring; power law and Taylor series.
 
-A law gives force, stiffness and potential at an approach `z` (length), measured from first contact: a contact
-law is zero for ``z <= 0``.
+A law gives force and stiffness at an approach `z` (length), measured from first contact: a contact law is zero for
+``z <= 0``.
 """
 
 from __future__ import annotations
 
-import math
 from abc import ABC, abstractmethod
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
+from numpy.polynomial import Polynomial
 from numpy.typing import ArrayLike
 from scipy.optimize import brentq
 
 from asperity.arrays import Array
-from asperity.curve.power_law import PowerLawFit
 from asperity.errors import RangeError
 from asperity.runtime.display import short_repr
 from asperity.vibration.checks import positive, within
@@ -26,12 +26,15 @@ COEFFICIENT = (1e-100, 1e100)  # of a power law
 _FARTHEST = 1e100  # approach beyond which no load is sought (length)
 _STRAIGHT = 1e-10  # kappa below which a law is linear, far above round-off
 NOT_RESOLVED = "curvature not resolved"
+_CELL_X, _CELL_W = np.polynomial.legendre.leggauss(10)
+_CELLS = np.geomspace(1e-9, 1.0, 91)  # ends of the cells of an integral over its upper limit, beside the knots
+_STEP = 3e-3  # of differences over the approach
 
 
 class Law(ABC):
     """Force over approach of a contact; subclasses are immutable.
 
-    A subclass defines `force`, `slope`, `potential`, `derivatives` and `describe`, and `sides` where it has an error.
+    A subclass defines `force` and `slope`, and `sides` where it has an error.
 
     Attributes:
         contact: whether the force vanishes for ``z <= 0`` (False for a truncated series)
@@ -46,12 +49,6 @@ class Law(ABC):
         ...         return 2.0 * np.maximum(z, 0.0)
         ...     def slope(self, z):
         ...         return 2.0 * (np.asarray(z) > 0)
-        ...     def potential(self, z):
-        ...         return np.maximum(z, 0.0) ** 2
-        ...     def derivatives(self, z):
-        ...         return 2.0, 0.0, 0.0
-        ...     def describe(self):
-        ...         return "spring"
         >>> asp.ContactOscillator(Spring(), load=3.0).restoring.z_s
         1.5
     """
@@ -68,21 +65,33 @@ class Law(ABC):
     def slope(self, z: ArrayLike) -> Array:
         """Tangent stiffness (force/length) at approaches `z` (length, any shape)."""
 
-    @abstractmethod
-    def potential(self, z: ArrayLike) -> Array:
-        """Energy stored at `z`, the integral of the force from 0 (force * length)."""
-
-    @abstractmethod
-    def derivatives(self, z: float) -> tuple[float, float, float]:
-        """First three derivatives of the force at `z` (force/length, /length^2, /length^3)."""
-
-    @abstractmethod
-    def describe(self) -> str:
-        """One line that names the law and its parameters."""
-
     def sides(self) -> tuple[tuple[Law, Law], ...]:
         """Laws at both ends of each error that it has, a pair for an error; none where nothing bounds it."""
         return ()
+
+    def potential(self, z: ArrayLike) -> Array:
+        """Energy stored at `z`, the integral of the force from 0 (force * length)."""
+        z = np.asarray(np.maximum(z, 0.0), float)
+        top = float(z.max(initial=0.0))
+        ends = np.unique(np.concatenate([[0.0], _CELLS * top, self.knots[(self.knots > 0.0) & (self.knots < top)]]))
+        energy = np.append(0.0, np.cumsum(self._work(ends[:-1], ends[1:])))
+        cell = np.searchsorted(ends, z, side="right") - 1
+        return np.asarray(energy[cell] + self._work(ends[cell], z))
+
+    def _work(self, start: Array, end: Array) -> Array:
+        """Integral of the force from each approach to another, by Gauss' rule."""
+        half = 0.5 * (end - start)
+        return np.asarray(half * (self.force(start[..., None] + half[..., None] * (1.0 + _CELL_X)) @ _CELL_W))
+
+    def derivatives(self, z: float) -> tuple[float, float, float]:
+        """First three derivatives of the force at `z` (force/length, /length^2, /length^3)."""
+        h = _STEP * z
+        a, b, c, d, e = (float(k) for k in self.slope(z + h * np.arange(-2.0, 3.0)))
+        return c, (a - 8.0 * b + 8.0 * d - e) / (12.0 * h), (-a + 16.0 * b - 30.0 * c + 16.0 * d - e) / (12.0 * h * h)
+
+    def describe(self) -> str:
+        """One line that names the law and its parameters."""
+        return type(self).__name__
 
     def at(self, z: float) -> tuple[float, float]:
         """Force and stiffness at one approach."""
@@ -90,8 +99,8 @@ class Law(ABC):
 
     @property
     def default_load(self) -> float:
-        """Preload where none is given (force): that at an approach of 1."""
-        return self.at(1.0)[0]
+        """Preload where none is given (force): half of that of the last point, or the force at an approach of 1."""
+        return 0.5 * self.at(self.known_to)[0] if np.isfinite(self.known_to) else self.at(1.0)[0]
 
     def deflection(self, load: float) -> float:
         """Static deflection (length): the approach at rest under `load` (force).
@@ -102,10 +111,8 @@ class Law(ABC):
         load, high = positive("load", load), 1.0
 
         def short(z: float) -> float:
-            try:
+            with np.errstate(over="ignore"):  # far beyond a short table the power is large
                 return self.at(z)[0] - load
-            except OverflowError:  # far beyond a short table the power is large
-                return math.inf
 
         while short(high) < 0.0:
             high *= 2.0
@@ -115,25 +122,31 @@ class Law(ABC):
             high *= 0.5
         return float(brentq(short, 0.5 * high, high, xtol=1e-15 * high, rtol=1e-14))
 
-    def doubts(self, load: float) -> tuple[str, ...]:
-        """Reasons to doubt the law near a load (force), one sentence each."""
-        return ()
-
     def n_loc(self, z: float) -> float:
         """Local exponent ``z F'(z) / F(z)``; it equals n for a power law."""
-        return z * self.derivatives(z)[0] / self.at(z)[0]
+        force, slope = self.at(z)
+        return z * slope / force
 
     def kappa(self, z: float) -> float:
         """Backbone curvature: omega/omega_s = 1 + kappa a^2 (a: amplitude over z).
 
         ``kappa = (z^2/48) [3 P'''/P' - 5 (P''/P')^2]`` (multiple scales; Nayfeh & Mook 1979, section 2.3).
         """
-        return curvature(self.derivatives(z), z)
+        first, second, third = self.derivatives(z)
+        return z**2 / 48.0 * (3.0 * third / first - 5.0 * (second / first) ** 2)
 
 
-def curvature(p: tuple[float, float, float], z: float) -> float:
-    """Kappa at `z` from the first three derivatives of the force."""
-    return z**2 / 48.0 * (3.0 * p[2] / p[0] - 5.0 * (p[1] / p[0]) ** 2)
+def bar_of(law: Law, value: Callable[[Law], ArrayLike]) -> Array:
+    """Bar of what is computed of a law: the same with its sides, the errors in quadrature; NaN where nothing bounds it.
+
+    Raises:
+        RangeError: a side of the law does not reach what is asked of it
+    """
+    pairs, centre = law.sides(), np.asarray(value(law), float)
+    if not pairs:
+        return np.full(centre.shape, np.nan)
+    changes = [np.max([np.abs(np.asarray(value(side)) - centre) for side in pair], axis=0) for pair in pairs]
+    return np.sqrt(np.sum(np.square(changes), axis=0))
 
 
 def bend(low: float, high: float) -> str:
@@ -150,7 +163,7 @@ class PowerLaw(Law):
     Attributes:
         n: exponent, 0.25 to 100
         K: coefficient (force/length^n), 1e-100 to 1e100
-        fitted_to: largest approach of the fitted points (length); notes report results beyond it
+        known_to: largest approach of the fitted points (length); notes report results beyond it
 
     Raises:
         InputError: n or K is out of range
@@ -165,27 +178,13 @@ class PowerLaw(Law):
 
     n: float
     K: float = 1.0
-    fitted_to: float = np.inf
+    known_to: float = np.inf
 
     __repr__ = short_repr
 
     def __post_init__(self) -> None:
         within("n", self.n, EXPONENT)
         within("K", self.K, COEFFICIENT)
-        object.__setattr__(self, "known_to", self.fitted_to)
-
-    @classmethod
-    def from_fit(cls, fit: PowerLawFit, length: float = 1.0, force: float = 1.0) -> PowerLaw:
-        """Law ``F = force * k (z/length)^n`` of a fit in dimensionless variables.
-
-        Args:
-            fit: with k, n and range
-            length: unit of the approach (L for delta*)
-            force: unit of the force (A_0 E' for P*)
-        """
-        with np.errstate(over="ignore"):
-            K = float(force * fit.k * np.float64(length) ** -fit.n)
-        return cls(float(fit.n), K, float(fit.range[1] * length))
 
     def force(self, z: ArrayLike) -> Array:
         return np.asarray(self.K * np.maximum(np.asarray(z, float), 0.0) ** self.n)
@@ -196,11 +195,11 @@ class PowerLaw(Law):
             return np.where(s > 0, self.n * self.K * s ** (self.n - 1.0), 0.0)
 
     def potential(self, z: ArrayLike) -> Array:
-        return self.K * np.maximum(np.asarray(z, float), 0.0) ** (self.n + 1.0) / (self.n + 1.0)
+        return np.maximum(np.asarray(z, float), 0.0) * self.force(z) / (self.n + 1.0)
 
     def derivatives(self, z: float) -> tuple[float, float, float]:
-        n, p1 = self.n, self.n * self.K * z ** (self.n - 1.0)
-        return p1, (n - 1) * p1 / z, (n - 1) * (n - 2) * p1 / z**2
+        n, first = self.n, self.n * self.K * z ** (self.n - 1.0)
+        return first, (n - 1) * first / z, (n - 1) * (n - 2) * first / z**2
 
     def deflection(self, load: float) -> float:
         with np.errstate(over="ignore"):
@@ -236,21 +235,27 @@ class TaylorLaw(Law):
         z_s = law.deflection(load)
         return cls(z_s, float(load), law.derivatives(z_s))
 
+    @cached_property
+    def _series(self) -> Polynomial:
+        """Energy over z - z_s."""
+        series = Polynomial([0.0, self.load, self.p[0] / 2, self.p[1] / 6, self.p[2] / 24])
+        return series - series(-self.z_s)
+
+    def _derivative(self, z: ArrayLike, order: int) -> Array:
+        return np.asarray(self._series.deriv(order)(np.asarray(z, float) - self.z_s))
+
     def force(self, z: ArrayLike) -> Array:
-        x, (p1, p2, p3) = np.asarray(z, float) - self.z_s, self.p
-        return np.asarray(self.load + x * (p1 + x * (p2 / 2 + x * p3 / 6)))
+        return self._derivative(z, 1)
 
     def slope(self, z: ArrayLike) -> Array:
-        x, (p1, p2, p3) = np.asarray(z, float) - self.z_s, self.p
-        return np.asarray(p1 + x * (p2 + x * p3 / 2))
+        return self._derivative(z, 2)
 
     def potential(self, z: ArrayLike) -> Array:
-        p1, p2, p3 = self.p
-        primitive = np.polynomial.Polynomial([0.0, self.load, p1 / 2, p2 / 6, p3 / 24])
-        return np.asarray(primitive(np.asarray(z, float) - self.z_s) - primitive(-self.z_s))
+        return self._derivative(z, 0)
 
     def derivatives(self, z: float) -> tuple[float, float, float]:
-        return float(self.slope(z)), self.p[1] + (z - self.z_s) * self.p[2], self.p[2]
+        first, second, third = (float(self._derivative(z, order)) for order in (2, 3, 4))
+        return first, second, third
 
     def deflection(self, load: float) -> float:
         if not np.isclose(load, self.load, rtol=1e-12):
@@ -270,19 +275,6 @@ class TaylorLaw(Law):
         Motion beyond them escapes: a property of the truncated series, not of the contact.
         """
         p1, p2, p3 = self.p
-        roots = np.roots([p3 * self.z_s**2 / (6 * p1), p2 * self.z_s / (2 * p1), 1.0])
+        roots = np.roots([p3 / 6, p2 / 2, p1]) / self.z_s
         saddles = roots[np.abs(roots.imag) < 1e-12].real
         return float(saddles[saddles < 0].max(initial=-np.inf)), float(saddles[saddles > 0].min(initial=np.inf))
-
-
-def bar_of(law: Law, value: Callable[[Law], ArrayLike]) -> Array:
-    """Bar of what is computed of a law: the same with its sides, the errors in quadrature; NaN where nothing bounds it.
-
-    Raises:
-        RangeError: a side of the law does not reach what is asked of it
-    """
-    pairs, centre = law.sides(), np.asarray(value(law), float)
-    if not pairs:
-        return np.full(centre.shape, np.nan)
-    changes = [np.max([np.abs(np.asarray(value(side)) - centre) for side in pair], axis=0) for pair in pairs]
-    return np.sqrt(np.sum(np.square(changes), axis=0))

@@ -10,11 +10,8 @@ from typing import Any
 import numpy as np
 
 from asperity.arrays import Array
-from asperity.errors import AsperityError
 from asperity.units import plus_minus, quantity
-from asperity.vibration.checks import NAMES
 from asperity.vibration.law import NOT_RESOLVED, Law, bar_of, bend
-from asperity.vibration.source import Choice, CurveColumns, law_named
 
 
 @dataclass(frozen=True)
@@ -106,50 +103,6 @@ def resolved(name: str, value: float, bar: float) -> str:
     if bar > abs(value) > 0.0:
         return NOT_RESOLVED if name == "kappa" else f"{name} unresolved"
     return f"{name} = {plus_minus(value, bar)}"
-
-
-# name -> words, and a remark where it does not apply
-WORDS = {
-    "unload-reload": ("unload-reload branch", "after a greater load"),
-    "elastic": ("elastic tangent", "before any greater load"),
-    "table": ("points of the loading", "of the first loading, not of a vibration"),
-    "paper": ("power law of the loading (the paper's)", "of the first loading, not of a vibration"),
-}
-
-
-def tabulate(columns: CurveColumns, choice: Choice, mass: float, zeta: float) -> list[dict[str, Any]]:
-    """All laws of a curve at the preload of the chosen one: section "laws" of thresholds.json, the chosen one first."""
-    rows = []
-    for name in NAMES:
-        chosen = name == choice.name
-        row: dict[str, Any] = {"law": name, "chosen": chosen, "applies": chosen or not choice.yielded, "missing": ""}
-        try:
-            law = choice.law if chosen else law_named(columns, name, choice.load)[0]
-            found = Numbers.of(law, choice.load, mass, zeta).to_dict()
-        except AsperityError as error:
-            if chosen:
-                raise
-            found, row["missing"] = {}, str(error).split(":")[0].split(";")[0]
-        keys = ("n", "kappa", "z_s", "k_n", "f", "n_bar", "kappa_bar", "k_n_bar", "f_bar")
-        rows.append(row | {key: found.get(key) for key in keys})
-    return sorted(rows, key=lambda row: (row["k_n"] is None, not row["chosen"]))
-
-
-def law_rows(laws: Mapping[str, Any], stiffness: str, frequency: str) -> list[tuple[str, ...]]:
-    """Laws of thresholds.json as texts, in the units given: law, n, kappa, k_n, frequency, remark."""
-    rows: list[tuple[str, ...]] = []
-    for row in laws["table"]:
-        words, other = WORDS[row["law"]]
-        if row["k_n"] is None:
-            rows.append((words, "–", "–", "–", "–", row["missing"]))
-            continue
-        known = {key: math.nan if row[key] is None else row[key] for key in row if key.endswith("_bar")}
-        shown = [resolved(key, row[key], known[f"{key}_bar"]).partition(" = ")[::2] for key in ("n", "kappa")]
-        texts = [number or words_of for words_of, number in shown]
-        f = "–" if row["f"] is None else quantity(row["f"], frequency, 5, bar=known["f_bar"] / row["f"])
-        k = quantity(row["k_n"], stiffness, 5, bar=known["k_n_bar"])
-        rows.append((words, *texts, k, f, "chosen" if row["chosen"] else "" if row["applies"] else other))
-    return rows
 
 
 def headline(

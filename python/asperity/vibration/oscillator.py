@@ -9,7 +9,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import ArrayLike
 
-from asperity.errors import AsperityWarning, InputError, RangeError, warn
+from asperity.errors import InputError, RangeError
 from asperity.model.dynamics import EXCITATIONS, FORCING, OMEGA, SHAPES, ZETA, window
 from asperity.runtime.display import short_repr
 from asperity.vibration.checks import one_of, positive, positives, within
@@ -91,8 +91,6 @@ class ContactOscillator:
                 f"load = {load:g} lies outside the law, which ends at force {end:g}; lower the load, or compute the "
                 "curve further"
             )
-        for doubt in self.law.doubts(self.restoring.load):
-            warn(doubt, AsperityWarning)
 
     @property
     def model(self) -> str:

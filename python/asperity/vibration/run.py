@@ -21,7 +21,7 @@ from asperity.vibration.checks import positive
 from asperity.vibration.free import FreeVibration, Thresholds
 from asperity.vibration.law import Law
 from asperity.vibration.motion import Trajectory
-from asperity.vibration.numbers import Numbers, tabulate
+from asperity.vibration.numbers import Numbers
 from asperity.vibration.oscillator import GRAVITY, ContactOscillator
 from asperity.vibration.response import FrequencyResponse, finite
 from asperity.vibration.source import Choice, CurveColumns, choose
@@ -41,7 +41,6 @@ class Dynamics:
         notes: limits and assumptions of the results, one sentence each
         gravity: for mass and omega_s (length/time^2), None if unknown or if the joint has a mass
         choice: which law of the curve it is; None for a given `Law`
-        laws: all laws of the curve at the preload, see `joint.tabulate`
         settings: what was computed
     """
 
@@ -54,7 +53,6 @@ class Dynamics:
     motions: dict[str, Trajectory] = field(default_factory=dict)
     gravity: float | None = None
     choice: Choice | None = None
-    laws: list[dict[str, Any]] = field(default_factory=list)
     settings: DynamicsSettings = field(default_factory=DynamicsSettings)
 
     __repr__ = short_repr
@@ -117,7 +115,7 @@ class Dynamics:
         if choice is not None:
             laws = {
                 "chosen": choice.name, "reason": choice.reason, "doubt": choice.note, "yielded": choice.yielded,
-                "rows": choice.done, "table": self.laws,
+                "rows": choice.done,
             }  # fmt: skip
         return {
             "normalisation": "u = (z - z_s)/z_s, Omega = omega/omega_s, F_hat = F/(n_loc W), W = load",
@@ -180,11 +178,11 @@ def run_dynamics(
         settings = DynamicsSettings.of_source(source, changes.get("joint"))
     settings = settings.replaced(**changes)
     exact, numbers, columns, choice, assumed = _small(source, settings)
-    law, load, kind = exact.law, exact.restoring.load, settings.excitation
+    kind = settings.excitation
     forcing, omega, pulse = settings.on(exact.restoring.scale, exact.restoring.z_s, exact.omega_s)
     oscillators = {name: exact if name == "exact" else exact.taylor() for name in settings.model}
     responses: dict[str, tuple[FrequencyResponse, ...]] = {}
-    notes = [*law.doubts(load), assumed]
+    notes = [assumed]
     if settings.with_units and settings.units is None:
         notes.append("amounts with units assume a curve in SI units: for other units give numbers without units")
     if choice is not None:
@@ -219,7 +217,6 @@ def run_dynamics(
         motions=motions,
         gravity=exact.gravity if settings.joint is None or settings.joint.mass is None else None,
         choice=choice,
-        laws=[] if choice is None else tabulate(columns, choice, exact.mass, exact.zeta),
         settings=settings,
     )
     if out_dir is not None:

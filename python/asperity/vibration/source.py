@@ -1,10 +1,12 @@
-"""The law of a curve about a preload: its columns, and which of its branches is the spring of a small vibration."""
+"""How a curve becomes the law of a small vibration about a preload.
+
+`CurveColumns.of` reads the columns, `choose` takes the branch on which the contact moves, `law_named` makes its law:
+through computed points here, through measured rows in `asperity.vibration.measured`.
+"""
 
 from __future__ import annotations
 
-import csv
 import os
-from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -12,28 +14,29 @@ from typing import Any
 import numpy as np
 
 from asperity.arrays import Array, Flags
-from asperity.curve import BRANCHES
+from asperity.curve import Curve
 from asperity.curve.power_law import fit_power_law
 from asperity.curve.slope import fitted_rows, legs
 from asperity.errors import AsperityError, AsperityWarning, InputError, RangeError, warn
-from asperity.vibration.checks import LAWS, MIN_ROWS, one_of, positive, within
+from asperity.vibration.checks import LAWS, one_of, positive, within
 from asperity.vibration.curve_law import MIN_POINTS, CurveLaw
 from asperity.vibration.law import Law, PowerLaw
 from asperity.vibration.local_fit import LocalFit
-from asperity.vibration.measured import FALL, branches, law_of_rows, read_table
+from asperity.vibration.measured import branches, law_of_rows, read_table
 
 SIZES = (1e-100, 1e100)  # of the greatest approach and force, so that products do not overflow
 LEAST = 1e-3  # share of the compliance that the interface must have: less is lost in the error of the block
 TOUCH = 1e-9  # share of the largest force above which a row is in contact
-TOO_LOW = (
-    "the law is the paper's power law of the loading, whose frequency is too low, by a factor of 1.5 on a fractal "
-    "surface"
-)
 LACK = (
     "the contact has yielded, and the curve has neither an unloading through the preload nor the elastic stiffness: "
-    f"{TOO_LOW}; compute the curve with loading.unload = true or output.stiffness = true"
+    "the law is the paper's power law of the loading, whose frequency is too low, by a factor of 1.5 on a fractal "
+    "surface; compute the curve with loading.unload = true or output.stiffness = true"
 )
-_HYSTERESIS = 0.01  # share of the greatest force by which an unloading falls short of the loading after yield
+REASONS = {
+    "unload-reload": "unloaded through the preload",
+    "elastic": "yielded, and the elastic stiffness is known",
+    "paper": "yielded, no other law",
+}
 _SAME = 1e-9  # relative difference of forces that are equal
 _SHORT = 2e-6  # the same where a load path by force ends
 
@@ -44,7 +47,7 @@ class CurveColumns:
 
     delta: Array  # approach (length)
     force: Array
-    branch: Array  # "load", "unload" or "reload"; all "load" where the curve has no such column
+    branch: Array  # "load", "unload" or "reload"
     plastic: Array  # greatest accumulated plastic strain, or the share of the volume that has yielded
     elastic: Array  # stiffness of unloading and small vibration (force/length), column k_n_elastic
     bar: Array  # error bar of the force over the force
@@ -64,66 +67,28 @@ class CurveColumns:
         """
         if isinstance(source, cls):
             return source
-        table, notes = _read(Path(source)) if isinstance(source, (str, os.PathLike)) else (source, ())
-        measured = isinstance(table, Mapping) and not any(table.get(n) is not None for n in ("step", "k_n_elastic"))
-
-        def column(name: str) -> Any:
-            return table.get(name) if isinstance(table, Mapping) else getattr(table, name, None)
-
-        for name in ("delta", "force"):
-            if column(name) is None:
-                found = f", only {', '.join(map(repr, table))}" if isinstance(table, Mapping) else ""
-                raise InputError(f'the curve has no column "{name}"{found}')
-        size = len(column("delta"))
-        if size == 0:
-            raise InputError("the curve is empty: it needs one row per approach")
-
-        def sized(name: str) -> Any:
-            values = column(name)
-            if values is not None and not np.ndim(values):
-                raise InputError(f"{name} of the curve is no column of {size} values")
-            if values is not None and len(values) != size:
-                raise InputError(f"the curve has {size} values of delta and {len(values)} of {name}")
-            return values
-
-        def number(name: str) -> Array:
-            values = sized(name)
-            try:
-                return np.array([np.nan if v == "" else v for v in ([""] * size if values is None else values)], float)
-            except (TypeError, ValueError) as error:
-                raise InputError(f"the curve contains something that is not a number: {error}") from error
-
-        def relative(name: str) -> Array:
-            with np.errstate(all="ignore"):
-                share = number(f"error_{name}") / number(name)
-            return np.where(np.isfinite(share) & (share >= 0), share, np.nan)
-
-        delta, force, strain = number("delta"), number("force"), number("max_plastic_strain")
-        if not (known := np.isfinite(delta) & np.isfinite(force)).all():
-            raise InputError(f"row {int(np.argmin(known))} of the curve is not finite in delta or force")
-        if force.max() <= 0.0:
+        table, notes = read_table(Path(source)) if isinstance(source, (str, os.PathLike)) else (source, ())
+        curve = table if isinstance(table, Curve) else Curve.from_columns(table)
+        if not len(curve) or curve.force.max() <= 0.0:
             raise InputError("no force of the curve is positive: compression counts positive, so reverse its sign")
-        for name, values in (("delta", delta), ("force", force)):
-            if greatest := float(np.abs(values).max()):
+        for name in ("delta", "force"):
+            if greatest := float(np.abs(getattr(curve, name)).max()):
                 within(f"the greatest {name} of the curve", greatest, SIZES)
-        names = sized("branch")
-        rows: Array = np.arange(size)
-        if measured and names is None:
-            rows, names, done = branches(delta, force)
+        measured = curve is not table and not {"step", "k_n_elastic"} & set(table)
+        rows: Array = np.arange(len(curve))
+        branch = curve.branch
+        if measured and "branch" not in table:
+            rows, branch, done = branches(curve.delta, curve.force)
             notes += (done,) if done else ()
-        names = ["load"] * size if names is None else names
-        branch = np.array([str(name).strip() for name in names])
-        if unknown := set(branch.tolist()) - set(BRANCHES):
-            raise InputError(f"branch {min(map(repr, unknown))} of the curve is unknown: use {', '.join(BRANCHES)}")
-        k = number("k_n_elastic")
+        k = curve.k_n_elastic
         share = 1.0 - block * np.where(k > 0.0, k, 0.0)  # of the interface in the compliance
         with np.errstate(all="ignore"):
-            alone = np.where(share > LEAST, k / share, np.nan)
+            bar, elastic_bar = curve.error_P_star / curve.P_star, curve.error_k_n_elastic / k
+            elastic = np.where(share > LEAST, k / share, np.nan)
+        strain = np.where(np.isnan(curve.max_plastic_strain), curve.plastic_fraction, curve.max_plastic_strain)
         return cls(
-            (delta - block * force)[rows], factor * force[rows], branch,
-            plastic=np.where(np.isnan(strain), number("plastic_fraction"), strain)[rows],
-            elastic=factor * alone[rows], bar=relative("P_star")[rows],
-            elastic_bar=(relative("k_n_elastic") / np.maximum(share, LEAST))[rows], measured=measured, notes=notes,
+            (curve.delta - block * curve.force)[rows], factor * curve.force[rows], branch, strain[rows],
+            factor * elastic[rows], bar[rows], (elastic_bar / np.maximum(share, LEAST))[rows], measured, notes,
         )  # fmt: skip
 
     @property
@@ -132,27 +97,16 @@ class CurveColumns:
         return np.asarray(self.branch == "load")
 
     def yielded(self, load: float) -> bool | None:
-        """Whether the solid has yielded once the loading has reached a force; None if that is not known.
-
-        The plastic strain decides: that of the first row at or above the force and of those before. Without it, an
-        unloading that falls short of the loading does.
-        """
+        """Whether the solid has yielded once the loading has reached a force, by its strain; None if it is unknown."""
         rows = np.flatnonzero(self.loading)
-        first = int(np.argmax(self.force[rows] >= load * (1 - 1e-9))) if rows.size else 0
+        first = int(np.argmax(self.force[rows] >= load * (1 - _SAME))) if rows.size else 0
         strain = self.plastic[rows[: first + 1]]
-        if np.isfinite(strain).any():
-            return bool(np.nanmax(strain) > 0.0)
-        down = np.flatnonzero(self.branch == "unload")
-        if not down.size or rows.size < 2:
-            return None
-        order = rows[np.argsort(self.delta[rows], kind="stable")]
-        up = np.interp(self.delta[down], self.delta[order], self.force[order])
-        return bool(np.max(up - self.force[down]) > _HYSTERESIS * self.force.max())
+        return bool(np.nanmax(strain) > 0.0) if np.isfinite(strain).any() else None
 
     def bar_at(self, load: float, *, elastic: bool = False) -> float:
         """Error bar of the force, or of the elastic stiffness, over it, of the row nearest in force; NaN if unknown."""
         bars = self.elastic_bar if elastic else self.bar
-        known = np.flatnonzero(np.isfinite(bars))
+        known = np.flatnonzero(np.isfinite(bars) & (bars >= 0.0))
         return float(bars[known[np.argmin(np.abs(self.force[known] - load))]]) if known.size else np.nan
 
     def rising(self, among: Flags) -> Array:
@@ -161,28 +115,15 @@ class CurveColumns:
 
     def unloadings(self) -> list[Array]:
         """Rows of each unloading with the row before, the last one first."""
-        found: list[Array] = [
-            np.arange(max(begin - 1, 0), end) for begin, end in legs(self.branch) if self.branch[begin] == "unload"
-        ]
-        return found[::-1]
-
-
-def _read(path: Path) -> tuple[Mapping[str, Any], tuple[str, ...]]:
-    """Columns of a file, and how it was read."""
-    file = path / "curve.csv" if path.is_dir() else path
-    try:
-        return read_table(file)
-    except OSError as error:
-        raise InputError(f"cannot read the curve {path}: {error.strerror}") from error
-    except (ValueError, csv.Error) as error:
-        raise InputError(f"the curve {path} cannot be read: {error}") from error
+        starts = [(begin, end) for begin, end in legs(self.branch) if self.branch[begin] == "unload"]
+        return [np.arange(max(begin - 1, 0), end) for begin, end in starts[::-1]]
 
 
 @dataclass(frozen=True, eq=False)
 class Choice:
     """A law of a curve as the spring of a vibration."""
 
-    name: str  # of the law, one of `NAMES`
+    name: str  # of the law, one of `LAWS`
     law: Law
     load: float  # preload (force)
     yielded: bool | None  # None if the curve does not show it
@@ -206,11 +147,14 @@ def law_from(source: Any, law: str = "auto", load: float | None = None) -> tuple
         RangeError: the curve does not reach the load
 
     Examples:
+        A contact that separates at a residual indentation of 0.3:
+
         >>> from asperity.vibration.source import law_from
-        >>> delta = np.linspace(0.0, 1.0, 11)
-        >>> law, load = law_from({"delta": delta, "force": 2.0 * delta**1.5}, "paper")
-        >>> print(law.describe(), "preload", load)
-        power law n = 1.5, K = 2 preload 1.0
+        >>> up, down = np.linspace(0.0, 1.0, 21), np.linspace(0.95, 0.3, 14)
+        >>> curve = {"delta": [*up, *down], "force": [*up**1.5, *((down - 0.3) / 0.7) ** 1.5]}
+        >>> law, load = law_from(curve | {"branch": ["load"] * 21 + ["unload"] * 14})
+        >>> print(law.describe(), "preload", load, "approach", round(law.deflection(load), 3))
+        unload-reload branch through 14 points preload 0.5 approach 0.441
     """
     if isinstance(source, Law):
         return source, source.default_load if load is None else load
@@ -223,55 +167,42 @@ def law_from(source: Any, law: str = "auto", load: float | None = None) -> tuple
 def choose(columns: CurveColumns, law: str = "auto", load: float | None = None) -> Choice:
     """Law of a curve for the vibration about a preload; for arguments and errors see `law_from`.
 
-    After yield a small motion unloads and reloads. So its spring is the unloading through the preload, else the elastic
+    A small motion unloads and reloads. So its spring is the unloading through the preload, else after yield the elastic
     stiffness of the states on the loading, and before yield the loading itself. The power law of the loading is too
     soft after yield: it is taken where the curve has nothing else, with a note.
     """
     one_of("law", law, LAWS)
     top = float(np.max(columns.force))
     load, lowered = met(0.5 * top if load is None else positive("load", load), top, columns.bar_at(top))
-    if law != "auto":
-        found, done = law_named(columns, law, load)
-        return Choice(
-            law, found, load, columns.yielded(top if law == "unload-reload" else load), "named", lowered, done
-        )
     forces = [columns.force[rows] for rows in columns.unloadings()]
-    through = any(force.min() <= load <= force.max() * (1 + _SAME) for force in forces)
-    yielded, lack = columns.yielded(load), ""
-    if through:
+    through = [float(f.max()) for f in forces if f.min() <= load <= f.max() * (1 + _SAME)]
+    yielded = columns.yielded(through[0] if through and law in ("auto", "unload-reload") else load)
+    names, notes, name = (law,), [lowered], law
+    if law == "auto":
+        unloaded = ("unload-reload",) if through and yielded is not False else ()
+        names = (*unloaded, *(("elastic", "paper") if yielded else ("table",)))
+    for name in names:
         try:
-            leg, done = law_named(columns, "unload-reload", load)
-            yielded = columns.yielded(columns.force[leg_rows(columns, load)].max())
-            if yielded:
-                note = "; ".join(filter(None, (_few(leg.knots.size), lowered)))
-                reason = "yielded, and unloaded through the preload"
-                return Choice("unload-reload", leg, load, True, reason, note, done)
+            found, done = law_named(columns, name, load)
+            break
         except AsperityError as error:
-            lack = (
-                f"the unloading through the preload gives no law: {error}; compute it with loading.unload_steps = "
-                f"{MIN_POINTS} or more, and output.stiffness = true"
-            )
-    if not yielded:
-        found, done = law_named(columns, "table", load)
-        why = "nothing has yielded up to the preload" if yielded is False else "the curve does not show that it yields"
-        return Choice("table", found, load, yielded, why, lowered, done)
-    notes = [lack, lowered]
-    try:
-        found, name, reason = elastic_tangent(columns, load), "elastic", "yielded, and the elastic stiffness is known"
-    except AsperityError:
-        found, name, reason = law_named(columns, "paper", load)[0], "paper", "yielded, no other law"
-        notes[0] = f"{lack}; until then {TOO_LOW}" if lack else LACK
-    return Choice(name, found, load, True, reason, "; ".join(filter(None, notes)))
-
-
-def _few(rows: int) -> str:
-    """Sentence on an unloading of too few rows in contact; empty for others."""
-    if rows >= MIN_ROWS[1]:
-        return ""
-    return (
-        f"the unloading through the preload has {rows} rows in contact, and at least {MIN_ROWS[1]} show its curvature: "
-        "compute it with more unload_steps"
-    )
+            if name == names[-1]:
+                raise
+            if name == "unload-reload":
+                notes.append(
+                    f"the unloading through the preload gives no law: {error}; compute it with loading.unload_steps = "
+                    f"{MIN_POINTS} or more, and output.stiffness = true"
+                )
+    if law == "auto" and name == "paper":
+        notes.append(LACK)
+    if isinstance(found, CurveLaw) and load < found.F[0]:
+        notes.append(
+            f"load {load:g} lies below the first point of the law (force {found.F[0]:g}): the law there is a power of "
+            "the approach, as at the first points"
+        )
+    loading = "nothing has yielded up to the preload" if yielded is False else "the curve does not show that it yields"
+    reason = REASONS.get(name, loading) if law == "auto" else "named"
+    return Choice(name, found, load, yielded, reason, "; ".join(filter(None, notes)), done)
 
 
 def met(load: float, top: float, bar: float, name: str = "load") -> tuple[float, str]:
@@ -294,84 +225,49 @@ def met(load: float, top: float, bar: float, name: str = "load") -> tuple[float,
 
 
 def law_named(columns: CurveColumns, name: str, load: float) -> tuple[Law, str]:
-    """Law of `NAMES` about a preload (force), with its bars, and what was done with measured rows; see `law_from`."""
-    if name == "unload-reload":
-        return _branch(columns, leg_rows(columns, load), load, "unload-reload branch")
+    """Law of `LAWS` about a preload (force), with its bars, and what was done with measured rows; see `law_from`."""
+    if name == "paper":
+        return _power_law(columns), ""
     if name == "elastic":
         return elastic_tangent(columns, load), ""
-    if name == "table":
-        return _branch(columns, np.flatnonzero(columns.loading), load, "loading")
-    delta, force = columns.delta[columns.loading], columns.force[columns.loading]
-    length, unit = float(delta.max(initial=0.0)), float(force.max(initial=0.0))
-    if not (length > 0 and unit > 0):
-        raise InputError("the loading branch of the curve never makes contact: no power law can be fitted")
-    up = force[np.argsort(delta, kind="stable")]
-    if (fall := float(np.max(np.maximum.accumulate(up) - up))) > FALL * unit:
-        raise InputError(
-            f"the force of the curve does not rise with the approach: it falls by {fall:g}, by more than "
-            f"{100 * FALL:g} % of its largest value, the limit for noise: smooth it, or name its unloading in a "
-            "column branch"
-        )
-    rows = fitted_rows(delta, force)
-    fitted = PowerLaw.from_fit(fit_power_law(delta[rows] / length, force[rows] / unit), length, unit)
-    return replace(fitted, fitted_to=max(fitted.fitted_to, fitted.deflection(unit))), ""  # to the force of the curve
+    return law_of_branch(columns, load, first=name == "table")
 
 
-def _branch(columns: CurveColumns, rows: Array, load: float, name: str) -> tuple[CurveLaw, str]:
-    """Law through the rows of one branch about a load, with its bars."""
+def law_of_branch(columns: CurveColumns, load: float, *, first: bool = False) -> tuple[CurveLaw, str]:
+    """Law through the rows of the first loading or of the last unloading; results and errors as for `law_named`."""
+    rows, name = (
+        (np.flatnonzero(columns.loading), "loading") if first else (leg_rows(columns, load), "unload-reload branch")
+    )
     delta, force, k = columns.delta[rows], columns.force[rows], columns.elastic[rows]
-    first = columns.loading[rows].all()
+    if columns.measured:
+        return law_of_rows(delta, force, load, name)
     if first and columns.yielded(load):
         k = np.full(k.shape, np.nan)  # the slope of a loading that yields is not its elastic stiffness
-    bar, of_k = columns.bar_at(load), columns.bar_at(load, elastic=True)
-    bar = bar if bar > 0.0 else 0.0
-    if columns.measured:
-        return law_of_rows(delta, force, load, bar=bar, k=k, name=name)
     touching = force > TOUCH * force.max()
     if first:
         origin = 0.0
     elif np.sum(~touching) == 1:
         origin = float(delta[~touching][0])
-    elif np.all(k[touching][:2] > 0) and touching.all() and k.size > 1:
+    elif np.all(k[:2] > 0) and touching.all() and k.size > 1:
         origin = float(delta[0] - CurveLaw.of_stiffness(force[:2], k[:2]).z[0])
     else:
-        origin = LocalFit(delta, force, origin=None, relative=False).origin[0]
-    law = CurveLaw(delta, force, origin=origin, k=k, name=name)
-    return law.about(load, bar, of_k if law.k is not None and of_k > 0.0 else 0.0), ""
+        origin = LocalFit(delta, force, measured=True).origin[0]
+    return _with_bars(CurveLaw(delta, force, origin=origin, k=k, name=name), columns, load), ""
 
 
-def unload_reload(curve: Any, load: float | None = None) -> CurveLaw:
-    """Law of a plastic contact: the last unloading of a curve that passes through a preload (force), if one is given.
-
-    Its slopes are the elastic stiffness of the rows (column k_n_elastic), if known. The approach is measured from the
-    row at which the contact separates, else from where the branch reaches zero force.
-
-    Args:
-        curve: a `Curve`, CSV file or mapping with delta, force and branch
-        load: preload that the branch must reach (force), or None
-
-    Raises:
-        InputError: the curve has no unloading rows, or no branch with enough of them in contact
-        RangeError: no branch reaches the preload
-
-    Examples:
-        A contact that separates at a residual indentation of 0.3:
-
-        >>> up, down = np.linspace(0.0, 1.0, 21), np.linspace(0.95, 0.3, 14)
-        >>> curve = {"delta": [*up, *down], "force": [*up**1.5, *((down - 0.3) / 0.7) ** 1.5]}
-        >>> law = asp.unload_reload(curve | {"branch": ["load"] * 21 + ["unload"] * 14}, load=0.5)
-        >>> round(law.deflection(0.5), 3)
-        0.441
-    """
-    columns = CurveColumns.of(curve)
-    rows = leg_rows(columns, load)
-    return _branch(
-        columns, rows, 0.5 * float(columns.force[rows].max()) if load is None else load, "unload-reload branch"
-    )[0]
+def _with_bars(law: CurveLaw, columns: CurveColumns, load: float) -> CurveLaw:
+    """Law with the error bars of its curve at a load, beside those that the points leave open."""
+    force, stiffness = (float(np.nan_to_num(columns.bar_at(load, elastic=elastic))) for elastic in (False, True))
+    return law.about(load, force=force, stiffness=0.0 if law.k is None else stiffness)
 
 
 def leg_rows(columns: CurveColumns, load: float | None = None) -> Array:
-    """Rows of the unloading of `unload_reload`, in the order of their approach; errors as there."""
+    """Rows of the last unloading that passes through a preload (force), if one is given, in the order of approach.
+
+    Raises:
+        InputError: the curve has no unloading rows
+        RangeError: no branch with enough rows in contact reaches the preload
+    """
     force, found = columns.force, columns.unloadings()
     if not found:
         raise InputError("the curve has no unloading branch: compute one with loading.unload = true")
@@ -387,16 +283,23 @@ def leg_rows(columns: CurveColumns, load: float | None = None) -> Array:
 def elastic_tangent(columns: CurveColumns, load: float) -> CurveLaw:
     """Law of a contact that was never overloaded: the elastic stiffness of the states on the loading."""
     rows = columns.rising(columns.loading & (columns.force > 0) & (columns.elastic > 0))
-    if rows.size < 2:
+    if rows.size < 2 or load > columns.force[rows[-1]] * (1 + _SAME):
         raise InputError(
             f"the curve has the elastic stiffness k_n_elastic in {rows.size} rows of the loading, at least 2 are "
-            "needed: compute it with output.stiffness = true"
+            "needed, up to the preload: compute it with output.stiffness = true"
         )
-    force = columns.force[rows]
-    if load > force[-1] * (1 + _SAME):
-        raise RangeError(
-            f"load = {load:g} lies outside the rows with an elastic stiffness, which end at force {force[-1]:g}"
-        )
-    law = CurveLaw.of_stiffness(force, columns.elastic[rows], name="elastic tangent of the loading")
-    bars = (columns.bar_at(load), columns.bar_at(load, elastic=True))
-    return law.about(load, *(bar if bar > 0.0 else 0.0 for bar in bars))
+    law = CurveLaw.of_stiffness(columns.force[rows], columns.elastic[rows], name="elastic tangent of the loading")
+    return _with_bars(law, columns, load)
+
+
+def _power_law(columns: CurveColumns) -> PowerLaw:
+    """Power law of the loading, known to its greatest force."""
+    delta, force = columns.delta[columns.loading], columns.force[columns.loading]
+    length, unit = float(delta.max(initial=0.0)), float(force.max(initial=0.0))
+    if not (length > 0 and unit > 0):
+        raise InputError("the loading branch of the curve never makes contact: no power law can be fitted")
+    rows = fitted_rows(delta, force)
+    fit = fit_power_law(delta[rows] / length, force[rows] / unit)
+    with np.errstate(over="ignore"):
+        law = PowerLaw(fit.n, float(unit * fit.k * np.float64(length) ** -fit.n))
+    return replace(law, known_to=max(fit.range[1] * length, law.deflection(unit)))
