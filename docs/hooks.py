@@ -27,7 +27,7 @@ def keys() -> str:
     for section, key, default, legal, unit, meaning in input_reference():
         tables.setdefault(section, []).append(f"| `{key}` | {meaning} | {legal} | {default} | {unit} |")
     head = "| key | meaning | legal values | default | unit |\n|---|---|---|---|---|\n"
-    return "\n\n".join(f"### {name}\n\n{head}" + "\n".join(rows) for name, rows in tables.items())
+    return "\n\n".join(f"### {name or 'top of the file'}\n\n{head}" + "\n".join(rows) for name, rows in tables.items())
 
 
 PARTS = {"readme": readme, "keys": keys}

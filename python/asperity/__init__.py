@@ -6,3 +6,4 @@ Importing the package is light: the names of `__init__.pyi` are loaded at their 
 import lazy_loader
 
 __getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)
+__all__.remove("__version__")

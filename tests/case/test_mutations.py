@@ -6,6 +6,7 @@ import warnings
 from pathlib import Path
 from typing import Any
 
+import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -128,14 +129,8 @@ def of_script(data: dict[str, Any]) -> Problem:
     )  # fmt: skip
 
 
-@settings(max_examples=200, deadline=None)
-@given(st.sampled_from([path for path in CASES if path.stem in ("hertz", "sinusoid", "self_affine", "penalty")]),
-       st.sampled_from(MADE), VALUES)  # fmt: skip
-def test_a_script_is_refused_where_a_case_is(path: Path, pair: tuple[str, str], value: Any) -> None:
-    data, (section, key) = {name: table for name, table in Case.load(path).to_dict().items() if name in SOLVED}, pair
-    data[section].pop(key, None)
-    if value is not None:
-        data[section][key] = value
+def verdicts(data: dict[str, Any], key: str) -> list[str]:
+    """What a script and a case say of the same tables, "" where they accept them; a refusal names the key."""
     said = []
     for make in (of_script, lambda data: Case.from_dict(data | {"units": "other"}).problem()):
         with warnings.catch_warnings():
@@ -146,4 +141,36 @@ def test_a_script_is_refused_where_a_case_is(path: Path, pair: tuple[str, str], 
             except InputError as error:
                 said.append(str(error))
                 assert key in said[-1] or "give exactly one" in said[-1]
+    return said
+
+
+def solved(path: Path) -> dict[str, Any]:
+    """The sections of a case that a script has too."""
+    return {name: table for name, table in Case.load(path).to_dict().items() if name in SOLVED}
+
+
+ELASTIC = [path for path in CASES if path.stem in ("hertz", "sinusoid", "self_affine", "penalty")]
+
+
+@settings(max_examples=200, deadline=None)
+@given(st.sampled_from(ELASTIC), st.sampled_from(MADE), VALUES)
+def test_a_script_is_refused_where_a_case_is(path: Path, pair: tuple[str, str], value: Any) -> None:
+    data, (section, key) = solved(path), pair
+    data[section].pop(key, None)
+    if value is not None:
+        data[section][key] = value
+    said = verdicts(data, key)
     assert bool(said[0]) == bool(said[1]), said
+
+
+@pytest.mark.parametrize("path", ELASTIC, ids=lambda path: path.stem)
+def test_a_quantity_in_another_unit_is_refused_by_both_or_by_none(path: Path) -> None:
+    """Metres for micrometres and Pa for MPa, of each number; of sizes and approach always."""
+    for section, table in solved(path).items():
+        for key, value in table.items():
+            for factor in (1e-6, 1e6) if isinstance(value, float) else ():
+                data = solved(path)
+                data[section][key] = value * factor
+                said = verdicts(data, key)
+                assert bool(said[0]) == bool(said[1]), (section, key, factor, said)
+                assert said[0] or key not in ("height", "h_contact", "h_max", "delta_max"), (section, key, factor)

@@ -17,7 +17,7 @@ from conftest import here, leave_figures_blank, world
 from asperity.adaptive.solve_contact import solve_contact
 from asperity.case import Case
 from asperity.curve import Curve
-from asperity.errors import AsperityWarning, AssumptionWarning, Interrupted, ResolutionWarning, warn
+from asperity.errors import AsperityWarning, AssumptionWarning, ResolutionWarning, warn
 from asperity.job.run_case import run
 from asperity.laws import neo_hookean
 from asperity.model.material import Material
@@ -359,29 +359,6 @@ def test_warnings_are_in_summary_log_and_report(warned: tuple[Path, list[str]]) 
     assert all(text in box for text in shown)
     assert all(html.count(text) == 1 for text in shown)
     assert json.loads((folder / "summary.json").read_text())["finished"] is True
-
-
-def test_a_resumed_run_keeps_its_warnings(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Stopped, continued, and called again after its end; the curve is checked at the end, not before."""
-    from asperity.runtime import interrupt
-
-    def attempt() -> list[str]:
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore")
-            return list(run(Case.from_dict(YIELDING), tmp_path / "out", resume=True).summary["warnings"])
-
-    answers = iter(["", "", "", "", "the test"])
-    with monkeypatch.context() as patch:
-        patch.setattr(interrupt.StopRequest, "agreed", lambda self: next(answers))
-        with pytest.raises(Interrupted, match="stopped by the test after step"):
-            attempt()
-    stopped = json.loads((tmp_path / "out/summary.json").read_text())
-    assert 0 < stopped["steps"] and len(stopped["warnings"]) == 1
-    went_on = attempt()
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore")
-        straight = run(Case.from_dict(YIELDING)).summary["warnings"]
-    assert went_on == straight == attempt() and len(straight) == 2
 
 
 @pytest.mark.parametrize("depth", [1e-3, 1e-6])

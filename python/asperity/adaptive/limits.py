@@ -53,10 +53,11 @@ def limit_of_area(
     The nodes place the edge of the contact too far inside or outside by a part of the facets that it crosses. The part
     is about the same on both meshes and at neighbouring steps, so the areas of both show it: by least squares, with the
     prior knowledge that two of its standard deviations are EDGE. The bar keeps EDGE, or SHARP, for the part does
-    change, and half of what is corrected.
+    change, and half of what is corrected. Near full contact the edges are those of holes, which are smaller and end by
+    single nodes that are released: their place is known half as well.
 
     Args:
-        areas, edges, chance: of the coarser and the finer mesh at the same forces: area of contact (n,); area of the
+        areas, edges, chance: of the coarser and the finer mesh at the same forces: part in contact (n,); part of the
             facets that its edge crosses (n,); error of the area by the random place of the edge, relative (n,)
         singular: see `mesh_plan.shares`
         judged: rows that show the part
@@ -70,8 +71,9 @@ def limit_of_area(
     weight = np.divide(known, ALIKE * square, out=np.zeros(len(fine)), where=known)
     more, missing = np.nan_to_num(wide - narrow), fine - coarse
     precision, shown = (_by_parts(_average, weight * more * of, judged) * NEIGHBOURS for of in (more, missing))
-    part = shown / (precision + (2.0 / EDGE) ** 2)
-    left = np.maximum(EDGE + singular * (SHARP - EDGE), 0.5 * np.abs(part))
+    place = EDGE * (1.0 + fine)
+    part = shown / (precision + (2.0 / place) ** 2)
+    left = np.maximum(place + singular * (SHARP - place), 0.5 * np.abs(part))
     crossed = np.divide(np.nan_to_num(narrow), fine, out=np.zeros(len(fine)), where=fine > 0.0)
     factor = np.maximum(1.0 + part * crossed, 0.0)
     return factor, np.hypot(chance[1], left * crossed)

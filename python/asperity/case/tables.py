@@ -85,7 +85,7 @@ def objects(data: Mapping[str, Any], folder: Path) -> dict[str, Any]:
     given = {name: value for name, value in data.items() if value is not None}
     if strange := [name for name in given if name not in SECTIONS and name != "units"]:
         raise InputError(
-            unknown(strange[0], "", ["units", *SECTIONS], {name: keys(SECTIONS[name]) for name in SECTIONS})
+            unknown(str(strange[0]), "", ["units", *SECTIONS], {name: keys(SECTIONS[name]) for name in SECTIONS})
         )
     tables = {
         name: {key: _plain(value) for key, value in table.items() if value is not None}

@@ -93,8 +93,7 @@ def solve_case(
             block = None if case.mesh.file is None else BlockMesh.read(case.mesh.file)
             contact = solve_problem(chosen, block=block, comm=comm, hooks=hooks, checked=False)
         else:
-            target = case.accuracy
-            accurate = refine(chosen, target, comm, replace(hooks, on_curve=files.curve), guide)
+            accurate = refine(chosen, case.accuracy, comm, replace(hooks, on_curve=files.curve), guide)
             contact = replace(accurate.contact, curve=accurate.curve, reason=accurate.reason)
             failure = None if accurate.met else ConvergenceError(accurate.reason)
     except PartialResult as e:

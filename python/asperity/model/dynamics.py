@@ -16,6 +16,7 @@ from pydantic import Field, InstanceOf
 from asperity.errors import InputError
 from asperity.model.joint import Joint
 from asperity.model.limits import positives, within
+from asperity.model.material import Material
 from asperity.runtime.declaration import FORCE, SCRIPT, SEVERAL, Choices, Positive, Real, Text, argument, declared, key
 from asperity.runtime.files import parse_toml, read_text
 from asperity.units import amount
@@ -208,7 +209,10 @@ class DynamicsSettings:
         patch = None if length is None else float(length) ** 2
         given |= {"units": case.get("units"), "patch_area": patch}
         if joint is not None and patch is not None and "block" in case:
-            given["block"] = case["block"]["height"] / (patch * _block_modulus(case))
+            solid = Material(case["material"]["E"], case["material"]["nu"])
+            given["block"] = case["block"]["height"] / (
+                patch * solid.block_modulus(case["block"].get("sides", "rollers"))
+            )
         if joint is not None:  # the preload of the section [dynamics] is that of the patch
             own = given.get("preload")
             given["preload"] = joint.load(patch) or (own and joint.factor(patch) * own)
@@ -242,9 +246,3 @@ def case_beside(source: Any) -> dict[str, Any]:
         with suppress(OSError, ValueError):
             return parse_toml(read_text(folder / "case.toml"))
     return {}
-
-
-def _block_modulus(case: Mapping[str, Any]) -> float:
-    """Mean pressure over strain of the block of a case, as `Material.block_modulus` (force/length^2)."""
-    E, nu = float(case["material"]["E"]), float(case["material"]["nu"])
-    return E if case["block"].get("sides") == "free" else E * (1.0 - nu) / ((1.0 + nu) * (1.0 - 2.0 * nu))

@@ -132,22 +132,23 @@ class RunFiles:
             if not run_folder.is_empty(folder):
                 raise InputError(f"another run has worked in {folder} meanwhile; take another folder")
 
-        def begin(folder: Path) -> None:
-            if self._replaces:
-                run_folder.clear(folder)
-            remove_asides(folder)
+        def mark(folder: Path) -> None:
             before = read_summary(folder)
             if before.get("finished"):
                 _write_summary(before | {"finished": False}, folder)
-            run_folder.clear(folder, run_folder.DERIVED)
             replace_file(folder / run_folder.CASE, self._case.to_toml().encode())
+
+        def clear(folder: Path) -> None:
+            remove_asides(folder)
+            run_folder.clear(folder, run_folder.PRODUCTS if self._replaces else run_folder.DERIVED)
 
         if self._begun or self.checkpoint is None:
             return
         self._on_root(lock)
+        self._on_root(mark)  # first: what a kill leaves counts as a run, and not as a finished one
         if not self._continues:
             self.checkpoint.clear()
-        self._on_root(begin)
+        self._on_root(clear)
         self._begun = True
         self._open_log(self._continues)
 

@@ -105,14 +105,15 @@ def declared(section: str, *, eq: bool = True, kw_only: bool = False) -> Callabl
     """Make a class a frozen dataclass that checks its fields, as the section of a case file that has them as keys."""
 
     def make(cls: type[T]) -> type[T]:
-        hints = get_type_hints(cls, include_extras=True)
+        hints, annotations = get_type_hints(cls, include_extras=True), dict(cls.__annotations__)
         for name, info in [(name, value) for name, value in vars(cls).items() if isinstance(value, FieldInfo)]:
             # as metadata of the type, the attribute of the class is the default, also for a plain subclass
-            cls.__annotations__[name] = Annotated[hints[name], info]
+            annotations[name] = Annotated[hints[name], info]
             if info.is_required():
                 delattr(cls, name)
             else:
                 setattr(cls, name, info.default)
+        cls.__annotations__ = annotations
         made: Any = dataclass(frozen=True, eq=eq, repr=False, kw_only=kw_only, config=_CONFIG)(cls)
         construct = made.__init__
 

@@ -23,14 +23,14 @@ from asperity.vibration.equation import TURN
 from asperity.vibration.orbit import Collocation, Orbit
 
 _SMALLEST, _LONGEST = 1e-8, 0.4  # steps, relative to amplitude and frequency
-_MISS = 0.005  # distance of an orbit from its prediction that a step aims at, over the amplitude
+_MISS, _FAR = 0.005, 4.0  # distance of an orbit from its prediction that a step aims at, over the amplitude; at most
 _CUT, _GROWTH = 0.4, (0.3, 2.0)  # change of a step that fails, and of one that succeeds
 _STRIDE = 0.1  # longest step of the frequency, relative
 _TURNED = 1e-5  # step that is taken though the branch seems to turn: at a corner of the branch
 _WEAK = 1e-3  # relative amplitude of a resonance that steps may jump over
 _MOST, _CLOSED = 3000, "it closes"  # orbits on a path, and its end where it began
-_PARTS = (1, 8, 64)  # of the forcing, by which motion grows from rest
 _TOUCH = 1e-9  # share of a step within which an orbit is at a frequency
+_PARTS = (1, 8, 64)  # of the forcing, by which motion grows from rest
 _SAME = 1e-4  # relative distance below which two orbits are identical
 _ROUNDS, _DIP = 6, 0.7  # of the search of a pair of events, and share of a number left at its extremum from where it is
 
@@ -51,9 +51,9 @@ def main_branch(col: Collocation, window: tuple[float, float]) -> tuple[list[lis
     paths: list[list[Orbit]] = []
     notes: list[str] = []
     for omega in (limits[1], low):
-        first = _from_rest(col, omega)
-        if first is None:
-            if notes or not paths:  # or else the branch from above has been followed through the window
+        if (first := _from_rest(col, omega)) is None:
+            # a force above the preload throws the mass; else a motion in contact exists, beside the branch from above
+            if notes or not paths or col.setting.n_loc * col.setting.forcing(omega) < 1.0:
                 notes.append(f"no orbit at Omega = {omega:g} is reached from rest")
             continue
         known = (p for path in paths for p in crossings(col, path, omega))
@@ -107,17 +107,13 @@ def _trace(col: Collocation, first: Orbit, limits: tuple[float, float]) -> tuple
 def _step(col: Collocation, last: Sequence[Orbit], h: float) -> Orbit | None:
     """Orbit a step further along the branch, None where the corrector fails or finds another part of it."""
     here = last[-1]
-    try:
+    with suppress(ConvergenceError):
         guess = ahead(here, h) if len(last) == 1 else cubic(last[0], here, 1.0 + h / _chord(last[0], here)[0])
-        found = col.correct(guess, limit=min(4.0 * _MISS, 3.0 * h))
-    except ConvergenceError:
-        return None
-    # Omega turns where a multiplier passes 1, or else the step has jumped to where the branch comes back
-    jumped = h > _TURNED and here.polynomial(1.0) * here.rate * found.polynomial(1.0) * found.rate < 0
-    along = here.on(found.nodes, found.corners)
-    cosine = found.product(along.c[..., 1], along.rate, found.c[..., 1], found.rate)
-    size = found.product(along.c[..., 1], along.rate, along.c[..., 1], along.rate) ** 0.5
-    return None if jumped or cosine < 0.5 * size else found
+        found = col.correct(guess, limit=min(_FAR * _MISS, 3.0 * h))
+        # Omega turns where a multiplier passes 1, or else the step has jumped to where the branch comes back
+        same = here.polynomial(1.0) * here.rate * found.polynomial(1.0) * found.rate > 0.0
+        return found if same or h < _TURNED else None
+    return None
 
 
 def ahead(p: Orbit, h: float) -> Orbit:
