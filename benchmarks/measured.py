@@ -3,7 +3,7 @@
     python3 benchmarks/measured.py [DRAWS]
 
 Six families with white noise of 0.1 to 5 % of the preload, 20 to 2,000 rows, and contact that begins anywhere; then
-what the bars were not tuned on: other laws, and errors that are not white. A number whose bar is wider than itself is
+other laws, and errors that are not white. A number whose bar is wider than itself is
 reported as unresolved and counts as held.
 """
 
@@ -51,7 +51,7 @@ FAMILIES: dict[str, Callable[[Rng], Law]] = {
         rng.uniform(0.2, 0.9)
     ),
 }
-#: Laws and errors that chose no constant.
+#: Further laws and errors.
 UNSEEN: dict[str, Callable[[Rng], Law]] = {
     "exponential": lambda rng: (lambda c: lambda z: np.expm1(c * np.maximum(z, 0.0)))(rng.uniform(0.5, 3.0)),
     "sum of powers": lambda rng: (lambda c, n: lambda z: power(n)(z) + c * power(n + 1)(z))(

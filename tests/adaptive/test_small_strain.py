@@ -95,7 +95,7 @@ def test_a_solver_refuses_what_is_not_decided() -> None:
         make_contact_solver(here(), Flat(L=1.0), None, AUTO)
     with pytest.raises(InputError, match=message):
         refine(Problem.of(Flat(L=1.0), AUTO, delta_max=0.01), AccuracyTarget(0.1), here())
-    with pytest.raises(InputError, match='kinematics = "large" is not one of small'):
+    with pytest.raises(InputError, match='kinematics = "large" is not a choice, legal: "small"'):
         Material(1.0, 0.3, kinematics="large")
 
 

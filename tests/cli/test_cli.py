@@ -258,14 +258,14 @@ def test_dynamics_of_a_run(cli: Cli, tmp_path: Path) -> None:
     before = sorted(folder.iterdir())
     quick = sets("dynamics.model=exact", "dynamics.omega=[0.9, 1.1]")
     code, out, _ = cli("dynamics", folder, *quick)
-    assert code == 0 and "1.55" in out and "taylor" not in out
+    assert code == 0 and "unload-reload branch" in out and "taylor" not in out
     assert "with gravity = 9.80665" in out and "note: mass" not in out and "zeta = 0.01 (always)" in out
     _, out, _ = cli("dynamics", folder, *quick, "--set", "dynamics.gravity=1.62")
     assert "with gravity = 1.62" in out
     code, out, _ = cli(
         "dynamics", folder, *quick, *sets("joint.nominal_area=1e-4", "joint.pressure=2e8", "joint.mass=0.5")
     )
-    assert code == 0 and "unload-reload branch" in out and "of the first loading, not of a vibration" in out
+    assert code == 0 and "unload-reload branch" in out
     (numbers,) = (line for line in out.splitlines() if line.startswith("k_n = "))
     assert all(part in numbers for part in ("N/m", "m = 0.5 kg", "Hz", "z_s = ", "zeta = 0.01"))
     code, _, err = cli("dynamics", folder, *quick, *sets("joint.preload=1", "joint.pressure=2e8"))

@@ -219,6 +219,9 @@ def test_the_sides_have_the_bars_of_their_law() -> None:
     changes = [np.abs(pair - [z, k, n, kappa]).max(axis=0) for pair in (level, contact, tilt, bent)]
     np.testing.assert_allclose(total, np.sqrt(np.sum(np.square(changes), axis=0)))
     assert np.isnan(bar_of(PowerLaw(1.5), lambda side: at_load(side, 0.4))).all()
+    tilt, bent = replace(law, bars=Bars(0.4, stiffness=50.0, kappa=5.0)).sides()  # of what is hardly known
+    assert at_load(tilt[1], 0.4)[1] > 9.0 * k
+    assert [at_load(side, 0.4)[3] - kappa for side in bent] == pytest.approx([-5.0, 5.0])
     fine = np.linspace(0.05, 0.99, 400)
     for side in (side for pair in pairs for side in pair):
         assert np.all(np.diff(side.force(fine)) > 0.0)

@@ -21,6 +21,7 @@ MIN_POINTS = 5  # of a law without slopes
 _STEEPEST = 0.9  # largest exponent of the stiffness over the force with which a law begins at zero approach
 _REACHES = (np.inf, 0.4, 0.1, 0.025)  # distances in ln z from which points tell the curvature
 _FEW, _MANY = 12, 100  # points, and slopes, that tell it, and points that suffice
+_STIFFEST = 9.0  # times stiffer is a side at most: its bar says nothing
 _BENT = 3.0  # of a side whose curvature is not resolved: its force still rises
 _FLOOR = 1e-3  # of the bar of kappa
 _APART = 1.25  # times the difference of curve and local fit, neither of which is exact
@@ -148,7 +149,7 @@ class CurveLaw(Law):
         pairs = (
             (self._side(load, factor=-force), self._side(load, factor=force)),
             (self._side(load, shift=-min(approach, 0.9 * z)), self._side(load, shift=approach)),
-            (self._side(load, tilt=-min(stiffness, 0.9)), self._side(load, tilt=stiffness)),
+            (self._side(load, tilt=-min(stiffness, 0.9)), self._side(load, tilt=min(stiffness, _STIFFEST))),
             (self._side(load, bend=-bent), self._side(load, bend=bent)),
         )
         return tuple(pair for pair, bar in zip(pairs, self.bars[1:], strict=True) if bar > 0.0)
