@@ -40,8 +40,10 @@ def brief(value: Any) -> str:
     """Value in a few words."""
     if isinstance(value, np.ndarray):
         return f"<{' x '.join(map(str, value.shape))}>"
-    if isinstance(value, bool | np.bool_ | int | np.integer) or value is None:
+    if isinstance(value, bool | np.bool_) or value is None:
         return str(value)
+    if isinstance(value, int | np.integer):
+        return show(int(value))
     if isinstance(value, float | np.floating):
         return f"{value:.6g}"
     if isinstance(value, str):
