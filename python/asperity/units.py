@@ -7,8 +7,6 @@ import re
 from collections.abc import Iterable
 from decimal import Decimal
 
-from asperity.runtime.display import brief
-
 _PREFIXES = {-15: "f", -12: "p", -9: "n", -6: "µ", -3: "m", 0: "", 3: "k", 6: "M", 9: "G", 12: "T", 15: "P"}
 LENGTHS = {"m": 1.0, "cm": 1e-2, "mm": 1e-3, "um": 1e-6, "µm": 1e-6, "μm": 1e-6, "nm": 1e-9, "pm": 1e-12}  # in m
 _MOST_DIGITS = 9  # of a number with an error bar
@@ -77,7 +75,7 @@ def amount(text: str, units: Iterable[str]) -> tuple[float, str]:
     pattern = f"([-+.0-9eE]+) ?({'|'.join(factors)})({'|'.join(map(re.escape, units))})"
     found = re.fullmatch(pattern, text.strip())
     if found is None:
-        raise ValueError(f"{brief(text)} is no number with the unit {' or '.join(units)}")
+        raise ValueError(f"{text[:60]!r} is no number with the unit {' or '.join(units)}")
     return float(found[1]) * factors[found[2]], found[3]
 
 

@@ -67,7 +67,7 @@ def show(value: Any) -> str:
     if isinstance(value, bool):
         return str(value).lower()
     if isinstance(value, str):
-        text = json.dumps(value)
+        text = json.dumps(value, ensure_ascii=not value.isprintable())
     elif isinstance(value, list | tuple):
         text = "[" + ", ".join(show(item) for item in value[:8]) + "]"
     elif isinstance(value, int | float | np.number):
