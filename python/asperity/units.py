@@ -75,7 +75,7 @@ def amount(text: str, units: Iterable[str]) -> tuple[float, str]:
     pattern = f"([-+.0-9eE]+) ?({'|'.join(factors)})({'|'.join(map(re.escape, units))})"
     found = re.fullmatch(pattern, text.strip())
     if found is None:
-        raise ValueError(f"{text!r} is no number with the unit {' or '.join(units)}")
+        raise ValueError(f"{text[:60]!r} is no number with the unit {' or '.join(units)}")
     return float(found[1]) * factors[found[2]], found[3]
 
 

@@ -6,6 +6,7 @@ import warnings
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -25,6 +26,7 @@ PAIRS = sorted({(section.split()[0] if section else "", key) for section, key, *
 NUMBERS = st.one_of(st.integers(), st.floats(), st.sampled_from([10**400, -1e308, 1e-320, 1e-9, 0, 1, 0.3, 1e9]))
 VALUES = st.one_of(
     st.none(), st.booleans(), NUMBERS, st.text(max_size=8), st.lists(NUMBERS, max_size=3),
+    st.sampled_from([np.int64(3), np.float32(0.3), np.bool_(True), np.array(2.5)]),
     st.sampled_from(["sphere", "flat", "file", "exact", "free", "auto", "j2", "law.py:f", "5 N", "9 kHz"]),
     st.dictionaries(st.text(max_size=3), st.integers(), max_size=2),
 )  # fmt: skip

@@ -295,6 +295,10 @@ def test_tangential_dynamics_of_a_run(cli: Cli, tmp_path: Path) -> None:
     assert light["loops"] == heavy["loops"] != json.loads(cli("dynamics", other, *given[2:])[1])["loops"]
     code, _, err = cli("dynamics", folder, *options[:2], *sets("dynamics.omega=[0.9, 1.1]"))
     assert code == 2 and "--set dynamics.omega is for the normal direction" in err
+    code, _, err = cli("dynamics", folder, *sets("slip.friction=0.2"))
+    assert code == 2 and "--set slip.friction is for --direction tangential" in err
+    code, _, err = cli("dynamics", folder, "--preload", "3")
+    assert code == 2 and "write --set dynamics.preload=VALUE or --set joint.preload=VALUE or --set slip" in err
     assert cli("dynamics", write_run(tmp_path / "other"), *options[:2])[0] == 2
 
 

@@ -177,7 +177,7 @@ def estimate(case: Case, ranks: int = 1, surface: Surface | None = None) -> Esti
         if guide is None:
             dofs = _dofs(problem, depth) if file is None else 3 * len(BlockMesh.read(file).points)
             if dofs > MOST_DOFS:
-                raise InputError(f"the mesh has more than {MOST_DOFS:g} dofs: raise mesh.h_contact")
+                raise InputError(f"the mesh has more than {MOST_DOFS:g} dofs: raise mesh.h_contact, or mesh.growth")
             plan = [(case.mesh.h_contact, dofs, _steps(problem))]
         kinematics = problem.material.kinematics
         if kinematics == AUTO:

@@ -84,19 +84,20 @@ class Case:
         return isinstance(other, Case) and self.to_dict() == other.to_dict()
 
     @classmethod
-    def load(cls, path: str | Path, overrides: Iterable[str] = ()) -> Case:
+    def load(cls, path: str | Path, overrides: str | Iterable[str] = ()) -> Case:
         """Read a case file; relative paths inside it are taken from its folder.
 
         Args:
             path: TOML file
-            overrides: texts "section.key=value" that replace keys of the file; an empty value removes the key
+            overrides: a text "section.key=value" or several, which replace keys of the file; an empty value removes
+                the key
 
         Raises:
             InputError: anything wrong, in one sentence
         """
         path = Path(path)
         data = read_toml(path)
-        changed = [override(data, text) for text in overrides]
+        changed = [override(data, text) for text in ([overrides] if isinstance(overrides, str) else overrides)]
         return cls.from_dict(data, folder=path.parent, source=str(path), changed=changed)
 
     @classmethod

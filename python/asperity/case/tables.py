@@ -10,8 +10,6 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from asperity.errors import InputError
 from asperity.laws import shipped_law
 from asperity.model.dynamics import DynamicsSettings
@@ -20,11 +18,11 @@ from asperity.model.load_path import DRIVERS, Schedule
 from asperity.model.material import SHARED, Material
 from asperity.model.settings import AccuracyTarget, Block, Formulation, Mesh, Output, SolverOptions
 from asperity.model.slip import SlipSettings
-from asperity.runtime.declaration import keys, unknown
+from asperity.runtime.declaration import keys, plain, unknown
 from asperity.runtime.display import show
 from asperity.runtime.files import MOST_DATA, MOST_TEXT, parse_toml, read_whole
 from asperity.surface import Surface, SurfaceWarning
-from asperity.surface.base import surface_kind
+from asperity.surface.base import surface_kind, surface_kinds
 
 MOST_CASE = 2**24  # size of a case file [bytes]
 NAMED_FILES = (("surface", "path"), ("mesh", "file"))
@@ -82,13 +80,13 @@ def override(data: dict[str, Any], text: str) -> str:
 
 def objects(data: Mapping[str, Any], folder: Path) -> dict[str, Any]:
     """Units, and an object of each section that is given, with absolute file paths."""
+    if not isinstance(data, Mapping):
+        raise InputError(f"{show(data)} must be a table of sections")
     given = {name: value for name, value in data.items() if value is not None}
     if strange := [name for name in given if name not in SECTIONS and name != "units"]:
-        raise InputError(
-            unknown(str(strange[0]), "", ["units", *SECTIONS], {name: keys(SECTIONS[name]) for name in SECTIONS})
-        )
+        raise InputError(unknown(str(strange[0]), "", ["units", *SECTIONS], keys_of_all()))
     tables = {
-        name: {key: _plain(value) for key, value in table.items() if value is not None}
+        name: {key: plain(value) for key, value in table.items() if value is not None}
         for name, table in given.items()
         if isinstance(table, Mapping) and name != "units"
     }
@@ -119,7 +117,7 @@ def make(name: str, table: Any) -> Any:
         cls = surface_kind(kind)
     legal = keys(cls)
     if strange := [key for key in table if key not in legal]:
-        others = {other: keys(SECTIONS[other]) for other in SECTIONS if other != name}
+        others = {other: names for other, names in keys_of_all().items() if other != name}
         raise InputError(unknown(str(strange[0]), name, legal, others, kind))
     if name != "surface":
         return cls(**table)
@@ -128,11 +126,10 @@ def make(name: str, table: Any) -> Any:
         return Surface.from_spec(kind, **table)
 
 
-def _plain(value: Any) -> Any:
-    """A value of a script as of a file: a number of NumPy as Python's, a path as its text."""
-    if isinstance(value, np.generic):
-        return value.item()
-    return str(value) if isinstance(value, Path) else value
+def keys_of_all() -> dict[str, set[str]]:
+    """Keys of each section, of [surface] those of all kinds."""
+    every = {name: set(keys(cls)) for name, cls in SECTIONS.items()}
+    return every | {"surface": {"kind"}.union(*map(keys, surface_kinds().values()))}
 
 
 def _complete_law(table: dict[str, Any], folder: Path) -> None:

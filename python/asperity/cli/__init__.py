@@ -88,7 +88,7 @@ def _outcome(arguments: Sequence[str] | None) -> tuple[int, str]:
         return group.main(words, prog_name="asperity", standalone_mode=False, obj=words) or 0, ""
     except click.UsageError as error:
         usage = f" ({error.ctx.command_path} --help shows the usage)" if error.ctx else ""
-        return 2, error.format_message() + usage
+        return 2, (_as_key(error) or error.format_message()) + usage
     except click.ClickException as error:
         return error.exit_code, error.format_message()
     except (click.Abort, KeyboardInterrupt):
@@ -108,6 +108,19 @@ def _outcome(arguments: Sequence[str] | None) -> tuple[int, str]:
         return 4, f"cannot read or write{where}: {error.strerror or error}"
     except Exception as error:
         return INTERNAL, _internal(error)
+
+
+def _as_key(error: click.UsageError) -> str:
+    """Message of an option that does not exist and has the name of a key, which --set takes; empty of other errors."""
+    from asperity.case.tables import keys_of_all
+
+    if not (isinstance(error, click.NoSuchOption) and error.ctx):
+        return ""
+    name = error.option_name.lstrip("-").replace("-", "_")
+    found = [f"--set {section}.{name}=VALUE" for section, keys in keys_of_all().items() if name in keys]
+    if not found or not any("--set" in parameter.opts for parameter in error.ctx.command.params):
+        return ""
+    return f"there is no option {error.option_name}: write {' or '.join(found)}"
 
 
 def _internal(error: Exception) -> str:

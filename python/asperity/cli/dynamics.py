@@ -56,6 +56,8 @@ def dynamics(
             raise InputError(f"--set {key} is for a curve: leave it out")
         if tangential and section == "dynamics" and key not in TANGENTIAL:
             raise InputError(f"--set {key} is for the normal direction: leave it out")
+        if not tangential and section == "slip":
+            raise InputError(f"--set {key} is for --direction tangential: leave it out")
     for section in SECTIONS[:3]:
         if section in case:
             make(section, case[section])

@@ -32,8 +32,8 @@ WIDTH = 34  # of "key = value"
 
 @click.command()
 @click.argument("file", metavar="[FILE]", required=False, type=click.Path(dir_okay=False, path_type=Path))
-@click.option("--surface", "kind", type=click.Choice(list(SURFACES)), default="weierstrass-mandelbrot", metavar="KIND",
-              help=f"{', '.join(SURFACES)}.")  # fmt: skip
+@click.option("--surface", "kind", type=click.Choice(list(SURFACES)), metavar="KIND",
+              help=f"{', '.join(SURFACES)}; the first by default.")  # fmt: skip
 @click.option("--from", "scan", metavar="MAP", type=click.Path(exists=True, dir_okay=False, path_type=Path),
               help="Height map instead, as import-map makes.")  # fmt: skip
 @click.option("--joint", type=(float, float, float), metavar="AREA FORCE MASS",
@@ -44,8 +44,8 @@ WIDTH = 34  # of "key = value"
               help="Rms height, as 0.4um; with --slope.")  # fmt: skip
 @click.option("--slope", type=float, metavar="SLOPE", help="Rms slope; with --Sq.")
 def init(
-    file: Path | None, kind: str, scan: Path | None, joint: tuple[float, float, float] | None, example: str | None,
-    sq: float | None, slope: float | None,
+    file: Path | None, kind: str | None, scan: Path | None, joint: tuple[float, float, float] | None,
+    example: str | None, sq: float | None, slope: float | None,
 ) -> None:  # fmt: skip
     """Write a commented case, ready to run.
 
@@ -57,11 +57,15 @@ def init(
     file = Path("scan.csv" if example == "scan" else "case.toml") if file is None else file
     if file.exists():
         raise InputError(f"{file} exists: give another name, or remove it")
+    ways = {"--surface": kind, "--from": scan, "--Sq": sq, "--example": example, "--joint": example and joint}
+    given = [name for name, value in ways.items() if value is not None]
+    if len(given) > 1:
+        raise InputError(f"{' and '.join(given)} do not go together: give one of them")
     if example == "joint":
-        scan, joint, sq, slope = None, (1e-5, 250.0, 5.0), 0.4e-6, 0.1
+        joint, sq, slope = (1e-5, 250.0, 5.0), 0.4e-6, 0.1
     if joint is not None and not all(0.0 < value < math.inf for value in joint):
         raise InputError(f"--joint {joint}: area, force and mass must be positive")
-    if (sq is None) != (slope is None) or (scan is not None and sq is not None):
+    if (sq is None) != (slope is None):
         raise InputError("give --Sq and --slope together, or a map with --from")
     if joint is not None and sq is None and scan is None:
         raise InputError(
@@ -84,7 +88,7 @@ def init(
         text = next(path for path in demos if path.is_file()).read_text(encoding="utf-8")
     else:
         roughness = None if sq is None or slope is None else surface_of(sq, slope)
-        text = starting_case(kind, scan, joint, file.parent, roughness)
+        text = starting_case(kind or next(iter(SURFACES)), scan, joint, file.parent, roughness)
     file.parent.mkdir(parents=True, exist_ok=True)
     replace_file(file, text.encode())
     options.say(f"written {file}; next: {advice}")

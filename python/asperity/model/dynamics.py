@@ -18,6 +18,7 @@ from asperity.model.joint import Joint
 from asperity.model.limits import positives, within
 from asperity.model.material import Material
 from asperity.runtime.declaration import FORCE, SCRIPT, SEVERAL, Choices, Positive, Real, Text, argument, declared, key
+from asperity.runtime.display import show
 from asperity.runtime.files import parse_toml, read_text
 from asperity.units import amount
 
@@ -60,7 +61,7 @@ def _amounts(name: str, values: Sequence[Any], units: Iterable[str]) -> tuple[st
     except ValueError as error:
         raise InputError(f"{name}: {error}") from None
     if len(found := {unit for _, unit in read}) > 1:
-        raise InputError(f"{name} = {list(values)} is not legal: give all with one unit, or all without")
+        raise InputError(f"{name} = {show(values)} is not legal: give all with one unit, or all without")
     return max(found, default=""), positives(name, [number for number, _ in read])
 
 
@@ -122,9 +123,9 @@ class DynamicsSettings:
         shown="half a period of small vibration",
     )
     span: Real = key("length of the short motions in periods of small vibration", default=20.0, ge=SPAN[0], le=SPAN[1])
-    tol: Annotated[Real, *SCRIPT] = 1e-5
+    tol: Annotated[Positive, *SCRIPT] = 1e-5
     joint: Annotated[InstanceOf[Joint] | None, *argument("a joint, for example asp.Joint(preload=10.0)")] = None
-    patch_area: Annotated[Real | None, *SCRIPT] = None
+    patch_area: Annotated[Positive | None, *SCRIPT] = None
     block: Annotated[Real, *SCRIPT] = 0.0
     units: Annotated[Annotated[str, Choices("SI", "other")] | None, *argument('"SI" or "other"')] = None
 

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from typing import Annotated
 
+from pydantic import Field
+
 from asperity.errors import InputError
 from asperity.runtime.declaration import (
     FORCE,
@@ -61,8 +63,8 @@ class Schedule:
         default=None,
         shown="midpoint; backward-euler where material.law does not declare that its state is a strain",
     )
-    substeps: Annotated[Whole, *SCRIPT] = 1
-    sticks: Annotated[bool, *SCRIPT] = False
+    substeps: Annotated[Whole, *SCRIPT, Field(ge=1, le=1000)] = 1
+    sticks: Annotated[Flag, *SCRIPT] = False
 
     def __post_init__(self) -> None:
         given = [f"loading.{name}" for name in DRIVERS if getattr(self, name) is not None]

@@ -5,10 +5,11 @@ from __future__ import annotations
 from dataclasses import field
 from typing import Annotated, Any
 
-from pydantic import Field
+import numpy as np
+from pydantic import Field, InstanceOf
 
 from asperity.errors import InputError
-from asperity.runtime.declaration import LENGTH, SCRIPT, Choices, Flag, Real, Text, Whole, declared, key
+from asperity.runtime.declaration import LENGTH, SCRIPT, Choices, Flag, Real, Text, Whole, argument, declared, key
 from asperity.runtime.display import show
 
 H_CONTACT, H_MAX = 0.04, 0.25  # element sizes of a mesh when none are given [L]
@@ -106,7 +107,9 @@ class MeshSize:
     h_max: Real | None = key(
         "largest size", LENGTH, default=None, shown="0.25 L, less where slopes need it", share=(1e-5, 1e3)
     )
-    cells: Annotated[Any, *SCRIPT] = field(default=None, compare=False)
+    cells: Annotated[InstanceOf[np.ndarray] | None, *argument("an array of sizes (n, n)")] = field(
+        default=None, compare=False
+    )
 
 
 @declared("mesh")

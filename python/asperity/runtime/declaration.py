@@ -15,8 +15,10 @@ import math
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import field
 from functools import wraps
+from pathlib import Path
 from typing import Annotated, Any, TypeVar, dataclass_transform, get_type_hints
 
+import numpy as np
 from pydantic import BeforeValidator, ConfigDict, Field, Strict, TypeAdapter, ValidationError
 from pydantic.dataclasses import dataclass
 from pydantic.fields import FieldInfo
@@ -49,6 +51,7 @@ _PROBLEMS = {
     "dict_type": "must be a table of numbers",
     "finite_number": "must be a finite number",
     "literal_error": "is not a choice",
+    "is_instance_of": "is of another type",
     "missing": "is too short",
     "too_short": "is too short",
     "too_long": "is too long",
@@ -92,6 +95,13 @@ class Choices:
         return literal_schema(list(self.words))
 
 
+def plain(value: Any) -> Any:
+    """A value of a script as of a file: a number of NumPy as Python's, a path as its text."""
+    if isinstance(value, np.generic) or (type(value) is np.ndarray and value.ndim == 0):
+        return value.item()
+    return str(value) if isinstance(value, Path) else value
+
+
 def _several(value: Any) -> Any:
     return value if isinstance(value, Iterable) and not isinstance(value, str | Mapping) else (value,)
 
@@ -118,9 +128,9 @@ def declared(section: str, *, eq: bool = True, kw_only: bool = False) -> Callabl
         construct = made.__init__
 
         @wraps(construct)
-        def init(self: T, *args: Any, **given: Any) -> None:
+        def init(self: T, /, *args: Any, **given: Any) -> None:
             try:
-                construct(self, *args, **given)
+                construct(self, *map(plain, args), **{name: plain(value) for name, value in given.items()})
             except ValidationError as error:
                 raise InputError(_sentence(error, made)) from None
 
@@ -200,7 +210,7 @@ def unknown(
     if near := difflib.get_close_matches(name.lower(), valid, n=1, cutoff=0.6):
         return f'{full} is not a key of {place}; did you mean "{valid[near[0]]}"?'
     if home := [other for other, names in (others or {}).items() if name in names]:
-        return f"{full} is not a key of {place}; it belongs in [{home[0]}]"
+        return f"{full} is not a key of {place}; it belongs in {' or '.join(f'[{other}]' for other in home)}"
     return f"{full} is not a key of {place}; legal: {', '.join(valid.values())}"
 
 

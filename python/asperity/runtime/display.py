@@ -40,8 +40,10 @@ def brief(value: Any) -> str:
     """Value in a few words."""
     if isinstance(value, np.ndarray):
         return f"<{' x '.join(map(str, value.shape))}>"
-    if isinstance(value, bool | np.bool_ | int | np.integer) or value is None:
+    if isinstance(value, bool | np.bool_) or value is None:
         return str(value)
+    if isinstance(value, int | np.integer):
+        return show(int(value))
     if isinstance(value, float | np.floating):
         return f"{value:.6g}"
     if isinstance(value, str):
@@ -65,7 +67,7 @@ def show(value: Any) -> str:
     if isinstance(value, bool):
         return str(value).lower()
     if isinstance(value, str):
-        text = json.dumps(value)
+        text = json.dumps(value, ensure_ascii=not value.isprintable())
     elif isinstance(value, list | tuple):
         text = "[" + ", ".join(show(item) for item in value[:8]) + "]"
     elif isinstance(value, int | float | np.number):

@@ -297,4 +297,4 @@ def nodes(L: float, n: int) -> Array:
 def check(legal: bool, key: str, value: Any, rule: str) -> None:
     """Raise InputError 'surface.key = value is not legal: rule' unless legal."""
     if not legal:
-        raise InputError(f"surface.{key} = {value!r} is not legal: it must be {rule}.")
+        raise InputError(f"surface.{key} = {show(value)} is not legal: it must be {rule}.")
