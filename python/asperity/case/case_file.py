@@ -259,9 +259,11 @@ def _check_reached(case: Case, key: str, force: float | None) -> None:
         section, name = key.split(".")
         value = getattr(getattr(case, section), name)
         means = "" if value == force else f" makes a force of {force:.6g} on the patch, which"
+        of_patch = section == "joint" and case.joint is not None and case.joint.nominal_area is None
         raise InputError(
             f"{key} = {value:g}{means} must lie between {least:.3g} and {most:.6g}, the greatest force the run may "
             "reach; leave it out for half of what it does reach"
+            + (", or give joint.nominal_area where it is not the force on the patch" if of_patch else "")
         )
 
 
