@@ -52,7 +52,8 @@ def init(
     FILE (case.toml) receives every key with its unit, legal values and meaning; keys with defaults are commented out.
     FILE must not exist yet. --joint needs the roughness of its faces: --Sq and --slope, or --from.
     """
-    from asperity.runtime.files import replace_file
+    from asperity.case import Case
+    from asperity.runtime.files import parse_toml, replace_file
 
     file = Path("scan.csv" if example == "scan" else "case.toml") if file is None else file
     if file.exists():
@@ -72,6 +73,7 @@ def init(
             "the stiffness of a joint follows from the roughness of its faces: give their rms height and rms slope, as "
             "--Sq 0.4um --slope 0.1, or a map of one with --from"
         )
+    file.parent.mkdir(parents=True, exist_ok=True)  # from where a case finds its map
     advice = f"asperity check {file}"
     if example == "scan":
         from asperity.surface import SelfAffine
@@ -89,7 +91,7 @@ def init(
     else:
         roughness = None if sq is None or slope is None else surface_of(sq, slope)
         text = starting_case(kind or next(iter(SURFACES)), scan, joint, file.parent, roughness)
-    file.parent.mkdir(parents=True, exist_ok=True)
+        Case.from_dict(parse_toml(text), folder=file.parent, source="this case would be refused")
     replace_file(file, text.encode())
     options.say(f"written {file}; next: {advice}")
 
