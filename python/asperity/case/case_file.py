@@ -18,7 +18,7 @@ from pydantic import InstanceOf
 
 from asperity.case.tables import NAMED_FILES, SECTIONS, objects, override, read_bytes, read_toml
 from asperity.errors import CaseWarning, InputError, warn
-from asperity.model.dynamics import DynamicsSettings
+from asperity.model.dynamics import MIN_ROWS, DynamicsSettings
 from asperity.model.joint import Joint
 from asperity.model.limits import LEAST_FORCE, check_force
 from asperity.model.load_path import Schedule
@@ -29,7 +29,6 @@ from asperity.model.slip import SlipSettings
 from asperity.runtime.declaration import Choices, argument, check_shares, declared, key, keys, to_table
 from asperity.runtime.display import show
 from asperity.surface import Surface, SurfaceWarning
-from asperity.vibration.checks import MIN_ROWS
 
 _ROUND = 1.0 + 1e-9  # the area of a joint over that of the patch, both rounded
 #: key -> values that are probable in SI, and the unit

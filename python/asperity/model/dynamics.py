@@ -29,6 +29,8 @@ ZETA = (1e-4, 0.9999)  # of forced motion: below, it takes more than 20000 perio
 MODELS = ("exact", "taylor")
 #: Laws of a curve by name, after auto those of a contact that has yielded first.
 LAWS = ("auto", "unload-reload", "elastic", "table", "paper")
+#: Rows in contact that show the curvature of an unloading, without and with the stiffness of each.
+MIN_ROWS = (5, 3)
 #: Courses of the forcing of a short motion; the chirp runs through frequencies, the others have one.
 SHAPES = ("harmonic", "step", "half-sine", "chirp")
 #: What moves the mass: a force on it, a displacement of the base, or an acceleration of the base.

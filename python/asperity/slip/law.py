@@ -23,8 +23,8 @@ from numpy.typing import ArrayLike
 
 from asperity.arrays import Array
 from asperity.errors import InputError
+from asperity.model.limits import positive
 from asperity.runtime.display import short_repr
-from asperity.vibration.checks import positive
 from asperity.vibration.law import Law
 
 AS_STIFF = (

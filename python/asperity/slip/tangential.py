@@ -15,11 +15,11 @@ from scipy.optimize import brentq
 from asperity.arrays import Array
 from asperity.errors import InputError, RangeError
 from asperity.model.dynamics import DynamicsSettings
+from asperity.model.limits import positive
 from asperity.runtime.display import short_repr
 from asperity.runtime.files import write_csv
 from asperity.slip.joint_slip import JointSlip, slip_of_case
 from asperity.slip.law import SlipLaw
-from asperity.vibration.checks import positive
 from asperity.vibration.run import small_vibration
 
 RESPONSE = "slip_response.csv"

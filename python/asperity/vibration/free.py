@@ -19,8 +19,8 @@ from scipy.optimize import brentq
 
 from asperity.arrays import Array
 from asperity.errors import ConvergenceError, RangeError
+from asperity.model.limits import positives
 from asperity.runtime.display import short_repr
-from asperity.vibration.checks import positives
 from asperity.vibration.equation import Equation, Restoring
 from asperity.vibration.law import TaylorLaw, bar_of, bend
 

@@ -18,8 +18,8 @@ from scipy.optimize import brentq
 
 from asperity.arrays import Array
 from asperity.errors import RangeError
+from asperity.model.limits import positive, within
 from asperity.runtime.display import short_repr
-from asperity.vibration.checks import positive, within
 
 EXPONENT = (0.25, 100.0)  # of a power law, outside which it is no contact
 COEFFICIENT = (1e-100, 1e100)  # of a power law

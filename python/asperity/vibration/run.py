@@ -14,10 +14,10 @@ import numpy as np
 
 from asperity.errors import ConvergenceError, InputError
 from asperity.model.dynamics import DynamicsSettings
+from asperity.model.limits import positive
 from asperity.runtime import run_folder
 from asperity.runtime.display import short_repr
 from asperity.runtime.files import replace_file, write_csv
-from asperity.vibration.checks import positive
 from asperity.vibration.free import FreeVibration, Thresholds
 from asperity.vibration.law import Law
 from asperity.vibration.motion import Trajectory

@@ -18,7 +18,8 @@ from asperity.curve import Curve
 from asperity.curve.power_law import fit_power_law
 from asperity.curve.slope import fitted_rows, legs
 from asperity.errors import AsperityError, AsperityWarning, InputError, RangeError, warn
-from asperity.vibration.checks import LAWS, one_of, positive, within
+from asperity.model.dynamics import LAWS
+from asperity.model.limits import one_of, positive, within
 from asperity.vibration.curve_law import MIN_POINTS, CurveLaw
 from asperity.vibration.law import Law, PowerLaw
 from asperity.vibration.local_fit import LocalFit
