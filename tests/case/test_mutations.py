@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import warnings
 from pathlib import Path
 from typing import Any
@@ -14,7 +15,7 @@ from hypothesis import strategies as st
 import asperity as asp
 from asperity.case import Case
 from asperity.case.keys import input_reference
-from asperity.case.tables import SECTIONS
+from asperity.case.tables import GONE, SECTIONS
 from asperity.errors import InputError
 from asperity.model.problem import Problem
 from asperity.runtime.display import show
@@ -95,6 +96,19 @@ def test_a_misspelt_key_is_named_with_the_one_meant(pair: tuple[str, str], at: i
     del data[section][wrong]
     data[f"{section[:2]}x{section[2:]}"] = data.pop(section)
     assert f'did you mean "{section}"' in str(outcome(data, "x"))
+
+
+def test_keys_of_version_1_are_refused_with_what_takes_their_place() -> None:
+    page = (CASES[0].parents[1] / "docs/migration.md").read_text(encoding="utf-8")
+    rows = page.partition("\n## Keys\n")[2].partition("\n## ")[0]
+    named = {".".join(pair).strip(".") for pair in PAIRS} | set(SECTIONS)
+    gone = set(re.findall(r"^\| `([a-z_.]+)`", rows, re.MULTILINE)) - named
+    assert gone == set(GONE)
+    for name in gone:
+        section, _, key = name.rpartition(".")
+        data = Case.load(DEMO).to_dict()
+        table_of(data, section)[key] = {} if name == "loops" else 3
+        assert f"{name} is a key of version 1: " in str(outcome(data, name))
 
 
 CLASSES = {name: cls for name, cls in SECTIONS.items() if name != "surface"}

@@ -32,6 +32,12 @@ SECTIONS: dict[str, Any] = {
     "loading": Schedule, "accuracy": AccuracyTarget, "dynamics": DynamicsSettings, "joint": Joint,
     "slip": SlipSettings, "solver": SolverOptions, "output": Output,
 }  # fmt: skip
+#: Keys of version 1, and what takes their place (docs/migration.md).
+GONE = {
+    "loops": "loading.unload_to ends an unloading in contact, and the area of such a cycle is its loss",
+    "slip.method": "the slip follows from the curve, so leave it out",
+    "dynamics.sweeps": "each response has a table of jumps, so leave it out",
+}
 
 
 def read_bytes(path: Path, what: str, most: int = MOST_DATA) -> bytes:
@@ -84,6 +90,7 @@ def objects(data: Mapping[str, Any], folder: Path) -> dict[str, Any]:
         raise InputError(f"{show(data)} must be a table of sections")
     given = {name: value for name, value in data.items() if value is not None}
     if strange := [name for name in given if name not in SECTIONS and name != "units"]:
+        _refuse_gone(str(strange[0]))
         raise InputError(unknown(str(strange[0]), "", ["units", *SECTIONS], keys_of_all()))
     tables = {
         name: {key: plain(value) for key, value in table.items() if value is not None}
@@ -117,6 +124,7 @@ def make(name: str, table: Any) -> Any:
         cls = surface_kind(kind)
     legal = keys(cls)
     if strange := [key for key in table if key not in legal]:
+        _refuse_gone(f"{name}.{strange[0]}")
         others = {other: names for other, names in keys_of_all().items() if other != name}
         raise InputError(unknown(str(strange[0]), name, legal, others, kind))
     if name != "surface":
@@ -124,6 +132,12 @@ def make(name: str, table: Any) -> Any:
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", SurfaceWarning)  # its notes, of which `Case.problem` warns
         return Surface.from_spec(kind, **table)
+
+
+def _refuse_gone(full: str) -> None:
+    """Refuse (InputError) a key of version 1 with what takes its place."""
+    if full in GONE:
+        raise InputError(f"{full} is a key of version 1: {GONE[full]}")
 
 
 def keys_of_all() -> dict[str, set[str]]:
