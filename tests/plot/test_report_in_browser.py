@@ -41,7 +41,7 @@ return Math.min(...[...document.querySelectorAll("p, td, th, li, small")].map(si
 
 @pytest.fixture(scope="module")
 def report(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A report with all sections: warnings, ledger, figures of contact and vibration."""
+    """A report with all sections: warnings, assumptions, figures of contact and vibration."""
     folder = write_run(tmp_path_factory.mktemp("run"))
     write_vibration(folder)
     path = folder / "summary.json"
@@ -95,7 +95,8 @@ def test_the_page_opens_with_the_verdict(chromium: Any, report: Path) -> None:
     assert 0 < chromium.execute_script(bottom) < 400
     assert "403 µN ± 3 %" in chromium.find_element("css selector", ".verdict").text
     assert "yield_strength" not in chromium.find_element("css selector", "body").text
-    assert chromium.find_element("css selector", "table.ledger").is_displayed()  # folded away where none is doubtful
+    # folded away where none is doubtful
+    assert chromium.find_element("css selector", "table.assumptions").is_displayed()
     assert chromium.execute_script(SMALLEST) >= 11  # pixels
 
 
