@@ -25,6 +25,7 @@ from accuracy import CLASSES, ELASTIC, FLAT, flattened
 import asperity as asp
 from asperity.adaptive.guide import guide_of
 from asperity.adaptive.mesh_plan import MeshFamily
+from asperity.adaptive.refine import refine
 from asperity.arrays import Floats
 from asperity.curve import Curve
 from asperity.model.problem import Problem
@@ -78,11 +79,7 @@ def inside(seeds: list[int], tolerances: list[float]) -> None:
     for seed in seeds:
         for tolerance in tolerances:
             problem = patch(seed)
-            path = problem.load_path
-            run = asp.solve_contact(
-                problem.surface, problem.material, tolerance=tolerance, height=1.0, sides="periodic",
-                force_max=path.force_max, steps=path.steps,
-            )  # fmt: skip
+            run = refine(problem, asp.AccuracyTarget(tolerance)).checked()
             curve = run.curve.loading()
             truth = truth_at(problem, curve)
             bars = (curve.error_area_fraction, curve.error_mean_gap)
@@ -124,14 +121,10 @@ def ensemble(seeds: list[int], tolerance: float) -> None:
     found = []
     for seed in seeds:
         problem = patch(seed)
-        z = np.fft.fft2(problem.surface.grid(CELLS + 1)[:-1, :-1]) / CELLS**2
-        waves = 2.0 * np.pi * np.fft.fftfreq(CELLS, 1.0 / CELLS)
-        slope = float(np.sqrt(np.sum((waves[:, None] ** 2 + waves**2) * np.abs(z) ** 2)))
-        pressures = np.array([p for p, _ in ENSEMBLE]) * problem.material.reduced_modulus * slope
-        run = asp.solve_contact(
-            problem.surface, problem.material, tolerance=tolerance, height=1.0, sides="periodic",
-            force_max=1.001 * pressures[-1], steps=2 * STEPS,
-        )  # fmt: skip
+        unit = problem.material.reduced_modulus * problem.surface.rms_slope()
+        pressures = unit * np.array([p for p, _ in ENSEMBLE])
+        path = replace(problem.load_path, force_max=1.001 * pressures[-1], steps=2 * STEPS)
+        run = refine(replace(problem, load_path=path), asp.AccuracyTarget(tolerance)).checked()
         curve = run.curve.loading()
         area, bar = (np.interp(pressures, curve.force, v) for v in (curve.area_fraction, curve.error_area_fraction))
         found.append(area)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from collections.abc import Mapping
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -18,6 +19,7 @@ from asperity.curve import COLUMNS, Curve
 from asperity.curve.power_law import with_misfit
 from asperity.errors import ConvergenceError, MeshError, OutputError
 from asperity.job.run_case import RunResult, run
+from asperity.job.stages import _evidence
 from asperity.mesh.block import BlockMesh
 from asperity.output.results import Results
 from asperity.reference import radiation_loss
@@ -49,6 +51,15 @@ def full(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, RunResult]:
     with pytest.MonkeyPatch.context() as patch:
         leave_figures_blank(patch)
         return folder, run(case, folder)
+
+
+def test_only_a_run_on_one_mesh_is_judged_by_the_size_of_its_elements() -> None:
+    """Also where a run with a tolerance has stopped before it has a bar."""
+    for accuracy, h in (({}, 0.2e-6), ({"tolerance": 0.05}, None)):
+        case = case_of(accuracy=accuracy)
+        solved = SimpleNamespace(accurate=None, strain=None, contact=SimpleNamespace(curve=None), problem=None)
+        job: Any = SimpleNamespace(case=case, solved=solved, numbers=None)
+        assert _evidence(job, None).h == h
 
 
 # --- files ----------------------------------------------------------------------------------------------------

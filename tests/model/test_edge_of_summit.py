@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
-from asperity.model.problem import edge_of_summit
+from asperity.model.problem import doubt_of_edge
 from asperity.surface import Sinusoid, Sphere, Surface
 
 
@@ -20,5 +20,4 @@ def test_a_summit_that_falls_away_from_an_edge_is_doubtful(tmp_path: Path) -> No
         ("rollers", Sinusoid(L=1.0, amplitude=0.01), False), ("rollers", cut, False), ("rollers", beside, False),
         ("free", cut, True), ("rollers", wave, True),
     ):  # fmt: skip
-        edge = edge_of_summit(sides, surface)
-        assert edge is not None and bool(edge.doubt) == doubtful, (sides, surface)
+        assert bool(doubt_of_edge(sides, surface)) == doubtful, (sides, surface)

@@ -26,7 +26,7 @@ from asperity.model.material import Material
 from asperity.model.problem import Problem, check_lengths
 from asperity.model.settings import H_CONTACT, AccuracyTarget, Block, Formulation, Mesh, Output, SolverOptions
 from asperity.model.slip import SlipSettings
-from asperity.runtime.declaration import Choices, argument, check_shares, declared, key, keys, to_table
+from asperity.runtime.declaration import Choices, argument, check_shares, declared, key, to_table
 from asperity.runtime.display import show
 from asperity.surface import Surface, SurfaceWarning
 
@@ -192,11 +192,12 @@ class Case:
             warn(note, SurfaceWarning)
         for text in self.warnings():
             warn(text, CaseWarning)
-        path = {name: getattr(self.loading, name) for name in keys(Schedule)}
-        return Problem.of(
-            surface, solid, size=self.mesh.size, formulation=self.contact, options=self.solver,
-            height=self.block.height, sides=self.block.sides, **path,
-        )  # fmt: skip
+        block = self.block
+        problem = Problem(
+            surface, solid, self.loading, block.height, block.sides, self.contact, self.mesh.size, self.solver
+        )
+        problem.warn_of_doubts()
+        return problem
 
     def warnings(self) -> list[str]:
         """Sentences about values that are legal but improbable, or not used."""
@@ -247,7 +248,7 @@ def _check_vibration(case: Case) -> None:
         raise InputError('dynamics.law = "unload-reload" needs an unloading; set loading.unload = true')
     settings = DynamicsSettings.of_case(case.to_dict())
     given = [f"joint.{name}" for name in ("pressure", "preload") if getattr(joint, name) is not None]
-    _check_reached(case, (*given, "dynamics.preload")[0], settings.load and settings.load / settings.factor)
+    _check_reached(case, (*given, "dynamics.preload")[0], settings.patch_load)
 
 
 def _check_reached(case: Case, key: str, force: float | None) -> None:

@@ -6,7 +6,7 @@ import logging
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from functools import cache, partial
+from functools import cache, cached_property, partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -68,7 +68,7 @@ class Job:
     dynamics: Dynamics | None = None
     numbers: Numbers | None = None
 
-    @property
+    @cached_property
     def settings(self) -> DynamicsSettings:
         """Settings of the vibration of the case."""
         return DynamicsSettings.of_case(self.case.to_dict())
@@ -135,8 +135,8 @@ def _slip(job: Job) -> None:
     assert job.case.slip is not None
     curve, settings, key = job.solved.contact.curve, job.settings, "slip.preload"
     preload, top = job.case.slip.preload, float(curve.force.max())
-    if preload is None and settings.preload is not None:
-        preload, key = settings.preload / settings.factor, "the preload of the slip"
+    if preload is None and settings.patch_load is not None:
+        preload, key = settings.patch_load, "the preload of the slip"
     preload = 0.5 * top if preload is None else preload
     preload, lowered = met(preload, top, CurveColumns.of(curve).bar_at(top), key)  # as the law of the vibration
     if lowered:
@@ -182,10 +182,10 @@ def _assumptions(job: Job) -> None:
 
 def _patches(job: Job) -> Spread | None:
     """What other patches change of the stiffness of a joint; None without a joint."""
-    settings = job.settings
-    if job.case.joint is None or settings.load is None:
+    load = job.settings.patch_load
+    if job.case.joint is None or load is None:
         return None
-    return spread_of_patches(job.solved.problem, settings.load / settings.factor / job.case.surface.L**2)
+    return spread_of_patches(job.solved.problem, load / job.case.surface.L**2)
 
 
 def _evidence(job: Job, patches: Spread | None) -> Evidence:
@@ -194,7 +194,7 @@ def _evidence(job: Job, patches: Spread | None) -> Evidence:
     side = None if case.joint is None or case.joint.nominal_area is None else math.sqrt(case.joint.nominal_area)
     return Evidence(
         job.solved.contact.curve, job.solved.problem, si=case.units == "SI", tolerance=case.accuracy.tolerance,
-        h=case.mesh.h_contact if accurate is None and case.mesh.file is None else None,
+        h=case.mesh.h_contact if case.accuracy.tolerance is None and case.mesh.file is None else None,
         roughness=None if accurate is None else accurate.roughness_share(),
         small_strain=None if strain is None else (strain.percent, strain.limit),
         density=case.material.density, vibration=job.numbers, side=side or case.surface.L, patches=patches,

@@ -33,6 +33,8 @@ LAWS = ("auto", "unload-reload", "elastic", "table", "paper")
 MIN_ROWS = (5, 3)
 #: Courses of the forcing of a short motion; the chirp runs through frequencies, the others have one.
 SHAPES = ("harmonic", "step", "half-sine", "chirp")
+#: When damping acts, see `vibration.equation`.
+DAMPING = ("always", "contact", "hunt-crossley")
 #: What moves the mass: a force on it, a displacement of the base, or an acceleration of the base.
 EXCITATIONS = ("force", "base", "acceleration")
 #: Unit of an amplitude -> the excitation; a number without a unit is F^.
@@ -102,7 +104,7 @@ class DynamicsSettings:
     zeta: Annotated[tuple[Ratio, ...], SEVERAL] = key(
         "damping ratio of small motion, several for the responses", default=(0.01,), min_length=1, max_length=20
     )
-    damping: Annotated[str, Choices("always", "contact", "hunt-crossley")] = key("when damping acts", default="always")
+    damping: Annotated[str, Choices(*DAMPING)] = key("when damping acts", default="always")
     forcing: Annotated[tuple[Amplitude, ...], SEVERAL] = key(
         'amplitudes F/(m omega_s^2 z_s) of the force, or all in one unit: "5 N", or of the base "2 um" or "3 m/s^2"',
         default=(0.01,),
@@ -225,6 +227,11 @@ class DynamicsSettings:
     def factor(self) -> float:
         """Force of the joint over that of the curve; refused if the nominal area of the curve is unknown."""
         return 1.0 if self.joint is None else self.joint.factor(self.patch_area)
+
+    @property
+    def patch_load(self) -> float | None:
+        """Static force on the patch of the curve (force); None if nothing gives it."""
+        return None if self.load is None else self.load / self.factor
 
     @property
     def columns(self) -> dict[str, float]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, fields, replace
+from dataclasses import field, fields, replace
 from typing import Annotated, Any, TypedDict, Unpack
 
 import numpy as np
@@ -155,8 +155,7 @@ class Problem:
         depth = float(np.ptp(surface.grid(SAMPLES)))
         if depth <= 1e-12 * surface.L:
             return []
-        edge = edge_of_summit(self.sides, surface)
-        found = [edge.doubt] if edge is not None and edge.doubt else []
+        found = list(filter(None, [doubt_of_edge(self.sides, surface)]))
         if delta is not None and delta > depth:
             found.append(
                 f"loading.delta_max = {delta:g} is more than the surface's depth from peak to valley, {depth:.3g}: the "
@@ -164,12 +163,29 @@ class Problem:
             )
         return found
 
+    def warn_of_doubts(self) -> None:
+        """Warn (CaseWarning) of a load that is doubtful, see `doubts`, and of other values that do not fit.
+
+        Those are slopes beyond small strain (SurfaceWarning), and a greatest size that periodic sides do not allow
+        (ResolutionWarning).
+        """
+        surface = self.surface
+        if surface.rough and self.material.kinematics == "small":
+            surface.check_small_slope()
+        if self.sides == "periodic" and (self.size.h_max or 0.0) > WIDEST_JOINED * surface.L:
+            warn(
+                f"mesh.h_max = {self.size.h_max:g} is reduced to {WIDEST_JOINED * surface.L:g}: with block.sides = "
+                '"periodic" elements must be narrower than half the side; give that, or leave mesh.h_max out',
+                ResolutionWarning,
+            )
+        for text in self.doubts():
+            warn(text, CaseWarning)
+
     @staticmethod
     def of(surface: Surface, material: Material, **given: Unpack[ProblemArguments]) -> Problem:
         """Make a problem of flat arguments, as scripts write them: see `ProblemArguments`.
 
-        Warns (ResolutionWarning) of a greatest size that periodic sides do not allow, and (CaseWarning) of a load that
-        is doubtful, see `doubts`.
+        Warns as `warn_of_doubts`.
 
         Raises:
             InputError: a value of another type or outside its range
@@ -180,16 +196,7 @@ class Problem:
         named = {field.name for field in fields(Schedule)} & told.keys()
         path = Schedule(**{name: told.pop(name) for name in named})
         problem = Problem(surface, material, path, told.pop("height", None), **told)
-        if surface.rough and material.kinematics == "small":
-            surface.check_small_slope()
-        if problem.sides == "periodic" and (problem.size.h_max or 0.0) > WIDEST_JOINED * surface.L:
-            warn(
-                f"mesh.h_max = {problem.size.h_max:g} is reduced to {WIDEST_JOINED * surface.L:g}: with block.sides = "
-                '"periodic" elements must be narrower than half the side; give that, or leave mesh.h_max out',
-                ResolutionWarning,
-            )
-        for text in problem.doubts():
-            warn(text, CaseWarning)
+        problem.warn_of_doubts()
         return problem
 
     @property
@@ -233,45 +240,28 @@ def check_lengths(side: float, height: float, path: Schedule, size: MeshSize) ->
         )
 
 
-@dataclass(frozen=True)
-class Edge:
-    """Where the summit lies with respect to the edges of the patch, and why that spoils the first contact."""
+def doubt_of_edge(sides: str, surface: Surface) -> str:
+    """How an edge of the patch spoils the first contact, in a sentence; empty where it does not.
 
-    name: str  # of the value
-    value: float
-    limit: float  # greatest value between rollers, smallest one with free sides
-    doubt: str = ""  # a sentence, empty without one
-
-
-def edge_of_summit(sides: str, surface: Surface) -> Edge | None:
-    """How an edge of the patch affects the first contact; None of a surface in contact along a whole edge.
-
-    Between rollers the value is the slope across the edge that the summit lies on, over the rms slope, 0 inside: they
-    mirror the surface, and where it falls away from the edge a ridge arises, sharper than any summit. With free sides
-    it is the distance of the summit from the nearest one, beyond which no solid carries it, over the shortest
-    wavelength. A periodic surface has no edge.
+    Rollers mirror the surface: where it falls away from the edge that the summit lies on, a ridge arises, sharper than
+    any summit. Beyond a free side no solid carries a summit that is near. A periodic surface has no edge.
     """
     if sides == "periodic":
-        return None
+        return ""
     other = "take another surface.seed, or another window of a map"
     if sides == "free":
-        x, y, _ = surface.maximum()
-        distance = min(x, y, surface.L - x, surface.L - y) / surface.feature_size
-        edges = " and ".join(surface.edges_of_summit(_NEAR_FREE * surface.feature_size))
-        doubt = (
-            f"the flat first touches the surface at the free side {edges} of the patch, beyond which no solid "
-            f"carries the summit: light loads meet a softer contact than inside; {other}"
+        if not (near := surface.edges_of_summit(_NEAR_FREE * surface.feature_size)):
+            return ""
+        return (
+            f"the flat first touches the surface at the free side {' and '.join(near)} of the patch, beyond which no "
+            f"solid carries the summit: light loads meet a softer contact than inside; {other}"
         )
-        name = "distance from a free side over the shortest wave"
-        return Edge(name, distance, _NEAR_FREE, doubt if edges else "")
-    rms = surface.rms_slope()
-    if not rms > 0.0:
-        return None
-    falls = {edge: slope for edge, slope in surface.edges_of_summit().items() if slope > _FALLS * rms}
-    slope = max(falls.values(), default=0.0)
-    doubt = (
+    least = _FALLS * surface.rms_slope()
+    falls = {edge: slope for edge, slope in surface.edges_of_summit().items() if slope > least > 0.0}
+    if not falls:
+        return ""
+    return (
         f"the flat first touches the surface on the edge {' and '.join(falls)} of the patch, where it slopes by "
-        f"{slope:.2g}: mirrored by the rollers it has a sharp ridge there, and the exponent at light loads is that of "
-        f"the ridge; {other}"
+        f"{max(falls.values()):.2g}: mirrored by the rollers it has a sharp ridge there, and the exponent at light "
+        f"loads is that of the ridge; {other}"
     )
-    return Edge("slope across an edge over the rms slope", slope / rms, _FALLS, doubt if falls else "")

@@ -297,8 +297,9 @@ def _about(results: Results, case: Case, law: CurveLaw, name: str, measure: str)
     si, top = case.units == "SI", float(results.curve.force.max()) / case.surface.L**2
     yield f"contact of a rough surface by asperity {__version__}"
     yield f"case {case.hash()[:16]}, {results.summary.get('exit_reason', 'exit reason unknown')}"
-    yield f"surface: {json.dumps(case.to_dict()['surface'], sort_keys=True)}"
-    yield f"material: {json.dumps(case.to_dict()['material'], sort_keys=True)}"
+    data = case.to_dict()
+    yield f"surface: {json.dumps(data['surface'], sort_keys=True)}"
+    yield f"material: {json.dumps(data['material'], sort_keys=True)}"
     yield "units: lengths m, pressures Pa, stiffness over area Pa/m" if si else "units: those of the case"
     yield f"law: {'first loading' if name == 'table' else 'unloading and reloading'}, {law.z.size} computed points"
     yield f"approach: of the mean planes ({measure}), from {'first touch' if name == 'table' else 'separation'}"

@@ -89,8 +89,7 @@ def tangential_vibration(
     factor, mass = settings.factor, small_vibration(curve, settings)[0].mass
     if not math.isfinite(mass):
         raise InputError("no mass vibrates: give joint.mass")
-    load = None if settings.load is None else settings.load / factor
-    slip = slip_of_case(case, curve, case["slip"].get("preload") or load)
+    slip = slip_of_case(case, curve, case["slip"].get("preload") or settings.patch_load)
     responses = {}
     for share in forces:  # a joint is its patches side by side: forces and mass over the factor, the same lengths
         omega, a = tangential_response(slip.law, mass / factor, share * slip.law.limit, zeta=zeta)

@@ -21,7 +21,6 @@ from asperity.errors import InputError
 from asperity.runtime.display import short_repr
 from asperity.vibration.law import Law
 
-DAMPING = ("always", "contact", "hunt-crossley")
 TURN = 2.0 * np.pi
 _SMALLEST = 1e-75  # of the static deflection, whose cube must not underflow
 _RAMP = 1e-3  # of u, from separation, over which a damper in contact begins to act
@@ -117,7 +116,7 @@ class Equation:
     Attributes:
         restoring: normal form of the law
         zeta: damping ratio of small motion
-        damping: one of `DAMPING`
+        damping: one of `model.dynamics.DAMPING`
     """
 
     restoring: Restoring

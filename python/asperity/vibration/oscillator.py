@@ -10,10 +10,10 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from asperity.errors import InputError, RangeError
-from asperity.model.dynamics import EXCITATIONS, FORCING, OMEGA, SHAPES, ZETA, window
+from asperity.model.dynamics import DAMPING, EXCITATIONS, FORCING, OMEGA, SHAPES, ZETA, window
 from asperity.model.limits import one_of, positive, positives, within
 from asperity.runtime.display import short_repr
-from asperity.vibration.equation import DAMPING, Equation, Restoring
+from asperity.vibration.equation import Equation, Restoring
 from asperity.vibration.free import (
     FreeVibration,
     Thresholds,
