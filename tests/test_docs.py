@@ -224,7 +224,16 @@ def test_the_steps_inside_the_bars_are_those_of_the_tables(names: tuple[str, ...
         assert f"{inside} of {steps}" in (ROOT / page).read_text(encoding="utf-8"), page
     if "elastic" in names:
         inside, steps = (sum(int(row["area inside"].split("/")[k]) for row in rows) for k in (0, 1))
-        assert f"the area is inside at {inside} of {steps}" in (ROOT / "docs/accuracy.md").read_text(encoding="utf-8")
+        page = " ".join((ROOT / "docs/accuracy.md").read_text(encoding="utf-8").split())
+        assert f"the area is inside at {inside} of {steps}" in page
+        ratio, price = (
+            np.array([float(row[n]) for row in table("bars_elastic")]) for n in ("bar/error", "over last mesh")
+        )
+        assert f"is {np.median(ratio):.1f} times its error in the median" in page
+        assert (
+            f"is {np.median(price):.1f} times the time of its last mesh in the median, and {price.max():.1f} times"
+            in page
+        )
 
 
 def numbers(rows: list[dict[str, str]], column: str) -> np.ndarray:
