@@ -100,6 +100,14 @@ class Curve:
     error_k_n_interface: Array = field(metadata=error_bar("k_n_interface", "force/length"))
     error_k_t_interface: Array = field(metadata=error_bar("k_t_interface", "force/length"))
     error_conductance: Array = field(metadata=error_bar("conductance", "length"))
+    transmissivity_x: Array = field(
+        metadata=column("flow of a film in the gap along x: Q = T/(12 eta) times the pressure difference", "length^3")
+    )
+    transmissivity_y: Array = field(metadata=column("that along y", "length^3"))
+    hydraulic_aperture: Array = field(metadata=column("cube root of the mean of both", "length"))
+    error_transmissivity_x: Array = field(metadata=error_bar("transmissivity_x", "length^3"))
+    error_transmissivity_y: Array = field(metadata=error_bar("transmissivity_y", "length^3"))
+    error_hydraulic_aperture: Array = field(metadata=error_bar("hydraulic_aperture", "length"))
     max_strain: Array = field(
         metadata=column("largest equivalent strain, sqrt(2/3 e:e) of its deviator; logarithmic in finite strain")
     )

@@ -131,4 +131,5 @@ def _hooks(case: Case, files: RunFiles, progress: Progress, stop: Callable[[], s
         on_ready=files.begin,
         stiffness=case.has_stiffness,
         conductance=output.stiffness,  # of which the slip needs nothing
+        flow=output.flow,
     )  # fmt: skip

@@ -26,6 +26,7 @@ class CallbackArguments(TypedDict, total=False):
     on_ready: Callable[[], None] | None
     stiffness: bool
     conductance: bool
+    flow: bool
     on_curve: Callable[[Curve], None] | None
 
 
@@ -42,6 +43,7 @@ class Callbacks:
         on_ready: called when mesh and solver are made, before anything is saved
         stiffness: whether to compute the columns k_n_elastic to k_t_interface
         conductance: with stiffness, whether to compute the column conductance too
+        flow: whether to compute the columns transmissivity_x to hydraulic_aperture
         on_curve: with a tolerance, called with the curve with error bars that each mesh after the first gives
     """
 
@@ -53,6 +55,7 @@ class Callbacks:
     on_ready: Callable[[], None] | None = None
     stiffness: bool = False
     conductance: bool = True
+    flow: bool = False
     on_curve: Callable[[Curve], None] | None = None
 
     def probes(self, solid: Solid) -> tuple[Any, ...]:

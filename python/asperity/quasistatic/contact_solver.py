@@ -15,6 +15,7 @@ from mpi4py import MPI
 from asperity.arrays import Floats
 from asperity.contact import Contact
 from asperity.contact.contact_surface import ContactSurface
+from asperity.contact.thin_film import ThinFilm
 from asperity.fem.energies import dissipation, energies
 from asperity.fem.history import History
 from asperity.fem.solid import Solid
@@ -74,6 +75,7 @@ class ContactSolver:
         probes: measure what depends on the tangent of a step: called with the solver before its history is committed,
             collective, they return values by the name of a column, of their `columns`, in units of L and E
         probed: what they found in the last accepted step
+        film: finds the leakage after each accepted step, None where it is not wanted
         doubt: what is wrong with a law of the user in the last step without convergence, empty for nothing
     """
 
@@ -94,12 +96,14 @@ class ContactSolver:
         self._first_touch = self._highest()
         self.probes: tuple[Any, ...] = ()
         self.probed: dict[str, float] = {}
+        self.film: ThinFilm | None = None
         self.doubt = ""
 
     @property
     def columns(self) -> set[str]:
-        """Names of the columns that the probes fill."""
-        return {name for probe in self.probes for name in probe.columns}
+        """Names of the columns that probes and film fill."""
+        every = (*self.probes, *([] if self.film is None else [self.film]))
+        return {name for one in every for name in one.columns}
 
     @property
     def newton(self) -> NewtonSolver:

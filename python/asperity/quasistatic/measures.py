@@ -52,9 +52,10 @@ def row(solver: ContactSolver) -> dict[str, Any]:
     sums = comm.allreduce(np.array([yielded, volumes.sum(), volumes[total > STRAINED].sum()]))
     peaks = np.array([np.max(values, initial=0.0) for values in (solver.pressure, strain, total)])
     comm.Allreduce(MPI.IN_PLACE, peaks, op=MPI.MAX)
+    gap, edges = solver.gap(), solver.contact.touched_edges()
     surface, (touched, weights) = solver.contact_surface, solver.contact.touched()
     area = surface.area_of(touched, weights)
-    count, largest = spots_of(surface, solver.contact.touched_edges(), np.sum(weights * touched, axis=1))
+    count, largest = spots_of(surface, edges, np.sum(weights * touched, axis=1))
     mean_pressure = {"mean_pressure": solver.force / area.value} if area.value > 0.0 else {}
     return {
         "area_fraction": area.value,
@@ -63,11 +64,12 @@ def row(solver: ContactSolver) -> dict[str, Any]:
         "max_pressure": float(peaks[0]),
         "plastic_fraction": float(sums[0] / sums[1]),
         "max_plastic_strain": float(peaks[1]),
-        "mean_gap": surface.mean(solver.gap()),
+        "mean_gap": surface.mean(gap),
         **mean_pressure,
         "spots": count,
         "largest_spot": largest,
         **solver.probed,
+        **({} if solver.film is None else solver.film(gap, edges)),
         "max_strain": float(peaks[2]),
         "strained_fraction": float(sums[2] / sums[1]),
     }

@@ -6,6 +6,7 @@ from contextlib import suppress
 from functools import partial
 from typing import TYPE_CHECKING
 
+from asperity.contact.thin_film import ThinFilm
 from asperity.errors import ConvergenceError, Interrupted, MeshError
 from asperity.fem.forms import FormKernels
 from asperity.mesh.block import NEAR, BlockMesh
@@ -69,6 +70,8 @@ def solve_problem(
     with phases.phase("set-up"):
         solver = solver_of(problem, block, comm, phases)
         solver.probes = hooks.probes(solver.solid)
+        if hooks.flow:
+            solver.film = ThinFilm(solver.contact_surface, problem.surface, solver.summit)
     kernels = solver.solid.kernels
     if isinstance(kernels, FormKernels):
         hooks.stage("compilation of the forms")

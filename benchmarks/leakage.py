@@ -1,0 +1,170 @@
+"""Leakage through a pressed rough gap against Reynolds' equation on the gap of boundary elements.
+
+    python3 benchmarks/leakage.py inside [--seed N ...] [--tolerance X ...]
+    python3 benchmarks/leakage.py percolation [--seed N ...]
+    python3 benchmarks/leakage.py open [--seed N ...]
+
+`inside` presses the patches of area.py and prints, at contact fractions of 0.05, 0.15 and 0.3, the transmissivities,
+their bars and the errors. The truth has finite volumes on the cells of boundary elements on the same heights at the same
+force, on two grids, whose difference is its uncertainty. `percolation` prints between which contact fractions the
+last channel of a patch closes, along x and along y (0.415 of an ensemble: Wang and Mueser, arXiv 2010.13470).
+`open` moves a rigid flat into undeformed patches and prints T over the cube of the mean gap h, beside the flow factor
+1 - 0.9 exp(-0.56 h/Sq) of Patir and Cheng (J. Lubr. Technol. 100 (1978) 12), by the ratio h/Sq.
+"""
+
+from __future__ import annotations
+
+import argparse
+import warnings
+from dataclasses import replace
+
+import numpy as np
+from area import patch
+from mpi4py import MPI
+from scipy import sparse
+from scipy.sparse.csgraph import connected_components
+from scipy.sparse.linalg import splu
+
+import asperity as asp
+from asperity.adaptive.refine import refine
+from asperity.arrays import Floats
+from asperity.contact.thin_film import ThinFilm
+from asperity.model.problem import Problem
+from asperity.quasistatic.callbacks import Callbacks
+from asperity.quasistatic.make import make_block, make_contact_solver
+from asperity.quasistatic.solve_problem import solve_problem
+from asperity.reference import RoughHalfSpace
+from asperity.reference.halfspace import compliance_of_waves, displacement
+
+CELLS = 144, 288
+FRACTIONS = 0.05, 0.15, 0.3
+
+
+def of_cells(gap: Floats, periodic: bool) -> float:
+    """Transmissivity along x of the gaps of square cells (n, n), index [iy, ix]: finite volumes, harmonic means."""
+    n, k = len(gap), gap**3
+    numbers = np.arange(n * n).reshape(n, n)
+
+    def between(a: Floats, b: Floats) -> Floats:
+        return np.divide(2.0 * a * b, a + b, out=np.zeros_like(a), where=(a > 0.0) & (b > 0.0))
+
+    links = [(numbers[:, :-1], numbers[:, 1:], between(k[:, :-1], k[:, 1:]))]
+    links.append((numbers[:-1], numbers[1:], between(k[:-1], k[1:])))
+    if periodic:
+        links.append((numbers[-1], numbers[0], between(k[-1], k[0])))
+    links += [(numbers[:, 0], np.full(n, n * n), 2.0 * k[:, 0]), (numbers[:, -1], np.full(n, n * n + 1), 2.0 * k[:, -1])]
+    a, b, c = (np.concatenate([np.ravel(link[i]) for link in links]) for i in range(3))
+    a, b, c = a[c > 0.0], b[c > 0.0], c[c > 0.0]
+    graph = sparse.coo_array((c, (a, b)), shape=(n * n + 2, n * n + 2)).tocsr()
+    graph = graph + graph.T
+    _, part = connected_components(graph, directed=False)
+    if part[n * n] != part[n * n + 1]:
+        return 0.0
+    inner = np.flatnonzero(part[: n * n] == part[n * n])
+    matrix = sparse.csc_array(sparse.diags_array(graph.sum(axis=1)) - graph)
+    p = np.zeros(n * n + 2)
+    p[n * n] = 1.0
+    right = -np.asarray(matrix[inner][:, [n * n]].todense()).ravel()
+    p[inner] = splu(matrix[inner][:, inner], permc_spec="MMD_AT_PLUS_A", options={"SymmetricMode": True}).solve(right)
+    return float((matrix @ p)[n * n])
+
+
+def truth_of(problem: Problem, at: Floats, n: int) -> tuple[Floats, Floats, Floats]:
+    """P*, contact fraction and transmissivities along x and y (k, 2) at approaches (k,) [L], of boundary elements."""
+    surface, nu, sides = problem.surface, problem.material.nu, problem.sides
+    layer, summit = RoughHalfSpace(n, problem.height, nu, sides), surface.maximum()[2]
+    heights, compliance = layer.heights(surface), compliance_of_waves(n, problem.height, nu, sides)
+    force, area, flow = [], [], []
+    for approach, p in zip(at, layer.pressures(heights, summit, at, 1e-5), strict=True):
+        gap = displacement(p, compliance, sides) - (heights - (summit - approach))
+        gap = np.where(p > 0.0, 0.0, np.maximum(gap, 0.0))
+        force.append(p.mean())
+        area.append(layer.area(p))
+        flow.append([of_cells(gap, sides == "periodic"), of_cells(gap.T, sides == "periodic")])
+    return np.array(force), np.array(area), np.array(flow)
+
+
+def inside(seeds: list[int], tolerances: list[float]) -> None:
+    """Print the table of the bars."""
+    head = "seed, tolerance, contact, direction, T, bar, true T, uncertain by, error over bar, dofs".split(", ")
+    print("| " + " | ".join(head) + " |\n|" + " --- |" * len(head))
+    for seed in seeds:
+        problem = patch(seed)
+        for tolerance in tolerances:
+            run = refine(problem, asp.AccuracyTarget(tolerance), hooks=Callbacks(flow=True)).checked()
+            curve = run.curve.loading()
+            wanted = np.interp(FRACTIONS, curve.area_fraction, curve.delta_star)
+            at = np.unique(np.concatenate([wanted * by for by in (0.95, 1.0, 1.05)]))
+            (P0, _, coarse), (P, a, fine) = (truth_of(problem, at, n) for n in CELLS)
+            force = np.exp(np.interp(np.log(wanted), np.log(curve.delta_star), np.log(curve.P_star)))
+            for axis, name in enumerate("xy"):
+                value, bar = (
+                    np.interp(wanted, curve.delta_star, getattr(curve, f"{e}transmissivity_{name}")) for e in ("", "error_")
+                )
+                true, less = (np.interp(force, f, t[:, axis]) for f, t in ((P, fine), (P0, coarse)))
+                for k, fraction in enumerate(FRACTIONS):
+                    unsure = abs(true[k] - less[k])
+                    cells = (
+                        seed, f"{100 * tolerance:g} %", fraction, name, f"{value[k]:.3e}", f"{bar[k]:.1e}",
+                        f"{true[k]:.3e}", f"{unsure:.1e}", f"{(value[k] - true[k]) / bar[k]:+.2f}",
+                        run.levels[-1].dofs,
+                    )  # fmt: skip
+                    print("| " + " | ".join(map(str, cells)) + " |", flush=True)
+
+
+def percolation(seeds: list[int]) -> None:
+    """Print between which contact fractions the last channel closes."""
+    print("| seed | open along x up to | closed from | open along y up to | closed from |\n|" + 5 * " --- |")
+    found = []
+    for seed in seeds:
+        problem = patch(seed)
+        path = replace(problem.load_path, steps=24)
+        problem = replace(problem, load_path=path, size=asp.MeshSize(0.03))
+        curve = solve_problem(problem, hooks=Callbacks(flow=True), checked=False).curve.loading()
+        ends = []
+        for name in ("transmissivity_x", "transmissivity_y"):
+            last = np.flatnonzero(getattr(curve, name) > 0.0)[-1]
+            ends += [float(a) for a in curve.area_fraction[last : last + 2]]
+        found.append(ends)
+        print(f"| {seed} | " + " | ".join(f"{a:.3f}" for a in ends) + " |", flush=True)
+    print("| mean | " + " | ".join(f"{a:.3f}" for a in np.mean(found, axis=0)) + " |")
+
+
+def open_gaps(seeds: list[int]) -> None:
+    """Print the flow factors."""
+    ratios = np.array([1.0, 1.5, 2.0, 2.5, 3.0])
+    print("| seed |" + "".join(f" {ratio:g} |" for ratio in ratios) + "\n|" + 6 * " --- |")
+    found = []
+    for seed in seeds:
+        problem = patch(seed)
+        surface, Sq = problem.surface, problem.surface.statistics().Sq
+        depth = surface.maximum()[2] - surface.mean()
+        block = make_block(MPI.COMM_SELF, surface, 1.0, 10.0 * depth, asp.MeshSize(0.02, h_max=0.02), problem.sides)
+        solver = make_contact_solver(MPI.COMM_SELF, surface, block, problem.material, sides=problem.sides)
+        top, factors = solver.contact_surface, []
+        film = ThinFilm(top, surface, solver.summit)
+        for ratio in ratios:
+            solver.delta = depth - ratio * Sq
+            gap = solver.gap()
+            flows = film(gap, gap <= 0.0)
+            factors.append(0.5 * (flows["transmissivity_x"] + flows["transmissivity_y"]) / (ratio * Sq) ** 3)
+        found.append(factors)
+        print(f"| {seed} | " + " | ".join(f"{factor:.3f}" for factor in factors) + " |", flush=True)
+    known = 1.0 - 0.9 * np.exp(-0.56 * ratios)
+    for name, values in (("mean", np.mean(found, axis=0)), ("Patir and Cheng", known)):
+        print(f"| {name} | " + " | ".join(f"{factor:.3f}" for factor in values) + " |")
+
+
+if __name__ == "__main__":
+    warnings.simplefilter("ignore")
+    parser = argparse.ArgumentParser()
+    parser.add_argument("what", choices=["inside", "percolation", "open"])
+    parser.add_argument("--seed", type=int, nargs="*", default=[1, 2, 3, 4, 5])
+    parser.add_argument("--tolerance", type=float, nargs="*", default=[0.05, 0.02])
+    options = parser.parse_args()
+    if options.what == "inside":
+        inside(options.seed, options.tolerance)
+    elif options.what == "percolation":
+        percolation(options.seed)
+    else:
+        open_gaps(options.seed)
