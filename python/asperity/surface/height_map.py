@@ -10,19 +10,18 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar
 
 import numpy as np
-from numpy.typing import ArrayLike
 from pydantic import PlainSerializer, WithJsonSchema
 
 from asperity.arrays import Array
 from asperity.errors import InputError
 from asperity.runtime.declaration import LENGTH, declared, key
 from asperity.runtime.files import UNREADABLE
-from asperity.surface.base import Side, Surface, check, short_wave_share
+from asperity.surface.base import Side, check, short_wave_share
 from asperity.surface.height_files import REGULAR, UNEQUAL, Heights, read_heights
 from asperity.surface.maximum import global_maximum
-from asperity.surface.scale_space import ScaleSpace
 from asperity.surface.shapes import Flat
 from asperity.surface.spline import DEGREE, interpolate, with_middles
+from asperity.surface.spline_surface import ScaleSpace, SplineSurface
 
 if TYPE_CHECKING:
     from scipy.interpolate import BivariateSpline
@@ -36,7 +35,7 @@ _SAME = 1e-6  # greatest difference of opposite edges of a periodic map, over th
 
 
 @declared("surface", eq=False, kw_only=True)
-class HeightMap(Surface):
+class HeightMap(SplineSurface):
     """Heights on a regular grid over a square patch, interpolated by a bicubic spline.
 
     Files: see `height_files.read_heights`. z has the index order [iy, ix]; its first and last rows and columns lie on
@@ -128,15 +127,8 @@ class HeightMap(Surface):
         """Rise above the heights that a spline without limited slopes has (length), 0 if none is limited."""
         return self._interpolation[1]
 
-    @cached_property
-    def _derivatives(self) -> dict[tuple[int, int], Any]:
-        return {(0, 0): self._interpolation[0]}
-
-    def _derivative(self, dx: int, dy: int) -> Any:
-        """Derivative as a spline, made once: it takes as long as 10,000 points."""
-        if (dx, dy) not in self._derivatives:
-            self._derivatives[dx, dy] = self._derivatives[0, 0].partial_derivative(dx, dy)
-        return self._derivatives[dx, dy]
+    def _make_spline(self) -> BivariateSpline:
+        return self._interpolation[0]
 
     @property
     def feature_size(self) -> float:
@@ -183,9 +175,6 @@ class HeightMap(Surface):
             found.append(float(np.sqrt(np.mean(np.square(heights, dtype=float)))))
         return max(found)
 
-    def smoothed(self, x: ArrayLike, y: ArrayLike, s: ArrayLike) -> Array:
-        return self._scales.heights(x, y, s)
-
     @cached_property
     def _scales(self) -> ScaleSpace:
         """Levels of smoothed heights; the map is mirrored at its edges unless it is periodic."""
@@ -200,25 +189,6 @@ class HeightMap(Surface):
         return ScaleSpace(
             self.height, np.pad(z, [(0, n - 2) for n in z.shape], mode="reflect"), 2 * self.L, first, mean
         )
-
-    def _at(self, x: ArrayLike, y: ArrayLike, dx: int = 0, dy: int = 0) -> Array:
-        x, y = np.broadcast_arrays(np.asarray(x, dtype=float), np.asarray(y, dtype=float))
-        values = self._derivative(dx, dy)(x.ravel(), y.ravel(), grid=False)
-        return np.asarray(values, dtype=float).reshape(x.shape)
-
-    def height(self, x: ArrayLike, y: ArrayLike) -> Array:
-        return self._at(x, y)
-
-    def gradient(self, x: ArrayLike, y: ArrayLike) -> tuple[Array, Array]:
-        return self._at(x, y, 1, 0), self._at(x, y, 0, 1)
-
-    def hessian(self, x: ArrayLike, y: ArrayLike) -> tuple[Array, Array, Array]:
-        return self._at(x, y, 2, 0), self._at(x, y, 1, 1), self._at(x, y, 0, 2)
-
-    # a tensor-product spline costs far less on a grid than at scattered points
-
-    def on_product(self, x: Array, y: Array, dx: int = 0, dy: int = 0) -> Array:
-        return np.asarray(self._derivative(dx, dy)(x, y).T)
 
     def mean(self) -> float:
         """Exact mean of the spline over the patch (length)."""
@@ -244,11 +214,6 @@ class HeightMap(Surface):
         """Ends of the polynomials of the spline along x and y (length)."""
         along_x, along_y = (np.unique(t) for t in self._derivatives[0, 0].get_knots())
         return along_x, along_y
-
-    def curvature_bound(self) -> float:
-        """Bound of the Hessian (1/length) from the convex hull of the spline coefficients."""
-        xx, xy, yy = (float(np.abs(self._derivative(*order).tck[2]).max()) for order in ((2, 0), (1, 1), (0, 2)))
-        return max(xx, yy) + xy
 
     @cached_property
     def _maximum(self) -> tuple[float, float, float]:

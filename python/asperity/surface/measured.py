@@ -22,7 +22,6 @@ from asperity.runtime.text_table import is_text
 from asperity.surface.base import FLAT
 from asperity.surface.height_files import PLAIN, TEXT, metres_of, read_heights, read_instrument
 from asperity.surface.height_map import DEEPEST
-from asperity.surface.scale_space import gaussian_filtered
 
 Trend = Literal["mean", "plane", "curvature"]
 
@@ -339,3 +338,20 @@ def _harmonic_fill(z: Array, gaps: Flags) -> Array:
     start = np.full(me.size, middle)
     full[gaps], _ = cg(matrix, right, start, rtol=1e-12, maxiter=10_000)
     return full
+
+
+def gaussian_filtered(z: Array, size: tuple[float, float], cutoff: float) -> Array:
+    """Heights after a Gaussian low-pass filter of ISO 16610-61, mirrored at the edges.
+
+    Args:
+        z: heights (ny, nx) (length)
+        size: of the map along x and along y (length)
+        cutoff: wavelength of 50 % transmission (length)
+    """
+    from scipy.fft import dctn, idctn
+
+    waves = dctn(z, type=1)
+    for axis, (n, length) in enumerate(zip(z.shape, size[::-1], strict=True)):
+        half_waves = np.arange(n) / (2 * length)  # 1/wavelength
+        waves *= np.expand_dims(np.exp(-np.pi * (0.46971863934982566 * cutoff * half_waves) ** 2), 1 - axis)
+    return np.asarray(idctn(waves, type=1, overwrite_x=True))
