@@ -9,7 +9,7 @@ import pytest
 
 from asperity.errors import InputError
 from asperity.surface import HeightMap
-from asperity.surface.measured import HeightField
+from asperity.surface.scans import HeightField
 
 NY, NX, STEP = 10, 12, 0.5
 Z = np.round(np.random.default_rng(3).normal(size=(NY, NX)), 4)

@@ -30,10 +30,10 @@ class SelfAffine(SplineSurface):
     """Self-affine surface with roll-off and cut-off on [0, L]^2.
 
     Its spectrum is C(q) = const up to q_r = 2 pi/lambda_roll, or zero with plateau = False, C ~ q^(-2-2H) up to
-    q_s = 2 pi/lambda_short, and zero beyond (Persson et al., J. Phys.: Condens. Matter 17 (2005) R1; conventions of Jacobs, Junge and Pastewka, Surf.
-    Topogr.: Metrol. Prop. 5 (2017) 013001). The wave vectors are all those of a square lattice. Every wave has exactly
-    the amplitude of the spectrum, sqrt(2 C) times 2 pi over the period, and a random phase: surfaces of different seeds
-    have the same rms height and slope over a period.
+    q_s = 2 pi/lambda_short, and zero beyond (Persson et al., J. Phys.: Condens. Matter 17 (2005) R1; conventions of
+    Jacobs, Junge and Pastewka, Surf. Topogr.: Metrol. Prop. 5 (2017) 013001). The wave vectors are all those of a
+    square lattice. Every wave has exactly the amplitude of the spectrum, sqrt(2 C) times 2 pi over the period, and a
+    random phase: surfaces of different seeds have the same rms height and slope over a period.
 
     The waves are summed once, by an FFT, at the nodes of a quintic spline: eight on the shortest wave up to 512 of them
     on a period, four at least beyond. A wave with p nodes is wrong by 2/p^6 of its height, by p times as much of its

@@ -18,9 +18,8 @@ from asperity.errors import CompatError, InputError
 from asperity.model.material import Material
 from asperity.model.two_bodies import equivalent_block
 from asperity.surface import HeightMap, SelfAffine, Surface
-from asperity.surface.measured import HeightField
-from asperity.surface.self_affine_fit import fit_self_affine
-from asperity.surface.statistics import psd
+from asperity.surface.scans import HeightField
+from asperity.surface.spectrum import fit_self_affine, psd
 
 L = 1e-6
 
