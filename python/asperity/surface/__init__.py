@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from asperity.surface.base import Surface, SurfaceWarning
+from asperity.surface.base import Surface, SurfaceStatistics, SurfaceWarning
 from asperity.surface.fractal import WeierstrassMandelbrot, cut_off_index
 from asperity.surface.height_map import HeightMap
 from asperity.surface.self_affine import SelfAffine
 from asperity.surface.shapes import Flat, Sinusoid, Sphere
-from asperity.surface.statistics import Spectrum, SurfaceStatistics
+from asperity.surface.spectrum import Spectrum
 
 __all__ = [
     "Flat",
