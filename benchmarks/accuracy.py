@@ -22,6 +22,8 @@ from collections.abc import Callable
 from time import perf_counter, process_time
 
 import numpy as np
+from scipy.ndimage import gaussian_filter
+from scipy.spatial import KDTree
 
 import asperity as asp
 from asperity.arrays import Floats
@@ -113,6 +115,81 @@ def plateau(seed: int) -> Surface:
     return HeightMap.of(1e-3 * step(0.2 - across, 0.004) - 1e-3, 1.0)
 
 
+def comb(seed: int) -> Surface:
+    """Twelve crests at an angle to the sides, of nearly one height."""
+    angle = 0.3 + 0.4 * seed
+    crests, along = np.cos(24.0 * np.pi * turn(angle)), np.cos(2.6 * np.pi * turn(angle + 0.8))
+    return HeightMap.of(4e-4 * crests - 1e-4 * along, 1.0)
+
+
+def ground(seed: int) -> Surface:
+    """Random scratches ten times as long as wide."""
+    white = np.fft.fft2(np.random.default_rng(seed).standard_normal((NODES, NODES)))
+    fx, fy = np.meshgrid(*2 * [np.fft.fftfreq(NODES, 1.0 / NODES)])
+    z = np.fft.ifft2(white * np.exp(-0.5 * ((fx / 2.0) ** 2 + (fy / 20.0) ** 2))).real
+    return HeightMap.of(2e-4 * z / z.std(), 1.0)
+
+
+def ridge(seed: int) -> Surface:
+    """One long crest that falls a little towards its ends."""
+    along = np.cos(2.2 * np.pi * turn(0.2 + seed + 0.5 * np.pi))
+    return HeightMap.of(1e-4 * along - 0.05 * turn(0.2 + seed) ** 2, 1.0)
+
+
+def lognormal(seed: int) -> Surface:
+    """Few high summits above a low face."""
+    z = noise(seed, 0.006, 0.05)
+    return HeightMap.of(7e-5 * np.exp(0.8 * z / z.std()), 1.0)
+
+
+def voronoi(seed: int) -> Surface:
+    """Grains with flat tops of different heights and soft edges."""
+    rng = np.random.default_rng(seed)
+    _, grain = KDTree(rng.uniform(0.0, 1.0, (25, 2))).query(np.stack([X, Y], axis=-1))
+    return HeightMap.of(gaussian_filter(rng.uniform(0.0, 6e-4, 25)[grain], 4.0), 1.0)
+
+
+def dimples(seed: int) -> Surface:
+    """Twenty pits in a face with noise."""
+    z = noise(seed, 0.003, 0.06)
+    for cx, cy in np.random.default_rng(seed).uniform(0.0, 1.0, (20, 2)):
+        z = z - 8e-4 * np.exp(-((X - cx) ** 2 + (Y - cy) ** 2) / 0.03**2)
+    return HeightMap.of(z, 1.0)
+
+
+def bimodal(seed: int) -> Surface:
+    """The higher of a rough and a smooth face."""
+    return HeightMap.of(np.maximum(noise(seed, 0.012, 0.05) - 2e-4, noise(seed + 1, 0.002, 0.05)), 1.0)
+
+
+def wavy(seed: int) -> Surface:
+    """Two waves across each other, and noise."""
+    waves = np.cos(2.0 * np.pi * (2.3 * X + 0.1 * seed)) * np.cos(2.0 * np.pi * (1.7 * Y + 0.2))
+    return HeightMap.of(3e-4 * waves + noise(seed, 0.004, 0.06), 1.0)
+
+
+def balls(seed: int) -> Surface:
+    """Thirty balls of different sizes and heights, melted together."""
+    rng, z = np.random.default_rng(seed), np.full_like(X, -2e-3)
+    for cx, cy in rng.uniform(0.05, 0.95, (30, 2)):
+        z = np.maximum(
+            z, rng.uniform(-4e-4, 0.0) - ((X - cx) ** 2 + (Y - cy) ** 2) * 0.01 / rng.uniform(0.04, 0.1) ** 2
+        )
+    return HeightMap.of(gaussian_filter(z, 2.0), 1.0)
+
+
+def worn(seed: int) -> Surface:
+    """A rough face whose summits are worn to round plateaus."""
+    z, width = noise(seed, 0.01, 0.05), 4e-5
+    level = np.quantile(z, 0.85)
+    return HeightMap.of(level - width * np.logaddexp(0.0, (level - z) / width), 1.0)
+
+
+def edge(seed: int) -> Surface:
+    """A single spot that the side cuts in halves."""
+    return asp.Surface.from_spec("sphere", L=1.0, radius=12.0, centre=(0.0, 0.3 + 0.1 * (seed % 5)), shape="paraboloid")
+
+
 #: Surface of a seed, and greatest approach [L]
 CLASSES: dict[str, tuple[Callable[[int], Surface], float]] = {
     "spot": (spot, 1e-4),
@@ -123,6 +200,17 @@ CLASSES: dict[str, tuple[Callable[[int], Surface], float]] = {
     "inclusions": (inclusions, 5e-4),
     "late": (late, 9e-4),
     "plateau": (plateau, 4e-4),
+    "comb": (comb, 4e-4),
+    "ground": (ground, 5e-4),
+    "ridge": (ridge, 4e-4),
+    "lognormal": (lognormal, 6e-4),
+    "voronoi": (voronoi, 4e-4),
+    "dimples": (dimples, 3e-4),
+    "bimodal": (bimodal, 6e-4),
+    "wavy": (wavy, 5e-4),
+    "balls": (balls, 4e-4),
+    "worn": (worn, 2e-4),
+    "edge": (edge, 2e-4),
 }
 
 

@@ -2,12 +2,15 @@
 
     python3 benchmarks/area.py inside [--seed N ...] [--tolerance X ...]
     python3 benchmarks/area.py edge [--seed N ...]
+    python3 benchmarks/area.py ensemble [--seed N ...]
 
 The truth is the boundary-element solution on the same heights at the same force (`RoughHalfSpace`). `inside` prints one
 line a run: steps inside the bars of area and gap, median bar over median error, greatest error over its bar, dofs.
 `edge` presses single meshes of the scales 3, 1.5, 0.75 of the patches and of classes of `accuracy.py`, and a patch with
 the growth 0.7 and no layer below the contact: the area that is missing over that of the facets that the edge crosses,
-its mean over all steps but the first.
+its mean over all steps but the first. `ensemble` prints the area of the patches, with its bar, at three pressures over
+the modulus and the rms slope, and their mean beside that of an ensemble of Green's function molecular dynamics
+(Prodanov, Dapp & Mueser, Tribol. Lett. 53 (2014) 433).
 """
 
 from __future__ import annotations
@@ -31,6 +34,8 @@ from asperity.reference import RoughHalfSpace
 CELLS, STEPS = 432, 8
 SCALES = (3.0, 1.5, 0.75)
 PRESSURE = 1.36e-2  # of the patches over E: 0.7 of them in contact
+#: Pressure over modulus and rms slope, and part in contact of the ensemble, known to 5 %
+ENSEMBLE = ((0.0904, 0.185), (0.235, 0.433), (0.531, 0.772))
 
 
 def patch(seed: int) -> Problem:
@@ -113,14 +118,40 @@ def edge(seeds: list[int]) -> None:
             print(f"| patch {seeds[0]} | h = {h:g} L, growth {growth:g}, no layer | {dofs} | {part:+.3f} |", flush=True)
 
 
+def ensemble(seeds: list[int], tolerance: float) -> None:
+    """Print the area of patches and of the ensemble."""
+    print("| seed |" + "".join(f" area at {p:g} | bar |" for p, _ in ENSEMBLE) + "\n|" + 7 * " --- |")
+    found = []
+    for seed in seeds:
+        problem = patch(seed)
+        z = np.fft.fft2(problem.surface.grid(CELLS + 1)[:-1, :-1]) / CELLS**2
+        waves = 2.0 * np.pi * np.fft.fftfreq(CELLS, 1.0 / CELLS)
+        slope = float(np.sqrt(np.sum((waves[:, None] ** 2 + waves**2) * np.abs(z) ** 2)))
+        pressures = np.array([p for p, _ in ENSEMBLE]) * problem.material.reduced_modulus * slope
+        run = asp.solve_contact(
+            problem.surface, problem.material, tolerance=tolerance, height=1.0, sides="periodic",
+            force_max=1.001 * pressures[-1], steps=2 * STEPS,
+        )  # fmt: skip
+        curve = run.curve.loading()
+        area, bar = (np.interp(pressures, curve.force, v) for v in (curve.area_fraction, curve.error_area_fraction))
+        found.append(area)
+        print(
+            f"| {seed} | " + " | ".join(f"{a:.3f} | {b:.3f}" for a, b in zip(area, bar, strict=True)) + " |", flush=True
+        )
+    for name, values in (("mean", np.mean(found, axis=0)), ("ensemble", [a for _, a in ENSEMBLE])):
+        print(f"| {name} | " + " | ".join(f"{a:.3f} | -" for a in values) + " |")
+
+
 if __name__ == "__main__":
     warnings.simplefilter("ignore")
     parser = argparse.ArgumentParser()
-    parser.add_argument("what", choices=["inside", "edge"])
+    parser.add_argument("what", choices=["inside", "edge", "ensemble"])
     parser.add_argument("--seed", type=int, nargs="*", default=[1, 3, 5])
     parser.add_argument("--tolerance", type=float, nargs="*", default=[0.05, 0.02])
     options = parser.parse_args()
     if options.what == "edge":
         edge(options.seed)
+    elif options.what == "ensemble":
+        ensemble(options.seed, options.tolerance[0])
     else:
         inside(options.seed, options.tolerance)

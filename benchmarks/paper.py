@@ -55,7 +55,7 @@ def results(case: Case, curve: Curve) -> tuple[float, ...]:
     """Values of the columns of a case."""
     load, fit, yields = curve.loading(), curve.fit(), math.nan
     if case.material.yield_strength is not None:
-        yields = case.surface.L**2 * case.material.solid.yield_pressure(case.block.sides)
+        yields = case.surface.L**2 * case.material.yield_pressure(case.block.sides)
     ends = ContactOscillator(PowerLaw(fit.n)).thresholds()
     rows = fitted_rows(load.delta, load.force)
     of_logarithms = np.polyfit(np.log(load.delta_star[rows]), np.log(load.P_star[rows]), 1)[0]

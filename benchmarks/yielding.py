@@ -43,6 +43,13 @@ def grooves(slope: float) -> Surface:
     return HeightMap.of(np.tile(slope * z / np.sqrt(np.mean(np.gradient(z, x) ** 2)), (257, 1)), 1.0)
 
 
+def ridges(radii: tuple[float, float]) -> Surface:
+    """Two ridges of one height along y, with these radii at their summits."""
+    x, height = np.linspace(0.0, 1.0, 513), 0.01
+    z = sum(height * np.exp(-((x - at) ** 2) / (2.0 * height * r)) for at, r in zip((0.3, 0.78), radii, strict=True))
+    return HeightMap.of(np.tile(z, (513, 1)), 1.0)
+
+
 def cap(radius: float) -> Surface:
     """A paraboloid in the middle."""
     return asp.Surface.from_spec("sphere", L=1.0, radius=radius, centre=(0.5, 0.5), shape="paraboloid")
@@ -58,7 +65,9 @@ CASES: dict[str, tuple[Surface, bool, float, asp.Material]] = {
     "grooves soft": (grooves(0.03), False, 2e-3, asp.Material(1.0, 0.3, *SOFT)),
     "grooves hard kinematic": (grooves(0.03), False, 2e-3, asp.Material(1.0, 0.3, *HARD, hardening="kinematic")),
     "grooves finite": (grooves(0.1), False, 8e-3, asp.Material(1.0, 0.3, 4e-3, 0.02, kinematics="finite")),
+    "ridges": (ridges((2.0, 0.08)), False, 2e-3, asp.Material(1.0, 0.45, 2e-3, 0.02)),
 }
+FINE = {"ridges": 400}  # quadrilaterals along a profile with spots of different widths; others have 96
 
 
 def graded(sizes: Floats, length: float) -> Floats:
@@ -227,7 +236,7 @@ def truth(name: str, scale: float = 1.0) -> tuple[tuple[PchipInterpolator, Pchip
         sizes = scale * contact / 20 * np.r_[np.ones(int(26 / scale)), 1.2 ** np.arange(1, 60)]
         x = graded(np.minimum(sizes, 0.08), RADIUS)
     else:
-        x = np.asarray(np.linspace(0.0, 1.0, round(96 / scale) + 1))
+        x = np.asarray(np.linspace(0.0, 1.0, round(FINE.get(name, 96) / scale) + 1))
     summit, found = 1.0 + surface.maximum()[2] - surface.mean(), []
     for steps in (PARTS * STEPS, 2 * PARTS * STEPS):
         at, load = Plane(x, surface, axis, law).press(summit, depth, steps)

@@ -32,7 +32,7 @@ THRESHOLDS = {
 def write_run(folder: Path, **changes: object) -> Path:
     """Write case.toml, curve.csv, summary.json and fields."""
     case = Case.from_dict({**CASE, **changes})
-    surface = case.build_surface()
+    surface = case.surface
     (folder / "fields").mkdir(parents=True, exist_ok=True)
     (folder / "case.toml").write_text(case.to_toml(), encoding="utf-8")
     rows = curve_rows(plastic=case.material.yield_strength is not None)

@@ -167,7 +167,7 @@ def test_commands_print_json(tmp_path: Path, call: Callable[..., Any]) -> None:
     assert estimate["ranks"] == 2 and estimate["levels"][-1]["dofs"] == estimate["dofs"] > 10_000
     surface = check["surface"]
     assert surface["statistics"]["Sq"] > 0 and len(surface["first_touch"]) == 3
-    thresholds = call("dynamics", "--power-law", "1.5", "--model", "exact", "--json")
+    thresholds = call("dynamics", "--power-law", "1.5", "--set", "dynamics.model=exact", "--json")
     assert thresholds["exact"]["kappa"] == pytest.approx(-1 / 24)
     np.save(tmp_path / "map.npy", 1e-8 * np.random.default_rng(0).standard_normal((65, 65)))
     about = call("import-map", tmp_path / "map.npy", "--pixel", "1e-8", "-o", tmp_path / "map", "--json")

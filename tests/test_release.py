@@ -17,7 +17,6 @@ import pytest
 from made_up_run import write_run
 
 import asperity
-from asperity.plot.citations import publications
 
 ROOT = Path(__file__).parent.parent
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
@@ -43,10 +42,7 @@ def test_the_changelog_begins_with_the_version_and_its_day() -> None:
     assert set(re.findall(r"^### (.+)$", text, re.MULTILINE)) <= kinds
 
 
-def test_the_package_is_cited_first() -> None:
-    first = publications({"surface": {"kind": "weierstrass-mandelbrot"}})[0]
-    assert first.startswith(PROJECT["authors"][0]["name"]) and asperity.__version__ in first
-    assert PROJECT["description"].partition(" ")[2] in first
+def test_the_citation_names_the_authors_and_the_licence() -> None:
     citation = (ROOT / "CITATION.cff").read_text()
     assert PROJECT["authors"][0]["name"] in citation and PROJECT["license"] in citation
 
@@ -114,7 +110,7 @@ def test_the_wheel_works_in_a_bare_environment(tmp_path: Path) -> None:
     call(bin / "pip", "install", "--quiet", wheel)
     write_run(tmp_path / "made")
     call(bin / "asperity", "report", "made")
-    call(bin / "asperity", "dynamics", "made/curve.csv", "-o", "vibration", "--preload", "1e-4")
+    call(bin / "asperity", "dynamics", "made/curve.csv", "-o", "vibration", "--set", "dynamics.preload=1e-4")
     assert "asperity[solve]" in call(bin / "asperity", "run", ROOT / "cases/quick.toml", "-o", "no", code=4)
     call(bin / "pip", "install", "--quiet", f"{wheel}[solve]")
     call(bin / "asperity", "init", "flat.toml", "--surface", "flat")

@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import logging
 import sys
 import warnings
 from typing import Any
+
+WARNINGS = "asperity.warnings"  # the logger that has a record of each warning, whatever filters do with it
 
 
 class AsperityError(Exception):
@@ -80,7 +83,8 @@ class ResolutionWarning(AsperityWarning):
 
 
 def warn(text: str, category: type[AsperityWarning] = AsperityWarning) -> None:
-    """Issue a warning that points to the line which called this package, whatever is in between."""
+    """Issue a warning that points to the line which called this package, whatever is in between; and log it."""
+    logging.getLogger(WARNINGS).info("warning: %s", text)
     frame, level, outside = sys._getframe(1), 2, 2  # 1 is this function
     while frame is not None:
         if frame.f_globals.get("__name__", "").partition(".")[0] == __name__.partition(".")[0]:

@@ -72,7 +72,7 @@ def test_few_elements_have_most_of_their_nodes_on_the_surface(h: float, growth: 
     case = {"units": "other", "surface": surface, "material": {"E": 1.0, "nu": 0.3}, "block": {"sides": sides}}
     case |= {"mesh": {"h_contact": h, "growth": growth, "h_max": 1.0}, "loading": {"delta_max": load, "steps": 1}}
     given = Case.from_dict(case)
-    block = make_block(here(), given.build_surface(), 1.0, load, given.problem().size, sides)
+    block = make_block(here(), given.surface, 1.0, load, given.problem().size, sides)
     assert block is not None
     nodes, rel = (len(np.unique(joined(block))), 0.25) if sides == "periodic" else (len(block.points), 0.3)
     assert estimate(given).dofs == pytest.approx(3 * nodes, rel=rel)

@@ -175,7 +175,7 @@ def test_a_stop_while_a_mesh_is_judged_keeps_its_curve() -> None:
     """It takes effect before the next mesh."""
 
     def stage(name: str) -> None:
-        if name.startswith("half-space with the top"):
+        if name.startswith("half-space estimate, roughness of mesh"):
             stopped.append(name)
         if stopped:
             raise Interrupted(f"stopped by the test before the load path (next: {name})")

@@ -8,11 +8,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
 
 from asperity.case.case_file import Case
-from asperity.case.keys import input_reference
 from asperity.errors import InputError
 from asperity.model.material import Material
 from asperity.model.problem import Problem
@@ -49,10 +46,11 @@ def test_defaults_follow_from_the_side_of_the_patch() -> None:
     assert case.block.height == 2.0
     assert case.mesh.h_contact == pytest.approx(0.08)
     assert case.mesh.h_max is None  # as small as slopes need
-    assert case.loading.unload_steps == case.loading.steps // 2 == 5
+    assert case.loading.unload_steps == 0 and not case.loading.unload
     assert case.dynamics is None and case.accuracy.tolerance is None
-    one = Case.from_dict({**MINIMAL, "loading": {"delta_max": 0.01, "steps": 1}})
-    assert one.loading.unload_steps == 1
+    for steps, unload_steps in ((10, 5), (1, 1)):
+        tables = {**MINIMAL, "loading": {"delta_max": 0.01, "steps": steps, "unload": True}}
+        assert Case.from_dict(tables).loading.unload_steps == unload_steps
 
 
 @pytest.mark.parametrize("path", CASES, ids=lambda path: path.stem)
@@ -89,7 +87,7 @@ def test_files_are_taken_from_the_case_folder_and_hashed_by_content(tmp_path: Pa
     path.write_text(text)
     case = Case.load(path)
     assert case.surface.L == 2e-6 and case.block.height == 2e-6
-    assert Path(case.surface.given()["path"]) == tmp_path / "map.npz"
+    assert Path(case.to_dict()["surface"]["path"]) == tmp_path / "map.npz"
     before = case.hash()
     np.savez(tmp_path / "map.npz", z=2 * heights, L=2e-6)
     assert Case.load(path).hash() != before
@@ -119,100 +117,29 @@ def test_an_override_replaces_adds_and_removes() -> None:
     assert case.dynamics is not None and case.dynamics.forcing == (0.01, 0.05)
 
 
-MISTAKES = {
-    "loading.unload_to=1": ("loading.unload_to = 1", "[0, 1)"),
-    "loading.unload=false & loading.unload_to=0.5": ("loading.unload_to = 0.5", "loading.unload = true"),
-    "slip.friction=0": ("slip.friction", "(0, 10]"),
-    "slip.steps=3": ("slip.friction",),
-    "slip.friction=0.3 & slip.method=solid": ("slip.method", "not a key of [slip]"),
-    "slip.friction=0.3 & slip.direction=20": ("slip.direction",),
-    "surface.gama=1.5": ("surface.gama", '"gamma"'),
-    "surface.kind=sphre": ("surface.kind", '"sphere"'),
-    "surface.kind=": ("surface.kind", "missing"),
-    "surface.D=3": ("surface.D = 3", "(2, 3)"),
-    "surface.D=": ("surface.D", "missing"),
-    "surface.G=13.6": ("surface.G", "surface.L", "same unit"),
-    "surface=3": ("surface", "section"),
-    "materials.E=1": ("materials", '"material"'),
-    "material.delta_max=1": ("material.delta_max", "[loading]"),
-    "material.E=-1": ("material.E = -1", "[1e-20, 1e+40]"),
-    "material.E=200": ("yield_strength", "E = 200", "same unit"),
-    'material.E="200e9"': ('"200e9"', "must be a number"),
-    "material.E=true": ("material.E = true", "must be a number"),
-    "material.E=nan": ("material.E = nan", "finite"),
-    "material.nu=0.5": ("material.nu = 0.5", "[-0.9, 0.495]"),
-    "material.yield_strength=1": ("yield_strength = 1", "same unit"),
-    "material.yield_strength=": ("tangent_modulus", "yield_strength"),
-    "material.tangent_modulus=200e9": ("tangent_modulus = 2e+11", "below material.E"),
-    "material.hardening=kinetic": ('material.hardening = "kinetic"', '"isotropic", "kinematic" or [0, 1]'),
-    "material.hardening=1.5": ("material.hardening = 1.5", "[0, 1]"),
-    "material.kinematics=large": ('material.kinematics = "large"', '"small", "finite"'),
-    "material=": ("material", "missing"),
-    "block.height=1": ("block.height", "same unit"),
-    "contact.method=glue": ("contact.method", '"penalty"'),
-    "contact.penalty=0": ("contact.penalty = 0",),
-    "mesh.file=nothing.npz": ("mesh.file", "nothing.npz", "no such file"),
-    "mesh.h_contact=0.5e-6": ("mesh.h_contact", "mesh.h_max"),
-    "loading.delta_max=": ("loading.delta_max", "missing"),
-    "loading.force_max=1e-4": ("loading.force_max", "exactly one"),
-    "loading.pressure_max=1e8": ("loading.delta_max and loading.pressure_max are both given", "exactly one"),
-    "loading.delta_max=30": ("loading.delta_max", "same unit"),
-    "loading.delta_max=2e-6": ("loading.delta_max", "exceeds the block"),
-    "loading.steps=0": ("loading.steps = 0", "[1, 100000]"),
-    "loading.steps=2.5": ("loading.steps = 2.5", "whole number"),
-    "loading.unload=1": ("loading.unload = 1", "true or false"),
-    "accuracy.tolerance=0": ("accuracy.tolerance = 0", "[1e-06, 1)"),
-    "dynamics.forcing=[0]": ("dynamics.forcing", "[1e-09, 1e+06]"),
-    "dynamics.forcing=0.1": ("dynamics.forcing", "list"),
-    "dynamics.omega=[1.3, 0.5]": ("dynamics.omega", "low < high"),
-    "dynamics.omega=[1]": ("dynamics.omega", "short"),
-    'dynamics.model=["exact", "exact"]': ("dynamics.model", "twice"),
-    "dynamics.zeta=-0.1": ("dynamics.zeta = -0.1",),
-    "units=mm": ("units", '"other"'),
-    "height=1": ("height", "case file"),
-    "block.height": ("block.height", "section.key=value"),
-    "a.b.c=1": ("section.key=value",),
-    ".L=1": ("section.key=value",),
-    "units.a=1": ("units", '"SI"'),
-    "dynamics.law=unload-reload & loading.unload=false": ("loading.unload",),
-    "contact.method=nitsche & contact.gamma=0.7": ("contact.gamma = 0.7 is below",),
-    "loading.delta_max= & loading.force_max=1": ("check the units",),
-    "loading.delta_max= & loading.pressure_max=0.1": ("of E/(1 - nu^2), legal",),
-    "slip.friction=0.3 & slip.amplitudes=[0.3, 0.1]": ("0.3, 0.1", "must rise"),
-    "slip.friction=0.3 & slip.amplitudes=[0.5, 1.0]": ("slip.amplitudes", "0.99"),
-    "slip.friction=0.3 & slip.preload=1.0": ("slip.preload", "must lie between"),
-    "loading.delta_max= & loading.force_max=1e-6 & joint.preload=2e-6": ("joint.preload", "and 1e-06, the greatest"),
-    **{
-        f"loading.delta_max= & loading.force_max=1e-4 & dynamics.preload={preload}": (
-            "dynamics.preload = ",
-            "must lie between",
-            "and 0.0001, the greatest force",
-        )
-        for preload in (1e-300, 1e-3, 1e300)
-    },
-    "joint.preload=1.0 & joint.pressure=1e8": ("joint.preload and joint.pressure are both given",),
-    "joint.pressure=1e8 & dynamics.preload=1e-4": ("dynamics.preload cannot go with",),
-    "joint.mass=1.0 & dynamics.gravity=9.81": ("dynamics.gravity takes the mass",),
-    "joint.pressure=1e18": ("joint.pressure = 1e+18 makes a force of 1e+06 on the patch, which must lie between",),
-    "joint.nominal_area=1e-4 & joint.preload=1e12": ("joint.preload = 1e+12 makes a force of 10000 on the patch",),
-    "joint.area=1.0": ("joint.area",),
-    "slip.friction=0.3 & block.sides=free & contact.friction=0.3": ("contact.friction", "remove [slip]"),
-    "contact.friction=-1": ("contact.friction",),
-    "contact.friction=stick": ("contact.friction",),
-    "dynamics.zeta=0": ("dynamics.zeta = 0", "[0.0001, 0.9999]"),
-    "dynamics.zeta=[0.1, 2.0]": ("dynamics.zeta", "[0.0001, 0.9999]"),
-    'dynamics.forcing=["5 N", "2 um"]': ("dynamics.forcing", "give all with one unit"),
-    'dynamics.forcing=["5 K"]': ("dynamics.forcing", "'5 K' is no number with the unit N"),
-    'dynamics.omega=["9 kHz", "5 kHz"]': ("dynamics.omega", "low < high"),
-    'dynamics.forcing=["5 N"] & units=other': ("dynamics.forcing in N cannot go with units",),
-}
+#: Legal one by one, but not together, or not with the rest of the case.
+CONTRADICTIONS = (
+    "loading.unload=false & loading.unload_to=0.5", "loading.unload_steps=0 & loading.unload=true",
+    "dynamics.law=unload-reload & loading.unload=false", "surface.G=13.6", "material.E=200",
+    "material.yield_strength=1", "material.yield_strength=", "material.tangent_modulus=200e9", "block.height=1",
+    "mesh.file=nothing.npz", "mesh.h_contact=0.5e-6", "loading.delta_max=", "loading.force_max=1e-4",
+    "loading.pressure_max=1e8", "loading.delta_max=30", "loading.delta_max=2e-6", "dynamics.omega=[1.3, 0.5]",
+    'dynamics.model=["exact", "exact"]', "contact.method=nitsche & contact.gamma=0.7",
+    "loading.delta_max= & loading.force_max=1", "loading.delta_max= & loading.pressure_max=0.1",
+    "slip.friction=0.3 & slip.preload=1.0", "loading.delta_max= & loading.force_max=1e-6 & joint.preload=2e-6",
+    *(f"loading.delta_max= & loading.force_max=1e-4 & dynamics.preload={load}" for load in (1e-300, 1e-3, 1e300)),
+    "joint.preload=1.0 & joint.pressure=1e8", "joint.pressure=1e8 & dynamics.preload=1e-4",
+    "joint.mass=1.0 & dynamics.gravity=9.81", "joint.pressure=1e18", "joint.nominal_area=1e-4 & joint.preload=1e12",
+    "slip.friction=0.3 & block.sides=free & contact.friction=0.3", 'dynamics.forcing=["5 N", "2 um"]',
+    'dynamics.forcing=["5 K"]', 'dynamics.omega=["9 kHz", "5 kHz"]', 'dynamics.forcing=["5 N"] & units=other',
+    "height=1", "surface=3", "block.height", "a.b.c=1", ".L=1",
+)  # fmt: skip
 
 
-@pytest.mark.parametrize("override", MISTAKES)
-def test_each_mistake_gives_one_sentence_with_key_value_and_range(override: str) -> None:
+@pytest.mark.parametrize("override", CONTRADICTIONS)
+def test_a_contradiction_is_refused_with_a_key_that_was_changed(override: str) -> None:
     message = refusal(*override.split(" & "))
-    for part in MISTAKES[override]:
-        assert part in message
+    assert any(change.partition("=")[0] in message for change in override.split(" & "))
 
 
 @pytest.mark.parametrize(
@@ -236,7 +163,7 @@ def test_a_nominal_pressure_is_a_force_by_another_name() -> None:
     assert by_pressure.loading.driver == "pressure_max" and by_pressure.greatest_force == forces[0]
     for force in (1.0, None):
         pressure = force
-        with pytest.raises(InputError, match="exactly one of delta_max, force_max and pressure_max"):
+        with pytest.raises(InputError, match="give exactly one"):
             Problem.of(Flat(L=1.0), Material(1.0, 0.3), force_max=force, pressure_max=pressure)
     with pytest.raises(InputError, match=r"loading.pressure_max = -1 is"):
         Problem.of(Flat(L=1.0), Material(1.0, 0.3), pressure_max=-1.0)
@@ -316,25 +243,3 @@ def test_a_quarter_of_a_sphere_in_a_corner_is_no_first_touch_on_an_edge(sides: s
     quarter = {"kind": "sphere", "L": 1.0, "radius": 1.0, "centre": [0.0, 0.0]}
     case = Case.from_dict(MINIMAL | {"surface": quarter, "block": {"sides": sides}})
     assert len(doubts_of(case)) == count
-
-
-VALUES = st.one_of(
-    st.none(), st.booleans(), st.integers(), st.floats(), st.text(max_size=8),
-    st.sampled_from(["sphere", "flat", "file", "exact", "free", 10**400, -1e308, 1e-320, 1e-9]),
-    st.lists(st.floats(), max_size=3), st.dictionaries(st.text(max_size=3), st.integers()),
-)  # fmt: skip
-KEYS = [(section.split()[0], key) for section, key, *_ in input_reference()]
-
-
-@settings(max_examples=150, deadline=None)
-@given(st.lists(st.tuples(st.sampled_from(KEYS), VALUES), min_size=1, max_size=4))
-def test_any_values_give_a_case_or_a_sentence(changes: list[tuple[tuple[str, str], object]]) -> None:
-    data: dict[str, dict[str, object]] = Case.load(DEMO).to_dict()
-    for (section, key), value in changes:
-        data.setdefault(section, {})[key] = value
-    try:
-        case = Case.from_dict(data)
-    except InputError as error:
-        assert str(error) and "\n" not in str(error) and len(str(error)) < 600
-    else:
-        assert Case.from_dict(case.to_dict()) == case

@@ -102,7 +102,7 @@ def test_odd_maps_give_a_result(
     gaps = np.mean(~np.isfinite(z))
     assert json.loads((tmp_path / "out/measured.json").read_text())["filled"] == gaps
     assert ("gaps that were filled" in capsys.readouterr().out) == (gaps > 0.0)
-    surface = Case.load(tmp_path / "out/case.toml").build_surface()
+    surface = Case.load(tmp_path / "out/case.toml").surface
     assert np.isfinite([*surface.maximum(), *surface.grid(5).ravel()]).all()
 
 

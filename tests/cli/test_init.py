@@ -16,9 +16,7 @@ from conftest import call
 import asperity as asp
 from asperity.adaptive.estimate import estimate
 from asperity.case import Case
-from asperity.case.keys import kind_of, properties, sections
-from asperity.case.schema import Input
-from asperity.case.surfaces import SURFACES as MODELS
+from asperity.case.keys import input_reference
 from asperity.cli.check import prepare
 from asperity.cli.init import SURFACES, starting_case
 
@@ -45,17 +43,18 @@ def test_the_case_is_accepted_without_a_warning(kind: str, tmp_path: Path) -> No
 def test_the_commented_defaults_are_the_defaults(kind: str, tmp_path: Path) -> None:
     """Every key of the schema is in the file; setting those that are commented out changes nothing."""
     text = starting_case(kind)
-    keys = {name: {key for m in sections(name) for key in properties(m)} for name in Input.model_fields}
-    keys["surface"] = next(set(properties(m)) for m in MODELS if kind_of(m) == kind)
+    keys: dict[str, set[str]] = {"surface": {"kind"}}
+    for place, key, *_ in input_reference():
+        if not place.startswith("surface") or f"({kind})" in place:
+            keys.setdefault(place.partition(" ")[0], set()).add(key)
     found: dict[str, set[str]] = {}
     section = ""
     for line in text.splitlines():
         if header := re.match(r"(?:# )?\[(\w+)\]$", line):
             section = header[1]
-        elif key := re.match(r"(?:# )?(\w+) = ", line):
-            found.setdefault(section, set()).add(key[1])
-    assert found.pop("") == {"units"}
-    assert found == {name: some for name, some in keys.items() if some}
+        elif named := re.match(r"(?:# )?(\w+) = ", line):
+            found.setdefault(section, set()).add(named[1])
+    assert found == keys
 
     plain, full = tmp_path / "plain.toml", tmp_path / "full.toml"
     text, required = re.subn(r"^# (\w+ =) +(# .*; required)$", r"\1 0.3 \2", text, flags=re.MULTILINE)
@@ -74,7 +73,7 @@ def test_a_joint_is_in_the_numbers_of_the_user(tmp_path: Path, capsys: pytest.Ca
     assert init(path, "--joint", "1e-5", "250", "5", "--Sq", "0.4e-6") == 2
     assert init(path, "--joint", "1e-5", "250", "5", "--Sq", "0.4e-6", "--slope", "0.1") == 0
     case = Case.load(path)
-    statistics = case.build_surface().statistics()
+    statistics = case.surface.statistics()
     assert statistics.Sq == pytest.approx(0.4e-6, rel=0.01) and statistics.rms_slope == pytest.approx(0.1, rel=0.01)
     joint = case.joint
     assert joint is not None and (joint.nominal_area, joint.preload, joint.mass) == (1e-5, 250.0, 5.0)
@@ -108,7 +107,7 @@ def test_a_map_is_taken_from_its_file(tmp_path: Path, monkeypatch: pytest.Monkey
     assert init("cases/mine.toml", "--from", "scan.npz") == 0
     case = Case.load("cases/mine.toml")
     heights = surface.grid(65)
-    assert case.surface.kind == "file" and case.build_surface().L == pytest.approx(1e-4)
+    assert case.surface.kind == "file" and case.surface.L == pytest.approx(1e-4)
     assert case.loading.delta_max is not None
     assert 0.01 < np.mean(heights > heights.max() - case.loading.delta_max) < 0.1
     assert init("absent.toml", "--from", "absent.npz") == 2

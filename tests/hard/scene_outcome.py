@@ -15,7 +15,7 @@ from mpi4py import MPI
 from scene_definition import BASE, Keys, L, Map, Scene, heights
 
 from asperity.case import Case
-from asperity.case.case_file import identity
+from asperity.case.identity import identity
 from asperity.curve import Curve
 from asperity.errors import CheckError, ConvergenceError, InputError
 from asperity.job.run_case import run
@@ -92,7 +92,7 @@ def _case(scene: Scene, keys: Keys, folder: Path) -> Case:
         section, _, key = name.rpartition(".")
         (tables.setdefault(section, {}) if section else tables)[key] = value
     case = Case.from_dict(tables, folder=folder)
-    surface = case.build_surface()
+    surface = case.surface
     if scene.depth is not None:
         tables["loading"]["delta_max"] = scene.depth * (surface.maximum()[2] - surface.mean())
     return Case.from_dict(tables, folder=folder)

@@ -248,7 +248,7 @@ def any_map_is_a_surface_or_a_sentence(given_map: tuple[str, bytes]) -> None:
                 refused(error)
                 continue
             if accepts(case):
-                made = case.build_surface()
+                made = case.surface
                 assert math.isfinite(made.maximum()[2]) and math.isfinite(made.rms_slope())
 
 

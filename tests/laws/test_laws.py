@@ -19,8 +19,7 @@ from asperity.arrays import Floats
 from asperity.fem.law_check import OneCell, check_law
 from asperity.laws import definition
 from asperity.mesh.block import BlockMesh
-from asperity.output.assumption import Evidence
-from asperity.output.assumptions import ledger
+from asperity.output.assumptions import Evidence, assumptions_of
 
 E, NU = 200.0, 0.3
 MU, BULK = E / (2 * (1 + NU)), E / (3 * (1 - 2 * NU))
@@ -131,7 +130,7 @@ def test_locking_is_doubted_where_a_law_hides_its_strength(coarse: BlockMesh, ro
     for material in (asp.Material(1.0, NU, 0.005), asp.Material.of_law(hidden, E=1.0, nu=NU, k=0.005)):
         result = asp.solve_contact(rough, material, delta_max=0.012, steps=2, block=coarse)
         problem = asp.Problem.of(rough, material, delta_max=0.012)
-        whole = ledger(Evidence(result.curve, problem, h=0.05))
+        whole = assumptions_of(Evidence(result.curve, problem, h=0.05))
         yields = any("at which it yields" in line.name for line in whole)
         assert yields == (material.yield_strength is not None)
         lines = [line for line in whole if "locking" in line.name]

@@ -24,7 +24,7 @@ from asperity.mesh.block import BlockMesh
 from asperity.mesh.distribute import TOP, distribute
 from asperity.model.material import Material
 from asperity.model.settings import SolverOptions
-from asperity.runtime import memory
+from asperity.runtime import usage
 from asperity.surface import Surface
 
 SUMS = 3  # of an iteration: two of PETSc, one of them of two products, and that of the coarse problem
@@ -131,16 +131,16 @@ def test_a_factorisation_that_lacks_memory_says_what_to_set(
 
 def test_memory_that_a_container_leaves(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Of a group of processes the least of its limits counts, without what the system can drop."""
-    whole = memory.free_share(here())
-    assert 0.0 < whole < np.inf and memory.peak() > 1e7
+    whole = usage.free_share(here())
+    assert 0.0 < whole < np.inf and usage.peak() > 1e7
     group = tmp_path / Path("/proc/self/cgroup").read_text().rpartition("0::")[2].strip().lstrip("/")
     group.mkdir(parents=True, exist_ok=True)
     (group / "memory.max").write_text("max\n")
     (group / "memory.stat").write_text("anon 3000\nfile 900\n")
     (tmp_path / "memory.max").write_text("5000\n")
     (tmp_path / "memory.stat").write_text("anon 4000\nfile 900\n")
-    monkeypatch.setattr(memory, "GROUPS", tmp_path)
-    assert memory.free_share(here()) == 1000.0
+    monkeypatch.setattr(usage, "GROUPS", tmp_path)
+    assert usage.free_share(here()) == 1000.0
 
 
 # --- messages --------------------------------------------------------------------------------------------------

@@ -102,7 +102,7 @@ def test_units_do_not_matter(kind: str) -> None:
     def block(L: float) -> BlockMesh:
         surface: Surface = Sinusoid(L=L, amplitude=0.05 * L, dims=2)
         if kind == "fractal":
-            surface = WeierstrassMandelbrot(L=L, G=1.36e-5 * L, seed=1)
+            surface = WeierstrassMandelbrot(L=L, D=2.4, G=1.36e-5 * L, seed=1)
         found = make_block(here(), surface, L, 0.02 * L, MeshSize(0.2 * L, h_max=0.6 * L))
         assert found is not None
         return found

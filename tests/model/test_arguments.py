@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 import warnings
 from collections.abc import Callable
 from dataclasses import fields
@@ -28,98 +29,59 @@ WAVE = Surface.from_spec("sinusoid", L=L, amplitude=5e-9)
 @pytest.mark.parametrize(
     ("call", "legal"),
     [
-        (lambda: asp.Material("200 GPa", 0.3), "material.E = '200 GPa' must be a number"),
-        (lambda: asp.Material(True, 0.3), "material.E = True must be a number"),
-        (lambda: asp.Material(float("nan"), 0.3), "material.E = nan must lie in"),
-        (lambda: asp.Material(1.0, 0.3, 0.1, 1.0), "material.tangent_modulus = 1"),
-        (lambda: asp.Material(1.0, 0.3, 0.1, -0.1), "material.tangent_modulus = -0.1"),
-        (lambda: asp.Material(1.0, 0.3, hardening="kinematic"), "needs material.yield_strength"),
-        (lambda: asp.Material(1.0, 0.3, 0.1, 0.1, "kinetic"), "material.hardening = .* must be"),
-        (lambda: asp.Material(1.0, 0.3, 0.1, 0.1, 1.5), "material.hardening = 1.5 must be"),
-        (lambda: asp.Formulation("nitsche", gamma=float("nan")), "contact.gamma = nan is below .* is stable"),
-        (lambda: asp.MeshSize("40 nm"), "mesh.h_contact = '40 nm' must be a number"),
-        (lambda: asp.Formulation(1), "contact.method = 1 must be a text"),
-        (lambda: asp.SolverOptions(newton_max=2.5), "solver.newton_max = 2.5 must be a whole number"),
-        (lambda: asp.SolverOptions(krylov_rtol=-1.0), r"krylov_rtol = -1.0 must lie in \(0, 1\)"),
-        (lambda: asp.SolverOptions(krylov_rtol=float("nan")), r"krylov_rtol = nan must lie in \(0, 1\)"),
-        (lambda: asp.Joint(preload=1.0, pressure=2.0), "joint.preload and joint.pressure are both given"),
-        (lambda: asp.Joint(pressure=-1.0), "joint.pressure = -1.0 is not legal"),
-        (lambda: asp.AccuracyTarget("1 %"), "accuracy.tolerance = '1 %' must be a number"),
+        (lambda: asp.Material("200 GPa", 0.3), 'material.E = "200 GPa" must be a number, legal: [1e-20, 1e+40]'),
+        (lambda: asp.Material(), "material.E is missing: Young's modulus"),
+        (lambda: asp.Material(1.0, 0.3, 0.1, yeild_strength=1.0), 'did you mean "yield_strength"?'),
+        (lambda: asp.Material(1.0, 0.3, nu=0.3), "material.nu is given twice"),
+        (lambda: asp.Joint(1, 2, None, 4, 5, 6), "joint has no more than 5 values: nominal_area, preload"),
+        (lambda: asp.SolverOptions(krylov_rtol=-1.0), "solver.krylov_rtol = -1 is not legal"),
+        (lambda: asp.solve_contact(STEEL, WAVE, delta_max=1e-9), "surface = Material("),
         (
-            lambda: Schedule(delta_max="1e-9"),  # type: ignore[arg-type]
-            "loading.delta_max = '1e-9' must be a number",
+            lambda: asp.solve_contact(WAVE, 200e9, delta_max=1e-9),
+            "material = 2e+11 is not legal: it must be a material",
         ),
-        (lambda: asp.solve_contact(STEEL, WAVE, delta_max=1e-9), "surface = Material.* must be a surface"),
-        (lambda: asp.solve_contact(WAVE, 200e9, delta_max=1e-9), r"material = 2e\+11 must be a material"),
-        (lambda: asp.solve_contact(WAVE, STEEL, delta_max=1e-9, size=6e-8), "size = 6e-08 must be .*asp.MeshSize"),
-        (lambda: asp.solve_contact(WAVE, STEEL, pressure_max="1 GPa"), "loading.pressure_max = '1 GPa' must be"),
-        (lambda: asp.solve_contact(WAVE, STEEL, delta_max=1e-9, steps=2.0), "loading.steps = 2 must be a whole number"),
-        (lambda: asp.solve_contact(WAVE, STEEL, delta_max=1e-9, sides="roller"), "block.sides = .* is not one of"),
-        (lambda: asp.solve_contact(WAVE, STEEL, delta_max=1e-9, integrator="rk4"), "loading.integrator = .* not one"),
-        (lambda: asp.solve_contact(WAVE, STEEL, delta_max=1e-9, formulation="nitsche"), "must be .*asp.Formulation"),
-        (lambda: asp.solve_contact(WAVE, STEEL, delta_max=1e-9, options="cg"), "options = 'cg' must be .*asp.Solver"),
-        (lambda: asp.solve_contact(WAVE, STEEL, delta_max=1e-9, tolerance="1 %"), "accuracy.tolerance = '1 %' must be"),
+        (lambda: asp.solve_contact(WAVE, STEEL, delta_max=1e-9, size=6e-8), "size = 6e-08 is not legal"),
+        (lambda: asp.solve_contact(WAVE, STEEL, delta_max=1e-9, formulation="nitsche"), "asp.Formulation"),
+        (lambda: asp.solve_contact(WAVE, STEEL, delta_max=1e-9, stepz=3), 'did you mean "steps"?'),
+        (lambda: asp.solve_contact(WAVE, STEEL, delta_max=1e-9, sides="roller"), 'block.sides = "roller" is not a'),
+        (lambda: asp.solve_contact(WAVE, STEEL, delta_max=1e-9, tolerance=asp.AccuracyTarget()), "accuracy.tolerance"),
     ],
 )
-def test_a_value_of_another_type_is_refused_with_the_legal_form(call: Callable[[], Any], legal: str) -> None:
-    with pytest.raises(InputError, match=legal) as caught:
+def test_arguments_that_no_case_has_are_refused_in_the_same_way(call: Callable[[], Any], legal: str) -> None:
+    with pytest.raises(InputError) as caught:
         call()
-    assert "\n" not in str(caught.value)
+    assert legal in str(caught.value) and "\n" not in str(caught.value)
 
 
-def tables_of(changes: dict[str, Any]) -> dict[str, Any]:
-    """Tables of a case with these keys."""
-    tables: dict[str, Any] = {"surface": SPEC, "material": {"E": 200e9, "nu": 0.3}, "loading": {}}
-    if not {"loading.force_max", "loading.pressure_max"} & changes.keys():
-        tables["loading"]["delta_max"] = 2e-9
-    for key, value in changes.items():
-        section, name = key.split(".")
-        tables.setdefault(section, {})[name] = value
-    return tables
+def test_an_object_takes_microseconds() -> None:
+    """Less than a millisecond for a problem, so that a study of 10,000 costs seconds."""
+    top, path = Flat(L=1.0), Schedule(delta_max=0.01)
+    start = time.process_time()
+    for k in range(300):
+        Problem(top, asp.Material(1.0 + k, 0.3), path)
+    assert time.process_time() - start < 300 * 1e-3
 
 
-def of_script(tables: dict[str, Any]) -> Problem:
-    """The problem of a case as a script makes it."""
-    kinds = {"size": ("mesh", asp.MeshSize), "formulation": ("contact", asp.Formulation)}
-    kinds["options"] = ("solver", asp.SolverOptions)
-    parts = {name: kind(**tables.get(section, {})) for name, (section, kind) in kinds.items()}
-    surface, material = Surface.from_spec(**tables["surface"]), asp.Material(**tables["material"])
-    return Problem.of(surface, material, **parts, **tables["loading"], **tables.get("block", {}))
+@pytest.mark.parametrize("whole", [False, True])
+def test_a_doubtful_load_is_told_to_scripts_and_commands(whole: bool) -> None:
+    def make(delta_max: float) -> None:
+        solid, loading = {"E": 200e9, "nu": 0.3}, {"delta_max": delta_max}
+        if whole:
+            Case.from_dict({"surface": SPEC, "material": solid, "loading": loading}).problem()
+        else:
+            Problem.of(Surface.from_spec(**SPEC), asp.Material(**solid), **loading)  # type: ignore[arg-type]
 
-
-# metres for micrometres, more than the block; above the greatest size; GPa for Pa
-REFUSED: dict[str, tuple[Any, ...]] = {
-    "loading.delta_max": (0.02, 1.1e-6, 1e-14, -1e-9), "loading.force_max": (1.0, 1e-20),
-    "loading.pressure_max": (1e12,), "loading.steps": (0,), "loading.cycles": (0,), "block.height": (1.0,),
-    "mesh.h_contact": (0.04, 0.5e-6), "mesh.h_max": (1e-12,), "mesh.growth": (0.0,),
-    "material.E": (0.0, float("inf")), "material.nu": (0.4951, -1.0), "material.yield_strength": (1.0, 300e9, 0.0),
-    "contact.method": ("glue",), "contact.penalty": (1e9,), "solver.linear": ("qr",), "solver.rtol": (0.5,),
-    "solver.newton_max": (0,),
-}  # fmt: skip
-
-
-@pytest.mark.parametrize(("key", "value"), [(key, value) for key, values in REFUSED.items() for value in values])
-@pytest.mark.parametrize("make", [of_script, lambda tables: Case.from_dict(tables).problem()])
-def test_script_and_command_refuse_the_same(make: Callable[[Any], Problem], key: str, value: Any) -> None:
-    with pytest.raises(InputError, match=key.partition(".")[2]):
-        make(tables_of({key: value}))
-
-
-@pytest.mark.parametrize("make", [of_script, lambda tables: Case.from_dict(tables).problem()])
-def test_script_and_command_warn_of_the_same(make: Callable[[Any], Problem]) -> None:
     with pytest.warns(CaseWarning, match="more than the surface's depth"):
-        make(tables_of({"loading.delta_max": 30e-9}))
+        make(30e-9)
     with warnings.catch_warnings():
         warnings.simplefilter("error")
-        make(tables_of({}))
+        make(2e-9)
 
 
 def test_arguments_are_those_of_problem_load_path_and_callbacks() -> None:
     known = {field.name for kind in (Problem, Schedule, Callbacks) for field in fields(kind)}
     inside = {"surface", "material", "load_path", "block_height", "sticks"}
     assert Arguments.__optional_keys__ == known - inside | {"height", "pressure_max"}
-    with pytest.raises(TypeError, match="stepz"):
-        asp.solve_contact(WAVE, STEEL, delta_max=1e-9, stepz=3)
 
 
 def test_problem_and_flat_arguments_give_the_same() -> None:

@@ -97,21 +97,6 @@ def test_the_branch_has_the_elastic_stiffness_as_slope(folder: Path) -> None:
     np.testing.assert_allclose(table.k_n[-1], 1.25 * 2 * P0 / Z0, rtol=1e-9)
 
 
-@pytest.mark.parametrize("program", ["calculix", "abaqus"])
-def test_a_deck_begins_at_zero_and_rises(folder: Path, program: str) -> None:
-    path = asp.export(folder, program)
-    table = deck(path)
-    assert path.name == EXPORTS[program] and (table[0] == 0).all()
-    assert (np.diff(table, axis=0) > 0).all() and table.shape[1] == 2
-    inside = table[1:, 1] <= Z0 * (1 + 1e-6)
-    np.testing.assert_allclose(table[1:][inside, 0], pressure(table[1:][inside, 1]), rtol=1e-6)
-    assert len(table) <= 40
-    assert inside.sum() == len(table) - (2 if program == "calculix" else 1)
-    head = path.read_text(encoding="ascii").split("*SURFACE INTERACTION")[0].splitlines()
-    assert all(line.startswith("** ") and len(line) < 125 for line in head)
-    assert any("Pa/m" in line for line in head)
-
-
 def read(path: Path, program: str) -> Array:
     """Approach and pressure of the points of a file (m, 2), with the zero that each program adds."""
     if program == "csv":
@@ -129,7 +114,10 @@ def read(path: Path, program: str) -> Array:
 def test_linear_reading_is_within_one_per_cent(folder: Path, program: str, law: str) -> None:
     """Of the law of the run, wherever its points are; the header names the greatest error."""
     path = asp.export(folder, program, law=law)
-    known = read(path, program)
+    known, head = read(path, program), re.findall(r"^(?:\*\*|!|#) .*", path.read_text(encoding="ascii"), re.MULTILINE)
+    assert path.name == EXPORTS[program] and (np.diff(known, axis=0) > 0).all()
+    assert any("Pa/m" in line for line in head) and max(map(len, head)) < 125
+    assert program != "calculix" or len(known) <= 40
     if law == "table":
         exact, z = pressure, np.geomspace(0.05 * Z0, Z0, 997)
     else:
@@ -158,13 +146,12 @@ def write_full_contact(folder: Path, n: int, bar: float) -> tuple[Array, Array]:
     return z, p
 
 
-@pytest.mark.parametrize("program", ["calculix", "abaqus"])
-def test_the_law_up_to_full_contact_is_read_within_one_per_cent(tmp_path: Path, program: str) -> None:
+def test_the_law_up_to_full_contact_is_read_within_one_per_cent(tmp_path: Path) -> None:
     """Where the pressure rises ever more steeply; points between those of the curve too."""
     write_full_contact(tmp_path, 60, 0.0)
     wave = Westergaard(A=0.005 * L, lam=L, E_prime=E / (1 - NU**2))
     p = np.linspace(0.05, 0.97, 200) * wave.full_pressure
-    read_at = np.interp(wave.approach(p), *read(asp.export(tmp_path, program), program).T)
+    read_at = np.interp(wave.approach(p), *read(asp.export(tmp_path, "abaqus"), "abaqus").T)
     np.testing.assert_allclose(read_at, p, rtol=0.015)
 
 

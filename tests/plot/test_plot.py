@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import base64
 import io
-import math
 import shutil
 from dataclasses import replace
 from pathlib import Path
@@ -35,7 +34,7 @@ from asperity.plot import (
     stiffness,
     surface_map,
 )
-from asperity.plot.contact import Raster, persson_area, persson_density, pressed_thirds
+from asperity.plot.contact import Raster, pressed_thirds
 from asperity.plot.curves import local_exponent
 from asperity.plot.turning import growing_spots, turning_surface
 from asperity.runtime.run_folder import FIELD_PICTURES, PRODUCTS
@@ -70,28 +69,18 @@ def test_figures_without_data_are_left_out(tmp_path: Path) -> None:
     assert {path.stem for path in plot_run(tmp_path)} == {"area", "curve"}
 
 
-def test_stiffness_and_mean_gap(results: Results) -> None:
-    """Drawn where they are known, in N/m and metres."""
-    curve = results.curve
-    k = 1e4 * curve.P_star
-    known = replace(curve, k_n=k, k_n_elastic=2.0 * k, k_t=k, mean_gap=1e-7 - curve.delta)
-    measured = replace(results, curve=known)
-    assert "stiffness" in figures_of(measured) and "stiffness" not in figures_of(results)
-    left, right = stiffness(measured).axes[:2]
-    assert left.get_ylabel().startswith("stiffness (") and left.get_ylabel().endswith("N/m)")
-    assert right.get_ylabel() == "mean gap (nm)" and len(left.lines) == 3
-
-
 def test_every_axis_has_quantity_and_unit(results: Results) -> None:
-    surface = results.surface
+    curve, surface = results.curve, results.surface
+    k = 1e4 * curve.P_star
+    known = replace(results, curve=replace(curve, k_n=k, k_n_elastic=2.0 * k, k_t=k, mean_gap=1e-7 - curve.delta))
+    assert "stiffness" in figures_of(known) and "stiffness" not in figures_of(results)
     heights = surface_map(surface.grid(33), surface.L, surface.maximum())
-    assert heights.axes[0].get_xlabel() == "$x$ (nm)"
     assert heights.axes[1].get_ylabel() == "height above the mean plane (nm)"
-    maps = pressure_maps(results)
-    assert maps.axes[-1].get_ylabel().startswith("contact pressure (")
-    for figure in (contact_area(results), force_curve(results)):
+    assert pressure_maps(results).axes[-1].get_ylabel().startswith("contact pressure (")
+    for figure in (contact_area(results), force_curve(results), stiffness(known)):
         assert all(axis.get_xlabel() and axis.get_ylabel() for axis in figure.axes)
         assert [axis.get_title(loc="left")[:3] for axis in figure.axes] == ["(a)", "(b)", "(c)"][: len(figure.axes)]
+    assert figure.axes[1].get_ylabel() == "mean gap (nm)"
 
 
 def test_second_axes_are_in_physical_units(results: Results) -> None:
@@ -218,44 +207,10 @@ def test_the_receptance_of_a_run_has_the_units_of_the_joint(tmp_path: Path) -> N
     assert metres * right.get_ylim()[1] == pytest.approx(own.get_ylim()[1] / numbers.stiffness)
 
 
-@pytest.mark.parametrize("name", ["summary.json", "fields/top.npz"])
-def test_a_damaged_file_is_named(tmp_path: Path, name: str) -> None:
-    write_run(tmp_path)
-    (tmp_path / name).write_bytes(b"{[,\x01")
-    with pytest.raises(InputError, match=Path(name).name):
-        Results.read(tmp_path)
-
-
 def test_the_suffix_is_that_of_a_picture(tmp_path: Path) -> None:
     assert save(Figure(), tmp_path / "a.PNG").read_bytes()[1:4] == b"PNG"
     with pytest.raises(InputError, match=r"a\.xyz has no suffix"):
         save(Figure(), tmp_path / "a.xyz")
-
-
-# --- area over load beside theories of rough contact -----------------------------------------------------------
-
-
-def test_persson_in_closed_form() -> None:
-    slope = 0.1
-    light = np.array([1e-6, 1e-5])
-    np.testing.assert_allclose(persson_area(light, slope), math.sqrt(8.0 / math.pi) * light / slope, rtol=1e-6)
-    assert persson_area(np.array([1.0]), slope)[0] == pytest.approx(1.0)
-    p = np.linspace(0.0, 1.0, 200_001)
-    for mean in (0.001, 0.02, 0.06):  # the density holds the area, and carries the load
-        density = persson_density(p, mean, slope)
-        assert np.trapezoid(density, p) == pytest.approx(persson_area(np.array([mean]), slope)[0], rel=1e-6)
-        assert np.trapezoid(p * density, p) == pytest.approx(mean, rel=1e-6)
-
-
-def test_theories_are_drawn_for_rough_surfaces(results: Results) -> None:
-    smooth = {**results.case, "surface": {"kind": "sphere", "L": 1e-6, "radius": 2e-6}}
-    for run, theories in ((results, ["Persson, elastic", "Bush, Gibson, Thomas, elastic"]),
-                          (replace(results, case=smooth), [])):  # fmt: skip
-        area, pressure = contact_area(run).axes
-        labels = area.get_legend_handles_labels()[1]
-        assert labels == ["loading", "error bar", *theories]
-        assert area.get_xscale() == area.get_yscale() == "log"
-        assert any("in contact" in text for text in pressure.get_legend_handles_labels()[1])
 
 
 def test_the_pressures_of_the_thirds_have_the_force_and_the_area_of_the_curve() -> None:

@@ -9,7 +9,7 @@ from asperity.errors import InputError
 from asperity.reference import RoughHalfSpace, half_space_contact
 from asperity.surface import SelfAffine, WeierstrassMandelbrot
 
-SURFACE = WeierstrassMandelbrot(L=1e-6)
+SURFACE = WeierstrassMandelbrot(L=1e-6, D=2.4, G=1.36e-11)
 APPROACHES = [0.005, 0.01, 0.02]
 
 

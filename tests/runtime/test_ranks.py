@@ -15,7 +15,7 @@ from conftest import world
 from asperity.errors import InputError, OutputError
 from asperity.runtime import compat
 from asperity.runtime.parallel import agree, on_root, on_root_bcast, spread
-from asperity.runtime.timing import clocked
+from asperity.runtime.usage import clocked
 
 pytestmark = pytest.mark.mpi
 

@@ -1,42 +1,52 @@
-"""Runs in existing folders: refused, continued or started again; `asp.run` behaves like the command."""
+"""Runs in existing folders: refused, continued or started again, whatever ended the run before."""
 
 from __future__ import annotations
 
+import errno
+import fcntl
+import itertools
 import json
 import os
+import re
 import shutil
 import subprocess
 import sys
+import tempfile
 import time
 import warnings
-from collections.abc import Callable, Mapping
-from functools import partial
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager, suppress
+from functools import cache, partial
 from pathlib import Path
 from stat import S_ISREG
 from typing import Any
 
 import numpy as np
 import pytest
-from conftest import call, files, world
+from conftest import call, files, leave_figures_blank, world
+from hypothesis import HealthCheck, Phase, settings
+from hypothesis import strategies as st
+from hypothesis.stateful import RuleBasedStateMachine, invariant, precondition, rule, run_state_machine_as_test
 
 from asperity.case import Case
 from asperity.curve import Curve
-from asperity.errors import CaseWarning, CheckpointError, InputError
+from asperity.errors import CaseWarning, CheckpointError, InputError, Interrupted
 from asperity.job.run_case import run
+from asperity.output.run_files import read_summary
 from asperity.plot import CAPTIONS, plot_run
-from asperity.runtime.files import replace_file
+from asperity.runtime import interrupt
 from asperity.runtime.progress import Progress
-from asperity.runtime.run_folder import PICTURES, PRODUCTS, holds_run
+from asperity.runtime.run_folder import PICTURES, PRODUCTS, holds_run, is_empty
 
 pytestmark = pytest.mark.usefixtures("blank_figures")
 
-# a plane: the whole run takes half a second
+# a plane: the whole run takes a third of a second
 PLANE: dict[str, Any] = {
     "units": "other",
     "surface": {"kind": "flat", "L": 1.0},
     "material": {"E": 1.0, "nu": 0.3},
     "mesh": {"h_contact": 0.5, "h_max": 1.0, "growth": 1.0},
-    "loading": {"delta_max": 0.02, "steps": 2},
+    "loading": {"delta_max": 0.02, "steps": 5},
 }
 WAVE: dict[str, Any] = {"kind": "sinusoid", "L": 1.0, "amplitude": 0.01}
 
@@ -49,194 +59,202 @@ def case_of(**sections: Mapping[str, Any] | str) -> Case:
     return Case.from_dict({**PLANE, **sections})
 
 
-def kill_at_removal(monkeypatch: pytest.MonkeyPatch, call: int) -> None:
-    """Kill a process before it removes its file number `call`."""
-    unlink, calls = Path.unlink, [0]
-
-    def kill(path: Path, missing_ok: bool = False) -> None:
-        calls[0] += path.exists()
-        if calls[0] == call:
-            raise Killed
-        unlink(path, missing_ok)
-
-    monkeypatch.setattr(Path, "unlink", kill)
-
-
-def kill_at(monkeypatch: pytest.MonkeyPatch, call: int) -> list[int]:
-    """Kill a process while it writes half of its file number `call`; returns the number of calls."""
-    sync, calls = os.fsync, [0]
-
-    def fsync(descriptor: int) -> None:
-        calls[0] += S_ISREG(os.fstat(descriptor).st_mode)
-        if calls[0] == call:
-            raise Killed
-        sync(descriptor)
-
-    monkeypatch.setattr("os.fsync", fsync)
-    return calls
-
-
-@pytest.fixture(scope="module")
-def straight(tmp_path_factory: pytest.TempPathFactory) -> tuple[Curve, Path]:
-    """An uninterrupted run."""
-    folder = tmp_path_factory.mktemp("straight") / "out"
-    return run(case_of(), folder).curve, folder
-
-
 def assert_same(curve: Curve, other: Curve) -> None:
     for name in ("delta", "force", "area_fraction", "max_pressure"):
         np.testing.assert_array_equal(getattr(curve, name), getattr(other, name))
 
 
-# --- resuming -------------------------------------------------------------------------------------------------
+# --- run, kill, resume, run again -----------------------------------------------------------------------------
+
+QUICK = {"forcing": [0.01], "model": ["exact"], "omega": [0.9, 0.95]}
+#: Cases by name; those that begin alike have the same curve, and a run of one is continued as another.
+CASES: dict[str, dict[str, Any]] = {
+    "soft": {},
+    "soft with vibration": {"dynamics": QUICK},
+    "soft with pictures": {"output": {"figures": True, "report": True, "snapshots": 0}},
+    "hard": {"material": {"E": 2.0, "nu": 0.3}},
+    "precise": {"solver": {"rtol": 1e-10}},
+}
+MINE = ("notes.txt", "figures/mine.png", "fields/mine")
+#: How a run ends before its time: killed while it writes or removes its file number n, stopped, without locks.
+ENDS = ("", "", "write", "write", "remove", "stop", "no lock")
 
 
-def begin(folder: Path) -> None:
-    """Write the files of a run before its mesh."""
-    folder.mkdir()
-    replace_file(folder / "case.toml", case_of().to_toml().encode())
+@cache
+def straight(name: str) -> tuple[Curve, frozenset[str]]:
+    """Curve and files of an uninterrupted run."""
+    with tempfile.TemporaryDirectory() as folder:
+        return run(case_of(**CASES[name]), folder).curve, frozenset(results(Path(folder)))
 
 
-def case_only(folder: Path) -> None:
-    begin(folder)
+def results(folder: Path) -> set[str]:
+    """Files in a folder, without a checkpoint, which keeps the snapshots of all that was requested."""
+    return {name for name in files(folder) if not name.startswith("checkpoint/")}
 
 
-def mesh_only(folder: Path) -> None:
-    begin(folder)
-    (folder / "checkpoint").mkdir()
-    (folder / "run.log").write_text("mesh\n")
-    (folder / "checkpoint" / "mesh.npz").write_bytes(b"of a mesh that is made again")
+@contextmanager
+def ended(how: str, number: int) -> Iterator[None]:
+    """End what is done in a with-block before its time, see ENDS."""
+    sync, unlink, count = os.fsync, Path.unlink, itertools.count(1)
 
+    def fsync(descriptor: int) -> None:
+        size = os.fstat(descriptor).st_size
+        if S_ISREG(os.fstat(descriptor).st_mode) and next(count) == number:
+            os.truncate(f"/proc/self/fd/{descriptor}", size // 2)  # half of it is written
+            raise Killed
+        sync(descriptor)
 
-def curve_without_checkpoint(folder: Path) -> None:
-    begin(folder)
-    Curve.from_rows([{"delta": 0.001, "force": 7.0}]).write(folder / "curve.csv")
+    def remove(path: Path, missing_ok: bool = False) -> None:
+        if path.exists() and next(count) == number:
+            raise Killed
+        unlink(path, missing_ok)
 
+    def refuse(*_: Any) -> None:
+        raise OSError(errno.ENOLCK, os.strerror(errno.ENOLCK))  # as of NFS without its daemon
 
-def case_by_another_name(folder: Path) -> None:
-    """The case was edited, but the checkpoint shows that the folder contains a run."""
-    mesh_only(folder)
-    (folder / "case.toml").write_text("# mine\n" + case_of().to_toml())
-
-
-def nothing_but_an_empty_checkpoint(folder: Path) -> None:
-    (folder / "checkpoint" / "level-1").mkdir(parents=True)
-    (folder / ".case.toml.12.asperity").write_text("[surfa")
-
-
-def half_a_state(folder: Path) -> None:
-    mesh_only(folder)
-    (folder / "checkpoint" / ".state.npz.12.asperity").write_bytes(b"PK")
-    (folder / ".curve.csv.12.asperity").mkdir()
-
-
-@pytest.mark.parametrize(
-    "state", [Path.mkdir, nothing_but_an_empty_checkpoint, half_a_state, curve_without_checkpoint, case_by_another_name]
-)
-def test_resuming_starts_a_run_without_a_state(
-    tmp_path: Path, straight: tuple[Curve, Path], state: Callable[[Path], None]
-) -> None:
-    """One command for a job that may have been killed at any time, or never started."""
-    out = tmp_path / "out"
-    state(out)
-    result = run(case_of(), out, resume=True)
-    assert result.contact is not None
-    assert_same(result.curve, straight[0])
-    assert_same(Curve.read(out / "curve.csv"), straight[0])
-    assert set(files(out)) == set(files(straight[1]))
-
-
-@pytest.mark.parametrize("state", [case_only, mesh_only, curve_without_checkpoint, case_by_another_name])
-def test_resuming_refuses_the_run_of_another_case(tmp_path: Path, state: Callable[[Path], None]) -> None:
-    out = tmp_path / "out"
-    state(out)
-    before = files(out)
-    with pytest.raises(CheckpointError, match=r"case\.toml belongs to another case: material\.E = 1 there, 2 here"):
-        run(case_of(material={"E": 2.0, "nu": 0.3}), out, resume=True)
-    assert files(out) == before
-
-
-@pytest.mark.parametrize("text", [None, "[surface"])
-def test_resuming_refuses_a_folder_without_a_valid_case(tmp_path: Path, text: str | None) -> None:
-    mesh_only(tmp_path / "out")
-    (tmp_path / "out/case.toml").unlink()
-    if text is not None:
-        (tmp_path / "out/case.toml").write_text(text)
-    before = files(tmp_path)
-    with pytest.raises(CheckpointError, match=r"no state to resume from, and no case to start again: .*--force"):
-        run(case_of(), tmp_path / "out", resume=True)
-    assert files(tmp_path) == before
-    run(case_of(), tmp_path / "out", force=True)
-
-
-def test_after_a_kill_during_any_write_the_same_call_continues(
-    tmp_path: Path, straight: tuple[Curve, Path], monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """A call is killed at its first file, at its second, and so on, and then repeated; at last it has nothing to do."""
-    number, finished = 0, False
-    while not finished:
-        number += 1
-        out = tmp_path / str(number)
-        with monkeypatch.context() as patch:
-            calls = kill_at(patch, number)
-            try:
-                run(case_of(), out, resume=True)
-                finished = True
-            except Killed:
-                assert any(path.name.endswith(".asperity") for path in out.rglob("*"))
-        if not finished:
-            result = run(case_of(), out, resume=True)
-            assert_same(result.curve, straight[0])
-        assert set(files(out)) == set(files(straight[1]))
-    assert calls[0] == number - 1 > 8  # each file was interrupted
-    before = files(out)
-    assert run(case_of(), out, resume=True).contact is None
-    assert files(out) == before
-
-
-def test_a_run_killed_while_adding_figures_is_not_finished(tmp_path: Path) -> None:
-    """A finished run that continues is not finished until it ends again."""
-    run(case_of(), tmp_path)
-    more = case_of(output={"figures": True})
     with pytest.MonkeyPatch.context() as patch:
-        kill_at(patch, 3)  # after summary.json and case.toml
-        with pytest.raises(Killed):
-            run(more, tmp_path, resume=True)
-    assert not (tmp_path / "figures").exists()
-    assert run(more, tmp_path, resume=True).contact is not None
-    assert (tmp_path / "figures/curve.svg").is_file()
-    assert json.loads((tmp_path / "summary.json").read_text())["finished"] is True
+        if how == "write":
+            patch.setattr(os, "fsync", fsync)
+        elif how == "remove":
+            patch.setattr(Path, "unlink", remove)
+        elif how == "stop":
+            patch.setattr(interrupt.StopRequest, "agreed", lambda _: "the test" if next(count) > number else "")
+        elif how == "no lock":
+            patch.setattr(fcntl, "flock", refuse)
+        yield
 
 
-def test_a_run_that_continues_without_a_part_keeps_no_files_of_it(tmp_path: Path) -> None:
-    """Vibration, fields, figures and the report, one after the other; the curve and what others wrote stay."""
-    quick = {"forcing": [0.01], "model": ["exact"], "omega": [0.9, 0.95]}
-    everything = {"fields": True, "figures": True, "report": True}
-    steps: dict[str, Any] = {"loading": {"delta_max": 0.02, "steps": 5}}
-    run(case_of(**steps, dynamics=quick, output=everything), tmp_path)
-    assert {"free.csv", "figures/frequency.svg", "report.html"} <= {*files(tmp_path)}
-    (tmp_path / "figures/mine.png").touch()
-    for name in ("band.csv", "fields/view.py"):  # of a run of 1.0.0
-        (tmp_path / name).touch()
+class Folder(RuleBasedStateMachine):
+    """A folder in which somebody runs cases, whose runs are killed, and who adds and damages files.
 
-    run(case_of(**steps, output=everything), tmp_path, resume=True)
-    left = {*files(tmp_path)}
-    assert not left & {
-        "free.csv",
-        "response.csv",
-        "band.csv",
-        "thresholds.json",
-        "fields/view.py",
-        "figures/frequency.svg",
-    }
-    assert {"report.html", "figures/curve.svg", "fields/contact.vtkhdf"} <= left
+    The model: the case of the run in the folder, None without one; whether all of it is there, None where a kill leaves
+    that open; whether it can be continued; whether it was killed while it replaced another run.
+    """
 
-    run(case_of(**steps, output={"fields": False, "report": False, "figures": True}), tmp_path, resume=True)
-    left = {*files(tmp_path)}
-    assert not left & {"report.html", "fields/contact.vtkhdf"} and "figures/curve.svg" in left
-    run(case_of(**steps), tmp_path, resume=True)
-    assert [path.name for path in (tmp_path / "figures").iterdir()] == ["mine.png"]
-    assert "curve.csv" in files(tmp_path)
+    def __init__(self) -> None:
+        super().__init__()
+        self.patch = pytest.MonkeyPatch()
+        leave_figures_blank(self.patch)
+        self.place = Path(tempfile.mkdtemp())
+        self.out = self.place / "out"
+        self.case: str | None = None
+        self.finished: bool | None = False
+        self.saved, self.replaced = True, False
+        self.mine: set[str] = set()
+
+    def teardown(self) -> None:
+        self.patch.undo()
+        shutil.rmtree(self.place)
+
+    @rule(name=st.sampled_from(sorted(CASES)), mode=st.sampled_from(("", "resume", "resume", "force")),
+          how=st.sampled_from(ENDS), number=st.integers(1, 16))  # fmt: skip
+    def run_case(self, name: str, mode: str, how: str, number: int) -> None:
+        """Run a case, perhaps not to its end."""
+        before, alike = files(self.out), (self.case or name).split()[0] == name.split()[0]
+        expected = ""  # refusal
+        if self.case is None:
+            expected = "not empty and holds no run" if self.mine else ""
+        elif mode == "":
+            expected = "already holds a run"
+        elif mode == "resume":
+            expected = "" if alike and self.saved else "another case|no state to resume from"
+        sure = not (self.replaced and mode == "resume")
+        try:
+            with ended(how, number):
+                result = run(case_of(**CASES[name]), self.out, resume=mode == "resume", force=mode == "force")
+        except InputError as error:
+            expected = expected if sure else "another case|no state to resume from"
+            assert expected and re.search(expected, str(error)), (expected, error)
+            assert files(self.out) == before
+            return
+        except Killed:
+            assert not (sure and expected) and (holds_run(self.out) or is_empty(self.out))
+            self.replaced = (self.replaced or mode == "force") and not is_empty(self.out)
+            self.case, self.finished, self.saved = None if is_empty(self.out) else name, None, True
+            summary, case = read_summary(self.out), self.out / "case.toml"
+            assert not summary.get("finished") or summary["case_hash"] == Case.load(case).hash()
+            return
+        except Interrupted as error:
+            assert not (sure and expected) and "stopped by the test" in str(error)
+            if files(self.out) != before:
+                self.case, self.finished, self.saved, self.replaced = name, False, True, False
+            return
+        assert not (sure and expected)
+        curve, written = straight(name)
+        assert_same(result.curve, curve)
+        assert_same(Curve.read(self.out / "curve.csv"), curve)
+        assert results(self.out) == written | self.mine
+        assert json.loads((self.out / "summary.json").read_text())["finished"] is True
+        again = mode == "resume" and self.finished and self.case == name
+        assert self.finished is None or (result.contact is None) == again
+        assert not again or files(self.out) == before
+        self.case, self.finished, self.saved, self.replaced = name, True, True, False
+
+    @rule(name=st.sampled_from(MINE))
+    def add_a_file(self, name: str) -> None:
+        """Somebody keeps a file among those of a run, or where no run is."""
+        (self.out / name).parent.mkdir(parents=True, exist_ok=True)
+        (self.out / name).write_text(name)
+        self.mine.add(name)
+
+    @precondition(lambda self: self.mine)
+    @rule()
+    def remove_my_files(self) -> None:
+        for name in self.mine:
+            (self.out / name).unlink()
+            with suppress(OSError):
+                (self.out / name).parent.rmdir()
+        self.mine = set()
+
+    @precondition(lambda self: self.case is not None and not self.replaced)
+    @rule(name=st.sampled_from(("summary.json", "case.toml")), text=st.sampled_from(("[", '{"finished": true}', "")))
+    def damage_a_file(self, name: str, text: str) -> None:
+        """A summary of anything is written again; without its case only a checkpoint shows that there is a run."""
+        states = [path.name for path in (self.out / "checkpoint").rglob("*.npz")]
+        if name == "summary.json" or states:
+            (self.out / name).write_text(text)
+            self.finished = False
+        if name == "case.toml" and states:
+            self.saved = "state.npz" in states
+
+    @invariant()
+    def my_files_are_as_they_were(self) -> None:
+        assert all((self.out / name).read_text() == name for name in self.mine)
+
+
+@pytest.mark.parametrize("how", ["write", "remove"])
+@pytest.mark.parametrize("mode", ["resume", "force"])
+def test_after_a_kill_at_any_file_the_same_call_is_done(mode: str, how: str) -> None:
+    """Of a run that is started, or that replaces another one among files of somebody else."""
+    first = Folder()
+    if mode == "force" or how == "remove":
+        first.run_case("soft with pictures", "", "", 1)
+        first.add_a_file("notes.txt")
+    name = "hard" if mode == "force" else "soft"
+    for number in itertools.count(1):
+        folder = Folder()
+        if first.case:
+            shutil.copytree(first.out, folder.out)
+            folder.case, folder.finished, folder.mine = first.case, True, first.mine
+        folder.run_case(name, mode, how, number)
+        whole = folder.finished and folder.case == name
+        folder.run_case(name, mode, "", 1)
+        folder.teardown()
+        if whole:
+            break
+    first.teardown()
+    assert number > 4
+
+
+def test_a_folder_of_runs_behaves_as_its_model() -> None:
+    chosen = settings(
+        max_examples=20, stateful_step_count=10, deadline=None, derandomize=True, database=None,
+        phases=[Phase.generate], suppress_health_check=list(HealthCheck),
+    )  # fmt: skip
+    run_state_machine_as_test(Folder, settings=chosen)
+
+
+# --- once, and in two processes ---
 
 
 @pytest.mark.parametrize("figures", [True, False])
@@ -283,13 +301,14 @@ def in_another_process(*arguments: object) -> tuple[int, str]:
 
 @pytest.mark.parametrize("before", ["nothing", "a run"])
 def test_one_process_works_in_the_folder_of_a_run(
-    tmp_path: Path, straight: tuple[Curve, Path], capsys: pytest.CaptureFixture[str], before: str
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], before: str
 ) -> None:
     """Others that would write there are refused, also with another case and --force; what reads only is not.
 
     A lock is that of an open file: calls in the same process are refused as those of another one.
     """
     out, other = tmp_path / "out", tmp_path / "other.toml"
+    straight("soft")[0].write(tmp_path / "soft.csv")
     other.write_text(case_of(loading={"delta_max": 0.01, "steps": 1}).to_toml())
     if before == "a run":
         run(case_of(material={"E": 2.0, "nu": 0.3}), out)
@@ -304,19 +323,17 @@ def test_one_process_works_in_the_folder_of_a_run(
             refused.append((call(*command), capsys.readouterr().err.splitlines()[-1]))
         with pytest.raises(InputError, match="another process works in"):
             run(case_of(loading={"delta_max": 0.01, "steps": 1}), out, force=True)
-        assert call("compare", out, straight[1]) == 1
+        assert call("compare", out, tmp_path / "soft.csv") == 1
 
     run(case_of(), out, progress=Interfering(interfere), force=True)
     text = f"error: another process works in {out}; wait for its end, or take another folder"
     assert refused == [(2, text)] * 3
-    assert_same(Curve.read(out / "curve.csv"), straight[0])
-    assert set(files(out)) == set(files(straight[1]))
+    assert_same(Curve.read(out / "curve.csv"), straight("soft")[0])
+    assert results(out) == straight("soft")[1]
     assert in_another_process("run", other, "-o", out, "--force", "-q")[0] == 0  # the lock is gone with its run
 
 
-def test_of_two_runs_that_start_in_a_missing_folder_one_is_refused(
-    tmp_path: Path, straight: tuple[Curve, Path]
-) -> None:
+def test_of_two_runs_that_start_in_a_missing_folder_one_is_refused(tmp_path: Path) -> None:
     """Both have found it missing; the second makes its mesh while the first one runs, or has ended."""
     other = case_of(loading={"delta_max": 0.01, "steps": 1})
     for again in (False, True):
@@ -330,7 +347,7 @@ def test_of_two_runs_that_start_in_a_missing_folder_one_is_refused(
 
         with pytest.raises(InputError, match="another run has worked in"):
             run(other, out, progress=First(partial(run, case_of(), out)), resume=again)
-        assert_same(Curve.read(out / "curve.csv"), straight[0])
+        assert_same(Curve.read(out / "curve.csv"), straight("soft")[0])
 
 
 def long_run(folder: Path) -> subprocess.Popen[bytes]:
@@ -388,58 +405,6 @@ def test_a_link_in_the_folder_of_a_run_is_not_followed(tmp_path: Path, name: str
     assert files(victim) == before
     (tmp_path / "by-name").symlink_to(victim)
     run(case_of(), tmp_path / "by-name", force=True)
-
-
-# --- folders --------------------------------------------------------------------------------------------------
-
-
-def test_a_second_call_needs_resume_or_force(tmp_path: Path, straight: tuple[Curve, Path]) -> None:
-    run(case_of(output={"fields": True}), tmp_path)
-    (tmp_path / "notes.txt").write_text("mine")
-    before = files(tmp_path)
-    with pytest.raises(InputError, match=r"already holds a run.*resume = True and force = True"):
-        run(case_of(), tmp_path)
-    with pytest.raises(InputError, match="give one of them"):
-        run(case_of(), tmp_path, resume=True, force=True)
-    assert files(tmp_path) == before
-    assert_same(run(case_of(), tmp_path, force=True).curve, straight[0])
-    assert set(files(tmp_path)) == {*files(straight[1]), "notes.txt"}  # and no fields, which this case does not request
-
-
-@pytest.mark.parametrize("options", [{}, {"resume": True}, {"force": True}])
-def test_a_folder_without_a_run_is_unchanged(tmp_path: Path, options: dict[str, Any]) -> None:
-    """Whatever its files are called, a case written by hand too."""
-    with pytest.raises(InputError, match="is a file"):
-        (tmp_path / "thesis.tex").write_text("mine")
-        run(case_of(), tmp_path / "thesis.tex", **options)
-    for name in ("report.html", "figures/thesis.png", "case.toml"):
-        (tmp_path / name).parent.mkdir(exist_ok=True)
-        (tmp_path / name).write_text("# mine\n" + case_of().to_toml())
-        before = files(tmp_path)
-        with pytest.raises(InputError, match="not empty and holds no run"):
-            run(case_of(), tmp_path, **options)
-        assert files(tmp_path) == before
-
-
-def test_a_run_killed_while_it_is_replaced_can_be_replaced_again(tmp_path: Path) -> None:
-    """Killed at every removal; the remaining files always count as a run."""
-    number, finished = 0, False
-    while not finished:
-        number += 1
-        out = tmp_path / str(number)
-        run(case_of(), out)
-        (out / "notes.txt").write_text("mine")
-        with pytest.MonkeyPatch.context() as patch:
-            kill_at_removal(patch, number)
-            try:
-                run(case_of(), out, force=True)
-                finished = True
-            except Killed:
-                assert holds_run(out)
-        if not finished:
-            run(case_of(), out, force=True)
-        assert (out / "notes.txt").exists()
-    assert number > 5
 
 
 def test_the_list_names_every_picture_and_each_file_once() -> None:

@@ -15,13 +15,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import asperity as asp
-from asperity.case import Case
 from asperity.cli.dynamics import dynamics as command
 from asperity.errors import AsperityError, ConvergenceError, InputError
 from asperity.plot import plot_dynamics
 from asperity.vibration import DynamicsSettings, Joint, PowerLaw, run_dynamics
 from asperity.vibration.run import small_vibration
-from asperity.vibration.settings import forcings, window
 
 MINIMAL: dict[str, Any] = {
     "surface": {"kind": "flat", "L": 1e-6},
@@ -105,7 +103,7 @@ def test_the_case_of_a_run_gives_what_is_not_given(tmp_path: Path) -> None:
 def test_the_case_of_a_former_version_is_refused_by_its_key(tmp_path: Path) -> None:
     for number, (section, key) in enumerate((("joint", "frequency"), ("joint", "damping"), ("dynamics", "overload"))):
         folder = _curve_in(tmp_path / str(number), 1.0, 1.0, f'units = "SI"\n[{section}]\n{key} = 0.1\n')
-        with pytest.raises(InputError, match=f"{key} is no setting of the vibration: choose from .* former version"):
+        with pytest.raises(InputError, match=rf"{section}.{key} is not a key of \[{section}\]"):
             DynamicsSettings.of_source(folder)
 
 
@@ -124,32 +122,23 @@ def test_units_assumed_for_a_curve_are_reported(tmp_path: Path) -> None:
         for units, count in ((None, 1), ("SI", 0)):
             found = run_dynamics(bare, **QUICK | changes, units=units).notes
             assert sum(note.startswith(assumed) for note in found) == count, (changes, found)
-    with pytest.raises(InputError, match='units = "cgs" is unknown'):
+    with pytest.raises(InputError, match="units = 'cgs' is not legal"):
         run_dynamics(bare, units="cgs", **QUICK)
 
 
 @pytest.mark.parametrize(
     ("options", "words"),
     [
-        ({"forcing": []}, "forcing"),
-        ({"model": ["cubic"]}, "cubic"),
-        ({"model": []}, "model"),
         ({"damping": "no"}, "damping"),
         ({"preload": -1.0}, "load"),
-        ({"gravity": 0.0}, "gravity = 0.* is not legal"),
-        ({"omega": (1e-5, 1.3)}, "omega = 1e-05 is not legal: it must lie between 0.01 and 100"),
-        ({"forcing": [0.1, 1e-300]}, "forcing = 1e-300"),
         ({"forcing": ["2 N", 0.1]}, "give all with one unit"),
         ({"forcing": "2 K"}, "'2 K' is no number with the unit N"),
         ({"forcing": "2 N", "units": "other"}, 'forcing in N cannot go with units = "other"'),
         ({"omega": ["2 kHz", "1 kHz"]}, "give low < high"),
         ({"forcing": ("1 N", "1 m")}, "give all with one unit"),
         ({"forcing": "1 m", "simulate": "step"}, "simulate is for a force or an acceleration"),
-        ({"simulate": "saw"}, 'simulate = "saw" is unknown'),
         ({"omega": ("1e-6 Hz", "1 Hz")}, "omega = 1e-06 is not legal: it must lie between 0.006"),
         ({"simulate": "half-sine", "pulse": 1e-9}, "pulse = 1e-09 is not legal: it must lie between 0.008"),
-        ({"simulate": "chirp", "span": 1e6}, "span = 1e[+]06 is not legal: it must lie between 0.001 and 10000"),
-        ({"zeta": 1e-6}, "zeta = 1e-06 is not legal: it must lie between 0.0001 and 0.9999"),
     ],
 )
 def test_bad_arguments_write_nothing(tmp_path, options, words) -> None:
@@ -178,25 +167,6 @@ def test_any_input_gives_finite_results_or_an_error_message(n: float, K: float, 
     else:
         json.dumps(result.to_dict(), allow_nan=False)
         assert all(np.isfinite([*b.u_max, *b.u_min]).all() for r in result.responses["exact"] for b in r.pieces)
-
-
-@settings(max_examples=50, deadline=None)
-@given(
-    st.lists(st.one_of(st.floats(), TEN_TO), min_size=2, max_size=2),
-    st.lists(st.one_of(st.floats(), TEN_TO), min_size=1, max_size=3),
-)
-def test_a_case_accepts_the_legal_frequencies_and_forcings(omega: list[float], forcing: list[float]) -> None:
-    for key, value, allow in (("omega", omega, window), ("forcing", forcing, forcings)):
-        try:
-            allow(value)
-            legal = True
-        except InputError:
-            legal = False
-        try:
-            Case.from_dict({**MINIMAL, "dynamics": {key: value}})
-            assert legal
-        except InputError as error:
-            assert not legal and f"dynamics.{key}" in str(error)
 
 
 def test_force_in_newtons_window_in_hertz_several_dampings_and_jumps(tmp_path: Path) -> None:
@@ -239,8 +209,20 @@ def test_base_and_shock_in_physical_units(tmp_path: Path) -> None:
 
     file, out = tmp_path / "curve.csv", tmp_path / "out"
     file.write_text("delta,force\n" + "".join(f"{d},{f}\n" for d, f in zip(delta, curve["force"], strict=True)))
-    arguments = [str(file), "--mass", "2", "--preload", "100", "--model", "exact", "--omega", "0.9", "1.1"]
-    done = CliRunner().invoke(command, [*arguments, "--forcing", "1.5m/s2", "--simulate", "step", "-o", str(out)])
+    arguments = [
+        str(file),
+        "--set",
+        "joint.mass=2",
+        "--set",
+        "joint.preload=100",
+        "--set",
+        "dynamics.model=exact",
+        "--set",
+        "dynamics.omega=[0.9, 1.1]",
+    ]
+    done = CliRunner().invoke(
+        command, [*arguments, "--set", "dynamics.forcing=1.5m/s2", "--set", "dynamics.simulate=step", "-o", str(out)]
+    )
     assert done.exit_code == 0 and "transmissibility" in done.output and "step from rest" in done.output
     assert json.loads((out / "thresholds.json").read_text())["excitation"] == "acceleration"
     with (out / "response.csv").open() as rows:

@@ -186,7 +186,7 @@ def estimate(case: Case, ranks: int = 1, surface: Surface | None = None) -> Esti
     share = BASE + rates.per_dof * levels[-1].dofs / ranks
     first = share + ROOT + PER_CELL * grid
     others = 0.8 + process_time() - since  # libraries and results, and what a run does of this too
-    return Estimate(levels, (first, *[share] * (ranks - 1)), depth, kinematics, bar, tolerance, others)
+    return Estimate(levels, (first, *[share] * (ranks - 1)), depth, str(kinematics), bar, tolerance, others)
 
 
 def _rates(case: Case) -> Rates:

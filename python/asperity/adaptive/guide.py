@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy import ndimage
 from scipy.optimize import brentq
+from scipy.special import ellipkm1
 
 from asperity.arrays import Array, Flags, Floats
 from asperity.curve.slope import SINGLE_CONTACT
@@ -191,11 +192,11 @@ def edge_of(touched: Flags) -> Flags:
 
 
 def spots_of(pressure: Floats, hardness: float = inf) -> tuple[Floats, float, float]:
-    """Sizes with which the sum of F_i/F (h_i/a_i)^2 over the spots is 1, and the part of their edges that is singular.
+    """Sizes with which the sum of w_i F_i/F (h_i/a_i)^2 over the spots is 1, and the part of edges that is singular.
 
-    A spot of half-width a and force F_i adds F_i (h/a)^2 to the error of the force and A_i/h^2 elements to the mesh,
-    A_i being its area. Of all sizes h with one error, h ~ (A_i a^2/F_i)^(1/4) has the fewest elements: a spot that
-    carries little may be resolved less than one that carries much.
+    A spot of half-width a and force F_i adds w_i F_i (h/a)^2 to the error of the force, w_i being `own_part`, and
+    A_i/h^2 elements to the mesh, A_i being its area. Of all sizes h with one error, h ~ (A_i a^2/(w_i F_i))^(1/4) has
+    the fewest elements: a spot that carries little, and a long one, may be resolved less.
 
     The pressure of a smooth top vanishes at the edge. Where a flat one ends in a sharp edge it is singular, higher than
     the mean one of the spot, and the error of the force is of first order in the element size. Where the solid flows
@@ -219,15 +220,36 @@ def spots_of(pressure: Floats, hardness: float = inf) -> tuple[Floats, float, fl
     np.maximum.at(half_width, of, inside[touched])  # ndimage.maximum sorts the whole grid
     half_width = np.clip(half_width - 0.5, 0.5, 0.5 * n) / n
     share = force / force.sum()
-    sizes = (cells / n**2 * half_width**2 / share) ** 0.25
-    sizes /= np.sqrt(np.sum(share * (sizes / half_width) ** 2))
-    even = float(np.sum(share / half_width**2) ** -0.5)
+    weight = share * own_part(touched, of, cells)
+    sizes = (cells / n**2 * half_width**2 / weight) ** 0.25
+    sizes /= np.sqrt(np.sum(weight * (sizes / half_width) ** 2))
+    even = float(np.sum(weight / half_width**2) ** -0.5)
     edge = edge_of(touched)[touched]
     flows = p > hardness * (1.0 - 1e-6)  # which single precision rounds
     high = edge & (p > (force / cells)[of]) & ~flows
     edges, singular = (np.bincount(of, each, count) for each in (edge, high))
     part = float(np.sum(share * singular / np.maximum(edges, 1.0)))
     return np.append(np.inf, sizes)[spot], even, part
+
+
+def own_part(touched: Flags, of: Array, cells: Array) -> Floats:
+    """Part of the approach of each spot that is of a circle of its half-width: 1 of a round one, less of a long one.
+
+    The rest is of the length alone, whatever the elements are. An elliptical contact has pi/(2 K), K being the complete
+    elliptic integral of 1 - (a/b)^2 (Johnson, Contact Mechanics, 1985, section 4.2), and the second moments have a/b.
+
+    Args:
+        touched: cells in contact (n, n)
+        of: number of the spot of each of them (m,)
+        cells: number of cells of each spot (k,)
+    """
+    x, y = (np.asarray(where, dtype=float) for where in np.nonzero(touched))
+    x, y = (where - (np.bincount(of, where) / cells)[of] for where in (x, y))
+    xx, yy, xy = (
+        np.bincount(of, product) / cells + cell for product, cell in ((x * x, 1 / 12), (y * y, 1 / 12), (x * y, 0.0))
+    )
+    mean, half = 0.5 * (xx + yy), np.hypot(0.5 * (xx - yy), xy)
+    return np.asarray(0.5 * np.pi / ellipkm1((mean - half) / (mean + half)))
 
 
 def _change(whole: float, part: float) -> float:

@@ -110,7 +110,8 @@ class LevelSolver:
         if hooks.checkpoint is not None:  # other limits than those of a run continued may give another size
             name = f"level-{len(self.levels) + 1}-{self.scales[-1]:.6g}-{substeps}"
             hooks = replace(hooks, checkpoint=hooks.checkpoint.part(name))
-        level = f"h = {h / problem.surface.L:.3g} L" + (f", {substeps} substeps" if substeps > 1 else "")
+        parts = {1: "", 2: " with half the load steps"}.get(substeps, f" with 1/{substeps} of the load steps")
+        level = f"mesh {len(self.scales)}{parts}"
         hooks = replace(hooks, on_stage=lambda name: self._hooks.stage(f"{level}: {name}"))
         path = replace(problem.load_path, substeps=substeps)
         problem = replace(problem, load_path=path, size=replace(problem.size, h_contact=h))

@@ -114,7 +114,7 @@ def partner(scales: Sequence[float]) -> int:
 
 def step_rule(problem: Problem) -> str:
     """What the error of the load steps follows, a key of STEP_RULES: the rule of plasticity, or that of stick."""
-    integrator, sticks = problem.load_path.integrator, problem.formulation.sticks
+    integrator, sticks = problem.load_path.integrator or BACKWARD_EULER, problem.formulation.sticks
     return STICK if sticks and not (problem.material.plastic and integrator == BACKWARD_EULER) else integrator
 
 

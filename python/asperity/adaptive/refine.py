@@ -80,7 +80,7 @@ def refine(
     path_of = problem.load_path
     planned = replace(problem, load_path=replace(path_of, steps=planned_steps(path_of.steps)))
     comm, hooks = MPI.COMM_WORLD if comm is None else comm, hooks or Callbacks()
-    hooks.stage("half-space with all waves")
+    hooks.stage("half-space estimate, full roughness")
     guide = on_root(comm, lambda: guide or guide_of(problem))
     run = LevelSolver(planned, guide, target, comm, hooks)
     if problem.path_dependent:
@@ -93,7 +93,7 @@ def refine(
     result = run(run.scales[-1] / second(run.scales[-1]), path.substeps)
     while True:
         with suppress(Interrupted):  # this mesh is judged first; the next one is not begun
-            hooks.stage("half-space with the top of the mesh")
+            hooks.stage(f"half-space estimate, roughness of mesh {len(run.scales)}")
         accurate, finer = estimate.judge(result)
         if hooks.on_curve is not None:
             hooks.on_curve(accurate.curve)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import fields
+from dataclasses import fields, replace
 from typing import TYPE_CHECKING, Unpack, overload
 
 from asperity.errors import InputError
@@ -105,5 +105,6 @@ def solve_contact(
         )
     from asperity.adaptive.refine import refine
 
-    target = tolerance if isinstance(tolerance, AccuracyTarget) else AccuracyTarget(tolerance)
+    # replace refuses a target without a tolerance
+    target = replace(tolerance) if isinstance(tolerance, AccuracyTarget) else AccuracyTarget(tolerance)
     return refine(problem, target, comm, hooks).checked()

@@ -9,43 +9,37 @@ from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Iterable, Mapping
-from contextlib import suppress
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import field, replace
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
-import numpy as np
-from pydantic import ValidationError
+from pydantic import InstanceOf
 
-from asperity.case.keys import sentence
-from asperity.case.schema import DRIVERS, SHARED, Input, JointSection, LoadingSection, law_of_section
-from asperity.case.validation import check_law, check_together, doubts
-from asperity.errors import CaseWarning, CheckpointError, InputError, warn
-from asperity.model.problem import Problem
-from asperity.model.settings import H_CONTACT, SolverOptions
+from asperity.case.tables import NAMED_FILES, SECTIONS, objects, override, read_bytes, read_toml
+from asperity.errors import CaseWarning, InputError, warn
+from asperity.model.dynamics import DynamicsSettings
+from asperity.model.joint import Joint
+from asperity.model.limits import LEAST_FORCE, check_force
+from asperity.model.load_path import Schedule
+from asperity.model.material import Material
+from asperity.model.problem import Problem, check_lengths
+from asperity.model.settings import H_CONTACT, AccuracyTarget, Block, Formulation, Mesh, Output, SolverOptions
+from asperity.model.slip import SlipSettings
+from asperity.runtime.declaration import Choices, argument, check_shares, declared, key, keys, to_table
 from asperity.runtime.display import show
-from asperity.runtime.files import MOST_DATA, MOST_TEXT, parse_toml, read_whole
-from asperity.runtime.run_folder import CASE, is_empty
-from asperity.surface import Surface
+from asperity.surface import Surface, SurfaceWarning
+from asperity.vibration.checks import MIN_ROWS
 
-MOST_CASE = 2**24  # size of a case file [bytes]
-LARGEST = 1e300  # number that others follow from; a larger one is refused
-NAMED_FILES = (("surface", "path"), ("mesh", "file"))
-#: Sections and keys that a continuation may change, because they change the curve only within the tolerance of the
-#: equations; loading.cycles may also grow.
-CHANGEABLE = frozenset(
-    {
-        *("units", "dynamics", "joint", "slip", "output"),
-        *("material.density", "material.conductivity", "material.conductivity_other"),
-        *("solver.linear", "accuracy.max_dofs"),
-    }
-)
+_ROUND = 1.0 + 1e-9  # the area of a joint over that of the patch, both rounded
+#: key -> values that are probable in SI, and the unit
+_PROBABLE = {"material.E": (1e3, 2e12, "Pa"), "surface.L": (0.0, 0.1, "m"), "material.density": (1.0, 3e4, "kg/m^3")}
+_SECTION = argument("a section of keys")
 
 
-class Case(Input):
-    """A complete, validated and immutable input, by `Case.load` or `Case.from_dict`.
-
-    The plain constructor expects a complete input and raises pydantic's errors.
+@declared("", eq=False, kw_only=True)
+class Case:
+    """A complete, validated and immutable input, of objects, or by `Case.load` or `Case.from_dict`.
 
     Examples:
         >>> case = asp.Case.from_dict({
@@ -59,10 +53,35 @@ class Case(Input):
         0.001
     """
 
+    units: Annotated[str, Choices("SI", "other")] = key("'other' drops SI labels and checks", default="SI")
+    surface: Annotated[InstanceOf[Surface], *_SECTION]
+    material: Annotated[InstanceOf[Material], *_SECTION]
+    block: Annotated[InstanceOf[Block], *_SECTION] = field(default_factory=Block)
+    contact: Annotated[InstanceOf[Formulation], *_SECTION] = field(default_factory=Formulation)
+    mesh: Annotated[InstanceOf[Mesh], *_SECTION] = field(default_factory=Mesh)
+    loading: Annotated[InstanceOf[Schedule], *_SECTION]
+    accuracy: Annotated[InstanceOf[AccuracyTarget], *_SECTION] = field(default_factory=AccuracyTarget)
+    dynamics: Annotated[InstanceOf[DynamicsSettings] | None, *_SECTION] = None
+    joint: Annotated[InstanceOf[Joint] | None, *_SECTION] = None
+    slip: Annotated[InstanceOf[SlipSettings] | None, *_SECTION] = None
+    solver: Annotated[InstanceOf[SolverOptions], *_SECTION] = field(default_factory=SolverOptions)
+    output: Annotated[InstanceOf[Output], *_SECTION] = field(default_factory=Output)
+
+    def __post_init__(self) -> None:
+        side = self.surface.L
+        if self.block.height is None:
+            object.__setattr__(self, "block", replace(self.block, height=side))
+        if self.mesh.h_contact is None:
+            object.__setattr__(self, "mesh", replace(self.mesh, h_contact=H_CONTACT * side))
+        _check_together(self)
+
     def __repr__(self) -> str:
         load = f"{self.loading.driver} = {getattr(self.loading, self.loading.driver):g}"
         solid = "plastic" if self.material.plastic else "elastic"
         return f"Case({self.surface.kind} of side {self.surface.L:g}, {solid}, {load})"
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, Case) and self.to_dict() == other.to_dict()
 
     @classmethod
     def load(cls, path: str | Path, overrides: Iterable[str] = ()) -> Case:
@@ -96,20 +115,17 @@ class Case(Input):
             InputError: anything wrong, in one sentence
         """
         try:
-            case = cls.model_validate(_complete(data, Path(folder)))
-            check_together(case)
-            return case
-        except ValidationError as error:
-            # a misspelt key also shows as a missing one: name the misspelling
-            message = sentence(min(error.errors(), key=lambda e: e["type"] != "extra_forbidden"))
+            return cls(**objects(data, Path(folder)))
         except InputError as error:
             message = str(error)
-        key = message.partition(" ")[0].rstrip(",")
+        key = message.partition(" ")[0].rstrip(",:")
         raise InputError(f"{'--set' if key in set(changed) else source}: {message}")
 
     def to_dict(self) -> dict[str, Any]:
         """Nested tables of plain values; keys without a value are left out."""
-        return self.model_dump(mode="json", exclude_none=True)
+        tables = {name: getattr(self, name) for name in SECTIONS}
+        data = {name: to_table(one) for name, one in tables.items() if one is not None}
+        return {"units": self.units} | data | {"surface": {"kind": self.surface.kind, **data["surface"]}}
 
     def to_toml(self) -> str:
         """The completed input as TOML text; reading it again gives an equal case."""
@@ -133,9 +149,16 @@ class Case(Input):
             data["material"]["law"] = data["material"]["law"].rpartition(":")[2]
         return data
 
-    def build_surface(self) -> Surface:
-        """The surface that [surface] describes, made once."""
-        return self.surface.built
+    @property
+    def greatest_force(self) -> float | None:
+        """Force at the end of the loading [force]; None when it is driven by the approach."""
+        pressure = self.loading.pressure_max
+        return self.loading.force_max if pressure is None else pressure * self.surface.L**2
+
+    @property
+    def has_stiffness(self) -> bool:
+        """Whether load steps compute the elastic stiffnesses: requested, or the slip needs them."""
+        return self.output.stiffness or self.slip is not None
 
     def problem(self, surface: Surface | None = None, *, allow_code: bool | None = None) -> Problem:
         """The contact problem of the case: here a case is judged, for commands, scripts and tests alike.
@@ -154,185 +177,131 @@ class Case(Input):
             raise InputError(
                 "mesh.file cannot go with accuracy.tolerance, which chooses the mesh: leave one of them out"
             )
-        solid = self.material.solid
+        solid = self.material
         if solid.law is not None:
             if allow_code is False:
                 solid.check_run()
-            solid = law_of_section(self.material.given(), bool(allow_code))
-            check_law(self, solid)
+            if allow_code:
+                solid = solid.run_law()
+            _check_law(self, solid)
             if not solid.has_run:
-                warn(f"material.law = {show(self.material.law)} is code and was not looked at: a run needs "
+                warn(f"material.law = {show(self.material.source)} is code and was not looked at: a run needs "
                      "--allow-code", CaseWarning)  # fmt: skip
+        surface = self.surface if surface is None else surface
+        for note in surface.notes:
+            warn(note, SurfaceWarning)
         for text in self.warnings():
             warn(text, CaseWarning)
-        loading = self.loading.model_dump(exclude={"unload"}) | ({} if self.loading.unload else {"unload_steps": 0})
+        path = {name: getattr(self.loading, name) for name in keys(Schedule)}
         return Problem.of(
-            self.build_surface() if surface is None else surface, solid, size=self.mesh.size,
-            formulation=self.contact.formulation, options=SolverOptions(**self.solver.model_dump()),
-            **self.block.model_dump(), **loading,
+            surface, solid, size=self.mesh.size, formulation=self.contact, options=self.solver,
+            height=self.block.height, sides=self.block.sides, **path,
         )  # fmt: skip
 
     def warnings(self) -> list[str]:
         """Sentences about values that are legal but improbable, or not used."""
-        return list(doubts(self))
+        return list(_doubts(self))
 
 
-def read_bytes(path: Path, what: str, most: int = MOST_DATA) -> bytes:
-    try:
-        return read_whole(path, most)
-    except (OSError, ValueError) as error:
-        reason = getattr(error, "strerror", None) or str(error)
-        raise InputError(f"{what}: cannot read {json.dumps(str(path))}: {reason}") from None
-
-
-def read_toml(path: Path) -> dict[str, Any]:
-    raw = read_bytes(path, "case file", MOST_CASE)
-    try:
-        return parse_toml(raw.decode("utf-8-sig"))
-    except UnicodeDecodeError as error:
-        line = raw[: error.start].count(b"\n") + 1
-        raise InputError(f"{path}: not UTF-8 text at line {line}; save it as UTF-8") from None
-    except RecursionError:
-        raise InputError(f"{path}: not valid TOML: nested too deeply") from None
-    except ValueError as error:
-        raise InputError(f"{path}: not valid TOML: {error}") from None
-
-
-def override(data: dict[str, Any], text: str) -> str:
-    """Apply "section.key=value" to nested tables in place; return the dotted key."""
-    name, equals, value = text.partition("=")
-    name = name.strip()
-    *sections, key = name.split(".")
-    if not equals or not all((*sections, key)) or (len(sections) > 1 and sections != ["material", "parameters"]):
-        raise InputError(f"--set {show(text)}: write section.key=value, for example block.height=2e-6")
-    table: Any = data
-    for section in sections:
-        table = table.setdefault(section, {})
-        if not isinstance(table, dict):
-            raise InputError(f"--set {show(text)}: {section} is not a section in the case file")
-    if not value.strip():
-        table.pop(key, None)
-        return name
-    try:
-        parsed = parse_toml(f"value = {value}")
-    except (ValueError, RecursionError):
-        parsed = {}
-    table[key] = parsed["value"] if set(parsed) == {"value"} else value.strip()
-    return name
-
-
-def _complete(data: Mapping[str, Any], folder: Path) -> dict[str, Any]:
-    """Copy of `data` with the keys that follow from others, and absolute file paths; validation judges the rest."""
-    full = {
-        name: {key: _plain(value) for key, value in table.items() if value is not None}
-        if isinstance(table, Mapping)
-        else table
-        for name, table in data.items()
-        if table is not None
-    }
-    tables = {name: table for name, table in full.items() if isinstance(table, dict)}
-    surface, material, loading = (tables.get(name, {}) for name in ("surface", "material", "loading"))
-    for section, name in NAMED_FILES:
-        if isinstance(path := tables.get(section, {}).get(name), str):
-            tables[section][name] = _existing_file(folder, path, f"{section}.{name}")
-    if isinstance(material.get("law"), str):
-        _complete_law(material, folder)
-    if surface.get("kind") == "file" and "L" not in surface and isinstance(surface.get("path"), str):
-        surface["L"] = Surface.from_spec(kind="file", path=surface["path"]).L
-    side = surface.get("L")
-    if isinstance(side, float | int) and abs(side) < LARGEST:
-        for section, name, value in (("block", "height", side), ("mesh", "h_contact", H_CONTACT * side)):
-            if isinstance(table := full.setdefault(section, {}), dict):
-                table.setdefault(name, value)
-    if surface.get("kind") == "weierstrass-mandelbrot" and "L_s" not in surface:
-        surface.setdefault("f_max", 5)
-    steps = loading.get("steps", LoadingSection.model_fields["steps"].default)
-    if "loading" in tables:
-        loading.setdefault("unload_steps", max(steps // 2, 1) if isinstance(steps, int) else 1)
-        if not any(key in loading for key in DRIVERS) and (pressure := _overload(tables.get("joint", {}), side)):
-            loading["pressure_max"] = pressure
-    return full
-
-
-def _overload(joint: Mapping[str, Any], side: Any) -> float | None:
-    """Greatest nominal pressure of a case that names none: that of the joint times its overload."""
-    known = {key: joint.get(key) for key in ("nominal_area", "preload", "pressure")}
-    overload = joint.get("overload", JointSection.model_fields["overload"].default)
-    if not all(isinstance(v, float | int) and v > 0 for v in (overload, side, *filter(None, known.values()))):
-        return None
-    if known["pressure"]:
-        return float(overload * known["pressure"])
-    return float(overload * known["preload"] / (known["nominal_area"] or side**2)) if known["preload"] else None
-
-
-def _plain(value: Any) -> Any:
-    """A value of a script as of a file: a number of NumPy as Python's, a path as its text."""
-    if isinstance(value, np.generic):
-        return value.item()
-    return str(value) if isinstance(value, Path) else value
-
-
-def _complete_law(table: dict[str, Any], folder: Path) -> None:
-    """Put the moduli of a law into [material], and path and digest of its file; what is no number is refused later.
-
-    A case with a digest is complete without its file, which a run alone needs.
-    """
-    numbers = table.get("parameters", {}), {key: table[key] for key in SHARED if key in table}
-    given = all(isinstance(n, dict) and all(isinstance(v, float | int) for v in n.values()) for n in numbers)
-    path, colon, name = table["law"].rpartition(":")
-    if colon:
-        if "law_sha256" not in table or (folder / path).is_file():
-            table["law"] = f"{_existing_file(folder, path, 'material.law')}:{name}"
-        if "law_sha256" not in table:
-            content = read_bytes(Path(table["law"].rpartition(":")[0]), "material.law", MOST_TEXT)
-            table["law_sha256"] = hashlib.sha256(content).hexdigest()
-        found = {key: numbers[0].get(key) for key in ("E", "nu", "yield_strength")} if given else {}
-    else:
-        solid = law_of_section(table) if given else None
-        found = {key: getattr(solid, key, None) for key in ("E", "nu", "kinematics", "yield_strength")}
-    table |= {key: value for key, value in found.items() if key not in table and value is not None}
-
-
-def _existing_file(folder: Path, name: str, key: str) -> str:
-    with suppress(OSError, ValueError):
-        if (folder / name).is_file():
-            return str((folder / name).resolve())
-    raise InputError(f"{key} = {show(name)}: there is no such file in {show(str(folder))}")
-
-
-def identity(case: Case) -> dict[str, Any]:
-    """Keys of a case that its checkpoint depends on, with their values; SHA-256 of the content for a file."""
-    tables = {name: table for name, table in case.content().items() if name not in CHANGEABLE}
-    keys = {f"{section}.{key}": value for section, table in tables.items() for key, value in table.items()}
-    return {name: value for name, value in keys.items() if name not in CHANGEABLE}
-
-
-def refuse_another(path: Path, saved: Mapping[str, Any], now: Mapping[str, Any]) -> None:
-    """Refuse (CheckpointError) to continue the run of a file under another case, by the identities of both."""
-    different = []
-    for name in sorted({*saved, *now}):
-        old, new = saved.get(name), now.get(name)
-        more_cycles = name == "loading.cycles" and isinstance(old, int) and isinstance(new, int) and new > old
-        if old != new and not more_cycles:
-            there, here = ("absent" if value is None else show(value) for value in (old, new))
-            is_file = tuple(name.split(".")) in NAMED_FILES
-            different.append(f"{name} has another content" if is_file else f"{name} = {there} there, {here} here")
-    if different:
-        more = f"; and {len(different) - 3} more keys" if len(different) > 3 else ""
-        raise CheckpointError(
-            f"{path} belongs to another case: {'; '.join(different[:3])}{more}; resume with the case it was made for, "
-            "or start again with --force"
+def _check_together(case: Case) -> None:
+    """Refuse (InputError) what needs more than one key to be judged: key and the rest of the sentence."""
+    side, loading, modulus = case.surface.L, case.loading, case.material.reduced_modulus
+    check_shares(case.block, side)
+    check_lengths(side, case.block.height or side, loading, case.mesh)
+    check_force("force_max", loading.force_max, modulus * side**2)
+    check_force("pressure_max", loading.pressure_max, modulus)
+    if case.units == "SI" and side < 1e-4 and case.material.E < 1e3:
+        raise InputError(
+            f"material.E = {case.material.E:g} with surface.L = {side:g} reads as {case.material.E:g} Pa, softer than "
+            'any solid; 200 GPa is 200e9 (or set units = "other" at the top of the file)'
+        )
+    if case.accuracy.tolerance is not None:
+        case.contact.check_bar()
+    if case.slip:
+        _check_reached(case, "slip.preload", case.slip.preload)
+    if case.dynamics or case.joint:
+        _check_vibration(case)
+    if case.slip and case.contact.sticks:
+        raise InputError(
+            f"contact.friction = {case.contact.friction} holds one body on a rigid flat, and [slip] is the slip of two "
+            'like bodies: set contact.friction = "none", or remove [slip]'
         )
 
 
-def refuse_run_of_another(case: Case, folder: Path) -> None:
-    """Refuse (CheckpointError) a folder whose run, without a saved state, is not of this case or has none."""
-    if is_empty(folder):
-        return
-    try:
-        there = Case.load(folder / CASE)
-    except InputError as error:
-        raise CheckpointError(
-            f"{folder} holds no state to resume from, and no case to start again: {error}; start again with --force"
-        ) from None
-    refuse_another(folder / CASE, identity(there), identity(case))
+def _check_law(case: Case, solid: Material) -> None:
+    """Refuse (InputError) a law without an elastic part, where the case needs that part."""
+    law = solid.law
+    assert law is not None
+    needs = {"output.stiffness": case.output.stiffness, "slip": case.slip is not None}
+    for name in [name for name, wanted in needs.items() if wanted and law.state and law.declared.elastic is None]:
+        raise InputError(
+            f"{name} needs the elastic part of material.law = {show(law.source)}, which does not say it: declare "
+            "@asp.law(state=..., elastic=...)"
+        )
+
+
+def _check_vibration(case: Case) -> None:
+    """Checks of [dynamics] and [joint]."""
+    dynamics, joint = case.dynamics or DynamicsSettings(), case.joint or Joint()
+    if dynamics.law == "unload-reload" and not case.loading.unload_steps:
+        raise InputError('dynamics.law = "unload-reload" needs an unloading; set loading.unload = true')
+    settings = DynamicsSettings.of_case(case.to_dict())
+    given = [f"joint.{name}" for name in ("pressure", "preload") if getattr(joint, name) is not None]
+    _check_reached(case, (*given, "dynamics.preload")[0], settings.load and settings.load / settings.factor)
+
+
+def _check_reached(case: Case, key: str, force: float | None) -> None:
+    """Refuse a preload whose force on the patch, None where it is not given, is that of no run."""
+    full = case.material.reduced_modulus * case.surface.L**2
+    least, most = LEAST_FORCE * full, case.greatest_force or full
+    if force is not None and not least <= force <= most * _ROUND:
+        section, name = key.split(".")
+        value = getattr(getattr(case, section), name)
+        means = "" if value == force else f" makes a force of {force:.6g} on the patch, which"
+        raise InputError(
+            f"{key} = {value:g}{means} must lie between {least:.3g} and {most:.6g}, the greatest force the run may "
+            "reach; leave it out for half of what it does reach"
+        )
+
+
+def _doubts(case: Case) -> Iterator[str]:
+    """Sentences about values that are legal but improbable in SI, or not used."""
+    for full, (low, high, unit) in _PROBABLE.items() if case.units == "SI" else ():
+        section, name = full.split(".")
+        value = getattr(getattr(case, section), name)
+        if value is not None and not low <= value <= high:
+            other = 'set units = "other" at the top of the case file if this is not SI'
+            yield f"{full} = {value:g} is taken as {unit}; {other}"
+    method, tolerance = case.contact.method, case.accuracy.tolerance
+    size, by_method = ("mesh.h_contact", "mesh.growth", "mesh.h_max"), f"contact.method is {method}"
+    limits = ("accuracy.area_tolerance", "accuracy.max_dofs")
+    idle = [
+        (tolerance is not None, size, "accuracy.tolerance chooses the mesh"),
+        (case.mesh.file is not None, size, "mesh.file is the mesh"),
+        (tolerance is None, limits, "there is no accuracy.tolerance"),
+        (method != "penalty", ("contact.penalty",), by_method),
+        (method != "nitsche", ("contact.gamma",), by_method),
+        (not case.material.plastic, ("loading.integrator",), "the material is elastic"),
+        (case.dynamics is None and case.joint is None, ("material.density",), "no [dynamics], no [joint]"),
+        (not case.has_stiffness, ("material.conductivity",), "output.stiffness is false"),
+        (case.material.conductivity is None, ("material.conductivity_other",), "there is no material.conductivity"),
+    ]
+    defaults = {"mesh.h_contact": H_CONTACT * case.surface.L}  # which follow from other keys
+    for full, why in ((one, why) for applies, unused, why in idle if applies for one in unused):
+        section, name = full.split(".")
+        table = getattr(case, section)
+        value = getattr(table, name)
+        if value != defaults.get(full, type(table).__dataclass_fields__[name].default):
+            yield f"{full} = {show(value)} is not used: {why}"
+    vibrates = case.dynamics is not None or case.joint is not None
+    if vibrates and case.loading.unload_to > 0.0:
+        yield (
+            f"loading.unload_to = {case.loading.unload_to:g} ends the unloading in contact: the law of the vibration "
+            "is extrapolated below; leave it out, or keep the amplitudes small"
+        )
+    rows, least = case.loading.unload_steps, MIN_ROWS[case.has_stiffness]
+    if case.dynamics is not None and case.material.plastic and 0 < rows < least:
+        yield (
+            f"loading.unload_steps = {rows} gives the law of the vibration {rows} rows in contact, and at least "
+            f"{least} show its curvature: raise it{'' if case.has_stiffness else ', or set output.stiffness = true'}"
+        )

@@ -13,13 +13,12 @@ import os
 import sys
 import traceback
 import warnings
-from collections.abc import Callable, Sequence
-from typing import Any
+from collections.abc import Sequence
 
 import click
 
 from asperity.errors import AsperityError, AsperityWarning
-from asperity.runtime.launch import ensure_home, on_terminal
+from asperity.runtime.launch import ensure_home
 from asperity.runtime.parallel import INTERNAL, Ranks
 from asperity.runtime.progress import tell, world_rank
 from asperity.version import __version__
@@ -66,10 +65,11 @@ def main(arguments: Sequence[str] | None = None) -> None:
         if getattr(sys, name) is None:  # it was closed
             setattr(sys, name, open(os.devnull, "w"))
     ranks = Ranks()
-    # Warnings of this package are shown whatever the environment says, and those of others are not for users.
+    # Warnings of this package are shown once, whatever the environment says, and those of others are not for users.
     warnings.simplefilter("ignore")
-    warnings.simplefilter("always", AsperityWarning)
-    warnings.showwarning = _show_once()
+    warnings.simplefilter("ignore" if world_rank() else "once", AsperityWarning)
+    warnings.onceregistry.clear()  # type: ignore[attr-defined]
+    warnings.showwarning = lambda message, *_, **__: tell(f"warning: {message}", sys.stderr)
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, io.TextIOWrapper):
             stream.reconfigure(errors="replace")  # a terminal that lacks a character
@@ -118,16 +118,3 @@ def _internal(error: Exception) -> str:
     where = f"{os.path.basename(frame.f_code.co_filename)}:{line}"
     text = "".join(c if c.isprintable() else " " for c in f"{type(error).__name__}: {error}")[:200]
     return f"internal error at {where}, {text}; please report it with the output under ASPERITY_TRACEBACK=1"
-
-
-def _show_once() -> Callable[..., None]:
-    """Printer of warnings, each once and from the first rank."""
-    shown: set[str] = set()
-
-    def show(message: Warning | str, *_: Any) -> None:
-        if world_rank() == 0 and str(message) not in shown:
-            shown.add(str(message))
-            over = "\r\x1b[K" if on_terminal() and sys.stderr.isatty() else ""  # a live line
-            tell(f"{over}warning: {message}", sys.stderr)
-
-    return show

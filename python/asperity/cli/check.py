@@ -75,7 +75,6 @@ def prepare(case: Case, problem: Problem, approach: float) -> None:
     from asperity.adaptive.mesh_levels import LevelSolver
     from asperity.adaptive.mesh_plan import second
     from asperity.mesh.block import BlockMesh
-    from asperity.model.settings import AccuracyTarget
     from asperity.quasistatic.callbacks import Callbacks
     from asperity.quasistatic.make import distributed, make_block
     from asperity.quasistatic.solve_problem import judge, refuse_other_height
@@ -87,8 +86,7 @@ def prepare(case: Case, problem: Problem, approach: float) -> None:
         distributed(comm, surface, block, problem.sides)
 
     if case.accuracy.tolerance is not None:
-        target = AccuracyTarget(**case.accuracy.model_dump())
-        levels = LevelSolver(problem, guide_of(problem), target, comm, Callbacks())
+        levels = LevelSolver(problem, guide_of(problem), case.accuracy, comm, Callbacks())
         for _ in range(2):  # the meshes without which there is no error bar
             levels.refine(levels.scales[-1] / second(levels.scales[-1]) if levels.scales else 1.0)
             take(levels.block)

@@ -10,91 +10,63 @@ import click
 from asperity.cli import options
 from asperity.errors import InputError
 from asperity.units import plus_minus, quantity
-from asperity.vibration.checks import LAWS
-from asperity.vibration.equation import DAMPING
-from asperity.vibration.settings import MODELS, SHAPES, DynamicsSettings
 
 if TYPE_CHECKING:
-    from asperity.vibration import Dynamics, FrequencyResponse, Joint
+    from asperity.vibration import Dynamics, DynamicsSettings, FrequencyResponse
 
-
-def amount(text: str) -> float | str:
-    """A number, or a text with a unit."""
-    try:
-        return float(text)
-    except ValueError:
-        return text
+SECTIONS = ("dynamics", "joint", "slip", "units")  # of which --set takes keys
+TANGENTIAL = ("dynamics.preload", "dynamics.gravity", "dynamics.forcing", "dynamics.zeta")  # the others do not matter
 
 
 @click.command()
 @click.argument("source", required=False, metavar="[OUT|CURVE.csv]")
 @click.option("--power-law", "exponent", type=float, metavar="N", help="P* = k (delta*)^N instead.")
 @click.option("--k-fit", type=float, metavar="K", help="k of the power law; else 1.")
-@click.option("--law", type=click.Choice(LAWS),
-              metavar="LAW", help=f"{', '.join(LAWS)}.")  # fmt: skip
-@click.option("--preload", type=float, metavar="W", help="Static force; else half of the greatest force.")
-@click.option("--area", "nominal_area", type=float, metavar="A", help="Nominal area of the joint; else of the patch.")
-@click.option("--pressure", type=float, metavar="P", help="Nominal pressure instead of the preload.")
-@click.option("--mass", type=float, metavar="M", help="Mass that vibrates; else the preload over gravity.")
-@click.option("--gravity", type=float, metavar="G", help="In the units of the curve; else 9.80665 in SI.")
-@click.option("--zeta", type=float, multiple=True, metavar="Z", help="Damping ratio; repeatable; else 0.01.")
-@click.option("--damping", type=click.Choice(DAMPING), metavar="WHEN", help=f"{', '.join(DAMPING)}.")
-@click.option("--forcing", type=amount, multiple=True, metavar="F",
-              help="F/(n W), or 3N; of the base 2um or 30m/s2; repeatable.")  # fmt: skip
-@click.option(
-    "--model",
-    type=click.Choice(MODELS),
-    multiple=True,
-    metavar="MODEL",
-    help=f"Restoring force: {', '.join(MODELS)}; else both.",
-)
-@click.option("--omega", type=amount, nargs=2, metavar="LOW HIGH",
-              help="Over omega_s, or 800Hz 1.2kHz; else 0.5 1.3.")  # fmt: skip
 @click.option("--direction", type=click.Choice(("normal", "tangential")), default="normal",
               metavar="HOW", help="normal, or tangential: by the slip of OUT.")  # fmt: skip
-@click.option("--simulate", type=click.Choice(SHAPES), multiple=True, metavar="SHAPE",
-              help=f"A motion from rest: {', '.join(SHAPES)}.")  # fmt: skip
-@click.option("--pulse", type=float, metavar="T",
-              help="Length of its half-sine; else half a period.")  # fmt: skip
-@click.option("--span", type=float, metavar="N", help="Its length in periods; else 20.")
 @options.output("DIR", "Folder for tables, thresholds.json and figures.")
 @options.as_json
+@options.overrides
 def dynamics(
     source: str | None, exponent: float | None, k_fit: float | None, output: str | None, as_json: bool,
-    direction: str, **settings: Any,
+    direction: str, overrides: tuple[str, ...],
 ) -> None:  # fmt: skip
     """Compute the vibration of a mass on a contact.
 
-    The law is that of a run, a table of delta and force, or a power law. Options that are not given are those of the
-    case of OUT.
+    The law is that of a run, a table of delta and force, or a power law. --set takes the keys of [dynamics], [joint]
+    and [slip] in a case file, as --set dynamics.zeta=0.02 or --set joint.mass=5; the others are those of the case of
+    OUT.
     """
-    from asperity.vibration import Joint, PowerLaw, run_dynamics
+    from asperity.case.tables import make, override
+    from asperity.model.dynamics import DynamicsSettings, case_beside
+    from asperity.vibration import PowerLaw, run_dynamics
 
     if (source is None) == (exponent is None):
         raise InputError("give either a run directory or curve, or --power-law N")
     if source is not None and k_fit is not None:
         raise InputError("--k-fit is for --power-law: leave it out")
-    law = PowerLaw(exponent, 1.0 if k_fit is None else k_fit) if exponent is not None else source
-    given = {name: settings.pop(name) for name in ("nominal_area", "pressure", "mass")}
-    if settings["preload"] is not None and given["pressure"] is not None:
-        raise InputError("--preload and --pressure are both given; give one of them")
-    joint = None
-    if any(value is not None for value in given.values()):
-        joint = (DynamicsSettings.of_source(source).joint or Joint()).replaced(given)
-    settings = {name: None if value == () else value for name, value in settings.items()}
+    case = case_beside(source)
+    changed = [override(case, text) for text in overrides]
     tangential = direction == "tangential"
-    if tangential and source is None:
-        raise InputError("--direction tangential needs the folder of a run with [slip]")
-    alien = {"law"} if source is None else set[str]()
+    for key in changed:
+        section = key.partition(".")[0]
+        if section not in SECTIONS:
+            raise InputError(f"--set {key}: the vibration takes keys of [dynamics], [joint] and [slip], and units")
+        if key == "dynamics.law" and source is None:
+            raise InputError(f"--set {key} is for a curve: leave it out")
+        if tangential and section == "dynamics" and key not in TANGENTIAL:
+            raise InputError(f"--set {key} is for the normal direction: leave it out")
+    for section in SECTIONS[:3]:
+        if section in case:
+            make(section, case[section])
+    settings = DynamicsSettings.of_case(case)
     if tangential:
-        alien = set(settings) - {"preload", "gravity", "forcing", "zeta"}
-    for name in settings:
-        if name in alien and settings[name] is not None:
-            raise InputError(f"--{name} is for {'the normal direction' if tangential else 'a curve'}: leave it out")
-    if tangential:
-        _tangential(str(source), joint, settings | {"pressure": given["pressure"]}, output, as_json)
+        if source is None:
+            raise InputError("--direction tangential needs the folder of a run with [slip]")
+        _tangential(source, case, settings, changed, output, as_json)
         return
-    result = run_dynamics(law, joint=joint, out_dir=output, **settings)
+    law = PowerLaw(exponent, 1.0 if k_fit is None else k_fit) if exponent is not None else source
+    result = run_dynamics(law, settings, out_dir=output)
     if output:
         from asperity.plot import plot_dynamics
 
@@ -107,19 +79,21 @@ def dynamics(
         options.say(f"written to {Path(output)}")
 
 
-def _tangential(source: str, joint: Joint | None, settings: dict[str, Any], output: str | None, as_json: bool) -> None:
+def _tangential(
+    source: str, case: dict[str, Any], settings: DynamicsSettings, changed: list[str], output: str | None, as_json: bool
+) -> None:
     from asperity.output.results import Results
     from asperity.slip.tangential import tangential_vibration
 
-    results = Results.read(source)
-    case, preload = dict(results.case), settings["preload"]
-    if "slip" in case and (preload, settings["pressure"]) != (None, None):
-        case["slip"] = {name: value for name, value in case["slip"].items() if name != "preload"}
-    given = DynamicsSettings.of_case(results.case, joint).replaced(preload=preload, gravity=settings["gravity"])
-    (zeta, *more), forcing = settings["zeta"] or (0.0,), settings["forcing"] or (0.01,)
+    curve = Results.read(source).curve
+    # those of the case are for the normal direction
+    zeta, *more = settings.zeta if "dynamics.zeta" in changed else (0.0,)
+    forcing = settings.forcing if "dynamics.forcing" in changed else (0.01,)
     if more or any(isinstance(value, str) for value in forcing):
-        raise InputError("--direction tangential takes one --zeta, and each --forcing over the friction limit")
-    found = tangential_vibration(case, results.curve, given, forcing, zeta)
+        raise InputError(
+            "--direction tangential takes one dynamics.zeta, and each dynamics.forcing over the friction limit"
+        )
+    found = tangential_vibration(case, curve, settings, forcing, zeta)
     if output:
         from asperity.plot.slip import response
         from asperity.plot.style import save_in

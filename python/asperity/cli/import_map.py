@@ -68,36 +68,36 @@ def import_map(map_file: str, output: str | None, as_json: bool, **given: Any) -
     0.2um; without a unit in metres. OUT receives patch.npz, case.toml, measured.json and pictures.
     """
     from asperity.runtime.files import files_into
-    from asperity.runtime.progress import LevelLines, Progress
+    from asperity.runtime.progress import Progress, ProgressLine
     from asperity.runtime.run_folder import holds_run
     from asperity.surface.iso25178 import light_approach
 
-    progress = Progress() if as_json else LevelLines()
+    progress = Progress() if as_json else ProgressLine()
     folder = Path(output) if output else Path("out") / Path(map_file).stem
     if folder.is_file() or holds_run(folder):
         raise InputError(f"{folder} {'is a file' if folder.is_file() else 'holds a run'}; give another folder to -o")
-    scan = _Scan(map_file, progress.stage, **given)
-    origin = {"file": map_file, "channel": scan.channel or None, "level": given["level"], "cutoff": given["cutoff"],
-              "filled": scan.filled}  # fmt: skip
-    about: dict[str, Any] = origin | {
-        "notes": scan.notes, "side": scan.surface.L, "nodes": len(scan.patch.z), "iso25178": scan.iso.to_dict(),
-        "self_affine": None if scan.affine is None else asdict(scan.affine),
-    }  # fmt: skip
-    with files_into(folder) as aside:  # whole, or not at all
-        scan.patch.save(aside / "patch.npz", about=origin)
-        progress.stage("figures")
-        _draw(aside, scan)
-        (aside / "measured.json").write_text(f"{json.dumps(about, indent=2)}\n", encoding="utf-8")
-        text = CASE.format(delta=light_approach(scan.surface))
-        (aside / "case.toml").write_text(text, encoding="utf-8")
-        try:
-            cost = _cost(aside / "case.toml", scan.surface)
-        except InputError as error:
-            text = str(error).removeprefix(f"{aside / 'case.toml'}: ").replace(str(aside), str(folder))
-            raise InputError(f"{map_file} makes no case that can be run: {text}") from None
-        except CompatError:  # the map can be made where nothing is solved
-            cost = ""
-    progress.done()
+    with progress:
+        scan = _Scan(map_file, progress.stage, **given)
+        origin = {"file": map_file, "channel": scan.channel or None, "level": given["level"], "cutoff": given["cutoff"],
+                  "filled": scan.filled}  # fmt: skip
+        about: dict[str, Any] = origin | {
+            "notes": scan.notes, "side": scan.surface.L, "nodes": len(scan.patch.z), "iso25178": scan.iso.to_dict(),
+            "self_affine": None if scan.affine is None else asdict(scan.affine),
+        }  # fmt: skip
+        with files_into(folder) as aside:  # whole, or not at all
+            scan.patch.save(aside / "patch.npz", about=origin)
+            progress.stage("figures")
+            _draw(aside, scan)
+            (aside / "measured.json").write_text(f"{json.dumps(about, indent=2)}\n", encoding="utf-8")
+            text = CASE.format(delta=light_approach(scan.surface))
+            (aside / "case.toml").write_text(text, encoding="utf-8")
+            try:
+                cost = _cost(aside / "case.toml", scan.surface)
+            except InputError as error:
+                text = str(error).removeprefix(f"{aside / 'case.toml'}: ").replace(str(aside), str(folder))
+                raise InputError(f"{map_file} makes no case that can be run: {text}") from None
+            except CompatError:  # the map can be made where nothing is solved
+                cost = ""
     if as_json:
         options.print_json(about)
         return

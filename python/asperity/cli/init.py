@@ -103,9 +103,11 @@ def starting_case(
         folder: of the case file
         roughness: keys of a self-affine surface
     """
-    from asperity.case.keys import kind_of, sections
-    from asperity.case.schema import Input
-    from asperity.vibration.joint import Joint
+    from asperity.case import Case
+    from asperity.case.keys import KINDS
+    from asperity.case.tables import SECTIONS
+    from asperity.model.joint import Joint
+    from asperity.surface.base import surface_kind
 
     if roughness is not None:
         kind, surface, delta = "self-affine", roughness, 0.5 * roughness["rms_height"]
@@ -134,19 +136,16 @@ def starting_case(
         "# A comment gives the meaning of a key, its unit, legal values, the default if other keys determine it.",
         "# Remove the # before a key to set it. Check the case by: asperity check FILE",
         "",
-        *_keys(Input, {}, skip=tuple(name for name in Input.model_fields if sections(name))),
+        *_keys(Case, {}),
     ]
-    for name, field in Input.model_fields.items():
-        models = sections(name)
-        if not models:
-            continue
-        model = next((m for m in models if name == "surface" and kind_of(m) == kind), models[0])
-        optional = field.default is None and name not in chosen
-        about = str(model.__doc__).partition("\n")[0].removesuffix(".")
+    for name in SECTIONS:
+        cls = surface_kind(kind) if name == "surface" else SECTIONS[name]
+        optional = name in ("dynamics", "joint", "slip") and name not in chosen
+        about = str(cls.__doc__).partition("\n")[0].removesuffix(".")
         lines += ["", f"# {about}", f"# [{name}]" if optional else f"[{name}]"]
         if name == "surface":
-            lines.append(_line(f'kind = "{kind}"', "kind of surface; " + ", ".join(map(kind_of, models))))
-        lines += _keys(model, chosen.get(name, {}), skip=("kind",))
+            lines.append(_line(f'kind = "{kind}"', f"kind of surface; {', '.join(KINDS)}"))
+        lines += _keys(cls, chosen.get(name, {}))
     return "\n".join(lines) + "\n"
 
 
@@ -166,16 +165,14 @@ def surface_of(sq: float, slope: float) -> dict[str, Any]:
     }  # fmt: skip
 
 
-def _keys(model: Any, values: Mapping[str, Any], skip: tuple[str, ...]) -> Iterator[str]:
+def _keys(cls: Any, values: Mapping[str, Any]) -> Iterator[str]:
     """One line a key: set where `values` has it, commented with its default elsewhere."""
     import tomli_w
 
-    from asperity.case.keys import legal, properties
+    from asperity.runtime.declaration import legal, properties
     from asperity.runtime.display import show
 
-    for key, about in properties(model).items():
-        if key in skip:
-            continue
+    for key, about in properties(cls).items():
         unit = SI.get(about["unit"], about["unit"])
         words = [about["description"] + (f" ({unit})" if unit else ""), legal(about)]
         if key in values:

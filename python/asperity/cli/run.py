@@ -10,7 +10,7 @@ from pathlib import Path
 import click
 
 from asperity.cli import options
-from asperity.runtime.progress import LevelLines, Progress, silence, world_rank
+from asperity.runtime.progress import Progress, ProgressLine, silence, world_rank
 
 
 @click.command()
@@ -42,22 +42,20 @@ def run(
     options.start_ranks(ranks, quiet)
     from asperity.curve.power_law import with_misfit
     from asperity.job import run_case
-    from asperity.output.assumption import DOUBTFUL, describe
+    from asperity.output.assumptions import DOUBTFUL, describe
     from asperity.output.results import Results
     from asperity.output.verdict import doubts, verdict
     from asperity.runtime import compat
 
     compat.start()
     gc.freeze()  # what the modules hold is no garbage, and each solver that goes has the rest searched
-    progress = Progress() if quiet or verbose or world_rank() else LevelLines()
+    progress = Progress() if quiet or verbose or world_rank() else ProgressLine()
     if verbose and not world_rank():
         lines = logging.StreamHandler(sys.stdout)
         lines.handleError = lambda record: silence(sys.stdout)  # type: ignore[method-assign]
         logging.basicConfig(handlers=[lines], format="%(asctime)s %(message)s")
-    try:
+    with progress:
         result = run_case.run(case, folder, progress=progress, resume=resume, force=force, allow_code=allow_code)
-    finally:
-        progress.done()
     if quiet or world_rank():
         return
     if result.contact is None:

@@ -15,9 +15,8 @@ import numpy as np
 from asperity.arrays import Array
 from asperity.curve.slope import fitted_rows, legs, planned_rows, slopes
 from asperity.errors import InputError
-from asperity.runtime.display import nearest
+from asperity.runtime.display import nearest, optional, picture
 from asperity.runtime.files import MOST_TEXT, read_whole, write_csv
-from asperity.runtime.notebook import optional, picture
 from asperity.runtime.text_table import decoded
 
 if TYPE_CHECKING:

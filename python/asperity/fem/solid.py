@@ -21,7 +21,7 @@ from asperity.mesh.distribute import BASE, SIDE_X, SIDE_Y
 from asperity.mesh.element import DEGREE
 from asperity.model.material import Material
 from asperity.runtime import compat
-from asperity.runtime.timing import Phases
+from asperity.runtime.usage import Phases
 
 
 class Solid:

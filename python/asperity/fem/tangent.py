@@ -11,7 +11,7 @@ from asperity.arrays import Floats, Singles
 from asperity.fem.kernels import ElementKernels
 from asperity.fem.sparsity import SparsityPattern
 from asperity.runtime.compiled import solver as _solver
-from asperity.runtime.timing import Phases
+from asperity.runtime.usage import Phases
 
 #: Writes a matrix at a nodal displacement, see `ElementKernels.tangent`.
 Write = Callable[[Floats, Floats | Singles], None]

@@ -2,45 +2,29 @@
 
 from __future__ import annotations
 
-import logging
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager, nullcontext
+from contextlib import nullcontext
 from dataclasses import dataclass
-from functools import cache, partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from asperity.case import Case
 from asperity.curve import Curve
 from asperity.curve.power_law import PowerLawFit, with_misfit
-from asperity.errors import (
-    AssumptionWarning,
-    CaseWarning,
-    InputError,
-    Interrupted,
-    OutputError,
-    ResolutionWarning,
-    warn,
-)
+from asperity.errors import InputError, OutputError
 from asperity.model.problem import Problem
-from asperity.output.assumption import DOUBTFUL, Assumption, describe
-from asperity.output.assumptions import ledger
 from asperity.output.run_files import RunFiles
-from asperity.output.summary import of_ranks
 from asperity.runtime.display import brief
-from asperity.runtime.parallel import agree, on_root, on_root_bcast, spread
-from asperity.runtime.progress import Progress, log_file
+from asperity.runtime.parallel import agree
+from asperity.runtime.progress import Progress
 from asperity.runtime.run_folder import LOG
-from asperity.runtime.timing import Clock, Phases, clocked
-from asperity.runtime.warnings_log import Notices, log, noting
+from asperity.runtime.run_log import logged
+from asperity.runtime.usage import clocked
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
     from mpi4py import MPI
 
-    from asperity.job.parts import SolvedCase
     from asperity.quasistatic.contact_result import ContactResult
-    from asperity.surface import Surface
 
 
 @dataclass(frozen=True)
@@ -149,117 +133,31 @@ def run(
         whole = case if isinstance(case, Case) else Case.load(case)
         return whole, whole.problem(allow_code=allow_code)
 
-    with noting(comm) as notices:
+    with logged(comm, None if out is None else out / LOG) as log:
         whole, problem = agree(comm, prepare)
-        files = RunFiles(whole, out, comm)
+        files = RunFiles(whole, out, comm, log.begin)
         with files.locked(resume, force):
             done = files.finished() if resume else None
             if done is not None:
                 return RunResult(done[0], done[0].fit_or_none(), done[1], None)
-            continues = files.open(resume, force)
-            with (
-                log_file(None if out is None or comm.rank > 0 else out / LOG, append=continues) as files.open_log,
-                nullcontext() if out is None else StopRequest(comm) as request,
-                clocked() as clock,
-            ):
-                for text in notices.texts:
-                    log(text)
-                stop = None if request is None else request.agreed
-                return _run(whole, problem, files, notices, progress or Progress(), stop, comm, clock)
+            files.open(resume, force)
+            with nullcontext() if out is None else StopRequest(comm) as request, clocked() as clock:
+                from asperity.job.solve import solve_case
+                from asperity.job.stages import Job
 
-
-def _run(
-    case: Case, problem: Problem, files: RunFiles, notices: Notices, progress: Progress,
-    stop: Callable[[], str] | None, comm: MPI.Comm, clock: Clock,
-) -> RunResult:  # fmt: skip
-    """Solve, vibrate, judge, write; collective."""
-    from asperity.job.parts import VibratedCase, solve_case, vibrate_case
-
-    try:
-        solved = solve_case(case, problem, files, progress, stop, comm)
-    except InputError:
-        files.withdraw()
-        raise
-    except OutputError as e:
-        raise OutputError(f"{e}{'; --resume continues from the last step saved' if files.saved() else ''}") from None
-    contact, failure, folder = solved.contact, solved.failure, files.folder
-    summary = solved.summary(case, comm.size)
-    summary["warnings"] = notices.texts  # those of what follows join them
-    files.curve(contact.curve, whole=solved.accurate is not None)
-
-    def write() -> None:
-        summary["parallel"] = of_ranks(comm, summary["seconds"], clock)
-        files.summary(summary, failure)
-
-    write()
-    phases, found = Phases(summary["seconds"]), VibratedCase()
-
-    @contextmanager
-    def stage(name: str) -> Iterator[None]:
-        progress.stage(name)
-        with phases.phase(name):
-            yield
-
-    if solved.complete:
-        if contact.snapshots and folder is not None:
-            with stage("fields"):
-                files.fields(contact)
-        found = vibrate_case(case, contact, folder, stage)
-        summary |= found.sections
-        failure = found.failure or failure
-
-    evidence = solved.evidence(case, found.numbers)
-    lines = on_root_bcast(comm, partial(ledger, evidence))
-    summary["assumptions"] = [line.to_dict() for line in lines]
-    if evidence.patches is not None:
-        summary["patches"] = evidence.patches.to_dict()
-    _warn(case, folder, solved, lines)
-    notices.share()
-    write()
-
-    if solved.complete and not found.ends:
-        if folder is not None and (case.output.figures or case.output.report):
-            with stage("figures"):
-                _draw(comm, folder, problem.surface)
-            write()  # with the time of the figures
-        if folder is not None and case.output.report:
-            from asperity.plot.report import write_report
-
-            on_root(comm, partial(write_report, folder))
-        summary["finished"] = failure is None  # not before all is there: a finished run is not continued
-        write()
-    if failure is not None:
-        raise failure
-    return RunResult(contact.curve, contact.curve.fit_or_none(), summary, contact, found.dynamics)
-
-
-def _warn(case: Case, folder: Path | None, solved: SolvedCase, lines: Sequence[Assumption]) -> None:
-    """Warn of what is doubtful in the result, and put the rest into the log."""
-    for line in lines:
-        text = describe(line.to_dict())
-        if line.verdict == DOUBTFUL and line.warns:
-            warn(text, AssumptionWarning)
-        elif line.verdict == DOUBTFUL:
-            logging.getLogger(__name__).info("doubtful: %s", text)
-    contact, unresolved = solved.contact, solved.contact.curve.unresolved()
-    if case.output.fields and folder is not None and contact.complete and not contact.snapshots:
-        why = "output.snapshots = 0"
-        if case.output.snapshots:
-            why = "the steps were computed without snapshots before the run was resumed; replace the run with --force"
-        warn(f"output.fields = true writes nothing: {why}", CaseWarning)
-    if unresolved and solved.accurate is None and not isinstance(solved.failure, Interrupted):
-        warn(f"{unresolved}; make mesh.h_contact smaller", ResolutionWarning)
-
-
-def _draw(comm: MPI.Comm, folder: Path, surface: Surface) -> None:
-    """Draw the figures, each on one rank; collective."""
-    from asperity.output.results import Results
-    from asperity.plot import draw, figures_of
-
-    read = cache(partial(Results.read, folder, surface))
-    names = on_root_bcast(comm, lambda: list(figures_of(read())))
-
-    def task(name: str) -> None:
-        draw(read(), name)
-
-    spread(comm, [partial(task, name) for name in names], near=True)
+                progress, stop = progress or Progress(), None if request is None else request.agreed
+                try:
+                    solved = solve_case(whole, problem, files, progress, stop, comm)
+                except InputError:
+                    files.withdraw()
+                    raise
+                except OutputError as e:
+                    more = "; --resume continues from the last step saved" if files.saved() else ""
+                    raise OutputError(f"{e}{more}") from None
+                files.curve(solved.contact.curve, whole=solved.accurate is not None)
+                job = Job(whole, solved, files, log, progress, comm, clock)
+                job.follow()
+                if job.failure is not None:
+                    raise job.failure
+                curve = solved.contact.curve
+                return RunResult(curve, curve.fit_or_none(), job.summary, solved.contact, job.dynamics)

@@ -12,7 +12,7 @@ import numpy as np
 from asperity.arrays import Floats
 from asperity.errors import ConvergenceError
 from asperity.fem.sparsity import SparsityPattern
-from asperity.runtime.memory import free_share
+from asperity.runtime.usage import free_share
 
 OUT_OF_MEMORY = 55  # PETSC_ERR_MEM
 GAMG = {

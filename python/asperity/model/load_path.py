@@ -2,47 +2,98 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from typing import Annotated
 
-from asperity.model.limits import check
+from asperity.errors import InputError
+from asperity.runtime.declaration import (
+    FORCE,
+    LENGTH,
+    SCRIPT,
+    STRESS,
+    Choices,
+    Flag,
+    Positive,
+    Real,
+    Whole,
+    declared,
+    key,
+)
+from asperity.runtime.display import show
 
 BACKWARD_EULER, MIDPOINT = "backward-euler", "midpoint"
-INTEGRATORS = (MIDPOINT, BACKWARD_EULER)
+DRIVERS = ("delta_max", "force_max", "pressure_max")  # keys of which one is given
 FIRST_PIECES = (4, 4, 3, 2, 2, 2)  # into which the midpoint rule and stick divide the first planned steps
 
 
-@dataclass(frozen=True)
+@declared("loading")
 class Schedule:
-    """Load path; lengths in units of L, forces in units of A_0 E'.
+    """Motion of the flat, or its force.
 
     Attributes:
-        delta_max: greatest approach, or None when `force_max` is given
-        force_max: greatest force, found to 1e-6
-        steps: planned steps of a loading
-        unload_steps: planned steps of an unloading, 0 for none
-        unload_to: force at the end of an unloading, found to 1e-6, over that at its beginning; 0 lifts the flat off
-        cycles: loadings, each followed by an unloading; one when there is none
-        integrator: of plasticity along a loading, "backward-euler" (first order) or "midpoint" (second)
         substeps: equal parts that each step of a loading is divided into
         sticks: whether the points in contact stick, which divides the first steps too
     """
 
-    delta_max: float | None = None
-    force_max: float | None = None
-    steps: int = 10
-    unload_steps: int = 0
-    unload_to: float = 0.0
-    cycles: int = 1
-    integrator: str = BACKWARD_EULER
-    substeps: int = 1
-    sticks: bool = False
+    delta_max: Real | None = key(
+        "greatest approach from first touch (or force_max or pressure_max)",
+        LENGTH,
+        default=None,
+        hint="about 0.03 L",
+        share=(1e-7, 1e3),
+    )
+    force_max: Positive | None = key("greatest normal force, found to 1e-6 (or delta_max)", FORCE, default=None)
+    pressure_max: Positive | None = key(
+        "greatest nominal pressure, the force over L^2 (or delta_max)", STRESS, default=None
+    )
+    steps: Whole = key("least number of load steps", default=10, ge=1, le=100_000)
+    unload: Flag = key(
+        "unload after loading; false: not, whatever unload_steps is", default=None, shown="true where unload_steps > 0"
+    )
+    cycles: Whole = key("number of loadings, each followed by an unloading", default=1, ge=1, le=1000)
+    unload_steps: Whole = key(
+        "steps of an unloading", default=None, shown="steps // 2 with unload = true, otherwise 0", ge=0, le=100_000
+    )
+    unload_to: Real = key(
+        "force at which an unloading ends, over that at its beginning; 0 lifts the flat off", default=0.0, ge=0, lt=1
+    )
+    integrator: Annotated[str, Choices("midpoint", "backward-euler")] | None = key(
+        "of plasticity along a loading: second or first order in the step",
+        default=None,
+        shown="midpoint; backward-euler where material.law does not declare that its state is a strain",
+    )
+    substeps: Annotated[Whole, *SCRIPT] = 1
+    sticks: Annotated[bool, *SCRIPT] = False
 
     def __post_init__(self) -> None:
-        counts = dict.fromkeys(("steps", "cycles", "substeps"), "[1, inf)")
-        check(
-            self, "loading", integrator=INTEGRATORS, unload_steps="[0, inf)", unload_to="[0, 1)",
-            delta_max="(0, inf)", force_max="(0, inf)", **counts,
-        )  # fmt: skip
+        given = [f"loading.{name}" for name in DRIVERS if getattr(self, name) is not None]
+        if not given:
+            raise InputError(
+                "loading.delta_max, loading.force_max and loading.pressure_max are all missing; give exactly one, or "
+                "in a case the preload of a joint, whose overload then is the greatest load"
+            )
+        if len(given) > 1:
+            raise InputError(
+                f"{' and '.join(given)} are {'both' if len(given) == 2 else 'all'} given; give exactly one"
+            )
+        steps = self.unload_steps
+        if self.unload and steps == 0:
+            raise InputError(
+                "loading.unload_steps = 0 is no unloading, and loading.unload = true: leave one of them out"
+            )
+        if steps is None:
+            steps = max(self.steps // 2, 1) if self.unload else 0
+        elif self.unload is False:
+            steps = 0
+        for name, value in (("unload", steps > 0), ("unload_steps", steps)):
+            object.__setattr__(self, name, value)
+        for name, idle in (("cycles", 1), ("unload_to", 0.0)):
+            if (value := getattr(self, name)) > idle and not self.unload_steps:
+                raise InputError(f"loading.{name} = {show(value)} needs an unloading; set loading.unload = true")
+
+    @property
+    def driver(self) -> str:
+        """Key of the greatest load: "delta_max", "force_max" or "pressure_max"."""
+        return next(key for key in DRIVERS if getattr(self, key) is not None)
 
     def stops(self) -> list[float]:
         """Ends of the steps of a loading, as fractions of it; the planned steps are among them.
@@ -62,7 +113,7 @@ class Schedule:
     def legs(self) -> list[tuple[str, int]]:
         """Branch and planned steps of each loading and unloading, in order."""
         legs = []
-        for cycle in range(self.cycles if self.unload_steps else 1):
+        for cycle in range(self.cycles):
             legs.append(("reload" if cycle else "load", self.steps))
             if self.unload_steps:
                 legs.append(("unload", self.unload_steps))

@@ -3,44 +3,40 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import field, replace
 from math import inf
-from typing import Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import numpy as np
+from pydantic import Field, InstanceOf, PlainSerializer, WithJsonSchema
 
 from asperity.arrays import Floats
 from asperity.errors import InputError
 from asperity.laws import definition as laws
-from asperity.laws import shipped, shipped_law
-from asperity.model.limits import check
+from asperity.laws import from_file, shipped, shipped_law
 from asperity.model.load_path import BACKWARD_EULER, MIDPOINT
-from asperity.runtime.display import short_repr, show
+from asperity.runtime.declaration import STRESS, Choices, Positive, Real, Text, declared, key
+from asperity.runtime.display import show
 
 AUTO = "auto"  # kinematics that a run chooses, see adaptive.small_strain
-KINEMATICS = ("small", "finite", AUTO)
-MODULI = "[1e-20, 1e40]"  # legal E [force/length^2]
-POISSON_RATIOS = "[-0.9, 0.495]"  # legal nu; above, area and pressure are off by more than 1.2 % (docs/theory.md)
 YIELD_STRAINS = (1e-7, 1.0)  # legal yield strength over E; the second one excluded
 SHARES = {"isotropic": 0.0, "kinematic": 1.0}  # of the hardening that are kinematic
 WORKED = 0.2  # plastic strain of the strength that says which pressures in a cell relax, see `fem.kernels`
 PAIRS = np.array([1.0, 1.0, 1.0, 2.0, 2.0, 2.0])  # in products of tensors (..., 6): off-diagonal components count twice
+CONDUCTIVITY = "power/(length temperature)"
+#: Keys that a law in UFL takes where it has a parameter of that name.
+SHARED = ("E", "nu", "yield_strength", "tangent_modulus")
+
+Share = Annotated[Real, Field(ge=0, le=1)]
+if TYPE_CHECKING:
+    _Law = laws.Law | None
+else:  # the text of a case file becomes a law
+    _Law = InstanceOf[laws.Law] | Text | None
 
 
-@dataclass(frozen=True)
+@declared("material")
 class Material:
-    """Elastic, or elastic-plastic when a yield strength is given.
-
-    Attributes:
-        E: elastic modulus [force/length^2]
-        nu: Poisson's ratio
-        yield_strength: uniaxial yield stress [force/length^2]; None for an elastic material
-        tangent_modulus: slope of the uniaxial curve beyond yield [force/length^2]; 0 is perfectly plastic
-        hardening: "isotropic" (the yield surface grows), "kinematic" (it moves, after Prager), or the share in [0, 1]
-            of the hardening that is kinematic
-        kinematics: "small" strain, "finite": the same law in logarithmic strain, or "auto": see
-            `adaptive.small_strain.choose_kinematics`
-        law: in UFL, in place of those of the other attributes, see `of_law`
+    """Isotropic solid, elastic or elastic-plastic (J2, linear hardening), or a law in UFL.
 
     Raises:
         InputError: a value is outside its range
@@ -53,45 +49,126 @@ class Material:
         1.0
     """
 
-    E: float
-    nu: float
-    yield_strength: float | None = None
-    tangent_modulus: float = 0.0
-    hardening: str | float = "isotropic"
-    kinematics: str = "small"
-    law: laws.Law | None = None
-
-    __repr__ = short_repr
+    E: Real = key("Young's modulus", STRESS, hint="200e9 Pa for steel", ge=1e-20, le=1e40)
+    # above 0.495, area and pressure are off by more than 1.2 % (docs/theory.md)
+    nu: Real = key("Poisson's ratio", hint="0.3 for steel, 0.495 for rubber", ge=-0.9, le=0.495)
+    yield_strength: Positive | None = key(
+        "yield strength", STRESS, default=None, shown="elastic", hint="leave it out for an elastic material"
+    )
+    tangent_modulus: Real = key(
+        "slope of stress over strain after yield, below E; 0 is perfectly plastic", STRESS, default=0.0, ge=0
+    )
+    hardening: Annotated[str, Choices("isotropic", "kinematic")] | Share = key(
+        "the yield surface grows (isotropic) or moves (kinematic), or the share of hardening that moves it",
+        default="isotropic",
+    )
+    kinematics: Annotated[str, Choices("small", "finite", "auto")] | None = key(
+        "strain: small, finite (the same law in logarithmic strain), or chosen by pressing a coarse mesh both ways",
+        default=None,
+        shown="small; finite where material.law is an energy",
+    )
+    law: Annotated[
+        _Law, WithJsonSchema({"type": "string"}), PlainSerializer(lambda law: getattr(law, "source", law))
+    ] = key(
+        'law in UFL, one of asperity.laws, or "file.py:name": code, which runs with --allow-code (docs/extend.md)',
+        default=None,
+    )
+    parameters: Annotated[dict[str, Real] | None, key("of the law, by name: a section [material.parameters]")] = field(
+        default=None, hash=False
+    )
+    law_sha256: Text | None = key("of the file of the law, which is refused where it has another", default=None)
+    density: Positive | None = key(
+        "of the solid: for the inertia and the radiation that vibration has",
+        "mass/length^3",
+        default=None,
+        hint="7800 kg/m^3 for steel",
+    )
+    conductivity: Positive | None = key(
+        "of heat or current: with output.stiffness for the conductance of the joint per area",
+        CONDUCTIVITY,
+        default=None,
+        hint="50 W/(m K) for steel",
+    )
+    conductivity_other: Positive | None = key(
+        "of the other body, the mirror of this one", CONDUCTIVITY, default=None, shown="material.conductivity"
+    )
 
     def __post_init__(self) -> None:
-        check(self, "material", E=MODULI, nu=POISSON_RATIOS, kinematics=KINEMATICS)
+        if isinstance(self.law, str):
+            self._take_law(self.law)
+        elif self.law is None and (self.parameters is not None or self.law_sha256 is not None):
+            raise InputError("material.parameters and material.law_sha256 need material.law, a law in UFL")
+        if self.kinematics is None and self.has_run:
+            energy = self.law is not None and self.law.hyperelastic
+            object.__setattr__(self, "kinematics", "finite" if energy else "small")
         (low, high), strength, slope = YIELD_STRAINS, self.yield_strength, self.tangent_modulus
         if strength is not None and not low <= strength / self.E < high:
             raise InputError(
-                f"material.yield_strength = {strength:g} with E = {self.E:g} means yield at a strain of "
+                f"material.yield_strength = {strength:g} with material.E = {self.E:g} means yield at a strain of "
                 f"{strength / self.E:.2g}, legal are {low:g} to {high:g}; give both in the same unit (Pa), or leave it "
                 "out for an elastic material"
             )
-        if not 0.0 <= slope < self.E:
+        if not slope < self.E:
             raise InputError(
                 f"material.tangent_modulus = {slope:g} must be below material.E = {self.E:g}; 0 is perfectly plastic"
-            )
-        share = SHARES.get(self.hardening, -1.0) if isinstance(self.hardening, str) else self.hardening
-        if not 0 <= share <= 1:
-            raise InputError(
-                f'material.hardening = {show(self.hardening)} must be "isotropic", "kinematic", or the kinematic '
-                "share in [0, 1]"
             )
         if self.law is not None and self.law.hyperelastic and not self.finite:
             raise InputError(
                 f'material.kinematics = "{self.kinematics}" cannot go with {laws.KEY} = "{self.law.source}", an energy '
                 'of the deformation gradient: take "finite", or leave it out'
             )
-        if share > 0 and self.yield_strength is None:
+        if strength is None and self.law is None and (slope > 0 or self.kinematic_share > 0):
+            name = "tangent_modulus" if slope > 0 else "hardening"
             raise InputError(
-                f"material.hardening = {show(self.hardening)} needs material.yield_strength: give one, or leave "
-                "material.hardening out of an elastic material"
+                f"material.{name} = {show(getattr(self, name))} needs material.yield_strength: give one, or leave "
+                f"material.{name} out of an elastic material"
             )
+
+    def _take_law(self, source: str) -> None:
+        """Take the law of a key, which in a file is left unseen."""
+        parameters = self.parameters or {}
+        if ":" in source:
+            law = laws.Law(None, tuple(parameters.items()), source, self.law_sha256 or "")
+            object.__setattr__(self, "law", law)
+            return
+        if self.law_sha256 is not None:
+            raise InputError('material.law_sha256 needs material.law = "file.py:name", a law in a file')
+        self._take(shipped_law(source, parameters, self._offered))
+
+    @property
+    def _offered(self) -> dict[str, float]:
+        """Values of the keys that a law may take as parameters of these names."""
+        return {name: value for name in SHARED if (value := getattr(self, name))}
+
+    def _take(self, law: laws.Law) -> None:
+        """Take a law that has been run (InputError: it has other moduli, or has no such keys)."""
+        made = Material.of_law(law, kinematics=self.kinematics)
+        for name, default in (("yield_strength", None), ("tangent_modulus", 0.0), ("hardening", "isotropic")):
+            value = getattr(self, name)
+            if value not in (default, getattr(made, name)):
+                raise InputError(f"material.{name} = {show(value)} cannot go with material.law, which has none")
+        for name in ("E", "nu"):
+            value, own = getattr(self, name), getattr(made, name)
+            if abs(value - own) > 1e-6 * (made.E if name == "E" else 1.0):
+                raise InputError(
+                    f"material.{name} = {value:g} is not that of material.law at rest, {own:g}: leave it out"
+                )
+        for name in (*SHARED, "hardening", "kinematics", "law"):
+            object.__setattr__(self, name, getattr(made, name))
+
+    def run_law(self) -> Material:
+        """The material with the law of its file, which is run, with all rights of the user.
+
+        Raises:
+            InputError: the file cannot be read, is another one or raises, or its law is refused
+        """
+        if self.has_run:
+            return self
+        assert self.law is not None
+        law = from_file(self.law.source, self.law.digest, dict(self.law.parameters), self._offered)
+        found = replace(self)
+        found._take(law)
+        return found
 
     @staticmethod
     def of_law(
@@ -131,6 +208,11 @@ class Material:
     def plastic(self) -> bool:
         """Whether the material can yield, or its law has a state; so is taken of a law that has not been run."""
         return (not self.has_run or bool(self.law.state)) if self.law else self.yield_strength is not None
+
+    @property
+    def source(self) -> str:
+        """Where the law comes from, in words of a case; empty without one in UFL."""
+        return self.law.source if self.law else ""
 
     @property
     def has_run(self) -> bool:

@@ -3,20 +3,28 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field, fields, replace
-from typing import Any, TypedDict, Unpack
+from typing import Annotated, Any, TypedDict, Unpack
 
 import numpy as np
+from pydantic import Field, InstanceOf
 
 from asperity.errors import CaseWarning, InputError, ResolutionWarning, warn
-from asperity.model.limits import check, check_force, check_kind, check_length
+from asperity.model.limits import check_force
 from asperity.model.load_path import BACKWARD_EULER, MIDPOINT, Schedule
 from asperity.model.material import Material
-from asperity.model.settings import H_CONTACT, H_MAX, WIDEST_JOINED, Formulation, MeshSize, SolverOptions
-from asperity.runtime.display import short_repr
-from asperity.surface import Surface
+from asperity.model.settings import (
+    H_CONTACT,
+    H_MAX,
+    HEIGHT,
+    SIDES,
+    WIDEST_JOINED,
+    Formulation,
+    MeshSize,
+    SolverOptions,
+)
+from asperity.runtime.declaration import Real, argument, check_shares, declared, unknown
+from asperity.surface import Flat, Surface
 
-ONE_OF = "give exactly one of delta_max, force_max and pressure_max"
-SIDES = ("rollers", "free", "periodic")
 SAMPLES = 257  # heights along each side by which a load is judged
 _FALLS = 0.01  # slope across an edge next to the summit that makes a ridge, over the rms slope
 _NEAR_FREE = 0.1  # distance of a summit from a free side that is near, over the shortest wavelength
@@ -31,8 +39,7 @@ class ProblemArguments(TypedDict, total=False):
         delta_max: greatest approach from first touch [length]
         force_max: greatest force instead [force]
         pressure_max: greatest nominal pressure instead, the force over L^2 [force/length^2]
-        steps, unload_steps, unload_to, cycles, substeps: see `Schedule`; default 10, 0, 0, 1, 1
-        integrator: of plasticity, "midpoint" or "backward-euler"; default see `Material.integrator`
+        steps, unload, unload_steps, unload_to, cycles, integrator, substeps: see `Schedule`
         height: mean height of the block [length]; default L
         sides, size, formulation, options: see `Problem`
     """
@@ -41,6 +48,7 @@ class ProblemArguments(TypedDict, total=False):
     force_max: float | None
     pressure_max: float | None
     steps: int
+    unload: bool
     unload_steps: int
     unload_to: float
     cycles: int
@@ -53,7 +61,7 @@ class ProblemArguments(TypedDict, total=False):
     options: SolverOptions | None
 
 
-@dataclass(frozen=True, eq=False)
+@declared("", eq=False)
 class Problem:
     """A block with a rough top, its material, the load path, and how it is discretised and solved.
 
@@ -66,7 +74,8 @@ class Problem:
     Attributes:
         surface: the top
         material: of the block
-        load_path: approaches [length] and forces [force]; exactly one of delta_max and force_max
+        load_path: approaches [length] and forces [force]; a greatest pressure becomes a force, and an integrator that
+            is not given that of `Material.integrator`
         block_height: mean height of the block [length]; None takes the side of the surface
         sides: "rollers" (no normal displacement), "free", or "periodic" (opposite sides joined)
         formulation: of the contact
@@ -74,31 +83,38 @@ class Problem:
         options: of the solver
 
     Raises:
-        InputError: a value of another type or outside its range, not exactly one of delta_max and force_max, periodic
-            sides of a surface that is not periodic, or a law in UFL with settings that it cannot go with
+        InputError: a value of another type or outside its range, periodic sides of a surface that is not periodic, or
+            a law in UFL with settings that it cannot go with
     """
 
-    surface: Surface
-    material: Material
-    load_path: Schedule
-    block_height: float | None = None
-    sides: str = "rollers"
-    formulation: Formulation = field(default_factory=Formulation)
-    size: MeshSize = field(default_factory=MeshSize)
-    options: SolverOptions = field(default_factory=SolverOptions)
-
-    __repr__ = short_repr
+    surface: Annotated[
+        InstanceOf[Surface], *argument('a surface, for example asp.Surface.from_spec("sphere", L=1e-6, radius=1e-5)')
+    ]
+    material: Annotated[InstanceOf[Material], *argument("a material, for example asp.Material(E=200e9, nu=0.3)")]
+    load_path: Annotated[InstanceOf[Schedule], *argument("a load path, for example Schedule(delta_max=0.03e-6)")]
+    block_height: Annotated[Real | None, HEIGHT, Field(serialization_alias="block.height")] = None
+    sides: Annotated[str, *SIDES, Field(serialization_alias="block.sides")] = "rollers"
+    formulation: Annotated[
+        InstanceOf[Formulation], *argument('a formulation, for example asp.Formulation("active-set")')
+    ] = field(default_factory=Formulation)
+    size: Annotated[InstanceOf[MeshSize], *argument("element sizes, for example asp.MeshSize(h_contact=0.04e-6)")] = (
+        field(default_factory=MeshSize)
+    )
+    options: Annotated[InstanceOf[SolverOptions], *argument('options, for example asp.SolverOptions(linear="cg")')] = (
+        field(default_factory=SolverOptions)
+    )
 
     def __post_init__(self) -> None:
-        check(self)
-        if self.sides not in SIDES:
-            raise InputError(f'block.sides = "{self.sides}" is not one of {", ".join(SIDES)}')
-        L, path = self.surface.L, self.load_path
-        check_lengths(L, self.height, path.delta_max, self.size)
-        check_force("force_max", path.force_max, L**2 * self.material.reduced_modulus)
+        L, path, modulus = self.surface.L, self.load_path, self.material.reduced_modulus
+        Flat(L=L)  # refuses the side of a surface of the user that is not legal
+        check_shares(self, L)
+        check_lengths(L, self.height, path, self.size)
+        check_force("pressure_max", path.pressure_max, modulus)
+        force = path.force_max if path.pressure_max is None else path.pressure_max * L**2
+        check_force("force_max", force, L**2 * modulus)
+        path = replace(path, force_max=force, pressure_max=None, integrator=path.integrator or self.material.integrator)
+        object.__setattr__(self, "load_path", path)
         self._check_kernels()
-        if (path.delta_max is None) == (path.force_max is None):
-            raise InputError(ONE_OF)
         if self.sides == "periodic" and not self.surface.periodic:
             kind = self.surface.kind or type(self.surface).__name__
             raise InputError(
@@ -156,23 +172,16 @@ class Problem:
         is doubtful, see `doubts`.
 
         Raises:
-            InputError: a value of another type or outside its range, not exactly one of delta_max, force_max and
-                pressure_max
+            InputError: a value of another type or outside its range
         """
-        check_kind("surface", surface, "Surface")
-        check_kind("material", material, "Material")
+        if strange := sorted(given.keys() - ProblemArguments.__annotations__.keys()):
+            raise InputError(unknown(strange[0], "", ProblemArguments.__annotations__, place="these arguments"))
         told: dict[str, Any] = {name: value for name, value in given.items() if value is not None}
-        if len({"delta_max", "force_max", "pressure_max"} & told.keys()) != 1:
-            raise InputError(ONE_OF)
-        if (pressure := told.pop("pressure_max", None)) is not None:
-            check_kind("loading.pressure_max", pressure, "float")
-            check_force("pressure_max", pressure, material.reduced_modulus)
-            told["force_max"] = pressure * surface.L**2
+        named = {field.name for field in fields(Schedule)} & told.keys()
+        path = Schedule(**{name: told.pop(name) for name in named})
+        problem = Problem(surface, material, path, told.pop("height", None), **told)
         if surface.rough and material.kinematics == "small":
             surface.check_small_slope()
-        named = {field.name for field in fields(Schedule)} & told.keys() - {"sticks"}
-        path = Schedule(**{"integrator": material.integrator} | {name: told.pop(name) for name in named})
-        problem = Problem(surface, material, path, told.pop("height", None), **told)
         if problem.sides == "periodic" and (problem.size.h_max or 0.0) > WIDEST_JOINED * surface.L:
             warn(
                 f"mesh.h_max = {problem.size.h_max:g} is reduced to {WIDEST_JOINED * surface.L:g}: with block.sides = "
@@ -209,11 +218,11 @@ class Problem:
         )
 
 
-def check_lengths(side: float, height: float, delta_max: float | None, size: MeshSize) -> None:
-    """Refuse (InputError) height, approach and element sizes that no contact of a side has [length]."""
-    given = {"block.height": height, "loading.delta_max": delta_max}
-    for key, value in (given | {"mesh.h_contact": size.h_contact, "mesh.h_max": size.h_max}).items():
-        check_length(key, value, side)
+def check_lengths(side: float, height: float, path: Schedule, size: MeshSize) -> None:
+    """Refuse (InputError) an approach and element sizes that no contact of a side has [length]."""
+    for thing in (path, size):
+        check_shares(thing, side)
+    delta_max = path.delta_max
     h, most = size.h_contact or H_CONTACT * side, size.h_max or H_MAX * side
     if h > most:
         more = "" if size.h_max else ", its default: give that as well"

@@ -1,42 +1,41 @@
-"""Settings of a computation and their defaults: contact formulation, element sizes, solver, accuracy."""
+"""Settings of a computation: block, contact formulation, element sizes, solver, accuracy, files."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
-from typing import Any
+from dataclasses import field
+from typing import Annotated, Any
 
-from asperity.arrays import Floats
+from pydantic import Field
+
 from asperity.errors import InputError
-from asperity.model.limits import bounds, check
+from asperity.runtime.declaration import LENGTH, SCRIPT, Choices, Flag, Real, Text, Whole, declared, key
 from asperity.runtime.display import show
 
 H_CONTACT, H_MAX = 0.04, 0.25  # element sizes of a mesh when none are given [L]
 WIDEST_JOINED = 0.2  # greatest size with periodic sides: elements are up to twice as wide, `shared_nodes.joined` [L]
-METHODS = ("active-set", "penalty", "nitsche")  # of the contact
-FACTORS = "[0.01, 100]"  # legal penalty and gamma; with larger ones points in contact come and go in turn
-LINEAR_SOLVERS = ("auto", "lu", "cg")
-KERNELS = ("compiled", "forms")  # of the elements
-NEWTON_STEPS = "[1, 1000]"  # legal newton_max
-RTOL = "(0, 0.01]"  # of the equations
-GROWTH = "(0, 10]"  # of the size of the elements
-MAX_DOFS = "[1000, inf)"
 LEAST_PENALTY = 10.0  # factor below which the penalty leaves an error of first order (docs/accuracy.md)
-FRICTION = "(0, 2]"  # Coulomb's coefficient; beyond it nearly all sticks, and the bounds do not settle
 LEAST_GAMMA = 0.75  # from which Nitsche's method is coercive: 1/2 where cells are straight, 0.73 seen under rough tops
 
+HEIGHT = key("height of the block", unit=LENGTH, shown="L", hint="about L", share=(1e-3, 1e2))
+SIDES = (Choices("rollers", "free", "periodic"), key("side faces: no normal motion, free, or opposite ones joined"))
+# with larger factors points in contact come and go in turn
+Factor = Annotated[Real, Field(ge=0.01, le=100)]
+# beyond this coefficient nearly all sticks, and the bounds do not settle
+Friction = Annotated[Real, Field(gt=0, le=2)]
+Error = Annotated[Real, Field(ge=1e-6, lt=1)]
 
-@dataclass(frozen=True)
+
+@declared("block")
+class Block:
+    """The solid below the surface."""
+
+    height: Annotated[Real, HEIGHT] = None  # type: ignore[assignment]
+    sides: Annotated[str, *SIDES] = "rollers"
+
+
+@declared("contact")
 class Formulation:
-    """Contact formulation and its parameters, see docs/theory.md.
-
-    Attributes:
-        method: "active-set", "penalty" or "nitsche"
-        penalty: factor of E p^2/h of the penalty method
-        gamma: factor of (lambda + 2 mu) p^2/h of Nitsche's method
-        friction: "none", or Coulomb's coefficient of a rigid flat, for the active set
-
-    Raises:
-        InputError: a value outside its range, or friction without the active set
+    """Contact formulation, see docs/theory.md.
 
     Examples:
         >>> asp.Formulation().method, asp.Formulation("nitsche").gamma
@@ -45,26 +44,23 @@ class Formulation:
         True
     """
 
-    method: str = "active-set"
-    penalty: float = 10.0
-    gamma: float = 1.0
-    friction: str | float = "none"
+    method: Annotated[str, Choices("active-set", "penalty", "nitsche")] = key("formulation", default="active-set")
+    penalty: Factor = key("factor of E p^2/h (penalty)", default=10.0)
+    gamma: Factor = key("factor of (lambda + 2 mu) p^2/h (nitsche)", default=1.0)
+    friction: Annotated[str, Choices("none")] | Friction = key(
+        "Coulomb's coefficient of the solid on the rigid flat (active-set)", default="none"
+    )
 
     def __post_init__(self) -> None:
-        check(self, "contact", method=METHODS)
         if self.method == "nitsche" and not self.gamma >= LEAST_GAMMA:
             raise InputError(
                 f"contact.gamma = {self.gamma:g} is below {LEAST_GAMMA:g}, from which Nitsche's method is stable: "
                 'raise it, leave it out, or take contact.method = "active-set"'
             )
-        check(self, "contact", penalty=FACTORS, gamma=FACTORS)
-        mu, legal = self.friction, bounds(FRICTION)
-        if mu != "none" and (isinstance(mu, str) or not legal["gt"] < mu <= legal["le"]):
-            raise InputError(f"contact.friction = {show(mu)} is not none or a coefficient in {FRICTION}")
         if self.sticks and self.method != "active-set":
             raise InputError(
-                f'contact.friction = {show(mu)} holds nodes, which contact.method = "{self.method}" does not: take '
-                'contact.method = "active-set", or contact.friction = "none"'
+                f'contact.friction = {show(self.friction)} holds nodes, which contact.method = "{self.method}" does '
+                'not: take contact.method = "active-set", or contact.friction = "none"'
             )
 
     def build(self, solid: Any, surface: Any) -> Any:
@@ -89,19 +85,13 @@ class Formulation:
             )
 
 
-@dataclass(frozen=True)
+@declared("mesh")
 class MeshSize:
-    """Element sizes of the block [length], see `mesh.size_field.SizeField`.
+    """Element sizes of the block, see `mesh.size_field.SizeField`.
 
     Attributes:
-        h_contact: where the surface is touched; None takes H_CONTACT of the side
-        growth: of the size per unit of distance from there
-        h_max: greatest size; None takes H_MAX of the side; WIDEST_JOINED of it at most with periodic sides
         cells: sizes at the cells of a regular grid on the patch, inf where none is wanted (n, n), index [iy, ix]; None
-            takes h_contact, and less at the summit
-
-    Raises:
-        InputError: a value outside its range
+            takes h_contact, and less at the summit [length]
 
     Examples:
         >>> size = asp.MeshSize(h_contact=0.02e-6, h_max=0.2e-6)
@@ -109,44 +99,52 @@ class MeshSize:
         0.25
     """
 
-    h_contact: float | None = None
-    growth: float = 0.25
-    h_max: float | None = None
-    cells: Floats | None = field(default=None, compare=False)
+    h_contact: Real | None = key(
+        "size at the surface where it is reached last", LENGTH, default=None, shown="0.04 L", share=(1e-5, 1.0)
+    )
+    growth: Real = key("increase of size per unit distance", default=0.25, gt=0, le=10)
+    h_max: Real | None = key(
+        "largest size", LENGTH, default=None, shown="0.25 L, less where slopes need it", share=(1e-5, 1e3)
+    )
+    cells: Annotated[Any, *SCRIPT] = field(default=None, compare=False)
 
-    def __post_init__(self) -> None:
-        check(self, "mesh", h_contact="(0, inf)", growth=GROWTH, h_max="(0, inf)")
+
+@declared("mesh")
+class Mesh(MeshSize):
+    """Element sizes, or a saved mesh."""
+
+    file: Text | None = key("a saved mesh instead", default=None)
+
+    @property
+    def size(self) -> MeshSize:
+        """Element sizes of a mesh that is not saved."""
+        return MeshSize(self.h_contact, self.growth, self.h_max)
 
 
-@dataclass(frozen=True)
+@declared("solver")
 class SolverOptions:
-    """How the equations of a step are solved.
+    """Solution of the equations of a step.
 
     Attributes:
-        linear: see `linear.solver.LinearSolver`
-        rtol: residual force relative to the contact force at which a step has converged
-        newton_max: Newton iterations after which a step is given up
         krylov_rtol: loosest relative tolerance of the linear solver; None takes 4e-2 (benchmarks/speed.py), in finite
-            strain 1e-2, and 1e-3 for a nearly incompressible solid; in (0, 1)
-        kernels: "compiled", or "forms" of UFL; None takes forms for a material with a law of its own
-
-    Raises:
-        InputError: a value outside its range
+            strain 1e-2, and 1e-3 for a nearly incompressible solid
 
     Examples:
         >>> SolverOptions(linear="lu").newton_max
         50
     """
 
-    linear: str = "auto"
-    rtol: float = 1e-8
-    newton_max: int = 50
-    krylov_rtol: float | None = None
-    kernels: str | None = None
-
-    def __post_init__(self) -> None:
-        words = {"linear": LINEAR_SOLVERS, "kernels": KERNELS}
-        check(self, "solver", rtol=RTOL, newton_max=NEWTON_STEPS, krylov_rtol="(0, 1)", **words)
+    linear: Annotated[str, Choices("auto", "lu", "cg")] = key(
+        "linear solver: direct, or CG with p-multigrid", default="auto"
+    )
+    rtol: Real = key("residual at convergence over the contact force", default=1e-8, gt=0, le=0.01)
+    newton_max: Whole = key("Newton steps before cutback", default=50, ge=1, le=1000)
+    krylov_rtol: Annotated[Real | None, *SCRIPT, Field(gt=0, lt=1)] = None
+    kernels: Annotated[str, Choices("compiled", "forms")] | None = key(
+        "of the elements: compiled, or forms of UFL",
+        default=None,
+        shown='"forms" with material.law, otherwise "compiled"',
+    )
 
     @property
     def forms(self) -> bool:
@@ -154,28 +152,38 @@ class SolverOptions:
         return self.kernels == "forms"
 
 
-@dataclass(frozen=True)
+@declared("accuracy")
 class AccuracyTarget:
-    """Tolerance of the force, and limits of what it may cost.
-
-    Attributes:
-        tolerance: greatest error bar of the force along the first loading, relative to the force, in (0, 1)
-        max_dofs: size no mesh may exceed
-        area_tolerance: greatest error bar of the contact area as well, relative to the area, in (0, 1); None judges
-            the force only
-
-    Raises:
-        InputError: a value outside its range
+    """Error control; without a tolerance one mesh of size h_contact is used.
 
     Examples:
         >>> asp.AccuracyTarget(0.01).max_dofs
         1000000
     """
 
-    tolerance: float
-    max_dofs: int = 1_000_000
-    area_tolerance: float | None = None
+    # only a case may leave the tolerance out, see `adaptive.solve_contact`
+    tolerance: Error = key(
+        "error bar of the force over the force", default=None, shown="one mesh", hint="0.01 for one per cent"
+    )
+    max_dofs: Whole = key("limit of the dofs", default=1_000_000, ge=1000)
+    area_tolerance: Error | None = key(
+        "error bar of the contact area over the area as well",
+        default=None,
+        shown="not judged",
+        hint="0.05 for five per cent, with accuracy.tolerance",
+    )
 
-    def __post_init__(self) -> None:
-        shares = {"tolerance": "(0, 1)", "area_tolerance": "(0, 1)"}
-        check(self, "accuracy", max_dofs=MAX_DOFS, **shares)
+
+@declared("output")
+class Output:
+    """Files in addition to the curve and the summary."""
+
+    figures: Flag = key("figures/*.svg, and *.png of those with fields", default=False)
+    fields: Flag = key("fields/ for ParaView", default=False)
+    report: Flag = key("report.html", default=False)
+    stiffness: Flag = key(
+        "columns k_n_elastic to k_t_interface (also with [slip]) and conductance, for more time a load step",
+        default=False,
+    )
+    snapshots: Whole = key("load levels kept for pressure maps and fields", default=4, ge=0, le=1000)
+    checkpoint: Whole = key("accepted steps from one checkpoint to the next, 0 for none", default=1, ge=0)

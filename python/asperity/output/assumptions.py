@@ -1,53 +1,161 @@
-"""The ledger of a run: each assumption of the model with its value in this run, its limit and a verdict.
-
-A line is missing where it does not apply. A warning of a run that says the same takes its number from here.
-"""
+"""The list of assumptions of a run: each that applies with its value in this run, its limit and a verdict."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
-from math import exp, inf, pi, sqrt
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass
+from math import inf, nan, pi, sqrt
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from asperity.mesh.resolution import ELEMENTS, ONE_MESH, SHARE, unresolved_height
-from asperity.model.problem import edge_of_summit
-from asperity.output.assumption import Assumption, Evidence
-from asperity.output.patches import hurst_without_end
-from asperity.reference import (
-    LONG_WAVES,
-    first_frequency,
-    pull_off,
-    radiation_loss,
-    stickiness,
-    tabor_parameter,
-)
-from asperity.reference.conductance import TABOR
+from asperity.curve import Curve
+from asperity.mesh.resolution import ONE_MESH
+from asperity.model.problem import Problem
+from asperity.output.patches import Spread, hurst_without_end
+from asperity.reference import LONG_WAVES, pull_off, radiation_loss, stickiness, tabor_parameter
 from asperity.reference.halfspace import added_to_spot
+from asperity.surface.base import FLAT
 from asperity.surface.shapes import Sphere
 from asperity.units import quantity
 
-ON_EDGE = "summit on edge"  # begins the name of a line
+if TYPE_CHECKING:
+    from asperity.vibration.numbers import Numbers
+
+FINE, DOUBTFUL = "fine", "doubtful"
 #: Strain up to which small-strain theory applies. The engineering strain e and the logarithmic strain ln(1 + e) have a
 #: relative difference of e/2 to first order: 5 % here.
 SMALL_STRAIN = 0.1
+TABOR = 2.8  # hardness over yield strength of a perfectly plastic solid (Tabor 1951)
 YIELD_STRAIN = 0.02  # yield strength over E of metallic glasses, the greatest of metals; steels have 0.001 to 0.01
 MOST_OF_METALS = 0.45  # Poisson's ratio of indium; those of gold and lead are 0.44, of rubber 0.49 and more
 FIRST_YIELD = 1.6  # greatest pressure of a spot over the yield strength at first yield (Johnson, 1985, eq. 6.9)
-AT_BASE = 0.2  # part of the pressure of the longest wave that arrives at the base
 ADDED = 5.0  # part of the approach that the block adds [%]
 SMALL_CONTACT = 1e-6  # radius below which metals are harder [m]
 WORK = 0.2  # of adhesion: surfaces in air have some 0.05, clean metals 1 [J/m^2]
 WEAK = 0.01  # pull-off over the greatest force
 POINTS = 257  # per side, for slope and curvature
-SLOW = 0.1  # frequency over the first one of the block: its stiffness is 0.8 % lower than that of a static block
 NEGLIGIBLE = 0.1  # part of the damping ratio that may be left out
 LOCKING = 70.0  # excess of the force over h/L, the greatest of three surfaces [%]
 LONGER = 1.2  # rms height of a joint over that of its patch beyond which the patch does not stand for it
 DIFFERENT = 20.0  # change of the stiffness beyond which a patch does not stand for its joint [%]
 
 
-def ledger(evidence: Evidence) -> list[Assumption]:
+@dataclass(frozen=True)
+class Assumption:
+    """A line of the list.
+
+    Attributes:
+        name: of the assumption
+        value: in this run [unit]
+        limit: that the value must not exceed, or not fall below where `least` is set [unit]
+        unit: of both, empty for a ratio
+        source: of the limit
+        advice: what to do where it is doubtful
+        detail: what else is known
+        least: whether the limit is a lower one
+        warns: whether a run warns of its doubt, because it violates an assumption of its own model
+
+    Examples:
+        >>> line = Assumption("approach over depth", 1.2, 1.0, "", "geometry", "a smaller load")
+        >>> line.verdict, describe(line.to_dict())
+        ('doubtful', 'approach over depth: 1.2, at most 1; a smaller load')
+    """
+
+    name: str
+    value: float
+    limit: float
+    unit: str
+    source: str
+    advice: str
+    detail: str = ""
+    least: bool = False
+    warns: bool = False
+
+    @property
+    def verdict(self) -> str:
+        """Whether the value is within the limit: "fine" or "doubtful"."""
+        slack = 1e-9 * abs(self.limit)  # rounding differs between systems of units
+        fine = self.value >= self.limit - slack if self.least else self.value <= self.limit + slack
+        return FINE if fine else DOUBTFUL
+
+    def to_dict(self) -> dict[str, Any]:
+        """Record of summary.json."""
+        return {
+            "name": self.name, "value": self.value, "limit": self.limit, "bound": "least" if self.least else "most",
+            "unit": self.unit, "source": self.source, "verdict": self.verdict, "advice": self.advice,
+            "detail": self.detail, "warned": self.warns,
+        }  # fmt: skip
+
+
+def describe(record: Mapping[str, Any]) -> str:
+    """A record of summary.json in one line for the terminal."""
+    value, limit = (f"{record[name]:.3g} {record['unit']}".rstrip() for name in ("value", "limit"))
+    return f"{record['name']}: {value}, at {record['bound']} {limit}; {record['advice']}"
+
+
+@dataclass(frozen=True)
+class Evidence:
+    """What is known of a run when its assumptions are judged.
+
+    Attributes:
+        curve: its curve
+        problem: what was solved, with the kinematics of the run
+        si: whether lengths are in m and stresses in Pa
+        tolerance: of the force, None on one mesh
+        h: size of the elements in the contact of a run on one mesh [length]; None otherwise
+        roughness: greatest part of the bar, over the force, of waves that the finest mesh leaves out; None on one mesh
+        small_strain: greatest change of the force by small strain and its limit [per cent]; None where unknown
+        density: of the solid [mass/length^3]; None where unknown
+        vibration: stiffness, frequency and damping of the small vibration; None where there is none
+        side: of the nominal area of what vibrates [length]; None takes that of the patch
+        patches: what others change of the stiffness of a joint; None without a joint or without others
+    """
+
+    curve: Curve
+    problem: Problem
+    si: bool = False
+    tolerance: float | None = None
+    h: float | None = None
+    roughness: float | None = None
+    small_strain: tuple[float, float] | None = None
+    density: float | None = None
+    vibration: Numbers | None = None
+    side: float | None = None
+    patches: Spread | None = None
+
+    def greatest(self, column: str) -> float:
+        """Greatest value in a column of the curve, 0 where it is unknown."""
+        return float(np.nan_to_num(getattr(self.curve, column)).max())
+
+    @property
+    def plane(self) -> bool:
+        """Whether the top is a plane, in full contact from the start."""
+        surface = self.problem.surface
+        return surface.maximum()[2] - surface.mean() <= FLAT * surface.L
+
+    @property
+    def top(self) -> int:
+        """Row of the greatest force."""
+        return int(self.curve.force.argmax())
+
+    @property
+    def contact_radius(self) -> float:
+        """Radius of the mean contact spot at the greatest force, taken as a circle [length]; nan where unknown."""
+        spots = int(self.curve.spots[self.top])
+        area = float(self.curve.area_fraction[self.top]) * self.problem.surface.L**2
+        return sqrt(area / (pi * spots)) if spots else nan
+
+    @property
+    def summit_radius(self) -> float:
+        """Radius of the mean curvature of the summit [length]; inf for a plane one."""
+        x, y, _ = self.problem.surface.maximum()
+        xx, _, yy = self.problem.surface.hessian(x, y)
+        curvature = -0.5 * float(xx + yy)
+        return 1.0 / curvature if curvature > 0.0 else inf
+
+
+def assumptions_of(evidence: Evidence) -> list[Assumption]:
     """All lines that apply to a run, by subject; none for a run without a step."""
     if not len(evidence.curve):
         return []
@@ -91,35 +199,24 @@ def _strain(run: Evidence) -> Iterator[Assumption]:
 
 
 def _resolution(run: Evidence) -> Iterator[Assumption]:
-    """Waves too short for the elements; cells that keep their volume where they flow, on one mesh."""
+    """Waves that the mesh of a bar leaves out; cells that keep their volume where they flow, on one mesh."""
     surface, material = run.problem.surface, run.problem.material
-    tolerance = run.tolerance or ONE_MESH
-    if run.h is not None:
-        waves = f"{surface.feature_size / run.h:.2g} elements in the shortest wave" if surface.rough else ""
-        if run.roughness is not None and run.tolerance is not None:
-            yield Assumption(
-                "resolution: waves left out, part of the bar", run.roughness, run.tolerance, "of the force",
-                "half-space with and without them (docs/accuracy.md)", "a higher accuracy.max_dofs, or a cut-off",
-                waves,
-            )  # fmt: skip
-        else:  # the warning of one mesh comes before the run
-            yield Assumption(
-                f"resolution: waves shorter than {ELEMENTS:g} elements, rms height over approach",
-                unresolved_height(surface, run.h, float(run.curve.delta.max())), SHARE * tolerance, "",
-                f"error of the force of {100 * tolerance:.2g} % (docs/accuracy.md)",
-                "a smaller mesh.h_contact, or a cut-off", waves, warned=run.tolerance is None,
-            )  # fmt: skip
-        if run.tolerance is None and material.plastic and not material.relaxes:
-            yield Assumption(
-                "locking: force by a law whose cells keep their volume where they flow",
-                LOCKING * run.h / surface.L, 100 * ONE_MESH, "% of the force",
-                "self-affine surfaces without hardening (docs/extend.md)",
-                "accuracy.tolerance, a smaller mesh.h_contact, or a law with yield_strength", warns=True,
-            )  # fmt: skip
+    if run.roughness is not None and run.tolerance is not None:
+        yield Assumption(
+            "resolution: waves left out, part of the bar", run.roughness, run.tolerance, "of the force",
+            "half-space estimate with and without them (docs/accuracy.md)", "a higher accuracy.max_dofs, or a cut-off",
+        )  # fmt: skip
+    elif run.h is not None and material.plastic and not material.relaxes:
+        yield Assumption(
+            "locking: force by a law whose cells keep their volume where they flow",
+            LOCKING * run.h / surface.L, 100 * ONE_MESH, "% of the force",
+            "self-affine surfaces without hardening (docs/extend.md)",
+            "accuracy.tolerance, a smaller mesh.h_contact, or a law with yield_strength", warns=True,
+        )  # fmt: skip
 
 
 def _patch(run: Evidence) -> Iterator[Assumption]:
-    """One patch for a joint; a summit on an edge."""
+    """One patch for a joint."""
     problem, length = run.problem, "m" if run.si else ""
     if (found := run.patches) is not None:
         yield Assumption(
@@ -141,44 +238,17 @@ def _patch(run: Evidence) -> Iterator[Assumption]:
             f"{quantity(run.side or 0.0, length, 3)} are not on the patch, and if the roughness goes on with "
             f"H = {H:.2g}{'' if measured else ', which is supposed,'} the stiffness is less by about this factor",
         )  # fmt: skip
-    edge = None if run.plane else edge_of_summit(problem.sides, problem.surface)
-    if edge is not None:
-        mirrored = problem.sides == "rollers"
-        yield Assumption(
-            f"{ON_EDGE}: {edge.name}", edge.value, edge.limit, "",
-            "a ridge where rollers mirror the surface" if mirrored else "no solid beyond the side",
-            "another surface.seed, or another window of a map", least=problem.sides == "free", warned=True,
-        )  # fmt: skip
 
 
 def _block(run: Evidence) -> Iterator[Assumption]:
-    """Yield below the surface, approach to the mean plane, and the distance of the clamped base from the contact.
-
-    The stress below a pressure wave of wave number q falls as (1 + q z) exp(-q z) (Johnson, 1985, chapter 13);
-    mirrored at the sides, the longest wave has q = pi/L, with periodic sides 2 pi/L. A rigid flat reaches the mean
-    plane of a rough solid at full contact.
-    """
-    problem, surface, height = run.problem, run.problem.surface, run.problem.height
+    """Yield below the surface."""
+    problem = run.problem
     if problem.material.yield_strength is not None:
-        pressure = float(run.curve.force.max()) / surface.L**2
+        pressure = float(run.curve.force.max()) / problem.surface.L**2
         yield Assumption(
             "block: mean pressure over that at which it yields",
             pressure / problem.material.yield_pressure(problem.sides), 1.0, "",
             "Johnson, Contact Mechanics (1985), eq. 6.1", "a smaller load, or read the curve up to there", warns=True,
-        )  # fmt: skip
-    if run.plane:
-        return
-    yield Assumption(
-        "block: approach over the depth of the mean plane",
-        float(run.curve.delta.max()) / (surface.maximum()[2] - surface.mean()), 1.0, "",
-        "a rigid flat there has full contact", "a smaller load, or a lower block",
-        "beyond it the compression of the whole block is a large part of the curve", warns=True,
-    )  # fmt: skip
-    if surface.rough:
-        depth = (2.0 if problem.sides == "periodic" else 1.0) * pi * height / surface.L
-        yield Assumption(
-            "block: pressure of the longest wave at the base", (1.0 + depth) * exp(-depth), AT_BASE, "",
-            "Johnson, Contact Mechanics (1985), chapter 13", "a greater block.height",
         )  # fmt: skip
 
 
@@ -214,7 +284,7 @@ def _added(run: Evidence) -> Iterator[Assumption]:
 
 
 def _size(run: Evidence) -> Iterator[Assumption]:
-    """Adhesion, of a rough surface and of its first summit, and the hardness of small contacts; SI units only."""
+    """Adhesion, of a rough surface or of a smooth summit, and the hardness of small contacts; SI units only."""
     if not run.si:
         return
     surface, modulus = run.problem.surface, run.problem.material.reduced_modulus
@@ -229,11 +299,11 @@ def _size(run: Evidence) -> Iterator[Assumption]:
             "the surface sticks: contact without adhesion is not enough", "it falls as the work of adhesion rises",
             least=True,
         )  # fmt: skip
-    if radius < inf and force > 0.0:
+    elif radius < inf and force > 0.0:
         tabor = tabor_parameter(radius, WORK, modulus)
         adhesion = pull_off(radius, WORK, tabor)
         yield Assumption(
-            f"adhesion: pull-off of the first summit over the greatest force, {WORK:g} J/m²", adhesion / force,
+            f"adhesion: pull-off of the summit over the greatest force, {WORK:g} J/m²", adhesion / force,
             WEAK, "", "Tabor, J. Colloid Interface Sci. 58 (1977) 2; Carpick et al., ibid. 211 (1999) 395",
             "a greater load: adhesion adds to a light one",
             f"{adhesion:.2g} N, Tabor's parameter {tabor:.2g}",
@@ -248,24 +318,14 @@ def _size(run: Evidence) -> Iterator[Assumption]:
         )  # fmt: skip
 
 
-def _inertia(run: Evidence) -> Iterator[Assumption]:
-    """Frequency of the vibration over the first one of the block, without mass in the model; damping by radiation.
-
-    The block is a rod, fixed below: at the frequency w its stiffness is that of statics times x cot x = 1 - x^2/3 - ...
-    with x = w h/c, and x = pi/2 at its first frequency.
-    """
+def _radiation(run: Evidence) -> Iterator[Assumption]:
+    """Damping by waves that leave the contact, which the model does not have."""
     if run.vibration is None or run.density is None:
         return
-    problem, solid, frequency = run.problem, run.problem.material, run.vibration.frequency
-    first = first_frequency(solid.block_modulus(problem.sides), run.density, problem.height)
-    yield Assumption(
-        "inertia: frequency of the vibration over the first of the block", frequency / first, SLOW, "",
-        "rod, fixed below: stiffness x cot x, x = pi/2 times the value", "a model with the mass of the block",
-        f"{frequency:.3g} and {first:.3g} cycles per time",
-    )  # fmt: skip
+    solid, frequency, damping = run.problem.material, run.vibration.frequency, run.vibration.damping
     wavelength = sqrt(solid.lame[1] / run.density) / frequency
-    if (run.side or problem.surface.L) <= LONG_WAVES * wavelength:
-        omega, damping = 2.0 * pi * frequency, run.vibration.damping
+    if (run.side or run.problem.surface.L) <= LONG_WAVES * wavelength:
+        omega = 2.0 * pi * frequency
         eta = radiation_loss(run.vibration.stiffness, omega, E=solid.E, nu=solid.nu, density=run.density)
         yield Assumption(
             "inertia: damping ratio by radiation", 0.5 * eta, NEGLIGIBLE * damping, "",
@@ -274,7 +334,7 @@ def _inertia(run: Evidence) -> Iterator[Assumption]:
         )  # fmt: skip
 
 
-#: Generators of lines in the order of the ledger.
+#: Generators of lines in the order of the list.
 SUBJECTS: tuple[Callable[[Evidence], Iterator[Assumption]], ...] = (
-    _strain, _resolution, _patch, _block, _added, _size, _inertia,
+    _strain, _resolution, _patch, _block, _added, _size, _radiation,
 )  # fmt: skip

@@ -21,6 +21,7 @@ from asperity.case import Case
 from asperity.curve import Curve
 from asperity.curve.power_law import interface_approach
 from asperity.errors import InputError
+from asperity.model.joint import Joint
 from asperity.output.results import Results
 from asperity.runtime.display import comment
 from asperity.runtime.files import replace_file
@@ -30,7 +31,6 @@ from asperity.slip.joint_slip import slip_of_case
 from asperity.units import per_cent, quantity
 from asperity.version import __version__
 from asperity.vibration.curve_law import CurveLaw
-from asperity.vibration.joint import Joint
 from asperity.vibration.source import CurveColumns, leg_rows, unload_reload
 
 LAWS = ("table", "unload-reload")
@@ -146,7 +146,7 @@ def interface(folder: str | Path, law: str = "table", load: float | None = None)
         raise InputError(f"{folder} holds no case.toml, which has the nominal area; give the folder of a run")
     case, curve = Case.from_dict(results.case, folder=folder), results.curve
     patch = case.surface.L**2
-    joint = Joint(**case.joint.model_dump()) if case.joint else Joint()
+    joint = case.joint or Joint()
     if load is None and (of_joint := joint.load(patch)) is not None:
         load = of_joint / joint.factor(patch)
     approach, measure = approach_of_planes(curve, case)
@@ -177,7 +177,7 @@ def interface(folder: str | Path, law: str = "table", load: float | None = None)
 
 def approach_of_planes(curve: Curve, case: Case) -> tuple[Array, str]:
     """Approach of the mean planes of the two faces at each step (n,) [length], and how it was found."""
-    area, solid = case.surface.L**2, case.material.solid
+    area, solid = case.surface.L**2, case.material
     block = {"height": case.block.height, "area": area, "modulus": solid.block_modulus(case.block.sides)}
     approach = interface_approach(curve.delta, curve.force, **block)
     if not len(curve) or np.isnan(curve.mean_gap).any():
@@ -297,8 +297,8 @@ def _about(results: Results, case: Case, law: CurveLaw, name: str, measure: str)
     si, top = case.units == "SI", float(results.curve.force.max()) / case.surface.L**2
     yield f"contact of a rough surface by asperity {__version__}"
     yield f"case {case.hash()[:16]}, {results.summary.get('exit_reason', 'exit reason unknown')}"
-    yield f"surface: {json.dumps(case.surface.model_dump(exclude_none=True), sort_keys=True)}"
-    yield f"material: {json.dumps(case.material.model_dump(exclude_none=True), sort_keys=True)}"
+    yield f"surface: {json.dumps(case.to_dict()['surface'], sort_keys=True)}"
+    yield f"material: {json.dumps(case.to_dict()['material'], sort_keys=True)}"
     yield "units: lengths m, pressures Pa, stiffness over area Pa/m" if si else "units: those of the case"
     yield f"law: {'first loading' if name == 'table' else 'unloading and reloading'}, {law.z.size} computed points"
     yield f"approach: of the mean planes ({measure}), from {'first touch' if name == 'table' else 'separation'}"

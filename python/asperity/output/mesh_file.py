@@ -66,7 +66,7 @@ def block_of_case(case: Case, h: float | None = None) -> tuple[BlockMesh, Surfac
 
     from asperity.quasistatic.make import make_block
 
-    surface = case.build_surface()
+    surface = case.surface
     if case.mesh.file is not None:
         block: BlockMesh | None = BlockMesh.read(case.mesh.file)
     else:

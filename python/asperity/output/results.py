@@ -16,9 +16,8 @@ from asperity.arrays import Array
 from asperity.curve import Curve
 from asperity.errors import InputError
 from asperity.runtime import run_folder
-from asperity.runtime.display import short_repr
+from asperity.runtime.display import optional, short_repr
 from asperity.runtime.files import UNREADABLE, one_line, parse_toml, read_csv, read_npz, read_text
-from asperity.runtime.notebook import optional
 from asperity.surface import Surface
 
 Columns = Mapping[str, NDArray[Any]]

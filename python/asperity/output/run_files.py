@@ -1,23 +1,29 @@
-"""Folder of a run: its checkpoint, and input, curve and summary, written as it proceeds."""
+"""Folder of a run: its checkpoint, and input, curve and summary, written as it proceeds; contents of the summary."""
 
 from __future__ import annotations
 
 import json
+import platform
+import sys
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager
+from dataclasses import asdict
 from functools import cached_property, partial
+from importlib import metadata
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
 
 from asperity.case import Case
-from asperity.case.case_file import identity, refuse_run_of_another
+from asperity.case.identity import identity, refuse_run_of_another
 from asperity.curve import Curve
 from asperity.errors import ConvergenceError, InputError
 from asperity.runtime import run_folder
 from asperity.runtime.files import UNREADABLE, files_into, read_text, remove_asides, replace_file
 from asperity.runtime.parallel import on_root, on_root_bcast
+from asperity.runtime.usage import Clock, peak
+from asperity.version import __version__
 
 if TYPE_CHECKING:
     from mpi4py import MPI
@@ -27,19 +33,22 @@ if TYPE_CHECKING:
 
 T = TypeVar("T")
 
+PACKAGES = ("dolfinx", "numpy", "scipy", "mpi4py", "petsc4py", "gmsh")
+
 
 class RunFiles:
     """Folder of a run; without one nothing is written. All methods are collective, and rank 0 writes.
 
     Attributes:
         folder: of the run
-        open_log: starts the log file
     """
 
-    def __init__(self, case: Case, folder: Path | None, comm: MPI.Comm) -> None:
+    def __init__(
+        self, case: Case, folder: Path | None, comm: MPI.Comm, open_log: Callable[[bool], None] = lambda append: None
+    ) -> None:
+        """`open_log` starts the log file, or appends to it."""
         self.folder = folder
-        self.open_log: Callable[[], None] = lambda: None
-        self._case, self._comm = case, comm
+        self._case, self._comm, self._open_log = case, comm, open_log
         self._begun = self._continues = self._replaces = self._whole = False
         self._lock, self._found = ExitStack(), False  # on rank 0: the lock of the folder, and whether it holds a run
 
@@ -91,8 +100,8 @@ class RunFiles:
 
         return self._on_root(read)
 
-    def open(self, resume: bool, force: bool) -> bool:
-        """Whether there is a state to continue from, where `resume` looks for one; writes nothing.
+    def open(self, resume: bool, force: bool) -> None:
+        """See whether there is a state to continue from, where `resume` looks for one; writes nothing.
 
         With `force`, `begin` will remove the files of another run.
 
@@ -108,7 +117,6 @@ class RunFiles:
                 self._on_root(partial(refuse_run_of_another, self._case))
             if not self._continues:
                 self.checkpoint.ignore()
-        return self._continues
 
     def begin(self) -> None:
         """Make the folder, write the completed input and start the log, at the first call.
@@ -141,7 +149,7 @@ class RunFiles:
             self.checkpoint.clear()
         self._on_root(begin)
         self._begun = True
-        self.open_log()
+        self._open_log(self._continues)
 
     def saved(self) -> bool:
         """Whether the checkpoint holds a state."""
@@ -209,3 +217,56 @@ def read_summary(folder: Path) -> dict[str, Any]:
 def _write_summary(summary: dict[str, Any], folder: Path) -> None:
     text = json.dumps(summary, indent=2, default=float)
     replace_file(folder / run_folder.SUMMARY, f"{text}\n".encode())
+
+
+def summarise(case: Case, contact: ContactResult, ranks: int) -> dict[str, Any]:
+    """Contents of summary.json."""
+    fit = contact.curve.fit_or_none()
+    return {
+        "exit_reason": contact.reason,
+        "finished": False,
+        "fit": None if fit is None else fit.to_dict(),
+        "dofs": contact.dofs,
+        "cells": contact.cells,
+        **asdict(contact.counts),
+        "checks": contact.checks.physical(case.surface.L, case.material.E),
+        "unresolved": contact.curve.unresolved(),
+        "seconds": {k: round(v, 4) for k, v in contact.phases.seconds.items()},
+        "calls": contact.phases.calls,
+        "peak_memory_MiB": round(contact.memory / 2**20, 1),
+        "ranks": ranks,
+        "seed": getattr(case.surface, "seed", None),
+        **({"scan": about} if (about := getattr(case.surface, "about", None)) else {}),
+        "case_hash": case.hash(),
+        **({"law": {"source": law.source, "sha256": law.digest or None}} if (law := case.material.law) else {}),
+        "versions": versions(),
+    }
+
+
+def of_ranks(comm: Any, seconds: dict[str, float], clock: Clock) -> dict[str, Any]:
+    """Memory and time by ranks, as a section; collective.
+
+    Args:
+        seconds: by phase, of this rank
+        clock: of the job, since its last start
+    """
+    peaks, times = zip(*comm.allgather((round(peak() / 2**20, 1), seconds)), strict=True)
+    slowest = {name: round(max(each.get(name, 0.0) for each in times), 4) for name in times[0]}
+    return {
+        "peak_memory_MiB": list(peaks),
+        "slowest_seconds": slowest,
+        "rank_0_alone_seconds": round(clock.alone, 4),
+        "serial_share": round(clock.alone / clock.wall, 4),
+    }
+
+
+def versions() -> dict[str, str]:
+    """Versions of this package and of what it computes with."""
+    found = {"asperity": __version__, "python": platform.python_version()}
+    for name in PACKAGES:
+        try:
+            found[name] = metadata.version(name)
+        except metadata.PackageNotFoundError:  # dolfinx of Debian, and petsc4py in PyPI's wheel of dolfinx
+            if hasattr(sys.modules.get(name), "__version__"):
+                found[name] = sys.modules[name].__version__
+    return found

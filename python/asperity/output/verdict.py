@@ -6,7 +6,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from math import isfinite, nan
 from typing import Any
 
-from asperity.output.assumption import DOUBTFUL
+from asperity.output.assumptions import DOUBTFUL
 from asperity.output.results import Results
 from asperity.units import plus_minus, quantity
 from asperity.vibration.numbers import headline

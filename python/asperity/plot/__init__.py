@@ -33,13 +33,11 @@ CAPTIONS = {
     "surface": "Heights of the surface; the ring marks the first touch.",
     "curve": "(a) Load over approach with the fitted power law. (b) The same on logarithmic axes. (c) Local "
     "exponent of the loading; that of a power law is constant.",
-    "area": "(a) Contact area over load, of a rough surface beside elastic theories. (b) Distribution of "
-    "the contact pressure over the nominal area.",
+    "area": "(a) Contact area over load. (b) Distribution of the contact pressure over the nominal area.",
     "pressure": "Contact pressure on the shaded surface at selected approaches, with force and number of spots. "
     "Last: the spot of the greatest pressure, the blue square, with the facets of the mesh.",
     "stiffness": "(a) Stiffness of the contact during loading. (b) Mean gap.",
-    "conductance": "Conductance per nominal area over the nominal pressure, beside the law of summits that are elastic "
-    "or flow.",
+    "conductance": "Conductance per nominal area over the nominal pressure.",
     "frequency": "Natural frequency over the amplitude of free vibration about the static "
     "deflection. Beyond the dot contact is lost (exact law), or the Taylor law pulls although there is "
     "no contact.",
@@ -49,8 +47,7 @@ CAPTIONS = {
     "has one curve for all forces; the peak of each force lies on its backbone.",
     "motion": "Motion in time from rest, relative to the base where it moves: displacement, and the force above it. "
     "Shaded: out of contact.",
-    "slip": "(a) Loops of the tangential force over the displacement, by the normal curve of like bodies: what it "
-    "has beyond the secant of the loop, over its greatest value, which the legend gives as a share of the amplitude. "
+    "slip": "(a) Loops of the tangential force over the displacement, by the normal curve of like bodies. "
     "(b) Loss factor, twice the damping ratio. "
     "(c) Amplitude of the force over that of the displacement.",
 }

@@ -1,4 +1,4 @@
-"""Figures of the contact: maps of the pressure, area over the load and pressures beside theories of rough contact."""
+"""Figures of the contact: maps of the pressure, area over the load, distribution of the pressure."""
 
 from __future__ import annotations
 
@@ -18,7 +18,6 @@ from asperity.mesh.element import shares
 from asperity.output.results import Results
 from asperity.plot import style
 from asperity.plot.curves import LOAD, draw_branches, load_axis
-from asperity.reference import reduced_modulus
 from asperity.units import prefix, quantity
 
 BINS = 40  # of the distribution of the pressure
@@ -168,54 +167,22 @@ def pressed_thirds(top: Any, i: int) -> tuple[Array, Array]:
 
 @style.styled
 def contact_area(results: Results) -> Figure:
-    """Draw the contact area over the load, and the distribution of the pressure at the greatest load.
-
-    Beside a rough surface are Persson's theory and that of Bush, Gibson and Thomas, which need its rms slope alone.
-    """
+    """Draw the contact area over the load, and the distribution of the pressure at the greatest load."""
     figure, (area, pressure) = style.figure(style.DOUBLE, 3.6, "contact area", "pressure at the greatest load")
-    surface = results.surface
-    slope = surface.rms_slope() if surface is not None and surface.rough else math.nan
-    _area(area, results, slope)
+    draw_branches(area, results, "P_star", "area_fraction", names=("load",))
+    area.set(xlabel=LOAD, ylabel="contact area over the nominal area")
+    style.logarithmic(area)
+    area.legend(loc="lower right")
+    load_axis(area, results, "top")
     if results.snapshots:
-        _distribution(pressure, results, slope)
+        _distribution(pressure, results)
     else:
         pressure.set_axis_off()
     return figure
 
 
-def persson_area(load: Array, slope: float) -> Array:
-    """Contact area over the nominal one at loads P/(A0 E') (n,) (Persson, J. Chem. Phys. 115 (2001) 3840)."""
-    from scipy.special import erf
-
-    return np.asarray(erf(math.sqrt(2.0) * load / slope))
-
-
-def persson_density(pressure: Array, mean: float, slope: float) -> Array:
-    """Density of the pressure over E' on the nominal area at p/E' (n,), under the mean P/(A0 E')."""
-    width = slope / 2.0
-    low, high = ((pressure - sign * mean) / width for sign in (1.0, -1.0))
-    return np.asarray((np.exp(-(low**2) / 2.0) - np.exp(-(high**2) / 2.0)) / (math.sqrt(2.0 * math.pi) * width))
-
-
-def _area(axis: Any, results: Results, slope: float) -> None:
-    """Draw the area over the load, and that of the theories at an rms slope, if it is known."""
-    draw_branches(axis, results, "P_star", "area_fraction", names=("load",))
-    load = results.curve.loading()
-    p = load.P_star[(load.P_star > 0.0) & (load.area_fraction > 0.0)]
-    if len(p) and math.isfinite(slope):
-        line = np.geomspace(p.min() / 2.0, p.max() * 2.0, 100)
-        bush = math.sqrt(2.0 * math.pi) * line / slope
-        axis.plot(line, persson_area(line, slope), color=style.BLACK, lw=1.0, label="Persson, elastic")
-        axis.plot(line[bush < 1.0], bush[bush < 1.0], "--", color=style.GREY, label="Bush, Gibson, Thomas, elastic")
-    axis.set(xlabel=LOAD, ylabel="contact area over the nominal area")
-    style.logarithmic(axis)
-    title = f"rms slope {slope:.3g}" if math.isfinite(slope) else None
-    axis.legend(loc="lower right", title=title)
-    load_axis(axis, results, "top")
-
-
-def _distribution(axis: Any, results: Results, slope: float) -> None:
-    """Draw the density of the pressures in the snapshot of the greatest load, with Persson's of an elastic solid."""
+def _distribution(axis: Any, results: Results) -> None:
+    """Draw the density of the pressures in the snapshot of the greatest load."""
     top = results.top
     i = int(np.argmax([p.mean() for p in top["pressure"]]))
     pressures, areas = pressed_thirds(top, i)
@@ -227,14 +194,8 @@ def _distribution(axis: Any, results: Results, slope: float) -> None:
     scale, unit = prefix(highest, results.unit("stress"))
     edges = np.linspace(0.0, highest * scale, BINS + 1)
     axis.hist(np.minimum(pressures, highest) * scale, edges, weights=shares / np.diff(edges)[0], color=style.SKY,
-              label=f"this run, {100 * shares.sum():.3g} % in contact")  # fmt: skip
+              label=f"{100 * shares.sum():.3g} % in contact")  # fmt: skip
     row = results.curve.where(results.curve.step == int(top["steps"][i]))
-    solid = results.case.get("material", {})
-    if len(row) and math.isfinite(slope) and not solid.get("yield_strength"):
-        modulus = reduced_modulus(solid["E"], solid["nu"])
-        p = np.linspace(0.0, edges[-1], 200)
-        axis.plot(p, persson_density(p / scale / modulus, float(row.P_star[0]), slope) / (scale * modulus),
-                  color=style.BLACK, label="Persson")  # fmt: skip
     mean = float(row.mean_pressure[0]) * scale if len(row) else math.nan  # force over area, as in the report
     if math.isfinite(mean):
         axis.axvline(mean, color=style.BLACK, lw=0.8, ls=":", label=f"force over area {mean:.3g} {unit}".rstrip())

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from typing import Any
 
@@ -15,8 +14,6 @@ from asperity.curve.power_law import with_misfit
 from asperity.curve.slope import fitted_rows
 from asperity.output.results import Results
 from asperity.plot import style
-from asperity.reference import reduced_modulus
-from asperity.reference.conductance import TABOR, cooper_mikic_yovanovich, mikic_elastic
 from asperity.units import prefix
 
 DELTA, LOAD = "approach $\\delta^{*}{=}\\,\\delta/L$", "load $P^{*}{=}\\,P/(A_0E')$"
@@ -153,7 +150,7 @@ def stiffness(results: Results) -> Figure:
 
 @style.styled
 def conductance(results: Results) -> Figure:
-    """Draw the conductance over the pressure with the law of the literature for Gaussian summits of the kind."""
+    """Draw the conductance per nominal area over the pressure."""
     figure, (axis,) = style.figure(style.SINGLE, 3.4, "")
     p, h, error = results.gap_conductance()
     of_p, unit_p = prefix(float(np.nanmax(p)), results.unit("stress"))
@@ -163,20 +160,6 @@ def conductance(results: Results) -> Figure:
         if rows.any():
             bar = of_h * error[rows] if np.isfinite(error[rows]).any() else None
             axis.errorbar(of_p * p[rows], of_h * h[rows], yerr=bar, fmt=mark, color=colour, mfc="white", label=text)
-    if results.surface is not None and results.surface.rough:
-        # sigma/m of a face on its mirror is that of the face
-        height, material = results.surface.statistics(513), results.case["material"]
-        m = height.rms_slope / math.sqrt(math.pi)  # mean absolute slope of a profile, isotropic and Gaussian
-        known = p[(p > 0) & (h > 0)]
-        at = np.geomspace(known.min(), known.max(), 50)
-        if material.get("yield_strength"):
-            name = "Cooper-Mikic-Yovanovich, $H=2.8Y$"
-            law = cooper_mikic_yovanovich(at, TABOR * material["yield_strength"])
-        else:
-            name = "Mikic, elastic"
-            law = mikic_elastic(at, reduced_modulus(material["E"], material["nu"]), m)
-        expected = results.conductivity * m / height.Sq * law
-        axis.plot(of_p * at, of_h * expected, "-", color=style.GREY, label=name)
     style.logarithmic(axis)
     axis.set(xlabel=style.label("nominal pressure", unit_p), ylabel=style.label("conductance $h$", unit_h))
     axis.legend(loc="best")

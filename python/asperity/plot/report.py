@@ -15,7 +15,6 @@ from asperity.curve.power_law import with_misfit
 from asperity.output.results import Results
 from asperity.output.verdict import doubts, jump_rows, verdict
 from asperity.plot import CAPTIONS
-from asperity.plot.citations import publications
 from asperity.plot.contact import Raster
 from asperity.plot.style import DPI
 from asperity.plot.turning import growing_spots, turning_surface
@@ -55,7 +54,7 @@ def write_report(folder: str | Path) -> Path:
     warnings = list(summary.get("warnings", []))
     if (summary.get("accuracy") or {}).get("met") is False:
         warnings.insert(0, f"the tolerance is not met: {summary.get('exit_reason', '')}")
-    ledger = [
+    assumptions = [
         {name: record[name] for name in ("name", "verdict", "source", "detail", "advice")}
         | {"value": f"{record['value']:.3g} {record['unit']}"}
         | {"limit": f"{'≥' if record['bound'] == 'least' else '≤'} {record['limit']:.3g} {record['unit']}"}
@@ -83,7 +82,7 @@ def write_report(folder: str | Path) -> Path:
         law=_law(results),
         subject=_subject(results),
         outcome=_outcome(results),
-        assumptions=ledger,
+        assumptions=assumptions,
         turning=None if on_grid is None else turning_surface(results, on_grid),
         growing=None if on_grid is None else growing_spots(on_grid),
         figures=[_figure(path) for path in drawn],
@@ -94,7 +93,6 @@ def write_report(folder: str | Path) -> Path:
         ),
         columns=COLUMNS,
         rows=[list(row.values()) for row in results.curve.rows()],
-        publications=publications(results.case),
     )
     target = results.folder / REPORT
     replace_file(target, text.encode())

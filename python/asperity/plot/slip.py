@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from itertools import cycle
-from typing import Any
 
 import numpy as np
 from matplotlib.figure import Figure
@@ -13,18 +12,19 @@ from asperity.plot import style
 from asperity.slip.tangential import TangentialVibration
 from asperity.units import prefix
 
-_SMOOTH = 40  # points of a leg of a loop
-
 
 @style.styled
 def slip(results: Results) -> Figure:
-    """Draw the loops without their secants, and loss factor and secant stiffness of slip_loops.csv.
-
-    A loop is a smooth line through the states of slip.csv.
-    """
+    """Draw the loops of slip.csv, and loss factor and secant stiffness of slip_loops.csv."""
     figure, axes = style.figure(style.WIDE, 3.4, "loops", "loss factor", "secant stiffness")
-    _loops(axes[0], results)
-    rows = results.slip_loops
+    states, rows = results.slip, results.slip_loops
+    of_u, unit_u = prefix(float(np.abs(states["u"]).max()), results.unit("length"))
+    of_t, unit_t = prefix(float(np.abs(states["T"]).max()), results.unit("force"))
+    for colour, amplitude in zip(cycle(style.COLOURS), np.unique(states["amplitude"]), strict=False):
+        of = states["amplitude"] == amplitude
+        axes[0].plot(of_u * states["u"][of], of_t * states["T"][of], "-", color=colour, label=f"{amplitude:g}")
+    axes[0].set(xlabel=style.label("displacement $u$", unit_u), ylabel=style.label("tangential force $T$", unit_t))
+    axes[0].legend(title=r"$T/(\mu P)$", loc="upper left")
     factor, unit = prefix(float(rows["k_secant"].max()), results.unit("stiffness"))
     for axis, name, scale in ((axes[1], "eta", 1.0), (axes[2], "k_secant", factor)):
         x, bar = rows["amplitude"], scale * rows[f"error_{name}"] if f"error_{name}" in rows else None
@@ -34,28 +34,6 @@ def slip(results: Results) -> Figure:
     axes[1].set_ylabel(r"loss factor $\eta = W/(\pi T u)$")
     axes[2].set(xlim=(0, 1), ylim=(0, None), ylabel=style.label("$T/u$", unit))
     return figure
-
-
-def _loops(axis: Any, results: Results) -> None:
-    from scipy.interpolate import CubicSpline
-
-    colours = cycle(style.COLOURS)
-    for amplitude in np.unique(results.slip["amplitude"])[::-1]:
-        of = results.slip["amplitude"] == amplitude
-        u, T = results.slip["u"][of], results.slip["T"][of]
-        low = int(u.argmin())  # where the loop turns
-        first = int(u[:low].argmax())
-        u, T = u[first:] / np.abs(u).max(), T[first:] / np.abs(T).max()
-        legs = []
-        for leg in (slice(None, low - first + 1), slice(low - first, None)):
-            at = np.linspace(u[leg][0], u[leg][-1], _SMOOTH)
-            forth = np.argsort(u[leg])
-            legs.append((at, CubicSpline(u[leg][forth], T[leg][forth])(at) - at))
-        at, beyond = np.concatenate(legs, axis=1)
-        size = float(np.abs(beyond).max()) or 1.0
-        axis.plot(at, beyond / size, "-", color=next(colours), label=f"{amplitude:g}: {size:.2g}")
-    axis.set(xlabel="displacement over its amplitude", ylabel="force beyond the secant, over its greatest")
-    axis.legend(title=r"$T/(\mu P)$: greatest over $T$", loc="center")
 
 
 @style.styled

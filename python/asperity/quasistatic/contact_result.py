@@ -12,7 +12,7 @@ from asperity.quasistatic.balance import Checks
 from asperity.quasistatic.contact_solver import ContactSolver, Counts
 from asperity.quasistatic.measures import Snapshot, mean_stress
 from asperity.runtime.display import brief
-from asperity.runtime.timing import Phases
+from asperity.runtime.usage import Phases
 
 
 @dataclass(frozen=True)

@@ -18,7 +18,7 @@ from asperity.model.problem import Problem
 from asperity.model.settings import Formulation, MeshSize, SolverOptions
 from asperity.quasistatic.contact_solver import ContactSolver
 from asperity.runtime.parallel import on_root
-from asperity.runtime.timing import Phases
+from asperity.runtime.usage import Phases
 from asperity.surface import Surface
 
 if TYPE_CHECKING:

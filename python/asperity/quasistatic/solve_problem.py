@@ -18,9 +18,8 @@ from asperity.quasistatic.contact_result import ContactResult, PartialResult, re
 from asperity.quasistatic.contact_solver import ContactSolver
 from asperity.quasistatic.make import make_block, solver_of
 from asperity.quasistatic.stepping import Position, Record, follow
-from asperity.runtime.memory import peak
 from asperity.runtime.parallel import on_root
-from asperity.runtime.timing import Phases
+from asperity.runtime.usage import Phases, peak
 
 if TYPE_CHECKING:
     from mpi4py import MPI

@@ -11,7 +11,6 @@ Examples:
 from __future__ import annotations
 
 from asperity.reference.adhesion import pull_off, stickiness, tabor_parameter
-from asperity.reference.conductance import cooper_mikic_yovanovich, mikic_elastic
 from asperity.reference.elastic import (
     Hertz,
     Westergaard,
@@ -20,7 +19,7 @@ from asperity.reference.elastic import (
     reduced_modulus,
 )
 from asperity.reference.halfspace import HalfSpaceContact, RoughCurve, RoughHalfSpace, half_space_contact
-from asperity.reference.inertia import LONG_WAVES, first_frequency, radiation_loss
+from asperity.reference.inertia import LONG_WAVES, radiation_loss
 
 __all__ = [
     "LONG_WAVES",
@@ -30,10 +29,7 @@ __all__ = [
     "RoughHalfSpace",
     "Westergaard",
     "block_modulus",
-    "cooper_mikic_yovanovich",
-    "first_frequency",
     "half_space_contact",
-    "mikic_elastic",
     "patch_test_slope",
     "pull_off",
     "radiation_loss",

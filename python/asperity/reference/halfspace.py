@@ -53,7 +53,7 @@ class RoughHalfSpace:
         hardness: greatest pressure over E', inf for an elastic layer
 
     Examples:
-        >>> surface = asp.Surface.from_spec("weierstrass-mandelbrot", L=1e-6)
+        >>> surface = asp.Surface.from_spec("weierstrass-mandelbrot", L=1e-6, D=2.4, G=1.36e-11)
         >>> layer = asp.reference.RoughHalfSpace(n=64, height=1.0, nu=0.3)
         >>> curve = layer.curve(layer.heights(surface), surface.maximum()[2] / surface.L, [0.01, 0.02])
         >>> curve.P_star.round(4), bool(curve.area_fraction[0] < curve.area_fraction[1])
@@ -269,7 +269,7 @@ def half_space_contact(
         ConvergenceError: the largest number of iterations is reached
 
     Examples:
-        >>> surface = asp.Surface.from_spec("weierstrass-mandelbrot", L=1e-6)
+        >>> surface = asp.Surface.from_spec("weierstrass-mandelbrot", L=1e-6, D=2.4, G=1.36e-11)
         >>> light = asp.reference.half_space_contact(surface, 64, P_star=0.01)
         >>> bool(0.01 < light.delta_star < 0.03), bool(0.1 < light.area_fraction < 0.2)
         (True, True)

@@ -1,15 +1,10 @@
-"""Inertia of the solid: first frequency of the block, and what a contact that vibrates radiates into a half-space."""
+"""Inertia of the solid: what a contact that vibrates radiates into a half-space."""
 
 from __future__ import annotations
 
 import math
 
 LONG_WAVES = 0.3  # greatest side of a patch over the length of shear waves for which it counts as a point
-
-
-def first_frequency(modulus: float, density: float, height: float) -> float:
-    """First frequency of a block of modulus M (pressure over strain) on a fixed base, sqrt(M/rho)/(4 h) [1/time]."""
-    return math.sqrt(modulus / density) / (4.0 * height)
 
 
 def radiation_loss(k: float, omega: float, *, E: float, nu: float, density: float) -> float:

@@ -1,20 +1,27 @@
-"""Objects and values in one line, for a prompt and for messages."""
+"""Objects and values in one line, for a prompt and for messages; small pictures for notebooks."""
 
 from __future__ import annotations
 
+import base64
 import difflib
+import html
+import importlib
+import io
 import json
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import fields, is_dataclass
 from typing import Any
 
 import numpy as np
 
+from asperity.errors import CompatError
+
+SIZE = 3.6, 2.4  # of a picture [inches]
 LONGEST = 60  # of the text of a part
 
 
 def short_repr(thing: Any) -> str:
-    """Dataclass in one line: numbers to six digits, arrays by their shape, collections by their size.
+    """Dataclass in one line, without defaults: numbers to six digits, arrays by their shape, collections by their size.
 
     Classes take it as their `__repr__`.
 
@@ -23,7 +30,9 @@ def short_repr(thing: Any) -> str:
         >>> short_repr(Hertz(R=1.0 / 3.0, E_prime=2e11))
         'Hertz(R=0.333333, E_prime=2e+11)'
     """
-    shown = (f"{f.name}={brief(getattr(thing, f.name))}" for f in fields(thing) if f.repr)
+    values = [(f, getattr(thing, f.name)) for f in fields(thing) if f.repr]
+    plain = (bool, int, float, str, tuple, type(None))
+    shown = (f"{f.name}={brief(v)}" for f, v in values if not (isinstance(v, plain) and v == f.default))
     return f"{type(thing).__name__}({', '.join(shown)})"
 
 
@@ -59,11 +68,13 @@ def show(value: Any) -> str:
         text = json.dumps(value)
     elif isinstance(value, list | tuple):
         text = "[" + ", ".join(show(item) for item in value[:8]) + "]"
-    else:
+    elif isinstance(value, int | float | np.number):
         try:
-            text = f"{value:.9g}" if isinstance(value, float) else str(value)
+            text = str(value) if isinstance(value, int) else f"{value:.9g}"
         except ValueError:  # integers of thousands of digits
             text = "a huge number"
+    else:
+        text = brief(value)
     return text if len(text) <= 80 else text[:77] + "..."
 
 
@@ -77,3 +88,29 @@ def nearest(name: str, legal: Iterable[str]) -> str:
     """' (did you mean ...?)' with the closest legal name, or an empty string."""
     close = difflib.get_close_matches(str(name), list(legal), n=1)
     return f' (did you mean "{close[0]}"?)' if close else ""
+
+
+def optional(name: str) -> Any:
+    """A package that asperity does not need itself.
+
+    Raises:
+        CompatError: it is not installed
+    """
+    try:
+        return importlib.import_module(name)
+    except ImportError:
+        raise CompatError(f"the package {name} is not installed: pip install {name}") from None
+
+
+def picture(caption: str, draw: Callable[[Any], object]) -> str:
+    """What a function draws into small axes of matplotlib, as a picture in HTML with a caption."""
+    from matplotlib.figure import Figure
+
+    figure, file = Figure(figsize=SIZE, layout="constrained"), io.BytesIO()
+    draw(figure.add_subplot())
+    figure.savefig(file, format="png")
+    data = base64.b64encode(file.getvalue()).decode()
+    return (
+        f'<figure style="margin:0"><img alt="" src="data:image/png;base64,{data}"/>'
+        f"<figcaption>{html.escape(caption)}</figcaption></figure>"
+    )

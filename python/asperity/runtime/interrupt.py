@@ -9,6 +9,8 @@ from contextlib import suppress
 from types import FrameType
 from typing import TYPE_CHECKING, Any
 
+from asperity.runtime.launch import on_terminal
+
 if TYPE_CHECKING:
     from mpi4py import MPI
 
@@ -43,7 +45,8 @@ class StopRequest:
         name = signal.Signals(number).name
         if self._comm.rank == 0:  # the signal may have interrupted print(), which is not re-entrant
             with suppress(OSError):  # the terminal may have gone
-                os.write(2, f"{name}: the run ends after this step; a second signal ends it at once\n".encode())
+                line = "\n" if on_terminal("stderr") else ""  # the live one
+                os.write(2, f"{line}{name}: the run ends after this step; a second signal ends it at once\n".encode())
 
     def agreed(self) -> str:
         """Name of the signal that some rank has received, empty if none; collective."""

@@ -12,7 +12,7 @@ from typing import NoReturn
 
 from asperity.errors import CompatError
 
-TERMINAL = "ASPERITY_TERMINAL"  # set for ranks that were started on a terminal
+TERMINAL = "ASPERITY_TERMINAL"  # for ranks that are started, the standard streams that are terminals
 THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "BLIS_NUM_THREADS")
 
 
@@ -30,9 +30,11 @@ def started_ranks(environ: Mapping[str, str] = os.environ) -> int | None:
     return 0 if {"PMIX_RANK", "PMI_RANK"} & environ.keys() else None
 
 
-def on_terminal() -> bool:
-    """Whether the standard output is a terminal; mpirun gives its ranks one even where its own output is a file."""
-    return sys.stdout.isatty() and (started_ranks() is None or TERMINAL in os.environ)
+def on_terminal(stream: str = "stdout") -> bool:
+    """Whether a standard stream is a terminal; mpirun gives its ranks one where it has none, and the reverse."""
+    if started_ranks() is not None:
+        return stream in os.environ.get(TERMINAL, "").split()
+    return bool(getattr(sys, stream).isatty())
 
 
 def ensure_home() -> None:
@@ -70,7 +72,6 @@ def start(arguments: Sequence[str], ranks: int) -> NoReturn:
         "PRTE_MCA_hwloc_default_binding_policy": "none",
     }
     command = [mpirun, "-n", str(ranks), sys.executable, "-P", "-m", "asperity", *arguments]  # -P: no local modules
-    if sys.stdout.isatty():
-        defaults[TERMINAL] = "1"
+    defaults[TERMINAL] = " ".join(filter(on_terminal, ("stdout", "stderr")))
     sys.stdout.flush()
     os.execve(mpirun, command, defaults | dict(os.environ) | dict.fromkeys(THREADS, "1"))

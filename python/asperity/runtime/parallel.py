@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, TypeVar, cast
 from asperity.errors import AsperityError, OutputError
 from asperity.runtime.launch import started_ranks
 from asperity.runtime.progress import tell
-from asperity.runtime.timing import count_alone
+from asperity.runtime.usage import count_alone
 
 if TYPE_CHECKING:
     from mpi4py import MPI

@@ -1,58 +1,26 @@
-"""Progress display of a run, one line per mesh or nothing; and its log file."""
+"""Progress display of a run, one line per mesh or nothing."""
 
 from __future__ import annotations
 
-import logging
 import os
-import shutil
 import sys
 import time
-from collections.abc import Callable, Iterator, Mapping
-from contextlib import contextmanager, suppress
-from logging.handlers import MemoryHandler
-from pathlib import Path
+from collections.abc import Mapping
+from contextlib import suppress
+from math import inf
 from typing import Any, TextIO
 
 from asperity.runtime.launch import on_terminal
 
 
-@contextmanager
-def log_file(path: Path | None, append: bool = False) -> Iterator[Callable[[], None]]:
-    """Write the log messages of the package to a file, one line each with its time; None writes nothing.
-
-    The messages are kept in memory until the function that is yielded is called, which opens the file: a run that is
-    refused writes nothing. Errors of the log are ignored: where the disk is full, the results raise them.
-    """
-    if path is None:
-        yield lambda: None
-        return
-    logger = logging.getLogger("asperity")
-    handler = MemoryHandler(capacity=1)  # passes on each message at once, as soon as it has a target
-    level = logger.level
-    logger.setLevel(logging.INFO)
-    logger.addHandler(handler)
-
-    def begin() -> None:
-        with suppress(OSError):
-            file = logging.FileHandler(path, "a" if append else "w")
-            file.setFormatter(logging.Formatter("%(asctime)s %(message)s"))
-            file.handleError = lambda record: None  # type: ignore[method-assign]
-            handler.setTarget(file)
-            handler.flush()
-
-    try:
-        yield begin
-    finally:
-        logger.removeHandler(handler)
-        logger.setLevel(level)
-        target = handler.target
-        handler.close()
-        if target is not None:
-            target.close()
-
-
 class Progress:
-    """Silent progress display; base class of the visible one."""
+    """Silent progress display, a context; base class of the visible one."""
+
+    def __enter__(self) -> Progress:
+        return self
+
+    def __exit__(self, *error: object) -> None:
+        self.done()
 
     def stage(self, name: str) -> None:
         """Show the start of a phase, for example "mesh"."""
@@ -64,70 +32,49 @@ class Progress:
         """End the display."""
 
 
-SILENCE = 10.0  # time between two lines about the same phase [s]
-_CELLS = {  # column of curve.csv: format of its values
-    "step": "{}", "branch": "{}", "delta_star": "{:.4e}", "P_star": "{:.4e}", "area_fraction": "{:.4f}",
-    "newton": "{}", "krylov": "{}", "seconds": "{:.1f} s",
-}  # fmt: skip
+class ProgressLine(Progress):
+    """One live line on a terminal; and a line that stays for each load path, in a file too."""
 
+    def __init__(self) -> None:
+        from rich.console import Console
+        from rich.progress import Progress as Display
+        from rich.progress import SpinnerColumn, TextColumn
 
-class LevelLines(Progress):
-    """One line per phase, and so per mesh: on a terminal a live one, elsewhere when it ends and every ten seconds.
-
-    Args:
-        live: whether the line is written again and again; default on a terminal
-    """
-
-    def __init__(self, live: bool | None = None) -> None:
-        self._live = on_terminal() if live is None else live
-        self._start = self._last = time.monotonic()
-        self._name = self._state = ""
-        self._first: float | None = None
-        self._steps = 0
+        self._display = Display(
+            SpinnerColumn("line"), TextColumn("{task.description}", markup=False),
+            console=Console(force_terminal=on_terminal(), soft_wrap=True), disable=not on_terminal(), transient=True,
+            speed_estimate_period=inf, redirect_stderr=on_terminal("stderr"),
+        )  # fmt: skip
+        self._task = self._display.add_task("", total=1.0)
+        self._start, self._name, self._steps = time.monotonic(), "", 0
+        self._display.start()
+        self._display.console.show_cursor()  # which a killed process would leave hidden
 
     def stage(self, name: str) -> None:
         self._close()
-        self._name, self._state, self._first, self._steps = name, "", None, 0
-        self._last = time.monotonic()
-        self._show()
+        self._name, self._steps = name, 0
+        self._display.reset(self._task, completed=0, description=name)
 
     def step(self, row: Mapping[str, Any], fraction_done: float) -> None:
-        now = time.monotonic()
         self._steps += 1
-        if self._first is None:
-            self._first = now - float(row["seconds"])
-        left = (now - self._first) * (1 / fraction_done - 1) if fraction_done > 0 else float("nan")
-        self._state = f"{duration(left)} left, step {row['step']}, {row['branch']}"  # a narrow screen cuts the end
-        self._show()
+        self._display.update(self._task, completed=fraction_done)
+        left = self._display.tasks[0].time_remaining
+        text = f"{self._name.partition(': ')[0]}: step {row['step']} of {round(row['step'] / fraction_done)}"
+        text += "" if left is None else f", {duration(left)} left"
+        self._display.update(self._task, description=text)
 
     def done(self) -> None:
         self._close()
-        if self._name:  # the case was not refused
-            tell(f"{self._time()} end")
-
-    def _time(self) -> str:
-        return f"[{time.monotonic() - self._start:6.1f} s]"
-
-    def _line(self) -> str:
-        return f"{self._time()} {self._name}{': ' if self._state else ''}{self._state}"
-
-    def _show(self) -> None:
-        now = time.monotonic()
-        if self._live:
-            width = shutil.get_terminal_size().columns - 1
-            tell(f"\r{self._line()[:width]}\x1b[K", end="")
-        elif self._state and now - self._last >= SILENCE:
-            tell(self._line())
-            self._last = now
+        with suppress(OSError):  # the terminal has gone
+            if self._display.live.is_started:
+                self._display.stop()
 
     def _close(self) -> None:
-        """End the line of a phase; on a terminal a short phase without steps is written over."""
+        """Print the line that stays."""
         if self._steps:
-            self._state = f"{self._steps} step{'s' if self._steps > 1 else ''}"
-        elif self._live:
-            return
-        if self._name:
-            tell(f"\r{self._line()}\x1b[K" if self._live else self._line())
+            steps = f"{self._steps} step{'s' if self._steps > 1 else ''}"
+            tell(f"[{time.monotonic() - self._start:6.1f} s] {self._name}: {steps}")
+        self._steps = 0
 
 
 def tell(text: str, stream: TextIO | None = None, end: str = "\n") -> None:
@@ -146,11 +93,6 @@ def silence(stream: TextIO) -> None:
     os.close(nowhere)
 
 
-def row_line(row: Mapping[str, Any]) -> str:
-    """A load step in a line, with its names, for the log."""
-    return ", ".join(f"{name} {form.format(row[name])}" for name, form in _CELLS.items())
-
-
 def world_rank() -> int:
     """Rank of this process under mpirun or srun, 0 without them; read from the environment without starting MPI."""
     names = ("OMPI_COMM_WORLD_RANK", "PMIX_RANK", "PMI_RANK", "MPI_RANKID", "SLURM_PROCID")
@@ -158,12 +100,14 @@ def world_rank() -> int:
 
 
 def duration(seconds: float) -> str:
-    """Format a time [s] in at most 7 characters: 3.2 s, 4 m 05, 2 h 10."""
+    """Format a time [s] in at most 7 characters: 3.2 s, 19 s, 4 m 05, 2 h 10."""
     if not seconds < 1e8:
         return "?"
-    if seconds < 59.95:
-        return f"{seconds:.1f} s"
+    if seconds < 9.95:
+        return f"{seconds:.2g} s"
     seconds = round(seconds)
+    if seconds < 60:
+        return f"{seconds} s"
     if seconds < 3600:
         return f"{seconds // 60} m {seconds % 60:02}"
     return f"{seconds // 3600} h {seconds % 3600 // 60:02}"

@@ -9,7 +9,7 @@ from typing import Any
 _PUBLIC = {
     "JointSlip": "joint_slip",
     "SlipLaw": "law",
-    "SlipSettings": "settings",
+    "SlipSettings": "asperity.model.slip",
     "slip_of_curve": "joint_slip",
     "tangential_response": "tangential",
 }
@@ -20,4 +20,5 @@ __all__ = sorted(_PUBLIC)
 def __getattr__(name: str) -> Any:
     if name not in _PUBLIC:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    return getattr(importlib.import_module(f"{__name__}.{_PUBLIC[name]}"), name)
+    module = _PUBLIC[name]
+    return getattr(importlib.import_module(module if "." in module else f"{__name__}.{module}"), name)

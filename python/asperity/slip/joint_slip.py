@@ -14,12 +14,12 @@ import numpy as np
 from asperity.arrays import Array
 from asperity.errors import AsperityError
 from asperity.model.material import Material
+from asperity.model.slip import SlipSettings
 from asperity.runtime.display import short_repr
 from asperity.runtime.files import write_csv
 from asperity.runtime.run_folder import SLIP, SLIP_LOOPS
 from asperity.slip.branch import branch_rows, column_of, down_to_zero, measured_ratio, stuck_law
 from asperity.slip.law import SlipLaw, SlipPath, path_of_law
-from asperity.slip.settings import SlipSettings
 from asperity.units import quantity
 from asperity.vibration.curve_law import Bars, CurveLaw
 from asperity.vibration.law import Law, bar_of

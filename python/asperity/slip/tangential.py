@@ -14,13 +14,13 @@ from scipy.optimize import brentq
 
 from asperity.arrays import Array
 from asperity.errors import InputError, RangeError
+from asperity.model.dynamics import DynamicsSettings
 from asperity.runtime.display import short_repr
 from asperity.runtime.files import write_csv
 from asperity.slip.joint_slip import JointSlip, slip_of_case
 from asperity.slip.law import SlipLaw
 from asperity.vibration.checks import positive
 from asperity.vibration.run import small_vibration
-from asperity.vibration.settings import DynamicsSettings
 
 RESPONSE = "slip_response.csv"
 _SLIDERS = 100  # whose energy is that of the law to 0.3 %
@@ -88,7 +88,7 @@ def tangential_vibration(
         raise InputError("the case has no section [slip]: add it with slip.friction, and run it with --resume")
     factor, mass = settings.factor, small_vibration(curve, settings)[0].mass
     if not math.isfinite(mass):
-        raise InputError("no mass vibrates: give --mass or joint.mass")
+        raise InputError("no mass vibrates: give joint.mass")
     load = None if settings.load is None else settings.load / factor
     slip = slip_of_case(case, curve, case["slip"].get("preload") or load)
     responses = {}

@@ -2,43 +2,39 @@
 
 from __future__ import annotations
 
-import numbers
-import sys
 from abc import ABC, abstractmethod
-from dataclasses import MISSING, dataclass, fields
+from dataclasses import fields
 from functools import cached_property
-from typing import Any, ClassVar
+from typing import Annotated, Any, ClassVar
 
 import numpy as np
 from numpy.typing import ArrayLike
+from pydantic import Field
 
 from asperity.arrays import Array
 from asperity.errors import AsperityWarning, InputError, warn
-from asperity.runtime.display import nearest
-from asperity.runtime.notebook import optional, picture
+from asperity.runtime.declaration import LENGTH, Real, check_shares, declared, key, unknown
+from asperity.runtime.display import nearest, optional, picture, show
 from asperity.surface.maximum import global_maximum
-from asperity.surface.statistics import (
-    SMALL_SLOPE,
-    Spectrum,
-    SurfaceStatistics,
-    psd,
-)
+from asperity.surface.statistics import SMALL_SLOPE, Spectrum, SurfaceStatistics, psd
 
 #: A summit closer to an edge of the patch than this counts as on the edge, and its mesh node is placed there [L].
 EDGE = 1e-3
 FLAT = 1e-12  # depth over the side below which a surface is a plane: that of round-off
 
-_SMALLEST, _LARGEST = 1e-50, 1e50  # lengths
 _GRID = 1010  # nodes per side for statistics: 1009 intervals, a prime, are out of step with those of any other map
 _CELLS, _POINTS = (128, 1024), 4  # of the rule for the mean height: cells along a side, points in a cell
 _STEEPNESS, _LONG = 16, 1e6  # exponent in `short_wave_share`, and ratio of lengths beyond which that is zero
+
+
+Side = Annotated[Real, Field(ge=1e-20, le=1e20)]  # of the patch
 
 
 class SurfaceWarning(AsperityWarning):
     """A surface is legal, but probably not the intended one, or its slopes exceed small-slope theory."""
 
 
-@dataclass(frozen=True, eq=False, kw_only=True)
+@declared("surface", eq=False, kw_only=True)
 class Surface(ABC):
     """A height field z(x, y) on the closed patch [0, L]^2; immutable.
 
@@ -48,12 +44,9 @@ class Surface(ABC):
     (1.0, 1.0, 0.0)
     >>> float(surface.height(2.0, 1.0))
     -0.1
-
-    Attributes:
-        L: side of the patch (length)
     """
 
-    L: float
+    L: Side = key("side of the square patch", LENGTH, hint="1e-6 is 1 um in SI")
 
     #: Name in the case file.
     kind: ClassVar[str] = ""
@@ -63,41 +56,32 @@ class Surface(ABC):
     cutoff_key: ClassVar[str] = ""
 
     def __post_init__(self) -> None:
-        for f in fields(self):  # NumPy turns integers above 2^63 into arrays of objects
-            value = getattr(self, f.name)
-            if str(f.type).startswith("float") and is_integer(value) and is_number(value):
-                object.__setattr__(self, f.name, float(value))
-        check_positive("L", self.L)
+        check_shares(self, self.L)
+        for note in self.notes:
+            warn(note, SurfaceWarning)
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """What is doubtful of the arguments, or was taken for granted: a sentence each."""
+        return ()
 
     @staticmethod
     def from_spec(kind: str, **parameters: Any) -> Surface:
         """Build a surface from the keys of the [surface] section.
 
         Args:
-            kind: name of the kind, for example "weierstrass-mandelbrot"; see `surface_kinds`
+            kind: name of the kind, for example "weierstrass-mandelbrot"
             parameters: the keys of that kind
 
         Raises:
             InputError: unknown kind or key (the message suggests the closest legal name), missing key, or
                 a value outside its legal range
         """
-        kinds = surface_kinds()
-        if kind not in kinds:
-            raise InputError(
-                f"surface.kind = {kind!r} is unknown{nearest(kind, kinds)}; legal: {', '.join(sorted(kinds))}."
-            )
-        cls = kinds[kind]
-        names = {f.metadata.get("key", f.name): f.name for f in fields(cls) if f.init}
-        required = {f.name for f in fields(cls) if f.default is MISSING}
-        for key in parameters:
-            if key not in names:
-                raise InputError(
-                    f"surface.{key} is not a key of kind {kind!r}{nearest(key, names)}; legal: {', '.join(names)}."
-                )
-        missing = [key for key, name in names.items() if name in required and key not in parameters]
-        if missing:
-            raise InputError(f"surface.{missing[0]} is missing: kind {kind!r} needs it.")
-        return cls(**{names[key]: value for key, value in parameters.items()})
+        cls = surface_kind(kind)
+        names = keys(cls)
+        if strange := [name for name in parameters if name not in names]:
+            raise InputError(unknown(strange[0], "surface", names, kind=kind))
+        return cls(**{names[name]: value for name, value in parameters.items()})
 
     @abstractmethod
     def height(self, x: ArrayLike, y: ArrayLike) -> Array:
@@ -258,6 +242,23 @@ class Surface(ABC):
             )
 
 
+def keys(cls: type[Surface]) -> dict[str, str]:
+    """Keys of a kind of surface, with the names of the arguments."""
+    declared_fields = getattr(cls, "__pydantic_fields__", {})
+    names = [f.name for f in fields(cls)]
+    aliases = {name: declared_fields[name].serialization_alias for name in names if name in declared_fields}
+    return {aliases.get(name) or name: name for name in names}
+
+
+def surface_kind(kind: Any) -> type[Surface]:
+    """Class of a kind (InputError: there is none of this name)."""
+    kinds = surface_kinds()
+    if not isinstance(kind, str) or kind not in kinds:
+        state = "is missing" if kind is None else f"= {show(kind)} is unknown{nearest(str(kind).lower()[:50], kinds)}"
+        raise InputError(f"surface.kind {state}; legal: {', '.join(map(show, sorted(kinds)))}")
+    return kinds[kind]
+
+
 def surface_kinds() -> dict[str, type[Surface]]:
     """All kinds of surfaces by their name in the case file: the subclasses with a `kind` of their own."""
     found: dict[str, type[Surface]] = {}
@@ -288,46 +289,12 @@ def nodes(L: float, n: int) -> Array:
     Raises:
         InputError: n is not an integer >= 2
     """
-    if not (is_integer(n) and n >= 2):
+    if not (isinstance(n, int | np.integer) and n >= 2):
         raise InputError(f"A grid needs an integer number of nodes per side >= 2, not {n!r}.")
     return np.linspace(0.0, L, n)
-
-
-def is_number(value: Any) -> bool:
-    """Whether the value is a finite real number (booleans are not)."""
-    real = isinstance(value, numbers.Real) and not isinstance(value, bool)
-    return real and abs(value) <= sys.float_info.max
-
-
-def is_integer(value: Any) -> bool:
-    """Whether the value is an integer (booleans are not)."""
-    return isinstance(value, numbers.Integral) and not isinstance(value, bool)
 
 
 def check(legal: bool, key: str, value: Any, rule: str) -> None:
     """Raise InputError 'surface.key = value is not legal: rule' unless legal."""
     if not legal:
         raise InputError(f"surface.{key} = {value!r} is not legal: it must be {rule}.")
-
-
-def check_positive(key: str, value: Any) -> None:
-    """Raise InputError unless the value is a positive length whose square and cube do not overflow."""
-    legal = is_number(value) and _SMALLEST <= value <= _LARGEST
-    check(legal, key, value, f"a positive length (SI: metres), {_SMALLEST:g} to {_LARGEST:g}")
-
-
-def check_integer(key: str, value: Any, least: int) -> None:
-    """Raise InputError unless the value is an integer >= least."""
-    check(is_integer(value) and value >= least, key, value, f"an integer >= {least}")
-
-
-def check_point(key: str, value: Any, L: float) -> tuple[float, float]:
-    """Value as a point (x, y) of the closed patch (length), or raise InputError."""
-    point = tuple(value) if isinstance(value, (tuple, list, np.ndarray)) else ()
-    check(
-        len(point) == 2 and all(is_number(c) and 0 <= c <= L for c in point),
-        key,
-        value,
-        f"two coordinates between 0 and L = {L:g}",
-    )
-    return float(point[0]), float(point[1])

@@ -4,27 +4,19 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import field
 from functools import cached_property
-from typing import ClassVar, Literal, NamedTuple
+from typing import Annotated, Any, ClassVar, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from asperity.arrays import Array
-from asperity.errors import warn
-from asperity.surface.base import (
-    Surface,
-    SurfaceWarning,
-    check,
-    check_integer,
-    check_positive,
-    is_number,
-    short_wave_share,
-)
+from asperity.runtime.declaration import LENGTH, SCRIPT, Choices, Real, Whole, declared, key
+from asperity.surface.base import Surface, check, short_wave_share
 
 _SHORTEST = 1 / 2048  # least wavelength over L, that of `self_affine`: no mesh resolves shorter waves
-_MOST_RIDGES, _MAX_WAVES = 1000, 2500  # more would take minutes
+_MAX_WAVES = 2500  # more would take minutes
 _BLOCK = 2**20  # waves times points evaluated at once: 8 MiB per temporary array
 
 
@@ -53,7 +45,7 @@ def cut_off_index(L: float, L_s: float, gamma: float) -> int:
     return math.floor(math.log(L / L_s) / math.log(gamma) + 1e-12)
 
 
-@dataclass(frozen=True, eq=False, kw_only=True)
+@declared("surface", eq=False, kw_only=True)
 class WeierstrassMandelbrot(Surface):
     """Fractal surface of Yan and Komvopoulos, J. Appl. Phys. 84 (1998) 3617, on [0, L]^2.
 
@@ -70,14 +62,9 @@ class WeierstrassMandelbrot(Surface):
     0.0
 
     Attributes:
-        D: fractal dimension, 2 < D < 3
-        G: fractal roughness (length), 0 < G < L
-        M: sets the ridge directions pi mu/M, 1 to 1000
-        gamma: ratio of successive wave numbers, > 1
-        f_max: highest frequency index, >= 0; default from L_s, or 5 without it. The shortest wavelength
-            L/gamma^f_max is at least L/2048, and there are at most 2500 waves, (M+1)(f_max+1).
-        L_s: cut-off wavelength (length), optional; f_max = cut_off_index(L, L_s, gamma)
-        seed: seed of the random phases
+        f_max: highest frequency index. The shortest wavelength L/gamma^f_max is at least L/2048, and there are at most
+            2500 waves, (M+1)(f_max+1).
+        L_s: f_max = cut_off_index(L, L_s, gamma)
         drawing: "array" draws default_rng(seed).uniform(0, 2 pi, size=(M+1, f_max+1)): a different f_max gives an
             unrelated surface. "nested" draws each column from a separate stream, default_rng(SeedSequence(seed,
             spawn_key=(f,))).uniform(0, 2 pi, size=M+1): a larger f_max adds waves to the same surface.
@@ -86,16 +73,20 @@ class WeierstrassMandelbrot(Surface):
         phases: explicit phases, shape (M+1, f_max+1), row mu, column f; replaces the seed
     """
 
-    D: float = 2.4
-    G: float = 1.36e-11
-    M: int = 10
-    gamma: float = 1.5
-    f_max: int | None = None
-    L_s: float | None = None
-    seed: int = 0
-    drawing: Literal["array", "nested"] = "array"
-    ridges: Literal["0..M", "1..M"] = "0..M"
-    phases: Array | None = field(default=None, repr=False)
+    D: Real = key("fractal dimension", gt=2, lt=3, hint="2.4 is a usual value")
+    G: Real = key("fractal roughness", LENGTH, share=(0.0, 1.0), hint="1.36e-11 m is a usual value")
+    M: Whole = key(
+        "ridges run at the angles pi mu/M; M + 1 of them, or M with ridges = 1..M", default=10, ge=1, le=1000
+    )
+    gamma: Real = key("frequency ratio", default=1.5, gt=1, le=100)
+    f_max: Whole | None = key("highest frequency index", default=None, shown="5, or from L_s", ge=0)
+    L_s: Real | None = key("shortest wavelength, sets f_max", LENGTH, default=None, share=(_SHORTEST, 1.0))
+    seed: Whole = key("seed of the random phases", default=0, ge=0, lt=2**63)
+    drawing: Annotated[str, Choices("array", "nested")] = key(
+        "of the phases: all at once, or nested, where a larger f_max adds waves to the same surface", default="array"
+    )
+    ridges: Annotated[str, Choices("0..M", "1..M")] = key("ridges in the sum", default="0..M")
+    phases: Annotated[Any, *SCRIPT] = field(default=None, repr=False)
 
     kind: ClassVar[str] = "weierstrass-mandelbrot"
     rough: ClassVar[bool] = True
@@ -103,46 +94,29 @@ class WeierstrassMandelbrot(Surface):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        check(is_number(self.D) and 2 < self.D < 3, "D", self.D, "a number between 2 and 3")
-        check(
-            is_number(self.G) and 0 < self.G < self.L,
-            "G",
-            self.G,
-            f"a length above 0 and below L = {self.L:g} (both in metres)",
-        )
-        check_integer("M", self.M, 1)
-        check(self.M <= _MOST_RIDGES, "M", self.M, f"an integer of at most {_MOST_RIDGES}; 10 is usual")
-        check(is_number(self.gamma) and self.gamma > 1, "gamma", self.gamma, "a number above 1")
-        check_integer("seed", self.seed, 0)
-        check(self.drawing in ("array", "nested"), "drawing", self.drawing, '"array" or "nested"')
-        check(self.ridges in ("0..M", "1..M"), "ridges", self.ridges, '"0..M" or "1..M"')
         object.__setattr__(self, "f_max", self._check_f_max(self._resolve_f_max()))
         object.__setattr__(self, "phases", self._resolve_phases())
 
+    @property
+    def notes(self) -> tuple[str, ...]:
+        if self.L_s is None or self.f_max is None:
+            return ()
+        expected = cut_off_index(self.L, self.L_s, self.gamma)
+        told = f"surface: L_s = {self.L_s:g} gives f_max = {expected}, but f_max = {self.f_max} is given and used."
+        return () if self.f_max == expected else (told,)
+
     def _resolve_f_max(self) -> int:
         if self.f_max is not None:
-            check_integer("f_max", self.f_max, 0)
-        if self.L_s is None:
-            return 5 if self.f_max is None else self.f_max
-        check_positive("L_s", self.L_s)
-        least = _SHORTEST * self.L
-        check(least <= self.L_s <= self.L, "L_s", self.L_s, f"a length from {least:g} to L = {self.L:g}")
-        expected = cut_off_index(self.L, self.L_s, self.gamma)
-        if self.f_max is None or self.f_max == expected:
-            return expected
-        warn(
-            f"surface: L_s = {self.L_s:g} gives f_max = {expected}, but f_max = {self.f_max} is given and used.",
-            SurfaceWarning,
-        )
-        return self.f_max
+            return self.f_max
+        return 5 if self.L_s is None else cut_off_index(self.L, self.L_s, self.gamma)
 
     def _check_f_max(self, f_max: int) -> int:
         most = cut_off_index(1.0, _SHORTEST, self.gamma)
         short = f"wavelengths L/gamma^f of at least {_SHORTEST:g} L"
-        check(f_max <= most, "f_max", f_max, f"at most {most} with gamma = {self.gamma:g}, for {short}")
+        check(f_max <= most, "f_max", f_max, f"at most {most} with surface.gamma = {self.gamma:g}, for {short}")
         most = _MAX_WAVES // (self.M + 1) - 1
         few = f"(M + 1)(f_max + 1) waves of which there are no more than {_MAX_WAVES}"
-        check(f_max <= most, "f_max", f_max, f"at most {most} with M = {self.M}, for {few}")
+        check(f_max <= most, "f_max", f_max, f"at most {most} with surface.M = {self.M}, for {few}")
         return f_max
 
     def _draw_phases(self) -> Array:
@@ -170,12 +144,7 @@ class WeierstrassMandelbrot(Surface):
         a = scale * self.gamma ** (f * (self.D - 3.0))
         k = 2 * np.pi * self.gamma ** f.astype(float) / self.L
         angle = np.pi * mu / self.M
-        return Waves(
-            a.ravel(),
-            (k * np.cos(angle)).ravel(),
-            (k * np.sin(angle)).ravel(),
-            self.phases[rows].ravel(),
-        )
+        return Waves(a.ravel(), (k * np.cos(angle)).ravel(), (k * np.sin(angle)).ravel(), self.phases[rows].ravel())
 
     @cached_property
     def _offset(self) -> float:

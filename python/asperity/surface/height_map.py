@@ -5,21 +5,23 @@ from __future__ import annotations
 import json
 import math
 from contextlib import suppress
-from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar
 
 import numpy as np
 from numpy.typing import ArrayLike
+from pydantic import PlainSerializer, WithJsonSchema
 
 from asperity.arrays import Array
-from asperity.errors import InputError, warn
+from asperity.errors import InputError
+from asperity.runtime.declaration import LENGTH, declared, key
 from asperity.runtime.files import UNREADABLE
-from asperity.surface.base import Surface, SurfaceWarning, check, check_positive, short_wave_share
+from asperity.surface.base import Side, Surface, check, short_wave_share
 from asperity.surface.height_files import REGULAR, UNEQUAL, Heights, read_heights
 from asperity.surface.maximum import global_maximum
 from asperity.surface.scale_space import ScaleSpace
+from asperity.surface.shapes import Flat
 from asperity.surface.spline import DEGREE, interpolate, with_middles
 
 if TYPE_CHECKING:
@@ -33,7 +35,7 @@ _TREND = 8  # degree of the polynomial trend removed before the waves are separa
 _SAME = 1e-6  # greatest difference of opposite edges of a periodic map, over the range of heights
 
 
-@dataclass(frozen=True, eq=False, kw_only=True)
+@declared("surface", eq=False, kw_only=True)
 class HeightMap(Surface):
     """Heights on a regular grid over a square patch, interpolated by a bicubic spline.
 
@@ -51,30 +53,33 @@ class HeightMap(Surface):
     ...     surface = HeightMap(path=path)
     >>> surface.L, round(float(surface.height(5e-7, 5e-7)) * 1e9, 6)
     (1e-06, 5.0)
-
-    Attributes:
-        path: the file
-        L: side of the patch (length); required if the file has no coordinates, checked against them otherwise
     """
 
-    path: str | Path
-    L: float = None  # type: ignore[assignment]  # from the file, see __post_init__
+    path: Annotated[str | Path, WithJsonSchema({"type": "string"}), PlainSerializer(str)] = key(
+        "file .npz, .npy or .csv", hint="a path relative to the case file"
+    )
+    L: Side = key(
+        "side of the square patch", LENGTH, default=None, shown="that of the file, required where it has none"
+    )
 
     kind: ClassVar[str] = "file"
     rough: ClassVar[bool] = True
     cutoff_key: ClassVar[str] = "asperity import-map --cutoff"
 
     def __post_init__(self) -> None:
-        check(isinstance(self.path, (str, Path)), "path", self.path, "the name of a file")
-        if self.L is not None:
-            check_positive("L", self.L)
         read = read_heights(Path(self.path))
-        for note in read.notes:
-            warn(f"{self.path}: {note}", SurfaceWarning)
         z, L = _as_patch(read, self.L, f"{self.path}: ")
         z.flags.writeable = False
-        object.__setattr__(self, "L", float(L))
-        object.__setattr__(self, "_z", z)
+        notes = tuple(f"{self.path}: {note}" for note in read.notes)
+        for name, value in {"L": Flat(L=L).L, "_z": z, "_notes": notes}.items():
+            object.__setattr__(self, name, value)
+        super().__post_init__()
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """How the file was read."""
+        found: tuple[str, ...] = self.__dict__.get("_notes", ())
+        return found
 
     @classmethod
     def of(cls, z: Array, L: float | tuple[float, float]) -> HeightMap:
@@ -92,7 +97,7 @@ class HeightMap(Surface):
         if not isinstance(L, tuple):
             _check_square(z)
         side, other = L if isinstance(L, tuple) else (L, L)
-        check_positive("L", side)
+        side = Flat(L=side).L  # refuses a side that is not legal
         check(math.isclose(side, other, rel_tol=REGULAR), "L", L, "two equal sides")
         surface = object.__new__(cls)
         for name, value in {"path": "", "L": float(side), "_z": z}.items():
@@ -257,7 +262,6 @@ def _as_patch(read: Heights, side: float | None, where: str) -> tuple[Array, flo
     _check_heights(z, where)
     if dx is not None and dy is not None:
         L, other = dx * (z.shape[1] - 1), dy * (z.shape[0] - 1)
-        check_positive("L", L)
         if not np.isclose(L, other, rtol=REGULAR):
             raise InputError(f"{where}the patch must be square, not {L:g} x {other:g}; import-map cuts one.")
         if side is not None and not np.isclose(L, side, rtol=REGULAR):

@@ -3,29 +3,23 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 from functools import cached_property
-from typing import Any, ClassVar
+from typing import Annotated, Any, ClassVar
 
 import numpy as np
 from numpy.typing import ArrayLike
+from pydantic import Field
 
 from asperity.arrays import Array
 from asperity.errors import InputError
-from asperity.surface.base import (
-    Surface,
-    check,
-    check_integer,
-    check_positive,
-    is_number,
-    short_wave_share,
-)
+from asperity.runtime.declaration import LENGTH, Flag, Positive, Real, Whole, declared, key
+from asperity.surface.base import Surface, check, short_wave_share
 from asperity.surface.maximum import global_maximum
 from asperity.surface.scale_space import ScaleSpace
 
 _DEVIATIONS = 10.0  # waves of random phases exceed this many with a probability below exp(-50) (Chernoff)
 _MOST = 2048  # waves of the shortest length along a side of the period: grids of 8192 x 8192 nodes
-_STRETCH = 16.0  # largest anisotropy
 _SUMMED = 256  # waves per period up to which the ideal spectrum is summed; beyond that it is integrated
 _WIDTH = 12  # nodes under the kernel along each axis
 _SHAPE = 28.0  # of the kernel, for twice the density: least error
@@ -33,7 +27,7 @@ _LEAST = 3 * _WIDTH  # nodes of a period
 _CHUNK = 2**13  # points at once: 9 MiB of gathered nodes
 
 
-@dataclass(frozen=True, eq=False, kw_only=True)
+@declared("surface", eq=False, kw_only=True)
 class SelfAffine(Surface):
     """Self-affine surface with roll-off and cut-off on [0, L]^2.
 
@@ -54,16 +48,12 @@ class SelfAffine(Surface):
     True
 
     Attributes:
-        H: Hurst exponent, 0.001 to 1
         lambda_short: shortest wavelength (length); at least 1/2048 of the period
-        lambda_roll: roll-off wavelength (length), up to the period; default L
-        rms_height: root of the mean square of the heights about their mean over a period (length), with the waves
-            shorter than lambda_short included, so that the long waves do not depend on the cut-off. The surface itself
-            has a little less, see :meth:`exact_rms`. Give this or the slope.
-        slope: sqrt(<|grad z|^2>) over a period of the waves down to lambda_short (dimensionless); the key of a case
-            is rms_slope
-        aspect: anisotropy, 1/16 to 16; the spectrum depends on q = sqrt(aspect qx^2 + qy^2/aspect), so that features
-            are longer along x by this factor, and the rms height stays
+        lambda_roll: roll-off wavelength (length), up to the period
+        rms_height: root of the mean square of the heights about their mean over a period (length). The long waves do
+            not depend on the cut-off. The surface itself has a little less, see :meth:`exact_rms`.
+        slope: sqrt(<|grad z|^2>) over a period (dimensionless); the key of a case is rms_slope
+        aspect: the spectrum depends on q = sqrt(aspect qx^2 + qy^2/aspect), and the rms height stays
         seed: of the phases. Wave vectors are counted outwards, in squares max(|m|, |n|) = 1, 2, ..., and phases are
             drawn in this order by default_rng(seed).uniform(0, 2 pi).
         periodic: True: the period is L, heights and slopes agree at opposite edges. False: the period is 2 L, and the
@@ -71,14 +61,22 @@ class SelfAffine(Surface):
             farthest apart, and waves longer than L tilt the patch.
     """
 
-    H: float
-    lambda_short: float
-    lambda_roll: float | None = None
-    rms_height: float | None = None
-    slope: float | None = field(default=None, metadata={"key": "rms_slope"})  # rms_slope() is that of every surface
-    aspect: float = 1.0
-    seed: int = 0
-    periodic: bool = True
+    H: Real = key("Hurst exponent", ge=0.001, le=1, hint="0.8 is a usual value")
+    lambda_short: Positive = key("shortest wavelength", LENGTH, hint="0.05 L for a first run")
+    lambda_roll: Positive | None = key("roll-off wavelength", LENGTH, default=None, shown="L")
+    rms_height: Real | None = key(
+        "rms height with the waves shorter than lambda_short included (or rms_slope)",
+        LENGTH,
+        default=None,
+        share=(1e-9, 1.0),
+    )
+    # rms_slope() is a method of every surface
+    slope: Annotated[Real | None, Field(serialization_alias="rms_slope")] = key(
+        "rms slope of the waves down to lambda_short (or rms_height)", default=None, gt=0, le=10
+    )
+    aspect: Real = key("anisotropy: features are longer along x by this factor", default=1.0, ge=0.0625, le=16)
+    seed: Whole = key("seed of the random phases", default=0, ge=0, lt=2**63)
+    periodic: Flag = key("opposite edges agree; false: a window of a surface with the period 2 L", default=True)
 
     kind: ClassVar[str] = "self-affine"
     rough: ClassVar[bool] = True
@@ -86,31 +84,19 @@ class SelfAffine(Surface):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        check(is_number(self.H) and 0.001 <= self.H <= 1, "H", self.H, "a number from 0.001 to 1")
-        check(isinstance(self.periodic, bool), "periodic", self.periodic, "true or false")
-        legal = is_number(self.aspect) and 1 / _STRETCH <= self.aspect <= _STRETCH
-        check(legal, "aspect", self.aspect, f"a number from {1 / _STRETCH:g} to {_STRETCH:g}")
-        check_integer("seed", self.seed, 0)
         object.__setattr__(self, "lambda_roll", self.L if self.lambda_roll is None else self.lambda_roll)
-        for key, value in (("lambda_roll", self.lambda_roll), ("lambda_short", self.lambda_short)):
-            check_positive(key, value)
         assert self.lambda_roll is not None
-        of = "" if self.periodic else " times 2, the period"
-        rule = f"a length up to L{of}, {self.period:g}, and not below lambda_short = {self.lambda_short:g}"
+        period = f"the period, {self.period:g} by surface.L and surface.periodic"
+        rule = f"a length up to {period}, and not below surface.lambda_short = {self.lambda_short:g}"
         check(self.lambda_short <= self.lambda_roll <= self.period, "lambda_roll", self.lambda_roll, rule)
         least = self.period / _MOST * self._stretch
-        rule = f"at least {least:.3g}, for no more than {_MOST} waves along a side of the period"
+        stretched = f"with surface.aspect = {self.aspect:g}"
+        rule = f"at least {least:.3g}, for no more than {_MOST} waves along {period}, {stretched}"
         check(self.lambda_short >= least, "lambda_short", self.lambda_short, rule)
         if (self.rms_height is None) == (self.slope is None):
             state = "both missing" if self.slope is None else "both given"
             raise InputError(f"surface.rms_height and surface.rms_slope are {state}; give exactly one of them.")
-        if self.rms_height is not None:
-            check_positive("rms_height", self.rms_height)
-        else:
-            legal = is_number(self.slope) and 0 < self.slope < 100  # type: ignore[operator]
-            check(legal, "rms_slope", self.slope, "a number above 0 and below 100")
-        if self._shortest < 1:
-            raise InputError(f"surface.lambda_short = {self.lambda_short:g} leaves no wave on the patch; shorten it.")
+        check(self._shortest >= 1, "lambda_short", self.lambda_short, f"shorter than {period}, {stretched}")
 
     @property
     def period(self) -> float:

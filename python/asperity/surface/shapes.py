@@ -3,14 +3,23 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
-from typing import ClassVar, Literal
+from typing import Annotated, ClassVar
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from asperity.arrays import Array
-from asperity.surface.base import Surface, check, check_point, check_positive, short_wave_share
+from asperity.runtime.declaration import LENGTH, Choices, Real, Whole, declared, key
+from asperity.surface.base import Surface, check, short_wave_share
+
+Point = tuple[Real, Real]
+
+
+def _on_patch(centre: Point | None, L: float) -> Point:
+    """A point of the patch, its middle where none is given (length)."""
+    point = (L / 2, L / 2) if centre is None else centre
+    check(all(0 <= c <= L for c in point), "centre", point, f"two coordinates between 0 and surface.L = {L:g}")
+    return point
 
 
 def _points(x: ArrayLike, y: ArrayLike) -> tuple[Array, Array]:
@@ -18,7 +27,7 @@ def _points(x: ArrayLike, y: ArrayLike) -> tuple[Array, Array]:
     return x, y
 
 
-@dataclass(frozen=True, eq=False, kw_only=True)
+@declared("surface", eq=False, kw_only=True)
 class Flat(Surface):
     """The plane z = 0.
 
@@ -53,7 +62,7 @@ class Flat(Surface):
         return self.L / 2, self.L / 2, 0.0
 
 
-@dataclass(frozen=True, eq=False, kw_only=True)
+@declared("surface", eq=False, kw_only=True)
 class Sphere(Surface):
     """One spherical bump with its apex at height 0.
 
@@ -66,26 +75,18 @@ class Sphere(Surface):
     >>> sphere = Sphere(L=1.0, radius=10.0, centre=(0.0, 0.0), shape="paraboloid")
     >>> float(sphere.height(1.0, 0.0))
     -0.05
-
-    Attributes:
-        radius: R (length)
-        centre: (x, y) of the apex, on the patch (length); default the middle
-        shape: "sphere" or "paraboloid"
     """
 
-    radius: float
-    centre: tuple[float, float] | None = None
-    shape: Literal["sphere", "paraboloid"] = "sphere"
+    radius: Real = key("radius of the sphere", LENGTH, share=(1e-2, 1e9))
+    centre: Point | None = key("position of the summit (x, y)", LENGTH, default=None, shown="middle of the patch")
+    shape: Annotated[str, Choices("sphere", "paraboloid")] = key("profile", default="sphere")
 
     kind: ClassVar[str] = "sphere"
     cap: ClassVar[float] = 0.8  # r/R of the circle where cap and cone meet
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        check_positive("radius", self.radius)
-        centre = (self.L / 2, self.L / 2) if self.centre is None else self.centre
-        object.__setattr__(self, "centre", check_point("centre", centre, self.L))
-        check(self.shape in ("sphere", "paraboloid"), "shape", self.shape, '"sphere" or "paraboloid"')
+        object.__setattr__(self, "centre", _on_patch(self.centre, self.L))
 
     def _profile(self, r: Array) -> tuple[Array, Array, Array]:
         """z, z'/r and (z'' - z'/r)/r^2 of the radial profile in the shape of r; all are finite at r = 0."""
@@ -133,37 +134,27 @@ class Sphere(Surface):
         return (*self.centre, 0.0)
 
 
-@dataclass(frozen=True, eq=False, kw_only=True)
+@declared("surface", eq=False, kw_only=True)
 class Sinusoid(Surface):
-    """z = A cos(k (x - x0)), or A cos(k (x - x0)) cos(k (y - y0)) with dims = 2; k = 2 pi/lambda.
+    """Wavy surface: z = A cos(k (x - x0)), or A cos(k (x - x0)) cos(k (y - y0)) with dims = 2; k = 2 pi/lambda.
 
     >>> from asperity.surface import Sinusoid
     >>> wave = Sinusoid(L=1.0, amplitude=0.01, wavelength=0.5, centre=(0.0, 0.0))
     >>> float(wave.height(0.25, 0.7))
     -0.01
-
-    Attributes:
-        amplitude: A (length), half the peak-to-valley height
-        wavelength: lambda (length); default L
-        dims: 1 (wave along x) or 2 (product of both)
-        centre: (x0, y0) of a crest, on the patch (length); default the middle
     """
 
-    amplitude: float
-    wavelength: float | None = None
-    dims: Literal[1, 2] = 1
-    centre: tuple[float, float] | None = None
+    amplitude: Real = key("half of peak to valley", LENGTH, share=(1e-9, 1.0))
+    wavelength: Real | None = key("wavelength", LENGTH, default=None, shown="L", share=(1e-3, 1e3))
+    dims: Whole = key("1: waves along x; 2: along x and y", default=1, ge=1, le=2)
+    centre: Point | None = key("position of a crest (x, y)", LENGTH, default=None, shown="middle of the patch")
 
     kind: ClassVar[str] = "sinusoid"
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        check_positive("amplitude", self.amplitude)
         object.__setattr__(self, "wavelength", self.L if self.wavelength is None else self.wavelength)
-        check_positive("wavelength", self.wavelength)
-        check(self.dims in (1, 2) and self.dims is not True, "dims", self.dims, "1 or 2")
-        centre = (self.L / 2, self.L / 2) if self.centre is None else self.centre
-        object.__setattr__(self, "centre", check_point("centre", centre, self.L))
+        object.__setattr__(self, "centre", _on_patch(self.centre, self.L))
 
     @property
     def _k(self) -> tuple[float, float]:
@@ -193,10 +184,7 @@ class Sinusoid(Surface):
     def gradient(self, x: ArrayLike, y: ArrayLike) -> tuple[Array, Array]:
         u, v = self._angles(x, y)
         kx, ky = self._k
-        return (
-            -self.amplitude * kx * np.sin(u) * np.cos(v),
-            -self.amplitude * ky * np.cos(u) * np.sin(v),
-        )
+        return (-self.amplitude * kx * np.sin(u) * np.cos(v), -self.amplitude * ky * np.cos(u) * np.sin(v))
 
     def hessian(self, x: ArrayLike, y: ArrayLike) -> tuple[Array, Array, Array]:
         u, v = self._angles(x, y)

@@ -13,8 +13,9 @@ _MODULES = {
     "law": "Law PowerLaw TaylorLaw bar_of",
     "curve_law": "CurveLaw",
     "source": "law_from unload_reload",
-    "settings": "Setting DynamicsSettings",
-    "joint": "Joint",
+    "settings": "Setting",
+    "asperity.model.dynamics": "DynamicsSettings",
+    "asperity.model.joint": "Joint",
     "numbers": "Numbers",
     "equation": "Restoring",
     "motion": "Trajectory",
@@ -31,4 +32,5 @@ __all__ = sorted(_PUBLIC)
 def __getattr__(name: str) -> Any:
     if name not in _PUBLIC:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    return getattr(importlib.import_module(f".{_PUBLIC[name]}", __name__), name)
+    module = _PUBLIC[name]
+    return getattr(importlib.import_module(module if "." in module else f"{__name__}.{module}"), name)

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from asperity.errors import AsperityWarning, InputError, RangeError, warn
+from asperity.model.dynamics import EXCITATIONS, FORCING, OMEGA, SHAPES, ZETA, window
 from asperity.runtime.display import short_repr
 from asperity.vibration.checks import one_of, positive, positives, within
 from asperity.vibration.equation import DAMPING, Equation, Restoring
@@ -24,7 +25,7 @@ from asperity.vibration.free import (
 from asperity.vibration.law import Law, TaylorLaw
 from asperity.vibration.motion import Trajectory, course, integrate
 from asperity.vibration.response import FrequencyResponse, frequency_response
-from asperity.vibration.settings import EXCITATIONS, FORCING, OMEGA, SHAPES, ZETA, Setting, window
+from asperity.vibration.settings import Setting
 
 GRAVITY = 9.80665  # m/s^2
 

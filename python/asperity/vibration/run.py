@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 
 from asperity.errors import ConvergenceError, InputError
+from asperity.model.dynamics import DynamicsSettings
 from asperity.runtime import run_folder
 from asperity.runtime.display import short_repr
 from asperity.runtime.files import replace_file, write_csv
@@ -23,7 +24,6 @@ from asperity.vibration.motion import Trajectory
 from asperity.vibration.numbers import Numbers, tabulate
 from asperity.vibration.oscillator import GRAVITY, ContactOscillator
 from asperity.vibration.response import FrequencyResponse, finite
-from asperity.vibration.settings import DynamicsSettings
 from asperity.vibration.source import Choice, CurveColumns, choose
 
 _SAMPLES = 32  # of a period of small vibration

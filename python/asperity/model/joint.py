@@ -2,26 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, fields, replace
+from collections.abc import Mapping
+from dataclasses import replace
 from typing import Any
 
 from asperity.errors import InputError
-from asperity.vibration.checks import positive
+from asperity.runtime.declaration import FORCE, STRESS, Positive, Real, declared, key
 
 
-@dataclass(frozen=True)
+@declared("joint")
 class Joint:
-    """A joint whose faces are like the patch of a curve; all in the units of the curve.
-
-    Attributes:
-        nominal_area: of the joint (length^2); default that of the patch
-        preload, pressure: static force, of a bolt for example (force), or nominal pressure (force/length^2)
-        mass: of what vibrates (mass)
-        overload: greatest force that the joint has met over the preload; a case without a greatest load takes it
-
-    Raises:
-        InputError: a value is out of range, or two of them contradict each other
+    """A joint whose faces are like the patch, for numbers in N, m, kg and Hz.
 
     Examples:
         >>> joint = asp.Joint(nominal_area=1e-4, pressure=5e6, mass=0.5)
@@ -33,19 +24,20 @@ class Joint:
         asperity.errors.InputError: joint.preload and joint.pressure are both given; give one of them
     """
 
-    nominal_area: float | None = None
-    preload: float | None = None
-    pressure: float | None = None
-    mass: float | None = None
-    overload: float = 1.2
+    nominal_area: Positive | None = key("nominal area of the joint", "length^2", default=None, shown="L^2")
+    preload: Positive | None = key(
+        "static force, of a bolt for example (or pressure)", FORCE, default=None, shown="half of the greatest force"
+    )
+    pressure: Positive | None = key("static nominal pressure (or preload)", STRESS, default=None)
+    mass: Positive | None = key("mass that vibrates", "mass", default=None)
+    overload: Real = key(
+        "greatest force that the joint has met, over the preload: the greatest load where [loading] gives none",
+        default=1.2,
+        ge=1.0,
+        le=1e3,
+    )
 
     def __post_init__(self) -> None:
-        for item in fields(self):
-            value = getattr(self, item.name)
-            if value is not None:
-                positive(f"joint.{item.name}", value)
-        if self.overload < 1.0:
-            raise InputError(f"joint.overload = {self.overload:g} is not legal: it must be at least 1")
         if self.preload is not None and self.pressure is not None:
             raise InputError("joint.preload and joint.pressure are both given; give one of them")
 
@@ -54,7 +46,6 @@ class Joint:
         new = {name: value for name, value in given.items() if value is not None}
         if new.keys() & {"preload", "pressure"}:
             new = {"preload": None, "pressure": None} | new
-        known_keys(new, self, "joint.")
         return replace(self, **new)
 
     def factor(self, patch: float | None) -> float:
@@ -66,16 +57,6 @@ class Joint:
         if self.pressure is None:
             return self.preload
         return self.pressure * (self.nominal_area or _known(patch, "pressure"))
-
-
-def known_keys(given: Iterable[str], settings: Any, section: str = "") -> None:
-    """Refuse keys that are no attributes of the settings of a section, as an old case may have them."""
-    names = [item.name for item in fields(settings)]
-    if unknown := set(given) - set(names):
-        raise InputError(
-            f"{section}{min(unknown)} is no setting of the vibration: choose from {', '.join(names)}; for keys of a "
-            "former version see CHANGELOG.md"
-        )
 
 
 def _known(patch: float | None, name: str) -> float:

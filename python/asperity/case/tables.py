@@ -1,0 +1,165 @@
+"""From the tables of a case file to the objects of its sections."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import warnings
+from collections.abc import Mapping
+from contextlib import suppress
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from asperity.errors import InputError
+from asperity.laws import shipped_law
+from asperity.model.dynamics import DynamicsSettings
+from asperity.model.joint import Joint
+from asperity.model.load_path import DRIVERS, Schedule
+from asperity.model.material import SHARED, Material
+from asperity.model.settings import AccuracyTarget, Block, Formulation, Mesh, Output, SolverOptions
+from asperity.model.slip import SlipSettings
+from asperity.runtime.declaration import keys, unknown
+from asperity.runtime.display import show
+from asperity.runtime.files import MOST_DATA, MOST_TEXT, parse_toml, read_whole
+from asperity.surface import Surface, SurfaceWarning
+from asperity.surface.base import surface_kind
+
+MOST_CASE = 2**24  # size of a case file [bytes]
+NAMED_FILES = (("surface", "path"), ("mesh", "file"))
+#: Class of each section, whose keys are its fields; the class of [surface] is that of its kind.
+SECTIONS: dict[str, Any] = {
+    "surface": Surface, "material": Material, "block": Block, "contact": Formulation, "mesh": Mesh,
+    "loading": Schedule, "accuracy": AccuracyTarget, "dynamics": DynamicsSettings, "joint": Joint,
+    "slip": SlipSettings, "solver": SolverOptions, "output": Output,
+}  # fmt: skip
+
+
+def read_bytes(path: Path, what: str, most: int = MOST_DATA) -> bytes:
+    try:
+        return read_whole(path, most)
+    except (OSError, ValueError) as error:
+        reason = getattr(error, "strerror", None) or str(error)
+        raise InputError(f"{what}: cannot read {json.dumps(str(path))}: {reason}") from None
+
+
+def read_toml(path: Path) -> dict[str, Any]:
+    raw = read_bytes(path, "case file", MOST_CASE)
+    try:
+        return parse_toml(raw.decode("utf-8-sig"))
+    except UnicodeDecodeError as error:
+        line = raw[: error.start].count(b"\n") + 1
+        raise InputError(f"{path}: not UTF-8 text at line {line}; save it as UTF-8") from None
+    except RecursionError:
+        raise InputError(f"{path}: not valid TOML: nested too deeply") from None
+    except ValueError as error:
+        raise InputError(f"{path}: not valid TOML: {error}") from None
+
+
+def override(data: dict[str, Any], text: str) -> str:
+    """Apply "section.key=value" to nested tables in place; return the dotted key."""
+    name, equals, value = text.partition("=")
+    name = name.strip()
+    *sections, key = name.split(".")
+    if not equals or not all((*sections, key)) or (len(sections) > 1 and sections != ["material", "parameters"]):
+        raise InputError(f"--set {show(text)}: write section.key=value, for example block.height=2e-6")
+    table: Any = data
+    for section in sections:
+        table = table.setdefault(section, {})
+        if not isinstance(table, dict):
+            raise InputError(f"--set {show(text)}: {section} is not a section in the case file")
+    if not value.strip():
+        table.pop(key, None)
+        return name
+    try:
+        parsed = parse_toml(f"value = {value}")
+    except (ValueError, RecursionError):
+        parsed = {}
+    table[key] = parsed["value"] if set(parsed) == {"value"} else value.strip()
+    return name
+
+
+def objects(data: Mapping[str, Any], folder: Path) -> dict[str, Any]:
+    """Units, and an object of each section that is given, with absolute file paths."""
+    given = {name: value for name, value in data.items() if value is not None}
+    if strange := [name for name in given if name not in SECTIONS and name != "units"]:
+        raise InputError(
+            unknown(strange[0], "", ["units", *SECTIONS], {name: keys(SECTIONS[name]) for name in SECTIONS})
+        )
+    tables = {
+        name: {key: _plain(value) for key, value in table.items() if value is not None}
+        for name, table in given.items()
+        if isinstance(table, Mapping) and name != "units"
+    }
+    for section, name in NAMED_FILES:
+        if isinstance(path := tables.get(section, {}).get(name), str):
+            tables[section][name] = _existing_file(folder, path, f"{section}.{name}")
+    if isinstance(tables.get("material", {}).get("law"), str):
+        _complete_law(tables["material"], folder)
+    made = {name: make(name, tables[name]) if name in tables else value for name, value in given.items()
+            if name != "loading"}  # fmt: skip
+    if "loading" in given:
+        loading, joint, surface = tables.get("loading", {}), made.get("joint"), made.get("surface")
+        if isinstance(joint, Joint) and isinstance(surface, Surface) and not any(name in loading for name in DRIVERS):
+            area = surface.L**2
+            if load := joint.load(area):
+                loading["pressure_max"] = joint.overload * load / (joint.nominal_area or area)
+        made["loading"] = make("loading", loading) if "loading" in tables else given["loading"]
+    return made
+
+
+def make(name: str, table: Any) -> Any:
+    """Object of the keys of a section (InputError: a key is unknown or its value is not legal)."""
+    if not isinstance(table, Mapping):
+        raise InputError(f"{name} = {show(table)} must be a section of keys, [{name}]")
+    table, cls, kind = dict(table), SECTIONS[name], ""
+    if name == "surface":
+        kind = table.pop("kind", None)
+        cls = surface_kind(kind)
+    legal = keys(cls)
+    if strange := [key for key in table if key not in legal]:
+        others = {other: keys(SECTIONS[other]) for other in SECTIONS if other != name}
+        raise InputError(unknown(str(strange[0]), name, legal, others, kind))
+    if name != "surface":
+        return cls(**table)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", SurfaceWarning)  # its notes, of which `Case.problem` warns
+        return Surface.from_spec(kind, **table)
+
+
+def _plain(value: Any) -> Any:
+    """A value of a script as of a file: a number of NumPy as Python's, a path as its text."""
+    if isinstance(value, np.generic):
+        return value.item()
+    return str(value) if isinstance(value, Path) else value
+
+
+def _complete_law(table: dict[str, Any], folder: Path) -> None:
+    """Put the moduli of a law into [material], and path and digest of its file; what is no number is refused later.
+
+    A case with a digest is complete without its file, which a run alone needs.
+    """
+    numbers = table.get("parameters", {}), {key: table[key] for key in SHARED if key in table}
+    given = all(isinstance(n, dict) and all(isinstance(v, float | int) for v in n.values()) for n in numbers)
+    path, colon, name = table["law"].rpartition(":")
+    if colon:
+        if "law_sha256" not in table or (folder / path).is_file():
+            table["law"] = f"{_existing_file(folder, path, 'material.law')}:{name}"
+        if "law_sha256" not in table:
+            content = read_bytes(Path(table["law"].rpartition(":")[0]), "material.law", MOST_TEXT)
+            table["law_sha256"] = hashlib.sha256(content).hexdigest()
+        found = {key: numbers[0].get(key) for key in ("E", "nu", "yield_strength")} if given else {}
+    elif given:
+        made = Material.of_law(shipped_law(table["law"], numbers[0], numbers[1]))
+        found = {"E": made.E, "nu": made.nu}
+    else:
+        found = {}
+    table |= {key: value for key, value in found.items() if key not in table and value is not None}
+
+
+def _existing_file(folder: Path, name: str, key: str) -> str:
+    with suppress(OSError, ValueError):
+        if (folder / name).is_file():
+            return str((folder / name).resolve())
+    raise InputError(f"{key} = {show(name)}: there is no such file in {show(str(folder))}")
