@@ -30,7 +30,7 @@ class ActiveSet(Contact):
     def __init__(self, solid: Solid, surface: ContactSurface) -> None:
         self._solid, self.surface = solid, surface
         self._nodes = surface.owned_nodes
-        self._height = solid.points[self._nodes, 2]
+        self._height = surface.heights[self._nodes]
         # any positive c gives the same solution; above the stiffness of a node no gap of rounding closes and opens
         self._c = 1.0
         self._z, self._receded = np.inf, 0.0

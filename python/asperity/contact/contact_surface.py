@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -38,7 +39,7 @@ class FacetRule:
     Attributes:
         facets: data of the facets for the compiled kernels
         weights: projected on the plane of the flat (F, Q) [length^2]
-        height: of the surface at the points (F, Q) [length]
+        height: of the composite surface at the points, with that of the tool as the nodes have it (F, Q) [length]
         of_nodes: shape functions of the nodes of a facet at the points (Q, 6)
         cells: of the facets, for the compiled kernels
         of_cells: the linear function through the quadrature points of a cell at those of its facets (4, Q, points)
@@ -66,7 +67,7 @@ class FacetRule:
         )
         self.of_cells = np.stack([element.linear_through(of_cell, p) for p in at_facets])
         self.of_nodes = shape[0][:, element.facet_nodes()[0]]
-        self.height = self.at_points(solid.points[surface.nodes, 2])
+        self.height = self.at_points(surface.heights[surface.nodes])
 
     def at_points(self, values: Floats) -> Floats:
         """Values at the quadrature points (F, Q) from those at the nodes of the facets (F, 6)."""
@@ -85,9 +86,13 @@ class ContactSurface:
             displacement nodes (F, 6)
         area, diameter: of each facet (F,)
         owned_nodes: nodes of the contact surface that this rank owns
+        heights: of the composite surface, that is the undeformed one and the tool, at its local nodes (nodes,) [length]
+
+    Args:
+        tool: heights of the tool, towards the solid, at x and y [length]; default those of the flat
     """
 
-    def __init__(self, solid: Solid) -> None:
+    def __init__(self, solid: Solid, tool: Callable[[Floats, Floats], Floats] | None = None) -> None:
         self.solid = solid
         mesh = solid.mesh
         mesh.topology.create_connectivity(2, 3)
@@ -102,6 +107,10 @@ class ContactSurface:
         self.in_cell = np.array(element.facet_nodes())[self.local]
         self.nodes = np.take_along_axis(self.cell_nodes, self.in_cell, axis=1)
         self.owned_nodes = solid.nodes_on(TOP)
+        self.heights = solid.points[:, 2].copy()
+        if tool is not None:
+            nodes = np.unique(np.concatenate([self.nodes.ravel(), self.owned_nodes]))
+            self.heights[nodes] += tool(solid.points[nodes, 0], solid.points[nodes, 1])
         rule = FacetRule(self, 2)
         self.area = rule.weights.sum(axis=1)
         corners = solid.positions(self.nodes[:, :3])
