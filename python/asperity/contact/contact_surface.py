@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -10,6 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from asperity.arrays import Flags, Floats, Indices, Integers
+from asperity.contact.tool import Tool
 from asperity.curve.curve import EDGE
 from asperity.fem.global_numbering import cell_numbers
 from asperity.fem.solid import Solid
@@ -86,14 +86,14 @@ class ContactSurface:
             displacement nodes (F, 6)
         area, diameter: of each facet (F,)
         owned_nodes: nodes of the contact surface that this rank owns
-        heights: of the composite surface, that is the undeformed one and the tool, at its local nodes (nodes,) [length]
-
-    Args:
-        tool: heights of the tool, towards the solid, at x and y [length]; default those of the flat
+        heights: of the undeformed composite surface, that is of the solid and the tool, at its local nodes (nodes,)
+        tool: that is above it, None for the flat
+        follows: whether the tool meets a node at its deformed place, as in finite strain
     """
 
-    def __init__(self, solid: Solid, tool: Callable[[Floats, Floats], Floats] | None = None) -> None:
-        self.solid = solid
+    def __init__(self, solid: Solid, tool: Tool | None = None) -> None:
+        self.solid, self.tool = solid, tool
+        self.follows = tool is not None and solid.material.finite
         mesh = solid.mesh
         mesh.topology.create_connectivity(2, 3)
         mesh.topology.create_connectivity(3, 2)
@@ -110,7 +110,7 @@ class ContactSurface:
         self.heights = solid.points[:, 2].copy()
         if tool is not None:
             nodes = np.unique(np.concatenate([self.nodes.ravel(), self.owned_nodes]))
-            self.heights[nodes] += tool(solid.points[nodes, 0], solid.points[nodes, 1])
+            self.heights[nodes] += tool.height(solid.points[nodes, :2])
         rule = FacetRule(self, 2)
         self.area = rule.weights.sum(axis=1)
         corners = solid.positions(self.nodes[:, :3])
@@ -132,6 +132,21 @@ class ContactSurface:
         vector.scatter_reverse(la.InsertMode.add)
         vector.scatter_forward()
         return vector.array.copy()
+
+    def elevation(self, nodes: Integers) -> Floats:
+        """Height of the deformed composite surface above the base at some of its local nodes (n,) [length]."""
+        u = self.solid.u.x.array.reshape(-1, 3)[nodes]
+        if not self.follows:
+            return np.asarray(self.heights[nodes] + u[:, 2])
+        assert self.tool is not None
+        points = self.solid.points[nodes] + u
+        return np.asarray(points[:, 2] + self.tool.shape(points[:, :2], self.spacing[nodes])[0])
+
+    @cached_property
+    def spacing(self) -> Floats:
+        """Mean distance of the nodes around each local node of the facets (nodes,) [length]; collective."""
+        whole = self.assemble(self.nodes, np.repeat(0.5 * self.diameter[:, None], self.nodes.shape[1], axis=1))
+        return whole / np.maximum(self._valence, 1.0)
 
     def bearing_area(self) -> Floats:
         """Area of the facets by the nodes that bear a uniform pressure, on edges (nodes,) [length^2]; collective."""

@@ -81,6 +81,20 @@ class Tangent:
                 self._write_to("values", self._values)
         return self._values
 
+    def tilt(self, slopes: Floats) -> None:
+        """Take n . u, n = (slopes, 1), in place of u_z as an unknown of each local node, slopes (nodes, 2)."""
+        indptr, columns, moved = self._sparsity.indptr.astype(np.int64), self._sparsity.indices, slopes.any(axis=1)
+        rows = np.repeat(np.arange(len(moved)), np.diff(indptr))
+        blocks = np.flatnonzero(moved[rows] | moved[columns])
+        rows, columns = rows[blocks], columns[blocks]
+        first, width = indptr[rows], np.diff(indptr)[rows]
+        i = np.arange(3)
+        at = (9 * first + 3 * (blocks - first))[:, None, None] + 3 * width[:, None, None] * i[:, None] + i
+        found = self.values()[at]
+        found[:, :, :2] -= found[:, :, 2:] * slopes[columns][:, None, :]
+        found[:, :2] -= slopes[rows][:, :, None] * found[:, 2:]
+        self.values()[at] = found
+
     def half(self) -> Singles:
         """Upper half of the last matrix by the columns of its blocks (9 blocks + 1,), see `SparsityPattern.upper`.
 

@@ -173,10 +173,10 @@ class Problem:
                 f"contact.friction = {self.formulation.friction} is that of the flat, along whose plane a node slips: "
                 'with [tool] set contact.friction = "none"'
             )
-        if self.material.finite:
+        if self.material.kinematics != "small" and self.formulation.method != "active-set":
             raise InputError(
-                'material.kinematics = "finite" needs the flat: [tool] presses on the undeformed places of the nodes, '
-                'so set material.kinematics = "small", or give its heights to [surface] and press with the flat'
+                f'contact.method = "{self.formulation.method}" presses along z, and in finite strain [tool] presses along '
+                'its normal: take "active-set", or material.kinematics = "small"'
             )
 
     def doubts(self) -> list[str]:

@@ -252,8 +252,7 @@ class ContactSolver:
 
     def gap(self) -> Floats:
         """Distance of each local node below the flat, meaningful on the contact surface only (nodes,) [L]."""
-        solid = self.solid
-        return self.summit - self.delta - self.contact_surface.heights - solid.u.x.array.reshape(-1, 3)[:, 2]
+        return self.summit - self.delta - self.contact_surface.elevation(np.arange(self.solid.nodes))
 
     def release(self) -> StepStats:
         """Lift the flat off and commit; the new approach is that at which it would touch the deformed surface again."""
@@ -267,7 +266,7 @@ class ContactSolver:
     def _highest(self) -> float:
         """Greatest height of the deformed composite surface above the base, at a node [L]; collective."""
         nodes = self.contact_surface.owned_nodes
-        z = self.contact_surface.heights[nodes] + self.solid.u.x.array.reshape(-1, 3)[nodes, 2]
+        z = self.contact_surface.elevation(nodes)
         return float(self.solid.comm.allreduce(np.max(z, initial=-np.inf), op=MPI.MAX))
 
     @property

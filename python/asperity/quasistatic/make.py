@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 from asperity.contact import make_contact
 from asperity.contact.contact_surface import ContactSurface
+from asperity.contact.tool import Tool
 from asperity.fem.law_check import check_law
 from asperity.fem.solid import Solid
 from asperity.linear.petsc import destroy_unused
@@ -107,7 +108,7 @@ def make_contact_solver(
     options = options or SolverOptions()
     solid = Solid(mesh, tags, material.scaled(material.E), sides, options.forms, phases, comm)
     rigid = Flat(L=L) if tool is None else tool
-    top = ContactSurface(solid, lambda x, y: rigid.height(L * x, L * y) / L)
+    top = ContactSurface(solid, None if isinstance(rigid, Flat) else Tool(rigid, sides == "periodic"))
     contact = make_contact(formulation or Formulation(), solid, top)
     summit = (height + (composite(surface, rigid).maximum()[2] if highest is None else highest) - surface.mean()) / L
     return ContactSolver(solid, top, contact, summit, options)

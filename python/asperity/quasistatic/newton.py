@@ -219,6 +219,11 @@ class NewtonSolver:
         """
         if not self.linear.solved:
             return False
+        tilted = hasattr(self.contact, "untilt")
+        if tilted:
+            step = y.array.copy()
+            self.contact.untilt(step)
+            y.array = step
         start = self.solid.u.x.array[: len(y.array_r)].copy()
         if hasattr(self.contact, "imbalance"):
             length = self._damped_length(start, y.array_r)
@@ -231,7 +236,7 @@ class NewtonSolver:
         if self._tells and self.solid.comm.rank == 0:
             print(f"      Line search: length {length:g}")
         y.scale(length)
-        return length < 1.0
+        return length < 1.0 or tilted
 
     def _damped_length(self, start: Floats, y: Floats) -> float:
         """Length of the step -y with which the forces out of balance fall, those of stick and slip included.
