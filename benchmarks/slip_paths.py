@@ -132,11 +132,6 @@ class FrozenFriction:
         r = force - self._resting
         return r, *self.sliding.residual(r)
 
-    def imbalance(self, force: Floats) -> Floats:
-        r = force - self._resting
-        self.sliding.imbalance(r)
-        return r
-
     def add_tangent(self) -> None:
         self.sliding.add_tangent()
 

@@ -112,8 +112,3 @@ class OnTool(ActiveSet):
 
     def add_elastic_tangent(self) -> None:
         self.add_tangent()
-
-    def untilt(self, step: Floats) -> None:
-        """Make a change of the unknowns (3 owned,) one of the displacement, in place."""
-        moved = step.reshape(-1, 3)
-        moved[:, 2] -= np.einsum("ni,ni->n", self._slopes, moved[:, :2])

@@ -230,7 +230,7 @@ class ContactSolver:
         stored, dissipated = energies(solid, internal, stress)
         # both in the order of `StepBalance`
         sums = summed(
-            solid.comm, internal[solid.base, 2].sum(), np.abs(self.newton.residual).sum(), stored, dissipated,
+            solid.comm, internal[solid.base, 2].sum(), np.abs(self.newton.now.residual).sum(), stored, dissipated,
             dissipation_of_step, relaxed, contact.penetration_work(), np.vdot(before.internal, move),
             np.vdot(internal, move), contact.tangential_work(before.internal, move),
             contact.tangential_work(internal, move),
@@ -290,7 +290,6 @@ class ContactSolver:
         self._previous = None if state.before is None else (state.before, state.previous)
         self.contact.begin(self.summit - self.delta)
         self.roll_back()
-        self._internal = self.newton.force = self.solid.internal_force().copy()
-        self.contact.residual(self.newton.force)
+        self._internal = self.newton.evaluate(self.newton.x.array_r).force
         self._find_forces()
         self.force = state.force
