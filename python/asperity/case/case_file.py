@@ -223,6 +223,9 @@ def _check_together(case: Case) -> None:
         case.contact.check_bar()
     if case.slip:
         _check_reached(case, "slip.preload", case.slip.preload)
+    if case.tool is not None and (case.slip or case.joint):
+        name = "slip" if case.slip else "joint"
+        raise InputError(f"[{name}] is of two like rough faces, and [tool] makes them another pair: remove one of them")
     if case.dynamics or case.joint:
         _check_vibration(case)
     if case.slip and case.contact.sticks:
