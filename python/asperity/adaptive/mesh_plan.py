@@ -210,8 +210,8 @@ class MeshFamily:
 
     def block(self, scale: float) -> BlockMesh:
         """Mesh of a scale."""
-        field = self._field(scale)
-        return build_block(self.problem.surface, self.problem.height, field.at, field.periodic)
+        field, problem = self._field(scale), self.problem
+        return build_block(problem.surface, problem.height, field.at, field.periodic, problem.composite.maximum()[:2])
 
     def dofs(self, scale: float, most: float = inf) -> int:
         """Dofs of a mesh by its size field; beyond so many they are not counted."""
@@ -231,4 +231,4 @@ class MeshFamily:
     def _field(self) -> Callable[[float], SizeField]:
         """Size field of a scale; the last one is kept, for a mesh is counted before it is made."""
         problem, depth = self.problem, self.guide.depth
-        return lru_cache(maxsize=1)(lambda scale: size_field(problem.surface, depth, self.size(scale), problem.sides))
+        return lru_cache(maxsize=1)(lambda scale: size_field(problem.composite, depth, self.size(scale), problem.sides))

@@ -125,6 +125,7 @@ class Coulomb(ActiveSet):
         self.sliding = StickSlip(solid, self._nodes, solid.fixed)
         self.held = np.full((len(self._nodes), 3), np.nan)
         self._from = self.sliding.shift
+        self._height = surface.heights[self._nodes]
         self.begin(np.inf)
 
     def begin(self, z: float) -> None:

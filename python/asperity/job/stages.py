@@ -21,6 +21,7 @@ from asperity.errors import (
     warn,
 )
 from asperity.job.solve import SolvedCase
+from asperity.output.indentation import indentation_of
 from asperity.output.assumptions import DOUBTFUL, Evidence, assumptions_of, describe
 from asperity.output.patches import Spread, spread_of_patches
 from asperity.output.run_files import RunFiles, of_ranks
@@ -146,6 +147,13 @@ def _slip(job: Job) -> None:
     job.summary["slip"] = replace(slip, mass=mass, factor=job.settings.factor, units=job.case.units).to_dict()
 
 
+def _indentation(job: Job) -> None:
+    """Section "indentation" of summary.json."""
+    found = on_root_bcast(job.comm, lambda: indentation_of(job.solved.problem, job.solved.contact.curve))
+    if found is not None:
+        job.summary["indentation"] = found.to_dict()
+
+
 def _assumptions(job: Job) -> None:
     """Judge the assumptions, and warn of what is doubtful in the result; the rest of the doubts is in the log."""
     patches = on_root_bcast(job.comm, partial(_patches, job))
@@ -230,6 +238,7 @@ STAGES: tuple[tuple[str, Callable[[Job], bool], Callable[[Job], None]], ...] = (
     ("joint", lambda job: job.solved.complete and job.case.joint is not None and job.case.dynamics is None, _joint),
     ("dynamics", lambda job: job.solved.complete and job.case.dynamics is not None, _dynamics),
     ("slip", lambda job: job.solved.complete and job.case.slip is not None, _slip),
+    ("indentation", lambda job: job.solved.complete and job.case.tool is not None, _indentation),
     ("assumptions", lambda job: True, _assumptions),
     ("figures", lambda job: _writes(job) and (job.case.output.figures or job.case.output.report), _figures),
     ("report", lambda job: _writes(job) and job.case.output.report, _report),

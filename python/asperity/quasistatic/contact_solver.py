@@ -63,7 +63,7 @@ class ContactSolver:
     they were.
 
     Args:
-        summit: height of the highest point of the surface [L]
+        summit: greatest height of the composite surface [L]
 
     Attributes:
         delta, force: of the last accepted step [L], [E L^2]
@@ -251,8 +251,7 @@ class ContactSolver:
 
     def gap(self) -> Floats:
         """Distance of each local node below the flat, meaningful on the contact surface only (nodes,) [L]."""
-        solid = self.solid
-        return self.summit - self.delta - solid.points[:, 2] - solid.u.x.array.reshape(-1, 3)[:, 2]
+        return self.summit - self.delta - self.contact_surface.elevation(np.arange(self.solid.nodes))
 
     def release(self) -> StepStats:
         """Lift the flat off and commit; the new approach is that at which it would touch the deformed surface again."""
@@ -264,9 +263,9 @@ class ContactSolver:
         return stats
 
     def _highest(self) -> float:
-        """Height of the highest node of the deformed contact surface above the base [L]; collective."""
+        """Greatest height of the deformed composite surface above the base, at a node [L]; collective."""
         nodes = self.contact_surface.owned_nodes
-        z = self.solid.points[nodes, 2] + self.solid.u.x.array.reshape(-1, 3)[nodes, 2]
+        z = self.contact_surface.elevation(nodes)
         return float(self.solid.comm.allreduce(np.max(z, initial=-np.inf), op=MPI.MAX))
 
     @property

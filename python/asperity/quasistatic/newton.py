@@ -296,6 +296,8 @@ class NewtonSolver:
         """
         if not self.linear.solved or (self.solid.material.linear and not self.contact.has_tangent):
             return False
+        if tilted := self.solid.tangent.tilted:
+            y.array = self.solid.tangent.untilt(y.array_r)
         state, comm = self._state, self.solid.comm
         free = np.ones(len(y.array_r), dtype=bool)
         free[self._fixed] = False
@@ -317,7 +319,7 @@ class NewtonSolver:
         if self._tells and comm.rank == 0:
             print(f"      Line search: length {length:g}")
         y.scale(length)
-        return length < 1.0
+        return length < 1.0 or tilted
 
 
 def step_length(rate: Callable[[float], float], at_start: float, moved: bool) -> float:

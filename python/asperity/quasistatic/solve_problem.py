@@ -116,7 +116,9 @@ def solve_problem(
     if own_mesh:
         with phases.phase("mesh"):
             if not given:
-                block = make_block(comm, problem.surface, problem.height, delta_max, problem.size, problem.sides)
+                block = make_block(
+                    comm, problem.surface, problem.height, delta_max, problem.size, problem.sides, problem.composite
+                )
             on_root(comm, partial(judge, problem, block, delta_max))
     hooks.stage("set-up")
     with phases.phase("set-up"):
@@ -174,7 +176,8 @@ def refuse_other_height(problem: Problem, block: BlockMesh | None) -> None:
 def judge(problem: Problem, block: BlockMesh | None, delta_max: float) -> None:
     """Warn of a mesh made for an approach [length] that does not resolve the surface, or refuse it; rank 0."""
     assert block is not None
-    judge_mesh(block, problem.surface, problem.size.h_contact or H_CONTACT * problem.surface.L, delta_max)
+    h = problem.size.h_contact or H_CONTACT * problem.surface.L
+    judge_mesh(block, problem.surface, h, delta_max, problem.composite)
 
 
 def _follow(
@@ -202,9 +205,9 @@ def estimate_approach(problem: Problem, comm: MPI.Comm) -> float:
 
     A force that is not reached soon, or not at all, gives the approach so far: the run itself reports it.
     """
-    surface, L = problem.surface, problem.surface.L
-    depth = surface.maximum()[2] - surface.mean()
-    block = make_block(comm, surface, problem.height, max(depth, 0.01 * L), MeshSize(0.1 * L), problem.sides)
+    surface, met, L = problem.surface, problem.composite, problem.surface.L
+    depth = met.maximum()[2] - met.mean()
+    block = make_block(comm, surface, problem.height, max(depth, 0.01 * L), MeshSize(0.1 * L), problem.sides, met)
     solver = solver_of(problem, block, comm)
 
     def give_up(at: Position) -> None:
