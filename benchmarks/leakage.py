@@ -30,9 +30,8 @@ from asperity.adaptive.refine import refine
 from asperity.arrays import Floats
 from asperity.contact.thin_film import ThinFilm
 from asperity.model.problem import Problem
-from asperity.quasistatic.callbacks import Callbacks
 from asperity.quasistatic.make import make_block, make_contact_solver
-from asperity.quasistatic.solve_problem import solve_problem
+from asperity.quasistatic.solve_problem import Callbacks, solve_problem
 from asperity.reference import RoughHalfSpace
 from asperity.reference.halfspace import compliance_of_waves, displacement
 

@@ -30,7 +30,6 @@ from asperity.arrays import Floats
 from asperity.quasistatic.contact_solver import ContactSolver
 from asperity.reference import HalfSpaceContact, half_space_contact
 from asperity.slip import JointSlip, SlipSettings, slip_of_curve
-from asperity.slip.law import SlipPath
 
 MU, AMPLITUDES, SLOPE = 0.4, (0.1, 0.3, 0.6, 0.9), 0.05
 LOAD = 0.004  # pressure over E' at this rms slope; in a half-space both are proportional
@@ -182,8 +181,8 @@ class Pressed:
 def errors_of(slip: JointSlip, truths: Iterable[tuple[float, float]]) -> Floats:
     """Relative error of displacement and energy of a curve at each amplitude (amplitudes, 2)."""
     return np.array([
-        (path.displacement / u - 1.0, path.energy / W - 1.0)
-        for path, (u, W) in zip(slip.paths, truths, strict=True)
+        (row["u"] / u - 1.0, row["energy"] / W - 1.0)
+        for row, (u, W) in zip(slip.loops(), truths, strict=True)
     ])  # fmt: skip
 
 
@@ -211,9 +210,13 @@ def problem_of(name: str, part: float, nu: float, h: float) -> tuple[asp.Problem
     return problem, material
 
 
-def interface(path: SlipPath, nu: float) -> tuple[float, float]:
-    """Displacement without the block of the height 1, and energy, of a path in units of E as those of E'."""
-    return path.displacement - path.force * 2.0 * (1.0 + nu), path.energy * (1.0 - nu**2)
+def interface(loop: tuple[float, float, float], nu: float) -> tuple[float, float]:
+    """Displacement without the block of the height 1, and energy, of displacement, force and energy of a loop.
+
+    They are in units of E as those of E'.
+    """
+    u, force, energy = loop
+    return u - force * 2.0 * (1.0 + nu), energy * (1.0 - nu**2)
 
 
 def solid(n: int, h: float, slopes: list[float]) -> None:
@@ -235,10 +238,12 @@ def solid(n: int, h: float, slopes: list[float]) -> None:
             paths = solve_slip(problem, result, settings)
             times = pressed - begun, (process_time() - pressed) / len(paths)
             slip = slip_of_curve(result.curve, settings, material, patch=1.0, height=1.0, sides="periodic")
-            for method, found, seconds in (("solid", paths, times[1]), ("its curve", slip.paths, times[0])):
+            of_solid = [(path.displacement, path.force, path.energy) for path in paths]
+            of_curve = [(row["u"], row["T"], row["energy"]) for row in slip.loops()]
+            for method, found, seconds in (("solid", of_solid, times[1]), ("its curve", of_curve, times[0])):
                 errors = []
-                for path, (move, energy) in zip(found, space.loops, strict=True):
-                    u, loss = interface(path, nu)
+                for loop, (move, energy) in zip(found, space.loops, strict=True):
+                    u, loss = interface(loop, nu)
                     errors.append((u / (part * move) - 1.0, loss / (part**2 * energy) - 1.0))
                 scene = f"{name} | {slope:g} | {LOAD * part / space.area:.2g} | {nu:g} | {h:g}"
                 print(f"| {scene} | {method} | {columns(errors)} | {seconds:.0f} |", flush=True)

@@ -8,13 +8,13 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import replace
-from math import inf, nan
+from dataclasses import dataclass, replace
+from math import inf, nan, pi
 from typing import Any
 
 import numpy as np
 
-from asperity.arrays import Floats, Integers
+from asperity.arrays import Array, Floats, Integers
 from asperity.contact.active_set import ActiveSet
 from asperity.contact.contact_surface import ContactSurface
 from asperity.contact.friction import StickSlip
@@ -26,13 +26,63 @@ from asperity.quasistatic.contact_solver import ContactSolver
 from asperity.quasistatic.newton import NewtonSolver, StepStats
 from asperity.quasistatic.stiffness import mirrored
 from asperity.slip import SlipSettings
-from asperity.slip.law import DOWN, FIRST, UP, SlipPath
 
 CLOSE = 1e-3  # tolerance of the force at the end of a leg, over its amplitude
 CLOSE_PRELOAD = 1e-4  # the same of the normal force
 RTOL = 1e-6  # of the forces out of balance over the normal force; 1e-8 costs an iteration in six, and changes nothing
 LIGHT = 0.01  # displacement that gives the stiffness at rest, over friction times the approach
 TRIALS = 25  # solves that look for a force
+FIRST, DOWN, UP = 0, 1, 2  # legs of a path: first loading, to the opposite amplitude, and back
+
+
+@dataclass(frozen=True, eq=False)
+class SlipPath:
+    """Displacement and force of the solid, from rest to an amplitude and around one loop; arrays of shape (n,).
+
+    Attributes:
+        amplitude: of the force over the limit of friction
+        leg: 0 first loading, 1 down to the opposite amplitude, 2 up again; the end of each belongs to it
+        u: displacement of the flat (length)
+        T: tangential force (force)
+        slip_share: share of the area of contact that slips in the step; NaN where unknown
+        dissipated: by friction, since rest (force length)
+    """
+
+    amplitude: float
+    leg: Array
+    u: Array
+    T: Array
+    slip_share: Array
+    dissipated: Array
+
+    def end(self, leg: int) -> int:
+        """Row at the end of a leg."""
+        return int(np.flatnonzero(self.leg == leg)[-1])
+
+    @property
+    def displacement(self) -> float:
+        """Amplitude of the displacement, half of its range on the last leg (length)."""
+        return float(self.u[-1] - self.u[self.end(DOWN)]) / 2.0
+
+    @property
+    def force(self) -> float:
+        """Amplitude of the force, half of its range on the last leg (force)."""
+        return float(self.T[-1] - self.T[self.end(DOWN)]) / 2.0
+
+    @property
+    def k_secant(self) -> float:
+        """Amplitude of the force over that of the displacement (force/length)."""
+        return self.force / self.displacement
+
+    @property
+    def energy(self) -> float:
+        """Energy dissipated by friction in the loop (force length)."""
+        return float(self.dissipated[-1] - self.dissipated[self.end(FIRST)])
+
+    @property
+    def eta(self) -> float:
+        """Loss factor, the energy of the loop over pi T u."""
+        return self.energy / (pi * self.force * self.displacement)
 
 
 def solve_slip(problem: Problem, result: ContactResult, settings: SlipSettings) -> tuple[SlipPath, ...]:
@@ -131,11 +181,6 @@ class FrozenFriction:
     def residual(self, force: Floats) -> tuple[Floats, Integers, Floats]:
         r = force - self._resting
         return r, *self.sliding.residual(r)
-
-    def imbalance(self, force: Floats) -> Floats:
-        r = force - self._resting
-        self.sliding.imbalance(r)
-        return r
 
     def add_tangent(self) -> None:
         self.sliding.add_tangent()

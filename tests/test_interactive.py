@@ -22,7 +22,7 @@ from asperity.curve import COLUMNS
 from asperity.job.run_case import RunResult
 from asperity.output.results import Results
 from asperity.surface import Flat, Sinusoid
-from asperity.surface.statistics import psd
+from asperity.surface.spectrum import psd
 
 MAIN = "from asperity.cli import main; main()"  # as the script of the package does
 ROOT = Path(__file__).parent.parent

@@ -13,7 +13,7 @@ from conftest import call
 from asperity.case import Case
 from asperity.errors import InputError
 from asperity.surface import HeightMap, SelfAffine, height_map
-from asperity.surface.measured import HeightField
+from asperity.surface.scans import HeightField
 
 SIDE = 0.5e-6
 SCAN = SelfAffine(L=SIDE, H=0.8, slope=0.4, lambda_roll=0.1e-6, lambda_short=8e-9, periodic=False, seed=4).grid(256)

@@ -341,7 +341,7 @@ class Bomb:
 @pytest.mark.parametrize("suffix", [".npy", ".npz"])
 def test_no_file_is_unpickled(tmp_path: Path, suffix: str) -> None:
     from asperity.quasistatic.checkpoint import Checkpoint
-    from asperity.surface.measured import HeightField
+    from asperity.surface.scans import HeightField
 
     mark, path = tmp_path / "mark", tmp_path / f"evil{suffix}"
     evil = np.array([[Bomb(mark)] * 5] * 5, dtype=object)

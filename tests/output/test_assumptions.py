@@ -28,7 +28,7 @@ from asperity.quasistatic.solve_problem import solve_problem
 from asperity.reference import Hertz
 from asperity.runtime.run_log import logged
 from asperity.surface import Flat, Sinusoid, Sphere, Surface
-from asperity.surface.measured import HeightField
+from asperity.surface.scans import HeightField
 from asperity.vibration.numbers import Numbers
 
 pytestmark = pytest.mark.usefixtures("blank_figures")

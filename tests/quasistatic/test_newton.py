@@ -12,14 +12,15 @@ from typing import Any
 import pytest
 from conftest import ELASTIC, PLASTIC, here, world
 
+from asperity.fem.tangent import Tangent
 from asperity.linear.multigrid import PMultigrid
 from asperity.mesh.block import BlockMesh
 from asperity.model.load_path import Schedule
 from asperity.model.material import Material
 from asperity.model.settings import Formulation, MeshSize, SolverOptions
+from asperity.quasistatic import newton
 from asperity.quasistatic.contact_solver import ContactSolver
 from asperity.quasistatic.make import make_block, make_contact_solver
-from asperity.quasistatic.newton import NewtonSolver
 from asperity.quasistatic.stepping import Record, follow
 from asperity.surface import Sinusoid, Sphere, Surface
 
@@ -201,20 +202,26 @@ def test_a_large_step_without_hardening(monkeypatch: pytest.MonkeyPatch) -> None
     """With tangents alone it takes 35 iterations or never ends; steps by the chords need not be shortened."""
     surface, solid = Sinusoid(L=1.0, amplitude=0.02, dims=2), Material(1.0, 0.3, 0.002)
     block = make_block(here(), surface, 1.0, 0.03, MeshSize(0.15, h_max=0.5))
-    lengths: list[float] = []
-    search = NewtonSolver._step_length
+    lengths: list[tuple[float, bool]] = []
+    assemble, search = Tangent.assemble, newton.step_length
+    chords = False
 
-    def noted(newton: NewtonSolver, *of: Any) -> float:
-        length = search(newton, *of)
-        if newton._secant:
-            lengths.append(length)
-        return length
+    def written(tangent: Tangent, add: Any = None, shift: float = 0.0, secant: bool = False) -> None:
+        nonlocal chords
+        chords = secant
+        assemble(tangent, add, shift, secant)
 
-    monkeypatch.setattr(NewtonSolver, "_step_length", noted)
+    def noted(*of: Any) -> float:
+        lengths.append((search(*of), chords))
+        return lengths[-1][0]
+
+    monkeypatch.setattr(Tangent, "assemble", written)
+    monkeypatch.setattr(newton, "step_length", noted)
     for depth in (0.03, 0.03 * (1.0 + 1e-6)):
         found = make_contact_solver(here(), surface, block, solid).step(depth)
         assert found.converged and found.newton < 35 and found.direct == 0
-    assert lengths and min(lengths) == 1.0
+    by_chords = [length for length, chord in lengths if chord]
+    assert by_chords and min(by_chords) == 1.0 > min(lengths)[0]
 
 
 def test_the_tangent_follows_a_step_by_the_chords() -> None:
@@ -226,3 +233,29 @@ def test_the_tangent_follows_a_step_by_the_chords() -> None:
     solid = Material(1.0, 0.3, 0.001, kinematics="finite")
     found = make_contact_solver(here(), surface, block, solid, formulation=Formulation("nitsche")).step(0.015)
     assert found.converged and found.newton < 25
+
+
+@pytest.mark.parametrize("power", [0.5, 1.0, 3.0])
+@pytest.mark.parametrize("wall", [2.0, 0.7])
+def test_the_step_length_of_a_rate_that_is_known(power: float, wall: float) -> None:
+    """x^n - 0.4^n times a scale; beyond the wall the solid is turned inside out."""
+    tried: list[float] = []
+
+    def rate(x: float) -> float:
+        tried.append(x)
+        return float("inf") if x > wall else 3.0 * (x**power - 0.4**power)
+
+    length = newton.step_length(rate, rate(0.0), moved=False)
+    assert length == tried[-1] and abs(rate(length)) <= newton.SLOPE_DROP * 3.0 * 0.4**power
+    assert newton.step_length(lambda x: 1.0 - x, 1.0, moved=False) == 1.0  # uphill
+    assert newton.step_length(lambda x: -1.0, -1.0, moved=False) == 1.0  # no minimum before its end
+    assert newton.step_length(lambda x: 11.0, -1.0, moved=True) == 1.0  # the flat moves the nodes
+
+
+def test_the_root_finder_stops_at_a_solve_that_fails() -> None:
+    """It gives the last point tried; the cubic is that of `brentq`."""
+    root = newton.illinois(lambda x: x**3 - 0.2, (0.0, -0.2), (1.0, 0.8), 1e-12, 40)
+    assert root == pytest.approx(0.2 ** (1 / 3), rel=1e-11)
+    tried: list[float] = []
+    last = newton.illinois(lambda x: tried.append(x) or float("nan"), (0.0, -1.0), (1.0, 1.0), 1e-9, 40)  # type: ignore[func-returns-value]
+    assert tried == [last] == [0.5]

@@ -17,7 +17,7 @@ from asperity.output.results import Results
 from asperity.plot import draw
 from asperity.plot.report import write_report
 from asperity.runtime.files import files_into, is_aside, read_npz, remove_asides, replacing
-from asperity.surface.measured import HeightField
+from asperity.surface.scans import HeightField
 from asperity.vibration import PowerLaw, run_dynamics
 
 

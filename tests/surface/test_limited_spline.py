@@ -9,7 +9,7 @@ from scipy.interpolate import RectBivariateSpline
 from asperity.arrays import Array
 from asperity.reference import RoughHalfSpace
 from asperity.surface import HeightMap, SelfAffine
-from asperity.surface.spline import light_depth
+from asperity.surface.base import light_depth
 
 N = 97
 

@@ -200,6 +200,11 @@ def test_a_window_that_cuts_a_resonance_has_the_orbits_of_a_wide_one() -> None:
         assert not own.notes
 
 
+def test_no_note_says_that_rest_leads_nowhere_where_the_branch_from_above_covers_the_window() -> None:
+    r = computed(1.884084, 0.00538425, 0.0648509, (0.958611, 1.8))
+    assert not r.notes and len(r.at(0.96)) == 1  # the small motion at the low end has ended in a fold of the forcing
+
+
 def test_a_curve_follows_its_power_law_and_a_note_says_where_it_ends() -> None:
     z = np.linspace(0, 1, 61)[1:]
     curve, power = (ContactOscillator(law, zeta=0.02) for law in (CurveLaw(z, z**1.5), PowerLaw(1.5)))

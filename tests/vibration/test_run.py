@@ -17,8 +17,9 @@ from hypothesis import strategies as st
 import asperity as asp
 from asperity.cli.dynamics import dynamics as command
 from asperity.errors import AsperityError, ConvergenceError, InputError
+from asperity.model.joint import Joint
 from asperity.plot import plot_dynamics
-from asperity.vibration import DynamicsSettings, Joint, PowerLaw, run_dynamics
+from asperity.vibration import DynamicsSettings, PowerLaw, run_dynamics
 from asperity.vibration.run import small_vibration
 
 MINIMAL: dict[str, Any] = {

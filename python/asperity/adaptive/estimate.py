@@ -251,7 +251,7 @@ def _plan(
 
 def _dofs(problem: Problem, depth: float) -> int:
     """Dofs of the mesh of a problem, up to about MOST_DOFS."""
-    field = size_field(problem.surface, depth, problem.size, problem.sides)
+    field = size_field(problem.composite, depth, problem.size, problem.sides)
     return dofs_of(field, problem.height / problem.surface.L, MOST_DOFS)
 
 

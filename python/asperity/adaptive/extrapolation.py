@@ -15,7 +15,7 @@ import numpy as np
 from scipy.interpolate import PchipInterpolator
 
 from asperity.adaptive.guide import Omission
-from asperity.adaptive.limits import limit_of_area, limit_of_meshes, steady
+from asperity.adaptive.limits import limit_of_area, limit_of_flow, limit_of_meshes, steady
 from asperity.adaptive.mesh_plan import GAP_ORDERS, orders_of, shares
 from asperity.arrays import Array, Flags, Floats
 from asperity.curve import WITH_ERRORS, Curve
@@ -29,6 +29,7 @@ from asperity.errors import InputError
 SCATTER, FLOWING = 0.12, 0.5
 STEEPEST = 2.0  # power of the force that the approach is moved by: a force that stands still gives none
 TINY = 1e-300  # P* below which there is no logarithm
+FLOWS = ("transmissivity_x", "transmissivity_y", "hydraulic_aperture")
 MEASURES = ("area_fraction", *(name for name in WITH_ERRORS if name != "k_n"))  # of the contact, functions of the force
 
 
@@ -152,11 +153,15 @@ def correct(
     for name in MEASURES:
         coarser, finer = (over_force(one.curve, name, P[loading]) for one in (coarse, fine))
         if np.isnan(coarser).any() or not np.nanmax(finer, initial=0.0) > 0.0:
+            if name in FLOWS and not any(np.any(getattr(one.curve, name) != 0.0) for one in (coarse, fine)):
+                columns[f"error_{name}"] = np.zeros(len(mesh))  # closed from the first touch on
             continue
         if name == "area_fraction":
             edges = [over_force(one.curve, "edge_fraction", P[loading]) for one in (coarse, fine)]
             chance = [open_area(one) for one in (coarse, fine)]
             factor, bar = limit_of_area((coarser, finer), edges, chance, singular, judged)
+        elif name in FLOWS:
+            factor, bar = limit_of_flow(coarser, finer, ratio, singular, judged)
         else:
             gap = name == "mean_gap"
             factor, bar = limit_of_meshes(coarser, finer, ratio, singular, judged, GAP_ORDERS if gap else orders)
@@ -169,11 +174,19 @@ def correct(
         else:
             moved = np.divide(limit, before[loading], out=np.ones(len(limit)), where=before[loading] > 0.0)
             columns[name] = before * moved[rows]
+            if name in FLOWS:  # where one of the meshes is closed, the flow may be what the other has
+                bar = np.where(_closed(coarse.curve, name, P) | (before == 0.0), limit[rows], bar)
         columns[f"error_{name}"] = bar + shifted(curve, budget.total, columns[name])
         if name == "area_fraction":
             columns["mean_pressure"] = curve.mean_pressure / moved[rows]
     curve = replace(curve, **columns)
     return replace(curve, error_k_n=slope_bar(curve, budget, _open_area(curve, at)[rows])), budget
+
+
+def _closed(curve: Curve, name: str, P_star: Floats) -> Flags:
+    """Whether a mesh has no flow at given forces P*."""
+    branch, flow = curve.loading(), getattr(curve.loading(), name)
+    return np.asarray(P_star > np.max(branch.P_star[flow > 0.0], initial=-inf))
 
 
 def over_force(curve: Curve, name: str, P_star: Floats) -> Floats:

@@ -76,7 +76,7 @@ class Guide:
 
     def __init__(self, problem: Problem, depth: float, steps: int) -> None:
         self.depth, self._problem, L = depth, problem, problem.surface.L
-        self._summit = problem.surface.maximum()[2] / L
+        self._summit = problem.composite.maximum()[2] / L
         self.delta_star = depth / L * np.linspace(1.0 / steps, 1.0, steps)
         self.sizes = np.full((1, 1), inf)
         self._heights: dict[int, Floats] = {}  # by the cells per side
@@ -108,7 +108,7 @@ class Guide:
             layer = half_space(self._problem, cells_per_side(wanted))
             n = layer.n
             if n not in self._heights:
-                self._heights[n] = layer.heights(self._problem.surface)
+                self._heights[n] = layer.heights(self._problem.composite)
             (p,) = layer.pressures(self._heights[n], self._summit, [delta], SINGLE, [on_grid(p, n)])
             spot = p
             if not p.any():  # a spot between the centres of the cells
@@ -132,7 +132,9 @@ class Guide:
         at, parts, heights = self.delta_star, [], {}
         for k, (layer, start) in self._pressed.items():
             if layer.n not in heights:
-                heights[layer.n] = heights_of_top(top, self._problem.surface, layer.n, nodal=True)
+                heights[layer.n] = heights_of_top(
+                    top, self._problem.surface, layer.n, nodal=True, tool=self._problem.rigid
+                )
             (p,) = layer.pressures(heights[layer.n], self._summit, at[[k]], SINGLE, [start])
             parts.append((_change(self.force[k], float(p.mean())), _change(self._area[k], layer.area(p))))
         force, area = (np.interp(at, at[[*self._pressed]], part) for part in np.transpose(parts))
@@ -166,7 +168,7 @@ def half_space(problem: Problem, cells: int) -> RoughHalfSpace:
 
 def approach_of_force(problem: Problem) -> float:
     """Approach at the greatest force of a load path, of a half-space [length]."""
-    surface, solid, height = problem.surface, problem.material, problem.height / problem.surface.L
+    surface, solid, height = problem.composite, problem.material, problem.height / problem.surface.L
     wanted = problem.schedule.force_max
     assert wanted is not None
     layer = half_space(problem, CELLS[0])

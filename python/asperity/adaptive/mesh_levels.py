@@ -12,9 +12,8 @@ from asperity.errors import InputError
 from asperity.mesh.block import BlockMesh
 from asperity.model.problem import Problem
 from asperity.model.settings import AccuracyTarget
-from asperity.quasistatic.callbacks import Callbacks
 from asperity.quasistatic.contact_result import ContactResult, PartialResult
-from asperity.quasistatic.solve_problem import solve_problem
+from asperity.quasistatic.solve_problem import Callbacks, solve_problem
 from asperity.runtime.parallel import on_root_bcast
 
 if TYPE_CHECKING:
@@ -116,9 +115,9 @@ class LevelSolver:
         path = replace(problem.load_path, substeps=substeps)
         problem = replace(problem, load_path=path, size=replace(problem.size, h_contact=h))
         result = solve_problem(problem, block=self.block, comm=self._comm, hooks=hooks, checked=False)
-        # facets that miss waves have another mean height than the surface; that of the summit is exact
-        top, of_solid = result.solver.contact_surface, result.solver.solid.points
-        plane = problem.surface.L * top.mean(of_solid[:, 2]) - problem.height
+        # facets that miss waves have another mean height than the surfaces; that of the summit is exact
+        top, level = result.solver.contact_surface, problem.height + problem.rigid.mean()
+        plane = problem.surface.L * top.mean(top.heights) - level
         result = replace(result, curve=replace(result.curve, mean_gap=result.curve.mean_gap + plane))
         seconds = max(perf_counter() - start, float(result.curve.seconds.sum()))  # of a run continued too
         self.levels.append(Level(h, result.dofs, substeps, seconds))

@@ -34,6 +34,7 @@ Size = Callable[[float, float, float], float]
 # Range of the order of the force in the scale, also of meshes as coarse as the first one (docs/accuracy.md)
 MESH_ORDERS, FIRST_ORDERS = (1.6, 2.4), (1.2, 2.4)
 GAP_ORDERS = (0.7, 2.4)  # the same of the mean gap at a given force, the lower end near full contact
+FLOW_ORDERS = (1.0, 3.5)  # and of the flow through the gap, the lower end where the last channels close
 # Lowest order where the pressure is singular at the edge of the contact, as of a flat punch; that of the bar of the
 # area, of the edges of spots (docs/theory.md); and dofs and time grow as scale^-2, for the contact alone is refined
 EDGE_ORDER, AREA_ORDER, DOFS_ORDER = 1.0, 1.5, 2.0
@@ -210,8 +211,8 @@ class MeshFamily:
 
     def block(self, scale: float) -> BlockMesh:
         """Mesh of a scale."""
-        field = self._field(scale)
-        return build_block(self.problem.surface, self.problem.height, field.at, field.periodic)
+        field, problem = self._field(scale), self.problem
+        return build_block(problem.surface, problem.height, field.at, field.periodic, problem.composite.maximum()[:2])
 
     def dofs(self, scale: float, most: float = inf) -> int:
         """Dofs of a mesh by its size field; beyond so many they are not counted."""
@@ -231,4 +232,4 @@ class MeshFamily:
     def _field(self) -> Callable[[float], SizeField]:
         """Size field of a scale; the last one is kept, for a mesh is counted before it is made."""
         problem, depth = self.problem, self.guide.depth
-        return lru_cache(maxsize=1)(lambda scale: size_field(problem.surface, depth, self.size(scale), problem.sides))
+        return lru_cache(maxsize=1)(lambda scale: size_field(problem.composite, depth, self.size(scale), problem.sides))

@@ -34,8 +34,8 @@ from asperity.curve import Curve
 from asperity.errors import Interrupted, MeshError
 from asperity.model.problem import Problem
 from asperity.model.settings import AccuracyTarget
-from asperity.quasistatic.callbacks import Callbacks
 from asperity.quasistatic.contact_result import ContactResult, PartialResult, refuse_wrong
+from asperity.quasistatic.solve_problem import Callbacks
 from asperity.runtime.display import brief
 from asperity.runtime.parallel import on_root
 from asperity.units import per_cent

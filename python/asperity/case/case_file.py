@@ -16,7 +16,7 @@ from typing import Annotated, Any
 
 from pydantic import InstanceOf
 
-from asperity.case.tables import NAMED_FILES, SECTIONS, objects, override, read_bytes, read_toml
+from asperity.case.tables import NAMED_FILES, OF_KINDS, SECTIONS, objects, override, read_bytes, read_toml
 from asperity.errors import CaseWarning, InputError, warn
 from asperity.model.dynamics import MIN_ROWS, DynamicsSettings
 from asperity.model.joint import Joint
@@ -54,6 +54,7 @@ class Case:
 
     units: Annotated[str, Choices("SI", "other")] = key("'other' drops SI labels and checks", default="SI")
     surface: Annotated[InstanceOf[Surface], *_SECTION]
+    tool: Annotated[InstanceOf[Surface] | None, *_SECTION] = None
     material: Annotated[InstanceOf[Material], *_SECTION]
     block: Annotated[InstanceOf[Block], *_SECTION] = field(default_factory=Block)
     contact: Annotated[InstanceOf[Formulation], *_SECTION] = field(default_factory=Formulation)
@@ -125,7 +126,8 @@ class Case:
         """Nested tables of plain values; keys without a value are left out."""
         tables = {name: getattr(self, name) for name in SECTIONS}
         data = {name: to_table(one) for name, one in tables.items() if one is not None}
-        return {"units": self.units} | data | {"surface": {"kind": self.surface.kind, **data["surface"]}}
+        kinds = {name: {"kind": tables[name].kind, **data[name]} for name in OF_KINDS if name in data}
+        return {"units": self.units} | data | kinds
 
     def to_toml(self) -> str:
         """The completed input as TOML text; reading it again gives an equal case."""
@@ -188,14 +190,15 @@ class Case:
                 warn(f"material.law = {show(self.material.source)} is code and was not looked at: a run needs "
                      "--allow-code", CaseWarning)  # fmt: skip
         surface = self.surface if surface is None else surface
-        for note in surface.notes:
+        for note in (*surface.notes, *(() if self.tool is None else self.tool.notes)):
             warn(note, SurfaceWarning)
         for text in self.warnings():
             warn(text, CaseWarning)
         block = self.block
         problem = Problem(
-            surface, solid, self.loading, block.height, block.sides, self.contact, self.mesh.size, self.solver
-        )
+            surface, solid, self.loading, block.height, block.sides, self.contact, self.mesh.size, self.solver,
+            self.tool,
+        )  # fmt: skip
         problem.warn_of_doubts()
         return problem
 
@@ -220,6 +223,9 @@ def _check_together(case: Case) -> None:
         case.contact.check_bar()
     if case.slip:
         _check_reached(case, "slip.preload", case.slip.preload)
+    if case.tool is not None and (case.slip or case.joint):
+        name = "slip" if case.slip else "joint"
+        raise InputError(f"[{name}] is of two like rough faces, and [tool] makes them another pair: remove one of them")
     if case.dynamics or case.joint:
         _check_vibration(case)
     if case.slip and case.contact.sticks:

@@ -5,10 +5,10 @@ from __future__ import annotations
 import hashlib
 import json
 import warnings
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from contextlib import suppress
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 from asperity.errors import InputError
 from asperity.laws import shipped_law
@@ -24,11 +24,13 @@ from asperity.runtime.files import MOST_DATA, MOST_TEXT, parse_toml, read_whole
 from asperity.surface import Surface, SurfaceWarning
 from asperity.surface.base import surface_kind, surface_kinds
 
+T = TypeVar("T")
 MOST_CASE = 2**24  # size of a case file [bytes]
-NAMED_FILES = (("surface", "path"), ("mesh", "file"))
-#: Class of each section, whose keys are its fields; the class of [surface] is that of its kind.
+NAMED_FILES = (("surface", "path"), ("tool", "path"), ("mesh", "file"))
+OF_KINDS = ("surface", "tool")  # sections of surfaces
+#: Class of each section, whose keys are its fields; the class of a surface is that of its kind.
 SECTIONS: dict[str, Any] = {
-    "surface": Surface, "material": Material, "block": Block, "contact": Formulation, "mesh": Mesh,
+    "surface": Surface, "tool": Surface, "material": Material, "block": Block, "contact": Formulation, "mesh": Mesh,
     "loading": Schedule, "accuracy": AccuracyTarget, "dynamics": DynamicsSettings, "joint": Joint,
     "slip": SlipSettings, "solver": SolverOptions, "output": Output,
 }  # fmt: skip
@@ -100,6 +102,8 @@ def objects(data: Mapping[str, Any], folder: Path) -> dict[str, Any]:
     for section, name in NAMED_FILES:
         if isinstance(path := tables.get(section, {}).get(name), str):
             tables[section][name] = _existing_file(folder, path, f"{section}.{name}")
+    if "tool" in tables and "L" in tables.get("surface", {}):  # of the patch
+        tables["tool"].setdefault("L", tables["surface"]["L"])
     if isinstance(tables.get("material", {}).get("law"), str):
         _complete_law(tables["material"], folder)
     made = {name: make(name, tables[name]) if name in tables else value for name, value in given.items()
@@ -119,19 +123,27 @@ def make(name: str, table: Any) -> Any:
     if not isinstance(table, Mapping):
         raise InputError(f"{name} = {show(table)} must be a section of keys, [{name}]")
     table, cls, kind = dict(table), SECTIONS[name], ""
-    if name == "surface":
+    if name in OF_KINDS:
         kind = table.pop("kind", None)
-        cls = surface_kind(kind)
+        cls = _of(name, lambda: surface_kind(kind))
     legal = keys(cls)
     if strange := [key for key in table if key not in legal]:
         _refuse_gone(f"{name}.{strange[0]}")
         others = {other: names for other, names in keys_of_all().items() if other != name}
         raise InputError(unknown(str(strange[0]), name, legal, others, kind))
-    if name != "surface":
+    if name not in OF_KINDS:
         return cls(**table)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", SurfaceWarning)  # its notes, of which `Case.problem` warns
-        return Surface.from_spec(kind, **table)
+        return _of(name, lambda: Surface.from_spec(kind, **table))
+
+
+def _of(section: str, make: Callable[[], T]) -> T:
+    """What is made of a surface, whose errors name its section."""
+    try:
+        return make()
+    except InputError as error:
+        raise InputError(str(error).replace("surface.", f"{section}.")) from None
 
 
 def _refuse_gone(full: str) -> None:
@@ -141,9 +153,9 @@ def _refuse_gone(full: str) -> None:
 
 
 def keys_of_all() -> dict[str, set[str]]:
-    """Keys of each section, of [surface] those of all kinds."""
+    """Keys of each section, of surfaces those of all kinds."""
     every = {name: set(keys(cls)) for name, cls in SECTIONS.items()}
-    return every | {"surface": {"kind"}.union(*map(keys, surface_kinds().values()))}
+    return every | dict.fromkeys(OF_KINDS, {"kind"}.union(*map(keys, surface_kinds().values())))
 
 
 def _complete_law(table: dict[str, Any], folder: Path) -> None:

@@ -43,7 +43,7 @@ def check(case_file: str, ranks: int, output: str | None, as_json: bool, overrid
     problem = case.problem()
     surface = problem.surface
     metre, folder = "m" if case.units == "SI" else "", Path(output) if output else None
-    rough = describe(surface, case.surface.kind, metre, folder, show=not as_json)
+    rough = describe(problem.composite, problem.composite.kind or "surface and tool", metre, folder, show=not as_json)
     found = estimate(case, ranks, surface)
     made = found.dofs <= MOST_MADE or case.accuracy.tolerance is not None
     if made:
@@ -75,9 +75,8 @@ def prepare(case: Case, problem: Problem, approach: float) -> None:
     from asperity.adaptive.mesh_levels import LevelSolver
     from asperity.adaptive.mesh_plan import second
     from asperity.mesh.block import BlockMesh
-    from asperity.quasistatic.callbacks import Callbacks
     from asperity.quasistatic.make import distributed, make_block
-    from asperity.quasistatic.solve_problem import judge, refuse_other_height
+    from asperity.quasistatic.solve_problem import Callbacks, judge, refuse_other_height
 
     comm, surface = MPI.COMM_SELF, problem.surface
 
@@ -93,7 +92,7 @@ def prepare(case: Case, problem: Problem, approach: float) -> None:
     elif case.mesh.file is not None:
         take(BlockMesh.read(case.mesh.file))
     else:
-        block = make_block(comm, surface, problem.height, approach, problem.size, problem.sides)
+        block = make_block(comm, surface, problem.height, approach, problem.size, problem.sides, problem.composite)
         judge(problem, block, approach)
         take(block)
 

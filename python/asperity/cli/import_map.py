@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Iterator
-from dataclasses import asdict
+from collections.abc import Iterator
+from dataclasses import asdict, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -12,13 +12,14 @@ import click
 import numpy as np
 
 from asperity.cli import options
-from asperity.cli.surface import draw, iso_rows
+from asperity.cli.surface import draw, show_iso
 from asperity.errors import CompatError, InputError
 from asperity.units import LENGTHS, quantity
 
 if TYPE_CHECKING:
-    from asperity.surface import HeightMap
-    from asperity.surface.measured import HeightField, Trend
+    from asperity.surface import HeightMap, Spectrum
+    from asperity.surface.scans import HeightField, Trend
+    from asperity.surface.spectrum import SelfAffineFit
 
 CASE = """# The measured patch of patch.npz pressed by a rigid flat: set material and approach. SI units.
 
@@ -60,7 +61,10 @@ SMOOTHEST = 1e-4  # rms slope; below it, heights and distances may have differen
 @click.option("--window", type=options.Length(), nargs=3, metavar="X Y SIDE", help="Square to cut; default: largest.")
 @click.option("--cutoff", type=options.Length(), metavar="LENGTH", help="Wavelength of a Gaussian filter.")
 @options.as_json
-def import_map(map_file: str, output: str | None, as_json: bool, **given: Any) -> None:
+def import_map(
+    map_file: str, output: str | None, as_json: bool, spikes: str, level: Trend,
+    window: tuple[float, float, float] | None, cutoff: float | None, **given: Any,
+) -> None:  # fmt: skip
     """Make a case from a measured height map.
 
     Levels the map and cuts a square patch. MAP is .npz or .npy, text (a matrix, or lines of x, y, z), or a file of an
@@ -70,29 +74,43 @@ def import_map(map_file: str, output: str | None, as_json: bool, **given: Any) -
     from asperity.runtime.files import files_into
     from asperity.runtime.progress import Progress, ProgressLine
     from asperity.runtime.run_folder import holds_run
-    from asperity.surface.iso25178 import light_approach
+    from asperity.surface.height_map import HeightMap
+    from asperity.surface.scans import HeightField
 
     progress = Progress() if as_json else ProgressLine()
     folder = Path(output) if output else Path("out") / Path(map_file).stem
     if folder.is_file() or holds_run(folder):
         raise InputError(f"{folder} {'is a file' if folder.is_file() else 'holds a run'}; give another folder to -o")
     with progress:
-        scan = _Scan(map_file, progress.stage, **given)
-        origin = {"file": map_file, "channel": scan.channel or None, "level": given["level"], "cutoff": given["cutoff"],
-                  "filled": scan.filled}  # fmt: skip
-        about: dict[str, Any] = origin | {
-            "notes": scan.notes, "side": scan.surface.L, "nodes": len(scan.patch.z), "iso25178": scan.iso.to_dict(),
-            "self_affine": None if scan.affine is None else asdict(scan.affine),
-        }  # fmt: skip
+        progress.stage(f"read {map_file}")
+        read = HeightField.read(map_file, **given)
+        progress.stage(f"level {' x '.join(map(str, read.z.shape[::-1]))} heights")
+        whole, notes = read.filled(window).levelled(level), read.notes
+        if spikes == "fill" and (found := whole.spikes()).any():
+            read = replace(read, z=np.where(found, np.nan, read.z))
+            whole = read.filled(window).levelled(level)
+            notes += (f"{np.count_nonzero(found)} heights are spikes, which are filled",)
+        bare, patch = (
+            (field.square() if window is None else field.window(*window)).levelled(level)
+            for field in (whole, whole if cutoff is None else whole.filtered(cutoff))
+        )
+        patch.check_plausible()
+        progress.stage("statistics")
+        spectrum, affine = _self_affine(read, bare)  # without the filter, which bends the spectrum near its cut-off
+        surface, iso = HeightMap.of(patch.z, patch.size[0]), patch.iso25178()
+        origin = {"file": map_file, "channel": read.channel or None, "level": level, "cutoff": cutoff,
+                  "filled": read.missing if window is None else read.missing_in(*window)}  # fmt: skip
+        about = origin | {"notes": notes, "side": surface.L, "nodes": len(patch.z), "iso25178": iso,
+                          "self_affine": affine and asdict(affine)}  # fmt: skip
         with files_into(folder) as aside:  # whole, or not at all
-            scan.patch.save(aside / "patch.npz", about=origin)
+            patch.save(aside / "patch.npz", about=origin)
             progress.stage("figures")
-            _draw(aside, scan)
+            _draw(aside, surface, iso, spectrum, affine)
             (aside / "measured.json").write_text(f"{json.dumps(about, indent=2)}\n", encoding="utf-8")
-            text = CASE.format(delta=light_approach(scan.surface))
+            text = CASE.format(delta=surface.light_approach())
             (aside / "case.toml").write_text(text, encoding="utf-8")
             try:
-                cost = _cost(aside / "case.toml", scan.surface)
+                cost = _cost(aside / "case.toml", surface)
             except InputError as error:
                 text = str(error).removeprefix(f"{aside / 'case.toml'}: ").replace(str(aside), str(folder))
                 raise InputError(f"{map_file} makes no case that can be run: {text}") from None
@@ -101,132 +119,74 @@ def import_map(map_file: str, output: str | None, as_json: bool, **given: Any) -
     if as_json:
         options.print_json(about)
         return
-    for sentence in scan.notes:
+    for sentence in notes:
         options.say(sentence)
-    _show(map_file, scan)
-    for sentence in _doubts(scan, cost):
-        options.say(sentence)
-    options.say(f"written to {folder}; next: asperity check {folder / 'case.toml'}")
-
-
-class _Scan:
-    """A map read, levelled, filtered and cut; what is known of it, and of its patch that becomes the surface.
-
-    Args:
-        map_file: to read
-        stage: announces the parts
-        given: options of the command
-    """
-
-    def __init__(
-        self, map_file: str, stage: Callable[[str], None], *, level: Trend, window: tuple[float, float, float] | None,
-        cutoff: float | None, spikes: str, **given: Any,
-    ) -> None:  # fmt: skip
-        from asperity.surface.height_map import HeightMap
-        from asperity.surface.iso25178 import iso25178
-        from asperity.surface.measured import HeightField
-        from asperity.surface.self_affine_fit import fit_self_affine
-        from asperity.surface.statistics import psd
-
-        def cut(field: HeightField) -> HeightField:
-            return (field.square() if window is None else field.window(*window)).levelled(level)
-
-        stage(f"read {map_file}")
-        whole = HeightField.read(map_file, **given)
-        self.channel, self.notes = whole.channel, whole.notes
-        levels = np.unique(whole.z.ravel()[:: max(whole.z.size // 100_000, 1)]).size
-        self.filled = whole.missing if window is None else whole.missing_in(*window)
-        stage(f"level {' x '.join(map(str, whole.z.shape[::-1]))} heights")
-        read, whole = whole, whole.filled(window).levelled(level)
-        found = whole.spikes()
-        if spikes == "fill" and found.any():
-            read = read.without(found)
-            self.filled = read.missing if window is None else read.missing_in(*window)
-            whole = read.filled(window).levelled(level)
-            self.notes += (f"{np.count_nonzero(found)} heights are spikes, which are filled",)
-        bare = self.patch = cut(whole)  # without a filter, which would bend the spectrum near its cut-off
-        if cutoff is not None:
-            stage("filter")
-            self.patch = cut(whole.filtered(cutoff))
-        self.patch.check_plausible()
-        self.doubt = _dust(bare)  # which a filter hides
-        stage("statistics")
-        self.spectrum, self.affine = psd(bare.z, len(bare.z) * bare.dx), None
-        try:
-            if levels < STEPPED:
-                raise InputError(f"the map has {levels} different heights, it takes {STEPPED} at least")
-            self.affine = fit_self_affine(self.spectrum, 4 * bare.dx)
-        except InputError as error:
-            click.echo(f"no Hurst exponent: {error}", err=True)
-        self.surface = HeightMap.of(self.patch.z, self.patch.size[0])
-        self.slope = self.surface.rms_slope()
-        self.iso = iso25178(self.patch.z, self.patch.dx, self.patch.dy)
-
-
-def _dust(patch: HeightField) -> str:
-    """Sentence on heights of an unfiltered patch that may not belong to the surface; empty without any."""
-    if (found := patch.spikes()).any():
-        return (
-            f"{np.count_nonzero(found)} heights stand above their neighbours as dust and spikes of an instrument do, "
-            f"the highest {_metres(float(patch.z[found].max()))} above the mean: if they do not belong to the surface, "
-            "--spikes fill takes them for missing"
-        )
-    highest = float(patch.z.max() / patch.z.std())
-    return (
-        ""
-        if highest <= HIGH
-        else (
-            f"the highest point is {highest:.0f} rms heights above the mean, as dust is: if it does not belong to the "
-            "surface, mark it as missing (NaN) in the map, and it is filled"
-        )
-    )
-
-
-def _draw(folder: Path, scan: _Scan) -> None:
-    from asperity.plot import save
-    from asperity.plot.fields import spectrum_figure
-
-    draw(folder, scan.surface, scan.patch.z, scan.iso, "m")
-    save(spectrum_figure(scan.spectrum, "m", scan.affine), folder / "spectrum.png")
-
-
-def _show(title: str, scan: _Scan) -> None:
-    """Print the statistics."""
-    affine = scan.affine
-    rows = [
-        ("side", quantity(scan.surface.L, "m")),
-        ("nodes", f"{len(scan.patch.z)}"),
-        ("rms slope", f"{scan.slope:.4g}"),
-    ]
-    if scan.filled:
-        rows.insert(2, ("gaps that were filled", f"{100 * scan.filled:.2g} %"))
+    rows = [("side", _metres(surface.L)), ("nodes", f"{len(patch.z)}"), ("rms slope", f"{surface.rms_slope():.4g}")]
+    if origin["filled"]:
+        rows.insert(2, ("gaps that were filled", f"{100 * origin['filled']:.2g} %"))
     if affine is not None:
         roll = "none on the patch" if affine.lambda_roll is None else _metres(affine.lambda_roll)
         rows += [("Hurst exponent", f"{affine.H:.2f} ± {affine.error_H:.2f}"), ("roll-off wavelength", roll)]
-    options.table(title, rows)
-    options.table("ISO 25178", iso_rows(scan.iso, "m"))
+    options.table(map_file, rows)
+    show_iso(iso, "m")
+    for sentence in _doubts(surface, bare, affine):
+        options.say(sentence)
+    options.say(f"{cost}\n" * bool(cost) + f"written to {folder}; next: asperity check {folder / 'case.toml'}")
+
+
+def _self_affine(read: HeightField, patch: HeightField) -> tuple[Spectrum, SelfAffineFit | None]:
+    """Spectrum of a patch, and its self-affine equivalent; without one, a line says why."""
+    from asperity.surface.spectrum import fit_self_affine, psd
+
+    spectrum = psd(patch.z, len(patch.z) * patch.dx)
+    levels = np.unique(read.z.ravel()[:: max(read.z.size // 100_000, 1)]).size
+    try:
+        if levels < STEPPED:
+            raise InputError(f"the map has {levels} different heights, it takes {STEPPED} at least")
+        return spectrum, fit_self_affine(spectrum, 4 * patch.dx)
+    except InputError as error:
+        click.echo(f"no Hurst exponent: {error}", err=True)
+        return spectrum, None
+
+
+def _draw(
+    folder: Path, surface: HeightMap, iso: dict[str, float | None] | None, spectrum: Spectrum,
+    affine: SelfAffineFit | None,
+) -> None:  # fmt: skip
+    from asperity.plot import save
+    from asperity.plot.fields import spectrum_figure
+
+    draw(folder, surface, iso, "m")
+    save(spectrum_figure(spectrum, "m", affine), folder / "spectrum.png")
 
 
 def _metres(length: float) -> str:
-    return quantity(length, "m", 3)
+    return quantity(length, "m")
 
 
-def _doubts(scan: _Scan, cost: str) -> Iterator[str]:
-    """What is doubtful, and the cost, a sentence each."""
-    affine = scan.affine
-    if scan.surface.L > LARGEST:
-        yield f"the side of {_metres(scan.surface.L)} is long for roughness: if lengths are not in metres, give --unit"
-    if scan.slope < SMOOTHEST:
+def _doubts(surface: HeightMap, bare: HeightField, affine: SelfAffineFit | None) -> Iterator[str]:
+    """What is doubtful of a surface and of its heights before the filter, which hides dust, a sentence each."""
+    slope, spikes, highest = surface.rms_slope(), bare.spikes(), float(bare.z.max() / bare.z.std())
+    if surface.L > LARGEST:
+        yield f"the side of {_metres(surface.L)} is long for roughness: if lengths are not in metres, give --unit"
+    if slope < SMOOTHEST:
         yield (
-            f"the rms slope of {scan.slope:.1e} is small for roughness: if heights and distances have "
-            "different units in the file, write both in one"
+            f"the rms slope of {slope:.1e} is small for roughness: if heights and distances have different units in "
+            "the file, write both in one"
         )
     if affine is not None and not -affine.error_H <= affine.H <= 1.0 + affine.error_H:
         yield f"H = {affine.H:.2f} is outside 0 to 1: the spectrum is not that of a self-affine surface"
-    if scan.doubt:
-        yield scan.doubt
-    if cost:
-        yield cost
+    if spikes.any():
+        yield (
+            f"{np.count_nonzero(spikes)} heights stand above their neighbours as dust and spikes of an instrument do, "
+            f"the highest {_metres(float(bare.z[spikes].max()))} above the mean: if they do not belong to the surface, "
+            "--spikes fill takes them for missing"
+        )
+    elif highest > HIGH:
+        yield (
+            f"the highest point is {highest:.0f} rms heights above the mean, as dust is: if it does not belong to the "
+            "surface, mark it as missing (NaN) in the map, and it is filled"
+        )
 
 
 def _cost(case_file: Path, surface: HeightMap) -> str:

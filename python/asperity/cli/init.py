@@ -119,10 +119,9 @@ def starting_case(
         kind, surface, delta = "self-affine", roughness, 0.5 * roughness["rms_height"]
     elif scan is not None:
         from asperity.surface import HeightMap
-        from asperity.surface.iso25178 import light_approach
 
         surface = {"path": os.path.relpath(scan, folder)}
-        kind, delta = "file", light_approach(HeightMap(path=scan))  # a few per cent of the heights
+        kind, delta = "file", HeightMap(path=scan).light_approach()  # a few per cent of the heights
     else:
         surface, delta = SURFACES[kind], 1e-9 if kind == "flat" else 1e-8
     chosen: dict[str, Mapping[str, Any]] = {

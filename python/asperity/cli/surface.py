@@ -10,9 +10,9 @@ from asperity.cli import options
 from asperity.units import quantity
 
 if TYPE_CHECKING:
-    from asperity.arrays import Array
     from asperity.surface import Surface
-    from asperity.surface.iso25178 import ISO25178
+
+Iso = dict[str, float | None] | None
 
 
 def describe(surface: Surface, kind: str, metre: str, folder: Path | None, show: bool) -> dict[str, Any]:
@@ -24,7 +24,7 @@ def describe(surface: Surface, kind: str, metre: str, folder: Path | None, show:
         folder: receives surface.png, and of a rough surface abbott.png
         show: print them
     """
-    from asperity.surface.iso25178 import heights_of, iso25178
+    from asperity.surface.scans import HeightField
 
     values, touch, found = asdict(surface.statistics()), surface.maximum(), None
     if show:
@@ -35,34 +35,37 @@ def describe(surface: Surface, kind: str, metre: str, folder: Path | None, show:
         rows.append(("first touch x, y, z", ", ".join(quantity(value, metre) for value in touch)))
         options.table(kind, rows)
     if folder is not None:
-        z, dx, dy = heights_of(surface)
-        found = iso25178(z, dx, dy) if surface.rough else None
-        if show and found is not None:
-            options.table("ISO 25178", iso_rows(found, metre))
+        if surface.rough:
+            found = HeightField.of(surface.heights, (surface.L, surface.L)).iso25178()
+            if show:
+                show_iso(found, metre)
         folder.mkdir(parents=True, exist_ok=True)
-        path = draw(folder, surface, z, found, metre)
+        path = draw(folder, surface, found, metre)
         if show:
             options.say(f"written {path}")
     return {
-        "kind": kind, "statistics": values, "iso25178": None if found is None else found.to_dict(),
+        "kind": kind, "statistics": values, "iso25178": found,
         "shortest_wavelength": surface.feature_size, "first_touch": touch,
     }  # fmt: skip
 
 
-def draw(folder: Path, surface: Surface, z: Array, found: ISO25178 | None, metre: str) -> Path:
+def draw(folder: Path, surface: Surface, iso: Iso, metre: str) -> Path:
     """Write a picture of a surface, whose path is returned, and with its parameters the Abbott curve of heights."""
     from asperity.plot import save, surface_map
     from asperity.plot.fields import abbott_figure
 
-    if found is not None:
-        save(abbott_figure(z, found, metre), folder / "abbott.png")
+    if iso is not None:
+        save(abbott_figure(surface.heights, iso, metre), folder / "abbott.png")
     return save(surface_map(surface.grid(401), surface.L, surface.maximum(), unit=metre), folder / "surface.png")
 
 
-def iso_rows(found: ISO25178, metre: str) -> list[tuple[str, str]]:
-    """Names and values of ISO 25178, in per cent where they are ratios of areas."""
+def show_iso(iso: Iso, metre: str) -> None:
+    """Print the parameters of ISO 25178, in per cent where they are ratios of areas."""
+    if iso is None:
+        options.say("Sa, Ssk, Sal, Sk and the others of ISO 25178: pip install 'asperity[scan]'")
+        return
     rows = []
-    for name, value in found.to_dict().items():
+    for name, value in iso.items():
         if value is None:
             text = "beyond the patch"
         elif name in ("Sdr", "Smr1", "Smr2"):
@@ -70,4 +73,4 @@ def iso_rows(found: ISO25178, metre: str) -> list[tuple[str, str]]:
         else:
             text = f"{value:.4g}" if name in ("Ssk", "Sku", "Sdq", "Str") else quantity(value, metre)
         rows.append((name, text))
-    return rows
+    options.table("ISO 25178", rows)

@@ -1,8 +1,8 @@
-"""Contact with a rigid flat: exact (active set, with or without friction), penalty method, Nitsche's method."""
+"""Contact with a rigid flat or tool: exact (active set, with or without friction), penalty method, Nitsche's method."""
 
 from __future__ import annotations
 
-from asperity.contact.active_set import ActiveSet
+from asperity.contact.active_set import ActiveSet, OnTool
 from asperity.contact.contact_surface import Area, ContactSurface
 from asperity.contact.friction import Coulomb
 from asperity.contact.interface import Contact
@@ -10,7 +10,7 @@ from asperity.contact.penalty_nitsche import PressureContact
 from asperity.fem.solid import Solid
 from asperity.model.settings import Formulation
 
-__all__ = ["ActiveSet", "Area", "Contact", "Coulomb", "PressureContact", "make_contact"]
+__all__ = ["ActiveSet", "Area", "Contact", "Coulomb", "OnTool", "PressureContact", "make_contact"]
 
 
 def make_contact(formulation: Formulation, solid: Solid, surface: ContactSurface) -> Contact:
@@ -23,5 +23,5 @@ def make_contact(formulation: Formulation, solid: Solid, surface: ContactSurface
         factor = formulation.gamma if traction else formulation.penalty
         return PressureContact(solid, surface, factor, traction=traction)
     if isinstance(formulation.friction, str):
-        return ActiveSet(solid, surface)
+        return (OnTool if surface.follows else ActiveSet)(solid, surface)
     return Coulomb(solid, surface, formulation.friction)

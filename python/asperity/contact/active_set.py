@@ -30,7 +30,6 @@ class ActiveSet(Contact):
     def __init__(self, solid: Solid, surface: ContactSurface) -> None:
         self._solid, self.surface = solid, surface
         self._nodes = surface.owned_nodes
-        self._height = solid.points[self._nodes, 2]
         # any positive c gives the same solution; above the stiffness of a node no gap of rounding closes and opens
         self._c = 1.0
         self._z, self._receded = np.inf, 0.0
@@ -47,7 +46,7 @@ class ActiveSet(Contact):
         self._receded = self._z - z if end is start and self._z > z else 0.0
 
     def _penetration(self) -> Floats:
-        return self._height + self._solid.u.x.array.reshape(-1, 3)[self._nodes, 2] - self._z
+        return self.surface.elevation(self._nodes) - self._z
 
     def residual(self, force: Floats) -> tuple[Floats, Integers, Floats]:
         d = self._penetration()
@@ -75,3 +74,41 @@ class ActiveSet(Contact):
         held = np.zeros((self._solid.owned, 1))
         held[self._nodes[self.active]] = 1.0
         return np.asarray(self._solid.ghosts.scatter_forward(held)[:, 0] > 0.0)
+
+
+class OnTool(ActiveSet):
+    """Active set under a tool that meets the nodes at their deformed places, without friction.
+
+    The height of a node with that of the tool above it is g = Z + u_z + t(x + u), and the force on an active node is
+    along its gradient n = (t_x, t_y, 1), normal to the tool: f + lambda n = 0. The unknowns of an active node are u_x,
+    u_y and n . u in place of u_z, see `Tangent.tilt`: the last one is prescribed, so the structure of the matrix and its
+    symmetry stay. The curvature of the tool times the force is part of the tangent (SQP: Nocedal & Wright, Numerical
+    Optimization, 2006, section 18.1).
+    """
+
+    has_tangent = True
+
+    def __init__(self, solid: Solid, surface: ContactSurface) -> None:
+        super().__init__(solid, surface)
+        assert surface.tool is not None
+        self._tool = surface.tool
+
+    def residual(self, force: Floats) -> tuple[Floats, Integers, Floats]:
+        r, rows, lacking = super().residual(force)
+        held = self._nodes[self.active]
+        self._pressed = -force[held, 2]
+        places = (self._solid.points[held] + self._solid.u.x.array.reshape(-1, 3)[held])[:, :2]
+        self._slopes = np.zeros((self._solid.owned, 2))
+        _, self._slopes[held], self._curvature = self._tool.shape(places, self.surface.spacing[held])
+        r[held, :2] += self._pressed[:, None] * self._slopes[held]
+        return r, rows, lacking
+
+    def add_tangent(self) -> None:
+        solid = self._solid
+        diagonal = solid.sparsity.diagonal.reshape(-1, 3)[self._nodes[self.active]]
+        for i, j in np.ndindex(2, 2):
+            solid.tangent.values()[diagonal[:, i] + j - i] += self._pressed * self._curvature[:, i, j]
+        solid.tangent.tilt(solid.ghosts.scatter_forward(self._slopes).copy())
+
+    def add_elastic_tangent(self) -> None:
+        self.add_tangent()

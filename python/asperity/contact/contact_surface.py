@@ -9,6 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from asperity.arrays import Flags, Floats, Indices, Integers
+from asperity.contact.tool import Tool
 from asperity.curve.curve import EDGE
 from asperity.fem.global_numbering import cell_numbers
 from asperity.fem.solid import Solid
@@ -38,7 +39,7 @@ class FacetRule:
     Attributes:
         facets: data of the facets for the compiled kernels
         weights: projected on the plane of the flat (F, Q) [length^2]
-        height: of the surface at the points (F, Q) [length]
+        height: of the composite surface at the points, with that of the tool as the nodes have it (F, Q) [length]
         of_nodes: shape functions of the nodes of a facet at the points (Q, 6)
         cells: of the facets, for the compiled kernels
         of_cells: the linear function through the quadrature points of a cell at those of its facets (4, Q, points)
@@ -66,7 +67,7 @@ class FacetRule:
         )
         self.of_cells = np.stack([element.linear_through(of_cell, p) for p in at_facets])
         self.of_nodes = shape[0][:, element.facet_nodes()[0]]
-        self.height = self.at_points(solid.points[surface.nodes, 2])
+        self.height = self.at_points(surface.heights[surface.nodes])
 
     def at_points(self, values: Floats) -> Floats:
         """Values at the quadrature points (F, Q) from those at the nodes of the facets (F, 6)."""
@@ -85,10 +86,14 @@ class ContactSurface:
             displacement nodes (F, 6)
         area, diameter: of each facet (F,)
         owned_nodes: nodes of the contact surface that this rank owns
+        heights: of the undeformed composite surface, that is of the solid and the tool, at its local nodes (nodes,)
+        tool: that is above it, None for the flat
+        follows: whether the tool meets a node at its deformed place, as in finite strain
     """
 
-    def __init__(self, solid: Solid) -> None:
-        self.solid = solid
+    def __init__(self, solid: Solid, tool: Tool | None = None) -> None:
+        self.solid, self.tool = solid, tool
+        self.follows = tool is not None and solid.material.finite
         mesh = solid.mesh
         mesh.topology.create_connectivity(2, 3)
         mesh.topology.create_connectivity(3, 2)
@@ -102,6 +107,10 @@ class ContactSurface:
         self.in_cell = np.array(element.facet_nodes())[self.local]
         self.nodes = np.take_along_axis(self.cell_nodes, self.in_cell, axis=1)
         self.owned_nodes = solid.nodes_on(TOP)
+        self.heights = solid.points[:, 2].copy()
+        if tool is not None:
+            nodes = np.unique(np.concatenate([self.nodes.ravel(), self.owned_nodes]))
+            self.heights[nodes] += tool.height(solid.points[nodes, :2])
         rule = FacetRule(self, 2)
         self.area = rule.weights.sum(axis=1)
         corners = solid.positions(self.nodes[:, :3])
@@ -123,6 +132,21 @@ class ContactSurface:
         vector.scatter_reverse(la.InsertMode.add)
         vector.scatter_forward()
         return vector.array.copy()
+
+    def elevation(self, nodes: Integers) -> Floats:
+        """Height of the deformed composite surface above the base at some of its local nodes (n,) [length]."""
+        u = self.solid.u.x.array.reshape(-1, 3)[nodes]
+        if not self.follows:
+            return np.asarray(self.heights[nodes] + u[:, 2])
+        assert self.tool is not None
+        points = self.solid.points[nodes] + u
+        return np.asarray(points[:, 2] + self.tool.shape(points[:, :2], self.spacing[nodes])[0])
+
+    @cached_property
+    def spacing(self) -> Floats:
+        """Mean distance of the nodes around each local node of the facets (nodes,) [length]; collective."""
+        whole = self.assemble(self.nodes, np.repeat(0.5 * self.diameter[:, None], self.nodes.shape[1], axis=1))
+        return whole / np.maximum(self._valence, 1.0)
 
     def bearing_area(self) -> Floats:
         """Area of the facets by the nodes that bear a uniform pressure, on edges (nodes,) [length^2]; collective."""

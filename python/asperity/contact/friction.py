@@ -62,21 +62,16 @@ class StickSlip:
         """Slip of the nodes since `origin` (n, 2) [L]."""
         return np.nan_to_num(self.position() - self.origin) * self._free
 
-    def _trial(self, r: Floats) -> tuple[Floats, Floats, Floats]:
-        """Slip, force - c slip, and its size, of forces (owned, 3)."""
-        slip = self.slip()
-        self.traction = r[self._nodes, :2] * self._free
-        trial = self.traction - self._c[:, None] * slip
-        return slip, trial, np.linalg.norm(trial, axis=1)
-
     def residual(self, r: Floats) -> tuple[Integers, Floats]:
         """Complete the forces of all owned nodes (owned, 3) [E L^2] in place.
 
         Returns:
             prescribed dofs, and the displacement increment each of them still lacks [L]
         """
-        slip, trial, size = self._trial(r)
-        bounds = self.bounds
+        slip, bounds = self.slip(), self.bounds
+        self.traction = r[self._nodes, :2] * self._free
+        trial = self.traction - self._c[:, None] * slip
+        size = np.linalg.norm(trial, axis=1)
         if not np.abs(slip[self.stuck]).max(initial=0.0) > self._reach > 0.0:
             self.stuck = (size <= bounds) & (bounds > 0.0)
             self._reach = 0.0
@@ -93,12 +88,6 @@ class StickSlip:
         dofs = (3 * self._nodes[self.stuck, None] + np.arange(2))[free]
         r.reshape(-1)[dofs] = 0.0
         return dofs.astype(np.int32), -slip[self.stuck][free]
-
-    def imbalance(self, r: Floats) -> None:
-        """Subtract from forces (owned, 3) [E L^2] in place the admissible one of each node next to force - c slip."""
-        _, trial, size = self._trial(r)
-        share = np.minimum(self.bounds / np.maximum(size, 1e-300), 1.0)
-        r[self._nodes, :2] = self.traction - share[:, None] * trial
 
     def add_tangent(self) -> None:
         """Add the stiffness across the slip to `solid.tangent.values()`, the local matrix."""
@@ -136,6 +125,7 @@ class Coulomb(ActiveSet):
         self.sliding = StickSlip(solid, self._nodes, solid.fixed)
         self.held = np.full((len(self._nodes), 3), np.nan)
         self._from = self.sliding.shift
+        self._height = surface.heights[self._nodes]
         self.begin(np.inf)
 
     def begin(self, z: float) -> None:
@@ -165,13 +155,6 @@ class Coulomb(ActiveSet):
         self._normal = np.where(self.active, np.maximum(-force[self._nodes, 2], 0.0), 0.0)
         dofs, left = self.sliding.residual(r)
         return r, np.concatenate([rows, dofs]).astype(np.int32), np.concatenate([lacking, left])
-
-    def imbalance(self, force: Floats) -> Floats:
-        """Forces out of balance; of a node on the flat those next to the admissible ones."""
-        r, normal = force.copy(), -force[self._nodes, 2]
-        r[self._nodes, 2] = np.maximum(normal + self._c * self._penetration(), 0.0) - normal
-        self.sliding.imbalance(r)
-        return r
 
     def settle(self) -> bool:
         """Renew the bounds by the normal forces."""

@@ -124,7 +124,7 @@ class PressureContact(Contact):
         less, as other ranks add other parts first, is none.
         """
         solid, area = self._solid, self.surface.bearing_area()
-        gap = self._z - solid.points[:, 2] - solid.u.x.array.reshape(-1, 3)[:, 2]
+        gap = self._z - self.surface.elevation(np.arange(solid.nodes))
         force = solid.ghosts.scatter_forward(self._force[:, None])[:, 0]
         pressed = (area > 0.0) & (force > 0.0)
         pressed[pressed] = force[pressed] > OUTWEIGHED * np.sqrt(area[pressed]) * gap[pressed]

@@ -37,8 +37,8 @@ class ThinFilm:
 
     Args:
         top: of the solid
-        surface: in its own units
-        summit: height of its highest point above the base [L]
+        surface: the composite one, in its own units
+        summit: its greatest height above the base [L]
     """
 
     columns = ("transmissivity_x", "transmissivity_y", "hydraulic_aperture")

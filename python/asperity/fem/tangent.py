@@ -38,6 +38,7 @@ class Tangent:
         self._write: Write | None = None  # wrote the last one
         self._alone = False  # whether the last one is that of the solid, without the contact
         self._versions = {"values": 0, "half": 0}  # that the two hold
+        self._slopes: Floats | None = None  # see `tilt`
 
     @property
     def constant(self) -> bool:
@@ -59,6 +60,7 @@ class Tangent:
         if self._alone and self.constant and add is None:
             return
         self.version += 1
+        self._slopes = None
         self._write, self._alone = write, add is None
         with self._phases.phase("tangent"):
             if self.halved and add is None:
@@ -80,6 +82,33 @@ class Tangent:
             with self._phases.phase("tangent"):
                 self._write_to("values", self._values)
         return self._values
+
+    @property
+    def tilted(self) -> bool:
+        """Whether the last matrix is one of `tilt`."""
+        return self._slopes is not None
+
+    def untilt(self, step: Floats) -> Floats:
+        """Change of the displacement from one of the unknowns of the last matrix, at the owned dofs (3 owned,)."""
+        assert self._slopes is not None
+        moved = step.reshape(-1, 3).copy()
+        moved[:, 2] -= np.einsum("ni,ni->n", self._slopes[: len(moved)], moved[:, :2])
+        return moved.ravel()
+
+    def tilt(self, slopes: Floats) -> None:
+        """Take n . u, n = (slopes, 1), in place of u_z as an unknown of each local node, slopes (nodes, 2)."""
+        self._slopes = slopes
+        indptr, columns, moved = self._sparsity.indptr.astype(np.int64), self._sparsity.indices, slopes.any(axis=1)
+        rows = np.repeat(np.arange(len(moved)), np.diff(indptr))
+        blocks = np.flatnonzero(moved[rows] | moved[columns])
+        rows, columns = rows[blocks], columns[blocks]
+        first, width = indptr[rows], np.diff(indptr)[rows]
+        i = np.arange(3)
+        at = (9 * first + 3 * (blocks - first))[:, None, None] + 3 * width[:, None, None] * i[:, None] + i
+        found = self.values()[at]
+        found[:, :, :2] -= found[:, :, 2:] * slopes[columns][:, None, :]
+        found[:, :2] -= slopes[rows][:, :, None] * found[:, 2:]
+        self.values()[at] = found
 
     def half(self) -> Singles:
         """Upper half of the last matrix by the columns of its blocks (9 blocks + 1,), see `SparsityPattern.upper`.

@@ -5,7 +5,7 @@ from __future__ import annotations
 import logging
 import math
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cache, cached_property, partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -21,6 +21,7 @@ from asperity.errors import (
     warn,
 )
 from asperity.job.solve import SolvedCase
+from asperity.output.indentation import indentation_of
 from asperity.output.assumptions import DOUBTFUL, Evidence, assumptions_of, describe
 from asperity.output.patches import Spread, spread_of_patches
 from asperity.output.run_files import RunFiles, of_ranks
@@ -32,7 +33,6 @@ from asperity.slip.joint_slip import JointSlip, slip_of_case
 from asperity.vibration import Dynamics, DynamicsSettings, run_dynamics
 from asperity.vibration.numbers import Numbers
 from asperity.vibration.run import small_vibration
-from asperity.vibration.source import CurveColumns, met
 
 if TYPE_CHECKING:
     from mpi4py import MPI
@@ -133,17 +133,9 @@ def _dynamics(job: Job) -> None:
 def _slip(job: Job) -> None:
     """Section "slip" of summary.json, and its files; the mass of the normal vibration is on the joint."""
     assert job.case.slip is not None
-    curve, settings, key = job.solved.contact.curve, job.settings, "slip.preload"
-    preload, top = job.case.slip.preload, float(curve.force.max())
-    if preload is None and settings.patch_load is not None:
-        preload, key = settings.patch_load, "the preload of the slip"
-    preload = 0.5 * top if preload is None else preload
-    preload, lowered = met(preload, top, CurveColumns.of(curve).bar_at(top), key)  # as the law of the vibration
-    if lowered:
-        warn(lowered)
 
     def by_curve() -> JointSlip:
-        found = slip_of_case(job.case.to_dict(), curve, preload)
+        found = slip_of_case(job.case.to_dict(), job.solved.contact.curve, job.settings.patch_load)
         if job.files.folder is not None:
             found.write(job.files.folder)
         return found
@@ -152,7 +144,14 @@ def _slip(job: Job) -> None:
     for text in slip.notes:
         warn(text)
     mass = None if job.numbers is None or not math.isfinite(job.numbers.mass) else job.numbers.mass
-    job.summary["slip"] = slip.to_dict(mass, settings.factor, units=job.case.units)
+    job.summary["slip"] = replace(slip, mass=mass, factor=job.settings.factor, units=job.case.units).to_dict()
+
+
+def _indentation(job: Job) -> None:
+    """Section "indentation" of summary.json."""
+    found = on_root_bcast(job.comm, lambda: indentation_of(job.solved.problem, job.solved.contact.curve))
+    if found is not None:
+        job.summary["indentation"] = found.to_dict()
 
 
 def _assumptions(job: Job) -> None:
@@ -239,6 +238,7 @@ STAGES: tuple[tuple[str, Callable[[Job], bool], Callable[[Job], None]], ...] = (
     ("joint", lambda job: job.solved.complete and job.case.joint is not None and job.case.dynamics is None, _joint),
     ("dynamics", lambda job: job.solved.complete and job.case.dynamics is not None, _dynamics),
     ("slip", lambda job: job.solved.complete and job.case.slip is not None, _slip),
+    ("indentation", lambda job: job.solved.complete and job.case.tool is not None, _indentation),
     ("assumptions", lambda job: True, _assumptions),
     ("figures", lambda job: _writes(job) and (job.case.output.figures or job.case.output.report), _figures),
     ("report", lambda job: _writes(job) and job.case.output.report, _report),

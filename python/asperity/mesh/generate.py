@@ -43,6 +43,7 @@ def build_block(
     height: float,
     size: Callable[[float, float, float], float],
     periodic: bool = False,
+    touch: tuple[float, float] | None = None,
 ) -> BlockMesh:
     """Mesh the block under `surface` with gmsh, in one process.
 
@@ -50,6 +51,7 @@ def build_block(
         height: height of the mean plane above the base [length]
         size: element size at (x, y, depth below the top), all in units of L
         periodic: whether opposite sides have the same nodes and faces
+        touch: place of the first contact, which gets a node [length]; default the summit
 
     Raises:
         MeshError: gmsh fails, or see `morph.lift`
@@ -62,7 +64,7 @@ def build_block(
     """
     compat.require("gmsh", "python3-gmsh")
     L = surface.L
-    x, y, _ = surface.maximum()
+    x, y = surface.maximum()[:2] if touch is None else touch
     points, tets = _flat_block(rounded(height / L), size, (_summit_node(x / L), _summit_node(y / L)), periodic)
     points *= L
     points, smoothing = lift(points, tets, surface, height, same_nodes(points, L) if periodic else None)

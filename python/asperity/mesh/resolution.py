@@ -14,6 +14,7 @@ import numpy as np
 
 from asperity.errors import MeshError, ResolutionWarning, warn
 from asperity.mesh.block import NEAR
+from asperity.mesh.element import face_functions, outer_faces
 
 if TYPE_CHECKING:
     from asperity.mesh.block import BlockMesh
@@ -52,28 +53,56 @@ def doubt_of_waves(surface: Surface, h: float, delta: float) -> str:
     )
 
 
-def lowered_height(block: BlockMesh, surface: Surface, delta: float) -> float:
+def lowered_height(block: BlockMesh, surface: Surface, delta: float, composite: Surface | None = None) -> float:
     """Rms change of height by smoothing (see `morph.lift`) of the nodes that the flat would meet, over the approach."""
     x, y, z = block.points[np.abs(block.heights(surface) - block.points[:, 2]) < NEAR * surface.L].T
-    exact = np.asarray(surface.height(x, y))
-    met = exact >= surface.maximum()[2] - delta
-    off = (exact - surface.mean() + block.height - z)[met]
+    both = composite or surface
+    met = np.asarray(both.height(x, y)) >= both.maximum()[2] - delta
+    off = (np.asarray(surface.height(x, y)) - surface.mean() + block.height - z)[met]
     return float(np.sqrt(np.mean(off**2))) / delta if off.size else inf
 
 
-def judge_mesh(block: BlockMesh, surface: Surface, h: float, delta: float) -> None:
-    """Warn of a mesh with elements of size h in the contact that is off its surface, or misses waves; rank 0.
+def unfollowed_height(block: BlockMesh, surface: Surface, delta: float, composite: Surface) -> float:
+    """Rms change of height of the tool in the middle of the facets that it would meet, as their nodes have it.
+
+    The change is over the approach; it is infinite for a tip between these points.
+    """
+    on_top = np.abs(block.heights(surface) - block.points[:, 2]) < NEAR * surface.L
+    faces = outer_faces(block.tets)
+    x, y = np.moveaxis(block.points[faces[on_top[faces].all(axis=1)], :2], 2, 0)  # of nodes
+    at = face_functions(np.full((1, 3), 1.0 / 3.0))[0]
+    middle = x @ at, y @ at
+    met = np.asarray(composite.height(*middle)) >= composite.maximum()[2] - delta
+    tool = [composite.height(*where) - surface.height(*where) for where in (middle, (x, y))]
+    off = (tool[0] - tool[1] @ at)[met]
+    return float(np.sqrt(np.mean(off**2))) / delta if off.size else inf
+
+
+def judge_mesh(block: BlockMesh, surface: Surface, h: float, delta: float, composite: Surface | None = None) -> None:
+    """Warn of a mesh with elements of size h in the contact that is off its surface or a tool, or misses waves; rank 0.
+
+    Args:
+        composite: sum of the heights of surface and tool; default those of the surface
 
     Raises:
-        MeshError: little of what the flat meets is left
+        MeshError: little of what the flat, or the tool, meets is left
     """
-    off = lowered_height(block, surface, delta)
+    lowered = lowered_height(block, surface, delta, composite)
     text = (
         f"the elements are too large for the slopes of the surface: heights that the flat meets had to be smoothed by "
-        f"{off:.2g} of the greatest approach (rms): reduce mesh.h_contact, or filter the surface"
+        f"{lowered:.2g} of the greatest approach (rms): reduce mesh.h_contact, or filter the surface"
     )
-    if off > MOST_LOWERED:
-        raise MeshError(text)
-    for doubt in (text if off > ONE_MESH else "", doubt_of_waves(surface, h, delta)):
-        if doubt:
-            warn(doubt, ResolutionWarning)
+    unfollowed = 0.0
+    if composite is not None and composite is not surface:
+        unfollowed = unfollowed_height(block, surface, delta, composite)
+    of_tool = (
+        f"the tool is finer than the mesh: between the nodes that it meets its heights differ by {unfollowed:.2g} of "
+        "the greatest approach (rms) from those that the nodes have: reduce mesh.h_contact, or press deeper"
+    )
+    for off, sentence in ((lowered, text), (unfollowed, of_tool)):
+        if off > MOST_LOWERED:
+            raise MeshError(sentence)
+        if off > ONE_MESH:
+            warn(sentence, ResolutionWarning)
+    if doubt := doubt_of_waves(composite or surface, h, delta):
+        warn(doubt, ResolutionWarning)

@@ -30,10 +30,11 @@ class Top:
     __repr__ = short_repr
 
 
-def heights_of_top(top: Top, surface: Surface, n: int, nodal: bool = False) -> Floats:
+def heights_of_top(top: Top, surface: Surface, n: int, nodal: bool = False, tool: Surface | None = None) -> Floats:
     """Heights of the curved facets of the top, on the scale of the surface, at the centres of n x n cells.
 
     Args:
+        tool: whose heights at the nodes are added, see `surface.composite`
         nodal: no point is higher than the nodes of its facet: the contact, which nodes meet, does not feel it
 
     Returns:
@@ -49,6 +50,8 @@ def heights_of_top(top: Top, surface: Surface, n: int, nodal: bool = False) -> F
     nodes = faces[np.asarray(finder(x, y))]
     inside = shares(np.column_stack([x, y]), *(xy[nodes[:, k]] for k in range(3)))
     z = top.points[:, 2] + surface.mean() / surface.L
+    if tool is not None:
+        z = z + tool.height(*(surface.L * xy.T)) / surface.L
     parts = (face_functions(inside) * z[nodes]).T
     heights = np.asarray(sum(parts[:3]) + sum(parts[3:]))
     return (np.minimum(heights, z[nodes].max(axis=1)) if nodal else heights).reshape(n, n)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import field, fields, replace
+from functools import cached_property
 from typing import Annotated, Any, TypedDict, Unpack
 
 import numpy as np
@@ -23,8 +24,9 @@ from asperity.model.settings import (
     SolverOptions,
 )
 from asperity.runtime.declaration import Real, argument, check_shares, declared, unknown
-from asperity.surface import Flat, Surface
+from asperity.surface import Flat, Surface, composite
 
+SAME = 1e-9  # relative difference of the sides of surface and tool
 SAMPLES = 257  # heights along each side by which a load is judged
 _FALLS = 0.01  # slope across an edge next to the summit that makes a ridge, over the rms slope
 _NEAR_FREE = 0.1  # distance of a summit from a free side that is near, over the shortest wavelength
@@ -41,7 +43,7 @@ class ProblemArguments(TypedDict, total=False):
         pressure_max: greatest nominal pressure instead, the force over L^2 [force/length^2]
         steps, unload, unload_steps, unload_to, cycles, integrator, substeps: see `Schedule`
         height: mean height of the block [length]; default L
-        sides, size, formulation, options: see `Problem`
+        sides, size, formulation, options, tool: see `Problem`
     """
 
     delta_max: float | None
@@ -59,6 +61,7 @@ class ProblemArguments(TypedDict, total=False):
     size: MeshSize | None
     formulation: Formulation | None
     options: SolverOptions | None
+    tool: Surface | None
 
 
 @declared("", eq=False)
@@ -81,10 +84,11 @@ class Problem:
         formulation: of the contact
         size: of the elements
         options: of the solver
+        tool: the rigid body that is pressed on it, its heights towards the solid, on the same patch; None is the flat
 
     Raises:
-        InputError: a value of another type or outside its range, periodic sides of a surface that is not periodic, or
-            a law in UFL with settings that it cannot go with
+        InputError: a value of another type or outside its range, periodic sides of surfaces that are not periodic, a
+            law in UFL with settings that it cannot go with, or a tool with what is that of the flat alone
     """
 
     surface: Annotated[
@@ -103,6 +107,9 @@ class Problem:
     options: Annotated[InstanceOf[SolverOptions], *argument('options, for example asp.SolverOptions(linear="cg")')] = (
         field(default_factory=SolverOptions)
     )
+    tool: Annotated[
+        InstanceOf[Surface] | None, *argument('a surface, for example asp.Surface.from_spec("cone", L=1e-6, ...)')
+    ] = None
 
     def __post_init__(self) -> None:
         L, path, modulus = self.surface.L, self.load_path, self.material.reduced_modulus
@@ -114,9 +121,12 @@ class Problem:
         check_force("force_max", force, L**2 * modulus)
         path = replace(path, force_max=force, pressure_max=None, integrator=path.integrator or self.material.integrator)
         object.__setattr__(self, "load_path", path)
+        object.__setattr__(self, "tool", Flat(L=L) if self.tool is None else self.tool)
         self._check_kernels()
-        if self.sides == "periodic" and not self.surface.periodic:
-            kind = self.surface.kind or type(self.surface).__name__
+        self._check_tool()
+        if self.sides == "periodic" and not self.composite.periodic:
+            one = self.rigid if self.surface.periodic else self.surface
+            kind = one.kind or type(one).__name__
             raise InputError(
                 f'block.sides = "periodic" needs a surface whose opposite edges agree, and this one ({kind}) does not: '
                 'take block.sides = "rollers", surface.kind = "self-affine" with surface.periodic = true, or a whole '
@@ -149,9 +159,29 @@ class Problem:
                 "sum of increments of strain"
             )
 
+    def _check_tool(self) -> None:
+        """Refuse a tool with what is that of the flat alone."""
+        if self.flat:
+            return
+        if abs(self.rigid.L / self.surface.L - 1.0) > SAME:
+            raise InputError(
+                f"tool.L = {self.rigid.L:g} is not surface.L = {self.surface.L:g}: the heights of the tool are wanted "
+                "on the whole patch and not beyond it, so leave tool.L out"
+            )
+        if self.formulation.sticks:
+            raise InputError(
+                f"contact.friction = {self.formulation.friction} is that of the flat, along whose plane a node slips: "
+                'with [tool] set contact.friction = "none"'
+            )
+        if self.material.kinematics != "small" and self.formulation.method != "active-set":
+            raise InputError(
+                f'contact.method = "{self.formulation.method}" presses along z, and in finite strain [tool] presses along '
+                'its normal: take "active-set", or material.kinematics = "small"'
+            )
+
     def doubts(self) -> list[str]:
         """What is doubtful of the load: a flat that passes the lowest valley, or begins on an edge."""
-        surface, delta = self.surface, self.load_path.delta_max
+        surface, delta = self.composite, self.load_path.delta_max
         depth = float(np.ptp(surface.grid(SAMPLES)))
         if depth <= 1e-12 * surface.L:
             return []
@@ -169,7 +199,7 @@ class Problem:
         Those are slopes beyond small strain (SurfaceWarning), and a greatest size that periodic sides do not allow
         (ResolutionWarning).
         """
-        surface = self.surface
+        surface = self.composite
         if surface.rough and self.material.kinematics == "small":
             surface.check_small_slope()
         if self.sides == "periodic" and (self.size.h_max or 0.0) > WIDEST_JOINED * surface.L:
@@ -203,6 +233,22 @@ class Problem:
     def height(self) -> float:
         """Mean height of the block [length]."""
         return self.surface.L if self.block_height is None else self.block_height
+
+    @property
+    def rigid(self) -> Surface:
+        """The tool."""
+        assert self.tool is not None
+        return self.tool
+
+    @property
+    def flat(self) -> bool:
+        """Whether the tool is a plane."""
+        return isinstance(self.tool, Flat)
+
+    @cached_property
+    def composite(self) -> Surface:
+        """Sum of the heights of surface and tool: where they meet, see `composite`."""
+        return composite(self.surface, self.rigid)
 
     @property
     def path_dependent(self) -> bool:

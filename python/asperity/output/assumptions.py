@@ -12,11 +12,11 @@ import numpy as np
 from asperity.curve import Curve
 from asperity.mesh.resolution import ONE_MESH
 from asperity.model.problem import Problem
+from asperity.output.indentation import added_by_block, spot_of
 from asperity.output.patches import Spread, hurst_without_end
 from asperity.reference import LONG_WAVES, pull_off, radiation_loss, stickiness, tabor_parameter
-from asperity.reference.halfspace import added_to_spot
 from asperity.surface.base import FLAT
-from asperity.surface.shapes import Sphere
+from asperity.surface.shapes import SHARP
 from asperity.units import quantity
 
 if TYPE_CHECKING:
@@ -131,7 +131,7 @@ class Evidence:
     @property
     def plane(self) -> bool:
         """Whether the top is a plane, in full contact from the start."""
-        surface = self.problem.surface
+        surface = self.problem.composite
         return surface.maximum()[2] - surface.mean() <= FLAT * surface.L
 
     @property
@@ -148,11 +148,12 @@ class Evidence:
 
     @property
     def summit_radius(self) -> float:
-        """Radius of the mean curvature of the summit [length]; inf for a plane one."""
-        x, y, _ = self.problem.surface.maximum()
-        xx, _, yy = self.problem.surface.hessian(x, y)
+        """Radius of the mean curvature of the summit [length]; inf for a plane or a sharp one."""
+        surface = self.problem.composite
+        x, y, _ = surface.maximum()
+        xx, _, yy = surface.hessian(x, y)
         curvature = -0.5 * float(xx + yy)
-        return 1.0 / curvature if curvature > 0.0 else inf
+        return 1.0 / curvature if 0.0 < curvature * surface.L < 0.5 / SHARP else inf
 
 
 def assumptions_of(evidence: Evidence) -> list[Assumption]:
@@ -258,20 +259,15 @@ def _added(run: Evidence) -> Iterator[Assumption]:
     A rough surface is part of a wide one, whose mean planes approach: the block adds its compression. A spot alone has
     the approach on a half-space, and the base and the sides of the block, which mirror the spot, count too.
     """
-    problem, surface, top = run.problem, run.problem.surface, run.top
+    problem, surface, top = run.problem, run.problem.composite, run.top
     pressure, delta = float(run.curve.force[top]) / surface.L**2, float(run.curve.delta[top])
     if run.plane or not delta > 0.0:
         return
     added, wide = pressure * problem.height / problem.material.block_modulus(problem.sides), "the surface alone"
-    if isinstance(surface, Sphere):
-        assert surface.centre is not None
-        x, y = (c / surface.L for c in surface.centre)
-        whole = 2.0 ** sum(c in (0.0, 1.0) for c in (x, y))  # spots over the part of one on the patch
-        radius = sqrt(whole * float(run.curve.area_fraction[top]) / pi)
-        if not radius > 0.0:
+    if spot_of(surface) is not None:
+        unit = added_by_block(problem, float(run.curve.area_fraction[top]))
+        if unit != unit:
             return
-        height = (problem.height + surface.maximum()[2] - surface.mean()) / surface.L  # below the summit
-        unit = added_to_spot(radius, (x, y), height, problem.material.nu, problem.sides)
         added, wide = surface.L * pressure / problem.material.reduced_modulus * unit, "a half-space"
     length = "m" if run.si else ""
     yield Assumption(
@@ -287,7 +283,7 @@ def _size(run: Evidence) -> Iterator[Assumption]:
     """Adhesion, of a rough surface or of a smooth summit, and the hardness of small contacts; SI units only."""
     if not run.si:
         return
-    surface, modulus = run.problem.surface, run.problem.material.reduced_modulus
+    surface, modulus = run.problem.composite, run.problem.material.reduced_modulus
     radius, force = run.summit_radius, float(run.curve.force.max())
     if surface.rough and not run.plane:
         slope = surface.rms_slope()

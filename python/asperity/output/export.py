@@ -31,7 +31,7 @@ from asperity.slip.joint_slip import slip_of_case
 from asperity.units import per_cent, quantity
 from asperity.version import __version__
 from asperity.vibration.curve_law import CurveLaw
-from asperity.vibration.source import CurveColumns, law_of_branch, leg_rows
+from asperity.vibration.source import CurveColumns, choose
 
 LAWS = ("table", "unload-reload")
 LINEAR = 0.01  # error of the pressure that linear reading may add
@@ -159,7 +159,9 @@ def interface(folder: str | Path, law: str = "table", load: float | None = None)
         rows = np.flatnonzero(resolved(curve, approach))
         found = CurveLaw(approach[rows], curve.force[rows] / patch)
     else:
-        found, rows = law_of_branch(columns, preload)[0], leg_rows(columns, preload)
+        choice = choose(columns, law, preload)
+        assert isinstance(choice.law, CurveLaw)
+        found, rows = choice.law, choice.rows
     ends, steps = np.append(_BELOW * found.z[0], found.z), np.linspace(0.0, 1.0, _DENSE, endpoint=False)
     z = np.append((ends[:-1, None] * (ends[1:] / ends[:-1])[:, None] ** steps).ravel(), ends[-1])
     pressure, k_n = found.force(z), found.slope(z)
@@ -169,9 +171,9 @@ def interface(folder: str | Path, law: str = "table", load: float | None = None)
         *_at_preload(curve, patch, rows, z, pressure, k_n, law, preload),
     ]
     if case.slip is not None:
-        of_patch = slip_of_case(case.to_dict(), curve, case.slip.preload or load)
+        of_patch = slip_of_case(case.to_dict(), curve, load)
         about += of_patch.notes
-        slip = replace(of_patch.law, block=(of_patch.law.block[0], 0.0))
+        slip = replace(of_patch.law, block=0.0)
     return Interface(z, pressure, k_n, tuple(about), slip, patch)
 
 

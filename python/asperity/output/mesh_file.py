@@ -20,7 +20,6 @@ from asperity.runtime import compat
 from asperity.runtime.display import comment
 from asperity.runtime.files import replace_file
 from asperity.surface import Surface
-from asperity.surface.iso25178 import light_approach
 from asperity.version import __version__
 
 SUFFIXES = (".inp", ".msh", ".vtk", ".stl", ".bdf", ".unv")  # of the deck, and of what gmsh writes
@@ -70,9 +69,10 @@ def block_of_case(case: Case, h: float | None = None) -> tuple[BlockMesh, Surfac
     if case.mesh.file is not None:
         block: BlockMesh | None = BlockMesh.read(case.mesh.file)
     else:
-        delta = case.loading.delta_max or (light_approach(surface) if surface.rough else 1e-3 * surface.L)
+        problem = case.problem()
+        delta = case.loading.delta_max or (surface.light_approach() if surface.rough else 1e-3 * surface.L)
         size = replace(case.mesh.size, h_contact=case.mesh.size.h_contact if h is None else h)
-        block = make_block(MPI.COMM_SELF, surface, case.problem().height, delta, size, case.block.sides)
+        block = make_block(MPI.COMM_SELF, surface, problem.height, delta, size, problem.sides, problem.composite)
     assert block is not None
     return block, surface
 

@@ -19,8 +19,7 @@ from asperity.errors import InputError
 from asperity.model.problem import Problem
 from asperity.reference.halfspace import HARDNESS, RoughHalfSpace, cells_per_side
 from asperity.surface import HeightMap, Surface, WeierstrassMandelbrot
-from asperity.surface.self_affine_fit import fit_self_affine
-from asperity.surface.statistics import psd
+from asperity.surface.spectrum import fit_self_affine, psd
 
 USUAL_HURST = 0.8  # of machined and fractured surfaces
 OTHERS = 4  # patches with other seeds; a map is compared with its quarters

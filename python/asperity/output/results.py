@@ -88,6 +88,11 @@ class Results:
             return self.built
         return Surface.from_spec(**self.case["surface"]) if "surface" in self.case else None
 
+    @cached_property
+    def tool(self) -> Any:
+        """Tool of the case; None for the flat."""
+        return Surface.from_spec(**self.case["tool"]) if "tool" in self.case else None
+
     @property
     def snapshots(self) -> int:
         """Number of load steps with stored pressure."""

@@ -20,7 +20,7 @@ def verdict(results: Results) -> list[str]:
         >>> verdict(Results("out", asp.Curve.from_rows(rows), case={"units": "SI"}))
         ['The force on the patch is 2.00 µN ± 2 % at an approach of 1 nm; 1 % of the nominal area is in contact.']
     """
-    return [*_contact(results), *_vibration(results)]
+    return [*_contact(results), *_indentation(results), *_vibration(results)]
 
 
 def _contact(results: Results) -> Iterator[str]:
@@ -45,6 +45,19 @@ def _contact(results: Results) -> Iterator[str]:
             known.append(f"{axis} {quantity(value, results.unit('stiffness'), bar=curve.bar(name, top))}")
     if known:
         yield f"Elastic stiffness of the patch there: {' and '.join(known)}."
+
+
+def _indentation(results: Results) -> Iterator[str]:
+    """Hardness and modulus of a tip."""
+    if found := results.summary.get("indentation"):
+        hardness, modulus = (
+            quantity(found[name], results.unit("stress"), bar=found[f"error_{name}"] / found[name])
+            for name in ("hardness", "modulus")
+        )
+        yield (
+            f"Hardness {hardness}, force over the projected area of contact; E' by Oliver and Pharr {modulus}, with "
+            f"beta = {found['beta']:g}."
+        )
 
 
 def _vibration(results: Results) -> Iterator[str]:

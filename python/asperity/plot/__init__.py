@@ -11,7 +11,7 @@ from matplotlib.figure import Figure
 
 from asperity.output.results import Results
 from asperity.plot.contact import contact_area, pressure_maps
-from asperity.plot.curves import conductance, force_curve, stiffness
+from asperity.plot.curves import conductance, force_curve, indentation, stiffness
 from asperity.plot.fields import surface_map
 from asperity.plot.slip import slip
 from asperity.plot.style import save, save_in
@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from asperity.vibration import Dynamics
 
 __all__ = [
-    "CAPTIONS", "conductance", "contact_area", "force_curve", "frequency", "motion",
+    "CAPTIONS", "conductance", "contact_area", "force_curve", "frequency", "indentation", "motion",
     "plot_dynamics", "plot_run", "pressure_maps", "receptance", "response", "save", "slip",
     "stiffness", "surface_map",
 ]  # fmt: skip
@@ -33,6 +33,7 @@ CAPTIONS = {
     "surface": "Heights of the surface; the ring marks the first touch.",
     "curve": "(a) Load over approach with the fitted power law. (b) The same on logarithmic axes. (c) Local "
     "exponent of the loading; that of a power law is constant.",
+    "indentation": "(a) Force over depth. (b) Hardness, the force over the projected area of contact.",
     "area": "(a) Contact area over load. (b) Distribution of the contact pressure over the nominal area.",
     "pressure": "Contact pressure on the shaded surface at selected approaches, with force and number of spots. "
     "Last: the spot of the greatest pressure, the blue square, with the facets of the mesh.",
@@ -98,6 +99,7 @@ def figures_of(results: Results) -> dict[str, Callable[[Results], Figure]]:
     wanted: dict[str, tuple[bool, Callable[[Results], Figure]]] = {
         "surface": ("surface" in results.case, heights),
         "pressure": (results.snapshots > 0, pressure_maps),
+        "indentation": (rows > 0 and "tool" in results.case, indentation),
         "area": (rows > 0, contact_area),
         "curve": (rows > 0, force_curve),
         "stiffness": (bool(np.any(results.curve.k_n_elastic > 0)), stiffness),

@@ -130,6 +130,30 @@ def tex(value: float) -> str:
 
 
 @style.styled
+def indentation(results: Results) -> Figure:
+    """Draw the force over the depth, and the hardness, force over the projected area of contact."""
+    figure, (left, right) = style.figure(style.DOUBLE, 3.5, "force over depth", "hardness")
+    curve = results.curve
+    of_d, unit_d = prefix(float(curve.delta.max()), results.unit("length"))
+    for axis, name, words, dimension in (
+        (left, "force", "force", "force"),
+        (right, "mean_pressure", "hardness", "stress"),
+    ):
+        factor, unit = prefix(float(np.nanmax(getattr(curve, name))), results.unit(dimension))
+        for branch, (mark, colour, text) in LOOKS.items():
+            if name == "mean_pressure" and branch != "load":
+                continue
+            for n, piece in enumerate(results.branches(branch)):
+                label = text if n == 0 else None
+                axis.plot(
+                    of_d * piece.delta, factor * getattr(piece, name), mark, color=colour, mfc="white", label=label
+                )
+        axis.set(xlabel=style.label("depth", unit_d), ylabel=style.label(words, unit), xlim=(0, None), ylim=(0, None))
+    left.legend(loc="best")
+    return figure
+
+
+@style.styled
 def stiffness(results: Results) -> Figure:
     """Draw the stiffnesses of the first loading over the load, and the mean gap of all branches."""
     figure, (left, right) = style.figure(style.DOUBLE, 3.5, "stiffness", "mean gap")

@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 import numpy as np
 from matplotlib.figure import Figure
 
 from asperity.arrays import Array
 from asperity.plot import style
 from asperity.surface import Spectrum
-from asperity.surface.iso25178 import ISO25178, abbott_curve
-from asperity.surface.self_affine_fit import SelfAffineFit
+from asperity.surface.spectrum import SelfAffineFit
 from asperity.units import prefix
 
 
@@ -44,21 +45,27 @@ def surface_map(heights: Array, side: float, touch: tuple[float, float, float], 
 
 
 @style.styled
-def abbott_figure(heights: Array, found: ISO25178, unit: str = "") -> Figure:
-    """Draw heights over their material ratio, the line through the core, and Sk, Spk and Svk; `unit` of length."""
+def abbott_figure(heights: Array, found: Mapping[str, float | None], unit: str = "") -> Figure:
+    """Draw heights over their material ratio, the line through the core, and Sk, Spk and Svk; `unit` of length.
+
+    Args:
+        heights: of any shape [length]
+        found: parameters of ISO 25178, see `HeightField.iso25178`
+    """
     figure, (axis,) = style.figure(style.SINGLE, 3.4, "Abbott curve")
-    scale, name = prefix(found.Sz / 2.0, unit)
-    ratio, height = abbott_curve(heights)
-    upper, lower = np.interp([found.Smr1, found.Smr2], ratio, height)  # the ends of the line
+    scale, name = prefix(np.ptp(heights) / 2.0, unit)
+    ratio = np.linspace(0.0, 1.0, 1001)
+    height = np.quantile(heights - heights.mean(), 1.0 - ratio)
+    Sk, Spk, Svk, *ratios = (float(found[key] or 0.0) for key in ("Sk", "Spk", "Svk", "Smr1", "Smr2"))
+    upper, lower = np.interp(ratios, ratio, height)  # the ends of the line
     axis.plot(100.0 * ratio, scale * height, color=style.BLUE)
     axis.plot([0.0, 100.0], [scale * upper, scale * lower], "--", color=style.VERMILION, lw=1.0)
     for end in (upper, lower):
         axis.axhline(scale * end, color=style.GREY, lw=0.6)
     # the peaks of the curve are at the left, its pits at the right
-    for x, base, up, label in ((70.0, upper, found.Spk, "Spk"), (2.0, lower, found.Sk, "Sk"),
-                               (2.0, lower - found.Svk, found.Svk, "Svk")):  # fmt: skip
+    for x, base, up, label in ((70.0, upper, Spk, "Spk"), (2.0, lower, Sk, "Sk"), (2.0, lower - Svk, Svk, "Svk")):
         axis.annotate(f"{label} = {scale * up:.3g} {name}".rstrip(), (x, scale * (base + up / 2.0)), va="center")
-    names = f"material ratio (%), Smr1 = {100 * found.Smr1:.3g}, Smr2 = {100 * found.Smr2:.3g}"
+    names = "material ratio (%), Smr1 = {:.3g}, Smr2 = {:.3g}".format(*(100.0 * ratio for ratio in ratios))
     axis.set(xlabel=names, ylabel=style.label("height above the mean", name), xlim=(0.0, 100.0))
     return figure
 

@@ -111,6 +111,8 @@ def _subject(results: Results) -> Rows:
         return []
     surface, solid = results.surface, results.case["material"]
     rows = [("surface", results.case["surface"]["kind"])]
+    if "tool" in results.case:
+        rows.append(("tool", results.case["tool"]["kind"]))
     scan = results.summary.get("scan") or {}
     rows += [(f"scan, {name}", str(scan[name])) for name in ("file", "channel") if scan.get(name)]
     rows.append(("side of the patch", quantity(surface.L, results.unit("length"))))
@@ -146,6 +148,12 @@ def _outcome(results: Results) -> Rows:
         ("contact spots", f"{curve.spots[top]}" if curve.spots[top] else ""),
         ("mean gap", shown("mean_gap", "length")),
         ("mean pressure", shown("mean_pressure", "stress")),
+    ]
+    found = results.summary.get("indentation") or {}
+    rows += [
+        (words, quantity(found[name], results.unit("stress"), bar=found[f"error_{name}"] / found[name]))
+        for name, words in (("hardness", "hardness"), ("modulus", "E' by Oliver and Pharr"))
+        if name in found
     ]
     scale, per = (1e-6, "Pa/µm") if results.unit("stiffness") else (1.0, "")
     nominal = float(results.case["surface"]["L"]) ** 2 if "surface" in results.case else math.nan

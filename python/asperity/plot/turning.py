@@ -39,7 +39,8 @@ def turning_surface(results: Results, on_grid: Raster) -> dict[str, Any] | None:
     if not np.any(top["pressure"] > 0.0):
         return None
     i = int(np.argmax(top["delta"]))
-    z = -on_grid(top["gap"][i])[:: PIXELS // (NODES - 1), :: PIXELS // (NODES - 1)]  # below the flat
+    below = top["gap"][i] + (0.0 if results.tool is None else results.tool.height(*top["points"].T))
+    z = -on_grid(below)[:: PIXELS // (NODES - 1), :: PIXELS // (NODES - 1)]  # below the plane of the flat
     span = float(np.ptp(z)) or 1.0
     highest = float(top["pressure"][i].max()) or 1.0  # as in the table; between the pixels
     factor = RELIEF * float(np.ptp(top["points"][:, 0])) / span
@@ -51,7 +52,7 @@ def turning_surface(results: Results, on_grid: Raster) -> dict[str, Any] | None:
         "relief": RELIEF,
         "scale": ", ".join(to_hex(colour) for colour in colormaps["inferno_r"](np.linspace(0.0, 1.0, 9))),
         "highest": quantity(highest, results.unit("stress"), 3),
-        "caption": f"The surface under the flat at the greatest approach, {approach}, with the contact pressure; "
+        "caption": f"The surface at the greatest approach, {approach}, with the contact pressure; "
         f"heights {factor:.2g} times enlarged. Drag it, or use the arrow keys.",
     }
 

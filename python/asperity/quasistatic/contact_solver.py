@@ -17,11 +17,10 @@ from asperity.contact import Contact
 from asperity.contact.contact_surface import ContactSurface
 from asperity.contact.thin_film import ThinFilm
 from asperity.fem.energies import dissipation, energies
-from asperity.fem.history import History
+from asperity.fem.history import History, extrapolate
 from asperity.fem.solid import Solid
 from asperity.linear.petsc import LinearFailure, destroy_unused, own_errors
 from asperity.model.settings import SolverOptions
-from asperity.quasistatic import midpoint
 from asperity.quasistatic.balance import Checks, StepBalance, audit
 from asperity.quasistatic.newton import COUNTED, NewtonSolver, StepStats
 from asperity.runtime.parallel import summed
@@ -65,7 +64,7 @@ class ContactSolver:
     they were.
 
     Args:
-        summit: height of the highest point of the surface [L]
+        summit: greatest height of the composite surface [L]
 
     Attributes:
         delta, force: of the last accepted step [L], [E L^2]
@@ -188,7 +187,7 @@ class ContactSolver:
         Args:
             delta: approach [L]
             extrapolation: part of the plastic flow of the step by which the history goes beyond `delta`, see
-                `midpoint`; with 1 the solve is the midpoint of what is committed, and the path is integrated to second
+                `stepping`; with 1 the solve is the midpoint of what is committed, and the path is integrated to second
                 order
         """
         solid, contact = self.solid, self.contact
@@ -217,7 +216,7 @@ class ContactSolver:
         self._extrapolated = extrapolation > 0.0
         if self._extrapolated:
             self._own = solid.kernels.history().copy()
-            solid.kernels.restore(midpoint.extrapolate(history, self._own, extrapolation))
+            solid.kernels.restore(extrapolate(history, self._own, extrapolation))
             if contact.has_tangent or contact.held is not None:  # for the energy balance, as after a restart
                 self._internal = solid.internal_force().copy()
         self.counts.steps += 1
@@ -234,7 +233,7 @@ class ContactSolver:
         stored, dissipated = energies(solid, internal, stress)
         # both in the order of `StepBalance`
         sums = summed(
-            solid.comm, internal[solid.base, 2].sum(), np.abs(self.newton.residual).sum(), stored, dissipated,
+            solid.comm, internal[solid.base, 2].sum(), np.abs(self.newton.now.residual).sum(), stored, dissipated,
             dissipation_of_step, relaxed, contact.penetration_work(), np.vdot(before.internal, move),
             np.vdot(internal, move), contact.tangential_work(before.internal, move),
             contact.tangential_work(internal, move),
@@ -256,8 +255,7 @@ class ContactSolver:
 
     def gap(self) -> Floats:
         """Distance of each local node below the flat, meaningful on the contact surface only (nodes,) [L]."""
-        solid = self.solid
-        return self.summit - self.delta - solid.points[:, 2] - solid.u.x.array.reshape(-1, 3)[:, 2]
+        return self.summit - self.delta - self.contact_surface.elevation(np.arange(self.solid.nodes))
 
     def release(self) -> StepStats:
         """Lift the flat off and commit; the new approach is that at which it would touch the deformed surface again."""
@@ -269,9 +267,9 @@ class ContactSolver:
         return stats
 
     def _highest(self) -> float:
-        """Height of the highest node of the deformed contact surface above the base [L]; collective."""
+        """Greatest height of the deformed composite surface above the base, at a node [L]; collective."""
         nodes = self.contact_surface.owned_nodes
-        z = self.solid.points[nodes, 2] + self.solid.u.x.array.reshape(-1, 3)[nodes, 2]
+        z = self.contact_surface.elevation(nodes)
         return float(self.solid.comm.allreduce(np.max(z, initial=-np.inf), op=MPI.MAX))
 
     @property
@@ -295,7 +293,6 @@ class ContactSolver:
         self._previous = None if state.before is None else (state.before, state.previous)
         self.contact.begin(self.summit - self.delta)
         self.roll_back()
-        self._internal = self.newton.force = self.solid.internal_force().copy()
-        self.contact.residual(self.newton.force)
+        self._internal = self.newton.evaluate(self.newton.x.array_r).force
         self._find_forces()
         self.force = state.force

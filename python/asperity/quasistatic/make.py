@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 from asperity.contact import make_contact
 from asperity.contact.contact_surface import ContactSurface
+from asperity.contact.tool import Tool
 from asperity.fem.law_check import check_law
 from asperity.fem.solid import Solid
 from asperity.linear.petsc import destroy_unused
@@ -19,23 +20,26 @@ from asperity.model.settings import Formulation, MeshSize, SolverOptions
 from asperity.quasistatic.contact_solver import ContactSolver
 from asperity.runtime.parallel import on_root
 from asperity.runtime.usage import Phases
-from asperity.surface import Surface
+from asperity.surface import Flat, Surface, composite
 
 if TYPE_CHECKING:
     from mpi4py import MPI
 
 
 def make_block(
-    comm: MPI.Comm, surface: Surface, height: float, delta_max: float, size: MeshSize, sides: str = "rollers"
-) -> BlockMesh | None:
+    comm: MPI.Comm, surface: Surface, height: float, delta_max: float, size: MeshSize, sides: str = "rollers",
+    composite: Surface | None = None,
+) -> BlockMesh | None:  # fmt: skip
     """Mesh on rank 0 of a block of mean height for an approach, both [length]; None elsewhere; collective.
 
-    Opposite `sides` that are "periodic" fit. A MeshError says why a surface cannot be meshed.
+    Opposite `sides` that are "periodic" fit. The `composite` surface, by default that of the block, says where elements
+    are small. A MeshError says why a surface cannot be meshed.
     """
+    met = surface if composite is None else composite
 
     def build() -> BlockMesh:
-        field = size_field(surface, delta_max, size, sides)
-        return build_block(surface, height, field.at, field.periodic)
+        field = size_field(met, delta_max, size, sides)
+        return build_block(surface, height, field.at, field.periodic, met.maximum()[:2])
 
     return on_root(comm, build)
 
@@ -67,13 +71,17 @@ def make_contact_solver(
     formulation: Formulation | None = None,
     options: SolverOptions | None = None,
     phases: Phases | None = None,
+    tool: Surface | None = None,
+    highest: float | None = None,
 ) -> ContactSolver:
-    """Distribute a block over the ranks and put it under the flat; collective.
+    """Distribute a block over the ranks and put it under the flat, or a tool; collective.
 
     Args:
         surface: the top the block was built for
         block: mesh on rank 0, None elsewhere
         material: in physical units
+        tool: rigid body above the block, see `Problem`
+        highest: greatest height of the composite surface, which is searched without it [length]
 
     Raises:
         InputError: the kinematics of the material is not chosen yet
@@ -99,9 +107,10 @@ def make_contact_solver(
     mesh, tags = distributed(comm, surface, block, sides)
     options = options or SolverOptions()
     solid = Solid(mesh, tags, material.scaled(material.E), sides, options.forms, phases, comm)
-    top = ContactSurface(solid)
+    rigid = Flat(L=L) if tool is None else tool
+    top = ContactSurface(solid, None if isinstance(rigid, Flat) else Tool(rigid, sides == "periodic"))
     contact = make_contact(formulation or Formulation(), solid, top)
-    summit = (height + surface.maximum()[2] - surface.mean()) / L
+    summit = (height + (composite(surface, rigid).maximum()[2] if highest is None else highest) - surface.mean()) / L
     return ContactSolver(solid, top, contact, summit, options)
 
 
@@ -116,4 +125,6 @@ def solver_of(problem: Problem, block: BlockMesh | None, comm: MPI.Comm, phases:
         formulation=problem.formulation,
         options=problem.options,
         phases=phases,
+        tool=problem.tool,
+        highest=problem.composite.maximum()[2],
     )

@@ -2,30 +2,86 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from contextlib import suppress
+from dataclasses import dataclass
 from functools import partial
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any, TypedDict
 
 from asperity.contact.thin_film import ThinFilm
+from asperity.curve import Curve
 from asperity.errors import ConvergenceError, Interrupted, MeshError
 from asperity.fem.forms import FormKernels
+from asperity.fem.solid import Solid
 from asperity.mesh.block import NEAR, BlockMesh
 from asperity.mesh.resolution import judge_mesh
 from asperity.model.load_path import Schedule
 from asperity.model.problem import Problem
 from asperity.model.settings import H_CONTACT, MeshSize
-from asperity.quasistatic.callbacks import Callbacks
 from asperity.quasistatic.contact_result import ContactResult, PartialResult, refuse_wrong
 from asperity.quasistatic.contact_solver import ContactSolver
 from asperity.quasistatic.make import make_block, solver_of
-from asperity.quasistatic.stepping import Position, Record, follow
+from asperity.quasistatic.stepping import Callback, Position, Record, follow
+from asperity.quasistatic.stiffness import Stiffness
 from asperity.runtime.parallel import on_root
 from asperity.runtime.usage import Phases, peak
 
 if TYPE_CHECKING:
     from mpi4py import MPI
 
+    from asperity.quasistatic.checkpoint import Checkpoint
+
 ESTIMATE_STEPS = 40  # after which the approach at a given force is only guessed
+
+
+class CallbackArguments(TypedDict, total=False):
+    """The attributes of `Callbacks` as arguments."""
+
+    on_stage: Callable[[str], None] | None
+    on_step: Callback | None
+    stop: Callable[[], str] | None
+    checkpoint: Checkpoint | None
+    snapshots: int
+    on_ready: Callable[[], None] | None
+    stiffness: bool
+    flow: bool
+    on_curve: Callable[[Curve], None] | None
+
+
+@dataclass(frozen=True)
+class Callbacks:
+    """Callbacks of a load path, and what to keep of it.
+
+    Attributes:
+        on_stage: called with the name of each stage
+        on_step: called after each accepted step
+        stop: polled after each step on all ranks; a non-empty string stops the run
+        checkpoint: receives the state; one that holds a state is continued from
+        snapshots: states of the top to keep per loading
+        on_ready: called when mesh and solver are made, before anything is saved
+        stiffness: whether to compute the columns k_n_elastic to conductance
+        flow: whether to compute the columns transmissivity_x to hydraulic_aperture
+        on_curve: with a tolerance, called with the curve with error bars that each mesh after the first gives
+    """
+
+    on_stage: Callable[[str], None] | None = None
+    on_step: Callback | None = None
+    stop: Callable[[], str] | None = None
+    checkpoint: Checkpoint | None = None
+    snapshots: int = 0
+    on_ready: Callable[[], None] | None = None
+    stiffness: bool = False
+    flow: bool = False
+    on_curve: Callable[[Curve], None] | None = None
+
+    def probes(self, solid: Solid) -> tuple[Any, ...]:
+        """Measurements of each accepted step that are requested, see `ContactSolver`; collective."""
+        return (Stiffness(solid),) if self.stiffness else ()
+
+    def stage(self, name: str) -> None:
+        """Announce a stage."""
+        if self.on_stage is not None:
+            self.on_stage(name)
 
 
 def solve_problem(
@@ -64,14 +120,16 @@ def solve_problem(
     if own_mesh:
         with phases.phase("mesh"):
             if not given:
-                block = make_block(comm, problem.surface, problem.height, delta_max, problem.size, problem.sides)
+                block = make_block(
+                    comm, problem.surface, problem.height, delta_max, problem.size, problem.sides, problem.composite
+                )
             on_root(comm, partial(judge, problem, block, delta_max))
     hooks.stage("set-up")
     with phases.phase("set-up"):
         solver = solver_of(problem, block, comm, phases)
         solver.probes = hooks.probes(solver.solid)
         if hooks.flow:
-            solver.film = ThinFilm(solver.contact_surface, problem.surface, solver.summit)
+            solver.film = ThinFilm(solver.contact_surface, problem.composite, solver.summit)
     kernels = solver.solid.kernels
     if isinstance(kernels, FormKernels):
         hooks.stage("compilation of the forms")
@@ -124,7 +182,8 @@ def refuse_other_height(problem: Problem, block: BlockMesh | None) -> None:
 def judge(problem: Problem, block: BlockMesh | None, delta_max: float) -> None:
     """Warn of a mesh made for an approach [length] that does not resolve the surface, or refuse it; rank 0."""
     assert block is not None
-    judge_mesh(block, problem.surface, problem.size.h_contact or H_CONTACT * problem.surface.L, delta_max)
+    h = problem.size.h_contact or H_CONTACT * problem.surface.L
+    judge_mesh(block, problem.surface, h, delta_max, problem.composite)
 
 
 def _follow(
@@ -152,9 +211,9 @@ def estimate_approach(problem: Problem, comm: MPI.Comm) -> float:
 
     A force that is not reached soon, or not at all, gives the approach so far: the run itself reports it.
     """
-    surface, L = problem.surface, problem.surface.L
-    depth = surface.maximum()[2] - surface.mean()
-    block = make_block(comm, surface, problem.height, max(depth, 0.01 * L), MeshSize(0.1 * L), problem.sides)
+    surface, met, L = problem.surface, problem.composite, problem.surface.L
+    depth = met.maximum()[2] - met.mean()
+    block = make_block(comm, surface, problem.height, max(depth, 0.01 * L), MeshSize(0.1 * L), problem.sides, met)
     solver = solver_of(problem, block, comm)
 
     def give_up(at: Position) -> None:

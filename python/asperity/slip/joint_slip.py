@@ -1,11 +1,12 @@
-"""Slip of a joint by its curve: paths and loops of each amplitude with their bars, and their files."""
+"""Slip of a joint by its curve: loops of each amplitude with their bars, and their files."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -18,8 +19,7 @@ from asperity.model.slip import SlipSettings
 from asperity.runtime.display import short_repr
 from asperity.runtime.files import write_csv
 from asperity.runtime.run_folder import SLIP, SLIP_LOOPS
-from asperity.slip.branch import branch_rows, column_of, down_to_zero, measured_ratio, stuck_law
-from asperity.slip.law import SlipLaw, SlipPath, path_of_law
+from asperity.slip.law import SlipLaw
 from asperity.units import quantity
 from asperity.vibration.curve_law import Bars, CurveLaw
 from asperity.vibration.law import Law, bar_of
@@ -36,75 +36,87 @@ KINEMATIC = (
 
 @dataclass(frozen=True, eq=False)
 class JointSlip:
-    """Slip of a joint about a preload; one entry per amplitude, forces those of the patch.
+    """Slip of a joint about a preload at several amplitudes, forces those of the patch.
 
     Attributes:
         law: by the normal curve
-        paths: of the law
-        errors: error bars of the columns `WITH_ERRORS`, empty for a curve without bars; those of the curve alone
+        settings: amplitudes, and steps of their paths
+        bars: those of the columns `WITH_ERRORS` at each amplitude (4, n), by the curve alone; NaN without any
         notes: what to doubt, one sentence each
+        area: rising normal forces (n,) and the area of contact at each, in any unit (n,); empty where it is unknown
+        mass: that vibrates on the joint (mass); without a mass, None, no frequency follows
+        factor: nominal area of the joint over that of the patch
+        units: "SI" shows SI units in words
     """
 
     law: SlipLaw
-    paths: tuple[SlipPath, ...]
-    errors: tuple[Mapping[str, float], ...] = ()
+    settings: SlipSettings
+    bars: Array
     notes: tuple[str, ...] = ()
+    area: tuple[Array, Array] = (np.empty(0), np.empty(0))
+    mass: float | None = None
+    factor: float = 1.0
+    units: str = "SI"
 
     __repr__ = short_repr
 
     def loops(self) -> list[dict[str, float]]:
-        """Columns of slip_loops.csv, one row per amplitude."""
-        rows = [path.loop() for path in self.paths]
-        for row, errors in zip(rows, self.errors, strict=False):
-            row |= {f"error_{name}": errors[name] for name in WITH_ERRORS}
-        return rows
+        """Rows of slip_loops.csv, one for each amplitude."""
+        t = np.array(self.settings.amplitudes)
+        columns = {"amplitude": t, "T": self.law.limit * t}
+        columns |= dict(zip(WITH_ERRORS, _columns(self.law, t), strict=True))
+        columns["slip_share"] = self._share(self.law.preload * (1.0 - t))
+        if np.isfinite(self.bars).all():
+            columns |= {f"error_{name}": bar for name, bar in zip(WITH_ERRORS, self.bars, strict=True)}
+        return _rows(columns)
 
     def steps(self) -> Iterator[dict[str, float]]:
         """Rows of slip.csv: one block per amplitude, from rest to the amplitude and around a closed loop."""
-        for path in self.paths:
-            columns = {name: getattr(path, name).tolist() for name in ("u", "T", "slip_share", "dissipated")}
-            for step, values in enumerate(zip(*columns.values(), strict=True)):
-                yield {"amplitude": path.amplitude, "step": step} | dict(zip(columns, values, strict=True))
+        for amplitude in self.settings.amplitudes:
+            path = self.law.path(amplitude, self.settings.steps)
+            path["slip_share"] = self._share(path.pop("sticks"))
+            for step, row in enumerate(_rows({name: path[name] for name in ("u", "T", "slip_share", "dissipated")})):
+                yield {"amplitude": amplitude, "step": step} | row
 
-    def vibration(self, mass: float, factor: float = 1.0) -> list[dict[str, float]]:
-        """Frequency (1/time), of the secant stiffness, and damping ratio, half of the loss factor, at each amplitude.
+    def _share(self, sticks: Array) -> Array:
+        """Share of the area of contact that slips (n,), by the normal forces whose contact sticks; NaN if unknown."""
+        if not self.area[0].size:
+            return np.full(sticks.shape, np.nan)
+        force, area = (np.append(0.0, column) for column in self.area)
+        return np.asarray(1.0 - np.interp(sticks, force, area) / np.interp(self.law.preload, force, area))
 
-        Args:
-            mass: that vibrates on the joint (mass)
-            factor: nominal area of the joint over that of the patch
-        """
-        f = (math.sqrt(factor * path.k_secant / mass) / (2.0 * math.pi) for path in self.paths)
-        return [{"amplitude": p.amplitude, "f": x, "zeta": 0.5 * p.eta} for p, x in zip(self.paths, f, strict=True)]
+    def vibration(self) -> list[dict[str, float]]:
+        """Frequency of the secant stiffness (1/time) and damping ratio, half of the loss factor, at each amplitude."""
+        if self.mass is None:
+            return []
+        unit = math.sqrt(self.factor / self.mass) / (2.0 * math.pi)
+        return [
+            {"amplitude": row["amplitude"], "f": unit * math.sqrt(row["k_secant"]), "zeta": 0.5 * row["eta"]}
+            for row in self.loops()
+        ]
 
-    def to_dict(self, mass: float | None = None, factor: float = 1.0, *, units: str = "SI") -> dict[str, Any]:
-        """Section "slip" of summary.json.
-
-        Args:
-            mass, factor: see `vibration`; without a mass no frequency follows
-            units: "SI" shows SI units in its words
-        """
+    def to_dict(self) -> dict[str, Any]:
+        """Section "slip" of summary.json."""
         return {
             "friction": self.law.friction, "preload": self.law.preload, "limit": self.law.limit,
-            "k_rest": float(self.law.k_tangent(0.0)),
-            "loops": [_known(row) for row in self.loops()],
-            "vibration": [] if mass is None else self.vibration(mass, factor),
-            "in_words": self.lines(mass, factor, units=units), "notes": list(self.notes),
+            "k_rest": float(self.law.k_tangent(0.0)), "loops": [_known(row) for row in self.loops()],
+            "vibration": self.vibration(), "in_words": self.lines(), "notes": list(self.notes),
         }  # fmt: skip
 
-    def lines(self, mass: float | None = None, factor: float = 1.0, *, units: str = "SI") -> list[str]:
-        """Frequency, or stiffness without a mass, and damping ratio at up to three amplitudes; see `to_dict`."""
-        si, found, rows = units == "SI", [], self.vibration(mass or math.nan, factor)
+    def lines(self) -> list[str]:
+        """Frequency, or stiffness without a mass, and damping ratio at up to three amplitudes."""
+        rows, moving, found = self.loops(), self.vibration(), []
         for i in sorted({0, len(rows) // 2, len(rows) - 1}):
-            path, row = self.paths[i], rows[i]
-            bars = self.errors[i] if self.errors else dict.fromkeys(WITH_ERRORS, math.nan)
-            of_k, of_zeta = bars["k_secant"] / path.k_secant, bars["eta"] / (path.eta or math.nan)
-            if mass is None:
-                what = f"stiffness {quantity(factor * path.k_secant, 'N/m' if si else '', 5, bar=of_k)}"
-            else:
-                what = f"frequency {quantity(row['f'], 'Hz' if si else '', 5, bar=0.5 * of_k)}"
-            zeta = quantity(row["zeta"], "", 3, bar=of_zeta)
-            found.append(f"Slip at {path.amplitude:g} of the friction limit: {what}, damping ratio {zeta}")
-        return [*found, OF_THE_CURVE] if self.errors else found
+            k, eta = rows[i]["k_secant"], rows[i]["eta"]
+            of_k, of_eta = (rows[i].get(f"error_{name}", math.nan) for name in ("k_secant", "eta"))
+            name, unit, value, bar = "stiffness", "N/m", self.factor * k, of_k / k
+            if moving:
+                name, unit, value, bar = "frequency", "Hz", moving[i]["f"], 0.5 * bar
+            shown = quantity(value, unit if self.units == "SI" else "", 5, bar=bar)
+            zeta = quantity(0.5 * eta, "", 3, bar=of_eta / (eta or math.nan))
+            at = rows[i]["amplitude"]
+            found.append(f"Slip at {at:g} of the friction limit: {name} {shown}, damping ratio {zeta}")
+        return [*found, OF_THE_CURVE] if np.isfinite(self.bars).all() else found
 
     def write(self, folder: Path) -> None:
         """Write slip.csv and slip_loops.csv."""
@@ -112,8 +124,17 @@ class JointSlip:
             write_csv(folder / name, tuple(rows[0]), map(_known, rows))
 
 
+def _rows(columns: Mapping[str, Array]) -> list[dict[str, float]]:
+    return [dict(zip(columns, map(float, row), strict=True)) for row in np.transpose(list(columns.values()))]
+
+
 def _known(row: Mapping[str, float]) -> dict[str, float | None]:
     return {name: value if math.isfinite(value) else None for name, value in row.items()}
+
+
+def _columns(law: SlipLaw, t: Array) -> Array:
+    """Columns `WITH_ERRORS` of a law at amplitudes (n,), (4, n)."""
+    return np.stack([law.displacement(t), law.k_secant(t), law.energy(t), law.eta(t)])
 
 
 def slip_of_curve(
@@ -139,35 +160,22 @@ def slip_of_curve(
         >>> slip = slip_of_curve({"delta": z, "force": 2e9 * z**1.5}, SlipSettings(friction=0.3), steel, patch=1e-12,
         ...                      height=1e-6)
         >>> print(slip.lines()[0])
-        Slip at 0.1 of the friction limit: stiffness 73.108 kN/m, damping ratio 0.00141
+        Slip at 0.1 of the friction limit: stiffness 73.108 kN/m, damping ratio 0.00142
     """
-    columns = CurveColumns.of(curve)
-    choice = choose(columns, "auto", settings.preload)
-    rows = branch_rows(columns, choice)
-    block = height / (patch * material.block_modulus(sides)), height / (patch * material.lame[1])
-    ratio = measured_ratio(curve, columns, rows, block, settings.direction)
-
-    def law_on(law: Law) -> SlipLaw:
-        if isinstance(law, CurveLaw):
-            law = down_to_zero(law)
-        if ratio is None or not isinstance(law, CurveLaw):
-            return SlipLaw(law, choice.load, settings.friction, material.nu, block)
-        stuck = stuck_law(law, *ratio, block[0], choice.load)
-        return SlipLaw(stuck, choice.load, settings.friction, 0.0, (0.0, block[1]))
-
-    law, t = law_on(choice.law), np.array(settings.amplitudes)
-    area = _area_of(curve, columns, rows)
-    paths = tuple(path_of_law(law, amplitude, steps=settings.steps, area=area) for amplitude in settings.amplitudes)
-    # the law passes through its points: only their errors count, not those of a local fit
-    of_force, of_k = columns.bar_at(choice.load), columns.bar_at(choice.load, elastic=True)
-    errors_of_curve = Bars(choice.load, of_force, stiffness=of_k if of_k > 0.0 else 0.0)
-    bars: Array = np.zeros((len(WITH_ERRORS), 0))
-    unloaded = not choice.yielded or choice.name == "unload-reload"
-    if isinstance(choice.law, CurveLaw) and ratio is not None and unloaded and math.isfinite(of_force):
+    columns = CurveColumns.of(curve, block=height / (patch * material.block_modulus(sides)))
+    choice, block = choose(columns, "auto", settings.preload, "slip.preload"), height / (patch * material.lame[1])
+    ratios = _ratios(columns, choice, block, settings.direction)
+    make = partial(_slip_law, choice.load, settings.friction, material.nu, block, ratios)
+    law, t, measured = make(choice.law), np.array(settings.amplitudes), ratios[0].size > 0
+    bars: Array = np.full((len(WITH_ERRORS), t.size), np.nan)
+    if isinstance(choice.law, CurveLaw) and measured and (not choice.yielded or choice.name == "unload-reload"):
+        # the law passes through its points: only their errors count, not those of a local fit
+        of_force, of_k = (columns.bar_at(choice.load, elastic=elastic) for elastic in (False, True))
+        of_curve = replace(choice.law, bars=Bars(choice.load, of_force, stiffness=float(np.nan_to_num(of_k))))
         with suppress(AsperityError):  # at the end of its bar the curve may not reach the preload
-            bars = bar_of(replace(choice.law, bars=errors_of_curve), lambda side: _columns(law_on(side), t))
-    errors = tuple({k: float(x) for k, x in zip(WITH_ERRORS, row, strict=True)} for row in bars.T)
-    return JointSlip(law, paths, errors, tuple(_doubts(choice, ratio is not None, paths)))
+            bars = bar_of(of_curve, lambda side: _columns(make(side), t))
+    area = _by_force(columns, choice, columns.curve.area_fraction[choice.rows])
+    return JointSlip(law, settings, bars, tuple(_doubts(choice, measured, law.energy(t), material)), area)
 
 
 def slip_of_case(case: Mapping[str, Any], curve: Any, preload: float | None = None) -> JointSlip:
@@ -176,41 +184,65 @@ def slip_of_case(case: Mapping[str, Any], curve: Any, preload: float | None = No
     Args:
         case: nested tables of the completed case, with the section [slip]
         curve: of the run
-        preload: instead of that of the section (force)
+        preload: where the section has none (force)
 
     Raises:
         AsperityError: see `slip_of_curve`
     """
     solid, block, patch = case["material"], case["block"], float(case["surface"]["L"]) ** 2
-    settings = SlipSettings(**case["slip"] | ({} if preload is None else {"preload": preload}))
-    material = Material(solid["E"], solid["nu"])  # the contact is elastic where it slips
-    found = slip_of_curve(curve, settings, material, patch=patch, height=block["height"], sides=block["sides"])
-    if solid.get("hardening", "isotropic") in ("isotropic", 0) or not CurveColumns.of(curve).yielded(found.law.preload):
-        return found
-    return replace(found, notes=(*found.notes, KINEMATIC))
+    settings = SlipSettings(**{"preload": preload} | case["slip"])
+    names = ("E", "nu", "yield_strength", "tangent_modulus", "hardening")[: 2 if "law" in solid else None]
+    material = Material(**{name: solid[name] for name in names if name in solid})
+    return slip_of_curve(curve, settings, material, patch=patch, height=block["height"], sides=block["sides"])
 
 
-def _columns(law: SlipLaw, t: Array) -> Array:
-    """Columns `WITH_ERRORS` of a law at amplitudes (n,), (4, n)."""
-    return np.stack([law.displacement(t), law.k_secant(t), law.energy(t), law.eta(t)])
+def _ratios(columns: CurveColumns, choice: Choice, block: float, direction: str) -> tuple[Array, Array]:
+    """Forces (n,), rising, and tangential over normal compliance of the interface without slip (n,), of a branch.
+
+    Empty without the columns k_n_elastic, k_t and k_t_x. The block has a tangential compliance (length/force), the
+    direction is that of the motion, "x" or "y".
+    """
+    mean, along_x = columns.curve.k_t[choice.rows], columns.curve.k_t_x[choice.rows]
+    with np.errstate(divide="ignore"):
+        tangential = 1.0 / (along_x if direction == "x" else 2.0 * mean - along_x) - block
+    return _by_force(columns, choice, tangential * columns.elastic[choice.rows])
 
 
-def _area_of(curve: Any, columns: CurveColumns, rows: Array) -> Callable[[Array], Array] | None:
-    """Area of contact over the normal force on the branch of a law, None where the curve has none."""
-    area = column_of(curve, "area_fraction", columns.delta.size)
-    rows = rows[area[rows] > 0.0]
-    if rows.size < 2:
-        return None
-    x, y = np.log(columns.force[rows]), np.log(area[rows])
-
-    def at(force: Array) -> Array:
-        light = np.minimum(np.log(force) - x[0], 0.0)  # below the first row the area is proportional to the force
-        return np.asarray(np.exp(np.interp(np.log(force), x, y) + light))
-
-    return at
+def _by_force(columns: CurveColumns, choice: Choice, values: Array) -> tuple[Array, Array]:
+    """Forces (n,), rising, and positive values at the rows of a branch."""
+    force = columns.force[choice.rows]
+    known = np.flatnonzero((force > 0.0) & (values > 0.0) & np.isfinite(values))
+    known = known[np.argsort(force[known], kind="stable")]
+    return force[known], values[known]
 
 
-def _doubts(choice: Choice, measured: bool, paths: tuple[SlipPath, ...]) -> Iterator[str]:
+def _slip_law(load: float, friction: float, nu: float, block: float, ratios: tuple[Array, Array], law: Law) -> SlipLaw:
+    """Law of slip by a normal law, with the ratios of its compliances where they are known, see `_ratios`."""
+    if not isinstance(law, CurveLaw):
+        return SlipLaw(law, load, friction, nu, block)
+    if ratios[0].size:
+        law, nu = without_slip(law, *ratios), 0.0
+    if law.slopes[0] * law.z[0] < law.F[0]:  # few facets touch; a stiffness that rises as the force falls never slips
+        k = np.full(law.z.size, np.nan) if law.k is None else law.k.copy()
+        k[0] = law.F[0] / law.z[0]
+        law = replace(law, k=k)
+    return SlipLaw(law, load, friction, nu, block)
+
+
+def without_slip(law: CurveLaw, forces: Array, ratios: Array) -> CurveLaw:
+    """Normal force over the displacement w with dP/dw = k_t, the tangential stiffness without slip.
+
+    Args:
+        law: of the normal force over the approach
+        forces, ratios: tangential over normal compliance at forces, both (n,)
+    """
+    ratio = np.interp(law.F, forces, ratios)
+    steps = 0.5 * (ratio[1:] + ratio[:-1]) * np.diff(law.z)
+    w = ratio[0] * law.z[0] + np.append(0.0, np.cumsum(steps))
+    return CurveLaw(w, law.F, k=law.slopes / ratio, name="contact without slip")
+
+
+def _doubts(choice: Choice, measured: bool, energy: Array, material: Material) -> Iterator[str]:
     if choice.note:
         yield choice.note
     elif choice.yielded and choice.name != "unload-reload":
@@ -224,7 +256,9 @@ def _doubts(choice: Choice, measured: bool, paths: tuple[SlipPath, ...]) -> Iter
             "the curve has no tangential stiffness (columns k_t and k_t_x): that of an isotropic half-space is taken, "
             "which long spots and steep slopes do not have; compute it with output.stiffness = true"
         )
-    if min(path.energy for path in paths) <= 0.0:
+    if energy.min() <= 0.0:
         yield (
             "the normal curve is not convex below the preload, so a loop by it would gain energy: take more load steps"
         )
+    if choice.yielded and material.kinematic_share > 0.0:
+        yield KINEMATIC

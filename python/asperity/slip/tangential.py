@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -34,17 +34,12 @@ class TangentialVibration:
     """Tangential vibration of a mass on a joint, by the normal curve.
 
     Attributes:
-        slip, mass: slip of the patch, mass that vibrates (mass)
-        factor: nominal area of the joint over that of the patch
+        slip: of the patch, with the mass
         responses: by force over the limit of friction: frequency (1/time) and amplitude (length), along the curve
-        units: "SI" or "other"
     """
 
     slip: JointSlip
-    mass: float
-    factor: float
     responses: dict[float, tuple[Array, Array]]
-    units: str
 
     __repr__ = short_repr
 
@@ -54,14 +49,14 @@ class TangentialVibration:
             {"force": share, "f": float(f[a.argmax()]), "amplitude": float(a.max())}
             for share, (f, a) in self.responses.items()
         ]
-        return self.slip.to_dict(self.mass, self.factor, units=self.units) | {"mass": self.mass, "peaks": peaks}
+        return self.slip.to_dict() | {"mass": self.slip.mass, "peaks": peaks}
 
     def write(self, folder: str | Path) -> None:
         """Write slip.csv and slip_loops.csv of the patch, and slip_response.csv of the joint."""
         folder = Path(folder)
         folder.mkdir(parents=True, exist_ok=True)
         self.slip.write(folder)
-        limit = self.factor * self.slip.law.limit
+        limit = self.slip.factor * self.slip.law.limit
         rows = (
             {"force": share * limit, "frequency": x, "amplitude": y}
             for share, (f, a) in self.responses.items()
@@ -89,12 +84,13 @@ def tangential_vibration(
     factor, mass = settings.factor, small_vibration(curve, settings)[0].mass
     if not math.isfinite(mass):
         raise InputError("no mass vibrates: give joint.mass")
-    slip = slip_of_case(case, curve, case["slip"].get("preload") or settings.patch_load)
+    slip = slip_of_case(case, curve, settings.patch_load)
+    slip = replace(slip, mass=mass, factor=factor, units=str(case.get("units", "SI")))
     responses = {}
     for share in forces:  # a joint is its patches side by side: forces and mass over the factor, the same lengths
         omega, a = tangential_response(slip.law, mass / factor, share * slip.law.limit, zeta=zeta)
         responses[float(share)] = omega / (2.0 * np.pi), a
-    return TangentialVibration(slip, mass, factor, responses, str(case.get("units", "SI")))
+    return TangentialVibration(slip, responses)
 
 
 def sliders(law: SlipLaw, count: int = _SLIDERS) -> tuple[Array, Array]:

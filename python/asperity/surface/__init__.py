@@ -2,16 +2,20 @@
 
 from __future__ import annotations
 
-from asperity.surface.base import Surface, SurfaceWarning
+from asperity.surface.base import Surface, SurfaceStatistics, SurfaceWarning
+from asperity.surface.composite import Composite, composite
 from asperity.surface.fractal import WeierstrassMandelbrot, cut_off_index
 from asperity.surface.height_map import HeightMap
 from asperity.surface.self_affine import SelfAffine
-from asperity.surface.shapes import Flat, Sinusoid, Sphere
-from asperity.surface.statistics import Spectrum, SurfaceStatistics
+from asperity.surface.shapes import Cone, Flat, Pyramid, Sinusoid, Sphere
+from asperity.surface.spectrum import Spectrum
 
 __all__ = [
+    "Composite",
+    "Cone",
     "Flat",
     "HeightMap",
+    "Pyramid",
     "SelfAffine",
     "Sinusoid",
     "Spectrum",
@@ -20,5 +24,6 @@ __all__ = [
     "SurfaceStatistics",
     "SurfaceWarning",
     "WeierstrassMandelbrot",
+    "composite",
     "cut_off_index",
 ]

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from dataclasses import fields
+from dataclasses import dataclass, fields
 from functools import cached_property
 from typing import Annotated, Any, ClassVar
 
@@ -14,16 +14,19 @@ from pydantic import Field
 from asperity.arrays import Array
 from asperity.errors import AsperityWarning, InputError, warn
 from asperity.runtime.declaration import LENGTH, Real, check_shares, declared, key, unknown
-from asperity.runtime.display import nearest, optional, picture, show
+from asperity.runtime.display import nearest, optional, picture, short_repr, show
 from asperity.surface.maximum import global_maximum
-from asperity.surface.statistics import SMALL_SLOPE, Spectrum, SurfaceStatistics, psd
+from asperity.surface.spectrum import Spectrum, psd
 
 #: A summit closer to an edge of the patch than this counts as on the edge, and its mesh node is placed there [L].
 EDGE = 1e-3
+SMALL_SLOPE = 0.1  # rms slope up to which small-strain, small-slope contact theory is accurate
 FLAT = 1e-12  # depth over the side below which a surface is a plane: that of round-off
 
 _GRID = 1010  # nodes per side for statistics: 1009 intervals, a prime, are out of step with those of any other map
+_SAMPLES = 513  # nodes per side of the heights of a surface that is no map
 _CELLS, _POINTS = (128, 1024), 4  # of the rule for the mean height: cells along a side, points in a cell
+LIGHT, LEAST = 0.02, 0.02  # share of the heights above the flat at a light load; least depth over their range
 _STEEPNESS, _LONG = 16, 1e6  # exponent in `short_wave_share`, and ratio of lengths beyond which that is zero
 
 
@@ -32,6 +35,25 @@ Side = Annotated[Real, Field(ge=1e-20, le=1e20)]  # of the patch
 
 class SurfaceWarning(AsperityWarning):
     """A surface is legal, but probably not the intended one, or its slopes exceed small-slope theory."""
+
+
+@dataclass(frozen=True)
+class SurfaceStatistics:
+    """Roughness parameters of the patch from a regular grid; heights are taken about their mean.
+
+    Attributes:
+        Sq: rms height (length)
+        Sz: height of the highest above the lowest node (length)
+        rms_slope: sqrt(<|grad z|^2>) (dimensionless)
+        rms_curvature: sqrt(<(laplacian z)^2>)/2 (1/length)
+    """
+
+    Sq: float
+    Sz: float
+    rms_slope: float
+    rms_curvature: float
+
+    __repr__ = short_repr
 
 
 @declared("surface", eq=False, kw_only=True)
@@ -210,8 +232,20 @@ class Surface(ABC):
         return SurfaceStatistics(Sq=float(np.std(z)), Sz=float(np.ptp(z)), rms_slope=slope, rms_curvature=curvature / 2)
 
     def psd(self, n: int = 1024, window: str = "hann") -> Spectrum:
-        """Radial power spectral density of the heights; see :func:`statistics.psd`."""
+        """Radial power spectral density of the heights; see :func:`spectrum.psd`."""
         return psd(self.grid(n + 1)[:-1, :-1], self.L, window)
+
+    @cached_property
+    def heights(self) -> Array:
+        """Heights from edge to edge (ny, nx), index [iy, ix] (length): those of a map, else of a grid of 513 x 513."""
+        return self.grid(_SAMPLES)
+
+    def light_approach(self) -> float:
+        """Approach from the summit (length), at most a tenth of the side, with a small share of the heights above it.
+
+        The share does not depend on the spectrum. A spike takes all of the approach.
+        """
+        return min(light_depth(self.heights, self.maximum()[2]), 0.1 * self.L)
 
     def to_xarray(self, n: int = 513) -> Any:
         """Heights of an n x n grid over y and x [length]; needs the package xarray."""
@@ -281,6 +315,17 @@ def short_wave_share(length: Array | float, wavelength: float) -> Array:
         wavelength: cut-off (length)
     """
     return np.asarray(1.0 / (1.0 + (np.minimum(np.asarray(length) / wavelength, _LONG)) ** _STEEPNESS))
+
+
+def light_depth(z: Array, summit: float | None = None) -> float:
+    """Depth below the summit, or the highest height, with a small share of the heights above it (length).
+
+    >>> from asperity.surface.base import light_depth
+    >>> round(float(light_depth(np.linspace(0.0, 1.0, 101))), 9)
+    0.02
+    """
+    highest = float(z.max()) if summit is None else summit
+    return max(highest - float(np.quantile(z, 1.0 - LIGHT)), LEAST * float(np.ptp(z)))
 
 
 def nodes(L: float, n: int) -> Array:

@@ -1,42 +1,73 @@
-"""Files of height maps on regular grids: arrays of NumPy, text, and the formats of instruments."""
+"""Files of heights on a regular grid.
+
+NumPy reads arrays and plain text; SurfaceTopography, of the extra `scan`, reads the formats of instruments.
+"""
 
 from __future__ import annotations
 
-import logging
 import math
 import re
 import warnings
 from contextlib import redirect_stdout, suppress
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from asperity.arrays import Array
 from asperity.errors import CompatError, InputError
 from asperity.runtime.files import UNREADABLE, one_line, read_npy, read_npz, real
-from asperity.surface.text_map import PROFILE, Heights, read_text_map, without_marks
+from asperity.runtime.text_table import TextTable, is_text
 from asperity.units import LENGTHS
 
-TEXT = (".csv", ".txt", ".dat", ".tsv", ".asc", ".xyz")
-PLAIN = (".npz", ".npy", *TEXT)
-REGULAR = 1e-6  # relative difference of steps, or of sides, that were rounded
-WIDEST = 1.0  # side of a map of an instrument that is believed [m]
+ARRAYS, TEXT = (".npz", ".npy"), (".csv", ".txt", ".dat", ".tsv", ".asc", ".xyz")
+EXACT, OFF_GRID, STRAIGHT = 1e-6, 0.1, 0.02  # deviation over their step of coordinates of arrays, points, and a matrix
+MARKS = (-32768.0, -2147483648.0, -9999.0, -99999.0)  # usual ones of missing heights
 _HEIGHT = re.compile(r"height|topograph|h(ö|oe)he|zsensor|^z\b", re.IGNORECASE)  # name of a channel
-UNEQUAL = "{} x {} heights on a side L would have different distances along x and y"
-MOST_READ = 400_000_000  # heights of a file, 3.2 GB; the largest instruments have 1e8
+_UNIT = r'"?\s*(?:[\[(]\s*([^\s\[\]()]+)\s*[\])])?"?'
+_NAMES = re.compile(rf'"?x{_UNIT}[\s,;]+"?y{_UNIT}[\s,;]+"?z{_UNIT}[\s,;]*', re.IGNORECASE)
 
 
-def metres_of(unit: str | None) -> float | None:
-    """Metres of one unit of length, given by its name or as a number; None stays.
+class Heights(NamedTuple):
+    """What a file holds.
 
-    Raises:
-        InputError: it is neither
-
-    Examples:
-        >>> metres_of("um"), metres_of("6e-8")
-        (1e-06, 6e-08)
+    Attributes:
+        z: heights (ny, nx), index [iy, ix], NaN where they are missing [m]
+        steps: distances along x and along y [m], None where the file has none
+        channel: of the file, or name of the array; empty where there is one only
+        note: how the file was read, empty or a sentence
     """
+
+    z: Array
+    steps: tuple[float, float] | None
+    channel: str = ""
+    note: str = ""
+
+
+def read_heights(
+    path: Path, pixel: tuple[float, float] | None = None, unit: str | None = None, missing: float | None = None,
+    channel: str | None = None, array: str | None = None,
+) -> Heights:  # fmt: skip
+    """Read a file, with the arguments of `scans.HeightField.read`."""
+    if not path.is_file():
+        raise InputError(f"{path}: there is no such file")
+    kind, metres = path.suffix.lower(), _metres_of(unit)
+    with path.open("rb") as file:  # some instruments give their files the name of a text
+        text = kind in TEXT and channel is None and is_text(file.read(4096))
+    if not text and kind not in ARRAYS:
+        return _of_instrument(path, pixel, metres, channel)
+    if channel is not None or (array is not None and kind != ".npz"):
+        name, files = ("--channel", "instruments") if channel is not None else ("--array", "type .npz")
+        raise InputError(f"{path}: {name} is for files of {files}")
+    try:
+        found = _of_text(path, metres) if text else _of_arrays(path, metres or 1.0, array)
+        return found._replace(z=_without_marks(found.z, missing, metres or 1.0))
+    except UNREADABLE as error:
+        raise InputError(f"{path}: cannot be read as a height map ({one_line(error)})") from None
+
+
+def _metres_of(unit: str | None) -> float | None:
+    """Metres of one unit of length, given by its name or as a number; None stays."""
     if unit is None or unit in LENGTHS:
         return None if unit is None else LENGTHS[unit]
     with suppress(ValueError):
@@ -45,201 +76,181 @@ def metres_of(unit: str | None) -> float | None:
     raise InputError(f"unit = {unit!r} is unknown; choose {', '.join(LENGTHS)}, or give the metres of one unit")
 
 
-def read_heights(
-    path: Path,
-    *,
-    unit: float | None = None,
-    missing: float | None = None,
-    channel: str | None = None,
-    array: str | None = None,
-) -> Heights:
-    """Read an array of NumPy, or text.
-
-    Args:
-        path: .npz with z and with x and y, dx and dy, or L, the extent along x and y; .npy with z; or text, see
-            `text_map`
-        unit: metres of one unit of the lengths whose unit the file does not name; default metres
-
-    The others are those of `HeightField.read`.
+def steps_of(z: Array, sides: Any) -> tuple[float, float]:
+    """Distances of heights (ny, nx) along x and y on a side, or on two sides (unit of the sides).
 
     Raises:
-        InputError: the file is missing, of another type, damaged, or no regular map
+        ValueError: there is one side only, and as many heights along x as along y there are not
     """
-    if not path.is_file():
-        raise InputError(f"{path}: there is no such file")
-    kind = path.suffix.lower()
-    if kind not in PLAIN:
-        raise InputError(
-            f"{path}: files of type {path.suffix!r} are none of {', '.join(PLAIN)}; asperity import-map makes a "
-            "surface of the files of instruments"
+    sides = np.ravel(sides)
+    if z.ndim != 2 or not 0 < sides.size < 3:
+        raise ValueError(
+            f"heights of shape {z.shape} and {sides.size} sides are no map: give (ny, nx) and L, or [Lx, Ly]"
         )
-    if channel is not None or (array is not None and kind != ".npz"):
-        name = "--channel" if channel is not None else "--array"
-        raise InputError(f"{path}: {name} is for files of {'instruments' if name == '--channel' else 'type .npz'}")
-    try:
-        if kind in TEXT:
-            return read_text_map(path, unit, missing)
-        z, dx, dy, name = _read_arrays(path, array)
-        z = without_marks(z, missing)
-    except UNREADABLE as error:
-        raise InputError(f"{path}: cannot be read as a height map ({one_line(error)})") from None
-    factor = 1.0 if unit is None else unit
-    dx, dy = (None if step is None else factor * step for step in (dx, dy))
-    named = name not in ("", "z")
-    notes = (f"the heights are the array {name!r}",) if named else ()
-    return Heights(factor * z, dx, dy, channel=name if named else "", notes=notes)
+    ny, nx = z.shape
+    if sides.size == 1 and nx != ny:
+        raise ValueError(
+            f"{nx} x {ny} heights on a side L would have different distances along x and y: write dx and dy, or both "
+            "sides as L = [Lx, Ly], beside z into an .npz file, or cut a square with asperity import-map --pixel"
+        )
+    return float(sides[0]) / max(nx - 1, 1), float(sides[-1]) / max(ny - 1, 1)
 
 
-def _read_arrays(path: Path, wanted: str | None) -> tuple[Array, float | None, float | None, str]:
-    """Heights (ny, nx), spacings (unit of the file) and name of the array of a file of NumPy."""
-    if path.suffix.lower() == ".npy":
-        return real(read_npy(path)), None, None, ""
-    data = read_npz(path)
-    maps = [name for name, array in data.items() if np.ndim(array) == 2 and name not in ("x", "y")]
-    name = wanted or ("z" if "z" in data or len(maps) != 1 else maps[0])
+def _without_marks(z: Array, missing: float | None, metres: float) -> Array:
+    """Heights [m] with NaN in place of `missing` (unit of the file); ValueError where another usual mark is left."""
+    if missing is not None and np.isnan(missing):
+        return z
+    if left := [mark for mark in MARKS if mark != missing and (z == mark * metres).any()]:
+        raise ValueError(
+            f"heights of {left[0]:g} usually stand for missing ones: say so (import-map --missing {left[0]:g}), or "
+            "that they are heights (--missing nan), or write NaN in their place into the file"
+        )
+    return z if missing is None else np.where(z == missing * metres, np.nan, z)
+
+
+def _of_arrays(path: Path, metres: float, wanted: str | None) -> Heights:
+    """Heights of a file of NumPy; an .npz file has x and y, dx and dy, or L beside them."""
+    data, name = ({"z": read_npy(path)}, "z") if path.suffix.lower() == ".npy" else (read_npz(path), wanted)
+    if name is None:
+        maps = [name for name, array in data.items() if np.ndim(array) == 2 and name not in ("x", "y")]
+        name = "z" if "z" in data or len(maps) != 1 else maps[0]
     if name not in data:
         more = "" if wanted else ": name the heights with --array"
         raise ValueError(f"no array {name!r}; it has {', '.join(data) or 'none'}{more}")
-    z = real(data[name])
+    z, steps = metres * real(data[name]), None
     if "x" in data and "y" in data:
-        x, y = real(data["x"]), real(data["y"])
-        if z.shape != (y.size, x.size):
-            raise ValueError(f"z has shape {z.shape}, expected (len(y), len(x)) = ({y.size}, {x.size})")
-        return z, _step("x", x), _step("y", y), name
-    if "dx" in data:
-        return z, float(data["dx"]), float(data["dy"] if "dy" in data else data["dx"]), name
-    if "L" not in data:
-        return z, None, None, name
-    sides, (ny, nx) = real(data["L"]).ravel(), z.shape if z.ndim == 2 else (1, z.shape[-1])
-    if sides.size == 1 and nx != ny and min(nx, ny) > 3:
-        raise ValueError(f"{UNEQUAL.format(nx, ny)}: write dx and dy, or both sides as L = [Lx, Ly]")
-    if not 0 < sides.size < 3:
-        raise ValueError("L must be the side of the patch, or its two sides")
-    return z, float(sides[0]) / max(nx - 1, 1), float(sides[-1]) / max(ny - 1, 1), name
+        (nx, dx, ix), (ny, dy, iy) = (_grid(axis, real(data[axis]), EXACT) for axis in "xy")
+        if not z.shape == (ny, nx) == (iy.size, ix.size):
+            raise ValueError(f"z has shape {z.shape}, expected (len(y), len(x)) = ({iy.size}, {ix.size})")
+        z[np.ix_(iy, ix)] = z.copy()
+        steps = dx, dy
+    elif "dx" in data:
+        steps = float(data["dx"]), float(data["dy"] if "dy" in data else data["dx"])
+    elif "L" in data:
+        steps = steps_of(z, real(data["L"]))
+    if steps is not None:
+        steps = metres * steps[0], metres * steps[1]
+    return Heights(z, steps) if name == "z" else Heights(z, steps, name, f"the heights are the array {name!r}")
 
 
-def _step(name: str, values: Array) -> float:
-    """Distance of rising values (n,) in equal steps."""
-    steps = np.diff(values)
-    if values.ndim != 1 or not steps.size or not np.all(steps > 0):
-        raise ValueError(f"{name} must be a rising sequence of at least two values")
-    if np.ptp(steps) > REGULAR * steps.mean():
+def _grid(name: str, values: Array, off: float) -> tuple[int, float, Array]:
+    """Number of places of a coordinate (n,) on a regular grid, their distance, and the place of each value."""
+    ordered, place = np.unique(values, return_inverse=True)
+    if ordered.size < 2:
+        raise ValueError(f"all {values.size} points have the same {name}: give a map, not a profile")
+    steps, regular = np.diff(ordered), np.linspace(ordered[0], ordered[-1], ordered.size)
+    if not np.abs(ordered - regular).max() <= off * (regular[1] - regular[0]):
         raise ValueError(
-            f"{name} is not a regular grid, with steps from {steps.min():g} to {steps.max():g}; resample the map"
+            f"{name} is not a regular grid, with steps from {steps.min():.4g} to {steps.max():.4g}; resample the map"
         )
-    return float(np.mean(steps))
+    return ordered.size, float(regular[1] - regular[0]), place
 
 
-def read_instrument(
-    path: Path, pixel: tuple[float, float] | None = None, unit: float | None = None, channel: str | None = None
-) -> Heights:
-    """Read the file of an instrument by SurfaceTopography, with the arguments of `HeightField.read`; `unit` in metres.
+def _of_text(path: Path, metres: float | None) -> Heights:
+    """Heights of a matrix, or of lines x, y, z in any order, of which a few may be missing.
 
-    Raises:
-        InputError: the file cannot be read as a map, lacks pixel or unit, has no such channel, or has the name of a
-            text and is none, without SurfaceTopography
-        CompatError: SurfaceTopography is not installed
+    Only the names of the columns x, y, z are read of a header: with any other one `metres` must be given.
     """
-    try:
-        import SurfaceTopography  # type: ignore[import-not-found, import-untyped, unused-ignore]
-    except ImportError:
-        if channel is None and path.suffix.lower() in TEXT:
-            raise InputError(
-                f"{path} is no text: it is damaged, or the file of an instrument under the name of a text, which "
-                "SurfaceTopography reads (pip install 'asperity[scan]')"
-            ) from None
-        raise CompatError(
-            f"{path} is no text and no array of NumPy: the files of instruments need SurfaceTopography, pip install "
-            "'asperity[scan]'"
-        ) from None
-    from SurfaceTopography.Exceptions import (  # type: ignore[import-not-found, import-untyped, unused-ignore]
-        CannotDetectFileFormat,
-    )
-
-    reader, logged = None, logging.root.manager.disable
-    try:
-        with warnings.catch_warnings(), redirect_stdout(None):
-            warnings.simplefilter("ignore")
-            logging.disable(logging.CRITICAL)
-            reader = SurfaceTopography.open_topography(str(path))
-            return _of_reader(path, reader, pixel, unit, channel)
-    except (InputError, CompatError):
-        raise
-    except CannotDetectFileFormat:
-        raise InputError(f"{path} is in none of the formats that SurfaceTopography reads, or damaged") from None
-    except Exception as error:  # readers of forty formats raise what they like
-        who = "SurfaceTopography" if reader is None else f"{type(reader).__name__} of SurfaceTopography"
-        raise InputError(f"{path}: cannot be read as a height map by {who} ({one_line(error)})") from None
-    finally:
-        logging.disable(logged)
-
-
-def _of_reader(
-    path: Path, reader: Any, pixel: tuple[float, float] | None, unit: float | None, wanted: str | None
-) -> Heights:
-    """Heights of a channel of a file."""
-    who = f"{type(reader).__name__} of SurfaceTopography"
-    channel, name, notes = _channel(path, reader, wanted, who)
-    grid = tuple(int(n) for n in channel.nb_grid_pts)
-    seen = f"channel {_printable(channel.name)!r} of {' x '.join(map(str, grid))} heights by {who}"
-    if math.prod(grid) > MOST_READ:  # before memory for it is allocated
-        raise InputError(
-            f"{path} is read as {seen}, more than {MOST_READ:.0e} heights: probably a file of another format; export "
-            "the map as .npz or .gwy"
+    text = TextTable.read(path, 2)
+    table, header = text.numbers(), [line for _, line in text.header]
+    last = header[-1][:60] if header else ""
+    table[np.isinf(table)] = np.nan
+    names = _NAMES.fullmatch(header[-1]) if header and table.shape[1] == 3 else None
+    units = [unit for unit in names.groups() if unit] if names else []
+    if units and not (len(units) == 3 and set(units) <= LENGTHS.keys()):
+        raise ValueError(f"{last!r} names no units of x, y and z: use {', '.join(LENGTHS)} for each")
+    if names is None and sorted(re.findall(r"\b[xyz]\b", last.lower())) == ["x", "y", "z"]:
+        raise ValueError(f"{last!r} is not understood: name the columns x, y, z in this order, as x [um]")
+    if metres is None and not units and header[: -1 if names else None]:
+        raise ValueError(
+            f"{last!r} is a header, and none is read: give unit and distance of heights (--unit 6e-8 --pixel 1e-6), "
+            "let SurfaceTopography read it (--channel 1), or remove it"
         )
-    sizes: dict[str, Any] = {}
-    if channel.physical_sizes is None:
-        if pixel is None:
-            raise InputError(
-                f"{path} contains heights without lengths, as {seen}; if they are a map, give the distance between "
-                "heights (--pixel)"
+    if table.shape[1] == 2:
+        raise ValueError(f"{len(table)} lines of two numbers are a profile: a contact needs heights over an area")
+    if table.shape[1] != 3:
+        if not all(line.strip() for line in text.lines[text.first :]):
+            raise ValueError("blank lines separate its rows: write one map into a file, without them")
+        _refuse_coordinates(table)
+        return Heights((metres or 1.0) * table, None)
+    table = table[np.isfinite(table[:, :2]).all(axis=1)]
+    (nx, dx, ix), (ny, dy, iy) = (_grid(name, table[:, i], OFF_GRID) for i, name in enumerate("xy"))
+    if nx * ny > 2 * len(table) or np.unique(iy * nx + ix).size != len(table):
+        raise ValueError(f"{len(table)} points x, y, z are no map of {nx} x {ny} places, one height for each")
+    z = np.full((ny, nx), np.nan)
+    z[iy, ix] = table[:, 2]
+    ux, uy, uz = [LENGTHS[unit] for unit in units] or [metres or 1.0] * 3
+    return Heights(z * uz, (dx * ux, dy * uy))
+
+
+def _refuse_coordinates(table: Array) -> None:
+    """Refuse a matrix of which the first column or row is in equal steps that do not continue those of its neighbour.
+
+    Coordinates in unequal steps are refused where both column and row rise, as heights do not.
+    """
+    rise = [bool(np.all(np.diff(v) > 0) or np.all(np.diff(v) < 0)) for v in (table[1:, 0], table[0, 1:], table[1, 1:])]
+    for name, lines in (("column", table.T), ("row", table)):
+        edge, steps = lines[0], np.diff(lines[:2], axis=1)
+        step = float(np.mean(steps[0, 1:]))
+        straight = step != 0.0 and np.abs(steps[0, 1:] - step).max() <= STRAIGHT * abs(step)
+        continued = np.abs(steps - step).max() <= STRAIGHT * abs(step)
+        if (straight and not continued) or rise == [True, True, False] or (np.isnan(edge[0]) and rise[name == "row"]):
+            raise ValueError(
+                f"the first {name}, {edge[1]:g}, {edge[2]:g}, {edge[3]:g} ..., may be coordinates: leave coordinates "
+                "out and give the distance between heights (--pixel), or write an .npz file or lines of x, y, z"
             )
-        sizes = {"physical_sizes": tuple(n * step for n, step in zip(grid, pixel, strict=True)), "unit": "m"}
-    topography = reader.topography(channel_index=channel.index, **sizes)
-    if topography.dim != 2 or not topography.is_uniform:
-        raise InputError(f"{path} holds a line scan: {PROFILE}")
-    if topography.unit is None and unit is None:
-        raise InputError(f"{path} does not give the unit of its lengths: give it (--unit)")
-    in_metres, factor = (topography, unit) if topography.unit is None and unit else (topography.to_unit("m"), 1.0)
-    dx, dy = (factor * float(p) for p in in_metres.pixel_size)
-    side = max(n * step for n, step in zip(grid, (dx, dy), strict=True))
-    if not 0.0 < side < WIDEST:
-        raise InputError(
-            f"{path} is read as {seen}, {side:.3g} m wide: the reader mistakes its unit or its format; export the map "
-            "as .npz, .gwy or text"
-        )
-    z = np.ma.filled(np.ma.masked_invalid(np.ma.asarray(in_metres.heights(), dtype=float)), np.nan)
-    return Heights(factor * np.asarray(z).T, dx, dy, name, notes)  # its first index is x
 
 
-def _channel(path: Path, reader: Any, wanted: str | None, who: str) -> tuple[Any, str, tuple[str, ...]]:
-    """Channel with the heights, its name where there are several, and a sentence then."""
-    channels = list(reader.channels)
-    if not channels:
-        raise InputError(f"{path}: {who} finds no channel with heights in it")
-    names = [_printable(channel.name) for channel in channels]
-    numbered = [f"{i} {name!r}" for i, name in enumerate(names, 1)]
-    listed, more = ", ".join(numbered), ""
-    if wanted is not None:
-        if wanted in names:
-            at = names.index(wanted)
-        elif wanted.isdecimal() and 0 < int(wanted) <= len(channels):
-            at = int(wanted) - 1
-        else:
-            raise InputError(f"{path} has no channel {wanted!r}: choose a name or a number of {listed}")
-    elif len(channels) == 1:
-        return reader.default_channel, "", ()
-    else:
-        own, more = reader.default_channel, ": --channel chooses another"
-        at = next((i for i, one in enumerate(channels) if one is own or one.index == own.index), 0)
-        maps = [i for i, one in enumerate(channels) if one.dim == 2 and _HEIGHT.search(names[i])]
+def _of_instrument(path: Path, pixel: tuple[float, float] | None, metres: float | None, wanted: str | None) -> Heights:
+    """Heights of a file that SurfaceTopography reads."""
+    try:
+        from SurfaceTopography import open_topography  # type: ignore[import-not-found, import-untyped, unused-ignore]
+    except ImportError:
+        wrong = InputError if wanted is None and path.suffix.lower() in TEXT else CompatError
+        raise wrong(
+            f"{path} is no array and no plain text: SurfaceTopography reads it, pip install 'asperity[scan]'"
+        ) from None
+    try:
+        with warnings.catch_warnings(action="ignore"), redirect_stdout(None):
+            reader = open_topography(str(path))
+            channel, name, note = _channel(path, list(reader.channels), reader.default_channel.index, wanted)
+            sizes: dict[str, Any] = {}
+            if channel.physical_sizes is None:
+                if pixel is None:
+                    raise InputError(
+                        f"{path} contains heights without lengths; give the distance between them (--pixel)"
+                    )
+                sizes = {"physical_sizes": tuple(np.multiply(channel.nb_grid_pts, pixel)), "unit": "m"}
+            found = reader.topography(channel_index=channel.index, **sizes)
+            if found.unit is None and metres is None:
+                raise InputError(f"{path} does not give the unit of its lengths: give it (--unit)")
+            found, factor = (found, metres or 1.0) if found.unit is None else (found.to_unit("m"), 1.0)
+            dx, dy = (factor * float(step) for step in found.pixel_size)
+            z = np.ma.filled(np.ma.masked_invalid(np.ma.asarray(found.heights(), dtype=float)), np.nan)
+    except InputError:
+        raise
+    except Exception as error:  # readers of forty formats raise what they like
+        raise InputError(f"{path}: SurfaceTopography finds no height map in it ({one_line(error)})") from None
+    return Heights(factor * np.asarray(z).T, (dx, dy), name, note)  # its first index is x
+
+
+def _channel(path: Path, channels: list[Any], own: int, wanted: str | None) -> tuple[Any, str, str]:
+    """Channel with the heights, and its name and a sentence where there are several; `own` is that of the library."""
+    names = ["".join(c for c in str(channel.name) if c.isprintable()) for channel in channels]
+    listed = ", ".join(f"{i} {name!r}" for i, name in enumerate(names, 1))
+    if wanted is None:
+        at = [channel.index for channel in channels].index(own)
+        maps = [name for one, name in zip(channels, names, strict=True) if one.dim == 2 and _HEIGHT.search(name)]
         if maps and not _HEIGHT.search(names[at]):
             raise InputError(
-                f"{path}: the default channel {names[at]!r} may be no heights, as {names[maps[0]]!r} may be: choose "
-                f"with --channel a name or a number of {listed}"
+                f"{path}: the default channel {names[at]!r} may be no heights, as {maps[0]!r} may be: choose with "
+                f"--channel a name or a number of {listed}"
             )
-    return channels[at], names[at] if len(channels) > 1 else "", (f"channel {numbered[at]} of {listed}{more}",)
-
-
-def _printable(name: Any) -> str:
-    return "".join(c for c in str(name) if c.isprintable())
+    else:
+        keys = names + [str(i) for i in range(1, len(names) + 1)]
+        if wanted not in keys:
+            raise InputError(f"{path} has no channel {wanted!r}: choose a name or a number of {listed}")
+        at = keys.index(wanted) % len(names)
+    if len(channels) == 1:
+        return channels[at], "", ""
+    return channels[at], names[at], f"channel {at + 1} {names[at]!r} of {listed}: --channel chooses another"

@@ -1,4 +1,11 @@
-"""A measured or computed height map on a regular grid, interpolated by a spline."""
+"""A measured or computed height map on a regular grid, interpolated by a spline that does not ring at steps.
+
+Of a smooth map it is a cubic spline: where that rises above the heights around a cell, as it does at a summit between
+them, neighbours agree on the parabola. Steps, scratches and single pits have no such neighbours, and a cubic spline has
+summits beside them that are not there. Of a map with these the slopes at the heights are those of monotone cubics
+(Fritsch and Butland, SIAM J. Sci. Stat. Comput. 5 (1984) 300), which exceed no height. The bicubic Hermite polynomials
+of these slopes are a spline with double knots.
+"""
 
 from __future__ import annotations
 
@@ -10,19 +17,17 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar
 
 import numpy as np
-from numpy.typing import ArrayLike
 from pydantic import PlainSerializer, WithJsonSchema
 
 from asperity.arrays import Array
 from asperity.errors import InputError
 from asperity.runtime.declaration import LENGTH, declared, key
 from asperity.runtime.files import UNREADABLE
-from asperity.surface.base import Side, Surface, check, short_wave_share
-from asperity.surface.height_files import REGULAR, UNEQUAL, Heights, read_heights
+from asperity.surface.base import Side, light_depth, short_wave_share
 from asperity.surface.maximum import global_maximum
-from asperity.surface.scale_space import ScaleSpace
+from asperity.surface.scans import SAME, HeightField
 from asperity.surface.shapes import Flat
-from asperity.surface.spline import DEGREE, interpolate, with_middles
+from asperity.surface.spline_surface import ScaleSpace, SplineSurface
 
 if TYPE_CHECKING:
     from scipy.interpolate import BivariateSpline
@@ -30,16 +35,18 @@ if TYPE_CHECKING:
 
 MOST = 6000  # heights along a side: beyond it the spline and its derivatives need more than 6 GiB
 DEEPEST, FARTHEST = 10.0, 1e6  # greatest plausible peak-to-valley height and distance of heights from zero [L]
+MATTERS = 0.03  # rise of a cubic spline above what neighbours agree on, over the depth of a light contact
+AGREED = 2.0  # rise that is believed, over that of the lesser parabola of two neighbours
 _FIRST = 0.225  # width that the levels of smoothed maps start from, over the distance of the heights
 _TREND = 8  # degree of the polynomial trend removed before the waves are separated by length
 _SAME = 1e-6  # greatest difference of opposite edges of a periodic map, over the range of heights
 
 
 @declared("surface", eq=False, kw_only=True)
-class HeightMap(Surface):
+class HeightMap(SplineSurface):
     """Heights on a regular grid over a square patch, interpolated by a bicubic spline.
 
-    Files: see `height_files.read_heights`. z has the index order [iy, ix]; its first and last rows and columns lie on
+    Files: see `scans.HeightField.read`. z has the index order [iy, ix]; its first and last rows and columns lie on
     the edges of the patch. Spacings in x and y may differ, but the patch must be square; the origin is shifted to
     (0, 0). All lengths in metres.
 
@@ -67,19 +74,8 @@ class HeightMap(Surface):
     cutoff_key: ClassVar[str] = "asperity import-map --cutoff"
 
     def __post_init__(self) -> None:
-        read = read_heights(Path(self.path))
-        z, L = _as_patch(read, self.L, f"{self.path}: ")
-        z.flags.writeable = False
-        notes = tuple(f"{self.path}: {note}" for note in read.notes)
-        for name, value in {"L": Flat(L=L).L, "_z": z, "_notes": notes}.items():
-            object.__setattr__(self, name, value)
+        self._set(HeightField.read(self.path, side=self.L), f"{self.path}: ")
         super().__post_init__()
-
-    @property
-    def notes(self) -> tuple[str, ...]:
-        """How the file was read."""
-        found: tuple[str, ...] = self.__dict__.get("_notes", ())
-        return found
 
     @classmethod
     def of(cls, z: Array, L: float | tuple[float, float]) -> HeightMap:
@@ -92,17 +88,39 @@ class HeightMap(Surface):
         Raises:
             InputError: another shape, a height that is not finite, or an illegal side
         """
-        z = np.asarray(z, dtype=float)
-        _check_heights(z)
-        if not isinstance(L, tuple):
-            _check_square(z)
-        side, other = L if isinstance(L, tuple) else (L, L)
-        side = Flat(L=side).L  # refuses a side that is not legal
-        check(math.isclose(side, other, rel_tol=REGULAR), "L", L, "two equal sides")
-        surface = object.__new__(cls)
-        for name, value in {"path": "", "L": float(side), "_z": z}.items():
-            object.__setattr__(surface, name, value)
+        surface = cls.__new__(cls)
+        object.__setattr__(surface, "path", "")
+        surface._set(HeightField.of(np.asarray(z, dtype=float), L))
         return surface
+
+    def _set(self, field: HeightField, where: str = "") -> None:
+        """Take the heights of a field, which must be square, complete, and plausible."""
+        z, (L, other) = field.z, field.size
+        if not math.isclose(L, other, rel_tol=SAME):
+            raise InputError(f"{where}the patch must be square, not {L:g} x {other:g}; import-map cuts one.")
+        if max(z.shape) > MOST:
+            raise InputError(
+                f"{where}{z.shape[1]} x {z.shape[0]} heights are more than the {MOST} x {MOST} of a surface; cut a "
+                "window (asperity import-map --window), or filter the map and keep every second height"
+            )
+        if len(bad := np.argwhere(np.isnan(z))):
+            raise InputError(
+                f"{where}{len(bad)} height(s) are not finite, the first at row {bad[0][0]}, column {bad[0][1]}; "
+                "asperity import-map fills gaps."
+            )
+        L = Flat(L=L).L  # refuses a side that is not legal
+        if not (np.ptp(z / L) <= DEEPEST and np.abs(z / L).max() <= FARTHEST):
+            raise InputError(
+                f"{where}heights from {z.min():.3g} to {z.max():.3g} on a patch of side {L:.3g} are not plausible; "
+                "give heights and surface.L in the same unit (m)."
+            )
+        for name, value in {"L": L, "heights": z, "notes": tuple(f"{where}{note}" for note in field.notes)}.items():
+            object.__setattr__(self, name, value)
+
+    @cached_property
+    def notes(self) -> tuple[str, ...]:
+        """How the file was read."""
+        return ()
 
     @cached_property
     def about(self) -> dict[str, Any]:
@@ -113,30 +131,17 @@ class HeightMap(Surface):
                 return found if isinstance(found, dict) else {}
         return {}
 
-    @property
-    def heights(self) -> Array:
-        """Heights as read, (ny, nx), index [iy, ix] (length)."""
-        z: Array = self.__dict__["_z"]
-        return z
-
     @cached_property
     def _interpolation(self) -> tuple[BivariateSpline, float]:
-        return interpolate(self.heights, self.L)
+        return _interpolated(self.heights, self.L)
 
     @property
     def spline_rise(self) -> float:
         """Rise above the heights that a spline without limited slopes has (length), 0 if none is limited."""
         return self._interpolation[1]
 
-    @cached_property
-    def _derivatives(self) -> dict[tuple[int, int], Any]:
-        return {(0, 0): self._interpolation[0]}
-
-    def _derivative(self, dx: int, dy: int) -> Any:
-        """Derivative as a spline, made once: it takes as long as 10,000 points."""
-        if (dx, dy) not in self._derivatives:
-            self._derivatives[dx, dy] = self._derivatives[0, 0].partial_derivative(dx, dy)
-        return self._derivatives[dx, dy]
+    def _make_spline(self) -> BivariateSpline:
+        return self._interpolation[0]
 
     @property
     def feature_size(self) -> float:
@@ -183,9 +188,6 @@ class HeightMap(Surface):
             found.append(float(np.sqrt(np.mean(np.square(heights, dtype=float)))))
         return max(found)
 
-    def smoothed(self, x: ArrayLike, y: ArrayLike, s: ArrayLike) -> Array:
-        return self._scales.heights(x, y, s)
-
     @cached_property
     def _scales(self) -> ScaleSpace:
         """Levels of smoothed heights; the map is mirrored at its edges unless it is periodic."""
@@ -200,25 +202,6 @@ class HeightMap(Surface):
         return ScaleSpace(
             self.height, np.pad(z, [(0, n - 2) for n in z.shape], mode="reflect"), 2 * self.L, first, mean
         )
-
-    def _at(self, x: ArrayLike, y: ArrayLike, dx: int = 0, dy: int = 0) -> Array:
-        x, y = np.broadcast_arrays(np.asarray(x, dtype=float), np.asarray(y, dtype=float))
-        values = self._derivative(dx, dy)(x.ravel(), y.ravel(), grid=False)
-        return np.asarray(values, dtype=float).reshape(x.shape)
-
-    def height(self, x: ArrayLike, y: ArrayLike) -> Array:
-        return self._at(x, y)
-
-    def gradient(self, x: ArrayLike, y: ArrayLike) -> tuple[Array, Array]:
-        return self._at(x, y, 1, 0), self._at(x, y, 0, 1)
-
-    def hessian(self, x: ArrayLike, y: ArrayLike) -> tuple[Array, Array, Array]:
-        return self._at(x, y, 2, 0), self._at(x, y, 1, 1), self._at(x, y, 0, 2)
-
-    # a tensor-product spline costs far less on a grid than at scattered points
-
-    def on_product(self, x: Array, y: Array, dx: int = 0, dy: int = 0) -> Array:
-        return np.asarray(self._derivative(dx, dy)(x, y).T)
 
     def mean(self) -> float:
         """Exact mean of the spline over the patch (length)."""
@@ -245,65 +228,59 @@ class HeightMap(Surface):
         along_x, along_y = (np.unique(t) for t in self._derivatives[0, 0].get_knots())
         return along_x, along_y
 
-    def curvature_bound(self) -> float:
-        """Bound of the Hessian (1/length) from the convex hull of the spline coefficients."""
-        xx, xy, yy = (float(np.abs(self._derivative(*order).tck[2]).max()) for order in ((2, 0), (1, 1), (0, 2)))
-        return max(xx, yy) + xy
-
     @cached_property
     def _maximum(self) -> tuple[float, float, float]:
         x, y = self._knots
-        return global_maximum(self, (with_middles(x), with_middles(y)))
+        return global_maximum(self, (_with_middles(x), _with_middles(y)))
 
 
-def _as_patch(read: Heights, side: float | None, where: str) -> tuple[Array, float]:
-    """Heights (ny, nx) and side of a square patch (length); `side` is None where the file has it."""
-    z, dx, dy, L = read.z, read.dx, read.dy, side
-    _check_heights(z, where)
-    if dx is not None and dy is not None:
-        L, other = dx * (z.shape[1] - 1), dy * (z.shape[0] - 1)
-        if not np.isclose(L, other, rtol=REGULAR):
-            raise InputError(f"{where}the patch must be square, not {L:g} x {other:g}; import-map cuts one.")
-        if side is not None and not np.isclose(L, side, rtol=REGULAR):
-            raise InputError(
-                f"{where}surface.L = {side:g} disagrees with the side {L:g} found in it; leave surface.L out or "
-                "correct it."
-            )
-    if L is None:
-        raise InputError(f"surface.L is missing: {where}it holds no lengths; give it, or use import-map.")
-    if dx is None:
-        _check_square(z, where)
-    depth, level = float(z.max() / L - z.min() / L), float(np.abs(z).max() / L)
-    if not (depth <= DEEPEST and level <= FARTHEST):
-        raise InputError(
-            f"{where}heights from {z.min():.3g} to {z.max():.3g} on a patch of side {L:.3g} are not plausible; give "
-            "heights and surface.L in the same unit (m)."
-        )
-    return z, float(L)
+def _interpolated(z: Array, L: float) -> tuple[BivariateSpline, float]:
+    """Spline through heights, and how far a cubic one would rise above them (length) where it was not taken, else 0.
+
+    Args:
+        z: heights (ny, nx) on the square [0, L]^2 (length)
+    """
+    from scipy.interpolate import BivariateSpline, PchipInterpolator, RectBivariateSpline
+
+    x, y = (np.linspace(0, L, n) for n in z.shape[::-1])
+    # the first axis of the spline is x
+    spline = RectBivariateSpline(x, y, z.T, s=0)
+    rise = _ringing(z, spline(_with_middles(x), _with_middles(y)).T)
+    if rise <= MATTERS * light_depth(z):
+        return spline, 0.0
+    slopes = (step * PchipInterpolator(at, z, axis=axis)(at, 1) for at, step, axis in ((x, x[1], 1), (y, y[1], 0)))
+    signs, knots = [], []
+    for n, step in zip(z.shape, (y[1], x[1]), strict=True):
+        sign = np.tile([-1.0, 1.0], n) / 3.0
+        sign[0] = sign[-1] = 0.0  # the end of the patch
+        signs.append(sign)
+        knots.append(step * np.repeat(np.arange(n), [4, *[2] * (n - 2), 4]))
+    heights, dx, dy = (np.repeat(np.repeat(f, 2, axis=0), 2, axis=1) for f in (z, *slopes))
+    c = heights + signs[1] * dx + signs[0][:, None] * dy
+    return BivariateSpline._from_tck((knots[1], knots[0], c.T.ravel(), 3, 3)), rise
 
 
-def _check_square(z: Array, where: str = "") -> None:
-    """Refuse heights that a side alone would stretch to a square."""
-    if z.shape[0] != z.shape[1]:
-        raise InputError(
-            f"{where}{UNEQUAL.format(*z.shape[::-1])}: write dx and dy, or x and y, beside z into an .npz file, or cut "
-            "a square with asperity import-map --pixel"
-        )
+def _ringing(z: Array, fine: Array) -> float:
+    """Greatest rise of a spline above the highest height, beyond what neighbours explain.
+
+    Args:
+        z: heights (ny, nx) (length)
+        fine: of the spline there and halfway between them (2 ny - 1, 2 nx - 1) (length)
+    """
+    from scipy.ndimage import maximum_filter
+
+    believed: Array = np.zeros((len(z) - 1, z.shape[1] - 1))
+    for heights, cells in ((z, believed), (z.T, believed.T)):
+        bend = np.pad(np.maximum(-np.diff(heights, 2, axis=1), 0.0), ((0, 0), (1, 1)), mode="edge")
+        both = np.minimum(bend[:, 1:], bend[:, :-1])
+        cells += AGREED / 8.0 * np.maximum(both[1:], both[:-1])
+    top = maximum_filter(fine, 3)[1::2, 1::2]
+    explained = maximum_filter(z, 2)[1:, 1:] + believed
+    return float(np.max(top - np.maximum(explained, z.max()), initial=0.0))
 
 
-def _check_heights(z: Array, where: str = "") -> None:
-    if z.ndim != 2 or min(z.shape) <= DEGREE:
-        raise InputError(
-            f"{where}heights have shape {z.shape}; a map needs two dimensions of at least {DEGREE + 1} points"
-        )
-    if max(z.shape) > MOST:
-        raise InputError(
-            f"{where}{z.shape[1]} x {z.shape[0]} heights are more than the {MOST} x {MOST} of a surface; cut a window "
-            "(asperity import-map --window), or filter the map and keep every second height"
-        )
-    bad = np.argwhere(~np.isfinite(z))
-    if len(bad):
-        raise InputError(
-            f"{where}{len(bad)} height(s) are not finite, the first at row {bad[0][0]}, column "
-            f"{bad[0][1]}; asperity import-map fills gaps."
-        )
+def _with_middles(t: Array) -> Array:
+    """Ascending values and those halfway between them (2n - 1,)."""
+    out = np.empty(2 * t.size - 1)
+    out[::2], out[1::2] = t, 0.5 * (t[1:] + t[:-1])
+    return out

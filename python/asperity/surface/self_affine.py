@@ -1,11 +1,11 @@
-"""Self-affine surfaces with a roll-off: random waves whose power spectrum is a constant followed by a power law."""
+"""Self-affine surfaces with a roll-off: random waves whose power spectrum is a power law beyond the roll-off."""
 
 from __future__ import annotations
 
 import math
 from dataclasses import replace
 from functools import cached_property
-from typing import Annotated, Any, ClassVar
+from typing import TYPE_CHECKING, Annotated, ClassVar
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -14,28 +14,30 @@ from pydantic import Field
 from asperity.arrays import Array
 from asperity.errors import InputError
 from asperity.runtime.declaration import LENGTH, Flag, Positive, Real, Whole, declared, key
-from asperity.surface.base import Surface, check, short_wave_share
-from asperity.surface.maximum import global_maximum
-from asperity.surface.scale_space import ScaleSpace
+from asperity.surface.base import check, short_wave_share
+from asperity.surface.spline_surface import ScaleSpace, SplineSurface, quintic_gain
 
-_DEVIATIONS = 10.0  # waves of random phases exceed this many with a probability below exp(-50) (Chernoff)
-_MOST = 2048  # waves of the shortest length along a side of the period: grids of 8192 x 8192 nodes
+if TYPE_CHECKING:
+    from scipy.interpolate import BivariateSpline
+
+_MOST = 2048  # waves of the shortest length along a side of the period
+_PER_WAVE, _NODES = (4, 8), (256, 4096)  # nodes of the spline: at least and usual ones on the shortest wave; a side's
 _SUMMED = 256  # waves per period up to which the ideal spectrum is summed; beyond that it is integrated
-_WIDTH = 12  # nodes under the kernel along each axis
-_SHAPE = 28.0  # of the kernel, for twice the density: least error
-_LEAST = 3 * _WIDTH  # nodes of a period
-_CHUNK = 2**13  # points at once: 9 MiB of gathered nodes
 
 
 @declared("surface", eq=False, kw_only=True)
-class SelfAffine(Surface):
+class SelfAffine(SplineSurface):
     """Self-affine surface with roll-off and cut-off on [0, L]^2.
 
-    Its spectrum is C(q) = const up to q_r = 2 pi/lambda_roll, C ~ q^(-2-2H) up to q_s = 2 pi/lambda_short, and zero
-    beyond (Persson et al., J. Phys.: Condens. Matter 17 (2005) R1; conventions of Jacobs, Junge and Pastewka, Surf.
-    Topogr.: Metrol. Prop. 5 (2017) 013001). The wave vectors are all those of a square lattice. Every wave has exactly
-    the amplitude of the spectrum, sqrt(2 C) times 2 pi over the period, and a random phase: surfaces of different seeds
-    have the same rms height and slope over a period.
+    Its spectrum is C(q) = const up to q_r = 2 pi/lambda_roll, or zero with plateau = False, C ~ q^(-2-2H) up to
+    q_s = 2 pi/lambda_short, and zero beyond (Persson et al., J. Phys.: Condens. Matter 17 (2005) R1; conventions of
+    Jacobs, Junge and Pastewka, Surf. Topogr.: Metrol. Prop. 5 (2017) 013001). The wave vectors are all those of a
+    square lattice. Every wave has exactly the amplitude of the spectrum, sqrt(2 C) times 2 pi over the period, and a
+    random phase: surfaces of different seeds have the same rms height and slope over a period.
+
+    The waves are summed once, by an FFT, at the nodes of a quintic spline: eight on the shortest wave up to 512 of them
+    on a period, four at least beyond. A wave with p nodes is wrong by 2/p^6 of its height, by p times as much of its
+    slope and by p^2 times as much of its curvature.
 
     A shorter lambda_short with the same seed, H, lambda_roll, aspect and rms_height adds waves to the same surface;
     :meth:`with_cutoff` does so whatever sets the height.
@@ -74,6 +76,7 @@ class SelfAffine(Surface):
     slope: Annotated[Real | None, Field(serialization_alias="rms_slope")] = key(
         "rms slope of the waves down to lambda_short (or rms_height)", default=None, gt=0, le=10
     )
+    plateau: Flag = key("the spectrum is constant beyond lambda_roll; false: there are no longer waves", default=True)
     aspect: Real = key("anisotropy: features are longer along x by this factor", default=1.0, ge=0.0625, le=16)
     seed: Whole = key("seed of the random phases", default=0, ge=0, lt=2**63)
     periodic: Flag = key("opposite edges agree; false: a window of a surface with the period 2 L", default=True)
@@ -93,6 +96,8 @@ class SelfAffine(Surface):
         stretched = f"with surface.aspect = {self.aspect:g}"
         rule = f"at least {least:.3g}, for no more than {_MOST} waves along {period}, {stretched}"
         check(self.lambda_short >= least, "lambda_short", self.lambda_short, rule)
+        rule = f"at most half of surface.lambda_roll = {self.lambda_roll:g} without a plateau"
+        check(self.plateau or 2 * self.lambda_short <= self.lambda_roll, "lambda_short", self.lambda_short, rule)
         if (self.rms_height is None) == (self.slope is None):
             state = "both missing" if self.slope is None else "both given"
             raise InputError(f"surface.rms_height and surface.rms_slope are {state}; give exactly one of them.")
@@ -118,7 +123,8 @@ class SelfAffine(Surface):
         assert self.lambda_roll is not None
         over_roll = np.sqrt(self.aspect * n**2 + m**2 / self.aspect) * (self.lambda_roll / self.period)
         with np.errstate(divide="ignore"):
-            return np.asarray(np.minimum(1.0, over_roll ** (-1 - self.H)))
+            law = over_roll ** (-1 - self.H)
+        return np.asarray(np.minimum(1.0, law) if self.plateau else np.where(over_roll < 1 - 1e-12, 0.0, law))
 
     def with_cutoff(self, lambda_short: float) -> SelfAffine:
         """Same surface with waves down to another shortest wavelength (length)."""
@@ -143,13 +149,15 @@ class SelfAffine(Surface):
         if self.rms_height is not None:
             return self.rms_height
         assert self.slope is not None
-        ky, kx = self._unit.wave_numbers
-        square = np.sum(np.abs(self._unit.waves) ** 2 * (kx**2 + ky**2)) / 2
+        square = np.sum((np.abs(self._unit) * 2 * np.pi / self._wave_lengths) ** 2) / 2
         return self.slope * math.sqrt(self._ideal_sum / square)
 
     @cached_property
-    def _unit(self) -> WaveGrid:
-        """The waves, with amplitude 1 at the roll-off."""
+    def _unit(self) -> Array:
+        """Complex amplitudes of the waves (2 S + 1, S + 1), 1 at the roll-off.
+
+        Rows m = -S to S are waves per period along y, columns n = 0 to S along x; zero where n = 0 and m <= 0.
+        """
         most = self._shortest
         s = np.repeat(np.arange(1, most + 1), 4 * np.arange(1, most + 1))
         j = np.arange(s.size) - 2 * s * (s - 1)  # outwards square by square, each from the y axis anticlockwise
@@ -161,16 +169,22 @@ class SelfAffine(Surface):
         m, n, phase = m[kept], n[kept], phase[kept]
         waves = np.zeros((2 * most + 1, most + 1), dtype=complex)
         waves[m + most, n] = self._shape(m.astype(float), n.astype(float)) * np.exp(1j * phase)
-        return WaveGrid(waves, self.period)
+        return waves
 
     @cached_property
-    def _waves(self) -> WaveGrid:
-        scale = self._ideal_rms / math.sqrt(self._ideal_sum)
-        return WaveGrid(scale * self._unit.waves, self.period)
+    def _waves(self) -> Array:
+        """The same waves with their amplitudes (length)."""
+        return np.asarray(self._ideal_rms / math.sqrt(self._ideal_sum) * self._unit)
+
+    @property
+    def _wave_numbers(self) -> tuple[Array, Array]:
+        """Angular wave numbers of the waves along y (2 S + 1, 1) and along x (1, S + 1) (1/length)."""
+        k, most = 2 * np.pi / self.period, self._shortest
+        return k * np.arange(-most, most + 1)[:, None], k * np.arange(most + 1)[None, :]
 
     @cached_property
     def _wave_lengths(self) -> Array:
-        ky, kx = self._waves.wave_numbers
+        ky, kx = self._wave_numbers
         return 2 * np.pi / np.maximum(np.hypot(kx, ky), np.pi / self.period)
 
     @property
@@ -180,36 +194,32 @@ class SelfAffine(Surface):
 
     def short_waves(self, wavelength: float, depth: float) -> float:
         part = short_wave_share(self._wave_lengths, wavelength)
-        return float(np.sqrt(np.sum(np.abs(self._waves.waves * part) ** 2) / 2))
+        return float(np.sqrt(np.sum(np.abs(self._waves * part) ** 2) / 2))
 
-    def _at(self, x: ArrayLike, y: ArrayLike, orders: list[tuple[int, int]]) -> list[Array]:
-        x, y = np.broadcast_arrays(np.asarray(x, dtype=float), np.asarray(y, dtype=float))
-        return [values.reshape(x.shape) for values in self._waves.at(x.ravel(), y.ravel(), orders)]
+    def _make_spline(self) -> BivariateSpline:
+        from scipy.fft import next_fast_len
+        from scipy.interpolate import BivariateSpline
 
-    def height(self, x: ArrayLike, y: ArrayLike) -> Array:
-        return self._at(x, y, [(0, 0)])[0]
+        least, usual = (k * self._shortest for k in _PER_WAVE)
+        n = next_fast_len(max(least, min(max(usual, _NODES[0]), _NODES[1])), real=True)
+        gain = [quintic_gain(k * (self.period / n)) for k in self._wave_numbers]
+        nodes = _synthesis(self._waves / (gain[0] * gain[1]), n)
+        knots = np.arange(-5.0, n + 6) * (self.period / n)
+        return BivariateSpline._from_tck((knots, knots, np.pad(nodes, (2, 3), mode="wrap").T.ravel(), 5, 5))
 
-    def gradient(self, x: ArrayLike, y: ArrayLike) -> tuple[Array, Array]:
-        zx, zy = self._at(x, y, [(0, 1), (1, 0)])
-        return zx, zy
-
-    def hessian(self, x: ArrayLike, y: ArrayLike) -> tuple[Array, Array, Array]:
-        xx, xy, yy = self._at(x, y, [(0, 2), (1, 1), (2, 0)])
-        return xx, xy, yy
-
-    def on_product(self, x: Array, y: Array, dx: int = 0, dy: int = 0) -> Array:
-        return self._waves.product(x, y, (dy, dx))
+    def _at(self, x: ArrayLike, y: ArrayLike, dx: int = 0, dy: int = 0) -> Array:
+        return super()._at(np.mod(x, self.period), np.mod(y, self.period), dx, dy)
 
     def mean(self) -> float:
         """Mean height over the patch (length), in closed form; 0 for a periodic surface."""
-        ky, kx = (k * self.L / 2 for k in self._waves.wave_numbers)
+        ky, kx = (k * self.L / 2 for k in self._wave_numbers)
         over = np.exp(1j * ky) * np.sinc(ky / np.pi), np.exp(1j * kx) * np.sinc(kx / np.pi)
-        return 0.0 if self.periodic else float((over[0].T @ self._waves.waves @ over[1].T).real.item())
+        return 0.0 if self.periodic else float((over[0].T @ self._waves @ over[1].T).real.item())
 
     def _moment(self, order: int) -> float:
         """Mean of |grad^order z|^2 over a period (length^(2 - 2 order))."""
         lengths = self._wave_lengths
-        return float(np.sum(np.abs(self._waves.waves * (2 * np.pi / lengths) ** order) ** 2)) / 2
+        return float(np.sum(np.abs(self._waves * (2 * np.pi / lengths) ** order) ** 2)) / 2
 
     def exact_rms(self) -> tuple[float, float, float]:
         """(Sq, rms slope, rms curvature) over a period in closed form.
@@ -222,16 +232,6 @@ class SelfAffine(Surface):
         """sqrt(<|grad z|^2>) (dimensionless): over a period in closed form, or over the patch."""
         return math.sqrt(self._moment(1)) if self.periodic else super().rms_slope()
 
-    def curvature_bound(self) -> float:
-        return float(np.sum(np.abs(self._waves.waves) * (2 * np.pi / self._wave_lengths) ** 2))
-
-    @cached_property
-    def _maximum(self) -> tuple[float, float, float]:
-        return global_maximum(self, K=min(self.curvature_bound(), _DEVIATIONS * math.sqrt(self._moment(2))))
-
-    def smoothed(self, x: ArrayLike, y: ArrayLike, s: ArrayLike) -> Array:
-        return self._scales.heights(x, y, s)
-
     @cached_property
     def _scales(self) -> ScaleSpace:
         from scipy.fft import next_fast_len
@@ -239,80 +239,6 @@ class SelfAffine(Surface):
         n = next_fast_len(4 * self._shortest, real=True)  # nodes for a spline of the shortest wave
         s = np.arange(n) * (self.period / n)
         return ScaleSpace(self.height, self.on_product(s, s), self.period, self.feature_size / (4 * np.pi))
-
-
-class WaveGrid:
-    """The function Re sum c exp(2 pi i (m y + n x)/period), with derivatives to the second, at any points.
-
-    It is interpolated from a grid by a non-uniform FFT of type 2: the waves are divided by the transform of a kernel of
-    small support, summed on a grid of twice the necessary density, and the kernel is applied at each point (Greengard
-    and Lee, SIAM Review 46 (2004) 443; the kernel of Kaiser and Bessel: Jackson et al., IEEE Trans. Med. Imaging 10
-    (1991) 473).
-
-    At scattered points the error is below 1e-11 of the sum of the amplitudes of the waves; that of the first and second
-    derivatives is below 1e-8 and 1e-6 of those of the shortest wave with this amplitude.
-
-    Args:
-        waves: complex amplitudes (2 S + 1, S + 1) (length): rows m = -S to S along y, columns n = 0 to S along x; zero
-            where n = 0 and m <= 0
-        period: along both axes (length)
-    """
-
-    def __init__(self, waves: Array, period: float) -> None:
-        self.waves, self.period = waves, period
-        self._most = waves.shape[1] - 1
-
-    @cached_property
-    def wave_numbers(self) -> tuple[Array, Array]:
-        """Angular wave numbers along y (2 S + 1, 1) and along x (1, S + 1) (1/length)."""
-        k = 2 * np.pi / self.period
-        return k * np.arange(-self._most, self._most + 1)[:, None], k * np.arange(self._most + 1)[None, :]
-
-    @cached_property
-    def _nodes(self) -> Array:
-        """Sum of the divided waves on a period and the width of the kernel beyond."""
-        from scipy.fft import next_fast_len
-
-        n = max(_LEAST, next_fast_len(4 * self._most, real=True))
-        gain = _transform(2 * np.pi * np.arange(self._most + 1) / n)
-        both = np.concatenate([gain[:0:-1], gain])
-        return np.pad(_synthesis(self.waves / (both[:, None] * gain), n), (0, _WIDTH), mode="wrap")
-
-    def at(self, x: Array, y: Array, orders: list[tuple[int, int]]) -> list[Array]:
-        """Derivatives of the given orders (along y, along x), up to the second, at points x, y, each (n,)."""
-        out: list[Array] = [np.empty(x.size) for _ in orders]
-        most = max(max(order) for order in orders)
-        windows = np.lib.stride_tricks.sliding_window_view(self._nodes, (_WIDTH, _WIDTH))
-        for i in range(0, x.size, _CHUNK):
-            part = slice(i, i + _CHUNK)
-            (jx, wx), (jy, wy) = (self._weights(s[part], most) for s in (x, y))
-            values = windows[jy, jx]
-            along_x = {k: np.matmul(values, wx[k][:, :, None])[:, :, 0] for k in {order[1] for order in orders}}
-            for result, (oy, ox) in zip(out, orders, strict=True):
-                result[part] = np.einsum("ij,ij->i", wy[oy], along_x[ox])
-        return out
-
-    def product(self, x: Array, y: Array, order: tuple[int, int]) -> Array:
-        """Derivative of an order (along y, along x) at all pairs of x (nx,) and y (ny,), (ny, nx)."""
-        from scipy.sparse import csr_matrix
-
-        def matrix(s: Array, order: int) -> Any:
-            first, weights = self._weights(s, order)
-            columns = first[:, None] + np.arange(_WIDTH)
-            start = np.arange(0, columns.size + 1, _WIDTH)
-            return csr_matrix((weights[order].ravel(), columns.ravel(), start), shape=(s.size, len(self._nodes)))
-
-        of_y, of_x = matrix(y, order[0]), matrix(x, order[1])
-        return np.ascontiguousarray((of_x @ (of_y @ self._nodes).T).T)
-
-    def _weights(self, s: Array, most: int) -> tuple[Array, list[Array]]:
-        """First node under the kernel (n,), and the kernel with its derivatives there, each (n, width)."""
-        n = len(self._nodes) - _WIDTH
-        scale = n / self.period
-        t = s * scale
-        first = np.ceil(t - _WIDTH / 2).astype(np.int64)
-        away = (t - first)[:, None] - np.arange(_WIDTH)
-        return first % n, [k * scale**order for order, k in enumerate(_kernel(away, most))]
 
 
 def _synthesis(waves: Array, n: int) -> Array:
@@ -326,27 +252,3 @@ def _synthesis(waves: Array, n: int) -> Array:
     spectrum[n - most :, 0] = np.conj(waves[:most:-1, 0])  # the other half of the waves along y
     columns = ifft(spectrum, axis=0, norm="forward", overwrite_x=True)
     return np.asarray(irfft(0.5 * columns, n, axis=1, norm="forward"))
-
-
-def _kernel(t: Array, most: int) -> list[Array]:
-    """I0(b sqrt(1 - (2 t/w)^2))/I0(b) and its derivatives up to `most` at distances |t| <= w/2 (nodes)."""
-    from scipy.special import i0e, i1e, ive
-
-    ratio = (2 * _SHAPE / _WIDTH) ** 2
-    g = np.maximum(np.sqrt(np.maximum(_SHAPE**2 - ratio * t**2, 0.0)), 1e-3)  # quotients of g are even and smooth
-    scale = np.exp(g - _SHAPE) / i0e(_SHAPE)
-    found = [i0e(g) * scale]
-    if most >= 1:
-        first = i1e(g) / g
-        found.append(-ratio * t * first * scale)
-    if most >= 2:
-        found.append(-ratio * (first - ratio * t**2 * ive(2, g) / g**2) * scale)
-    return found
-
-
-def _transform(omega: Array) -> Array:
-    """Fourier transform of the kernel at angular wave numbers per node, |omega| < 2 b/w."""
-    from scipy.special import i0e
-
-    root = np.sqrt(_SHAPE**2 - (omega * _WIDTH / 2) ** 2)
-    return np.asarray(_WIDTH * np.exp(root - _SHAPE) * -np.expm1(-2 * root) / (2 * root * i0e(_SHAPE)))

@@ -1,4 +1,4 @@
-"""Surfaces with a textbook contact solution: sphere, sinusoid, flat."""
+"""Surfaces with a textbook contact solution, and indenters: sphere, cone, pyramid, sinusoid, flat."""
 
 from __future__ import annotations
 
@@ -13,6 +13,7 @@ from asperity.runtime.declaration import LENGTH, Choices, Real, Whole, declared,
 from asperity.surface.base import Surface, check, short_wave_share
 
 Point = tuple[Real, Real]
+SHARP = 1e-9  # radius of an edge or a tip that counts as sharp [L]
 
 
 def _on_patch(centre: Point | None, L: float) -> Point:
@@ -63,37 +64,23 @@ class Flat(Surface):
 
 
 @declared("surface", eq=False, kw_only=True)
-class Sphere(Surface):
-    """One spherical bump with its apex at height 0.
+class Bump(Surface):
+    """A body of revolution with its apex at height 0: a cap of a sphere and the tangent cone beyond."""
 
-    The shape "sphere" is z = sqrt(R^2 - r^2) - R up to r = 0.8 R (slope 4/3) and the tangent cone
-    beyond, so that the surface is C1 and single-valued on any patch; "paraboloid" is z = -r^2/(2R),
-    the profile of Hertz theory. With the centre in a corner the patch is a quarter of the bump
-    (the sides u.n = 0 are then its planes of symmetry).
-
-    >>> from asperity.surface import Sphere
-    >>> sphere = Sphere(L=1.0, radius=10.0, centre=(0.0, 0.0), shape="paraboloid")
-    >>> float(sphere.height(1.0, 0.0))
-    -0.05
-    """
-
-    radius: Real = key("radius of the sphere", LENGTH, share=(1e-2, 1e9))
     centre: Point | None = key("position of the summit (x, y)", LENGTH, default=None, shown="middle of the patch")
-    shape: Annotated[str, Choices("sphere", "paraboloid")] = key("profile", default="sphere")
-
-    kind: ClassVar[str] = "sphere"
-    cap: ClassVar[float] = 0.8  # r/R of the circle where cap and cone meet
 
     def __post_init__(self) -> None:
         super().__post_init__()
         object.__setattr__(self, "centre", _on_patch(self.centre, self.L))
 
+    @property
+    def _cap(self) -> tuple[float, float]:
+        """Radius of the sphere, and that of the circle where cap and cone meet (length)."""
+        raise NotImplementedError
+
     def _profile(self, r: Array) -> tuple[Array, Array, Array]:
         """z, z'/r and (z'' - z'/r)/r^2 of the radial profile in the shape of r; all are finite at r = 0."""
-        R = self.radius
-        if self.shape == "paraboloid":
-            return -(r**2) / (2 * R), np.full(r.shape, -1 / R), np.zeros(r.shape)
-        rim = self.cap * R
+        R, rim = self._cap
         root = np.sqrt(R**2 - np.minimum(r, rim) ** 2)
         slope = -rim / math.sqrt(R**2 - rim**2)
         cap = r <= rim
@@ -123,10 +110,117 @@ class Sphere(Surface):
         return over_r + bend * dx**2, bend * dx * dy, over_r + bend * dy**2
 
     def curvature_bound(self) -> float:
-        R = self.radius
+        R, rim = self._cap
+        return R**2 / (R**2 - rim**2) ** 1.5  # meridian, at the rim of the cap
+
+    def maximum(self) -> tuple[float, float, float]:
+        """Apex (x, y, z) (length)."""
+        assert self.centre is not None
+        return (*self.centre, 0.0)
+
+
+@declared("surface", eq=False, kw_only=True)
+class Sphere(Bump):
+    """One spherical bump with its apex at height 0.
+
+    The shape "sphere" is z = sqrt(R^2 - r^2) - R up to r = 0.8 R (slope 4/3) and the tangent cone
+    beyond, so that the surface is C1 and single-valued on any patch; "paraboloid" is z = -r^2/(2R),
+    the profile of Hertz theory. With the centre in a corner the patch is a quarter of the bump
+    (the sides u.n = 0 are then its planes of symmetry).
+
+    >>> from asperity.surface import Sphere
+    >>> sphere = Sphere(L=1.0, radius=10.0, centre=(0.0, 0.0), shape="paraboloid")
+    >>> float(sphere.height(1.0, 0.0))
+    -0.05
+    """
+
+    radius: Real = key("radius of the sphere", LENGTH, share=(1e-2, 1e9))
+    shape: Annotated[str, Choices("sphere", "paraboloid")] = key("profile", default="sphere")
+
+    kind: ClassVar[str] = "sphere"
+    cap: ClassVar[float] = 0.8  # r/R of the circle where cap and cone meet
+
+    @property
+    def _cap(self) -> tuple[float, float]:
+        return self.radius, self.cap * self.radius
+
+    def _profile(self, r: Array) -> tuple[Array, Array, Array]:
         if self.shape == "paraboloid":
-            return 1 / R
-        return R**2 / (R**2 * (1 - self.cap**2)) ** 1.5  # meridian, at the rim of the cap
+            return -(r**2) / (2 * self.radius), np.full(r.shape, -1 / self.radius), np.zeros(r.shape)
+        return super()._profile(r)
+
+    def curvature_bound(self) -> float:
+        return 1 / self.radius if self.shape == "paraboloid" else super().curvature_bound()
+
+
+@declared("surface", eq=False, kw_only=True)
+class Cone(Bump):
+    """A cone with its apex at height 0, which may be rounded by the sphere that touches the flank.
+
+    >>> from asperity.surface import Cone
+    >>> cone = Cone(L=1.0, half_angle=45.0)
+    >>> round(float(cone.height(0.5, 0.75)), 6)
+    -0.25
+    """
+
+    half_angle: Real = key("angle of the flank to the axis [degrees]", ge=5, lt=90, hint="70.3 for that of Berkovich")
+    radius: Real = key("radius of the tip, 0 for a sharp one", LENGTH, default=0.0, ge=0, le=1e20)
+
+    kind: ClassVar[str] = "cone"
+
+    @property
+    def _cap(self) -> tuple[float, float]:
+        R = max(self.radius, SHARP * self.L)
+        return R, R * math.cos(math.radians(self.half_angle))
+
+
+@declared("surface", eq=False, kw_only=True)
+class Pyramid(Surface):
+    """A pyramid with its apex at height 0: Berkovich's, Vickers', the corner of a cube.
+
+    One of three faces falls along y; those of four fall along x and y.
+
+    >>> from asperity.surface import Pyramid
+    >>> vickers = Pyramid(L=1.0, faces=4, angle=68.0)
+    >>> round(float(vickers.height(0.5, 0.75)), 6)
+    -0.101007
+    """
+
+    faces: Whole = key("number of faces", default=3, ge=3, le=4)
+    angle: Real = key(
+        "angle of the faces to the axis [degrees]", default=65.3, ge=5, lt=90,
+        hint="Berkovich 65.3, Vickers 68, corner of a cube 35.26",
+    )  # fmt: skip
+    centre: Point | None = key("position of the summit (x, y)", LENGTH, default=None, shown="middle of the patch")
+
+    kind: ClassVar[str] = "pyramid"
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        object.__setattr__(self, "centre", _on_patch(self.centre, self.L))
+
+    def _faces(self, x: ArrayLike, y: ArrayLike) -> tuple[Array, Array]:
+        """Heights of the planes of all faces (..., faces), and their slopes along x and y (faces, 2)."""
+        assert self.centre is not None
+        x, y = _points(x, y)
+        at = np.pi * (0.5 + 2.0 * np.arange(self.faces) / self.faces)
+        slopes = -np.stack([np.cos(at), np.sin(at)], axis=-1) / math.tan(math.radians(self.angle))
+        return np.stack([x - self.centre[0], y - self.centre[1]], axis=-1) @ slopes.T, slopes
+
+    def height(self, x: ArrayLike, y: ArrayLike) -> Array:
+        return np.asarray(self._faces(x, y)[0].min(axis=-1))
+
+    def gradient(self, x: ArrayLike, y: ArrayLike) -> tuple[Array, Array]:
+        z, slopes = self._faces(x, y)
+        along: Array = slopes[z.argmin(axis=-1)]
+        return along[..., 0], along[..., 1]
+
+    def hessian(self, x: ArrayLike, y: ArrayLike) -> tuple[Array, Array, Array]:
+        zero = np.zeros(_points(x, y)[0].shape)
+        return zero, zero.copy(), zero.copy()
+
+    def curvature_bound(self) -> float:
+        return 1.0 / (SHARP * self.L)  # of its edges
 
     def maximum(self) -> tuple[float, float, float]:
         """Apex (x, y, z) (length)."""

@@ -51,12 +51,11 @@ def main_branch(col: Collocation, window: tuple[float, float]) -> tuple[list[lis
     paths: list[list[Orbit]] = []
     notes: list[str] = []
     for omega in (limits[1], low):
+        known = [p for path in paths for p in crossings(col, path, omega)]
         if (first := _from_rest(col, omega)) is None:
-            # a force above the preload throws the mass; else a motion in contact exists, beside the branch from above
-            if notes or not paths or col.setting.n_loc * col.setting.forcing(omega) < 1.0:
+            if len(known) % 2 == 0:  # the number of orbits is odd: they appear in pairs
                 notes.append(f"no orbit at Omega = {omega:g} is reached from rest")
             continue
-        known = (p for path in paths for p in crossings(col, path, omega))
         if any(abs(p.u_max - first.u_max) < _SAME * first.size for p in known):
             continue
         down, end = _trace(col, turned(first, -first.rate), limits)

@@ -1,19 +1,21 @@
 """How a curve becomes the law of a small vibration about a preload.
 
-`CurveColumns.of` reads the columns, `choose` takes the branch on which the contact moves, `law_named` makes its law:
-through computed points here, through measured rows in `asperity.vibration.measured`.
+`CurveColumns.of` reads the columns, `choose` takes the branch on which the contact moves and makes its law: through
+computed points here, through measured rows in `asperity.vibration.measured`.
 """
 
 from __future__ import annotations
 
 import os
+from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from asperity.arrays import Array, Flags
+from asperity.arrays import Array, Indices
 from asperity.curve import Curve
 from asperity.curve.power_law import fit_power_law
 from asperity.curve.slope import fitted_rows, legs
@@ -44,30 +46,29 @@ _SHORT = 2e-6  # the same where a load path by force ends
 
 @dataclass(frozen=True, eq=False)
 class CurveColumns:
-    """Columns of a curve in the order of its steps, shape (n,); NaN where unknown."""
+    """A curve as the interface of a joint has it: on another area, without the block of the model; columns (n,).
 
-    delta: Array  # approach (length)
-    force: Array
-    branch: Array  # "load", "unload" or "reload"
-    plastic: Array  # greatest accumulated plastic strain, or the share of the volume that has yielded
-    elastic: Array  # stiffness of unloading and small vibration (force/length), column k_n_elastic
-    bar: Array  # error bar of the force over the force
-    elastic_bar: Array  # error bar of the elastic stiffness over that stiffness, column error_k_n_elastic
-    measured: bool = False  # whether the rows are those of an instrument: they scatter, and contact begins anywhere
-    notes: tuple[str, ...] = ()  # how the rows were read, a sentence each
+    Attributes:
+        curve: in the order of its steps
+        factor: nominal area of the joint over that of the patch, by which forces and stiffnesses are multiplied
+        block: compliance of the block behind the patch (length/force), taken out of approach and stiffness
+        measured: whether the rows are those of an instrument: they scatter, and contact begins anywhere
+        notes: how the rows were read, a sentence each
+    """
+
+    curve: Curve
+    factor: float = 1.0
+    block: float = 0.0
+    measured: bool = False
+    notes: tuple[str, ...] = ()
 
     @classmethod
     def of(cls, source: Any, factor: float = 1.0, block: float = 0.0) -> CurveColumns:
         """Read a `Curve`, a mapping, a CSV file, or a directory with curve.csv, with delta and force at least.
 
-        Forces and stiffnesses are multiplied by `factor`, the nominal area of a joint over that of the patch. The
-        compliance `block` (length/force) of the block behind the patch is taken out of approach and stiffness.
-
         Raises:
             InputError: there is no such file, or a column is missing, empty, or contains what is not a number
         """
-        if isinstance(source, cls):
-            return source
         table, notes = read_table(Path(source)) if isinstance(source, (str, os.PathLike)) else (source, ())
         curve = table if isinstance(table, Curve) else Curve.from_columns(table)
         if not len(curve) or curve.force.max() <= 0.0:
@@ -76,48 +77,79 @@ class CurveColumns:
             if greatest := float(np.abs(getattr(curve, name)).max()):
                 within(f"the greatest {name} of the curve", greatest, SIZES)
         measured = curve is not table and not {"step", "k_n_elastic"} & set(table)
-        rows: Array = np.arange(len(curve))
-        branch = curve.branch
         if measured and "branch" not in table:
             rows, branch, done = branches(curve.delta, curve.force)
-            notes += (done,) if done else ()
-        k = curve.k_n_elastic
-        share = 1.0 - block * np.where(k > 0.0, k, 0.0)  # of the interface in the compliance
-        with np.errstate(all="ignore"):
-            bar, elastic_bar = curve.error_P_star / curve.P_star, curve.error_k_n_elastic / k
-            elastic = np.where(share > LEAST, k / share, np.nan)
-        strain = np.where(np.isnan(curve.max_plastic_strain), curve.plastic_fraction, curve.max_plastic_strain)
-        return cls(
-            (curve.delta - block * curve.force)[rows], factor * curve.force[rows], branch, strain[rows],
-            factor * elastic[rows], bar[rows], (elastic_bar / np.maximum(share, LEAST))[rows], measured, notes,
-        )  # fmt: skip
+            curve, notes = replace(curve.where(rows), branch=branch), notes + ((done,) if done else ())
+        return cls(curve, factor, block, measured, notes)
 
-    @property
-    def loading(self) -> Flags:
-        """Whether a row belongs to the first loading, shape (n,)."""
-        return np.asarray(self.branch == "load")
+    @cached_property
+    def delta(self) -> Array:
+        """Approach (length)."""
+        return np.asarray(self.curve.delta - self.block * self.curve.force)
 
-    def yielded(self, load: float) -> bool | None:
-        """Whether the solid has yielded once the loading has reached a force, by its strain; None if it is unknown."""
-        rows = np.flatnonzero(self.loading)
-        first = int(np.argmax(self.force[rows] >= load * (1 - _SAME))) if rows.size else 0
-        strain = self.plastic[rows[: first + 1]]
-        return bool(np.nanmax(strain) > 0.0) if np.isfinite(strain).any() else None
+    @cached_property
+    def force(self) -> Array:
+        """Normal force."""
+        return self.factor * self.curve.force
+
+    @cached_property
+    def _share(self) -> Array:
+        """Share of the interface in the elastic compliance."""
+        k = self.curve.k_n_elastic
+        return np.asarray(1.0 - self.block * np.where(k > 0.0, k, 0.0))
+
+    @cached_property
+    def elastic(self) -> Array:
+        """Stiffness of unloading and small vibration (force/length), NaN where unknown."""
+        known = np.where(self._share > LEAST, self._share, np.nan)
+        return np.asarray(self.factor * self.curve.k_n_elastic / known)
 
     def bar_at(self, load: float, *, elastic: bool = False) -> float:
         """Error bar of the force, or of the elastic stiffness, over it, of the row nearest in force; NaN if unknown."""
-        bars = self.elastic_bar if elastic else self.bar
+        curve = self.curve
+        with np.errstate(all="ignore"):
+            bars = curve.error_P_star / curve.P_star
+            if elastic:
+                bars = curve.error_k_n_elastic / curve.k_n_elastic / np.maximum(self._share, LEAST)
         known = np.flatnonzero(np.isfinite(bars) & (bars >= 0.0))
         return float(bars[known[np.argmin(np.abs(self.force[known] - load))]]) if known.size else np.nan
 
-    def rising(self, among: Flags) -> Array:
-        """Rows among those marked, shape (n,), in the order of their force, each force once."""
-        return np.flatnonzero(among)[np.unique(self.force[among], return_index=True)[1]]
+    def yielded(self, load: float) -> bool | None:
+        """Whether the solid has yielded once the loading has reached a force, by its strain; None if it is unknown."""
+        curve, rows = self.curve, self.loading
+        first = int(np.argmax(self.force[rows] >= load * (1 - _SAME))) if rows.size else 0
+        strain = np.where(np.isnan(curve.max_plastic_strain), curve.plastic_fraction, curve.max_plastic_strain)
+        strain = strain[rows[: first + 1]]
+        return bool(np.nanmax(strain) > 0.0) if np.isfinite(strain).any() else None
 
-    def unloadings(self) -> list[Array]:
+    @property
+    def loading(self) -> Indices:
+        """Rows of the first loading."""
+        return np.flatnonzero(self.curve.branch == "load")
+
+    def unloadings(self) -> list[Indices]:
         """Rows of each unloading with the row before, the last one first."""
-        starts = [(begin, end) for begin, end in legs(self.branch) if self.branch[begin] == "unload"]
+        branch = self.curve.branch
+        starts = [(begin, end) for begin, end in legs(branch) if branch[begin] == "unload"]
         return [np.arange(max(begin - 1, 0), end) for begin, end in starts[::-1]]
+
+    def unloading(self, load: float) -> Indices:
+        """Rows of the last unloading that passes through a preload (force), in the order of approach.
+
+        Raises:
+            InputError: the curve has no unloading rows
+            RangeError: no branch with enough rows in contact reaches the preload
+        """
+        force, found = self.force, self.unloadings()
+        if not found:
+            raise InputError("the curve has no unloading branch: compute one with loading.unload = true")
+        enough = [rows for rows in found if np.sum(force[rows] > TOUCH * force[rows].max()) >= MIN_POINTS] or found
+        reaching = [rows for rows in enough if force[rows].max() >= load * (1 - _SAME)]
+        if not reaching:
+            top = max(float(force[rows].max()) for rows in enough)
+            raise RangeError(f"preload = {load:g} exceeds the unload-reload branch, which ends at force {top:g}")
+        rows = next((rows for rows in reaching if force[rows].min() < load), reaching[0])
+        return rows[np.argsort(self.delta[rows], kind="stable")]
 
 
 @dataclass(frozen=True, eq=False)
@@ -126,6 +158,7 @@ class Choice:
 
     name: str  # of the law, one of `LAWS`
     law: Law
+    rows: Indices  # of the curve that the law was made of, in the order of approach
     load: float  # preload (force)
     yielded: bool | None  # None if the curve does not show it
     reason: str  # why it is this law, a part of a sentence
@@ -165,36 +198,35 @@ def law_from(source: Any, law: str = "auto", load: float | None = None) -> tuple
     return choice.law, choice.load
 
 
-def choose(columns: CurveColumns, law: str = "auto", load: float | None = None) -> Choice:
-    """Law of a curve for the vibration about a preload; for arguments and errors see `law_from`.
+def choose(columns: CurveColumns, law: str = "auto", load: float | None = None, name: str = "load") -> Choice:
+    """Law of a curve for the vibration about a preload, which has a name in messages; see `law_from` for the rest.
 
     A small motion unloads and reloads. So its spring is the unloading through the preload, else after yield the elastic
     stiffness of the states on the loading, and before yield the loading itself. The power law of the loading is too
     soft after yield: it is taken where the curve has nothing else, with a note.
     """
     one_of("law", law, LAWS)
-    top = float(np.max(columns.force))
-    load, lowered = met(0.5 * top if load is None else positive("load", load), top, columns.bar_at(top))
+    load, lowered = _met(columns, load, name)
     forces = [columns.force[rows] for rows in columns.unloadings()]
     through = [float(f.max()) for f in forces if f.min() <= load <= f.max() * (1 + _SAME)]
     yielded = columns.yielded(through[0] if through and law in ("auto", "unload-reload") else load)
-    names, notes, name = (law,), [lowered], law
+    names, notes, chosen = (law,), [lowered], law
     if law == "auto":
         unloaded = ("unload-reload",) if through and yielded is not False else ()
         names = (*unloaded, *(("elastic", "paper") if yielded else ("table",)))
-    for name in names:
+    for chosen in names:
         try:
-            found, done = law_named(columns, name, load)
+            found, rows, done = _MAKE[chosen](columns, load)
             break
         except AsperityError as error:
-            if name == names[-1]:
+            if chosen == names[-1]:
                 raise
-            if name == "unload-reload":
+            if chosen == "unload-reload":
                 notes.append(
                     f"the unloading through the preload gives no law: {error}; compute it with loading.unload_steps = "
                     f"{MIN_POINTS} or more, and output.stiffness = true"
                 )
-    if law == "auto" and name == "paper":
+    if law == "auto" and chosen == "paper":
         notes.append(LACK)
     if isinstance(found, CurveLaw) and load < found.F[0]:
         notes.append(
@@ -202,19 +234,21 @@ def choose(columns: CurveColumns, law: str = "auto", load: float | None = None) 
             "the approach, as at the first points"
         )
     loading = "nothing has yielded up to the preload" if yielded is False else "the curve does not show that it yields"
-    reason = REASONS.get(name, loading) if law == "auto" else "named"
-    return Choice(name, found, load, yielded, reason, "; ".join(filter(None, notes)), done)
+    reason = REASONS.get(chosen, loading) if law == "auto" else "named"
+    return Choice(chosen, found, rows, load, yielded, reason, "; ".join(filter(None, notes)), done)
 
 
-def met(load: float, top: float, bar: float, name: str = "load") -> tuple[float, str]:
-    """Preload on a curve that ends at a force: lowered to that within the error bar of the force, with a note, or "".
+def _met(columns: CurveColumns, load: float | None, name: str) -> tuple[float, str]:
+    """Preload on a curve: lowered to its end within the error bar of the force, with a note, or "".
 
     Raises:
         RangeError: the curve does not reach it
     """
+    top = float(np.max(columns.force))
+    load = 0.5 * top if load is None else positive(name, load)
     if load <= top * (1 + _SAME):
         return min(load, top), ""
-    if load <= top * (1 + max(_SHORT, bar if bar > 0 else 0.0)):
+    if load <= top * (1 + max(_SHORT, np.nan_to_num(columns.bar_at(top)))):
         return top, (
             f"{name} = {load:.6g} exceeds the greatest force of the curve by {100 * (load / top - 1):.2g} %, which is "
             f"within its error: the preload is {top:.6g}"
@@ -225,35 +259,45 @@ def met(load: float, top: float, bar: float, name: str = "load") -> tuple[float,
     )
 
 
-def law_named(columns: CurveColumns, name: str, load: float) -> tuple[Law, str]:
-    """Law of `LAWS` about a preload (force), with its bars, and what was done with measured rows; see `law_from`."""
-    if name == "paper":
-        return _power_law(columns), ""
-    if name == "elastic":
-        return elastic_tangent(columns, load), ""
-    return law_of_branch(columns, load, first=name == "table")
+Made = tuple[Law, Indices, str]  # law, its rows, and what was done with measured rows
 
 
-def law_of_branch(columns: CurveColumns, load: float, *, first: bool = False) -> tuple[CurveLaw, str]:
-    """Law through the rows of the first loading or of the last unloading; results and errors as for `law_named`."""
-    rows, name = (
-        (np.flatnonzero(columns.loading), "loading") if first else (leg_rows(columns, load), "unload-reload branch")
-    )
+def _table(columns: CurveColumns, load: float) -> Made:
+    """Points of the first loading, with the elastic stiffness as slopes where nothing has yielded."""
+    return _through(columns, load, columns.loading, "loading", slopes=not columns.yielded(load), origin=0.0)
+
+
+def _unload_reload(columns: CurveColumns, load: float) -> Made:
+    """Points of the last unloading, from where it separates."""
+    return _through(columns, load, columns.unloading(load), "unload-reload branch")
+
+
+def _through(
+    columns: CurveColumns, load: float, rows: Indices, name: str, *, slopes: bool = True, origin: float | None = None
+) -> Made:
+    """Law through rows in the order of approach, with bars; the approach of first contact is found if it is None."""
+    if columns.block:  # the law ends where the interface does not close any more
+        rows = rows[np.argsort(columns.force[rows], kind="stable")]
+        rows = rows[: int(np.argmax(columns.delta[rows])) + 1]
+        if columns.delta[rows[-1]] < LEAST * columns.curve.delta.max() or load > columns.force[rows[-1]] * (1 + _SAME):
+            raise InputError(
+                "the curve is as stiff as the block at the preload: its contact is complete, or nearly, and nothing is "
+                "left for the interface; take a smaller preload"
+            )
     delta, force, k = columns.delta[rows], columns.force[rows], columns.elastic[rows]
     if columns.measured:
-        return law_of_rows(delta, force, load, name)
-    if first and columns.yielded(load):
-        k = np.full(k.shape, np.nan)  # the slope of a loading that yields is not its elastic stiffness
+        law, done = law_of_rows(delta, force, load, name)
+        return law, rows, done
     touching = force > TOUCH * force.max()
-    if first:
-        origin = 0.0
-    elif np.sum(~touching) == 1:
-        origin = float(delta[~touching][0])
-    elif np.all(k[:2] > 0) and touching.all() and k.size > 1:
-        origin = float(delta[0] - CurveLaw.of_stiffness(force[:2], k[:2]).z[0])
-    else:
-        origin = LocalFit(delta, force, measured=True).origin[0]
-    return _with_bars(CurveLaw(delta, force, origin=origin, k=k, name=name), columns, load), ""
+    if origin is None:
+        if np.sum(~touching) == 1:
+            origin = float(delta[~touching][0])
+        elif np.all(k[:2] > 0) and touching.all() and k.size > 1:
+            origin = float(delta[0] - CurveLaw.of_stiffness(force[:2], k[:2]).z[0])
+        else:
+            origin = LocalFit(delta, force, measured=True).origin[0]
+    law = CurveLaw(delta, force, origin=origin, k=k if slopes else None, name=name)
+    return _with_bars(law, columns, load), rows, ""
 
 
 def _with_bars(law: CurveLaw, columns: CurveColumns, load: float) -> CurveLaw:
@@ -262,40 +306,23 @@ def _with_bars(law: CurveLaw, columns: CurveColumns, load: float) -> CurveLaw:
     return law.about(load, force=force, stiffness=0.0 if law.k is None else stiffness)
 
 
-def leg_rows(columns: CurveColumns, load: float | None = None) -> Array:
-    """Rows of the last unloading that passes through a preload (force), if one is given, in the order of approach.
-
-    Raises:
-        InputError: the curve has no unloading rows
-        RangeError: no branch with enough rows in contact reaches the preload
-    """
-    force, found = columns.force, columns.unloadings()
-    if not found:
-        raise InputError("the curve has no unloading branch: compute one with loading.unload = true")
-    enough = [rows for rows in found if np.sum(force[rows] > TOUCH * force[rows].max()) >= MIN_POINTS] or found
-    reaching = [rows for rows in enough if load is None or force[rows].max() >= load * (1 - _SAME)]
-    if not reaching:
-        top = max(float(force[rows].max()) for rows in enough)
-        raise RangeError(f"preload = {load:g} exceeds the unload-reload branch, which ends at force {top:g}")
-    rows = next((rows for rows in reaching if load is None or force[rows].min() < load), reaching[0])
-    return rows[np.argsort(columns.delta[rows], kind="stable")]
-
-
-def elastic_tangent(columns: CurveColumns, load: float) -> CurveLaw:
+def _elastic(columns: CurveColumns, load: float) -> Made:
     """Law of a contact that was never overloaded: the elastic stiffness of the states on the loading."""
-    rows = columns.rising(columns.loading & (columns.force > 0) & (columns.elastic > 0))
+    rows = columns.loading[(columns.force > 0)[columns.loading] & (columns.elastic > 0)[columns.loading]]
+    rows = rows[np.unique(columns.force[rows], return_index=True)[1]]
     if rows.size < 2 or load > columns.force[rows[-1]] * (1 + _SAME):
         raise InputError(
             f"the curve has the elastic stiffness k_n_elastic in {rows.size} rows of the loading, at least 2 are "
             "needed, up to the preload: compute it with output.stiffness = true"
         )
     law = CurveLaw.of_stiffness(columns.force[rows], columns.elastic[rows], name="elastic tangent of the loading")
-    return _with_bars(law, columns, load)
+    return _with_bars(law, columns, load), rows, ""
 
 
-def _power_law(columns: CurveColumns) -> PowerLaw:
+def _paper(columns: CurveColumns, load: float) -> Made:
     """Power law of the loading, known to its greatest force."""
-    delta, force = columns.delta[columns.loading], columns.force[columns.loading]
+    loading = columns.loading
+    delta, force = columns.delta[loading], columns.force[loading]
     length, unit = float(delta.max(initial=0.0)), float(force.max(initial=0.0))
     if not (length > 0 and unit > 0):
         raise InputError("the loading branch of the curve never makes contact: no power law can be fitted")
@@ -303,4 +330,13 @@ def _power_law(columns: CurveColumns) -> PowerLaw:
     fit = fit_power_law(delta[rows] / length, force[rows] / unit)
     with np.errstate(over="ignore"):
         law = PowerLaw(fit.n, float(unit * fit.k * np.float64(length) ** -fit.n))
-    return replace(law, known_to=max(fit.range[1] * length, law.deflection(unit)))
+    return replace(law, known_to=max(fit.range[1] * length, law.deflection(unit))), loading[rows], ""
+
+
+#: Law about a preload (force), by its name.
+_MAKE: dict[str, Callable[[CurveColumns, float], Made]] = {
+    "unload-reload": _unload_reload,
+    "elastic": _elastic,
+    "table": _table,
+    "paper": _paper,
+}

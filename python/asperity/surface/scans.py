@@ -1,4 +1,4 @@
-"""Height maps of instruments: reading, filling gaps, levelling, filtering, and cutting the square patch for a contact.
+"""Scans: gaps, levels, filters, the square patch of a contact, and its parameters of ISO 25178.
 
 field = HeightField.read("scan.sur").filled().levelled("plane")
 field.window(5e-6, 5e-6, 20e-6).save("patch.npz")          # kind = "file", path = "patch.npz" in a case
@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import json
 import math
+import warnings
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -18,24 +19,19 @@ import numpy as np
 from asperity.arrays import Array, Flags
 from asperity.errors import InputError
 from asperity.runtime.files import write_npz
-from asperity.runtime.text_table import is_text
 from asperity.surface.base import FLAT
-from asperity.surface.height_files import PLAIN, TEXT, metres_of, read_heights, read_instrument
-from asperity.surface.height_map import DEEPEST
-from asperity.surface.scale_space import gaussian_filtered
+from asperity.surface.height_files import read_heights, steps_of
 
 Trend = Literal["mean", "plane", "curvature"]
 
+DEGREES = {"mean": 0, "plane": 1, "curvature": 2}
+LEAST, LEAST_PATCH = 4, 8  # heights along a side of a map, and of a patch that is cut
+SAME = 1e-3  # relative difference of lengths that were rounded
 MOST_MISSING = 0.2  # share of heights that may be filled; more would be guesswork
 SPIKE = 10.0  # distance of a spike from the median of its neighbours over the usual one; 7 at most on rough surfaces
-SAME = 1e-3  # relative difference of lengths that were rounded
 STEEPEST = 30.0  # greatest plausible rms slope
-
-POWERS: dict[str, tuple[tuple[int, int], ...]] = {
-    "mean": ((0, 0),),
-    "plane": ((0, 0), (1, 0), (0, 1)),
-    "curvature": ((0, 0), (1, 0), (0, 1), (2, 0), (1, 1), (0, 2)),
-}
+LAGS = 2048  # heights per side for the autocorrelation
+ISO = ("Sq", "Sa", "Sz", "Sp", "Sv", "Ssk", "Sku", "Sdq", "Sdr", "Sal", "Str", "Sk", "Spk", "Svk", "Smr1", "Smr2")
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,7 +39,7 @@ class HeightField:
     """Heights at the nodes of a regular grid; immutable.
 
     >>> import numpy as np
-    >>> from asperity.surface.measured import HeightField
+    >>> from asperity.surface.scans import HeightField
     >>> tilted = HeightField(np.add.outer(np.arange(9.0), np.arange(17.0)), dx=0.5, dy=0.5)
     >>> tilted.size
     (8.0, 4.0)
@@ -53,7 +49,7 @@ class HeightField:
     Attributes:
         z: heights (ny, nx), index [iy, ix] (length); NaN where the instrument measured nothing
         dx, dy: distance between neighbouring nodes (length)
-        channel: of the file, empty where it has one
+        channel: of the file, or name of its array; empty where it has one
         notes: how the file was read, a sentence each
     """
 
@@ -65,8 +61,8 @@ class HeightField:
 
     def __post_init__(self) -> None:
         z = np.array(self.z, dtype=float)
-        if z.ndim != 2 or min(z.shape) < 8:
-            raise InputError(f"a height field needs at least 8 x 8 heights, not shape {z.shape}")
+        if z.ndim != 2 or min(z.shape) < LEAST:
+            raise InputError(f"a map needs two dimensions of at least {LEAST} heights, not shape {z.shape}")
         for name in ("dx", "dy"):
             value = getattr(self, name)
             if not (math.isfinite(value) and value > 0):
@@ -88,24 +84,20 @@ class HeightField:
         """Share of the heights that are missing."""
         return float(np.isnan(self.z).mean())
 
-    @staticmethod
+    @classmethod
     def read(
-        path: str | Path,
-        *,
-        pixel: float | tuple[float, float] | None = None,
-        unit: str | None = None,
-        missing: float | None = None,
-        channel: str | None = None,
-        array: str | None = None,
-    ) -> HeightField:
-        """Read a file of heights.
+        cls, path: str | Path, *, pixel: float | tuple[float, float] | None = None, side: float | None = None,
+        unit: str | None = None, missing: float | None = None, channel: str | None = None, array: str | None = None,
+    ) -> HeightField:  # fmt: skip
+        """Read a file of heights: .npz, .npy, text, or the format of an instrument.
 
-        Arrays of NumPy and text as in `height_files.read_heights`; other files, and text of which a channel is given,
-        by SurfaceTopography, which reads the formats of some forty instruments.
+        An .npz file has z and x and y, dx and dy, or L, the extent along x and y; a text is a matrix, or lines of x, y
+        and z. Text of which a channel is given is read by SurfaceTopography too.
 
         Args:
             path: the file
             pixel: distance between heights (m), or that along x and along y, for files that do not contain it
+            side: extent of a square map (m), in place of `pixel`
             unit: of lengths whose unit the file does not name, a key of `units.LENGTHS`, or the metres of one unit as
                 a number; default metres
             missing: value in the file that stands for a missing height, besides NaN
@@ -113,32 +105,35 @@ class HeightField:
             array: name of the heights in an .npz file; default z, or the only map
 
         Raises:
-            InputError: the file cannot be read, it has no lengths and `pixel` is missing, or others than `pixel`
+            InputError: the file cannot be read, it has no lengths and none are given, or it has other ones
             CompatError: the file requires SurfaceTopography, which is not installed
         """
         path = Path(path)
-        both = (pixel, pixel) if isinstance(pixel, (int, float)) else pixel
-        metres, kind = metres_of(unit), path.suffix.lower()
-        other = kind not in PLAIN
-        if kind in TEXT and path.is_file():
-            with path.open("rb") as file:  # some instruments give their files the name of a text
-                other = channel is not None or not is_text(file.read(4096))
-        if other and path.is_file():
-            read = read_instrument(path, both, metres, channel)
-        else:
-            read = read_heights(path, unit=metres, missing=missing, channel=channel, array=array)
-        dx, dy = read.dx, read.dy
-        if both is not None:
-            for name, own, given in (("dx", dx, both[0]), ("dy", dy, both[1])):
-                if own is not None and not math.isclose(own, given, rel_tol=SAME):
-                    raise InputError(
-                        f"{path} has lengths of its own, {name} = {own:.6g} between heights, not {given:g}: leave out "
-                        "--pixel, or correct the file"
-                    )
-            dx, dy = both[0] if dx is None else dx, both[1] if dy is None else dy
-        if dx is None or dy is None:
-            raise InputError(f"{path} contains heights without lengths; give the distance between heights (--pixel)")
-        return HeightField(read.z, dx, dy, read.channel, read.notes)
+        given = (pixel, pixel) if isinstance(pixel, (int, float)) else pixel
+        z, own, name, note = read_heights(path, given, unit, missing, channel, array)
+        try:
+            if given is None and side is not None:
+                given = steps_of(z, side)
+            if own and given and not np.allclose(own, given, rtol=SAME, atol=0.0):
+                raise ValueError(
+                    f"it has lengths of its own, dx = {own[0]:.6g} and dy = {own[1]:.6g}, not {given[0]:.6g} and "
+                    f"{given[1]:.6g}: leave out {'surface.L' if pixel is None else '--pixel'}, or correct the file"
+                )
+            if not (own or given):
+                raise ValueError(
+                    "it has no lengths; give the distance between heights (--pixel), or surface.L in a case"
+                )
+            return cls(z, *(own or given), name, (note,) if note else ())
+        except (ValueError, InputError) as error:
+            raise InputError(f"{path}: {error}") from None
+
+    @classmethod
+    def of(cls, z: Array, sides: float | tuple[float, float]) -> HeightField:
+        """Heights (ny, nx) on a square side, or on their two sides along x and y (length)."""
+        try:
+            return cls(z, *steps_of(z, sides))
+        except ValueError as error:
+            raise InputError(str(error)) from None
 
     def missing_in(self, x: float, y: float, side: float) -> float:
         """Share of the heights that are missing in the square of :meth:`window`, 0 outside the map."""
@@ -158,15 +153,13 @@ class HeightField:
         Raises:
             InputError: more than a fifth of the heights is missing
         """
-        if not self.missing:
-            return self
         share = self.missing if window is None else self.missing_in(*window)
         if share > MOST_MISSING:
             raise InputError(
                 f"{share:.0%} of the heights are missing, at most {MOST_MISSING:.0%} can be filled; "
                 "choose a window with fewer gaps"
             )
-        return replace(self, z=_harmonic_fill(self.z, np.isnan(self.z)))
+        return replace(self, z=_harmonic_fill(self.z)) if self.missing else self
 
     def spikes(self) -> Flags:
         """Heights (ny, nx) that stand far above their neighbours, as those of dust and of spikes of an instrument do.
@@ -185,15 +178,22 @@ class HeightField:
         usual = max(usual, 0.5 * float(np.sqrt(np.mean(above**2))))  # of flats most have none
         return np.asarray((above > SPIKE * usual) & (above > self.z.std()))
 
-    def without(self, heights: Flags) -> HeightField:
-        """The map with some heights (ny, nx) missing."""
-        return replace(self, z=np.where(heights, np.nan, self.z))
-
     def levelled(self, trend: Trend = "plane") -> HeightField:
         """Subtract the least-squares polynomial: "mean", "plane", or "curvature" (second order)."""
-        if trend not in POWERS:
+        if trend not in DEGREES:
             raise InputError(f'trend = "{trend}" is unknown; choose mean, plane or curvature')
-        return replace(self, z=self.z - _trend(self.z, trend))
+        degree = DEGREES[trend]
+        powers = [(j, i) for j in range(degree + 1) for i in range(degree + 1 - j)]  # of y and of x
+        y, x = (np.linspace(-1, 1, n)[:, None] ** np.arange(2 * degree + 1) for n in self.z.shape)
+        known = np.isfinite(self.z)
+        if known.sum() < len(powers):
+            raise InputError("there are too few heights to level; choose another window")
+        middle = float(np.mean(self.z, where=known))
+        moments, right = y.T @ known.astype(float) @ x, y.T @ np.where(known, self.z - middle, 0.0) @ x
+        matrix = np.array([[moments[j + n, i + m] for n, m in powers] for j, i in powers])
+        factors = np.zeros((degree + 1, degree + 1))
+        factors[tuple(zip(*powers, strict=True))] = np.linalg.lstsq(matrix, [right[p] for p in powers], rcond=None)[0]
+        return replace(self, z=self.z - middle - y[:, : degree + 1] @ factors @ x[:, : degree + 1].T)
 
     def filtered(self, cutoff: float) -> HeightField:
         """Apply a Gaussian low-pass filter with 50 % transmission at the wavelength `cutoff` (length), ISO 16610-61.
@@ -203,13 +203,17 @@ class HeightField:
         Raises:
             InputError: heights are missing, or the cut-off is below two pixels or beyond the side
         """
+        from scipy.fft import dctn, idctn
+
         self._require_complete("filtered")
-        if not 2 * min(self.dx, self.dy) <= cutoff <= max(self.size):
-            raise InputError(
-                f"cutoff = {cutoff:g} must lie between two pixels, {2 * min(self.dx, self.dy):g}, and the side, "
-                f"{max(self.size):g}"
-            )
-        return replace(self, z=gaussian_filtered(self.z, self.size, cutoff))
+        least, most = 2 * min(self.dx, self.dy), max(self.size)
+        if not least <= cutoff <= most:
+            raise InputError(f"cutoff = {cutoff:g} must lie between two pixels, {least:g}, and the side, {most:g}")
+        waves = dctn(self.z, type=1)
+        for axis, (n, length) in enumerate(zip(self.z.shape, self.size[::-1], strict=True)):
+            passed = 0.5 ** ((cutoff * np.arange(n) / (2 * length)) ** 2)
+            waves *= np.expand_dims(passed, 1 - axis)
+        return replace(self, z=idctn(waves, type=1, overwrite_x=True))
 
     def window(self, x: float, y: float, side: float) -> HeightField:
         """Cut the square [x, x + side] x [y, y + side] (lengths from the first node).
@@ -229,19 +233,19 @@ class HeightField:
                 f"the window x = {x:g}, y = {y:g}, side {side:g} is not inside the map of {width:g} x {depth:g}"
             )
         widest, axis = max((self.dx, "x"), (self.dy, "y"))
-        if side < (7 - 1e-6) * widest:
+        if side < (LEAST_PATCH - 1 - 1e-6) * widest:
             raise InputError(
-                f"the window of side {side:g} has fewer than 8 heights along {axis}, which are {widest:g} apart"
+                f"the window of side {side:g} has fewer than {LEAST_PATCH} heights along {axis}, which are {widest:g} "
+                "apart"
             )
         place = np.array([x / self.dx, side / self.dx, y / self.dy, side / self.dy])
         if self.dx == self.dy and np.allclose(place, np.rint(place), atol=1e-6, rtol=0):
             i, n, j, m = np.rint(place).astype(int)
-            return HeightField(self.z[j : j + m + 1, i : i + n + 1], self.dx, self.dy)
+            return replace(self, z=self.z[j : j + m + 1, i : i + n + 1])
         ny, nx = self.z.shape
         spline = RectBivariateSpline(np.arange(ny) * self.dy, np.arange(nx) * self.dx, self.z)
-        count = round(side / min(self.dx, self.dy)) + 1
-        s = np.linspace(0.0, side, count)
-        return HeightField(spline(y + s, x + s), s[1], s[1])
+        s = np.linspace(0.0, side, round(side / min(self.dx, self.dy)) + 1)
+        return replace(self, z=spline(y + s, x + s), dx=s[1], dy=s[1])
 
     def square(self) -> HeightField:
         """Cut the largest square in the middle of the map."""
@@ -252,90 +256,69 @@ class HeightField:
         return self.window(x, y, side)
 
     def check_plausible(self) -> None:
-        """Refuse heights that are all equal, or that cannot have the unit of the distances between them.
-
-        Raises:
-            InputError: they are
-        """
-        depth = float(np.nanmax(self.z) - np.nanmin(self.z))
-        if depth <= FLAT * max(self.size):
-            raise InputError(f"the map is flat: heights differ by {depth:.2g} m on a side of {max(self.size):.3g} m")
-        zy, zx = (np.diff(self.z, axis=axis) / step for axis, step in enumerate((self.dy, self.dx)))
+        """Refuse (InputError) heights that are all equal, or that cannot have the unit of their distances."""
+        depth, side = float(np.ptp(self.z)), max(self.size)
+        if depth <= FLAT * side:
+            raise InputError(f"the map is flat: heights differ by {depth:.2g} m on a side of {side:.3g} m")
         with np.errstate(over="ignore"):
-            slope = math.sqrt(float(np.nanmean(zx**2)) + float(np.nanmean(zy**2)))
-        if STEEPEST > slope and depth <= DEEPEST * max(self.size):
-            return
-        raise InputError(
-            f"heights that differ by {depth:.3g} m over a side of {max(self.size):.3g} m, with an rms slope of "
-            f"{slope:.2g}, are not plausible: give all lengths in one unit (--pixel 0.2um, --unit of the file)"
-        )
+            slopes = (np.mean((np.diff(self.z, axis=i) / step) ** 2) for i, step in enumerate((self.dy, self.dx)))
+            slope = math.sqrt(sum(slopes))
+        if slope >= STEEPEST:
+            raise InputError(
+                f"heights that differ by {depth:.3g} m over a side of {side:.3g} m, with an rms slope of {slope:.2g}, "
+                "are not plausible: give all lengths in one unit (--pixel 0.2um, --unit of the file)"
+            )
 
     def save(self, path: str | Path, about: Mapping[str, Any] | None = None) -> Path:
-        """Write the square patch as .npz with z and L, for kind = "file" in a case; return the path.
-
-        Args:
-            path: the file
-            about: see `HeightMap.about`
-
-        Raises:
-            InputError: the patch is not square, or heights are missing
-        """
-        self._require_complete("saved as a surface")
-        width, depth = self.size
-        if not math.isclose(width, depth, rel_tol=1e-9):
-            raise InputError(f"the map of {width:g} x {depth:g} is not square; cut a window first")
+        """Write the patch as .npz, for kind = "file" in a case; `about` is `HeightMap.about`; return the path."""
         path = Path(path).with_suffix(".npz")
-        arrays: dict[str, Array] = {"z": self.z, "L": np.array(width)}
+        arrays: dict[str, Array] = {"z": self.z, "L": np.array(self.size)}
         if about is not None:
             arrays["about"] = np.frombuffer(json.dumps(about).encode(), dtype=np.uint8)
         write_npz(path, arrays.items(), compress=True)
         return path
+
+    def iso25178(self) -> dict[str, float | None] | None:
+        """Parameters of ISO 25178-2 by surfalize, see ISO, with ratios of areas as shares; None without surfalize.
+
+        A parameter is None where the patch is too small for it. Beyond LAGS heights a side Sal and Str skip some.
+        """
+        with warnings.catch_warnings(action="ignore"):
+            try:
+                from surfalize import Surface  # type: ignore[import-not-found, import-untyped, unused-ignore]
+            except ImportError:
+                return None
+            step = -(-max(self.z.shape) // LAGS)
+            whole = Surface(self.z - self.z.mean(), self.dx, self.dy)
+            coarse = Surface(self.z[::step, ::step] - self.z.mean(), step * self.dx, step * self.dy)
+            values = {name: float(getattr(coarse if name in ("Sal", "Str") else whole, name)()) for name in ISO}
+        values |= {name: values[name] / 100.0 for name in ("Sdr", "Smr1", "Smr2")}
+        return {name: value if math.isfinite(value) else None for name, value in values.items()}
 
     def _require_complete(self, what: str) -> None:
         if self.missing:
             raise InputError(f"{self.missing:.2%} of the heights are missing; fill them before the map is {what}")
 
 
-def _trend(z: Array, trend: str) -> Array:
-    """Least-squares polynomial of the known heights at every node (ny, nx) (length); terms are powers of y and x."""
-    powers = POWERS[trend]
-    y, x = (np.linspace(-1, 1, n)[:, None] ** np.arange(5) for n in z.shape)
-    known = np.isfinite(z)
-    if known.sum() < len(powers):
-        raise InputError("there are too few heights to level; choose another window")
-    middle = float(np.mean(z, where=known))
-    moments = y.T @ known.astype(float) @ x
-    right = y.T @ np.where(known, z - middle, 0.0) @ x
-    matrix = np.array([[moments[j + n, i + m] for m, n in powers] for i, j in powers])
-    coefficients = np.zeros((3, 3))
-    coefficients[tuple(zip(*((j, i) for i, j in powers), strict=True))] = np.linalg.lstsq(
-        matrix, [right[j, i] for i, j in powers], rcond=None
-    )[0]
-    return middle + np.asarray(y[:, :3] @ coefficients @ x[:, :3].T)
-
-
-def _harmonic_fill(z: Array, gaps: Flags) -> Array:
+def _harmonic_fill(z: Array) -> Array:
     """Heights (ny, nx) in which each missing value is the mean of its neighbours on the grid (length)."""
     from scipy.sparse import coo_matrix
     from scipy.sparse.linalg import cg
 
+    gaps = np.isnan(z)
+    iy, ix = np.nonzero(gaps)
     number = np.full(z.shape, -1)
-    number[gaps] = np.arange(gaps.sum())
-    numbers, heights = np.pad(number, 1, constant_values=-2), np.pad(z, 1)  # -1: known, -2: beyond the edge
-    iy, ix = np.nonzero(np.pad(gaps, 1))
-    me = numbers[iy, ix]
-    diagonal, right = np.zeros(me.size), np.zeros(me.size)
-    rows, columns = [], []
-    for place in ((iy, ix + 1), (iy, ix - 1), (iy + 1, ix), (iy - 1, ix)):
-        other = numbers[place]
-        diagonal += other != -2
-        right += np.where(other == -1, heights[place], 0.0)
-        rows.append(me[other >= 0])
-        columns.append(other[other >= 0])
-    i, j = np.concatenate(rows), np.concatenate(columns)
-    matrix = coo_matrix((-np.ones(i.size), (i, j)), shape=(me.size, me.size)).tocsr()
+    number[gaps] = np.arange(iy.size)
+    diagonal, right, pairs = np.zeros(iy.size), np.zeros(iy.size), []
+    for jy, jx in ((iy, ix + 1), (iy, ix - 1), (iy + 1, ix), (iy - 1, ix)):
+        inside = np.flatnonzero((jy >= 0) & (jy < z.shape[0]) & (jx >= 0) & (jx < z.shape[1]))
+        other, height = (values[jy[inside], jx[inside]] for values in (number, z))
+        diagonal[inside] += 1.0
+        right[inside] += np.where(other < 0, height, 0.0)
+        pairs.append((inside[other >= 0], other[other >= 0]))
+    i, j = np.concatenate(pairs, axis=1)
+    matrix = coo_matrix((-np.ones(i.size), (i, j)), shape=(iy.size, iy.size)).tocsr()
     matrix.setdiag(diagonal)
-    full, middle = np.array(z), float(np.mean(z[~gaps]))
-    start = np.full(me.size, middle)
-    full[gaps], _ = cg(matrix, right, start, rtol=1e-12, maxiter=10_000)
+    full = np.array(z)
+    full[gaps], _ = cg(matrix, right, np.full(iy.size, np.nanmean(z)), rtol=1e-12, maxiter=10_000)
     return full

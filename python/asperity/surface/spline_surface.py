@@ -1,19 +1,78 @@
-"""Surfaces convolved with Gaussians whose width differs from point to point."""
+"""Surfaces whose heights are a spline over a regular grid, and their heights smoothed by Gaussians."""
 
 from __future__ import annotations
 
 import math
+from abc import abstractmethod
 from collections.abc import Callable
+from functools import cached_property
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from asperity.arrays import Array
+from asperity.surface.base import Surface
+
+if TYPE_CHECKING:
+    from scipy.interpolate import BivariateSpline
 
 Heights = Callable[[Array, Array], Array]
 
-_ALPHA = math.sqrt(math.log(2) / math.pi)  # constant of the Gaussian filter, ISO 16610-61
 _SPACING, _FEWEST = 0.5, 16  # distance of the nodes of smoothed heights over their width; least nodes of a period
+
+
+class SplineSurface(Surface):
+    """A surface whose heights are a tensor-product spline, with the derivatives of that spline."""
+
+    @abstractmethod
+    def _make_spline(self) -> BivariateSpline:
+        """The spline; its first axis is x."""
+
+    @cached_property
+    def _derivatives(self) -> dict[tuple[int, int], Any]:
+        return {(0, 0): self._make_spline()}
+
+    def _derivative(self, dx: int, dy: int) -> Any:
+        """Derivative as a spline, made once: it takes as long as 10,000 points."""
+        if (dx, dy) not in self._derivatives:
+            self._derivatives[dx, dy] = self._derivatives[0, 0].partial_derivative(dx, dy)
+        return self._derivatives[dx, dy]
+
+    def _at(self, x: ArrayLike, y: ArrayLike, dx: int = 0, dy: int = 0) -> Array:
+        x, y = np.broadcast_arrays(np.asarray(x, dtype=float), np.asarray(y, dtype=float))
+        values = self._derivative(dx, dy)(x.ravel(), y.ravel(), grid=False)
+        return np.asarray(values, dtype=float).reshape(x.shape)
+
+    def height(self, x: ArrayLike, y: ArrayLike) -> Array:
+        return self._at(x, y)
+
+    def gradient(self, x: ArrayLike, y: ArrayLike) -> tuple[Array, Array]:
+        return self._at(x, y, 1, 0), self._at(x, y, 0, 1)
+
+    def hessian(self, x: ArrayLike, y: ArrayLike) -> tuple[Array, Array, Array]:
+        return self._at(x, y, 2, 0), self._at(x, y, 1, 1), self._at(x, y, 0, 2)
+
+    def on_product(self, x: Array, y: Array, dx: int = 0, dy: int = 0) -> Array:  # far cheaper than scattered points
+        return np.asarray(self._derivative(dx, dy)(x, y).T)
+
+    def curvature_bound(self) -> float:
+        """Bound of the Hessian (1/length) from the convex hull of the spline coefficients."""
+        xx, xy, yy = (float(np.abs(self._derivative(*order).tck[2]).max()) for order in ((2, 0), (1, 1), (0, 2)))
+        return max(xx, yy) + xy
+
+    def smoothed(self, x: ArrayLike, y: ArrayLike, s: ArrayLike) -> Array:
+        return self._scales.heights(x, y, s)
+
+    @cached_property
+    @abstractmethod
+    def _scales(self) -> ScaleSpace:
+        """Levels of smoothed heights."""
+
+
+def quintic_gain(omega: Array) -> Array:
+    """Transform of the quintic B-spline at the nodes, at angular wave numbers per node of any shape."""
+    return np.asarray((66 + 52 * np.cos(omega) + 2 * np.cos(2 * omega)) / 120)
 
 
 class ScaleSpace:
@@ -78,9 +137,7 @@ class ScaleSpace:
             rows = np.rint(fftfreq(ny, 1 / ny)).astype(int)
             waves = self._waves[rows, : nx // 2 + 1]
             for axis, (k, n) in enumerate(((rows, ny), (np.arange(nx // 2 + 1), nx))):
-                omega = 2 * np.pi * k / n
-                of_spline = (66 + 52 * np.cos(omega) + 2 * np.cos(2 * omega)) / 120  # transform of its basis
-                gain = np.exp(-((2 * np.pi * k * s / self._period) ** 2) / 2) / of_spline
+                gain = np.exp(-((2 * np.pi * k * s / self._period) ** 2) / 2) / quintic_gain(2 * np.pi * k / n)
                 waves = waves * np.expand_dims(gain.astype(np.float32), 1 - axis)
             spline = irfft2(waves, s=(ny, nx), norm="forward")
 
@@ -91,20 +148,3 @@ class ScaleSpace:
 
             self._levels[level] = heights
         return self._levels[level]
-
-
-def gaussian_filtered(z: Array, size: tuple[float, float], cutoff: float) -> Array:
-    """Heights after a Gaussian low-pass filter of ISO 16610-61, mirrored at the edges.
-
-    Args:
-        z: heights (ny, nx) (length)
-        size: of the map along x and along y (length)
-        cutoff: wavelength of 50 % transmission (length)
-    """
-    from scipy.fft import dctn, idctn
-
-    waves = dctn(z, type=1)
-    for axis, (n, length) in enumerate(zip(z.shape, size[::-1], strict=True)):
-        half_waves = np.arange(n) / (2 * length)  # 1/wavelength
-        waves *= np.expand_dims(np.exp(-np.pi * (_ALPHA * cutoff * half_waves) ** 2), 1 - axis)
-    return np.asarray(idctn(waves, type=1, overwrite_x=True))

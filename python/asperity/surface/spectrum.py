@@ -1,4 +1,4 @@
-"""The self-affine equivalent of a spectrum: Hurst exponent and roll-off.
+"""Radial power spectrum of heights, and its self-affine equivalent: Hurst exponent and roll-off.
 
 The scatter of the bands says little of the exponent, for which roll-off a spectrum has is known no better: a later one
 makes a steeper law. The error bar therefore holds every exponent that with any roll-off, or with none, fits nearly as
@@ -14,7 +14,7 @@ import numpy as np
 
 from asperity.arrays import Array
 from asperity.errors import InputError
-from asperity.surface.statistics import Spectrum
+from asperity.runtime.display import short_repr
 
 _PER_DECADE = 8  # bands of the wave number
 _FIRST = 2  # waves per side from which levelling does not disturb the spectrum
@@ -25,6 +25,51 @@ _CLIFF, _STEEP = 10.0, 6  # a density that falls so much in two waves per side, 
 _SIGNIFICANT = 7.0  # drop of the squared misfit that shows a roll-off, or a bend; on surfaces without one it is below 6
 _AS_GOOD = 4.0  # rise of it that is chance: two standard deviations
 _UNKNOWN = 0.5  # error bar that holds as much as all exponents of self-affine surfaces
+
+
+@dataclass(frozen=True)
+class Spectrum:
+    """A radial power spectral density.
+
+    Attributes:
+        q: angular wave number 2 pi/wavelength (1/length), rising, without 0, (m,)
+        density: at q, (m,) (length^4)
+    """
+
+    q: Array
+    density: Array
+
+    __repr__ = short_repr
+
+
+def psd(z: Array, L: float, window: str = "hann") -> Spectrum:
+    """Radial power spectral density, in the conventions of Jacobs, Junge and Pastewka (2017).
+
+    Surf. Topogr.: Metrol. Prop. 5 013001. The discrete transform includes the factor dx dy, so that <z^2> = sum of
+    C(q)/L^2 over all wave vectors. The windowed heights are rescaled to the power of the unwindowed ones.
+
+    Args:
+        z: heights (n, n) at i L/n (length); the period of the transform is L; the mean is subtracted
+        L: side of the patch (length)
+        window: "hann" (suppresses the jump at the edges of a patch that is not periodic) or "none"
+
+    Returns:
+        Mean of the density over rings of width 2 pi/L
+
+    Raises:
+        InputError: unknown window
+    """
+    if window not in ("hann", "none"):
+        raise InputError(f'psd window must be "hann" or "none", not {window!r}.')
+    n, z = len(z), z - z.mean()
+    taper = np.sin(np.pi * (np.arange(n) + 0.5) / n) ** 2 if window == "hann" else np.ones(n)
+    taper = taper / np.sqrt(np.mean(taper**2))
+    power = np.abs(np.fft.fft2(z * taper * taper[:, None])) ** 2 * (L / n) ** 4 / L**2
+    k = np.fft.fftfreq(n, 1 / n)
+    ring = np.rint(np.hypot(k[:, None], k)).astype(int).ravel()
+    density = np.bincount(ring, power.ravel()) / np.bincount(ring)
+    index = np.arange(1, n // 2)
+    return Spectrum(2 * np.pi * index / L, density[index])
 
 
 @dataclass(frozen=True)
