@@ -292,12 +292,12 @@ def test_a_leg_to_the_force_that_is_there_already(cube: BlockMesh) -> None:
 @pytest.mark.parametrize("steps", [3, 6])
 def test_an_unloading_aims_at_planned_forces(press_of: Callable[..., ContactSolver], steps: int) -> None:
     """After the first step, whose slope is a guess, each is next to a force that is planned."""
-    for end in (0.0, 0.3):
-        curve = drive(press_of(PLASTIC), delta_max=DELTA, steps=4, unload_steps=steps, unload_to=end).curve()
+    for end in (0.0, 0.05):
+        curve = drive(press_of(ELASTIC), delta_max=DELTA, steps=4, unload_steps=steps, unload_to=end).curve()
         top, down = curve.loading().force[-1], curve.unloading().force
-        assert down[-1] == pytest.approx(end * top, rel=2e-6)
-        away = (top - down[1:-1]) / ((1.0 - end) * top / steps)
-        np.testing.assert_allclose(away, np.round(away), atol=0.35)
+        assert down[-1] == pytest.approx(end * top, abs=1.1e-6 * top)
+        away = (top - down[1 : steps - 1]) / ((1.0 - end) * top / steps)
+        np.testing.assert_allclose(away, np.round(away), atol=0.25)
 
 
 def test_a_loading_that_was_not_felt_is_lifted_off(rough: Surface, coarse: BlockMesh | None) -> None:
