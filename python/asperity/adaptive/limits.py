@@ -7,13 +7,12 @@ from collections.abc import Callable, Sequence
 import numpy as np
 
 from asperity.adaptive.guide import REACH
-from asperity.adaptive.mesh_plan import FLOW_ORDERS, MESH_ORDERS, shares
+from asperity.adaptive.mesh_plan import MESH_ORDERS, shares
 from asperity.arrays import Flags, Floats
 from asperity.curve.curve import EDGE
 
 NEIGHBOURS = 2 * REACH + 1  # steps that are averaged
 SHARP = 0.3  # what EDGE is where the surface ends in a sharp edge, which lies anywhere in the facets
-MOST = 20.0  # bar of the logarithm of a flow beyond which nothing is known
 ALIKE = 2.0  # neighbouring steps that place the edge of the contact alike
 
 
@@ -44,18 +43,6 @@ def limit_of_meshes(
     smooth = _by_parts(_average, weight * change, judged)
     bar, rest = (_by_parts(steady, part, judged) for part in (share * change, weight * change - smooth))
     return np.where(known, np.exp(-smooth), 1.0), np.hypot(bar, rest)
-
-
-def limit_of_flow(
-    coarse: Floats, fine: Floats, ratio: float, singular: Floats, judged: Flags
-) -> tuple[Floats, Floats]:
-    """As `limit_of_meshes`, of the flow through the gap at a force, which may change by more than its size.
-
-    Coarse meshes leave too wide channels between spots; each that closes takes a part of the flow. The bar is that of
-    the logarithm, upwards.
-    """
-    factor, bar = limit_of_meshes(coarse, fine, ratio, singular, judged, FLOW_ORDERS)
-    return factor, np.expm1(np.minimum(bar, MOST))
 
 
 def limit_of_area(
