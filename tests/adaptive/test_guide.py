@@ -29,8 +29,8 @@ from asperity.errors import Interrupted
 from asperity.mesh.generate import build_block
 from asperity.model.material import Material
 from asperity.model.problem import Problem
-from asperity.quasistatic.callbacks import Callbacks
 from asperity.quasistatic.contact_result import PartialResult
+from asperity.quasistatic.solve_problem import Callbacks
 from asperity.reference import Hertz
 from asperity.surface import HeightMap, SelfAffine, SurfaceWarning
 

@@ -15,14 +15,15 @@ from scipy.optimize import minimize
 import asperity as asp
 from asperity.arrays import Flags
 from asperity.errors import CheckError
+from asperity.fem.history import extrapolate
 from asperity.fem.kernels import relaxation_of
 from asperity.mesh.block import BlockMesh
 from asperity.mesh.generate import build_block
 from asperity.mesh.size_field import SizeField
 from asperity.model.load_path import BACKWARD_EULER, MIDPOINT
 from asperity.model.material import PAIRS, Material
-from asperity.quasistatic import midpoint
 from asperity.quasistatic.contact_result import ContactResult
+from asperity.quasistatic.stepping import midpoint_lead
 from asperity.surface import Surface
 
 Array = npt.NDArray[np.float64]
@@ -175,8 +176,8 @@ def test_the_midpoint_rule_keeps_its_order(coarse: BlockMesh, material: Material
             before = it.kernels.history().copy()
             it.kernels.commit()
             after = (k + 1) / steps if k < steps and rule == MIDPOINT else None
-            part, at = midpoint.extrapolation(at, t, after)
-            it.kernels.restore(midpoint.extrapolate(before, it.kernels.history().copy(), part))
+            part, at = midpoint_lead(at, t, after)
+            it.kernels.restore(extrapolate(before, it.kernels.history().copy(), part))
         return force
 
     changes = {}

@@ -16,7 +16,7 @@ from asperity.case.case_file import Case
 from asperity.errors import CaseWarning, InputError
 from asperity.model.load_path import Schedule
 from asperity.model.problem import Problem
-from asperity.quasistatic.callbacks import Callbacks
+from asperity.quasistatic.solve_problem import Callbacks
 from asperity.surface import Flat, Surface
 
 asp: Any = asperity  # wrong types on purpose

@@ -38,7 +38,7 @@ def press_of(rough: Surface, coarse: BlockMesh | None) -> Callable[..., ContactS
 
 @EACH
 def test_paraboloid(cap: Surface, formulation: Formulation) -> None:
-    """A quarter of a spot of radius a in a corner: Hertz, 2 E' a, Mindlin's ratio, Holm's 4 a, Barber's identity.
+    """A quarter of a spot of radius a in a corner: Hertz, 2 E' a, Mindlin's ratio, Holm's 4 a.
 
     Small spots: the walls add half a per cent to the force.
     """
@@ -57,7 +57,6 @@ def test_paraboloid(cap: Surface, formulation: Formulation) -> None:
     np.testing.assert_allclose(curve.k_n_elastic, curve.k_n, rtol=0.01)
     np.testing.assert_allclose(curve.k_t_interface / curve.k_n_interface, 2.0 * (1.0 - NU) / (2.0 - NU), rtol=0.03)
     np.testing.assert_allclose(4.0 * curve.conductance, 4.0 * a, rtol=0.02)
-    np.testing.assert_allclose(curve.conductance, 2.0 * curve.k_n_interface / E_prime, rtol=0.02)
 
 
 def test_ridges_are_softer_along_than_across() -> None:

@@ -12,9 +12,8 @@ from asperity.errors import InputError
 from asperity.mesh.block import BlockMesh
 from asperity.model.problem import Problem
 from asperity.model.settings import AccuracyTarget
-from asperity.quasistatic.callbacks import Callbacks
 from asperity.quasistatic.contact_result import ContactResult, PartialResult
-from asperity.quasistatic.solve_problem import solve_problem
+from asperity.quasistatic.solve_problem import Callbacks, solve_problem
 from asperity.runtime.parallel import on_root_bcast
 
 if TYPE_CHECKING:

@@ -10,9 +10,8 @@ from asperity.mesh.block import BlockMesh
 from asperity.model.material import Material
 from asperity.model.problem import Problem, ProblemArguments
 from asperity.model.settings import AccuracyTarget, MeshSize
-from asperity.quasistatic.callbacks import CallbackArguments, Callbacks
 from asperity.quasistatic.contact_result import ContactResult
-from asperity.quasistatic.solve_problem import solve_problem
+from asperity.quasistatic.solve_problem import CallbackArguments, Callbacks, solve_problem
 from asperity.surface import Surface
 
 if TYPE_CHECKING:

@@ -75,9 +75,8 @@ def prepare(case: Case, problem: Problem, approach: float) -> None:
     from asperity.adaptive.mesh_levels import LevelSolver
     from asperity.adaptive.mesh_plan import second
     from asperity.mesh.block import BlockMesh
-    from asperity.quasistatic.callbacks import Callbacks
     from asperity.quasistatic.make import distributed, make_block
-    from asperity.quasistatic.solve_problem import judge, refuse_other_height
+    from asperity.quasistatic.solve_problem import Callbacks, judge, refuse_other_height
 
     comm, surface = MPI.COMM_SELF, problem.surface
 

@@ -17,9 +17,8 @@ from asperity.mesh.block import BlockMesh
 from asperity.model.material import AUTO
 from asperity.model.problem import Problem
 from asperity.output.run_files import RunFiles, summarise
-from asperity.quasistatic.callbacks import Callbacks
 from asperity.quasistatic.contact_result import ContactResult, PartialResult, refuse_wrong
-from asperity.quasistatic.solve_problem import solve_problem
+from asperity.quasistatic.solve_problem import Callbacks, solve_problem
 from asperity.runtime.parallel import on_root
 from asperity.runtime.progress import Progress
 
@@ -130,5 +129,4 @@ def _hooks(case: Case, files: RunFiles, progress: Progress, stop: Callable[[], s
         snapshots=output.snapshots if output.figures or output.fields else 0,
         on_ready=files.begin,
         stiffness=case.has_stiffness,
-        conductance=output.stiffness,  # of which the slip needs nothing
     )  # fmt: skip

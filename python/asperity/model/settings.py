@@ -185,7 +185,7 @@ class Output:
     fields: Flag = key("fields/ for ParaView", default=False)
     report: Flag = key("report.html", default=False)
     stiffness: Flag = key(
-        "columns k_n_elastic to k_t_interface (also with [slip]) and conductance, for more time a load step",
+        "columns k_n_elastic to conductance (also with [slip]), for more time a load step",
         default=False,
     )
     snapshots: Whole = key("load levels kept for pressure maps and fields", default=4, ge=0, le=1000)

@@ -16,11 +16,10 @@ from asperity.arrays import Floats
 from asperity.contact import Contact
 from asperity.contact.contact_surface import ContactSurface
 from asperity.fem.energies import dissipation, energies
-from asperity.fem.history import History
+from asperity.fem.history import History, extrapolate
 from asperity.fem.solid import Solid
 from asperity.linear.petsc import LinearFailure, destroy_unused, own_errors
 from asperity.model.settings import SolverOptions
-from asperity.quasistatic import midpoint
 from asperity.quasistatic.balance import Checks, StepBalance, audit
 from asperity.quasistatic.newton import COUNTED, NewtonSolver, StepStats
 from asperity.runtime.parallel import summed
@@ -184,7 +183,7 @@ class ContactSolver:
         Args:
             delta: approach [L]
             extrapolation: part of the plastic flow of the step by which the history goes beyond `delta`, see
-                `midpoint`; with 1 the solve is the midpoint of what is committed, and the path is integrated to second
+                `stepping`; with 1 the solve is the midpoint of what is committed, and the path is integrated to second
                 order
         """
         solid, contact = self.solid, self.contact
@@ -213,7 +212,7 @@ class ContactSolver:
         self._extrapolated = extrapolation > 0.0
         if self._extrapolated:
             self._own = solid.kernels.history().copy()
-            solid.kernels.restore(midpoint.extrapolate(history, self._own, extrapolation))
+            solid.kernels.restore(extrapolate(history, self._own, extrapolation))
             if contact.has_tangent or contact.held is not None:  # for the energy balance, as after a restart
                 self._internal = solid.internal_force().copy()
         self.counts.steps += 1

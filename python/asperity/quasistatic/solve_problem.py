@@ -2,29 +2,82 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from contextlib import suppress
+from dataclasses import dataclass
 from functools import partial
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any, TypedDict
 
+from asperity.curve import Curve
 from asperity.errors import ConvergenceError, Interrupted, MeshError
 from asperity.fem.forms import FormKernels
+from asperity.fem.solid import Solid
 from asperity.mesh.block import NEAR, BlockMesh
 from asperity.mesh.resolution import judge_mesh
 from asperity.model.load_path import Schedule
 from asperity.model.problem import Problem
 from asperity.model.settings import H_CONTACT, MeshSize
-from asperity.quasistatic.callbacks import Callbacks
 from asperity.quasistatic.contact_result import ContactResult, PartialResult, refuse_wrong
 from asperity.quasistatic.contact_solver import ContactSolver
 from asperity.quasistatic.make import make_block, solver_of
-from asperity.quasistatic.stepping import Position, Record, follow
+from asperity.quasistatic.stepping import Callback, Position, Record, follow
+from asperity.quasistatic.stiffness import Stiffness
 from asperity.runtime.parallel import on_root
 from asperity.runtime.usage import Phases, peak
 
 if TYPE_CHECKING:
     from mpi4py import MPI
 
+    from asperity.quasistatic.checkpoint import Checkpoint
+
 ESTIMATE_STEPS = 40  # after which the approach at a given force is only guessed
+
+
+class CallbackArguments(TypedDict, total=False):
+    """The attributes of `Callbacks` as arguments."""
+
+    on_stage: Callable[[str], None] | None
+    on_step: Callback | None
+    stop: Callable[[], str] | None
+    checkpoint: Checkpoint | None
+    snapshots: int
+    on_ready: Callable[[], None] | None
+    stiffness: bool
+    on_curve: Callable[[Curve], None] | None
+
+
+@dataclass(frozen=True)
+class Callbacks:
+    """Callbacks of a load path, and what to keep of it.
+
+    Attributes:
+        on_stage: called with the name of each stage
+        on_step: called after each accepted step
+        stop: polled after each step on all ranks; a non-empty string stops the run
+        checkpoint: receives the state; one that holds a state is continued from
+        snapshots: states of the top to keep per loading
+        on_ready: called when mesh and solver are made, before anything is saved
+        stiffness: whether to compute the columns k_n_elastic to conductance
+        on_curve: with a tolerance, called with the curve with error bars that each mesh after the first gives
+    """
+
+    on_stage: Callable[[str], None] | None = None
+    on_step: Callback | None = None
+    stop: Callable[[], str] | None = None
+    checkpoint: Checkpoint | None = None
+    snapshots: int = 0
+    on_ready: Callable[[], None] | None = None
+    stiffness: bool = False
+    on_curve: Callable[[Curve], None] | None = None
+
+    def probes(self, solid: Solid) -> tuple[Any, ...]:
+        """Measurements of each accepted step that are requested, see `ContactSolver`; collective."""
+        return (Stiffness(solid),) if self.stiffness else ()
+
+    def stage(self, name: str) -> None:
+        """Announce a stage."""
+        if self.on_stage is not None:
+            self.on_stage(name)
 
 
 def solve_problem(

@@ -18,7 +18,6 @@ from asperity.curve import ELASTIC_STIFFNESSES
 from asperity.fem.solid import Solid
 from asperity.linear.matrix_free import tangent_product
 from asperity.mesh.distribute import SIDE_X, SIDE_Y
-from asperity.quasistatic.conductance import Conductance
 
 if TYPE_CHECKING:
     from asperity.quasistatic.contact_solver import ContactSolver
@@ -36,11 +35,11 @@ class Stiffness:
         columns: names of what it finds
     """
 
-    def __init__(self, solid: Solid, conductance: bool = True) -> None:
+    columns = (*ELASTIC_STIFFNESSES, "conductance")
+
+    def __init__(self, solid: Solid) -> None:
         self._along = tuple(mirrored(solid, axis) for axis in (0, 1))  # dofs without displacement
-        self._conductance = Conductance(solid) if conductance else None
         self._height = 0.0  # of the undeformed block
-        self.columns = (*ELASTIC_STIFFNESSES, *(["conductance"] if conductance else []))
 
     def __call__(self, solver: ContactSolver) -> dict[str, float]:
         """Elastic stiffness at the last solve, before its history is committed.
@@ -54,8 +53,8 @@ class Stiffness:
                 k_n_interface: k_n_elastic without the compliance h_b/(A M) of the block; absent where that is all
                     there is
                 k_t_interface: k_t without the compliance h_b/(A G), likewise
-                conductance: constriction conductance over the conductivity, without the resistance h_b/A of the block,
-                    likewise [L]; absent where it is not requested
+                conductance: constriction conductance over the conductivity [L], 2/E' times k_n_interface (Barber,
+                    Proc. R. Soc. A 459 (2003) 53), likewise; exact for the contact of a half-space without friction
         """
         solid, contact = solver.solid, solver.contact
         nodes, material = contact.nodes(), solid.material
@@ -73,20 +72,20 @@ class Stiffness:
             tangential.append(_moved(solver, axis, np.union1d(fixed, plate), plate, False, guess)[0])
         k_t = 0.5 * sum(tangential)
         self._height = height = self._height or solver.contact_surface.mean(solid.points[:, 2])
+        interface = without_block(normal, material.block_modulus(solid.sides) / height)  # elastic like k_t
         found = {
             "k_n_elastic": normal,
             "k_t": k_t,
             "k_t_x": tangential[0],
-            "k_n_interface": without_block(normal, material.block_modulus(solid.sides) / height),  # elastic like k_t
+            "k_n_interface": interface,
             "k_t_interface": without_block(k_t, material.lame[1] / height),
+            "conductance": 2.0 / material.reduced_modulus * interface,
         }
-        if self._conductance is not None:
-            found["conductance"] = without_block(self._conductance.between(nodes), 1.0 / height)
         return {name: value for name, value in found.items() if value == value}
 
 
 def without_block(whole: float, block: float) -> float:
-    """Stiffness or conductance of two in series without that of the block; NaN where the block is practically all."""
+    """Stiffness of two in series without that of the block; NaN where the block is practically all."""
     left = 1.0 - whole / block
     return whole / left if left > FULL else nan
 
