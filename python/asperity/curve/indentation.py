@@ -52,7 +52,7 @@ def oliver_pharr(
 
     Oliver & Pharr, J. Mater. Res. 7 (1992) 1564: the upper half of the unloading follows B (delta - delta_f)^m, whose
     slope at its beginning is the stiffness S. A is the area of contact of the curve, not one by the shape of the tip.
-    The bar has the error of the area, that of the force, and the change of the slope with the upper part of these rows alone.
+    The bar has the error of the area, that of the force, and what the upper of these rows alone change in the slope.
 
     Args:
         curve: with a first unloading
