@@ -160,15 +160,14 @@ def starting_case(
         "",
         *_keys(Case, {}),
     ]
-    for name in SECTIONS:
-        kinds = {"surface": kind, "tool": "pyramid"}
+    kinds = {"surface": kind, "tool": "pyramid"}
+    for name in (name for name in SECTIONS if name != "tool" or name in chosen):
         cls = surface_kind(kinds[name]) if name in kinds else SECTIONS[name]
-        optional = name in ("tool", "dynamics", "joint", "slip") and name not in chosen
+        optional = name in ("dynamics", "joint", "slip") and name not in chosen
         about = str(cls.__doc__).partition("\n")[0].removesuffix(".")
         lines += ["", f"# {about}", f"# [{name}]" if optional else f"[{name}]"]
         if name in kinds:
-            mark = "# " if optional else ""
-            lines.append(_line(f'{mark}kind = "{kinds[name]}"', f"kind of surface; {', '.join(KINDS)}"))
+            lines.append(_line(f'kind = "{kinds[name]}"', f"kind of surface; {', '.join(KINDS)}"))
         lines += _keys(cls, chosen.get(name, {}))
     return "\n".join(lines) + "\n"
 
