@@ -5,8 +5,8 @@
     python3 benchmarks/leakage.py open [--seed N ...]
 
 `inside` presses the patches of area.py and prints, at contact fractions of 0.05, 0.15 and 0.3, the transmissivities,
-their bars and the errors. The truth has finite volumes on the cells of boundary elements on the same heights at the same
-force, on two grids, whose difference is its uncertainty. `percolation` prints between which contact fractions the
+their bars and the errors. The truth has finite volumes on the cells of boundary elements on the same heights at the
+same force, on two grids, whose difference is its uncertainty. `percolation` prints between which contact fractions the
 last channel of a patch closes, along x and along y (0.415 of an ensemble: Wang and Mueser, arXiv 2010.13470).
 `open` moves a rigid flat into undeformed patches and prints T over the cube of the mean gap h, beside the flow factor
 1 - 0.9 exp(-0.56 h/Sq) of Patir and Cheng (J. Lubr. Technol. 100 (1978) 12), by the ratio h/Sq.
@@ -17,9 +17,10 @@ from __future__ import annotations
 import argparse
 import warnings
 from dataclasses import replace
+from itertools import product
 
 import numpy as np
-from area import patch
+from area import PRESSURE, patch
 from mpi4py import MPI
 from scipy import sparse
 from scipy.sparse.csgraph import connected_components
@@ -51,7 +52,7 @@ def of_cells(gap: Floats, periodic: bool) -> float:
     links.append((numbers[:-1], numbers[1:], between(k[:-1], k[1:])))
     if periodic:
         links.append((numbers[-1], numbers[0], between(k[-1], k[0])))
-    links += [(numbers[:, 0], np.full(n, n * n), 2.0 * k[:, 0]), (numbers[:, -1], np.full(n, n * n + 1), 2.0 * k[:, -1])]
+    links += [(numbers[:, end], np.full(n, n * n - end), 2.0 * k[:, end]) for end in (0, -1)]
     a, b, c = (np.concatenate([np.ravel(link[i]) for link in links]) for i in range(3))
     a, b, c = a[c > 0.0], b[c > 0.0], c[c > 0.0]
     graph = sparse.coo_array((c, (a, b)), shape=(n * n + 2, n * n + 2)).tocsr()
@@ -68,47 +69,50 @@ def of_cells(gap: Floats, periodic: bool) -> float:
     return float((matrix @ p)[n * n])
 
 
-def truth_of(problem: Problem, at: Floats, n: int) -> tuple[Floats, Floats, Floats]:
-    """P*, contact fraction and transmissivities along x and y (k, 2) at approaches (k,) [L], of boundary elements."""
+def truth_of(problem: Problem, at: Floats, n: int) -> tuple[Floats, Floats]:
+    """P* (k,) and transmissivities along x and y (2, k) at approaches (k,) [L], of boundary elements."""
     surface, nu, sides = problem.surface, problem.material.nu, problem.sides
     layer, summit = RoughHalfSpace(n, problem.height, nu, sides), surface.maximum()[2]
     heights, compliance = layer.heights(surface), compliance_of_waves(n, problem.height, nu, sides)
-    force, area, flow = [], [], []
+    force, flow = [], []
     for approach, p in zip(at, layer.pressures(heights, summit, at, 1e-5), strict=True):
         gap = displacement(p, compliance, sides) - (heights - (summit - approach))
         gap = np.where(p > 0.0, 0.0, np.maximum(gap, 0.0))
         force.append(p.mean())
-        area.append(layer.area(p))
         flow.append([of_cells(gap, sides == "periodic"), of_cells(gap.T, sides == "periodic")])
-    return np.array(force), np.array(area), np.array(flow)
+    return np.array(force), np.transpose(flow)
 
 
 def inside(seeds: list[int], tolerances: list[float]) -> None:
-    """Print the table of the bars."""
+    """Print the table of the bars, at the steps next to some contact fractions."""
     head = "seed, tolerance, contact, direction, T, bar, true T, uncertain by, error over bar, dofs".split(", ")
     print("| " + " | ".join(head) + " |\n|" + " --- |" * len(head))
     for seed in seeds:
         problem = patch(seed)
+        path = replace(problem.load_path, force_max=0.5 * PRESSURE, steps=10)
         for tolerance in tolerances:
-            run = refine(problem, asp.AccuracyTarget(tolerance), hooks=Callbacks(flow=True)).checked()
-            curve = run.curve.loading()
-            wanted = np.interp(FRACTIONS, curve.area_fraction, curve.delta_star)
-            at = np.unique(np.concatenate([wanted * by for by in (0.95, 1.0, 1.05)]))
-            (P0, _, coarse), (P, a, fine) = (truth_of(problem, at, n) for n in CELLS)
-            force = np.exp(np.interp(np.log(wanted), np.log(curve.delta_star), np.log(curve.P_star)))
-            for axis, name in enumerate("xy"):
-                value, bar = (
-                    np.interp(wanted, curve.delta_star, getattr(curve, f"{e}transmissivity_{name}")) for e in ("", "error_")
-                )
-                true, less = (np.interp(force, f, t[:, axis]) for f, t in ((P, fine), (P0, coarse)))
-                for k, fraction in enumerate(FRACTIONS):
-                    unsure = abs(true[k] - less[k])
-                    cells = (
-                        seed, f"{100 * tolerance:g} %", fraction, name, f"{value[k]:.3e}", f"{bar[k]:.1e}",
-                        f"{true[k]:.3e}", f"{unsure:.1e}", f"{(value[k] - true[k]) / bar[k]:+.2f}",
-                        run.levels[-1].dofs,
-                    )  # fmt: skip
-                    print("| " + " | ".join(map(str, cells)) + " |", flush=True)
+            run = refine(replace(problem, load_path=path), asp.AccuracyTarget(tolerance), hooks=Callbacks(flow=True))
+            curve = run.checked().curve.loading()
+            rows = sorted({int(np.abs(curve.area_fraction - a).argmin()) for a in FRACTIONS})
+            at = np.unique(np.concatenate([curve.delta_star[rows] * by for by in (0.97, 1.0, 1.03)]))
+            coarse, fine = (truth_of(problem, at, n) for n in CELLS)
+            for row, axis in product(rows, "xy"):
+                value, bar = (getattr(curve, f"{of}transmissivity_{axis}")[row] for of in ("", "error_"))
+                less, true = (at_force(found, curve.P_star[row], axis) for found in (coarse, fine))
+                cells = (
+                    seed, f"{100 * tolerance:g} %", f"{curve.area_fraction[row]:.3f}", axis, f"{value:.2e}",
+                    f"{bar:.1e}", f"{true:.2e}", f"{abs(true - less):.1e}", f"{(value - true) / bar:+.2f}",
+                    run.levels[-1].dofs,
+                )  # fmt: skip
+                print("| " + " | ".join(map(str, cells)) + " |", flush=True)
+
+
+def at_force(found: tuple[Floats, Floats], P_star: float, axis: str) -> float:
+    """Transmissivity at a force, between those of boundary elements in logarithms; 0 where they are closed."""
+    force, flow = found
+    log_flow = np.log(np.maximum(flow["xy".index(axis)], 1e-40))
+    value = float(np.exp(np.interp(np.log(P_star), np.log(force), log_flow)))
+    return value if value > 1e-30 else 0.0
 
 
 def percolation(seeds: list[int]) -> None:

@@ -224,17 +224,21 @@ def with_gap(curve: Curve, pair: Pair, gaps: tuple[Floats, Floats], rough: Float
 def with_flow(curve: Curve, pair: Pair, name: str, flows: tuple[Floats, Floats]) -> Curve:
     """A curve with a flow through the gap of the limit of two meshes, at whose forces it is given.
 
-    Coarse meshes leave too wide channels between spots, and each channel that closes takes a part of the flow: it may
-    change by more than its size, and the bar is that of the logarithm, upwards. Where one of the meshes is closed, the
-    flow may be anything up to what goes through the other one.
+    Where the last channels close, the flow may change by more than its size: the bar is that of the logarithm, upwards.
+    It holds what the bar of the area makes of the flow, by their slope along the curve. Where one of the meshes is
+    closed, the flow may be anything up to what goes through the other one.
     """
-    P, fine = curve.loading().P_star, flows[1]
+    loading, fine = curve.loading(), flows[1]
     factor, bar = pair.limit(*flows, FLOW_ORDERS)
+    area, known = loading.area_fraction, (loading.area_fraction > 0.0) & (fine > 0.0)
+    if np.count_nonzero(known) > 1:
+        steepness = np.gradient(np.log(fine[known]), np.log(area[known]))
+        bar[known] = np.hypot(bar[known], steepness * (loading.error_area_fraction / np.maximum(area, TINY))[known])
     bar = np.expm1(np.minimum(bar, MOST))
     for mesh in (pair.coarse, pair.fine):
-        loading = mesh.curve.loading()
-        last = np.max(loading.P_star[getattr(loading, name) > 0.0], initial=0.0)
-        bar = np.where(last < P, np.maximum(bar, 1.0), bar)
+        pressed = mesh.curve.loading()
+        last = np.max(pressed.P_star[getattr(pressed, name) > 0.0], initial=0.0)
+        bar = np.where(last < loading.P_star, np.maximum(bar, 1.0), bar)
     return with_limit(curve, name, factor * fine, bar)[0]
 
 

@@ -34,7 +34,7 @@ Size = Callable[[float, float, float], float]
 # Range of the order of the force in the scale, also of meshes as coarse as the first one (docs/accuracy.md)
 MESH_ORDERS, FIRST_ORDERS = (1.6, 2.4), (1.2, 2.4)
 GAP_ORDERS = (0.7, 2.4)  # the same of the mean gap at a given force, the lower end near full contact
-FLOW_ORDERS = (1.0, 3.5)  # and of the flow through the gap, the lower end where the last channels close
+FLOW_ORDERS = (0.7, inf)  # and of the flow through the gap: between spots its order is seen from 0.8 to 4
 # Lowest order where the pressure is singular at the edge of the contact, as of a flat punch; that of the bar of the
 # area, of the edges of spots (docs/theory.md); and dofs and time grow as scale^-2, for the contact alone is refined
 EDGE_ORDER, AREA_ORDER, DOFS_ORDER = 1.0, 1.5, 2.0

@@ -1,19 +1,22 @@
 """Leakage: flow of a thin film through the gap below the flat, by Reynolds' equation div(g^3 grad p) = 0 on the top.
 
 The third of a facet at an edge is closed where the edge touches, as in the area of contact: a map of the contact
-and the flow agree on which channels are open. The unknowns are the pressures on the edges (elements of Crouzeix and
-Raviart, RAIRO 7 (1973) 33), so that fluid crosses edges and never a point between two spots. Channels between nodes
-are neither cut nor made by interpolation.
+and the flow agree on which channels are open. The unknowns are the pressures on the edges of triangles (elements of
+Crouzeix and Raviart, RAIRO 7 (1973) 33), so that fluid crosses edges and never a point between two spots. Coarse facets
+are divided, for the flow needs smaller triangles than the displacement.
 """
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+from functools import cached_property
+from itertools import product
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from asperity.arrays import Flags, Floats, Integers
-from asperity.contact.contact_surface import FACET_DEGREE, ContactSurface, FacetRule, facet_numbers
+from asperity.arrays import Flags, Floats, Indices, Integers
+from asperity.contact.contact_surface import ContactSurface, facet_numbers
 from asperity.mesh import element
 from asperity.mesh.block import NEAR
 from asperity.runtime.gathered import gather
@@ -23,6 +26,8 @@ if TYPE_CHECKING:
     from asperity.surface import Surface
 
 INLET, OUTLET = -1, -2  # in place of the number of an edge on a side
+TRIANGLES, FINEST = 40_000, 8  # wanted on the top, and most along the edge of a facet
+RULE = 6  # degree of the quadrature, that of the cube of a second-order gap
 
 
 class ThinFilm:
@@ -44,15 +49,19 @@ class ThinFilm:
     columns = ("transmissivity_x", "transmissivity_y", "hydraulic_aperture")
 
     def __init__(self, top: ContactSurface, surface: Surface, summit: float) -> None:
-        self._top, self._rule, L = top, FacetRule(top, FACET_DEGREE), surface.L
-        points, _ = element.facet_quadrature(FACET_DEGREE)
-        self._third = np.argmin(np.column_stack([1.0 - points.sum(axis=1), points]), axis=1)  # edge next to a point
+        self._top, L = top, surface.L
+        facets = top.solid.comm.allreduce(len(top.cells))
+        self._parts = parts = Division(int(np.clip((TRIANGLES / facets) ** 0.5, 1, FINEST)))
         at = top.solid.positions(top.nodes)
-        x, y, _ = np.moveaxis(np.einsum("fni,qn->fqi", at, self._rule.of_nodes), 2, 0)
+        x, y = (parts.at_points(at[..., axis]) for axis in (0, 1))
         heights = np.asarray(surface.height(L * np.mod(x, 1.0), L * np.mod(y, 1.0))) - surface.maximum()[2]
-        self._left_out = self._rule.height - (summit + heights / L)
-        self._edges = np.concatenate([_edges(top, at, axis) for axis in (0, 1)], axis=1)
-        self._links = _cotangents(at[:, :3, :2])
+        self._left_out = parts.at_points(top.heights[top.nodes]) - (summit + heights / L)
+        numbers = top.solid.V.dofmap.index_map.local_to_global(top.nodes.ravel()).reshape(top.nodes.shape)
+        sides = [_sides(at, axis) for axis in (0, 1)]
+        found = gather(top.solid.comm, facet_numbers(top), np.column_stack([numbers, *sides, _cotangents(at[:, :3])]))
+        if found is not None:
+            numbers, on_x, on_y, self._links = np.split(found[1], (6, 9, 12), axis=1)
+            self._edges = [parts.edges(numbers.astype(np.int64), on.astype(np.int64)) for on in (on_x, on_y)]
 
     def __call__(self, gap: Floats, touched: Flags) -> dict[str, float]:
         """Transmissivities along x and y [L^3], 0 where no channel is open, and the cube root of their mean [L].
@@ -61,30 +70,95 @@ class ThinFilm:
             gap: at the local nodes (nodes,) [L]
             touched: see `Contact.touched_edges`
         """
-        top = self._top
+        top, parts = self._top, self._parts
         closed = touched[top.nodes[:, element.BEARING]]
-        at_points = np.maximum(self._rule.at_points(gap[top.nodes]) + self._left_out, 0.0)
-        weights = ~closed[:, self._third] * self._rule.weights
-        share, whole = np.sum(weights * at_points**3, axis=1), weights.sum(axis=1)
-        mean = np.divide(share, whole, out=np.zeros(len(whole)), where=whole > 0.0)
-        rows = np.column_stack([self._edges, closed, self._links * mean[:, None]])
-        comm = top.solid.comm
-        found = gather(comm, facet_numbers(top), rows)
+        cubed = np.maximum(parts.at_points(gap[top.nodes]) + self._left_out, 0.0) ** 3
+        found = gather(top.solid.comm, facet_numbers(top), np.column_stack([closed, parts.mean(cubed, closed)]))
 
         def solve() -> list[float]:
             assert found is not None
-            x, y, shut, links = np.split(found[1], 4, axis=1)
-            return [transmissivity(edges.astype(np.int64), links, shut > 0.0) for edges in (x, y)]
+            closed, mean = found[1][:, :3] > 0.0, found[1][:, 3:]
+            links = (self._links[:, None] * mean[..., None]).reshape(-1, 3)
+            return [transmissivity(edges, links, parts.closed(closed)) for edges in self._edges]
 
-        x, y = on_root_bcast(comm, solve)
+        x, y = on_root_bcast(top.solid.comm, solve)
         return dict(zip(self.columns, (x, y, (0.5 * (x + y)) ** (1.0 / 3.0)), strict=True))
 
 
-def transmissivity(edges: Integers, conductance: Floats, closed: Flags) -> float:
-    """Flow through a network of the edges of facets at a unit difference of the pressure.
+@dataclass(frozen=True)
+class Division:
+    """Division of facets into n x n similar triangles; their corners are in the order of the facet, turned or not."""
+
+    n: int
+
+    @cached_property
+    def _corners(self) -> Indices:
+        """Barycentric coordinates of the corners, times n (n^2, corners, 3)."""
+        whole = range(self.n)
+        one = np.eye(3, dtype=int)
+        upright = [one + np.array([a, b, self.n - 1 - a - b]) for a, b in product(whole, whole) if a + b < self.n]
+        turned = [
+            1 - one + np.array([a, b, self.n - 2 - a - b]) for a, b in product(whole, whole) if a + b < self.n - 1
+        ]
+        return np.array(upright + turned)
+
+    @cached_property
+    def _points(self) -> tuple[Floats, Floats, Integers]:
+        """Shape functions of a facet at the points (n^2, Q, 6), weights (Q,), and the third of each point (n^2, Q)."""
+        points, weights = element.facet_quadrature(RULE)
+        inside = np.column_stack([1.0 - points.sum(axis=1), points])
+        at = np.einsum("qk,ski->sqi", inside, self._corners / self.n)
+        shape = element.face_functions(at.reshape(-1, 3))[:, (0, 1, 2, 4, 5, 3)]  # edges opposite to the corners
+        return shape.reshape(*at.shape[:2], 6), weights / weights.sum(), at.argmin(axis=2)
+
+    @cached_property
+    def _thirds(self) -> Flags:
+        """Thirds of the facet that the middle of each edge lies in, also on their boundary (n^2, edges, 3)."""
+        twice = np.roll(self._corners, -1, axis=1) + np.roll(self._corners, -2, axis=1)
+        return np.asarray(twice == twice.min(axis=2, keepdims=True))
+
+    def at_points(self, values: Floats) -> Floats:
+        """Values at the quadrature points (F, n^2, Q) from those at the nodes of the facets (F, 6)."""
+        return np.einsum("fi,sqi->fsq", values, self._points[0])
+
+    def mean(self, values: Floats, closed: Flags) -> Floats:
+        """Mean over what is open of each triangle (F, n^2), of values at the points, by the touched edges (F, 3)."""
+        _, weights, third = self._points
+        share = ~closed[:, third] * weights
+        whole = share.sum(axis=2)
+        return np.divide(np.sum(share * values, axis=2), whole, out=np.zeros(whole.shape), where=whole > 0.0)
+
+    def closed(self, touched: Flags) -> Flags:
+        """Edges of the triangles (F n^2, 3) that lie in a closed third, by the touched edges of the facets (F, 3)."""
+        return np.asarray((touched[:, None, None] & self._thirds).any(axis=3)).reshape(-1, 3)
+
+    def edges(self, nodes: Indices, sides: Indices) -> Indices:
+        """Number of each edge of the triangles (F n^2, 3), the same from both sides; INLET and OUTLET at the sides.
+
+        Args:
+            nodes: numbers of the corners and of the edges opposite to them (F, 6)
+            sides: INLET or OUTLET where an edge is there, else 0 (F, 3)
+        """
+        n, facets = self.n, np.arange(len(nodes))[:, None, None]
+        ends = np.stack([np.roll(self._corners, -1, axis=1), np.roll(self._corners, -2, axis=1)])
+        _, inner = np.unique(ends.sum(axis=0).reshape(-1, 3), axis=0, return_inverse=True)
+        numbers = (nodes[:, 3:].max() + 1) * n + facets * 3 * n**2 + inner.reshape(1, -1, 3)
+        for k in range(3):
+            from_, to = (k + 1) % 3, (k + 2) % 3
+            triangle, edge = np.nonzero((ends[..., k] == 0).all(axis=0))
+            place = ends[:, triangle, edge, to].min(axis=0)
+            backwards = nodes[:, from_] > nodes[:, to]
+            place = np.where(backwards[:, None], n - 1 - place, place)
+            of_side = np.broadcast_to(sides[:, k, None], place.shape)
+            numbers[:, triangle, edge] = np.where(of_side < 0, of_side, nodes[:, 3 + k, None] * n + place)
+        return numbers.reshape(-1, 3)
+
+
+def transmissivity(edges: Indices, conductance: Floats, closed: Flags) -> float:
+    """Flow through a network of the edges of triangles at a unit difference of the pressure.
 
     Args:
-        edges: number of each edge of the facets (F, 3); on the sides -1 at the inlet, -2 at the outlet
+        edges: number of each edge of the triangles (F, 3), INLET and OUTLET for those at the sides
         conductance: between the two edges that meet at each corner, which is opposite to the third (F, 3)
         closed: edges that touch (F, 3)
     """
@@ -95,42 +169,35 @@ def transmissivity(edges: Integers, conductance: Floats, closed: Flags) -> float
     first, second = np.roll(edges, -1, axis=1), np.roll(edges, -2, axis=1)
     shut = np.roll(closed, -1, axis=1) | np.roll(closed, -2, axis=1)
     linked = ~shut & (conductance != 0.0) & (first != second)
-    if not linked.any():
-        return 0.0
-    ends, weights = np.stack([first[linked], second[linked]]), conductance[linked]
-    numbers, ends = np.unique(ends, return_inverse=True)
-    ends = ends.reshape(2, -1)
-    n, inlet, outlet = len(numbers), *np.searchsorted(numbers, (INLET, OUTLET))
+    numbers, ends = np.unique(np.stack([first[linked], second[linked]]), return_inverse=True)
     if list(numbers[:2]) != [OUTLET, INLET]:
         return 0.0
-    graph = sparse.coo_array((weights, tuple(ends)), shape=(n, n)).tocsr()
+    outlet, inlet, n = 0, 1, len(numbers)
+    graph = sparse.coo_array((conductance[linked], tuple(ends.reshape(2, -1))), shape=(n, n)).tocsr()
     graph = graph + graph.T
     _, part = connected_components(graph, directed=False)
     if part[inlet] != part[outlet]:
         return 0.0
     matrix = sparse.csc_array(sparse.diags_array(graph.sum(axis=1)) - graph)
-    inner = np.flatnonzero(part == part[inlet])
-    inner = inner[(inner != inlet) & (inner != outlet)]
-    right = -np.asarray(matrix[inner][:, [inlet]].todense()).ravel()
-    p = np.zeros(n)
+    inner, p = 2 + np.flatnonzero(part[2:] == part[inlet]), np.zeros(n)
     p[inlet] = 1.0
     if len(inner):
-        p[inner] = splu(matrix[inner][:, inner]).solve(right)
+        right = -(matrix[inner] @ p)
+        factors = splu(matrix[inner][:, inner], permc_spec="MMD_AT_PLUS_A", options={"SymmetricMode": True})
+        p[inner] = factors.solve(right)
     return float((matrix @ p)[inlet])
 
 
-def _edges(top: ContactSurface, at: Floats, axis: int) -> Integers:
-    """Number of each edge of the facets for a flow along x or y (F, 3), see `transmissivity`."""
-    index_map, nodes = top.solid.V.dofmap.index_map, top.nodes[:, element.BEARING]
-    numbers = index_map.local_to_global(np.ascontiguousarray(nodes).ravel()).reshape(nodes.shape)
+def _sides(at: Floats, axis: int) -> Integers:
+    """INLET or OUTLET for edges on the sides across an axis, else 0 (F, 3), of nodes of facets at places (F, 6, 3)."""
     place = at[:, element.BEARING, axis]
     on_side = np.abs(place - np.round(place)) < NEAR
-    inlet = at[:, :3, axis].mean(axis=1, keepdims=True) > place
-    return np.where(on_side, np.where(inlet, INLET, OUTLET), numbers)
+    inwards = at[:, :3, axis].mean(axis=1, keepdims=True) > place
+    return np.where(on_side, np.where(inwards, INLET, OUTLET), 0)
 
 
 def _cotangents(corners: Floats) -> Floats:
-    """Twice the cotangent of the angle at each corner of triangles (F, 3, 2): (F, 3)."""
-    a, b = np.roll(corners, -1, axis=1) - corners, np.roll(corners, -2, axis=1) - corners
+    """Twice the cotangent of the angle at each corner of triangles (F, 3, 3), seen from above: (F, 3)."""
+    a, b = (np.roll(corners, -k, axis=1) - corners for k in (1, 2))
     cross = np.abs(a[..., 0] * b[..., 1] - a[..., 1] * b[..., 0])
-    return np.asarray(2.0 * np.sum(a * b, axis=2) / cross)
+    return np.asarray(2.0 * (a[..., 0] * b[..., 0] + a[..., 1] * b[..., 1]) / cross)

@@ -188,6 +188,6 @@ class Output:
         "columns k_n_elastic to conductance (also with [slip]), for more time a load step",
         default=False,
     )
-    flow: Flag = key("columns transmissivity_x, transmissivity_y and hydraulic_aperture of a film in the gap", default=False)
+    flow: Flag = key("columns transmissivity_x, transmissivity_y and hydraulic_aperture of the gap", default=False)
     snapshots: Whole = key("load levels kept for pressure maps and fields", default=4, ge=0, le=1000)
     checkpoint: Whole = key("accepted steps from one checkpoint to the next, 0 for none", default=1, ge=0)

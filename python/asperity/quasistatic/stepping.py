@@ -64,8 +64,8 @@ class Record:
         state = measures.row(solver)
         force = solver.force * self.E * self.side**2
         units = {
-            "": 1.0, "length": self.side, "length^2": self.side**2, "length^3": self.side**3, "force/length": self.E * self.side,
-            "force/length^2": self.E,
+            "": 1.0, "length": self.side, "length^2": self.side**2, "length^3": self.side**3,
+            "force/length": self.E * self.side, "force/length^2": self.E,
         }  # fmt: skip
         row = {
             "step": len(self.rows) + 1,
