@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, fields, replace
+from functools import cached_property
 from math import inf
 from typing import Any
 
@@ -32,21 +33,17 @@ TINY = 1e-300  # P* below which there is no logarithm
 MEASURES = ("area_fraction", *(name for name in WITH_ERRORS if name != "k_n"))  # of the contact, functions of the force
 
 
+Orders = tuple[float, float]
+
+
 @dataclass(frozen=True)
 class Budget:
-    """Error bars of P* at the rows of a curve, absolute, by their origin.
+    """Error bars of P* at the rows of a curve, absolute, by their origin."""
 
-    Attributes:
-        mesh: of the element size, the quadrature included, which the extrapolation removes with it
-        roughness: of the waves that the mesh leaves out
-        load_step: of the integration of plasticity and of stick along the path
-        algebraic: of the equations left unsolved, from the residual forces
-    """
-
-    mesh: Floats
-    roughness: Floats
-    load_step: Floats
-    algebraic: Floats
+    mesh: Floats  # of the element size, the quadrature included, which the extrapolation removes with it
+    roughness: Floats  # of the waves that the mesh leaves out
+    load_step: Floats  # of the integration of plasticity and of stick along the path
+    algebraic: Floats  # of the equations left unsolved, from the residual forces
 
     @property
     def total(self) -> Floats:
@@ -64,18 +61,12 @@ class Budget:
 
 @dataclass(frozen=True)
 class PressedMesh:
-    """A mesh that was pressed.
-
-    Attributes:
-        scale, dofs: of the mesh
-        curve: for half of what its top leaves out, and without the error of its load steps
-        missed: what its top leaves out
-    """
+    """A mesh that was pressed."""
 
     scale: float
     dofs: int
-    curve: Curve
-    missed: Omission
+    curve: Curve  # for half of what its top leaves out, and without the error of its load steps
+    missed: Omission  # what its top leaves out
 
     def doubt(self) -> str:
         """Why there is nothing to extrapolate from; empty where there is."""
@@ -107,6 +98,47 @@ def other_half(missed: Floats) -> Floats:
     return np.abs(0.5 * missed / (1.0 + 0.5 * missed))
 
 
+@dataclass(frozen=True)
+class Pair:
+    """Two meshes of a load path, compared along the first loading of the finer one."""
+
+    fine: PressedMesh
+    coarse: PressedMesh
+    judged: Flags  # rows of the loading whose bars are; larger ones before say nothing about their neighbours (n,)
+    flows: bool  # whether the solid yields
+
+    @cached_property
+    def at(self) -> Floats:
+        """Approaches (n,) [L]."""
+        return self.fine.curve.loading().delta_star
+
+    @cached_property
+    def singular(self) -> Floats:
+        """Part of the edges of spots where the pressure is singular (n,)."""
+        *_, singular = self.fine.missed.at(self.at)
+        return singular
+
+    def limit(self, coarse: Floats, fine: Floats, orders: Orders | None = None) -> tuple[Floats, Floats]:
+        """Limit of a quantity over its value on the finer mesh, and its relative bar; see `limit_of_meshes`."""
+        orders = orders or orders_of(self.coarse.scale)
+        return limit_of_meshes(coarse, fine, self.coarse.scale / self.fine.scale, self.singular, self.judged, orders)
+
+    def of_limit(self, error: Callable[[PressedMesh], Floats]) -> Floats:
+        """What independent errors of both meshes make of the limit of the force."""
+        part, _ = shares(self.coarse.scale / self.fine.scale, self.singular, orders_of(self.coarse.scale))
+        return np.hypot((1.0 + part) * error(self.fine), part * error(self.coarse))
+
+    @cached_property
+    def scatter(self) -> Floats:
+        """Relative bar of force and stiffness by facets that are cut at random (n,)."""
+        return (FLOWING if self.flows else SCATTER) * self.of_limit(lambda mesh: _open_area(mesh.curve, self.at))
+
+    def at_force(self, name: str, P_star: Floats) -> tuple[Floats, Floats]:
+        """A measure on the coarser and the finer mesh at given forces."""
+        coarse, fine = (over_force(mesh.curve, name, P_star) for mesh in (self.coarse, self.fine))
+        return coarse, fine
+
+
 def correct(
     fine: PressedMesh, coarse: PressedMesh, judged: Flags, path: Callable[[Floats], Floats], algebraic: float,
     compliance: float, flows: bool = False,
@@ -118,62 +150,69 @@ def correct(
     first loading: their bars keep its size. The slope k_n is that of the corrected force, see `slope_bar`.
 
     Args:
-        fine, coarse: the meshes
-        judged: rows whose bars are; those before have larger ones that say nothing about their neighbours
+        judged: rows whose bars are
         path: relative error left of the load steps
         algebraic: relative error of the equations left unsolved
         compliance: see `without_omission`
-        flows: whether the solid yields
+        fine, coarse, flows: see `Pair`
     """
-    mesh, ratio = fine.curve, coarse.scale / fine.scale
-    loading = mesh.branch == "load"
-    at, rows = mesh.delta_star[loading], rows_of_loading(loading)
-    *_, singular = fine.missed.at(at)
-    judged = judged[loading]
-
-    def of_limit(error: Callable[[PressedMesh], Floats], weight: Floats) -> Floats:
-        """What independent errors of both meshes make of the limit."""
-        return np.hypot((1.0 + weight) * error(fine), weight * error(coarse))
-
-    def open_area(one: PressedMesh) -> Floats:
-        return _open_area(one.curve, at)
-
-    force = loading_force(coarse.curve, at)
-    orders = orders_of(coarse.scale)
-    factor, spread = limit_of_meshes(force, mesh.P_star[loading], ratio, singular, judged, orders)
-    part, _ = shares(ratio, singular, orders)
-    scatter = (FLOWING if flows else SCATTER) * of_limit(open_area, part)
-    rough = of_limit(lambda one: other_half(one.missed.at(at)[0]), part)
-    curve = scaled(mesh, factor)
+    loading = fine.curve.branch == "load"
+    rows, pair = rows_of_loading(loading), Pair(fine, coarse, judged[loading], flows)
+    factor, spread = pair.limit(loading_force(coarse.curve, pair.at), fine.curve.P_star[loading])
+    curve = scaled(fine.curve, factor)
     P = np.where(loading, curve.P_star, curve.P_star[loading][-1])
-    mesh_bar, rough_bar, path_bar = (bar[rows] * P for bar in (np.hypot(spread, scatter), rough, path(at)))
-    budget = Budget(mesh_bar, rough_bar, path_bar, algebraic * P)
-    columns: dict[str, Any] = {"error_P_star": budget.total}
+    rough = pair.of_limit(lambda mesh: other_half(mesh.missed.at(pair.at)[0]))
+    mesh, rough, steps = (bar[rows] * P for bar in (np.hypot(spread, pair.scatter), rough, path(pair.at)))
+    budget = Budget(mesh, rough, steps, algebraic * P)
+    curve = replace(curve, error_P_star=budget.total)
     for name in MEASURES:
-        coarser, finer = (over_force(one.curve, name, P[loading]) for one in (coarse, fine))
+        coarser, finer = pair.at_force(name, P[loading])
         if np.isnan(coarser).any() or not np.nanmax(finer, initial=0.0) > 0.0:
             continue
         if name == "area_fraction":
-            edges = [over_force(one.curve, "edge_fraction", P[loading]) for one in (coarse, fine)]
-            chance = [open_area(one) for one in (coarse, fine)]
-            factor, bar = limit_of_area((coarser, finer), edges, chance, singular, judged)
+            curve = with_area(curve, pair, (coarser, finer))
+        elif name == "mean_gap":
+            curve = with_gap(curve, pair, (coarser, finer), compliance * budget.roughness)
         else:
-            gap = name == "mean_gap"
-            factor, bar = limit_of_meshes(coarser, finer, ratio, singular, judged, GAP_ORDERS if gap else orders)
-            bar = np.hypot(bar, 0.0 if gap else scatter)
-        before = getattr(mesh, name)
-        limit, bar = factor * finer, (bar * factor * finer)[rows]
-        if name == "mean_gap":  # later branches close the same gap farther on
-            bar = np.hypot(bar, compliance * budget.roughness)
-            columns[name] = before + (limit - before[loading])[rows]
-        else:
-            moved = np.divide(limit, before[loading], out=np.ones(len(limit)), where=before[loading] > 0.0)
-            columns[name] = before * moved[rows]
-        columns[f"error_{name}"] = bar + shifted(curve, budget.total, columns[name])
-        if name == "area_fraction":
-            columns["mean_pressure"] = curve.mean_pressure / moved[rows]
-    curve = replace(curve, **columns)
-    return replace(curve, error_k_n=slope_bar(curve, budget, _open_area(curve, at)[rows])), budget
+            factor, bar = pair.limit(coarser, finer)
+            curve, _ = with_limit(curve, name, factor * finer, np.hypot(bar, pair.scatter))
+    return replace(curve, error_k_n=slope_bar(curve, budget, _open_area(curve, pair.at)[rows])), budget
+
+
+def with_limit(curve: Curve, name: str, limit: Floats, bar: Floats) -> tuple[Curve, Floats]:
+    """A curve with the limit of a measure along its loading and the relative bar (n,), and what multiplied each row.
+
+    Later branches are moved as the end of the loading; see also `shifted`.
+    """
+    loading, before = curve.branch == "load", getattr(curve, name)
+    rows = rows_of_loading(loading)
+    moved = np.divide(limit, before[loading], out=np.ones(len(limit)), where=before[loading] > 0.0)[rows]
+    values, error = before * moved, (bar * limit)[rows]
+    error = error + shifted(curve, curve.error_P_star, values)
+    return replace(curve, **{name: values, f"error_{name}": error}), moved
+
+
+def with_area(curve: Curve, pair: Pair, areas: tuple[Floats, Floats]) -> Curve:
+    """A curve with the area of contact of the limit of two meshes, at whose forces it is given, see `limit_of_area`."""
+    edges = pair.at_force("edge_fraction", curve.loading().P_star)
+    chance = [_open_area(mesh.curve, pair.at) for mesh in (pair.coarse, pair.fine)]
+    factor, bar = limit_of_area(areas, edges, chance, pair.singular, pair.judged)
+    curve, moved = with_limit(curve, "area_fraction", factor * areas[1], bar)
+    return replace(curve, mean_pressure=curve.mean_pressure / moved)
+
+
+def with_gap(curve: Curve, pair: Pair, gaps: tuple[Floats, Floats], rough: Floats) -> Curve:
+    """A curve with the mean gap of the limit of two meshes; later branches close the same gap farther on.
+
+    Args:
+        gaps: on the coarser and the finer mesh at the forces of the loading [length]
+        rough: error by the waves that the mesh leaves out (rows,) [length]
+    """
+    loading = curve.branch == "load"
+    rows, (factor, bar) = rows_of_loading(loading), pair.limit(*gaps, GAP_ORDERS)
+    limit, before = factor * gaps[1], curve.mean_gap
+    gap, error = before + (limit - before[loading])[rows], np.hypot((bar * limit)[rows], rough)
+    return replace(curve, mean_gap=gap, error_mean_gap=error + shifted(curve, curve.error_P_star, gap))
 
 
 def over_force(curve: Curve, name: str, P_star: Floats) -> Floats:

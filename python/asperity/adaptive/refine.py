@@ -111,7 +111,36 @@ def refine(
                     f"on the next mesh, of {e.result.dofs} dofs, no step converges beyond delta/L = "
                     f"{e.result.solver.delta:.6g}, use more loading.steps"
                 )
-            return replace(accurate, reason=f"{accurate.reason}: {failed}")
+            return replace(accurate, verdict=accurate.verdict.because(failed))
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """Whether the tolerances are met, and why nothing more is done."""
+
+    kind: str  # "met"; "unknown", where the force has no bar; "force" or "area", which is not known well enough
+    bar: float = nan  # greatest relative bar of that quantity; inf where a step has none
+    wanted: float = nan  # its tolerance
+    reason: str = ""  # why the force has no bar, why no mesh follows; empty while one may
+
+    def because(self, why: str) -> Verdict:
+        """The same with another reason."""
+        return replace(self, reason=": ".join(filter(None, (self.reason, why))))
+
+    def __str__(self) -> str:
+        if self.kind == "met":
+            return "done"
+        if self.kind == "unknown":
+            return f"the force has no error bar, {self.reason}"
+        known, key, early = {
+            "force": ("the force", "tolerance", "the mesh is not touched at the first ones"),
+            "area": ("the contact area", "area_tolerance", "at the first ones it is a single node"),
+        }[self.kind]
+        if self.bar == inf:
+            known += f" has no error bar at every step, because {early}"
+        else:
+            known += f" is known to {per_cent(self.bar)}, not to the {per_cent(self.wanted)} of accuracy.{key}"
+        return ": ".join(filter(None, (known, self.reason)))
 
 
 @dataclass(frozen=True)
@@ -126,8 +155,7 @@ class AccurateResult:
         levels: what was computed, in order
         contact: the result of the mesh of the curve, with its last state
         worst, worst_area: greatest relative bars of force and area that are judged, NaN without one
-        met: whether the bar is within the tolerance along the first loading, and that of the area if requested
-        reason: "done", or what stopped the refinement
+        verdict: whether the bars are within the tolerances along the first loading
     """
 
     curve: Curve
@@ -137,8 +165,17 @@ class AccurateResult:
     contact: ContactResult
     worst: float
     worst_area: float
-    met: bool
-    reason: str
+    verdict: Verdict
+
+    @property
+    def met(self) -> bool:
+        """Whether the tolerances are met."""
+        return self.verdict.kind == "met"
+
+    @property
+    def reason(self) -> str:
+        """The word "done", or what stopped the refinement."""
+        return str(self.verdict)
 
     def __repr__(self) -> str:
         return f"AccurateResult({self.curve!r}, met={self.met}, worst={self.worst:.3g}, {brief(self.reason)})"
@@ -201,47 +238,46 @@ class MeshErrorEstimate:
             What is known so far, and how much finer the next mesh is; None where there is none, because the
             tolerances are met, or for the reason of the result
         """
-        run, path = self._run, self._path
+        run = self._run
         fine = self.add(result)
         coarse = self._meshes[partner([mesh.scale for mesh in self._meshes])]
         given, algebraic, plastic = run.problem.load_path, result.checks.unsolved, run.problem.material.plastic
         judged = judged_rows(result.curve, given.steps)
-        unresolved = fine.doubt() or coarse.doubt() or path.unknown
-        if min(coarse.scale / fine.scale, fine.dofs / coarse.dofs) < 0.999 * LEAST_STEP:
-            unresolved = unresolved or "two meshes are nearly the same"
-        finer, limit, worst, worst_area = RATIO, "", nan, nan
-        if not unresolved:
-            of_steps = path.bar[run.levels[-1].substeps]
+        doubt, finer, worst = self._doubt(fine, coarse), RATIO, (nan, nan)
+        if not doubt:
+            of_steps = self._path.bar[run.levels[-1].substeps]
             curve, budget = correct(fine, coarse, judged, of_steps, algebraic, run.compliance, plastic)
-            unresolved = curve.unresolved()
-        if unresolved:
+            doubt = curve.unresolved()
+        if doubt:
             # by a single node the force grows with its size, and the difference of two meshes is no error
             nothing = np.full(len(result.curve), nan)
             curve, budget = replace(result.curve, error_P_star=nothing), Budget(*4 * [nothing])
-            known = f"the force has no error bar, {unresolved}"
+            verdict, limit = Verdict("unknown", reason=doubt), ""
         else:
             if given.force_max is not None:  # it is the corrected curve that reaches it
                 curve, budget = at_given_forces(curve, budget, result.curve, given.force_max)
             if not run.problem.path_dependent:
                 curve = of_elastic_solve(curve)
-            worst, worst_area = _worst(curve, judged)
-            known = self._known(worst, worst_area)
-            if known:
-                force, area = worst / self._goal.tolerance, worst_area / (self._goal.area_tolerance or inf)
-                order = planned_order(fine.missed.singular.max(), plastic)
-                finer = max(next_step(force, order), next_step(area, EDGE_ORDER))
-                limit = self._no_mesh_helps(worst, curve.delta_star[judged], algebraic)
-        found = AccurateResult(
-            curve, result.curve, budget, tuple(run.levels), result, worst, worst_area, not known, known or "done"
-        )
-        if not known:
+            worst = _worst(curve, judged)
+            verdict = self._verdict(*worst)
+            force, area = worst[0] / self._goal.tolerance, worst[1] / (self._goal.area_tolerance or inf)
+            order = planned_order(fine.missed.singular.max(), plastic)
+            finer = max(next_step(force, order), next_step(area, EDGE_ORDER))
+            limit = self._no_mesh_helps(worst[0], curve.delta_star[judged], algebraic)
+        found = AccurateResult(curve, result.curve, budget, tuple(run.levels), result, *worst, verdict)
+        if found.met:
             return found, None
         limit = limit or run.limit(finer)
         if not limit:
             return found, finer
-        if not unresolved and np.any(relative(budget.roughness, curve.P_star)[judged] > self._goal.tolerance):
+        if not doubt and np.any(relative(budget.roughness, curve.P_star)[judged] > self._goal.tolerance):
             limit += "; waves shorter than the elements limit it too: cut them off"
-        return replace(found, reason=f"{known}: {limit}"), None
+        return replace(found, verdict=verdict.because(limit)), None
+
+    def _doubt(self, fine: PressedMesh, coarse: PressedMesh) -> str:
+        """Why two meshes give no error bar; empty where they do."""
+        alike = min(coarse.scale / fine.scale, fine.dofs / coarse.dofs) < 0.999 * LEAST_STEP
+        return fine.doubt() or coarse.doubt() or self._path.unknown or alike * "two meshes are nearly the same"
 
     def _no_mesh_helps(self, worst: float, at: Floats, algebraic: float) -> str:
         """Why no other mesh would meet the tolerance of the force; empty where one may."""
@@ -252,23 +288,14 @@ class MeshErrorEstimate:
             return f"{algebraic:.2g} is left by the equations, lower solver.rtol or raise accuracy.tolerance"
         return "what is left comes from the load steps, raise loading.steps"
 
-    def _known(self, worst: float, area: float) -> str:
-        """How well force or area are known, a clause; empty where both meet their tolerances."""
+    def _verdict(self, worst: float, area: float) -> Verdict:
+        """Verdict of the bars of force and area."""
         goal = self._goal
-        if worst == inf:
-            return "the force has no error bar at every step, because the mesh is not touched at the first ones"
         if not worst <= goal.tolerance:
-            return (
-                f"the force is known to {per_cent(worst)}, not to the {per_cent(goal.tolerance)} of accuracy.tolerance"
-            )
-        if goal.area_tolerance is None or area <= goal.area_tolerance:
-            return ""
-        if area == inf:
-            return "the contact area has no error bar at every step, because at the first ones it is a single node"
-        return (
-            f"the contact area is known to {per_cent(area)}, not to the {per_cent(goal.area_tolerance)} of "
-            "accuracy.area_tolerance"
-        )
+            return Verdict("force", worst, goal.tolerance)
+        if goal.area_tolerance is not None and not area <= goal.area_tolerance:
+            return Verdict("area", area, goal.area_tolerance)
+        return Verdict("met", worst, goal.tolerance)
 
 
 def _worst(curve: Curve, judged: Flags) -> tuple[float, float]:

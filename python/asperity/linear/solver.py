@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import weakref
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager
 from typing import TYPE_CHECKING, Any
 
@@ -169,31 +169,21 @@ class LinearSolver:
         b.array = right
 
     def _end(self, b: Any, x: Any) -> None:
-        """Try again where the solver failed, then a factorisation, and prescribe; called by PETSc."""
+        """Solve again, by one remedy after the other, where the solver failed, and prescribe; called by PETSc."""
         if self._again:
             return
-        ksp, multigrid = self.ksp, self.multigrid
+        self.iterations, self.solved = (0, False) if self.rescue else self._outcome()
         if not self.rescue:
-            self.iterations, self.solved = self._outcome()
-            if not self.solved and multigrid is not None and multigrid.ready and multigrid.renew():
+            for _ in () if self.solved else self._remedies():
                 self._solve_again(b, x)
-            while not self.solved and self._shift is not None and self._shift():
-                self.forget()
-                self._prepare()
-                self._solve_again(b, x)
-            if not self.solved and multigrid is not None and multigrid.factorise_coarse():
-                self._solve_again(b, x)
-            if multigrid is not None:
-                multigrid.judge(self.iterations, self._rtol, self.solved)
-            if ksp.getType() == "preonly":
-                self.left = 0.0
-            else:
-                self.left = float(ksp.getResidualNorm() ** 2) if self._test is None else self._test.left
-        else:
-            self.iterations, self.solved = 0, False
+                if self.solved:
+                    break
+            if self.multigrid is not None:
+                self.multigrid.judge(self.iterations, self._rtol, self.solved)
+            self.left = self._energy_left()
         self.total += self.iterations
         self._phase.__exit__(None, None, None)
-        if not self.solved and (needed := memory_lacking(ksp)):
+        if not self.solved and (needed := memory_lacking(self.ksp)):
             raise ConvergenceError(LACKS.format(self._solid.dofs, needed / 2**30) + ', or solver.linear = "cg"')
         if not self.solved and self._may_rescue:
             self._factorise(b, x)
@@ -204,6 +194,18 @@ class LinearSolver:
         x.array[self._rows] = 0.0
         x.array[self._rows[len(self._rows) - len(self._values) :]] = self._values
 
+    def _remedies(self) -> Iterator[str]:
+        """Apply what may help a solver that failed, the cheapest first; yields its name where the system changed."""
+        multigrid = self.multigrid
+        if multigrid is not None and multigrid.ready and multigrid.renew():
+            yield "a new coarse matrix"
+        while self._shift is not None and self._shift():
+            self.forget()
+            self._prepare()
+            yield "a tangent closer to a positive definite one"
+        if multigrid is not None and multigrid.factorise_coarse():
+            yield "a coarse matrix that is factorised"
+
     def _solve_again(self, b: Any, x: Any) -> None:
         from petsc4py import PETSc
 
@@ -212,6 +214,12 @@ class LinearSolver:
         self.ksp.solve(b, x)
         self._again = False
         self.iterations, self.solved = self._outcome()
+
+    def _energy_left(self) -> float:
+        """Energy of the error of the last solution."""
+        if self.ksp.getType() == "preonly":
+            return 0.0
+        return float(self.ksp.getResidualNorm() ** 2) if self._test is None else self._test.left
 
     def _outcome(self) -> tuple[int, bool]:
         return self.ksp.getIterationNumber(), self.ksp.getConvergedReason() > 0

@@ -61,53 +61,31 @@ class Forces(Protocol):
 
 @dataclass(frozen=True)
 class Equations:
-    """The equations of equilibrium at a displacement; parts of this rank.
+    """The equations of equilibrium at a displacement; parts of this rank."""
 
-    Attributes:
-        force: internal force (owned, 3) [E L^2]
-        residual: forces out of balance, zero at prescribed dofs (3 owned,) [E L^2]
-        rows: owned dofs that the contact prescribes
-        lacking: displacement increment that each of them still lacks [L]
-        inverted: whether the solid is turned inside out, on any rank
-    """
-
-    force: Floats
-    residual: Floats
-    rows: Integers
-    lacking: Floats
-    inverted: bool
+    force: Floats  # internal force (owned, 3) [E L^2]
+    residual: Floats  # forces out of balance, zero at prescribed dofs (3 owned,) [E L^2]
+    rows: Integers  # owned dofs that the contact prescribes
+    lacking: Floats  # displacement increment that each of them still lacks [L]
+    inverted: bool  # whether the solid is turned inside out, on any rank
 
 
 @dataclass
 class Iteration:
-    """State of a solve between two call-backs of SNES; a step of a resumed run begins alike, to the last bit.
+    """State of a solve between two call-backs of SNES; a step of a resumed run begins alike, to the last bit."""
 
-    Attributes:
-        scale: length of the load step [L]
-        rounding: of the norm of the forces out of balance [E L^2]
-        now: equations at the displacement of this iteration
-        ahead: equations at the end of the Newton step that the line search has found
-        rows: dofs that the contact prescribed in the iteration before
-        changed, active: number of dofs that are not prescribed in both iterations, and of prescribed ones; all ranks
-        balance: forces out of balance over the contact forces
-        chords: whether the step is that of the secant stiffness
-        shift: elastic stiffness added to the tangent of this iteration
-        last_shift: the last one that was added
-        shortened: number of steps that the line search shortened
-    """
-
-    scale: float
-    rounding: float
-    now: Equations
-    ahead: Equations | None = None
-    rows: Integers = field(default_factory=NOT_YET.copy)
-    changed: int = 0
-    active: int = 0
-    balance: float = 0.0
-    chords: bool = False
-    shift: float = 0.0
-    last_shift: float = 0.0
-    shortened: int = 0
+    scale: float  # length of the load step [L]
+    rounding: float  # of the norm of the forces out of balance [E L^2]
+    now: Equations  # at the displacement of this iteration
+    ahead: Equations | None = None  # at the end of the Newton step, where the line search has found it
+    rows: Integers = field(default_factory=NOT_YET.copy)  # that the contact prescribed in the iteration before
+    changed: int = 0  # dofs that only one of both iterations prescribes, on all ranks
+    active: int = 0  # prescribed dofs, on all ranks
+    balance: float = 0.0  # forces out of balance over the contact forces
+    chords: bool = False  # whether the step is that of the secant stiffness
+    shift: float = 0.0  # elastic stiffness added to the tangent of this iteration
+    last_shift: float = 0.0  # the last one that was added
+    shortened: int = 0  # steps that the line search shortened
 
 
 class NewtonSolver:

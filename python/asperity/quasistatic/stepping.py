@@ -140,23 +140,14 @@ def follow(
 
 @dataclass(frozen=True)
 class ToApproach:
-    """Leg to an approach in planned steps from first touch; a step that was cut grows again to the next stop.
+    """Leg to an approach in planned steps from first touch; a step that was cut grows again to the next stop."""
 
-    Attributes:
-        branch: as in the curve
-        start: approach and force at its beginning [L], [E L^2]
-        goal: approach at its end [L]
-        steps: number of planned steps, without their parts
-        stops: ends of all parts of the way, in (0, 1]
-        midpoint: whether the history is extrapolated
-    """
-
-    branch: str
-    start: tuple[float, float]
-    goal: float
-    steps: int
-    stops: tuple[float, ...]
-    midpoint: bool
+    branch: str  # as in the curve
+    start: tuple[float, float]  # approach [L] and force [E L^2] at its beginning
+    goal: float  # approach at its end [L]
+    steps: int  # planned ones, without their parts
+    stops: tuple[float, ...]  # ends of all parts of the way, in (0, 1]
+    midpoint: bool  # whether the history is extrapolated
     up = 1.0
     where = ""
 
@@ -209,17 +200,12 @@ class ToForce:
 
     A step moves the flat by the planned force over the slope of the step before and accepts the resulting force. The
     last one ends at the force, which is searched, or lifts the flat off: that gives the residual indentation exactly.
-    A slope falls along an unloading, whose steps therefore aim at the planned forces.
-
-    Attributes:
-        branch, start, midpoint: as `ToApproach`
-        goal: force at its end [E L^2]
-        steps: planned ones
+    A slope falls along an unloading, whose steps therefore aim at the planned forces. For the rest see `ToApproach`.
     """
 
     branch: str
     start: tuple[float, float]
-    goal: float
+    goal: float  # force at its end [E L^2]
     steps: int
     midpoint: bool
 
@@ -257,8 +243,10 @@ class ToForce:
 
     def shorter(self, solver: ContactSolver, step: float) -> float:
         """Length of a first step upwards whose solve gave far more than the planned force; else `step`."""
-        ahead = self.up * (solver.solved_force() - solver.force) / self._planned
-        if self.up < 0.0 or ahead <= AHEAD or (solver.force > 0.0 and solver.delta != self.start[0]):
+        if self.up < 0.0 or (solver.force > 0.0 and solver.delta != self.start[0]):
+            return step
+        ahead = (solver.solved_force() - solver.force) / max(self._planned, self.close)
+        if ahead <= AHEAD:
             return step
         # the force of a first contact grows as the power 3/2
         return float(step * ahead ** (-2.0 / 3.0 if solver.force == 0.0 else -1.0))
@@ -284,9 +272,10 @@ class ToForce:
             ConvergenceError: the force cannot be reached
         """
         force = solver.solved_force()
-        left, slope = self.up * (self.goal - force), self.up * (force - solver.force) / step
+        left = self.up * (self.goal - force)
         if self.goal > 0.0 and left <= self.close:
             return Position(at.leg + 1), None
+        slope = self.up * (force - solver.force) / step
         if self.up > 0.0 and target > DEEP and left > FAR * slope:
             raise ConvergenceError(
                 f"the greatest force cannot be reached: at delta/L = {target:.3g} the force is {force / self.goal:.2g} "
