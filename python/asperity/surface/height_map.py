@@ -24,6 +24,7 @@ from asperity.errors import InputError
 from asperity.runtime.declaration import LENGTH, declared, key
 from asperity.runtime.files import UNREADABLE
 from asperity.surface.base import Side, light_depth, short_wave_share
+from asperity.surface.height_files import ARRAYS, TEXT
 from asperity.surface.maximum import global_maximum
 from asperity.surface.scans import SAME, HeightField
 from asperity.surface.shapes import Flat
@@ -74,6 +75,11 @@ class HeightMap(SplineSurface):
     cutoff_key: ClassVar[str] = "asperity import-map --cutoff"
 
     def __post_init__(self) -> None:
+        if Path(self.path).suffix.lower() not in (*ARRAYS, *TEXT):
+            raise InputError(
+                f"{self.path}: a case reads {', '.join((*ARRAYS, *TEXT))}; asperity import-map makes a surface of the "
+                "files of instruments"
+            )
         self._set(HeightField.read(self.path, side=self.L), f"{self.path}: ")
         super().__post_init__()
 

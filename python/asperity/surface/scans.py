@@ -20,12 +20,12 @@ from asperity.arrays import Array, Flags
 from asperity.errors import InputError
 from asperity.runtime.files import write_npz
 from asperity.surface.base import FLAT
-from asperity.surface.height_files import read_heights, steps_of
+from asperity.surface.height_files import LEAST, read_heights, steps_of
 
 Trend = Literal["mean", "plane", "curvature"]
 
 DEGREES = {"mean": 0, "plane": 1, "curvature": 2}
-LEAST, LEAST_PATCH = 4, 8  # heights along a side of a map, and of a patch that is cut
+LEAST_PATCH = 8  # heights along a side of a patch that is cut
 SAME = 1e-3  # relative difference of lengths that were rounded
 MOST_MISSING = 0.2  # share of heights that may be filled; more would be guesswork
 SPIKE = 10.0  # distance of a spike from the median of its neighbours over the usual one; 7 at most on rough surfaces
