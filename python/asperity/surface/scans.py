@@ -119,11 +119,11 @@ class HeightField:
                     f"it has lengths of its own, dx = {own[0]:.6g} and dy = {own[1]:.6g}, not {given[0]:.6g} and "
                     f"{given[1]:.6g}: leave out {'surface.L' if pixel is None else '--pixel'}, or correct the file"
                 )
-            if not (own or given):
+            if (steps := own or given) is None:
                 raise ValueError(
                     "it has no lengths; give the distance between heights (--pixel), or surface.L in a case"
                 )
-            return cls(z, *(own or given), name, (note,) if note else ())
+            return cls(z, *steps, name, (note,) if note else ())
         except (ValueError, InputError) as error:
             raise InputError(f"{path}: {error}") from None
 
