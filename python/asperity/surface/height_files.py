@@ -21,7 +21,8 @@ from asperity.runtime.text_table import TextTable, is_text
 from asperity.units import LENGTHS
 
 ARRAYS, TEXT = (".npz", ".npy"), (".csv", ".txt", ".dat", ".tsv", ".asc", ".xyz")
-EXACT, OFF_GRID, STRAIGHT = 1e-6, 0.1, 0.02  # deviation over their step of coordinates of arrays, points, and a matrix
+EXACT = 1e-6  # relative difference of sides, or of steps of an array, that are the same
+OFF_GRID, STRAIGHT = 0.1, 0.02  # deviation of coordinates of points, and of those beside a matrix, over their step
 LEAST = 4  # heights along a side of a map, for a cubic spline
 MARKS = (-32768.0, -2147483648.0, -9999.0, -99999.0)  # usual ones of missing heights
 _HEIGHT = re.compile(r"height|topograph|h(ö|oe)he|zsensor|^z\b", re.IGNORECASE)  # name of a channel
