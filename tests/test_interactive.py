@@ -81,14 +81,6 @@ def test_a_data_frame_has_the_columns_of_the_file() -> None:
     np.testing.assert_array_equal(frame["force"], curve.force)
 
 
-def test_an_array_with_coordinates() -> None:
-    pytest.importorskip("xarray")
-    wave = asp.Surface.from_spec("sinusoid", L=2.0, amplitude=0.1)
-    found = wave.to_xarray(9)
-    assert found.dims == ("y", "x") and float(found.x[-1]) == 2.0
-    assert float(found.sel(x=1.0, y=0.0)) == pytest.approx(float(wave.height(1.0, 0.0)))
-
-
 def test_what_is_not_installed_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "pandas", None)
     with pytest.raises(asp.CompatError, match="the package pandas is not installed: pip install pandas"):

@@ -24,8 +24,9 @@ from asperity.errors import InputError
 from asperity.runtime.declaration import LENGTH, declared, key
 from asperity.runtime.files import UNREADABLE
 from asperity.surface.base import Side, light_depth, short_wave_share
+from asperity.surface.height_files import ARRAYS, EXACT, TEXT
 from asperity.surface.maximum import global_maximum
-from asperity.surface.scans import SAME, HeightField
+from asperity.surface.scans import HeightField
 from asperity.surface.shapes import Flat
 from asperity.surface.spline_surface import ScaleSpace, SplineSurface
 
@@ -74,6 +75,11 @@ class HeightMap(SplineSurface):
     cutoff_key: ClassVar[str] = "asperity import-map --cutoff"
 
     def __post_init__(self) -> None:
+        if Path(self.path).suffix.lower() not in (*ARRAYS, *TEXT):
+            raise InputError(
+                f"{self.path}: a case reads {', '.join((*ARRAYS, *TEXT))}; asperity import-map makes a surface of the "
+                "files of instruments"
+            )
         self._set(HeightField.read(self.path, side=self.L), f"{self.path}: ")
         super().__post_init__()
 
@@ -96,7 +102,7 @@ class HeightMap(SplineSurface):
     def _set(self, field: HeightField, where: str = "") -> None:
         """Take the heights of a field, which must be square, complete, and plausible."""
         z, (L, other) = field.z, field.size
-        if not math.isclose(L, other, rel_tol=SAME):
+        if not math.isclose(L, other, rel_tol=EXACT):
             raise InputError(f"{where}the patch must be square, not {L:g} x {other:g}; import-map cuts one.")
         if max(z.shape) > MOST:
             raise InputError(
