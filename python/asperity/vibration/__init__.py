@@ -13,7 +13,7 @@ _MODULES = {
     "numbers": ["Numbers"],
     "equation": ["Restoring"],
     "motion": ["Trajectory"],
-    "free": ["FreeOrbit", "FreeVibration", "Thresholds"],
+    "free": ["FreeVibration", "Thresholds"],
     "response": ["FrequencyResponse"],
     "oscillator": ["ContactOscillator"],
     "run": ["Dynamics", "DynamicsSettings", "run_dynamics"],

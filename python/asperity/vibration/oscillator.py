@@ -18,7 +18,7 @@ from asperity.vibration.free import (
     FreeVibration,
     Thresholds,
     contact_limit,
-    free_orbits,
+    free_vibration,
     largest_amplitude,
     thresholds,
 )  # fmt: skip
@@ -124,7 +124,7 @@ class ContactOscillator:
         if u0 is None:
             top = min(1.5 * self.u_max if np.isfinite(self.u_max) else 1.5, largest_amplitude(self.restoring))
             u0 = np.linspace(top / 120, top, 120)
-        return FreeVibration(self.model, free_orbits(self.restoring, u0, self.damping))
+        return free_vibration(self.equation, u0)
 
     def thresholds(self) -> Thresholds:
         """Onsets of contact loss, hysteresis and period doubling as F^."""

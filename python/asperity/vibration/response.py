@@ -17,7 +17,6 @@ from asperity.errors import ConvergenceError, InputError
 from asperity.runtime.display import short_repr
 from asperity.vibration.branch import TESTS, ahead, between, crossings, cubic, located, main_branch
 from asperity.vibration.equation import Equation, Restoring
-from asperity.vibration.free import column
 from asperity.vibration.law import Law, bar_of
 from asperity.vibration.orbit import Collocation, Orbit
 from asperity.vibration.settings import Setting
@@ -39,6 +38,11 @@ def finite(value: float) -> float | None:
     return float(value) if math.isfinite(value) else None
 
 
+def _column(name: str, words: str) -> property:
+    """Array of an attribute of the orbits of a piece."""
+    return property(lambda self: np.array([getattr(o, name) for o in self.orbits]), doc=f"{words}, shape (orbits,).")
+
+
 @dataclass(frozen=True)
 class Piece:
     """A part of the main branch: between folds, changes of stability and ends of the window, in order along it.
@@ -57,9 +61,9 @@ class Piece:
 
     __repr__ = short_repr
 
-    Omega = column("Omega", "Forcing frequencies over omega_s")
-    u_max = column("u_max", "Largest displacements")
-    u_min = column("u_min", "Smallest displacements; contact is lost where they are below -1")
+    Omega = _column("Omega", "Forcing frequencies over omega_s")
+    u_max = _column("u_max", "Largest displacements")
+    u_min = _column("u_min", "Smallest displacements; contact is lost where they are below -1")
 
 
 @dataclass(frozen=True)

@@ -127,7 +127,7 @@ class Dynamics:
             "laws": laws, "jumps": self.jumps(),
         } | {
             model: asdict(values) | {
-                "free_tolerance": self.free[model].tolerance, "free_valid": all(self.free[model].valid),
+                "free_tolerance": float(self.free[model].error.max()), "free_valid": bool(self.free[model].valid.all()),
                 "responses": [one.to_dict() for one in self.responses[model]],
             }
             for model, values in self.thresholds.items()
