@@ -187,7 +187,7 @@ def test_force_in_newtons_window_in_hertz_several_dampings_and_jumps(tmp_path: P
     )
     same, other = found.responses["exact"]
     light = plain.responses["exact"][0]
-    assert same.peak == pytest.approx(light.peak, rel=1e-6) and other.setting.zeta == 0.05
+    assert same.peak == pytest.approx(light.peak, rel=1e-6) and other.equation.zeta == 0.05
     down, up = sorted(found.jumps(), key=lambda jump: float(jump["Omega"]))
     assert (down["sweep"], up["sweep"]) == ("down", "up")
     assert [j["frequency"] / hertz for j in (down, up)] == pytest.approx(sorted(e.Omega for e in light["fold"]))
@@ -234,7 +234,7 @@ def test_base_and_shock_in_physical_units(tmp_path: Path) -> None:
         assert max(float(row["x"]) for row in csv.DictReader(rows)) > 0
     assert (out / "motion.svg").is_file()
     by_length = run_dynamics(curve, forcing="1 nm", joint=Joint(mass=2.0), **more)
-    assert by_length.responses["exact"][0].setting.F_hat == pytest.approx(1e-9 / by_length.first.restoring.z_s)
+    assert by_length.responses["exact"][0].equation.F_hat == pytest.approx(1e-9 / by_length.first.restoring.z_s)
 
 
 def test_a_series_that_no_orbit_stays_in_is_left_out_with_a_note() -> None:

@@ -142,8 +142,9 @@ def _show(result: Dynamics) -> None:
         by = "the mass of the joint" if result.gravity is None else f"gravity = {result.gravity:g}"
         rows.insert(0, (f"omega_s{' in rad/s' if units else ''} with {by}", *omegas))
     for responses in zip(*result.responses.values(), strict=True):
-        setting = responses[0].setting
-        name = setting.amplitude + (f", F/W = {setting.F_over_mg:g}" if setting.excitation == "force" else "")
+        setting = responses[0].equation
+        of_load = f", F/W = {setting.restoring.n_loc * setting.F_hat:g}"
+        name = setting.amplitude + (of_load if setting.excitation == "force" else "")
         if len(result.settings.zeta) > 1:
             name += f", zeta = {setting.zeta:g}"
         rows.append((name, *(_peak(one) for one in responses)))

@@ -9,7 +9,6 @@ _MODULES = {
     "law": ["Law", "PowerLaw", "TaylorLaw", "bar_of"],
     "curve_law": ["CurveLaw"],
     "source": ["law_from"],
-    "settings": ["Setting"],
     "numbers": ["Numbers"],
     "equation": ["Restoring"],
     "motion": ["Trajectory"],

@@ -12,6 +12,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -111,17 +112,43 @@ class Restoring:
 
 @dataclass(frozen=True)
 class Equation:
-    """Restoring force and damping.
+    """Restoring force, damping and forcing.
 
     Attributes:
         restoring: normal form of the law
         zeta: damping ratio of small motion
         damping: one of `model.dynamics.DAMPING`
+        F_hat: F/(n_loc W) of a force, b/z_s of a displacement of the base, m b''/(n_loc W) of its acceleration
+        excitation: one of `model.dynamics.EXCITATIONS`
     """
 
     restoring: Restoring
     zeta: float
     damping: str = "always"
+    F_hat: float = 0.0
+    excitation: str = "force"
+
+    def forcing(self, omega: Any) -> Any:
+        """F^ at frequencies Omega: that of a displacement of the base grows with their square."""
+        return self.F_hat * omega ** (2 if self.excitation == "base" else 0)
+
+    def growth(self, omega: Any) -> Any:
+        """Its derivative with respect to Omega."""
+        return 2.0 * self.F_hat * omega if self.excitation == "base" else 0.0 * omega
+
+    @property
+    def amplitude(self) -> str:
+        """Amplitude of the excitation, in words."""
+        name = {"force": "F^", "base": "base b/z_s", "acceleration": "base b''/(omega_s^2 z_s)"}[self.excitation]
+        return f"{name} = {self.F_hat:g}"
+
+    def transmissibility(self, omega: float, first: complex) -> float:
+        """Motion of the mass over that of the base, by the first harmonic of u; NaN for a force.
+
+        The base moves by -F^/Omega^2 times the second derivative of its motion: as cos(Omega tau), like the force.
+        """
+        base = self.forcing(omega) / omega**2
+        return np.nan if self.excitation == "force" else abs(first + base) / base
 
     def rate(self, u: Array, f: Array) -> Array:
         """Damping factor g at displacements and their restoring forces, same shape as `u`."""

@@ -25,7 +25,6 @@ from asperity.vibration.free import (
 from asperity.vibration.law import Law, TaylorLaw
 from asperity.vibration.motion import Trajectory, course, integrate
 from asperity.vibration.response import FrequencyResponse, frequency_response
-from asperity.vibration.settings import Setting
 
 GRAVITY = 9.80665  # m/s^2
 
@@ -149,9 +148,8 @@ class ContactOscillator:
         """
         within("zeta of forced motion", self.zeta, ZETA)
         one_of("excitation", excitation, EXCITATIONS)
-        n_loc, F_hat = self.restoring.n_loc, within("forcing", forcing, FORCING)
-        setting = Setting(self.model, self.law.describe(), n_loc, self.zeta, self.damping, F_hat, excitation)
-        return frequency_response(self.equation, setting, window(omega), positive("tol", tol))
+        equation = replace(self.equation, F_hat=within("forcing", forcing, FORCING), excitation=excitation)
+        return frequency_response(equation, window(omega), positive("tol", tol))
 
     def simulate(
         self,

@@ -74,7 +74,7 @@ class Dynamics:
             row | {"frequency": unit * row["Omega"], "force": force}
             | {"x_max": r.z_s * row["u_max"], "x_min": r.z_s * row["u_min"], "receptance": r.z_s * row["a1"] / force}
             for one in chain(*self.responses.values()) for row in one.rows()
-            for force in [r.scale * one.setting.forcing(row["Omega"])]
+            for force in [r.scale * one.equation.forcing(row["Omega"])]
         ]  # fmt: skip
         tables = {run_folder.FREE: free, run_folder.RESPONSE: response, run_folder.MOTION: self.moved()}
         for name, rows in tables.items():
@@ -100,12 +100,13 @@ class Dynamics:
         r, hertz = self.first.restoring, self.numbers.frequency
         return [
             {
-                "model": model, "zeta": one.setting.zeta, "F_hat": one.setting.F_hat,
-                "force": r.scale * float(one.setting.forcing(jump.Omega)), "sweep": jump.direction,
-                "Omega": jump.Omega, "frequency": finite(hertz * jump.Omega), "x_max": r.z_s * jump.u_max,
-                "x_max_after": None if jump.after is None else r.z_s * jump.after, "note": jump.note,
+                "model": model, "zeta": one.equation.zeta, "F_hat": one.equation.F_hat,
+                "force": r.scale * float(one.equation.forcing(jump["Omega"])), "sweep": jump["sweep"],
+                "Omega": jump["Omega"], "frequency": finite(hertz * jump["Omega"]), "x_max": r.z_s * jump["u_max"],
+                "x_max_after": after and r.z_s * after, "note": jump["note"],
             }
             for model, responses in self.responses.items() for one in responses for jump in one.jumps
+            for after in [jump["u_max_after"]]
         ]  # fmt: skip
 
     def to_dict(self) -> dict[str, Any]:
@@ -200,7 +201,7 @@ def run_dynamics(
             notes.append(f"{name}: left out, its series lets the motion escape: {error}")
             del oscillators[name]
             continue
-        notes += [f"{name}, {r.setting.amplitude}: {note}" for r in responses[name] for note in r.notes]
+        notes += [f"{name}, {r.equation.amplitude}: {note}" for r in responses[name] for note in r.notes]
     first = next(iter(oscillators.values()))
     motions = {}
     for shape in settings.simulate:
