@@ -13,7 +13,6 @@ from asperity.errors import AsperityWarning, InputError, RangeError
 from asperity.vibration import ContactOscillator, CurveLaw, Law, PowerLaw, Restoring, TaylorLaw, law_from
 from asperity.vibration.curve_law import Bars
 from asperity.vibration.law import bar_of
-from asperity.vibration.numbers import at_load
 
 Z = np.linspace(0.0, 1.0, 61)[1:]
 
@@ -208,20 +207,20 @@ def test_the_sides_have_the_bars_of_their_law() -> None:
     """A pair for each error: the load keeps its stiffness, or its kappa, but for the bar; each side is a law itself."""
     law = replace(CurveLaw(Z, Z**1.5), bars=Bars(0.4, 0.02, 0.01, 0.05, 0.03))
     pairs = law.sides()
-    level, contact, tilt, bent = (np.array([at_load(side, 0.4) for side in pair]) for pair in pairs)
-    z, k, n, kappa = at_load(law, 0.4)
+    level, contact, tilt, bent = (np.array([side.at_load(0.4) for side in pair]) for pair in pairs)
+    z, k, n, kappa = law.at_load(0.4)
     np.testing.assert_allclose(tilt[:, 1] / k - 1.0, [-0.05, 0.05], rtol=1e-9)
     np.testing.assert_allclose(tilt[:, 3], [-(n - 1) * (2 * n + 1) / 48 for n in (1.5 * 0.95, 1.5 * 1.05)], rtol=1e-6)
     np.testing.assert_allclose(bent[:, 3] - kappa, [-0.03, 0.03], rtol=1e-4)
     np.testing.assert_allclose(contact[:, 0] - z, [-0.01, 0.01], rtol=1e-9)
     np.testing.assert_allclose(level[:, 0] / z, [0.98 ** (-1 / 1.5), 1.02 ** (-1 / 1.5)], rtol=1e-6)
-    total = bar_of(law, lambda side: at_load(side, 0.4))
+    total = bar_of(law, lambda side: side.at_load(0.4))
     changes = [np.abs(pair - [z, k, n, kappa]).max(axis=0) for pair in (level, contact, tilt, bent)]
     np.testing.assert_allclose(total, np.sqrt(np.sum(np.square(changes), axis=0)))
-    assert np.isnan(bar_of(PowerLaw(1.5), lambda side: at_load(side, 0.4))).all()
+    assert np.isnan(bar_of(PowerLaw(1.5), lambda side: side.at_load(0.4))).all()
     tilt, bent = replace(law, bars=Bars(0.4, stiffness=50.0, kappa=5.0)).sides()  # of what is hardly known
-    assert at_load(tilt[1], 0.4)[1] > 9.0 * k
-    assert [at_load(side, 0.4)[3] - kappa for side in bent] == pytest.approx([-5.0, 5.0])
+    assert tilt[1].at_load(0.4)[1] > 9.0 * k
+    assert [side.at_load(0.4)[3] - kappa for side in bent] == pytest.approx([-5.0, 5.0])
     fine = np.linspace(0.05, 0.99, 400)
     for side in (side for pair in pairs for side in pair):
         assert np.all(np.diff(side.force(fine)) > 0.0)

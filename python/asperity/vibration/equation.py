@@ -58,16 +58,15 @@ class Restoring:
     __repr__ = short_repr
 
     def __post_init__(self) -> None:
-        z = self.law.deflection(self.load)
+        z, p1, n_loc, kappa = self.law.at_load(self.load).tolist()
         if not all(_SMALLEST < value < 1.0 / _SMALLEST for value in (z, self.load)):
             raise InputError(
                 f"the static deflection is {z:g} under load = {self.load:g}, beyond floating-point range: both must "
                 f"lie between {_SMALLEST:g} and {1.0 / _SMALLEST:g}; choose another load or other units"
             )
-        p1, p2, _ = self.law.derivatives(z)
         if not p1 > 0:
             raise InputError(f"the law has stiffness {p1:g} at the operating point; it must be positive")
-        values = (z, z * p1, z * p1 / self.load, z * p2 / (2 * p1), self.law.kappa(z))
+        values = (z, z * p1, z * p1 / self.load, z * self.law.derivatives(z)[1] / (2 * p1), kappa)
         for name, value in zip(("z_s", "scale", "n_loc", "a2", "kappa"), values, strict=True):
             object.__setattr__(self, name, float(value))
 

@@ -135,6 +135,11 @@ class Law(ABC):
         first, second, third = self.derivatives(z)
         return z**2 / 48.0 * (3.0 * third / first - 5.0 * (second / first) ** 2)
 
+    def at_load(self, load: float) -> Array:
+        """Approach (length), stiffness (force/length), local exponent and kappa under a load (force), (4,)."""
+        z = self.deflection(load)
+        return np.array([z, self.derivatives(z)[0], self.n_loc(z), self.kappa(z)])
+
 
 def bar_of(law: Law, value: Callable[[Law], ArrayLike]) -> Array:
     """Bar of what is computed of a law: the same with its sides, the errors in quadrature; NaN where nothing bounds it.

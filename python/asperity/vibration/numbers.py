@@ -7,9 +7,6 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
-import numpy as np
-
-from asperity.arrays import Array
 from asperity.units import plus_minus, quantity
 from asperity.vibration.law import NOT_RESOLVED, Law, bar_of, bend
 
@@ -43,11 +40,10 @@ class Numbers:
     @classmethod
     def of(cls, law: Law, load: float, mass: float, zeta: float, **more: Any) -> Numbers:
         """Numbers of a mass on a law under a load (force)."""
-        z, k, n, kappa = at_load(law, load)
-        bars = bar_of(law, lambda side: at_load(side, load))
-        relative = float(bars[1]) / k
+        z, k, n, kappa = law.at_load(load).tolist()
+        _, of_k, of_n, of_kappa = bar_of(law, lambda side: side.at_load(load)).tolist()
         frequency = math.sqrt(k / mass) / (2.0 * math.pi)
-        return cls(k, mass, frequency, z, zeta, n, kappa, (relative, float(bars[2]), float(bars[3])), **more)
+        return cls(k, mass, frequency, z, zeta, n, kappa, (of_k / k, of_n, of_kappa), **more)
 
     @property
     def frequency_bar(self) -> float:
@@ -80,20 +76,14 @@ class Numbers:
 
     def to_dict(self) -> dict[str, Any]:
         """Section "numbers" of thresholds.json, None where unknown; `k_n_bar` is over k_n."""
-        names = ("k_n", "m", "f", "z_s", "zeta", "n", "kappa", "k_n_bar", "f_bar", "n_bar", "kappa_bar")
-        values = (
-            self.stiffness, self.mass, self.frequency, self.approach, self.damping, self.n, self.kappa, self.bars[0],
-            self.frequency_bar, *self.bars[1:],
-        )  # fmt: skip
-        last = {"k_n_with_block": self.with_block if self.block else math.nan, "greatest_load": self.greatest}
-        known = dict(zip(names, values, strict=True)) | last
-        return {n: v if math.isfinite(v) else None for n, v in known.items()} | {"softening": self.softening}
-
-
-def at_load(law: Law, load: float) -> Array:
-    """Approach (length), stiffness (force/length), local exponent and kappa of a law under a load (force)."""
-    z = law.deflection(load)
-    return np.array([z, law.derivatives(z)[0], law.n_loc(z), law.kappa(z)])
+        values = {
+            "k_n": self.stiffness, "m": self.mass, "f": self.frequency, "z_s": self.approach, "zeta": self.damping,
+            "n": self.n, "kappa": self.kappa, "k_n_bar": self.bars[0], "f_bar": self.frequency_bar,
+            "n_bar": self.bars[1], "kappa_bar": self.bars[2],
+            "k_n_with_block": self.with_block if self.block else math.nan, "greatest_load": self.greatest,
+        }  # fmt: skip
+        known = {name: value if math.isfinite(value) else None for name, value in values.items()}
+        return known | {"softening": self.softening}
 
 
 def resolved(name: str, value: float, bar: float) -> str:

@@ -15,7 +15,7 @@ import numpy as np
 from asperity.arrays import Array
 from asperity.errors import ConvergenceError, InputError
 from asperity.runtime.display import short_repr
-from asperity.vibration.branch import TESTS, ahead, crossings, cubic, located, main_branch
+from asperity.vibration.branch import TESTS, ahead, between, crossings, cubic, located, main_branch
 from asperity.vibration.equation import Equation, Restoring
 from asperity.vibration.law import Law, bar_of
 from asperity.vibration.orbit import Collocation, Orbit
@@ -197,7 +197,7 @@ class FrequencyResponse:
     def _table(self) -> list[dict[str, Any]]:
         equation, found = self.equation, []
         for piece in self.pieces:
-            for p in chain(piece.orbits[:1], *(_dense(a, b) for a, b in pairwise(piece.orbits))):
+            for p in chain(piece.orbits[:1], *(_dense(self.col, a, b) for a, b in pairwise(piece.orbits))):
                 found.append({
                     "model": equation.restoring.model, "F_hat": equation.F_hat, "zeta": equation.zeta,
                     "Omega": p.Omega, "u_max": p.u_max, "u_min": p.u_min, "a1": p.a1, "stable": piece.stable,
@@ -291,12 +291,14 @@ def _inside(col: Collocation, path: Sequence[Orbit], window: tuple[float, float]
     return (run for run in runs if len(run) > 1)
 
 
-def _dense(a: Orbit, b: Orbit) -> Iterator[Orbit]:
-    """Orbits after one up to the next, on the cubic, so dense that u_max and Omega lie on straight lines."""
+def _dense(col: Collocation, a: Orbit, b: Orbit) -> Iterator[Orbit]:
+    """Orbits after one up to the next, so dense that u_max and Omega lie on straight lines."""
     middle, step = cubic(a, b, 0.5), b.Omega - a.Omega
     line = a.u_max + (b.u_max - a.u_max) * np.clip((middle.Omega - a.Omega) / (step or 1.0), 0.0, 1.0)
     count = math.ceil(math.sqrt(abs(line - middle.u_max) / (_STRAIGHT * abs(middle.u_max))))
-    yield from (cubic(a, b, i / count) for i in range(1, count))
+    for i in range(1, count):
+        with suppress(ConvergenceError):
+            yield between(col, a, b, i / count)
     yield b
 
 

@@ -163,7 +163,7 @@ class Choice:
     yielded: bool | None  # None if the curve does not show it
     reason: str  # why it is this law, a part of a sentence
     note: str = ""  # sentence on a law to be doubted
-    done: str = ""  # what was done with measured rows
+    done: str = ""  # how the rows were read, and what was done with measured ones
 
 
 def law_from(source: Any, law: str = "auto", load: float | None = None) -> tuple[Law, float]:
@@ -235,6 +235,7 @@ def choose(columns: CurveColumns, law: str = "auto", load: float | None = None, 
         )
     loading = "nothing has yielded up to the preload" if yielded is False else "the curve does not show that it yields"
     reason = REASONS.get(chosen, loading) if law == "auto" else "named"
+    done = "; ".join(filter(None, (done, *columns.notes)))
     return Choice(chosen, found, rows, load, yielded, reason, "; ".join(filter(None, notes)), done)
 
 
