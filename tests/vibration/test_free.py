@@ -149,7 +149,7 @@ def test_the_period_of_a_curve_with_a_knot_beside_the_preload() -> None:
     assert omega == pytest.approx(table["own_omega"], rel=1e-9)
 
     def field(t: float, y: np.ndarray) -> list[float]:
-        return [y[1], -float(o.restoring.f(y[:1])[0])]
+        return [y[1], -float(o.f(y[:1])[0])]
 
     run = solve_ivp(
         field, (0, np.pi / omega), [table["u0"], 0.0], method="DOP853", rtol=1e-12, atol=1e-15, max_step=0.01
@@ -161,7 +161,7 @@ def test_a_flight_far_longer_than_the_contact_is_integrated() -> None:
     """Beyond its points a table may be so stiff that contact lasts 1e-11 of the period: the speed is that of energy."""
     z = np.linspace(0.05, 2.0, 40)
     o = ContactOscillator(CurveLaw(z, z**1.5 + 18.0 * np.maximum(z - 0.94, 0.0) ** 3), load=13.2, damping="contact")
-    r, (low,) = o.restoring, o.free([205.5]).u_min
+    r, (low,) = o, o.free([205.5]).u_min
     stored = float(r.law.potential(206.5 * r.z_s)) / (r.scale * r.z_s) - 206.5 / r.n_loc
     assert -1.0 - low == pytest.approx(r.n_loc * stored, rel=2e-6) and stored > 1e12  # as high as its energy
 

@@ -10,7 +10,7 @@ import pytest
 from scipy.integrate import quad
 
 from asperity.errors import AsperityWarning, InputError, RangeError
-from asperity.vibration import ContactOscillator, CurveLaw, Law, PowerLaw, Restoring, TaylorLaw, law_from
+from asperity.vibration import ContactOscillator, CurveLaw, Equation, Law, PowerLaw, TaylorLaw, law_from
 from asperity.vibration.curve_law import Bars
 from asperity.vibration.law import bar_of
 
@@ -21,7 +21,7 @@ Z = np.linspace(0.0, 1.0, 61)[1:]
 def test_power_law_matches_closed_forms(n: float) -> None:
     law = PowerLaw(n, 3.0)
     load = 2.5
-    r = Restoring(law, load)
+    r = Equation(law, load)
     assert r.z_s == pytest.approx((load / 3.0) ** (1 / n), rel=1e-14)
     assert r.n_loc == pytest.approx(n, rel=1e-14)
     assert r.a2 == pytest.approx((n - 1) / 2, abs=1e-14)
@@ -40,7 +40,7 @@ def test_power_law_matches_closed_forms(n: float) -> None:
     ],
 )
 def test_force_is_the_derivative_of_the_potential(law: CurveLaw) -> None:
-    r = Restoring(law, 0.4)
+    r = Equation(law, 0.4)
     for u in (-0.8, -0.3, -1e-3, 1e-5, 0.04, 0.06, 0.5):
         z = r.z_s * (1.0 + u)
         value, _ = quad(lambda z: law.force(z), r.z_s, z, epsabs=1e-13, epsrel=1e-13, limit=400)
@@ -60,7 +60,7 @@ def test_table_of_a_power_law_is_the_power_law() -> None:
     np.testing.assert_allclose(law.force(z), 2.0 * z**1.5, rtol=1e-12)
     np.testing.assert_allclose(law.slope(z), 3.0 * z**0.5, rtol=1e-11)
     np.testing.assert_allclose(law.potential(z), 0.8 * z**2.5, rtol=1e-11)
-    r = ContactOscillator(law, load=0.7).restoring
+    r = ContactOscillator(law, load=0.7)
     assert r.kappa == pytest.approx(-1 / 24, rel=1e-9)
 
 

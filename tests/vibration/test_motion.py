@@ -18,7 +18,7 @@ LINEAR = ContactOscillator(PowerLaw(1.0), zeta=0.05)
 def test_simulate_flight_is_a_parabola() -> None:
     o = ContactOscillator(PowerLaw(1.5), zeta=0.0)
     path = o.simulate(1.0, 0.0, u=2.0, periods=3.0)
-    r = o.restoring
+    r = o
     energy = 0.5 * path.v**2 + o.law.potential(r.z_s * (1.0 + path.u)) / (r.scale * r.z_s) - path.u / r.n_loc
     assert np.ptp(energy) < 1e-9
     (low,) = o.free(2.0).u_min

@@ -16,7 +16,7 @@ from twin import computed, motion, shoot
 from asperity.errors import ConvergenceError, InputError
 from asperity.vibration import branch
 from asperity.vibration.curve_law import CurveLaw
-from asperity.vibration.equation import Equation, Restoring
+from asperity.vibration.equation import Equation
 from asperity.vibration.law import PowerLaw
 from asperity.vibration.oscillator import ContactOscillator
 
@@ -261,7 +261,7 @@ def test_numbers_of_another_law_are_those_of_its_own_response() -> None:
     """Peak and folds in the units of the first law, for the same force in newton."""
     first, other = ContactOscillator(PowerLaw(1.5)), ContactOscillator(PowerLaw(1.55, 1.1), load=1.0)
     r = first.response(0.05)
-    a, b = first.restoring, other.restoring
+    a, b = first, other
     own = other.response(0.05 * a.scale / b.scale)
     expected = np.array([own.peak, *((e.Omega, e.u_max) for e in own["fold"])])
     units = np.sqrt(b.scale / b.z_s * a.z_s / a.scale), b.z_s / a.z_s
@@ -325,7 +325,7 @@ def test_base_motion_in_absolute_coordinates(damping: str) -> None:
 def test_the_equation_agrees_with_its_derivatives() -> None:
     law = CurveLaw(np.linspace(0.05, 1.0, 20), np.linspace(0.05, 1.0, 20) ** 2)
     for damping in ("always", "contact", "hunt-crossley"):
-        e = Equation(Restoring(law, 0.3), 0.1, damping)
+        e = Equation(law, 0.3, 0.1, damping)
         u = np.array([-1.3, -0.7, -0.2, 0.1, 0.4])
         _, slope, _, rate = e.terms(u)
         up, down = e.terms(u + 1e-6), e.terms(u - 1e-6)

@@ -131,7 +131,7 @@ _ROWS = {
 
 
 def _show(result: Dynamics) -> None:
-    from asperity.output.verdict import jump_rows
+    from asperity.output.verdict import headline, jump_rows
     from asperity.vibration.response import OTHERS
 
     first, onsets, units = result.first, result.thresholds, "" if result.settings.units == "other" else "SI"
@@ -143,7 +143,7 @@ def _show(result: Dynamics) -> None:
         rows.insert(0, (f"omega_s{' in rad/s' if units else ''} with {by}", *omegas))
     for responses in zip(*result.responses.values(), strict=True):
         setting = responses[0].equation
-        of_load = f", F/W = {setting.restoring.n_loc * setting.F_hat:g}"
+        of_load = f", F/W = {setting.n_loc * setting.F_hat:g}"
         name = setting.amplitude + (of_load if setting.excitation == "force" else "")
         if len(result.settings.zeta) > 1:
             name += f", zeta = {setting.zeta:g}"
@@ -165,9 +165,7 @@ def _show(result: Dynamics) -> None:
         options.say(f"{shape} from rest, {path.tau[-1]:.5g}/omega_s: u from {low:.4g} to {top:.4g}, {lost}")
     numbers = result.numbers.to_dict()
     if numbers.get("k_n_with_block"):
-        from asperity.vibration.numbers import headline
-
-        for line in headline(numbers, None, result.settings.units, first.restoring.load):
+        for line in headline(numbers, None, result.settings.units, first.load):
             options.say(line)
     options.say(OTHERS)
     options.say(result.numbers.sentence(units))

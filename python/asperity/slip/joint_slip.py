@@ -170,7 +170,7 @@ def slip_of_curve(
     bars: Array = np.full((len(WITH_ERRORS), t.size), np.nan)
     if isinstance(choice.law, CurveLaw) and measured and (not choice.yielded or choice.name == "unload-reload"):
         # the law passes through its points: only their errors count, not those of a local fit
-        of_force, of_k = (columns.bar_at(choice.load, elastic=elastic) for elastic in (False, True))
+        of_force, of_k = (columns.bar_at(choice.load, name) for name in ("P_star", "k_n_elastic"))
         of_curve = replace(choice.law, bars=Bars(choice.load, of_force, stiffness=float(np.nan_to_num(of_k))))
         with suppress(AsperityError):  # at the end of its bar the curve may not reach the preload
             bars = bar_of(of_curve, lambda side: _columns(make(side), t))
@@ -205,12 +205,12 @@ def _ratios(columns: CurveColumns, choice: Choice, block: float, direction: str)
     mean, along_x = columns.curve.k_t[choice.rows], columns.curve.k_t_x[choice.rows]
     with np.errstate(divide="ignore"):
         tangential = 1.0 / (along_x if direction == "x" else 2.0 * mean - along_x) - block
-    return _by_force(columns, choice, tangential * columns.elastic[choice.rows])
+    return _by_force(columns, choice, tangential * columns.curve.k_n_elastic[choice.rows])
 
 
 def _by_force(columns: CurveColumns, choice: Choice, values: Array) -> tuple[Array, Array]:
     """Forces (n,), rising, and positive values at the rows of a branch."""
-    force = columns.force[choice.rows]
+    force = columns.curve.force[choice.rows]
     known = np.flatnonzero((force > 0.0) & (values > 0.0) & np.isfinite(values))
     known = known[np.argsort(force[known], kind="stable")]
     return force[known], values[known]

@@ -10,7 +10,7 @@ _MODULES = {
     "curve_law": ["CurveLaw"],
     "source": ["law_from"],
     "numbers": ["Numbers"],
-    "equation": ["Restoring"],
+    "equation": ["Equation"],
     "motion": ["Trajectory"],
     "free": ["FreeVibration", "Thresholds"],
     "response": ["FrequencyResponse"],

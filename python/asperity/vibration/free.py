@@ -21,7 +21,7 @@ from asperity.arrays import Array, Flags
 from asperity.errors import ConvergenceError, RangeError
 from asperity.model.limits import positives
 from asperity.runtime.display import short_repr
-from asperity.vibration.equation import Equation, Restoring
+from asperity.vibration.equation import Equation
 from asperity.vibration.law import TaylorLaw, bar_of, bend
 
 _POINTS = 10  # Gauss points on a piece
@@ -82,27 +82,26 @@ def free_vibration(equation: Equation, u0: ArrayLike) -> FreeVibration:
         RangeError: an orbit passes the rim of a Taylor well
         ConvergenceError: an amplitude is lost in round-off
     """
-    restoring = equation.restoring
-    top, rim = np.array(positives("u0", u0)), largest_amplitude(restoring)
+    top, rim = np.array(positives("u0", u0)), largest_amplitude(equation)
     if (far := top[top > rim]).size:
         raise RangeError(
             f"u0 = {far[0]:g} is beyond the rim of the Taylor well (u0 = {rim:.6g}): the truncated law lets the motion "
             "escape; use the exact law"
         )
-    low = _lowest(restoring, top)
+    low = _lowest(equation, top)
     for _ in range(3):  # where the potential is the same as at the top: by the quadrature itself
-        low = low - _descent(equation, low, top)[0] / restoring.f(low)
+        low = low - _descent(equation, low, top)[0] / equation.f(low)
     fall, u, t, dt, loss, error = _descent(equation, low, top)
     half = dt.sum(axis=(1, 2))
     omega = np.pi / half
     a1 = 2.0 / half * np.sum(dt * u * np.cos(omega[:, None, None] * t), axis=(1, 2))
-    left = np.abs(fall) / (restoring.f(top) * top)  # of the balance of energy
-    error = np.maximum(error / half + left, 1e-15 / restoring.n_loc / top)
+    left = np.abs(fall) / (equation.f(top) * top)  # of the balance of energy
+    error = np.maximum(error / half + left, 1e-15 / equation.n_loc / top)
     if not error.max() < _GREATEST:
         raise ConvergenceError(
             f"u0 = {top[error.argmax()]:g} is too small or too large: the motion is lost in round-off"
         )
-    return FreeVibration(restoring.model, top, low, omega, a1, 2.0 * loss / (np.pi * a1), error)
+    return FreeVibration(equation.model, top, low, omega, a1, 2.0 * loss / (np.pi * a1), error)
 
 
 def _descent(equation: Equation, low: Array, top: Array) -> tuple[Array, Array, Array, Array, Array, Array]:
@@ -112,8 +111,8 @@ def _descent(equation: Equation, low: Array, top: Array) -> tuple[Array, Array, 
         Potential at `top` less that at `low` (orbits,); u, the time since the release and its weight at the Gauss
         points (orbits, pieces, 10); INT g v dx and the estimated error of the time (orbits,)
     """
-    restoring, half = equation.restoring, 0.5 * (top - low)[:, None, None]
-    knots = np.union1d(equation.corners, np.asarray(restoring.law.knots, float) / restoring.z_s - 1.0)
+    half = 0.5 * (top - low)[:, None, None]
+    knots = np.union1d(equation.corners, np.asarray(equation.law.knots, float) / equation.z_s - 1.0)
     near = -1.0 + (1.0 + top[:, None]) * _NEAR
     corners = np.concatenate([np.broadcast_to(knots, (top.size, knots.size)), near], axis=1)
     inside = np.clip((top[:, None] - corners) / (top - low)[:, None], 0.0, 1.0)
@@ -126,7 +125,7 @@ def _descent(equation: Equation, low: Array, top: Array) -> tuple[Array, Array, 
         at < 0.5 * np.pi, top[:, None, None] - 2.0 * half * np.sin(0.5 * at) ** 2,
         low[:, None, None] + 2.0 * half * np.cos(0.5 * at) ** 2,
     )  # fmt: skip
-    f, step, weight = restoring.f(u), half * np.sin(at), _W * size  # step: -du/dtheta
+    f, step, weight = equation.f(u), half * np.sin(at), _W * size  # step: -du/dtheta
     lost = np.sum(weight * f * step, axis=2)
     inner, down = size * ((f * step) @ _INTEGRAL.T), np.cumsum(lost, axis=1)
     rest = np.cumsum(lost[:, ::-1], axis=1)[:, ::-1, None]  # from the low end, where it is small
@@ -140,51 +139,51 @@ def _descent(equation: Equation, low: Array, top: Array) -> tuple[Array, Array, 
     return down[:, -1], u, t, weight * pace, loss, error
 
 
-def _lowest(restoring: Restoring, top: Array) -> Array:
+def _lowest(equation: Equation, top: Array) -> Array:
     """Lower ends of orbits released at `top` (orbits,), to 1e-8."""
     low: Array = np.full(top.size, -1.0)
-    if isinstance(restoring.law, TaylorLaw):
-        rim = restoring.law.rims()[0]
+    if isinstance(equation.law, TaylorLaw):
+        rim = equation.law.rims()[0]
         low = np.maximum(rim, -1e3 - 10.0 * top) if np.isfinite(rim) else -10.0 - 10.0 * top
     else:  # a flight has a constant force
-        low = low - restoring.n_loc * np.maximum(_surplus(restoring, top, low), 0.0) - 1e-6
+        low = low - equation.n_loc * np.maximum(_surplus(equation, top, low), 0.0) - 1e-6
     a, b = low, np.zeros(top.size)
     for _ in range(44):
         middle = 0.5 * (a + b)
-        above = _surplus(restoring, top, middle) < 0.0
+        above = _surplus(equation, top, middle) < 0.0
         a, b = np.where(above, middle, a), np.where(above, b, middle)
-    return np.where(top < 1e-6, -top * (1.0 + 2.0 / 3.0 * restoring.a2 * top), 0.5 * (a + b))
+    return np.where(top < 1e-6, -top * (1.0 + 2.0 / 3.0 * equation.a2 * top), 0.5 * (a + b))
 
 
-def _surplus(restoring: Restoring, u: ArrayLike, level: ArrayLike) -> Array:
+def _surplus(equation: Equation, u: ArrayLike, level: ArrayLike) -> Array:
     """Potential at a displacement less that at another one."""
-    z, other = (restoring.z_s * (1.0 + np.asarray(x, float)) for x in (u, level))
-    stored = (restoring.law.potential(z) - restoring.law.potential(other)) / (restoring.scale * restoring.z_s)
-    return np.asarray(stored - (np.asarray(u) - np.asarray(level)) / restoring.n_loc)
+    z, other = (equation.z_s * (1.0 + np.asarray(x, float)) for x in (u, level))
+    stored = (equation.law.potential(z) - equation.law.potential(other)) / (equation.scale * equation.z_s)
+    return np.asarray(stored - (np.asarray(u) - np.asarray(level)) / equation.n_loc)
 
 
-def contact_limit(restoring: Restoring) -> float:
+def contact_limit(equation: Equation) -> float:
     """Largest release that keeps contact, V(u_max) = V(-1); (n+1)^(1/n) - 1 for a power law.
 
     It is inf for a law without contact loss.
     """
-    high = 1.0 if restoring.contact else np.inf
-    while high < 1e9 and _surplus(restoring, high, -1.0) < 0.0:
+    high = 1.0 if equation.contact else np.inf
+    while high < 1e9 and _surplus(equation, high, -1.0) < 0.0:
         high *= 2.0
     if high > 1e9:
         return np.inf
-    return float(brentq(lambda u: _surplus(restoring, u, -1.0), 0.0, high, xtol=1e-15, rtol=1e-14))
+    return float(brentq(lambda u: _surplus(equation, u, -1.0), 0.0, high, xtol=1e-15, rtol=1e-14))
 
 
-def largest_amplitude(restoring: Restoring) -> float:
+def largest_amplitude(equation: Equation) -> float:
     """Largest release amplitude: inf, or just inside a Taylor rim."""
-    law = restoring.law
+    law = equation.law
     if not isinstance(law, TaylorLaw):
         return np.inf
     low, high = law.rims()
     edge, ceiling = high, min(high, 1e3)
-    if np.isfinite(low) and _surplus(restoring, ceiling, low) > 0.0:
-        edge = brentq(lambda u: _surplus(restoring, u, low), 0.0, ceiling)
+    if np.isfinite(low) and _surplus(equation, ceiling, low) > 0.0:
+        edge = brentq(lambda u: _surplus(equation, u, low), 0.0, ceiling)
     return 0.999 * edge
 
 
@@ -217,17 +216,17 @@ class Thresholds:
 
 def thresholds(equation: Equation) -> Thresholds:
     """Compute the onsets of `Thresholds`."""
-    restoring, zeta, kappa = equation.restoring, equation.zeta, equation.restoring.kappa
-    limit = contact_limit(restoring)
+    zeta, kappa = equation.zeta, equation.kappa
+    limit = contact_limit(equation)
     orbit = free_vibration(equation, limit) if np.isfinite(limit) else None
-    bar = np.nan_to_num(bar_of(restoring.law, lambda law: Restoring(law, restoring.load).kappa))
+    bar = np.nan_to_num(bar_of(equation.law, lambda law: law.at_load(equation.load))[3])
     return Thresholds(
-        n_loc=restoring.n_loc,
+        n_loc=equation.n_loc,
         kappa=kappa,
         softening=bend(float(kappa - bar), float(kappa + bar)),
         u_max=limit if orbit else None,
         omega_loss=float(orbit.omega_ratio[0]) if orbit else None,
         contact_loss=2.0 * zeta * float(orbit.drive[0]) if orbit else None,
         hysteresis=float(np.sqrt(32.0 * zeta**3 / (3.0 * np.sqrt(3.0) * abs(kappa)))) if kappa else None,
-        period_doubling=6.0 * zeta / abs(restoring.a2) if restoring.a2 else None,
+        period_doubling=6.0 * zeta / abs(equation.a2) if equation.a2 else None,
     )

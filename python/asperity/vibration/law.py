@@ -49,7 +49,7 @@ class Law(ABC):
         ...         return 2.0 * np.maximum(z, 0.0)
         ...     def slope(self, z):
         ...         return 2.0 * (np.asarray(z) > 0)
-        >>> asp.ContactOscillator(Spring(), load=3.0).restoring.z_s
+        >>> asp.ContactOscillator(Spring(), load=3.0).z_s
         1.5
     """
 

@@ -16,7 +16,7 @@ from asperity.arrays import Array
 from asperity.errors import ConvergenceError, InputError
 from asperity.runtime.display import short_repr
 from asperity.vibration.branch import TESTS, ahead, between, crossings, cubic, located, main_branch
-from asperity.vibration.equation import Equation, Restoring
+from asperity.vibration.equation import Equation
 from asperity.vibration.law import Law, bar_of
 from asperity.vibration.orbit import Collocation, Orbit
 
@@ -199,7 +199,7 @@ class FrequencyResponse:
         for piece in self.pieces:
             for p in chain(piece.orbits[:1], *(_dense(self.col, a, b) for a, b in pairwise(piece.orbits))):
                 found.append({
-                    "model": equation.restoring.model, "F_hat": equation.F_hat, "zeta": equation.zeta,
+                    "model": equation.model, "F_hat": equation.F_hat, "zeta": equation.zeta,
                     "Omega": p.Omega, "u_max": p.u_max, "u_min": p.u_min, "a1": p.a1, "stable": piece.stable,
                     "branch": piece.number, "contact_loss": p.u_min < -1.0, "phase": p.phase,
                     "transmissibility": equation.transmissibility(p.Omega, p.first),
@@ -216,18 +216,18 @@ class FrequencyResponse:
 
         Shape (1 + folds, 2), NaN where nothing bounds the law, or where a side has no peak or fold nearby.
         """
-        return bar_of(self.equation.restoring.law, self.numbers)
+        return bar_of(self.equation.law, self.numbers)
 
     def numbers(self, law: Law) -> Array:
         """Frequency over omega_s and largest u of the peak and of each fold on another law, in units of this law.
 
         Shape (1 + folds, 2), under the same forces in newton on the same mass, or the same motion of the base.
         """
-        equation, own = self.equation, self.equation.restoring
-        other = Restoring(law, own.load)
+        own = self.equation
+        other = Equation(law, own.load, own.zeta, own.damping, excitation=own.excitation)
         # a force, or mass times an acceleration, in newton; a displacement of the base, on which F^ is b Omega^2 / z_s
-        part = own.z_s / other.z_s if equation.excitation == "base" else own.scale / other.scale
-        col = Collocation(replace(equation, restoring=other, F_hat=part * equation.F_hat), self.col.tol)
+        part = own.z_s / other.z_s if own.excitation == "base" else own.scale / other.scale
+        col = Collocation(replace(other, F_hat=part * own.F_hat), self.col.tol)
         tests = [(self.top, TESTS["largest u_max"]), *((e.orbit, TESTS["fold"]) for e in self["fold"])]
         slower = np.sqrt(other.scale / other.z_s * own.z_s / own.scale)
         return np.array([_moved(col, orbit, test) for orbit, test in tests]) * (slower, other.z_s / own.z_s)
@@ -260,21 +260,21 @@ def frequency_response(equation: Equation, window: tuple[float, float], tol: flo
         parts = (tuple(orbits[first : last + 1]) for first, last in pairwise(ends))
         for part in (part for part in parts if all(low <= p.Omega <= high for p in part)):
             middle = max(part, key=lambda p: abs(p.radius - 1.0)) if len(part) == 2 else part[len(part) // 2]
-            valid = equation.restoring.contact or all(p.u_min >= -1.0 for p in part)
+            valid = equation.contact or all(p.u_min >= -1.0 for p in part)
             pieces.append(Piece(len(pieces) + 1, part, middle.stable, valid))
         owners = [next((piece.number for piece in pieces if p in piece.orbits), None) for _, p in named]
         kinds = (*_CUTS, "grazing")
         events += [Event(*e, n) for e, n in zip(named, owners, strict=True) if n is not None and e[0] in kinds]
     if not pieces:
         raise ConvergenceError(f"no periodic orbit found for Omega = {low:g} to {high:g}: {'; '.join(notes)}")
-    power, lost = equation.restoring.first_power, any((piece.u_min < -1.0).any() for piece in pieces)
+    power, lost = equation.first_power, any((piece.u_min < -1.0).any() for piece in pieces)
     if lost and power <= _LEAST_POWER:
         raise InputError(
             f"the force of the law begins as the power {power:.3g} of the approach, and this response loses contact: "
             f"up to the power {_LEAST_POWER} the motion does not depend smoothly on its start there; lower the forcing"
         )
     error = max(p.error for piece in pieces for p in piece.orbits)
-    notes += _limitations(pieces, equation.restoring.known_to)
+    notes += _limitations(pieces, equation.known_to)
     return FrequencyResponse(window, tuple(pieces), tuple(events), error, tuple(notes), col)
 
 

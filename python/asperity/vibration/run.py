@@ -72,7 +72,7 @@ class Dynamics:
 
     def write(self, out_dir: str | os.PathLike[str]) -> None:
         """Write free.csv, response.csv and thresholds.json into `out_dir`; motion.csv if there is any."""
-        path, r, unit = Path(out_dir), self.first.restoring, self.numbers.frequency
+        path, r, unit = Path(out_dir), self.first, self.numbers.frequency
         path.mkdir(parents=True, exist_ok=True)
         free = [
             row | {"frequency": unit * row["omega_ratio"], "amplitude": r.z_s * row["u0"]}
@@ -95,7 +95,7 @@ class Dynamics:
 
     def moved(self) -> list[dict[str, Any]]:
         """Rows of motion.csv."""
-        r, second = self.first.restoring, 1.0 / self.first.omega_s
+        r, second = self.first, 1.0 / self.first.omega_s
         return [
             {"shape": shape, "tau": tau, "u": u, "v": v, "F_hat": f}
             | {"time": second * tau, "x": r.z_s * u, "force": r.scale * f}
@@ -105,7 +105,7 @@ class Dynamics:
 
     def jumps(self) -> list[dict[str, Any]]:
         """Where slow sweeps leave a stable branch: frequency (1/time), force, amplitudes before and after (length)."""
-        r, hertz = self.first.restoring, self.numbers.frequency
+        r, hertz = self.first, self.numbers.frequency
         return [
             {
                 "model": model, "zeta": one.equation.zeta, "F_hat": one.equation.F_hat,
@@ -119,7 +119,7 @@ class Dynamics:
 
     def to_dict(self) -> dict[str, Any]:
         """Content of thresholds.json."""
-        first, r, numbers, joint = self.first, self.first.restoring, self.numbers.to_dict(), self.settings.joint
+        first, r, numbers, joint = self.first, self.first, self.numbers.to_dict(), self.settings.joint
         laws, choice = None, self.choice
         if choice is not None:
             laws = {
@@ -187,7 +187,7 @@ def run_dynamics(
         settings = DynamicsSettings.of_source(source, changes.get("joint"))
     settings = settings.replaced(**changes)
     exact, numbers, choice, notes = _small(source, settings)
-    forcing, omega, pulse = settings.on(exact.restoring.scale, exact.restoring.z_s, exact.omega_s)
+    forcing, omega, pulse = settings.on(exact.scale, exact.z_s, exact.omega_s)
     oscillators = {name: exact if name == "exact" else exact.taylor() for name in settings.model}
     responses: dict[str, tuple[FrequencyResponse, ...]] = {}
     for name, oscillator in list(oscillators.items()):
@@ -218,7 +218,7 @@ def run_dynamics(
 def small_vibration(source: Any, settings: DynamicsSettings) -> tuple[Numbers, float]:
     """Numbers of the small vibration on a curve, and the preload (force); arguments and errors as in `run_dynamics`."""
     oscillator, numbers, *_ = _small(source, settings)
-    return numbers, oscillator.restoring.load
+    return numbers, oscillator.load
 
 
 def _small(source: Any, settings: DynamicsSettings) -> tuple[ContactOscillator, Numbers, Choice | None, list[str]]:
