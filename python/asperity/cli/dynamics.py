@@ -105,7 +105,7 @@ def _tangential(
     if as_json:
         options.print_json(found.to_dict())
         return
-    section, si = found.to_dict(), found.slip.units == "SI"
+    section, si = found.to_dict(), found.units == "SI"
     for line in section["in_words"]:
         options.say(line)
     for peak in section["peaks"]:
