@@ -13,7 +13,7 @@ from scipy.integrate import solve_ivp
 from scipy.optimize import brentq
 from twin import computed, motion, shoot
 
-from asperity.errors import ConvergenceError, InputError
+from asperity.errors import ConvergenceError
 from asperity.vibration import branch
 from asperity.vibration.curve_law import CurveLaw
 from asperity.vibration.equation import Equation
@@ -268,15 +268,6 @@ def test_numbers_of_another_law_are_those_of_its_own_response() -> None:
     np.testing.assert_allclose(r.numbers(other.law), expected * units, rtol=1e-4)
     np.testing.assert_allclose(r.numbers(first.law)[0], r.peak, rtol=1e-5)
     assert np.isnan(r.numbers(PowerLaw(1.01))[1:]).all()  # almost linear: without folds
-
-
-def test_a_law_that_begins_too_steeply_is_refused_where_contact_is_lost() -> None:
-    """Up to the power 1/2 the stiffness is not integrable over a grazing pass."""
-    o = ContactOscillator(PowerLaw(0.5), zeta=0.02)
-    assert not o.response(0.01, (0.9, 1.1))["grazing"]
-    with pytest.raises(InputError, match=r"begins as the power 0\.5 of the approach, and this response loses contact"):
-        o.response(0.05, (0.9, 1.1))
-    assert computed(0.7, 0.02, 0.05, (0.6, 1.3))["grazing"]
 
 
 def test_a_branch_that_cannot_be_followed_says_where(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -220,9 +220,10 @@ def _ratios(columns: CurveColumns, choice: Choice, block: float, direction: str)
     direction is that of the motion, "x" or "y".
     """
     mean, along_x = columns.curve.k_t[choice.rows], columns.curve.k_t_x[choice.rows]
-    with np.errstate(divide="ignore"):
+    with np.errstate(divide="ignore", invalid="ignore"):  # rows without contact have no stiffness
         tangential = 1.0 / (along_x if direction == "x" else 2.0 * mean - along_x) - block
-    return _by_force(columns, choice, tangential * columns.curve.k_n_elastic[choice.rows])
+        ratio = tangential * columns.curve.k_n_elastic[choice.rows]
+    return _by_force(columns, choice, ratio)
 
 
 def _by_force(columns: CurveColumns, choice: Choice, values: Array) -> tuple[Array, Array]:

@@ -56,7 +56,7 @@ class Equation:
     """
 
     law: Law
-    load: float | None = None
+    load: float = None  # type: ignore[assignment]  # that of the law
     zeta: float = 0.01
     damping: str = "always"
     F_hat: float = field(default=0.0, kw_only=True, repr=False)
@@ -77,7 +77,7 @@ class Equation:
             raise InputError(f"zeta = {self.zeta:g} is not legal: it must be below 1")
         one_of("damping", self.damping, DAMPING)
         load = positive("load", self.law.default_load if self.load is None else self.load)
-        z, stiffness, n_loc, kappa = self.law.at_load(load).tolist()
+        z, stiffness, n_loc, kappa = map(float, self.law.at_load(load))
         if not all(_SMALLEST < value < 1.0 / _SMALLEST for value in (z, load)):
             raise InputError(
                 f"the static deflection is {z:g} under load = {load:g}, beyond floating-point range: both must "
@@ -104,12 +104,6 @@ class Equation:
     def known_to(self) -> float:
         """Displacement up to which the law is known; motion beyond it is on a continuation."""
         return self.law.known_to / self.z_s - 1.0
-
-    @property
-    def first_power(self) -> float:
-        """Power of the approach as which the force begins at first contact; infinite for a law without contact loss."""
-        near = self.law.force(self.z_s * np.array([1e-9, 2e-9]))
-        return float(np.log2(near[1] / near[0])) if self.contact and near[0] > 0.0 else np.inf
 
     def f(self, u: ArrayLike) -> Array:
         """Restoring force f(u), same shape as `u`."""

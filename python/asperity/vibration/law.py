@@ -21,7 +21,8 @@ from asperity.errors import RangeError
 from asperity.model.limits import positive, within
 from asperity.runtime.display import short_repr
 
-EXPONENT = (0.25, 100.0)  # of a power law, outside which it is no contact
+#: Legal exponents of a power law: up to 1/2 the stiffness is not integrable where motion grazes, as u + 1 ~ t^2.
+EXPONENT = (0.51, 100.0)
 COEFFICIENT = (1e-100, 1e100)  # of a power law
 _FARTHEST = 1e100  # approach beyond which no load is sought (length)
 _STRAIGHT = 1e-10  # kappa below which a law is linear, far above round-off
@@ -166,7 +167,7 @@ class PowerLaw(Law):
     """``F = K z^n`` for z > 0, zero otherwise.
 
     Attributes:
-        n: exponent, 0.25 to 100
+        n: exponent, 0.51 to 100
         K: coefficient (force/length^n), 1e-100 to 1e100
         known_to: largest approach of the fitted points (length); notes report results beyond it
 

@@ -39,8 +39,8 @@ class Numbers:
     @classmethod
     def of(cls, law: Law, load: float, mass: float, zeta: float, **more: Any) -> Numbers:
         """Numbers of a mass on a law under a load (force)."""
-        z, k, n, kappa = law.at_load(load).tolist()
-        _, of_k, of_n, of_kappa = bar_of(law, lambda side: side.at_load(load)).tolist()
+        z, k, n, kappa = map(float, law.at_load(load))
+        _, of_k, of_n, of_kappa = map(float, bar_of(law, lambda side: side.at_load(load)))
         frequency = math.sqrt(k / mass) / (2.0 * math.pi)
         return cls(k, mass, frequency, z, zeta, n, kappa, (of_k / k, of_n, of_kappa), **more)
 

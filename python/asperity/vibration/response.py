@@ -23,7 +23,6 @@ from asperity.vibration.orbit import Collocation, Orbit
 _PER_TOL = 0.3  # tolerance of the collocation over that of the orbits
 _STRAIGHT = 1e-3  # relative error in the middle of u_max on a straight line between rows
 _BEYOND = 1e-4  # relative distance beyond a fold at which the motion after a jump is sought
-_LEAST_POWER = 0.5  # of a law at first contact: at a grazing with u + 1 ~ t^2 the stiffness is integrable above it
 _STEPS, _CLOSE = 12, 1e-5  # towards a special orbit on another law, the last one
 _CUTS = ("fold", "period doubling")  # events at which stability changes
 OTHERS = (
@@ -267,12 +266,6 @@ def frequency_response(equation: Equation, window: tuple[float, float], tol: flo
         events += [Event(*e, n) for e, n in zip(named, owners, strict=True) if n is not None and e[0] in kinds]
     if not pieces:
         raise ConvergenceError(f"no periodic orbit found for Omega = {low:g} to {high:g}: {'; '.join(notes)}")
-    power, lost = equation.first_power, any((piece.u_min < -1.0).any() for piece in pieces)
-    if lost and power <= _LEAST_POWER:
-        raise InputError(
-            f"the force of the law begins as the power {power:.3g} of the approach, and this response loses contact: "
-            f"up to the power {_LEAST_POWER} the motion does not depend smoothly on its start there; lower the forcing"
-        )
     error = max(p.error for piece in pieces for p in piece.orbits)
     notes += _limitations(pieces, equation.known_to)
     return FrequencyResponse(window, tuple(pieces), tuple(events), error, tuple(notes), col)
