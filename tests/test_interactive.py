@@ -49,7 +49,7 @@ def objects(result: Any) -> list[Any]:
         wave, wave.statistics(), psd(wave.grid(65), 1e-6), asp.Material(E=1.0, nu=0.3), asp.MeshSize(),
         asp.Formulation(), asp.SolverOptions(), asp.AccuracyTarget(0.1), case, case.problem(), result, result.contact,
         result.contact.block, result.curve, result.fit, make_curve(), make_curve().where(np.zeros(4, dtype=bool)),
-        asp.PowerLaw(1.5), law, oscillator, oscillator.taylor(), free, *free.orbits[:1],
+        asp.PowerLaw(1.5), law, oscillator, oscillator.taylor(), free,
         response, response.pieces[0], response.top, oscillator.thresholds(),
         asp.run_dynamics(asp.PowerLaw(1.5), forcing=[0.01], zeta=0.05),
         asp.reference.Hertz(R=1.0, E_prime=1.0), Results(Path("out"), result.curve),
