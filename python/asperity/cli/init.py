@@ -18,10 +18,13 @@ SURFACES: dict[str, dict[str, Any]] = {
     "weierstrass-mandelbrot": {"L": 1e-6, "D": 2.4, "G": 5e-12},
     "self-affine": {"L": 1e-6, "H": 0.8, "rms_slope": 0.1, "lambda_short": 1e-7, "lambda_roll": 5e-7},
     "sphere": {"L": 1e-6, "radius": 2e-6},
+    "cone": {"L": 1e-6, "half_angle": 80.0, "radius": 1e-7},
+    "pyramid": {"L": 1e-6, "angle": 80.0},
     "sinusoid": {"L": 1e-6, "amplitude": 1e-8, "dims": 2},
     "flat": {"L": 1e-6},
 }
 STEEL = {"E": 200e9, "nu": 0.3, "yield_strength": 1e9, "tangent_modulus": 10e9}
+COPPER = {"E": 120e9, "nu": 0.34, "yield_strength": 150e6, "tangent_modulus": 1.2e9}
 SI = {
     "length": "m", "force": "N", "force/length^2": "Pa", "length/time^2": "m/s^2", "length^2": "m^2", "mass": "kg",
     "1/time": "Hz",
@@ -38,6 +41,7 @@ WIDTH = 34  # of "key = value"
               help="Height map instead, as import-map makes.")  # fmt: skip
 @click.option("--joint", type=(float, float, float), metavar="AREA FORCE MASS",
               help="Nominal area (m²), preload (N), mass (kg).")  # fmt: skip
+@click.option("--indent", is_flag=True, help="Berkovich's tip on copper.")
 @click.option("--example", type=click.Choice(("demo", "scan", "joint")),
               help="A demo, a map (scan.csv), or a joint.")  # fmt: skip
 @click.option("--Sq", "sq", type=options.Length(), metavar="LENGTH",
@@ -45,7 +49,7 @@ WIDTH = 34  # of "key = value"
 @click.option("--slope", type=float, metavar="SLOPE", help="Rms slope; with --Sq.")
 def init(
     file: Path | None, kind: str | None, scan: Path | None, joint: tuple[float, float, float] | None,
-    example: str | None, sq: float | None, slope: float | None,
+    indent: bool, example: str | None, sq: float | None, slope: float | None,
 ) -> None:  # fmt: skip
     """Write a commented case, ready to run.
 
@@ -58,7 +62,8 @@ def init(
     file = Path("scan.csv" if example == "scan" else "case.toml") if file is None else file
     if file.exists():
         raise InputError(f"{file} exists: give another name, or remove it")
-    ways = {"--surface": kind, "--from": scan, "--Sq": sq, "--example": example, "--joint": example and joint}
+    ways = {"--surface": kind, "--from": scan, "--Sq": sq, "--example": example, "--indent": indent or None,
+            "--joint": (example or indent or None) and joint}  # fmt: skip
     given = [name for name, value in ways.items() if value is not None]
     if len(given) > 1:
         raise InputError(f"{' and '.join(given)} do not go together: give one of them")
@@ -90,7 +95,8 @@ def init(
         text = next(path for path in demos if path.is_file()).read_text(encoding="utf-8")
     else:
         roughness = None if sq is None or slope is None else surface_of(sq, slope)
-        text = starting_case(kind or next(iter(SURFACES)), scan, joint, file.parent, roughness)
+        kind = "flat" if indent else kind or next(iter(SURFACES))
+        text = starting_case(kind, scan, joint, file.parent, roughness, indent)
         Case.from_dict(parse_toml(text), folder=file.parent, source="this case would be refused")
     replace_file(file, text.encode())
     options.say(f"written {file}; next: {advice}")
@@ -98,7 +104,7 @@ def init(
 
 def starting_case(
     kind: str, scan: Path | None = None, joint: tuple[float, float, float] | None = None, folder: Path = Path(),
-    roughness: dict[str, Any] | None = None,
+    roughness: dict[str, Any] | None = None, indent: bool = False,
 ) -> str:  # fmt: skip
     """Text of a case file made from the schema.
 
@@ -108,6 +114,7 @@ def starting_case(
         joint: nominal area [length^2], preload [force] and mass of a joint, whose overload is the greatest load
         folder: of the case file
         roughness: keys of a self-affine surface
+        indent: whether a tip of Berkovich is pressed into copper, on one mesh
     """
     from asperity.case import Case
     from asperity.case.keys import KINDS
@@ -131,25 +138,35 @@ def starting_case(
         "accuracy": {"tolerance": 0.05},
         "output": {"figures": True, "report": True},
     }
+    if indent:
+        chosen |= {
+            "surface": {"L": 10e-6},
+            "tool": {"angle": 65.3},
+            "material": {**COPPER, "kinematics": "auto"},
+            "mesh": {"h_contact": 0.5e-6, "h_max": 3e-6},
+            "loading": {"delta_max": 0.2e-6, "steps": 4, "unload_steps": 8},
+            "accuracy": {},
+        }
     if joint is not None:
         area, force, mass = joint
         chosen["loading"] = {"unload": True}
         chosen["joint"] = {"nominal_area": area, "preload": force, "mass": mass, "overload": Joint.overload}
         chosen["output"] = {**chosen["output"], "stiffness": True}
     lines = [
-        f"# A case of asperity: steel, surface of kind {kind}, in SI units.",
+        f"# A case of asperity: {'copper under a tip' if indent else f'steel, surface of kind {kind}'}, in SI units.",
         "# A comment gives the meaning of a key, its unit, legal values, the default if other keys determine it.",
         "# Remove the # before a key to set it. Check the case by: asperity check FILE",
         "",
         *_keys(Case, {}),
     ]
-    for name in SECTIONS:
-        cls = surface_kind(kind) if name == "surface" else SECTIONS[name]
+    kinds = {"surface": kind, "tool": "pyramid"}
+    for name in (name for name in SECTIONS if name != "tool" or name in chosen):
+        cls = surface_kind(kinds[name]) if name in kinds else SECTIONS[name]
         optional = name in ("dynamics", "joint", "slip") and name not in chosen
         about = str(cls.__doc__).partition("\n")[0].removesuffix(".")
         lines += ["", f"# {about}", f"# [{name}]" if optional else f"[{name}]"]
-        if name == "surface":
-            lines.append(_line(f'kind = "{kind}"', f"kind of surface; {', '.join(KINDS)}"))
+        if name in kinds:
+            lines.append(_line(f'kind = "{kinds[name]}"', f"kind of surface; {', '.join(KINDS)}"))
         lines += _keys(cls, chosen.get(name, {}))
     return "\n".join(lines) + "\n"
 

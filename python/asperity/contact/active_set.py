@@ -81,7 +81,7 @@ class OnTool(ActiveSet):
 
     The height of a node with that of the tool above it is g = Z + u_z + t(x + u), and the force on an active node is
     along its gradient n = (t_x, t_y, 1), normal to the tool: f + lambda n = 0. The unknowns of an active node are u_x,
-    u_y and n . u in place of u_z, see `Tangent.tilt`: the last one is prescribed, so the structure of the matrix and its
+    u_y and n . u in place of u_z, see `Tangent.tilt`. The last one is prescribed, so matrix structure and
     symmetry stay. The curvature of the tool times the force is part of the tangent (SQP: Nocedal & Wright, Numerical
     Optimization, 2006, section 18.1).
     """

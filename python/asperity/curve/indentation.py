@@ -12,7 +12,7 @@ from asperity.arrays import Array
 from asperity.curve.curve import Curve
 from asperity.runtime.display import short_repr
 
-UPPER, HIGHER = 0.5, 0.75  # least force over the greatest one, of the rows that are fitted, and of those of the bar
+UPPER, HIGHER = 0.49, 0.61  # least force over the greatest one, of the rows that are fitted, and of those of the bar
 FEWEST = 4  # rows
 
 
@@ -52,7 +52,7 @@ def oliver_pharr(
 
     Oliver & Pharr, J. Mater. Res. 7 (1992) 1564: the upper half of the unloading follows B (delta - delta_f)^m, whose
     slope at its beginning is the stiffness S. A is the area of contact of the curve, not one by the shape of the tip.
-    The bar has the error of the area, that of the force, and the change of the slope with the upper quarter alone.
+    The bar has the error of the area, that of the force, and what the upper of these rows alone change in the slope.
 
     Args:
         curve: with a first unloading
@@ -92,7 +92,7 @@ def oliver_pharr(
 
 
 def _fit(depth: Array, force: Array) -> tuple[float, float, float]:
-    """Slope at the first row, final depth and exponent of B (depth - final)^m through an unloading, by least squares."""
+    """Slope at the first row, final depth and exponent of B (depth - final)^m through an unloading: least squares."""
     from scipy.optimize import minimize_scalar
 
     span, logarithm = float(np.ptp(depth)), np.log(force)

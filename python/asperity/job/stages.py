@@ -21,8 +21,8 @@ from asperity.errors import (
     warn,
 )
 from asperity.job.solve import SolvedCase
-from asperity.output.indentation import indentation_of
 from asperity.output.assumptions import DOUBTFUL, Evidence, assumptions_of, describe
+from asperity.output.indentation import indentation_of
 from asperity.output.patches import Spread, spread_of_patches
 from asperity.output.run_files import RunFiles, of_ranks
 from asperity.runtime.parallel import on_root, on_root_bcast, spread

@@ -175,8 +175,8 @@ class Problem:
             )
         if self.material.kinematics != "small" and self.formulation.method != "active-set":
             raise InputError(
-                f'contact.method = "{self.formulation.method}" presses along z, and in finite strain [tool] presses along '
-                'its normal: take "active-set", or material.kinematics = "small"'
+                f'contact.method = "{self.formulation.method}" presses along z, and in finite strain [tool] presses '
+                'along its normal: take "active-set", or material.kinematics = "small"'
             )
 
     def doubts(self) -> list[str]:

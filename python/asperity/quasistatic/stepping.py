@@ -242,10 +242,10 @@ class ToForce:
         return delta + self.up * step
 
     def shorter(self, solver: ContactSolver, step: float) -> float:
-        """Length of a first step upwards whose solve gave far more than the planned force; else `step`."""
-        if self.up < 0.0 or (solver.force > 0.0 and solver.delta != self.start[0]):
+        """Length of a first step whose solve gave far more than the planned force; else `step`."""
+        if solver.force > 0.0 and solver.delta != self.start[0]:
             return step
-        ahead = (solver.solved_force() - solver.force) / max(self._planned, self.close)
+        ahead = self.up * (solver.solved_force() - solver.force) / max(self._planned, self.close)
         if ahead <= AHEAD:
             return step
         # the force of a first contact grows as the power 3/2
