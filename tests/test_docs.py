@@ -231,7 +231,7 @@ def test_the_steps_inside_the_bars_are_those_of_the_tables(names: tuple[str, ...
         )
         assert f"is {np.median(ratio):.1f} times its error in the median" in page
         assert f"is {np.median(price):.1f} times the time of its last mesh in the median" in page
-        assert f"the greatest ratio is {price.max():.1f}." in page
+        assert f"The greatest ratio is {price.max():.1f}." in page
 
 
 def numbers(rows: list[dict[str, str]], column: str) -> np.ndarray:
@@ -267,7 +267,8 @@ def test_the_mass_on_the_full_solid_moves_as_the_pages_say() -> None:
     found = {name: max(value for other, value in rows if other == name) for name, _ in rows}
     assert found["light block"] < 0.5 and found["heavy block"] < 10.0 and found["impact"] < 0.1
     for page in ("README.md", "docs/theory.md"):
-        assert "within 0.5 % with a transient simulation" in (ROOT / page).read_text(encoding="utf-8")
+        text = " ".join((ROOT / page).read_text(encoding="utf-8").split())
+        assert "within 0.5 % with a transient simulation" in text
 
 
 def test_the_costs_at_equal_error_are_those_of_the_tables(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -293,7 +294,7 @@ def test_the_costs_at_equal_error_are_those_of_the_tables(monkeypatch: pytest.Mo
     assert {name: float(ratio) for name, ratio in ratios.items()} == pytest.approx(
         {name: cpu("elastic", name, 0.01) / own for name in ("CalculiX", "CalculiX, mesh of asperity")}, rel=0.02
     )
-    seconds = re.findall(r"asperity takes ([\d.]+) s, CalculiX ≈([\d.]+) s", page)[0]
+    seconds = re.findall(r"\| CPU \| ([\d.]+) s \| ≈([\d.]+) s \|", page)[0]
     plastic = [cpu("plastic", name, 0.02) for name in ("asperity", "CalculiX")]
     assert [float(x) for x in seconds] == pytest.approx(plastic, rel=0.02)
     readme = " ".join((ROOT / "README.md").read_text(encoding="utf-8").split())
