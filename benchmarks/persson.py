@@ -1,4 +1,4 @@
-"""Loading stiffness per area of a rough elastic joint against Persson's rule, docs/stiffness_of_a_joint.md.
+"""Loading stiffness per area of a rough elastic joint against Persson's rule, docs/stiffness.md.
 
     ./run python3 benchmarks/persson.py
 

@@ -28,10 +28,10 @@ from asperity.vibration.source import Choice, CurveColumns, choose
 RESPONSE = "slip_response.csv"
 #: Columns of slip_loops.csv with an error bar.
 WITH_ERRORS = ("u", "k_secant", "energy", "eta")
-OF_THE_CURVE = "The bars of slip are those of the curve, without the error of the law (docs/slip.md)"
+OF_THE_CURVE = "The bars of slip are those of the curve, without the error of the law (docs/how-to/joint.md)"
 KINEMATIC = (
     "the hardening is kinematic, at least in part: the solid flows in each loop, and slips more than here, where its "
-    "plastic strain is held (docs/slip.md)"
+    "plastic strain is held (docs/how-to/joint.md)"
 )
 
 
