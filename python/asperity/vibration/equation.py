@@ -77,12 +77,13 @@ class Equation:
             raise InputError(f"zeta = {self.zeta:g} is not legal: it must be below 1")
         one_of("damping", self.damping, DAMPING)
         load = positive("load", self.law.default_load if self.load is None else self.load)
-        z, stiffness, n_loc, kappa = map(float, self.law.at_load(load))
+        z = self.law.deflection(load)
         if not all(_SMALLEST < value < 1.0 / _SMALLEST for value in (z, load)):
             raise InputError(
                 f"the static deflection is {z:g} under load = {load:g}, beyond floating-point range: both must "
                 f"lie between {_SMALLEST:g} and {1.0 / _SMALLEST:g}; choose another load or other units"
             )
+        _, stiffness, n_loc, kappa = map(float, self.law.at_load(load))
         if not stiffness > 0:
             raise InputError(f"the law has stiffness {stiffness:g} at the operating point; it must be positive")
         a2 = z * self.law.derivatives(z)[1] / (2 * stiffness)
