@@ -131,12 +131,13 @@ class JointSlip:
         """Write slip.csv and slip_loops.csv of the patch; with responses slip_response.csv of the joint."""
         folder, limit = Path(folder), self.factor * self.law.limit
         folder.mkdir(parents=True, exist_ok=True)
-        responses = [
-            {"force": share * limit, "frequency": x, "amplitude": y}
+        responses: list[dict[str, float]] = [
+            {"force": share * limit, "frequency": float(x), "amplitude": float(y)}
             for share, (f, a) in self.responses.items()
-            for x, y in zip(f.tolist(), a.tolist(), strict=True)
+            for x, y in zip(f, a, strict=True)
         ]
-        for name, rows in ((SLIP, list(self.steps())), (SLIP_LOOPS, self.loops()), (RESPONSE, responses)):
+        tables = {SLIP: list(self.steps()), SLIP_LOOPS: self.loops(), RESPONSE: responses}
+        for name, rows in tables.items():
             if rows:
                 write_csv(folder / name, tuple(rows[0]), map(_known, rows))
 

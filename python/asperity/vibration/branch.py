@@ -32,6 +32,7 @@ _MOST, _CLOSED = 3000, "it closes"  # orbits on a path, and its end where it beg
 _TOUCH = 1e-9  # share of a step within which an orbit is at a frequency
 _PARTS = (1, 8, 64)  # of the forcing, by which motion grows from rest
 _SAME = 1e-4  # relative distance below which two orbits are identical
+_ROUNDS, _DIP = 6, 0.7  # of the search of a pair of events, and share of a number left at its extremum from where it is
 
 #: What is zero at an event, and at the largest displacement.
 TESTS: dict[str, Callable[[Orbit], float]] = {
@@ -204,15 +205,36 @@ def located(col: Collocation, orbits: list[Orbit]) -> tuple[list[Orbit], list[tu
 
 
 def _with_pairs(col: Collocation, orbits: list[Orbit]) -> list[Orbit]:
-    """Orbits with one more between each pair of folds that lies between neighbours, by the cubic of Omega."""
-    out = orbits[:1]
-    for a, b in pairwise(orbits):
+    """Orbits with one more between each pair of zeros of a test that lies between neighbours.
+
+    The cubic of Omega shows a pair of folds. Of another test the parabola through three neighbours leads to its
+    extremum, as long as it promises a value much closer to zero.
+    """
+    added: dict[int, Orbit] = {}
+
+    def add(k: int, s: float) -> None:
+        with suppress(ConvergenceError):
+            added[k] = between(col, orbits[k], orbits[k + 1], s)
+
+    for k, (a, b) in enumerate(pairwise(orbits)):
         turns = np.roots(np.polyder(_frequencies(a, b)))
         if a.rate * b.rate > 0 and np.isreal(turns).all() and np.all((turns > 0) & (turns < 1)):
-            with suppress(ConvergenceError):
-                out.append(between(col, a, b, float(turns.real.mean())))
-        out.append(b)
-    return out
+            add(k, float(turns.real.mean()))
+    for value in TESTS.values():
+        for _ in range(_ROUNDS):
+            orbits = [p for k, one in enumerate(orbits) for p in ([one, added[k]] if k in added else [one])]
+            added.clear()
+            y = np.array([value(p) for p in orbits])
+            dips = (np.abs(y[1:-1]) <= np.minimum(np.abs(y[:-2]), np.abs(y[2:]))) & (y[:-2] * y[1:-1] > 0)
+            for i in np.flatnonzero(dips & (y[1:-1] * y[2:] > 0)) + 1:
+                before, after = (_chord(orbits[k], orbits[k + 1])[0] for k in (i - 1, i))
+                curve = np.polyfit([-before, 0.0, after], y[i - 1 : i + 2] / y[i], 2)
+                at = -0.5 * curve[1] / curve[0]
+                if np.polyval(curve, at) < _DIP:
+                    add(*((i - 1, 1.0 + at / before) if at < 0 else (i, at / after)))
+            if not added:
+                break
+    return orbits
 
 
 def _zero(col: Collocation, a: Orbit, b: Orbit, value: Callable[[Orbit], float]) -> tuple[float, Orbit]:

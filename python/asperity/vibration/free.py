@@ -147,7 +147,8 @@ def _lowest(equation: Equation, top: Array) -> Array:
         low = np.maximum(rim, -1e3 - 10.0 * top) if np.isfinite(rim) else -10.0 - 10.0 * top
     else:  # a flight has a constant force
         low = low - equation.n_loc * np.maximum(_surplus(equation, top, low), 0.0) - 1e-6
-    a, b = low, np.zeros(top.size)
+    a: Array = low
+    b: Array = np.zeros(top.size)
     for _ in range(44):
         middle = 0.5 * (a + b)
         above = _surplus(equation, top, middle) < 0.0
