@@ -281,6 +281,25 @@ def test_the_loss_of_a_cycle_in_contact(cube: BlockMesh, hardening: str) -> None
             assert flow > 1e-3 and area == pytest.approx(lost, rel=0.02)
 
 
+def test_a_leg_to_the_force_that_is_there_already(cube: BlockMesh) -> None:
+    """One step each, and no division by its way."""
+    solver = make_contact_solver(here(), Flat(L=1.0), cube, ELASTIC)
+    curve = drive(solver, force_max=0.01, steps=3, unload_steps=1, unload_to=1.0 - 1e-8, cycles=2).curve()
+    assert list(curve.branch[-3:]) == ["unload", "reload", "unload"]
+    np.testing.assert_allclose(curve.force[-4:], 0.01 * ELASTIC.reduced_modulus, rtol=1.1e-6)
+
+
+@pytest.mark.parametrize("steps", [3, 6])
+def test_an_unloading_aims_at_planned_forces(press_of: Callable[..., ContactSolver], steps: int) -> None:
+    """After the first step, whose slope is a guess, each is next to a force that is planned."""
+    for end in (0.0, 0.05):
+        curve = drive(press_of(ELASTIC), delta_max=DELTA, steps=4, unload_steps=steps, unload_to=end).curve()
+        top, down = curve.loading().force[-1], curve.unloading().force
+        assert down[-1] == pytest.approx(end * top, abs=1.1e-6 * top)
+        away = (top - down[1 : steps - 1]) / ((1.0 - end) * top / steps)
+        np.testing.assert_allclose(away, np.round(away), atol=0.25)
+
+
 def test_a_loading_that_was_not_felt_is_lifted_off(rough: Surface, coarse: BlockMesh | None) -> None:
     """A penalty reaches no quadrature point yet: zero force, and nothing to share among the steps of the unloading."""
     solver = make_contact_solver(world(), rough, coarse, ELASTIC, formulation=Formulation("penalty"))
