@@ -300,8 +300,8 @@ def doubt_of_tip(surface: Surface, tool: Surface, delta: float) -> str:
     if all(float(np.max(surface.height(*side))) < z - delta for side in sides):
         return ""
     return (
-        "the tool reaches a side of the patch, which stands for no more solid than there is: press less deep, or give a "
-        "larger surface.L"
+        "the tool reaches a side of the patch, beyond which there is no more solid: press less deep, or give a larger "
+        "surface.L"
     )
 
 
